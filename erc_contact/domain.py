@@ -1,0 +1,233 @@
+"""Bodies with a mesh whose boundary parts and cell regions have names.
+
+A :class:`Domain` is a value: refinement returns a new one, with the names kept, the load balanced and
+complete vertex patches on every rank. No integer tag leaves this module.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import basix.ufl
+import numpy as np
+import ufl
+from dolfinx import cpp, graph
+from dolfinx import mesh as dmesh
+from dolfinx.io.utils import distribute_entity_data
+from mpi4py import MPI
+
+from erc_contact.exceptions import InputError, raise_together
+from erc_contact.partition import check_mesh, partitioner, patches_complete
+
+
+@dataclass(frozen=True, eq=False)
+class Domain:
+    """A mesh whose parts have names.
+
+    Args:
+        mesh: Straight-sided triangles in 2D or tetrahedra in 3D. Under MPI a mesh without complete vertex
+            patches is distributed anew: use ``domain.mesh`` afterwards, not the one given.
+        facet_tags: Tags of boundary facets.
+        names: Name of each boundary part -> its tag.
+        cell_tags: Tags of cells, or None.
+        regions: Name of each cell region -> its tag.
+
+    Raises:
+        InputError: If the mesh is not of straight-sided simplices, or no facet carries a name's tag.
+    """
+
+    mesh: dmesh.Mesh
+    facet_tags: dmesh.MeshTags
+    names: Mapping[str, int]
+    cell_tags: dmesh.MeshTags | None = None
+    regions: Mapping[str, int] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        check_mesh(self.mesh)
+        tdim = self.mesh.topology.dim
+        self.mesh.topology.create_connectivity(tdim - 1, tdim)
+        self.mesh.topology.create_connectivity(tdim, tdim - 1)
+        error: Exception | None = None
+        if not self.names:
+            error = InputError(
+                "The mesh has no named boundary part; give facet tags and names, e.g. names={'bottom': 1} "
+                "(in gmsh: physical groups of the boundary)."
+            )
+        elif self.facet_tags.dim != tdim - 1:
+            error = InputError(f"The facet tags have dimension {self.facet_tags.dim}; facets have {tdim - 1}.")
+        raise_together(self.mesh.comm, error)
+        if self.mesh.comm.size > 1 and not patches_complete(self.mesh):
+            moved = _redistributed(self.mesh, self.facet_tags, self.cell_tags)
+            for name, value in zip(("mesh", "facet_tags", "cell_tags"), moved, strict=True):
+                object.__setattr__(self, name, value)
+        for name, tag in self.names.items():
+            here = len(self.facet_tags.find(tag))
+            if not self.mesh.comm.allreduce(here, MPI.SUM):
+                raise InputError(f"Boundary part {name!r} (tag {tag}) has no facet; remove it or tag its facets.")
+
+    @property
+    def dim(self) -> int:
+        """Dimension of space, 2 or 3."""
+        return self.mesh.topology.dim
+
+    @property
+    def cells(self) -> int:
+        """Number of cells over all ranks."""
+        return self.mesh.topology.index_map(self.dim).size_global
+
+    @property
+    def owned_cells(self) -> int:
+        """Number of cells of this rank."""
+        return self.mesh.topology.index_map(self.dim).size_local
+
+    @property
+    def vertices(self) -> int:
+        """Number of vertices over all ranks."""
+        return self.mesh.topology.index_map(0).size_global
+
+    @cached_property
+    def size(self) -> float:
+        """Length of the diagonal of the bounding box [length]."""
+        x = self.mesh.geometry.x
+        low, high = np.full(3, np.inf), np.full(3, -np.inf)
+        self.mesh.comm.Allreduce(x.min(axis=0, initial=np.inf), low, MPI.MIN)
+        self.mesh.comm.Allreduce(x.max(axis=0, initial=-np.inf), high, MPI.MAX)
+        return float(np.linalg.norm(high - low))
+
+    def tag(self, name: str) -> int:
+        """Tag of a boundary part, for measures inside the package.
+
+        Raises:
+            InputError: If no part has this name; the message lists the names.
+        """
+        if name not in self.names:
+            raise InputError(f"No boundary part is called {name!r}; this domain has {_listed(self.names)}.")
+        return self.names[name]
+
+    def facets(self, name: str) -> np.ndarray:
+        """The facets of a boundary part as pairs (cell, local facet), ghosts included, shape (n, 2).
+
+        Raises:
+            InputError: If no part has this name.
+        """
+        facets = self.facet_tags.find(self.tag(name))
+        topology = self.mesh.topology
+        facet_to_cell = topology.connectivity(self.dim - 1, self.dim)
+        cell = facet_to_cell.array[facet_to_cell.offsets[facets]]
+        of_cell = topology.connectivity(self.dim, self.dim - 1).array.reshape(-1, self.dim + 1)[cell]
+        return np.column_stack([cell, np.argmax(of_cell == facets[:, None], axis=1)]).astype(np.int32)
+
+    def region(self, name: str) -> np.ndarray:
+        """The cells of a region, ghosts included.
+
+        Raises:
+            InputError: If no region has this name.
+        """
+        if self.cell_tags is None or name not in self.regions:
+            raise InputError(f"No cell region is called {name!r}; this domain has {_listed(self.regions)}.")
+        return self.cell_tags.find(self.regions[name])
+
+    def refined(self, cells: np.ndarray | None = None) -> Domain:
+        """Refine by bisection of longest edges (DOLFINx), conforming; collective.
+
+        Names are kept, the new mesh is balanced over the ranks, and every rank has complete vertex patches.
+
+        Args:
+            cells: Cells of this rank to refine; None refines all.
+
+        Returns:
+            The refined domain.
+
+        Note:
+            Which edge of a triangle is the longest must not depend on the numbering of the vertices, or
+            the mesh would depend on the number of ranks. Lengths are therefore compared after a slight
+            shear that no two edges of a structured mesh survive with equal length.
+        """
+        mesh, tdim = self.mesh, self.dim
+        mesh.topology.create_entities(1)
+        mesh.topology.create_connectivity(tdim, 1)
+        mesh.topology.create_connectivity(1, tdim)
+        if cells is None:
+            cells = np.arange(self.owned_cells)
+        edges = dmesh.compute_incident_entities(mesh.topology, np.asarray(cells, dtype=np.int32), tdim, 1)
+        shear = np.eye(3) + 1e-5 * np.array([[0, 0.83, 0.31], [-0.57, 0.44, 0.71], [0.13, -0.92, 0.22]])
+        if tdim == 2:
+            shear[:2, 2] = shear[2, :2] = 0
+        x = mesh.geometry.x.copy()
+        try:
+            mesh.geometry.x[:] = x @ shear
+            fine, parent_cell, parent_facet = dmesh.refine(
+                mesh, edges, None, dmesh.RefinementOption.parent_cell_and_facet
+            )
+        finally:
+            mesh.geometry.x[:] = x
+        fine.geometry.x[:] = fine.geometry.x @ np.linalg.inv(shear)
+
+        fine.topology.create_entities(tdim - 1)
+        fine.topology.create_connectivity(tdim, tdim - 1)
+        fine.topology.create_connectivity(tdim - 1, tdim)
+        start = fine.topology.index_map(tdim).local_range[0]
+        original = fine.topology.original_cell_index - start
+        parent_cell = parent_cell[original]
+        parent_facet = parent_facet.reshape(-1, tdim + 1)[original]
+        child, local = np.nonzero(parent_facet >= 0)
+        old = mesh.topology.connectivity(tdim, tdim - 1).array.reshape(-1, tdim + 1)
+        tags = _dense(self.facet_tags, mesh)[old[parent_cell[child], parent_facet[child, local]]]
+        new = fine.topology.connectivity(tdim, tdim - 1).array.reshape(-1, tdim + 1)[child, local]
+        facet_tags = _tags(fine, tdim - 1, new[tags >= 0], tags[tags >= 0])
+        cell_tags = None
+        if self.cell_tags is not None:
+            tags = _dense(self.cell_tags, mesh)[parent_cell]
+            cell_tags = _tags(fine, tdim, np.flatnonzero(tags >= 0), tags[tags >= 0])
+        if mesh.comm.size > 1:
+            fine, facet_tags, cell_tags = _redistributed(fine, facet_tags, cell_tags)
+        return Domain(fine, facet_tags, self.names, cell_tags, self.regions)
+
+
+def _listed(names: Mapping[str, int]) -> str:
+    return ", ".join(sorted(names)) if names else "none"
+
+
+def _tags(mesh: dmesh.Mesh, dim: int, entities: np.ndarray, values: np.ndarray) -> dmesh.MeshTags:
+    """Mesh tags from unsorted entities."""
+    entities, first = np.unique(entities, return_index=True)
+    return dmesh.meshtags(mesh, dim, entities.astype(np.int32), values[first].astype(np.int32))
+
+
+def _dense(tags: dmesh.MeshTags, mesh: dmesh.Mesh) -> np.ndarray:
+    """The tag of each local entity, -1 where there is none."""
+    index_map = mesh.topology.index_map(tags.dim)
+    dense = np.full(index_map.size_local + index_map.num_ghosts, -1, dtype=np.int32)
+    dense[tags.indices] = tags.values
+    return dense
+
+
+def _redistributed(
+    mesh: dmesh.Mesh, facet_tags: dmesh.MeshTags, cell_tags: dmesh.MeshTags | None
+) -> tuple[dmesh.Mesh, dmesh.MeshTags, dmesh.MeshTags | None]:
+    """The same mesh, balanced anew over the ranks and with complete vertex patches; collective."""
+    tdim = mesh.topology.dim
+    nodes = mesh.geometry.index_map()
+    x = mesh.geometry.x[: nodes.size_local, : mesh.geometry.dim]
+    owned = mesh.topology.index_map(tdim).size_local
+    cells = nodes.local_to_global(mesh.geometry.dofmaps[0][:owned].ravel()).reshape(owned, -1)
+    element = basix.ufl.element("Lagrange", mesh.basix_cell(), 1, shape=(mesh.geometry.dim,))
+    new = dmesh.create_mesh(mesh.comm, cells, ufl.Mesh(element), x, partitioner(mesh.comm))
+
+    def moved(tags: dmesh.MeshTags | None) -> Any:
+        if tags is None:
+            return None
+        dim = tags.dim
+        keep = tags.indices < mesh.topology.index_map(dim).size_local
+        mesh.topology.create_connectivity(dim, tdim)
+        entities = cpp.mesh.entities_to_geometry(mesh._cpp_object, dim, tags.indices[keep], False)
+        entities = nodes.local_to_global(entities.ravel()).reshape(-1, dim + 1)
+        new.topology.create_connectivity(dim, 0)
+        new.topology.create_connectivity(dim, tdim)
+        found, values = distribute_entity_data(new, dim, entities, tags.values[keep])
+        return dmesh.meshtags_from_entities(new, dim, graph.adjacencylist(found), values)
+
+    return new, moved(facet_tags), moved(cell_tags)

@@ -1,0 +1,301 @@
+"""Where domains come from: rectangles, boxes, gmsh models and mesh files.
+
+gmsh runs on rank 0; every rank receives its part. The names of gmsh's physical groups become the names of
+boundary parts and cell regions.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from dolfinx import mesh as dmesh
+from dolfinx.io import gmsh as dgmsh
+from mpi4py import MPI
+
+from erc_contact.domain import Domain
+from erc_contact.exceptions import InputError, raise_together
+from erc_contact.partition import partitioner
+
+SIDES = (("left", "right"), ("bottom", "top"), ("front", "back"))
+"""Names of the sides of a rectangle or box: low and high end of x, y and z."""
+
+
+def rectangle(
+    p0: Sequence[float],
+    p1: Sequence[float],
+    *,
+    size: float | None = None,
+    cells: Sequence[int] | None = None,
+    comm: MPI.Comm = MPI.COMM_WORLD,
+) -> Domain:
+    """A rectangle with the boundary parts left, right, bottom and top.
+
+    Args:
+        p0: Lower left corner (x, y) [length].
+        p1: Upper right corner (x, y) [length].
+        size: Size of triangles [length]: unstructured mesh by gmsh.
+        cells: Numbers of squares (nx, ny), each cut in two by its rising diagonal: structured mesh.
+        comm: Communicator that shares the mesh.
+
+    Raises:
+        InputError: If the corners do not span a rectangle, or not exactly one of size and cells is given.
+    """
+    return _brick(p0, p1, size, cells, comm, 2)
+
+
+def box(
+    p0: Sequence[float],
+    p1: Sequence[float],
+    *,
+    size: float | None = None,
+    cells: Sequence[int] | None = None,
+    comm: MPI.Comm = MPI.COMM_WORLD,
+) -> Domain:
+    """A box with the boundary parts left, right (x), bottom, top (y), front and back (z).
+
+    Args:
+        p0: Corner of least coordinates (x, y, z) [length].
+        p1: Opposite corner [length].
+        size: Size of tetrahedra [length]: unstructured mesh by gmsh.
+        cells: Numbers of bricks (nx, ny, nz), each cut in six tetrahedra: structured mesh.
+        comm: Communicator that shares the mesh.
+
+    Raises:
+        InputError: If the corners do not span a box, or not exactly one of size and cells is given.
+    """
+    return _brick(p0, p1, size, cells, comm, 3)
+
+
+def _brick(
+    p0: Sequence[float],
+    p1: Sequence[float],
+    size: float | None,
+    cells: Sequence[int] | None,
+    comm: MPI.Comm,
+    dim: int,
+) -> Domain:
+    low, high = np.asarray(p0, dtype=float), np.asarray(p1, dtype=float)
+    if low.shape != (dim,) or high.shape != (dim,) or not np.all(low < high):
+        raise InputError(f"The corners are {p0} and {p1}; each must have {dim} numbers, the first below the second.")
+    if (size is None) == (cells is None):
+        raise InputError("Give either size= (an unstructured mesh by gmsh) or cells= (a structured mesh).")
+    if size is not None:
+        if not 0 < size < np.inf:
+            raise InputError(f"The size of cells is {size:g}; it must be > 0 [length].")
+
+        def model(gmsh: Any) -> None:
+            _brick_model(gmsh, low, high, float(size))
+
+        return _from_model(model, comm)
+    assert cells is not None
+    if len(cells) != dim or min(cells) < 1:
+        raise InputError(f"cells is {tuple(cells)}; give {dim} whole numbers >= 1.")
+    if dim == 2:
+        mesh = dmesh.create_rectangle(comm, [low, high], list(cells), partitioner=partitioner(comm))
+    else:
+        mesh = dmesh.create_box(comm, [low, high], list(cells), partitioner=partitioner(comm))
+    mesh.topology.create_connectivity(dim - 1, dim)
+    facets, values, names = [], [], {}
+    for axis, pair in enumerate(SIDES[:dim]):
+        for name, at in zip(pair, (low[axis], high[axis]), strict=True):
+            names[name] = len(names) + 1
+            near = 1e-6 * (high[axis] - low[axis]) / cells[axis]
+            found = dmesh.locate_entities(mesh, dim - 1, lambda x, a=axis, v=at, t=near: abs(x[a] - v) < t)
+            facets.append(found)
+            values.append(np.full(len(found), names[name], dtype=np.int32))
+    order = np.argsort(np.concatenate(facets))
+    tags = dmesh.meshtags(mesh, dim - 1, np.concatenate(facets)[order], np.concatenate(values)[order])
+    return Domain(mesh, tags, names)
+
+
+def _brick_model(gmsh: Any, low: np.ndarray, high: np.ndarray, size: float) -> None:
+    """Geometry and physical groups of a rectangle or a box, by gmsh's OpenCASCADE kernel."""
+    dim = len(low)
+    occ, extent = gmsh.model.occ, high - low
+    body = occ.addRectangle(*low, 0.0, *extent) if dim == 2 else occ.addBox(*low, *extent)
+    occ.synchronize()
+    gmsh.model.addPhysicalGroup(dim, [body], name="body")
+    sides = gmsh.model.getBoundary([(dim, body)], oriented=False)
+    centre = {tag: np.array(occ.getCenterOfMass(dim - 1, tag)[:dim]) for _, tag in sides}
+    for axis, pair in enumerate(SIDES[:dim]):
+        for name, at in zip(pair, (low[axis], high[axis]), strict=True):
+            nearest = min(centre, key=lambda tag, a=axis, v=at: abs(centre[tag][a] - v) / extent[a])
+            gmsh.model.addPhysicalGroup(dim - 1, [nearest], name=name)
+    gmsh.option.setNumber("Mesh.MeshSizeMin", size)
+    gmsh.option.setNumber("Mesh.MeshSizeMax", size)
+
+
+def from_gmsh(model: Any, comm: MPI.Comm = MPI.COMM_WORLD, rank: int = 0) -> Domain:
+    """A domain from a gmsh model in memory; collective.
+
+    The model is meshed if it has no mesh yet. Physical groups of the boundary name its parts; physical groups
+    of cells name regions (without any, the whole body is one region).
+
+    Args:
+        model: ``gmsh.model`` on ``rank``; ignored elsewhere (None will do).
+        comm: Communicator that shares the mesh.
+        rank: Rank that holds the model.
+
+    Raises:
+        InputError: If the mesh has no physical group on its boundary, or is not of straight-sided simplices.
+    """
+    error: Exception | None = None
+    dim = 0
+    if comm.rank == rank:
+        try:
+            dim = _prepared(model)
+        except Exception as reason:  # every rank must learn of it
+            error = _as_input_error(reason, "The gmsh model")
+    raise_together(comm, error)
+    dim = comm.bcast(dim, root=rank)
+    data = dgmsh.model_to_mesh(model, comm, rank, gdim=dim, partitioner=partitioner(comm))
+    groups = data.physical_groups
+    names = {name: group.tag for name, group in groups.items() if group.dim == dim - 1}
+    regions = {name: group.tag for name, group in groups.items() if group.dim == dim}
+    return Domain(data.mesh, data.facet_tags, names, data.cell_tags, regions)
+
+
+def read_mesh(path: str | Path, comm: MPI.Comm = MPI.COMM_WORLD) -> Domain:
+    """Read a mesh file; collective.
+
+    A ``.msh`` (or ``.geo``) file is read by gmsh. Any other format goes through meshio: the integer cell data
+    that name the most boundary cells become the boundary parts.
+
+    Args:
+        path: The file.
+        comm: Communicator that shares the mesh.
+
+    Raises:
+        InputError: If the file is missing or unreadable, has no groups of facets, or is not of
+            straight-sided simplices.
+    """
+    path = Path(path)
+    with _gmsh(comm, lambda gmsh: _open(gmsh, path), f"The mesh file {str(path)!r}") as model:
+        return from_gmsh(model, comm)
+
+
+def _open(gmsh: Any, path: Path) -> None:
+    if not path.is_file():
+        raise InputError(f"The mesh file {str(path)!r} does not exist; look at the path and the working folder.")
+    if path.suffix in (".msh", ".geo"):
+        gmsh.open(str(path))
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        converted = Path(folder) / "mesh.msh"
+        _convert(path, converted)
+        gmsh.open(str(converted))
+
+
+def _convert(path: Path, target: Path) -> None:
+    """Convert what meshio reads to a .msh file with physical groups."""
+    import meshio  # noqa: PLC0415 - paid for only by those who read other formats
+
+    mesh = meshio.read(path)
+    tags = {key: data for key, data in mesh.cell_data.items() if all(np.issubdtype(d.dtype, np.integer) for d in data)}
+    names = dict(mesh.field_data)
+    if not tags and mesh.cell_sets:
+        mark = [np.zeros(len(block), dtype=int) for block in mesh.cells]
+        for number, (name, members) in enumerate(mesh.cell_sets.items(), start=1):
+            for block, where in enumerate(members):
+                if where is not None and len(where):
+                    mark[block][where] = number
+                    names[name] = np.array([number, mesh.cells[block].dim])
+        tags = {"sets": mark}
+    if not tags:
+        raise InputError(
+            f"The mesh file {str(path)!r} has no groups of facets; write integer cell data for the boundary cells, "
+            "or convert to .msh with physical groups."
+        )
+    physical = next((tags[key] for key in ("gmsh:physical", "medit:ref", "cell_tags") if key in tags), None)
+    physical = [np.abs(t).astype(np.int32) for t in (physical or next(iter(tags.values())))]
+    body = max(block.dim for block in mesh.cells)
+    for block, mark in zip(mesh.cells, physical, strict=True):
+        if block.dim == body:
+            mark[mark == 0] = mark.max() + 1
+    keep = [i for i, block in enumerate(mesh.cells) if block.dim >= body - 1]
+    converted = meshio.Mesh(
+        mesh.points,
+        [(mesh.cells[i].type, mesh.cells[i].data) for i in keep],
+        cell_data={key: [physical[i] for i in keep] for key in ("gmsh:physical", "gmsh:geometrical")},
+        field_data=names,
+    )
+    converted.write(target, file_format="gmsh22", binary=False)
+
+
+def _prepared(model: Any) -> int:
+    """Mesh a model if needed and complete its physical groups; return its dimension."""
+    dim = model.getDimension()
+    if not model.mesh.getElements(dim)[0].size:
+        model.mesh.generate(dim)
+    kinds = {model.mesh.getElementProperties(kind)[0] for kind in model.mesh.getElements(dim)[0]}
+    wrong = [kind for kind in kinds if not kind.startswith(("Triangle 3", "Tetrahedron 4"))]
+    if wrong:
+        raise InputError(
+            f"The mesh has cells of type {', '.join(wrong)}; allowed are straight-sided triangles and tetrahedra. "
+            "In gmsh: no recombination, Mesh.ElementOrder = 1."
+        )
+    groups = {d: model.getPhysicalGroups(d) for d in (dim - 1, dim)}
+    if not groups[dim - 1]:
+        raise InputError(
+            "The mesh has no groups of facets: name the parts of the boundary by physical groups of dimension "
+            f"{dim - 1} in gmsh, e.g. Physical Curve(\"bottom\") = {{1}};"
+        )
+    if not groups[dim]:
+        model.addPhysicalGroup(dim, [tag for _, tag in model.getEntities(dim)], name="body")
+    taken: set[str] = set()
+    for d in (dim, dim - 1):
+        for _, tag in model.getPhysicalGroups(d):
+            name = model.getPhysicalName(d, tag) or str(tag)
+            name = f"{name} ({'cells' if d == dim else 'facets'})" if name in taken else name
+            taken.add(name)
+            if name != model.getPhysicalName(d, tag):
+                model.removePhysicalName(model.getPhysicalName(d, tag))
+                model.setPhysicalName(d, tag, name)
+    return int(dim)
+
+
+def _as_input_error(reason: Exception, what: str) -> InputError:
+    return reason if isinstance(reason, InputError) else InputError(f"{what} cannot be used: {reason}")
+
+
+@contextmanager
+def _gmsh(comm: MPI.Comm, build: Callable[[Any], None], what: str) -> Iterator[Any]:
+    """A silent gmsh session on rank 0 with a model of its own; None on the other ranks; collective."""
+    error: Exception | None = None
+    if comm.rank != 0:
+        raise_together(comm, None)
+        yield None
+        return
+    import gmsh  # noqa: PLC0415 - only rank 0 needs it
+
+    started_here = not gmsh.isInitialized()
+    if started_here:
+        gmsh.initialize(interruptible=False)
+    before = None if started_here else gmsh.model.getCurrent()
+    loud = gmsh.option.getNumber("General.Terminal")
+    gmsh.option.setNumber("General.Terminal", 0)
+    gmsh.model.add("erc_contact")
+    try:
+        build(gmsh)
+    except Exception as reason:  # every rank must learn of it
+        error = _as_input_error(reason, what)
+    try:
+        raise_together(comm, error)
+        yield gmsh.model
+    finally:
+        if started_here:
+            gmsh.finalize()
+        else:
+            gmsh.model.remove()
+            gmsh.model.setCurrent(before)
+            gmsh.option.setNumber("General.Terminal", loud)
+
+
+def _from_model(build: Callable[[Any], None], comm: MPI.Comm) -> Domain:
+    with _gmsh(comm, build, "The geometry") as model:
+        return from_gmsh(model, comm)
