@@ -1,0 +1,340 @@
+"""A scene on a mesh: names become measures, numbers become Constants, callables become UFL of x.
+
+Everything that one may sweep (moduli, friction, loads, parameters of the method) is a ``fem.Constant``: no
+form is compiled anew because a number changed.
+
+Symbols: d dimension, V continuous vector P1, x position [length].
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import ufl
+from dolfinx import fem
+from mpi4py import MPI
+
+from erc_contact.domain import Domain
+from erc_contact.exceptions import InputError, NotHeldError, raise_together
+from erc_contact.material import strain
+from erc_contact.scene import Contact, Scene, Traction
+
+FLAT = 1e-8
+"""Largest deviation of the facet normals of a contact that counts as flat [-]."""
+
+
+def facet_vertices(d: int) -> np.ndarray:
+    """Local vertices of each local facet of a simplex (facet i is opposite to vertex i), shape (d+1, d)."""
+    return np.array([[j for j in range(d + 1) if j != i] for i in range(d + 1)])
+
+
+def evaluate(expression: Any, domain: Domain, points: np.ndarray, entities: np.ndarray) -> np.ndarray:
+    """Values of a UFL expression at reference points of cells or of facets.
+
+    Args:
+        expression: UFL expression of shape s.
+        domain: Where it lives.
+        points: Reference points, shape (q, d) for cells, (q, d-1) for facets.
+        entities: Cells, shape (n,), or pairs (cell, local facet), shape (n, 2); ghosts are allowed.
+
+    Returns:
+        Values, shape (n, q, *s).
+    """
+    compiled = fem.Expression(ufl.as_ufl(expression), points, comm=domain.mesh.comm, dtype=np.float64)
+    return compiled.eval(domain.mesh, entities)
+
+
+@dataclass(frozen=True, eq=False)
+class BoundContact:
+    """A contact on a mesh: its measure and its values as UFL (None: the scene has no such term)."""
+
+    name: str
+    facets: np.ndarray
+    ds: Any
+    normal: Any
+    direction: np.ndarray
+    friction: Any | None
+    gap: Any | None
+
+
+class Model:
+    """A scene on a domain: spaces, measures, data, and the forms of elasticity.
+
+    Args:
+        scene: What the user declared.
+        domain: The mesh with names.
+
+    Attributes:
+        V: Continuous vector P1 space.
+        nodes: Block degrees of freedom (= vertices) of each cell, ghosts included, shape (cells, d+1).
+        fixed: Which components are prescribed at each node, shape (nodes, d).
+        prescribed: Prescribed displacement, a Function of V, zero elsewhere [length].
+        bcs: The same as Dirichlet conditions.
+        contacts: The scene's contacts.
+        free_motions: Rigid motions that no support holds, a list of Functions of V (orthonormal combinations).
+
+    Raises:
+        InputError: If a name is unknown, a value is out of range, supports contradict each other at a
+            node, or a support violates the gap.
+        NotHeldError: If neither supports nor contacts hold a rigid motion.
+    """
+
+    def __init__(self, scene: Scene, domain: Domain) -> None:
+        self.scene, self.domain = scene, domain
+        self.mesh, self.d = domain.mesh, domain.dim
+        self.comm = self.mesh.comm
+        self.x = ufl.SpatialCoordinate(self.mesh)
+        self.n = ufl.FacetNormal(self.mesh)
+        self._check_dimension()
+        self.V = fem.functionspace(self.mesh, ("Lagrange", 1, (self.d,)))
+        self.nodes = self.V.dofmap.list
+        self._facet_nodes = facet_vertices(self.d)
+        self.ds = ufl.Measure("ds", domain=self.mesh, subdomain_data=domain.facet_tags)
+        self.dx = ufl.Measure("dx", domain=self.mesh)
+        self.parameters = {name: self._parameter(name) for name in scene.material.parameters}
+        self._bind_supports()
+        self.body_force = self._sum([self._vector(b.value) for b in scene.body_forces])
+        self.tractions = [(t.facets, self.ds(domain.tag(t.facets)), self._traction(t)) for t in scene.tractions]
+        self.contacts = [self._contact(c) for c in scene.contacts]
+        self._check_supports_in_gap()
+        self.free_motions = self._free_motions()
+
+    # -- forms -----------------------------------------------------------------------------------------
+
+    def stress(self, u: Any) -> Any:
+        """``sigma(u) = C eps(u)`` [force/area]."""
+        return self.scene.material.stress(strain(u), **self.parameters)
+
+    def stiffness(self, u: Any, v: Any) -> Any:
+        """``a(u, v) = int sigma(u) : eps(v)``, a UFL form."""
+        return ufl.inner(self.stress(u), strain(v)) * self.dx
+
+    def loads(self, v: Any) -> Any | None:
+        """``f(v) + F(v)``, a UFL form, or None without loads."""
+        terms = [ufl.inner(F, v) * ds for _, ds, F in self.tractions]
+        if self.body_force is not None:
+            terms.append(ufl.inner(self.body_force, v) * self.dx)
+        return self._sum(terms)
+
+    def facet_nodes(self, facets: np.ndarray) -> np.ndarray:
+        """Nodes of facets given as (cell, local facet), in the order of the cell, shape (n, d)."""
+        return np.take_along_axis(self.nodes[facets[:, 0]], self._facet_nodes[facets[:, 1]], axis=1)
+
+    # -- values ----------------------------------------------------------------------------------------
+
+    def _sum(self, terms: list[Any]) -> Any | None:
+        return sum(terms[1:], start=terms[0]) if terms else None
+
+    def _value(self, value: Any) -> Any:
+        """A number as a Constant, a callable as UFL of x."""
+        return ufl.as_ufl(value(self.x)) if callable(value) else fem.Constant(self.mesh, float(value))
+
+    def _vector(self, value: Any) -> Any:
+        vector = value(self.x) if callable(value) else [self._value(component) for component in value]
+        vector = vector if isinstance(vector, ufl.core.expr.Expr) else ufl.as_vector([ufl.as_ufl(c) for c in vector])
+        if vector.ufl_shape != (self.d,):
+            raise InputError(f"A load has shape {vector.ufl_shape}; the mesh needs ({self.d},).")
+        return vector
+
+    def _traction(self, traction: Traction) -> Any:
+        if traction.pressure is not None:
+            return -self._value(traction.pressure) * self.n
+        return self._vector(traction.value)
+
+    def _parameter(self, name: str) -> Any:
+        value = getattr(self.scene.material, name)
+        if isinstance(value, Mapping):
+            bound = self._by_region(name, value)
+        else:
+            bound = self._value(value)
+        if isinstance(value, Mapping) or callable(value):
+            owned = np.arange(self.domain.owned_cells, dtype=np.int32)
+            values = evaluate(bound, self.domain, np.vstack([np.zeros(self.d), np.eye(self.d)]), owned)
+            self.scene.material.check(name, *self._range(values))
+        return bound
+
+    def _by_region(self, name: str, value: Mapping[str, Any]) -> Any:
+        """Sum over regions of indicator times value; numbers share one piecewise constant function."""
+        W = fem.functionspace(self.mesh, ("DG", 0))
+        numbers, terms = fem.Function(W), []
+        covered = np.zeros(len(numbers.x.array), dtype=int)
+        for region, entry in value.items():
+            cells = self.domain.region(region)
+            covered[cells] += 1
+            if callable(entry):
+                indicator = fem.Function(W)
+                indicator.x.array[cells] = 1.0
+                terms.append(indicator * self._value(entry))
+            else:
+                numbers.x.array[cells] = float(entry)
+        missing = self.comm.allreduce(int(np.count_nonzero(covered != 1)), MPI.SUM)
+        if missing:
+            raise InputError(
+                f"Material parameter {name}: {missing} cells are in no region or in two of {sorted(value)}; "
+                f"this domain has {sorted(self.domain.regions)}."
+            )
+        return self._sum([numbers, *terms])
+
+    def _range(self, values: np.ndarray) -> tuple[float, float]:
+        """Least and greatest value over all ranks (nan is passed on)."""
+        low = float(values.min(initial=np.inf)) if not np.isnan(values).any() else np.nan
+        high = float(values.max(initial=-np.inf)) if not np.isnan(values).any() else np.nan
+        lows, highs = self.comm.allgather(low), self.comm.allgather(high)
+        return float(np.min(lows)), float(np.max(highs))
+
+    # -- boundary --------------------------------------------------------------------------------------
+
+    def _check_dimension(self) -> None:
+        vectors = [s.value for s in self.scene.supports]
+        vectors += [c.normal for c in self.scene.contacts if c.normal is not None]
+        vectors += [load.value for load in (*self.scene.tractions, *self.scene.body_forces) if load.value is not None]
+        for vector in vectors:
+            if not callable(vector) and len(vector) != self.d:
+                raise InputError(f"The scene has the vector {vector}, but the mesh is {self.d}D.")
+
+    def _bind_supports(self) -> None:
+        """Nodal values of the supports; two supports that meet at a node must agree there."""
+        g = fem.Function(self.V)
+        values = g.x.array.reshape(-1, self.d)
+        fixed = np.zeros(values.shape, dtype=bool)
+        corners = np.vstack([np.zeros(self.d - 1), np.eye(self.d - 1)])
+        error = None
+        self.fixed_facets: list[tuple[np.ndarray, np.ndarray]] = []
+        for support in self.scene.supports:
+            facets = self.domain.facets(support.facets)
+            nodes = self.facet_nodes(facets)
+            components = np.array([value is not None for value in support.value])
+            self.fixed_facets.append((facets, components))
+            for i, value in enumerate(support.value):
+                if value is None:
+                    continue
+                new = evaluate(self._value(value), self.domain, corners, facets) if callable(value) else float(value)
+                new = np.broadcast_to(new, nodes.shape)
+                clash = fixed[nodes, i] & (abs(values[nodes, i] - new) > 1e-9 * max(abs(new).max(initial=0), 1e-300))
+                if clash.any():
+                    error = InputError(
+                        f"Displacement({support.facets!r}) contradicts another support at a common node in component "
+                        f"{i}; make the values agree there, or free a component (None)."
+                    )
+                values[nodes, i] = new
+                fixed[nodes, i] = True
+        raise_together(self.comm, error)
+        if not np.isfinite(values).all():
+            error = InputError("A prescribed displacement is not finite; look at the callables of the supports.")
+        raise_together(self.comm, error)
+        self.prescribed, self.fixed = g, fixed
+        self.bcs = []
+        for i in range(self.d):
+            if self.comm.allreduce(bool(fixed[:, i].any()), MPI.LOR):
+                scalar, to_vector = self.V.sub(i).collapse()
+                to_vector = np.asarray(to_vector).ravel()
+                at = np.flatnonzero(fixed[to_vector // self.d, i]).astype(np.int32)
+                component = fem.Function(scalar)
+                component.x.array[:] = g.x.array[to_vector]
+                self.bcs.append(fem.dirichletbc(component, [to_vector[at].astype(np.int32), at], self.V.sub(i)))
+
+    def _contact(self, contact: Contact) -> BoundContact:
+        facets = self.domain.facets(contact.facets)
+        centre = np.full((1, self.d - 1), 1.0 / self.d)
+        if contact.normal is None:
+            normals = evaluate(self.n, self.domain, centre, facets)[:, 0]
+            first = [n for n in self.comm.allgather(normals[0] if len(normals) else None) if n is not None][0]
+            error = None
+            if len(normals) and abs(normals - first).max() > FLAT:
+                error = InputError(
+                    f"Contact({contact.facets!r}): the boundary part is not flat; give the normal of the foundation, "
+                    f"e.g. normal={(0.0, -1.0) if self.d == 2 else (0.0, 0.0, -1.0)}, and the gap along it."
+                )
+            raise_together(self.comm, error)
+            direction = first + 0.0
+        else:
+            direction = np.array(contact.normal)
+        if callable(contact.friction):
+            low, high = self._range(evaluate(self._value(contact.friction), self.domain, centre, facets))
+            if not 0 <= low <= high < np.inf:
+                raise InputError(f"Contact({contact.facets!r}): friction is {low:g} somewhere; it must be >= 0 and finite.")
+        none = contact.friction == 0, contact.gap == 0
+        return BoundContact(
+            contact.facets,
+            facets,
+            self.ds(self.domain.tag(contact.facets)),
+            fem.Constant(self.mesh, direction),
+            direction,
+            None if none[0] else self._value(contact.friction),
+            None if none[1] else self._value(contact.gap),
+        )
+
+    def gap_at_nodes(self, contact: BoundContact) -> np.ndarray:
+        """The gap at the nodes of each facet of a contact [length], shape (facets, d)."""
+        corners = np.vstack([np.zeros(self.d - 1), np.eye(self.d - 1)])
+        if contact.gap is None:
+            return np.zeros((len(contact.facets), self.d))
+        return evaluate(contact.gap, self.domain, corners, contact.facets)
+
+    def _check_supports_in_gap(self) -> None:
+        values = self.prescribed.x.array.reshape(-1, self.d)
+        for contact in self.contacts:
+            nodes = self.facet_nodes(contact.facets)
+            gap = self.gap_at_nodes(contact)
+            known = (self.fixed[nodes] | (abs(contact.direction) < 1e-12)).all(axis=-1)
+            excess = np.where(known, values[nodes] @ contact.direction - gap, -np.inf).max(initial=-np.inf)
+            worst = self.comm.allreduce(float(excess), MPI.MAX)
+            scale = max(1e-12 * self.domain.size, 1e-9 * self.comm.allreduce(float(abs(values).max(initial=0)), MPI.MAX))
+            if worst > scale:
+                raise InputError(
+                    f"A support pushes {contact.name!r} into the foundation by {worst:g} [length] beyond the gap; "
+                    "no displacement is admissible. Change the support or the gap."
+                )
+
+    # -- rigid motions ---------------------------------------------------------------------------------
+
+    def _rigid_motions(self) -> tuple[np.ndarray, list[str]]:
+        """All rigid motions at the nodes, rotations about the centre and divided by the size: (nodes, d, m)."""
+        x = self.V.tabulate_dof_coordinates()[:, : self.d]
+        owned = self.V.dofmap.index_map.size_local
+        total = self.comm.allreduce(x[:owned].sum(axis=0), MPI.SUM)
+        x = (x - total / self.V.dofmap.index_map.size_global) / self.domain.size
+        pairs = [(i, j) for i in range(self.d) for j in range(i + 1, self.d)]
+        motions = np.zeros((*x.shape, self.d + len(pairs)))
+        motions[:, range(self.d), range(self.d)] = 1.0
+        for k, (i, j) in enumerate(pairs, start=self.d):
+            motions[:, i, k], motions[:, j, k] = -x[:, j], x[:, i]
+        axes = "xyz"
+        names = [f"translation in {axes[i]}" for i in range(self.d)]
+        names += [f"rotation in the plane {axes[i]}{axes[j]}" for i, j in pairs]
+        return motions, names
+
+    def _free_motions(self) -> list[fem.Function]:
+        motions, names = self._rigid_motions()
+        owned = self.V.dofmap.index_map.size_local
+        held = motions[:owned] * self.fixed[:owned, :, None]
+        by_supports = self.comm.allreduce(np.einsum("ndi,ndj->ij", held, held), MPI.SUM)
+        values, vectors = np.linalg.eigh(by_supports)
+        free = vectors[:, values <= 1e-10 * max(values[-1], 1.0)]
+        if not free.shape[1]:
+            return []
+        by_all = by_supports
+        for contact in self.contacts:
+            at = motions[np.unique(self.facet_nodes(contact.facets))]
+            along = np.einsum("ndi,d->ni", at, contact.direction)
+            held = at if contact.friction is not None else along[:, None, :]
+            by_all = by_all + self.comm.allreduce(np.einsum("ndi,ndj->ij", held, held), MPI.SUM)
+        values, vectors = np.linalg.eigh(by_all)
+        loose = vectors[:, values <= 1e-10 * max(values[-1], 1.0)]
+        if loose.shape[1]:
+            which = [names[i] for i in np.unique(abs(loose).argmax(axis=0))]
+            raise NotHeldError(
+                f"Nothing holds the body against: {', '.join(which)} (no support, and contact cannot hold it). "
+                "Add a Displacement (None leaves a component free), or friction."
+            )
+        functions = []
+        for column in free.T:
+            motion = fem.Function(self.V)
+            motion.x.array[:] = (motions @ column).ravel()
+            functions.append(motion)
+        return functions
+
+
