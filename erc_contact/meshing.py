@@ -243,7 +243,7 @@ def _prepared(model: Any) -> int:
     if not groups[dim - 1]:
         raise InputError(
             "The mesh has no groups of facets: name the parts of the boundary by physical groups of dimension "
-            f"{dim - 1} in gmsh, e.g. Physical Curve(\"bottom\") = {{1}};"
+            f'{dim - 1} in gmsh, e.g. Physical Curve("bottom") = {{1}};'
         )
     if not groups[dim]:
         model.addPhysicalGroup(dim, [tag for _, tag in model.getEntities(dim)], name="body")

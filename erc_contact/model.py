@@ -91,7 +91,7 @@ class Model:
         self._check_dimension()
         self.V = fem.functionspace(self.mesh, ("Lagrange", 1, (self.d,)))
         self.nodes = self.V.dofmap.list
-        self._facet_nodes = facet_vertices(self.d)
+        self.local_facets = facet_vertices(self.d)
         self.ds = ufl.Measure("ds", domain=self.mesh, subdomain_data=domain.facet_tags)
         self.dx = ufl.Measure("dx", domain=self.mesh)
         self.parameters = {name: self._parameter(name) for name in scene.material.parameters}
@@ -121,7 +121,14 @@ class Model:
 
     def facet_nodes(self, facets: np.ndarray) -> np.ndarray:
         """Nodes of facets given as (cell, local facet), in the order of the cell, shape (n, d)."""
-        return np.take_along_axis(self.nodes[facets[:, 0]], self._facet_nodes[facets[:, 1]], axis=1)
+        return np.take_along_axis(self.nodes[facets[:, 0]], self.local_facets[facets[:, 1]], axis=1)
+
+    def facet_areas(self, facets: np.ndarray) -> np.ndarray:
+        """Areas of facets given as (cell, local facet) [length^(d-1)], shape (n,)."""
+        local = self.mesh.geometry.dofmaps[0][facets[:, 0]]
+        x = self.mesh.geometry.x[np.take_along_axis(local, self.local_facets[facets[:, 1]], axis=1), : self.d]
+        edges = x[:, 1:] - x[:, :1]
+        return np.sqrt(np.linalg.det(edges @ edges.transpose(0, 2, 1))) / (self.d - 1)
 
     # -- values ----------------------------------------------------------------------------------------
 
@@ -255,7 +262,9 @@ class Model:
         if callable(contact.friction):
             low, high = self._range(evaluate(self._value(contact.friction), self.domain, centre, facets))
             if not 0 <= low <= high < np.inf:
-                raise InputError(f"Contact({contact.facets!r}): friction is {low:g} somewhere; it must be >= 0 and finite.")
+                raise InputError(
+                    f"Contact({contact.facets!r}): friction is {low:g} somewhere; it must be >= 0 and finite."
+                )
         none = contact.friction == 0, contact.gap == 0
         return BoundContact(
             contact.facets,
@@ -282,7 +291,9 @@ class Model:
             known = (self.fixed[nodes] | (abs(contact.direction) < 1e-12)).all(axis=-1)
             excess = np.where(known, values[nodes] @ contact.direction - gap, -np.inf).max(initial=-np.inf)
             worst = self.comm.allreduce(float(excess), MPI.MAX)
-            scale = max(1e-12 * self.domain.size, 1e-9 * self.comm.allreduce(float(abs(values).max(initial=0)), MPI.MAX))
+            scale = max(
+                1e-12 * self.domain.size, 1e-9 * self.comm.allreduce(float(abs(values).max(initial=0)), MPI.MAX)
+            )
             if worst > scale:
                 raise InputError(
                     f"A support pushes {contact.name!r} into the foundation by {worst:g} [length] beyond the gap; "
@@ -336,5 +347,3 @@ class Model:
             motion.x.array[:] = (motions @ column).ravel()
             functions.append(motion)
         return functions
-
-

@@ -38,9 +38,7 @@ def exchange(comm: MPI.Comm, destination: np.ndarray, rows: np.ndarray) -> tuple
     return out, np.repeat(np.arange(comm.size), received)
 
 
-def vertex_patch_partitioner(
-    comm: MPI.Comm, parts: int, cell_types: Sequence[Any], cells: Sequence[np.ndarray]
-) -> Any:
+def vertex_patch_partitioner(comm: MPI.Comm, parts: int, cell_types: Sequence[Any], cells: Sequence[np.ndarray]) -> Any:
     """Partition cells with the stock graph partitioner and ghost every cell by shared vertices.
 
     A cell goes to its owner and to every rank that owns a cell with a common vertex. The pairs

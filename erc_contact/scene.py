@@ -167,7 +167,9 @@ class Scene:
             entries = tuple(getattr(self, name))
             for entry in entries:
                 if not isinstance(entry, types):
-                    raise InputError(f"Scene: {name} holds {entry!r}; allowed are {' and '.join(t.__name__ for t in types)}.")
+                    raise InputError(
+                        f"Scene: {name} holds {entry!r}; allowed are {' and '.join(t.__name__ for t in types)}."
+                    )
             object.__setattr__(self, name, entries)
         self._check_conflicts()
 
@@ -182,7 +184,9 @@ class Scene:
                 raise InputError(f"{facets!r} is in {times} contacts; keep one of them.")
             others = [type(o).__name__ for o in (*self.supports, *self.loads) if getattr(o, "facets", None) == facets]
             if others:
-                raise InputError(f"{facets!r} is in a Contact and in a {others[0]}; a boundary part can be in one of them.")
+                raise InputError(
+                    f"{facets!r} is in a Contact and in a {others[0]}; a boundary part can be in one of them."
+                )
         full = {s.facets for s in self.supports if None not in s.value}
         for load in self.loads:
             if isinstance(load, Traction) and load.facets in full:

@@ -178,7 +178,9 @@ def _pins(model: Model) -> list[Any]:
     for _ in range(rows.shape[1]):
         size = np.linalg.norm(rows, axis=1)
         best = int(size.argmax()) if len(size) else -1
-        candidates = model.comm.allgather((float(size[best]), rows[best], offset + best) if best >= 0 else (0.0, None, 0))
+        candidates = model.comm.allgather(
+            (float(size[best]), rows[best], offset + best) if best >= 0 else (0.0, None, 0)
+        )
         _, row, dof = max(candidates, key=lambda c: c[0])
         chosen.append(dof)
         unit = row / np.linalg.norm(row)
@@ -305,7 +307,9 @@ def _newton(model: Model, method: Nitsche, u: fem.Function, start: Solution | No
             x.destroy()
             outcome = PETSc_REASONS.get(snes.getConvergedReason(), str(snes.getConvergedReason()))
             steps = snes.getIterationNumber()
-            tried.append(f"{guess}, {line_search}: {outcome} after {steps} steps, residual {snes.getFunctionNorm():.1e}")
+            tried.append(
+                f"{guess}, {line_search}: {outcome} after {steps} steps, residual {snes.getFunctionNorm():.1e}"
+            )
             log.debug(tried[-1])
             if snes.getConvergedReason() > 0 and np.isfinite(snes.getFunctionNorm()):
                 return steps, f"{outcome}, from {guess}"

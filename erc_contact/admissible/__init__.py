@@ -1,0 +1,190 @@
+"""From a solution to an admissible pair: a displacement and a stress that satisfy all but the constitutive law.
+
+The pair (u^, sigma^) with the contact traction r^: u^ = U on Gamma_D and u^_n <= g on Gamma_C; sigma^ is symmetric,
+in exact equilibrium with the data's projections, sigma^ n = r^ on Gamma_C with r^ in the Coulomb cone. Whatever the
+contact solver did, e (16) of this pair bounds its error.
+
+Source: Coorevits, Hild, Hjiaj, equations (9), (10); Ladeveze, Leguillon (1983).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from time import perf_counter
+from typing import Any
+
+import basix
+import numpy as np
+from dolfinx import fem
+from mpi4py import MPI
+
+from erc_contact.admissible.contact import ContactTraction, admissible_displacement, admissible_tractions
+from erc_contact.admissible.facets import equilibrated_moments, signed
+from erc_contact.admissible.geometry import Simplices, facet_order, moments, nodal_forces, simplices
+from erc_contact.admissible.macro import macro_stress, mandel, mandel_basis, tensors
+from erc_contact.model import Model, evaluate
+from erc_contact.solve import Solution, Stiffness
+
+DATA_DEGREE = 4
+"""Quadrature degree for the projections of data that vary in space."""
+
+
+@dataclass(frozen=True, eq=False)
+class Admissible:
+    """An admissible pair.
+
+    Attributes:
+        solution: Where it came from.
+        displacement: u^ [length], a continuous P1 Function.
+        tractions: r^ on each contact.
+        cells: Geometry of the cells.
+        fe_stress: The rebalanced finite element stress, mean of each cell [force/area], shape (n, d, d).
+        stress: sigma^ of the owned cells in Mandel components at the nodes of the sub-simplices [force/area],
+            shape (owned, d+1, d+1, s).
+        moment: Moments of the facet tractions on the first side of each facet [force], shape (facets, d, d).
+        force: Total body force of each cell [force], shape (n, d), or None without body force.
+        seconds: Wall time, the largest over the ranks [s].
+    """
+
+    solution: Solution
+    displacement: fem.Function
+    tractions: list[ContactTraction]
+    cells: Simplices
+    fe_stress: np.ndarray
+    stress: np.ndarray
+    moment: np.ndarray
+    force: np.ndarray | None
+    seconds: float
+
+
+def equilibrate(solution: Solution) -> Admissible:
+    """Reconstruct an admissible pair from a solution; collective.
+
+    Args:
+        solution: Any state of the contact solver; the bound does not depend on its quality.
+
+    Returns:
+        The admissible pair.
+
+    Raises:
+        NotHeldError: If no traction in the friction cone balances the loads on a free rigid motion.
+    """
+    began = perf_counter()
+    model = solution.model
+    tractions = admissible_tractions(model, solution.method, solution.u)
+    hat = admissible_displacement(model, solution.u, tractions) if tractions else solution.u
+    cells = simplices(model)
+    force = _cell_forces(model, cells)
+    given, fixed = _boundary(model, cells, tractions)
+    balanced = _rebalanced(model, solution, cells, given, force)
+    stress = cell_stress(model, cells, balanced)
+    complete = np.zeros(len(model.fixed), dtype=bool)
+    complete[model.nodes[: model.domain.owned_cells]] = True
+    moment = equilibrated_moments(cells, stress, force, given, fixed, complete)
+    count = model.domain.owned_cells
+    forces = nodal_forces(signed(cells, moment)[:count])
+    macro = macro_stress(cells, count, stress, forces, force)
+    seconds = model.comm.allreduce(perf_counter() - began, MPI.MAX)
+    return Admissible(solution, hat, tractions, cells, stress, macro, moment, force, seconds)
+
+
+def strains(cells: Simplices, u: fem.Function) -> np.ndarray:
+    """Strain of a P1 displacement in Mandel components, shape (n, s)."""
+    values = u.x.array.reshape(-1, cells.d)[cells.nodes]
+    gradient = np.matmul((values[:, 1:] - values[:, :1]).transpose(0, 2, 1), cells.inverse)
+    return mandel(0.5 * (gradient + gradient.transpose(0, 2, 1)))
+
+
+def moduli(model: Model, points: np.ndarray, count: int, *, inverse: bool = False) -> np.ndarray:
+    """The elasticity (or compliance) matrix in Mandel components at reference points of the cells.
+
+    Args:
+        model: The scene on a mesh.
+        points: Reference points (q, d).
+        count: The first ``count`` cells are done.
+        inverse: Compliance C^-1 [area/force] instead of stiffness C [force/area].
+
+    Returns:
+        Shape (count, q, s, s), with 1 in place of count or q where the material does not vary.
+    """
+    import ufl  # noqa: PLC0415
+
+    material, basis = model.scene.material, mandel_basis(model.d)
+    act = material.compliance if inverse else material.stress
+    images = [act(ufl.as_tensor(b.tolist()), **model.parameters) for b in basis]
+    matrix = ufl.as_matrix([[ufl.inner(ufl.as_tensor(a.tolist()), image) for image in images] for a in basis])
+    varies = ufl.algorithms.extract_type(matrix, ufl.classes.SpatialCoordinate)
+    if varies:
+        return evaluate(matrix, model.domain, points, np.arange(count, dtype=np.int32))
+    per_cell = ufl.algorithms.extract_coefficients(matrix)
+    number = count if per_cell else min(count, 1)
+    return evaluate(matrix, model.domain, points[:1], np.arange(number, dtype=np.int32))
+
+
+def cell_stress(model: Model, cells: Simplices, u: fem.Function) -> np.ndarray:
+    """Mean of ``C eps(u)`` in each cell: it tests against P1 fields as the stress itself, shape (n, d, d)."""
+    points, weights = basix.make_quadrature(model.mesh.basix_cell(), DATA_DEGREE)
+    stiffness = np.einsum("nqab,q->nab", moduli(model, points, len(cells.nodes)), weights / weights.sum())
+    return tensors(np.matmul(stiffness, strains(cells, u)[:, :, None])[..., 0], cells.d)
+
+
+def _cell_forces(model: Model, cells: Simplices) -> np.ndarray | None:
+    """Total body force of each cell, the projection of f on constants [force], shape (n, d)."""
+    if model.body_force is None:
+        return None
+    points, weights = basix.make_quadrature(model.mesh.basix_cell(), DATA_DEGREE)
+    values = evaluate(model.body_force, model.domain, points, np.arange(len(cells.nodes), dtype=np.int32))
+    return np.einsum("nqi,q->ni", values, weights / weights.sum()) * cells.volume[:, None]
+
+
+def _boundary(model: Model, cells: Simplices, tractions: list[ContactTraction]) -> tuple[np.ndarray, np.ndarray]:
+    """Moments of the known tractions (loads, projected on linear functions, and r^), and the fixed components."""
+    d = cells.d
+    count = cells.side.shape[1]
+    of_cell = model.mesh.topology.connectivity(d, d - 1).array.reshape(-1, d + 1)
+    given = np.zeros((count, d, d))
+    fixed = np.zeros((count, d), dtype=bool)
+
+    def add(facets: np.ndarray, moment: np.ndarray) -> None:
+        order = facet_order(model.facet_nodes(facets))
+        given[of_cell[facets[:, 0], facets[:, 1]]] += np.take_along_axis(moment, order[:, :, None], axis=1)
+
+    area = np.linalg.norm(cells.area, axis=2).ravel()[cells.side[0]]
+    points, weights = basix.make_quadrature((basix.CellType.interval, basix.CellType.triangle)[d - 2], DATA_DEGREE)
+    shape = np.column_stack([1 - points.sum(axis=1), points]) * (weights / weights.sum())[:, None]
+    for name, _, traction in model.tractions:
+        facets = model.domain.facets(name)
+        values = evaluate(traction, model.domain, points, facets)
+        size = area[of_cell[facets[:, 0], facets[:, 1]]]
+        add(facets, np.einsum("qm,fqi->fmi", shape, values) * size[:, None, None])
+    for t in tractions:
+        add(t.contact.facets, moments(t.area, t.values))
+    for facets, components in model.fixed_facets:
+        fixed[of_cell[facets[:, 0], facets[:, 1]]] |= components
+    given[np.broadcast_to(fixed[:, None, :], given.shape)] = 0.0
+    return given, fixed
+
+
+def _rebalanced(
+    model: Model, solution: Solution, cells: Simplices, given: np.ndarray, force: np.ndarray | None
+) -> fem.Function:
+    """The finite element displacement under the loads and r^: one linear solve, exact discrete equilibrium."""
+    if not model.contacts and force is None:
+        return solution.u
+    owned = model.domain.owned_cells
+    b = fem.Function(model.V)
+    nodal: Any = b.x.array.reshape(-1, model.d)
+    loaded = np.flatnonzero(given.any(axis=(1, 2)) & (cells.side[0] >= 0) & (cells.side[0] < owned * (model.d + 1)))
+    cell, i = np.divmod(cells.side[0][loaded], model.d + 1)
+    others = np.array([[j for j in range(model.d + 1) if j != k] for k in range(model.d + 1)])[i]
+    np.add.at(nodal, np.take_along_axis(cells.nodes[cell], others, axis=1), given[loaded])
+    if force is not None:
+        np.add.at(
+            nodal,
+            cells.nodes[:owned],
+            np.broadcast_to(force[:owned, None] / (model.d + 1), (owned, model.d + 1, model.d)),
+        )
+    stiffness = Stiffness(model)
+    u = stiffness.solve(b)
+    stiffness.destroy()
+    return u

@@ -1,0 +1,220 @@
+"""The error in the constitutive relation of an admissible pair: global, in parts, and per element.
+
+    e^2 = |sigma^ - C eps(u^)|^2 + 2 int_GammaC ( mu |r^_n| |w_t| + r^_t.w_t + r^_n (w_n - g) )          (16)
+    eps = e / |sigma^ + C eps(u^)|                                                                       (17)
+
+in energy norms ``|sigma|^2 = int C^-1 sigma : sigma``. Both terms are never negative; e = 0 only for the solution. For
+frictionless contact e bounds the errors of u^ and of sigma^ with constant 1:
+
+    |u - u^|^2 + |sigma - sigma^|^2 + 2 mu int_GammaC (|r_n| - |r^_n|)(|w_t| - |w^_t|)  <=  e^2.
+
+With Coulomb friction the third term is a product of two errors and has no sign: e is then a bound up to a term of
+higher order, not a guarantee. What the finite element spaces cannot carry of the data is the oscillation, reported
+beside e and not part of it.
+
+Source: Coorevits, Hild, Hjiaj, equations (16)-(18); the gap g is ours.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from time import perf_counter
+
+import basix
+import numpy as np
+from mpi4py import MPI
+
+from erc_contact.admissible import Admissible, moduli, strains
+from erc_contact.admissible.contact import ContactTraction
+from erc_contact.model import Model, evaluate
+
+OSCILLATION_DEGREE = 6
+CONTACT_DEGREE = 21
+"""Quadrature degree for the contact part; its integrand has kinks where the slip changes its direction."""
+
+
+@dataclass(frozen=True, eq=False)
+class ConstitutiveError:
+    """The error of an admissible pair.
+
+    Attributes:
+        admissible: The pair.
+        absolute: e (16) [sqrt(force length)].
+        scale: ``|sigma^ + C eps(u^)|`` [sqrt(force length)].
+        bulk: Bulk part of e.
+        contact: Contact part of e; ``bulk^2 + contact^2 = e^2``.
+        oscillation: Size of what the data have beyond the finite element spaces [sqrt(force length)], an estimate
+            without the constants of Korn and Poincare type, not part of e.
+        cells: eps_E (18) of the owned cells; the squares sum to eps^2 over all ranks.
+        seconds: Wall time, the largest over the ranks [s].
+    """
+
+    admissible: Admissible
+    absolute: float
+    scale: float
+    bulk: float
+    contact: float
+    oscillation: float
+    cells: np.ndarray
+    seconds: float
+
+    @property
+    def relative(self) -> float:
+        """eps (17) [-]; 0 where nothing is loaded."""
+        return self.absolute / self.scale if self.scale > 0 else 0.0
+
+
+def constitutive_error(admissible: Admissible) -> ConstitutiveError:
+    """Measure the error in the constitutive relation; collective.
+
+    Args:
+        admissible: An admissible pair.
+
+    Returns:
+        e, eps, their parts and eps_E; all zero where nothing is loaded.
+    """
+    began = perf_counter()
+    model = admissible.solution.model
+    bulk, scale = _bulk(admissible)
+    per_cell = bulk.copy()
+    contact = 0.0
+    for traction in admissible.tractions:
+        part = np.maximum(contact_parts(admissible, traction), 0.0)  # negative by round-off only
+        own = traction.contact.facets[:, 0] < len(per_cell)
+        np.add.at(per_cell, traction.contact.facets[own, 0], part[own])
+        contact += float(part.sum())
+    total = model.comm.allreduce(np.array([bulk.sum(), contact, scale, _oscillation(admissible)]), MPI.SUM)
+    bulk_2, contact_2, scale_2, oscillation_2 = total
+    e = float(np.sqrt(bulk_2 + contact_2))
+    norm = float(np.sqrt(scale_2))
+    cells = np.sqrt(per_cell) / norm if norm > 0 else np.zeros(len(per_cell))
+    seconds = model.comm.allreduce(perf_counter() - began, MPI.MAX)
+    return ConstitutiveError(
+        admissible,
+        e,
+        norm,
+        float(np.sqrt(bulk_2)),
+        float(np.sqrt(contact_2)),
+        float(np.sqrt(oscillation_2)),
+        cells,
+        seconds,
+    )
+
+
+def _bulk(admissible: Admissible) -> tuple[np.ndarray, float]:
+    """``|sigma^ - C eps(u^)|^2`` of each owned cell, and ``|sigma^ + C eps(u^)|^2`` of the rank.
+
+    On each sub-simplex the rule with d+1 points is exact for the square of a linear function; point m lies near
+    node m, so that a permutation of vertices permutes the points.
+    """
+    model, cells = admissible.solution.model, admissible.cells
+    d, owned = model.d, model.domain.owned_cells
+    near = (d + 2 - np.sqrt(d + 2)) / ((d + 1) * (d + 2))
+    shape = near + (1 - (d + 1) * near) * np.eye(d + 1)
+    corners = np.repeat(np.eye(d + 1)[None], d + 1, axis=0)
+    corners[np.arange(d + 1), np.arange(d + 1)] = 1 / (d + 1)
+    points = np.matmul(shape, corners).reshape(-1, d + 1)[:, 1:]
+    stiffness = _sorted(model, moduli(model, points, owned))
+    compliance = _sorted(model, moduli(model, points, owned, inverse=True))
+
+    sigma = np.matmul(shape, admissible.stress).reshape(owned, (d + 1) ** 2, -1)
+    elastic = np.matmul(stiffness, strains(cells, admissible.displacement)[:owned, None, :, None])[..., 0]
+
+    def energy(tau: np.ndarray) -> np.ndarray:
+        if compliance.shape[:2] == (1, 1):
+            dual = tau @ compliance[0, 0].T
+        else:
+            dual = np.matmul(compliance, tau[..., None])[..., 0]
+        return cells.volume[:owned] * np.einsum("nqa,nqa->n", dual, tau) / (d + 1) ** 2
+
+    return energy(sigma - elastic), float(energy(sigma + elastic).sum())
+
+
+def _sorted(model: Model, values: np.ndarray) -> np.ndarray:
+    """Values at the points of the sub-simplices, from the vertex order of DOLFINx to the sorted one."""
+    if values.shape[1] == 1:
+        return values
+    n = model.d + 1
+    order = np.argsort(model.nodes[: len(values)], axis=1)
+    place = (order[:, :, None] * n + order[:, None, :]).reshape(len(values), n * n)
+    return np.take_along_axis(values, place[:, :, None, None], axis=1)
+
+
+def contact_parts(admissible: Admissible, traction: ContactTraction) -> np.ndarray:
+    """Twice the integral of the contact term over each facet of an owned cell; ghosts get 0."""
+    model, contact = admissible.solution.model, traction.contact
+    d, n = model.d, contact.direction
+    points, weights = basix.make_quadrature((basix.CellType.interval, basix.CellType.triangle)[d - 2], CONTACT_DEGREE)
+    shape = np.column_stack([1 - points.sum(axis=1), points])
+    r = np.einsum("qm,fmi->fqi", shape, traction.values)
+    w = np.einsum("qm,fmi->fqi", shape, admissible.displacement.x.array.reshape(-1, d)[traction.nodes])
+    r_n, w_n = r @ n, w @ n
+    gap = 0.0 if contact.gap is None else evaluate(contact.gap, model.domain, points, contact.facets)
+    density = r_n * (w_n - gap)
+    if contact.friction is not None:
+        r_t, w_t = r - r_n[..., None] * n, w - w_n[..., None] * n
+        mu = evaluate(contact.friction, model.domain, points, contact.facets)
+        density += mu * abs(r_n) * np.linalg.norm(w_t, axis=-1) + np.einsum("fqi,fqi->fq", r_t, w_t)
+    part = 2 * traction.area * (density @ (weights / weights.sum()))
+    return np.where(contact.facets[:, 0] < model.domain.owned_cells, part, 0.0)
+
+
+def _oscillation(admissible: Admissible) -> float:
+    """Square of the oscillation of the data on this rank.
+
+    ``sum h^2/(pi^2 E) |f - f_T|^2 + sum h/E |F - F_h|^2 + sum E/h |U - U_h|^2`` with E the modulus of the material.
+    """
+    model, cells = admissible.solution.model, admissible.cells
+    scene, d, owned = model.scene, model.d, model.domain.owned_cells
+    total = 0.0
+    if any(callable(b.value) or any(map(callable, b.value)) for b in scene.body_forces):
+        points, weights = basix.make_quadrature(model.mesh.basix_cell(), OSCILLATION_DEGREE)
+        of = np.arange(owned, dtype=np.int32)
+        f = evaluate(model.body_force, model.domain, points, of)
+        rest = np.einsum(
+            "nqi,nqi,q->n", *[f - (admissible.force[:owned] / cells.volume[:owned, None])[:, None]] * 2, weights
+        )
+        size = cells.volume[:owned] ** (1 / d)
+        total += float(np.sum(size**2 / np.pi**2 * rest / weights.sum() * cells.volume[:owned] / _modulus(model, of)))
+    points, weights = basix.make_quadrature(
+        (basix.CellType.interval, basix.CellType.triangle)[d - 2], OSCILLATION_DEGREE
+    )
+    weights = weights / weights.sum()
+    shape = np.column_stack([1 - points.sum(axis=1), points])
+    project = np.linalg.solve(shape.T @ (weights[:, None] * shape), shape.T * weights)
+
+    def rest_on(
+        facets: np.ndarray, values: np.ndarray, of_nodes: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        area = model.facet_areas(facets)
+        difference = values - np.einsum("qm,fm...->fq...", shape, of_nodes)
+        square = (difference**2).reshape(len(facets), len(points), -1).sum(axis=2)
+        return area * (square @ weights), area ** (1 / (d - 1)), _modulus(model, facets[:, 0])
+
+    for load, (name, _, traction) in zip(scene.tractions, model.tractions, strict=True):
+        given = (load.pressure,) if load.value is None else load.value
+        if callable(given) or any(map(callable, given)):
+            facets = _owned(model, name)
+            values = evaluate(traction, model.domain, points, facets)
+            rest, size, modulus = rest_on(facets, values, np.einsum("mq,fqi->fmi", project, values))
+            total += float(np.sum(rest * size / modulus))
+    for support in scene.supports:
+        for i, component in enumerate(support.value):
+            if callable(component):
+                facets = _owned(model, support.facets)
+                values = evaluate(component(model.x), model.domain, points, facets)
+                nodal = model.prescribed.x.array.reshape(-1, d)[model.facet_nodes(facets), i]
+                rest, size, modulus = rest_on(facets, values, nodal)
+                total += float(np.sum(rest * modulus / size))
+    return total
+
+
+def _owned(model: Model, name: str) -> np.ndarray:
+    facets = model.domain.facets(name)
+    return facets[facets[:, 0] < model.domain.owned_cells]
+
+
+def _modulus(model: Model, cells: np.ndarray) -> np.ndarray:
+    """Modulus of the material at the middle of cells [force/area]."""
+    middle = np.full((1, model.d), 1 / (model.d + 1))
+    return evaluate(model.scene.material.modulus(**model.parameters), model.domain, middle, cells)[:, 0]
