@@ -31,6 +31,11 @@ def facet_vertices(d: int) -> np.ndarray:
     return np.array([[j for j in range(d + 1) if j != i] for i in range(d + 1)])
 
 
+def facet_corners(d: int) -> np.ndarray:
+    """Vertices of the reference facet, shape (d, d-1)."""
+    return np.vstack([np.zeros(d - 1), np.eye(d - 1)])
+
+
 def evaluate(expression: Any, domain: Domain, points: np.ndarray, entities: np.ndarray) -> np.ndarray:
     """Values of a UFL expression at reference points of cells or of facets.
 
@@ -74,6 +79,7 @@ class Model:
         prescribed: Prescribed displacement, a Function of V, zero elsewhere [length].
         bcs: The same as Dirichlet conditions.
         contacts: The scene's contacts.
+        friction_share: Factor of all friction coefficients, 1 but while a solver raises friction in steps.
         free_motions: Rigid motions that no support holds, a list of Functions of V (orthonormal combinations).
 
     Raises:
@@ -98,6 +104,7 @@ class Model:
         self._bind_supports()
         self.body_force = self._sum([self._vector(b.value) for b in scene.body_forces])
         self.tractions = [(t.facets, self.ds(domain.tag(t.facets)), self._traction(t)) for t in scene.tractions]
+        self.friction_share = fem.Constant(self.mesh, 1.0)
         self.contacts = [self._contact(c) for c in scene.contacts]
         self._check_supports_in_gap()
         self.free_motions = self._free_motions()
@@ -120,8 +127,18 @@ class Model:
         return self._sum(terms)
 
     def facet_nodes(self, facets: np.ndarray) -> np.ndarray:
-        """Nodes of facets given as (cell, local facet), in the order of the cell, shape (n, d)."""
-        return np.take_along_axis(self.nodes[facets[:, 0]], self.local_facets[facets[:, 1]], axis=1)
+        """Nodes of facets given as (cell, local facet), in the order of a facet's reference vertices, shape (n, d).
+
+        DOLFINx turns the reference facet by the global numbers of its vertices; where the reference vertices of
+        each facet come to lie tells the order, so that nodal values and :func:`evaluate` agree.
+        """
+        vertices = self.local_facets[facets[:, 1]]
+        local = np.take_along_axis(self.mesh.geometry.dofmaps[0][facets[:, 0]], vertices, axis=1)
+        known = self.mesh.geometry.x[local][:, None, :, : self.d]
+        found = evaluate(self.x, self.domain, facet_corners(self.d), facets)[:, :, None, :]
+        order = np.linalg.norm(found - known, axis=-1).argmin(axis=2)
+        nodes = np.take_along_axis(self.nodes[facets[:, 0]], vertices, axis=1)
+        return np.take_along_axis(nodes, order, axis=1)
 
     def facet_areas(self, facets: np.ndarray) -> np.ndarray:
         """Areas of facets given as (cell, local facet) [length^(d-1)], shape (n,)."""
@@ -207,7 +224,7 @@ class Model:
         g = fem.Function(self.V)
         values = g.x.array.reshape(-1, self.d)
         fixed = np.zeros(values.shape, dtype=bool)
-        corners = np.vstack([np.zeros(self.d - 1), np.eye(self.d - 1)])
+        corners = facet_corners(self.d)
         error = None
         self.fixed_facets: list[tuple[np.ndarray, np.ndarray]] = []
         for support in self.scene.supports:
@@ -272,13 +289,13 @@ class Model:
             self.ds(self.domain.tag(contact.facets)),
             fem.Constant(self.mesh, direction),
             direction,
-            None if none[0] else self._value(contact.friction),
+            None if none[0] else self.friction_share * self._value(contact.friction),
             None if none[1] else self._value(contact.gap),
         )
 
     def gap_at_nodes(self, contact: BoundContact) -> np.ndarray:
         """The gap at the nodes of each facet of a contact [length], shape (facets, d)."""
-        corners = np.vstack([np.zeros(self.d - 1), np.eye(self.d - 1)])
+        corners = facet_corners(self.d)
         if contact.gap is None:
             return np.zeros((len(contact.facets), self.d))
         return evaluate(contact.gap, self.domain, corners, contact.facets)

@@ -32,8 +32,10 @@ PREFIX = "erc_contact_"
 """Prefix of PETSc options: a user's ``-erc_contact_snes_monitor`` and the like win over our settings."""
 TOLERANCE = 1e-10
 """Newton stops when the residual is below this fraction of the internal forces [-]."""
-STEPS = 60
+STEPS = 40
 """Limit of Newton steps of one attempt."""
+FRICTION_STEPS = (0.0, 0.3, 0.6, 0.8, 1.0)
+"""Shares of the friction coefficient when friction is raised in steps."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +73,8 @@ def solve(scene: Scene, domain: Domain, method: Nitsche | None = None, *, start:
     """Solve a scene on a domain; collective.
 
     A scene without contact is one linear solve. Otherwise Newton starts from ``start`` if given, else from the
-    linear problem with the contact glued; line search by bisection, then (as a second attempt) by ``nleqerr``.
+    linear problem with the contact glued; line search by bisection. Further attempts raise friction in steps and use the
+    line search ``nleqerr``.
 
     Args:
         scene: The problem.
@@ -270,6 +273,32 @@ class _Newton:
         self.vector.destroy()
 
 
+@dataclass(frozen=True)
+class _Rung:
+    """One attempt: where Newton starts (None: from the glued contact), its line search, the steps of friction."""
+
+    start: Solution | None
+    line_search: str
+    friction_shares: tuple[float, ...] = (1.0,)
+
+    def __str__(self) -> str:
+        text = f"{'glued start' if self.start is None else 'previous solution'}, {self.line_search}"
+        return text if len(self.friction_shares) == 1 else f"{text}, friction in {len(self.friction_shares)} steps"
+
+
+def _ladder(start: Solution | None, friction: bool) -> list[_Rung]:
+    """The attempts, cheapest first.
+
+    Without a gap the problem is positively homogeneous, so steps of the load are all the same problem; friction
+    is raised in steps instead.
+    """
+    rungs = [] if start is None else [_Rung(start, "bisection")]
+    rungs.append(_Rung(None, "bisection"))
+    if friction:
+        rungs.append(_Rung(None, "bisection", FRICTION_STEPS))
+    return [*rungs, _Rung(None, "nleqerr")]
+
+
 def _newton(model: Model, method: Nitsche, u: fem.Function, start: Solution | None) -> tuple[int, str]:
     """Try the rungs of the ladder one after the other; u holds the solution of the first that converges."""
     problem = _Newton(model, method, u)
@@ -284,36 +313,34 @@ def _newton(model: Model, method: Nitsche, u: fem.Function, start: Solution | No
     ksp.getPC().setType("lu")
     ksp.getPC().setFactorSolverType("mumps")
 
-    rungs = [("glued contact", "bisection"), ("glued contact", "nleqerr")]
-    if start is not None:
-        rungs.insert(0, ("previous solution", "bisection"))
     tried: list[str] = []
+    steps = 0
     try:
-        for guess, line_search in rungs:
-            u.x.array[:] = 0.0
-            if guess == "previous solution":
-                assert start is not None
-                u.x.array[:] = interpolate(start.u, model.V).x.array
+        for rung in _ladder(start, any(c.friction is not None for c in model.contacts)):
+            u.x.array[:] = 0.0 if rung.start is None else interpolate(rung.start.u, model.V).x.array
             problem.prescribe()
-            if guess == "glued contact":
+            if rung.start is None:
                 problem.glue(ksp)
             problem.rescale()
-            snes.getLineSearch().setType(line_search)
+            snes.getLineSearch().setType(rung.line_search)
             snes.setFromOptions()
-            x = problem.vector.duplicate()
-            x.array[:] = u.x.array[: len(x.array)] / problem.length
-            snes.solve(None, x)
-            problem.update(x)
-            x.destroy()
-            outcome = PETSc_REASONS.get(snes.getConvergedReason(), str(snes.getConvergedReason()))
-            steps = snes.getIterationNumber()
-            tried.append(
-                f"{guess}, {line_search}: {outcome} after {steps} steps, residual {snes.getFunctionNorm():.1e}"
-            )
+            for share in rung.friction_shares:
+                model.friction_share.value = share
+                x = problem.vector.duplicate()
+                x.array[:] = u.x.array[: x.getLocalSize()] / problem.length
+                snes.solve(None, x)
+                problem.update(x)
+                x.destroy()
+                steps += snes.getIterationNumber()
+                reason, norm = snes.getConvergedReason(), snes.getFunctionNorm()
+                if reason <= 0 or not np.isfinite(norm):
+                    break
+            tried.append(f"{rung}: {PETSC_REASONS.get(reason, reason)}, residual {norm:.1e}, {steps} steps in all")
             log.debug(tried[-1])
-            if snes.getConvergedReason() > 0 and np.isfinite(snes.getFunctionNorm()):
-                return steps, f"{outcome}, from {guess}"
+            if reason > 0 and np.isfinite(norm):
+                return steps, str(rung)
     finally:
+        model.friction_share.value = 1.0
         snes.destroy()
         problem.destroy()
     raise NotConverged(
@@ -324,7 +351,7 @@ def _newton(model: Model, method: Nitsche, u: fem.Function, start: Solution | No
     )
 
 
-PETSc_REASONS = {
+PETSC_REASONS = {
     value: name.lower() for name, value in vars(PETSc.SNES.ConvergedReason).items() if isinstance(value, int)
 }
 """Names of PETSc's reasons."""

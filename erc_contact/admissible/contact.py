@@ -21,7 +21,7 @@ from mpi4py import MPI
 from erc_contact.admissible.geometry import moments
 from erc_contact.exceptions import NotHeldError
 from erc_contact.methods import CONTACT_DEGREE
-from erc_contact.model import BoundContact, Model, evaluate
+from erc_contact.model import BoundContact, Model, evaluate, facet_corners
 
 SAMPLES = 12
 """Subdivisions of a facet's edge when a bound that varies along it is sampled."""
@@ -110,7 +110,7 @@ def admissible_tractions(model: Model, method: Any, u: fem.Function) -> list[Con
         sampled = evaluate(method.traction(model, contact, u), model.domain, points, contact.facets)
         values = np.einsum("mq,fqi->fmi", project, sampled)
         nodes = model.facet_nodes(contact.facets)
-        mu = _friction(model, contact, np.vstack([np.zeros(d - 1), np.eye(d - 1)]))
+        mu = _friction(model, contact, facet_corners(d))
         result.append(ContactTraction(contact, nodes, model.facet_areas(contact.facets), values, mu))
     return _into_cone(model, result)
 
