@@ -1,14 +1,82 @@
-"""Contact of elastic bodies with certified accuracy on FEniCSx."""
+"""Contact of elastic bodies with certified accuracy, on FEniCSx.
+
+Declare a scene, solve it, reconstruct an admissible pair, measure the error in the constitutive relation, and refine
+until a prescribed accuracy is reached::
+
+    history = erc_contact.adapt(scene, domain, accuracy=0.02)
+
+Source: Coorevits, Hild, Hjiaj, "An a posteriori error estimator for finite element approximations of Coulomb's
+friction problem"; the same authors, SIAM J. Sci. Comput. 23 (2001).
+"""
 
 import importlib.util
+import logging
 
-if importlib.util.find_spec("dolfinx_solver"):
+if importlib.util.find_spec("dolfinx_solver"):  # the wheel of DOLFINx must load MPI first
     import dolfinx_solver  # noqa: F401
-from erc_contact.meshing import box, from_gmsh, read_mesh, rectangle
+from mpi4py import MPI
+
+from erc_contact.adapt import History, Mark, Step, Strategy, Uniform, adapt, mark
+from erc_contact.admissible import Admissible, equilibrate
 from erc_contact.domain import Domain
+from erc_contact.error import ConstitutiveError, constitutive_error
+from erc_contact.exceptions import ErcContactError, InputError, NotConverged, NotHeldError
 from erc_contact.material import Elastic
-from erc_contact.scene import *
+from erc_contact.meshing import box, from_gmsh, read_mesh, rectangle
 from erc_contact.methods import Nitsche
-from erc_contact.solve import solve
-from erc_contact.admissible import equilibrate
-from erc_contact.error import constitutive_error
+from erc_contact.scene import BodyForce, Contact, Displacement, Scene, Traction
+from erc_contact.solve import Solution, solve
+
+
+def log_to_console(level: int = logging.INFO, comm: MPI.Comm = MPI.COMM_WORLD) -> None:
+    """Show progress on the terminal, on rank 0 only.
+
+    Args:
+        level: ``logging.INFO`` shows a row a mesh, ``logging.DEBUG`` every attempt of the contact solve.
+        comm: Its rank 0 writes.
+    """
+    from rich.logging import RichHandler  # noqa: PLC0415 - only those who want progress pay for it
+
+    log = logging.getLogger("erc_contact")
+    log.setLevel(level)
+    if comm.rank == 0 and not any(isinstance(handler, RichHandler) for handler in log.handlers):
+        log.addHandler(
+            RichHandler(show_path=False, show_level=False, log_time_format="%H:%M:%S", omit_repeated_times=False)
+        )
+    elif comm.rank != 0:
+        log.addHandler(logging.NullHandler())
+        log.propagate = False
+
+
+__all__ = [
+    "Admissible",
+    "BodyForce",
+    "ConstitutiveError",
+    "Contact",
+    "Displacement",
+    "Domain",
+    "Elastic",
+    "ErcContactError",
+    "History",
+    "InputError",
+    "Mark",
+    "Nitsche",
+    "NotConverged",
+    "NotHeldError",
+    "Scene",
+    "Solution",
+    "Step",
+    "Strategy",
+    "Traction",
+    "Uniform",
+    "adapt",
+    "box",
+    "constitutive_error",
+    "equilibrate",
+    "from_gmsh",
+    "log_to_console",
+    "mark",
+    "read_mesh",
+    "rectangle",
+    "solve",
+]

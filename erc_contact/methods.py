@@ -21,7 +21,7 @@ from erc_contact.exceptions import InputError
 from erc_contact.law import project_on_cone
 from erc_contact.model import BoundContact, Model
 
-CONTACT_DEGREE = 10
+CONTACT_DEGREE = 4
 """Quadrature degree on contact facets: the traction has kinks, a polynomial rule is never exact there."""
 
 Law = Callable[[Any, BoundContact], Any]

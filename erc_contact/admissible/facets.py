@@ -52,8 +52,7 @@ def equilibrated_moments(
 
     residual = _residual(cells, moment, push, force)
     area = np.linalg.norm(cells.area, axis=2).ravel()[first]
-    size = (0.5 * (cells.volume[first // (d + 1)] + cells.volume[second // (d + 1)])) ** (1 / d)
-    weight = np.where(first >= 0, area / size, 0.0)
+    weight = np.where(first >= 0, area ** ((d - 2) / (d - 1)), 0.0)  # |F|/h_F with h_F = |F|^(1/(d-1))
     jump = _patch_jumps(cells, residual, weight, inner, fixed, complete)
     return moment - jump
 

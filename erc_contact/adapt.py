@@ -1,0 +1,306 @@
+"""The adaptive loop: solve, measure, refine where the error is, until a prescribed accuracy is reached.
+
+Source of the idea: Coorevits, Hild, Hjiaj; marking: Doerfler, SIAM J. Numer. Anal. 33 (1996).
+"""
+
+from __future__ import annotations
+
+import csv
+import logging
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field, fields
+from math import isfinite
+from pathlib import Path
+from time import perf_counter
+from typing import Protocol
+
+import numpy as np
+from mpi4py import MPI
+
+from erc_contact.admissible import equilibrate
+from erc_contact.domain import Domain
+from erc_contact.error import ConstitutiveError, constitutive_error
+from erc_contact.exceptions import InputError, NotConverged
+from erc_contact.methods import Nitsche
+from erc_contact.scene import Scene
+from erc_contact.solve import solve
+
+log = logging.getLogger("erc_contact")
+
+TIE = 1e-6
+"""Elements whose errors differ by less than this fraction are marked together: round-off must not choose."""
+
+
+class Strategy(Protocol):
+    """How the next mesh follows from an error."""
+
+    def next(self, error: ConstitutiveError) -> Domain:
+        """The next domain; collective."""
+
+
+@dataclass(frozen=True)
+class Mark:
+    """Refine the fewest elements that carry a fraction of the squared error (Doerfler marking).
+
+    Args:
+        fraction: Share of eps^2 that the marked elements carry, in (0, 1].
+
+    Raises:
+        InputError: If the fraction is outside (0, 1].
+    """
+
+    fraction: float = 0.5
+
+    def __post_init__(self) -> None:
+        if not 0 < self.fraction <= 1:
+            raise InputError(f"Mark: fraction is {self.fraction!r}; it must lie in (0, 1].")
+
+    def next(self, error: ConstitutiveError) -> Domain:
+        """The domain with the marked elements refined; collective."""
+        return error.admissible.solution.domain.refined(mark(error, self.fraction))
+
+
+@dataclass(frozen=True)
+class Uniform:
+    """Refine all elements; for comparison."""
+
+    def next(self, error: ConstitutiveError) -> Domain:
+        """The domain with all elements refined; collective."""
+        return error.admissible.solution.domain.refined()
+
+
+def mark(error: ConstitutiveError, fraction: float = 0.5) -> np.ndarray:
+    """Doerfler marking: the fewest elements over all ranks that carry a fraction of eps^2; collective.
+
+    Args:
+        error: Its eps_E are compared over all ranks.
+        fraction: Share of eps^2, in (0, 1].
+
+    Returns:
+        Marked cells of this rank.
+    """
+    comm = error.admissible.solution.domain.mesh.comm
+    everywhere = np.sort(np.concatenate(comm.allgather(error.cells)))[::-1]
+    carried = np.cumsum(everywhere**2)
+    enough = int(np.searchsorted(carried, fraction * carried[-1] * (1 - TIE)))
+    threshold = everywhere[min(enough, len(everywhere) - 1)]
+    return np.flatnonzero(error.cells >= threshold * (1 - TIE)).astype(np.int32)
+
+
+@dataclass(frozen=True)
+class Step:
+    """One mesh of an adaptive run; times are wall times, the largest over the ranks [s].
+
+    Attributes:
+        cells: Number of elements.
+        vertices: Number of vertices.
+        dofs: Degrees of freedom.
+        newton: Newton steps.
+        eps: Relative error (17).
+        bulk: Bulk part of eps.
+        contact: Contact part of eps.
+        solve: Seconds of the contact solve.
+        equilibrate: Seconds of the admissible pair.
+        error: Seconds of the error.
+        mesh: Seconds of making this mesh.
+        seconds: Seconds from the start of the run to this error, all stages of all meshes.
+    """
+
+    cells: int
+    vertices: int
+    dofs: int
+    newton: int
+    eps: float
+    bulk: float
+    contact: float
+    solve: float
+    equilibrate: float
+    error: float
+    mesh: float
+    seconds: float
+
+
+COLUMNS = tuple(f.name for f in fields(Step))
+HEADER = "   cells  vertices     dofs  newton      eps     bulk  contact    solve  equil.   error    mesh   total s"
+
+
+def _line(step: Step) -> str:
+    return (
+        f"{step.cells:8d}  {step.vertices:8d} {step.dofs:8d}  {step.newton:6d}  {step.eps:7.3%}  {step.bulk:7.3%}  "
+        f"{step.contact:7.3%}  {step.solve:7.2f} {step.equilibrate:7.2f} {step.error:7.2f} {step.mesh:7.2f} "
+        f"{step.seconds:9.2f}"
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class History:
+    """What an adaptive run did, one row a mesh.
+
+    Attributes:
+        steps: The rows.
+        accuracy: The prescribed relative error.
+        reached: Whether it was reached.
+        outcome: Why the run ended, in words.
+        best: The error of least eps, with the admissible pair and the solution.
+        meshes: Domain and eps_E of every step, for pictures.
+    """
+
+    steps: tuple[Step, ...]
+    accuracy: float
+    reached: bool
+    outcome: str
+    best: ConstitutiveError
+    meshes: tuple[tuple[Domain, np.ndarray], ...] = field(repr=False)
+
+    def __str__(self) -> str:
+        return "\n".join([HEADER, *map(_line, self.steps), self.outcome])
+
+    def column(self, name: str) -> np.ndarray:
+        """One column of the rows as an array."""
+        return np.array([getattr(step, name) for step in self.steps])
+
+    def slope(self, against: str = "cells", last: int | None = None) -> float:
+        """Slope of log(eps) against the log of a column, least squares over the last rows.
+
+        Args:
+            against: Name of the column: cells, dofs or seconds.
+            last: Number of rows; the second half by default.
+
+        Returns:
+            The slope, nan with fewer than two rows.
+        """
+        number = last or max(2, len(self.steps) // 2)
+        x, eps = self.column(against)[-number:], self.column("eps")[-number:]
+        if len(x) < 2 or not np.all(eps > 0):
+            return float("nan")
+        return float(np.polyfit(np.log(x), np.log(eps), 1)[0])
+
+    def to_csv(self, path: str | Path) -> None:
+        """Write the rows as CSV; every rank may call, rank 0 writes."""
+        if self.best.admissible.solution.domain.mesh.comm.rank == 0:
+            with Path(path).open("w", newline="") as file:
+                writer = csv.DictWriter(file, COLUMNS)
+                writer.writeheader()
+                writer.writerows(asdict(step) for step in self.steps)
+
+    def save(self, folder: str | Path) -> None:
+        """Write table, figures, pictures and ParaView files to a folder; collective.
+
+        ``history.csv``, ``error.png`` (error against run time and degrees of freedom), ``meshes.png``,
+        ``error_map.png``, ``deformed.png``, ``contact_<name>.png`` for each contact, and VTKHDF files.
+        """
+        from erc_contact import output  # noqa: PLC0415 - plots and pictures are paid for only when asked for
+
+        folder = Path(folder)
+        comm = self.best.admissible.solution.domain.mesh.comm
+        if comm.rank == 0:
+            folder.mkdir(parents=True, exist_ok=True)
+        comm.barrier()
+        self.to_csv(folder / "history.csv")
+        output.plot_history({"adaptive": self}, folder / "error.png")
+        output.draw_meshes(self.meshes, folder / "meshes.png")
+        output.draw_error(self.best, folder / "error_map.png")
+        output.draw_deformed(self.best, folder / "deformed.png")
+        for traction in self.best.admissible.tractions:
+            output.plot_contact(
+                self.best.admissible, traction.contact.name, folder / f"contact_{traction.contact.name}.png"
+            )
+        output.write_fields(self.best, folder)
+
+
+def adapt(
+    scene: Scene,
+    domain: Domain,
+    accuracy: float,
+    *,
+    method: Nitsche | None = None,
+    strategy: Strategy | None = None,
+    max_cells: int = 1_000_000,
+    max_steps: int = 40,
+) -> History:
+    """Solve a scene to a prescribed accuracy; collective.
+
+    Args:
+        scene: The problem.
+        domain: The first mesh, coarse.
+        accuracy: Prescribed relative error eps (17), > 0, e.g. 0.02.
+        method: Contact method; ``Nitsche()`` by default.
+        strategy: How the next mesh is made; ``Mark()`` by default.
+        max_cells: The run ends before a mesh of more cells is solved.
+        max_steps: The run ends after so many meshes.
+
+    Returns:
+        The history with the best result. A limit that ends the run is named in ``outcome``, with a warning.
+
+    Raises:
+        InputError: If the input cannot be worked with.
+        NotConverged: If the contact solve fails on the first mesh; on a later one the run ends with what it has.
+    """
+    if not (isinstance(accuracy, (int, float)) and isfinite(accuracy) and accuracy > 0):
+        raise InputError(f"accuracy is {accuracy!r}; it must be a relative error > 0, e.g. 0.02 for 2%.")
+    if max_steps < 1 or max_cells < 1:
+        raise InputError(f"max_steps is {max_steps} and max_cells {max_cells}; both must be >= 1.")
+    comm = domain.mesh.comm
+    strategy = strategy or Mark()
+    began = comm.bcast(perf_counter() if comm.rank == 0 else None)
+    steps: list[Step] = []
+    meshes: list[tuple[Domain, np.ndarray]] = []
+    best: ConstitutiveError | None = None
+    solution, mesh_seconds = None, 0.0
+    log.info(HEADER)
+    while True:
+        try:
+            solution = solve(scene, domain, method, start=solution)
+        except NotConverged as failure:
+            if best is None:
+                raise
+            return _ended(steps, meshes, accuracy, best, f"Stopped: {failure}")
+        admissible = equilibrate(solution)
+        error = constitutive_error(admissible)
+        scale = error.scale or 1.0
+        steps.append(
+            Step(
+                cells=domain.cells,
+                vertices=domain.vertices,
+                dofs=domain.vertices * domain.dim,
+                newton=solution.newton_steps,
+                eps=error.relative,
+                bulk=error.bulk / scale,
+                contact=error.contact / scale,
+                solve=solution.seconds,
+                equilibrate=admissible.seconds,
+                error=error.seconds,
+                mesh=mesh_seconds,
+                seconds=comm.allreduce(perf_counter() - began, MPI.MAX),
+            )
+        )
+        meshes.append((domain, error.cells))
+        log.info(_line(steps[-1]))
+        if best is None or error.relative < best.relative:
+            best = error
+        if error.relative <= accuracy:
+            return _ended(steps, meshes, accuracy, best, f"Reached: {error.relative:.3%} <= {accuracy:.3%}.")
+        if len(steps) == max_steps:
+            text = f"Stopped after max_steps = {max_steps} meshes at {best.relative:.3%}, above {accuracy:.3%}."
+            return _ended(steps, meshes, accuracy, best, text)
+        started = perf_counter()
+        domain = strategy.next(error)
+        mesh_seconds = comm.allreduce(perf_counter() - started, MPI.MAX)
+        if domain.cells > max_cells:
+            text = (
+                f"Stopped at {best.relative:.3%}, above {accuracy:.3%}: the next mesh has {domain.cells} cells, "
+                f"more than max_cells = {max_cells}."
+            )
+            return _ended(steps, meshes, accuracy, best, text)
+
+
+def _ended(
+    steps: Sequence[Step],
+    meshes: Sequence[tuple[Domain, np.ndarray]],
+    accuracy: float,
+    best: ConstitutiveError,
+    outcome: str,
+) -> History:
+    reached = best.relative <= accuracy
+    log.log(logging.INFO if reached else logging.WARNING, outcome)
+    return History(tuple(steps), accuracy, reached, outcome, best, tuple(meshes))
