@@ -35,14 +35,13 @@ def log_to_console(level: int = logging.INFO, comm: MPI.Comm = MPI.COMM_WORLD) -
         level: ``logging.INFO`` shows a row a mesh, ``logging.DEBUG`` every attempt of the contact solve.
         comm: Its rank 0 writes.
     """
+    from rich.highlighter import NullHighlighter  # noqa: PLC0415
     from rich.logging import RichHandler  # noqa: PLC0415 - only those who want progress pay for it
 
     log = logging.getLogger("erc_contact")
     log.setLevel(level)
     if comm.rank == 0 and not any(isinstance(handler, RichHandler) for handler in log.handlers):
-        log.addHandler(
-            RichHandler(show_path=False, show_level=False, log_time_format="%H:%M:%S", omit_repeated_times=False)
-        )
+        log.addHandler(RichHandler(show_path=False, show_level=False, show_time=False, highlighter=NullHighlighter()))
     elif comm.rank != 0:
         log.addHandler(logging.NullHandler())
         log.propagate = False

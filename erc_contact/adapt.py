@@ -121,14 +121,14 @@ class Step:
 
 
 COLUMNS = tuple(f.name for f in fields(Step))
-HEADER = "   cells  vertices     dofs  newton      eps     bulk  contact    solve  equil.   error    mesh   total s"
+HEADER = "  cells vertices    dofs New     eps    bulk contact  solve equil. error  mesh  total"
 
 
 def _line(step: Step) -> str:
     return (
-        f"{step.cells:8d}  {step.vertices:8d} {step.dofs:8d}  {step.newton:6d}  {step.eps:7.3%}  {step.bulk:7.3%}  "
-        f"{step.contact:7.3%}  {step.solve:7.2f} {step.equilibrate:7.2f} {step.error:7.2f} {step.mesh:7.2f} "
-        f"{step.seconds:9.2f}"
+        f"{step.cells:7d} {step.vertices:8d} {step.dofs:7d} {step.newton:3d} {step.eps:7.2%} {step.bulk:7.2%} "
+        f"{step.contact:7.2%} {step.solve:6.2f} {step.equilibrate:6.2f} {step.error:5.2f} {step.mesh:5.2f} "
+        f"{step.seconds:6.1f}"
     )
 
 

@@ -1,0 +1,33 @@
+"""A block pressed and sheared on a rigid foundation, to an accuracy of 2%.
+
+The block has the size of the example of Coorevits, Hild and Hjiaj, 2 x 7, with friction 0.3 at its bottom. It is pressed
+down and pushed to the right at its top; a traction on its right side pushes back. Run it with
+
+    python demos/block.py            or            mpirun -n 2 python demos/block.py
+
+and look into results/block: the table, the error against run time, the meshes, the deformed body and the contact.
+"""
+
+import numpy as np
+
+import erc_contact as ec
+
+ec.log_to_console()
+
+block = ec.rectangle((0.0, 0.0), (2.0, 7.0), size=0.5)  # boundary parts: left right bottom top
+
+scene = ec.Scene(
+    material=ec.Elastic(E=1.0, nu=0.3),  # plane strain unless said otherwise
+    supports=[ec.Displacement("top", (0.02, -0.05))],  # None leaves a component free
+    loads=[ec.Traction("right", (-0.002, 0.0))],
+    contacts=[ec.Contact("bottom", friction=0.3)],  # change the friction coefficient and look again
+)
+
+history = ec.adapt(scene, block, accuracy=0.02)
+history.save("results/block")
+
+# What must hold, whatever the mesh: the accuracy is reached, and the certified traction obeys contact and friction.
+contact = history.best.admissible.tractions[0]
+assert history.reached
+assert np.all(contact.normal <= 0.0)
+assert np.all(np.linalg.norm(contact.tangential, axis=-1) <= 0.3 * abs(contact.normal) * (1 + 1e-12))
