@@ -36,7 +36,8 @@ class Domain:
         regions: Name of each cell region -> its tag.
 
     Raises:
-        InputError: If the mesh is not of straight-sided simplices, or no facet carries a name's tag.
+        InputError: If the mesh is not of straight-sided simplices, or no facet carries a name's tag. A part that
+            has facets inside the body may exist (an interface, say); to use it in a scene is an error.
     """
 
     mesh: dmesh.Mesh
@@ -44,6 +45,7 @@ class Domain:
     names: Mapping[str, int]
     cell_tags: dmesh.MeshTags | None = None
     regions: Mapping[str, int] = field(default_factory=dict)
+    _inside: set[str] = field(init=False, repr=False, default_factory=set)
 
     def __post_init__(self) -> None:
         check_mesh(self.mesh)
@@ -56,17 +58,27 @@ class Domain:
                 "The mesh has no named boundary part; give facet tags and names, e.g. names={'bottom': 1} "
                 "(in gmsh: physical groups of the boundary)."
             )
+        elif self.facet_tags is None:
+            error = InputError(f"The mesh has no tagged facet, but the names {_listed(self.names)}; tag their facets.")
         elif self.facet_tags.dim != tdim - 1:
             error = InputError(f"The facet tags have dimension {self.facet_tags.dim}; facets have {tdim - 1}.")
+        elif self.regions and (self.cell_tags is None or self.cell_tags.dim != tdim):
+            error = InputError(f"The regions {_listed(self.regions)} need cell tags of dimension {tdim}.")
         raise_together(self.mesh.comm, error)
         if self.mesh.comm.size > 1 and not patches_complete(self.mesh):
             moved = _redistributed(self.mesh, self.facet_tags, self.cell_tags)
             for name, value in zip(("mesh", "facet_tags", "cell_tags"), moved, strict=True):
                 object.__setattr__(self, name, value)
+        owned = self.mesh.topology.index_map(tdim - 1).size_local
+        outer = dmesh.exterior_facet_indices(self.mesh.topology)
         for name, tag in self.names.items():
-            here = len(self.facet_tags.find(tag))
-            if not self.mesh.comm.allreduce(here, MPI.SUM):
+            here = self.facet_tags.find(tag)
+            here = here[here < owned]
+            counts = self.mesh.comm.allreduce(np.array([len(here), np.isin(here, outer).sum()]), MPI.SUM)
+            if not counts[0]:
                 raise InputError(f"Boundary part {name!r} (tag {tag}) has no facet; remove it or tag its facets.")
+            if counts[1] < counts[0]:
+                self._inside.add(name)
 
     @property
     def dim(self) -> int:
@@ -101,10 +113,12 @@ class Domain:
         """Tag of a boundary part, for measures inside the package.
 
         Raises:
-            InputError: If no part has this name; the message lists the names.
+            InputError: If no part has this name (the message lists the names), or it has facets inside the body.
         """
         if name not in self.names:
             raise InputError(f"No boundary part is called {name!r}; this domain has {_listed(self.names)}.")
+        if name in self._inside:
+            raise InputError(f"{name!r} has facets inside the body; only a part of the boundary can carry a condition.")
         return self.names[name]
 
     def facets(self, name: str) -> np.ndarray:

@@ -6,9 +6,12 @@ boundary parts and cell regions.
 
 from __future__ import annotations
 
+import io
 import tempfile
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stderr, redirect_stdout
+from numbers import Integral
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +26,8 @@ from erc_contact.partition import partitioner
 
 SIDES = (("left", "right"), ("bottom", "top"), ("front", "back"))
 """Names of the sides of a rectangle or box: low and high end of x, y and z."""
+SESSION = {"General.Terminal": 0, "Mesh.ElementOrder": 1, "Mesh.RecombineAll": 0}
+"""gmsh's options during a session of ours; a user's own session gets its options back."""
 
 
 def rectangle(
@@ -80,7 +85,7 @@ def _brick(
     dim: int,
 ) -> Domain:
     low, high = np.asarray(p0, dtype=float), np.asarray(p1, dtype=float)
-    if low.shape != (dim,) or high.shape != (dim,) or not np.all(low < high):
+    if low.shape != (dim,) or high.shape != (dim,) or not np.all(low < high) or not np.isfinite([low, high]).all():
         raise InputError(f"The corners are {p0} and {p1}; each must have {dim} numbers, the first below the second.")
     if (size is None) == (cells is None):
         raise InputError("Give either size= (an unstructured mesh by gmsh) or cells= (a structured mesh).")
@@ -93,8 +98,9 @@ def _brick(
 
         return _from_model(model, comm)
     assert cells is not None
-    if len(cells) != dim or min(cells) < 1:
-        raise InputError(f"cells is {tuple(cells)}; give {dim} whole numbers >= 1.")
+    whole = isinstance(cells, Sequence | np.ndarray) and all(isinstance(n, Integral) and n >= 1 for n in cells)
+    if not whole or len(cells) != dim:
+        raise InputError(f"cells is {cells!r}; give {dim} whole numbers >= 1, e.g. cells={(4, 8, 4)[:dim]}.")
     if dim == 2:
         mesh = dmesh.create_rectangle(comm, [low, high], list(cells), partitioner=partitioner(comm))
     else:
@@ -142,21 +148,19 @@ def from_gmsh(model: Any, comm: MPI.Comm = MPI.COMM_WORLD, rank: int = 0) -> Dom
         rank: Rank that holds the model.
 
     Raises:
-        InputError: If the mesh has no physical group on its boundary, or is not of straight-sided simplices.
+        InputError: If the mesh has no physical group on its boundary, an entity is in two groups, a part of the
+            body is in none, or the mesh is not of straight-sided simplices.
     """
     error: Exception | None = None
-    dim = 0
+    prepared = None
     if comm.rank == rank:
         try:
-            dim = _prepared(model)
+            prepared = _prepared(model)
         except Exception as reason:  # every rank must learn of it
             error = _as_input_error(reason, "The gmsh model")
     raise_together(comm, error)
-    dim = comm.bcast(dim, root=rank)
+    dim, names, regions = comm.bcast(prepared, root=rank)
     data = dgmsh.model_to_mesh(model, comm, rank, gdim=dim, partitioner=partitioner(comm))
-    groups = data.physical_groups
-    names = {name: group.tag for name, group in groups.items() if group.dim == dim - 1}
-    regions = {name: group.tag for name, group in groups.items() if group.dim == dim}
     return Domain(data.mesh, data.facet_tags, names, data.cell_tags, regions)
 
 
@@ -195,7 +199,12 @@ def _convert(path: Path, target: Path) -> None:
     """Convert what meshio reads to a .msh file with physical groups."""
     import meshio  # noqa: PLC0415 - paid for only by those who read other formats
 
-    mesh = meshio.read(path)
+    said = io.StringIO()
+    try:
+        with redirect_stdout(said), redirect_stderr(said):
+            mesh = meshio.read(path)
+    except SystemExit as end:  # meshio's way to say that a file is broken
+        raise InputError(f"The mesh file {str(path)!r} cannot be read: {' '.join(said.getvalue().split())}") from end
     tags = {key: data for key, data in mesh.cell_data.items() if all(np.issubdtype(d.dtype, np.integer) for d in data)}
     names = dict(mesh.field_data)
     if not tags and mesh.cell_sets:
@@ -227,36 +236,49 @@ def _convert(path: Path, target: Path) -> None:
     converted.write(target, file_format="gmsh22", binary=False)
 
 
-def _prepared(model: Any) -> int:
-    """Mesh a model if needed and complete its physical groups; return its dimension."""
-    dim = model.getDimension()
-    if not model.mesh.getElements(dim)[0].size:
+def _prepared(model: Any) -> tuple[int, dict[str, int], dict[str, int]]:
+    """Mesh a model if needed; return its dimension, and the tags of boundary parts and of regions by name."""
+    dim = int(model.getDimension())
+    if dim < 2:
+        raise InputError(f"The gmsh model has dimension {max(dim, 0)}; give a surface in the plane or a volume.")
+    if not len(model.mesh.getElements(dim)[0]):
         model.mesh.generate(dim)
     kinds = {model.mesh.getElementProperties(kind)[0] for kind in model.mesh.getElements(dim)[0]}
-    wrong = [kind for kind in kinds if not kind.startswith(("Triangle 3", "Tetrahedron 4"))]
+    wrong = [kind for kind in sorted(kinds) if kind not in ("Triangle 3", "Tetrahedron 4")]
     if wrong:
         raise InputError(
             f"The mesh has cells of type {', '.join(wrong)}; allowed are straight-sided triangles and tetrahedra. "
             "In gmsh: no recombination, Mesh.ElementOrder = 1."
         )
+    x = model.mesh.getNodes(dim, includeBoundary=True)[1].reshape(-1, 3)
+    if dim == 2 and np.ptp(x[:, 2]) > 1e-9 * np.ptp(x, axis=0).max():
+        raise InputError("The mesh is a surface in space; allowed are a surface in the plane (x, y) or a volume.")
     groups = {d: model.getPhysicalGroups(d) for d in (dim - 1, dim)}
     if not groups[dim - 1]:
         raise InputError(
             "The mesh has no groups of facets: name the parts of the boundary by physical groups of dimension "
-            f'{dim - 1} in gmsh, e.g. Physical Curve("bottom") = {{1}};'
+            f'{dim - 1} in gmsh, e.g. Physical {("Curve", "Surface")[dim - 2]}("bottom") = {{1}};'
         )
     if not groups[dim]:
         model.addPhysicalGroup(dim, [tag for _, tag in model.getEntities(dim)], name="body")
-    taken: set[str] = set()
-    for d in (dim, dim - 1):
-        for _, tag in model.getPhysicalGroups(d):
-            name = model.getPhysicalName(d, tag) or str(tag)
-            name = f"{name} ({'cells' if d == dim else 'facets'})" if name in taken else name
-            taken.add(name)
-            if name != model.getPhysicalName(d, tag):
-                model.removePhysicalName(model.getPhysicalName(d, tag))
-                model.setPhysicalName(d, tag, name)
-    return int(dim)
+        groups[dim] = model.getPhysicalGroups(dim)
+    for d, what in ((dim - 1, "boundary part"), (dim, "region")):
+        member = Counter(int(e) for _, tag in groups[d] for e in model.getEntitiesForPhysicalGroup(d, tag))
+        twice = [entity for entity, times in member.items() if times > 1]
+        if twice:
+            raise InputError(
+                f"Entity {twice[0]} of dimension {d} is in two physical groups; each can be in one {what} only."
+            )
+    without = [tag for _, tag in model.getEntities(dim) if tag not in member]
+    if without:
+        raise InputError(
+            f"Entity {without[0]} of dimension {dim} is in no physical group, others are; put all in one, or none."
+        )
+    numbers = model.mesh.getNodes()[0]
+    if len(numbers) and numbers.max() != len(numbers):
+        model.mesh.renumberNodes()
+    facets, cells = ({model.getPhysicalName(d, tag) or str(tag): int(tag) for _, tag in groups[d]} for d in groups)
+    return dim, facets, cells
 
 
 def _as_input_error(reason: Exception, what: str) -> InputError:
@@ -271,14 +293,18 @@ def _gmsh(comm: MPI.Comm, build: Callable[[Any], None], what: str) -> Iterator[A
         raise_together(comm, None)
         yield None
         return
-    import gmsh  # noqa: PLC0415 - only rank 0 needs it
+    try:
+        import gmsh  # noqa: PLC0415 - only rank 0 needs it
+    except (ImportError, OSError) as reason:  # OSError: a shared library that gmsh's wheel expects
+        raise_together(comm, InputError(f"gmsh cannot be loaded: {reason}. Install it, or give cells= or a Domain."))
 
     started_here = not gmsh.isInitialized()
     if started_here:
-        gmsh.initialize(interruptible=False)
+        gmsh.initialize(readConfigFiles=False, interruptible=False)
     before = None if started_here else gmsh.model.getCurrent()
-    loud = gmsh.option.getNumber("General.Terminal")
-    gmsh.option.setNumber("General.Terminal", 0)
+    options = {name: gmsh.option.getNumber(name) for name in (*SESSION, "Mesh.MeshSizeMin", "Mesh.MeshSizeMax")}
+    for name, value in SESSION.items():
+        gmsh.option.setNumber(name, value)
     gmsh.model.add("erc_contact")
     try:
         build(gmsh)
@@ -293,7 +319,8 @@ def _gmsh(comm: MPI.Comm, build: Callable[[Any], None], what: str) -> Iterator[A
         else:
             gmsh.model.remove()
             gmsh.model.setCurrent(before)
-            gmsh.option.setNumber("General.Terminal", loud)
+            for name, value in options.items():
+                gmsh.option.setNumber(name, value)
 
 
 def _from_model(build: Callable[[Any], None], comm: MPI.Comm) -> Domain:

@@ -136,6 +136,8 @@ class Contact:
         _check_value(f"{what}: gap", self.gap, unit=" [length]")
         if self.normal is not None:
             _check_vector(f"{what}: normal", self.normal)
+            if callable(self.normal) or any(callable(c) for c in self.normal):
+                raise InputError(f"{what}: normal must be numbers, one direction for the part; curvature goes into gap=.")
             length = sum(float(c) ** 2 for c in self.normal) ** 0.5
             if not length > 0:
                 raise InputError(f"{what}: normal is {self.normal}; its length must be > 0.")
