@@ -227,7 +227,7 @@ def _redistributed(
     nodes = mesh.geometry.index_map()
     x = mesh.geometry.x[: nodes.size_local, : mesh.geometry.dim]
     owned = mesh.topology.index_map(tdim).size_local
-    cells = nodes.local_to_global(mesh.geometry.dofmaps[0][:owned].ravel()).reshape(owned, -1)
+    cells = nodes.local_to_global(mesh.geometry.dofmaps[0][:owned].ravel()).reshape(owned, tdim + 1)
     element = basix.ufl.element("Lagrange", mesh.basix_cell(), 1, shape=(mesh.geometry.dim,))
     new = dmesh.create_mesh(mesh.comm, cells, ufl.Mesh(element), x, partitioner(mesh.comm))
 

@@ -48,7 +48,12 @@ def evaluate(expression: Any, domain: Domain, points: np.ndarray, entities: np.n
     Returns:
         Values, shape (n, q, *s).
     """
-    compiled = fem.Expression(ufl.as_ufl(expression), points, comm=domain.mesh.comm, dtype=np.float64)
+    expression = ufl.as_ufl(expression)
+    if not ufl.domain.extract_domains(expression):  # a callable may return a plain number
+        shape = expression.ufl_shape
+        plain = [float(expression[index] if shape else expression) for index in np.ndindex(shape)]
+        return np.broadcast_to(np.reshape(plain, shape), (len(entities), len(points), *shape))
+    compiled = fem.Expression(expression, points, comm=domain.mesh.comm, dtype=np.float64)
     return compiled.eval(domain.mesh, entities)
 
 

@@ -32,12 +32,12 @@ from erc_contact.model import Model, evaluate
 OPEN, SLIP, STICK = 0, 1, 2
 """Codes of :func:`contact_status`."""
 STATUS = ("open", "slip", "stick")
-COLOURS = ("#f0f0f0", "#fbd9a6", "#c3dcc0")
+COLOURS = ("#ececec", "#fdeacc", "#d9ecd6")
 """Colours of open, slip and stick."""
-STYLE = {"font.family": "STIXGeneral", "mathtext.fontset": "stix", "font.size": 11.0, "savefig.dpi": 200}
+STYLE = {"font.family": "STIXGeneral", "mathtext.fontset": "stix", "font.size": 11.0, "savefig.dpi": 200, "savefig.bbox": "tight"}
 PIXELS = 2400
 """Longer side of the image of a body."""
-FEW = 20_000
+FEW = 15_000
 """Maps of more elements show no edges: they would hide the colours."""
 
 
@@ -85,19 +85,22 @@ def plot_history(histories: Mapping[str, History], path: str | Path) -> None:
             label = name if np.isnan(slope) else f"{name} (slope ${slope:.2f}$)"
             for axes, column in ((left, "seconds"), (right, "dofs")):
                 axes.plot(history.column(column), 100 * history.column("eps"), f"{marker}-", ms=4, lw=1.2, label=label)
-        _log_axes(left, "run time [s]")
-        _log_axes(right, "degrees of freedom")
-        left.set_ylabel("relative error [%]")
+        left.set(xlabel="run time [s]", ylabel="relative error [%]")
+        right.set_xlabel("degrees of freedom")
         for accuracy in sorted({100 * h.accuracy for h in histories.values()}):
             for axes in (left, right):
                 axes.axhline(accuracy, color="0.35", lw=0.9, ls=":")
             left.text(0.02, accuracy, f"accuracy {accuracy:.3g}%", transform=left.get_yaxis_transform(), va="bottom")
         dofs, eps = (np.concatenate([h.column(c) for h in histories.values()]) for c in ("dofs", "eps"))
-        below = 75 * float(np.min(eps * dofs ** (1 / domain.dim)))
-        if below > 0 and dofs.max() > dofs.min():
-            ends = np.array([dofs.max() ** 0.6 * dofs.min() ** 0.4, dofs.max()])
+        ends = np.array([dofs.max() ** 0.5 * dofs.min() ** 0.5, dofs.max()])
+        below = 75 * float(np.min((eps * dofs ** (1 / domain.dim))[dofs >= ends[0]]))
+        if below > 0 and ends[1] > ends[0]:
             right.plot(ends, below * ends ** (-1 / domain.dim), "k--", lw=0.9, label=f"slope $-1/{domain.dim}$")
         right.legend(loc="best", frameon=False)
+        for axes in (left, right):
+            axes.grid(which="major", color="0.9", lw=0.6)
+            _log_scale(axes.xaxis, *axes.dataLim.intervalx)
+        _log_scale(left.yaxis, *right.dataLim.intervaly)
         figure.savefig(path)
 
     _on_root(domain.mesh.comm, path, draw)
@@ -120,20 +123,24 @@ def draw_meshes(meshes: Sequence[tuple[Domain, np.ndarray]], path: str | Path) -
     bodies = [(_gathered(comm, **_body(domain)), domain.cells) for domain, _ in chosen]
     errors = [float(np.sqrt(comm.allreduce(float(np.sum(cells**2)), MPI.SUM))) for _, cells in chosen]
 
+    def width(cells: int) -> float:
+        return float(np.clip(60 / np.sqrt(cells), 0.6, 2.0))
+
     def draw() -> None:
-        look = {"color": "#dce6f0", "edge_color": "#1f2d3d", "show_edges": True, "line_width": 1.5}
-        images = [_rendered([(_grid(**body), look)], dim) for body, _ in bodies]
+        look = {"color": "#dce6f0", "edge_color": "#1f2d3d", "show_edges": True}
+        images = [_rendered([(_grid(**body), look | {"line_width": width(cells)})], dim) for body, cells in bodies]
         left, right, low, high = images[0][1]
         ratio = (right - left) / (high - low)
         shapes = [(-(-len(images) // columns), columns) for columns in range(1, len(images) + 1)]
-        rows, columns = min(shapes, key=lambda s: abs(np.log(ratio * s[1] / s[0] / 2)))
+        rows, columns = min(shapes, key=lambda s: abs(np.log(ratio * s[1] / s[0] / 2)) + s[0] * s[1] - len(images))
         height = min(5.5, 9.0 / (ratio * columns), 9.0 / rows)
-        figure = _figure(max(ratio * height, 1.2) * columns + 0.6, (height + 0.55) * rows)
+        figure = _figure(max(ratio * height, 1.2) * columns + 0.6, (height + 0.6) * rows + 0.5)
         panels = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True).ravel()
         for panel, (image, extent), (_, cells), eps in zip(panels, images, bodies, errors, strict=False):
-            panel.set_title(f"{cells} cells\neps = {100 * eps:.3g}%", fontsize=10)
+            between = ", " if ratio * height > 2 else "\n"
+            panel.set_title(f"{cells} cells{between}eps = {100 * eps:.3g}%", fontsize=10)
             _show(panel, image, extent, dim)
-            panel.label_outer()
+            panel.label_outer(remove_inner_ticks=True)
         for panel in panels[len(images) :]:
             panel.set_axis_off()
         figure.savefig(path)
@@ -157,7 +164,7 @@ def draw_error(error: ConstitutiveError, path: str | Path) -> None:
 
         top = float(cells["eps"].max()) or 1.0
         low = max(float(np.percentile(cells["eps"], 1)), 1e-4 * top)
-        _map(_grid(**body), cells["eps"], LogNorm(min(low, 0.5 * top), top), "min", "eps_E", domain.dim, path)
+        _map(_grid(**body), cells["eps"], LogNorm(min(low, 0.5 * top), top), "min", "eps_E [-]", domain.dim, path)
 
     _on_root(domain.mesh.comm, path, draw)
 
@@ -176,21 +183,24 @@ def draw_deformed(error: ConstitutiveError, path: str | Path, factor: float | No
     """
     admissible, domain = error.admissible, error.admissible.solution.domain
     body = _gathered(domain.mesh.comm, **_body(domain), u=_nodal(admissible))
-    stress = _gathered(domain.mesh.comm, mises=von_mises(mean_stress(admissible)))
+    volume = admissible.cells.volume[: domain.owned_cells]
+    cells = _gathered(domain.mesh.comm, mises=von_mises(mean_stress(admissible)), volume=volume)
     size = domain.size
 
     def draw() -> None:
         from matplotlib.colors import Normalize  # noqa: PLC0415
 
-        u, mises = body.pop("u"), stress["mises"]
+        u, mises = body.pop("u"), cells["mises"]
         largest = float(np.linalg.norm(u, axis=1).max())
         default = float(f"{0.06 * size / largest:.2g}") if 0 < largest < 0.05 * size else 1.0
         times = default if factor is None else factor
-        before = _grid(**body).extract_feature_edges(feature_angle=30, manifold_edges=False, non_manifold_edges=False)
+        before = _grid(**body).extract_feature_edges(30, non_manifold_edges=False, manifold_edges=False)
         body["points"] = body["points"] + times * u
-        top = float(np.percentile(mises, 99.8)) or 1.0
+        order = np.argsort(mises)
+        share = np.cumsum(cells["volume"][order])
+        top = float(mises[order][np.searchsorted(share, 0.995 * share[-1])]) or 1.0
         title = f"displacement × {times:g}"
-        norm, label = Normalize(0.0, top), "von Mises stress [force/area]"
+        norm, label = Normalize(0.0, top), "von Mises stress\n[force/area]"
         _map(_grid(**body), mises, norm, "max", label, domain.dim, path, title, before)
 
     _on_root(domain.mesh.comm, path, draw)
@@ -200,7 +210,7 @@ def plot_contact(admissible: Admissible, name: str, path: str | Path) -> None:
     """Draw r^ and the state of a contact; collective.
 
     In 2D: pressure, shear along t = (-n_2, n_1) and the cone +-mu |r_n| along the contact, facet by facet, over strips
-    coloured by :func:`contact_status`. In 3D: pressure, size of the shear and status on the facets, seen along n.
+    coloured by :func:`contact_status`. In 3D: pressure, size of the shear and status on the facets, in the tangent plane.
 
     Args:
         admissible: The pair with its tractions.
@@ -313,10 +323,13 @@ def _gathered(comm: MPI.Comm, **arrays: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def _body(domain: Domain) -> dict[str, np.ndarray]:
-    """Owned points (n, 3) and owned cells (m, d+1) by global point numbers."""
+    """Owned points (n, 3) and owned cells (m, d+1) by global point numbers, positively oriented as VTK wants it."""
     geometry = domain.mesh.geometry
     nodes, cells = geometry.index_map(), geometry.dofmaps[0][: domain.owned_cells]
     numbers = nodes.local_to_global(np.ascontiguousarray(cells).ravel()).reshape(cells.shape)
+    x = geometry.x[cells, : domain.dim]
+    turned = np.linalg.det(x[:, 1:] - x[:, :1]) < 0
+    numbers[turned, -2:] = numbers[turned, :-3:-1]
     return {"points": geometry.x[: nodes.size_local].copy(), "cells": numbers}
 
 
@@ -349,3 +362,160 @@ def _figure(width: float, height: float) -> Any:
     figure = Figure(figsize=(width, height), layout="constrained")
     FigureCanvasAgg(figure)
     return figure
+
+
+def _log_scale(axis: Any, low: float, high: float) -> None:
+    """Logarithmic axis between two of 1, 2, 5, 10, ... with plain numbers at the ticks."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter  # noqa: PLC0415
+
+    if not low > 0:
+        return
+    ends = np.outer(10.0 ** np.arange(-12, 13), [1, 2, 5]).ravel()
+    low, high = ends[ends <= low / 1.08].max(), ends[ends >= high * 1.08].min()
+    axis.axes.set(**{f"{axis.axis_name}scale": "log", f"{axis.axis_name}lim": (low, high)})
+    axis.set_major_locator(LogLocator(subs=(1, 2, 5) if high / low < 200 else (1,)))
+    axis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:g}" if v < 99999 else f"{v / 1e3:,.0f}k"))
+    axis.set_minor_formatter(NullFormatter())
+
+
+def _grid(points: np.ndarray, cells: np.ndarray) -> Any:
+    """Lines, triangles or tetrahedra for pyvista."""
+    import pyvista  # noqa: PLC0415
+
+    kind = {2: pyvista.CellType.LINE, 3: pyvista.CellType.TRIANGLE, 4: pyvista.CellType.TETRA}[cells.shape[1]]
+    return pyvista.UnstructuredGrid({kind: cells}, points)
+
+
+def _rendered(parts: Sequence[tuple[Any, dict[str, Any]]], dim: int) -> tuple[np.ndarray, tuple[float, ...]]:
+    """Parallel projection of (data, look) with the size of its long side PIXELS, and its extent [length]."""
+    import pyvista  # noqa: PLC0415
+
+    towards = np.array([[0.0, 0.0, 1.0], [0.55, 0.4, 0.75]][dim - 2])
+    towards /= np.linalg.norm(towards)
+    across = np.cross([0.0, 1.0, 0.0], towards)
+    view = np.array([across / np.linalg.norm(across), np.cross(towards, across / np.linalg.norm(across)), towards])
+    seen = np.concatenate([data.points for data, _ in parts]) @ view.T
+    low, high = seen.min(axis=0), seen.max(axis=0)
+    size = float(np.linalg.norm(high - low))
+    low, high = low - 0.01 * size, high + 0.01 * size
+    pixels = np.maximum(PIXELS * (high - low)[:2] / (high - low)[:2].max(), 16).round().astype(int)
+    with pyvista.vtk_verbosity("off"):
+        plotter = pyvista.Plotter(off_screen=True, window_size=[int(p) for p in pixels])
+        plotter.set_background("white")
+        for data, look in parts:
+            plotter.add_mesh(data, show_scalar_bar=False, lighting=dim == 3, ambient=0.65, diffuse=0.4, **look)
+        middle = (low + high) / 2 @ view
+        plotter.enable_parallel_projection()
+        plotter.camera_position = [tuple(middle + 2 * size * towards), tuple(middle), (0.0, 1.0, 0.0)]
+        plotter.camera.parallel_scale = (high - low)[1] / 2
+        plotter.reset_camera_clipping_range()
+        image = np.asarray(plotter.screenshot(return_img=True))
+        plotter.close()
+    return image, (low[0], high[0], low[1], high[1])
+
+
+def _show(axes: Any, image: np.ndarray, extent: tuple[float, ...], dim: int) -> None:
+    """Put the image of a body in axes, with coordinates in 2D."""
+    axes.imshow(image, extent=extent)
+    axes.spines[:].set_visible(False)
+    if dim == 2:
+        axes.set(xlabel="$x$ [length]", ylabel="$y$ [length]")
+    else:
+        axes.set_axis_off()
+
+
+def _map(
+    grid: Any, values: np.ndarray, norm: Any, extend: str, label: str, dim: int, path: Any, title: str = "",
+    outline: Any = None,
+) -> None:  # fmt: skip
+    """One picture of a body with coloured cells and a colour bar."""
+    from matplotlib import colormaps  # noqa: PLC0415
+    from matplotlib.cm import ScalarMappable  # noqa: PLC0415
+
+    colours = ScalarMappable(norm, colormaps["viridis"])
+    rgb = colours.to_rgba(values, bytes=True)[:, :3]
+    look = {"scalars": rgb, "rgb": True, "preference": "cell", "show_edges": len(values) <= FEW, "line_width": 1.0}
+    parts = [(grid, {**look, "edge_color": "#404040", "edge_opacity": 0.4})]
+    if outline is not None and outline.n_points:
+        parts.append((outline, {"color": "black", "line_width": 4.0}))
+    image, extent = _rendered(parts, dim)
+    ratio = (extent[1] - extent[0]) / (extent[3] - extent[2])
+    height = min(6.0, 6.0 / ratio)
+    figure = _figure(max(ratio * height, 1.5) + 1.9, height + 0.8)
+    axes = figure.subplots()
+    _show(axes, image, extent, dim)
+    axes.set_title(title, fontsize=11)
+    bar = figure.colorbar(colours, ax=axes, extend=extend, shrink=0.8, aspect=30)
+    bar.ax.set_title(label, fontsize=11, loc="left")
+    figure.savefig(path)
+
+
+def _tangents(n: np.ndarray) -> np.ndarray:
+    """d-1 orthonormal tangents, along the coordinate axes that are nearest to the contact, shape (d-1, d)."""
+    axes = np.sort(np.argsort(abs(n), kind="stable")[: len(n) - 1])
+    q, r = np.linalg.qr(np.column_stack([n, np.eye(len(n))[:, axes]]))
+    return (q * np.sign(np.diag(r)))[:, 1:].T
+
+
+def _coordinate(tangent: np.ndarray, number: int) -> str:
+    along = np.flatnonzero(abs(tangent) > 1 - 1e-12)
+    return f"${'xyz'[along[0]]}$ [length]" if len(along) else f"coordinate {number} along the contact [length]"
+
+
+def _draw_contact_2d(traction: ContactTraction, x: np.ndarray, path: Any) -> None:
+    from matplotlib.patches import Patch  # noqa: PLC0415
+
+    n = traction.contact.direction
+    tangent = _tangents(n)[0]
+    s = x[..., :2] @ tangent
+    order = np.argsort(s, axis=1)
+    facets = np.argsort(s.min(axis=1))
+
+    def along(values: np.ndarray) -> np.ndarray:
+        """Values at the corners in the order of the contact, with a break after each facet."""
+        values = np.take_along_axis(values, order, axis=1)[facets]
+        return np.pad(values, ((0, 0), (0, 1)), constant_values=np.nan).ravel()
+
+    pressure, shear = -traction.normal, traction.tangential @ np.array([-n[1], n[0]])
+    along_t = "({:g}, {:g})".format(*(np.round([-n[1], n[0]], 3) + 0.0))
+    figure = _figure(7.2, 4.0)
+    axes = figure.subplots()
+    status = contact_status(traction)
+    for code, colour in enumerate(COLOURS):
+        strips = np.column_stack([s.min(axis=1), np.ptp(s, axis=1)])[status == code]
+        look = {"facecolors": colour, "lw": 0, "antialiased": False, "zorder": 0}
+        axes.broken_barh(strips, (0, 1), transform=axes.get_xaxis_transform(), **look)
+    cone = along(traction.friction * pressure)
+    axes.fill_between(along(s), -cone, cone, fc="#5b84b1", ec="none", alpha=0.35, label=r"cone $\pm\mu\,|r_n|$")
+    axes.plot(along(s), along(pressure), color="#1f3b73", lw=1.6, label="pressure $-r_n$")
+    axes.plot(along(s), along(shear), color="#b22222", lw=1.6, label=f"shear $r_t$ along {along_t}")
+    axes.axhline(0.0, color="0.4", lw=0.6)
+    axes.set(xlabel=_coordinate(tangent, 1), ylabel="traction [force/area]", xlim=(s.min(), s.max()))
+    handles, labels = axes.get_legend_handles_labels()
+    for code in np.unique(status):
+        handles, labels = [*handles, Patch(fc=COLOURS[code], ec="0.6")], [*labels, STATUS[code]]
+    figure.legend(handles, labels, loc="outside upper center", ncols=len(labels), frameon=False, columnspacing=1.2)
+    figure.savefig(path)
+
+
+def _draw_contact_3d(traction: ContactTraction, x: np.ndarray, path: Any) -> None:
+    from matplotlib.colors import BoundaryNorm, ListedColormap  # noqa: PLC0415
+
+    tangents = _tangents(traction.contact.direction)
+    s, t = tangents @ x.reshape(-1, 3).T
+    triangles = np.arange(len(s)).reshape(-1, 3)
+    figure = _figure(10.0, max(2.6, 1.2 + 3.0 * float(np.ptp(t) / np.ptp(s))))
+    panels = figure.subplots(1, 3, sharex=True, sharey=True)
+    fields = {"pressure $-r_n$": -traction.normal, "shear $|r_t|$": np.linalg.norm(traction.tangential, axis=-1)}
+    for panel, (title, values) in zip(panels, fields.items(), strict=False):
+        drawn = panel.tripcolor(s, t, triangles, values.ravel(), shading="gouraud")
+        figure.colorbar(drawn, ax=panel, label=f"{title} [force/area]", location="bottom", shrink=0.9)
+    status = contact_status(traction).astype(float)
+    look = {"cmap": ListedColormap(COLOURS), "norm": BoundaryNorm([-0.5, 0.5, 1.5, 2.5], 3), "edgecolors": "0.6"}
+    drawn = panels[2].tripcolor(s, t, triangles, facecolors=status, lw=0.2, **look)
+    bar = figure.colorbar(drawn, ax=panels[2], location="bottom", shrink=0.9, ticks=[OPEN, SLIP, STICK], label="status")
+    bar.ax.set_xticklabels(STATUS)
+    for panel in panels:
+        panel.set(aspect="equal", xlabel=_coordinate(tangents[0], 1))
+    panels[0].set_ylabel(_coordinate(tangents[1], 2))
+    figure.savefig(path)

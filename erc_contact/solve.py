@@ -34,11 +34,12 @@ TOLERANCE = 1e-10
 """Newton stops when the residual is below this fraction of the internal forces [-]."""
 STEPS = 40
 """Limit of Newton steps of one attempt."""
-LAG = 3
-"""The tangent is factorised anew every so many Newton steps; between, the old factor preconditions GMRES.
+LAG, LARGE = 3, 50_000
+"""From LARGE degrees of freedom on, the tangent is factorised anew every LAG Newton steps only; between, the old factor
+preconditions GMRES.
 
 Far from the solution a step need not be exact (Eisenstat, Walker): the common block at 115 842 degrees of freedom takes
-11 steps either way, in 0.7 of the time of 11 factorisations.
+11 steps either way, in 0.7 of the time of 11 factorisations. Small problems gain nothing and end at round-off.
 """
 FRICTION_STEPS = (0.0, 0.3, 0.6, 0.8, 1.0)
 """Shares of the friction coefficient when friction is raised in steps."""
@@ -279,12 +280,12 @@ class _Newton:
         self.vector.destroy()
 
 
-def _set_from_options(snes: PETSc.SNES) -> None:
+def _set_from_options(snes: PETSc.SNES, lag: int) -> None:
     """Let the user's PETSc options win; the lag has no setter, so ours passes through the database and leaves it."""
     options, key = PETSc.Options(PREFIX), "snes_lag_preconditioner"
     ours = not options.hasName(key)
     if ours:
-        options[key] = LAG
+        options[key] = lag
     snes.setFromOptions()
     if ours:
         options.delValue(key)
@@ -341,7 +342,7 @@ def _newton(model: Model, method: Nitsche, u: fem.Function, start: Solution | No
                 problem.glue(ksp)
             problem.rescale()
             snes.getLineSearch().setType(rung.line_search)
-            _set_from_options(snes)
+            _set_from_options(snes, LAG if problem.vector.getSize() > LARGE else 1)
             for share in rung.friction_shares:
                 model.friction_share.value = share
                 x = problem.vector.duplicate()

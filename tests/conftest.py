@@ -1,0 +1,121 @@
+"""Tests run in serial and under mpiexec: what both need.
+
+Under mpiexec every rank runs every test. Rank 0 reports; the other ranks are silent unless a test fails there, and
+then say so on stderr and end with an exit code of their own, so that mpiexec fails. Tests marked ``serial`` are
+left out.
+"""
+
+import os
+import shutil
+import sys
+import tempfile
+from pathlib import Path
+
+os.environ["MPLBACKEND"] = "Agg"
+
+import erc_contact as ec  # noqa: I001 - the package orders MPI before the compiled modules; it comes first
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+COMM = MPI.COMM_WORLD
+
+
+class RankReporter:
+    """The voice of ranks > 0: failures only."""
+
+    def pytest_runtest_logreport(self, report):
+        """Tell that a test, or the collection of a file, failed on this rank."""
+        if report.failed:
+            when = getattr(report, "when", "collect")
+            sys.stderr.write(f"\n[rank {COMM.rank}] {report.nodeid} failed in {when}:\n{report.longreprtext}\n")
+            sys.stderr.flush()
+
+    def pytest_collectreport(self, report):
+        """Tell that a file cannot be collected on this rank."""
+        self.pytest_runtest_logreport(report)
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_configure(config):
+    if COMM.rank > 0:
+        reporter = config.pluginmanager.getplugin("terminalreporter")
+        reporter._tw._file = Path(os.devnull).open("w")  # noqa: SIM115 - open as long as the process
+        config.pluginmanager.register(RankReporter(), "rank_reporter")
+
+
+def pytest_collection_modifyitems(config, items):
+    if COMM.size > 1:
+        alone = [item for item in items if item.get_closest_marker("serial")]
+        items[:] = [item for item in items if item not in alone]
+        config.hook.pytest_deselected(items=alone)
+
+
+@pytest.fixture
+def shared_tmp_path():
+    """A new folder that all ranks see, removed afterwards."""
+    path = COMM.bcast(tempfile.mkdtemp(prefix="erc_contact_") if COMM.rank == 0 else None)
+    yield Path(path)
+    COMM.barrier()
+    if COMM.rank == 0:
+        shutil.rmtree(path)
+
+
+@pytest.fixture
+def gmsh_session():
+    """The gmsh module with a session and an empty model of the user's on rank 0; None on the other ranks."""
+    if COMM.rank > 0:
+        yield None
+        return
+    import gmsh
+
+    gmsh.initialize(interruptible=False)
+    gmsh.option.setNumber("General.Terminal", 0)
+    gmsh.model.add("user")
+    yield gmsh
+    if gmsh.isInitialized():
+        gmsh.finalize()
+
+
+class Measures:
+    """Lengths, areas and volumes of the parts of a domain, from vertex coordinates alone (no form)."""
+
+    @staticmethod
+    def simplices(x):
+        """Volumes of simplices with vertices x of shape (n, k+1, gdim)."""
+        edges = x[:, 1:] - x[:, :1]
+        k = edges.shape[1]
+        factorial = (1, 1, 2, 6)[k]
+        return np.sqrt(np.linalg.det(edges @ edges.transpose(0, 2, 1))) / factorial
+
+    @staticmethod
+    def vertices(domain):
+        """Vertex coordinates of each local cell, shape (cells, d+1, d)."""
+        return domain.mesh.geometry.x[domain.mesh.geometry.dofmaps[0], : domain.dim]
+
+    def part(self, domain, name):
+        """Measure of a boundary part over all ranks."""
+        d = domain.dim
+        facets = domain.facets(name)
+        facets = facets[facets[:, 0] < domain.owned_cells]
+        opposite = np.array([[j for j in range(d + 1) if j != i] for i in range(d + 1)])
+        x = np.take_along_axis(self.vertices(domain)[facets[:, 0]], opposite[facets[:, 1]][..., None], axis=1)
+        return domain.mesh.comm.allreduce(self.simplices(x).sum())
+
+    def region(self, domain, name=None):
+        """Measure of a cell region, or of the whole body, over all ranks."""
+        cells = np.arange(domain.owned_cells) if name is None else domain.region(name)
+        cells = cells[cells < domain.owned_cells]
+        return domain.mesh.comm.allreduce(self.simplices(self.vertices(domain)[cells]).sum())
+
+
+@pytest.fixture(scope="session")
+def measures():
+    return Measures()
+
+
+@pytest.fixture(scope="session")
+def block():
+    """The unit square on 2 x 4 x 4 triangles, on all ranks."""
+    return ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(4, 4))

@@ -1,0 +1,111 @@
+"""Scenes that several tests share, and what is measured of their results."""
+
+from __future__ import annotations
+
+import numpy as np
+from mpi4py import MPI
+
+import erc_contact as ec
+from erc_contact.admissible.contact import ContactTraction
+
+
+def prototype_block() -> ec.Scene:
+    """Pressed and sheared block, (0, 2) x (0, 7)."""
+    return ec.Scene(
+        material=ec.Elastic(E=1.0, nu=0.3),
+        supports=[ec.Displacement("top", (0.02, -0.05))],
+        contacts=[ec.Contact("bottom", friction=0.3)],
+    )
+
+
+def common_block() -> ec.Scene:
+    """The block that several contact codes agree on, (0, 2) x (0, 7)."""
+    return ec.Scene(
+        material=ec.Elastic(E=1.0, nu=0.3),
+        supports=[ec.Displacement("top", (0.1, -0.05))],
+        loads=[ec.Traction("right", (-0.0002, 0.0))],
+        contacts=[ec.Contact("bottom", friction=0.3)],
+    )
+
+
+def block(n: int, comm: MPI.Comm = MPI.COMM_WORLD) -> ec.Domain:
+    """The 2 x 7 block with n squares across."""
+    return ec.rectangle((0.0, 0.0), (2.0, 7.0), cells=(n, 7 * n // 2), comm=comm)
+
+
+def greco() -> ec.Scene:
+    """Compressed and pushed block (GRECO): N, mm; half model, (0, 40) x (0, 40)."""
+    return ec.Scene(
+        material=ec.Elastic(E=130e3, nu=0.2),
+        supports=[ec.Displacement("right", (0.0, None))],
+        loads=[ec.Traction("top", pressure=50.0), ec.Traction("left", pressure=150.0)],
+        contacts=[ec.Contact("bottom", friction=1.0)],
+    )
+
+
+def patch_test(friction: float, nu: float, E: float = 1.7) -> tuple[ec.Scene, np.ndarray]:
+    """Friction patch test: u = (c + b y, e y) slips everywhere on y = 0; returns the scene and (b, c, e)."""
+    lam, G = E * nu / ((1 + nu) * (1 - 2 * nu)), E / (2 * (1 + nu))
+    c, e = 0.03, -0.01
+    b = -friction * (lam + 2 * G) * e / G
+    sigma = np.array([[lam * e, G * b], [G * b, (lam + 2 * G) * e]])
+    scene = ec.Scene(
+        material=ec.Elastic(E, nu),
+        supports=[ec.Displacement("top", (lambda x: c + b * x[1], lambda x: e * x[1]))],
+        loads=[ec.Traction("left", tuple(-sigma[:, 0])), ec.Traction("right", tuple(sigma[:, 0]))],
+        contacts=[ec.Contact("bottom", friction=friction)],
+    )
+    return scene, np.array([b, c, e])
+
+
+def resultant(traction: ContactTraction) -> np.ndarray:
+    """Integral of r^ over the contact, all ranks [force]."""
+    domain_cells = traction.contact.facets[:, 0]
+    mesh = traction.contact.ds.ufl_domain().ufl_cargo()
+    owned = domain_cells < mesh.topology.index_map(mesh.topology.dim).size_local
+    local = (traction.area[owned, None] * traction.values[owned].mean(axis=1)).sum(axis=0)
+    return mesh.comm.allreduce(local, MPI.SUM)
+
+
+def random_scene(seed: int, comm: MPI.Comm = MPI.COMM_WORLD) -> tuple[ec.Scene, ec.Domain]:
+    """A random scene in 2D (even seeds) or 3D: rollers, two materials, body force, pressure, friction, gap."""
+    rng = np.random.default_rng(seed)
+    d = 2 + seed % 2
+    extent = rng.uniform(0.8, 1.5, d)
+    domain = two_materials(extent, float(rng.uniform(0.25, 0.35)), comm)
+    bottom, top, side = ("bottom", "top", "right") if d == 2 else ("front", "back", "right")
+    last = d - 1
+    slope = rng.uniform(-0.02, 0.02, d)
+    push = [float(v) for v in rng.uniform(-0.03, 0.03, d)]
+    push[last] = -float(rng.uniform(0.02, 0.06))
+    friction = [0.0, 0.3, 1.0, lambda x: 0.2 + 0.5 * x[0]][seed // 2 % 4]
+    gap = [0.0, lambda x: 0.02 * (x[0] - 0.5) ** 2, 0.004, lambda x: 0.01 * x[0] ** 2][(seed + seed // 4) % 4]
+    roller = tuple(0.0 if i == 0 else None for i in range(d))
+    supports = [ec.Displacement("left", roller)] if seed % 3 == 0 else []
+    if supports:
+        push[0] = 0.0
+    loads = [
+        ec.Traction(side, pressure=lambda x: 0.01 * (1 + x[last])),
+        ec.BodyForce(tuple(lambda x, k=k: float(slope[k]) * (1 + x[0] * x[last]) for k in range(d))),
+    ]
+    scene = ec.Scene(
+        material=ec.Elastic(E={"lower": 1.0, "upper": float(rng.uniform(2, 20))}, nu={"lower": 0.3, "upper": 0.1}),
+        supports=[*supports, ec.Displacement(top, tuple(push))],
+        loads=loads,
+        contacts=[ec.Contact(bottom, friction=friction, gap=gap)],
+    )
+    return scene, domain
+
+
+def two_materials(extent: np.ndarray, size: float, comm: MPI.Comm) -> ec.Domain:
+    """A brick whose lower and upper halves are two regions, meshed by gmsh."""
+    from dolfinx import mesh as dmesh
+
+    d = len(extent)
+    plain = (ec.rectangle if d == 2 else ec.box)((0.0,) * d, tuple(extent), size=size, comm=comm)
+    mesh = plain.mesh
+    cells = mesh.topology.index_map(d)
+    every = np.arange(cells.size_local + cells.num_ghosts, dtype=np.int32)
+    upper = dmesh.compute_midpoints(mesh, d, every)[:, d - 1] > extent[d - 1] / 2
+    tags = dmesh.meshtags(mesh, d, every, np.where(upper, 2, 1).astype(np.int32))
+    return ec.Domain(mesh, plain.facet_tags, plain.names, tags, {"lower": 1, "upper": 2})

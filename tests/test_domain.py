@@ -1,0 +1,510 @@
+"""Domains: names, exact measures, files, refinement, distribution.
+
+Properties, each a number against a scale: the measure of every named part and region is exact to round-off, from
+whatever source and through refinement; refined meshes are conforming (every facet without a neighbour has a name);
+every rank holds all cells around the vertices of its own cells; the load is balanced; the refined mesh does not depend
+on the number of ranks; a gmsh session of the user's survives, ours is closed.
+"""
+
+import numpy as np
+import pytest
+import ufl
+from dolfinx import fem
+from dolfinx import mesh as dmesh
+from mpi4py import MPI
+
+import erc_contact as ec
+from erc_contact.partition import patches_complete
+
+COMM = MPI.COMM_WORLD
+EXACT = 1e-12
+"""Round-off, relative to the measure."""
+
+RECTANGLE = ((0.5, -1.0), (2.5, 6.0))
+RECTANGLE_SIDES = {"left": 7.0, "right": 7.0, "bottom": 2.0, "top": 2.0}
+BOX = ((0.0, -1.0, 0.5), (1.0, 1.0, 3.5))
+BOX_SIDES = {"left": 6.0, "right": 6.0, "bottom": 3.0, "top": 3.0, "front": 2.0, "back": 2.0}
+BRICKS = {
+    "rectangle, size": (lambda **k: ec.rectangle(*RECTANGLE, size=0.8, **k), RECTANGLE_SIDES, 14.0),
+    "rectangle, cells": (lambda **k: ec.rectangle(*RECTANGLE, cells=(3, 10), **k), RECTANGLE_SIDES, 14.0),
+    "box, size": (lambda **k: ec.box(*BOX, size=0.8, **k), BOX_SIDES, 6.0),
+    "box, cells": (lambda **k: ec.box(*BOX, cells=(2, 3, 4), **k), BOX_SIDES, 6.0),
+}
+bricks = pytest.mark.parametrize("brick", BRICKS)
+
+
+def close(value, exact):
+    return value == pytest.approx(exact, rel=EXACT, abs=0)
+
+
+def midpoints(domain):
+    """Midpoints of this rank's cells, shape (cells, d)."""
+    mesh = domain.mesh
+    x = dmesh.compute_midpoints(mesh, domain.dim, np.arange(domain.owned_cells, dtype=np.int32))
+    return x[:, : domain.dim]
+
+
+def near(domain, point, radius):
+    """This rank's cells near a point."""
+    return np.flatnonzero(np.linalg.norm(midpoints(domain) - point, axis=1) < radius)
+
+
+def assert_closed(domain):
+    """Every facet without a neighbour has exactly one name: no hanging node, no hole, no part lost."""
+    topology = domain.mesh.topology
+    outer = np.sort(dmesh.exterior_facet_indices(topology))
+    owned = topology.index_map(domain.dim - 1).size_local
+    named = np.concatenate([domain.facet_tags.find(tag) for tag in domain.names.values()])
+    assert np.array_equal(np.sort(named[named < owned]), outer)
+
+
+def assert_distributed_well(domain):
+    """All cells around the vertices of own cells are here, counted independently; no rank has too many cells."""
+    topology = domain.mesh.topology
+    topology.create_connectivity(domain.dim, 0)
+    local = topology.connectivity(domain.dim, 0).array.reshape(-1, domain.dim + 1)
+    vertices = topology.index_map(0).local_to_global(local.ravel()).reshape(local.shape)
+    owned = vertices[: domain.owned_cells]
+    everywhere = np.bincount(np.concatenate(COMM.allgather(owned.ravel())), minlength=domain.vertices)
+    here = np.bincount(vertices.ravel(), minlength=domain.vertices)
+    assert np.array_equal(here[owned], everywhere[owned])
+    assert patches_complete(domain.mesh)
+    assert COMM.allreduce(domain.owned_cells, MPI.MAX) <= 1.3 * domain.cells / COMM.size + 50
+
+
+# -- sources -------------------------------------------------------------------------------------------------
+
+
+@bricks
+def test_rectangle_and_box_have_exact_named_sides(brick, measures):
+    make, sides, volume = BRICKS[brick]
+    domain = make()
+    assert set(domain.names) == set(sides)
+    for name, area in sides.items():
+        assert close(measures.part(domain, name), area)
+    assert close(measures.region(domain), volume)
+    corners = np.array(RECTANGLE if domain.dim == 2 else BOX)
+    assert close(domain.size, np.linalg.norm(corners[1] - corners[0]))
+    assert_closed(domain)
+    assert_distributed_well(domain)
+
+
+@bricks
+def test_forms_integrate_over_the_same_parts(brick):
+    make, sides, _ = BRICKS[brick]
+    domain = make()
+    ds = ufl.Measure("ds", domain=domain.mesh, subdomain_data=domain.facet_tags)
+    one = fem.Constant(domain.mesh, 1.0)
+    for name, area in sides.items():
+        assert close(COMM.allreduce(fem.assemble_scalar(fem.form(one * ds(domain.tag(name))))), area)
+
+
+def test_size_is_the_size_of_cells():
+    coarse, fine = ec.rectangle(*RECTANGLE, size=1.0), ec.rectangle(*RECTANGLE, size=0.25)
+    assert fine.cells / coarse.cells == pytest.approx(16, rel=0.5)
+    assert coarse.cells == pytest.approx(14.0 / (0.43 * 1.0**2), rel=0.5)
+
+
+def plate(gmsh):
+    """A plate (0, 2) x (0, 1) with a circular hole; regions body and strip (x > 1.4), and their interface."""
+    occ, model = gmsh.model.occ, gmsh.model
+    whole, hole = occ.addRectangle(0, 0, 0, 2, 1), occ.addDisk(0.6, 0.5, 0, 0.25, 0.25)
+    cut, _ = occ.cut([(2, whole)], [(2, hole)])
+    surfaces, _ = occ.fragment(cut, [(2, occ.addRectangle(1.4, 0, 0, 0.6, 1))])
+    occ.synchronize()
+    outer = {tag for _, tag in model.getBoundary(surfaces, oriented=False)}
+    where = {"left": (0, 0.0), "right": (0, 2.0), "bottom": (1, 0.0), "top": (1, 1.0)}
+    groups = {name: [] for name in (*where, "hole", "interface")}
+    for _, tag in model.getEntities(1):
+        centre = occ.getCenterOfMass(1, tag)
+        at = next((name for name, (axis, value) in where.items() if abs(centre[axis] - value) < 1e-9), "hole")
+        groups[at if tag in outer else "interface"].append(tag)
+    for name, tags in groups.items():
+        model.addPhysicalGroup(1, tags, name=name)
+    for _, tag in surfaces:
+        model.addPhysicalGroup(2, [tag], name="strip" if occ.getCenterOfMass(2, tag)[0] > 1.4 else "body")
+    gmsh.option.setNumber("Mesh.MeshSizeMax", 0.25)
+
+
+PLATE_SIDES = {"left": 1.0, "right": 1.0, "bottom": 2.0, "top": 2.0}
+
+
+def polygon(gmsh):
+    """Perimeter and area of the polygon that the mesh makes of the hole, on all ranks."""
+    if gmsh is None:
+        return COMM.bcast(None)
+    model = gmsh.model
+    group = next(tag for _, tag in model.getPhysicalGroups(1) if model.getPhysicalName(1, tag) == "hole")
+    x = model.mesh.getNodesForPhysicalGroup(1, group)[1].reshape(-1, 3)[:, :2] - (0.6, 0.5)
+    x = x[np.argsort(np.arctan2(x[:, 1], x[:, 0]))]
+    after = np.roll(x, -1, axis=0)
+    perimeter = np.linalg.norm(after - x, axis=1).sum()
+    area = 0.5 * abs(np.sum(x[:, 0] * after[:, 1] - x[:, 1] * after[:, 0]))
+    return COMM.bcast((float(perimeter), float(area)))
+
+
+def assert_plate(domain, hole, measures, named=True):
+    perimeter, area = hole
+    assert set(domain.names) == {*PLATE_SIDES, "hole", "interface"}
+    assert set(domain.regions) == {"body", "strip"}
+    for name, length in PLATE_SIDES.items():
+        assert close(measures.part(domain, name), length)
+    assert close(measures.part(domain, "hole"), perimeter)
+    assert close(measures.region(domain, "strip"), 0.6)
+    assert close(measures.region(domain, "body"), 1.4 - area)
+    assert close(measures.region(domain), 2.0 - area)
+
+
+def test_gmsh_model_with_a_hole_and_two_regions(gmsh_session, measures):
+    if gmsh_session:
+        plate(gmsh_session)
+    domain = ec.from_gmsh(gmsh_session.model if gmsh_session else None)
+    hole = polygon(gmsh_session)
+    assert hole[0] == pytest.approx(2 * np.pi * 0.25, rel=0.1)
+    assert_plate(domain, hole, measures)
+    for step in range(5):
+        domain = domain.refined(near(domain, (0.85, 0.5), 0.3 / 1.5**step))
+        assert_plate(domain, hole, measures)
+        assert_distributed_well(domain)
+    assert domain.cells < 5000
+
+
+def test_gmsh_model_on_another_rank(measures):
+    import gmsh
+
+    holder = COMM.size - 1
+    if COMM.rank == holder:
+        gmsh.initialize(interruptible=False)
+        gmsh.option.setNumber("General.Terminal", 0)
+        gmsh.model.add("user")
+        plate(gmsh)
+    domain = ec.from_gmsh(gmsh.model if COMM.rank == holder else None, rank=holder)
+    if COMM.rank == holder:
+        gmsh.finalize()
+    assert close(measures.region(domain, "strip"), 0.6)
+
+
+def test_gmsh_model_without_regions_is_one_region(gmsh_session, measures):
+    if gmsh_session:
+        gmsh_session.model.occ.addBox(0, 0, 0, 1, 2, 3)
+        gmsh_session.model.occ.synchronize()
+        gmsh_session.model.addPhysicalGroup(2, [1], name="left")
+        gmsh_session.option.setNumber("Mesh.MeshSizeMin", 1.0)
+    domain = ec.from_gmsh(gmsh_session.model if gmsh_session else None)
+    assert list(domain.regions) == ["body"]
+    assert close(measures.region(domain, "body"), 6.0)
+    assert close(measures.part(domain, "left"), 6.0)
+
+
+def test_cells_and_facets_may_share_a_name_and_need_none(gmsh_session, measures):
+    if gmsh_session:
+        model = gmsh_session.model
+        model.occ.addRectangle(0, 0, 0, 2, 1)
+        model.occ.synchronize()
+        model.addPhysicalGroup(2, [1], name="steel")
+        model.addPhysicalGroup(1, [1], name="steel")
+        model.addPhysicalGroup(1, [2], tag=17)
+    domain = ec.from_gmsh(gmsh_session.model if gmsh_session else None)
+    assert close(measures.region(domain, "steel"), 2.0)
+    assert close(measures.part(domain, "steel"), 2.0)
+    assert close(measures.part(domain, "17"), 1.0)
+
+
+# -- files ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("version", [2.2, 4.1])
+@pytest.mark.parametrize("binary", [0, 1])
+def test_msh_file(version, binary, gmsh_session, shared_tmp_path, measures):
+    path = shared_tmp_path / "plate.msh"
+    if gmsh_session:
+        plate(gmsh_session)
+        gmsh_session.model.mesh.generate(2)
+        gmsh_session.option.setNumber("Mesh.MshFileVersion", version)
+        gmsh_session.option.setNumber("Mesh.Binary", binary)
+        gmsh_session.write(str(path))
+    hole = polygon(gmsh_session)
+    if gmsh_session:
+        gmsh_session.finalize()
+    COMM.barrier()
+    assert_plate(ec.read_mesh(path), hole, measures)
+    assert_plate(ec.read_mesh(str(path)), hole, measures)
+
+
+@pytest.mark.parametrize("version", [2.2, 4.1])
+def test_msh_file_in_space(version, gmsh_session, shared_tmp_path, measures):
+    path = shared_tmp_path / "box.msh"
+    if gmsh_session:
+        model = gmsh_session.model
+        model.occ.addBox(0, 0, 0, 1, 2, 3)
+        model.occ.synchronize()
+        model.addPhysicalGroup(3, [1], name="body")
+        model.addPhysicalGroup(2, [1], name="left")
+        model.addPhysicalGroup(2, [2, 3, 4, 5, 6], name="rest")
+        gmsh_session.option.setNumber("Mesh.MeshSizeMin", 1.0)
+        model.mesh.generate(3)
+        gmsh_session.option.setNumber("Mesh.MshFileVersion", version)
+        gmsh_session.write(str(path))
+    COMM.barrier()
+    domain = ec.read_mesh(path)
+    assert close(measures.part(domain, "left"), 6.0)
+    assert close(measures.part(domain, "rest"), 16.0)
+    assert close(measures.region(domain, "body"), 6.0)
+    assert_closed(domain)
+
+
+def test_msh_file_with_gaps_in_the_numbers_of_nodes(shared_tmp_path, measures):
+    path = shared_tmp_path / "gaps.msh"
+    if COMM.rank == 0:
+        path.write_text(
+            '$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$PhysicalNames\n1\n1 1 "bottom"\n$EndPhysicalNames\n'
+            "$Nodes\n5\n10 0 0 0\n20 2 0 0\n30 2 1 0\n40 0 1 0\n50 9 9 0\n$EndNodes\n"
+            "$Elements\n3\n1 1 2 1 1 10 20\n2 2 2 3 1 10 20 30\n3 2 2 3 1 10 30 40\n$EndElements\n"
+        )
+    COMM.barrier()
+    domain = ec.read_mesh(path)
+    assert close(measures.part(domain, "bottom"), 2.0)
+    assert close(measures.region(domain, "3"), 2.0)
+    assert (domain.cells, domain.vertices) == (2, 4)
+
+
+def test_geo_file(shared_tmp_path, measures):
+    path = shared_tmp_path / "triangle.geo"
+    if COMM.rank == 0:
+        path.write_text(
+            "Point(1) = {0, 0, 0, 0.4}; Point(2) = {3, 0, 0, 0.4}; Point(3) = {0, 4, 0, 0.4};\n"
+            "Line(1) = {1, 2}; Line(2) = {2, 3}; Line(3) = {3, 1};\n"
+            'Curve Loop(1) = {1, 2, 3}; Plane Surface(1) = {1};\nPhysical Curve("slope") = {2};\n'
+            'Physical Curve("foot") = {1};\n'
+        )
+    COMM.barrier()
+    domain = ec.read_mesh(path)
+    assert close(measures.part(domain, "slope"), 5.0)
+    assert close(measures.part(domain, "foot"), 3.0)
+    assert close(measures.region(domain), 6.0)
+
+
+def tagged_block(gmsh, dim):
+    """A rectangle 2 x 1 or a box 2 x 1 x 1 with named sides, meshed; the names of gmsh's groups by measure."""
+    occ, model = gmsh.model.occ, gmsh.model
+    _ = occ.addRectangle(0, 0, 0, 2, 1) if dim == 2 else occ.addBox(0, 0, 0, 2, 1, 1)
+    occ.synchronize()
+    model.addPhysicalGroup(dim, [1], tag=9, name="body")
+    for _, tag in model.getEntities(dim - 1):
+        centre = occ.getCenterOfMass(dim - 1, tag)
+        model.addPhysicalGroup(dim - 1, [tag], tag=tag, name=f"low{tag}" if centre[0] < 1e-9 else f"other{tag}")
+    gmsh.option.setNumber("Mesh.MeshSizeMin", 0.5)
+    gmsh.option.setNumber("Mesh.SaveAll", 0)
+    model.mesh.generate(dim)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("suffix", [".vtu", ".vtk", ".inp", ".mesh", ".su2"])
+def test_other_formats(suffix, dim, gmsh_session, shared_tmp_path, measures):
+    path = shared_tmp_path / f"block{suffix}"
+    if gmsh_session:
+        tagged_block(gmsh_session, dim)
+        if suffix in (".vtu", ".vtk"):  # by meshio, from the .msh file
+            import meshio
+
+            gmsh_session.write(str(shared_tmp_path / "block.msh"))
+            read = meshio.read(shared_tmp_path / "block.msh")
+            meshio.Mesh(read.points, read.cells, cell_data={"part": read.cell_data["gmsh:physical"]}).write(path)
+        else:
+            gmsh_session.write(str(path))
+    COMM.barrier()
+    domain = ec.read_mesh(path)
+    assert close(measures.region(domain), 2.0)
+    lengths = sorted(measures.part(domain, name) for name in domain.names)
+    assert lengths == pytest.approx([1.0, 1.0, 2.0, 2.0] if dim == 2 else [1.0, 1.0, 2.0, 2.0, 2.0, 2.0], rel=1e-6)
+    assert_closed(domain)
+    if suffix != ".inp":  # numbers become names
+        assert set(domain.names) == {str(number) for number in range(1, 2 * dim + 1)}
+    if suffix in (".vtu", ".vtk"):
+        assert set(domain.regions) == {"9"}
+
+
+# -- meshes of the user's ------------------------------------------------------------------------------------
+
+
+def own_mesh(mesh):
+    """Tags of the left and right sides and of two halves of a unit square or cube."""
+    tdim = mesh.topology.dim
+    found = [dmesh.locate_entities_boundary(mesh, tdim - 1, lambda x, v=v: abs(x[0] - v) < 1e-9) for v in (0.0, 1.0)]
+    values = np.repeat([3, 7], [len(f) for f in found]).astype(np.int32)
+    order = np.argsort(np.concatenate(found))
+    facet_tags = dmesh.meshtags(mesh, tdim - 1, np.concatenate(found)[order], values[order])
+    index_map = mesh.topology.index_map(tdim)
+    cells = np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)
+    upper = dmesh.compute_midpoints(mesh, tdim, cells)[:, 1] > 0.5
+    return facet_tags, dmesh.meshtags(mesh, tdim, cells, np.where(upper, 2, 1).astype(np.int32))
+
+
+@pytest.mark.parametrize("ghosts", [dmesh.GhostMode.none, dmesh.GhostMode.shared_facet])
+@pytest.mark.parametrize("dim", [2, 3])
+def test_mesh_of_the_user(dim, ghosts, measures):
+    if dim == 2:
+        mesh = dmesh.create_unit_square(COMM, 8, 8, ghost_mode=ghosts)
+    else:
+        mesh = dmesh.create_unit_cube(COMM, 4, 4, 4, ghost_mode=ghosts)
+    facet_tags, cell_tags = own_mesh(mesh)
+    domain = ec.Domain(mesh, facet_tags, {"left": 3, "right": 7}, cell_tags, {"lower": 1, "upper": 2})
+    for _ in range(2):
+        assert close(measures.part(domain, "left"), 1.0)
+        assert close(measures.part(domain, "right"), 1.0)
+        assert close(measures.region(domain, "lower"), 0.5)
+        assert close(measures.region(domain, "upper"), 0.5)
+        assert_distributed_well(domain)
+        domain = domain.refined(near(domain, np.full(dim, 0.5), 0.3))
+    assert COMM.size > 1 or ec.Domain(mesh, facet_tags, {"left": 3}).mesh is mesh
+
+
+def test_parts_inside_the_body_are_kept_but_carry_no_condition(gmsh_session):
+    if gmsh_session:
+        plate(gmsh_session)
+    domain = ec.from_gmsh(gmsh_session.model if gmsh_session else None)
+    with pytest.raises(ec.InputError, match="'interface' has facets inside the body"):
+        domain.facets("interface")
+    with pytest.raises(ec.InputError, match="inside the body"):
+        domain.refined().tag("interface")
+
+
+# -- refinement ----------------------------------------------------------------------------------------------
+
+
+@bricks
+def test_five_local_refinements(brick, measures):
+    make, sides, volume = BRICKS[brick]
+    domain = make()
+    corner = np.array((RECTANGLE if domain.dim == 2 else BOX)[1])
+    for step in range(5):
+        coarse = domain.cells
+        domain = domain.refined(near(domain, corner, 1.5 / 2**step))
+        assert domain.cells > coarse
+        assert dict(domain.names).keys() == sides.keys()
+        for name, area in sides.items():
+            assert close(measures.part(domain, name), area)
+        assert close(measures.region(domain), volume)
+        assert_closed(domain)
+        assert_distributed_well(domain)
+    assert domain.cells < 5000
+
+
+@bricks
+def test_uniform_refinement_cuts_every_cell_in_2_to_the_d(brick, measures):
+    make, sides, volume = BRICKS[brick]
+    domain = make()
+    fine = domain.refined()
+    assert fine.cells == 2**domain.dim * domain.cells
+    assert close(measures.region(fine), volume)
+    for name, area in sides.items():
+        assert close(measures.part(fine, name), area)
+    assert_distributed_well(fine)
+
+
+def test_refinement_leaves_the_coarse_domain_as_it_was(block):
+    before = block.mesh.geometry.x.copy()
+    block.refined(near(block, (0.0, 0.0), 0.5))
+    assert np.array_equal(block.mesh.geometry.x, before)
+    assert block.cells == 32
+
+
+def test_refining_nothing_keeps_the_mesh(block):
+    same = block.refined(np.empty(0, dtype=np.int32))
+    assert (same.cells, same.vertices) == (block.cells, block.vertices)
+    assert set(same.names) == set(block.names)
+
+
+def test_refinement_near_a_point_does_not_spread(block):
+    domain = block
+    for _ in range(5):
+        domain = domain.refined(near(domain, (1.0, 1.0), 0.1))
+    assert domain.cells < 5 * block.cells
+
+
+def sorted_midpoints(domain):
+    """Midpoints of all cells in an order that does not depend on the numbering, on all ranks."""
+    x = np.concatenate(domain.mesh.comm.allgather(midpoints(domain)))
+    return x[np.argsort(x @ np.sqrt([2.0, 3.0, 5.0][: domain.dim]))]
+
+
+@pytest.mark.ranks
+@bricks
+def test_refined_meshes_do_not_depend_on_the_number_of_ranks(brick):
+    make, _, _ = BRICKS[brick]
+    shared, alone = make(), make(comm=MPI.COMM_SELF)
+    corner = np.array((RECTANGLE if shared.dim == 2 else BOX)[1])
+    for step in range(5):
+        shared, alone = (d.refined(near(d, corner, 1.5 / 2**step)) for d in (shared, alone))
+        assert shared.cells == alone.cells
+        assert shared.vertices == alone.vertices
+        assert abs(sorted_midpoints(shared) - sorted_midpoints(alone)).max() < 1e-12 * shared.size
+
+
+# -- distribution --------------------------------------------------------------------------------------------
+
+
+def test_domain_on_a_part_of_the_ranks(measures):
+    comm = COMM.Split(color=min(COMM.rank, 1))
+    domain = ec.rectangle(*RECTANGLE, size=1.0, comm=comm).refined()
+    assert domain.mesh.comm.size == comm.size
+    for name, area in RECTANGLE_SIDES.items():
+        assert close(measures.part(domain, name), area)
+    comm.Free()
+
+
+def test_fewer_cells_than_ranks(measures):
+    domain = ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(1, 1))
+    for _ in range(3):
+        assert close(measures.region(domain), 1.0)
+        assert close(measures.part(domain, "top"), 1.0)
+        assert_closed(domain)
+        domain = domain.refined()
+
+
+# -- gmsh's session ------------------------------------------------------------------------------------------
+
+
+def test_our_gmsh_session_is_closed(shared_tmp_path):
+    import gmsh
+
+    ec.rectangle((0.0, 0.0), (1.0, 1.0), size=0.5)
+    assert not gmsh.isInitialized()
+    with pytest.raises(ec.InputError):
+        ec.read_mesh(shared_tmp_path / "missing.msh")
+    assert not gmsh.isInitialized()
+
+
+def test_a_gmsh_session_of_the_user_survives(gmsh_session, shared_tmp_path):
+    path = shared_tmp_path / "plate.msh"
+    names = ("Mesh.MeshSizeMin", "Mesh.MeshSizeMax", "Mesh.ElementOrder", "Mesh.RecombineAll", "General.Terminal")
+
+    def state():
+        gmsh, model = gmsh_session, gmsh_session.model
+        return (
+            sorted(model.list()),
+            model.getCurrent(),
+            model.getEntities(),
+            model.getPhysicalGroups(),
+            model.mesh.getNodes()[1].tolist(),
+            [gmsh.option.getNumber(name) for name in names],
+        )
+
+    before = None
+    if gmsh_session:
+        plate(gmsh_session)
+        gmsh_session.model.mesh.generate(2)
+        gmsh_session.write(str(path))
+        gmsh_session.model.add("another")
+        gmsh_session.model.setCurrent("user")
+        gmsh_session.option.setNumber("Mesh.ElementOrder", 2)
+        gmsh_session.option.setNumber("Mesh.RecombineAll", 1)
+        before = state()
+    COMM.barrier()
+    assert ec.rectangle((0.0, 0.0), (1.0, 1.0), size=0.5).cells > 4
+    ec.read_mesh(path)
+    with pytest.raises(ec.InputError):
+        ec.read_mesh(shared_tmp_path / "missing.msh")
+    if gmsh_session:
+        assert gmsh_session.isInitialized()
+        assert state() == before

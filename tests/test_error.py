@@ -1,0 +1,119 @@
+"""The error in the constitutive relation: known numbers, zeros where nothing is wrong, parts that add up.
+
+- the numbers of an independent prototype on the pressed and sheared block;
+- e = 0 to round-off where the exact solution lies in the space (friction patch test), whatever friction and nu;
+- zero load gives 0, not nan;
+- the contact part is never negative on any facet, eps_E^2 sum to eps^2, e does not depend on units.
+"""
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from scenes import block, patch_test, prototype_block, random_scene
+
+import erc_contact as ec
+from erc_contact.admissible import contact as contact_module
+from erc_contact.error import contact_parts
+
+
+def measure(scene: ec.Scene, domain: ec.Domain) -> ec.ConstitutiveError:
+    return ec.constitutive_error(ec.equilibrate(ec.solve(scene, domain)))
+
+
+@pytest.mark.parametrize(
+    ("n", "eps", "bulk", "contact", "scale"),
+    [(8, 0.12834, 7.2876e-3, 9.790e-4, 5.7294e-2), (16, 0.07621, 4.2958e-3, 5.958e-4, 5.6907e-2)],
+)
+def test_prototype_numbers_clipped(monkeypatch, n, eps, bulk, contact, scale):
+    """u_h only clipped at the gap: eps, bulk and contact parts to 3 digits (and more)."""
+    soft = contact_module._nodal_stiffness
+    monkeypatch.setattr(contact_module, "_nodal_stiffness", lambda *a: soft(*a) + 1e300)  # never snaps
+    error = measure(prototype_block(), block(n))
+    assert error.relative == pytest.approx(eps, rel=2e-4)
+    assert error.bulk == pytest.approx(bulk, rel=2e-4)
+    assert error.contact == pytest.approx(contact, rel=3e-4)
+    assert error.scale == pytest.approx(scale, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("n", "eps", "bulk", "contact", "scale"),
+    [(16, 0.07551, 4.2965e-3, 3.39e-5, 5.6902e-2), (32, 0.04570, 2.5949e-3, 1.82e-5, 5.6780e-2)],
+)
+def test_prototype_numbers_snapped(n, eps, bulk, contact, scale):
+    """u^ snapped to the status of r^: our rule leaves less in the contact part than the prototype's."""
+    error = measure(prototype_block(), block(n))
+    assert error.relative == pytest.approx(eps, rel=2e-4)
+    assert error.bulk == pytest.approx(bulk, rel=2e-4)
+    assert error.contact < contact
+    assert error.scale == pytest.approx(scale, rel=1e-4)
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.1, 0.3, 1.0])
+@pytest.mark.parametrize("nu", [0.0, 0.3, 0.45])
+def test_patch_test_is_exact(friction, nu):
+    scene, (b, c, e) = patch_test(friction, nu)
+    domain = ec.rectangle((0.0, 0.0), (1.0, 2.0), size=0.3)
+    solution = ec.solve(scene, domain)
+    x = solution.model.V.tabulate_dof_coordinates()
+    exact = np.column_stack([c + b * x[:, 1], e * x[:, 1]])
+    owned = solution.model.V.dofmap.index_map.size_local
+    difference = abs(solution.u.x.array.reshape(-1, 2) - exact)[:owned].max(initial=0.0)
+    assert domain.mesh.comm.allreduce(difference, MPI.MAX) < 1e-12 * abs(exact).max()
+    error = ec.constitutive_error(ec.equilibrate(solution))
+    assert error.absolute < 1e-10 * error.scale
+    assert error.scale > 0
+
+
+def test_zero_load_gives_zero():
+    scene = ec.Scene(
+        material=ec.Elastic(E=1.0, nu=0.3),
+        supports=[ec.Displacement("top", (0.0, 0.0))],
+        contacts=[ec.Contact("bottom", friction=0.3)],
+    )
+    error = measure(scene, ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(3, 3)))
+    assert error.relative == 0.0
+    assert error.absolute == 0.0
+    assert not error.cells.any()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_parts(seed):
+    scene, domain = random_scene(seed)
+    error = measure(scene, domain)
+    assert error.bulk**2 + error.contact**2 == pytest.approx(error.absolute**2, rel=1e-12)
+    comm = domain.mesh.comm
+    assert comm.allreduce(float(np.sum(error.cells**2))) == pytest.approx(error.relative**2, rel=1e-12)
+    for traction in error.admissible.tractions:
+        part = contact_parts(error.admissible, traction)
+        assert part.min(initial=0.0) >= -1e-14 * error.scale**2
+    assert error.oscillation > 0  # the body force of these scenes is not piecewise constant
+
+
+def test_oscillation_converges_with_the_data():
+    """For a smooth body force the oscillation is of second order in h, and zero for constant data."""
+
+    def oscillation(n: int, force: object) -> float:
+        scene = ec.Scene(
+            material=ec.Elastic(E=2.0, nu=0.3), supports=[ec.Displacement("left", (0, 0))], loads=[ec.BodyForce(force)]
+        )
+        return measure(scene, ec.rectangle((0, 0), (1, 1), cells=(n, n))).oscillation
+
+    import ufl
+
+    values = [oscillation(n, lambda x: (ufl.sin(3 * x[0]), x[1] ** 2)) for n in (4, 8)]
+    assert values[0] / values[1] == pytest.approx(4.0, rel=0.05)
+    assert oscillation(4, (1.0, -2.0)) == 0.0
+
+
+@pytest.mark.parametrize(("stress", "length"), [(2e11, 1e-3), (1e-6, 1e3)])
+def test_units_do_not_matter(stress, length):
+    """Stresses times a factor, lengths times another: the same Newton steps and the same eps."""
+    plain = measure(prototype_block(), block(4))
+    scene = ec.Scene(
+        material=ec.Elastic(E=stress, nu=0.3),
+        supports=[ec.Displacement("top", (0.02 * length, -0.05 * length))],
+        contacts=[ec.Contact("bottom", friction=0.3)],
+    )
+    scaled = measure(scene, ec.rectangle((0, 0), (2 * length, 7 * length), cells=(4, 14)))
+    assert scaled.relative == pytest.approx(plain.relative, rel=1e-8)
+    assert scaled.admissible.solution.newton_steps == plain.admissible.solution.newton_steps

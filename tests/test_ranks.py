@@ -1,0 +1,55 @@
+"""The answer does not depend on the number of ranks: cells, eps to 1e-8 and Newton steps, through 5 refinements.
+
+Every rank solves the scene alone on its own communicator; all together solve it once more.
+"""
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from scenes import block, random_scene
+
+import erc_contact as ec
+
+pytestmark = pytest.mark.ranks
+
+
+def run_2d(comm: MPI.Comm) -> ec.History:
+    scene = ec.Scene(
+        material=ec.Elastic(E=1.0, nu=0.3),
+        supports=[ec.Displacement("top", (0.02, -0.05))],
+        loads=[ec.Traction("right", (-0.002, 0.0))],
+        contacts=[ec.Contact("bottom", friction=0.3)],
+    )
+    return ec.adapt(scene, block(4, comm), accuracy=1e-6, max_steps=6)
+
+
+def run_unstructured(comm: MPI.Comm) -> ec.History:
+    scene, domain = random_scene(2, comm)
+    return ec.adapt(scene, domain, accuracy=1e-6, max_steps=6)
+
+
+def run_3d(comm: MPI.Comm) -> ec.History:
+    scene = ec.Scene(
+        material=ec.Elastic(E=1.0, nu=0.3),
+        supports=[ec.Displacement("back", (0.02, 0.01, -0.05)), ec.Displacement("left", (None, 0.01, None))],
+        contacts=[ec.Contact("front", friction=0.3)],
+    )
+    domain = ec.box((0.0, 0.0, 0.0), (1.0, 1.0, 1.0), cells=(2, 2, 2), comm=comm)
+    return ec.adapt(scene, domain, accuracy=1e-6, strategy=ec.Mark(0.3), max_steps=6)
+
+
+@pytest.mark.parametrize("run", [run_2d, run_unstructured, run_3d])
+def test_rank_independence(run):
+    alone, together = run(MPI.COMM_SELF), run(MPI.COMM_WORLD)
+    assert len(alone.steps) == 6
+    for a, b in zip(alone.steps, together.steps, strict=True):
+        assert (a.cells, a.vertices, a.newton) == (b.cells, b.vertices, b.newton)
+        assert a.eps == pytest.approx(b.eps, rel=1e-8)
+        assert a.contact == pytest.approx(b.contact, abs=1e-8 * a.eps)
+    mid = []
+    for history in (alone, together):
+        domain = history.meshes[-1][0]
+        x = domain.mesh.geometry.x[domain.mesh.geometry.dofmaps[0][: domain.owned_cells]].mean(axis=1)
+        every = np.concatenate(domain.mesh.comm.allgather(x))
+        mid.append(np.sort(np.round(every, 9) @ np.array([1.0, 1e3, 1e6])))
+    assert np.allclose(mid[0], mid[1], rtol=0, atol=1e-3)
