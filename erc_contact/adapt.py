@@ -121,13 +121,13 @@ class Step:
 
 
 COLUMNS = tuple(f.name for f in fields(Step))
-HEADER = "  cells vertices    dofs New     eps    bulk contact  solve equil. error  mesh  total"
+HEADER = "  cells   verts    dofs  N    eps   bulk   cont  solve equil. error  mesh  total"
 
 
 def _line(step: Step) -> str:
     return (
-        f"{step.cells:7d} {step.vertices:8d} {step.dofs:7d} {step.newton:3d} {step.eps:7.2%} {step.bulk:7.2%} "
-        f"{step.contact:7.2%} {step.solve:6.2f} {step.equilibrate:6.2f} {step.error:5.2f} {step.mesh:5.2f} "
+        f"{step.cells:7d} {step.vertices:7d} {step.dofs:7d} {step.newton:2d} {step.eps:6.2%} {step.bulk:6.2%} "
+        f"{step.contact:6.2%} {step.solve:6.2f} {step.equilibrate:6.2f} {step.error:5.2f} {step.mesh:5.2f} "
         f"{step.seconds:6.1f}"
     )
 

@@ -12,7 +12,6 @@ eps relative error, eps_E its share of one element.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -34,11 +33,11 @@ OPEN, SLIP, STICK = 0, 1, 2
 STATUS = ("open", "slip", "stick")
 COLOURS = ("#ececec", "#fdeacc", "#d9ecd6")
 """Colours of open, slip and stick."""
-STYLE = {"font.family": "STIXGeneral", "mathtext.fontset": "stix", "font.size": 11.0, "savefig.dpi": 200, "savefig.bbox": "tight"}
+FONTS = {"font.family": "STIXGeneral", "mathtext.fontset": "stix", "font.size": 11.0}
 PIXELS = 2400
 """Longer side of the image of a body."""
 FEW = 15_000
-"""Maps of more elements show no edges: they would hide the colours."""
+"""Maps of more elements show no edges, which would hide the colours."""
 
 
 def contact_status(traction: ContactTraction) -> np.ndarray:
@@ -78,7 +77,8 @@ def plot_history(histories: Mapping[str, History], path: str | Path) -> None:
     domain = next(iter(histories.values())).best.admissible.solution.domain
 
     def draw() -> None:
-        figure = _figure(8.4, 3.9)
+        figure = _figure(8.6, 3.9)
+        figure.get_layout_engine().set(wspace=0.06)
         left, right = figure.subplots(1, 2, sharey=True)
         for (name, history), marker in zip(histories.items(), "osD^vP*X" * len(histories), strict=False):
             slope = history.slope("dofs")
@@ -101,7 +101,7 @@ def plot_history(histories: Mapping[str, History], path: str | Path) -> None:
             axes.grid(which="major", color="0.9", lw=0.6)
             _log_scale(axes.xaxis, *axes.dataLim.intervalx)
         _log_scale(left.yaxis, *right.dataLim.intervaly)
-        figure.savefig(path)
+        _save(figure, path)
 
     _on_root(domain.mesh.comm, path, draw)
 
@@ -123,18 +123,17 @@ def draw_meshes(meshes: Sequence[tuple[Domain, np.ndarray]], path: str | Path) -
     bodies = [(_gathered(comm, **_body(domain)), domain.cells) for domain, _ in chosen]
     errors = [float(np.sqrt(comm.allreduce(float(np.sum(cells**2)), MPI.SUM))) for _, cells in chosen]
 
-    def width(cells: int) -> float:
-        return float(np.clip(60 / np.sqrt(cells), 0.6, 2.0))
-
     def draw() -> None:
         look = {"color": "#dce6f0", "edge_color": "#1f2d3d", "show_edges": True}
-        images = [_rendered([(_grid(**body), look | {"line_width": width(cells)})], dim) for body, cells in bodies]
+        widths = np.clip([60 / np.sqrt(cells) for _, cells in bodies], 0.6, 2.0)  # thin lines on fine meshes
+        parts = [(_grid(**body), look | {"line_width": w}) for (body, _), w in zip(bodies, widths, strict=True)]
+        images = [_rendered([part], dim) for part in parts]
         left, right, low, high = images[0][1]
         ratio = (right - left) / (high - low)
         shapes = [(-(-len(images) // columns), columns) for columns in range(1, len(images) + 1)]
         rows, columns = min(shapes, key=lambda s: abs(np.log(ratio * s[1] / s[0] / 2)) + s[0] * s[1] - len(images))
         height = min(5.5, 9.0 / (ratio * columns), 9.0 / rows)
-        figure = _figure(max(ratio * height, 1.2) * columns + 0.6, (height + 0.6) * rows + 0.5)
+        figure = _figure(max(ratio * height, 1.2) * columns + 0.6, (height + 0.5) * rows + 0.5)
         panels = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True).ravel()
         for panel, (image, extent), (_, cells), eps in zip(panels, images, bodies, errors, strict=False):
             between = ", " if ratio * height > 2 else "\n"
@@ -143,7 +142,7 @@ def draw_meshes(meshes: Sequence[tuple[Domain, np.ndarray]], path: str | Path) -
             panel.label_outer(remove_inner_ticks=True)
         for panel in panels[len(images) :]:
             panel.set_axis_off()
-        figure.savefig(path)
+        _save(figure, path)
 
     _on_root(comm, path, draw)
 
@@ -164,7 +163,9 @@ def draw_error(error: ConstitutiveError, path: str | Path) -> None:
 
         top = float(cells["eps"].max()) or 1.0
         low = max(float(np.percentile(cells["eps"], 1)), 1e-4 * top)
-        _map(_grid(**body), cells["eps"], LogNorm(min(low, 0.5 * top), top), "min", "eps_E [-]", domain.dim, path)
+        norm = LogNorm(min(low, 0.5 * top), top)
+        figure = _map([_grid(**body)], domain.dim, cells["eps"], norm=norm, extend="min", label="eps_E [-]")
+        _save(figure, path)
 
     _on_root(domain.mesh.comm, path, draw)
 
@@ -194,14 +195,15 @@ def draw_deformed(error: ConstitutiveError, path: str | Path, factor: float | No
         largest = float(np.linalg.norm(u, axis=1).max())
         default = float(f"{0.06 * size / largest:.2g}") if 0 < largest < 0.05 * size else 1.0
         times = default if factor is None else factor
-        before = _grid(**body).extract_feature_edges(30, non_manifold_edges=False, manifold_edges=False)
+        before = _grid(**body).extract_feature_edges(feature_angle=30.0, manifold_edges=False)
         body["points"] = body["points"] + times * u
         order = np.argsort(mises)
         share = np.cumsum(cells["volume"][order])
         top = float(mises[order][np.searchsorted(share, 0.995 * share[-1])]) or 1.0
-        title = f"displacement × {times:g}"
-        norm, label = Normalize(0.0, top), "von Mises stress\n[force/area]"
-        _map(_grid(**body), mises, norm, "max", label, domain.dim, path, title, before)
+        label = "von Mises stress\n[force/area]"
+        figure = _map([_grid(**body), before], domain.dim, mises, norm=Normalize(0, top), extend="max", label=label)
+        figure.axes[0].set_title(f"displacement × {times:g}", fontsize=11)
+        _save(figure, path)
 
     _on_root(domain.mesh.comm, path, draw)
 
@@ -209,8 +211,8 @@ def draw_deformed(error: ConstitutiveError, path: str | Path, factor: float | No
 def plot_contact(admissible: Admissible, name: str, path: str | Path) -> None:
     """Draw r^ and the state of a contact; collective.
 
-    In 2D: pressure, shear along t = (-n_2, n_1) and the cone +-mu |r_n| along the contact, facet by facet, over strips
-    coloured by :func:`contact_status`. In 3D: pressure, size of the shear and status on the facets, in the tangent plane.
+    In 2D: pressure, shear along t = (-n_2, n_1) and the cone +-mu |r_n|, facet by facet, over strips coloured by
+    :func:`contact_status`. In 3D: pressure, size of the shear and status on the facets, in the tangent plane.
 
     Args:
         admissible: The pair with its tractions.
@@ -223,8 +225,7 @@ def plot_contact(admissible: Admissible, name: str, path: str | Path) -> None:
     model = admissible.solution.model
     names = [t.contact.name for t in admissible.tractions]
     if name not in names:
-        listed = ", ".join(names) if names else "none"
-        raise InputError(f"plot_contact: no contact is called {name!r}; the scene has {listed}.")
+        raise InputError(f"plot_contact: no contact is called {name!r}; the scene has {', '.join(names) or 'none'}.")
     traction, x = _whole(admissible, admissible.tractions[names.index(name)])
     if not model.comm.bcast(len(x)):
         raise InputError(f"plot_contact: {name!r} has no facet; contacts of this scene: {', '.join(names)}.")
@@ -251,10 +252,8 @@ def write_fields(error: ConstitutiveError, folder: str | Path) -> None:
     body = _gathered(model.comm, **_body(model.domain), u=_nodal(admissible))
     stress = mean_stress(admissible)
     fe = _spatial(model, admissible.fe_stress[: model.domain.owned_cells])
-    cells = _gathered(
-        model.comm, stress=stress.reshape(-1, 9), stress_fe=fe.reshape(-1, 9), von_mises=von_mises(stress),
-        eps_E=error.cells,
-    )  # fmt: skip
+    tensor = {"stress": stress.reshape(-1, 9), "stress_fe": fe.reshape(-1, 9)}
+    cells = _gathered(model.comm, **tensor, von_mises=von_mises(stress), eps_E=error.cells)
     contacts = [(t.contact.name, *_whole(admissible, t)) for t in admissible.tractions]
 
     def write() -> None:
@@ -263,7 +262,7 @@ def write_fields(error: ConstitutiveError, folder: str | Path) -> None:
         grid.cell_data.update(cells)
         grid.save(Path(folder) / "body.vtu")
         for name, traction, x in contacts:
-            surface = _grid(x.reshape(-1, 3), np.arange(x.shape[0] * x.shape[1]).reshape(x.shape[:2]))
+            surface = _grid(x.reshape(-1, 3), traction.nodes)
             values = traction.values.reshape(-1, model.d)
             surface.point_data["traction"] = np.pad(values, ((0, 0), (0, 3 - model.d)))
             surface.point_data["pressure"] = -traction.normal.ravel()
@@ -302,16 +301,16 @@ def _spatial(model: Model, stress: np.ndarray) -> np.ndarray:
 
 
 def _on_root(comm: MPI.Comm, path: str | Path, draw: Callable[[], None]) -> None:
-    """Draw on rank 0, with the folder made, the fonts set and VTK's remarks on missing displays silenced."""
+    """Draw on rank 0 with the folder made; what fails is raised on all ranks; collective."""
     error: Exception | None = None
     if comm.rank == 0:
-        from matplotlib import rc_context  # noqa: PLC0415
-
         try:
+            from matplotlib import rc_context  # noqa: PLC0415
+
             Path(path).parent.mkdir(parents=True, exist_ok=True)
-            with rc_context(STYLE):
+            with rc_context(FONTS):
                 draw()
-        except Exception as reason:  # to be raised on all ranks
+        except Exception as reason:
             error = reason
     raise_together(comm, error)
 
@@ -337,44 +336,49 @@ def _nodal(admissible: Admissible) -> np.ndarray:
     """u^ at the owned points, in the order of :func:`_body`, shape (n, 3)."""
     model = admissible.solution.model
     geometry = model.mesh.geometry
-    u = np.zeros_like(geometry.x)
-    u[geometry.dofmaps[0].ravel(), : model.d] = admissible.displacement.x.array.reshape(-1, model.d)[model.nodes.ravel()]
+    values, u = admissible.displacement.x.array.reshape(-1, model.d), np.zeros_like(geometry.x)
+    u[geometry.dofmaps[0].ravel(), : model.d] = values[model.nodes.ravel()]
     return u[: geometry.index_map().size_local]
 
 
 def _whole(admissible: Admissible, traction: ContactTraction) -> tuple[ContactTraction, np.ndarray]:
-    """The traction on the facets of all ranks with their corners (n, d, 3), on rank 0; nothing elsewhere."""
+    """The traction of all ranks, its nodes counted facet by facet, and their places (n, d, 3); only on rank 0."""
     model, contact = admissible.solution.model, traction.contact
     own = contact.facets[:, 0] < model.domain.owned_cells
     x = model.V.tabulate_dof_coordinates()[traction.nodes[own]]
-    parts = {name: getattr(traction, name)[own] for name in ("nodes", "area", "values", "friction")}
-    parts = _gathered(model.comm, **parts, x=x)
-    return replace(traction, **{k: v for k, v in parts.items() if k != "x"}), parts.get("x", x[:0])
+    parts = {"area": traction.area[own], "values": traction.values[own], "friction": traction.friction[own]}
+    parts = _gathered(model.comm, x=x, **parts) or {"x": x, **parts}
+    x = parts.pop("x")
+    return ContactTraction(contact, np.arange(len(x) * model.d).reshape(-1, model.d), **parts), x
 
 
 # -- drawing, on rank 0 --------------------------------------------------------------------------------------------
 
 
 def _figure(width: float, height: float) -> Any:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg  # noqa: PLC0415
     from matplotlib.figure import Figure  # noqa: PLC0415
 
-    figure = Figure(figsize=(width, height), layout="constrained")
+    return Figure(figsize=(width, height), layout="constrained")
+
+
+def _save(figure: Any, path: str | Path) -> None:
+    from matplotlib.backends.backend_agg import FigureCanvasAgg  # noqa: PLC0415
+
     FigureCanvasAgg(figure)
-    return figure
+    figure.savefig(path, dpi=200, bbox_inches="tight")
 
 
 def _log_scale(axis: Any, low: float, high: float) -> None:
-    """Logarithmic axis between two of 1, 2, 5, 10, ... with plain numbers at the ticks."""
+    """Logarithmic axis between two of 1, 2, 5, 10, ... with plain numbers at the ticks; linear if low is 0."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter  # noqa: PLC0415
 
     if not low > 0:
         return
-    ends = np.outer(10.0 ** np.arange(-12, 13), [1, 2, 5]).ravel()
+    ends = np.outer(10.0 ** np.arange(-15, 16), [1, 2, 5]).ravel()
     low, high = ends[ends <= low / 1.08].max(), ends[ends >= high * 1.08].min()
     axis.axes.set(**{f"{axis.axis_name}scale": "log", f"{axis.axis_name}lim": (low, high)})
     axis.set_major_locator(LogLocator(subs=(1, 2, 5) if high / low < 200 else (1,)))
-    axis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:g}" if v < 99999 else f"{v / 1e3:,.0f}k"))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}" if value < 1e5 else f"{value / 1e6:g}M"))
     axis.set_minor_formatter(NullFormatter())
 
 
@@ -387,26 +391,25 @@ def _grid(points: np.ndarray, cells: np.ndarray) -> Any:
 
 
 def _rendered(parts: Sequence[tuple[Any, dict[str, Any]]], dim: int) -> tuple[np.ndarray, tuple[float, ...]]:
-    """Parallel projection of (data, look) with the size of its long side PIXELS, and its extent [length]."""
+    """Image of (data, look) in parallel projection, seen along z in 2D, and its extent [length]."""
     import pyvista  # noqa: PLC0415
 
     towards = np.array([[0.0, 0.0, 1.0], [0.55, 0.4, 0.75]][dim - 2])
-    towards /= np.linalg.norm(towards)
     across = np.cross([0.0, 1.0, 0.0], towards)
-    view = np.array([across / np.linalg.norm(across), np.cross(towards, across / np.linalg.norm(across)), towards])
+    view = np.array([across, np.cross(towards, across), towards])
+    view /= np.linalg.norm(view, axis=1, keepdims=True)
     seen = np.concatenate([data.points for data, _ in parts]) @ view.T
     low, high = seen.min(axis=0), seen.max(axis=0)
     size = float(np.linalg.norm(high - low))
-    low, high = low - 0.01 * size, high + 0.01 * size
+    low, high, middle = low - 0.01 * size, high + 0.01 * size, (low + high) / 2 @ view
     pixels = np.maximum(PIXELS * (high - low)[:2] / (high - low)[:2].max(), 16).round().astype(int)
-    with pyvista.vtk_verbosity("off"):
-        plotter = pyvista.Plotter(off_screen=True, window_size=[int(p) for p in pixels])
+    with pyvista.vtk_verbosity("off"):  # without a display VTK complains before it finds another way
+        plotter = pyvista.Plotter(off_screen=True, window_size=pixels.tolist())
         plotter.set_background("white")
         for data, look in parts:
             plotter.add_mesh(data, show_scalar_bar=False, lighting=dim == 3, ambient=0.65, diffuse=0.4, **look)
-        middle = (low + high) / 2 @ view
         plotter.enable_parallel_projection()
-        plotter.camera_position = [tuple(middle + 2 * size * towards), tuple(middle), (0.0, 1.0, 0.0)]
+        plotter.camera_position = [tuple(middle + 2 * size * view[2]), tuple(middle), (0.0, 1.0, 0.0)]
         plotter.camera.parallel_scale = (high - low)[1] / 2
         plotter.reset_camera_clipping_range()
         image = np.asarray(plotter.screenshot(return_img=True))
@@ -418,55 +421,43 @@ def _show(axes: Any, image: np.ndarray, extent: tuple[float, ...], dim: int) -> 
     """Put the image of a body in axes, with coordinates in 2D."""
     axes.imshow(image, extent=extent)
     axes.spines[:].set_visible(False)
-    if dim == 2:
-        axes.set(xlabel="$x$ [length]", ylabel="$y$ [length]")
-    else:
-        axes.set_axis_off()
+    axes.set(xlabel="$x$ [length]", ylabel="$y$ [length]")
+    axes.axison = dim == 2
 
 
-def _map(
-    grid: Any, values: np.ndarray, norm: Any, extend: str, label: str, dim: int, path: Any, title: str = "",
-    outline: Any = None,
-) -> None:  # fmt: skip
-    """One picture of a body with coloured cells and a colour bar."""
-    from matplotlib import colormaps  # noqa: PLC0415
+def _map(parts: list[Any], dim: int, values: np.ndarray, *, norm: Any, extend: str, label: str) -> Any:
+    """Figure of a body with coloured cells, a colour bar, and lines if there is a second part."""
     from matplotlib.cm import ScalarMappable  # noqa: PLC0415
 
-    colours = ScalarMappable(norm, colormaps["viridis"])
-    rgb = colours.to_rgba(values, bytes=True)[:, :3]
-    look = {"scalars": rgb, "rgb": True, "preference": "cell", "show_edges": len(values) <= FEW, "line_width": 1.0}
-    parts = [(grid, {**look, "edge_color": "#404040", "edge_opacity": 0.4})]
-    if outline is not None and outline.n_points:
-        parts.append((outline, {"color": "black", "line_width": 4.0}))
-    image, extent = _rendered(parts, dim)
+    colours = ScalarMappable(norm, "viridis")
+    look = {"scalars": colours.to_rgba(values, bytes=True)[:, :3], "rgb": True, "preference": "cell"}
+    look |= {"show_edges": len(values) <= FEW, "edge_color": "#404040", "edge_opacity": 0.4, "line_width": 1.0}
+    lines = {"color": "black", "line_width": 4.0}
+    image, extent = _rendered(list(zip(parts, (look, lines), strict=False)), dim)
     ratio = (extent[1] - extent[0]) / (extent[3] - extent[2])
     height = min(6.0, 6.0 / ratio)
     figure = _figure(max(ratio * height, 1.5) + 1.9, height + 0.8)
     axes = figure.subplots()
     _show(axes, image, extent, dim)
-    axes.set_title(title, fontsize=11)
-    bar = figure.colorbar(colours, ax=axes, extend=extend, shrink=0.8, aspect=30)
-    bar.ax.set_title(label, fontsize=11, loc="left")
-    figure.savefig(path)
+    figure.colorbar(colours, ax=axes, extend=extend, shrink=0.8, aspect=30).ax.set_title(label, fontsize=11, loc="left")
+    return figure
 
 
-def _tangents(n: np.ndarray) -> np.ndarray:
-    """d-1 orthonormal tangents, along the coordinate axes that are nearest to the contact, shape (d-1, d)."""
+def _tangents(n: np.ndarray) -> tuple[np.ndarray, list[str]]:
+    """d-1 orthonormal tangents, along the coordinate axes that are nearest to the contact, and their names."""
     axes = np.sort(np.argsort(abs(n), kind="stable")[: len(n) - 1])
     q, r = np.linalg.qr(np.column_stack([n, np.eye(len(n))[:, axes]]))
-    return (q * np.sign(np.diag(r)))[:, 1:].T
-
-
-def _coordinate(tangent: np.ndarray, number: int) -> str:
-    along = np.flatnonzero(abs(tangent) > 1 - 1e-12)
-    return f"${'xyz'[along[0]]}$ [length]" if len(along) else f"coordinate {number} along the contact [length]"
+    tangents = (q * np.sign(np.diag(r)))[:, 1:].T
+    aligned = abs(n).max() > 1 - 1e-12
+    names = [f"${'xyz'[a]}$" if aligned else f"along {np.round(t, 2)}" for a, t in zip(axes, tangents, strict=True)]
+    return tangents, [f"{name} [length]" for name in names]
 
 
 def _draw_contact_2d(traction: ContactTraction, x: np.ndarray, path: Any) -> None:
     from matplotlib.patches import Patch  # noqa: PLC0415
 
     n = traction.contact.direction
-    tangent = _tangents(n)[0]
+    (tangent,), (name,) = _tangents(n)
     s = x[..., :2] @ tangent
     order = np.argsort(s, axis=1)
     facets = np.argsort(s.min(axis=1))
@@ -490,32 +481,31 @@ def _draw_contact_2d(traction: ContactTraction, x: np.ndarray, path: Any) -> Non
     axes.plot(along(s), along(pressure), color="#1f3b73", lw=1.6, label="pressure $-r_n$")
     axes.plot(along(s), along(shear), color="#b22222", lw=1.6, label=f"shear $r_t$ along {along_t}")
     axes.axhline(0.0, color="0.4", lw=0.6)
-    axes.set(xlabel=_coordinate(tangent, 1), ylabel="traction [force/area]", xlim=(s.min(), s.max()))
+    axes.set(xlabel=name, ylabel="traction [force/area]", xlim=(s.min(), s.max()))
     handles, labels = axes.get_legend_handles_labels()
     for code in np.unique(status):
         handles, labels = [*handles, Patch(fc=COLOURS[code], ec="0.6")], [*labels, STATUS[code]]
     figure.legend(handles, labels, loc="outside upper center", ncols=len(labels), frameon=False, columnspacing=1.2)
-    figure.savefig(path)
+    _save(figure, path)
 
 
 def _draw_contact_3d(traction: ContactTraction, x: np.ndarray, path: Any) -> None:
     from matplotlib.colors import BoundaryNorm, ListedColormap  # noqa: PLC0415
 
-    tangents = _tangents(traction.contact.direction)
+    tangents, names = _tangents(traction.contact.direction)
     s, t = tangents @ x.reshape(-1, 3).T
-    triangles = np.arange(len(s)).reshape(-1, 3)
     figure = _figure(10.0, max(2.6, 1.2 + 3.0 * float(np.ptp(t) / np.ptp(s))))
     panels = figure.subplots(1, 3, sharex=True, sharey=True)
     fields = {"pressure $-r_n$": -traction.normal, "shear $|r_t|$": np.linalg.norm(traction.tangential, axis=-1)}
     for panel, (title, values) in zip(panels, fields.items(), strict=False):
-        drawn = panel.tripcolor(s, t, triangles, values.ravel(), shading="gouraud")
+        drawn = panel.tripcolor(s, t, traction.nodes, values.ravel(), shading="gouraud")
         figure.colorbar(drawn, ax=panel, label=f"{title} [force/area]", location="bottom", shrink=0.9)
     status = contact_status(traction).astype(float)
     look = {"cmap": ListedColormap(COLOURS), "norm": BoundaryNorm([-0.5, 0.5, 1.5, 2.5], 3), "edgecolors": "0.6"}
-    drawn = panels[2].tripcolor(s, t, triangles, facecolors=status, lw=0.2, **look)
+    drawn = panels[2].tripcolor(s, t, traction.nodes, facecolors=status, lw=0.2, **look)
     bar = figure.colorbar(drawn, ax=panels[2], location="bottom", shrink=0.9, ticks=[OPEN, SLIP, STICK], label="status")
     bar.ax.set_xticklabels(STATUS)
     for panel in panels:
-        panel.set(aspect="equal", xlabel=_coordinate(tangents[0], 1))
-    panels[0].set_ylabel(_coordinate(tangents[1], 2))
-    figure.savefig(path)
+        panel.set(aspect="equal", xlabel=names[0])
+    panels[0].set_ylabel(names[1])
+    _save(figure, path)

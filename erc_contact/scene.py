@@ -137,7 +137,9 @@ class Contact:
         if self.normal is not None:
             _check_vector(f"{what}: normal", self.normal)
             if callable(self.normal) or any(callable(c) for c in self.normal):
-                raise InputError(f"{what}: normal must be numbers, one direction for the part; curvature goes into gap=.")
+                raise InputError(
+                    f"{what}: normal must be numbers, one direction for the part; curvature goes into gap=."
+                )
             length = sum(float(c) ** 2 for c in self.normal) ** 0.5
             if not length > 0:
                 raise InputError(f"{what}: normal is {self.normal}; its length must be > 0.")

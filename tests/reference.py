@@ -43,7 +43,7 @@ def true_errors(pair: Admissible, fine: ec.Solution) -> TrueErrors:
     C = moduli(model, points, n)[0, 0]
     S = moduli(model, points, n, inverse=True)[0, 0]
     volume = cells.volume[:, None] * weights
-    du = (fine_strain[:, None] - strain.reshape(n, q, -1))
+    du = fine_strain[:, None] - strain.reshape(n, q, -1)
     ds = (fine_strain @ C)[:, None] - stress.reshape(n, q, -1)
     displacement = float(np.sqrt(np.sum(volume * np.einsum("nqa,ab,nqb->nq", du, C, du))))
     stresses = float(np.sqrt(np.sum(volume * np.einsum("nqa,ab,nqb->nq", ds, S, ds))))

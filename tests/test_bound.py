@@ -71,7 +71,9 @@ def test_prager_synge_identity():
         eps = ufl.sym(ufl.grad(exact(x)))
         return -ufl.div(2 * G * eps + lam * ufl.tr(eps) * ufl.Identity(2))
 
-    sides = [ec.Displacement(s, (lambda x: exact(x)[0], lambda x: exact(x)[1])) for s in ("left", "right", "bottom", "top")]
+    sides = [
+        ec.Displacement(s, (lambda x: exact(x)[0], lambda x: exact(x)[1])) for s in ("left", "right", "bottom", "top")
+    ]
     scene = ec.Scene(material=ec.Elastic(E, nu), supports=sides, loads=[ec.BodyForce(force)])
     index = []
     for n in (4, 8):

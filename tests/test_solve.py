@@ -1,0 +1,156 @@
+"""The contact solve: known cases, the default start on all meshes, and what a scene does not need is not there.
+
+- GRECO and the common block against converged values of independent codes, within the stated tolerances;
+- a scene without contact is one linear solve; without friction no friction term is formed;
+- the way of starting does not change the solution; nothing is left in PETSc's options;
+- NotConverged says what was tried.
+"""
+
+import numpy as np
+import pytest
+import ufl
+from dolfinx import fem
+from mpi4py import MPI
+from petsc4py import PETSc
+from scenes import block, common_block, greco, prototype_block, resultant
+
+import erc_contact as ec
+from erc_contact.admissible.contact import ContactTraction
+
+GRECO_X = np.array([0.0, 1.25, 5.0, 7.5, 11.25])  # mm
+GRECO_U = np.array([2.8603, 2.7226, 2.2868, 1.9807, 1.5414]) * 1e-2  # mm, converged
+GRECO_ENERGY, GRECO_FRICTION = 108.258, -1405.4  # N mm and N, per mm of thickness
+
+
+def ends(traction: ContactTraction, solution: ec.Solution) -> tuple[np.ndarray, np.ndarray]:
+    """Facets of a contact sorted along x: their ends, and their status (0 open, 1 slip, 2 stick)."""
+    x = np.sort(solution.model.V.tabulate_dof_coordinates()[traction.nodes][:, :, 0], axis=1)
+    pressure = -traction.normal.mean(axis=1)
+    shear = np.linalg.norm(traction.tangential.mean(axis=1), axis=1)
+    bound = traction.friction.mean(axis=1) * pressure
+    status = np.where(pressure <= 1e-9 * pressure.max(), 0, np.where(shear >= (1 - 1e-6) * bound, 1, 2))
+    order = np.argsort(x[:, 0])
+    return x[order], status[order]
+
+
+def check_greco(solution: ec.Solution) -> None:
+    pair = ec.equilibrate(solution)
+    x = solution.model.V.tabulate_dof_coordinates()
+    bottom = np.flatnonzero(abs(x[:, 1]) < 1e-9)
+    bottom = bottom[np.argsort(x[bottom, 0])]
+    u = np.interp(GRECO_X, x[bottom, 0], solution.u.x.array.reshape(-1, 2)[bottom, 0])
+    assert np.abs(u / GRECO_U - 1).max() < 5e-3
+    energy = fem.assemble_scalar(fem.form(0.5 * solution.model.stiffness(solution.u, solution.u)))
+    assert energy == pytest.approx(GRECO_ENERGY, rel=1e-3)
+    force = resultant(pair.tractions[0])
+    assert force[0] == pytest.approx(GRECO_FRICTION, rel=3e-3)
+    assert force[1] == pytest.approx(2000.0, rel=1e-12)
+    x, status = ends(pair.tractions[0], solution)
+    facet = (x[:, 1] - x[:, 0]).max()
+    assert x[status == 0].max() == pytest.approx(3.34, abs=facet)
+    assert x[status == 1].max() == pytest.approx(29.85, abs=facet)
+    assert x[status == 2].max() == pytest.approx(40.0, abs=facet)
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("n", [16, 32, 64, 128])
+def test_greco_converges_from_the_default_start(n):
+    solution = ec.solve(greco(), ec.rectangle((0.0, 0.0), (40.0, 40.0), cells=(n, n)))
+    assert solution.newton_steps <= 20
+    if n == 128:
+        check_greco(solution)
+
+
+@pytest.mark.serial
+def test_greco_on_an_adapted_mesh():
+    history = ec.adapt(greco(), ec.rectangle((0.0, 0.0), (40.0, 40.0), cells=(8, 8)), accuracy=0.007)
+    check_greco(history.best.admissible.solution)
+    assert history.steps[-1].cells < 32768
+
+
+def test_common_block_forces_and_zones():
+    """Forces to the digits on which eight codes agree, at n = 64; zones within one node."""
+    solution = ec.solve(common_block(), block(64))
+    traction = ec.equilibrate(solution).tractions[0]
+    force = resultant(traction)
+    assert force[1] == pytest.approx(0.015997, abs=1.0e-6)
+    # the equilibrated r^ changes the shear by 0.1%; the method's own traction gives the digits of the codes
+    model, contact = solution.model, solution.model.contacts[0]
+    shear = fem.form(
+        solution.method.traction(model, contact, solution.u)[0] * contact.ds(metadata={"quadrature_degree": 4})
+    )
+    assert model.comm.allreduce(fem.assemble_scalar(shear)) == pytest.approx(-0.001350, abs=0.6e-6)
+    if model.comm.size == 1:
+        nodes = np.unique(traction.nodes)
+        pressure = np.bincount(traction.nodes.ravel(), -traction.normal.ravel())[nodes]
+        slide = np.bincount(traction.nodes.ravel(), traction.tangential[..., 0].ravel())[nodes]
+        is_open = pressure <= 1e-12
+        slips = ~is_open & (abs(slide) >= 0.3 * pressure * (1 - 1e-6))
+        counts = np.array([is_open.sum(), (~is_open & ~slips).sum(), slips.sum()])
+        assert np.abs(counts - (4, 45, 16)).max() <= 1
+
+
+def test_scene_without_contact_is_a_linear_solve():
+    base = prototype_block()
+    scene = ec.Scene(base.material, [*base.supports, ec.Displacement("bottom", (None, 0.0))])
+    solution = ec.solve(scene, block(4))
+    assert solution.newton_steps == 0
+    pair = ec.equilibrate(solution)
+    assert pair.tractions == []
+    assert pair.force is None
+    assert ec.constitutive_error(pair).contact == 0.0
+
+
+def test_frictionless_scene_has_no_friction_term():
+    scene = ec.Scene(prototype_block().material, prototype_block().supports, (), [ec.Contact("bottom")])
+    solution = ec.solve(scene, block(4))
+    model = solution.model
+    form = solution.method.equations(model, solution.u, ufl.TestFunction(model.V))
+    assert model.contacts[0].friction is None
+    assert model.contacts[0].gap is None
+    assert not ufl.algorithms.extract_type(form, ufl.classes.Sqrt)
+    pair = ec.equilibrate(solution)
+    assert np.abs(pair.tractions[0].tangential).max(initial=0.0) == 0.0
+
+
+def test_start_does_not_change_the_solution():
+    coarse = ec.solve(common_block(), block(8))
+    cold, warm = ec.solve(common_block(), block(16)), ec.solve(common_block(), block(16), start=coarse)
+    difference = np.abs(cold.u.x.array - warm.u.x.array).max(initial=0.0)
+    assert cold.domain.mesh.comm.allreduce(difference, MPI.MAX) < 1e-9
+    assert "previous" in warm.reason
+
+
+@pytest.mark.parametrize("theta", [0, 1, -1])
+def test_methods_agree_within_the_discretisation(theta):
+    solution = ec.solve(common_block(), block(16), ec.Nitsche(theta=theta, gamma=10.0 if theta else 100.0))
+    force = resultant(ec.equilibrate(solution).tractions[0])
+    assert force[1] == pytest.approx(0.0160, rel=5e-3)
+
+
+def test_gap_closes():
+    """A body above the foundation touches only when the push exceeds the gap; tractions then follow the excess."""
+
+    def pressure(push: float) -> float:
+        scene = ec.Scene(
+            material=ec.Elastic(E=1.0, nu=0.0),
+            supports=[ec.Displacement("top", (0.0, -push))],
+            contacts=[ec.Contact("bottom", gap=0.01)],
+        )
+        return resultant(ec.equilibrate(ec.solve(scene, ec.rectangle((0, 0), (1, 1), cells=(4, 4)))).tractions[0])[1]
+
+    assert pressure(0.005) == pytest.approx(0.0, abs=1e-12)
+    assert pressure(0.03) == pytest.approx(0.02, rel=1e-9)  # nu = 0: a bar of length 1, width 1, E = 1
+
+
+def test_options_of_the_user_win_and_ours_are_not_left():
+    before = dict(PETSc.Options().getAll())
+    PETSc.Options()["erc_contact_snes_max_it"] = 1
+    try:
+        with pytest.raises(ec.NotConverged, match="after|steps") as failure:
+            ec.solve(common_block(), block(8))
+        assert len(failure.value.rungs) >= 2
+        assert "Nitsche" in str(failure.value)
+    finally:
+        del PETSc.Options()["erc_contact_snes_max_it"]
+    assert PETSc.Options().getAll() == before
