@@ -15,6 +15,7 @@ from time import perf_counter
 import numpy as np
 
 import erc_contact as ec
+
 from dolfinx.fem import Function, petsc  # isort: skip - after erc_contact, which loads MPI first
 import ufl  # isort: skip
 from erc_contact.model import Model  # isort: skip

@@ -1,7 +1,7 @@
 """A block pressed and sheared on a rigid foundation, to an accuracy of 2%.
 
-The block has the size of the example of Coorevits, Hild and Hjiaj, 2 x 7, with friction 0.3 at its bottom. It is pressed
-down and pushed to the right at its top; a traction on its right side pushes back. Run it with
+The block has the size of the example of Coorevits, Hild and Hjiaj, 2 x 7, with friction 0.3 at its bottom. It is
+pressed down and pushed to the right at its top; a traction on its right side pushes back. Run it with
 
     python demos/block.py            or            mpirun -n 2 python demos/block.py
 

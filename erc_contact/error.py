@@ -60,7 +60,7 @@ class ConstitutiveError:
 
     @property
     def relative(self) -> float:
-        """eps (17) [-]; 0 where nothing is loaded."""
+        """Eps (17) [-]; 0 where nothing is loaded."""
         return self.absolute / self.scale if self.scale > 0 else 0.0
 
 
@@ -170,15 +170,14 @@ def _oscillation(admissible: Admissible) -> float:
     model, cells = admissible.solution.model, admissible.cells
     scene, d, owned = model.scene, model.d, model.domain.owned_cells
     total = 0.0
-    if any(callable(b.value) or any(map(callable, b.value)) for b in scene.body_forces):
+    varies = any(callable(b.value) or any(map(callable, b.value)) for b in scene.body_forces)
+    if admissible.force is not None and varies:
         points, weights = basix.make_quadrature(model.mesh.basix_cell(), OSCILLATION_DEGREE)
-        of = np.arange(owned, dtype=np.int32)
-        f = evaluate(model.body_force, model.domain, points, of)
-        rest = np.einsum(
-            "nqi,nqi,q->n", *[f - (admissible.force[:owned] / cells.volume[:owned, None])[:, None]] * 2, weights
-        )
-        size = cells.volume[:owned] ** (1 / d)
-        total += float(np.sum(size**2 / np.pi**2 * rest / weights.sum() * cells.volume[:owned] / _modulus(model, of)))
+        of, volume = np.arange(owned, dtype=np.int32), cells.volume[:owned]
+        mean = admissible.force[:owned] / volume[:, None]
+        rest = evaluate(model.body_force, model.domain, points, of) - mean[:, None]
+        square = volume * np.einsum("nqi,nqi,q->n", rest, rest, weights / weights.sum())
+        total += float(np.sum(volume ** (2 / d) / np.pi**2 * square / _modulus(model, of)))
     points, weights = basix.make_quadrature(
         (basix.CellType.interval, basix.CellType.triangle)[d - 2], OSCILLATION_DEGREE
     )

@@ -25,7 +25,7 @@ class NotHeldError(InputError):
     """A rigid motion of the body is held by no support and by no contact."""
 
 
-class NotConverged(ErcContactError, RuntimeError):  # noqa: N818 - reads as a fact: "raise NotConverged"
+class NotConverged(ErcContactError, RuntimeError):
     """The contact solve ended without a solution.
 
     Attributes:

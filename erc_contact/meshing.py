@@ -106,7 +106,8 @@ def _brick(
     else:
         mesh = dmesh.create_box(comm, [low, high], list(cells), partitioner=partitioner(comm))
     mesh.topology.create_connectivity(dim - 1, dim)
-    facets, values, names = [], [], {}
+    facets, values = [], []
+    names: dict[str, int] = {}
     for axis, pair in enumerate(SIDES[:dim]):
         for name, at in zip(pair, (low[axis], high[axis]), strict=True):
             names[name] = len(names) + 1
@@ -130,8 +131,8 @@ def _brick_model(gmsh: Any, low: np.ndarray, high: np.ndarray, size: float) -> N
     centre = {tag: np.array(occ.getCenterOfMass(dim - 1, tag)[:dim]) for _, tag in sides}
     for axis, pair in enumerate(SIDES[:dim]):
         for name, at in zip(pair, (low[axis], high[axis]), strict=True):
-            nearest = min(centre, key=lambda tag, a=axis, v=at: abs(centre[tag][a] - v) / extent[a])
-            gmsh.model.addPhysicalGroup(dim - 1, [nearest], name=name)
+            distance = {tag: abs(x[axis] - at) for tag, x in centre.items()}
+            gmsh.model.addPhysicalGroup(dim - 1, [min(distance, key=distance.__getitem__)], name=name)
     gmsh.option.setNumber("Mesh.MeshSizeMin", size)
     gmsh.option.setNumber("Mesh.MeshSizeMax", size)
 

@@ -175,10 +175,7 @@ class Model:
 
     def _parameter(self, name: str) -> Any:
         value = getattr(self.scene.material, name)
-        if isinstance(value, Mapping):
-            bound = self._by_region(name, value)
-        else:
-            bound = self._value(value)
+        bound = self._by_region(name, value) if isinstance(value, Mapping) else self._value(value)
         if isinstance(value, Mapping) or callable(value):
             owned = np.arange(self.domain.owned_cells, dtype=np.int32)
             values = evaluate(bound, self.domain, np.vstack([np.zeros(self.d), np.eye(self.d)]), owned)
@@ -217,9 +214,10 @@ class Model:
     # -- boundary --------------------------------------------------------------------------------------
 
     def _check_dimension(self) -> None:
-        vectors = [s.value for s in self.scene.supports]
+        vectors: list[Any] = [s.value for s in self.scene.supports]
         vectors += [c.normal for c in self.scene.contacts if c.normal is not None]
-        vectors += [load.value for load in (*self.scene.tractions, *self.scene.body_forces) if load.value is not None]
+        vectors += [load.value for load in self.scene.tractions if load.value is not None]
+        vectors += [load.value for load in self.scene.body_forces]
         for vector in vectors:
             if not callable(vector) and len(vector) != self.d:
                 raise InputError(f"The scene has the vector {vector}, but the mesh is {self.d}D.")
@@ -242,7 +240,7 @@ class Model:
                     continue
                 new = evaluate(self._value(value), self.domain, corners, facets) if callable(value) else float(value)
                 new = np.broadcast_to(new, nodes.shape)
-                clash = fixed[nodes, i] & (abs(values[nodes, i] - new) > 1e-9 * max(abs(new).max(initial=0), 1e-300))
+                clash = fixed[nodes, i] & (abs(values[nodes, i] - new) > 1e-9 * float(abs(new).max(initial=1e-300)))
                 if clash.any():
                     error = InputError(
                         f"Displacement({support.facets!r}) contradicts another support at a common node in component "
@@ -270,7 +268,7 @@ class Model:
         centre = np.full((1, self.d - 1), 1.0 / self.d)
         if contact.normal is None:
             normals = evaluate(self.n, self.domain, centre, facets)[:, 0]
-            first = [n for n in self.comm.allgather(normals[0] if len(normals) else None) if n is not None][0]
+            first = next(n for n in self.comm.allgather(normals[0] if len(normals) else None) if n is not None)
             error = None
             if len(normals) and abs(normals - first).max() > FLAT:
                 error = InputError(

@@ -448,9 +448,9 @@ def _tangents(n: np.ndarray) -> tuple[np.ndarray, list[str]]:
     axes = np.sort(np.argsort(abs(n), kind="stable")[: len(n) - 1])
     q, r = np.linalg.qr(np.column_stack([n, np.eye(len(n))[:, axes]]))
     tangents = (q * np.sign(np.diag(r)))[:, 1:].T
-    aligned = abs(n).max() > 1 - 1e-12
-    names = [f"${'xyz'[a]}$" if aligned else f"along {np.round(t, 2)}" for a, t in zip(axes, tangents, strict=True)]
-    return tangents, [f"{name} [length]" for name in names]
+    if abs(n).max() > 1 - 1e-12:
+        return tangents, [f"${'xyz'[axis]}$ [length]" for axis in axes]
+    return tangents, ["along ({}) [length]".format(", ".join(f"{c:.2g}" for c in t + 0.0)) for t in tangents]
 
 
 def _draw_contact_2d(traction: ContactTraction, x: np.ndarray, path: Any) -> None:

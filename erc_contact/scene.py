@@ -191,13 +191,22 @@ class Scene:
                 raise InputError(
                     f"{facets!r} is in a Contact and in a {others[0]}; a boundary part can be in one of them."
                 )
-        full = {s.facets for s in self.supports if None not in s.value}
-        for load in self.loads:
-            if isinstance(load, Traction) and load.facets in full:
+        for load in self.tractions:
+            free = {i for s in self.supports if s.facets == load.facets for i in range(len(s.value))}
+            free -= {i for facets, i in fixed if facets == load.facets}
+            held = any(s.facets == load.facets for s in self.supports)
+            if held and not free:
                 raise InputError(
                     f"{load.facets!r} has a Traction and a Displacement of all components; free a component (None) "
                     "or remove one of the two."
                 )
+            given = load.value if isinstance(load.value, tuple) else ()
+            for i, value in enumerate(given):
+                if (load.facets, i) in fixed and (callable(value) or value != 0):
+                    raise InputError(
+                        f"{load.facets!r} has a Traction and a Displacement in component {i}; make the Traction 0 "
+                        "there, or free the Displacement (None)."
+                    )
         lengths = [len(v) for v in (*(s.value for s in self.supports), *(c.normal for c in self.contacts if c.normal))]
         if any(a != b for a, b in pairwise(lengths)):
             raise InputError(f"The scene mixes vectors of {min(lengths)} and {max(lengths)} components.")

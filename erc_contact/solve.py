@@ -79,9 +79,9 @@ class Solution:
 def solve(scene: Scene, domain: Domain, method: Nitsche | None = None, *, start: Solution | None = None) -> Solution:
     """Solve a scene on a domain; collective.
 
-    A scene without contact is one linear solve. Otherwise Newton starts from ``start`` if given, else from the
-    linear problem with the contact glued; line search by bisection. Further attempts raise friction in steps and use the
-    line search ``nleqerr``.
+    A scene without contact is one linear solve. Otherwise Newton starts from ``start`` if given, else from the linear
+    problem with the contact glued; line search by bisection. Further attempts raise friction in steps and use
+    the line search ``nleqerr``.
 
     Args:
         scene: The problem.

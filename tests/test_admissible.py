@@ -97,7 +97,7 @@ def test_stress_is_in_equilibrium_inside(pair):
 
 
 def test_facets_carry_loads_and_contact_tractions(pair):
-    model, cells, d = pair.solution.model, pair.cells, pair.cells.d
+    model, d = pair.solution.model, pair.cells.d
     of_cell = model.mesh.topology.connectivity(d, d - 1).array.reshape(-1, d + 1)
     corners = np.vstack([np.zeros(d - 1), np.eye(d - 1)])
     found = nodal_forces(pair.moment)

@@ -225,10 +225,10 @@ def admissible_displacement(model: Model, u: fem.Function, tractions: list[Conta
     """u^: u clipped at the gap, and snapped to the status that r^ shows where that lowers the error.
 
     The contact part of e^2 is of first order in ``g - u_n`` where r^_n < 0, and in u_t where r^_t is inside the cone
-    or does not oppose it; the bulk part is only of second order in a change of u^. So a node is set to ``u_n = g``, or
-    to ``u_t = 0``, where what the contact part gains, ``2 sum |F|/d (...)`` over the facets of the node, exceeds what the
-    bulk part may lose, about ``E h^(d-2)`` times the square of the change. (Asking for r^ strictly inside the cone on
-    all facets of the node instead leaves nodes at the stick-slip transition that slip against the traction.)
+    or does not oppose it; the bulk part is only of second order in a change of u^. So a node is set to ``u_n = g``,
+    or to ``u_t = 0``, where what the contact part gains, ``2 sum |F|/d (...)`` over the facets of the node, exceeds
+    what the bulk part may lose, about ``E h^(d-2)`` times the square of the change. (Asking for r^ strictly inside the
+    cone on all facets of a node instead leaves nodes at the stick-slip transition that slip along the traction.)
     """
     hat = fem.Function(model.V, name="displacement")
     hat.x.array[:] = u.x.array

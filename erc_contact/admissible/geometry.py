@@ -45,8 +45,7 @@ class Simplices:
     @property
     def inverse(self) -> np.ndarray:
         """Inverse Jacobians [1/length], shape (n, d, d); row i-1 is the gradient of barycentric i."""
-        gradient = -self.area[:, 1:] / (self.d * self.volume[:, None, None])
-        return gradient
+        return -self.area[:, 1:] / (self.d * self.volume[:, None, None])
 
     @property
     def has_second(self) -> np.ndarray:

@@ -1,0 +1,518 @@
+"""Bad input ends in an error that says what was got, what is allowed and what to do, on every rank.
+
+Properties: every rank raises, none waits for another; the type is one of the package's; the message names the thing.
+"""
+
+import basix.ufl
+import numpy as np
+import pytest
+import ufl
+from dolfinx import mesh as dmesh
+from mpi4py import MPI
+
+import erc_contact as ec
+
+COMM = MPI.COMM_WORLD
+STEEL = ec.Elastic(E=1.0, nu=0.3)
+PUSH = ec.Traction("top", (0.0, -0.01))
+
+
+def refused(call, *words, error=ec.InputError):
+    """Every rank raises ``error`` with all words in its message; collective."""
+    try:
+        call()
+        got = None
+    except Exception as reason:
+        got = reason
+    kinds = COMM.allgather(type(got).__name__)
+    assert len(set(kinds)) == 1, f"ranks ended differently: {kinds}"
+    assert isinstance(got, error), f"{got!r}"
+    missing = [word for word in words if word not in str(got)]
+    assert not missing, f"{missing} not in: {got}"
+
+
+def refused_scene(domain, *words, error=ec.InputError, **entries):
+    """The scene is refused, when it is declared or when it is put on the domain."""
+    entries = {"material": STEEL, "supports": [ec.Displacement("left", (0.0, 0.0))], **entries}
+    refused(lambda: ec.solve(ec.Scene(**entries), domain), *words, error=error)
+
+
+@pytest.fixture(scope="module")
+def cube():
+    return ec.box((0.0, 0.0, 0.0), (1.0, 1.0, 1.0), cells=(2, 2, 2))
+
+
+# -- names ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "entries",
+    [
+        {"supports": [ec.Displacement("rihgt", (0.0, 0.0))]},
+        {"loads": [ec.Traction("rihgt", (0.0, 0.0))]},
+        {"contacts": [ec.Contact("rihgt")]},
+    ],
+    ids=["Displacement", "Traction", "Contact"],
+)
+def test_unknown_boundary_part(entries, block):
+    refused_scene(block, "'rihgt'", "bottom, left, right, top", **entries)
+
+
+def test_unknown_region(gmsh_session):
+    if gmsh_session:
+        gmsh_session.model.occ.addRectangle(0, 0, 0, 1, 1)
+        gmsh_session.model.occ.synchronize()
+        gmsh_session.model.addPhysicalGroup(2, [1], name="steel")
+        gmsh_session.model.addPhysicalGroup(1, [4], name="left")
+        gmsh_session.option.setNumber("Mesh.MeshSizeMin", 0.5)
+    domain = ec.from_gmsh(gmsh_session.model if gmsh_session else None)
+    refused_scene(domain, "'steal'", "steel", material=ec.Elastic(E={"steal": 1.0}, nu=0.3))
+    refused(lambda: domain.region("steal"), "'steal'", "steel")
+
+
+def test_region_of_a_mesh_without_regions(block):
+    refused_scene(block, "'steel'", "none", material=ec.Elastic(E={"steel": 1.0}, nu=0.3))
+
+
+def test_material_that_misses_cells():
+    mesh = dmesh.create_unit_square(COMM, 4, 4)
+    left = dmesh.locate_entities_boundary(mesh, 1, lambda x: x[0] < 1e-9)
+    cells = np.arange(mesh.topology.index_map(2).size_local, dtype=np.int32)
+    upper = dmesh.compute_midpoints(mesh, 2, cells)[:, 1] > 0.5
+    tags = dmesh.meshtags(mesh, 2, cells, np.where(upper, 2, 1).astype(np.int32))
+    facet_tags = dmesh.meshtags(mesh, 1, left, np.ones(len(left), dtype=np.int32))
+    domain = ec.Domain(mesh, facet_tags, {"left": 1}, tags, {"lower": 1, "upper": 2})
+    refused_scene(domain, "E", "16 cells", "lower", "upper", material=ec.Elastic(E={"lower": 1.0}, nu=0.3))
+
+
+# -- material ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("nu", [-1.0, 0.5, 0.7, -2.0, float("nan")])
+def test_poisson_ratio_outside_its_range(nu):
+    refused(lambda: ec.Elastic(E=1.0, nu=nu), "nu", f"{nu:g}", "(-1, 1/2)")
+
+
+@pytest.mark.parametrize("E", [0.0, -1.0, float("inf"), float("nan")])
+def test_youngs_modulus_not_positive(E):
+    refused(lambda: ec.Elastic(E=E, nu=0.3), "E is", f"{E:g}", "> 0")
+
+
+@pytest.mark.parametrize(
+    ("material", "words"),
+    [
+        (ec.Elastic(E=lambda x: x[0] - 0.5, nu=0.3), ("E is -0.5", "> 0")),
+        (ec.Elastic(E=lambda x: x[0], nu=0.3), ("E is 0", "> 0")),
+        (ec.Elastic(E=1.0, nu=lambda x: 0.6 * x[1]), ("nu is 0.6", "(-1, 1/2)")),
+    ],
+    ids=["E < 0", "E = 0", "nu > 1/2"],
+)
+def test_modulus_out_of_range_somewhere(material, words, block):
+    refused_scene(block, *words, material=material)
+
+
+def test_hypothesis_that_does_not_exist():
+    refused(lambda: ec.Elastic(E=1.0, nu=0.3, hypothesis="plain strain"), "'plain strain'", "plane strain")
+
+
+# -- friction, gap, normal -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("friction", [-0.1, float("nan"), float("inf"), "0.3", None])
+def test_friction_negative_or_no_number(friction):
+    refused(lambda: ec.Contact("bottom", friction=friction), "'bottom'", "friction", repr(friction), ">= 0")
+
+
+def test_friction_negative_somewhere(block):
+    contact = ec.Contact("bottom", friction=lambda x: 0.3 - x[0])
+    refused_scene(block, "'bottom'", "friction is -0.", ">= 0", contacts=[contact])
+
+
+@pytest.mark.parametrize("gap", [float("nan"), float("inf"), "0"])
+def test_gap_no_number(gap):
+    refused(lambda: ec.Contact("bottom", gap=gap), "'bottom'", "gap", repr(gap), "finite")
+
+
+@pytest.mark.parametrize("normal", [(0.0, 0.0), (0.0,), "down", (0.0, None), lambda x: x, (0.0, lambda x: x[0])])
+def test_normal_that_is_none(normal):
+    refused(lambda: ec.Contact("bottom", normal=normal), "'bottom'", "normal")
+
+
+def test_curved_part_needs_a_normal():
+    mesh = dmesh.create_unit_square(COMM, 4, 4)
+    foot = dmesh.locate_entities_boundary(mesh, 1, lambda x: np.minimum(x[0], x[1]) < 1e-9)
+    domain = ec.Domain(mesh, dmesh.meshtags(mesh, 1, foot, np.ones(len(foot), dtype=np.int32)), {"foot": 1})
+    refused_scene(domain, "'foot'", "not flat", "normal=", supports=[], contacts=[ec.Contact("foot", friction=1.0)])
+
+
+# -- what holds the body -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("supports", "contacts", "words"),
+    [
+        ([], [], ("translation in x", "translation in y", "rotation in the plane xy")),
+        ([], [ec.Contact("bottom")], ("translation in x",)),
+        ([ec.Displacement("left", (0.0, None))], [], ("translation in y",)),
+        ([ec.Displacement("top", (None, 0.0))], [ec.Contact("bottom")], ("translation in x",)),
+    ],
+    ids=["nothing", "frictionless contact", "roller", "roller and frictionless contact"],
+)
+def test_body_that_nothing_holds(supports, contacts, words, block):
+    words = (*words, "Add a Displacement")
+    refused_scene(block, *words, error=ec.NotHeldError, supports=supports, contacts=contacts, loads=[])
+
+
+def test_body_in_space_that_nothing_holds(cube):
+    words = ("translation in x", "translation in z", "rotation in the plane xz")
+    entries = {"supports": [], "contacts": [ec.Contact("bottom")]}
+    refused_scene(cube, *words, error=ec.NotHeldError, **entries)
+
+
+@pytest.mark.parametrize(
+    ("supports", "friction", "force"),
+    [
+        ([ec.Displacement("left", (0.0, None))], 0.0, (0.0, 0.01)),
+        ([ec.Displacement("left", (0.0, None))], 0.5, (0.0, 0.01)),
+        ([], 0.5, (0.0, 0.01)),
+        ([], 0.1, (0.01, -0.01)),
+    ],
+    ids=[
+        "pulled off",
+        "pulled off with friction",
+        "pulled off, no support",
+        "pushed sideways more than friction holds",
+    ],
+)
+def test_body_that_the_loads_take_from_its_foundation(supports, friction, force, block):
+    entries = {
+        "supports": supports,
+        "contacts": [ec.Contact("bottom", friction=friction)],
+        "loads": [ec.Traction("top", force)],
+    }
+    refused_scene(block, "loads", "hold the body", error=ec.NotConverged, **entries)
+
+
+# -- conditions that conflict --------------------------------------------------------------------------------
+
+CONTACT, PRESSURE = ec.Contact("bottom"), ec.Traction("bottom", pressure=1.0)
+FORCE, FIXED = ec.Traction("bottom", (0.0, 1.0)), ec.Displacement("bottom", (0.0, 0.0))
+SLIDES, SINKS = ec.Displacement("bottom", (None, 0.0)), ec.Displacement("bottom", (0.0, None))
+
+
+@pytest.mark.parametrize(
+    ("entries", "words"),
+    [
+        ({"supports": [FIXED], "contacts": [CONTACT]}, ("Contact", "Displacement")),
+        ({"supports": [SLIDES], "contacts": [CONTACT]}, ("Contact", "Displacement")),
+        ({"loads": [FORCE], "contacts": [CONTACT]}, ("Contact", "Traction")),
+        ({"loads": [PRESSURE], "contacts": [CONTACT]}, ("Contact", "Traction")),
+        ({"contacts": [CONTACT, ec.Contact("bottom", friction=0.2)]}, ("2 contacts", "keep one")),
+        ({"supports": [FIXED, FIXED]}, ("Component 0", "2 supports", "keep one")),
+        ({"supports": [FIXED, SLIDES]}, ("Component 1", "2 supports", "keep one")),
+        ({"supports": [FIXED], "loads": [FORCE]}, ("Traction", "Displacement", "remove")),
+        ({"supports": [FIXED], "loads": [PRESSURE]}, ("Traction", "Displacement", "remove")),
+        ({"supports": [SLIDES, SINKS], "loads": [PRESSURE]}, ("Traction", "Displacement", "remove")),
+        ({"supports": [SLIDES], "loads": [FORCE]}, ("Traction", "Displacement", "component 1", "None")),
+    ],
+)
+def test_conditions_that_conflict(entries, words, block):
+    refused_scene(block, "'bottom'", *words, **{"supports": [], **entries})
+
+
+def test_conditions_that_do_not_conflict(block):
+    sideways = ec.Traction("bottom", (0.01, 0.0))
+    held = ec.Scene(STEEL, [SLIDES, ec.Displacement("left", (0.0, None))], [sideways, sideways])
+    assert ec.solve(held, block).newton_steps == 0
+    assert ec.Scene(STEEL, [SLIDES, SINKS]).supports == (SLIDES, SINKS)
+
+
+def test_entry_of_another_type(block):
+    refused_scene(block, "loads", "Traction", "BodyForce", loads=[CONTACT])
+    refused_scene(block, "supports", "Displacement", supports=[FORCE])
+    refused_scene(block, "contacts", "Contact", contacts=["bottom"])
+
+
+# -- supports ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("value", [0.1, lambda x: 0.1 + x[0]], ids=["number", "callable"])
+def test_supports_that_contradict_at_a_common_node(value, block):
+    supports = [ec.Displacement("left", (0.0, 0.0)), ec.Displacement("bottom", (value, None))]
+    refused_scene(block, "'bottom'", "common node", "component 0", "None", supports=supports)
+
+
+def test_supports_that_agree_at_a_common_node(block):
+    supports = [ec.Displacement("left", (0.0, lambda x: 0.1 * x[1])), ec.Displacement("top", (lambda x: x[0], 0.1))]
+    solution = ec.solve(ec.Scene(STEEL, supports), block)
+    assert COMM.allreduce(abs(solution.u.x.array).max(initial=0), MPI.MAX) == pytest.approx(1.0, rel=1e-12)
+
+
+@pytest.mark.parametrize("gap", [0.02, lambda x: 0.02 + x[0]], ids=["number", "callable"])
+def test_support_that_violates_the_gap(gap, block):
+    supports = [ec.Displacement("left", (0.0, -0.1))]
+    refused_scene(block, "'bottom'", "0.08", "gap", supports=supports, contacts=[ec.Contact("bottom", gap=gap)])
+
+
+def test_support_that_fixes_nothing_or_is_no_number(block):
+    refused(lambda: ec.Displacement("left", (None, None)), "'left'", "fixes no component")
+    refused(lambda: ec.Displacement("left", lambda x: x), "'left'", "each component")
+    refused(lambda: ec.Displacement("left", (float("nan"), 0.0)), "'left'", "nan", "finite")
+    supports = [ec.Displacement("left", (lambda x: ufl.ln(x[1] - 0.5), 0.0))]
+    refused_scene(block, "not finite", "callables", supports=supports)
+
+
+# -- vectors -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("value", [(0.0,), 0.0, "up", (0.0, 0.0, 0.0, 0.0), (0.0, "1")])
+def test_vector_that_is_none(value):
+    for make in (lambda v: ec.Displacement("left", v), lambda v: ec.Traction("left", v), ec.BodyForce):
+        refused(lambda make=make: make(value), "give")
+
+
+@pytest.mark.parametrize(
+    "entries",
+    [
+        {"supports": [ec.Displacement("left", (0.0, 0.0, 0.0))]},
+        {"loads": [ec.Traction("top", (0.0, 0.0, 1.0))]},
+        {"loads": [ec.BodyForce((0.0, 0.0, 1.0))]},
+        {"contacts": [ec.Contact("bottom", normal=(0.0, 0.0, -1.0))], "supports": []},
+    ],
+    ids=["Displacement", "Traction", "BodyForce", "normal"],
+)
+def test_vector_of_another_dimension(entries, block):
+    refused_scene(block, "0.0, 0.0", "2D", **entries)
+
+
+@pytest.mark.parametrize("load", [ec.Traction("top", lambda x: x[0]), ec.BodyForce(lambda x: (x[0], x[1], 0.0))])
+def test_callable_of_another_shape(load, block):
+    refused_scene(block, "shape", "(2,)", loads=[load])
+
+
+def test_vectors_of_two_dimensions_in_one_scene(block):
+    supports = [ec.Displacement("left", (0.0, 0.0)), ec.Displacement("right", (0.0, 0.0, 0.0))]
+    refused_scene(block, "2 and 3 components", supports=supports)
+
+
+def test_scene_in_the_plane_on_a_mesh_in_space(cube):
+    refused_scene(cube, "(0.0, 0.0)", "3D")
+
+
+def test_traction_and_pressure():
+    refused(lambda: ec.Traction("top"), "'top'", "pressure")
+    refused(lambda: ec.Traction("top", (0.0, 1.0), pressure=1.0), "'top'", "not both")
+    refused(lambda: ec.Traction("top", pressure=float("nan")), "'top'", "nan", "finite")
+
+
+# -- rectangle and box ---------------------------------------------------------------------------------------
+
+MAKERS = pytest.mark.parametrize(("make", "dim"), [(ec.rectangle, 2), (ec.box, 3)], ids=["rectangle", "box"])
+
+
+@MAKERS
+@pytest.mark.parametrize("size", [0.0, -0.1, float("nan"), float("inf")])
+def test_size_not_positive(make, dim, size):
+    refused(lambda: make((0.0,) * dim, (1.0,) * dim, size=size), "size", f"{size:g}", "> 0")
+
+
+@MAKERS
+@pytest.mark.parametrize("number", [0, -1, 2.5])
+def test_cells_not_positive(make, dim, number):
+    cells = (4,) * (dim - 1) + (number,)
+    refused(lambda: make((0.0,) * dim, (1.0,) * dim, cells=cells), f"{number}", f"{dim} whole numbers >= 1")
+
+
+@MAKERS
+def test_cells_of_another_length(make, dim):
+    for cells in (4, (4,), (4,) * (dim + 1)):
+        refused(lambda c=cells: make((0.0,) * dim, (1.0,) * dim, cells=c), f"{dim} whole numbers >= 1")
+
+
+@MAKERS
+def test_both_size_and_cells_or_none(make, dim):
+    refused(lambda: make((0.0,) * dim, (1.0,) * dim), "size=", "cells=")
+    refused(lambda: make((0.0,) * dim, (1.0,) * dim, size=0.5, cells=(2,) * dim), "size=", "cells=")
+
+
+@MAKERS
+def test_corners_that_span_nothing(make, dim):
+    for p1 in ((1.0,) * (dim + 1), (1.0,) * (dim - 1) + (0.0,), (-1.0,) * dim, (float("inf"),) * dim):
+        refused(lambda p=p1: make((0.0,) * dim, p, size=0.5), "corners", f"{dim} numbers")
+
+
+# -- meshes --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["missing.msh", "missing.geo", "missing.vtu"])
+def test_mesh_file_missing(name, shared_tmp_path):
+    refused(lambda: ec.read_mesh(shared_tmp_path / name), name, "does not exist", "path")
+
+
+@pytest.mark.parametrize("suffix", [".msh", ".geo", ".vtu", ".vtk", ".inp", ".xyz", ""])
+def test_mesh_file_broken(suffix, shared_tmp_path):
+    path = shared_tmp_path / f"broken{suffix}"
+    if COMM.rank == 0:
+        path.write_text("no mesh\n")
+    COMM.barrier()
+    refused(lambda: ec.read_mesh(path), "broken")
+
+
+@pytest.mark.parametrize("suffix", [".msh", ".vtu"])
+def test_mesh_file_without_groups_of_facets(suffix, gmsh_session, shared_tmp_path):
+    path = shared_tmp_path / f"plain{suffix}"
+    if gmsh_session:
+        import meshio
+
+        gmsh_session.model.occ.addRectangle(0, 0, 0, 1, 1)
+        gmsh_session.model.occ.synchronize()
+        gmsh_session.option.setNumber("Mesh.MeshSizeMin", 0.5)
+        gmsh_session.model.mesh.generate(2)
+        gmsh_session.write(str(shared_tmp_path / "plain.msh"))
+        if suffix != ".msh":
+            read = meshio.read(shared_tmp_path / "plain.msh")
+            meshio.Mesh(read.points, [("triangle", read.get_cells_type("triangle"))]).write(path)
+    COMM.barrier()
+    refused(lambda: ec.read_mesh(path), "no groups of facets", "hysical")
+
+
+def tags_of_all(mesh):
+    """All boundary facets tagged 1."""
+    tdim = mesh.topology.dim
+    facets = dmesh.locate_entities_boundary(mesh, tdim - 1, lambda x: np.full(x.shape[1], True))
+    return dmesh.meshtags(mesh, tdim - 1, facets, np.ones(len(facets), dtype=np.int32))
+
+
+@pytest.mark.parametrize("cell", ["quadrilateral", "hexahedron"])
+def test_mesh_of_the_user_not_of_simplices(cell):
+    if cell == "quadrilateral":
+        mesh = dmesh.create_unit_square(COMM, 3, 3, dmesh.CellType.quadrilateral)
+    else:
+        mesh = dmesh.create_unit_cube(COMM, 3, 3, 3, dmesh.CellType.hexahedron)
+    refused(lambda: ec.Domain(mesh, tags_of_all(mesh), {"all": 1}), cell, "triangles", "tetrahedra")
+
+
+def test_mesh_of_the_user_of_second_order():
+    x = np.array([[0, 0], [1, 0], [0, 1], [0.6, 0.6], [0, 0.5], [0.5, 0]], dtype=float)
+    element = basix.ufl.element("Lagrange", "triangle", 2, shape=(2,))
+    here = COMM.rank == 0
+    cells, x = (np.arange(6, dtype=np.int64)[None], x) if here else (np.empty((0, 6), dtype=np.int64), x[:0])
+    mesh = dmesh.create_mesh(COMM, cells, ufl.Mesh(element), x)
+    refused(lambda: ec.Domain(mesh, tags_of_all(mesh), {"all": 1}), "degree 2", "straight")
+
+
+def test_mesh_of_the_user_with_wrong_tags():
+    mesh = dmesh.create_unit_square(COMM, 3, 3)
+    tags = tags_of_all(mesh)
+    cells = np.arange(mesh.topology.index_map(2).size_local, dtype=np.int32)
+    of_cells = dmesh.meshtags(mesh, 2, cells, np.ones(len(cells), dtype=np.int32))
+    refused(lambda: ec.Domain(mesh, tags, {}), "named boundary part", "names=")
+    refused(lambda: ec.Domain(mesh, tags, {"left": 1, "right": 2}), "'right'", "no facet")
+    refused(lambda: ec.Domain(mesh, of_cells, {"left": 1}), "dimension 2", "facets have 1")
+    refused(lambda: ec.Domain(mesh, None, {"left": 1}), "no tagged facet", "left")
+    refused(lambda: ec.Domain(mesh, tags, {"all": 1}, None, {"steel": 1}), "steel", "cell tags")
+
+
+def rectangle_in(gmsh):
+    """A square with named left side in the user's model; its curves and surface."""
+    gmsh.model.occ.addRectangle(0, 0, 0, 1, 1)
+    gmsh.model.occ.synchronize()
+    gmsh.model.addPhysicalGroup(1, [4], name="left")
+    gmsh.option.setNumber("Mesh.MeshSizeMin", 0.5)
+
+
+def empty(gmsh):
+    pass
+
+
+def recombined(gmsh):
+    rectangle_in(gmsh)
+    gmsh.option.setNumber("Mesh.RecombineAll", 1)
+
+
+def second_order(gmsh):
+    rectangle_in(gmsh)
+    gmsh.option.setNumber("Mesh.ElementOrder", 2)
+
+
+def upright(gmsh):
+    gmsh.model.occ.addRectangle(0, 0, 0, 1, 1)
+    gmsh.model.occ.rotate([(2, 1)], 0, 0, 0, 1, 0, 0, 0.5)
+    gmsh.model.occ.synchronize()
+    gmsh.model.addPhysicalGroup(1, [4], name="left")
+
+
+def unnamed(gmsh):
+    gmsh.model.occ.addRectangle(0, 0, 0, 1, 1)
+    gmsh.model.occ.synchronize()
+    gmsh.model.addPhysicalGroup(2, [1], name="body")
+
+
+def twice(gmsh):
+    rectangle_in(gmsh)
+    gmsh.model.addPhysicalGroup(1, [1, 4], name="foot and left")
+
+
+def half(gmsh):
+    gmsh.model.occ.addRectangle(5, 0, 0, 1, 1)
+    rectangle_in(gmsh)
+    gmsh.model.addPhysicalGroup(2, [1], name="one")
+
+
+MODELS = pytest.mark.parametrize(
+    ("build", "words"),
+    [
+        (empty, ("dimension 0", "volume")),
+        (recombined, ("Quadrilateral 4", "triangles", "no recombination")),
+        (second_order, ("Triangle 6", "Mesh.ElementOrder = 1")),
+        (upright, ("surface in space", "plane")),
+        (unnamed, ("no groups of facets", "Physical Curve")),
+        (twice, ("two physical groups", "one boundary part")),
+        (half, ("no physical group", "put all in one")),
+    ],
+)
+
+
+@MODELS
+def test_gmsh_model(build, words, gmsh_session):
+    if gmsh_session:
+        build(gmsh_session)
+    refused(lambda: ec.from_gmsh(gmsh_session.model if gmsh_session else None), *words)
+
+
+@pytest.mark.parametrize("version", [2.2, 4.1])
+@pytest.mark.parametrize(("build", "word"), [(recombined, "Quadrilateral 4"), (second_order, "Triangle 6")])
+def test_msh_file_not_of_straight_simplices(build, word, version, gmsh_session, shared_tmp_path):
+    path = shared_tmp_path / "mesh.msh"
+    if gmsh_session:
+        build(gmsh_session)
+        gmsh_session.model.addPhysicalGroup(2, [1], name="body")
+        gmsh_session.model.mesh.generate(2)
+        gmsh_session.option.setNumber("Mesh.MshFileVersion", version)
+        gmsh_session.write(str(path))
+        gmsh_session.finalize()
+    COMM.barrier()
+    refused(lambda: ec.read_mesh(path), word, "triangles")
+
+
+# -- the loop and the method ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("accuracy", [0.0, -0.1, float("nan"), float("inf"), "2%"])
+def test_accuracy_not_positive(accuracy, block):
+    scene = ec.Scene(STEEL, [ec.Displacement("bottom", (0.0, 0.0))], [PUSH])
+    refused(lambda: ec.adapt(scene, block, accuracy=accuracy), "accuracy", repr(accuracy), "> 0")
+
+
+def test_limits_of_the_loop(block):
+    scene = ec.Scene(STEEL, [ec.Displacement("bottom", (0.0, 0.0))], [PUSH])
+    refused(lambda: ec.adapt(scene, block, accuracy=0.1, max_steps=0), "max_steps", ">= 1")
+    refused(lambda: ec.adapt(scene, block, accuracy=0.1, max_cells=0), "max_cells", ">= 1")
+
+
+def test_parameters_of_method_and_marking():
+    for gamma in (0.0, -1.0, float("nan")):
+        refused(lambda g=gamma: ec.Nitsche(gamma=g), "gamma", repr(gamma), "> 0")
+    refused(lambda: ec.Nitsche(theta=2), "theta", "2", "0, 1 and -1")
+    for fraction in (0.0, 1.5, float("nan")):
+        refused(lambda f=fraction: ec.Mark(f), "fraction", repr(fraction), "(0, 1]")
