@@ -33,9 +33,8 @@ def main() -> None:
     folder.mkdir(parents=True, exist_ok=True)
     for name, history in histories.items():
         history.to_csv(folder / f"{name}.csv")
-        print(
-            f"{name}: slope of eps against cells {history.slope('cells', last=4):.3f}, last eps {history.best.relative:.3%}"
-        )
+        slope = history.slope("cells", last=4)
+        print(f"{name}: slope of eps against cells {slope:.3f}, last eps {history.best.relative:.3%}")
     print(f"expected: adaptive -0.5, uniform {-CORNER / 2:.3f}")
     plot_history(histories, folder / "rates.png")
 

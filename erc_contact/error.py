@@ -26,7 +26,7 @@ from mpi4py import MPI
 
 from erc_contact.admissible import Admissible, moduli, strains
 from erc_contact.admissible.contact import ContactTraction
-from erc_contact.model import Model, evaluate
+from erc_contact.model import Model, evaluate, facet_rule
 
 OSCILLATION_DEGREE = 6
 CONTACT_DEGREE = 21
@@ -144,8 +144,7 @@ def contact_parts(admissible: Admissible, traction: ContactTraction) -> np.ndarr
     """Twice the integral of the contact term over each facet of an owned cell; ghosts get 0."""
     model, contact = admissible.solution.model, traction.contact
     d, n = model.d, contact.direction
-    points, weights = basix.make_quadrature((basix.CellType.interval, basix.CellType.triangle)[d - 2], CONTACT_DEGREE)
-    shape = np.column_stack([1 - points.sum(axis=1), points])
+    points, weights, shape = facet_rule(d, CONTACT_DEGREE)
     r = np.einsum("qm,fmi->fqi", shape, traction.values)
     w = np.einsum("qm,fmi->fqi", shape, admissible.displacement.x.array.reshape(-1, d)[traction.nodes])
     r_n, w_n = r @ n, w @ n
@@ -158,7 +157,7 @@ def contact_parts(admissible: Admissible, traction: ContactTraction) -> np.ndarr
     # a difference of two works that agree to round-off is no error; without this, e would end at 1e-8 of the norm
     resolution = 16 * np.finfo(float).eps * np.linalg.norm(r, axis=-1) * (np.linalg.norm(w, axis=-1) + abs(gap))
     density = np.where(abs(density) <= resolution, 0.0, density)
-    part = 2 * traction.area * (density @ (weights / weights.sum()))
+    part = 2 * traction.area * (density @ weights)
     return np.where(contact.facets[:, 0] < model.domain.owned_cells, part, 0.0)
 
 
@@ -178,11 +177,7 @@ def _oscillation(admissible: Admissible) -> float:
         rest = evaluate(model.body_force, model.domain, points, of) - mean[:, None]
         square = volume * np.einsum("nqi,nqi,q->n", rest, rest, weights / weights.sum())
         total += float(np.sum(volume ** (2 / d) / np.pi**2 * square / _modulus(model, of)))
-    points, weights = basix.make_quadrature(
-        (basix.CellType.interval, basix.CellType.triangle)[d - 2], OSCILLATION_DEGREE
-    )
-    weights = weights / weights.sum()
-    shape = np.column_stack([1 - points.sum(axis=1), points])
+    points, weights, shape = facet_rule(d, OSCILLATION_DEGREE)
     project = np.linalg.solve(shape.T @ (weights[:, None] * shape), shape.T * weights)
 
     def rest_on(

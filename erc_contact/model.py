@@ -12,6 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import basix
 import numpy as np
 import ufl
 from dolfinx import fem
@@ -29,6 +30,22 @@ FLAT = 1e-8
 def facet_vertices(d: int) -> np.ndarray:
     """Local vertices of each local facet of a simplex (facet i is opposite to vertex i), shape (d+1, d)."""
     return np.array([[j for j in range(d + 1) if j != i] for i in range(d + 1)])
+
+
+def barycentric(points: np.ndarray) -> np.ndarray:
+    """Linear shape functions of a reference simplex at points, shape (q, k) -> (q, k+1)."""
+    return np.column_stack([1 - points.sum(axis=1), points])
+
+
+def facet_cell(d: int) -> basix.CellType:
+    """The reference facet of a simplex of dimension d."""
+    return basix.CellType.interval if d == 2 else basix.CellType.triangle
+
+
+def facet_rule(d: int, degree: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Quadrature on a facet: points (q, d-1), weights that sum to 1 (q,), shape functions at the points (q, d)."""
+    points, weights = basix.make_quadrature(facet_cell(d), degree)
+    return points, weights / weights.sum(), barycentric(points)
 
 
 def facet_corners(d: int) -> np.ndarray:
@@ -68,6 +85,8 @@ class BoundContact:
     direction: np.ndarray
     friction: Any | None
     gap: Any | None
+    friction_varies: bool
+    gap_varies: bool
 
 
 class Model:
@@ -294,6 +313,8 @@ class Model:
             direction,
             None if none[0] else self.friction_share * self._value(contact.friction),
             None if none[1] else self._value(contact.gap),
+            callable(contact.friction),
+            callable(contact.gap),
         )
 
     def gap_at_nodes(self, contact: BoundContact) -> np.ndarray:

@@ -34,7 +34,7 @@ STATUS = ("open", "slip", "stick")
 COLOURS = ("#ececec", "#fdeacc", "#d9ecd6")
 """Colours of open, slip and stick."""
 FONTS = {"font.family": "STIXGeneral", "mathtext.fontset": "stix", "font.size": 11.0}
-PIXELS = 2400
+PIXELS = 1800
 """Longer side of the image of a body."""
 FEW = 15_000
 """Maps of more elements show no edges, which would hide the colours."""
@@ -125,7 +125,7 @@ def draw_meshes(meshes: Sequence[tuple[Domain, np.ndarray]], path: str | Path) -
 
     def draw() -> None:
         look = {"color": "#dce6f0", "edge_color": "#1f2d3d", "show_edges": True}
-        widths = np.clip([60 / np.sqrt(cells) for _, cells in bodies], 0.6, 2.0)  # thin lines on fine meshes
+        widths = np.clip([45 / np.sqrt(cells) for _, cells in bodies], 0.5, 1.5)  # thin lines on fine meshes
         parts = [(_grid(**body), look | {"line_width": w}) for (body, _), w in zip(bodies, widths, strict=True)]
         images = [_rendered([part], dim) for part in parts]
         left, right, low, high = images[0][1]
@@ -431,8 +431,8 @@ def _map(parts: list[Any], dim: int, values: np.ndarray, *, norm: Any, extend: s
 
     colours = ScalarMappable(norm, "viridis")
     look = {"scalars": colours.to_rgba(values, bytes=True)[:, :3], "rgb": True, "preference": "cell"}
-    look |= {"show_edges": len(values) <= FEW, "edge_color": "#404040", "edge_opacity": 0.4, "line_width": 1.0}
-    lines = {"color": "black", "line_width": 4.0}
+    look |= {"show_edges": len(values) <= FEW, "edge_color": "#404040", "edge_opacity": 0.4, "line_width": 0.8}
+    lines = {"color": "black", "line_width": 3.0}
     image, extent = _rendered(list(zip(parts, (look, lines), strict=False)), dim)
     ratio = (extent[1] - extent[0]) / (extent[3] - extent[2])
     height = min(6.0, 6.0 / ratio)

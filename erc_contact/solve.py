@@ -144,7 +144,7 @@ class Stiffness:
         self.ksp.getPC().setType("cholesky")
         self.ksp.getPC().setFactorSolverType("mumps")
 
-    def load_vector(self, extra: fem.Function | None = None) -> fem.Function:
+    def load_vector(self) -> fem.Function:
         """Assemble the loads of the scene as a Function of nodal forces (not yet summed over ranks)."""
         b = fem.Function(self.model.V)
         loads = self.model.loads(ufl.TestFunction(self.model.V))

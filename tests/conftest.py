@@ -46,7 +46,7 @@ def pytest_configure(config):
 
 
 def pytest_collection_modifyitems(config, items):
-    if COMM.size > 1:
+    if COMM.size > 1 or "PMI_RANK" in os.environ:
         alone = [item for item in items if item.get_closest_marker("serial")]
         items[:] = [item for item in items if item not in alone]
         config.hook.pytest_deselected(items=alone)

@@ -15,6 +15,7 @@ from typing import Any
 
 import basix
 import numpy as np
+import ufl
 from dolfinx import fem
 from mpi4py import MPI
 
@@ -22,7 +23,7 @@ from erc_contact.admissible.contact import ContactTraction, admissible_displacem
 from erc_contact.admissible.facets import equilibrated_moments, signed
 from erc_contact.admissible.geometry import Simplices, facet_order, moments, nodal_forces, simplices
 from erc_contact.admissible.macro import macro_stress, mandel, mandel_basis, tensors
-from erc_contact.model import Model, evaluate
+from erc_contact.model import Model, evaluate, facet_rule, facet_vertices
 from erc_contact.solve import Solution, Stiffness
 
 DATA_DEGREE = 4
@@ -107,8 +108,6 @@ def moduli(model: Model, points: np.ndarray, count: int, *, inverse: bool = Fals
     Returns:
         Shape (count, q, s, s), with 1 in place of count or q where the material does not vary.
     """
-    import ufl  # noqa: PLC0415
-
     material, basis = model.scene.material, mandel_basis(model.d)
     act = material.compliance if inverse else material.stress
     images = [act(ufl.as_tensor(b.tolist()), **model.parameters) for b in basis]
@@ -150,13 +149,13 @@ def _boundary(model: Model, cells: Simplices, tractions: list[ContactTraction]) 
         given[of_cell[facets[:, 0], facets[:, 1]]] += np.take_along_axis(moment, order[:, :, None], axis=1)
 
     area = np.linalg.norm(cells.area, axis=2).ravel()[cells.side[0]]
-    points, weights = basix.make_quadrature((basix.CellType.interval, basix.CellType.triangle)[d - 2], DATA_DEGREE)
-    shape = np.column_stack([1 - points.sum(axis=1), points]) * (weights / weights.sum())[:, None]
+    points, weights, shape = facet_rule(d, DATA_DEGREE)
+    weighted = weights[:, None] * shape
     for name, _, traction in model.tractions:
         facets = model.domain.facets(name)
         values = evaluate(traction, model.domain, points, facets)
         size = area[of_cell[facets[:, 0], facets[:, 1]]]
-        add(facets, np.einsum("qm,fqi->fmi", shape, values) * size[:, None, None])
+        add(facets, np.einsum("qm,fqi->fmi", weighted, values) * size[:, None, None])
     for t in tractions:
         add(t.contact.facets, moments(t.area, t.values))
     for facets, components in model.fixed_facets:
@@ -176,8 +175,7 @@ def _rebalanced(
     nodal: Any = b.x.array.reshape(-1, model.d)
     loaded = np.flatnonzero(given.any(axis=(1, 2)) & (cells.side[0] >= 0) & (cells.side[0] < owned * (model.d + 1)))
     cell, i = np.divmod(cells.side[0][loaded], model.d + 1)
-    others = np.array([[j for j in range(model.d + 1) if j != k] for k in range(model.d + 1)])[i]
-    np.add.at(nodal, np.take_along_axis(cells.nodes[cell], others, axis=1), given[loaded])
+    np.add.at(nodal, np.take_along_axis(cells.nodes[cell], facet_vertices(model.d)[i], axis=1), given[loaded])
     if force is not None:
         np.add.at(
             nodal,

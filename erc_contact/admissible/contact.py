@@ -10,21 +10,24 @@ Symbols: n normal of the foundation, r^ contact traction on the body, mu frictio
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import basix
 import numpy as np
+import ufl
 from dolfinx import fem
 from mpi4py import MPI
 
 from erc_contact.admissible.geometry import moments
 from erc_contact.exceptions import NotHeldError
 from erc_contact.methods import CONTACT_DEGREE
-from erc_contact.model import BoundContact, Model, evaluate, facet_corners
+from erc_contact.model import BoundContact, Model, barycentric, evaluate, facet_cell, facet_corners, facet_rule
 
 SAMPLES = 12
 """Subdivisions of a facet's edge when a bound that varies along it is sampled."""
+PASSES = 10
+"""Limit of passes that shrink the friction bound where friction varies along a facet; one or two are usual."""
 MARGIN = 0.2
 """Share of the sampled deviation that is added for what may lie between two samples [-]."""
 
@@ -101,8 +104,7 @@ def admissible_tractions(model: Model, method: Any, u: fem.Function) -> list[Con
         NotHeldError: If no traction in the cone balances the loads on a free motion.
     """
     d = model.d
-    points, weights = basix.make_quadrature(_facet_cell(d), CONTACT_DEGREE)
-    shape = np.column_stack([1 - points.sum(axis=1), points])
+    points, weights, shape = facet_rule(d, CONTACT_DEGREE)
     mass = shape.T @ (weights[:, None] * shape)
     project = np.linalg.solve(mass, shape.T * weights)
     result = []
@@ -118,26 +120,31 @@ def admissible_tractions(model: Model, method: Any, u: fem.Function) -> list[Con
 def _into_cone(model: Model, raw: list[ContactTraction]) -> list[ContactTraction]:
     """Project on the cones, in balance with the loads on free motions."""
     bounds = [t.friction for t in raw]
-    for _ in range(20):
-        values = [project_on_cone(t.values, t.contact.direction, mu) for t, mu in zip(raw, bounds, strict=True)]
-        if model.free_motions:
-            values = _balanced(model, raw, values, bounds)
-        new = [ContactTraction(t.contact, t.nodes, t.area, v, t.friction) for t, v in zip(raw, values, strict=True)]
+    for _ in range(PASSES):
+        new = _projected(model, raw, bounds)
         factors = [_shrink(model, t) for t in new]
-        outside = any(np.any(f < 1.0) for f in factors)
-        if not model.comm.allreduce(outside, MPI.LOR):
-            break
+        if not model.comm.allreduce(any(np.any(f < 1.0) for f in factors), MPI.LOR):
+            return new
         bounds = [b * f[:, None] for b, f in zip(bounds, factors, strict=True)]
-    return new
+    # the least friction of each facet is a bound whatever the traction, only not a sharp one
+    lattice = _lattice(model.d)
+    least = [_friction(model, t.contact, lattice).min(axis=1, keepdims=True) for t in raw]
+    return _projected(model, raw, [np.minimum(low, t.friction) for low, t in zip(least, raw, strict=True)])
+
+
+def _projected(model: Model, raw: list[ContactTraction], bounds: list[np.ndarray]) -> list[ContactTraction]:
+    values = [project_on_cone(t.values, t.contact.direction, mu) for t, mu in zip(raw, bounds, strict=True)]
+    if model.free_motions:
+        values = _balanced(model, raw, values, bounds)
+    return [replace(t, values=v) for t, v in zip(raw, values, strict=True)]
 
 
 def _shrink(model: Model, traction: ContactTraction) -> np.ndarray:
     """Factor of each facet by which the friction bound must shrink for r^ to lie in the cone between the nodes."""
-    scene = next(c for c in model.scene.contacts if c.facets == traction.contact.name)
-    if not callable(scene.friction):
+    if not traction.contact.friction_varies:
         return np.ones(len(traction.nodes))
     lattice = _lattice(model.d)
-    shape = np.column_stack([1 - lattice.sum(axis=1), lattice])
+    shape = barycentric(lattice)
     allowed = _friction(model, traction.contact, lattice) * (-traction.normal @ shape.T)
     used = np.linalg.norm(np.einsum("qm,fmi->fqi", shape, traction.tangential), axis=-1)
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -209,8 +216,6 @@ def _balanced(
 
 def _loads_on(model: Model, motions: Sequence[fem.Function]) -> np.ndarray:
     """Work of the scene's loads on rigid motions [force]."""
-    import ufl  # noqa: PLC0415
-
     v = ufl.TestFunction(model.V)
     form = model.loads(v)
     if form is None:
@@ -288,10 +293,9 @@ def _gap_bound(model: Model, traction: ContactTraction) -> np.ndarray:
     contact, d = traction.contact, model.d
     bound = np.full(len(model.fixed), np.inf)
     at_nodes = model.gap_at_nodes(contact)
-    scene = next(c for c in model.scene.contacts if c.facets == contact.name)
-    if callable(scene.gap):
+    if contact.gap_varies:
         lattice = _lattice(d)
-        shape = np.column_stack([1 - lattice.sum(axis=1), lattice])
+        shape = barycentric(lattice)
         deviation = at_nodes @ shape.T - evaluate(contact.gap, model.domain, lattice, contact.facets)
         excess = np.maximum(deviation.max(axis=1) + MARGIN * abs(deviation).max(axis=1), 0.0)
         at_nodes = (
@@ -307,9 +311,5 @@ def _friction(model: Model, contact: BoundContact, points: np.ndarray) -> np.nda
     return evaluate(contact.friction, model.domain, points, contact.facets)
 
 
-def _facet_cell(d: int) -> basix.CellType:
-    return (basix.CellType.interval, basix.CellType.triangle)[d - 2]
-
-
 def _lattice(d: int) -> np.ndarray:
-    return basix.create_lattice(_facet_cell(d), SAMPLES, basix.LatticeType.equispaced, True)
+    return basix.create_lattice(facet_cell(d), SAMPLES, basix.LatticeType.equispaced, True)

@@ -17,7 +17,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from erc_contact.admissible.geometry import Simplices, facet_vertices
+from erc_contact.admissible.geometry import Simplices
+from erc_contact.model import facet_vertices
 
 
 def equilibrated_moments(

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from erc_contact.model import Model, facet_vertices
+from erc_contact.model import Model
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,6 +106,3 @@ def nodal_forces(moment: np.ndarray) -> np.ndarray:
     """Area times nodal traction, ``|F| t_m`` [force], of moments of shape (..., d, c): the inverse of ``moments``."""
     d = moment.shape[-2]
     return d * ((d + 1) * moment - moment.sum(axis=-2, keepdims=True))
-
-
-__all__ = ["Simplices", "facet_order", "facet_vertices", "moments", "nodal_forces", "simplices"]

@@ -17,7 +17,8 @@ from math import sqrt
 
 import numpy as np
 
-from erc_contact.admissible.geometry import Simplices, facet_vertices
+from erc_contact.admissible.geometry import Simplices
+from erc_contact.model import facet_vertices
 
 
 @cache
