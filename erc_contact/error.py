@@ -26,8 +26,11 @@ from mpi4py import MPI
 
 from erc_contact.admissible import Admissible, moduli, strains
 from erc_contact.admissible.contact import ContactTraction
+from erc_contact.exceptions import InputError
 from erc_contact.model import Model, evaluate, facet_rule
 
+ROUND_OFF = 100.0
+"""Multiple of the round-off of C eps(u^) below which nothing counts as loaded [-]."""
 OSCILLATION_DEGREE = 6
 CONTACT_DEGREE = 21
 """Quadrature degree for the contact part; its integrand has kinks where the slip changes its direction."""
@@ -71,7 +74,10 @@ def constitutive_error(admissible: Admissible) -> ConstitutiveError:
         admissible: An admissible pair.
 
     Returns:
-        e, eps, their parts and eps_E; all zero where nothing is loaded.
+        e, eps, their parts and eps_E; all zero where nothing is loaded (but for a rigid motion).
+
+    Raises:
+        InputError: If the energy overflows double precision.
     """
     began = perf_counter()
     model = admissible.solution.model
@@ -85,9 +91,17 @@ def constitutive_error(admissible: Admissible) -> ConstitutiveError:
         contact += float(part.sum())
     total = model.comm.allreduce(np.array([bulk.sum(), contact, scale, _oscillation(admissible)]), MPI.SUM)
     bulk_2, contact_2, scale_2, oscillation_2 = total
+    if not np.isfinite(total).all():
+        raise InputError(
+            "The energy of this scene is not a finite number; its loads and moduli overflow double precision. "
+            "Choose units in which they are nearer to 1."
+        )
+    floor_2 = _round_off(admissible)
+    if scale_2 <= floor_2:  # nothing is loaded: what is left is round-off of a rigid motion
+        per_cell[:] = bulk_2 = contact_2 = scale_2 = 0.0
     e = float(np.sqrt(bulk_2 + contact_2))
     norm = float(np.sqrt(scale_2))
-    cells = np.sqrt(per_cell) / norm if norm > 0 else np.zeros(len(per_cell))
+    cells = np.sqrt(per_cell) / norm if norm > 0 else per_cell
     seconds = model.comm.allreduce(perf_counter() - began, MPI.MAX)
     return ConstitutiveError(
         admissible,
@@ -128,6 +142,20 @@ def _bulk(admissible: Admissible) -> tuple[np.ndarray, float]:
         return cells.volume[:owned] * np.einsum("nqa,nqa->n", dual, tau) / (d + 1) ** 2
 
     return energy(sigma - elastic), float(energy(sigma + elastic).sum())
+
+
+def _round_off(admissible: Admissible) -> float:
+    """Square of the energy norm that round-off alone gives a stress ``C eps(u)``, over all ranks.
+
+    A displacement of size |u| is known to ``machine epsilon |u|``, so its strain in a cell of size h to that over h.
+    """
+    model, cells = admissible.solution.model, admissible.cells
+    comm, owned = model.comm, model.domain.owned_cells
+    size = comm.allreduce(float(abs(admissible.displacement.x.array).max(initial=0.0)), MPI.MAX)
+    stiffness = moduli(model, np.full((1, model.d), 1 / (model.d + 1)), owned)[:, 0].max(axis=(1, 2))
+    volume = cells.volume[:owned]
+    local = np.sum(stiffness * volume ** (1 - 2 / model.d))
+    return float((ROUND_OFF * np.finfo(float).eps * size) ** 2 * comm.allreduce(float(local), MPI.SUM))
 
 
 def _sorted(model: Model, values: np.ndarray) -> np.ndarray:

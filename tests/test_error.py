@@ -76,6 +76,26 @@ def test_zero_load_gives_zero():
     assert not error.cells.any()
 
 
+def test_rigid_motion_gives_zero():
+    """A body that is lifted off moves rigidly: no stress but round-off, so eps is 0, not a ratio of round-offs."""
+    scene = ec.Scene(
+        material=ec.Elastic(E=1.0, nu=0.3),
+        supports=[ec.Displacement("top", (0.01, 0.05))],
+        contacts=[ec.Contact("bottom", friction=0.3)],
+    )
+    error = measure(scene, ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(6, 6)))
+    assert error.relative == 0.0
+    assert not error.cells.any()
+
+
+def test_overflow_is_an_error():
+    scene = ec.Scene(
+        ec.Elastic(E=1.0, nu=0.3), [ec.Displacement("top", (0.0, -1e300)), ec.Displacement("bottom", (0, 0))]
+    )
+    with np.errstate(all="ignore"), pytest.raises(ec.InputError, match="units"):
+        measure(scene, ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(2, 2)))
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_parts(seed):
     scene, domain = random_scene(seed)
