@@ -20,7 +20,7 @@ from mpi4py import MPI
 
 from erc_contact.adapt import History
 from erc_contact.admissible import Admissible
-from erc_contact.admissible.contact import ContactTraction
+from erc_contact.admissible.contact import MARGIN, ContactTraction
 from erc_contact.admissible.macro import tensors
 from erc_contact.domain import Domain
 from erc_contact.error import ConstitutiveError
@@ -44,7 +44,8 @@ def contact_status(traction: ContactTraction) -> np.ndarray:
     """Whether each facet of a contact is open, slips or sticks, by its admissible traction.
 
     A facet without pressure is ``OPEN``; one whose nodes all have ``|r_t| >= (1 - 1e-6) mu |r_n|`` is ``SLIP``, so
-    every pressed facet of a contact without friction; the others are ``STICK``.
+    every pressed facet of a contact without friction; the others are ``STICK``. Where mu varies on a facet, r^ must be
+    shrunk to lie in the cone between the nodes too, by at most about the relative variation: that much less is slip.
 
     Args:
         traction: r^ on a contact.
@@ -54,7 +55,10 @@ def contact_status(traction: ContactTraction) -> np.ndarray:
     """
     pressure = -traction.normal
     bound = (traction.friction * pressure).sum(axis=1)
-    slips = np.linalg.norm(traction.tangential, axis=-1).sum(axis=1) >= (1 - 1e-6) * bound
+    most = traction.friction.max(axis=1, initial=0.0)
+    variation = np.divide(np.ptp(traction.friction, axis=1), most, out=np.zeros_like(most), where=most > 0)
+    shear = np.linalg.norm(traction.tangential, axis=-1).sum(axis=1)
+    slips = shear >= (1 - 1e-6 - (1 + MARGIN) * variation) * bound
     opens = pressure.max(axis=1, initial=0.0) <= 1e-10 * pressure.max(initial=0.0)
     return np.where(opens, OPEN, np.where(slips, SLIP, STICK))
 
@@ -197,9 +201,7 @@ def draw_deformed(error: ConstitutiveError, path: str | Path, factor: float | No
         times = default if factor is None else factor
         before = _grid(**body).extract_feature_edges(feature_angle=30.0, manifold_edges=False)
         body["points"] = body["points"] + times * u
-        order = np.argsort(mises)
-        share = np.cumsum(cells["volume"][order])
-        top = float(mises[order][np.searchsorted(share, 0.995 * share[-1])]) or 1.0
+        top = _level(mises, cells["volume"], 0.998) or 1.0  # a singular corner must not take all colours
         label = "von Mises stress\n[force/area]"
         figure = _map([_grid(**body), before], domain.dim, mises, norm=Normalize(0, top), extend="max", label=label)
         figure.axes[0].set_title(f"displacement × {times:g}", fontsize=11)
@@ -212,7 +214,8 @@ def plot_contact(admissible: Admissible, name: str, path: str | Path) -> None:
     """Draw r^ and the state of a contact; collective.
 
     In 2D: pressure, shear along t = (-n_2, n_1) and the cone +-mu |r_n|, facet by facet, over strips coloured by
-    :func:`contact_status`. In 3D: pressure, size of the shear and status on the facets, in the tangent plane.
+    :func:`contact_status`; a singular peak is cut off and its height told. In 3D: pressure, size of the shear and
+    status on the facets, in the tangent plane.
 
     Args:
         admissible: The pair with its tractions.
@@ -378,8 +381,15 @@ def _log_scale(axis: Any, low: float, high: float) -> None:
     low, high = ends[ends <= low / 1.08].max(), ends[ends >= high * 1.08].min()
     axis.axes.set(**{f"{axis.axis_name}scale": "log", f"{axis.axis_name}lim": (low, high)})
     axis.set_major_locator(LogLocator(subs=(1, 2, 5) if high / low < 200 else (1,)))
-    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}" if value < 1e5 else f"{value / 1e6:g}M"))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}" if value < 1e5 else f"{value / 1e3:g}k"))
     axis.set_minor_formatter(NullFormatter())
+
+
+def _level(values: np.ndarray, weights: np.ndarray, share: float) -> float:
+    """The value that a share of the weight does not exceed."""
+    order = np.argsort(values)
+    carried = np.cumsum(weights[order])
+    return float(values[order][np.searchsorted(carried, share * carried[-1])])
 
 
 def _grid(points: np.ndarray, cells: np.ndarray) -> Any:
@@ -476,11 +486,16 @@ def _draw_contact_2d(traction: ContactTraction, x: np.ndarray, path: Any) -> Non
         strips = np.column_stack([s.min(axis=1), np.ptp(s, axis=1)])[status == code]
         look = {"facecolors": colour, "lw": 0, "antialiased": False, "zorder": 0}
         axes.broken_barh(strips, (0, 1), transform=axes.get_xaxis_transform(), **look)
-    cone = along(traction.friction * pressure)
+    bound = traction.friction * pressure
+    cone = along(bound)
     axes.fill_between(along(s), -cone, cone, fc="#5b84b1", ec="none", alpha=0.35, label=r"cone $\pm\mu\,|r_n|$")
-    axes.plot(along(s), along(pressure), color="#1f3b73", lw=1.6, label="pressure $-r_n$")
+    low, high = (1.6 * _level(v.max(axis=1), traction.area, 0.98) for v in (bound, np.maximum(pressure, bound)))
+    peak = f" (peak {pressure.max():.3g})" if pressure.max() > high > 0 else ""
+    axes.plot(along(s), along(pressure), color="#1f3b73", lw=1.6, label=f"pressure $-r_n${peak}")
     axes.plot(along(s), along(shear), color="#b22222", lw=1.6, label=f"shear $r_t$ along {along_t}")
     axes.axhline(0.0, color="0.4", lw=0.6)
+    if peak:  # a singular end must not flatten all the rest
+        axes.set_ylim(-low, high)
     axes.set(xlabel=name, ylabel="traction [force/area]", xlim=(s.min(), s.max()))
     handles, labels = axes.get_legend_handles_labels()
     for code in np.unique(status):

@@ -195,6 +195,19 @@ def test_status_of_tractions():
     assert output.contact_status(nothing).tolist() == [O] * 5
 
 
+def test_status_with_varying_friction():
+    """A block that slides as a whole slips everywhere, also where friction varies."""
+    scene = ec.Scene(
+        material=ec.Elastic(E=1.0, nu=0.3),
+        supports=[ec.Displacement("top", (0.2, -0.03))],
+        contacts=[ec.Contact("bottom", friction=lambda x: 0.1 + 0.2 * x[0])],
+    )
+    admissible = ec.equilibrate(ec.solve(scene, ec.rectangle((0.0, 0.0), (2.0, 1.0), cells=(16, 8))))
+    status = output.contact_status(admissible.tractions[0])
+    assert np.all(status != output.STICK)
+    assert total(status == output.SLIP) > 12
+
+
 def test_pictures_show_something(error, shared_tmp_path):
     before = PLOTTING & set(sys.modules)
     domain = error.admissible.solution.domain
