@@ -187,9 +187,10 @@ class History:
         """Write table, figures, pictures and ParaView files to a folder; collective.
 
         ``history.csv``, ``error.png`` (error against run time and degrees of freedom), ``meshes.png``,
-        ``error_map.png``, ``deformed.png``, ``contact_<name>.png`` for each contact, and VTKHDF files.
+        ``error_map.png``, ``deformed.png``, ``contact_<name>.png`` for each contact, ``body.vtkhdf`` and
+        ``contact_<name>.vtkhdf``.
         """
-        from erc_contact import output  # noqa: PLC0415 - plots and pictures are paid for only when asked for
+        from erc_contact import fields, output  # noqa: PLC0415 - plots and pictures are paid for only when asked for
 
         folder = Path(folder)
         comm = self.best.admissible.solution.domain.mesh.comm
@@ -205,7 +206,7 @@ class History:
             output.plot_contact(
                 self.best.admissible, traction.contact.name, folder / f"contact_{traction.contact.name}.png"
             )
-        output.write_fields(self.best, folder)
+        fields.write_fields(self.best, folder)
 
 
 def adapt(

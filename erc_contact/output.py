@@ -1,17 +1,16 @@
-"""Files and pictures of a run: curves by matplotlib, bodies by pyvista, fields for ParaView.
+"""Pictures of a run: curves by matplotlib, bodies by pyvista.
 
-All functions are collective: data are gathered to rank 0 of the mesh's communicator, which draws and writes; the other
-ranks import neither matplotlib nor pyvista. What fails on rank 0 is raised on all ranks. No display is needed. The
-folder of a path is made if it is missing; the suffix of a picture chooses its format (png, pdf, svg).
+All functions are collective: data are gathered to rank 0 of the mesh's communicator, which draws; the other ranks
+import neither matplotlib nor pyvista. What fails on rank 0 is raised on all ranks. No display is needed. The folder
+of a path is made if it is missing; the suffix of a picture chooses its format (png, pdf, svg).
 
 Symbols: r^ admissible contact traction, r_n and r_t its normal and tangential parts, mu friction coefficient,
-n normal of the foundation, t tangent of the contact, u^ and sigma^ admissible displacement and stress,
-eps relative error, eps_E its share of one element.
+n normal of the foundation, t tangent of the contact, eps relative error, eps_E its share of one element.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,47 +19,32 @@ from mpi4py import MPI
 
 from erc_contact.adapt import History
 from erc_contact.admissible import Admissible
-from erc_contact.admissible.contact import MARGIN, ContactTraction
-from erc_contact.admissible.macro import tensors
+from erc_contact.admissible.contact import ContactTraction
 from erc_contact.domain import Domain
 from erc_contact.error import ConstitutiveError
-from erc_contact.exceptions import InputError, raise_together
-from erc_contact.material import Elastic
-from erc_contact.model import Model, evaluate
+from erc_contact.exceptions import InputError
+from erc_contact.fields import (
+    OPEN,
+    SLIP,
+    STICK,
+    body_mesh,
+    contact_status,
+    gathered,
+    grid_of,
+    mean_stress,
+    nodal_displacement,
+    on_root,
+    von_mises,
+    whole_contact,
+)
 
-OPEN, SLIP, STICK = 0, 1, 2
-"""Codes of :func:`contact_status`."""
 STATUS = ("open", "slip", "stick")
 COLOURS = ("#ececec", "#fdeacc", "#d9ecd6")
 """Colours of open, slip and stick."""
-FONTS = {"font.family": "STIXGeneral", "mathtext.fontset": "stix", "font.size": 11.0}
 PIXELS = 1800
 """Longer side of the image of a body."""
 FEW = 15_000
 """Maps of more elements show no edges, which would hide the colours."""
-
-
-def contact_status(traction: ContactTraction) -> np.ndarray:
-    """Whether each facet of a contact is open, slips or sticks, by its admissible traction.
-
-    A facet without pressure is ``OPEN``; one whose nodes all have ``|r_t| >= (1 - 1e-6) mu |r_n|`` is ``SLIP``, so
-    every pressed facet of a contact without friction; the others are ``STICK``. Where mu varies on a facet, r^ must be
-    shrunk to lie in the cone between the nodes too, by at most about the relative variation: that much less is slip.
-
-    Args:
-        traction: r^ on a contact.
-
-    Returns:
-        OPEN, SLIP or STICK for each facet of ``traction.contact.facets``, shape (n,).
-    """
-    pressure = -traction.normal
-    bound = (traction.friction * pressure).sum(axis=1)
-    most = traction.friction.max(axis=1, initial=0.0)
-    variation = np.divide(np.ptp(traction.friction, axis=1), most, out=np.zeros_like(most), where=most > 0)
-    shear = np.linalg.norm(traction.tangential, axis=-1).sum(axis=1)
-    slips = shear >= (1 - 1e-6 - (1 + MARGIN) * variation) * bound
-    opens = pressure.max(axis=1, initial=0.0) <= 1e-10 * pressure.max(initial=0.0)
-    return np.where(opens, OPEN, np.where(slips, SLIP, STICK))
 
 
 def plot_history(histories: Mapping[str, History], path: str | Path) -> None:
@@ -107,7 +91,7 @@ def plot_history(histories: Mapping[str, History], path: str | Path) -> None:
         _log_scale(left.yaxis, *right.dataLim.intervaly)
         _save(figure, path)
 
-    _on_root(domain.mesh.comm, path, draw)
+    on_root(domain.mesh.comm, path, draw)
 
 
 def draw_meshes(meshes: Sequence[tuple[Domain, np.ndarray]], path: str | Path) -> None:
@@ -124,13 +108,13 @@ def draw_meshes(meshes: Sequence[tuple[Domain, np.ndarray]], path: str | Path) -
         raise InputError("draw_meshes: no mesh is given; give pairs (domain, eps_E), as in history.meshes.")
     chosen = [meshes[i] for i in np.unique(np.linspace(0, len(meshes) - 1, 6).round().astype(int))]
     comm, dim = chosen[0][0].mesh.comm, chosen[0][0].dim
-    bodies = [(_gathered(comm, **_body(domain)), domain.cells) for domain, _ in chosen]
+    bodies = [(gathered(comm, **body_mesh(domain)), domain.cells) for domain, _ in chosen]
     errors = [float(np.sqrt(comm.allreduce(float(np.sum(cells**2)), MPI.SUM))) for _, cells in chosen]
 
     def draw() -> None:
         look = {"color": "#dce6f0", "edge_color": "#1f2d3d", "show_edges": True}
         widths = np.clip([45 / np.sqrt(cells) for _, cells in bodies], 0.5, 1.5)  # thin lines on fine meshes
-        parts = [(_grid(**body), look | {"line_width": w}) for (body, _), w in zip(bodies, widths, strict=True)]
+        parts = [(grid_of(**body), look | {"line_width": w}) for (body, _), w in zip(bodies, widths, strict=True)]
         images = [_rendered([part], dim) for part in parts]
         left, right, low, high = images[0][1]
         ratio = (right - left) / (high - low)
@@ -148,7 +132,7 @@ def draw_meshes(meshes: Sequence[tuple[Domain, np.ndarray]], path: str | Path) -
             panel.set_axis_off()
         _save(figure, path)
 
-    _on_root(comm, path, draw)
+    on_root(comm, path, draw)
 
 
 def draw_error(error: ConstitutiveError, path: str | Path) -> None:
@@ -159,8 +143,8 @@ def draw_error(error: ConstitutiveError, path: str | Path) -> None:
         path: Picture file.
     """
     domain = error.admissible.solution.domain
-    body = _gathered(domain.mesh.comm, **_body(domain))
-    cells = _gathered(domain.mesh.comm, eps=error.cells)
+    body = gathered(domain.mesh.comm, **body_mesh(domain))
+    cells = gathered(domain.mesh.comm, eps=error.cells)
 
     def draw() -> None:
         from matplotlib.colors import LogNorm  # noqa: PLC0415
@@ -168,10 +152,10 @@ def draw_error(error: ConstitutiveError, path: str | Path) -> None:
         top = float(cells["eps"].max()) or 1.0
         low = max(float(np.percentile(cells["eps"], 1)), 1e-4 * top)
         norm = LogNorm(min(low, 0.5 * top), top)
-        figure = _map([_grid(**body)], domain.dim, cells["eps"], norm=norm, extend="min", label="eps_E [-]")
+        figure = _map([grid_of(**body)], domain.dim, cells["eps"], norm=norm, extend="min", label="eps_E [-]")
         _save(figure, path)
 
-    _on_root(domain.mesh.comm, path, draw)
+    on_root(domain.mesh.comm, path, draw)
 
 
 def draw_deformed(error: ConstitutiveError, path: str | Path, factor: float | None = None) -> None:
@@ -187,9 +171,9 @@ def draw_deformed(error: ConstitutiveError, path: str | Path, factor: float | No
             it is larger than 5%.
     """
     admissible, domain = error.admissible, error.admissible.solution.domain
-    body = _gathered(domain.mesh.comm, **_body(domain), u=_nodal(admissible))
+    body = gathered(domain.mesh.comm, **body_mesh(domain), u=nodal_displacement(admissible))
     volume = admissible.cells.volume[: domain.owned_cells]
-    cells = _gathered(domain.mesh.comm, mises=von_mises(mean_stress(admissible)), volume=volume)
+    cells = gathered(domain.mesh.comm, mises=von_mises(mean_stress(admissible)), volume=volume)
     size = domain.size
 
     def draw() -> None:
@@ -199,15 +183,15 @@ def draw_deformed(error: ConstitutiveError, path: str | Path, factor: float | No
         largest = float(np.linalg.norm(u, axis=1).max())
         default = float(f"{0.06 * size / largest:.2g}") if 0 < largest < 0.05 * size else 1.0
         times = default if factor is None else factor
-        before = _grid(**body).extract_feature_edges(feature_angle=30.0, manifold_edges=False)
+        before = grid_of(**body).extract_feature_edges(feature_angle=30.0, manifold_edges=False)
         body["points"] = body["points"] + times * u
         top = _level(mises, cells["volume"], 0.998) or 1.0  # a singular corner must not take all colours
         label = "von Mises stress\n[force/area]"
-        figure = _map([_grid(**body), before], domain.dim, mises, norm=Normalize(0, top), extend="max", label=label)
+        figure = _map([grid_of(**body), before], domain.dim, mises, norm=Normalize(0, top), extend="max", label=label)
         figure.axes[0].set_title(f"displacement × {times:g}", fontsize=11)
         _save(figure, path)
 
-    _on_root(domain.mesh.comm, path, draw)
+    on_root(domain.mesh.comm, path, draw)
 
 
 def plot_contact(admissible: Admissible, name: str, path: str | Path) -> None:
@@ -229,133 +213,11 @@ def plot_contact(admissible: Admissible, name: str, path: str | Path) -> None:
     names = [t.contact.name for t in admissible.tractions]
     if name not in names:
         raise InputError(f"plot_contact: no contact is called {name!r}; the scene has {', '.join(names) or 'none'}.")
-    traction, x = _whole(admissible, admissible.tractions[names.index(name)])
+    traction, x = whole_contact(admissible, admissible.tractions[names.index(name)])
     if not model.comm.bcast(len(x)):
         raise InputError(f"plot_contact: {name!r} has no facet; contacts of this scene: {', '.join(names)}.")
     draw = _draw_contact_2d if model.d == 2 else _draw_contact_3d
-    _on_root(model.comm, path, lambda: draw(traction, x, path))
-
-
-def write_fields(error: ConstitutiveError, folder: str | Path) -> None:
-    """Write the fields for ParaView; collective.
-
-    ``body.vtu``: at the points ``displacement`` (u^); in the cells ``eps_E`` and means of stresses, ``stress``
-    (sigma^), ``stress_fe`` (rebalanced finite element stress; both 3x3, row by row) and ``von_mises`` (of sigma^).
-    ``contact_<name>.vtu`` for each contact, each facet with points of its own: at the points ``traction`` (r^),
-    ``pressure`` (-r_n) and ``friction`` (mu), in the cells ``status`` (0 open, 1 slip, 2 stick).
-
-    Args:
-        error: What is written, with its admissible pair.
-        folder: Where; it is made if it is missing.
-
-    Note:
-        One .vtu with all fields, written by rank 0, because a VTKHDF file of DOLFINx 0.11 holds one array only.
-    """
-    admissible, model = error.admissible, error.admissible.solution.model
-    body = _gathered(model.comm, **_body(model.domain), u=_nodal(admissible))
-    stress = mean_stress(admissible)
-    fe = _spatial(model, admissible.fe_stress[: model.domain.owned_cells])
-    tensor = {"stress": stress.reshape(-1, 9), "stress_fe": fe.reshape(-1, 9)}
-    cells = _gathered(model.comm, **tensor, von_mises=von_mises(stress), eps_E=error.cells)
-    contacts = [(t.contact.name, *_whole(admissible, t)) for t in admissible.tractions]
-
-    def write() -> None:
-        grid = _grid(body["points"], body["cells"])
-        grid.point_data["displacement"] = body["u"]
-        grid.cell_data.update(cells)
-        grid.save(Path(folder) / "body.vtu")
-        for name, traction, x in contacts:
-            surface = _grid(x.reshape(-1, 3), traction.nodes)
-            values = traction.values.reshape(-1, model.d)
-            surface.point_data["traction"] = np.pad(values, ((0, 0), (0, 3 - model.d)))
-            surface.point_data["pressure"] = -traction.normal.ravel()
-            surface.point_data["friction"] = traction.friction.ravel()
-            surface.cell_data["status"] = contact_status(traction)
-            surface.save(Path(folder) / f"contact_{name}.vtu")
-
-    _on_root(model.comm, Path(folder) / "body.vtu", write)
-
-
-def mean_stress(admissible: Admissible) -> np.ndarray:
-    """Mean of sigma^ in each owned cell [force/area], with the stress out of plane, shape (owned, 3, 3); collective."""
-    model = admissible.solution.model
-    return _spatial(model, tensors(admissible.stress.mean(axis=(1, 2)), model.d))
-
-
-def von_mises(stress: np.ndarray) -> np.ndarray:
-    """Von Mises stress ``sqrt(3/2) |dev sigma|`` of tensors of shape (n, 3, 3) [force/area], shape (n,)."""
-    deviator = stress - np.trace(stress, axis1=1, axis2=2)[:, None, None] / 3 * np.eye(3)
-    return np.sqrt(1.5) * np.linalg.norm(deviator, axis=(1, 2))
-
-
-def _spatial(model: Model, stress: np.ndarray) -> np.ndarray:
-    """Stresses of owned cells as tensors of space: plane strain has a stress out of plane, shape (owned, 3, 3)."""
-    d, material = model.d, model.scene.material
-    full = np.zeros((len(stress), 3, 3))
-    full[:, :d, :d] = stress
-    if d == 2 and isinstance(material, Elastic) and material.hypothesis == "plane strain":
-        cells = np.arange(len(stress), dtype=np.int32)
-        nu = evaluate(model.parameters["nu"], model.domain, np.full((1, d), 1 / (d + 1)), cells)[:, 0]
-        full[:, 2, 2] = nu * np.trace(stress, axis1=1, axis2=2)
-    return full
-
-
-# -- gathering -----------------------------------------------------------------------------------------------------
-
-
-def _on_root(comm: MPI.Comm, path: str | Path, draw: Callable[[], None]) -> None:
-    """Draw on rank 0 with the folder made; what fails is raised on all ranks; collective."""
-    error: Exception | None = None
-    if comm.rank == 0:
-        try:
-            from matplotlib import rc_context  # noqa: PLC0415
-
-            Path(path).parent.mkdir(parents=True, exist_ok=True)
-            with rc_context(FONTS):
-                draw()
-        except Exception as reason:
-            error = reason
-    raise_together(comm, error)
-
-
-def _gathered(comm: MPI.Comm, **arrays: np.ndarray) -> dict[str, np.ndarray]:
-    """Arrays of all ranks one after the other, on rank 0; nothing elsewhere; collective."""
-    parts = comm.gather(arrays)
-    return {name: np.concatenate([part[name] for part in parts]) for name in arrays} if parts else {}
-
-
-def _body(domain: Domain) -> dict[str, np.ndarray]:
-    """Owned points (n, 3) and owned cells (m, d+1) by global point numbers, positively oriented as VTK wants it."""
-    geometry = domain.mesh.geometry
-    nodes, cells = geometry.index_map(), geometry.dofmaps[0][: domain.owned_cells]
-    numbers = nodes.local_to_global(np.ascontiguousarray(cells).ravel()).reshape(cells.shape)
-    x = geometry.x[cells, : domain.dim]
-    turned = np.linalg.det(x[:, 1:] - x[:, :1]) < 0
-    numbers[turned, -2:] = numbers[turned, :-3:-1]
-    return {"points": geometry.x[: nodes.size_local].copy(), "cells": numbers}
-
-
-def _nodal(admissible: Admissible) -> np.ndarray:
-    """u^ at the owned points, in the order of :func:`_body`, shape (n, 3)."""
-    model = admissible.solution.model
-    geometry = model.mesh.geometry
-    values, u = admissible.displacement.x.array.reshape(-1, model.d), np.zeros_like(geometry.x)
-    u[geometry.dofmaps[0].ravel(), : model.d] = values[model.nodes.ravel()]
-    return u[: geometry.index_map().size_local]
-
-
-def _whole(admissible: Admissible, traction: ContactTraction) -> tuple[ContactTraction, np.ndarray]:
-    """The traction of all ranks, its nodes counted facet by facet, and their places (n, d, 3); only on rank 0."""
-    model, contact = admissible.solution.model, traction.contact
-    own = contact.facets[:, 0] < model.domain.owned_cells
-    x = model.V.tabulate_dof_coordinates()[traction.nodes[own]]
-    parts = {"area": traction.area[own], "values": traction.values[own], "friction": traction.friction[own]}
-    parts = _gathered(model.comm, x=x, **parts) or {"x": x, **parts}
-    x = parts.pop("x")
-    return ContactTraction(contact, np.arange(len(x) * model.d).reshape(-1, model.d), **parts), x
-
-
-# -- drawing, on rank 0 --------------------------------------------------------------------------------------------
+    on_root(model.comm, path, lambda: draw(traction, x, path))
 
 
 def _figure(width: float, height: float) -> Any:
@@ -390,14 +252,6 @@ def _level(values: np.ndarray, weights: np.ndarray, share: float) -> float:
     order = np.argsort(values)
     carried = np.cumsum(weights[order])
     return float(values[order][np.searchsorted(carried, share * carried[-1])])
-
-
-def _grid(points: np.ndarray, cells: np.ndarray) -> Any:
-    """Lines, triangles or tetrahedra for pyvista."""
-    import pyvista  # noqa: PLC0415
-
-    kind = {2: pyvista.CellType.LINE, 3: pyvista.CellType.TRIANGLE, 4: pyvista.CellType.TETRA}[cells.shape[1]]
-    return pyvista.UnstructuredGrid({kind: cells}, points)
 
 
 def _rendered(parts: Sequence[tuple[Any, dict[str, Any]]], dim: int) -> tuple[np.ndarray, tuple[float, ...]]:

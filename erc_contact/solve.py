@@ -112,13 +112,14 @@ def solve(scene: Scene, domain: Domain, method: Nitsche | None = None, *, start:
     return Solution(model, method, u, steps, reason, seconds)
 
 
-def interpolate(source: fem.Function, V: fem.FunctionSpace) -> fem.Function:
-    """Interpolate a function between non-matching meshes of the same body; collective."""
+def interpolate(source: Solution, V: fem.FunctionSpace) -> fem.Function:
+    """Interpolate a displacement on another mesh of the same body, matching or not; collective."""
     target = fem.Function(V)
     owned = V.mesh.topology.index_map(V.mesh.topology.dim)
     cells = np.arange(owned.size_local + owned.num_ghosts, dtype=np.int32)
-    data = fem.create_interpolation_data(V, source.function_space, cells, padding=1e-8)
-    target.interpolate_nonmatching(source, cells, interpolation_data=data)
+    padding = 1e-8 * source.domain.size
+    data = fem.create_interpolation_data(V, source.u.function_space, cells, padding=padding)
+    target.interpolate_nonmatching(source.u, cells, interpolation_data=data)
     target.x.scatter_forward()
     return target
 
@@ -322,7 +323,8 @@ def _newton(model: Model, method: Nitsche, u: fem.Function, start: Solution | No
     problem = _Newton(model, method, u)
     snes = PETSc.SNES().create(model.comm)
     snes.setOptionsPrefix(PREFIX)
-    snes.setFunction(problem.function, problem.vector.duplicate())
+    value = problem.vector.duplicate()
+    snes.setFunction(problem.function, value)
     snes.setJacobian(problem.jacobian, problem.matrix)
     snes.setType("newtonls")
     snes.setTolerances(rtol=0.0, atol=TOLERANCE, stol=0.0, max_it=STEPS)
@@ -336,7 +338,7 @@ def _newton(model: Model, method: Nitsche, u: fem.Function, start: Solution | No
     steps = 0
     try:
         for rung in _ladder(start, any(c.friction is not None for c in model.contacts)):
-            u.x.array[:] = 0.0 if rung.start is None else interpolate(rung.start.u, model.V).x.array
+            u.x.array[:] = 0.0 if rung.start is None else interpolate(rung.start, model.V).x.array
             problem.prescribe()
             if rung.start is None:
                 problem.glue(ksp)
@@ -360,8 +362,8 @@ def _newton(model: Model, method: Nitsche, u: fem.Function, start: Solution | No
                 return steps, str(rung)
     finally:
         model.friction_share.value = 1.0
-        snes.destroy()
-        problem.destroy()
+        for resource in (snes, value, problem):
+            resource.destroy()
     raise NotConverged(
         f"The contact solve did not converge on {model.domain.cells} cells with {method}. Tried: {'; '.join(tried)}. "
         "Try another theta or gamma (1 to 1000), a finer mesh at the contact, or less friction; look whether the "

@@ -1,8 +1,8 @@
 """Tests run in serial and under mpiexec: what both need.
 
 Under mpiexec every rank runs every test. Rank 0 reports; the other ranks are silent unless a test fails there, and
-then say so on stderr and end with an exit code of their own, so that mpiexec fails. Tests marked ``serial`` are
-left out.
+then say so on stderr and end with an exit code of their own, so that mpiexec fails. A test that ends on one rank and
+not on another aborts the run. Tests marked ``serial`` are left out.
 """
 
 import os
@@ -10,6 +10,7 @@ import shutil
 import sys
 import tempfile
 from pathlib import Path
+from time import monotonic, sleep
 
 os.environ["MPLBACKEND"] = "Agg"
 
@@ -22,19 +23,37 @@ from mpi4py import MPI
 COMM = MPI.COMM_WORLD
 
 
-class RankReporter:
-    """The voice of ranks > 0: failures only."""
+PATIENCE = 60.0
+"""Once a rank has ended a test, the others have this long before all ranks are aborted [s]."""
+
+
+class Ranks:
+    """Under mpiexec: a rank says at once what failed on it, and no rank waits for ever for one that failed."""
+
+    comm = COMM.Dup()
 
     def pytest_runtest_logreport(self, report):
-        """Tell that a test, or the collection of a file, failed on this rank."""
+        """Tell of a failure; after each test, wait for the other ranks."""
         if report.failed:
-            when = getattr(report, "when", "collect")
-            sys.stderr.write(f"\n[rank {COMM.rank}] {report.nodeid} failed in {when}:\n{report.longreprtext}\n")
-            sys.stderr.flush()
+            self.tell(f"{report.nodeid} failed in {getattr(report, 'when', 'collection')}:\n{report.longreprtext}")
+        if getattr(report, "when", None) == "teardown":
+            started, request = monotonic(), self.comm.Ibarrier()
+            while not request.Test():
+                if monotonic() - started > PATIENCE:
+                    self.tell(
+                        f"{report.nodeid} ended here, but another rank is still in it: deadlock, all ranks abort."
+                    )
+                    self.comm.Abort(1)
+                sleep(1e-4)
 
     def pytest_collectreport(self, report):
-        """Tell that a file cannot be collected on this rank."""
+        """Tell of a file that cannot be collected."""
         self.pytest_runtest_logreport(report)
+
+    def tell(self, text):
+        """Write to stderr."""
+        sys.stderr.write(f"\n[rank {COMM.rank}] {text}\n")
+        sys.stderr.flush()
 
 
 @pytest.hookimpl(trylast=True)
@@ -42,7 +61,8 @@ def pytest_configure(config):
     if COMM.rank > 0:
         reporter = config.pluginmanager.getplugin("terminalreporter")
         reporter._tw._file = Path(os.devnull).open("w")  # noqa: SIM115 - open as long as the process
-        config.pluginmanager.register(RankReporter(), "rank_reporter")
+    if COMM.size > 1:
+        config.pluginmanager.register(Ranks(), "ranks")
 
 
 def pytest_collection_modifyitems(config, items):

@@ -17,7 +17,7 @@ PACKAGE = Path(ec.__file__).parent
 ORDER = [
     ["exceptions", "material", "law", "partition", "domain", "meshing", "scene", "model", "methods", "solve"],
     [f"admissible.{name}" for name in ("geometry", "macro", "facets", "contact")],
-    ["admissible", "error", "adapt", "output"],
+    ["admissible", "error", "adapt", "fields", "output"],
 ]
 ORDER = [module for part in ORDER for module in part]
 
