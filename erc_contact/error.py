@@ -131,7 +131,7 @@ def _bulk(admissible: Admissible) -> tuple[np.ndarray, float]:
     stiffness = _sorted(model, moduli(model, points, owned))
     compliance = _sorted(model, moduli(model, points, owned, inverse=True))
 
-    sigma = np.matmul(shape, admissible.stress).reshape(owned, (d + 1) ** 2, -1)
+    sigma = np.matmul(shape, admissible.stress).reshape(owned, (d + 1) ** 2, d * (d + 1) // 2)
     elastic = np.matmul(stiffness, strains(cells, admissible.displacement)[:owned, None, :, None])[..., 0]
 
     def energy(tau: np.ndarray) -> np.ndarray:

@@ -215,7 +215,7 @@ class Model:
                 terms.append(indicator * self._value(entry))
             else:
                 numbers.x.array[cells] = float(entry)
-        missing = self.comm.allreduce(int(np.count_nonzero(covered != 1)), MPI.SUM)
+        missing = self.comm.allreduce(int(np.count_nonzero(covered[: self.domain.owned_cells] != 1)), MPI.SUM)
         if missing:
             raise InputError(
                 f"Material parameter {name}: {missing} cells are in no region or in two of {sorted(value)}; "

@@ -53,3 +53,14 @@ def test_rank_independence(run):
         every = np.concatenate(domain.mesh.comm.allgather(x))
         mid.append(np.sort(np.round(every, 9) @ np.array([1.0, 1e3, 1e6])))
     assert np.allclose(mid[0], mid[1], rtol=0, atol=1e-3)
+
+
+def test_ranks_without_cells_or_contact():
+    """Two cells on any number of ranks: some have no cell, or no facet of the contact."""
+    loads = [ec.Traction("top", (0.001, -0.01)), ec.BodyForce((0.0, lambda x: -0.01 * x[1]))]
+    held_by_contact = ec.Scene(ec.Elastic(1.0, 0.3), [], loads, [ec.Contact("bottom", friction=0.3)])
+    eps = []
+    for comm in (MPI.COMM_SELF, MPI.COMM_WORLD):
+        domain = ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(1, 1), comm=comm)
+        eps.append(ec.constitutive_error(ec.equilibrate(ec.solve(held_by_contact, domain))).relative)
+    assert eps[0] == pytest.approx(eps[1], rel=1e-8)

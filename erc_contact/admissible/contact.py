@@ -166,7 +166,7 @@ def _balanced(
     weight, direction = [], []
     for t in raw:
         m = np.stack([f.x.array.reshape(-1, model.d)[t.nodes] for f in motions], axis=-1)  # (f, d, d, k)
-        moment = moments(t.area, m.reshape(*m.shape[:2], -1)).reshape(m.shape)
+        moment = moments(t.area, m.reshape(*m.shape[:2], m.shape[2] * m.shape[3])).reshape(m.shape)
         owned = (t.contact.facets[:, 0] < model.domain.owned_cells)[:, None, None, None]
         weight.append(moment * owned)
         direction.append(moment * (model.d / t.area)[:, None, None, None])

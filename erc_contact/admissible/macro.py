@@ -121,11 +121,11 @@ def macro_stress(
     base = stress[:count]
     defect = forces - np.einsum("nij,nkj->nki", base, cells.area[:count])[:, :, None, :]
     inverse = cells.inverse[:count]
-    reference = np.matmul(defect.reshape(count, -1, d), inverse.transpose(0, 2, 1))
+    reference = np.matmul(defect.reshape(count, (d + 1) * d, d), inverse.transpose(0, 2, 1))
     matrix = reference_map(d)
     s = matrix.shape[2]
     facet_part = np.ascontiguousarray(matrix[..., :-1, :].reshape((d + 1) ** 2 * s, -1).T)
-    nodal = reference.reshape(count, -1) @ facet_part
+    nodal = reference.reshape(count, (d + 1) * d * d) @ facet_part
     if force is not None:
         body_part = matrix[..., -1, :].reshape((d + 1) ** 2 * s, -1).T
         nodal += np.einsum("nij,nj->ni", inverse, force[:count]) @ body_part
