@@ -32,6 +32,10 @@ def facet_vertices(d: int) -> np.ndarray:
     return np.array([[j for j in range(d + 1) if j != i] for i in range(d + 1)])
 
 
+DATA_DEGREE = 4
+"""Quadrature degree for moduli and loads that vary in space, the same in the solver and in what reads its stress."""
+
+
 def barycentric(points: np.ndarray) -> np.ndarray:
     """Linear shape functions of a reference simplex at points, shape (q, k) -> (q, k+1)."""
     return np.column_stack([1 - points.sum(axis=1), points])
@@ -141,7 +145,9 @@ class Model:
 
     def stiffness(self, u: Any, v: Any) -> Any:
         """``a(u, v) = int sigma(u) : eps(v)``, a UFL form."""
-        return ufl.inner(self.stress(u), strain(v)) * self.dx
+        varies = any(ufl.algorithms.extract_type(p, ufl.classes.SpatialCoordinate) for p in self.parameters.values())
+        dx = self.dx(metadata={"quadrature_degree": DATA_DEGREE}) if varies else self.dx
+        return ufl.inner(self.stress(u), strain(v)) * dx
 
     def loads(self, v: Any) -> Any | None:
         """``f(v) + F(v)``, a UFL form, or None without loads."""

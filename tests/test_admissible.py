@@ -11,6 +11,7 @@
 import basix
 import numpy as np
 import pytest
+import ufl
 from dolfinx import la
 from mpi4py import MPI
 from scenes import greco, random_scene, resultant
@@ -164,6 +165,22 @@ def test_free_motion_is_balanced_in_the_cone():
     assert abs(resultant(pair.tractions[0])[1] - 2000.0) < 2000.0 * 1e-12
     moment = owned_moments(pair)
     assert worst(pair, moment.sum(axis=(1, 2))) < BALANCE * worst(pair, moment)
+
+
+@pytest.mark.parametrize("contact", [True, False])
+def test_balance_with_data_that_no_rule_integrates(contact):
+    """Moduli and loads that are no polynomials, no support against rigid motions or no contact: still in balance."""
+    loads = [
+        ec.Traction("top", lambda x: (0.002 * ufl.sin(5 * x[0]), -0.01 * ufl.exp(x[0]))),
+        ec.BodyForce((0.0, lambda x: -0.02 * ufl.exp(2 * x[0]))),
+    ]
+    material = ec.Elastic(E=lambda x: ufl.exp(2 * x[0]), nu=lambda x: 0.3 + 0.1 * ufl.sin(4 * x[1]))
+    held = {"contacts": [ec.Contact("bottom", friction=0.5)]} if contact else {}
+    held = held or {"supports": [ec.Displacement("bottom", (0.0, 0.0))]}
+    scene = ec.Scene(material=material, loads=loads, **held)
+    pair = ec.equilibrate(ec.solve(scene, ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(6, 6))))
+    moment = owned_moments(pair)
+    assert worst(pair, moment.sum(axis=(1, 2)) + pair.force[: len(moment)]) < BALANCE * worst(pair, moment)
 
 
 @pytest.mark.parametrize("d", [2, 3])

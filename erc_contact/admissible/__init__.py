@@ -23,11 +23,8 @@ from erc_contact.admissible.contact import ContactTraction, admissible_displacem
 from erc_contact.admissible.facets import equilibrated_moments, signed
 from erc_contact.admissible.geometry import Simplices, facet_order, moments, nodal_forces, simplices
 from erc_contact.admissible.macro import macro_stress, mandel, mandel_basis, tensors
-from erc_contact.model import Model, evaluate, facet_rule, facet_vertices
+from erc_contact.model import DATA_DEGREE, Model, evaluate, facet_rule, facet_vertices
 from erc_contact.solve import Solution, Stiffness
-
-DATA_DEGREE = 4
-"""Quadrature degree for the projections of data that vary in space."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,13 +69,15 @@ def equilibrate(solution: Solution) -> Admissible:
     """
     began = perf_counter()
     model = solution.model
-    tractions = admissible_tractions(model, solution.method, solution.u)
-    hat = admissible_displacement(model, solution.u, tractions) if tractions else solution.u
     cells = simplices(model)
     force = _cell_forces(model, cells)
-    given, fixed = _boundary(model, cells, tractions)
-    balanced = _rebalanced(model, solution, cells, given, force)
-    stress = cell_stress(model, cells, balanced)
+    given, fixed = _loads(model, cells)
+    on_motions = _work(model, _nodal(model, cells, given, force))
+    tractions = admissible_tractions(model, solution.method, solution.u, on_motions)
+    hat = admissible_displacement(model, solution.u, tractions) if tractions else solution.u
+    for t in tractions:
+        _add(model, given, t.contact.facets, moments(t.area, t.values))
+    stress = cell_stress(model, cells, _rebalanced(solution, _nodal(model, cells, given, force)))
     complete = np.zeros(len(model.fixed), dtype=bool)
     complete[model.nodes[: model.domain.owned_cells]] = True
     moment = equilibrated_moments(cells, stress, force, given, fixed, complete)
@@ -136,52 +135,66 @@ def _cell_forces(model: Model, cells: Simplices) -> np.ndarray | None:
     return np.einsum("nqi,q->ni", values, weights / weights.sum()) * cells.volume[:, None]
 
 
-def _boundary(model: Model, cells: Simplices, tractions: list[ContactTraction]) -> tuple[np.ndarray, np.ndarray]:
-    """Moments of the known tractions (loads, projected on linear functions, and r^), and the fixed components."""
+def _loads(model: Model, cells: Simplices) -> tuple[np.ndarray, np.ndarray]:
+    """Moments of the loads on each facet, projected on linear functions, and the fixed components of facets."""
     d = cells.d
-    count = cells.side.shape[1]
-    of_cell = model.mesh.topology.connectivity(d, d - 1).array.reshape(-1, d + 1)
-    given = np.zeros((count, d, d))
-    fixed = np.zeros((count, d), dtype=bool)
-
-    def add(facets: np.ndarray, moment: np.ndarray) -> None:
-        order = facet_order(model.facet_nodes(facets))
-        given[of_cell[facets[:, 0], facets[:, 1]]] += np.take_along_axis(moment, order[:, :, None], axis=1)
-
-    area = np.linalg.norm(cells.area, axis=2).ravel()[cells.side[0]]
+    given = np.zeros((cells.side.shape[1], d, d))
+    fixed = np.zeros((cells.side.shape[1], d), dtype=bool)
     points, weights, shape = facet_rule(d, DATA_DEGREE)
     weighted = weights[:, None] * shape
     for name, _, traction in model.tractions:
         facets = model.domain.facets(name)
         values = evaluate(traction, model.domain, points, facets)
-        size = area[of_cell[facets[:, 0], facets[:, 1]]]
-        add(facets, np.einsum("qm,fqi->fmi", weighted, values) * size[:, None, None])
-    for t in tractions:
-        add(t.contact.facets, moments(t.area, t.values))
+        area = model.facet_areas(facets)
+        _add(model, given, facets, np.einsum("qm,fqi->fmi", weighted, values) * area[:, None, None])
     for facets, components in model.fixed_facets:
-        fixed[of_cell[facets[:, 0], facets[:, 1]]] |= components
+        fixed[_numbers(model, facets)] |= components
     given[np.broadcast_to(fixed[:, None, :], given.shape)] = 0.0
     return given, fixed
 
 
-def _rebalanced(
-    model: Model, solution: Solution, cells: Simplices, given: np.ndarray, force: np.ndarray | None
-) -> fem.Function:
-    """The finite element displacement under the loads and r^: one linear solve, exact discrete equilibrium."""
-    if not model.contacts and force is None:
-        return solution.u
-    owned = model.domain.owned_cells
+def _numbers(model: Model, facets: np.ndarray) -> np.ndarray:
+    """Indices of facets given as (cell, local facet), shape (n,)."""
+    of_cell = model.mesh.topology.connectivity(model.d, model.d - 1).array.reshape(-1, model.d + 1)
+    return of_cell[facets[:, 0], facets[:, 1]]
+
+
+def _add(model: Model, given: np.ndarray, facets: np.ndarray, moment: np.ndarray) -> None:
+    """Add moments at the nodes of facets, from the order of DOLFINx to the sorted one."""
+    order = facet_order(model.facet_nodes(facets))
+    given[_numbers(model, facets)] += np.take_along_axis(moment, order[:, :, None], axis=1)
+
+
+def _nodal(model: Model, cells: Simplices, given: np.ndarray, force: np.ndarray | None) -> fem.Function:
+    """Nodal forces of moments on facets and of cell forces, not yet summed over ranks [force]."""
+    d, owned = model.d, model.domain.owned_cells
     b = fem.Function(model.V)
-    nodal: Any = b.x.array.reshape(-1, model.d)
-    loaded = np.flatnonzero(given.any(axis=(1, 2)) & (cells.side[0] >= 0) & (cells.side[0] < owned * (model.d + 1)))
-    cell, i = np.divmod(cells.side[0][loaded], model.d + 1)
-    np.add.at(nodal, np.take_along_axis(cells.nodes[cell], facet_vertices(model.d)[i], axis=1), given[loaded])
+    nodal: Any = b.x.array.reshape(-1, d)
+    first = cells.side[0]
+    loaded = np.flatnonzero(given.any(axis=(1, 2)) & (first >= 0) & (first < owned * (d + 1)))
+    cell, i = np.divmod(first[loaded], d + 1)
+    np.add.at(nodal, np.take_along_axis(cells.nodes[cell], facet_vertices(d)[i], axis=1), given[loaded])
     if force is not None:
-        np.add.at(
-            nodal,
-            cells.nodes[:owned],
-            np.broadcast_to(force[:owned, None] / (model.d + 1), (owned, model.d + 1, model.d)),
-        )
+        np.add.at(nodal, cells.nodes[:owned], np.broadcast_to(force[:owned, None] / (d + 1), (owned, d + 1, d)))
+    return b
+
+
+def _work(model: Model, b: fem.Function) -> np.ndarray:
+    """Work of nodal forces on the free motions, all ranks [force], shape (motions,)."""
+    local = np.array([b.x.array @ motion.x.array for motion in model.free_motions])
+    return model.comm.allreduce(local, MPI.SUM)
+
+
+def _rebalanced(solution: Solution, b: fem.Function) -> fem.Function:
+    """The finite element displacement under nodal forces: one linear solve, exact discrete equilibrium.
+
+    A linear scene whose loads do not vary in space is in equilibrium with them already.
+    """
+    model = solution.model
+    loads = model.loads(ufl.TestFunction(model.V))
+    varies = loads is not None and ufl.algorithms.extract_type(loads, ufl.classes.SpatialCoordinate)
+    if not model.contacts and not varies:
+        return solution.u
     stiffness = Stiffness(model)
     u = stiffness.solve(b)
     stiffness.destroy()

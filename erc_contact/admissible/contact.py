@@ -9,13 +9,11 @@ Symbols: n normal of the foundation, r^ contact traction on the body, mu frictio
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import basix
 import numpy as np
-import ufl
 from dolfinx import fem
 from mpi4py import MPI
 
@@ -95,10 +93,11 @@ def nearest_in_cone(z: np.ndarray, n: np.ndarray, mu: np.ndarray) -> np.ndarray:
     return factor[..., None] * t - new_pressure[..., None] * n
 
 
-def admissible_tractions(model: Model, method: Any, u: fem.Function) -> list[ContactTraction]:
+def admissible_tractions(model: Model, method: Any, u: fem.Function, loads: np.ndarray) -> list[ContactTraction]:
     """r^: the method's traction, L2-projected on linear functions of each facet, then on the cone.
 
-    Where no support holds a rigid motion, r^ must balance the loads on it: the least change within the cone.
+    Where no support holds a rigid motion, r^ must balance the work of the loads on it, shape (motions,), exactly: the
+    least change within the cone does it. ``loads`` is that of the loads' projections, which sigma^ is to balance.
 
     Raises:
         NotHeldError: If no traction in the cone balances the loads on a free motion.
@@ -114,14 +113,14 @@ def admissible_tractions(model: Model, method: Any, u: fem.Function) -> list[Con
         nodes = model.facet_nodes(contact.facets)
         mu = _friction(model, contact, facet_corners(d))
         result.append(ContactTraction(contact, nodes, model.facet_areas(contact.facets), values, mu))
-    return _into_cone(model, result)
+    return _into_cone(model, result, loads)
 
 
-def _into_cone(model: Model, raw: list[ContactTraction]) -> list[ContactTraction]:
+def _into_cone(model: Model, raw: list[ContactTraction], loads: np.ndarray) -> list[ContactTraction]:
     """Project on the cones, in balance with the loads on free motions."""
     bounds = [t.friction for t in raw]
     for _ in range(PASSES):
-        new = _projected(model, raw, bounds)
+        new = _projected(model, raw, bounds, loads)
         factors = [_shrink(model, t) for t in new]
         if not model.comm.allreduce(any(np.any(f < 1.0) for f in factors), MPI.LOR):
             return new
@@ -129,13 +128,15 @@ def _into_cone(model: Model, raw: list[ContactTraction]) -> list[ContactTraction
     # the least friction of each facet is a bound whatever the traction, only not a sharp one
     lattice = _lattice(model.d)
     least = [_friction(model, t.contact, lattice).min(axis=1, keepdims=True) for t in raw]
-    return _projected(model, raw, [np.minimum(low, t.friction) for low, t in zip(least, raw, strict=True)])
+    return _projected(model, raw, [np.minimum(low, t.friction) for low, t in zip(least, raw, strict=True)], loads)
 
 
-def _projected(model: Model, raw: list[ContactTraction], bounds: list[np.ndarray]) -> list[ContactTraction]:
+def _projected(
+    model: Model, raw: list[ContactTraction], bounds: list[np.ndarray], loads: np.ndarray
+) -> list[ContactTraction]:
     values = [project_on_cone(t.values, t.contact.direction, mu) for t, mu in zip(raw, bounds, strict=True)]
     if model.free_motions:
-        values = _balanced(model, raw, values, bounds)
+        values = _balanced(model, raw, values, bounds, loads)
     return [replace(t, values=v) for t, v in zip(raw, values, strict=True)]
 
 
@@ -153,7 +154,7 @@ def _shrink(model: Model, traction: ContactTraction) -> np.ndarray:
 
 
 def _balanced(
-    model: Model, raw: list[ContactTraction], start: list[np.ndarray], bounds: list[np.ndarray]
+    model: Model, raw: list[ContactTraction], start: list[np.ndarray], bounds: list[np.ndarray], loads: np.ndarray
 ) -> list[np.ndarray]:
     """The tractions in the cones nearest to those given that balance the loads on the free motions.
 
@@ -162,7 +163,6 @@ def _balanced(
     in at most six unknowns: Newton with differences.
     """
     comm, motions = model.comm, model.free_motions
-    loads = _loads_on(model, motions)
     weight, direction = [], []
     for t in raw:
         m = np.stack([f.x.array.reshape(-1, model.d)[t.nodes] for f in motions], axis=-1)  # (f, d, d, k)
@@ -212,18 +212,6 @@ def _balanced(
             "add a Displacement or friction."
         )
     return tractions(y)
-
-
-def _loads_on(model: Model, motions: Sequence[fem.Function]) -> np.ndarray:
-    """Work of the scene's loads on rigid motions [force]."""
-    v = ufl.TestFunction(model.V)
-    form = model.loads(v)
-    if form is None:
-        return np.zeros(len(motions))
-    b = fem.Function(model.V)
-    fem.assemble_vector(b.x.array, fem.form(form))
-    local = np.array([b.x.array @ m.x.array for m in motions])
-    return model.comm.allreduce(local, MPI.SUM)
 
 
 def admissible_displacement(model: Model, u: fem.Function, tractions: list[ContactTraction]) -> fem.Function:
