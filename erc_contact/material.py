@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from numbers import Real
 from typing import Any, ClassVar
 
 import ufl
@@ -68,8 +69,13 @@ class Elastic:
         for name in self.parameters:
             value = getattr(self, name)
             for number in value.values() if isinstance(value, Mapping) else (value,):
-                if not callable(number):
-                    self.check(name, float(number), float(number))
+                if callable(number):
+                    continue
+                if not isinstance(number, Real):
+                    raise InputError(
+                        f"Elastic: {name} is {number!r}; give a number, a callable of x, or a mapping of regions."
+                    )
+                self.check(name, float(number), float(number))
 
     @staticmethod
     def check(name: str, low: float, high: float) -> None:

@@ -132,6 +132,7 @@ class Model:
         self._bind_supports()
         self.body_force = self._sum([self._vector(b.value) for b in scene.body_forces])
         self.tractions = [(t.facets, self.ds(domain.tag(t.facets)), self._traction(t)) for t in scene.tractions]
+        self._check_loads()
         self.friction_share = fem.Constant(self.mesh, 1.0)
         self.contacts = [self._contact(c) for c in scene.contacts]
         self._check_supports_in_gap()
@@ -305,11 +306,15 @@ class Model:
         else:
             direction = np.array(contact.normal)
         if callable(contact.friction):
-            low, high = self._range(evaluate(self._value(contact.friction), self.domain, centre, facets))
+            low, high = self._range(evaluate(self._value(contact.friction), self.domain, facet_corners(self.d), facets))
             if not 0 <= low <= high < np.inf:
                 raise InputError(
                     f"Contact({contact.facets!r}): friction is {low:g} somewhere; it must be >= 0 and finite."
                 )
+        if callable(contact.gap):
+            values = evaluate(self._value(contact.gap), self.domain, facet_corners(self.d), facets)
+            if not np.isfinite(self._range(values)).all():
+                raise InputError(f"Contact({contact.facets!r}): the gap is not finite everywhere; look at it.")
         none = contact.friction == 0, contact.gap == 0
         return BoundContact(
             contact.facets,
@@ -346,6 +351,21 @@ class Model:
                     f"A support pushes {contact.name!r} into the foundation by {worst:g} [length] beyond the gap; "
                     "no displacement is admissible. Change the support or the gap."
                 )
+
+    def _check_loads(self) -> None:
+        """Loads are finite where they are integrated."""
+        loads = []
+        if self.body_force is not None:
+            points, _ = basix.make_quadrature(self.mesh.basix_cell(), DATA_DEGREE)
+            loads.append(("A BodyForce", self.body_force, points, np.arange(self.domain.owned_cells, dtype=np.int32)))
+        points, _, _ = facet_rule(self.d, DATA_DEGREE)
+        for name, _, traction in self.tractions:
+            loads.append((f"Traction({name!r})", traction, points, self.domain.facets(name)))
+        for what, expression, at, entities in loads:
+            if ufl.algorithms.extract_type(expression, ufl.classes.SpatialCoordinate):
+                values = evaluate(expression, self.domain, at, entities)
+                if not np.isfinite(self._range(values)).all():
+                    raise InputError(f"{what} is not finite everywhere; look at its callables.")
 
     # -- rigid motions ---------------------------------------------------------------------------------
 

@@ -14,6 +14,8 @@ from math import isfinite
 from numbers import Real
 from typing import Any
 
+import numpy as np
+
 from erc_contact.exceptions import InputError
 from erc_contact.material import Elastic, Value
 
@@ -33,7 +35,7 @@ def _check_value(what: str, value: Any, low: float = -float("inf"), unit: str = 
 def _check_vector(what: str, value: Any, *, free: bool = False) -> None:
     if callable(value):
         return
-    if isinstance(value, str) or not isinstance(value, Sequence) or len(value) not in (2, 3):
+    if isinstance(value, str) or not isinstance(value, (Sequence, np.ndarray)) or len(value) not in (2, 3):
         raise InputError(f"{what} is {value!r}; give one value for each dimension, e.g. (0.0, -1.0), or a callable.")
     for component in value:
         if not (free and component is None):

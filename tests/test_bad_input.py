@@ -495,6 +495,25 @@ def test_msh_file_not_of_straight_simplices(build, word, version, gmsh_session, 
     refused(lambda: ec.read_mesh(path), word, "triangles")
 
 
+def test_values_that_are_not_finite(block):
+    import ufl
+
+    hold = [ec.Displacement("top", (0.0, 0.0))]
+
+    def nowhere(x):
+        return ufl.ln(x[0] - 0.5)
+
+    refused(lambda: ec.solve(ec.Scene(STEEL, hold, [ec.BodyForce((0.0, nowhere))]), block), "BodyForce", "finite")
+    refused(
+        lambda: ec.solve(ec.Scene(STEEL, hold, [ec.Traction("left", pressure=lambda x: ufl.ln(x[1] - 0.5))]), block),
+        "finite",
+    )
+    refused(lambda: ec.solve(ec.Scene(STEEL, hold, [], [ec.Contact("bottom", gap=nowhere)]), block), "gap", "finite")
+    negative_at_a_corner = ec.Contact("bottom", friction=lambda x: 0.1 * (x[0] - 0.05))
+    refused(lambda: ec.solve(ec.Scene(STEEL, hold, [], [negative_at_a_corner]), block), "friction", ">= 0")
+    refused(lambda: ec.Elastic(E="abc", nu=0.3), "'abc'", "number")
+
+
 # -- the loop and the method ---------------------------------------------------------------------------------
 
 
