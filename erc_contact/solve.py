@@ -34,7 +34,7 @@ TOLERANCE = 1e-10
 """Newton stops when the residual is below this fraction of the internal forces [-]."""
 STEPS = 40
 """Limit of Newton steps of one attempt."""
-LAG, LARGE = 3, 50_000
+LAG, LARGE = 3, 20_000
 """From LARGE degrees of freedom on, the tangent is factorised anew every LAG Newton steps only; between, the old factor
 preconditions GMRES.
 
