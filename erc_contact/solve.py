@@ -359,7 +359,7 @@ def _newton(model: Model, method: Nitsche, u: fem.Function, start: Solution | No
             tried.append(f"{rung}: {PETSC_REASONS.get(reason, reason)}, residual {norm:.1e}, {steps} steps in all")
             log.debug(tried[-1])
             if reason > 0 and np.isfinite(norm):
-                return steps, str(rung)
+                return steps, f"{rung}: {PETSC_REASONS.get(reason, reason)}"
     finally:
         model.friction_share.value = 1.0
         for resource in (snes, value, problem):
