@@ -44,7 +44,7 @@ def scale_parts(tensor: Any, deviator: Any, sphere: Any) -> Any:
 class Elastic:
     """Isotropic linear elasticity.
 
-    A material of the user's own is a class with the same four members: ``parameters`` (names of
+    A material of the user's own is a class with the same members: ``parameters`` (names of
     the attributes that are values in space), ``check``, ``stress``, ``compliance``, and ``modulus``.
 
     Args:

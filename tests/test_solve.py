@@ -154,3 +154,46 @@ def test_options_of_the_user_win_and_ours_are_not_left():
     finally:
         del PETSc.Options()["erc_contact_snes_max_it"]
     assert PETSc.Options().getAll() == before
+
+
+class Orthotropic:
+    """A user's own material, by its moduli in plane [force/area]: written with UFL alone."""
+
+    parameters = ("Cxx", "Cyy", "Cxy", "G")
+
+    def __init__(self, Cxx, Cyy, Cxy, G):
+        self.Cxx, self.Cyy, self.Cxy, self.G = Cxx, Cyy, Cxy, G
+
+    def check(self, name, low, high):
+        assert low > 0
+
+    def stress(self, eps, Cxx, Cyy, Cxy, G):
+        xx, yy, xy = eps[0, 0], eps[1, 1], eps[0, 1]
+        return ufl.as_matrix([[Cxx * xx + Cxy * yy, 2 * G * xy], [2 * G * xy, Cxy * xx + Cyy * yy]])
+
+    def compliance(self, sigma, Cxx, Cyy, Cxy, G):
+        xx, yy, xy = sigma[0, 0], sigma[1, 1], sigma[0, 1]
+        det = Cxx * Cyy - Cxy**2
+        eps = [[(Cyy * xx - Cxy * yy) / det, xy / (2 * G)], [xy / (2 * G), (Cxx * yy - Cxy * xx) / det]]
+        return ufl.as_matrix(eps)
+
+    def modulus(self, Cxx, Cyy, Cxy, G):
+        return Cyy
+
+
+def test_material_of_the_user():
+    """With isotropic moduli it gives what Elastic gives; with others it converges and the error goes down."""
+    E, nu = 1.0, 0.3
+    lam, G = E * nu / ((1 + nu) * (1 - 2 * nu)), E / (2 * (1 + nu))
+    base = common_block()
+
+    def eps(material, n):
+        scene = ec.Scene(material, base.supports, base.loads, base.contacts)
+        # gamma is scaled by the modulus of the material
+        method = ec.Nitsche(gamma=10.0 if isinstance(material, ec.Elastic) else 10.0 * E / (lam + 2 * G))
+        return ec.constitutive_error(ec.equilibrate(ec.solve(scene, block(n), method))).relative
+
+    same = Orthotropic(lam + 2 * G, lam + 2 * G, lam, G)
+    assert eps(same, 8) == pytest.approx(eps(base.material, 8), rel=1e-9)
+    stiff = Orthotropic(5.0, lambda x: 1.0 + 0.1 * x[0], 0.3, 0.5)
+    assert eps(stiff, 16) < 0.8 * eps(stiff, 8)
