@@ -77,7 +77,7 @@ def constitutive_error(admissible: Admissible) -> ConstitutiveError:
         e, eps, their parts and eps_E; all zero where nothing is loaded (but for a rigid motion).
 
     Raises:
-        InputError: If the energy overflows double precision.
+        InputError: If the energy overflows or underflows double precision.
     """
     began = perf_counter()
     model = admissible.solution.model
@@ -91,12 +91,12 @@ def constitutive_error(admissible: Admissible) -> ConstitutiveError:
         contact += float(part.sum())
     total = model.comm.allreduce(np.array([bulk.sum(), contact, scale, _oscillation(admissible)]), MPI.SUM)
     bulk_2, contact_2, scale_2, oscillation_2 = total
-    if not np.isfinite(total).all():
+    floor_2, lost = _round_off(admissible)
+    if lost or not np.isfinite(total).all():
         raise InputError(
-            "The energy of this scene is not a finite number; its loads and moduli overflow double precision. "
+            "The energy of this scene is no number of double precision; loads or moduli are too large or too small. "
             "Choose units in which they are nearer to 1."
         )
-    floor_2 = _round_off(admissible)
     if scale_2 <= floor_2:  # nothing is loaded: what is left is round-off of a rigid motion
         per_cell[:] = bulk_2 = contact_2 = scale_2 = 0.0
     e = float(np.sqrt(bulk_2 + contact_2))
@@ -144,8 +144,8 @@ def _bulk(admissible: Admissible) -> tuple[np.ndarray, float]:
     return energy(sigma - elastic), float(energy(sigma + elastic).sum())
 
 
-def _round_off(admissible: Admissible) -> float:
-    """Square of the energy norm that round-off alone gives a stress ``C eps(u)``, over all ranks.
+def _round_off(admissible: Admissible) -> tuple[float, bool]:
+    """Square of the energy norm that round-off alone gives a stress ``C eps(u)``, and whether it underflows.
 
     A displacement of size |u| is known to ``machine epsilon |u|``, so its strain in a cell of size h to that over h.
     """
@@ -155,7 +155,8 @@ def _round_off(admissible: Admissible) -> float:
     stiffness = moduli(model, np.full((1, model.d), 1 / (model.d + 1)), owned)[:, 0].max(axis=(1, 2))
     volume = cells.volume[:owned]
     local = np.sum(stiffness * volume ** (1 - 2 / model.d))
-    return float((ROUND_OFF * np.finfo(float).eps * size) ** 2 * comm.allreduce(float(local), MPI.SUM))
+    floor = float((ROUND_OFF * np.finfo(float).eps * size) ** 2 * comm.allreduce(float(local), MPI.SUM))
+    return floor, size > 0.0 and floor == 0.0
 
 
 def _sorted(model: Model, values: np.ndarray) -> np.ndarray:
