@@ -168,8 +168,8 @@ def from_gmsh(model: Any, comm: MPI.Comm = MPI.COMM_WORLD, rank: int = 0) -> Dom
 def read_mesh(path: str | Path, comm: MPI.Comm = MPI.COMM_WORLD) -> Domain:
     """Read a mesh file; collective.
 
-    A ``.msh`` (or ``.geo``) file is read by gmsh. Any other format goes through meshio: the integer cell data
-    that name the most boundary cells become the boundary parts.
+    A ``.msh`` (or ``.geo``) file is read by gmsh. Any other format goes through meshio: boundary parts and regions are
+    the cell data gmsh:physical, medit:ref or cell_tags, else the first integer cell data, else the cell sets.
 
     Args:
         path: The file.

@@ -53,7 +53,7 @@ class Solution:
         model: The scene on its domain, with forms.
         method: The contact method.
         u: Displacement [length], a continuous P1 Function.
-        newton_steps: Newton steps of the attempt that succeeded; 0 for a scene without contact.
+        newton_steps: Newton steps of all attempts together; 0 for a scene without contact.
         reason: How the solver ended, and from which start.
         seconds: Wall time, the largest over the ranks [s].
     """
@@ -156,7 +156,7 @@ class Stiffness:
     def solve(self, b: fem.Function) -> fem.Function:
         """Displacement under nodal forces b [force], whose ghost contributions are added up here."""
         model = self.model
-        vector = fem.petsc.create_vector(model.V)
+        vector = fp.create_vector(model.V)
         with vector.localForm() as local:
             local.array[:] = b.x.array
         fp.apply_lifting(vector, [self.form], bcs=[self.bcs])

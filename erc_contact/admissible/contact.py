@@ -163,12 +163,13 @@ def _balanced(
     in at most six unknowns: Newton with differences.
     """
     comm, motions = model.comm, model.free_motions
-    weight, direction = [], []
+    weight, direction, own_area = [], [], 0.0
     for t in raw:
         m = np.stack([f.x.array.reshape(-1, model.d)[t.nodes] for f in motions], axis=-1)  # (f, d, d, k)
         moment = moments(t.area, m.reshape(*m.shape[:2], m.shape[2] * m.shape[3])).reshape(m.shape)
-        owned = (t.contact.facets[:, 0] < model.domain.owned_cells)[:, None, None, None]
-        weight.append(moment * owned)
+        owned = t.contact.facets[:, 0] < model.domain.owned_cells
+        own_area += float(t.area[owned].sum())
+        weight.append(moment * owned[:, None, None, None])
         direction.append(moment * (model.d / t.area)[:, None, None, None])
 
     def tractions(y: np.ndarray) -> list[np.ndarray]:
@@ -182,7 +183,7 @@ def _balanced(
         return comm.allreduce(local, MPI.SUM) + loads
 
     peak = comm.allreduce(max((float(abs(r).max(initial=0)) for r in start), default=0.0), MPI.MAX)
-    area = comm.allreduce(sum(float(t.area.sum()) for t in raw), MPI.SUM)
+    area = comm.allreduce(own_area, MPI.SUM)
     scale = float(np.linalg.norm(loads)) + peak * area
     if scale == 0.0:
         return tractions(np.zeros(len(motions)))
