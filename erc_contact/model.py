@@ -344,6 +344,11 @@ class Model:
         if not np.isfinite(values).all():
             error = InputError("A prescribed displacement is not finite; look at the callables of the supports.")
         raise_together(self.comm, error)
+        marks = fem.Function(self.V)  # a rank may see a node without the facet that fixes it: its owner sees all
+        marks.x.array[:] = fixed.ravel()
+        for function in (marks, g):
+            function.x.scatter_forward()
+        fixed = marks.x.array.reshape(-1, self.d) > 0.5
         self.prescribed, self.fixed = g, fixed
         self.bcs = []
         for i in range(self.d):

@@ -121,7 +121,7 @@ class Stiffness:
     def expand(self, w: fem.Function, u_tested: np.ndarray | None, force: np.ndarray | None) -> fem.Function:
         """``u = w + (K + D)^-1 (D u_A + c)`` from u_A and the contact forces c at A, both on rank 0 (c may be None)."""
         added = None
-        if u_tested is not None:
+        if u_tested is not None and self.schur is not None:
             added = self.glued_by[: len(u_tested)] * u_tested + (0.0 if force is None else force)
         b = fem.Function(self.model.V)
         self.scatter(added, b)
@@ -144,8 +144,9 @@ class Stiffness:
         return self._reduced
 
     def gather(self, u: fem.Function) -> np.ndarray:
-        """Values at L on rank 0 (elsewhere an empty array); collective."""
-        parts = self.model.comm.gather((self.place, u.x.array[self.local]))
+        """Values at L on rank 0 (elsewhere an empty array), from the owners of the nodes; collective."""
+        own = self.local < self.model.V.dofmap.index_map.size_local * self.model.d
+        parts = self.model.comm.gather((self.place[own], u.x.array[self.local[own]]))
         values = np.zeros(len(self.numbers) if parts else 0)
         for place, part in parts or ():
             values[place] = part
@@ -215,11 +216,12 @@ class Stiffness:
         ksp.setOperators(self._matrix)
         ksp.setType("preonly")
         pc = ksp.getPC()
-        pc.setType("cholesky")
+        comm = self.model.comm
+        # the triangle that a Cholesky factor leaves is whole on one rank only (MUMPS 5.8: stray entries on others)
+        pc.setType("lu" if schur_on is not None and comm.size > 1 else "cholesky")
         pc.setFactorSolverType("mumps")
         pc.setFactorSetUpSolverType()
         if schur_on is not None:
-            comm = self.model.comm
             mine = schur_on if comm.rank == 0 else schur_on[:0]
             indices = PETSc.IS().createGeneral(mine.astype(PETSc.IntType), comm=comm)
             _call("MatFactorSetSchurIS", pc.getFactorMatrix().handle, indices.handle)
@@ -268,13 +270,15 @@ def _call(name: str, *arguments: Any) -> None:
 
 
 def _schur_complement(ksp: PETSc.KSP, size: int) -> np.ndarray:
-    """The Schur complement that MUMPS left with a Cholesky factor (one triangle of it), on rank 0, as a full matrix."""
+    """The Schur complement that MUMPS left with a factor, on rank 0; with Cholesky it is one triangle."""
     schur, status = ctypes.c_void_p(), ctypes.c_int()
     data = ctypes.POINTER(ctypes.c_double)()
     factor = ksp.getPC().getFactorMatrix().handle
     _call("MatFactorGetSchurComplement", factor, ctypes.addressof(schur), ctypes.addressof(status))
     _call("MatDenseGetArrayRead", schur.value, ctypes.addressof(data))
-    triangle = np.ctypeslib.as_array(data, (size, size)).copy()
+    values = np.ctypeslib.as_array(data, (size, size)).copy()
     _call("MatDenseRestoreArrayRead", schur.value, ctypes.addressof(data))
     _call("MatFactorRestoreSchurComplement", factor, ctypes.addressof(schur), status.value)
-    return triangle + triangle.T - np.diag(triangle.diagonal())
+    if ksp.getPC().getType() == "lu":
+        return 0.5 * (values + values.T)
+    return values + values.T - np.diag(values.diagonal())
