@@ -47,6 +47,7 @@ class Condensed:
         schur: S_A, the glued stiffness condensed on A, on rank 0 [force/length], shape (A, A).
         matrix: K on rank 0 [force/length], shape (A, A).
         loads: s on rank 0 [force].
+        toward: Normals of the foundation at the contact nodes of A, on rank 0 [-].
         length: Size of the displacement, the same on all ranks [length].
         force: Size of the forces that cancel in the residual, on rank 0 [force].
     """
@@ -67,6 +68,10 @@ class Condensed:
             self.loads = self.schur @ self.w[:a]
             self.force = float((abs(self.matrix) @ abs(self.w[:a])).max()) or 1.0
             self.affine = np.hstack([lift, (self.w - lift @ self.w[:a])[:, None]])
+        toward = fem.Function(model.V)
+        for contact in model.contacts:
+            toward.x.array.reshape(-1, model.d)[model.facet_nodes(contact.facets)] = contact.direction[:, None, :]
+        self.toward = stiffness.gather(toward)[: self.tested]
         columns = [np.full(len(w.x.array), -1)]
         columns[0][stiffness.local] = stiffness.place
         self.size = len(stiffness.numbers)

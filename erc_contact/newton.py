@@ -3,7 +3,7 @@
 Displacements are divided by their size and forces by those that cancel: the bisection line search has absolute
 tolerances inside and would depend on units.
 
-Symbols: R residual, A and K as in :mod:`erc_contact.condensed`, S = K + D its glued form (positive definite).
+Symbols: R residual, A and K as in :mod:`erc_contact.condensed`.
 """
 
 from __future__ import annotations
@@ -27,6 +27,8 @@ CYCLE = 0.9
 """States that come back are a cycle unless the residual fell below this fraction meanwhile [-]."""
 
 
+PRESS = 1e-5
+"""How far a state is pressed into the foundation to see its other tangents, over the size of the displacement [-]."""
 ZERO_PIVOT = 71
 """PETSc's code of a matrix that cannot be factorised, PETSC_ERR_MAT_LU_ZRPVT."""
 
@@ -98,7 +100,7 @@ class Newton:
             if np.linalg.norm(self.last) <= TOLERANCE * self.forces(snes.getSolution().array_r):
                 text = "converged to round-off"
                 return reasons.CONVERGED_ITS
-            if self.accuracy is not None and step > 0 and self.remaining() <= self.accuracy:
+            if self.accuracy is not None and self.remaining() <= self.accuracy:
                 text = "accurate enough"
                 return reasons.CONVERGED_ITS
             states = self.problem.states().tobytes()
@@ -139,13 +141,14 @@ class Newton:
         return min(size, FAR * problem.force)
 
     def remaining(self) -> float:
-        """Energy norm of what is left to the solution, ``sqrt(R.S^-1 R)`` [sqrt(force length)], at the last residual.
+        """Energy norm of what is left to the solution, ``sqrt(R.K^-1 R)`` [sqrt(force length)], at the last residual.
 
-        With the traction of the method as r^, it is what the rebalance adds to the error in the constitutive relation
-        (but for the glue in S, which keeps it finite where no support holds the body).
+        With the traction of the method as r^, it is what the rebalance of the last state adds to the error in the
+        constitutive relation.
         """
         if self.energy is None:
-            matrix = PETSc.Mat().createDense(self.jacobian.getSize(), array=self.problem.schur, comm=PETSc.COMM_SELF)
+            energy = self.problem.stiffness.energy(self.problem.tested)
+            matrix = PETSc.Mat().createDense(energy.shape, array=energy, comm=PETSc.COMM_SELF)
             matrix.setOption(PETSc.Mat.Option.SPD, True)
             self.energy = _direct(matrix, "cholesky")
         force, u = self.jacobian.createVecs()
@@ -153,35 +156,38 @@ class Newton:
         self.energy.solve(force, u)
         return float(np.sqrt(max(u.dot(force), 0.0)))
 
-    def least_singular_value(self) -> float:
-        """Estimate of the least singular value of the tangent at the last state, scaled by the elastic diagonal [-].
+    def regularity(self, u_tested: np.ndarray) -> float:
+        """Least singular value of the tangent, scaled by the elastic diagonal [-]; zero where it has no inverse.
 
-        Inverse iteration on ``J^T J``; zero where the tangent has no inverse.
+        The least of two: at a state, and at the state pressed into the foundation by a tiny length. Points that touch
+        without pressure are on a kink, and the tangent that they have when pressed may be the singular one.
         """
+        pressed = u_tested + PRESS * self.problem.length * self.problem.toward
+        return min(self._least_singular_value(u) for u in (pressed, u_tested))
+
+    def _least_singular_value(self, u_tested: np.ndarray) -> float:
+        """Inverse iteration on ``J^T J``: an estimate."""
+        self.problem.residual(u_tested)
         diagonal = 1 / np.sqrt(self.problem.schur.diagonal())
         scaled = self.problem.tangent() * diagonal * diagonal[:, None]
         matrix = PETSc.Mat().createDense(scaled.shape, array=scaled, comm=PETSc.COMM_SELF)
-        matrix.assemble()
         ksp = _direct(matrix, "lu")
+        x, y = matrix.createVecs()
+        x.array[:] = np.random.default_rng(0).standard_normal(len(diagonal))
+        norm = x.norm()
         try:
-            ksp.setUp()
+            for _ in range(4):
+                x.scale(1 / norm)
+                ksp.solveTranspose(x, y)
+                ksp.solve(y, x)
+                norm = x.norm()
+                if not np.isfinite(norm) or norm == 0.0:
+                    return 0.0
         except PETSc.Error as failure:
             if failure.ierr != ZERO_PIVOT:
                 raise
             return 0.0
-        x, y = matrix.createVecs()
-        x.array[:] = np.random.default_rng(0).standard_normal(len(diagonal))
-        x.normalize()
-        growth = 0.0
-        for _ in range(4):
-            ksp.solveTranspose(x, y)
-            ksp.solve(y, x)
-            norm = x.norm()
-            if not np.isfinite(norm) or norm == 0.0 or ksp.getConvergedReason() < 0:
-                return 0.0
-            growth = norm
-            x.scale(1 / norm)
-        return float(1 / np.sqrt(growth))
+        return float(1 / np.sqrt(norm))
 
     def _function(self, _: PETSc.SNES, x: PETSc.Vec, f: PETSc.Vec) -> None:
         self._evaluate(x)

@@ -54,7 +54,8 @@ class Solution:
         newton_steps: Newton steps of all attempts together; 0 for a scene without contact.
         reason: How the solver ended, and from which start.
         remaining: Energy norm of the distance to the solution of the discrete problem [sqrt(force length)].
-        regularity: Least singular value of the tangent of the contact problem, scaled by the elastic diagonal [-].
+        regularity: Least singular value of the tangents of the contact problem at the solution, scaled by the elastic
+            diagonal [-].
         stiffness: The factorised elastic stiffness; :func:`equilibrate` frees the factor.
         seconds: Wall time, the largest over the ranks [s].
     """
@@ -246,7 +247,7 @@ class _Ascent:
             problem.raise_friction(1.0)
             results = None
             if final and outcome.converged:
-                results = newton.remaining(), newton.least_singular_value(), u, problem.matrix @ u - problem.loads
+                results = newton.remaining(), newton.regularity(u), u, problem.matrix @ u - problem.loads
             newton.destroy()
             return replace(outcome, steps=steps), u[: self.stiffness.contact], results
 

@@ -31,6 +31,8 @@ from erc_contact.model import Model
 
 GLUE = 10.0
 """gamma_0 of the glue [-]."""
+WORKSPACE = 80
+"""Workspace of MUMPS beyond its estimate [%]; its own 20 was too small for a mesh of 322 tetrahedra on three ranks."""
 
 
 class Stiffness:
@@ -44,6 +46,7 @@ class Stiffness:
         contact: Number of degrees of freedom of L at contact nodes; 0 without contact.
         schur: S_L on rank 0; None elsewhere and without contact.
         glued_by: D_L on rank 0.
+        motions: Rigid motions that no support holds, at L on rank 0.
 
     Raises:
         InputError: If the stiffness cannot be factorised.
@@ -107,15 +110,9 @@ class Stiffness:
             return w
         a = self.contact
         w_tested = self.gather(w)[:a]
-        motions = [self.gather(motion)[:a] for motion in self.model.free_motions]
         u_tested = None
         if self.schur is not None:
-            schur, _ = self.reduced(a)
-            matrix = schur - np.diag(self.glued_by[:a])
-            if motions:
-                kernel, _ = np.linalg.qr(np.column_stack(motions))
-                matrix += np.mean(schur.diagonal()) * kernel @ kernel.T
-            u_tested = np.linalg.solve(matrix, schur @ w_tested)
+            u_tested = np.linalg.solve(self.energy(a), self.reduced(a)[0] @ w_tested)
         return self.expand(w, u_tested, None)
 
     def expand(self, w: fem.Function, u_tested: np.ndarray | None, force: np.ndarray | None) -> fem.Function:
@@ -167,6 +164,15 @@ class Stiffness:
         if self._matrix is not None:
             self._matrix.destroy()
             self._matrix = None
+
+    def energy(self, count: int) -> np.ndarray:
+        """``S_A - D_A``, the elastic energy of u_A, made definite on the rigid motions that no support holds; rank 0."""
+        schur, _ = self.reduced(count)
+        matrix = schur - np.diag(self.glued_by[:count])
+        if self.motions:
+            kernel, _ = np.linalg.qr(np.column_stack(self.motions)[:count])
+            matrix += np.mean(schur.diagonal()) * kernel @ kernel.T
+        return matrix
 
     def _glue(self) -> fem.Function:
         model = self.model
@@ -221,6 +227,7 @@ class Stiffness:
         pc.setType("lu" if schur_on is not None and comm.size > 1 else "cholesky")
         pc.setFactorSolverType("mumps")
         pc.setFactorSetUpSolverType()
+        pc.getFactorMatrix().setMumpsIcntl(14, WORKSPACE)
         if schur_on is not None:
             mine = schur_on if comm.rank == 0 else schur_on[:0]
             indices = PETSc.IS().createGeneral(mine.astype(PETSc.IntType), comm=comm)
@@ -240,6 +247,7 @@ class Stiffness:
         self._matrix = self._assemble()
         self._ksp = self._factorise(self.numbers)
         self.glued_by = self.gather(self.glue)
+        self.motions = [self.gather(motion) for motion in self.model.free_motions]
         error = None
         if comm.rank == 0:
             self.schur = _schur_complement(self._ksp, len(self.numbers))
