@@ -243,7 +243,9 @@ class Saturating:
 
 def with_friction(friction) -> ec.Scene:
     base = prototype_block()
-    return ec.Scene(base.material, [ec.Displacement("top", (0.1, -0.05))], (), [ec.Contact("bottom", friction=friction)])
+    return ec.Scene(
+        base.material, [ec.Displacement("top", (0.1, -0.05))], (), [ec.Contact("bottom", friction=friction)]
+    )
 
 
 @pytest.mark.parametrize("method", [ec.Nitsche(), ec.AugmentedLagrangian()], ids=str)
