@@ -20,9 +20,10 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from erc_contact.admissible.contact import ContactTraction, admissible_displacement, admissible_tractions
-from erc_contact.admissible.facets import equilibrated_moments, signed
-from erc_contact.admissible.geometry import Simplices, facet_order, moments, nodal_forces, simplices
-from erc_contact.admissible.macro import macro_stress, mandel, mandel_basis, tensors
+from erc_contact.admissible.facets import equilibrated_moments
+from erc_contact.admissible.geometry import Simplices, facet_order, moments, nodal_forces, signed, simplices
+from erc_contact.admissible.macro import macro_points, macro_stress, mandel, mandel_basis, tensors
+from erc_contact.admissible.tighten import ITERATIONS, tightened
 from erc_contact.model import DATA_DEGREE, Model, evaluate, facet_rule, facet_vertices
 from erc_contact.solve import Solution, Stiffness
 
@@ -55,7 +56,7 @@ class Admissible:
     seconds: float
 
 
-def equilibrate(solution: Solution) -> Admissible:
+def equilibrate(solution: Solution, tighten: int = ITERATIONS) -> Admissible:
     """Reconstruct an admissible pair from a solution; collective.
 
     Args:
@@ -84,6 +85,21 @@ def equilibrate(solution: Solution) -> Admissible:
     count = model.domain.owned_cells
     forces = nodal_forces(signed(cells, moment)[:count])
     macro = macro_stress(cells, count, stress, forces, force)
+    if tighten > 0:
+        d = model.d
+        strain = strains(cells, hat)[:count, None, :, None]
+        elastic = np.matmul(macro_moduli(model, count), strain)[..., 0]
+        sigma = np.matmul(macro_points(d)[0], macro).reshape(count, (d + 1) ** 2, -1)
+        free = cells.has_second[:, None] | fixed
+        nm = model.V.dofmap.index_map
+        glob = nm.local_to_global(np.arange(nm.size_local + nm.num_ghosts, dtype=np.int32))
+        def mine(nodes):
+            low = np.take_along_axis(nodes, glob[nodes].argmin(axis=-1)[..., None], axis=-1)[..., 0]
+            return low < nm.size_local
+        x, it = tightened(cells, count, sigma - elastic, macro_moduli(model, len(cells.nodes), inverse=True), free, mine,
+            model.mesh.topology.index_map(d - 1), model.comm, tighten, 0.0)
+        moment = moment + x
+        macro = macro_stress(cells, count, stress, nodal_forces(signed(cells, moment)[:count]), force)
     seconds = model.comm.allreduce(perf_counter() - began, MPI.MAX)
     return Admissible(solution, hat, tractions, cells, stress, macro, moment, force, seconds)
 
@@ -117,6 +133,26 @@ def moduli(model: Model, points: np.ndarray, count: int, *, inverse: bool = Fals
     per_cell = ufl.algorithms.extract_coefficients(matrix)
     number = count if per_cell else min(count, 1)
     return evaluate(matrix, model.domain, points[:1], np.arange(number, dtype=np.int32))
+
+
+def macro_moduli(model: Model, count: int, *, inverse: bool = False) -> np.ndarray:
+    """Elasticity (or compliance) matrices at the points of the sub-simplices, in the order of sorted vertices.
+
+    Args:
+        model: The scene on a mesh.
+        count: The first ``count`` cells are done.
+        inverse: Compliance instead of stiffness.
+
+    Returns:
+        Shape (count, (d+1)^2, s, s), with 1 in place of either number where the material does not vary.
+    """
+    values = moduli(model, macro_points(model.d)[1], count, inverse=inverse)
+    if values.shape[1] == 1:
+        return values
+    n = model.d + 1
+    order = np.argsort(model.nodes[:count], axis=1)
+    place = (order[:, :, None] * n + order[:, None, :]).reshape(count, n * n)
+    return np.take_along_axis(values, place[:, :, None, None], axis=1)
 
 
 def cell_stress(model: Model, cells: Simplices, u: fem.Function) -> np.ndarray:

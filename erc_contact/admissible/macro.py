@@ -131,8 +131,29 @@ def macro_stress(
         nodal += np.einsum("nij,nj->ni", inverse, force[:count]) @ body_part
     nodal = nodal.reshape(count, (d + 1) ** 2, s)
 
-    basis, J = mandel_basis(d), cells.J[:count]
-    jacobian = cells.volume[:count] * _factorial(d)
+    image = piola(cells, slice(count))
+    return (np.matmul(nodal, image) + mandel(base)[:, None, :]).reshape(count, d + 1, d + 1, s)
+
+
+def piola(cells: Simplices, some: slice) -> np.ndarray:
+    """Images ``J b J^T / |det J|`` of the basis tensors b in some cells, row by row in Mandel components, (n, s, s)."""
+    basis, J = mandel_basis(cells.d), cells.J[some]
+    jacobian = cells.volume[some] * _factorial(cells.d)
     moved = np.matmul(np.matmul(J[:, None], basis), J[:, None].transpose(0, 1, 3, 2)) / jacobian[:, None, None, None]
-    piola = mandel(moved)  # row b holds the image of basis tensor b
-    return (np.matmul(nodal, piola) + mandel(base)[:, None, :]).reshape(count, d + 1, d + 1, s)
+    return mandel(moved)
+
+
+@cache
+def macro_points(d: int) -> tuple[np.ndarray, np.ndarray]:
+    """Quadrature on the sub-simplices, exact for the square of a linear function, with equal weights.
+
+    Point m of a sub-simplex lies near its node m, so that a permutation of vertices permutes the points.
+
+    Returns:
+        Shape functions of a sub-simplex at its points (d+1, d+1); points of the cell ((d+1)^2, d).
+    """
+    near = (d + 2 - sqrt(d + 2)) / ((d + 1) * (d + 2))
+    shape = near + (1 - (d + 1) * near) * np.eye(d + 1)
+    corners = np.repeat(np.eye(d + 1)[None], d + 1, axis=0)
+    corners[np.arange(d + 1), np.arange(d + 1)] = 1 / (d + 1)
+    return shape, np.matmul(shape, corners).reshape(-1, d + 1)[:, 1:]
