@@ -42,6 +42,7 @@ class Admissible:
             shape (owned, d+1, d+1, s).
         moment: Moments of the facet tractions on the first side of each facet [force], shape (facets, d, d).
         force: Total body force of each cell [force], shape (n, d), or None without body force.
+        tightening: Iterations done to tighten sigma^.
         seconds: Wall time, the largest over the ranks [s].
     """
 
@@ -53,6 +54,7 @@ class Admissible:
     stress: np.ndarray
     moment: np.ndarray
     force: np.ndarray | None
+    tightening: int
     seconds: float
 
 
@@ -82,26 +84,16 @@ def equilibrate(solution: Solution, tighten: int = ITERATIONS) -> Admissible:
     complete = np.zeros(len(model.fixed), dtype=bool)
     complete[model.nodes[: model.domain.owned_cells]] = True
     moment = equilibrated_moments(cells, stress, force, given, fixed, complete)
-    count = model.domain.owned_cells
+    count, iterations = model.domain.owned_cells, 0
+    if tighten > 0:
+        elastic = np.matmul(macro_moduli(model, count), strains(cells, hat)[:count, None, :, None])[..., 0]
+        compliance = macro_moduli(model, len(cells.nodes), inverse=True)
+        free = cells.has_second[:, None] | fixed
+        moment, iterations = tightened(model, cells, moment, force, free, elastic, compliance, tighten)
     forces = nodal_forces(signed(cells, moment)[:count])
     macro = macro_stress(cells, count, stress, forces, force)
-    if tighten > 0:
-        d = model.d
-        strain = strains(cells, hat)[:count, None, :, None]
-        elastic = np.matmul(macro_moduli(model, count), strain)[..., 0]
-        sigma = np.matmul(macro_points(d)[0], macro).reshape(count, (d + 1) ** 2, -1)
-        free = cells.has_second[:, None] | fixed
-        nm = model.V.dofmap.index_map
-        glob = nm.local_to_global(np.arange(nm.size_local + nm.num_ghosts, dtype=np.int32))
-        def mine(nodes):
-            low = np.take_along_axis(nodes, glob[nodes].argmin(axis=-1)[..., None], axis=-1)[..., 0]
-            return low < nm.size_local
-        x, it = tightened(cells, count, sigma - elastic, macro_moduli(model, len(cells.nodes), inverse=True), free, mine,
-            model.mesh.topology.index_map(d - 1), model.comm, tighten, 0.0)
-        moment = moment + x
-        macro = macro_stress(cells, count, stress, nodal_forces(signed(cells, moment)[:count]), force)
     seconds = model.comm.allreduce(perf_counter() - began, MPI.MAX)
-    return Admissible(solution, hat, tractions, cells, stress, macro, moment, force, seconds)
+    return Admissible(solution, hat, tractions, cells, stress, macro, moment, force, iterations, seconds)
 
 
 def strains(cells: Simplices, u: fem.Function) -> np.ndarray:
