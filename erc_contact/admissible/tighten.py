@@ -17,7 +17,8 @@ Clough and Tocher. Memory: the inverses of the patch matrices, 0.4 kB a cell in 
 for all the rest in 2D, half as much in 3D.
 
 Symbols: d dimension, s = d(d+1)/2, q = (d+1)^2 points in the sub-simplices of a cell, w = (d-1)d + 1 forces and
-couple of a hinge, k = d(d-1)/2 bars of a facet. A pair (F, j) is facet F in the ring of its hinge opposite to node j.
+couple of a hinge, k = d(d-1)/2 bars of a facet. A pair (F, j) is facet F in the ring of its hinge opposite to node j. Here components
+come first and cells, facets or hinges last (n, F, H): numpy is fast on long last axes.
 
 Source: Ladeveze, Leguillon (1983) for the energy of facet tractions; the patches and their basis are ours.
 """
@@ -31,7 +32,7 @@ import numpy as np
 from dolfinx import la
 from mpi4py import MPI
 
-from erc_contact.admissible.geometry import Simplices, nodal_forces, signed
+from erc_contact.admissible.geometry import Simplices, nodal_forces
 from erc_contact.admissible.macro import macro_points, piola, reference_map, tensors
 from erc_contact.model import Model, facet_vertices
 
@@ -40,7 +41,7 @@ ITERATIONS = 10
 GAIN = 0.02
 """The iteration ends after a step that lowers the bulk part of the error by less than this fraction of it. A step costs
 2% of the run time of a mesh, for which refinement would lower the error by 1%, and the next step gains less."""
-CHUNK = (0, 0, 1024, 256)
+CHUNK = (0, 0, 2048, 512)
 """Number of cells, facets or hinges that are worked on at once, for each d: what stays in the cache."""
 
 
@@ -59,9 +60,9 @@ def tightened(
     Args:
         model: The scene on a mesh.
         cells: Geometry, n cells.
-        moment: Moments on the first side of each facet [force], shape (facets, d, d).
+        moment: Moments on the first side of each facet [force], shape (F, d, d).
         force: Total body force of each cell [force], shape (n, d), or None.
-        free: Components of facets whose traction is not given, shape (facets, d).
+        free: Components of facets whose traction is not given, shape (F, d).
         elastic: ``C eps(u^)`` of the owned cells [force/area], shape (owned, q or 1, s).
         compliance: C^-1 [area/force], shape (n or 1, q or 1, s, s).
         iterations: At most so many.
@@ -76,43 +77,53 @@ def tightened(
     def total(values: np.ndarray) -> np.ndarray:
         """Sum what the ranks have for each facet."""
         if comm.size > 1:
-            shared.array[:] = values.ravel()
+            shared.array[:] = values.reshape(d * d, -1).T.ravel()
             shared.scatter_reverse(la.InsertMode.add)
             shared.scatter_forward()
-            values.ravel()[:] = shared.array
+            values.reshape(d * d, -1)[:] = shared.array.reshape(-1, d * d).T
         return values
 
     def dot(a: np.ndarray, b: np.ndarray) -> float:
         owned = facets.size_local
-        return comm.allreduce(float(np.vdot(a[:owned], b[:owned])), MPI.SUM)
+        rows = zip(a.reshape(d * d, -1), b.reshape(d * d, -1), strict=True)
+        return comm.allreduce(float(sum(np.vdot(x[:owned], y[:owned]) for x, y in rows)), MPI.SUM)
 
     energy = _Energy(cells, model.domain.owned_cells, compliance)
-    square, slope = energy.start(moment, force, elastic)
+    square, r = energy.start(moment, force, elastic)
     square = comm.allreduce(square, MPI.SUM)
     patches = _Patches(model, energy, free)
-    r = -total(slope)
-    moment = moment.copy()
-    p, rz = np.zeros_like(r), 1.0
-    for done in range(iterations):
+    r = -total(r)
+    x, p, rz, done = np.zeros_like(r), np.zeros_like(r), 1.0, 0
+    while done < iterations:
         z = total(patches(r))
         new = dot(r, z)
         if not new > np.finfo(float).eps ** 2 * square:  # at the minimum, or nothing is free
-            return moment, done
+            break
         p *= new / rz if done else 0.0
         p += z
         rz = new
         image = total(energy(p))
         step = rz / dot(p, image)
-        moment += step * p
+        x += step * p
         r -= step * image
-        before, square = square, square - step * rz
+        before, square, done = square, square - step * rz, done + 1
         if square > (1 - GAIN) ** 2 * before:
-            return moment, done + 1
-    return moment, iterations
+            break
+    return moment + x.transpose(2, 1, 0), done
 
 
 def _chunks(count: int, d: int) -> Iterator[slice]:
     return (slice(i, min(i + CHUNK[d], count)) for i in range(0, count, CHUNK[d]))
+
+
+def _times(matrix: np.ndarray, vectors: np.ndarray) -> np.ndarray:
+    """Product of small matrices (a, b, ..., n) and vectors (b, ..., n) for all n at once."""
+    result = np.empty((len(matrix), *vectors.shape[1:]))
+    for row, out in zip(matrix, result, strict=True):
+        np.multiply(row[0], vectors[0], out=out)
+        for entry, vector in zip(row[1:], vectors[1:], strict=True):
+            out += entry * vector
+    return result
 
 
 class _Energy:
@@ -122,29 +133,34 @@ class _Energy:
     components, ``|T|/q  P C^-1 P^T`` with P the Piola transform.
 
     Attributes:
-        map: Reference stresses of reference moments, shape (s q, (d+1) d d).
-        metric: Shape (n, q or 1, s, s) [length^(4-d)/(force/area)].
-        sign: +1 where the cell is the first of its facet, else -1, shape (n, d+1).
+        map: Reference stresses of reference moments, shape (s q, d d (d+1)): component, node, facet.
+        metric: Shape (s, s, q or 1, n) [length^(4-d)/(force/area)].
+        inverse: Inverse Jacobians [1/length], shape (d, d, 1, n).
+        facets: Facet of each cell opposite to its vertices, shape (d+1, n).
+        sign: +1 where the cell is the first of its facet, else -1, shape (d+1, n).
+        first, second: The two places of each facet as index i * n + cell, shape (F,).
     """
 
     def __init__(self, cells: Simplices, owned: int, compliance: np.ndarray) -> None:
-        d = cells.d
+        d, n = cells.d, len(cells.nodes)
         self.cells, self.owned = cells, owned
         near, _ = macro_points(d)
         at_points = np.einsum("qm,kmsfc->skqfc", near, reference_map(d))
         s, q = len(at_points), (d + 1) ** 2
         at_points = at_points.reshape(s * q, -1, d)
-        self.body = np.ascontiguousarray(at_points[:, -1].T)
-        of_forces = at_points[:, :-1].reshape(-1, d + 1, d, d)
-        self.map = nodal_forces(of_forces).reshape(s * q, -1)  # the matrix of nodal_forces is symmetric
-        places = np.arange(cells.facets.size).reshape(cells.facets.shape)
-        self.sign = np.where(cells.side[0][cells.facets] == places, 1.0, -1.0)
-        self.inverse = cells.inverse
-        self.metric = np.empty((len(cells.nodes), compliance.shape[1], s, s))
-        for some in _chunks(len(cells.nodes), d):
+        self.body = np.ascontiguousarray(at_points[:, -1])
+        moments = nodal_forces(at_points[:, :-1].reshape(-1, d + 1, d, d))  # a symmetric matrix on the nodes
+        self.map = np.ascontiguousarray(moments.transpose(0, 3, 2, 1)).reshape(s * q, -1)
+        self.facets = np.ascontiguousarray(cells.facets.T)
+        places = np.arange(cells.facets.size).reshape(n, d + 1).T
+        self.sign = np.where(cells.side[0][self.facets] == places, 1.0, -1.0)
+        self.first, self.second = cells.side % (d + 1) * n + cells.side // (d + 1)
+        self.inverse = np.ascontiguousarray(cells.inverse.transpose(1, 2, 0))[:, :, None]
+        self.metric = np.empty((s, s, compliance.shape[1], n))
+        for some in _chunks(n, d):
             P = piola(cells, some)[:, None] * np.sqrt(cells.volume[some] / q)[:, None, None, None]
             local = compliance[some] if len(compliance) > 1 else compliance
-            self.metric[some] = np.matmul(np.matmul(P, local), P.transpose(0, 1, 3, 2))
+            self.metric[..., some] = np.matmul(np.matmul(P, local), P.transpose(0, 1, 3, 2)).transpose(2, 3, 1, 0)
 
     def start(self, moment: np.ndarray, force: np.ndarray | None, elastic: np.ndarray) -> tuple[float, np.ndarray]:
         """``|sigma^ - C eps(u^)|^2`` and half its derivative, of the owned cells.
@@ -153,64 +169,74 @@ class _Energy:
         """
         cells, d = self.cells, self.cells.d
         mean = tensors(elastic.mean(axis=1), d)
-        square, seen = 0.0, np.zeros((cells.facets.size, d * d))
+        moment = np.ascontiguousarray(moment.transpose(2, 1, 0)).reshape(d * d, -1)
+        square, seen = 0.0, np.zeros((d * d, self.facets.size))
         for some in _chunks(self.owned, d):
-            push = np.matmul(cells.area[some], mean[some])
-            local = self.sign[some, :, None, None] * moment[cells.facets[some]] - push[:, :, None] / d
+            local = self._seen(moment, some)
+            local -= np.matmul(cells.area[some], mean[some]).transpose(2, 1, 0)[:, None] / d
             stress = self._stress(local, some)
             if force is not None:
-                stress += (np.einsum("nij,nj->ni", self.inverse[some], force[some]) @ self.body).reshape(stress.shape)
+                inside = _times(self.inverse[:, :, 0, some], force[some].T)
+                stress += (self.body @ inside).reshape(stress.shape)
             if elastic.shape[1] > 1:
                 rest = elastic[some].mean(axis=1, keepdims=True) - elastic[some]
-                stress += np.linalg.solve(piola(cells, some).transpose(0, 2, 1), rest.transpose(0, 2, 1))
-            dual = self._dual(stress, some)
+                rest = np.linalg.solve(piola(cells, some).transpose(0, 2, 1), rest.transpose(0, 2, 1))
+                stress += rest.transpose(1, 2, 0)
+            dual = _times(self.metric[..., some], stress)
             square += float(np.vdot(stress, dual))
             self._add(dual, some, seen)
         return square, self._on_facets(seen)
 
     def __call__(self, x: np.ndarray) -> np.ndarray:
-        """The derivative's change for a change x of the moments, of the owned cells, shape (facets, d, d)."""
-        cells, d = self.cells, self.cells.d
-        seen = np.zeros((cells.facets.size, d * d))
+        """The change of the derivative for a change x of the moments, of the owned cells, shape (d, d, F)."""
+        d = self.cells.d
+        x = x.reshape(d * d, -1)
+        seen = np.zeros((d * d, self.facets.size))
         for some in _chunks(self.owned, d):
-            local = self.sign[some, :, None, None] * x[cells.facets[some]]
-            self._add(self._dual(self._stress(local, some), some), some, seen)
+            stress = self._stress(self._seen(x, some), some)
+            self._add(_times(self.metric[..., some], stress), some, seen)
         return self._on_facets(seen)
 
-    def _stress(self, moment: np.ndarray, some: slice) -> np.ndarray:
-        """Reference stresses of moments as the cells see them, (c, d+1, d, d) -> (c, s, q)."""
-        d, count = self.cells.d, len(moment)
-        local = np.matmul(moment.reshape(count, -1, d), self.inverse[some].transpose(0, 2, 1))
-        return (local.reshape(count, -1) @ self.map.T).reshape(count, self.metric.shape[-1], -1)
+    def _seen(self, moment: np.ndarray, some: slice) -> np.ndarray:
+        """Moments as some cells see them, (d d, F) -> (d, d, d+1, c)."""
+        d = self.cells.d
+        local = np.take(moment, self.facets[:, some], axis=1)
+        local *= self.sign[:, some]
+        return local.reshape(d, d, d + 1, -1)
 
-    def _dual(self, stress: np.ndarray, some: slice) -> np.ndarray:
-        if self.metric.shape[1] == 1:
-            return np.matmul(self.metric[some, 0], stress)
-        return np.einsum("nqab,nbq->naq", self.metric[some], stress)
+    def _stress(self, local: np.ndarray, some: slice) -> np.ndarray:
+        """Reference stresses of moments as the cells see them, (d, d, d+1, c) -> (s, q, c)."""
+        local = _times(self.inverse[..., some], local.reshape(len(local), -1, local.shape[-1]))
+        stress = self.map @ local.reshape(-1, local.shape[-1])
+        return stress.reshape(len(self.metric), -1, local.shape[-1])
 
     def _add(self, dual: np.ndarray, some: slice, seen: np.ndarray) -> None:
-        """The transpose of ``_stress``, written to the places of the cells."""
-        d, count = self.cells.d, len(dual)
-        local = np.matmul((dual.reshape(count, -1) @ self.map).reshape(count, -1, d), self.inverse[some])
-        local = local.reshape(count, d + 1, d * d)
-        np.multiply(local, self.sign[some, :, None], out=seen.reshape(-1, d + 1, d * d)[some])
+        """The transpose of ``_stress`` and ``_seen``, written to the places of the cells."""
+        d = self.cells.d
+        local = (self.map.T @ dual.reshape(-1, dual.shape[-1])).reshape(d, d * (d + 1), -1)
+        local = _times(self.inverse.transpose(1, 0, 2, 3)[..., some], local).reshape(d * d, d + 1, -1)
+        np.multiply(local, self.sign[:, some], out=seen.reshape(d * d, d + 1, -1)[..., some])
 
     def _on_facets(self, seen: np.ndarray) -> np.ndarray:
-        """Sum over the two sides, shape (facets, d, d)."""
-        first, second = self.cells.side
-        values = np.where(first >= 0, 1.0, 0.0)[:, None] * seen[first]
-        values += np.where(first != second, 1.0, 0.0)[:, None] * seen[second]
-        return values.reshape(-1, self.cells.d, self.cells.d)
+        """Sum over the two sides, shape (d, d, F)."""
+        d = self.cells.d
+        values = np.take(seen, self.first, axis=1)
+        values += np.where(self.first != self.second, np.take(seen, self.second, axis=1), 0.0)
+        values[:, self.cells.side[0] < 0] = 0.0
+        return values.reshape(d, d, -1)
 
 
 class _Patches:
     """Solves the minimisation on the patch of every hinge of this rank, and adds the results up.
 
+    The unknowns of a patch are d(d-1) forces at the nodes of the hinge and the couple, then the bars of each facet.
+
     Attributes:
-        normal, couple, edge, turn: Unit normals (facets, d); couples about hinge j as weights of the normal at node l
-            (facets, d, d); edges (facets, k, d); sense of the ring through (F, j) on the first side (facets, d).
-        member: Pairs F * d + j in the order of the hinges.
-        groups: For all rings of one size: their part of ``member`` and the inverses, shape (rings, dofs, dofs).
+        normal, couple, edge, turn: Of each facet: unit normal (d, F); couples about hinge j as weights of the normal
+            at node l (d, d, F); edges (d, k, F); sense of the ring through (F, j) on the first side (d, F).
+        hinge, place: Hinge of (F, j) and place in its ring, counted over all hinges; one more than the last for hinges
+            of other ranks, shape (d, F).
+        groups: For all rings of m facets: the pairs as index j * F + facet, shape (m, H), and the inverses (H, N, N).
     """
 
     def __init__(self, model: Model, energy: _Energy, free: np.ndarray) -> None:
@@ -220,115 +246,138 @@ class _Patches:
         self.k, self.w = len(self.bars), (d - 1) * d + 1
         cell, i = np.divmod(np.maximum(cells.side[0], 0), d + 1)
         nodes = facet_vertices(d)[i]
-        corners = np.zeros((len(cells.nodes), d + 1, d))
-        corners[:, 1:] = cells.J.transpose(0, 2, 1)
-        corners = corners[cell[:, None], nodes]
-        self.edge = corners[:, self.bars[:, 1]] - corners[:, self.bars[:, 0]]
-        self.normal = cells.area[cell, i] / np.linalg.norm(cells.area[cell, i], axis=1, keepdims=True)
-        self.couple = _couples(cells.area[cell[:, None], nodes] / cells.volume[cell, None, None], self.normal)
-        self.turn = _senses(cells)[cell[:, None], i[:, None], np.arange(d)]
+        corners = np.concatenate([np.zeros((len(cell), 1, d)), cells.J[cell].transpose(0, 2, 1)], axis=1)
+        corners = np.take_along_axis(corners, nodes[:, :, None], axis=1)
+        self.edge = np.ascontiguousarray((corners[:, self.bars[:, 1]] - corners[:, self.bars[:, 0]]).transpose(2, 1, 0))
+        area = np.ascontiguousarray(cells.area[cell[:, None], nodes].transpose(2, 1, 0))
+        self.normal = _unit(cells.area[cell, i].T)
+        self.couple = _couples(area / cells.volume[cell], self.normal)
+        senses = _senses(cells)
+        self.turn = senses[i, :, cell].T.copy()
 
-        start, size = self._rings(model, cells)
+        pairs, size = self._rings(model, cells)
+        start = np.cumsum(size) - size
         hinge = np.repeat(np.arange(len(size)), size)
+        slot = np.arange(len(pairs)) - start[hinge]
         dofs = self.w + self.k * size
         offset = np.cumsum(dofs**2) - dofs**2
-        where = np.full((len(free) * d, 2), -1)
-        where[self.member] = np.stack([hinge, np.arange(len(hinge)) - start[hinge]], axis=1)
+        where = np.full((3, d * len(free)), -1)
+        where[:, pairs] = hinge, slot, np.arange(len(pairs))
         matrices = np.zeros(int((dofs**2).sum()))
-        self._assemble(energy, where, offset, dofs, matrices)
+        self._assemble(energy, senses, where[:2], offset, dofs, matrices)
 
-        along, forces = self._allowed(free, start)
+        bars, forces = self._allowed(free, pairs, start)
+        where[0, where[0] < 0], where[2, where[2] < 0] = len(size), len(pairs)
+        self.hinge, self.place = where[[0, 2]].reshape(2, d, -1)
         self.groups = []
         for m in np.unique(size):
             rings = np.flatnonzero(size == m)
-            n = len(rings)
-            inverse = matrices[offset[rings[0]] :][: n * dofs[rings[0]] ** 2].reshape(n, dofs[rings[0]], -1)
-            rows = slice(start[rings[0]], start[rings[0]] + m * n)
-            keep = np.concatenate([forces[rings], along[rows].reshape(n, -1)], axis=1)
-            for some in _chunks(n, d):
+            H, N = len(rings), dofs[rings[0]]
+            inverse = matrices[offset[rings[0]] :][: H * N**2].reshape(H, N, N)
+            rows = slice(start[rings[0]], start[rings[0]] + m * H)
+            keep = np.concatenate([forces[rings], bars[rows].reshape(H, -1)], axis=1)
+            for some in _chunks(H, d):
                 _invert(inverse[some], keep[some])
-            self.groups.append((rows, inverse))
+            self.groups.append((np.ascontiguousarray(pairs[rows].reshape(H, m).T), inverse))
 
     def _rings(self, model: Model, cells: Simplices) -> tuple[np.ndarray, np.ndarray]:
-        """Number the hinges of this rank by the size of their rings; first place in ``member``, and size, of each.
+        """The pairs j * F + facet of all hinges of this rank, hinge after hinge, and the sizes of the rings, ascending.
 
         A hinge is of the rank that owns its node of least global number: that rank has all cells around it.
         """
         d, index_map = cells.d, model.V.dofmap.index_map
         cell, i = np.divmod(np.maximum(cells.side[0], 0), d + 1)
-        of_facet = np.take_along_axis(cells.nodes[cell], facet_vertices(d)[i], axis=1)
-        hinges = of_facet[:, self.others].reshape(-1, d - 1)
+        of_facet = cells.nodes[cell[:, None], facet_vertices(d)[i]]
+        hinges = np.concatenate([of_facet[:, others] for others in self.others])
         everywhere = index_map.local_to_global(np.arange(len(model.fixed), dtype=np.int32))
         least = np.take_along_axis(hinges, everywhere[hinges].argmin(axis=1)[:, None], axis=1)[:, 0]
-        member = np.flatnonzero(np.repeat(cells.side[0] >= 0, d) & (least < index_map.size_local))
-        key = hinges[member] @ (len(model.fixed) ** np.arange(d - 1, dtype=np.int64))
+        pairs = np.flatnonzero(np.tile(cells.side[0] >= 0, d) & (least < index_map.size_local))
+        key = hinges[pairs] @ (len(model.fixed) ** np.arange(d - 1, dtype=np.int64))
         _, hinge, size = np.unique(key, return_inverse=True, return_counts=True)
         by_size = np.argsort(size, kind="stable")
-        rank = np.empty_like(by_size)
-        rank[by_size] = np.arange(len(size))
-        self.member = member[np.argsort(rank[hinge], kind="stable")]
-        size = size[by_size]
-        return np.cumsum(size) - size, size
+        number = np.empty_like(by_size)
+        number[by_size] = np.arange(len(size))
+        return pairs[np.argsort(number[hinge], kind="stable")], size[by_size]
 
     def _assemble(
-        self, energy: _Energy, where: np.ndarray, offset: np.ndarray, dofs: np.ndarray, matrices: np.ndarray
+        self,
+        energy: _Energy,
+        senses: np.ndarray,
+        where: np.ndarray,
+        offset: np.ndarray,
+        dofs: np.ndarray,
+        matrices: np.ndarray,
     ) -> None:
-        """Add the energy of all cells to the patch matrices, cell by cell for each of its hinges.
+        """Add the energy of every cell to the matrices of its hinges.
 
-        The columns of Q are what forces and couple of the hinge and the bars of its two facets are as reference
-        moments of the cell, rows ordered by facet, then by the nodes of the hinge and the other node.
+        In reference components, bars and unit forces are the same in all cells; their products are one matrix times the
+        metric. Forces then turn with the inverse Jacobian; the couple, whose direction is the cell's own, is added.
         """
         cells, d, w, k = energy.cells, energy.cells.d, self.w, self.k
-        s = energy.metric.shape[-1]
-        upper = np.triu_indices(s)
-        of_facets = energy.map.reshape(s, -1, d + 1, d, d)
+        s, facets = len(energy.metric), len(cells.side[0])
+        a, b = np.triu_indices(s)
+        of_facets = energy.map.reshape(s, -1, d, d, d + 1)
         vertices, reference = facet_vertices(d), np.vstack([np.zeros(d), np.eye(d)])
-        hinges = []
-        for p, q in combinations(range(d + 1), 2):
-            parts, bars = [], np.zeros((2, d, d, 2, k))
-            for side, (f, other) in enumerate(((p, q), (q, p))):
-                local = np.flatnonzero(vertices[f] == other)[0]
-                order = [*self.others[local], local]
-                parts.append(of_facets[:, :, f, order])
-                for t, (a, b) in enumerate(self.bars):
-                    bars[side, order.index(b), :, side, t] = reference[vertices[f, b]] - reference[vertices[f, a]]
-                    bars[side, order.index(a), :, side, t] = -bars[side, order.index(b), :, side, t]
-                hinges.append((f, local, order))
-            part = np.stack(parts, axis=2).reshape(s, -1, 2 * d * d)
-            gram = np.einsum("aqx,bqy->abxy", part, part)
-            gram = (gram + gram.transpose(1, 0, 2, 3))[upper] * np.where(upper[0] == upper[1], 0.5, 1.0)[:, None, None]
-            hinges[-2:] = [(hinges[-2], hinges[-1], gram.reshape(len(gram), -1), bars.reshape(2 * d * d, 2, k))]
-        senses = _senses(cells)
-        columns = np.arange(w + 2 * k)
-        for some in _chunks(len(cells.nodes), d):
-            count = len(cells.nodes[some])
-            metric = energy.metric[some].mean(axis=1)[:, upper[0], upper[1]]
-            inverse, area = energy.inverse[some], cells.area[some]
-            normal = area / np.linalg.norm(area, axis=2, keepdims=True)
-            couple = [_couples(area[:, v] / cells.volume[some, None, None], normal[:, f]) for f, v in enumerate(vertices)]
-            normal = np.matmul(normal, inverse.transpose(0, 2, 1))
-            Q = np.zeros((count, 2, d, d, w + 2 * k))
-            flat = Q.reshape(count, 2 * d * d, -1)
-            for first, second, gram, bars in hinges:
-                for side, (f, local, order) in enumerate((first, second)):
-                    turned = senses[some, f, local, None, None] * inverse
-                    for h in range(d - 1):
-                        Q[:, side, h, :, h * d : (h + 1) * d] = turned
-                    np.multiply(couple[f][:, local, order, None], normal[:, f, None], out=Q[:, side, :, :, w - 1])
-                sign = energy.sign[some][:, [first[0], second[0]]]
-                np.multiply(bars, sign[:, None, :, None], out=flat[:, :, w:].reshape(count, -1, 2, k))
-                local_matrix = np.matmul(flat.transpose(0, 2, 1), np.matmul((metric @ gram).reshape(count, 2 * d * d, -1), flat))
-                pairs = np.stack([cells.facets[some, f] * d + local for f, local, _ in (first, second)], axis=1)
-                hinge, slot = where[pairs[:, 0], 0], where[pairs, 1]
-                here = hinge >= 0
-                hinge, slot = hinge[here], slot[here]
-                row = np.broadcast_to(columns, (len(hinge), w + 2 * k)).copy()
-                row[:, w:] = (w + k * slot[:, :, None] + np.arange(k)).reshape(len(hinge), -1)
-                at = (offset[hinge][:, None] + row * dofs[hinge][:, None])[:, :, None] + row[:, None, :]
-                np.add.at(matrices, at.ravel(), local_matrix[here].ravel())
+        known = []
+        for f, g in combinations(range(d + 1), 2):
+            j = np.array([np.flatnonzero(vertices[f] == g)[0], np.flatnonzero(vertices[g] == f)[0]])
+            unit = of_facets[..., self.others[j[0]], f] - of_facets[..., self.others[j[1]], g]
+            columns = [unit.transpose(0, 1, 3, 2).reshape(s, -1, w - 1)]
+            for facet in (f, g):
+                along = (reference[vertices[facet]][self.bars[:, 1]] - reference[vertices[facet]][self.bars[:, 0]]).T
+                ends = of_facets[..., self.bars[:, 1], facet] - of_facets[..., self.bars[:, 0], facet]
+                columns.append(np.einsum("sqct,ct->sqt", ends, along))
+            unit = np.concatenate(columns, axis=2)
+            products = np.einsum("aqx,bqy->abxy", unit, unit)
+            products = (products + products.transpose(1, 0, 2, 3))[a, b] / np.where(a == b, 2, 1)[:, None, None]
+            couple = np.ascontiguousarray(of_facets[..., [f, g]]).reshape(-1, 2 * d * d)
+            known.append(((f, g), j, products.reshape(len(a), -1).T.copy(), unit.reshape(-1, unit.shape[2]).T.copy(), couple))
 
-    def _allowed(self, free: np.ndarray, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Which bars of each member, shape (members, k), and which forces and couple of each hinge, (hinges, w).
+        for some in _chunks(len(cells.nodes), d):
+            metric = energy.metric[..., some].mean(axis=2, keepdims=True)
+            upper, c = metric[a, b, 0], metric.shape[-1]
+            inverse = energy.inverse[..., some]
+            back = inverse.transpose(1, 0, 2, 3)
+            area = np.ascontiguousarray(cells.area[some].transpose(2, 1, 0))
+            normals = [_unit(area[:, f]) for f in range(d + 1)]
+            couples = [_couples(area[:, v] / cells.volume[some], normals[f]) for f, v in enumerate(vertices)]
+            normals = [_times(inverse[:, :, 0], normal) for normal in normals]
+            for (f, g), j, products, unit, of_couple in known:
+                column = np.empty((d, d, 2, c))
+                for side, facet in enumerate((f, g)):
+                    np.multiply(couples[facet][j[side]], normals[facet][:, None], out=column[:, :, side])
+                sign = np.empty((len(unit), c))
+                sign[: w - 1] = senses[f, j[0], some]
+                sign[w - 1 : w - 1 + k], sign[w - 1 + k :] = energy.sign[f, some], energy.sign[g, some]
+                stress = (of_couple @ column.reshape(-1, c)).reshape(s, -1, c)
+                dual = _times(metric, stress)
+                local = np.empty((len(unit) + 1, len(unit) + 1, c))
+                np.multiply((products @ upper).reshape(len(unit), -1, c), sign, out=local[:-1, :-1])
+                np.multiply(unit @ dual.reshape(-1, c), 1.0, out=local[-1, :-1])
+                local[:-1, :-1] *= sign[:, None]
+                local[-1, :-1] *= sign
+                local[-1, -1] = (stress * dual).sum(axis=(0, 1))
+                columns = local.transpose(1, 0, 2)
+                for h in range(0, w - 1, d):
+                    columns[h : h + d] = _times(back, columns[h : h + d])
+                local[:-1, -1] = local[-1, :-1]
+                for h in range(0, w - 1, d):
+                    local[h : h + d, :-1] = _times(back, local[h : h + d, :-1])
+
+                pairs = j[:, None] * facets + energy.facets[[f, g], some]
+                (hinge, _), slot = where[:, pairs]
+                row = np.empty((len(local), c), dtype=np.int64)
+                row[: w - 1] = np.arange(w - 1)[:, None]
+                row[w - 1 : -1] = (w + k * slot[:, None] + np.arange(k)[:, None]).reshape(-1, c)
+                row[-1] = w - 1
+                at = (offset[hinge] + row * dofs[hinge])[:, None] + row
+                here = hinge >= 0
+                if not here.all():
+                    at, local = at[..., here], local[..., here]
+                np.add.at(matrices, at.ravel(), local.ravel())
+
+    def _allowed(self, free: np.ndarray, pairs: np.ndarray, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Which bars of each pair, shape (pairs, k), and which forces and couple of each hinge, (H, w), may act.
 
         Those that act on no given component of a traction. All bars along an edge of a ring in 3D are together what
         forces at its two ends are: the first one is left out.
@@ -336,78 +385,92 @@ class _Patches:
         d = free.shape[1]
 
         def may_act(direction: np.ndarray, free: np.ndarray) -> np.ndarray:
-            acts = abs(direction) > 1e-12 * np.linalg.norm(direction, axis=-1, keepdims=True)
-            return ~np.any(acts & ~free, axis=-1)
+            acts = abs(direction) > 1e-12 * np.linalg.norm(direction, axis=0)
+            return ~np.any(acts & ~free, axis=0)
 
-        f, j = np.divmod(self.member, d)
-        force = np.logical_and.reduceat(free[f], start) if len(start) else np.zeros((0, d), dtype=bool)
-        couple = np.logical_and.reduceat(may_act(self.normal, free)[f], start) if len(start) else np.zeros(0, dtype=bool)
-        bars = may_act(self.edge, free[:, None])[f]
+        def in_ring(values: np.ndarray) -> np.ndarray:
+            return np.logical_and.reduceat(values, start) if len(start) else values[:0]
+
+        j, f = np.divmod(pairs, len(free))
+        force, couple = in_ring(free[f]), in_ring(may_act(self.normal, free.T)[f])
+        bars = may_act(self.edge, free.T[:, None]).T[f]
         in_hinge = (self.bars[None] != np.arange(d)[:, None, None]).all(axis=2)
-        bars[start] &= ~(in_hinge[j[start]] & may_act(self.edge[f[start]], force[:, None]))
+        bars[start] &= ~(in_hinge[j[start]] & may_act(self.edge[:, :, f[start]], force.T[:, None]).T)
         return bars, np.concatenate([np.tile(force, (1, d - 1)), couple[:, None]], axis=1)
 
     def __call__(self, r: np.ndarray) -> np.ndarray:
-        """Sum of the corrections of all patches for the residual r [length], shape (facets, d, d)."""
-        d, w, k = r.shape[1], self.w, self.k
-        table = np.empty((len(r), d, w + k))
-        for some in _chunks(len(r), d):
-            part, here = table[some], r[some]
-            np.multiply(here[:, self.others], self.turn[some, :, None, None], out=part[:, :, : w - 1].reshape(-1, d, d - 1, d))
-            along = np.matmul(here, self.normal[some, :, None])
-            part[:, :, w - 1] = np.matmul(self.couple[some], along)[..., 0]
-            stretch = here[:, self.bars[:, 1]] - here[:, self.bars[:, 0]]
-            part[:, :, w:] = np.einsum("fkd,fkd->fk", self.edge[some], stretch)[:, None, :]
-        table = table.reshape(-1, w + k)
-        result = np.zeros_like(table)
-        for rows, inverse in self.groups:
-            size = (rows.stop - rows.start) // len(inverse)
-            for some in _chunks(len(inverse), d):
-                n = len(inverse[some])
-                member = self.member[rows][some.start * size : some.stop * size]
-                values = table[member].reshape(n, size, w + k)
-                right = np.concatenate([values[:, :, :w].sum(axis=1), values[:, :, w:].reshape(n, -1)], axis=1)
-                y = np.matmul(inverse[some], right[:, :, None])[..., 0]
-                values[:, :, :w] = y[:, None, :w]
-                values[:, :, w:] = y[:, w:].reshape(n, size, k)
-                result[member] = values.reshape(-1, w + k)
-        result = result.reshape(-1, d, w + k)
-        z = np.empty_like(r)
-        for some in _chunks(len(r), d):
-            part = result[some]
-            weight = np.matmul(part[:, None, :, w - 1], self.couple[some])
-            here = weight.transpose(0, 2, 1) * self.normal[some, None, :]
-            force = part[:, :, : w - 1] * self.turn[some, :, None]
+        """Sum of the corrections of all patches for the residual r [length], shape (d, d, F)."""
+        d, w, k, F = len(r), self.w, self.k, r.shape[-1]
+        table, stretch = np.empty((w, d, F)), np.empty((k, F))
+        for some in _chunks(F, d):
+            here, turn = r[..., some], self.turn[:, some]
             for j, others in enumerate(self.others):
-                here[:, others] += force[:, j].reshape(-1, d - 1, d)
-            bar = part[:, :, w:].sum(axis=1)[:, :, None] * self.edge[some]
+                for h, node in enumerate(others):
+                    np.multiply(here[:, node], turn[j], out=table[h * d : (h + 1) * d, j, some])
+            along = (self.normal[:, None, some] * here).sum(axis=0)
+            table[w - 1, :, some] = _times(self.couple[..., some], along)
+            difference = here[:, self.bars[:, 1]] - here[:, self.bars[:, 0]]
+            difference *= self.edge[..., some]
+            difference.sum(axis=0, out=stretch[:, some])
+        table = table.reshape(w, -1)
+        hinges = sum(pairs.shape[1] for pairs, _ in self.groups)
+        of_hinges = np.zeros((w, hinges + 1))
+        of_bars = np.zeros((k, sum(pairs.size for pairs, _ in self.groups) + 1))
+        hinge = place = 0
+        for pairs, inverse in self.groups:
+            m, H = pairs.shape
+            for some in _chunks(H, d):
+                mine = pairs[:, some]
+                right = np.empty((w + k * m, mine.shape[1]))
+                np.take(table, mine, axis=1).sum(axis=1, out=right[:w])
+                right[w:].reshape(m, k, -1)[:] = np.take(stretch, mine % F, axis=1).transpose(1, 0, 2)
+                y = np.matmul(inverse[some], right.T[:, :, None])[..., 0]
+                of_hinges[:, hinge + some.start : hinge + some.stop] = y[:, :w].T
+                of_bars[:, place + m * some.start : place + m * some.stop] = y[:, w:].reshape(-1, k).T
+            hinge, place = hinge + H, place + m * H
+        z = np.empty_like(r)
+        for some in _chunks(F, d):
+            here, turn = z[..., some], self.turn[:, some]
+            values = np.take(of_hinges, self.hinge[:, some], axis=1)
+            weight = _times(self.couple[..., some].transpose(1, 0, 2), values[w - 1])
+            np.multiply(weight, self.normal[:, None, some], out=here)
+            for j, others in enumerate(self.others):
+                for h, node in enumerate(others):
+                    here[:, node] += turn[j] * values[h * d : (h + 1) * d, j]
+            bar = np.take(of_bars, self.place[:, some], axis=1).sum(axis=1) * self.edge[..., some]
             for t, (a, b) in enumerate(self.bars):
                 here[:, a] -= bar[:, t]
                 here[:, b] += bar[:, t]
-            z[some] = here
         return z
 
 
+def _unit(vectors: np.ndarray) -> np.ndarray:
+    return vectors / np.sqrt((vectors * vectors).sum(axis=0))
+
+
 def _couples(slopes: np.ndarray, normal: np.ndarray) -> np.ndarray:
-    """``g_j . g_l / |g_j|`` with g the part in the facet of the gradients of its nodes in a cell, shape (n, d, d)."""
-    inside = slopes - np.matmul(slopes, normal[:, :, None]) * normal[:, None, :]
-    gram = np.matmul(inside, inside.transpose(0, 2, 1))
-    return gram / np.sqrt(np.einsum("njj->nj", gram))[:, :, None]
+    """``g_j . g_l / |g_j|`` with g the part in the facet of slopes (d, d, n): component, node; shape (d, d, n).
+
+    Slopes are area vectors over the volume, the gradients of the nodes in a cell but for the same factor everywhere.
+    """
+    inside = slopes - normal[:, None] * (slopes * normal[:, None]).sum(axis=0)
+    gram = (inside[:, :, None] * inside[:, None]).sum(axis=0)
+    return gram / np.sqrt(np.einsum("jjn->jn", gram))[:, None]
 
 
 def _senses(cells: Simplices) -> np.ndarray:
     """Sense, +1 or -1, in which a cell passes through its facet f in the ring of the hinge opposite to node j of it.
 
-    It is the orientation of (hinge, node j, the cell's node off the facet), so that the two facets of a cell at a hinge
-    are passed in opposite senses, and a facet in the same sense by both cells, one of which sees the opposite force.
+    It is the orientation of (hinge, node j, the cell's node off the facet): the two facets of a cell at a hinge are
+    passed in opposite senses, and a facet in opposite senses by its two cells. Shape (d+1, d, n).
     """
     d = cells.d
-    parity = np.zeros((d + 1, d))
+    parity = np.zeros((d + 1, d, 1))
     for f, vertices in enumerate(facet_vertices(d)):
         for j in range(d):
             hinge = [v for v in vertices if v != vertices[j]]
             parity[f, j] = np.round(np.linalg.det(np.eye(d + 1)[[*hinge, vertices[j], f]]))
-    return np.sign(np.linalg.det(cells.J))[:, None, None] * parity
+    return np.sign(np.linalg.det(cells.J)) * parity
 
 
 def _invert(matrices: np.ndarray, keep: np.ndarray) -> None:
