@@ -16,7 +16,7 @@ import erc_contact as ec
 PACKAGE = Path(ec.__file__).parent
 ORDER = [
     ["exceptions", "material", "law", "partition", "domain", "meshing", "scene", "model", "methods", "solve"],
-    [f"admissible.{name}" for name in ("geometry", "macro", "facets", "contact", "tighten")],
+    [f"admissible.{name}" for name in ("geometry", "macro", "facets", "contact", "energy", "patches", "tighten")],
     ["admissible", "error", "adapt", "fields", "output"],
 ]
 ORDER = [module for part in ORDER for module in part]

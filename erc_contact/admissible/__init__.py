@@ -63,6 +63,7 @@ def equilibrate(solution: Solution, tighten: int = ITERATIONS) -> Admissible:
 
     Args:
         solution: Any state of the contact solver; the bound does not depend on its quality.
+        tighten: At most so many iterations that tighten sigma^ (they end when one gains little), 0 for none.
 
     Returns:
         The admissible pair.

@@ -20,7 +20,6 @@ import numpy as np
 from erc_contact.admissible.geometry import Simplices
 from erc_contact.model import facet_vertices
 
-
 CHUNK = 2048
 """Number of cells that are worked on at once: what stays in the cache."""
 
@@ -141,7 +140,9 @@ def macro_stress(
 def piola(cells: Simplices, some: slice) -> np.ndarray:
     """Images ``J b J^T / |det J|`` of the basis tensors b in some cells, row by row in Mandel components, (n, s, s)."""
     d, basis, J = cells.d, mandel_basis(cells.d), cells.J[some]
-    products = (J[:, :, :, None, None] * J[:, None, None]) / (cells.volume[some] * _factorial(d))[:, None, None, None, None]
+    products = (J[:, :, :, None, None] * J[:, None, None]) / (cells.volume[some] * _factorial(d))[
+        :, None, None, None, None
+    ]
     symmetric = np.einsum("aij,bkl->ikjlba", basis, basis).reshape(d**4, -1)
     return (products.reshape(-1, d**4) @ symmetric).reshape(-1, len(basis), len(basis))
 
