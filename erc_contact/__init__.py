@@ -21,9 +21,10 @@ from erc_contact.admissible import Admissible, equilibrate
 from erc_contact.domain import Domain
 from erc_contact.error import ConstitutiveError, constitutive_error
 from erc_contact.exceptions import ErcContactError, InputError, NotConverged, NotHeldError
+from erc_contact.law import Coulomb, Law, Tresca
 from erc_contact.material import Elastic
 from erc_contact.meshing import box, from_gmsh, read_mesh, rectangle
-from erc_contact.methods import Nitsche
+from erc_contact.methods import AugmentedLagrangian, Nitsche
 from erc_contact.scene import BodyForce, Contact, Displacement, Scene, Traction
 from erc_contact.solve import Solution, solve
 
@@ -49,15 +50,18 @@ def log_to_console(level: int = logging.INFO, comm: MPI.Comm = MPI.COMM_WORLD) -
 
 __all__ = [
     "Admissible",
+    "AugmentedLagrangian",
     "BodyForce",
     "ConstitutiveError",
     "Contact",
+    "Coulomb",
     "Displacement",
     "Domain",
     "Elastic",
     "ErcContactError",
     "History",
     "InputError",
+    "Law",
     "Mark",
     "Nitsche",
     "NotConverged",
@@ -67,6 +71,7 @@ __all__ = [
     "Step",
     "Strategy",
     "Traction",
+    "Tresca",
     "Uniform",
     "adapt",
     "box",

@@ -1,15 +1,17 @@
 """The error in the constitutive relation of an admissible pair: global, in parts, and per element.
 
-    e^2 = |sigma^ - C eps(u^)|^2 + 2 int_GammaC ( mu |r^_n| |w_t| + r^_t.w_t + r^_n (w_n - g) )          (16)
+    e^2 = |sigma^ - C eps(u^)|^2 + 2 int_GammaC ( b(p^) |w_t| + r^_t.w_t + r^_n (w_n - g) ),  p^ = -r^_n   (16)
     eps = e / |sigma^ + C eps(u^)|                                                                       (17)
 
-in energy norms ``|sigma|^2 = int C^-1 sigma : sigma``. Both terms are never negative; e = 0 only for the solution. For
-frictionless contact e bounds the errors of u^ and of sigma^ with constant 1:
+in energy norms ``|sigma|^2 = int C^-1 sigma : sigma``, with b the friction bound of the law: mu p for Coulomb, s for
+Tresca. Both terms are never negative; e = 0 only for the solution. For
+frictionless contact and given friction (Tresca) e bounds the errors of u^ and of sigma^ with constant 1:
 
-    |u - u^|^2 + |sigma - sigma^|^2 + 2 mu int_GammaC (|r_n| - |r^_n|)(|w_t| - |w^_t|)  <=  e^2.
+    |u - u^|^2 + |sigma - sigma^|^2 + 2 int_GammaC (b(p) - b(p^))(|w_t| - |w^_t|)  <=  e^2.
 
-With Coulomb friction the third term is a product of two errors and has no sign: e is then a bound up to a term of
-higher order, not a guarantee. What the finite element spaces cannot carry of the data is the oscillation, reported
+Where the bound depends on the pressure, as Coulomb's, the third term is a product of two errors and has no sign: e is
+then a bound up to a term of higher order, not a guarantee. A bilateral contact takes ``w_n = g`` as a support does.
+What the finite element spaces cannot carry of the data is the oscillation, reported
 beside e and not part of it.
 
 Source: Coorevits, Hild, Hjiaj, equations (16)-(18); the gap g is ours.
@@ -25,7 +27,7 @@ import numpy as np
 from mpi4py import MPI
 
 from erc_contact.admissible import Admissible, macro_moduli, moduli, strains
-from erc_contact.admissible.contact import ContactTraction
+from erc_contact.admissible.contact import ContactTraction, split
 from erc_contact.admissible.macro import macro_points
 from erc_contact.exceptions import InputError
 from erc_contact.model import Model, evaluate, facet_rule
@@ -154,17 +156,15 @@ def _round_off(admissible: Admissible) -> tuple[float, bool]:
 def contact_parts(admissible: Admissible, traction: ContactTraction) -> np.ndarray:
     """Twice the integral of the contact term over each facet of an owned cell; ghosts get 0."""
     model, contact = admissible.solution.model, traction.contact
-    d, n = model.d, contact.direction
+    d, n = model.d, contact.direction[:, None, :]
     points, weights, shape = facet_rule(d, CONTACT_DEGREE)
     r = np.einsum("qm,fmi->fqi", shape, traction.values)
     w = np.einsum("qm,fmi->fqi", shape, admissible.displacement.x.array.reshape(-1, d)[traction.nodes])
-    r_n, w_n = r @ n, w @ n
+    (r_n, r_t, _), (w_n, w_t, slip) = split(r, n), split(w, n)
     gap = 0.0 if contact.gap is None else evaluate(contact.gap, model.domain, points, contact.facets)
-    density = r_n * (w_n - gap)
-    if contact.friction is not None:
-        r_t, w_t = r - r_n[..., None] * n, w - w_n[..., None] * n
-        mu = evaluate(contact.friction, model.domain, points, contact.facets)
-        density += mu * abs(r_n) * np.linalg.norm(w_t, axis=-1) + np.einsum("fqi,fqi->fq", r_t, w_t)
+    density = np.zeros(r_n.shape) if contact.bilateral else r_n * (w_n - gap)
+    if contact.law is not None:
+        density += model.friction_bound(contact, np.maximum(-r_n, 0.0), points) * slip + (r_t * w_t).sum(axis=-1)
     # a difference of two works that agree to round-off is no error; without this, e would end at 1e-8 of the norm
     resolution = 16 * np.finfo(float).eps * np.linalg.norm(r, axis=-1) * (np.linalg.norm(w, axis=-1) + abs(gap))
     density = np.where(abs(density) <= resolution, 0.0, density)

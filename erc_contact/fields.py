@@ -11,6 +11,7 @@ u^ and sigma^ admissible displacement and stress, eps_E relative error of one el
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -34,9 +35,10 @@ OPEN, SLIP, STICK = 0, 1, 2
 def contact_status(traction: ContactTraction) -> np.ndarray:
     """Whether each facet of a contact is open, slips or sticks, by its admissible traction.
 
-    A facet without pressure is ``OPEN``; one whose nodes all have ``|r_t| >= (1 - 1e-6) mu |r_n|`` is ``SLIP``, so
-    every pressed facet of a contact without friction; the others are ``STICK``. Where mu varies on a facet, r^ must be
-    shrunk to lie in the cone between the nodes too, by at most about the relative variation: that much less is slip.
+    A facet without pressure is ``OPEN``, but in a bilateral contact; one whose nodes all have ``|r_t| >= (1 - 1e-6) b``
+    with b the friction bound is ``SLIP``, so every pressed facet of a contact without friction; the others are
+    ``STICK``. Where the bound must be sampled on a facet, r^ is shrunk to be allowed between the nodes, too, by at most
+    about the variation of b/p: that much less is slip.
 
     Args:
         traction: r^ on a contact.
@@ -45,12 +47,15 @@ def contact_status(traction: ContactTraction) -> np.ndarray:
         OPEN, SLIP or STICK for each facet of ``traction.contact.facets``, shape (n,).
     """
     pressure = -traction.normal
-    bound = (traction.friction * pressure).sum(axis=1)
-    most = traction.friction.max(axis=1, initial=0.0)
-    variation = np.divide(np.ptp(traction.friction, axis=1), most, out=np.zeros_like(most), where=most > 0)
+    bound = traction.bound.sum(axis=1)
+    slope = np.divide(traction.bound, pressure, out=np.zeros_like(pressure), where=pressure > 0)
+    most = slope.max(axis=1, initial=0.0)
+    variation = np.divide(np.ptp(slope, axis=1), most, out=np.zeros_like(most), where=most > 0)
+    variation = np.where(traction.contact.sampled, variation, 0.0)
     shear = np.linalg.norm(traction.tangential, axis=-1).sum(axis=1)
     slips = shear >= (1 - 1e-6 - (1 + MARGIN) * variation) * bound
     opens = pressure.max(axis=1, initial=0.0) <= 1e-10 * pressure.max(initial=0.0)
+    opens &= not traction.contact.bilateral
     return np.where(opens, OPEN, np.where(slips, SLIP, STICK))
 
 
@@ -60,7 +65,8 @@ def write_fields(error: ConstitutiveError, folder: str | Path) -> None:
     ``body.vtkhdf``: at the points ``displacement`` (u^); in the cells ``eps_E`` and means of stresses, ``stress``
     (sigma^), ``stress_fe`` (rebalanced finite element stress; both 3x3, row by row) and ``von_mises`` (of sigma^).
     ``contact_<name>.vtkhdf`` for each contact, each facet with points of its own: at the points ``traction`` (r^),
-    ``pressure`` (-r_n) and ``friction`` (mu), in the cells ``status`` (0 open, 1 slip, 2 stick).
+    ``pressure`` (-r_n) and ``friction_bound`` (b, the most that |r_t| may be), in the cells ``status`` (0 open, 1 slip,
+    2 stick).
 
     Args:
         error: What is written, with its admissible pair.
@@ -87,7 +93,7 @@ def write_fields(error: ConstitutiveError, folder: str | Path) -> None:
             values = traction.values.reshape(-1, model.d)
             surface.point_data["traction"] = np.pad(values, ((0, 0), (0, 3 - model.d)))
             surface.point_data["pressure"] = -traction.normal.ravel()
-            surface.point_data["friction"] = traction.friction.ravel()
+            surface.point_data["friction_bound"] = traction.bound.ravel()
             surface.cell_data["status"] = contact_status(traction)
             surface.save(Path(folder) / f"contact_{name}.vtkhdf")
 
@@ -167,9 +173,10 @@ def whole_contact(admissible: Admissible, traction: ContactTraction) -> tuple[Co
     model, contact = admissible.solution.model, traction.contact
     own = contact.facets[:, 0] < model.domain.owned_cells
     x = model.V.tabulate_dof_coordinates()[traction.nodes[own]]
-    parts = {"area": traction.area[own], "values": traction.values[own], "friction": traction.friction[own]}
-    parts = gathered(model.comm, x=x, **parts) or {"x": x, **parts}
-    x = parts.pop("x")
+    parts = {"area": traction.area[own], "values": traction.values[own], "bound": traction.bound[own]}
+    parts |= {"x": x, "direction": contact.direction[own]}
+    parts = gathered(model.comm, **parts) or parts
+    x, contact = parts.pop("x"), replace(contact, direction=parts.pop("direction"))
     return ContactTraction(contact, np.arange(len(x) * model.d).reshape(-1, model.d), **parts), x
 
 

@@ -1,40 +1,67 @@
-"""Contact methods: a model and a displacement -> UFL equations and a contact traction.
+"""Contact methods: a contact and a displacement -> UFL equations and a contact traction.
 
-A method is two things, its equations and its traction; every later stage reads only the traction.
+A method is two things, its equations and its traction; every later stage reads only the traction. The equations are
+what one contact adds to elasticity ``a(u, v) - f(v) - F(v)``, which is the same for all methods.
 
-Symbols: u displacement, v test function, n facet normal, g gap, r contact traction on the body,
-gamma = gamma_0 E k^2/h [force/volume] with h = d |cell|/|facet| the height of the cell over its facet and
-k the degree.
+Symbols: u displacement, v test function, lambda multiplier [force/area], q its test function, n normal of the
+foundation, g gap, r contact traction on the body, P the projection of the law, gamma = gamma_0 E k^2/h
+[force/volume] with h = d |cell|/|facet| the height of the cell over its facet and k the degree.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from math import isfinite
-from typing import Any
+from typing import Any, ClassVar, Protocol
 
 import ufl
 from dolfinx import fem
 
 from erc_contact.exceptions import InputError
-from erc_contact.law import project_on_cone
 from erc_contact.model import BoundContact, Model
 
 CONTACT_DEGREE = 4
 """Quadrature degree on contact facets: the traction has kinks, a polynomial rule is never exact there."""
-
-Law = Callable[[Any, BoundContact], Any]
-
-
-def coulomb(z: Any, contact: BoundContact) -> Any:
-    """The projection of a trial traction on the cone of a contact."""
-    return project_on_cone(z, contact.normal, contact.friction)
+NODAL = {"quadrature_rule": "vertex", "quadrature_degree": 1}
+"""Quadrature at the nodes of a facet: it decouples the nodes."""
 
 
-def glued(z: Any, contact: BoundContact) -> Any:
-    """No projection: a bilateral contact without slip, which makes the equations linear."""
-    return z
+class Method(Protocol):
+    """A contact method.
+
+    Attributes:
+        multiplier: Whether it has a multiplier, a traction at the nodes of the contact. Its equations then replace
+            the equilibrium of these nodes, which gives the multiplier.
+        in_layer: Whether its equations test the stress, hence all nodes of the cells at the contact.
+    """
+
+    @property
+    def multiplier(self) -> bool: ...  # noqa: D102
+
+    @property
+    def in_layer(self) -> bool: ...  # noqa: D102
+
+    def equations(self, model: Model, contact: BoundContact, u: Any, v: Any, multiplier: Any = None) -> Any:
+        """What the contact adds to the residual, a UFL form linear in v."""
+
+    def traction(self, model: Model, contact: BoundContact, u: Any, multiplier: Any = None) -> Any:
+        """The contact traction on the body [force/area], UFL, shape (d,)."""
+
+
+def stiffness_per_area(model: Model, gamma: Any) -> Any:
+    """``gamma = gamma_0 E k^2/h`` [force/volume], UFL on a facet."""
+    modulus = model.scene.material.modulus(**model.parameters)
+    return gamma * modulus * ufl.FacetArea(model.mesh) / (model.d * ufl.CellVolume(model.mesh))
+
+
+def _beyond(contact: BoundContact, u: Any) -> Any:
+    """``u - g n``: the displacement beyond first touch [length]."""
+    return u if contact.gap is None else u - contact.gap * contact.normal
+
+
+def _check_gamma(method: str, gamma: float) -> None:
+    if not (isfinite(gamma) and gamma > 0):
+        raise InputError(f"{method}: gamma is {gamma!r}; it must be > 0 (dimensionless; 1 to 100 is usual).")
 
 
 @dataclass(frozen=True)
@@ -55,48 +82,85 @@ class Nitsche:
 
     theta: int = 0
     gamma: float = 10.0
+    multiplier: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         if self.theta not in (0, 1, -1):
             raise InputError(f"Nitsche: theta is {self.theta!r}; allowed are 0, 1 and -1.")
-        if not (isfinite(self.gamma) and self.gamma > 0):
-            raise InputError(f"Nitsche: gamma is {self.gamma!r}; it must be > 0 (dimensionless; 1 to 100 is usual).")
+        _check_gamma("Nitsche", self.gamma)
 
-    def equations(self, model: Model, u: Any, v: Any, law: Law = coulomb) -> Any:
-        """The residual, a UFL form linear in v.
+    @property
+    def in_layer(self) -> bool:
+        """Whether the stress is tested, too."""
+        return self.theta != 0
 
-        ``a(u, v) - f(v) - F(v) - int_C r(u).v - theta int_C (sigma(u)n - r(u))/gamma . sigma(v)n``
+    def equations(self, model: Model, contact: BoundContact, u: Any, v: Any, multiplier: Any = None) -> Any:
+        """``- int_C r(u).v - theta int_C (sigma(u)n - r(u))/gamma . sigma(v)n``, a UFL form linear in v.
 
         Args:
             model: The scene on a mesh.
+            contact: One of its contacts.
             u: Displacement [length].
             v: Test function.
-            law: The projection of the trial traction; ``glued`` gives the linear bilateral problem.
+            multiplier: Not used.
         """
-        residual = model.stiffness(u, v)
-        loads = model.loads(v)
-        if loads is not None:
-            residual -= loads
-        theta = fem.Constant(model.mesh, float(self.theta)) if self.theta else None
-        for contact in model.contacts:
-            gamma = self._parameter(model)
-            ds = contact.ds(metadata={"quadrature_degree": CONTACT_DEGREE})
-            r = law(self._trial(model, contact, u, gamma), contact)
-            residual -= ufl.inner(r, v) * ds
-            if theta is not None:
-                difference = ufl.dot(model.stress(u), model.n) - r
-                residual -= theta / gamma * ufl.inner(difference, ufl.dot(model.stress(v), model.n)) * ds
+        ds = contact.ds(metadata={"quadrature_degree": CONTACT_DEGREE})
+        r = self.traction(model, contact, u)
+        residual = -ufl.inner(r, v) * ds
+        if self.theta:
+            theta = fem.Constant(model.mesh, float(self.theta))
+            difference = ufl.dot(model.stress(u), model.n) - r
+            residual -= theta / self._gamma(model) * ufl.inner(difference, ufl.dot(model.stress(v), model.n)) * ds
         return residual
 
-    def traction(self, model: Model, contact: BoundContact, u: Any) -> Any:
+    def traction(self, model: Model, contact: BoundContact, u: Any, multiplier: Any = None) -> Any:
         """The contact traction ``r(u) = P(sigma(u)n - gamma (u - g n))`` [force/area], UFL, shape (d,)."""
-        return coulomb(self._trial(model, contact, u, self._parameter(model)), contact)
+        return contact.project(ufl.dot(model.stress(u), model.n) - self._gamma(model) * _beyond(contact, u))
 
-    def _parameter(self, model: Model) -> Any:
-        gamma_0 = fem.Constant(model.mesh, float(self.gamma))
-        modulus = model.scene.material.modulus(**model.parameters)
-        return gamma_0 * modulus * ufl.FacetArea(model.mesh) / (model.d * ufl.CellVolume(model.mesh))
+    def _gamma(self, model: Model) -> Any:
+        return stiffness_per_area(model, fem.Constant(model.mesh, float(self.gamma)))
 
-    def _trial(self, model: Model, contact: BoundContact, u: Any, gamma: Any) -> Any:
-        beyond = u if contact.gap is None else u - contact.gap * contact.normal
-        return ufl.dot(model.stress(u), model.n) - gamma * beyond
+
+@dataclass(frozen=True)
+class AugmentedLagrangian:
+    """Augmented Lagrangian: a multiplier at the nodes of the contact, and the projection of Alart and Curnier.
+
+    The multiplier lives in the trace of the displacement's space on the contact facets: the space that linear elements
+    on a submesh of these facets give, without a second mesh. Quadrature at the nodes decouples them: at its solution
+    no node penetrates, and each nodal traction is in the cone. A component that a support fixes at a contact node, and
+    a node that an earlier contact has already, take the multiplier from their neighbours: their own would be
+    redundant.
+
+    Args:
+        gamma: Dimensionless augmentation parameter gamma_0 > 0; it changes the way of Newton, not the solution.
+
+    Raises:
+        InputError: If gamma is not positive.
+
+    Source: Alart, Curnier, "A mixed formulation for frictional contact problems prone to Newton like solution
+        methods", Comput. Methods Appl. Mech. Engrg. 92 (1991).
+    """
+
+    gamma: float = 1.0
+    multiplier: ClassVar[bool] = True
+    in_layer: ClassVar[bool] = False
+
+    def __post_init__(self) -> None:
+        _check_gamma("AugmentedLagrangian", self.gamma)
+
+    def equations(self, model: Model, contact: BoundContact, u: Any, v: Any, multiplier: Any = None) -> Any:
+        """``int_C (lambda - P(lambda - gamma (u - g n))).q`` by quadrature at the nodes, a UFL form linear in q.
+
+        Args:
+            model: The scene on a mesh.
+            contact: One of its contacts.
+            u: Displacement [length].
+            v: Test function q of the multiplier.
+            multiplier: lambda [force/area].
+        """
+        return ufl.inner(multiplier - self.traction(model, contact, u, multiplier), v) * contact.ds(metadata=NODAL)
+
+    def traction(self, model: Model, contact: BoundContact, u: Any, multiplier: Any = None) -> Any:
+        """The contact traction ``r = P(lambda - gamma (u - g n))`` [force/area], UFL, shape (d,)."""
+        gamma = stiffness_per_area(model, fem.Constant(model.mesh, float(self.gamma)))
+        return contact.project(multiplier - gamma * _beyond(contact, u))

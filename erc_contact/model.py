@@ -8,7 +8,7 @@ Symbols: d dimension, V continuous vector P1, x position [length].
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,10 +16,12 @@ import basix
 import numpy as np
 import ufl
 from dolfinx import fem
+from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from erc_contact.domain import Domain
 from erc_contact.exceptions import InputError, NotHeldError, raise_together
+from erc_contact.law import Coulomb, Law, Tresca, project
 from erc_contact.material import strain
 from erc_contact.scene import Contact, Scene, Traction
 
@@ -78,19 +80,76 @@ def evaluate(expression: Any, domain: Domain, points: np.ndarray, entities: np.n
     return compiled.eval(domain.mesh, entities)
 
 
+def pointwise(function: Callable[..., Any], arrays: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Evaluate a UFL function of numbers at every entry of arrays of one shape.
+
+    The arrays become piecewise constants on a line of as many cells, so that the function is written once, in UFL.
+    """
+    shape = np.broadcast_shapes(*(a.shape for a in arrays.values()))
+    size = int(np.prod(shape))
+    line = dmesh.create_interval(MPI.COMM_SELF, max(size, 1), (0.0, 1.0))
+    W = fem.functionspace(line, ("DG", 0))
+    numbers = {}
+    for name, array in arrays.items():
+        numbers[name] = fem.Function(W)
+        cells = line.topology.original_cell_index[:size]
+        numbers[name].x.array[:size] = np.broadcast_to(array, shape).ravel()[cells]
+    expression = ufl.as_ufl(function(**numbers))
+    compiled = fem.Expression(expression, np.array([[0.5]]), comm=MPI.COMM_SELF, dtype=np.float64)
+    values = np.empty(size)
+    values[line.topology.original_cell_index[:size]] = compiled.eval(line, np.arange(size, dtype=np.int32)).ravel()
+    return values.reshape(shape)
+
+
 @dataclass(frozen=True, eq=False)
 class BoundContact:
-    """A contact on a mesh: its measure and its values as UFL (None: the scene has no such term)."""
+    """A contact on a mesh: its measure and its values as UFL (None: the scene has no such term).
+
+    Attributes:
+        name: Name of the boundary part.
+        facets: Pairs (cell, local facet) with ghosts, shape (f, 2).
+        ds: Measure of the part.
+        normal: Unit normal of the foundation, UFL.
+        direction: The same on each facet, shape (f, d).
+        law: Friction law, or None without friction.
+        parameters: Values of the law's parameters, UFL.
+        share: Factor of the friction bound, 1 but while a solver raises friction in steps.
+        gap: Gap, UFL, or None.
+        gap_varies: Whether the gap is a callable.
+        sampled: Whether the friction bound must be sampled on a facet: nodal values of a traction in the cone do not
+            tell that it lies there everywhere.
+        bilateral: Whether the contact cannot open.
+    """
 
     name: str
     facets: np.ndarray
     ds: Any
     normal: Any
     direction: np.ndarray
-    friction: Any | None
+    law: Law | None
+    parameters: dict[str, Any]
+    share: Any
     gap: Any | None
-    friction_varies: bool
     gap_varies: bool
+    sampled: bool
+    bilateral: bool
+
+    def project(self, z: Any) -> Any:
+        """The traction that the law allows for a trial traction z [force/area], UFL."""
+        bound = None if self.law is None else self._bound
+        return project(z, self.normal, bound, bilateral=self.bilateral)
+
+    def status(self, r: Any) -> Any:
+        """Whether a traction of :meth:`project` shows the contact open (0), in slip (1) or in stick (2), UFL."""
+        r_n = ufl.dot(r, self.normal)
+        r_t = r - r_n * self.normal
+        limit = self._bound(-r_n)
+        slips = ufl.ge(ufl.dot(r_t, r_t), (1 - 1e-9) * limit**2)
+        closed = ufl.conditional(slips, 1, 2)
+        return closed if self.bilateral else ufl.conditional(ufl.lt(r_n, 0), closed, 0)
+
+    def _bound(self, pressure: Any) -> Any:
+        return self.share * self.law.bound(pressure, **self.parameters) if self.law else 0
 
 
 class Model:
@@ -156,6 +215,13 @@ class Model:
         if self.body_force is not None:
             terms.append(ufl.inner(self.body_force, v) * self.dx)
         return self._sum(terms)
+
+    def greatest(self, expression: Any) -> float:
+        """Greatest value of a scalar UFL expression at the middle of the cells of all ranks; collective."""
+        middle = np.full((1, self.d), 1 / (self.d + 1))
+        return self._range(
+            evaluate(expression, self.domain, middle, np.arange(self.domain.owned_cells, dtype=np.int32))
+        )[1]
 
     def facet_nodes(self, facets: np.ndarray) -> np.ndarray:
         """Nodes of facets given as (cell, local facet), in the order of a facet's reference vertices, shape (n, d).
@@ -241,7 +307,7 @@ class Model:
 
     def _check_dimension(self) -> None:
         vectors: list[Any] = [s.value for s in self.scene.supports]
-        vectors += [c.normal for c in self.scene.contacts if c.normal is not None]
+        vectors += [c.normal for c in self.scene.contacts if isinstance(c.normal, tuple)]
         vectors += [load.value for load in self.scene.tractions if load.value is not None]
         vectors += [load.value for load in self.scene.body_forces]
         for vector in vectors:
@@ -278,6 +344,11 @@ class Model:
         if not np.isfinite(values).all():
             error = InputError("A prescribed displacement is not finite; look at the callables of the supports.")
         raise_together(self.comm, error)
+        marks = fem.Function(self.V)  # a rank may see a node without the facet that fixes it: its owner sees all
+        marks.x.array[:] = fixed.ravel()
+        for function in (marks, g):
+            function.x.scatter_forward()
+        fixed = marks.x.array.reshape(-1, self.d) > 0.5
         self.prescribed, self.fixed = g, fixed
         self.bcs = []
         for i in range(self.d):
@@ -291,6 +362,39 @@ class Model:
 
     def _contact(self, contact: Contact) -> BoundContact:
         facets = self.domain.facets(contact.facets)
+        law = contact.law
+        parameters = {name: self._value(getattr(law, name)) for name in law.parameters} if law else {}
+        for name, value in parameters.items():
+            if callable(getattr(law, name)):
+                low, high = self._range(evaluate(value, self.domain, facet_corners(self.d), facets))
+                if not 0 <= low <= high < np.inf:
+                    raise InputError(
+                        f"Contact({contact.facets!r}): {name} is {low:g} somewhere; it must be >= 0 and finite."
+                    )
+        if callable(contact.gap):
+            values = evaluate(self._value(contact.gap), self.domain, facet_corners(self.d), facets)
+            if not np.isfinite(self._range(values)).all():
+                raise InputError(f"Contact({contact.facets!r}): the gap is not finite everywhere; look at it.")
+        gap = None if contact.gap == 0 else self._value(contact.gap)
+        normal, direction = self._normal(contact, facets, gap)
+        plain = isinstance(law, (Coulomb, Tresca)) and not any(callable(getattr(law, p)) for p in law.parameters)
+        return BoundContact(
+            name=contact.facets,
+            facets=facets,
+            ds=self.ds(self.domain.tag(contact.facets)),
+            normal=normal,
+            direction=direction,
+            law=law,
+            parameters=parameters,
+            share=self.friction_share,
+            gap=gap,
+            gap_varies=callable(contact.gap),
+            sampled=law is not None and not plain,
+            bilateral=contact.bilateral,
+        )
+
+    def _normal(self, contact: Contact, facets: np.ndarray, gap: Any) -> tuple[Any, np.ndarray]:
+        """The normal of the foundation: UFL, and on each facet (f, d)."""
         centre = np.full((1, self.d - 1), 1.0 / self.d)
         if contact.normal is None:
             normals = evaluate(self.n, self.domain, centre, facets)[:, 0]
@@ -303,30 +407,51 @@ class Model:
                 )
             raise_together(self.comm, error)
             direction = first + 0.0
-        else:
+        elif isinstance(contact.normal, tuple):
             direction = np.array(contact.normal)
-        if callable(contact.friction):
-            low, high = self._range(evaluate(self._value(contact.friction), self.domain, facet_corners(self.d), facets))
-            if not 0 <= low <= high < np.inf:
-                raise InputError(
-                    f"Contact({contact.facets!r}): friction is {low:g} somewhere; it must be >= 0 and finite."
-                )
-        if callable(contact.gap):
-            values = evaluate(self._value(contact.gap), self.domain, facet_corners(self.d), facets)
-            if not np.isfinite(self._range(values)).all():
-                raise InputError(f"Contact({contact.facets!r}): the gap is not finite everywhere; look at it.")
-        none = contact.friction == 0, contact.gap == 0
-        return BoundContact(
-            contact.facets,
-            facets,
-            self.ds(self.domain.tag(contact.facets)),
-            fem.Constant(self.mesh, direction),
-            direction,
-            None if none[0] else self.friction_share * self._value(contact.friction),
-            None if none[1] else self._value(contact.gap),
-            callable(contact.friction),
-            callable(contact.gap),
-        )
+        else:
+            return self._varying_normal(contact, facets, centre, gap)
+        return fem.Constant(self.mesh, direction), np.broadcast_to(direction, (len(facets), self.d))
+
+    def _varying_normal(
+        self, contact: Contact, facets: np.ndarray, centre: np.ndarray, gap: Any
+    ) -> tuple[Any, np.ndarray]:
+        """One normal for each cell at the contact, the mean of its facets."""
+        expression = -ufl.grad(gap) if contact.normal == "gap" else self._vector(contact.normal)
+        given = evaluate(expression, self.domain, centre, facets)[:, 0]
+        length = np.linalg.norm(given, axis=1)
+        error = None
+        if not (np.isfinite(length).all() and np.all(length > 0)):
+            error = InputError(
+                f"Contact({contact.facets!r}): the normal is zero or not finite at the middle of a facet; look at "
+                f"{'the gap' if contact.normal == 'gap' else 'its callable'}."
+            )
+        raise_together(self.comm, error)
+        function = fem.Function(fem.functionspace(self.mesh, ("DG", 0, (self.d,))))
+        of_cell = function.x.array.reshape(-1, self.d)
+        np.add.at(of_cell, facets[:, 0], given / length[:, None])
+        direction = of_cell[facets[:, 0]]
+        direction /= np.linalg.norm(direction, axis=1)[:, None]
+        of_cell[facets[:, 0]] = direction
+        return function, direction
+
+    def friction_bound(self, contact: BoundContact, pressure: np.ndarray, points: np.ndarray) -> np.ndarray:
+        """The friction bound b(p) at reference points of the facets of a contact [force/area].
+
+        Args:
+            contact: The contact.
+            pressure: p >= 0 at the points [force/area], shape (f, q).
+            points: Reference points of the facet, shape (q, d-1).
+
+        Returns:
+            Shape (f, q); zero without friction.
+        """
+        if contact.law is None:
+            return np.zeros(pressure.shape)
+        values = {k: evaluate(v, self.domain, points, contact.facets) for k, v in contact.parameters.items()}
+        if isinstance(contact.law, (Coulomb, Tresca)):  # arithmetic that numbers understand
+            return np.broadcast_to(contact.law.bound(pressure, **values), pressure.shape)
+        return pointwise(contact.law.bound, {"pressure": pressure, **values})
 
     def gap_at_nodes(self, contact: BoundContact) -> np.ndarray:
         """The gap at the nodes of each facet of a contact [length], shape (facets, d)."""
@@ -340,8 +465,10 @@ class Model:
         for contact in self.contacts:
             nodes = self.facet_nodes(contact.facets)
             gap = self.gap_at_nodes(contact)
-            known = (self.fixed[nodes] | (abs(contact.direction) < 1e-12)).all(axis=-1)
-            excess = np.where(known, values[nodes] @ contact.direction - gap, -np.inf).max(initial=-np.inf)
+            n = contact.direction[:, None, :]
+            known = (self.fixed[nodes] | (abs(n) < 1e-12)).all(axis=-1)
+            beyond = (values[nodes] * n).sum(axis=-1) - gap
+            excess = np.where(known, abs(beyond) if contact.bilateral else beyond, -np.inf).max(initial=-np.inf)
             worst = self.comm.allreduce(float(excess), MPI.MAX)
             scale = max(
                 1e-12 * self.domain.size, 1e-9 * self.comm.allreduce(float(abs(values).max(initial=0)), MPI.MAX)
@@ -396,9 +523,9 @@ class Model:
             return []
         by_all = by_supports
         for contact in self.contacts:
-            at = motions[np.unique(self.facet_nodes(contact.facets))]
-            along = np.einsum("ndi,d->ni", at, contact.direction)
-            held = at if contact.friction is not None else along[:, None, :]
+            at = motions[self.facet_nodes(contact.facets)]
+            along = np.einsum("fmdi,fd->fmi", at, contact.direction)[:, :, None, :]
+            held = (at if contact.law is not None else along).reshape(-1, 1, at.shape[-1])
             by_all = by_all + self.comm.allreduce(np.einsum("ndi,ndj->ij", held, held), MPI.SUM)
         values, vectors = np.linalg.eigh(by_all)
         loose = vectors[:, values <= 1e-10 * max(values[-1], 1.0)]

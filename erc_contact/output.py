@@ -307,6 +307,12 @@ def _map(parts: list[Any], dim: int, values: np.ndarray, *, norm: Any, extend: s
     return figure
 
 
+def _mean_normal(traction: ContactTraction) -> np.ndarray:
+    """The normal of the foundation, the mean direction where it varies, shape (d,)."""
+    n = traction.area @ traction.contact.direction
+    return n / np.linalg.norm(n)
+
+
 def _tangents(n: np.ndarray) -> tuple[np.ndarray, list[str]]:
     """d-1 orthonormal tangents, along the coordinate axes that are nearest to the contact, and their names."""
     axes = np.sort(np.argsort(abs(n), kind="stable")[: len(n) - 1])
@@ -320,7 +326,7 @@ def _tangents(n: np.ndarray) -> tuple[np.ndarray, list[str]]:
 def _draw_contact_2d(traction: ContactTraction, x: np.ndarray, path: Any) -> None:
     from matplotlib.patches import Patch  # noqa: PLC0415
 
-    n = traction.contact.direction
+    n = _mean_normal(traction)
     (tangent,), (name,) = _tangents(n)
     s = x[..., :2] @ tangent
     order = np.argsort(s, axis=1)
@@ -340,9 +346,9 @@ def _draw_contact_2d(traction: ContactTraction, x: np.ndarray, path: Any) -> Non
         strips = np.column_stack([s.min(axis=1), np.ptp(s, axis=1)])[status == code]
         look = {"facecolors": colour, "lw": 0, "antialiased": False, "zorder": 0}
         axes.broken_barh(strips, (0, 1), transform=axes.get_xaxis_transform(), **look)
-    bound = traction.friction * pressure
+    bound = traction.bound
     cone = along(bound)
-    axes.fill_between(along(s), -cone, cone, fc="#5b84b1", ec="none", alpha=0.35, label=r"cone $\pm\mu\,|r_n|$")
+    axes.fill_between(along(s), -cone, cone, fc="#5b84b1", ec="none", alpha=0.35, label=r"friction bound")
     low, high = (1.6 * _level(v.max(axis=1), traction.area, 0.98) for v in (bound, np.maximum(pressure, bound)))
     peak = f" (peak {pressure.max():.3g})" if pressure.max() > high > 0 else ""
     axes.plot(along(s), along(pressure), color="#1f3b73", lw=1.6, label=f"pressure $-r_n${peak}")
@@ -361,7 +367,7 @@ def _draw_contact_2d(traction: ContactTraction, x: np.ndarray, path: Any) -> Non
 def _draw_contact_3d(traction: ContactTraction, x: np.ndarray, path: Any) -> None:
     from matplotlib.colors import BoundaryNorm, ListedColormap  # noqa: PLC0415
 
-    tangents, names = _tangents(traction.contact.direction)
+    tangents, names = _tangents(_mean_normal(traction))
     s, t = tangents @ x.reshape(-1, 3).T
     figure = _figure(10.0, max(2.6, 1.2 + 3.0 * float(np.ptp(t) / np.ptp(s))))
     panels = figure.subplots(1, 3, sharex=True, sharey=True)

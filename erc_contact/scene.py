@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from erc_contact.exceptions import InputError
+from erc_contact.law import Coulomb, Law
 from erc_contact.material import Elastic, Value
 
 Vector = Sequence[Value] | Callable[[Any], Any]
@@ -114,38 +115,59 @@ class BodyForce:
 
 @dataclass(frozen=True)
 class Contact:
-    """Unilateral contact with Coulomb friction between a boundary part and a rigid foundation.
+    """Contact with friction between a boundary part and a rigid foundation, unilateral unless said otherwise.
 
     Args:
         facets: Name of the boundary part that may touch the foundation.
-        friction: Friction coefficient mu >= 0 [-], number or callable of x; 0 is frictionless.
+        friction: Coulomb's friction coefficient mu >= 0 [-], number or callable of x (0 is frictionless); or a law,
+            e.g. :class:`Tresca`, or a class of the user's own.
         gap: Initial gap g to the foundation along the normal [length], number or callable of x.
-        normal: Unit normal of the foundation that points into it, d numbers; None takes the outward normal
-            of the part, which must then be flat.
+        normal: Unit normal of the foundation that points into it: d numbers, a callable of x, or "gap" for
+            ``-grad g/|grad g|``, the normal of a foundation whose gap is its distance. One that varies is taken at the
+            middle of each facet: the foundation becomes a polyhedron, as a curved body becomes its mesh. None takes
+            the outward normal of the part, which must then be flat.
+        bilateral: Whether the contact cannot open: ``u_n = g``. Needs a friction bound without pressure.
 
     Raises:
-        InputError: If friction is negative, or the normal is zero.
+        InputError: If friction is negative, the normal is zero, or a bilateral contact has Coulomb friction.
     """
 
     facets: str
-    friction: Value = 0.0
+    friction: Value | Law = 0.0
     gap: Value = 0.0
-    normal: Sequence[float] | None = None
+    normal: Sequence[float] | Callable[[Any], Any] | str | None = None
+    bilateral: bool = False
 
     def __post_init__(self) -> None:
         what = f"Contact({self.facets!r})"
-        _check_value(f"{what}: friction", self.friction, 0.0)
+        if not hasattr(self.friction, "bound"):
+            _check_value(f"{what}: friction", self.friction, 0.0)
         _check_value(f"{what}: gap", self.gap, unit=" [length]")
-        if self.normal is not None:
+        if self.bilateral and isinstance(self.law, Coulomb):
+            raise InputError(
+                f"{what} is bilateral and has Coulomb friction: the tractions that it allows are no convex set, and no "
+                "error can be certified. Give friction=Tresca(limit), or no friction."
+            )
+        if isinstance(self.normal, str) and self.normal != "gap":
+            raise InputError(f'{what}: normal is {self.normal!r}; give numbers, a callable of x, "gap" or None.')
+        if self.normal == "gap" and not callable(self.gap):
+            raise InputError(
+                f'{what}: normal="gap" needs a gap that is a callable of x, the distance to the foundation.'
+            )
+        if self.normal is not None and not isinstance(self.normal, str) and not callable(self.normal):
             _check_vector(f"{what}: normal", self.normal)
-            if callable(self.normal) or any(callable(c) for c in self.normal):
-                raise InputError(
-                    f"{what}: normal must be numbers, one direction for the part; curvature goes into gap=."
-                )
+            if any(callable(c) for c in self.normal):
+                raise InputError(f"{what}: normal must be numbers, or one callable of x that returns a vector.")
             length = sum(float(c) ** 2 for c in self.normal) ** 0.5
             if not length > 0:
                 raise InputError(f"{what}: normal is {self.normal}; its length must be > 0.")
             object.__setattr__(self, "normal", tuple(float(c) / length for c in self.normal))
+
+    @property
+    def law(self) -> Law | None:
+        """The friction law; None without friction."""
+        law: Any = self.friction if hasattr(self.friction, "bound") else Coulomb(self.friction)
+        return None if isinstance(law, Coulomb) and law.friction == 0 else law
 
 
 @dataclass(frozen=True)
@@ -209,7 +231,11 @@ class Scene:
                         f"{load.facets!r} has a Traction and a Displacement in component {i}; make the Traction 0 "
                         "there, or free the Displacement (None)."
                     )
-        lengths = [len(v) for v in (*(s.value for s in self.supports), *(c.normal for c in self.contacts if c.normal))]
+        lengths = [
+            len(v)
+            for v in (*(s.value for s in self.supports), *(c.normal for c in self.contacts))
+            if isinstance(v, tuple)
+        ]
         if any(a != b for a, b in pairwise(lengths)):
             raise InputError(f"The scene mixes vectors of {min(lengths)} and {max(lengths)} components.")
 

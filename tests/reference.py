@@ -14,7 +14,7 @@ from erc_contact.admissible import Admissible, moduli, simplices, strains
 
 @dataclass(frozen=True)
 class TrueErrors:
-    """Energy norms of the errors of u^ and of sigma^, and the third term of the bound for Coulomb friction."""
+    """Energy norms of the errors of u^ and of sigma^, and the third term of the bound where friction has a pressure."""
 
     displacement: float
     stress: float
@@ -74,16 +74,15 @@ def _sigma(pair: Admissible, parent: np.ndarray, local: np.ndarray) -> np.ndarra
 
 
 def _third_term(pair: Admissible, fine: ec.Solution) -> float:
-    """``2 mu int (|r_n| - |r^_n|)(|w_t| - |w^_t|)`` over the contacts, by the fine facets' middles (2D)."""
+    """``2 int (b - b^)(|w_t| - |w^_t|)`` over the contacts, by the fine facets' middles (2D)."""
     total = 0.0
     reference = ec.equilibrate(fine, tighten=0)
     for coarse, exact in zip(pair.tractions, reference.tractions, strict=True):
-        if exact.contact.friction is None:
+        if exact.contact.law is None:
             continue
-        n = exact.contact.direction
+        n = exact.contact.direction[0]
         x = fine.model.V.tabulate_dof_coordinates()[:, :2][exact.nodes].mean(axis=1)
         w = fine.u.x.array.reshape(-1, 2)[exact.nodes].mean(axis=1)
-        r_n = exact.normal.mean(axis=1)
         ends = pair.solution.model.V.tabulate_dof_coordinates()[:, :2][coarse.nodes]
         along = np.array([-n[1], n[0]])
         s, low = x @ along, (ends @ along)
@@ -92,8 +91,7 @@ def _third_term(pair: Admissible, fine: ec.Solution) -> float:
         t = (s - low[facet, 0]) / (low[facet, 1] - low[facet, 0])
         shape = np.column_stack([1 - t, t])
         hat_w = np.einsum("fm,fmi->fi", shape, pair.displacement.x.array.reshape(-1, 2)[coarse.nodes[facet]])
-        hat_n = np.einsum("fm,fm->f", shape, coarse.normal[facet])
-        mu = exact.friction.mean(axis=1)
+        hat_bound = np.einsum("fm,fm->f", shape, coarse.bound[facet])
         slip = abs(w @ along) - abs(hat_w @ along)
-        total += float(np.sum(2 * mu * exact.area * (abs(r_n) - abs(hat_n)) * slip))
+        total += float(np.sum(2 * exact.area * (exact.bound.mean(axis=1) - hat_bound) * slip))
     return total

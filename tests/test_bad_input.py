@@ -133,7 +133,7 @@ def test_gap_no_number(gap):
     refused(lambda: ec.Contact("bottom", gap=gap), "'bottom'", "gap", repr(gap), "finite")
 
 
-@pytest.mark.parametrize("normal", [(0.0, 0.0), (0.0,), "down", (0.0, None), lambda x: x, (0.0, lambda x: x[0])])
+@pytest.mark.parametrize("normal", [(0.0, 0.0), (0.0,), "down", (0.0, None), "up", "gap", (0.0, lambda x: x[0])])
 def test_normal_that_is_none(normal):
     refused(lambda: ec.Contact("bottom", normal=normal), "'bottom'", "normal")
 

@@ -166,7 +166,7 @@ def test_contact_file_holds_the_traction(error, shared_tmp_path):
         mean = grid["traction"][nodes].mean(axis=1)
         assert (area[:, None] * mean).sum(axis=0)[:d] == pytest.approx(force, rel=1e-10, abs=1e-14)
         assert grid["pressure"] == pytest.approx(grid["traction"][:, 1])
-        assert np.all(grid["friction"] == 0.4)
+        assert grid["friction_bound"] == pytest.approx(0.4 * grid["pressure"])
         assert np.bincount(grid["status"], minlength=3).tolist() == counts.tolist()
         assert counts[fields.OPEN] > 0 < counts[fields.STICK]
         from_middle = abs(grid.points[nodes].mean(axis=1)[:, 0:d:2] - 1.9).max(axis=1)
@@ -176,7 +176,7 @@ def test_contact_file_holds_the_traction(error, shared_tmp_path):
 
 
 def test_status_of_tractions():
-    contact = SimpleNamespace(direction=np.array([0.0, -1.0]))
+    contact = SimpleNamespace(direction=np.array([[0.0, -1.0]] * 5), bilateral=False, sampled=False)
     values = np.array(
         [
             [[0.0, 0.0], [0.0, 0.0]],  # open
@@ -186,12 +186,12 @@ def test_status_of_tractions():
             [[0.0, 1e-14], [0.0, 0.0]],  # pressure of round-off
         ]
     )
-    traction = ContactTraction(contact, np.zeros((5, 2), dtype=int), np.ones(5), values, np.full((5, 2), 0.3))
+    traction = ContactTraction(contact, np.zeros((5, 2), dtype=int), np.ones(5), values, 0.3 * values[..., 1])
     O, L, S = fields.OPEN, fields.SLIP, fields.STICK  # noqa: E741
     assert fields.contact_status(traction).tolist() == [O, L, S, L, O]
-    frictionless = replace(traction, values=values * [0, 1], friction=np.zeros((5, 2)))
+    frictionless = replace(traction, values=values * [0, 1], bound=np.zeros((5, 2)))
     assert fields.contact_status(frictionless).tolist() == [O, L, L, L, O]
-    nothing = replace(traction, values=0 * values)
+    nothing = replace(traction, values=0 * values, bound=np.zeros((5, 2)))
     assert fields.contact_status(nothing).tolist() == [O] * 5
 
 

@@ -19,13 +19,14 @@ import ufl
 from dolfinx import fem
 from mpi4py import MPI
 
-from erc_contact.admissible.contact import ContactTraction, admissible_displacement, admissible_tractions
+from erc_contact.admissible.contact import ContactTraction, admissible_tractions
+from erc_contact.admissible.displacement import admissible_displacement
 from erc_contact.admissible.facets import equilibrated_moments
 from erc_contact.admissible.geometry import Simplices, facet_order, moments, nodal_forces, signed, simplices
 from erc_contact.admissible.macro import macro_points, macro_stress, mandel, mandel_basis, tensors
 from erc_contact.admissible.tighten import ITERATIONS, tightened
 from erc_contact.model import DATA_DEGREE, Model, evaluate, facet_rule, facet_vertices
-from erc_contact.solve import Solution, Stiffness
+from erc_contact.solve import Solution
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +78,7 @@ def equilibrate(solution: Solution, tighten: int = ITERATIONS) -> Admissible:
     force = _cell_forces(model, cells)
     given, fixed = _loads(model, cells)
     on_motions = _work(model, _nodal(model, cells, given, force))
-    tractions = admissible_tractions(model, solution.method, solution.u, on_motions)
+    tractions = admissible_tractions(model, solution, on_motions)
     hat = admissible_displacement(model, solution.u, tractions) if tractions else solution.u
     for t in tractions:
         _add(model, given, t.contact.facets, moments(t.area, t.values))
@@ -215,16 +216,13 @@ def _work(model: Model, b: fem.Function) -> np.ndarray:
 
 
 def _rebalanced(solution: Solution, b: fem.Function) -> fem.Function:
-    """The finite element displacement under nodal forces: one linear solve, exact discrete equilibrium.
+    """The finite element displacement under nodal forces, in exact discrete equilibrium, with the factor at hand.
 
     A linear scene whose loads do not vary in space is in equilibrium with them already.
     """
     model = solution.model
     loads = model.loads(ufl.TestFunction(model.V))
     varies = loads is not None and ufl.algorithms.extract_type(loads, ufl.classes.SpatialCoordinate)
-    if not model.contacts and not varies:
-        return solution.u
-    stiffness = Stiffness(model)
-    u = stiffness.solve(b)
-    stiffness.destroy()
+    u = solution.stiffness.solve(b) if model.contacts or varies else solution.u
+    solution.stiffness.free()
     return u

@@ -1,10 +1,10 @@
-"""Contact tractions in the friction cone, and displacements that do not enter the foundation.
+"""Contact tractions that the law allows, in balance with the loads.
 
-Both hold point-wise, not only at nodes: a linear traction whose nodal values lie in a convex cone lies in it
-everywhere, a linear normal displacement below a linear bound stays below it. Where the friction coefficient or
-the gap vary along a facet, the nodal bounds are tightened by what a fine sampling of the facet shows.
+They are allowed point-wise, not only at nodes: a linear traction whose nodal values lie in a convex set lies in it
+everywhere. Where the friction bound varies along a facet or is not one of ours, it is lowered by what a fine sampling
+of the facet shows.
 
-Symbols: n normal of the foundation, r^ contact traction on the body, mu friction coefficient, g gap, u^ displacement.
+Symbols: n normal of the foundation, r^ contact traction on the body, p = -r^_n pressure, b(p) friction bound.
 """
 
 from __future__ import annotations
@@ -14,20 +14,22 @@ from typing import Any
 
 import basix
 import numpy as np
-from dolfinx import fem
 from mpi4py import MPI
 
 from erc_contact.admissible.geometry import moments
 from erc_contact.exceptions import NotHeldError
+from erc_contact.law import Coulomb
 from erc_contact.methods import CONTACT_DEGREE
 from erc_contact.model import BoundContact, Model, barycentric, evaluate, facet_cell, facet_corners, facet_rule
 
 SAMPLES = 12
 """Subdivisions of a facet's edge when a bound that varies along it is sampled."""
 PASSES = 10
-"""Limit of passes that shrink the friction bound where friction varies along a facet; one or two are usual."""
+"""Limit of passes that shrink the friction bound where it must be sampled; one or two are usual."""
 MARGIN = 0.2
 """Share of the sampled deviation that is added for what may lie between two samples [-]."""
+GROWTHS = (1.1, 2.0, 10.0)
+"""Growth of a pressure that the cone which stands for a general law near it allows, tried in turn [-]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,39 +41,36 @@ class ContactTraction:
         nodes: Nodes of each facet (cell, local facet) of ``contact.facets``, ghosts included, shape (n, d).
         area: Facet areas [length^(d-1)], shape (n,).
         values: r^ at these nodes [force/area], shape (n, d, d).
-        friction: mu at these nodes, shape (n, d).
+        bound: The friction bound b(p) of r^ there [force/area], shape (n, d).
     """
 
     contact: BoundContact
     nodes: np.ndarray
     area: np.ndarray
     values: np.ndarray
-    friction: np.ndarray
+    bound: np.ndarray
 
     @property
     def normal(self) -> np.ndarray:
         """Normal component r^_n at the nodes [force/area], shape (n, d)."""
-        return self.values @ self.contact.direction
+        return np.einsum("fmi,fi->fm", self.values, self.contact.direction)
 
     @property
     def tangential(self) -> np.ndarray:
         """Tangential part r^_t at the nodes [force/area], shape (n, d, d)."""
-        return self.values - self.normal[..., None] * self.contact.direction
+        return self.values - self.normal[..., None] * self.contact.direction[:, None, :]
 
 
-def project_on_cone(z: np.ndarray, n: np.ndarray, mu: np.ndarray) -> np.ndarray:
-    """The law's projection, first the normal part, then the tangential part, of nodal values.
+def split(z: np.ndarray, n: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Normal component, tangential part and its length, of vectors (..., d) and unit normals of the same shape."""
+    z_n = (z * n).sum(axis=-1)
+    z_t = z - z_n[..., None] * n
+    return z_n, z_t, np.linalg.norm(z_t, axis=-1)
 
-    Args:
-        z: Tractions [force/area], shape (..., d).
-        n: Unit normal of the foundation, shape (d,).
-        mu: Friction coefficients, shape (...).
-    """
-    pressure = np.maximum(-(z @ n), 0.0)
-    t = z - (z @ n)[..., None] * n
-    size, bound = np.linalg.norm(t, axis=-1), mu * pressure
-    factor = np.divide(bound, size, out=np.ones_like(size), where=size > bound)
-    return factor[..., None] * t - pressure[..., None] * n
+
+def clip(z_t: np.ndarray, size: np.ndarray, bound: np.ndarray) -> np.ndarray:
+    """Shorten tangential vectors of given lengths to a bound."""
+    return np.divide(bound, size, out=np.ones_like(size), where=size > bound)[..., None] * z_t
 
 
 def nearest_in_cone(z: np.ndarray, n: np.ndarray, mu: np.ndarray) -> np.ndarray:
@@ -79,74 +78,127 @@ def nearest_in_cone(z: np.ndarray, n: np.ndarray, mu: np.ndarray) -> np.ndarray:
 
     Args:
         z: Tractions [force/area], shape (..., d).
-        n: Unit normal of the foundation, shape (d,).
+        n: Unit normal of the foundation, of the same shape.
         mu: Friction coefficients, shape (...).
     """
-    pressure = -(z @ n)
-    t = z + pressure[..., None] * n
-    size = np.linalg.norm(t, axis=-1)
-    on_cone = np.maximum(pressure + mu * size, 0.0) / (1 + mu**2)
-    inside = size <= mu * pressure
-    new_pressure = np.where(inside, pressure, on_cone)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        factor = np.where(inside, 1.0, np.where(size > 0, mu * on_cone / size, 0.0))
-    return factor[..., None] * t - new_pressure[..., None] * n
+    z_n, z_t, size = split(z, n)
+    on_cone = np.maximum(mu * size - z_n, 0.0) / (1 + mu**2)
+    inside = size <= -mu * z_n
+    pressure = np.where(inside, -z_n, on_cone)
+    return clip(z_t, size, np.where(inside, size, mu * on_cone)) - pressure[..., None] * n
 
 
-def admissible_tractions(model: Model, method: Any, u: fem.Function, loads: np.ndarray) -> list[ContactTraction]:
-    """r^: the method's traction, L2-projected on linear functions of each facet, then on the cone.
+@dataclass(frozen=True, eq=False)
+class _Allowed:
+    """The tractions that a law allows at the nodes of a contact.
+
+    Attributes:
+        factor: Factor of the friction bound of each facet.
+        sharp: Whether the bound is that of each node; else the least one on the facet for the pressure of the node,
+            which needs no sampling: it lies below the bound between the nodes where b is concave.
+    """
+
+    model: Model
+    contact: BoundContact
+    factor: np.ndarray
+    sharp: bool = True
+
+    @property
+    def n(self) -> np.ndarray:
+        return self.contact.direction[:, None, :]
+
+    def bound(self, pressure: np.ndarray) -> np.ndarray:
+        """The friction bound at the nodes for pressures there, shape (f, d)."""
+        if self.sharp:
+            corners = facet_corners(self.model.d)
+            return self.factor[:, None] * self.model.friction_bound(self.contact, pressure, corners)
+        lattice = lattice_of(self.model.d)
+        spread = [np.broadcast_to(p[:, None], (len(p), len(lattice))) for p in pressure.T]
+        return np.column_stack([self.model.friction_bound(self.contact, p, lattice).min(axis=1) for p in spread])
+
+    def project(self, z: np.ndarray) -> np.ndarray:
+        """The law's projection, first the normal part, then the tangential part."""
+        z_n, z_t, size = split(z, self.n)
+        r_n = z_n if self.contact.bilateral else np.minimum(z_n, 0.0)
+        bound = self.bound(np.maximum(-r_n, 0.0))
+        return clip(z_t, size, bound) + r_n[..., None] * self.n
+
+    def nearest(self, start: np.ndarray, growth: float, peak: float) -> Any:
+        """A projection z -> r on a convex set that the law allows for pressures up to growth times those of start.
+
+        The Coulomb cone itself; for a bound without pressure a cylinder; for another law the cone of the slope
+        ``b(p')/p'`` at p' = growth p, which lies below a concave bound for all lower pressures.
+        """
+        pressure = np.maximum(-(start * self.n).sum(axis=-1), 0.0)
+        law = self.contact.law
+        zero = np.zeros_like(pressure)
+        if law is None or self.contact.bilateral or np.any(self.bound(zero) > 0):
+            least = self.bound(zero)
+
+            def cylinder(z: np.ndarray) -> np.ndarray:
+                z_n, z_t, size = split(z, self.n)
+                r_n = z_n if self.contact.bilateral else np.minimum(z_n, 0.0)
+                return clip(z_t, size, least) + r_n[..., None] * self.n
+
+            return cylinder
+        if isinstance(law, Coulomb):
+            slope = self.bound(zero + 1.0)
+        else:
+            above = growth * np.maximum(pressure, 1e-3 * peak)
+            slope = np.divide(self.bound(above), above, out=zero, where=above > 0)
+        return lambda z: nearest_in_cone(z, self.n, slope)
+
+
+def admissible_tractions(model: Model, solution: Any, loads: np.ndarray) -> list[ContactTraction]:
+    """r^: the method's traction, L2-projected on linear functions of each facet, then on what the law allows.
 
     Where no support holds a rigid motion, r^ must balance the work of the loads on it, shape (motions,), exactly: the
-    least change within the cone does it. ``loads`` is that of the loads' projections, which sigma^ is to balance.
+    least change within the allowed tractions does it. ``loads`` is that of the loads' projections, which sigma^ is to
+    balance.
 
     Raises:
-        NotHeldError: If no traction in the cone balances the loads on a free motion.
+        NotHeldError: If no allowed traction balances the loads on a free motion.
     """
     d = model.d
     points, weights, shape = facet_rule(d, CONTACT_DEGREE)
     mass = shape.T @ (weights[:, None] * shape)
     project = np.linalg.solve(mass, shape.T * weights)
-    result = []
+    raw = []
     for contact in model.contacts:
-        sampled = evaluate(method.traction(model, contact, u), model.domain, points, contact.facets)
+        sampled = evaluate(solution.traction(contact), model.domain, points, contact.facets)
         values = np.einsum("mq,fqi->fmi", project, sampled)
         nodes = model.facet_nodes(contact.facets)
-        mu = _friction(model, contact, facet_corners(d))
-        result.append(ContactTraction(contact, nodes, model.facet_areas(contact.facets), values, mu))
-    return _into_cone(model, result, loads)
-
-
-def _into_cone(model: Model, raw: list[ContactTraction], loads: np.ndarray) -> list[ContactTraction]:
-    """Project on the cones, in balance with the loads on free motions."""
-    bounds = [t.friction for t in raw]
+        raw.append(ContactTraction(contact, nodes, model.facet_areas(contact.facets), values, np.zeros(nodes.shape)))
+    allowed = [_Allowed(model, t.contact, np.ones(len(t.nodes))) for t in raw]
     for _ in range(PASSES):
-        new = _projected(model, raw, bounds, loads)
+        new = _projected(model, raw, allowed, loads)
         factors = [_shrink(model, t) for t in new]
         if not model.comm.allreduce(any(np.any(f < 1.0) for f in factors), MPI.LOR):
             return new
-        bounds = [b * f[:, None] for b, f in zip(bounds, factors, strict=True)]
-    # the least friction of each facet is a bound whatever the traction, only not a sharp one
-    lattice = _lattice(model.d)
-    least = [_friction(model, t.contact, lattice).min(axis=1, keepdims=True) for t in raw]
-    return _projected(model, raw, [np.minimum(low, t.friction) for low, t in zip(least, raw, strict=True)], loads)
+        allowed = [replace(a, factor=a.factor * f) for a, f in zip(allowed, factors, strict=True)]
+    return _projected(model, raw, [replace(a, sharp=False) for a in allowed], loads)
 
 
 def _projected(
-    model: Model, raw: list[ContactTraction], bounds: list[np.ndarray], loads: np.ndarray
+    model: Model, raw: list[ContactTraction], allowed: list[_Allowed], loads: np.ndarray
 ) -> list[ContactTraction]:
-    values = [project_on_cone(t.values, t.contact.direction, mu) for t, mu in zip(raw, bounds, strict=True)]
+    values = [a.project(t.values) for t, a in zip(raw, allowed, strict=True)]
     if model.free_motions:
-        values = _balanced(model, raw, values, bounds, loads)
-    return [replace(t, values=v) for t, v in zip(raw, values, strict=True)]
+        values = _balanced(model, raw, values, allowed, loads)
+    new = []
+    for t, v in zip(raw, values, strict=True):
+        pressure = np.maximum(-np.einsum("fmi,fi->fm", v, t.contact.direction), 0.0)
+        new.append(replace(t, values=v, bound=model.friction_bound(t.contact, pressure, facet_corners(model.d))))
+    return new
 
 
 def _shrink(model: Model, traction: ContactTraction) -> np.ndarray:
-    """Factor of each facet by which the friction bound must shrink for r^ to lie in the cone between the nodes."""
-    if not traction.contact.friction_varies:
+    """Factor of each facet by which the friction bound must shrink for r^ to be allowed between the nodes."""
+    if not traction.contact.sampled:
         return np.ones(len(traction.nodes))
-    lattice = _lattice(model.d)
+    lattice = lattice_of(model.d)
     shape = barycentric(lattice)
-    allowed = _friction(model, traction.contact, lattice) * (-traction.normal @ shape.T)
+    allowed = model.friction_bound(traction.contact, np.maximum(-traction.normal @ shape.T, 0.0), lattice)
     used = np.linalg.norm(np.einsum("qm,fmi->fqi", shape, traction.tangential), axis=-1)
     with np.errstate(invalid="ignore", divide="ignore"):
         ratio = np.where(used > allowed * (1 + 1e-14), allowed / used, 1.0).min(axis=1)
@@ -154,151 +206,92 @@ def _shrink(model: Model, traction: ContactTraction) -> np.ndarray:
 
 
 def _balanced(
-    model: Model, raw: list[ContactTraction], start: list[np.ndarray], bounds: list[np.ndarray], loads: np.ndarray
+    model: Model, raw: list[ContactTraction], start: list[np.ndarray], allowed: list[_Allowed], loads: np.ndarray
 ) -> list[np.ndarray]:
-    """The tractions in the cones nearest to those given that balance the loads on the free motions.
+    """The allowed tractions nearest to those given that balance the loads on the free motions."""
+    peak = model.comm.allreduce(max((float(abs(r).max(initial=0)) for r in start), default=0.0), MPI.MAX)
+    for growth in GROWTHS:
+        nearest = [a.nearest(s, growth, peak) for a, s in zip(allowed, start, strict=True)]
+        values = _balance(model, raw, start, nearest, loads)
+        moved = [float(abs(a.project(v) - v).max(initial=0.0)) for a, v in zip(allowed, values, strict=True)]
+        inside = max(moved) <= 1e-12 * peak
+        if model.comm.allreduce(inside, MPI.LAND):
+            break
+    return values
+
+
+def _balance(
+    model: Model, raw: list[ContactTraction], start: list[np.ndarray], nearest: list[Any], loads: np.ndarray
+) -> list[np.ndarray]:
+    """The tractions in convex sets nearest to those given that balance the loads on the free motions.
 
     The multiplier y of the balance has one component for each free motion m_k: ``r = P(r_0 + sum_k y_k q_k)``
-    with q_k the facet-wise average of m_k, and y solves ``int r(y).m_k = -load(m_k)``, a monotone equation
-    in at most six unknowns: Newton with differences.
+    with q_k the facet-wise average of m_k, and y minimises the convex function
+
+        phi(y) = sum over nodes a/2 (|z|^2 - |z - P(z)|^2) + loads.y,    z = r_0 + q y,  a = |F|/d,
+
+    whose gradient is the imbalance ``int r(y).m_k + load(m_k)``: Newton with differences in at most six unknowns, its
+    line search on phi, which sees through the kinks of P.
     """
-    comm, motions = model.comm, model.free_motions
-    weight, direction, own_area = [], [], 0.0
+    comm, motions, d = model.comm, model.free_motions, model.d
+    weight, direction, share, own_area = [], [], [], 0.0
     for t in raw:
-        m = np.stack([f.x.array.reshape(-1, model.d)[t.nodes] for f in motions], axis=-1)  # (f, d, d, k)
+        m = np.stack([f.x.array.reshape(-1, d)[t.nodes] for f in motions], axis=-1)  # (f, d, d, k)
         moment = moments(t.area, m.reshape(*m.shape[:2], m.shape[2] * m.shape[3])).reshape(m.shape)
         owned = t.contact.facets[:, 0] < model.domain.owned_cells
         own_area += float(t.area[owned].sum())
         weight.append(moment * owned[:, None, None, None])
-        direction.append(moment * (model.d / t.area)[:, None, None, None])
+        direction.append(moment * (d / t.area)[:, None, None, None])
+        share.append(np.where(owned, t.area / (2 * d), 0.0))
 
-    def tractions(y: np.ndarray) -> list[np.ndarray]:
-        return [
-            nearest_in_cone(r + q @ y, t.contact.direction, mu)
-            for t, r, q, mu in zip(raw, start, direction, bounds, strict=True)
-        ]
-
-    def imbalance(y: np.ndarray) -> np.ndarray:
-        local = sum(np.einsum("fmik,fmi->k", w, r) for w, r in zip(weight, tractions(y), strict=True))
-        return comm.allreduce(local, MPI.SUM) + loads
+    def state(y: np.ndarray) -> tuple[list[np.ndarray], np.ndarray, float]:
+        """Tractions, imbalance and phi."""
+        z = [r + q @ y for r, q in zip(start, direction, strict=True)]
+        r = [p(v) for p, v in zip(nearest, z, strict=True)]
+        local = np.zeros(len(y) + 1)
+        for w, a, v, p, s in zip(weight, share, z, r, start, strict=True):
+            local[:-1] += np.einsum("fmik,fmi->k", w, p)
+            # |z|^2 - |z - P|^2 less its value at y = 0, |r_0|^2, without cancellation of the large parts
+            local[-1] += np.einsum("f,fmi->", a, (2 * v - p) * p - s * s)
+        total = comm.allreduce(local, MPI.SUM)
+        return r, total[:-1] + loads, float(total[-1] + loads @ y)
 
     peak = comm.allreduce(max((float(abs(r).max(initial=0)) for r in start), default=0.0), MPI.MAX)
     area = comm.allreduce(own_area, MPI.SUM)
     scale = float(np.linalg.norm(loads)) + peak * area
-    if scale == 0.0:
-        return tractions(np.zeros(len(motions)))
-    unit = max(peak, float(np.linalg.norm(loads)) / area)
     y = np.zeros(len(motions))
-    value = imbalance(y)
+    tractions, value, height = state(y)
+    if scale == 0.0:
+        return tractions
+    step = 1e-6 * max(peak, float(np.linalg.norm(loads)) / area)
     for _ in range(100):
         if np.linalg.norm(value) <= 1e-15 * scale:
             break
-        step = 1e-6 * unit
-        tangent = np.column_stack([imbalance(y + step * e) - imbalance(y - step * e) for e in np.eye(len(y))])
+        tangent = np.column_stack([state(y + step * e)[1] - state(y - step * e)[1] for e in np.eye(len(y))])
         tangent = 0.5 * (tangent + tangent.T) / (2 * step)
         tangent += 1e-12 * (np.trace(tangent) + area * 1e-6) * np.eye(len(y))
-        direction_y = -np.linalg.solve(tangent, value)
+        search = -np.linalg.solve(tangent, value)
         length = 1.0
-        trial = imbalance(y + direction_y)
-        while np.linalg.norm(trial) > (1 - 1e-4 * length) * np.linalg.norm(value) and length > 1e-4:
+        new = state(y + search)
+        while new[2] > height + 1e-4 * length * (value @ search) and np.linalg.norm(new[1]) > 0.5 * np.linalg.norm(
+            value
+        ):
             length /= 2
-            trial = imbalance(y + length * direction_y)
-        if np.linalg.norm(trial) >= np.linalg.norm(value):
+            if length < 1e-10:
+                break
+            new = state(y + length * search)
+        if length < 1e-10:
             break
-        y, value = y + length * direction_y, trial
+        y, (tractions, value, height) = y + length * search, new
     if np.linalg.norm(value) > 1e-12 * scale:
         raise NotHeldError(
-            "No contact traction in the friction cone balances the loads on a rigid motion that no support holds "
-            f"(imbalance {np.linalg.norm(value) / scale:.1e} of the forces). Look at the direction of the loads, or "
-            "add a Displacement or friction."
+            "No contact traction that the law allows, linear on each facet, balances the loads on a rigid motion that "
+            f"no support holds (imbalance {np.linalg.norm(value) / scale:.1e} of the forces). Look at the direction of "
+            "the loads, add a Displacement or friction, or refine the mesh at the contact."
         )
-    return tractions(y)
+    return tractions
 
 
-def admissible_displacement(model: Model, u: fem.Function, tractions: list[ContactTraction]) -> fem.Function:
-    """u^: u clipped at the gap, and snapped to the status that r^ shows where that lowers the error.
-
-    The contact part of e^2 is of first order in ``g - u_n`` where r^_n < 0, and in u_t where r^_t is inside the cone
-    or does not oppose it; the bulk part is only of second order in a change of u^. So a node is set to ``u_n = g``,
-    or to ``u_t = 0``, where what the contact part gains, ``2 sum |F|/d (...)`` over the facets of the node, exceeds
-    what the bulk part may lose, about ``E h^(d-2)`` times the square of the change. (Asking for r^ strictly inside the
-    cone on all facets of a node instead leaves nodes at the stick-slip transition that slip along the traction.)
-    """
-    hat = fem.Function(model.V, name="displacement")
-    hat.x.array[:] = u.x.array
-    values = hat.x.array.reshape(-1, model.d)
-    bounds = [_gap_bound(model, t) for t in tractions]
-    mobile = ~model.fixed
-    for t, bound in zip(tractions, bounds, strict=True):
-        n, weight = t.contact.direction, 2 * t.area[:, None] / model.d
-        stiffness = _nodal_stiffness(model, t)
-
-        def total(density: np.ndarray, nodes: np.ndarray = t.nodes, weight: np.ndarray = weight) -> np.ndarray:
-            return np.bincount(nodes.ravel(), (weight * density).ravel(), len(values))
-
-        open_by = np.where(np.isfinite(bound), bound - values @ n, 0.0)
-        gain = total(-t.normal * open_by[t.nodes])
-        _move_normal(values, gain > stiffness * open_by**2, bound, n, mobile)
-
-        slip = values - (values @ n)[:, None] * n
-        size = np.linalg.norm(slip, axis=1)
-        gain = total(t.friction * -t.normal * size[t.nodes] + np.einsum("fmi,fmi->fm", t.tangential, slip[t.nodes]))
-        sticks = gain > stiffness * size**2
-        values[sticks] -= (mobile * slip)[sticks]
-    for _ in range(100):  # a node of two contacts needs several passes
-        worst = 0.0
-        for t, bound in zip(tractions, bounds, strict=True):
-            n = t.contact.direction
-            excess = np.where(np.isfinite(bound), values @ n - bound, -np.inf)
-            worst = max(worst, float(excess.max(initial=-np.inf)))
-            _move_normal(values, excess > 0, bound, n, mobile)
-        if len(tractions) == 1 or worst <= 1e-15 * abs(values).max(initial=0.0):
-            break
-    hat.x.scatter_forward()
-    return hat
-
-
-def _move_normal(values: np.ndarray, where: np.ndarray, bound: np.ndarray, n: np.ndarray, mobile: np.ndarray) -> None:
-    """Set ``u_n`` to the bound at some nodes, moving the components that no support fixes."""
-    along = mobile * n
-    reach = along @ n
-    where = where & (reach > 1e-12)
-    values[where] += ((bound - values @ n)[where] / reach[where])[:, None] * along[where]
-
-
-def _nodal_stiffness(model: Model, traction: ContactTraction) -> np.ndarray:
-    """About the elastic stiffness of a node of the contact, ``E h^(d-2)`` [force/length]; zero elsewhere."""
-    middle = np.full((1, model.d), 1 / (model.d + 1))
-    modulus = model.scene.material.modulus(**model.parameters)
-    of_facet = evaluate(modulus, model.domain, middle, traction.contact.facets[:, 0])[:, 0]
-    of_facet = of_facet * traction.area ** ((model.d - 2) / (model.d - 1))
-    stiffness = np.zeros(len(model.fixed))
-    np.maximum.at(stiffness, traction.nodes, of_facet[:, None])
-    return stiffness
-
-
-def _gap_bound(model: Model, traction: ContactTraction) -> np.ndarray:
-    """Nodal values of a linear function below the gap, inf away from the contact, shape (nodes,)."""
-    contact, d = traction.contact, model.d
-    bound = np.full(len(model.fixed), np.inf)
-    at_nodes = model.gap_at_nodes(contact)
-    if contact.gap_varies:
-        lattice = _lattice(d)
-        shape = barycentric(lattice)
-        deviation = at_nodes @ shape.T - evaluate(contact.gap, model.domain, lattice, contact.facets)
-        excess = np.maximum(deviation.max(axis=1) + MARGIN * abs(deviation).max(axis=1), 0.0)
-        at_nodes = (
-            at_nodes - np.where(abs(deviation).max(axis=1) > 1e-14 * abs(at_nodes).max(axis=1), excess, 0.0)[:, None]
-        )
-    np.minimum.at(bound, traction.nodes, at_nodes)
-    return bound
-
-
-def _friction(model: Model, contact: BoundContact, points: np.ndarray) -> np.ndarray:
-    if contact.friction is None:
-        return np.zeros((len(contact.facets), len(points)))
-    return evaluate(contact.friction, model.domain, points, contact.facets)
-
-
-def _lattice(d: int) -> np.ndarray:
+def lattice_of(d: int) -> np.ndarray:
+    """Reference points of a fine sampling of a facet, its edges included, shape (q, d-1)."""
     return basix.create_lattice(facet_cell(d), SAMPLES, basix.LatticeType.equispaced, True)

@@ -1,0 +1,217 @@
+"""Extreme scenes with every contact method: does it converge, how, and does the answer keep the contact conditions?
+
+A pair (scene, method) runs through the solve, the admissible pair and its error. The table has, from the method's own u
+and traction r at the quadrature points of the contact:
+
+- penetration: max (u_n - g)+ / max |u|;
+- cone: the largest of r_n and |r_t| - b, over max |r|, with b the friction bound;
+- complementarity: int |r_n (u_n - g)| / a(u, u);
+- friction: int |b |u_t| + r_t.u_t| / a(u, u), the imbalance of the power of friction;
+
+and the effectivity, e over the errors of u^ and sigma^ together against a mesh uniformly finer, where that is cheap.
+
+    OMP_NUM_THREADS=1 python benchmarks/extremes.py [part of a scene's name]
+
+writes results/extremes.csv too. Only errors of the package are caught: anything else is a defect and shows.
+"""
+
+from __future__ import annotations
+
+import csv
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+sys.path.append(str(Path(__file__).parent.parent / "tests"))  # true errors are measured as the tests do
+from extreme_scenes import SCENES, Extreme
+
+import erc_contact as ec
+
+from dolfinx import fem  # isort: skip - after erc_contact, which loads MPI first
+from reference import true_errors  # isort: skip
+from erc_contact.admissible.contact import split  # isort: skip
+from erc_contact.methods import CONTACT_DEGREE  # isort: skip
+from erc_contact.model import evaluate, facet_rule  # isort: skip
+
+METHODS = (ec.Nitsche(), ec.AugmentedLagrangian())
+SAME = 1e-6
+"""Relative difference of eps between systems of units that counts as none [-]."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """One pair (scene, method); numbers are nan where there are none."""
+
+    scene: str
+    method: str
+    outcome: str
+    expected: bool
+    rung: str = ""
+    steps: float = np.nan
+    seconds: float = np.nan
+    eps: float = np.nan
+    effectivity: float = np.nan
+    penetration: float = np.nan
+    cone: float = np.nan
+    complementarity: float = np.nan
+    friction: float = np.nan
+    message: str = ""
+
+    def __str__(self) -> str:
+        numbers = [f"{self.steps:5.0f}", f"{self.seconds:7.2f}", f"{self.eps:9.2e}", f"{self.effectivity:6.2f}"]
+        numbers += [f"{v:9.1e}" for v in (self.penetration, self.cone, self.complementarity, self.friction)]
+        cells = [f"{self.scene:<36}{self.method:<21}{self.outcome:<26}{self.rung:<42}"]
+        mark = "" if self.expected else "  <-"
+        return " ".join([*cells, *(n if "nan" not in n else f"{'-':>{len(n)}}" for n in numbers)]) + mark
+
+
+HEADER = (
+    f"{'scene':<36}{'method':<21}{'outcome':<26}{'rung':<42} steps seconds       eps effect. penetrat.      cone"
+    "  complem.  friction"
+)
+
+
+def violations(solution: ec.Solution) -> tuple[float, float, float, float]:
+    """Penetration, distance from the cone, complementarity and power of friction; see above (serial)."""
+    model, u = solution.model, solution.u
+    points, weights, shape = facet_rule(model.d, CONTACT_DEGREE)
+    values = u.x.array.reshape(-1, model.d)
+    size = np.linalg.norm(values, axis=1).max() or 1.0
+    tractions = [evaluate(solution.traction(c), model.domain, points, c.facets) for c in model.contacts]
+    peak = max(np.linalg.norm(r, axis=-1).max() for r in tractions) or 1.0
+    work = fem.assemble_scalar(fem.form(model.stiffness(u, u / (size * peak)))) or 1.0
+    penetration, cone, complementarity, friction = 0.0, 0.0, 0.0, 0.0
+    for contact, traction in zip(model.contacts, tractions, strict=True):
+        n, r = contact.direction[:, None, :], traction / peak
+        w = np.einsum("qm,fmi->fqi", shape, values[model.facet_nodes(contact.facets)]) / size
+        gap = 0.0 if contact.gap is None else evaluate(contact.gap, model.domain, points, contact.facets) / size
+        area = model.facet_areas(contact.facets)
+        (r_n, r_t, shear), (w_n, w_t, slip) = split(r, n), split(w, n)
+        beyond = w_n - gap
+        bound = model.friction_bound(contact, np.maximum(-r_n, 0.0) * peak, points) / peak
+        penetration = max(penetration, beyond.max())
+        cone = max(cone, r_n.max(), (shear - bound).max())
+        complementarity += area @ (abs(r_n * beyond) @ weights) / work
+        friction += area @ (abs(bound * slip + (r_t * w_t).sum(axis=-1)) @ weights) / work
+    return penetration, cone, complementarity, friction
+
+
+def effectivity(error: ec.ConstitutiveError, levels: int) -> float:
+    """E over the true errors of u^ and sigma^ together, against a mesh ``levels`` times uniformly finer; or nan."""
+    solution = error.admissible.solution
+    fine = solution.domain
+    for _ in range(levels):
+        fine = fine.refined()
+    try:
+        true = true_errors(error.admissible, ec.solve(solution.scene, fine, solution.method))
+    except ec.ErcContactError:
+        return np.nan
+    return error.absolute / float(np.hypot(true.displacement, true.stress))
+
+
+def run(name: str, extreme: Extreme, method: Any) -> Row:
+    """Solve and certify one pair."""
+    label = type(method).__name__
+    began = perf_counter()
+    solution = None
+    try:
+        scene, domain = extreme.build()
+        began = perf_counter()
+        solution = ec.solve(scene, domain, method)
+        error = ec.constitutive_error(ec.equilibrate(solution))
+    except ec.ErcContactError as reason:
+        outcome = type(reason).__name__ + (" after the solve" if solution else "")
+        expected = not solution if not extreme.solvable else extreme.refusable and isinstance(reason, ec.InputError)
+        return Row(name, label, outcome, expected, seconds=perf_counter() - began, message=str(reason))
+    return Row(
+        name,
+        label,
+        "converged",
+        extreme.solvable,
+        solution.reason.split(":")[0],
+        solution.newton_steps,
+        solution.seconds,
+        error.relative,
+        effectivity(error, extreme.levels) if extreme.levels else np.nan,
+        *violations(solution),
+    )
+
+
+def pairs(filter_by: str = "") -> Iterator[tuple[str, Extreme, Any]]:
+    """Every scene with every method that has the parameters it sets."""
+    for name, extreme in SCENES.items():
+        for method in METHODS:
+            if filter_by in name and set(extreme.parameters) <= {f.name for f in fields(method)}:
+                yield name, extreme, replace(method, **extreme.parameters)
+
+
+def difference(row: Row, rows: list[Row]) -> float:
+    """Relative difference of eps from that of the scene that is the same in other units; 0 if there is none."""
+    same = [r.eps for r in rows if r.method == row.method and r.scene == SCENES[row.scene].same_as]
+    return abs(row.eps / same[0] - 1) if same else 0.0
+
+
+def unit_independence(rows: list[Row]) -> dict[tuple[str, str], tuple[list[float], float]]:
+    """Newton steps and largest difference of eps (nan: some failed) for each scene in several units and each method.
+
+    What was refused for being beyond double precision is left out.
+    """
+    sweeps: dict[tuple[str, str], list[Row]] = {}
+    for row in rows:
+        extreme = SCENES[row.scene]
+        if extreme.same_as and not (extreme.refusable and row.outcome != "converged"):
+            sweeps.setdefault((extreme.same_as, row.method), []).append(row)
+    return {
+        key: ([row.steps for row in sweep], float(np.max([difference(row, rows) for row in sweep])))
+        for key, sweep in sweeps.items()
+    }
+
+
+def summary(rows: list[Row]) -> Iterator[str]:
+    for (scene, method), (steps, spread) in unit_independence(rows).items():
+        verdict = "independent of units" if len(set(steps)) == 1 and spread <= SAME else "DEPENDS ON UNITS"
+        counts = " ".join(f"{n:g}" for n in steps)
+        yield f"{scene}, {method}: {verdict}; steps {counts}; eps differs by {spread:.1e} at most"
+    right = {id(row) for row in rows if row.outcome == "converged" and difference(row, rows) <= SAME}
+    for row in rows:
+        if not row.expected:
+            yield f"unexpected: {row.scene}, {row.method}: {row.outcome} {row.message}"
+        elif row.outcome == "converged" and id(row) not in right:
+            yield f"unexpected: {row.scene}, {row.method}: a wrong field, eps {row.eps:.2e}"
+    slowest = max(rows, key=lambda row: row.seconds)
+    yield f"slowest: {slowest.scene}, {slowest.method}: {slowest.seconds:.1f} s"
+    for method in dict.fromkeys(row.method for row in rows):
+        own = [row for row in rows if row.method == method]
+        solvable = [row for row in own if SCENES[row.scene].solvable and not SCENES[row.scene].refusable]
+        hopeless = [row for row in own if not SCENES[row.scene].solvable]
+        yield (
+            f"{method}: {sum(id(row) in right for row in solvable)} of {len(solvable)} scenes that have a solution "
+            f"converged to it; {sum(row.expected for row in hopeless)} of {len(hopeless)} that have none were refused"
+        )
+
+
+def main() -> None:
+    rows = []
+    print(HEADER)
+    for name, extreme, method in pairs(*sys.argv[1:2]):
+        rows.append(run(name, extreme, method))
+        print(rows[-1], flush=True)
+    if not rows:
+        print(f"no scene is called like {sys.argv[1]!r}")
+        return
+    print(*summary(rows), sep="\n")
+    path = Path("results/extremes.csv")
+    path.parent.mkdir(exist_ok=True)
+    with path.open("w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow([column.name for column in fields(Row)])
+        writer.writerows([getattr(row, column.name) for column in fields(Row)] for row in rows)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,127 @@
+"""Displacements that do not enter the foundation, at the status that the admissible traction shows.
+
+Point-wise, not only at nodes: a linear normal displacement below a linear bound stays below it. Where the gap varies
+along a facet, the nodal bounds are lowered by what a fine sampling of the facet shows.
+
+Symbols: n normal of the foundation, r^ admissible contact traction, g gap, u^ displacement.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from dolfinx import fem
+
+from erc_contact.admissible.contact import MARGIN, ContactTraction, lattice_of, split
+from erc_contact.model import Model, barycentric, evaluate
+
+
+@dataclass(frozen=True, eq=False)
+class _Limits:
+    """Non-penetration at the nodes of a contact: one limit for each node and each normal that it has there.
+
+    Attributes:
+        nodes: Shape (c,).
+        normal: Shape (c, d).
+        bound: Limit of u_n [length], shape (c,).
+        of_facet: Which limit each node of each facet has, shape (f, d).
+        turns: Positions of limits, no node twice in one array.
+    """
+
+    nodes: np.ndarray
+    normal: np.ndarray
+    bound: np.ndarray
+    of_facet: np.ndarray
+    turns: list[np.ndarray]
+
+
+def admissible_displacement(model: Model, u: fem.Function, tractions: list[ContactTraction]) -> fem.Function:
+    """u^: u clipped at the gap, and snapped to the status that r^ shows where that lowers the error.
+
+    The contact part of e^2 is of first order in ``g - u_n`` where r^_n < 0, and in u_t where r^_t is inside the cone
+    or does not oppose it; the bulk part is only of second order in a change of u^. So a node is set to ``u_n = g``,
+    or to ``u_t = 0``, where what the contact part gains, ``2 sum |F|/d (...)`` over the facets of the node, exceeds
+    what the bulk part may lose, about ``E h^(d-2)`` times the square of the change. (Asking for r^ strictly inside the
+    cone on all facets of a node instead leaves nodes at the stick-slip transition that slip along the traction.)
+    """
+    hat = fem.Function(model.V, name="displacement")
+    hat.x.array[:] = u.x.array
+    values = hat.x.array.reshape(-1, model.d)
+    limits = [_limits(model, t) for t in tractions]
+    mobile = ~model.fixed
+    for t, limit in zip(tractions, limits, strict=True):
+        weight = 2 * t.area[:, None] / model.d
+        stiffness = _nodal_stiffness(model, t)[limit.nodes]
+        closing = _sum(limit, -weight * t.normal)
+        friction = _sum(limit, weight * t.bound)
+        shear = np.column_stack([_sum(limit, weight * t.tangential[..., i]) for i in range(model.d)])
+        for turn in limit.turns:
+            nodes, n = limit.nodes[turn], limit.normal[turn]
+            open_by = limit.bound[turn] - (values[nodes] * n).sum(axis=1)
+            snaps = closing[turn] * open_by > stiffness[turn] * open_by**2
+            _move_normal(values, mobile, limit, turn[snaps | t.contact.bilateral])
+            _, slip, size = split(values[nodes], n)
+            gain = friction[turn] * size + (shear[turn] * slip).sum(axis=1)
+            sticks = gain > stiffness[turn] * size**2
+            values[nodes[sticks]] -= (mobile[nodes] * slip)[sticks]
+    several = len(tractions) > 1 or any(len(limit.turns) > 1 for limit in limits)
+    for _ in range(100):  # a node with several normals needs several passes
+        worst = 0.0
+        for t, limit in zip(tractions, limits, strict=True):
+            for turn in limit.turns:
+                excess = (values[limit.nodes[turn]] * limit.normal[turn]).sum(axis=1) - limit.bound[turn]
+                violated = abs(excess) > 0 if t.contact.bilateral else excess > 0
+                worst = max(worst, float(abs(excess[violated]).max(initial=0.0)))
+                _move_normal(values, mobile, limit, turn[violated])
+        if not several or worst <= 1e-15 * abs(values).max(initial=0.0):
+            break
+    hat.x.scatter_forward()
+    return hat
+
+
+def _move_normal(values: np.ndarray, mobile: np.ndarray, limit: _Limits, which: np.ndarray) -> None:
+    """Set ``u_n`` to the bound of some limits, moving the components that no support fixes."""
+    nodes, n = limit.nodes[which], limit.normal[which]
+    along = mobile[nodes] * n
+    reach = (along * n).sum(axis=1)
+    missing = limit.bound[which] - (values[nodes] * n).sum(axis=1)
+    values[nodes] += np.divide(missing, reach, out=np.zeros_like(reach), where=reach > 1e-12)[:, None] * along
+
+
+def _sum(limit: _Limits, of_facets: np.ndarray) -> np.ndarray:
+    """Sums over the facets of each limit, shape (c,)."""
+    return np.bincount(limit.of_facet.ravel(), of_facets.ravel(), len(limit.nodes))
+
+
+def _nodal_stiffness(model: Model, traction: ContactTraction) -> np.ndarray:
+    """About the elastic stiffness of a node of the contact, ``E h^(d-2)`` [force/length]; zero elsewhere."""
+    middle = np.full((1, model.d), 1 / (model.d + 1))
+    modulus = model.scene.material.modulus(**model.parameters)
+    of_facet = evaluate(modulus, model.domain, middle, traction.contact.facets[:, 0])[:, 0]
+    of_facet = of_facet * traction.area ** ((model.d - 2) / (model.d - 1))
+    stiffness = np.zeros(len(model.fixed))
+    np.maximum.at(stiffness, traction.nodes, of_facet[:, None])
+    return stiffness
+
+
+def _limits(model: Model, traction: ContactTraction) -> _Limits:
+    """Limits at the nodes: values of linear functions below the gap (equal to it at the nodes if bilateral)."""
+    contact, d = traction.contact, model.d
+    at_nodes = model.gap_at_nodes(contact)
+    if contact.gap_varies and not contact.bilateral:
+        lattice = lattice_of(d)
+        shape = barycentric(lattice)
+        deviation = at_nodes @ shape.T - evaluate(contact.gap, model.domain, lattice, contact.facets)
+        size = abs(deviation).max(axis=1)
+        excess = np.maximum(deviation.max(axis=1) + MARGIN * size, 0.0)
+        at_nodes = at_nodes - np.where(size > 1e-14 * abs(at_nodes).max(axis=1), excess, 0.0)[:, None]
+    normals = np.broadcast_to(contact.direction[:, None, :], traction.values.shape).reshape(-1, d)
+    key = np.column_stack([traction.nodes.ravel(), np.round(normals, 12)])
+    _, first, of_facet = np.unique(key, axis=0, return_index=True, return_inverse=True)
+    bound = np.full(len(first), np.inf)
+    np.minimum.at(bound, of_facet.ravel(), at_nodes.ravel())
+    nodes = traction.nodes.ravel()[first]
+    times = np.arange(len(nodes)) - np.searchsorted(nodes, nodes)  # sorted by node: how often it came before
+    turns = [np.flatnonzero(times == k) for k in range(int(times.max(initial=0)) + 1)]
+    return _Limits(nodes, normals[first], bound, of_facet.reshape(traction.nodes.shape), turns)
