@@ -32,8 +32,10 @@ TIE = 1e-6
 
 
 SHARE = 0.1
-"""Share of e that Newton may leave when it stops certified [-]; it adds 0.5% to e. The error of the mesh to come is taken
-as half of the last one: uniform refinement of linear elements leaves no less."""
+"""Share of e that Newton may leave when it stops certified [-]; it adds 0.5% to e.
+
+The error of the mesh to come is taken as half of the last one: uniform refinement of linear elements leaves no less.
+"""
 
 
 class Strategy(Protocol):

@@ -172,7 +172,7 @@ class Condensed:
         points = facet_rule(model.d, 2)[0]
         self.state_expressions = []
         for contact, field in zip(model.contacts, fields, strict=True):
-            status = contact.status(method.traction(model, contact, self.u, field))
+            status = contact.status(method.projected(model, contact, self.u, field))
             own = contact.facets[contact.facets[:, 0] < model.domain.owned_cells]
             self.state_expressions.append((fem.Expression(status, points, comm=model.comm), own))
 

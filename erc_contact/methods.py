@@ -47,6 +47,9 @@ class Method(Protocol):
     def traction(self, model: Model, contact: BoundContact, u: Any, multiplier: Any = None) -> Any:
         """The contact traction on the body [force/area], UFL, shape (d,)."""
 
+    def projected(self, model: Model, contact: BoundContact, u: Any, multiplier: Any = None) -> Any:
+        """The projection that the equations use [force/area], UFL, shape (d,): it shows open, slip and stick."""
+
 
 def stiffness_per_area(model: Model, gamma: Any) -> Any:
     """``gamma = gamma_0 E k^2/h`` [force/volume], UFL on a facet."""
@@ -117,6 +120,8 @@ class Nitsche:
         """The contact traction ``r(u) = P(sigma(u)n - gamma (u - g n))`` [force/area], UFL, shape (d,)."""
         return contact.project(ufl.dot(model.stress(u), model.n) - self._gamma(model) * _beyond(contact, u))
 
+    projected = traction
+
     def _gamma(self, model: Model) -> Any:
         return stiffness_per_area(model, fem.Constant(model.mesh, float(self.gamma)))
 
@@ -158,9 +163,13 @@ class AugmentedLagrangian:
             v: Test function q of the multiplier.
             multiplier: lambda [force/area].
         """
-        return ufl.inner(multiplier - self.traction(model, contact, u, multiplier), v) * contact.ds(metadata=NODAL)
+        return ufl.inner(multiplier - self.projected(model, contact, u, multiplier), v) * contact.ds(metadata=NODAL)
 
     def traction(self, model: Model, contact: BoundContact, u: Any, multiplier: Any = None) -> Any:
-        """The contact traction ``r = P(lambda - gamma (u - g n))`` [force/area], UFL, shape (d,)."""
+        """The contact traction, the multiplier [force/area], UFL, shape (d,)."""
+        return multiplier
+
+    def projected(self, model: Model, contact: BoundContact, u: Any, multiplier: Any = None) -> Any:
+        """``P(lambda - gamma (u - g n))`` [force/area], UFL, shape (d,)."""
         gamma = stiffness_per_area(model, fem.Constant(model.mesh, float(self.gamma)))
         return contact.project(multiplier - gamma * _beyond(contact, u))

@@ -166,7 +166,7 @@ class Stiffness:
             self._matrix = None
 
     def energy(self, count: int) -> np.ndarray:
-        """``S_A - D_A``, the elastic energy of u_A, made definite on the rigid motions that no support holds; rank 0."""
+        """``S_A - D_A``, the elastic energy of u_A, made definite on rigid motions that no support holds; on rank 0."""
         schur, _ = self.reduced(count)
         matrix = schur - np.diag(self.glued_by[:count])
         if self.motions:
