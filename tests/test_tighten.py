@@ -200,8 +200,8 @@ FRICTIONLESS = replace(prototype_block(), contacts=[ec.Contact("bottom", frictio
 CASES = {
     "friction": (prototype_block(), block, 8, 64, 1.30),
     "frictionless": (FRICTIONLESS, block, 8, 64, 1.30),
-    "nearly incompressible": (replace(FRICTIONLESS, material=ec.Elastic(1.0, 0.49)), block, 16, 96, 1.50),
-    "cube": (pressed_cube(), cube, 4, 16, 1.60),
+    "nearly incompressible": (replace(FRICTIONLESS, material=ec.Elastic(1.0, 0.49)), block, 16, 64, 1.50),
+    "cube": (pressed_cube(), cube, 4, 12, 1.60),
 }
 
 
