@@ -56,7 +56,7 @@ def linear_solves(domain: ec.Domain) -> tuple[float, float]:
 
 def forces(solution: ec.Solution) -> tuple[np.ndarray, list[int]]:
     """Resultant of the method's traction, and numbers of nodes that are open, stick and slip."""
-    model, contact = solution.model, solution.model.contacts[0]
+    contact = solution.model.contacts[0]
     traction, ds = solution.traction(contact), contact.ds(metadata={"quadrature_degree": 4})
     force = np.array([fem.assemble_scalar(fem.form(traction[i] * ds)) for i in range(2)])
     nodal = ec.equilibrate(solution).tractions[0]

@@ -1,12 +1,13 @@
 """A friction law of one's own: friction that saturates.
 
-Coulomb's friction mu p grows with the pressure p without end; real surfaces shear off at a limit. The law here has the bound
+Coulomb's friction mu p grows with the pressure p without end; real surfaces shear off at a limit. The law here has the
+bound
 
     b(p) = tau tanh(mu p / tau):
 
 Coulomb's for small pressures, tau for large ones. A law is a small class: the names of its parameters (numbers or
-callables of x, so that none of them is compiled into a form) and its bound, in UFL. The bound is concave, so the tractions
-that it allows are a convex set, and the error is certified as for Coulomb's law.
+callables of x, so that none of them is compiled into a form) and its bound, in UFL. The bound is concave, so the
+tractions that it allows are a convex set, and the error is certified as for Coulomb's law.
 """
 
 import ufl  # isort: skip

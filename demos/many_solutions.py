@@ -1,14 +1,14 @@
 """A contact problem with a continuum of solutions, and how it is reported.
 
-Coulomb friction can have many static solutions where it is strong. The triangle (0, 0), (1, 0), (0.4, 0.3) of E = 1.2 and
-nu = 0.2 stands on its lower side; its left side is moved by (0.1 + 0.533333 y, -0.1 y), its right side pulled by
+Coulomb friction can have many static solutions where it is strong. The triangle (0, 0), (1, 0), (0.4, 0.3) of E = 1.2
+and nu = 0.2 stands on its lower side; its left side is moved by (0.1 + 0.533333 y, -0.1 y), its right side pulled by
 0.2236068. With mu = 2 every displacement
 
     u = (0.1 + 0.533333 y + a (x - 4 y/3), -0.1 y),    -0.1 <= a <= 0.4,
 
-is a solution: the error in the constitutive relation vanishes for each of them, and which one a solver returns depends on
-where it starts. ``Solution.singular`` says so: the tangent of the contact problem has no inverse there. With mu = 1.9 there is
-one solution, a = 0.4.
+is a solution: the error in the constitutive relation vanishes for each of them, and which one a solver returns depends
+on where it starts. ``Solution.singular`` says so: the tangent of the contact problem has no inverse there. With
+mu = 1.9 there is one solution, a = 0.4.
 
 Source of the case: P. Hild, "Non-unique slipping in the Coulomb friction model in two-dimensional linear elasticity",
 Q. J. Mech. Appl. Math. 57 (2004), has the construction.

@@ -1,7 +1,7 @@
 """Some scenes of benchmarks/extremes.py, with every contact method.
 
 Properties: a scene that has a solution converges, with a traction in the cone; one that has none is refused, no field
-is returned; eps and Newton steps depend neither on units nor on the size of the load where no gap has a size of its own.
+is returned; eps and Newton steps depend neither on units nor on the size of the load where no gap has a size.
 """
 
 from dataclasses import replace

@@ -1,6 +1,6 @@
 """The condensed contact solve: it is the whole body's, whatever the method, the law, the start and the stop.
 
-- the residual of the whole body vanishes, interior nodes included, for every method, in 2D and 3D, on any number of ranks;
+- the residual of the whole body vanishes, interior nodes included, for every method, in 2D and 3D, on all ranks;
 - GRECO: both methods within 20 Newton steps on all meshes, and the same answer;
 - many solutions are reported: the triangle with a continuum of them has a singular tangent, its neighbours do not;
 - Newton that cycles is stopped; Newton that may stop early is as near as it says;
@@ -112,7 +112,7 @@ def test_multiplier_where_a_support_fixes_the_node():
 
 
 def triangle(friction: float) -> tuple[ec.Scene, ec.Domain]:
-    """Every u = (0.1 + 0.533333 y + a (x - 4 y/3), -0.1 y), a in [-0.1, 0.4], solves it at friction 2 (E 1.2, nu 0.2)."""
+    """At friction 2 every u = (0.1 + 0.533333 y + a (x - 4 y/3), -0.1 y), a in [-0.1, 0.4], solves it."""
     import basix.ufl
 
     corners = np.array([[0.0, 0.0], [1.0, 0.0], [0.4, 0.3]])
