@@ -26,8 +26,9 @@ import basix
 import numpy as np
 from mpi4py import MPI
 
-from erc_contact.admissible import Admissible, moduli, strains
+from erc_contact.admissible import Admissible, macro_moduli, moduli, strains
 from erc_contact.admissible.contact import ContactTraction, split
+from erc_contact.admissible.macro import macro_points
 from erc_contact.exceptions import InputError
 from erc_contact.model import Model, evaluate, facet_rule
 
@@ -118,20 +119,11 @@ def constitutive_error(admissible: Admissible) -> ConstitutiveError:
 
 
 def _bulk(admissible: Admissible) -> tuple[np.ndarray, float]:
-    """``|sigma^ - C eps(u^)|^2`` of each owned cell, and ``|sigma^ + C eps(u^)|^2`` of the rank.
-
-    On each sub-simplex the rule with d+1 points is exact for the square of a linear function; point m lies near
-    node m, so that a permutation of vertices permutes the points.
-    """
+    """``|sigma^ - C eps(u^)|^2`` of each owned cell, and ``|sigma^ + C eps(u^)|^2`` of the rank."""
     model, cells = admissible.solution.model, admissible.cells
     d, owned = model.d, model.domain.owned_cells
-    near = (d + 2 - np.sqrt(d + 2)) / ((d + 1) * (d + 2))
-    shape = near + (1 - (d + 1) * near) * np.eye(d + 1)
-    corners = np.repeat(np.eye(d + 1)[None], d + 1, axis=0)
-    corners[np.arange(d + 1), np.arange(d + 1)] = 1 / (d + 1)
-    points = np.matmul(shape, corners).reshape(-1, d + 1)[:, 1:]
-    stiffness = _sorted(model, moduli(model, points, owned))
-    compliance = _sorted(model, moduli(model, points, owned, inverse=True))
+    shape, _ = macro_points(d)
+    stiffness, compliance = macro_moduli(model, owned), macro_moduli(model, owned, inverse=True)
 
     sigma = np.matmul(shape, admissible.stress).reshape(owned, (d + 1) ** 2, d * (d + 1) // 2)
     elastic = np.matmul(stiffness, strains(cells, admissible.displacement)[:owned, None, :, None])[..., 0]
@@ -159,16 +151,6 @@ def _round_off(admissible: Admissible) -> tuple[float, bool]:
     local = np.sum(stiffness * volume ** (1 - 2 / model.d))
     floor = float((ROUND_OFF * np.finfo(float).eps * size) ** 2 * comm.allreduce(float(local), MPI.SUM))
     return floor, size > 0.0 and floor == 0.0
-
-
-def _sorted(model: Model, values: np.ndarray) -> np.ndarray:
-    """Values at the points of the sub-simplices, from the vertex order of DOLFINx to the sorted one."""
-    if values.shape[1] == 1:
-        return values
-    n = model.d + 1
-    order = np.argsort(model.nodes[: len(values)], axis=1)
-    place = (order[:, :, None] * n + order[:, None, :]).reshape(len(values), n * n)
-    return np.take_along_axis(values, place[:, :, None, None], axis=1)
 
 
 def contact_parts(admissible: Admissible, traction: ContactTraction) -> np.ndarray:

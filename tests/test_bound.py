@@ -60,7 +60,10 @@ def test_bound_of_true_errors(name, n):
 
 
 def test_prager_synge_identity():
-    """Smooth manufactured solution, all sides prescribed: e^2 is the sum of the squared errors, to quadrature."""
+    """Smooth manufactured solution, all sides prescribed: e^2 is the sum of the squared errors, to quadrature.
+
+    The prescribed values are not linear on the facets; against the loose pair's e, what that adds is small.
+    """
     E, nu = 1.0, 0.3
     lam, G = E * nu / ((1 + nu) * (1 - 2 * nu)), E / (2 * (1 + nu))
 
@@ -77,7 +80,7 @@ def test_prager_synge_identity():
     scene = ec.Scene(material=ec.Elastic(E, nu), supports=sides, loads=[ec.BodyForce(force)])
     index = []
     for n in (4, 8):
-        pair = ec.equilibrate(ec.solve(scene, ec.rectangle((0, 0), (1, 1), cells=(n, n))))
+        pair = ec.equilibrate(ec.solve(scene, ec.rectangle((0, 0), (1, 1), cells=(n, n))), tighten=0)
         error = ec.constitutive_error(pair)
         true = true_errors(pair, ec.solve(scene, ec.rectangle((0, 0), (1, 1), cells=(16 * n, 16 * n))))
         index.append(error.absolute**2 / (true.displacement**2 + true.stress**2))

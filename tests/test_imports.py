@@ -18,6 +18,7 @@ ORDER = [
     ["exceptions", "material", "law", "partition", "domain", "meshing", "scene", "model", "methods"],
     ["stiffness", "condensed", "newton", "start", "solve"],
     [f"admissible.{name}" for name in ("geometry", "macro", "facets", "contact", "displacement")],
+    [f"admissible.{name}" for name in ("energy", "patches", "tighten")],
     ["admissible", "error", "adapt", "fields", "output"],
 ]
 ORDER = [module for part in ORDER for module in part]

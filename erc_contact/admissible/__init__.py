@@ -21,9 +21,10 @@ from mpi4py import MPI
 
 from erc_contact.admissible.contact import ContactTraction, admissible_tractions
 from erc_contact.admissible.displacement import admissible_displacement
-from erc_contact.admissible.facets import equilibrated_moments, signed
-from erc_contact.admissible.geometry import Simplices, facet_order, moments, nodal_forces, simplices
-from erc_contact.admissible.macro import macro_stress, mandel, mandel_basis, tensors
+from erc_contact.admissible.facets import equilibrated_moments
+from erc_contact.admissible.geometry import Simplices, facet_order, moments, nodal_forces, signed, simplices
+from erc_contact.admissible.macro import macro_points, macro_stress, mandel, mandel_basis, tensors
+from erc_contact.admissible.tighten import ITERATIONS, tightened
 from erc_contact.model import DATA_DEGREE, Model, evaluate, facet_rule, facet_vertices
 from erc_contact.solve import Solution
 
@@ -42,6 +43,7 @@ class Admissible:
             shape (owned, d+1, d+1, s).
         moment: Moments of the facet tractions on the first side of each facet [force], shape (facets, d, d).
         force: Total body force of each cell [force], shape (n, d), or None without body force.
+        tightening: Iterations done to tighten sigma^.
         seconds: Wall time, the largest over the ranks [s].
     """
 
@@ -53,14 +55,16 @@ class Admissible:
     stress: np.ndarray
     moment: np.ndarray
     force: np.ndarray | None
+    tightening: int
     seconds: float
 
 
-def equilibrate(solution: Solution) -> Admissible:
+def equilibrate(solution: Solution, tighten: int = ITERATIONS) -> Admissible:
     """Reconstruct an admissible pair from a solution; collective.
 
     Args:
         solution: Any state of the contact solver; the bound does not depend on its quality.
+        tighten: At most so many iterations that tighten sigma^ (they end when one gains little), 0 for none.
 
     Returns:
         The admissible pair.
@@ -82,11 +86,16 @@ def equilibrate(solution: Solution) -> Admissible:
     complete = np.zeros(len(model.fixed), dtype=bool)
     complete[model.nodes[: model.domain.owned_cells]] = True
     moment = equilibrated_moments(cells, stress, force, given, fixed, complete)
-    count = model.domain.owned_cells
+    count, iterations = model.domain.owned_cells, 0
+    if tighten > 0:
+        elastic = np.matmul(macro_moduli(model, count), strains(cells, hat)[:count, None, :, None])[..., 0]
+        compliance = macro_moduli(model, len(cells.nodes), inverse=True)
+        free = cells.has_second[:, None] | fixed
+        moment, iterations = tightened(model, cells, moment, force, free, elastic, compliance, tighten)
     forces = nodal_forces(signed(cells, moment)[:count])
     macro = macro_stress(cells, count, stress, forces, force)
     seconds = model.comm.allreduce(perf_counter() - began, MPI.MAX)
-    return Admissible(solution, hat, tractions, cells, stress, macro, moment, force, seconds)
+    return Admissible(solution, hat, tractions, cells, stress, macro, moment, force, iterations, seconds)
 
 
 def strains(cells: Simplices, u: fem.Function) -> np.ndarray:
@@ -118,6 +127,26 @@ def moduli(model: Model, points: np.ndarray, count: int, *, inverse: bool = Fals
     per_cell = ufl.algorithms.extract_coefficients(matrix)
     number = count if per_cell else min(count, 1)
     return evaluate(matrix, model.domain, points[:1], np.arange(number, dtype=np.int32))
+
+
+def macro_moduli(model: Model, count: int, *, inverse: bool = False) -> np.ndarray:
+    """Elasticity (or compliance) matrices at the points of the sub-simplices, in the order of sorted vertices.
+
+    Args:
+        model: The scene on a mesh.
+        count: The first ``count`` cells are done.
+        inverse: Compliance instead of stiffness.
+
+    Returns:
+        Shape (count, (d+1)^2, s, s), with 1 in place of either number where the material does not vary.
+    """
+    values = moduli(model, macro_points(model.d)[1], count, inverse=inverse)
+    if values.shape[1] == 1:
+        return values
+    n = model.d + 1
+    order = np.argsort(model.nodes[:count], axis=1)
+    place = (order[:, :, None] * n + order[:, None, :]).reshape(count, n * n)
+    return np.take_along_axis(values, place[:, :, None, None], axis=1)
 
 
 def cell_stress(model: Model, cells: Simplices, u: fem.Function) -> np.ndarray:

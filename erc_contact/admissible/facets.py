@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from erc_contact.admissible.geometry import Simplices
+from erc_contact.admissible.geometry import Simplices, signed
 from erc_contact.model import facet_vertices
 
 
@@ -56,13 +56,6 @@ def equilibrated_moments(
     weight = np.where(first >= 0, area ** ((d - 2) / (d - 1)), 0.0)  # |F|/h_F with h_F = |F|^(1/(d-1))
     jump = _patch_jumps(cells, residual, weight, inner, fixed, complete)
     return moment - jump
-
-
-def signed(cells: Simplices, moment: np.ndarray) -> np.ndarray:
-    """Facet moments as each cell sees them, opposite on the two sides, shape (n, d+1, d, d)."""
-    places = np.arange(cells.facets.size).reshape(cells.facets.shape)
-    sign = np.where(cells.side[0][cells.facets] == places, 1.0, -1.0)
-    return sign[:, :, None, None] * moment[cells.facets]
 
 
 def _residual(cells: Simplices, moment: np.ndarray, push: np.ndarray, force: np.ndarray | None) -> np.ndarray:

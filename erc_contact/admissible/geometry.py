@@ -23,8 +23,8 @@ class Simplices:
     Attributes:
         nodes: Nodes (block degrees of freedom) of each cell, ascending, shape (n, d+1).
         facets: Facet opposite to each of these vertices, shape (n, d+1).
-        side: First and second place of each facet as flat index cell * (d+1) + i; equal on the boundary
-            of the rank's cells, -1 for facets of no cell, shape (2, facets).
+        side: First and second place of each facet as flat index cell * (d+1) + i, the cell of smaller global number
+            first; equal on the boundary of the rank's cells, -1 for facets of no cell, shape (2, facets).
         J: Jacobians [length], shape (n, d, d).
         volume: Volumes [length^d], shape (n,).
         area: Outward normals times facet areas [length^(d-1)], shape (n, d+1, d).
@@ -65,6 +65,9 @@ def simplices(model: Model) -> Simplices:
     side = np.full((2, facet_map.size_local + facet_map.num_ghosts), -1)
     side[0, flat[::-1]] = places[::-1]
     side[1, flat] = places
+    cell_map = mesh.topology.index_map(d)
+    number = cell_map.local_to_global(np.arange(len(nodes), dtype=np.int32))[side // (d + 1)]
+    side = np.where(number[0] <= number[1], side, side[::-1])
 
     x = mesh.geometry.x[np.take_along_axis(mesh.geometry.dofmaps[0], order, axis=1), :d]
     edges = x[:, 1:] - x[:, :1]
@@ -106,3 +109,10 @@ def nodal_forces(moment: np.ndarray) -> np.ndarray:
     """Area times nodal traction, ``|F| t_m`` [force], of moments of shape (..., d, c): the inverse of ``moments``."""
     d = moment.shape[-2]
     return d * ((d + 1) * moment - moment.sum(axis=-2, keepdims=True))
+
+
+def signed(cells: Simplices, moment: np.ndarray) -> np.ndarray:
+    """Facet moments as each cell sees them, opposite on the two sides, shape (n, d+1, d, d)."""
+    places = np.arange(cells.facets.size).reshape(cells.facets.shape)
+    sign = np.where(cells.side[0][cells.facets] == places, 1.0, -1.0)
+    return sign[:, :, None, None] * moment[cells.facets]

@@ -20,6 +20,9 @@ import numpy as np
 from erc_contact.admissible.geometry import Simplices
 from erc_contact.model import facet_vertices
 
+CHUNK = 2048
+"""Number of cells that are worked on at once: what stays in the cache."""
+
 
 @cache
 def mandel_basis(d: int) -> np.ndarray:
@@ -117,22 +120,44 @@ def macro_stress(
     Returns:
         sigma^ in Mandel components [force/area], shape (count, d+1, d+1, s).
     """
-    d = cells.d
-    base = stress[:count]
-    defect = forces - np.einsum("nij,nkj->nki", base, cells.area[:count])[:, :, None, :]
-    inverse = cells.inverse[:count]
-    reference = np.matmul(defect.reshape(count, (d + 1) * d, d), inverse.transpose(0, 2, 1))
-    matrix = reference_map(d)
-    s = matrix.shape[2]
-    facet_part = np.ascontiguousarray(matrix[..., :-1, :].reshape((d + 1) ** 2 * s, -1).T)
-    nodal = reference.reshape(count, (d + 1) * d * d) @ facet_part
-    if force is not None:
-        body_part = matrix[..., -1, :].reshape((d + 1) ** 2 * s, -1).T
-        nodal += np.einsum("nij,nj->ni", inverse, force[:count]) @ body_part
-    nodal = nodal.reshape(count, (d + 1) ** 2, s)
+    d, s = cells.d, len(mandel_basis(cells.d))
+    matrix = reference_map(d).reshape((d + 1) ** 2 * s, -1, d)
+    facet_part = np.ascontiguousarray(matrix[:, :-1].reshape(len(matrix), -1).T)
+    sigma = np.empty((count, (d + 1) ** 2, s))
+    for some in (slice(i, min(i + CHUNK, count)) for i in range(0, count, CHUNK)):
+        base = stress[some]
+        defect = forces[some] - np.matmul(cells.area[some], base)[:, :, None, :]
+        inverse = -cells.area[some, 1:] / (d * cells.volume[some, None, None])
+        reference = np.matmul(defect.reshape(len(base), -1, d), inverse.transpose(0, 2, 1))
+        nodal = reference.reshape(len(base), -1) @ facet_part
+        if force is not None:
+            nodal += np.einsum("nij,nj->ni", inverse, force[some]) @ matrix[:, -1].T
+        np.matmul(nodal.reshape(len(base), -1, s), piola(cells, some), out=sigma[some])
+        sigma[some] += mandel(base)[:, None, :]
+    return sigma.reshape(count, d + 1, d + 1, s)
 
-    basis, J = mandel_basis(d), cells.J[:count]
-    jacobian = cells.volume[:count] * _factorial(d)
-    moved = np.matmul(np.matmul(J[:, None], basis), J[:, None].transpose(0, 1, 3, 2)) / jacobian[:, None, None, None]
-    piola = mandel(moved)  # row b holds the image of basis tensor b
-    return (np.matmul(nodal, piola) + mandel(base)[:, None, :]).reshape(count, d + 1, d + 1, s)
+
+def piola(cells: Simplices, some: slice) -> np.ndarray:
+    """Images ``J b J^T / |det J|`` of the basis tensors b in some cells, row by row in Mandel components, (n, s, s)."""
+    d, basis, J = cells.d, mandel_basis(cells.d), cells.J[some]
+    products = (J[:, :, :, None, None] * J[:, None, None]) / (cells.volume[some] * _factorial(d))[
+        :, None, None, None, None
+    ]
+    symmetric = np.einsum("aij,bkl->ikjlba", basis, basis).reshape(d**4, -1)
+    return (products.reshape(-1, d**4) @ symmetric).reshape(-1, len(basis), len(basis))
+
+
+@cache
+def macro_points(d: int) -> tuple[np.ndarray, np.ndarray]:
+    """Quadrature on the sub-simplices, exact for the square of a linear function, with equal weights.
+
+    Point m of a sub-simplex lies near its node m, so that a permutation of vertices permutes the points.
+
+    Returns:
+        Shape functions of a sub-simplex at its points (d+1, d+1); points of the cell ((d+1)^2, d).
+    """
+    near = (d + 2 - sqrt(d + 2)) / ((d + 1) * (d + 2))
+    shape = near + (1 - (d + 1) * near) * np.eye(d + 1)
+    corners = np.repeat(np.eye(d + 1)[None], d + 1, axis=0)
+    corners[np.arange(d + 1), np.arange(d + 1)] = 1 / (d + 1)
+    return shape, np.matmul(shape, corners).reshape(-1, d + 1)[:, 1:]

@@ -1,0 +1,257 @@
+"""Tightening the admissible stress: properties as numbers against a scale, in 2D and 3D.
+
+- every step lowers e, and leaves all elements in equilibrium, tractions opposite, given tractions as they were;
+- a solution of degree two is known exactly: e^2 is the sum of the squared errors to round-off, after any step;
+- the bulk part of e is near the true error of u^, also close to nu = 1/2;
+- corrections of single patches balance forces and moments on every element, whatever the residual;
+- the answer does not depend on the number of ranks.
+"""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+import ufl
+from mpi4py import MPI
+from reference import true_errors
+from scenes import block, greco, prototype_block, random_scene
+
+import erc_contact as ec
+from erc_contact.admissible import Admissible, macro_moduli, nodal_forces, signed, simplices, strains, tensors
+from erc_contact.admissible.energy import Energy
+from erc_contact.admissible.macro import macro_points, mandel
+from erc_contact.admissible.patches import Patches
+from erc_contact.admissible.tighten import ITERATIONS
+from erc_contact.model import Model, facet_vertices
+
+STEPS = (0, 1, 3)
+BALANCE = 1e-10
+
+
+@cache
+def pairs(name: int | str) -> list[Admissible]:
+    """Pairs after some numbers of steps, for a random scene or one with sliding supports and no other."""
+    scene, domain = (greco(), ec.rectangle((0, 0), (40, 40), cells=(6, 6))) if name == "greco" else random_scene(name)
+    solution = ec.solve(scene, domain)
+    return [ec.equilibrate(solution, tighten=steps) for steps in STEPS]
+
+
+scenes = pytest.mark.parametrize("name", ["greco", 0, 1, 2, 3])
+
+
+def worst(pair: Admissible, values: np.ndarray) -> float:
+    return pair.solution.model.comm.allreduce(float(np.abs(values).max(initial=0.0)), MPI.MAX)
+
+
+def imbalance(model: Model, moment: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Resultant forces, and moments about the barycentre over the size, of the tractions of each owned cell."""
+    cells = simplices(model)
+    seen = signed(cells, moment)[: model.domain.owned_cells]
+    x = model.V.tabulate_dof_coordinates()[:, : cells.d][cells.nodes[: len(seen)]]
+    arm = (x - x.mean(axis=1, keepdims=True)) / cells.volume[: len(seen), None, None] ** (1 / cells.d)
+    dyad = sum(np.einsum("nmi,nmj->nij", arm[:, v], seen[:, i]) for i, v in enumerate(facet_vertices(cells.d)))
+    return seen.sum(axis=(1, 2)), dyad - dyad.transpose(0, 2, 1)
+
+
+@scenes
+def test_every_step_lowers_the_error(name):
+    e = [ec.constitutive_error(pair).absolute for pair in pairs(name)]
+    assert [pair.tightening for pair in pairs(name)] == list(STEPS)
+    assert e[2] < e[1] < e[0]
+    assert e[2] < 0.5 * e[0]
+
+
+@scenes
+def test_elements_stay_in_equilibrium(name):
+    for pair in pairs(name):
+        force, moment = imbalance(pair.solution.model, pair.moment)
+        if pair.force is not None:
+            force += pair.force[: len(force)]
+        assert worst(pair, force) < BALANCE * worst(pair, pair.moment)
+        assert worst(pair, moment) < BALANCE * worst(pair, pair.moment)
+
+
+@scenes
+def test_tractions_stay_opposite(name):
+    for pair in pairs(name):
+        cells, d, stress = pair.cells, pair.cells.d, tensors(pair.stress, pair.cells.d)
+        sides = np.stack(
+            [
+                np.einsum("nmij,nj->nmi", stress[:, i, v], cells.area[: len(stress), i])
+                for i, v in enumerate(facet_vertices(d))
+            ],
+            axis=1,
+        ).reshape(-1, d, d)
+        both = cells.has_second & (cells.side < len(sides)).all(axis=0)
+        first, second = cells.side[:, both]
+        assert worst(pair, sides[first] + sides[second]) < BALANCE * worst(pair, sides)
+
+
+@scenes
+def test_given_tractions_stay(name):
+    loose, *tight = pairs(name)
+    model, cells = loose.solution.model, loose.cells
+    free = cells.has_second[:, None] | np.zeros(cells.d, dtype=bool)
+    of_cell = model.mesh.topology.connectivity(cells.d, cells.d - 1).array.reshape(-1, cells.d + 1)
+    for facets, components in model.fixed_facets:
+        free[of_cell[facets[:, 0], facets[:, 1]]] |= components
+    here = np.isin(np.arange(len(free)), cells.facets[: model.domain.owned_cells])
+    for pair in tight:
+        change = pair.moment - loose.moment
+        assert worst(pair, change[here] * ~free[here, None]) < 1e-14 * worst(pair, change)
+        assert worst(pair, change) > 1e-3 * worst(pair, pair.moment)
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2, 3])
+def test_patches_balance_any_residual(seed):
+    """Corrections for random residuals, alone: one wrong sign of a force, couple or bar leaves elements unbalanced."""
+    model = Model(*random_scene(seed))
+    cells, d = simplices(model), model.d
+    energy = Energy(cells, model.domain.owned_cells, macro_moduli(model, len(cells.nodes), inverse=True))
+    free = np.repeat(cells.has_second[:, None], d, axis=1)
+    correction = Patches(model, energy, free)(np.random.default_rng(seed).standard_normal((d, d, len(free))))
+    moment = correction.transpose(2, 1, 0)
+    assert abs(moment).max() > 0
+    for rest in imbalance(model, moment):
+        assert abs(rest).max() < BALANCE * abs(moment).max()
+    assert not np.any(moment[~free])
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("seed", [0, 1])
+def test_preconditioner_and_energy_are_symmetric(seed):
+    model = Model(*random_scene(seed))
+    cells, d = simplices(model), model.d
+    energy = Energy(cells, model.domain.owned_cells, macro_moduli(model, len(cells.nodes), inverse=True))
+    patches = Patches(model, energy, np.repeat(cells.has_second[:, None], d, axis=1))
+    a, b = np.random.default_rng(seed).standard_normal((2, d, d, len(cells.has_second)))
+    for operator in (energy, patches):
+        left, right = np.vdot(a, operator(b)), np.vdot(b, operator(a))
+        assert left == pytest.approx(right, rel=1e-11, abs=1e-11 * np.vdot(a, operator(a)))
+        assert np.vdot(a, operator(a)) > 0
+
+
+def quadratic(d: int, n: int) -> tuple[ec.Scene, ec.Domain, np.ndarray]:
+    """Exact displacement ``u_i = x_last (A x)_i``, zero where x_last is; its loads are constant or linear."""
+    A = 1e-2 * np.random.default_rng(d).uniform(-1, 1, (d, d))
+    lam, G = 0.3 / (1.3 * 0.4), 1 / 2.6
+
+    def stress(x):
+        u = ufl.as_vector([x[d - 1] * sum(float(A[i, j]) * x[j] for j in range(d)) for i in range(d)])
+        eps = ufl.sym(ufl.grad(u))
+        return 2 * G * eps + lam * ufl.tr(eps) * ufl.Identity(d)
+
+    names = {"right": (0, 1), "left": (0, -1), "top": (1, 1), "bottom": (1, -1), "back": (2, 1), "front": (2, -1)}
+    held = "bottom" if d == 2 else "front"
+    loads = [
+        ec.Traction(name, lambda x, i=i, sign=sign: sign * stress(x)[:, i])
+        for name, (i, sign) in names.items()
+        if i < d and name != held
+    ]
+    last = np.eye(d)[d - 1]
+    second = np.einsum("j,ik->ijk", last, A) + np.einsum("k,ij->ijk", last, A)  # derivatives of grad u
+    divergence = G * (np.einsum("ijj->i", second) + np.einsum("jij->i", second)) + lam * np.einsum("jji->i", second)
+    loads.append(ec.BodyForce(tuple(-divergence)))
+    scene = ec.Scene(material=ec.Elastic(1.0, 0.3), supports=[ec.Displacement(held, (0.0,) * d)], loads=loads)
+    make = ec.rectangle if d == 2 else ec.box
+    return scene, make((0.0,) * d, (1.0,) * d, cells=(n,) * d), A
+
+
+@pytest.mark.parametrize(("d", "n"), [(2, 6), (3, 3)])
+def test_error_is_the_sum_of_both_errors(d, n):
+    """Prager and Synge, all data exact: e^2 = |u - u^|^2 + |sigma - sigma^|^2, loose or tight."""
+    scene, domain, A = quadratic(d, n)
+    solution = ec.solve(scene, domain)
+    model = solution.model
+    near, reference = macro_points(d)
+    C, S = macro_moduli(model, 1)[0, 0], macro_moduli(model, 1, inverse=True)[0, 0]
+    for steps in (0, 1, 5):
+        pair = ec.equilibrate(solution, tighten=steps)
+        e = ec.constitutive_error(pair).absolute
+        cells, count = pair.cells, domain.owned_cells
+        corners = model.V.tabulate_dof_coordinates()[:, :d][cells.nodes[:count]]
+        x = corners[:, :1] + np.einsum("qj,nij->nqi", reference, cells.J[:count])
+        gradient = x[..., -1, None, None] * A
+        gradient[..., -1] += np.einsum("ij,nqj->nqi", A, x)
+        exact = mandel(0.5 * (gradient + gradient.swapaxes(-1, -2)))
+        weight = cells.volume[:count, None] / (d + 1) ** 2
+        strain = exact - strains(cells, pair.displacement)[:count, None]
+        stress = exact @ C - np.matmul(near, pair.stress).reshape(exact.shape)
+        both = np.sum(weight * (np.einsum("nqa,ab,nqb->nq", strain, C, strain)))
+        both += np.sum(weight * np.einsum("nqa,ab,nqb->nq", stress, S, stress))
+        both = domain.mesh.comm.allreduce(float(both), MPI.SUM)
+        assert e**2 == pytest.approx(both, rel=1e-9)
+
+
+def pressed_cube() -> ec.Scene:
+    return ec.Scene(
+        material=ec.Elastic(1.0, 0.3),
+        supports=[ec.Displacement("back", (0.02, 0.01, -0.05))],
+        contacts=[ec.Contact("front", friction=0.0)],
+    )
+
+
+def cube(n: int) -> ec.Domain:
+    return ec.box((0.0, 0.0, 0.0), (1.0, 1.0, 1.0), cells=(n, n, n))
+
+
+FRICTIONLESS = replace(prototype_block(), contacts=[ec.Contact("bottom", friction=0.0)])
+CASES = {
+    "friction": (prototype_block(), block, 8, 64, 1.30),
+    "frictionless": (FRICTIONLESS, block, 8, 64, 1.30),
+    "nearly incompressible": (replace(FRICTIONLESS, material=ec.Elastic(1.0, 0.49)), block, 16, 64, 1.50),
+    "cube": (pressed_cube(), cube, 4, 12, 1.60),
+}
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("case", CASES)
+def test_index(case):
+    """Bulk part of e over the true error of u^, and e over both errors, with the default number of steps."""
+    scene, domain, n, fine, limit = CASES[case]
+    pair = ec.equilibrate(ec.solve(scene, domain(n)))
+    error = ec.constitutive_error(pair)
+    true = true_errors(pair, ec.solve(scene, domain(fine)))
+    index, combined = error.bulk / true.displacement, error.absolute / np.hypot(true.displacement, true.stress)
+    print(f"\n{case}: {pair.tightening} steps, bulk/|u-u^| = {index:.3f}, e/both = {combined:.4f}")
+    assert 1.0 <= index <= limit
+    assert 0.99 <= combined <= 1.15
+    assert 1 <= pair.tightening < ITERATIONS
+
+
+@pytest.mark.parametrize("nu", [0.4999, 0.499999])
+def test_digits_near_incompressibility(nu):
+    held = [*FRICTIONLESS.supports, ec.Displacement("bottom", (None, 0.0))]
+    solution = ec.solve(ec.Scene(ec.Elastic(1.0, nu), held), block(4))
+    e = []
+    for steps in (0, 2, 6):
+        pair = ec.equilibrate(solution, tighten=steps)
+        e.append(ec.constitutive_error(pair).absolute)
+        for rest in imbalance(solution.model, pair.moment):
+            assert worst(pair, rest) < BALANCE * worst(pair, pair.moment)
+    assert e[2] < e[1] < 0.5 * e[0]
+
+
+def test_exact_solution_takes_no_step():
+    """Where e is zero to round-off there is nothing to lower, and nothing is lost."""
+    scene = ec.Scene(
+        material=ec.Elastic(1.0, 0.3),
+        supports=[ec.Displacement("bottom", (0.0, 0.0)), ec.Displacement("top", (0.01, 0.0))],
+        loads=[ec.Traction("left", (0.0, -0.01 / 2.6)), ec.Traction("right", (0.0, 0.01 / 2.6))],
+    )
+    pair = ec.equilibrate(ec.solve(scene, ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(4, 4))))
+    assert ec.constitutive_error(pair).relative < 1e-12
+    force = nodal_forces(pair.moment)
+    assert np.isfinite(force).all()
+
+
+@pytest.mark.ranks
+@pytest.mark.parametrize("seed", [2, 3, 0, 1])
+def test_rank_independence(seed):
+    e = []
+    for comm in (MPI.COMM_SELF, MPI.COMM_WORLD):
+        pair = ec.equilibrate(ec.solve(*random_scene(seed, comm)))
+        e.append((pair.tightening, ec.constitutive_error(pair).absolute))
+    assert e[0][0] == e[1][0]
+    assert e[0][1] == pytest.approx(e[1][1], rel=1e-10)
