@@ -224,6 +224,7 @@ def adapt(
     method: Nitsche | None = None,
     strategy: Strategy | None = None,
     stop: str = "converged",
+    tighten: int = 0,
     max_cells: int = 1_000_000,
     max_steps: int = 40,
 ) -> History:
@@ -237,6 +238,7 @@ def adapt(
         strategy: How the next mesh is made; ``Mark()`` by default.
         stop: "converged" ends Newton at round-off; "certified" as soon as the rest is at most a tenth of the error of
             the mesh (:data:`SHARE`): it is part of e, which bounds the error of any state.
+        tighten: Iterations that tighten the admissible stress, as in :func:`equilibrate`.
         max_cells: The run ends before a mesh of more cells is solved.
         max_steps: The run ends after so many meshes.
 
@@ -270,7 +272,7 @@ def adapt(
             if best is None:
                 raise
             return _ended(steps, meshes, accuracy, best, f"Stopped: {failure}")
-        admissible = equilibrate(solution)
+        admissible = equilibrate(solution, tighten=tighten)
         error = constitutive_error(admissible)
         scale = error.scale or 1.0
         steps.append(
