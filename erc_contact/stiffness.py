@@ -223,7 +223,7 @@ class Stiffness:
         ksp.setType("preonly")
         pc = ksp.getPC()
         comm = self.model.comm
-        # the triangle that a Cholesky factor leaves is whole on one rank only: on others MUMPS leaves stray entries beside it
+        # on several ranks MUMPS leaves stray entries beside the triangle of a Cholesky factor
         pc.setType("lu" if schur_on is not None and comm.size > 1 else "cholesky")
         pc.setFactorSolverType("mumps")
         pc.setFactorSetUpSolverType()
