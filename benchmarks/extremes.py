@@ -36,8 +36,9 @@ from dolfinx import fem  # isort: skip - after erc_contact, which loads MPI firs
 from reference import true_errors  # isort: skip
 from erc_contact.admissible import cell_stress, simplices  # isort: skip
 from erc_contact.admissible.contact import split  # isort: skip
-from erc_contact.methods import CONTACT_DEGREE  # isort: skip
-from erc_contact.model import evaluate, facet_rule  # isort: skip
+from erc_contact.methods import contact_degree  # isort: skip
+from erc_contact.model import evaluate  # isort: skip
+from erc_contact.simplex import lagrange, rule  # isort: skip
 
 METHODS = (ec.Nitsche(), ec.AugmentedLagrangian())
 SAME = 1e-6
@@ -80,7 +81,8 @@ HEADER = (
 def violations(solution: ec.Solution) -> tuple[float, float, float, float]:
     """Penetration, distance from the cone, complementarity and power of friction; see above (serial)."""
     model, u = solution.model, solution.u
-    points, weights, shape = facet_rule(model.d, CONTACT_DEGREE)
+    points, weights = rule(model.d - 1, contact_degree(model))
+    shape = lagrange(model.d - 1, model.degree, points)
     values = u.x.array.reshape(-1, model.d)
     size = np.linalg.norm(values, axis=1).max() or 1.0
     tractions = [evaluate(solution.traction(c), model.domain, points, c.facets) for c in model.contacts]
@@ -95,7 +97,8 @@ def violations(solution: ec.Solution) -> tuple[float, float, float, float]:
         area = model.facet_areas(contact.facets)
         (r_n, r_t, shear), (w_n, w_t, slip) = split(r, n), split(w, n)
         beyond = w_n - gap
-        bound = model.friction_bound(contact, np.maximum(-r_n, 0.0) * peak, points) / peak
+        parameters = model.friction_parameters(contact, points)
+        bound = model.friction_bound(contact, np.maximum(-r_n, 0.0) * peak, parameters) / peak
         penetration = max(penetration, beyond.max())
         cone = max(cone, r_n.max(), (shear - bound).max())
         complementarity += area @ (abs(r_n * beyond) @ weights) / work

@@ -223,6 +223,7 @@ def adapt(
     *,
     method: Nitsche | None = None,
     strategy: Strategy | None = None,
+    degree: int = 1,
     stop: str = "converged",
     tighten: int = 0,
     max_cells: int = 1_000_000,
@@ -236,6 +237,7 @@ def adapt(
         accuracy: Prescribed relative error eps (17), > 0, e.g. 0.02.
         method: Contact method; ``Nitsche()`` by default.
         strategy: How the next mesh is made; ``Mark()`` by default.
+        degree: Degree of the displacement, 1 or 2.
         stop: "converged" ends Newton at round-off; "certified" as soon as the rest is at most a tenth of the error of
             the mesh (:data:`SHARE`): it is part of e, which bounds the error of any state.
         tighten: Iterations that tighten the admissible stress, as in :func:`equilibrate`.
@@ -267,7 +269,7 @@ def adapt(
     while True:
         try:
             allowed = SHARE * error.absolute / 2 if stop == "certified" and error is not None else None
-            solution = solve(scene, domain, method, start=solution, accuracy=allowed)
+            solution = solve(scene, domain, method, degree=degree, start=solution, accuracy=allowed)
         except NotConverged as failure:
             if best is None:
                 raise
@@ -279,7 +281,7 @@ def adapt(
             Step(
                 cells=domain.cells,
                 vertices=domain.vertices,
-                dofs=domain.vertices * domain.dim,
+                dofs=solution.model.V.dofmap.index_map.size_global * domain.dim,
                 newton=solution.newton_steps,
                 eps=error.relative,
                 bulk=error.bulk / scale,

@@ -10,12 +10,17 @@ the method's equations, or ``e(z) = 0`` where these are those of a multiplier; i
 ``e'(z) Z``. Newton's method for it is Newton's method for the whole body: away from the contact the equations are
 linear and hold at every step.
 
+Of degree 2, the equations of a multiplier see Bernstein coefficients of u and lambda instead of nodal values: with
+``c_e = 2 u_e - (u_a + u_b)/2`` for the edge e between a and b, the force on c_e is half of that on u_e, and a quarter
+of it goes to each end. Their affine functions of u_A take that in.
+
 The dense matrices live on rank 0; all ranks assemble their facets when it asks them to.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -25,7 +30,8 @@ from petsc4py import PETSc
 
 from erc_contact.exceptions import raise_together
 from erc_contact.methods import Method
-from erc_contact.model import Model, facet_rule
+from erc_contact.model import Model
+from erc_contact.simplex import edges, rule
 from erc_contact.stiffness import Stiffness
 
 
@@ -41,7 +47,7 @@ class Condensed:
         w: Its glued displacement under the loads [length].
 
     Attributes:
-        u: Displacement, right at the cells of the contact [length].
+        u: Displacement, right at the cells of the contact; its coefficients for a method with multiplier [length].
         multipliers: Multiplier of each contact [force/area], or () for a method without.
         tested: Number of unknowns u_A.
         schur: S_A, the glued stiffness condensed on A, on rank 0 [force/length], shape (A, A).
@@ -57,9 +63,12 @@ class Condensed:
         self.tested = len(stiffness.numbers) if method.in_layer else stiffness.contact
         self.u = fem.Function(model.V)
         self.u.x.array[:] = w.x.array
+        if method.multiplier:
+            model.to_coefficients(self.u.x.array.reshape(-1, model.d), model.contacts)
         self.multipliers = tuple(fem.Function(model.V) for _ in model.contacts) if method.multiplier else ()
         self._compile()
-        self.w = stiffness.gather(w)
+        self.w, known = stiffness.gather(w), stiffness.gather(self.u)
+        self.edges = _edges(model, stiffness, self.tested) if method.multiplier else None
         self.length = max(model.comm.allgather(float(abs(w.x.array).max(initial=0.0)))) or 1.0
         if stiffness.schur is not None:
             a = self.tested
@@ -67,7 +76,9 @@ class Condensed:
             self.matrix = self.schur - np.diag(stiffness.glued_by[:a])
             self.loads = self.schur @ self.w[:a]
             self.force = float((abs(self.matrix) @ abs(self.w[:a])).max()) or 1.0
-            self.affine = np.hstack([lift, (self.w - lift @ self.w[:a])[:, None]])
+            if self.edges:
+                lift = self.edges.coefficients(lift)
+            self.affine = np.hstack([lift, (known - lift @ self.w[:a])[:, None]])
         toward = fem.Function(model.V)
         for contact in model.contacts:
             toward.x.array.reshape(-1, model.d)[model.facet_nodes(contact.facets)] = contact.direction[:, None, :]
@@ -169,7 +180,7 @@ class Condensed:
         self.residual_vector = fem.Function(model.V)
         self.tangent_forms = [fem.form(ufl.derivative(residual, f, du)) for f in (self.u, *self.multipliers)]
         self.tangents = [fem.create_matrix(form) for form in self.tangent_forms]
-        points = facet_rule(model.d, 2)[0]
+        points, _ = rule(model.d - 1, 2 * model.degree)
         self.state_expressions = []
         for contact, field in zip(model.contacts, fields, strict=True):
             status = contact.status(method.projected(model, contact, self.u, field))
@@ -179,26 +190,28 @@ class Condensed:
     def _add_multipliers(self, columns: list[np.ndarray]) -> None:
         """Add the multipliers to z: from the reactions of the nodes, or the mean of neighbours where redundant."""
         model, d = self.model, self.model.d
-        index_map = model.V.dofmap.index_map
         reaction = np.hstack([self.matrix, -self.loads[:, None]]) if self.stiffness.schur is not None else None
+        if reaction is not None and self.edges:
+            reaction = self.edges.forces(reaction)
         gathered = []
         for contact in model.contacts:
             own = contact.facets[:, 0] < model.domain.owned_cells
             nodes = model.facet_nodes(contact.facets[own])
-            numbers = index_map.local_to_global(nodes.ravel().astype(np.int32)).reshape(nodes.shape)
-            shares = np.repeat(model.facet_areas(contact.facets[own])[:, None] / d, d, axis=1)
+            numbers = global_numbers(model, nodes)
+            m = nodes.shape[1]
+            shares = np.repeat(model.facet_areas(contact.facets[own])[:, None] / m, m, axis=1)
             parts = model.comm.allgather((numbers, shares))
             every, place = np.unique(np.concatenate([p[0].ravel() for p in parts]), return_inverse=True)
             area = np.bincount(place, np.concatenate([p[1].ravel() for p in parts]))
-            gathered.append((every, place.reshape(-1, d), area))
+            gathered.append((every, place.reshape(-1, m), area))
             visible = np.unique(model.facet_nodes(contact.facets))
-            found = np.searchsorted(every, index_map.local_to_global(visible.astype(np.int32)))
+            found = np.searchsorted(every, global_numbers(model, visible))
             column = np.full((len(model.fixed), d), -1)
             column[visible] = self.size + found[:, None] * d + np.arange(d)
             columns.append(column.ravel())
             self.size += len(every) * d
         if reaction is not None:
-            places = _Places(self.stiffness.numbers[: self.tested], d)
+            places = Places(self.stiffness.numbers[: self.tested], d)
             self.affine = np.vstack([self.affine, *_multipliers(gathered, places, reaction)])
 
     def _connect(self, columns: list[np.ndarray]) -> None:
@@ -228,7 +241,7 @@ class Condensed:
             self.product.setUp()
 
 
-class _Places:
+class Places:
     """Places in A of global degrees of freedom."""
 
     def __init__(self, numbers: np.ndarray, d: int) -> None:
@@ -242,8 +255,59 @@ class _Places:
         return np.where(self.sorted[at] == dofs, self.order[at], -1)
 
 
+@dataclass(frozen=True, eq=False)
+class Edges:
+    """Degrees of freedom of A at edges of the contact, for Bernstein coefficients of degree 2 from nodal values.
+
+    Attributes:
+        edge: Places in A.
+        of_end, end: Pairs of a place at an edge and one at an end of it.
+    """
+
+    edge: np.ndarray
+    of_end: np.ndarray
+    end: np.ndarray
+
+    def coefficients(self, u: np.ndarray) -> np.ndarray:
+        """Bernstein coefficients from nodal values of displacements, shape (L, ...)."""
+        result = u.copy()
+        result[self.edge] *= 2.0
+        np.subtract.at(result, self.of_end, 0.5 * u[self.end])
+        return result
+
+    def forces(self, force: np.ndarray) -> np.ndarray:
+        """Forces on the coefficients from forces at the nodes, shape (A, ...)."""
+        result = force.copy()
+        result[self.edge] *= 0.5
+        np.add.at(result, self.end, 0.25 * force[self.of_end])
+        return result
+
+
+def _edges(model: Model, stiffness: Stiffness, count: int) -> Edges | None:
+    """The edges of all contacts in the first ``count`` of L; None for degree 1; collective."""
+    d = model.d
+    if model.degree == 1:
+        return None
+    nodes = np.concatenate(
+        [model.facet_nodes(c.facets[c.facets[:, 0] < model.domain.owned_cells]) for c in model.contacts]
+    )
+    ends = nodes[:, edges(d - 1)]
+    triples = np.concatenate([nodes[:, d:, None], ends], axis=2).reshape(-1, 3)
+    triples = np.unique(np.concatenate(model.comm.allgather(global_numbers(model, triples))), axis=0)
+    places = Places(stiffness.numbers[:count], d)
+    edge, first, second = (places.of(column) for column in triples.T)
+    of_end, end = np.concatenate([edge, edge]), np.concatenate([first, second])
+    both = (of_end >= 0) & (end >= 0)
+    return Edges(edge[edge >= 0], of_end[both], end[both])
+
+
+def global_numbers(model: Model, nodes: np.ndarray) -> np.ndarray:
+    """Global numbers of nodes of this rank."""
+    return model.V.dofmap.index_map.local_to_global(nodes.ravel().astype(np.int32)).reshape(nodes.shape)
+
+
 def _multipliers(
-    contacts: list[tuple[np.ndarray, np.ndarray, np.ndarray]], places: _Places, reaction: np.ndarray
+    contacts: list[tuple[np.ndarray, np.ndarray, np.ndarray]], places: Places, reaction: np.ndarray
 ) -> list[np.ndarray]:
     """The multipliers of all contacts as affine functions of u_A, from the last contact to the first.
 
@@ -252,7 +316,7 @@ def _multipliers(
     neighbours in the contact.
 
     Args:
-        contacts: For each contact its nodes (n,), its facets as places in them (f, d), and the areas of nodes (n,).
+        contacts: For each contact its nodes (n,), its facets as places in them (f, m), and the areas of nodes (n,).
         places: Where the components of nodes are in A.
         reaction: Reactions at A as affine functions of u_A, shape (A, A+1).
 
@@ -272,8 +336,8 @@ def _multipliers(
             rows[here] -= active[here][:, :, None] * (of_others[there, None, None] * known[there])
         rows[active] /= np.broadcast_to(area[:, None], active.shape)[active][:, None]
 
-        d = facets.shape[1]
-        i, j = (facets[:, p].ravel() for p in zip(*[(p, q) for p in range(d) for q in range(d) if p != q], strict=True))
+        m = range(facets.shape[1])
+        i, j = (facets[:, p].ravel() for p in zip(*[(p, q) for p in m for q in m if p != q], strict=True))
         edges = np.unique(np.column_stack([i, j]), axis=0)
         edge, component = np.nonzero(~active[edges[:, 0]] & active[edges[:, 1]])
         target = edges[edge, 0], component

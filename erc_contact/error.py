@@ -21,16 +21,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from time import perf_counter
+from typing import Any
 
-import basix
 import numpy as np
 from mpi4py import MPI
 
-from erc_contact.admissible import Admissible, macro_moduli, moduli, strains
+from erc_contact.admissible import Admissible, act, elastic_stress, macro_moduli, moduli
 from erc_contact.admissible.contact import ContactTraction, split
+from erc_contact.admissible.geometry import evaluate_sorted
 from erc_contact.admissible.macro import macro_points
 from erc_contact.exceptions import InputError
-from erc_contact.model import Model, evaluate, facet_rule
+from erc_contact.model import Model, evaluate
+from erc_contact.simplex import bernstein, coefficients, lagrange, mass, rule
 
 ROUND_OFF = 100.0
 """Multiple of the round-off of C eps(u^) below which nothing counts as loaded [-]."""
@@ -121,19 +123,14 @@ def constitutive_error(admissible: Admissible) -> ConstitutiveError:
 def _bulk(admissible: Admissible) -> tuple[np.ndarray, float]:
     """``|sigma^ - C eps(u^)|^2`` of each owned cell, and ``|sigma^ + C eps(u^)|^2`` of the rank."""
     model, cells = admissible.solution.model, admissible.cells
-    d, owned = model.d, model.domain.owned_cells
-    shape, _ = macro_points(d)
-    stiffness, compliance = macro_moduli(model, owned), macro_moduli(model, owned, inverse=True)
-
-    sigma = np.matmul(shape, admissible.stress).reshape(owned, (d + 1) ** 2, d * (d + 1) // 2)
-    elastic = np.matmul(stiffness, strains(cells, admissible.displacement)[:owned, None, :, None])[..., 0]
+    owned = model.domain.owned_cells
+    shape, _, weights = macro_points(model.d, model.degree)
+    compliance = macro_moduli(model, cells, owned, inverse=True)
+    sigma = np.matmul(shape, admissible.stress).reshape(owned, len(weights), -1)
+    elastic = elastic_stress(model, cells, admissible.displacement, owned)
 
     def energy(tau: np.ndarray) -> np.ndarray:
-        if compliance.shape[:2] == (1, 1):
-            dual = tau @ compliance[0, 0].T
-        else:
-            dual = np.matmul(compliance, tau[..., None])[..., 0]
-        return cells.volume[:owned] * np.einsum("nqa,nqa->n", dual, tau) / (d + 1) ** 2
+        return cells.volume[:owned] * np.einsum("nqa,nqa,q->n", act(compliance, tau), tau, weights)
 
     return energy(sigma - elastic), float(energy(sigma + elastic).sum())
 
@@ -146,7 +143,7 @@ def _round_off(admissible: Admissible) -> tuple[float, bool]:
     model, cells = admissible.solution.model, admissible.cells
     comm, owned = model.comm, model.domain.owned_cells
     size = comm.allreduce(float(abs(admissible.displacement.x.array).max(initial=0.0)), MPI.MAX)
-    stiffness = moduli(model, np.full((1, model.d), 1 / (model.d + 1)), owned)[:, 0].max(axis=(1, 2))
+    stiffness = moduli(model, cells, np.full((1, model.d), 1 / (model.d + 1)), owned)[:, 0].max(axis=(1, 2))
     volume = cells.volume[:owned]
     local = np.sum(stiffness * volume ** (1 - 2 / model.d))
     floor = float((ROUND_OFF * np.finfo(float).eps * size) ** 2 * comm.allreduce(float(local), MPI.SUM))
@@ -157,14 +154,16 @@ def contact_parts(admissible: Admissible, traction: ContactTraction) -> np.ndarr
     """Twice the integral of the contact term over each facet of an owned cell; ghosts get 0."""
     model, contact = admissible.solution.model, traction.contact
     d, n = model.d, contact.direction[:, None, :]
-    points, weights, shape = facet_rule(d, CONTACT_DEGREE)
-    r = np.einsum("qm,fmi->fqi", shape, traction.values)
-    w = np.einsum("qm,fmi->fqi", shape, admissible.displacement.x.array.reshape(-1, d)[traction.nodes])
+    points, weights = rule(d - 1, CONTACT_DEGREE)
+    r = np.matmul(bernstein(d - 1, model.degree, points), traction.values)
+    nodal = admissible.displacement.x.array.reshape(-1, d)[traction.nodes]
+    w = np.matmul(lagrange(d - 1, model.degree, points), nodal)
     (r_n, r_t, _), (w_n, w_t, slip) = split(r, n), split(w, n)
-    gap = 0.0 if contact.gap is None else evaluate(contact.gap, model.domain, points, contact.facets)
+    gap: Any = 0.0 if contact.gap is None else evaluate(contact.gap, model.domain, points, contact.facets)
     density = np.zeros(r_n.shape) if contact.bilateral else r_n * (w_n - gap)
     if contact.law is not None:
-        density += model.friction_bound(contact, np.maximum(-r_n, 0.0), points) * slip + (r_t * w_t).sum(axis=-1)
+        parameters = model.friction_parameters(contact, points)
+        density += model.friction_bound(contact, np.maximum(-r_n, 0.0), parameters) * slip + (r_t * w_t).sum(axis=-1)
     # a difference of two works that agree to round-off is no error; without this, e would end at 1e-8 of the norm
     resolution = 16 * np.finfo(float).eps * np.linalg.norm(r, axis=-1) * (np.linalg.norm(w, axis=-1) + abs(gap))
     density = np.where(abs(density) <= resolution, 0.0, density)
@@ -182,20 +181,21 @@ def _oscillation(admissible: Admissible) -> float:
     total = 0.0
     varies = any(callable(b.value) or any(map(callable, b.value)) for b in scene.body_forces)
     if admissible.force is not None and varies:
-        points, weights = basix.make_quadrature(model.mesh.basix_cell(), OSCILLATION_DEGREE)
+        points, weights = rule(d, OSCILLATION_DEGREE)
         of, volume = np.arange(owned, dtype=np.int32), cells.volume[:owned]
-        mean = admissible.force[:owned] / volume[:, None]
-        rest = evaluate(model.body_force, model.domain, points, of) - mean[:, None]
-        square = volume * np.einsum("nqi,nqi,q->n", rest, rest, weights / weights.sum())
+        projected = np.matmul(bernstein(d, model.degree - 1, points), admissible.force[:owned] / volume[:, None, None])
+        rest = evaluate_sorted(model.body_force, model, cells, points, owned) - projected
+        square = volume * np.einsum("nqi,nqi,q->n", rest, rest, weights)
         total += float(np.sum(volume ** (2 / d) / np.pi**2 * square / _modulus(model, of)))
-    points, weights, shape = facet_rule(d, OSCILLATION_DEGREE)
-    project = np.linalg.solve(shape.T @ (weights[:, None] * shape), shape.T * weights)
+    points, weights = rule(d - 1, OSCILLATION_DEGREE)
+    shape = bernstein(d - 1, model.degree, points)
+    project = np.linalg.solve(mass(d - 1, model.degree, model.degree), shape.T * weights)
 
     def rest_on(
-        facets: np.ndarray, values: np.ndarray, of_nodes: np.ndarray
+        facets: np.ndarray, values: np.ndarray, of_coefficients: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         area = model.facet_areas(facets)
-        difference = values - np.einsum("qm,fmi->fqi", shape, of_nodes)
+        difference = values - np.matmul(shape, of_coefficients)
         square = (difference**2).sum(axis=2)
         return area * (square @ weights), area ** (1 / (d - 1)), _modulus(model, facets[:, 0])
 
@@ -212,7 +212,8 @@ def _oscillation(admissible: Admissible) -> float:
                 facets = _owned(model, support.facets)
                 values = evaluate(component(model.x), model.domain, points, facets)
                 nodal = model.prescribed.x.array.reshape(-1, d)[model.facet_nodes(facets), i]
-                rest, size, modulus = rest_on(facets, values[..., None], nodal[..., None])
+                given = nodal @ coefficients(d - 1, model.degree).T
+                rest, size, modulus = rest_on(facets, values[..., None], given[..., None])
                 total += float(np.sum(rest * modulus / size))
     return total
 

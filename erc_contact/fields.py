@@ -78,7 +78,7 @@ def write_fields(error: ConstitutiveError, folder: str | Path) -> None:
     admissible, model = error.admissible, error.admissible.solution.model
     body = gathered(model.comm, **body_mesh(model.domain), u=nodal_displacement(admissible))
     stress = mean_stress(admissible)
-    fe = _spatial(model, admissible.fe_stress[: model.domain.owned_cells])
+    fe = _spatial(model, admissible.fe_stress[: model.domain.owned_cells].mean(axis=1))
     tensor = {"stress": stress.reshape(-1, 9), "stress_fe": fe.reshape(-1, 9)}
     cells = gathered(model.comm, **tensor, von_mises=von_mises(stress), eps_E=error.cells)
     contacts = [(t.contact.name, *whole_contact(admissible, t)) for t in admissible.tractions]
@@ -164,16 +164,17 @@ def nodal_displacement(admissible: Admissible) -> np.ndarray:
     model = admissible.solution.model
     geometry = model.mesh.geometry
     values, u = admissible.displacement.x.array.reshape(-1, model.d), np.zeros_like(geometry.x)
-    u[geometry.dofmaps[0].ravel(), : model.d] = values[model.nodes.ravel()]
+    u[geometry.dofmaps[0].ravel(), : model.d] = values[model.vertices.ravel()]
     return u[: geometry.index_map().size_local]
 
 
 def whole_contact(admissible: Admissible, traction: ContactTraction) -> tuple[ContactTraction, np.ndarray]:
-    """The traction of all ranks, its nodes counted facet by facet, and their places (n, d, 3); only on rank 0."""
+    """The traction of all ranks at the vertices, counted facet by facet, and their places (n, d, 3); only on rank 0."""
     model, contact = admissible.solution.model, traction.contact
     own = contact.facets[:, 0] < model.domain.owned_cells
-    x = model.V.tabulate_dof_coordinates()[traction.nodes[own]]
-    parts = {"area": traction.area[own], "values": traction.values[own], "bound": traction.bound[own]}
+    d = model.d
+    x = model.V.tabulate_dof_coordinates()[traction.nodes[own, :d]]
+    parts = {"area": traction.area[own], "values": traction.values[own, :d], "bound": traction.bound[own, :d]}
     parts |= {"x": x, "direction": contact.direction[own]}
     parts = gathered(model.comm, **parts) or parts
     x, contact = parts.pop("x"), replace(contact, direction=parts.pop("direction"))

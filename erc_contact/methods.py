@@ -11,19 +11,27 @@ foundation, g gap, r contact traction on the body, P the projection of the law, 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import isfinite
+from math import factorial, isfinite
 from typing import Any, ClassVar, Protocol
 
+import numpy as np
 import ufl
 from dolfinx import fem
 
 from erc_contact.exceptions import InputError
 from erc_contact.model import BoundContact, Model
 
-CONTACT_DEGREE = 4
-"""Quadrature degree on contact facets: the traction has kinks, a polynomial rule is never exact there."""
-NODAL = {"quadrature_rule": "vertex", "quadrature_degree": 1}
-"""Quadrature at the nodes of a facet: it decouples the nodes."""
+
+def contact_degree(model: Model) -> int:
+    """Quadrature degree on contact facets: the traction has kinks, a polynomial rule is never exact there."""
+    return 2 * model.degree + 2
+
+
+def nodal(model: Model) -> dict[str, Any]:
+    """Quadrature at the nodes of a facet with equal weights: it decouples the nodes."""
+    points = model.facet_points
+    weights = np.full(len(points), 1 / (len(points) * factorial(model.d - 1)))
+    return {"quadrature_rule": "custom", "quadrature_points": points, "quadrature_weights": weights}
 
 
 class Method(Protocol):
@@ -54,12 +62,12 @@ class Method(Protocol):
 def stiffness_per_area(model: Model, gamma: Any) -> Any:
     """``gamma = gamma_0 E k^2/h`` [force/volume], UFL on a facet."""
     modulus = model.scene.material.modulus(**model.parameters)
-    return gamma * modulus * ufl.FacetArea(model.mesh) / (model.d * ufl.CellVolume(model.mesh))
+    return gamma * model.degree**2 * modulus * ufl.FacetArea(model.mesh) / (model.d * ufl.CellVolume(model.mesh))
 
 
-def _beyond(contact: BoundContact, u: Any) -> Any:
+def _beyond(contact: BoundContact, u: Any, gap: Any) -> Any:
     """``u - g n``: the displacement beyond first touch [length]."""
-    return u if contact.gap is None else u - contact.gap * contact.normal
+    return u if gap is None else u - gap * contact.normal
 
 
 def _check_gamma(method: str, gamma: float) -> None:
@@ -107,7 +115,7 @@ class Nitsche:
             v: Test function.
             multiplier: Not used.
         """
-        ds = contact.ds(metadata={"quadrature_degree": CONTACT_DEGREE})
+        ds = contact.ds(metadata={"quadrature_degree": contact_degree(model)})
         r = self.traction(model, contact, u)
         residual = -ufl.inner(r, v) * ds
         if self.theta:
@@ -118,7 +126,9 @@ class Nitsche:
 
     def traction(self, model: Model, contact: BoundContact, u: Any, multiplier: Any = None) -> Any:
         """The contact traction ``r(u) = P(sigma(u)n - gamma (u - g n))`` [force/area], UFL, shape (d,)."""
-        return contact.project(ufl.dot(model.stress(u), model.n) - self._gamma(model) * _beyond(contact, u))
+        return contact.project(
+            ufl.dot(model.stress(u), model.n) - self._gamma(model) * _beyond(contact, u, contact.gap)
+        )
 
     projected = traction
 
@@ -130,9 +140,12 @@ class Nitsche:
 class AugmentedLagrangian:
     """Augmented Lagrangian: a multiplier at the nodes of the contact, and the projection of Alart and Curnier.
 
-    The multiplier lives in the trace of the displacement's space on the contact facets: the space that linear elements
-    on a submesh of these facets give, without a second mesh. Quadrature at the nodes decouples them: at its solution
-    no node penetrates, and each nodal traction is in the cone. A component that a support fixes at a contact node, and
+    The multiplier lives in the trace of the displacement's space on the contact facets: the space that elements on a
+    submesh of these facets give, without a second mesh. Its equations hold at each node, between the Bernstein
+    coefficients of u, g and lambda (for degree 1 their nodal values); lambda there is the force on the coefficient of
+    u over its share of the area. So at the solution u does not penetrate at any point, friction holds for the force
+    on every Bernstein polynomial, and no weight of a node is zero or negative, as nodal quadrature of degree 2 has it
+    on triangles. A component that a support fixes at a contact node, and
     a node that an earlier contact has already, take the multiplier from their neighbours: their own would be
     redundant.
 
@@ -159,17 +172,19 @@ class AugmentedLagrangian:
         Args:
             model: The scene on a mesh.
             contact: One of its contacts.
-            u: Displacement [length].
+            u: Function whose nodal values are the Bernstein coefficients of the displacement [length].
             v: Test function q of the multiplier.
-            multiplier: lambda [force/area].
+            multiplier: The same for lambda [force/area].
         """
-        return ufl.inner(multiplier - self.projected(model, contact, u, multiplier), v) * contact.ds(metadata=NODAL)
+        return ufl.inner(multiplier - self.projected(model, contact, u, multiplier), v) * contact.ds(
+            metadata=nodal(model)
+        )
 
     def traction(self, model: Model, contact: BoundContact, u: Any, multiplier: Any = None) -> Any:
         """The contact traction, the multiplier [force/area], UFL, shape (d,)."""
         return multiplier
 
     def projected(self, model: Model, contact: BoundContact, u: Any, multiplier: Any = None) -> Any:
-        """``P(lambda - gamma (u - g n))`` [force/area], UFL, shape (d,)."""
+        """``P(lambda - gamma (u - g n))`` [force/area] at the nodes, UFL, shape (d,)."""
         gamma = stiffness_per_area(model, fem.Constant(model.mesh, float(self.gamma)))
-        return contact.project(multiplier - gamma * _beyond(contact, u))
+        return contact.project(multiplier - gamma * _beyond(contact, u, model.gap_coefficients(contact)))

@@ -3,7 +3,7 @@
 Everything that one may sweep (moduli, friction, loads, parameters of the method) is a ``fem.Constant``: no
 form is compiled anew because a number changed.
 
-Symbols: d dimension, V continuous vector P1, x position [length].
+Symbols: d dimension, k degree, V continuous vector P_k, m nodes of a facet, x position [length].
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-import basix
 import numpy as np
 import ufl
 from dolfinx import fem
@@ -24,39 +23,14 @@ from erc_contact.exceptions import InputError, NotHeldError, raise_together
 from erc_contact.law import Coulomb, Law, Tresca, project
 from erc_contact.material import strain
 from erc_contact.scene import Contact, Scene, Traction
+from erc_contact.simplex import at_nodes, coefficients, facet_vertices, node_between, node_vertices, nodes, rule
 
 FLAT = 1e-8
 """Largest deviation of the facet normals of a contact that counts as flat [-]."""
 
 
-def facet_vertices(d: int) -> np.ndarray:
-    """Local vertices of each local facet of a simplex (facet i is opposite to vertex i), shape (d+1, d)."""
-    return np.array([[j for j in range(d + 1) if j != i] for i in range(d + 1)])
-
-
 DATA_DEGREE = 4
 """Quadrature degree for moduli and loads that vary in space, the same in the solver and in what reads its stress."""
-
-
-def barycentric(points: np.ndarray) -> np.ndarray:
-    """Linear shape functions of a reference simplex at points, shape (q, k) -> (q, k+1)."""
-    return np.column_stack([1 - points.sum(axis=1), points])
-
-
-def facet_cell(d: int) -> basix.CellType:
-    """The reference facet of a simplex of dimension d."""
-    return basix.CellType.interval if d == 2 else basix.CellType.triangle
-
-
-def facet_rule(d: int, degree: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Quadrature on a facet: points (q, d-1), weights that sum to 1 (q,), shape functions at the points (q, d)."""
-    points, weights = basix.make_quadrature(facet_cell(d), degree)
-    return points, weights / weights.sum(), barycentric(points)
-
-
-def facet_corners(d: int) -> np.ndarray:
-    """Vertices of the reference facet, shape (d, d-1)."""
-    return np.vstack([np.zeros(d - 1), np.eye(d - 1)])
 
 
 def evaluate(expression: Any, domain: Domain, points: np.ndarray, entities: np.ndarray) -> np.ndarray:
@@ -158,10 +132,12 @@ class Model:
     Args:
         scene: What the user declared.
         domain: The mesh with names.
+        degree: Degree k of the displacement, 1 or 2.
 
     Attributes:
-        V: Continuous vector P1 space.
-        nodes: Block degrees of freedom (= vertices) of each cell, ghosts included, shape (cells, d+1).
+        V: Continuous vector P_k space.
+        nodes: Block degrees of freedom of each cell, vertices first, ghosts included, shape (cells, N).
+        vertices: Those of the vertices, shape (cells, d+1).
         fixed: Which components are prescribed at each node, shape (nodes, d).
         prescribed: Prescribed displacement, a Function of V, zero elsewhere [length].
         bcs: The same as Dirichlet conditions.
@@ -170,20 +146,23 @@ class Model:
         free_motions: Rigid motions that no support holds, a list of Functions of V (orthonormal combinations).
 
     Raises:
-        InputError: If a name is unknown, a value is out of range, supports contradict each other at a
-            node, or a support violates the gap.
+        InputError: If a name is unknown, a value or the degree is out of range, supports contradict each other at
+            a node, or a support violates the gap.
         NotHeldError: If neither supports nor contacts hold a rigid motion.
     """
 
-    def __init__(self, scene: Scene, domain: Domain) -> None:
-        self.scene, self.domain = scene, domain
+    def __init__(self, scene: Scene, domain: Domain, degree: int = 1) -> None:
+        if degree not in (1, 2):
+            raise InputError(f"degree is {degree!r}; allowed are 1 and 2.")
+        self.scene, self.domain, self.degree = scene, domain, degree
         self.mesh, self.d = domain.mesh, domain.dim
         self.comm = self.mesh.comm
         self.x = ufl.SpatialCoordinate(self.mesh)
         self.n = ufl.FacetNormal(self.mesh)
         self._check_dimension()
-        self.V = fem.functionspace(self.mesh, ("Lagrange", 1, (self.d,)))
+        self.V = fem.functionspace(self.mesh, ("Lagrange", degree, (self.d,)))
         self.nodes = self.V.dofmap.list
+        self.vertices = self.nodes[:, : self.d + 1]
         self.local_facets = facet_vertices(self.d)
         self.ds = ufl.Measure("ds", domain=self.mesh, subdomain_data=domain.facet_tags)
         self.dx = ufl.Measure("dx", domain=self.mesh)
@@ -224,7 +203,7 @@ class Model:
         )[1]
 
     def facet_nodes(self, facets: np.ndarray) -> np.ndarray:
-        """Nodes of facets given as (cell, local facet), in the order of a facet's reference vertices, shape (n, d).
+        """Nodes of facets given as (cell, local facet), in the order of a facet's reference nodes, shape (n, m).
 
         DOLFINx turns the reference facet by the global numbers of its vertices; where the reference vertices of
         each facet come to lie tells the order, so that nodal values and :func:`evaluate` agree.
@@ -232,10 +211,16 @@ class Model:
         vertices = self.local_facets[facets[:, 1]]
         local = np.take_along_axis(self.mesh.geometry.dofmaps[0][facets[:, 0]], vertices, axis=1)
         known = self.mesh.geometry.x[local][:, None, :, : self.d]
-        found = evaluate(self.x, self.domain, facet_corners(self.d), facets)[:, :, None, :]
+        found = evaluate(self.x, self.domain, nodes(self.d - 1, 1), facets)[:, :, None, :]
         order = np.linalg.norm(found - known, axis=-1).argmin(axis=2)
-        nodes = np.take_along_axis(self.nodes[facets[:, 0]], vertices, axis=1)
-        return np.take_along_axis(nodes, order, axis=1)
+        ends = np.take_along_axis(vertices, order, axis=1)[:, node_vertices(self.d - 1, self.degree)]
+        number = node_between(self.d, self.degree)[ends[..., 0], ends[..., 1]]
+        return np.take_along_axis(self.nodes[facets[:, 0]], number, axis=1)
+
+    @property
+    def facet_points(self) -> np.ndarray:
+        """Reference points of the nodes of a facet, shape (m, d-1)."""
+        return nodes(self.d - 1, self.degree)
 
     def facet_areas(self, facets: np.ndarray) -> np.ndarray:
         """Areas of facets given as (cell, local facet) [length^(d-1)], shape (n,)."""
@@ -270,7 +255,7 @@ class Model:
         bound = self._by_region(name, value) if isinstance(value, Mapping) else self._value(value)
         if isinstance(value, Mapping) or callable(value):
             owned = np.arange(self.domain.owned_cells, dtype=np.int32)
-            values = evaluate(bound, self.domain, np.vstack([np.zeros(self.d), np.eye(self.d)]), owned)
+            values = evaluate(bound, self.domain, nodes(self.d, 1), owned)
             self.scene.material.check(name, *self._range(values))
         return bound
 
@@ -319,7 +304,6 @@ class Model:
         g = fem.Function(self.V)
         values = g.x.array.reshape(-1, self.d)
         fixed = np.zeros(values.shape, dtype=bool)
-        corners = facet_corners(self.d)
         error = None
         self.fixed_facets: list[tuple[np.ndarray, np.ndarray]] = []
         for support in self.scene.supports:
@@ -330,8 +314,9 @@ class Model:
             for i, value in enumerate(support.value):
                 if value is None:
                     continue
-                new = evaluate(self._value(value), self.domain, corners, facets) if callable(value) else float(value)
-                new = np.broadcast_to(new, nodes.shape)
+                new = np.full(nodes.shape, 0.0 if callable(value) else float(value))
+                if callable(value):
+                    new[:] = evaluate(self._value(value), self.domain, self.facet_points, facets)
                 clash = fixed[nodes, i] & (abs(values[nodes, i] - new) > 1e-9 * float(abs(new).max(initial=1e-300)))
                 if clash.any():
                     error = InputError(
@@ -366,13 +351,13 @@ class Model:
         parameters = {name: self._value(getattr(law, name)) for name in law.parameters} if law else {}
         for name, value in parameters.items():
             if callable(getattr(law, name)):
-                low, high = self._range(evaluate(value, self.domain, facet_corners(self.d), facets))
+                low, high = self._range(evaluate(value, self.domain, self.facet_points, facets))
                 if not 0 <= low <= high < np.inf:
                     raise InputError(
                         f"Contact({contact.facets!r}): {name} is {low:g} somewhere; it must be >= 0 and finite."
                     )
         if callable(contact.gap):
-            values = evaluate(self._value(contact.gap), self.domain, facet_corners(self.d), facets)
+            values = evaluate(self._value(contact.gap), self.domain, self.facet_points, facets)
             if not np.isfinite(self._range(values)).all():
                 raise InputError(f"Contact({contact.facets!r}): the gap is not finite everywhere; look at it.")
         gap = None if contact.gap == 0 else self._value(contact.gap)
@@ -436,30 +421,57 @@ class Model:
         of_cell[facets[:, 0]] = direction
         return function, direction
 
-    def friction_bound(self, contact: BoundContact, pressure: np.ndarray, points: np.ndarray) -> np.ndarray:
-        """The friction bound b(p) at reference points of the facets of a contact [force/area].
+    def friction_parameters(self, contact: BoundContact, points: np.ndarray) -> dict[str, np.ndarray]:
+        """The law's parameters at reference points (q, d-1) of the facets of a contact, each of shape (f, q)."""
+        return {k: evaluate(v, self.domain, points, contact.facets) for k, v in contact.parameters.items()}
+
+    @staticmethod
+    def friction_bound(contact: BoundContact, pressure: np.ndarray, values: Mapping[str, np.ndarray]) -> np.ndarray:
+        """The friction bound b(p) at points of the facets of a contact [force/area].
 
         Args:
             contact: The contact.
             pressure: p >= 0 at the points [force/area], shape (f, q).
-            points: Reference points of the facet, shape (q, d-1).
+            values: The law's parameters there, of :meth:`friction_parameters`.
 
         Returns:
             Shape (f, q); zero without friction.
         """
         if contact.law is None:
             return np.zeros(pressure.shape)
-        values = {k: evaluate(v, self.domain, points, contact.facets) for k, v in contact.parameters.items()}
         if isinstance(contact.law, (Coulomb, Tresca)):  # arithmetic that numbers understand
             return np.broadcast_to(contact.law.bound(pressure, **values), pressure.shape)
         return pointwise(contact.law.bound, {"pressure": pressure, **values})
 
     def gap_at_nodes(self, contact: BoundContact) -> np.ndarray:
-        """The gap at the nodes of each facet of a contact [length], shape (facets, d)."""
-        corners = facet_corners(self.d)
+        """The gap at the nodes of each facet of a contact [length], shape (facets, m)."""
         if contact.gap is None:
-            return np.zeros((len(contact.facets), self.d))
-        return evaluate(contact.gap, self.domain, corners, contact.facets)
+            return np.zeros((len(contact.facets), len(self.facet_points)))
+        return evaluate(contact.gap, self.domain, self.facet_points, contact.facets)
+
+    def gap_coefficients(self, contact: BoundContact) -> Any | None:
+        """UFL whose values at the nodes of the contact are the Bernstein coefficients of the gap, or None."""
+        if self.degree == 1 or not contact.gap_varies:
+            return contact.gap
+        nodal = fem.Function(self.V)
+        values = nodal.x.array.reshape(-1, self.d)
+        values[self.facet_nodes(contact.facets), 0] = self.gap_at_nodes(contact)
+        self.to_coefficients(values, [contact])
+        return nodal[0]
+
+    def to_coefficients(self, values: np.ndarray, contacts: list[BoundContact], *, back: bool = False) -> None:
+        """Turn nodal values into Bernstein coefficients on the facets of contacts, or back, in place.
+
+        Args:
+            values: Of all nodes, shape (nodes, ...).
+            contacts: Contacts of this model.
+            back: From coefficients to values.
+        """
+        if self.degree == 1:
+            return
+        matrix = (at_nodes if back else coefficients)(self.d - 1, self.degree)
+        facets = np.concatenate([self.facet_nodes(c.facets) for c in contacts])
+        values[facets] = np.matmul(matrix, values[facets])
 
     def _check_supports_in_gap(self) -> None:
         values = self.prescribed.x.array.reshape(-1, self.d)
@@ -484,9 +496,9 @@ class Model:
         """Loads are finite where they are integrated."""
         loads = []
         if self.body_force is not None:
-            points, _ = basix.make_quadrature(self.mesh.basix_cell(), DATA_DEGREE)
+            points, _ = rule(self.d, DATA_DEGREE)
             loads.append(("A BodyForce", self.body_force, points, np.arange(self.domain.owned_cells, dtype=np.int32)))
-        points, _, _ = facet_rule(self.d, DATA_DEGREE)
+        points, _ = rule(self.d - 1, DATA_DEGREE)
         for name, _, traction in self.tractions:
             loads.append((f"Traction({name!r})", traction, points, self.domain.facets(name)))
         for what, expression, at, entities in loads:

@@ -49,7 +49,7 @@ class Solution:
     Attributes:
         model: The scene on its domain, with forms.
         method: The contact method.
-        u: Displacement [length], a continuous P1 Function.
+        u: Displacement [length], a continuous P1 or P2 Function.
         multipliers: Multiplier of each contact [force/area], or () for a method without.
         newton_steps: Newton steps of all attempts together; 0 for a scene without contact.
         reason: How the solver ended, and from which start.
@@ -98,6 +98,7 @@ def solve(
     domain: Domain,
     method: Method | None = None,
     *,
+    degree: int = 1,
     start: Solution | None = None,
     accuracy: float | None = None,
 ) -> Solution:
@@ -111,6 +112,7 @@ def solve(
         scene: The problem.
         domain: The mesh.
         method: Contact method; ``Nitsche()`` by default.
+        degree: Degree of the displacement, 1 or 2.
         start: A solution on another mesh of the same body; Newton starts from its displacement on the contacts.
         accuracy: Newton may stop at this distance to the solution of the discrete problem, in the energy norm
             [sqrt(force length)], e.g. a tenth of the discretisation error; None goes to round-off.
@@ -124,7 +126,7 @@ def solve(
     """
     began = perf_counter()
     method = method or Nitsche()
-    model = Model(scene, domain)
+    model = Model(scene, domain, degree)
     stiffness = Stiffness(model)
     b = stiffness.load_vector()
     w = stiffness.glued(b)
@@ -265,6 +267,8 @@ class _Ascent:
             reason += f"; the tangent is singular ({regularity:.0e}), the solution may be one of many"
             log.warning("The tangent of the contact problem is singular at its solution: it may be one of many.")
         multipliers = self.problems[self.method].multipliers
+        for multiplier, contact in zip(multipliers, self.model.contacts[: len(multipliers)], strict=True):
+            self.model.to_coefficients(multiplier.x.array.reshape(-1, self.model.d), [contact], back=True)
         return Solution(
             self.model, self.method, u, multipliers, self.steps, reason, remaining, regularity, self.stiffness, 0.0
         )

@@ -2,7 +2,7 @@
 
 Between two states of a contact problem only the contact differs; the rest of the body follows in elastic equilibrium.
 
-From a solution on another mesh every contact node takes the linear interpolant on the nearest old contact facet: on a
+From a solution on another mesh every contact node takes the interpolant on the nearest old contact facet: on a
 refined mesh its parent facet, where the interpolant is exact; on another mesh of the same body a neighbour. No tree of
 all cells is built.
 """
@@ -13,6 +13,7 @@ import numpy as np
 from dolfinx import fem
 
 from erc_contact.model import Model
+from erc_contact.simplex import lagrange
 from erc_contact.stiffness import Stiffness
 
 CHUNK = 1_000_000
@@ -60,18 +61,19 @@ def from_mesh(model: Model, u: fem.Function, stiffness: Stiffness) -> np.ndarray
     nodes = np.unique(np.concatenate([new.facet_nodes(c.facets).ravel() for c in new.contacts]))
     x = new.V.tabulate_dof_coordinates()[nodes, : new.d]
     field = fem.Function(new.V)
-    field.x.array.reshape(-1, new.d)[nodes] = interpolate(x, corners, values)
+    field.x.array.reshape(-1, new.d)[nodes] = interpolate(x, corners, values, model.degree)
     given = stiffness.gather(field)[: stiffness.contact]
     return None if stiffness.schur is None else given
 
 
-def interpolate(x: np.ndarray, corners: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Linear interpolants on the nearest facets.
+def interpolate(x: np.ndarray, corners: np.ndarray, values: np.ndarray, degree: int = 1) -> np.ndarray:
+    """Interpolants on the nearest facets.
 
     Args:
         x: Points, shape (n, d).
         corners: Corners of the facets, shape (f, d, d).
-        values: Values there, shape (f, d, d).
+        values: Values at the nodes of the facets, shape (f, m, d).
+        degree: Degree of the interpolants.
 
     Returns:
         Values at the points, shape (n, d).
@@ -87,15 +89,15 @@ def interpolate(x: np.ndarray, corners: np.ndarray, values: np.ndarray) -> np.nd
         shape /= shape.sum(axis=2, keepdims=True)
         distance = np.linalg.norm(np.einsum("nfm,fmi->nfi", shape, corners) - some[:, None], axis=2)
         nearest = distance.argmin(axis=1)
-        chosen = shape[np.arange(len(some)), nearest]
+        chosen = lagrange(x.shape[1] - 1, degree, shape[np.arange(len(some)), nearest, 1:])
         result[first : first + step] = np.einsum("nm,nmi->ni", chosen, values[nearest])
     return result
 
 
 def _contact_facets(model: Model, u: fem.Function) -> tuple[np.ndarray, np.ndarray]:
-    """Corners of all contact facets and the displacements there, over all ranks, each shape (f, d, d)."""
+    """Corners of all contact facets (f, d, d) and the displacements at their nodes (f, m, d), over all ranks."""
     x, at = model.V.tabulate_dof_coordinates()[:, : model.d], u.x.array.reshape(-1, model.d)
     own = [c.facets[c.facets[:, 0] < model.domain.owned_cells] for c in model.contacts]
     nodes = model.facet_nodes(np.vstack(own))
-    parts = model.comm.allgather((x[nodes], at[nodes]))
+    parts = model.comm.allgather((x[nodes[:, : model.d]], at[nodes]))
     return np.concatenate([p[0] for p in parts]), np.concatenate([p[1] for p in parts])

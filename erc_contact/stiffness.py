@@ -4,9 +4,9 @@ Between two states of a contact only forces at the contact change. So the nonlin
 seen from there, a small dense matrix, and one factorisation serves the whole contact solve and the rebalance after it.
 
 Symbols: K elastic stiffness with the supports [force/length]; D diagonal stiffness that glues the contact nodes to the
-foundations, ``D_i = 10 E/h |F|/d`` summed over facets; L the free degrees of freedom of the cells at the contact, those
-of the contact nodes first; A the first ones of L (the contact nodes, or all); S_A the Schur complement of K + D on A,
-so that S_A - D_A is that of K, and at the contact
+foundations, ``D_i = 10 E k^2/h |F|/m`` summed over facets; L the free degrees of freedom of the cells at the contact,
+those of the contact nodes first; A the first ones of L (the contact nodes, or all); S_A the Schur complement of K + D
+on A, so that S_A - D_A is that of K, and at the contact
 
     K u = b + (forces c at A)   <=>   (S_A - D_A) u_A = S_A w_A + c,    u = w + (K + D)^-1 (D u_A + c)
 
@@ -26,8 +26,9 @@ from dolfinx.fem import petsc as fp
 from petsc4py import PETSc
 
 from erc_contact.exceptions import InputError, raise_together
-from erc_contact.methods import NODAL, stiffness_per_area
+from erc_contact.methods import nodal, stiffness_per_area
 from erc_contact.model import Model
+from erc_contact.simplex import facet_nodes
 
 GLUE = 10.0
 """gamma_0 of the glue [-]."""
@@ -179,7 +180,7 @@ class Stiffness:
         ones = ufl.as_vector([1.0] * model.d)
         v = ufl.TestFunction(model.V)
         gamma = stiffness_per_area(model, fem.Constant(model.mesh, GLUE))
-        terms = [gamma * ufl.inner(ones, v) * c.ds(metadata=NODAL) for c in model.contacts]
+        terms = [gamma * ufl.inner(ones, v) * c.ds(metadata=nodal(model)) for c in model.contacts]
         glue = fem.Function(model.V)
         fem.assemble_vector(glue.x.array, fem.form(sum(terms[1:], start=terms[0])))
         glue.x.scatter_reverse(la.InsertMode.add)
@@ -192,7 +193,8 @@ class Stiffness:
         model, d = self.model, self.model.d
         facets = np.vstack([c.facets for c in model.contacts])
         touching = np.zeros(len(model.fixed), dtype=bool)
-        touching[np.take_along_axis(model.nodes[facets[:, 0]], model.local_facets[facets[:, 1]], axis=1)] = True
+        on_facet = facet_nodes(d, model.degree)[facets[:, 1]]
+        touching[np.take_along_axis(model.nodes[facets[:, 0]], on_facet, axis=1)] = True
         layer = np.zeros(len(model.fixed), dtype=bool)
         layer[model.nodes[facets[:, 0]]] = True
         dofs = np.flatnonzero((layer[:, None] & ~model.fixed).ravel())

@@ -15,10 +15,10 @@ import erc_contact as ec
 
 PACKAGE = Path(ec.__file__).parent
 ORDER = [
-    ["exceptions", "material", "law", "partition", "domain", "meshing", "scene", "model", "methods"],
+    ["exceptions", "material", "law", "simplex", "partition", "domain", "meshing", "scene", "model", "methods"],
     ["stiffness", "condensed", "newton", "start", "solve"],
     [f"admissible.{name}" for name in ("geometry", "macro", "facets", "contact", "displacement")],
-    [f"admissible.{name}" for name in ("energy", "patches", "tighten")],
+    [f"admissible.{name}" for name in ("energy", "patches", "blocks", "tighten")],
     ["admissible", "error", "adapt", "fields", "output"],
 ]
 ORDER = [module for part in ORDER for module in part]

@@ -19,7 +19,7 @@ from scenes import block, common_block, greco, prototype_block, random_scene, re
 import erc_contact as ec
 from erc_contact import start
 from erc_contact.condensed import Condensed
-from erc_contact.methods import CONTACT_DEGREE, NODAL
+from erc_contact.methods import contact_degree, nodal
 from erc_contact.model import Model
 from erc_contact.newton import Newton
 from erc_contact.stiffness import Stiffness
@@ -35,7 +35,7 @@ def whole_residual(solution: ec.Solution) -> float:
     residual = inner - (model.loads(v) or 0)
     for k, contact in enumerate(model.contacts):
         if solution.method.multiplier:
-            residual -= ufl.inner(solution.multipliers[k], v) * contact.ds(metadata=NODAL)
+            residual -= ufl.inner(solution.multipliers[k], v) * contact.ds(metadata=nodal(solution.model))
         else:
             residual += solution.method.equations(model, contact, u, v)
     sizes = []
@@ -316,5 +316,6 @@ def test_integral_of_the_traction_balances_the_load():
     for method in (ec.Nitsche(), ec.AugmentedLagrangian()):
         solution = ec.solve(greco(), ec.rectangle((0.0, 0.0), (40.0, 40.0), cells=(8, 8)), method)
         contact = solution.model.contacts[0]
-        pressure = solution.traction(contact)[1] * contact.ds(metadata={"quadrature_degree": CONTACT_DEGREE})
+        ds = contact.ds(metadata={"quadrature_degree": contact_degree(solution.model)})
+        pressure = solution.traction(contact)[1] * ds
         assert COMM.allreduce(fem.assemble_scalar(fem.form(pressure))) == pytest.approx(2000.0, rel=1e-9)

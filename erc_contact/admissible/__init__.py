@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from time import perf_counter
 from typing import Any
 
-import basix
 import numpy as np
 import ufl
 from dolfinx import fem
@@ -21,28 +20,40 @@ from mpi4py import MPI
 
 from erc_contact.admissible.contact import ContactTraction, admissible_tractions
 from erc_contact.admissible.displacement import admissible_displacement
+from erc_contact.admissible.energy import relaxed
 from erc_contact.admissible.facets import equilibrated_moments
-from erc_contact.admissible.geometry import Simplices, facet_order, moments, nodal_forces, signed, simplices
+from erc_contact.admissible.geometry import (
+    Simplices,
+    evaluate_sorted,
+    facet_order,
+    moments,
+    nodal_forces,
+    signed,
+    simplices,
+)
 from erc_contact.admissible.macro import macro_points, macro_stress, mandel, mandel_basis, tensors
 from erc_contact.admissible.tighten import tightened
-from erc_contact.model import DATA_DEGREE, Model, evaluate, facet_rule, facet_vertices
+from erc_contact.model import DATA_DEGREE, Model, evaluate
+from erc_contact.simplex import bernstein, coefficients, facet_nodes, gradients, mass, rule
 from erc_contact.solve import Solution
 
 
 @dataclass(frozen=True, eq=False)
 class Admissible:
-    """An admissible pair.
+    """An admissible pair; polynomials are given by Bernstein coefficients, of degree 1 values at the vertices.
 
     Attributes:
         solution: Where it came from.
-        displacement: u^ [length], a continuous P1 Function.
+        displacement: u^ [length], a continuous Function of degree k.
         tractions: r^ on each contact.
         cells: Geometry of the cells.
-        fe_stress: The rebalanced finite element stress, mean of each cell [force/area], shape (n, d, d).
-        stress: sigma^ of the owned cells in Mandel components at the nodes of the sub-simplices [force/area],
-            shape (owned, d+1, d+1, s).
-        moment: Moments of the facet tractions on the first side of each facet [force], shape (facets, d, d).
-        force: Total body force of each cell [force], shape (n, d), or None without body force.
+        fe_stress: The rebalanced finite element stress, its projection on polynomials of degree k-1 in each cell
+            [force/area], shape (n, N_(k-1), d, d).
+        stress: sigma^ of the owned cells in Mandel components, of degree k in the sub-simplices [force/area],
+            shape (owned, d+1, N_k, s).
+        moment: Moments of the facet tractions on the first side of each facet [force], shape (facets, m, d).
+        force: Body force times volume of each cell, projected on degree k-1 [force], shape (n, N_(k-1), d), or None
+            without body force.
         tightening: Iterations done to tighten sigma^.
         seconds: Wall time, the largest over the ranks [s].
     """
@@ -82,36 +93,65 @@ def equilibrate(solution: Solution, tighten: int = 0) -> Admissible:
     tractions = admissible_tractions(model, solution, on_motions)
     hat = admissible_displacement(model, solution.u, tractions) if tractions else solution.u
     for t in tractions:
-        _add(model, given, t.contact.facets, moments(t.area, t.values))
+        _add(model, given, t.contact.facets, moments(t.area, t.values, model.degree))
     stress = cell_stress(model, cells, _rebalanced(solution, _nodal(model, cells, given, force)))
     complete = np.zeros(len(model.fixed), dtype=bool)
     complete[model.nodes[: model.domain.owned_cells]] = True
     moment = equilibrated_moments(cells, stress, force, given, fixed, complete)
     count, iterations = model.domain.owned_cells, 0
+    inner = model.degree > 1  # there are stresses without tractions to choose from
+    if tighten > 0 or inner:
+        elastic = elastic_stress(model, cells, hat, count)
+        compliance = macro_moduli(model, cells, len(cells.nodes), inverse=True)
     if tighten > 0:
-        elastic = np.matmul(macro_moduli(model, count), strains(cells, hat)[:count, None, :, None])[..., 0]
-        compliance = macro_moduli(model, len(cells.nodes), inverse=True)
         free = cells.has_second[:, None] | fixed
         moment, iterations = tightened(model, cells, moment, force, free, elastic, compliance, tighten)
-    forces = nodal_forces(signed(cells, moment)[:count])
+    forces = nodal_forces(signed(cells, moment)[:count], model.degree)
     macro = macro_stress(cells, count, stress, forces, force)
+    if inner:
+        macro = relaxed(cells, macro, elastic, compliance)
     seconds = model.comm.allreduce(perf_counter() - began, MPI.MAX)
     return Admissible(solution, hat, tractions, cells, stress, macro, moment, force, iterations, seconds)
 
 
 def strains(cells: Simplices, u: fem.Function) -> np.ndarray:
-    """Strain of a P1 displacement in Mandel components, shape (n, s)."""
-    values = u.x.array.reshape(-1, cells.d)[cells.nodes]
-    gradient = np.matmul((values[:, 1:] - values[:, :1]).transpose(0, 2, 1), cells.inverse)
-    return mandel(0.5 * (gradient + gradient.transpose(0, 2, 1)))
+    """Strain of a displacement in Mandel components, coefficients of degree k-1, shape (n, N_(k-1), s)."""
+    d, k = cells.d, cells.degree
+    values = u.x.array.reshape(-1, d)[cells.nodes]
+    if k == 1:
+        gradient = np.matmul((values[:, 1:] - values[:, :1]).transpose(0, 2, 1), cells.inverse)[:, None]
+    else:
+        table = np.einsum("cjv,vw->cjw", gradients(d, k), coefficients(d, k))
+        slopes = np.matmul(table.reshape(-1, table.shape[2]), values).reshape(len(values), -1, d + 1, d)
+        gradient = np.matmul((slopes[:, :, 1:] - slopes[:, :, :1]).transpose(0, 1, 3, 2), cells.inverse[:, None])
+    return mandel(0.5 * (gradient + gradient.swapaxes(2, 3)))
 
 
-def moduli(model: Model, points: np.ndarray, count: int, *, inverse: bool = False) -> np.ndarray:
+def elastic_stress(model: Model, cells: Simplices, u: fem.Function, count: int) -> np.ndarray:
+    """``C eps(u)`` in Mandel components at the points of the sub-simplices [force/area].
+
+    Shape (count, (d+1) q, s), with 1 in place of the points where it is constant in each cell.
+    """
+    stiffness, strain = macro_moduli(model, cells, count), strains(cells, u)[:count]
+    if cells.degree > 1:
+        strain = np.matmul(bernstein(cells.d, cells.degree - 1, macro_points(cells.d, cells.degree)[1]), strain)
+    return act(stiffness, strain)
+
+
+def act(moduli: np.ndarray, tensor: np.ndarray) -> np.ndarray:
+    """Products of moduli (n or 1, q or 1, s, s) and tensors in Mandel components (n, q or 1, s)."""
+    if moduli.shape[1] == 1:
+        return np.matmul(tensor, moduli[:, 0].transpose(0, 2, 1))
+    return np.matmul(moduli, tensor[..., None])[..., 0]
+
+
+def moduli(model: Model, cells: Simplices, points: np.ndarray, count: int, *, inverse: bool = False) -> np.ndarray:
     """The elasticity (or compliance) matrix in Mandel components at reference points of the cells.
 
     Args:
         model: The scene on a mesh.
-        points: Reference points (q, d).
+        cells: Its arrays.
+        points: Reference points (q, d) in our order of the vertices; a permutation of these permutes them.
         count: The first ``count`` cells are done.
         inverse: Compliance C^-1 [area/force] instead of stiffness C [force/area].
 
@@ -124,55 +164,53 @@ def moduli(model: Model, points: np.ndarray, count: int, *, inverse: bool = Fals
     matrix = ufl.as_matrix([[ufl.inner(ufl.as_tensor(a.tolist()), image) for image in images] for a in basis])
     varies = ufl.algorithms.extract_type(matrix, ufl.classes.SpatialCoordinate)
     if varies:
-        return evaluate(matrix, model.domain, points, np.arange(count, dtype=np.int32))
+        return evaluate_sorted(matrix, model, cells, points, count)
     per_cell = ufl.algorithms.extract_coefficients(matrix)
     number = count if per_cell else min(count, 1)
     return evaluate(matrix, model.domain, points[:1], np.arange(number, dtype=np.int32))
 
 
-def macro_moduli(model: Model, count: int, *, inverse: bool = False) -> np.ndarray:
-    """Elasticity (or compliance) matrices at the points of the sub-simplices, in the order of sorted vertices.
+def macro_moduli(model: Model, cells: Simplices, count: int, *, inverse: bool = False) -> np.ndarray:
+    """Elasticity (or compliance) matrices at the points of the sub-simplices.
 
-    Args:
-        model: The scene on a mesh.
-        count: The first ``count`` cells are done.
-        inverse: Compliance instead of stiffness.
-
-    Returns:
-        Shape (count, (d+1)^2, s, s), with 1 in place of either number where the material does not vary.
+    Shape (count, (d+1) q, s, s), with 1 in place of either number where the material does not vary.
     """
-    values = moduli(model, macro_points(model.d)[1], count, inverse=inverse)
-    if values.shape[1] == 1:
-        return values
-    n = model.d + 1
-    order = np.argsort(model.nodes[:count], axis=1)
-    place = (order[:, :, None] * n + order[:, None, :]).reshape(count, n * n)
-    return np.take_along_axis(values, place[:, :, None, None], axis=1)
+    return moduli(model, cells, macro_points(model.d, model.degree)[1], count, inverse=inverse)
 
 
 def cell_stress(model: Model, cells: Simplices, u: fem.Function) -> np.ndarray:
-    """Mean of ``C eps(u)`` in each cell: it tests against P1 fields as the stress itself, shape (n, d, d)."""
-    points, weights = basix.make_quadrature(model.mesh.basix_cell(), DATA_DEGREE)
-    stiffness = np.einsum("nqab,q->nab", moduli(model, points, len(cells.nodes)), weights / weights.sum())
-    return tensors(np.matmul(stiffness, strains(cells, u)[:, :, None])[..., 0], cells.d)
+    """Projection of ``C eps(u)`` on degree k-1 in each cell: it tests against P_k fields as the stress itself.
+
+    Shape (n, N_(k-1), d, d).
+    """
+    d, k = cells.d, cells.degree
+    points, weights = rule(d, DATA_DEGREE)
+    stiffness, strain = moduli(model, cells, points, len(cells.nodes)), strains(cells, u)
+    if stiffness.shape[1] > 1:
+        lower = bernstein(d, k - 1, points)
+        project = np.linalg.solve(mass(d, k - 1, k - 1), lower.T * weights)
+        return tensors(np.matmul(project, act(stiffness, np.matmul(lower, strain))), d)
+    return tensors(act(stiffness, strain), d)
 
 
 def _cell_forces(model: Model, cells: Simplices) -> np.ndarray | None:
-    """Total body force of each cell, the projection of f on constants [force], shape (n, d)."""
+    """Body force times volume, the projection of f on degree k-1 [force], shape (n, N_(k-1), d)."""
     if model.body_force is None:
         return None
-    points, weights = basix.make_quadrature(model.mesh.basix_cell(), DATA_DEGREE)
-    values = evaluate(model.body_force, model.domain, points, np.arange(len(cells.nodes), dtype=np.int32))
-    return np.einsum("nqi,q->ni", values, weights / weights.sum()) * cells.volume[:, None]
+    d, k = cells.d, cells.degree
+    points, weights = rule(d, DATA_DEGREE)
+    values = evaluate_sorted(model.body_force, model, cells, points, len(cells.nodes))
+    project = np.linalg.solve(mass(d, k - 1, k - 1), bernstein(d, k - 1, points).T * weights)
+    return np.matmul(project, values) * cells.volume[:, None, None]
 
 
 def _loads(model: Model, cells: Simplices) -> tuple[np.ndarray, np.ndarray]:
-    """Moments of the loads on each facet, projected on linear functions, and the fixed components of facets."""
+    """Moments of the loads on each facet, projected on degree k, and the fixed components of facets."""
     d = cells.d
-    given = np.zeros((cells.side.shape[1], d, d))
+    given = np.zeros((cells.side.shape[1], len(model.facet_points), d))
     fixed = np.zeros((cells.side.shape[1], d), dtype=bool)
-    points, weights, shape = facet_rule(d, DATA_DEGREE)
-    weighted = weights[:, None] * shape
+    points, weights = rule(d - 1, DATA_DEGREE)
+    weighted = weights[:, None] * bernstein(d - 1, model.degree, points)
     for name, _, traction in model.tractions:
         facets = model.domain.facets(name)
         values = evaluate(traction, model.domain, points, facets)
@@ -192,21 +230,22 @@ def _numbers(model: Model, facets: np.ndarray) -> np.ndarray:
 
 def _add(model: Model, given: np.ndarray, facets: np.ndarray, moment: np.ndarray) -> None:
     """Add moments at the nodes of facets, from the order of DOLFINx to the sorted one."""
-    order = facet_order(model.facet_nodes(facets))
+    order = facet_order(model.facet_nodes(facets)[:, : model.d], model.degree)
     given[_numbers(model, facets)] += np.take_along_axis(moment, order[:, :, None], axis=1)
 
 
 def _nodal(model: Model, cells: Simplices, given: np.ndarray, force: np.ndarray | None) -> fem.Function:
     """Nodal forces of moments on facets and of cell forces, not yet summed over ranks [force]."""
-    d, owned = model.d, model.domain.owned_cells
+    d, k, owned = model.d, model.degree, model.domain.owned_cells
     b = fem.Function(model.V)
     nodal: Any = b.x.array.reshape(-1, d)
     first = cells.side[0]
     loaded = np.flatnonzero(given.any(axis=(1, 2)) & (first >= 0) & (first < owned * (d + 1)))
     cell, i = np.divmod(first[loaded], d + 1)
-    np.add.at(nodal, np.take_along_axis(cells.nodes[cell], facet_vertices(d)[i], axis=1), given[loaded])
+    on_facet = np.take_along_axis(cells.nodes[cell], facet_nodes(d, k)[i], axis=1)
+    np.add.at(nodal, on_facet, np.matmul(coefficients(d - 1, k).T, given[loaded]))
     if force is not None:
-        np.add.at(nodal, cells.nodes[:owned], np.broadcast_to(force[:owned, None] / (d + 1), (owned, d + 1, d)))
+        np.add.at(nodal, cells.nodes[:owned], np.matmul(coefficients(d, k).T @ mass(d, k, k - 1), force[:owned]))
     return b
 
 

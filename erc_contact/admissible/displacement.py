@@ -1,9 +1,10 @@
 """Displacements that do not enter the foundation, at the status that the admissible traction shows.
 
-Point-wise, not only at nodes: a linear normal displacement below a linear bound stays below it. Where the gap varies
-along a facet, the nodal bounds are lowered by what a fine sampling of the facet shows.
+Point-wise, not only at nodes: a normal displacement whose Bernstein coefficients are below those of a bound stays below
+it. Where the gap varies along a facet, the bounds are lowered by what a fine sampling of the facet shows.
 
-Symbols: n normal of the foundation, r^ admissible contact traction, g gap, u^ displacement.
+Symbols: n normal of the foundation, r^ admissible contact traction, g gap, u^ displacement, m number of coefficients of
+a facet, which belong to its nodes.
 """
 
 from __future__ import annotations
@@ -13,8 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 from dolfinx import fem
 
-from erc_contact.admissible.contact import MARGIN, ContactTraction, lattice_of, split
-from erc_contact.model import Model, barycentric, evaluate
+from erc_contact.admissible.contact import MARGIN, ContactTraction, samples, split
+from erc_contact.model import Model, evaluate
+from erc_contact.simplex import bernstein, coefficients
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +27,7 @@ class _Limits:
         nodes: Shape (c,).
         normal: Shape (c, d).
         bound: Limit of u_n [length], shape (c,).
-        of_facet: Which limit each node of each facet has, shape (f, d).
+        of_facet: Which limit each node of each facet has, shape (f, m).
         turns: Positions of limits, no node twice in one array.
     """
 
@@ -41,17 +43,19 @@ def admissible_displacement(model: Model, u: fem.Function, tractions: list[Conta
 
     The contact part of e^2 is of first order in ``g - u_n`` where r^_n < 0, and in u_t where r^_t is inside the cone
     or does not oppose it; the bulk part is only of second order in a change of u^. So a node is set to ``u_n = g``,
-    or to ``u_t = 0``, where what the contact part gains, ``2 sum |F|/d (...)`` over the facets of the node, exceeds
+    or to ``u_t = 0``, where what the contact part gains, ``2 sum |F|/m (...)`` over the facets of the node, exceeds
     what the bulk part may lose, about ``E h^(d-2)`` times the square of the change. (Asking for r^ strictly inside the
     cone on all facets of a node instead leaves nodes at the stick-slip transition that slip along the traction.)
     """
     hat = fem.Function(model.V, name="displacement")
     hat.x.array[:] = u.x.array
     values = hat.x.array.reshape(-1, model.d)
+    contacts = [t.contact for t in tractions]
+    model.to_coefficients(values, contacts)
     limits = [_limits(model, t) for t in tractions]
     mobile = ~model.fixed
     for t, limit in zip(tractions, limits, strict=True):
-        weight = 2 * t.area[:, None] / model.d
+        weight = 2 * t.area[:, None] / t.nodes.shape[1]
         stiffness = _nodal_stiffness(model, t)[limit.nodes]
         closing = _sum(limit, -weight * t.normal)
         friction = _sum(limit, weight * t.bound)
@@ -76,6 +80,7 @@ def admissible_displacement(model: Model, u: fem.Function, tractions: list[Conta
                 _move_normal(values, mobile, limit, turn[violated])
         if not several or worst <= 1e-15 * abs(values).max(initial=0.0):
             break
+    model.to_coefficients(values, contacts, back=True)
     hat.x.scatter_forward()
     return hat
 
@@ -106,13 +111,13 @@ def _nodal_stiffness(model: Model, traction: ContactTraction) -> np.ndarray:
 
 
 def _limits(model: Model, traction: ContactTraction) -> _Limits:
-    """Limits at the nodes: values of linear functions below the gap (equal to it at the nodes if bilateral)."""
+    """Limits: coefficients of polynomials below the gap (equal to it at the nodes if bilateral)."""
     contact, d = traction.contact, model.d
-    at_nodes = model.gap_at_nodes(contact)
+    at_nodes = model.gap_at_nodes(contact) @ coefficients(d - 1, model.degree).T
     if contact.gap_varies and not contact.bilateral:
-        lattice = lattice_of(d)
-        shape = barycentric(lattice)
-        deviation = at_nodes @ shape.T - evaluate(contact.gap, model.domain, lattice, contact.facets)
+        points = samples(d)
+        shape = bernstein(d - 1, model.degree, points)
+        deviation = at_nodes @ shape.T - evaluate(contact.gap, model.domain, points, contact.facets)
         size = abs(deviation).max(axis=1)
         excess = np.maximum(deviation.max(axis=1) + MARGIN * size, 0.0)
         at_nodes = at_nodes - np.where(size > 1e-14 * abs(at_nodes).max(axis=1), excess, 0.0)[:, None]

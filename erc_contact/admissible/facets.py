@@ -1,24 +1,36 @@
 """Facet tractions in equilibrium with the loads on every cell.
 
-Given a cell-wise constant stress sigma_h in equilibrium with the data against all continuous P1 fields, find
-tractions on facets that are opposite on the two sides, equal F on Gamma_N and r^ on Gamma_C, and balance forces
-and moments on every cell. Unknown: discontinuous P1 multipliers lambda; with <.,.> lumped at the nodes of a facet,
+Given a stress sigma_h of degree k-1 in each cell, in equilibrium with the data against all continuous P_k fields, find
+tractions of degree k on facets that are opposite on the two sides, equal F on Gamma_N and r^ on Gamma_C, and do the
+work of sigma_h and f against all P_k fields on every cell: they balance forces and moments there. Unknown:
+discontinuous P_k multipliers lambda; with <.,.> lumped at the nodes of a facet,
 
     sum_F w_F <[lambda], [mu]> = residual of the averaged tractions against mu,
 
-the traction is the average plus ``w_F [lambda]`` (as moments). Lumping decouples the vertices: one small weighted
-graph Laplacian for each vertex patch and component, solved directly, batched by patch size. Every patch is complete
-on its rank, so nothing is communicated.
+the traction is the average plus ``w_F [lambda]`` (as moments). Lumping decouples the nodes: one small weighted
+graph Laplacian for each patch of cells around a node and component, solved directly, batched by patch size. Every patch
+is complete on its rank, so nothing is communicated.
 
 Source: Ladeveze, Leguillon, SIAM J. Numer. Anal. 20 (1983), the equilibration of densities; the form is ours.
 """
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 
-from erc_contact.admissible.geometry import Simplices, signed
-from erc_contact.model import facet_vertices
+from erc_contact.admissible.geometry import Simplices, pushes, signed
+from erc_contact.simplex import (
+    barycentric,
+    bernstein,
+    facet_nodes,
+    facet_vertices,
+    gradients,
+    mass,
+    nodes,
+    rule,
+)
 
 
 def equilibrated_moments(
@@ -33,41 +45,52 @@ def equilibrated_moments(
 
     Args:
         cells: Geometry, n cells.
-        stress: sigma_h [force/area], shape (n, d, d).
-        force: Total body force of each cell [force], shape (n, d), or None.
-        given: Moments of the tractions known on the boundary [force], shape (facets, d, d).
+        stress: Coefficients of sigma_h [force/area], shape (n, N_(k-1), d, d).
+        force: Coefficients of the body force times volume [force], shape (n, N_(k-1), d), or None.
+        given: Moments of the tractions known on the boundary [force], shape (facets, m, d).
         fixed: Components of boundary facets whose traction is unknown (Gamma_D), shape (facets, d).
         complete: Nodes whose patch is complete on this rank, shape (nodes,).
 
     Returns:
-        Moments ``int_F t phi_m`` [force] of the traction on the first side of each facet, nodes ascending,
-        shape (facets, d, d).
+        Moments ``int_F t B_m`` [force] of the traction on the first side of each facet, shape (facets, m, d).
     """
-    d = cells.d
-    push = np.einsum("nij,nkj->nki", stress, cells.area)  # force of sigma_h on each facet
-    flat = push.reshape(-1, d)
+    d, k = cells.d, cells.degree
+    inside, on_facets, of_force = _tests(d, k)
+    push = pushes(cells.area, stress)
     inner = cells.has_second
-    first, second = cells.side
-    average = np.where(inner[:, None], 0.5 * (flat[first] - flat[second]), np.where(fixed, flat[first], 0.0))
-    moment = given + average[:, None, :] / d
+    first = cells.side[0]
+    flat = push.reshape(-1, *push.shape[2:])
+    here, beyond = (np.matmul(on_facets[side % (d + 1)], flat[side]) for side in cells.side)
+    moment = np.where(inner[:, None, None], 0.5 * (here - beyond), np.where(fixed[:, None], here, 0.0))
+    moment += given
 
-    residual = _residual(cells, moment, push, force)
+    residual = np.matmul(inside, push.reshape(len(push), -1, d))  # (f, B_v) - (sigma_h, grad B_v) + int_dT t B_v
+    if force is not None:
+        residual += np.matmul(of_force, force)
+    seen = signed(cells, moment)
+    for i, on_facet in enumerate(facet_nodes(d, k)):
+        residual[:, on_facet] += seen[:, i]
     area = np.linalg.norm(cells.area, axis=2).ravel()[first]
     weight = np.where(first >= 0, area ** ((d - 2) / (d - 1)), 0.0)  # |F|/h_F with h_F = |F|^(1/(d-1))
-    jump = _patch_jumps(cells, residual, weight, inner, fixed, complete)
-    return moment - jump
+    return moment - _patch_jumps(cells, residual, weight, inner, fixed, complete)
 
 
-def _residual(cells: Simplices, moment: np.ndarray, push: np.ndarray, force: np.ndarray | None) -> np.ndarray:
-    """``int_dT t phi_v + (f, phi_v) - (sigma_h, grad phi_v)`` [force] for each vertex v, shape (n, d+1, d)."""
-    d = cells.d
-    residual = push / d  # -|T| grad phi_v = area_v / d
-    if force is not None:
-        residual = residual + force[:, None, :] / (d + 1)
-    seen = signed(cells, moment)
-    for i, vertices in enumerate(facet_vertices(d)):
-        residual[:, vertices] += seen[:, i]
-    return residual
+@cache
+def _tests(d: int, k: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Bernstein polynomials of degree k as test functions of a stress and a force of degree k-1.
+
+    Returns:
+        ``-|T| (B_c, grad B_v)`` for the pushes ``S_c |F_j| n_j``, means over the cell, shape (N_k, (d+1) N_(k-1));
+        means of B_c B_m over each facet, shape (d+1, m, N_(k-1)); means of B_v B_c over the cell, (N_k, N_(k-1)).
+    """
+    inside = np.einsum("bc,cjv->vjb", mass(d, k - 1, k - 1), gradients(d, k)) / d  # |F_j| n_j = -d |T| grad lambda_j
+    points, weights = rule(d - 1, 2 * k - 1)
+    on_facets = []
+    for vertices in facet_vertices(d):
+        corners = np.vstack([np.zeros(d), np.eye(d)])[vertices]
+        lower = bernstein(d, k - 1, barycentric(points) @ corners)
+        on_facets.append(bernstein(d - 1, k, points).T @ (weights[:, None] * lower))
+    return inside.reshape(len(nodes(d, k)), -1), np.array(on_facets), mass(d, k, k - 1)
 
 
 def _patch_jumps(
@@ -78,27 +101,27 @@ def _patch_jumps(
     fixed: np.ndarray,
     complete: np.ndarray,
 ) -> np.ndarray:
-    """Solve the graph Laplacians of all vertex patches; return ``w_F [lambda]`` at facet nodes, (facets, d, d).
+    """Solve the graph Laplacians of all patches; return ``w_F [lambda]`` at facet nodes, (facets, m, d).
 
     A patch that no Gamma_D grounds determines lambda up to a constant: the mean is set to zero, which also
     spreads the round-off of an incompatible right side evenly, on any number of ranks the same way.
     """
-    d = cells.d
-    vertex = cells.nodes.ravel()
-    order = np.argsort(vertex, kind="stable")
-    order = order[complete[vertex[order]]]
-    sizes = np.bincount(vertex[order], minlength=len(complete))
+    d, N = cells.d, cells.nodes.shape[1]
+    node = cells.nodes.ravel()
+    order = np.argsort(node, kind="stable")
+    order = order[complete[node[order]]]
+    sizes = np.bincount(node[order], minlength=len(complete))
     starts = np.cumsum(sizes) - sizes
     place = np.full(cells.nodes.size, -1)
-    place[order] = np.arange(len(order)) - starts[vertex[order]]  # position of (cell, vertex) in its patch
+    place[order] = np.arange(len(order)) - starts[node[order]]  # position of (cell, node) in its patch
 
-    # one edge of a graph for each facet and node; (cell, vertex) of either side as flat index
+    # one edge of a graph for each facet and node; (cell, node) of either side as flat index
     used = np.flatnonzero(cells.side[0] >= 0)
-    nodes_of = facet_vertices(d)
+    nodes_of = facet_nodes(d, cells.degree)
     ends = []
     for side in cells.side[:, used]:
         cell, i = np.divmod(side, d + 1)
-        ends.append(cell[:, None] * (d + 1) + nodes_of[i])
+        ends.append(cell[:, None] * N + nodes_of[i])
     a, b = ends
     keep = place[a] >= 0
     between = inner[used]
@@ -108,22 +131,22 @@ def _patch_jumps(
     for c in range(d):
         held = keep & (fixed[used, c] & ~between)[:, None]
         np.add.at(grounded[:, c], a[held], np.broadcast_to(weight[used, None], a.shape)[held])
-    is_grounded = np.stack([np.bincount(vertex, grounded[:, c], len(complete)) > 0 for c in range(d)], axis=1)
+    is_grounded = np.stack([np.bincount(node, grounded[:, c], len(complete)) > 0 for c in range(d)], axis=1)
 
     joined = keep & between[:, None]
     ea, eb = a[joined], b[joined]
     ew = np.broadcast_to(weight[used, None], a.shape)[joined]
     for c in range(d):
         # the first component solves for all; another one only where its grounding differs
-        todo = sizes > 0 if c == 0 else (sizes > 0) & _differs(vertex, grounded, c, len(complete))
+        todo = sizes > 0 if c == 0 else (sizes > 0) & _differs(node, grounded, c, len(complete))
         columns = np.arange(d) if c == 0 else np.array([c])
-        edge_todo = todo[vertex[ea]]
+        edge_todo = todo[node[ea]]
         for size in np.unique(sizes[todo]):
             patches = np.flatnonzero(todo & (sizes == size))
             number = np.full(len(complete), -1)
             number[patches] = np.arange(len(patches))
-            pick = edge_todo & (sizes[vertex[ea]] == size)
-            row, i, j, w = number[vertex[ea[pick]]], place[ea[pick]], place[eb[pick]], ew[pick]
+            pick = edge_todo & (sizes[node[ea]] == size)
+            row, i, j, w = number[node[ea[pick]]], place[ea[pick]], place[eb[pick]], ew[pick]
             matrix = np.zeros(len(patches) * size * size)
             at = row * size * size
             for p, q, s in ((i, i, w), (j, j, w), (i, j, -w), (j, i, -w)):
@@ -137,13 +160,13 @@ def _patch_jumps(
             rhs = residual.reshape(-1, d)[members][:, :, columns]
             solution[members[:, :, None], columns] = np.linalg.solve(matrix, rhs)
 
-    jump = np.zeros((len(weight), d, d))
+    jump = np.zeros((len(weight), nodes_of.shape[1], d))
     difference = solution[a] - np.where(between[:, None, None], solution[b], 0.0)
     difference *= between[:, None, None] | fixed[used][:, None, :]
     jump[used] = weight[used, None, None] * difference * keep[:, :, None]
     return jump
 
 
-def _differs(vertex: np.ndarray, grounded: np.ndarray, c: int, count: int) -> np.ndarray:
+def _differs(node: np.ndarray, grounded: np.ndarray, c: int, count: int) -> np.ndarray:
     """Patches whose grounding of component c is not that of component 0."""
-    return np.bincount(vertex, abs(grounded[:, c] - grounded[:, 0]), count) > 0
+    return np.bincount(node, abs(grounded[:, c] - grounded[:, 0]), count) > 0

@@ -3,17 +3,21 @@
 The vertices of each cell are sorted by node number. Then the nodes of a facet come in the same order
 from both of its cells, and values on facets need no permutation.
 
-Symbols: d dimension, T cell, F facet, facet i of T is opposite to vertex i, J Jacobian (columns x_i - x_0).
-Arrays are of all cells of the rank, ghosts included.
+Symbols: d dimension, k degree, T cell, F facet, facet i of T is opposite to vertex i, J Jacobian (columns x_i - x_0),
+N nodes of a cell, m of a facet. Arrays are of all cells of the rank, ghosts included. Tractions on facets and
+displacements are given by Bernstein coefficients, see :mod:`erc_contact.simplex`.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import permutations
+from typing import Any
 
 import numpy as np
 
-from erc_contact.model import Model
+from erc_contact.model import Model, evaluate
+from erc_contact.simplex import barycentric, mass, node_between, node_vertices
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,7 +25,10 @@ class Simplices:
     """Geometry and connectivity of the cells of a rank.
 
     Attributes:
-        nodes: Nodes (block degrees of freedom) of each cell, ascending, shape (n, d+1).
+        degree: k.
+        order: Place of each of our vertices in DOLFINx's order, shape (n, d+1).
+        nodes: Nodes (block degrees of freedom) of each cell: of the vertices, ascending, then of the edges between
+            them, shape (n, N).
         facets: Facet opposite to each of these vertices, shape (n, d+1).
         side: First and second place of each facet as flat index cell * (d+1) + i, the cell of smaller global number
             first; equal on the boundary of the rank's cells, -1 for facets of no cell, shape (2, facets).
@@ -30,6 +37,8 @@ class Simplices:
         area: Outward normals times facet areas [length^(d-1)], shape (n, d+1, d).
     """
 
+    degree: int
+    order: np.ndarray
     nodes: np.ndarray
     facets: np.ndarray
     side: np.ndarray
@@ -41,6 +50,11 @@ class Simplices:
     def d(self) -> int:
         """Dimension."""
         return self.J.shape[-1]
+
+    @property
+    def vertices(self) -> np.ndarray:
+        """Nodes of the vertices of each cell, shape (n, d+1)."""
+        return self.nodes[:, : self.d + 1]
 
     @property
     def inverse(self) -> np.ndarray:
@@ -56,8 +70,9 @@ class Simplices:
 def simplices(model: Model) -> Simplices:
     """The arrays of a model's mesh."""
     d, mesh = model.d, model.mesh
-    order = np.argsort(model.nodes, axis=1)
-    nodes = np.take_along_axis(model.nodes, order, axis=1)
+    order = np.argsort(model.vertices, axis=1)
+    ends = order[:, node_vertices(d, model.degree)]
+    nodes = np.take_along_axis(model.nodes, node_between(d, model.degree)[ends[..., 0], ends[..., 1]], axis=1)
     facets = mesh.topology.connectivity(d, d - 1).array.reshape(-1, d + 1)
     facets = np.take_along_axis(facets, order, axis=1)
     flat, places = facets.ravel(), np.arange(facets.size)
@@ -75,7 +90,8 @@ def simplices(model: Model) -> Simplices:
     area = np.empty((len(nodes), d + 1, d))
     area[:, 1:] = -cofactor * np.sign(determinant)[:, None, None] / (1, 1, 1, 2)[d]
     area[:, 0] = -area[:, 1:].sum(axis=1)
-    return Simplices(nodes, facets, side, edges.transpose(0, 2, 1), abs(determinant) / (1, 1, 2, 6)[d], area)
+    J, volume = edges.transpose(0, 2, 1), abs(determinant) / (1, 1, 2, 6)[d]
+    return Simplices(model.degree, order, nodes, facets, side, J, volume, area)
 
 
 def _cofactor(edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -89,30 +105,73 @@ def _cofactor(edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.einsum("ni,ni->n", edges[:, 0], turned[:, 0]), turned
 
 
-def facet_order(nodes: np.ndarray) -> np.ndarray:
-    """Permutation that sorts the nodes of facets, to go from the order of DOLFINx to ours, shape (n, d)."""
-    return np.argsort(nodes, axis=1)
+def facet_order(vertices: np.ndarray, degree: int) -> np.ndarray:
+    """Permutation of the nodes of facets that sorts their vertices (n, d), shape (n, m)."""
+    d = vertices.shape[1]
+    ends = np.argsort(vertices, axis=1)[:, node_vertices(d - 1, degree)]
+    return node_between(d - 1, degree)[ends[..., 0], ends[..., 1]]
 
 
-def moments(area: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Moments ``int_F t phi_m`` [force] of linear tractions with nodal values t.
+def evaluate_sorted(expression: Any, model: Model, cells: Simplices, points: np.ndarray, count: int) -> np.ndarray:
+    """Values of a UFL expression at reference points of the first cells, in our order of their vertices.
+
+    Args:
+        expression: UFL expression of shape s.
+        model: The scene on a mesh.
+        cells: Its arrays.
+        points: Reference points (q, d) that a permutation of the vertices permutes.
+        count: Number of cells.
+
+    Returns:
+        Values, shape (count, q, *s).
+    """
+    values = evaluate(expression, model.domain, points, np.arange(count, dtype=np.int32))
+    at = barycentric(points)
+    every = np.array(list(permutations(range(cells.d + 1))))
+    theirs = np.empty((len(every), len(points), cells.d + 1))
+    np.put_along_axis(theirs, np.broadcast_to(every[:, None], theirs.shape), at[None], axis=2)
+    place = np.linalg.norm(theirs[:, :, None] - at, axis=3).argmin(axis=2)
+    digits = (cells.d + 1) ** np.arange(cells.d + 1)
+    number = np.empty((cells.d + 1) ** (cells.d + 1), dtype=int)
+    number[every @ digits] = np.arange(len(every))
+    chosen = place[number[cells.order[:count] @ digits]]
+    return np.take_along_axis(values, chosen.reshape(*chosen.shape, *[1] * (values.ndim - 2)), axis=1)
+
+
+def pushes(area: np.ndarray, stress: np.ndarray) -> np.ndarray:
+    """``S_b |F_i| n_i``: the force on each facet of each coefficient of a symmetric stress of some cells.
+
+    Args:
+        area: Outward normals times facet areas, shape (n, d+1, d).
+        stress: Coefficients, shape (n, b, d, d).
+
+    Returns:
+        Shape (n, d+1, b, d).
+    """
+    n, b, d, _ = stress.shape
+    return np.matmul(area, stress.reshape(n, b * d, d).transpose(0, 2, 1)).reshape(n, d + 1, b, d)
+
+
+def moments(area: np.ndarray, values: np.ndarray, degree: int) -> np.ndarray:
+    """Moments ``int_F t B_m`` [force] of tractions with Bernstein coefficients t.
 
     Args:
         area: Facet areas, shape (n,).
-        values: Nodal tractions [force/area], shape (n, d, c).
+        values: Coefficients [force/area], shape (n, m, d).
+        degree: Their degree.
     """
-    d = values.shape[1]
-    return (values + values.sum(axis=1, keepdims=True)) * (area / (d * (d + 1)))[:, None, None]
+    d = values.shape[2]
+    return np.matmul(mass(d - 1, degree, degree), values) * area[:, None, None]
 
 
-def nodal_forces(moment: np.ndarray) -> np.ndarray:
-    """Area times nodal traction, ``|F| t_m`` [force], of moments of shape (..., d, c): the inverse of ``moments``."""
-    d = moment.shape[-2]
-    return d * ((d + 1) * moment - moment.sum(axis=-2, keepdims=True))
+def nodal_forces(moment: np.ndarray, degree: int) -> np.ndarray:
+    """Area times traction, ``|F| t_m`` [force], of moments of shape (..., m, d): the inverse of ``moments``."""
+    d = moment.shape[-1]
+    return np.matmul(np.linalg.inv(mass(d - 1, degree, degree)), moment)
 
 
 def signed(cells: Simplices, moment: np.ndarray) -> np.ndarray:
-    """Facet moments as each cell sees them, opposite on the two sides, shape (n, d+1, d, d)."""
+    """Facet moments as each cell sees them, opposite on the two sides, shape (n, d+1, m, d)."""
     places = np.arange(cells.facets.size).reshape(cells.facets.shape)
     sign = np.where(cells.side[0][cells.facets] == places, 1.0, -1.0)
     return sign[:, :, None, None] * moment[cells.facets]

@@ -1,24 +1,36 @@
 """A symmetric stress in exact equilibrium from facet tractions and body force, cell by cell.
 
-Each simplex is split at its barycentre into d+1 sub-simplices (Alfeld split). Symmetric linear stresses on them
-with continuous traction across the inner facets: for balanced linear tractions and a constant body force there is
-exactly one (Johnson, Mercier, Numer. Math. 30 (1978); 15 degrees of freedom in 2D, 42 in 3D). On the reference
-simplex the map from (tractions, body force) to nodal stresses is one small matrix; the Piola transform
+Each simplex is split at its barycentre into d+1 sub-simplices (Alfeld split). Symmetric stresses on them, of degree k
+with continuous traction across the inner facets: for balanced tractions of degree k and a body force of degree k-1 such
+a stress exists. For k = 1 there is exactly one (Johnson, Mercier, Numer. Math. 30 (1978); 15 degrees of freedom in 2D,
+42 in 3D); for k = 2 the stresses without tractions and divergence, the bubbles, have 3 dimensions in 2D and 18 in 3D.
+On the reference simplex the map from (tractions, body force) to stresses is one small matrix; the Piola transform
 ``sigma = J S J^T / |det J|`` carries it to all cells, forces being mapped by J.
 
-Tensors are in Mandel's notation, components in an orthonormal basis of symmetric matrices, s = d(d+1)/2.
-Sub-simplex k has the vertices of the cell with vertex k replaced by the barycentre.
+Tensors are in Mandel's notation, components in an orthonormal basis of symmetric matrices, s = d(d+1)/2; polynomials
+are given by Bernstein coefficients, N_k in a cell, m in a facet. Sub-simplex i has the vertices of the cell with vertex
+i replaced by the barycentre.
 """
 
 from __future__ import annotations
 
 from functools import cache
-from math import sqrt
+from math import factorial, sqrt
 
 import numpy as np
 
-from erc_contact.admissible.geometry import Simplices
-from erc_contact.model import facet_vertices
+from erc_contact.admissible.geometry import Simplices, pushes
+from erc_contact.simplex import (
+    barycentric,
+    bernstein,
+    coefficients,
+    facet_nodes,
+    facet_vertices,
+    gradients,
+    node_vertices,
+    nodes,
+    rule,
+)
 
 CHUNK = 2048
 """Number of cells that are worked on at once: what stays in the cache."""
@@ -37,61 +49,69 @@ def mandel_basis(d: int) -> np.ndarray:
 
 
 @cache
-def reference_map(d: int) -> np.ndarray:
-    """The matrix from facet forces and body force to nodal stresses on the reference simplex.
-
-    Returns:
-        Shape (d+1, d+1, s, (d+1)d+1, d): stress component of sub-simplex k at its node m, from ``|F_i| t`` at the
-        d nodes of facet i (first (d+1)d rows) and the total body force (last row), each a vector of d components.
-    """
+def _reference(d: int, k: int) -> tuple[np.ndarray, np.ndarray]:
+    """Map and bubbles on the reference simplex, see :func:`reference_map` and :func:`bubbles`."""
     basis = mandel_basis(d)
-    s = len(basis)
+    s, N, m, b = len(basis), len(nodes(d, k)), len(nodes(d - 1, k)), len(nodes(d, k - 1))
     vertices = np.vstack([np.zeros(d), np.eye(d)])
-    centre = vertices.mean(axis=0)
-    subs = []
-    for k in range(d + 1):
-        points = vertices.copy()
-        points[k] = centre
-        subs.append(points)
-    stresses = np.eye((d + 1) * (d + 1) * s).reshape(d + 1, d + 1, s, -1)
-    faces = facet_vertices(d)
-    volume = abs(np.linalg.det(vertices[1:] - vertices[0]))  # times d!, which cancels
+    subs = np.repeat(vertices[None], d + 1, axis=0)
+    subs[range(d + 1), range(d + 1)] = vertices.mean(axis=0)
+    stresses = np.eye((d + 1) * N * s).reshape(d + 1, N, s, -1)
+    inputs = np.eye(((d + 1) * m + b) * d).reshape((d + 1) * m + b, d, -1)
+    table, on_facet = gradients(d, k), facet_nodes(d, k)
+    lower = nodes(d, k - 1)
 
     rows, data = [], []
-    inputs = np.eye(((d + 1) * d + 1) * d).reshape((d + 1) * d + 1, d, -1)
-    for k, points in enumerate(subs):
+    for i, points in enumerate(subs):
         gradient = np.linalg.inv(np.column_stack([points, np.ones(d + 1)]))[:d].T  # of the barycentrics
-        tensor = np.einsum("msz,sij->mijz", stresses[k], basis)
-        divergence = np.einsum("mj,mijz->iz", gradient, tensor)
-        rows.append(divergence)
-        data.append(-inputs[-1] / (volume / _factorial(d)))
-        normal = -gradient[k] * (1 / np.linalg.norm(gradient[k]))
-        reference_area = _area(points[faces[k]])
-        traction = np.einsum("mijz,j->miz", tensor[faces[k]], normal)
-        rows.extend(traction)
-        data.extend(inputs[k * d + m] / reference_area for m in range(d))
-    for k in range(d + 1):
-        for other in range(k + 1, d + 1):
-            # sub-simplices k and other share the facet of the centre and all other vertices
-            gradient = np.linalg.inv(np.column_stack([subs[k], np.ones(d + 1)]))[:d].T[other]
+        divergence = np.einsum("cjm,ja,msz,sai->ciz", table, gradient, stresses[i], basis, optimize=True)
+        rows.extend(divergence)
+        of_cell = bernstein(d, k - 1, lower @ (points[1:] - points[0]) + points[0])  # degree at most 1: coefficients
+        data.extend(-factorial(d) * np.einsum("cb,biz->ciz", of_cell, inputs[(d + 1) * m :]))
+        normal = -gradient[i] / np.linalg.norm(gradient[i])
+        rows.extend(np.einsum("msz,sij,j->miz", stresses[i, on_facet[i]], basis, normal))
+        data.extend(inputs[i * m : (i + 1) * m] / _area(points[np.arange(d + 1) != i]))
+    names = node_vertices(d, k)
+    for i in range(d + 1):
+        for other in range(i + 1, d + 1):
+            # sub-simplices i and other share the facet of the centre, d+1, and all other vertices
+            gradient = np.linalg.inv(np.column_stack([subs[i], np.ones(d + 1)]))[:d].T[other]
             normal = gradient / np.linalg.norm(gradient)
-            common = [v for v in range(d + 1) if v not in (k, other)]
-            pairs = [(k, other), *((v, v) for v in common)]
-            for mine, theirs in pairs:
-                difference = stresses[k, mine] - stresses[other, theirs]
+            mine, theirs = (
+                {frozenset(np.where(names[n] == sub, d + 1, names[n])): n for n in on_facet[facet]}
+                for sub, facet in ((i, other), (other, i))
+            )
+            for name, n in mine.items():
+                difference = stresses[i, n] - stresses[other, theirs[name]]
                 rows.append(np.einsum("sz,sij,j->iz", difference, basis, normal))
                 data.append(np.zeros_like(inputs[0]))
-    solution = np.linalg.pinv(np.vstack(rows), rcond=1e-10) @ np.vstack(data)
-    return solution.reshape(d + 1, d + 1, s, (d + 1) * d + 1, d)
+    left, values, right = np.linalg.svd(np.vstack(rows))
+    rank = int(np.sum(values > 1e-10 * values[0]))
+    solution = right[:rank].T @ ((left[:, :rank].T @ np.vstack(data)) / values[:rank, None])
+    return (
+        solution.reshape(d + 1, N, s, (d + 1) * m + b, d),
+        np.ascontiguousarray(right[rank:].T).reshape(d + 1, N, s, len(right) - rank),
+    )
 
 
-def _factorial(d: int) -> int:
-    return (1, 1, 2, 6)[d]
+def reference_map(d: int, k: int) -> np.ndarray:
+    """The matrix from facet forces and body force to stresses on the reference simplex.
+
+    Returns:
+        Shape (d+1, N_k, s, (d+1)m + N_(k-1), d): stress coefficient of sub-simplex i at its node n, from ``|F_i| t`` at
+        the m nodes of facet i (first rows) and the body force times the volume, each a vector of d components.
+    """
+    return _reference(d, k)[0]
+
+
+def bubbles(d: int, k: int) -> np.ndarray:
+    """Basis of the stresses without tractions and divergence on the reference simplex, shape (d+1, N_k, s, number)."""
+    return _reference(d, k)[1]
 
 
 def _area(points: np.ndarray) -> float:
     edges = points[1:] - points[0]
-    return float(np.sqrt(np.linalg.det(edges @ edges.T))) / _factorial(len(edges))
+    return float(np.sqrt(np.linalg.det(edges @ edges.T))) / factorial(len(edges))
 
 
 def mandel(tensor: np.ndarray) -> np.ndarray:
@@ -105,42 +125,66 @@ def tensors(components: np.ndarray, d: int) -> np.ndarray:
     return np.tensordot(components, mandel_basis(d), axes=1)
 
 
+@cache
+def _elevation(d: int, k: int) -> tuple[np.ndarray, np.ndarray]:
+    """Coefficients of degree k of a polynomial of degree k-1 of the cell, from its own.
+
+    Returns:
+        On the sub-simplices (d+1, N_k, N_(k-1)), and on the facets (d+1, m, N_(k-1)).
+    """
+    corners = np.vstack([np.zeros(d), np.eye(d)])
+    of_subs, of_facets = [], []
+    for i, facet in enumerate(facet_vertices(d)):
+        sub = corners.copy()
+        sub[i] = corners.mean(axis=0)
+        of_subs.append(coefficients(d, k) @ bernstein(d, k - 1, barycentric(nodes(d, k)) @ sub))
+        on_facet = barycentric(nodes(d - 1, k)) @ corners[facet]
+        of_facets.append(coefficients(d - 1, k) @ bernstein(d, k - 1, on_facet))
+    return np.array(of_subs), np.array(of_facets)
+
+
 def macro_stress(
     cells: Simplices, count: int, stress: np.ndarray, forces: np.ndarray, force: np.ndarray | None
 ) -> np.ndarray:
-    """The admissible stress ``sigma^ = sigma_h + map(F^ - sigma_h n, f)`` at the nodes of the sub-simplices.
+    """The admissible stress ``sigma^ = sigma_h + map(F^ - sigma_h n, f + div sigma_h)`` in the sub-simplices.
 
     Args:
         cells: Geometry; the first ``count`` cells are done.
         count: Number of owned cells.
-        stress: sigma_h, constant in each cell, shape (n, d, d).
-        forces: ``|F| t`` at the nodes of the facets of each cell, shape (count, d+1, d, d).
-        force: Total body force of each cell, shape (n, d), or None.
+        stress: sigma_h in each cell, of degree k-1, shape (n, N_(k-1), d, d).
+        forces: ``|F| t`` on the facets of each cell, shape (count, d+1, m, d).
+        force: Body force times volume of each cell, of degree k-1, shape (n, N_(k-1), d), or None.
 
     Returns:
-        sigma^ in Mandel components [force/area], shape (count, d+1, d+1, s).
+        sigma^ in Mandel components [force/area], of degree k, shape (count, d+1, N_k, s).
     """
-    d, s = cells.d, len(mandel_basis(cells.d))
-    matrix = reference_map(d).reshape((d + 1) ** 2 * s, -1, d)
-    facet_part = np.ascontiguousarray(matrix[:, :-1].reshape(len(matrix), -1).T)
-    sigma = np.empty((count, (d + 1) ** 2, s))
+    d, s, k = cells.d, len(mandel_basis(cells.d)), cells.degree
+    matrix = reference_map(d, k)
+    N, b = matrix.shape[1], stress.shape[1]
+    columns = np.ascontiguousarray(matrix.reshape((d + 1) * N * s, -1).T)
+    of_subs, of_facets = _elevation(d, k)
+    of_subs = of_subs.reshape(-1, b)
+    sigma = np.empty((count, (d + 1) * N, s))
     for some in (slice(i, min(i + CHUNK, count)) for i in range(0, count, CHUNK)):
         base = stress[some]
-        defect = forces[some] - np.matmul(cells.area[some], base)[:, :, None, :]
         inverse = -cells.area[some, 1:] / (d * cells.volume[some, None, None])
-        reference = np.matmul(defect.reshape(len(base), -1, d), inverse.transpose(0, 2, 1))
-        nodal = reference.reshape(len(base), -1) @ facet_part
-        if force is not None:
-            nodal += np.einsum("nij,nj->ni", inverse, force[some]) @ matrix[:, -1].T
+        inputs = np.empty((len(base), matrix.shape[3], d))
+        push = pushes(cells.area[some], base)
+        np.subtract(forces[some], np.matmul(of_facets, push), out=inputs[:, :-b].reshape(len(base), d + 1, -1, d))
+        inputs[:, -b:] = 0.0 if force is None else force[some]
+        if k > 1:
+            inputs[:, -b:] -= np.einsum("nffi->ni", push)[:, None] / d
+        reference = np.matmul(inputs, inverse.transpose(0, 2, 1))
+        nodal = reference.reshape(len(base), -1) @ columns
         np.matmul(nodal.reshape(len(base), -1, s), piola(cells, some), out=sigma[some])
-        sigma[some] += mandel(base)[:, None, :]
-    return sigma.reshape(count, d + 1, d + 1, s)
+        sigma[some] += np.matmul(of_subs, mandel(base))
+    return sigma.reshape(count, d + 1, N, s)
 
 
 def piola(cells: Simplices, some: slice) -> np.ndarray:
     """Images ``J b J^T / |det J|`` of the basis tensors b in some cells, row by row in Mandel components, (n, s, s)."""
     d, basis, J = cells.d, mandel_basis(cells.d), cells.J[some]
-    products = (J[:, :, :, None, None] * J[:, None, None]) / (cells.volume[some] * _factorial(d))[
+    products = (J[:, :, :, None, None] * J[:, None, None]) / (cells.volume[some] * factorial(d))[
         :, None, None, None, None
     ]
     symmetric = np.einsum("aij,bkl->ikjlba", basis, basis).reshape(d**4, -1)
@@ -148,16 +192,15 @@ def piola(cells: Simplices, some: slice) -> np.ndarray:
 
 
 @cache
-def macro_points(d: int) -> tuple[np.ndarray, np.ndarray]:
-    """Quadrature on the sub-simplices, exact for the square of a linear function, with equal weights.
-
-    Point m of a sub-simplex lies near its node m, so that a permutation of vertices permutes the points.
+def macro_points(d: int, k: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Quadrature on the sub-simplices, exact for the square of a polynomial of degree k.
 
     Returns:
-        Shape functions of a sub-simplex at its points (d+1, d+1); points of the cell ((d+1)^2, d).
+        Bernstein polynomials of a sub-simplex at its points (q, N_k); points of the cell ((d+1) q, d), which a
+        permutation of the vertices permutes; their weights, with sum 1.
     """
-    near = (d + 2 - sqrt(d + 2)) / ((d + 1) * (d + 2))
-    shape = near + (1 - (d + 1) * near) * np.eye(d + 1)
+    points, weights = rule(d, 2 * k)
     corners = np.repeat(np.eye(d + 1)[None], d + 1, axis=0)
     corners[np.arange(d + 1), np.arange(d + 1)] = 1 / (d + 1)
-    return shape, np.matmul(shape, corners).reshape(-1, d + 1)[:, 1:]
+    places = np.matmul(barycentric(points), corners).reshape(-1, d + 1)[:, 1:]
+    return bernstein(d, k, points), places, np.tile(weights / (d + 1), d + 1)

@@ -21,19 +21,21 @@ Source: Clough, Tocher (1965) for the space in 2D; the basis by forces, couples 
 
 from __future__ import annotations
 
+from functools import cache
 from itertools import combinations
 
 import numpy as np
 
-from erc_contact.admissible.energy import Energy, chunks, times
+from erc_contact.admissible.energy import Energy, chunks, stress_map, times
 from erc_contact.admissible.geometry import Simplices
-from erc_contact.model import Model, facet_vertices
+from erc_contact.model import Model
+from erc_contact.simplex import facet_vertices
 
 
 def facet_nodes(cells: Simplices) -> np.ndarray:
-    """Nodes of each facet, ascending, shape (F, d)."""
+    """Vertices of each facet, ascending, shape (F, d)."""
     cell, i = np.divmod(np.maximum(cells.side[0], 0), cells.d + 1)
-    return cells.nodes[cell[:, None], facet_vertices(cells.d)[i]]
+    return cells.vertices[cell[:, None], facet_vertices(cells.d)[i]]
 
 
 def global_nodes(model: Model) -> np.ndarray:
@@ -129,7 +131,7 @@ class Patches:
         facets, vertices = len(cells.side[0]), facet_vertices(d)
         a, b = np.triu_indices(len(energy.metric))
         below = np.tril_indices(w + 2 * k)
-        hinges = _hinges(energy.map, d)
+        hinges = _hinges(d)
         for some in chunks(len(cells.nodes), d):
             metric = energy.metric[..., some].mean(axis=2, keepdims=True)
             upper, c = metric[a, b, 0], metric.shape[-1]
@@ -240,10 +242,11 @@ class Patches:
         return z
 
 
+@cache
 def _hinges(
-    reference: np.ndarray, d: int
+    d: int,
 ) -> list[tuple[tuple[int, int], np.ndarray, np.ndarray, np.ndarray, np.ndarray]]:
-    """What is the same in all cells, for each hinge between the facets f and g, from ``Energy.map``.
+    """What is the same in all cells, for each hinge between the facets f and g: energies of degree 1.
 
     Returns:
         The facets (f, g); the node of each that is not on the hinge; the products of the stresses of unit forces at the
@@ -252,7 +255,7 @@ def _hinges(
     vertices, corners, bars = facet_vertices(d), np.vstack([np.zeros(d), np.eye(d)]), _bars(d)
     s = d * (d + 1) // 2
     a, b = np.triu_indices(s)
-    of_facets = reference.reshape(s, -1, d, d, d + 1)
+    of_facets = stress_map(d, 1)
     result = []
     for f, g in combinations(range(d + 1), 2):
         j = np.array([np.flatnonzero(vertices[f] == g)[0], np.flatnonzero(vertices[g] == f)[0]])

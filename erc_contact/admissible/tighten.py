@@ -2,7 +2,8 @@
 
 The bulk part of the error is ``|sigma^ - C eps(u^)|``, and sigma^ is linear in the moments of the facet tractions.
 Corrections of these moments that leave every cell in equilibrium, and are zero where the traction is given, lower it:
-conjugate gradients, preconditioned by the same minimisation on small patches, all results added. The number of steps
+conjugate gradients, preconditioned by the same minimisation on small patches, and on facets for their quadratic part,
+all results added. The number of steps
 is free, and any number gives the same on any number of ranks.
 
 Source: Ladeveze, Leguillon, SIAM J. Numer. Anal. 20 (1983), for the energy of facet tractions; the patches are ours.
@@ -14,8 +15,9 @@ import numpy as np
 from dolfinx import la
 from mpi4py import MPI
 
-from erc_contact.admissible.energy import Energy
-from erc_contact.admissible.geometry import Simplices
+from erc_contact.admissible.blocks import Blocks
+from erc_contact.admissible.energy import Energy, hierarchical
+from erc_contact.admissible.geometry import Simplices, facet_order
 from erc_contact.admissible.patches import Patches, facet_nodes, global_nodes
 from erc_contact.model import Model
 
@@ -39,47 +41,54 @@ def tightened(
     Args:
         model: The scene on a mesh.
         cells: Geometry, n cells.
-        moment: Moments on the first side of each facet [force], shape (F, d, d).
-        force: Total body force of each cell [force], shape (n, d), or None.
+        moment: Moments on the first side of each facet [force], shape (F, m, d).
+        force: Body force times volume of each cell [force], shape (n, N_(k-1), d), or None.
         free: Components of facets whose traction is not given, shape (F, d).
-        elastic: ``C eps(u^)`` of the owned cells [force/area], shape (owned, q or 1, s).
-        compliance: C^-1 [area/force], shape (n or 1, q or 1, s, s).
+        elastic: ``C eps(u^)`` of the owned cells [force/area], shape (owned, Q or 1, s).
+        compliance: C^-1 [area/force], shape (n or 1, Q or 1, s, s).
         iterations: At most so many.
 
     Returns:
         The moments, and the number of iterations.
     """
-    comm, d = model.comm, cells.d
+    comm, d, m = model.comm, cells.d, moment.shape[1]
     facets = model.mesh.topology.index_map(d - 1)
-    shared = la.vector(facets, d * d)
-    nodes = facet_nodes(cells)
-    order = np.argsort(global_nodes(model)[nodes], axis=1).T  # the ranks do not agree on the order of the nodes
+    shared = la.vector(facets, d * m)
+    vertices = global_nodes(model)[facet_nodes(cells)]
+    order = facet_order(vertices, cells.degree).T  # the ranks do not agree on the order of the nodes
     back = np.argsort(order, axis=0)
 
     def total(values: np.ndarray) -> np.ndarray:
         """Sum what the ranks have for each facet."""
         if comm.size > 1:
             sent = np.take_along_axis(values, order[None], axis=1)
-            shared.array[:] = sent.reshape(d * d, -1).T.ravel()
+            shared.array[:] = sent.reshape(d * m, -1).T.ravel()
             shared.scatter_reverse(la.InsertMode.add)
             shared.scatter_forward()
-            sent = shared.array.reshape(-1, d * d).T.reshape(values.shape)
+            sent = shared.array.reshape(-1, d * m).T.reshape(values.shape)
             values[:] = np.take_along_axis(sent, back[None], axis=1)
         return values
 
     def dot(a: np.ndarray, b: np.ndarray) -> float:
         owned = facets.size_local
-        rows = zip(a.reshape(d * d, -1), b.reshape(d * d, -1), strict=True)
+        rows = zip(a.reshape(d * m, -1), b.reshape(d * m, -1), strict=True)
         return comm.allreduce(float(sum(np.vdot(x[:owned], y[:owned]) for x, y in rows)), MPI.SUM)
 
     energy = Energy(cells, model.domain.owned_cells, compliance)
-    square, r = energy.start(moment, force, elastic)
+    to_ours = hierarchical(d, cells.degree)
+    square, r = energy.start(np.ascontiguousarray(np.matmul(to_ours, moment).transpose(2, 1, 0)), force, elastic)
     square = comm.allreduce(square, MPI.SUM)
     patches = Patches(model, energy, free)
+    blocks = Blocks(energy, free, facets.size_local) if m > d else None
+
+    def precondition(r: np.ndarray) -> np.ndarray:
+        z = patches(r[:, :d])
+        return z if blocks is None else np.concatenate([z, blocks(r[:, d:])], axis=1)
+
     r = -total(r)
     x, p, rz, done = np.zeros_like(r), np.zeros_like(r), 1.0, 0
     while done < iterations:
-        z = total(patches(r))
+        z = total(precondition(r))
         new = dot(r, z)
         if not new > np.finfo(float).eps ** 2 * square:  # at the minimum, or nothing is free
             break
@@ -93,4 +102,4 @@ def tightened(
         before, square, done = square, square - step * rz, done + 1
         if square > (1 - GAIN) ** 2 * before:
             break
-    return moment + x.transpose(2, 1, 0), done
+    return moment + np.matmul(np.linalg.inv(to_ours), x.transpose(2, 1, 0)), done

@@ -1,0 +1,130 @@
+"""Tables of the reference simplex, for any dimension and degree.
+
+Nodes come as in DOLFINx: the vertices, then the edges. Polynomials are given by their Bernstein coefficients: one for
+each node, equal to the value at a vertex. A polynomial lies in the convex hull of its coefficients, so what holds for
+these (a sign, a cone, a gap that is not exceeded) holds at every point; and all Bernstein polynomials of a degree have
+the same integral. For degree 1 coefficients and values at nodes are the same.
+
+Symbols: d dimension, k degree, N number of nodes of a cell, m of a facet, q of points. A facet is a simplex of
+dimension d-1, so tables of facets are those of d-1.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+
+import basix
+import numpy as np
+
+CELLS = (basix.CellType.point, basix.CellType.interval, basix.CellType.triangle, basix.CellType.tetrahedron)
+"""The reference simplex of each dimension."""
+
+
+def facet_vertices(d: int) -> np.ndarray:
+    """Local vertices of each local facet of a simplex (facet i is opposite to vertex i), shape (d+1, d)."""
+    return np.array([[j for j in range(d + 1) if j != i] for i in range(d + 1)])
+
+
+def barycentric(points: np.ndarray) -> np.ndarray:
+    """Barycentric coordinates of reference points, shape (q, d) -> (q, d+1)."""
+    return np.column_stack([1 - points.sum(axis=1), points])
+
+
+def edges(d: int) -> np.ndarray:
+    """Vertices of the edges, in the order of their nodes, shape (e, 2)."""
+    return np.array(basix.topology(CELLS[d])[1])
+
+
+@cache
+def node_between(d: int, k: int) -> np.ndarray:
+    """Number of the node of each pair of vertices: of the edge between them, or of the vertex, shape (d+1, d+1)."""
+    number = np.full((d + 1, d + 1), -1)
+    np.fill_diagonal(number, np.arange(d + 1))
+    if k == 2:
+        a, b = edges(d).T
+        number[a, b] = number[b, a] = d + 1 + np.arange(len(a))
+    return number
+
+
+@cache
+def node_vertices(d: int, k: int) -> np.ndarray:
+    """The pair of vertices of each node, twice the same for a vertex, shape (N, 2)."""
+    own = np.repeat(np.arange(d + 1)[:, None], 2, axis=1)
+    return own if k == 1 else np.vstack([own, edges(d)])
+
+
+@cache
+def facet_nodes(d: int, k: int) -> np.ndarray:
+    """Local nodes of each local facet, in the order of the nodes of a facet, shape (d+1, m)."""
+    pairs = facet_vertices(d)[:, node_vertices(d - 1, k)]
+    return node_between(d, k)[pairs[..., 0], pairs[..., 1]]
+
+
+@cache
+def nodes(d: int, k: int) -> np.ndarray:
+    """Reference points of the nodes, shape (N, d)."""
+    return np.vstack([np.zeros(d), np.eye(d)])[node_vertices(d, k)].mean(axis=1) if k else np.full((1, d), 1 / (d + 1))
+
+
+def bernstein(d: int, k: int, points: np.ndarray) -> np.ndarray:
+    """Bernstein polynomials at reference points, shape (q, N)."""
+    if k == 0:
+        return np.ones((len(points), 1))
+    a, b = node_vertices(d, k).T
+    at = barycentric(points)
+    return at[:, a] if k == 1 else at[:, a] * at[:, b] * np.where(a == b, 1.0, 2.0)
+
+
+@cache
+def at_nodes(d: int, k: int) -> np.ndarray:
+    """Values at the nodes from Bernstein coefficients, a matrix (N, N)."""
+    return bernstein(d, k, nodes(d, k))
+
+
+@cache
+def coefficients(d: int, k: int) -> np.ndarray:
+    """Bernstein coefficients from values at the nodes, a matrix (N, N)."""
+    return np.linalg.inv(at_nodes(d, k))
+
+
+def lagrange(d: int, k: int, points: np.ndarray) -> np.ndarray:
+    """Shape functions of the nodes at reference points, shape (q, N)."""
+    return bernstein(d, k, points) @ coefficients(d, k)
+
+
+@cache
+def rule(d: int, degree: int) -> tuple[np.ndarray, np.ndarray]:
+    """Quadrature: points (q, d) and weights that sum to 1, (q,); a permutation of vertices permutes the points."""
+    points, weights = basix.make_quadrature(CELLS[d], degree)
+    return points, weights / weights.sum()
+
+
+@cache
+def mass(d: int, k: int, l: int) -> np.ndarray:  # noqa: E741
+    """Means of products of Bernstein polynomials of degrees k and l, shape (N_k, N_l)."""
+    points, weights = rule(d, k + l)
+    return bernstein(d, k, points).T @ (weights[:, None] * bernstein(d, l, points))
+
+
+@cache
+def gradients(d: int, k: int) -> np.ndarray:
+    """Derivatives ``d/d lambda_j`` of Bernstein polynomials of degree k, as coefficients of degree k-1.
+
+    Barycentric coordinates as independent variables; with their gradients, ``grad B_v = sum_j (...) grad lambda_j``.
+
+    Returns:
+        Shape (N_(k-1), d+1, N_k): coefficient, j, v.
+    """
+    table = np.zeros((len(nodes(d, k - 1)), d + 1, len(nodes(d, k))))
+    for v, (a, b) in enumerate(node_vertices(d, k)):
+        for one, other in ((a, b), (b, a)):  # B = 1 for k = 1, (1 + [a != b]) lambda_a lambda_b for k = 2
+            if k == 1:
+                table[0, a, v] = 1.0
+            else:
+                table[other, one, v] += 1.0 if a == b else 2.0
+    return table
+
+
+def lattice(d: int, divisions: int) -> np.ndarray:
+    """Reference points of a regular lattice, the boundary included, shape (q, d)."""
+    return basix.create_lattice(CELLS[d], divisions, basix.LatticeType.equispaced, True)
