@@ -135,7 +135,7 @@ def test_preconditioner_and_energy_are_symmetric(seed, degree):
     x, y = np.random.default_rng(seed).standard_normal((2, d, m, len(free)))
     operators = [(energy, slice(None)), (Patches(model, energy, free), slice(0, d))]
     if degree == 2:
-        operators.append((Blocks(energy, free, len(free)), slice(d, m)))
+        operators.append((Blocks(energy, free, np.full(len(free), True)), slice(d, m)))
     for operator, part in operators:
         a, b = x[:, part], y[:, part]
         left, right = np.vdot(a, operator(b)), np.vdot(b, operator(a))

@@ -16,11 +16,16 @@ from erc_contact.admissible.energy import Energy, chunks, stress_map, times
 class Blocks:
     """Solves the minimisation for the quadratic moments of every facet of this rank.
 
+    Args:
+        energy: The energy.
+        free: Components of facets whose traction is not given, shape (F, d).
+        mine: Facets that are this rank's, which has both cells of each, shape (F,).
+
     Attributes:
         inverse: Of each facet, zero where nothing is free, shape (F, d j, d j).
     """
 
-    def __init__(self, energy: Energy, free: np.ndarray, owned: int) -> None:
+    def __init__(self, energy: Energy, free: np.ndarray, mine: np.ndarray) -> None:
         cells, d, m = energy.cells, energy.cells.d, energy.m
         size = d * (m - d)
         matrices = np.zeros((len(free), size, size))
@@ -36,7 +41,7 @@ class Blocks:
                 local = times(back, local).reshape(size, d, m - d, -1).transpose(1, 2, 0, 3)
                 local = times(back, local).reshape(size, size, -1)
                 np.add.at(matrices, energy.facets[f, some], local.transpose(2, 1, 0))
-        keep = np.repeat(free, m - d, axis=1) & (np.arange(len(free)) < owned)[:, None]
+        keep = np.repeat(free, m - d, axis=1) & mine[:, None]
         keep &= np.einsum("nii->ni", matrices) > 0
         both = keep[:, :, None] & keep[:, None, :]
         self.inverse = np.where(both, np.linalg.inv(np.where(both, matrices, np.eye(size))), 0.0)

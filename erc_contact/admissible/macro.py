@@ -27,6 +27,7 @@ from erc_contact.simplex import (
     facet_nodes,
     facet_vertices,
     gradients,
+    mass,
     node_vertices,
     nodes,
     rule,
@@ -88,9 +89,16 @@ def _reference(d: int, k: int) -> tuple[np.ndarray, np.ndarray]:
     left, values, right = np.linalg.svd(np.vstack(rows))
     rank = int(np.sum(values > 1e-10 * values[0]))
     solution = right[:rank].T @ ((left[:, :rank].T @ np.vstack(data)) / values[:rank, None])
+    kernel = right[rank:].T
+    if kernel.size:
+        # of all stresses the one of least norm on the regular simplex: it does not depend on the order of the vertices
+        J = np.linalg.cholesky((np.ones((d, d)) + np.eye(d)) / 2).T
+        images = mandel(J @ basis @ J.T)
+        norm = np.kron(np.eye(d + 1), np.kron(mass(d, k, k), images @ images.T))
+        solution -= kernel @ np.linalg.solve(kernel.T @ norm @ kernel, kernel.T @ norm @ solution)
     return (
         solution.reshape(d + 1, N, s, (d + 1) * m + b, d),
-        np.ascontiguousarray(right[rank:].T).reshape(d + 1, N, s, len(right) - rank),
+        np.ascontiguousarray(kernel).reshape(d + 1, N, s, len(right) - rank),
     )
 
 

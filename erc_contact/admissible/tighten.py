@@ -79,7 +79,8 @@ def tightened(
     square, r = energy.start(np.ascontiguousarray(np.matmul(to_ours, moment).transpose(2, 1, 0)), force, elastic)
     square = comm.allreduce(square, MPI.SUM)
     patches = Patches(model, energy, free)
-    blocks = Blocks(energy, free, facets.size_local) if m > d else None
+    mine = np.take_along_axis(facet_nodes(cells), order[:1].T, axis=1)[:, 0] < model.V.dofmap.index_map.size_local
+    blocks = Blocks(energy, free, mine) if m > d else None
 
     def precondition(r: np.ndarray) -> np.ndarray:
         z = patches(r[:, :d])
