@@ -1,15 +1,18 @@
 """Cost of the stages, as multiples of one linear elastic solve of the same size.
 
-The common block of several contact codes: (0, 2) x (0, 7), E = 1, nu = 0.3, friction 0.3, pressed and sheared at its
-top, pushed at its right side, on n x 3.5 n squares cut in two (n = 128: 115 842 degrees of freedom).
+In 2D the common block of several contact codes: (0, 2) x (0, 7), E = 1, nu = 0.3, friction 0.3, pressed and sheared at
+its top, pushed at its right side, on n x 3.5 n squares cut in two (n = 128: 115 842 degrees of freedom of degree 1). In
+3D a cube pressed and sheared at its back, with friction at its front, on n x n x n cubes cut in six.
 
 The unit is a first linear elastic solve as plain DOLFINx does it: assembly of the stiffness, symbolic and numeric LU
-factorisation by MUMPS, one solve. Everything is timed in one process; medians of several rounds.
+factorisation by MUMPS, one solve. Everything is timed in one process; medians of several rounds. The memory is what a
+stage adds at its peak to what the process has, beside what MUMPS says of its factor.
 
-    OMP_NUM_THREADS=1 python benchmarks/cost.py [n] [rounds]
+    OMP_NUM_THREADS=1 python benchmarks/cost.py [--dim 2] [--n 128] [--degree 1] [--tighten 10] [--rounds 5]
 """
 
-import sys
+import argparse
+import resource
 from time import perf_counter
 
 import numpy as np
@@ -21,52 +24,79 @@ import ufl  # isort: skip
 from erc_contact.model import Model  # isort: skip
 
 
-def scene() -> ec.Scene:
-    return ec.Scene(
+def problem(dim: int, n: int) -> tuple[ec.Scene, ec.Domain]:
+    if dim == 3:
+        scene = ec.Scene(
+            material=ec.Elastic(E=1.0, nu=0.3),
+            supports=[ec.Displacement("back", (0.02, 0.01, -0.05))],
+            contacts=[ec.Contact("front", friction=0.3)],
+        )
+        return scene, ec.box((0.0, 0.0, 0.0), (1.0, 1.0, 1.0), cells=(n, n, n))
+    scene = ec.Scene(
         material=ec.Elastic(E=1.0, nu=0.3),
         supports=[ec.Displacement("top", (0.1, -0.05))],
         loads=[ec.Traction("right", (-0.0002, 0.0))],
         contacts=[ec.Contact("bottom", friction=0.3)],
     )
+    return scene, ec.rectangle((0.0, 0.0), (2.0, 7.0), cells=(n, 7 * n // 2))
 
 
-def linear_solve(domain: ec.Domain) -> float:
-    """Seconds of one linear elastic solve: assembly and MUMPS (LU), with the bottom held by nothing but stiffness."""
-    model = Model(scene(), domain)
+def linear_solve(scene: ec.Scene, domain: ec.Domain, degree: int) -> tuple[float, float]:
+    """Seconds of one linear elastic solve, assembly and MUMPS (LU), and megabytes of the factor.
+
+    The contact is held by nothing but the stiffness.
+    """
+    model = Model(scene, domain, degree)
     u, v = ufl.TrialFunction(model.V), ufl.TestFunction(model.V)
+    loads = model.loads(v)
+    if loads is None:
+        loads = ufl.inner(Function(model.V), v) * ufl.dx
     options = {"ksp_type": "preonly", "pc_type": "lu", "pc_factor_mat_solver_type": "mumps"}
     began = perf_counter()
-    problem = petsc.LinearProblem(
+    linear = petsc.LinearProblem(
         model.stiffness(u, v),
-        model.loads(v),
+        loads,
         u=Function(model.V),
         bcs=model.bcs,
         petsc_options_prefix="linear_",
         petsc_options=options,
     )
-    problem.solve()
-    return perf_counter() - began
+    linear.solve()
+    seconds = perf_counter() - began
+    return seconds, float(linear.solver.getPC().getFactorMatrix().getMumpsInfog(22))
+
+
+def peak() -> float:
+    """Largest memory of the process so far [MB]."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
 def main() -> None:
-    n, rounds = (int(a) for a in (sys.argv[1:] + ["128", "5"][len(sys.argv) - 1 :]))
-    domain = ec.rectangle((0.0, 0.0), (2.0, 7.0), cells=(n, 7 * n // 2))
+    parser = argparse.ArgumentParser()
+    for name, value in (("dim", 2), ("n", 128), ("degree", 1), ("tighten", 10), ("rounds", 5)):
+        parser.add_argument(f"--{name}", type=int, default=value)
+    options = parser.parse_args()
+    scene, domain = problem(options.dim, options.n)
     rows = []
-    for number in range(rounds + 1):
-        linear = linear_solve(domain)
-        solution = ec.solve(scene(), domain)
-        admissible = ec.equilibrate(solution)
+    for number in range(options.rounds + 1):
+        linear, factor = linear_solve(scene, domain, options.degree)
+        loose = ec.equilibrate(ec.solve(scene, domain, degree=options.degree), tighten=0)
+        solution = ec.solve(scene, domain, degree=options.degree)
+        admissible = ec.equilibrate(solution, tighten=options.tighten)  # each with the factor that its solve made
         error = ec.constitutive_error(admissible)
         if number > 0:  # the first round compiles forms
-            rows.append((linear, solution.seconds, admissible.seconds, error.seconds))
+            rows.append((linear, solution.seconds, loose.seconds, admissible.seconds, error.seconds))
     linear, *stages = np.median(rows, axis=0)
-    print(f"{2 * domain.vertices} degrees of freedom, {domain.cells} cells, {solution.newton_steps} Newton steps,")
-    print(f"eps = {error.relative:.3%}; medians of {rounds} rounds, one linear solve = {linear:.2f} s")
-    print(f"{'stage':<28}{'seconds':>9}{'linear solves':>15}")
-    for name, seconds in zip(("contact solve", "admissible pair", "error"), stages, strict=True):
-        print(f"{name:<28}{seconds:9.2f}{seconds / linear:15.2f}")
-    after = stages[1] + stages[2]
-    print(f"{'all after the contact solve':<28}{after:9.2f}{after / linear:15.2f}")
+    unknowns = solution.model.V.dofmap.index_map.size_global * domain.dim
+    print(f"{unknowns} degrees of freedom, {domain.cells} cells, {solution.newton_steps} Newton steps,")
+    print(f"eps = {error.relative:.3%} after {admissible.tightening} steps of tightening;")
+    print(f"medians of {options.rounds} rounds, one linear solve = {linear:.2f} s; its factor {factor:.0f} MB")
+    names = ("contact solve", "admissible pair, loose", "admissible pair, tightened", "error")
+    print(f"{'stage':<28}{'seconds':>9}{'linear solves':>15}{'microseconds a cell':>21}")
+    for name, seconds in zip(names, stages, strict=True):
+        print(f"{name:<28}{seconds:9.2f}{seconds / linear:15.2f}{seconds / domain.cells * 1e6:21.1f}")
+    after = stages[2] + stages[3]
+    print(f"{'tightened pair and error':<28}{after:9.2f}{after / linear:15.2f}{after / domain.cells * 1e6:21.1f}")
 
 
 if __name__ == "__main__":

@@ -17,7 +17,7 @@ from typing import Protocol
 import numpy as np
 from mpi4py import MPI
 
-from erc_contact.admissible import equilibrate
+from erc_contact.admissible import TIGHTEN, equilibrate
 from erc_contact.domain import Domain
 from erc_contact.error import ConstitutiveError, constitutive_error
 from erc_contact.exceptions import InputError, NotConverged
@@ -225,7 +225,7 @@ def adapt(
     strategy: Strategy | None = None,
     degree: int = 1,
     stop: str = "converged",
-    tighten: int = 0,
+    tighten: int = TIGHTEN,
     max_cells: int = 1_000_000,
     max_steps: int = 40,
 ) -> History:

@@ -32,7 +32,7 @@ from erc_contact.admissible.geometry import (
     simplices,
 )
 from erc_contact.admissible.macro import macro_points, macro_stress, mandel, mandel_basis, tensors
-from erc_contact.admissible.tighten import tightened
+from erc_contact.admissible.tighten import TIGHTEN, tightened
 from erc_contact.model import DATA_DEGREE, Model, evaluate
 from erc_contact.simplex import bernstein, coefficients, facet_nodes, gradients, mass, rule
 from erc_contact.solve import Solution
@@ -70,13 +70,13 @@ class Admissible:
     seconds: float
 
 
-def equilibrate(solution: Solution, tighten: int = 0) -> Admissible:
+def equilibrate(solution: Solution, tighten: int = TIGHTEN) -> Admissible:
     """Reconstruct an admissible pair from a solution; collective.
 
     Args:
         solution: Any state of the contact solver; the bound does not depend on its quality.
-        tighten: At most so many iterations that tighten sigma^ (they end when one gains little: 4 to 8 of 10 are
-            done); 0 for none.
+        tighten: At most so many iterations that tighten sigma^; they end when one gains less than 2% of e (4 to 8 are
+            usual); 0 for none.
 
     Returns:
         The admissible pair.

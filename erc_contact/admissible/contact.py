@@ -22,7 +22,7 @@ from erc_contact.exceptions import NotHeldError
 from erc_contact.law import Coulomb
 from erc_contact.methods import contact_degree
 from erc_contact.model import BoundContact, Model, evaluate
-from erc_contact.simplex import bernstein, lattice, mass, rule
+from erc_contact.simplex import at_nodes, bernstein, coefficients, lattice, mass, rule
 
 SAMPLES = 12
 """Subdivisions of a facet's edge when a bound that varies along it is sampled."""
@@ -30,8 +30,11 @@ PASSES = 10
 """Limit of passes that shrink the friction bound where it must be sampled; one or two are usual."""
 MARGIN = 0.2
 """Share of the sampled deviation that is added for what may lie between two samples [-]."""
-LIMITER_STEPS = 30
+LIMITER_STEPS = 20
 """Bisections of the limiter."""
+LIMITER_TOLERANCE = 1e-3
+"""Change by the projection that the limiter leaves alone, over the traction [-]; where friction varies, the projection
+changes all that slips by a little."""
 GROWTHS = (1.1, 2.0, 10.0)
 """Growth of a pressure that the cone which stands for a general law near it allows, tried in turn [-]."""
 
@@ -118,9 +121,11 @@ class _Allowed:
         return self.model.friction_parameters(self.contact, points)
 
     def bound(self, pressure: np.ndarray) -> np.ndarray:
-        """The friction bound at the nodes for pressures there, shape (f, m)."""
+        """Coefficients of the friction bound for those of the pressure, shape (f, m): it is interpolated at the nodes."""
         if self.sharp:
-            return self.factor[:, None] * self.model.friction_bound(self.contact, pressure, self.parameters)
+            d, k = self.model.d, self.model.degree
+            bound = self.model.friction_bound(self.contact, pressure @ at_nodes(d - 1, k).T, self.parameters)
+            return self.factor[:, None] * np.maximum(bound @ coefficients(d - 1, k).T, 0.0)
         many = len(pressure), len(samples(self.model.d))
         spread = [np.broadcast_to(p[:, None], many) for p in pressure.T]
         least = [self.model.friction_bound(self.contact, p, self.parameters).min(axis=1) for p in spread]
@@ -145,18 +150,19 @@ class _Allowed:
         def at(share: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             values = mean + share[:, None, None] * (best - mean)
             allowed = self.project(values)
-            return allowed, abs(allowed - values).max(axis=(1, 2), initial=0.0) <= 1e-12 * size
+            return allowed, abs(allowed - values).max(axis=(1, 2), initial=0.0) <= LIMITER_TOLERANCE * size
 
+        values, fits = at(np.ones(len(mean)))
+        if fits.all():
+            return values
+        _, reaches = at(np.zeros(len(mean)))  # not on a coarse mesh whose friction varies
         high = np.ones(len(mean))
-        values, fits = at(high)
-        low = fits.astype(float)
-        if not fits.all():
-            for _ in range(LIMITER_STEPS):
-                middle = (low + high) / 2
-                _, fits = at(middle)
-                low, high = np.where(fits, middle, low), np.where(fits, high, middle)
-            values, _ = at(low)
-        return values
+        low = np.where(fits | ~reaches, 1.0, 0.0)
+        for _ in range(LIMITER_STEPS):
+            middle = (low + high) / 2
+            _, fits = at(middle)
+            low, high = np.where(fits, middle, low), np.where(fits, high, middle)
+        return at(low)[0]
 
     def nearest(self, start: np.ndarray, growth: float, peak: float) -> Any:
         """A projection z -> r on a convex set that the law allows for pressures up to growth times those of start.
@@ -214,6 +220,8 @@ def admissible_tractions(model: Model, solution: Any, loads: np.ndarray) -> list
         if not model.comm.allreduce(any(np.any(f < 1.0) for f in factors), MPI.LOR):
             return new
         allowed = [replace(a, factor=a.factor * f) for a, f in zip(allowed, factors, strict=True)]
+        raw = [replace(t, values=_shrunk(t.contact, t.values, f)) for t, f in zip(raw, factors, strict=True)]
+        means = [_shrunk(t.contact, mean, f) for t, mean, f in zip(raw, means, factors, strict=True)]
     return _projected(model, raw, means, [replace(a, sharp=False) for a in allowed], loads)
 
 
@@ -227,10 +235,9 @@ def _projected(
     if model.free_motions:
         values = _balanced(model, raw, values, allowed, loads)
     new = []
-    for t, v in zip(raw, values, strict=True):
+    for t, v, a in zip(raw, values, allowed, strict=True):
         pressure = np.maximum(-np.einsum("fmi,fi->fm", v, t.contact.direction), 0.0)
-        parameters = model.friction_parameters(t.contact, model.facet_points)
-        new.append(replace(t, values=v, bound=model.friction_bound(t.contact, pressure, parameters)))
+        new.append(replace(t, values=v, bound=replace(a, factor=np.ones(len(v)), sharp=True).bound(pressure)))
     return new
 
 
@@ -246,6 +253,13 @@ def _shrink(model: Model, traction: ContactTraction) -> np.ndarray:
     with np.errstate(invalid="ignore", divide="ignore"):
         ratio = np.where(used > allowed * (1 + 1e-14), allowed / used, 1.0).min(axis=1)
     return np.where(ratio < 1.0, np.maximum(ratio - MARGIN * (1 - ratio), 0.0), 1.0)
+
+
+def _shrunk(contact: BoundContact, values: np.ndarray, factor: np.ndarray) -> np.ndarray:
+    """Tractions (f, m, d) with their tangential part times a factor of each facet."""
+    n = contact.direction[:, None, :]
+    normal = (values * n).sum(axis=-1, keepdims=True) * n
+    return normal + factor[:, None, None] * (values - normal)
 
 
 def _balanced(

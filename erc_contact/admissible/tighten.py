@@ -21,6 +21,8 @@ from erc_contact.admissible.geometry import Simplices, facet_order
 from erc_contact.admissible.patches import Patches, facet_nodes, global_nodes
 from erc_contact.model import Model
 
+TIGHTEN = 10
+"""Limit of the iterations unless asked otherwise: the gain ends them before, but near incompressibility."""
 GAIN = 0.02
 """The iteration ends after a step that lowers the bulk part of the error by less than this fraction of it. A step costs
 about 2% of the run time of a mesh; spent on a finer mesh, that lowers the error by 1%, and the next step gains less."""
