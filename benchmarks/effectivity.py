@@ -1,0 +1,373 @@
+"""Effectivity of the error: indices against true errors, per-element correlation, error against run time.
+
+For every scene, degree and mesh of a uniform and of an adaptive sequence, without and with tightening:
+
+    index     bulk part of e over |u - u^|, and e over |u - u^|
+    both      e over sqrt(|u - u^|^2 + |sigma - sigma^|^2)
+    third     2 int (b - b^)(|u_t| - |u^_t|) / e^2 where the friction bound b depends on the pressure
+    rank u    Spearman's rank correlation of eps_E with the true error of u^ per element; "rank 2" with that of both
+
+True errors are against the augmented Lagrangian on a mesh cut at the barycentres and then refined uniformly four times
+(3D: as often as memory allows), or against a known solution; see ``true_errors.py``. The table goes to
+``results/effectivity/table.csv``, and one figure a scene, eps against run time, beside it.
+
+    OMP_NUM_THREADS=1 python benchmarks/effectivity.py [table|figures|race|all] [part of a scene's name]
+"""
+
+from __future__ import annotations
+
+import csv
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+import erc_contact as ec
+
+from erc_contact.output import plot_history  # isort: skip - after erc_contact, which loads MPI first
+from true_errors import Reference, known, rank_correlation, reference, true_errors  # isort: skip
+
+DEGREES = (1,)
+"""Degrees of the displacement that are studied."""
+TIGHTEN = (0, 10)
+MAX_FINE = 1_600_000
+"""Cells of a reference at most: about 3 GB in 2D."""
+FOLDER = Path("results/effectivity")
+
+
+@dataclass(frozen=True)
+class Case:
+    """A scene with its meshes.
+
+    Attributes:
+        scene: The scene, or a function of the degree that gives it.
+        meshes: The uniform sequence, coarse to fine; the adaptive one starts from its first.
+        levels: Uniform refinements of the reference beyond the cut at the barycentres.
+        exact: Known displacement, a function of the degree that gives a callable of x; or None.
+        max_cells: Cells at most in a figure of error against run time.
+        max_fine: Cells of a reference at most.
+    """
+
+    scene: Any
+    meshes: tuple[Callable[[], ec.Domain], ...]
+    levels: int = 4
+    exact: Any = None
+    max_cells: int = 200_000
+    max_fine: int = MAX_FINE
+
+    def of_degree(self, degree: int) -> ec.Scene:
+        """The scene whose data the degree carries exactly."""
+        return self.scene if isinstance(self.scene, ec.Scene) else self.scene(degree)
+
+    def truth(self, solution: ec.Solution, degree: int) -> Reference:
+        """What counts as exact on the mesh of a solution."""
+        return known(solution, self.exact(degree)) if self.exact else reference(solution, self.levels)
+
+    def affordable(self, cells: int, d: int) -> bool:
+        """Whether the reference of a mesh fits into memory."""
+        return bool(self.exact) or cells * (d + 1) * 2 ** (d * self.levels) <= self.max_fine
+
+
+# -- scenes --------------------------------------------------------------------------------------------------------
+
+
+def block(friction: Any, nu: float = 0.3) -> ec.Scene:
+    """The pressed and sheared block, (0, 2) x (0, 7)."""
+    return ec.Scene(
+        material=ec.Elastic(E=1.0, nu=nu),
+        supports=[ec.Displacement("top", (0.02, -0.05))],
+        contacts=[ec.Contact("bottom", friction=friction)],
+    )
+
+
+def opening(friction: Any) -> ec.Scene:
+    """The block pushed so far that its contact opens at a corner."""
+    return ec.Scene(
+        material=ec.Elastic(E=1.0, nu=0.3),
+        supports=[ec.Displacement("top", (0.1, -0.05))],
+        loads=[ec.Traction("right", (-0.0002, 0.0))],
+        contacts=[ec.Contact("bottom", friction=friction)],
+    )
+
+
+def greco() -> ec.Scene:
+    """Compressed and pushed block (GRECO): N, mm."""
+    return ec.Scene(
+        material=ec.Elastic(E=130e3, nu=0.2),
+        supports=[ec.Displacement("right", (0.0, None))],
+        loads=[ec.Traction("top", pressure=50.0), ec.Traction("left", pressure=150.0)],
+        contacts=[ec.Contact("bottom", friction=1.0)],
+    )
+
+
+def cube(friction: float) -> ec.Scene:
+    """A pressed cube with its back held."""
+    return ec.Scene(
+        material=ec.Elastic(E=1.0, nu=0.3),
+        supports=[ec.Displacement("back", (0.02, 0.01, -0.05))],
+        contacts=[ec.Contact("front", friction=friction)],
+    )
+
+
+def smooth(degree: int) -> Callable[[Any], tuple[Any, Any]]:
+    """A displacement of degree k + 1 on the unit square that keeps frictionless contact at y = 0, closed all over.
+
+    u_y = 0 and sigma_xy = 0 at y = 0, u_x = 0 at x = 0; elements of degree k carry all its data.
+    """
+    return lambda x: (
+        0.02 * x[0] + 0.03 * x[0] ** (degree + 1),
+        -0.1 * x[1] - 0.02 * x[0] ** degree * x[1] + 0.03 * x[1] ** (degree + 1),
+    )
+
+
+def manufactured(degree: int) -> ec.Scene:
+    """The scene that :func:`smooth` solves: contact below, a roller on the left, tractions on the other sides."""
+    import ufl  # noqa: PLC0415 - after erc_contact, which loads MPI first
+
+    material, exact = ec.Elastic(E=1.0, nu=0.3), smooth(degree)
+
+    def stress(x: Any) -> Any:
+        eps = ufl.sym(ufl.grad(ufl.as_vector(exact(x))))
+        return material.stress(eps, E=material.E, nu=material.nu)
+
+    return ec.Scene(
+        material=material,
+        supports=[ec.Displacement("left", (0.0, None))],
+        loads=[
+            ec.Traction("left", (0.0, lambda x: -stress(x)[0, 1])),
+            ec.Traction("right", lambda x: stress(x)[:, 0]),
+            ec.Traction("top", lambda x: stress(x)[:, 1]),
+            ec.BodyForce(lambda x: -ufl.div(stress(x))),
+        ],
+        contacts=[ec.Contact("bottom")],
+    )
+
+
+def blocks(*n: int) -> tuple[Callable[[], ec.Domain], ...]:
+    return tuple(lambda n=n: ec.rectangle((0.0, 0.0), (2.0, 7.0), cells=(n, 7 * n // 2)) for n in n)
+
+
+def squares(side: float, *n: int) -> tuple[Callable[[], ec.Domain], ...]:
+    return tuple(lambda n=n: ec.rectangle((0.0, 0.0), (side, side), cells=(n, n)) for n in n)
+
+
+def cubes(*n: int) -> tuple[Callable[[], ec.Domain], ...]:
+    return tuple(lambda n=n: ec.box((0.0,) * 3, (1.0,) * 3, cells=(n,) * 3) for n in n)
+
+
+CASES = {
+    "block, friction 0.3": Case(block(0.3), blocks(4, 8, 16)),
+    "block, frictionless": Case(block(0.0), blocks(4, 8, 16)),
+    "block, given friction": Case(block(ec.Tresca(0.0015)), blocks(4, 8, 16)),
+    "opening block, frictionless": Case(opening(0.0), blocks(4, 8, 16)),
+    "opening block, given friction": Case(opening(ec.Tresca(0.0015)), blocks(4, 8, 16)),
+    "block, nu 0.49": Case(block(0.3, 0.49), blocks(8, 16)),
+    "block, frictionless, nu 0.49": Case(block(0.0, 0.49), blocks(8, 16)),
+    "GRECO": Case(greco(), squares(40.0, 8, 16, 32)),
+    "manufactured": Case(manufactured, squares(1.0, 4, 8, 16, 32), exact=smooth),
+    "cube, friction 0.3": Case(cube(0.3), cubes(2, 4), levels=3, max_cells=100_000),
+    "cube, frictionless": Case(cube(0.0), cubes(2, 4), levels=3, max_cells=100_000),
+}
+
+
+# -- the table -----------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Row:
+    """One mesh and one number of iterations of tightening; see the head of the file."""
+
+    scene: str
+    degree: int
+    sequence: str
+    cells: int
+    tighten: int
+    iterations: int
+    eps: float
+    bulk_index: float
+    index: float
+    both: float
+    third: float
+    rank_u: float
+    rank_both: float
+    fine_cells: int
+
+    def __str__(self) -> str:
+        return (
+            f"{self.scene:<30}{self.degree} {self.sequence:<9}{self.cells:6d}{self.tighten:4d}{self.iterations:4d}"
+            f"{self.eps:9.3%}{self.bulk_index:8.3f}{self.index:8.3f}{self.both - 1:+11.1e}{self.third:+10.1e}"
+            f"{self.rank_u:8.3f}{self.rank_both:8.3f}{self.fine_cells:9d}"
+        )
+
+
+HEADER = (
+    f"{'scene':<30}k sequence  cells max its      eps  bulk/u     e/u   both - 1     third  rank u  rank 2"
+    "  fine cells"
+)
+
+
+def solve(scene: ec.Scene, domain: ec.Domain, degree: int) -> ec.Solution:
+    """A solution of some degree."""
+    return ec.solve(scene, domain, **({} if degree == 1 else {"degree": degree}))
+
+
+def measured(name: str, degree: int, sequence: str, domain: ec.Domain) -> tuple[list[Row], ec.ConstitutiveError]:
+    """The rows of one mesh, and the tightest error."""
+    case = CASES[name]
+    solution = solve(case.of_degree(degree), domain, degree)
+    exact = case.truth(solution, degree)
+    rows = []
+    for tighten in TIGHTEN:
+        pair = ec.equilibrate(solution, tighten=tighten)
+        error = ec.constitutive_error(pair)
+        true = true_errors(pair, exact)
+        rows.append(
+            Row(
+                name,
+                degree,
+                sequence,
+                domain.cells,
+                tighten,
+                pair.tightening,
+                error.relative,
+                error.bulk / true.of_u,
+                error.absolute / true.of_u,
+                error.absolute / true.of_both,
+                true.friction / error.absolute**2,
+                rank_correlation(error.cells, true.displacement),
+                rank_correlation(error.cells, true.both),
+                exact.model.domain.cells,
+            )
+        )
+    return rows, error
+
+
+def table(name: str, degree: int) -> Iterator[Row]:
+    """All rows of a scene: the uniform sequence, then the adaptive one from the same first mesh."""
+    case = CASES[name]
+    for make in case.meshes:
+        domain = make()
+        if case.affordable(domain.cells, domain.dim):
+            yield from measured(name, degree, "uniform", domain)[0]
+    domain, last = case.meshes[0](), case.meshes[-1]().cells
+    while domain.cells <= last and case.affordable(domain.cells, domain.dim):
+        rows, error = measured(name, degree, "adaptive", domain)
+        yield from rows
+        domain = ec.Mark().next(error)
+
+
+def summary(rows: list[Row]) -> Iterator[str]:
+    """Least and greatest of each measure, scene by scene."""
+    for name, degree, tighten in dict.fromkeys((r.scene, r.degree, r.tighten) for r in rows):
+        own = [r for r in rows if (r.scene, r.degree, r.tighten) == (name, degree, tighten)]
+        ranges = ", ".join(
+            f"{what} {min(getattr(r, key) for r in own):.3f} to {max(getattr(r, key) for r in own):.3f}"
+            for what, key in (("bulk/u", "bulk_index"), ("rank u", "rank_u"), ("rank 2", "rank_both"))
+        )
+        least, most = min(r.both for r in own) - 1, max(r.both for r in own) - 1
+        third = max(abs(r.third) for r in own)
+        yield f"{name}, k = {degree}, tighten {tighten}: {ranges}, both - 1 {least:+.1e} to {most:+.1e}, third {third:.1e}"
+
+
+def write(rows: list[Row]) -> None:
+    FOLDER.mkdir(parents=True, exist_ok=True)
+    with (FOLDER / "table.csv").open("w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow([column.name for column in fields(Row)])
+        writer.writerows([getattr(row, column.name) for column in fields(Row)] for row in rows)
+
+
+# -- error against run time ----------------------------------------------------------------------------------------
+
+
+def adapted(scene: ec.Scene, start: ec.Domain, degree: int, accuracy: float, **options: Any) -> ec.History:
+    """An adaptive run of some degree."""
+    return ec.adapt(scene, start, accuracy, **options, **({} if degree == 1 else {"degree": degree}))
+
+
+def figure(name: str) -> None:
+    """Eps against run time and degrees of freedom: tightening off and on, uniform and adaptive, all degrees."""
+    case, histories = CASES[name], {}
+    for degree in DEGREES:
+        scene, start = case.of_degree(degree), case.meshes[0]()
+        for tighten in TIGHTEN:
+            warm_up(scene, start, degree, tighten)
+            for strategy in (ec.Uniform(), ec.Mark()):
+                label = f"k = {degree}, {'uniform' if strategy == ec.Uniform() else 'adaptive'}, tighten {tighten}"
+                options = {"strategy": strategy, "tighten": tighten, "max_cells": case.max_cells}
+                history = adapted(scene, start, degree, 1e-6, **options)
+                histories[label] = replace(history, meshes=())
+                print(f"{name}: {label}: {history.steps[-1].eps:.3%} after {history.steps[-1].seconds:.1f} s", flush=True)
+                history.to_csv(FOLDER / f"{label.replace(' ', '').replace(',', '_')}_{file_name(name)}.csv")
+    plot_history(histories, FOLDER / f"{file_name(name)}.png")
+
+
+def file_name(name: str) -> str:
+    return name.replace(",", "").replace(" ", "_")
+
+
+def warm_up(scene: ec.Scene, start: ec.Domain, degree: int, tighten: int) -> None:
+    """Compile the forms: the first row is no measure of the compiler."""
+    ec.constitutive_error(ec.equilibrate(solve(scene, start, degree), tighten=tighten))
+
+
+def race(accuracy: float = 0.01) -> None:
+    """Time to a certified accuracy on the block: adaptive and tightened, against uniform P1 and the loose error."""
+    scene, start = block(0.3), blocks(4)[0]()
+    times = {}
+    for degree in DEGREES:
+        for tighten in TIGHTEN:
+            warm_up(scene, start, degree, tighten)
+            history = adapted(scene, start, degree, accuracy, tighten=tighten, stop="certified")
+            last = history.steps[-1]
+            times[f"adaptive, k = {degree}, tighten {tighten}, all meshes"] = last.seconds
+            print(f"adaptive, k = {degree}, tighten {tighten}: {last.cells} cells, {last.eps:.3%}, {last.seconds:.2f} s")
+    rows = []
+    for n in (64, 128, 256):
+        rows.append((n, *alone(scene, n)))
+    n = 2 * round(rows[-1][0] * (rows[-1][1] / accuracy) ** (np.log(2) / np.log(rows[-2][1] / rows[-1][1])) / 2)
+    eps, loose = alone(scene, n)
+    while eps > accuracy:
+        n += 2 * round(max(n * (eps / accuracy - 1), 2) / 2)
+        eps, loose = alone(scene, n)
+    for label, seconds in times.items():
+        print(f"{label}: {seconds:.2f} s, the loose uniform mesh {n} x {7 * n // 2} alone takes {loose / seconds:.1f} times that")
+
+
+def alone(scene: ec.Scene, n: int) -> tuple[float, float]:
+    """Eps and seconds of one uniform mesh of n squares across with the loose error, no mesh before it."""
+    began = perf_counter()
+    error = ec.constitutive_error(ec.equilibrate(ec.solve(scene, blocks(n)[0]()), tighten=0))
+    seconds = perf_counter() - began
+    cells = error.admissible.solution.domain.cells
+    print(f"uniform, k = 1, tighten 0, {n} x {7 * n // 2} alone: {cells} cells, {error.relative:.3%}, {seconds:.2f} s", flush=True)
+    return error.relative, seconds
+
+
+def main() -> None:
+    what, part = [*sys.argv[1:], "all", ""][:2] if len(sys.argv) < 3 else sys.argv[1:3]
+    names = [name for name in CASES if part in name]
+    FOLDER.mkdir(parents=True, exist_ok=True)
+    if what in ("table", "all"):
+        print(HEADER)
+        rows = []
+        for name in names:
+            for degree in DEGREES:
+                for row in table(name, degree):
+                    rows.append(row)
+                    print(row, flush=True)
+        print(*summary(rows), sep="\n", flush=True)
+        write(rows)
+    if what in ("figures", "all"):
+        for name in names:
+            figure(name)
+    if what in ("race", "all"):
+        race()
+
+
+if __name__ == "__main__":
+    main()
