@@ -28,7 +28,8 @@ import numpy as np
 
 import erc_contact as ec
 
-from erc_contact.output import plot_history  # isort: skip - after erc_contact, which loads MPI first
+import ufl  # isort: skip - after erc_contact, which loads MPI first
+from erc_contact.output import plot_history  # isort: skip
 from true_errors import Reference, known, rank_correlation, reference, true_errors  # isort: skip
 
 DEGREES = (1,)
@@ -113,25 +114,27 @@ def cube(friction: float) -> ec.Scene:
     )
 
 
-def smooth(degree: int) -> Callable[[Any], tuple[Any, Any]]:
+def smooth(degree: int) -> Callable[[Any], Any]:
     """A displacement of degree k + 1 on the unit square that keeps frictionless contact at y = 0, closed all over.
 
     u_y = 0 and sigma_xy = 0 at y = 0, u_x = 0 at x = 0; elements of degree k carry all its data.
     """
-    return lambda x: (
-        0.02 * x[0] + 0.03 * x[0] ** (degree + 1),
-        -0.1 * x[1] - 0.02 * x[0] ** degree * x[1] + 0.03 * x[1] ** (degree + 1),
+    return lambda x: ufl.as_vector(
+        [
+            0.02 * x[0] + 0.03 * x[0] ** (degree + 1),
+            -0.1 * x[1] - 0.02 * x[0] ** degree * x[1] + 0.03 * x[1] ** (degree + 1),
+        ]
     )
 
 
 def manufactured(degree: int) -> ec.Scene:
     """The scene that :func:`smooth` solves: contact below, a roller on the left, tractions on the other sides."""
-    import ufl  # noqa: PLC0415 - after erc_contact, which loads MPI first
-
-    material, exact = ec.Elastic(E=1.0, nu=0.3), smooth(degree)
+    material, exact, k = ec.Elastic(E=1.0, nu=0.3), smooth(degree), degree
+    shear = 1 / 2.6
+    lame = 2 * shear * 0.3 / 0.4
 
     def stress(x: Any) -> Any:
-        eps = ufl.sym(ufl.grad(ufl.as_vector(exact(x))))
+        eps = ufl.sym(ufl.grad(exact(x)))
         return material.stress(eps, E=material.E, nu=material.nu)
 
     return ec.Scene(
@@ -141,7 +144,16 @@ def manufactured(degree: int) -> ec.Scene:
             ec.Traction("left", (0.0, lambda x: -stress(x)[0, 1])),
             ec.Traction("right", lambda x: stress(x)[:, 0]),
             ec.Traction("top", lambda x: stress(x)[:, 1]),
-            ec.BodyForce(lambda x: -ufl.div(stress(x))),
+            ec.BodyForce(
+                (
+                    lambda x: -k * (0.03 * (k + 1) * (lame + 2 * shear) - 0.02 * (lame + shear)) * x[0] ** (k - 1),
+                    lambda x: -k
+                    * (
+                        0.03 * (k + 1) * (lame + 2 * shear) * x[1] ** (k - 1)
+                        - 0.02 * (k - 1) * shear * x[0] ** max(k - 2, 0) * x[1]
+                    ),
+                )
+            ),
         ],
         contacts=[ec.Contact("bottom")],
     )
