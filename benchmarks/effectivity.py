@@ -147,10 +147,12 @@ def manufactured(degree: int) -> ec.Scene:
             ec.BodyForce(
                 (
                     lambda x: -k * (0.03 * (k + 1) * (lame + 2 * shear) - 0.02 * (lame + shear)) * x[0] ** (k - 1),
-                    lambda x: -k
-                    * (
-                        0.03 * (k + 1) * (lame + 2 * shear) * x[1] ** (k - 1)
-                        - 0.02 * (k - 1) * shear * x[0] ** max(k - 2, 0) * x[1]
+                    lambda x: (
+                        -k
+                        * (
+                            0.03 * (k + 1) * (lame + 2 * shear) * x[1] ** (k - 1)
+                            - 0.02 * (k - 1) * shear * x[0] ** max(k - 2, 0) * x[1]
+                        )
                     ),
                 )
             ),
@@ -217,8 +219,7 @@ class Row:
 
 
 HEADER = (
-    f"{'scene':<30}k sequence  cells max its      eps  bulk/u     e/u   both - 1     third  rank u  rank 2"
-    "  fine cells"
+    f"{'scene':<30}k sequence  cells max its      eps  bulk/u     e/u   both - 1     third  rank u  rank 2  fine cells"
 )
 
 
@@ -280,9 +281,9 @@ def summary(rows: list[Row]) -> Iterator[str]:
             f"{what} {min(getattr(r, key) for r in own):.3f} to {max(getattr(r, key) for r in own):.3f}"
             for what, key in (("bulk/u", "bulk_index"), ("rank u", "rank_u"), ("rank 2", "rank_both"))
         )
-        least, most = min(r.both for r in own) - 1, max(r.both for r in own) - 1
+        both = f"both - 1 {min(r.both for r in own) - 1:+.1e} to {max(r.both for r in own) - 1:+.1e}"
         third = max(abs(r.third) for r in own)
-        yield f"{name}, k = {degree}, tighten {tighten}: {ranges}, both - 1 {least:+.1e} to {most:+.1e}, third {third:.1e}"
+        yield f"{name}, k = {degree}, tighten {tighten}: {ranges}, {both}, third {third:.1e}"
 
 
 def write(rows: list[Row]) -> None:
@@ -313,7 +314,9 @@ def figure(name: str) -> None:
                 options = {"strategy": strategy, "tighten": tighten, "max_cells": case.max_cells}
                 history = adapted(scene, start, degree, 1e-6, **options)
                 histories[label] = replace(history, meshes=())
-                print(f"{name}: {label}: {history.steps[-1].eps:.3%} after {history.steps[-1].seconds:.1f} s", flush=True)
+                print(
+                    f"{name}: {label}: {history.steps[-1].eps:.3%} after {history.steps[-1].seconds:.1f} s", flush=True
+                )
                 history.to_csv(FOLDER / f"{label.replace(' ', '').replace(',', '_')}_{file_name(name)}.csv")
     plot_history(histories, FOLDER / f"{file_name(name)}.png")
 
@@ -337,7 +340,9 @@ def race(accuracy: float = 0.01) -> None:
             history = adapted(scene, start, degree, accuracy, tighten=tighten, stop="certified")
             last = history.steps[-1]
             times[f"adaptive, k = {degree}, tighten {tighten}, all meshes"] = last.seconds
-            print(f"adaptive, k = {degree}, tighten {tighten}: {last.cells} cells, {last.eps:.3%}, {last.seconds:.2f} s")
+            print(
+                f"adaptive, k = {degree}, tighten {tighten}: {last.cells} cells, {last.eps:.3%}, {last.seconds:.2f} s"
+            )
     rows = []
     for n in (64, 128, 256):
         rows.append((n, *alone(scene, n)))
@@ -347,7 +352,9 @@ def race(accuracy: float = 0.01) -> None:
         n += 2 * round(max(n * (eps / accuracy - 1), 2) / 2)
         eps, loose = alone(scene, n)
     for label, seconds in times.items():
-        print(f"{label}: {seconds:.2f} s, the loose uniform mesh {n} x {7 * n // 2} alone takes {loose / seconds:.1f} times that")
+        print(
+            f"{label}: {seconds:.2f} s, the loose uniform mesh {n} x {7 * n // 2} alone takes {loose / seconds:.1f} times that"
+        )
 
 
 def alone(scene: ec.Scene, n: int) -> tuple[float, float]:
@@ -356,7 +363,10 @@ def alone(scene: ec.Scene, n: int) -> tuple[float, float]:
     error = ec.constitutive_error(ec.equilibrate(ec.solve(scene, blocks(n)[0]()), tighten=0))
     seconds = perf_counter() - began
     cells = error.admissible.solution.domain.cells
-    print(f"uniform, k = 1, tighten 0, {n} x {7 * n // 2} alone: {cells} cells, {error.relative:.3%}, {seconds:.2f} s", flush=True)
+    print(
+        f"uniform, k = 1, tighten 0, {n} x {7 * n // 2} alone: {cells} cells, {error.relative:.3%}, {seconds:.2f} s",
+        flush=True,
+    )
     return error.relative, seconds
 
 
