@@ -24,8 +24,6 @@ from pathlib import Path
 from time import process_time
 from typing import Any
 
-import numpy as np
-
 import erc_contact as ec
 
 import ufl  # isort: skip - after erc_contact, which loads MPI first
@@ -335,8 +333,8 @@ def race(accuracy: float = 0.01) -> None:
     """Time to a certified accuracy on the block: adaptive runs, against uniform P1 with the loose error.
 
     The uniform side runs twice: refining all cells from the same first mesh, as one does who knows nothing; and on the
-    one structured mesh that just reaches the accuracy, as if it were known in advance. Seconds are those of the processor, of one thread:
-    they do not depend on what else the machine does.
+    one structured mesh that just reaches the accuracy, as if it were known in advance. Seconds are those of the
+    processor, of one thread: they do not depend on what else the machine does.
     """
     scene, start = block(0.3), blocks(4)[0]()
     times = {}
