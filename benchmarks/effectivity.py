@@ -57,7 +57,7 @@ class Case:
     meshes: tuple[Callable[[], ec.Domain], ...]
     levels: int = 4
     exact: Any = None
-    max_cells: int = 200_000
+    max_cells: int = 120_000
     max_fine: int = MAX_FINE
 
     def of_degree(self, degree: int) -> ec.Scene:
@@ -182,8 +182,8 @@ CASES = {
     "block, frictionless, nu 0.49": Case(block(0.0, 0.49), blocks(8, 16)),
     "GRECO": Case(greco(), squares(40.0, 8, 16, 32)),
     "manufactured": Case(manufactured, squares(1.0, 4, 8, 16, 32), exact=smooth),
-    "cube, friction 0.3": Case(cube(0.3), cubes(2, 4), levels=3, max_cells=100_000),
-    "cube, frictionless": Case(cube(0.0), cubes(2, 4), levels=3, max_cells=100_000),
+    "cube, friction 0.3": Case(cube(0.3), cubes(2, 4), levels=3, max_cells=50_000),
+    "cube, frictionless": Case(cube(0.0), cubes(2, 4), levels=3, max_cells=50_000),
 }
 
 
