@@ -41,10 +41,11 @@ from petsc4py import PETSc
 
 from erc_contact.admissible.contact import ContactTraction, split
 from erc_contact.error import CONTACT_DEGREE, ConstitutiveError
-from erc_contact.exceptions import InputError
+from erc_contact.exceptions import InputError, raise_together
 from erc_contact.law import Tresca
 from erc_contact.methods import stiffness_per_area
 from erc_contact.model import BoundContact, Model, evaluate, facet_rule
+from erc_contact.stiffness import WORKSPACE
 
 GLUE = 1e6
 """gamma_0 that holds phi on the contacts while its energy is minimised [-]; its values there are then set exactly."""
@@ -203,8 +204,11 @@ def _least_energy(model: Model, which: int, a: np.ndarray) -> fem.Function:
     ksp = PETSc.KSP().create(model.comm)
     ksp.setOperators(matrix)
     ksp.setType("preonly")
-    ksp.getPC().setType("cholesky")
-    ksp.getPC().setFactorSolverType("mumps")
+    pc = ksp.getPC()
+    pc.setType("cholesky")
+    pc.setFactorSolverType("mumps")
+    pc.setFactorSetUpSolverType()
+    pc.getFactorMatrix().setMumpsIcntl(14, WORKSPACE)
     phi = fem.Function(model.V)
     x = b.duplicate()
     ksp.solve(b, x)
@@ -212,6 +216,8 @@ def _least_energy(model: Model, which: int, a: np.ndarray) -> fem.Function:
     phi.x.scatter_forward()
     for made in (ksp, matrix, b, x):
         made.destroy()
+    error = None if np.isfinite(phi.x.array).all() else InputError("The body cannot be factorised; look at its moduli.")
+    raise_together(model.comm, error)
     return phi
 
 
