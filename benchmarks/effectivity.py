@@ -37,6 +37,8 @@ MAX_FINE = 1_600_000
 """Cells of a reference at most: about 3 GB in 2D."""
 CORNER = 0.7112
 """Exponent of the clamped-free corners of the block at nu = 0.3: eps ~ h^CORNER on uniform meshes."""
+LINE = 0.01
+"""Eps that the figures mark [-]."""
 FOLDER = Path("results/effectivity")
 
 
@@ -312,7 +314,7 @@ def figure(name: str) -> None:
                 label = f"k = {degree}, {'uniform' if strategy == ec.Uniform() else 'adaptive'}, tighten {tighten}"
                 options = {"strategy": strategy, "tighten": tighten, "max_cells": case.max_cells}
                 history = adapted(scene, start, degree, 1e-6, **options)
-                histories[label] = replace(history, meshes=())
+                histories[label] = replace(history, accuracy=LINE, meshes=())
                 print(
                     f"{name}: {label}: {history.steps[-1].eps:.3%} after {history.steps[-1].seconds:.1f} s", flush=True
                 )
