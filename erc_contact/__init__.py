@@ -21,6 +21,7 @@ from erc_contact.admissible import Admissible, equilibrate
 from erc_contact.domain import Domain
 from erc_contact.error import ConstitutiveError, constitutive_error
 from erc_contact.exceptions import ErcContactError, InputError, NotConverged, NotHeldError
+from erc_contact.goal import Bounds, energy, resultant, work_of_loads
 from erc_contact.law import Coulomb, Law, Tresca
 from erc_contact.material import Elastic
 from erc_contact.meshing import box, from_gmsh, read_mesh, rectangle
@@ -52,6 +53,7 @@ __all__ = [
     "Admissible",
     "AugmentedLagrangian",
     "BodyForce",
+    "Bounds",
     "ConstitutiveError",
     "Contact",
     "Coulomb",
@@ -76,11 +78,14 @@ __all__ = [
     "adapt",
     "box",
     "constitutive_error",
+    "energy",
     "equilibrate",
     "from_gmsh",
     "log_to_console",
     "mark",
     "read_mesh",
     "rectangle",
+    "resultant",
     "solve",
+    "work_of_loads",
 ]

@@ -121,7 +121,7 @@ class _Allowed:
         return self.model.friction_parameters(self.contact, points)
 
     def bound(self, pressure: np.ndarray) -> np.ndarray:
-        """Coefficients of the friction bound for those of the pressure, shape (f, m): it is interpolated at the nodes."""
+        """Coefficients of the friction bound, interpolated at the nodes, for those of the pressure, shape (f, m)."""
         if self.sharp:
             d, k = self.model.d, self.model.degree
             bound = self.model.friction_bound(self.contact, pressure @ at_nodes(d - 1, k).T, self.parameters)

@@ -1,0 +1,207 @@
+"""True errors of an admissible pair, cell by cell, against a nested reference or a known solution (serial).
+
+The reference lives on a mesh that cuts each cell at its barycentre, as the admissible stress does, and is then refined
+uniformly: on each of its cells u^ and sigma^ are polynomials, and all integrals are exact. The augmented Lagrangian
+keeps the contact conditions at the nodes exactly. Together: for frictionless scenes whose data the mesh carries,
+
+    e^2 = |u_ref - u^|^2 + |sigma_ref - sigma^|^2 + 2 int r^_n (u_ref,n - g) + 2 sum_i R_i (u^_n - g)_i,  R_i <= 0,
+
+with no term below zero: not even the error of the reference can take the index of both errors below 1.
+
+Source: Prager, Synge, Quart. Appl. Math. 5 (1947), for the sum of both errors.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import erc_contact as ec
+
+import basix.ufl  # isort: skip - after erc_contact, which loads MPI first
+import numpy as np
+import ufl
+from dolfinx import cpp, fem, graph
+from dolfinx import mesh as dmesh
+from dolfinx.io.utils import distribute_entity_data
+
+from erc_contact.admissible import Admissible, mandel_basis
+from erc_contact.law import Coulomb
+from erc_contact.material import strain
+from erc_contact.model import Model, evaluate
+from erc_contact.simplex import bernstein, rule
+
+FACET_DEGREE = 4
+"""Quadrature degree on the facets of the reference."""
+
+
+@dataclass(frozen=True, eq=False)
+class Reference:
+    """What counts as the exact solution.
+
+    Attributes:
+        model: The scene on the fine mesh.
+        parent: Cell of the coarse mesh that holds each fine cell.
+        u: Displacement [length], a Function on the fine mesh or UFL of x.
+        solution: Where u came from, or None for a known solution.
+    """
+
+    model: Model
+    parent: np.ndarray
+    u: Any
+    solution: ec.Solution | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class TrueErrors:
+    """Errors in the energy norm.
+
+    Attributes:
+        displacement: |u - u^| of each cell [sqrt(force length)].
+        stress: |sigma - sigma^| of each cell.
+        friction: The third term, ``2 int (b - b^)(|u_t| - |u^_t|)`` over contacts whose bound depends on the pressure
+            [force length]; 0 without.
+    """
+
+    displacement: np.ndarray
+    stress: np.ndarray
+    friction: float
+
+    @property
+    def of_u(self) -> float:
+        """|u - u^|."""
+        return float(np.linalg.norm(self.displacement))
+
+    @property
+    def of_both(self) -> float:
+        """sqrt(|u - u^|^2 + |sigma - sigma^|^2)."""
+        return float(np.hypot(self.of_u, np.linalg.norm(self.stress)))
+
+    @property
+    def both(self) -> np.ndarray:
+        """The same of each cell."""
+        return np.hypot(self.displacement, self.stress)
+
+
+def nested(domain: ec.Domain, levels: int) -> ec.Domain:
+    """The mesh cut at the barycentres of its cells and refined uniformly; cell tags tell the cell they came from."""
+    mesh, d = domain.mesh, domain.dim
+    x, cells = mesh.geometry.x[:, :d], mesh.geometry.dofmaps[0]
+    points = np.vstack([x, x[cells].mean(axis=1)])
+    parts = np.repeat(cells.astype(np.int64)[:, None], d + 1, axis=1)
+    parts[:, range(d + 1), range(d + 1)] = len(x) + np.arange(len(cells))[:, None]
+    element = basix.ufl.element("Lagrange", mesh.basix_cell(), 1, shape=(d,))
+    fine = dmesh.create_mesh(mesh.comm, parts.reshape(-1, d + 1), ufl.Mesh(element), points)
+    tags = domain.facet_tags
+    nodes = cpp.mesh.entities_to_geometry(mesh._cpp_object, d - 1, tags.indices, False).astype(np.int64)
+    fine.topology.create_connectivity(d - 1, 0)
+    fine.topology.create_connectivity(d - 1, d)
+    found, values = distribute_entity_data(fine, d - 1, nodes, tags.values)
+    facet_tags = dmesh.meshtags_from_entities(fine, d - 1, graph.adjacencylist(found), values)
+    origin = (fine.topology.original_cell_index // (d + 1)).astype(np.int32)
+    cell_tags = dmesh.meshtags(fine, d, np.arange(len(origin), dtype=np.int32), origin)
+    result = ec.Domain(fine, facet_tags, domain.names, cell_tags)
+    for _ in range(levels):
+        result = result.refined()
+    return result
+
+
+def reference(solution: ec.Solution, levels: int, **options: Any) -> Reference:
+    """The solution on the nested mesh, ``levels`` uniform refinements finer than the cut one."""
+    fine = nested(solution.domain, levels)
+    degree = solution.model.degree
+    found = ec.solve(solution.scene, fine, ec.AugmentedLagrangian(), degree=degree, start=solution, **options)
+    return Reference(found.model, fine.cell_tags.values, found.u, found)
+
+
+def known(solution: ec.Solution, u: Any) -> Reference:
+    """A known displacement, a callable of x, to be integrated on the cut mesh."""
+    fine = nested(solution.domain, 0)
+    model = Model(solution.scene, fine, solution.model.degree)
+    return Reference(model, fine.cell_tags.values, u(model.x))
+
+
+def true_errors(pair: Admissible, exact: Reference) -> TrueErrors:
+    """Errors of a pair in each of its cells."""
+    model, parent = exact.model, exact.parent
+    hat = _displacement_on(pair, exact)
+    degree = hat.function_space.element.basix_element.degree
+    basis = mandel_basis(model.d)
+    W = fem.functionspace(model.mesh, ("DG", degree, (len(basis),)))
+    components = fem.Function(W)
+    corners = W.tabulate_dof_coordinates()[W.dofmap.list][..., : model.d]
+    components.x.array.reshape(-1, len(basis))[W.dofmap.list] = stress_at(pair, parent, corners)
+    sigma = ufl.dot(components, ufl.as_tensor(basis.tolist()))
+    material, values = model.scene.material, model.parameters
+    difference, rest = strain(exact.u) - strain(hat), model.stress(exact.u) - sigma
+    of_cells = ufl.TestFunction(fem.functionspace(model.mesh, ("DG", 0)))
+    squares = []
+    for density in (
+        ufl.inner(material.stress(difference, **values), difference),
+        ufl.inner(material.compliance(rest, **values), rest),
+    ):
+        fine = fem.assemble_vector(fem.form(density * of_cells * model.dx)).array
+        squares.append(np.bincount(parent, fine, pair.solution.domain.cells))
+    return TrueErrors(np.sqrt(squares[0]), np.sqrt(squares[1]), _third_term(pair, exact, hat))
+
+
+def _displacement_on(pair: Admissible, exact: Reference) -> fem.Function:
+    """u^ on the fine mesh, which carries it exactly."""
+    V = exact.model.V
+    hat = fem.Function(V)
+    cell = np.empty(len(V.tabulate_dof_coordinates()), dtype=np.int32)
+    cell[V.dofmap.list] = exact.parent[:, None]
+    hat.x.array[:] = pair.displacement.eval(V.tabulate_dof_coordinates(), cell).ravel()
+    return hat
+
+
+def stress_at(pair: Admissible, parent: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """sigma^ in Mandel components at points x (n, q, d) of fine cells within cells ``parent``, shape (n, q, s)."""
+    cells, d, every = pair.cells, pair.cells.d, np.arange(len(parent))
+    origin = pair.solution.model.V.tabulate_dof_coordinates()[:, :d][cells.vertices[parent, 0]]
+    local = np.einsum("nij,nqj->nqi", cells.inverse[parent], x - origin[:, None])
+    local = np.concatenate([1 - local.sum(axis=2, keepdims=True), local], axis=2)
+    k = local.mean(axis=1).argmin(axis=1)
+    least = local[every, :, k]
+    local -= least[..., None]
+    local[every, :, k] = (d + 1) * least
+    shape = bernstein(d, cells.degree, local[..., 1:].reshape(-1, d)).reshape(*local.shape[:2], -1)
+    return np.einsum("nqm,nms->nqs", shape, pair.stress[parent, k])
+
+
+def bound_at(pair: Admissible, which: int, cell: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """The friction bound of r^ at points x (f, q, d) of the contact in coarse cells, shape (f, q)."""
+    traction, model = pair.tractions[which], pair.solution.model
+    facet = np.zeros(model.domain.cells, dtype=int)
+    facet[traction.contact.facets[:, 0]] = np.arange(len(traction.nodes))
+    corners = model.V.tabulate_dof_coordinates()[:, : model.d][traction.nodes[facet[cell], : model.d]]
+    edges = (corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1)
+    local = np.einsum("fij,fqj->fqi", np.linalg.pinv(edges), x - corners[:, :1])
+    shape = bernstein(model.d - 1, model.degree, local.reshape(-1, model.d - 1)).reshape(*local.shape[:2], -1)
+    return np.einsum("fqm,fm->fq", shape, traction.bound[facet[cell]])
+
+
+def _third_term(pair: Admissible, exact: Reference, hat: fem.Function) -> float:
+    total, model = 0.0, exact.model
+    points, weights = rule(model.d - 1, FACET_DEGREE)
+    for which, contact in enumerate(model.contacts):
+        if not isinstance(contact.law, Coulomb):
+            continue
+        assert exact.solution is not None, "a known solution with Coulomb friction"
+        n, facets = contact.direction[:, None, :], contact.facets
+        r = evaluate(exact.solution.traction(contact), model.domain, points, facets)
+        x = evaluate(model.x, model.domain, points, facets)
+        parameters = model.friction_parameters(contact, points)
+        bound = model.friction_bound(contact, np.maximum(-(r * n).sum(axis=-1), 0.0), parameters)
+        bound = bound - bound_at(pair, which, exact.parent[facets[:, 0]], x)
+        slips = []
+        for u in (exact.u, hat):
+            w = evaluate(u, model.domain, points, facets)
+            slips.append(np.linalg.norm(w - (w * n).sum(axis=-1, keepdims=True) * n, axis=-1))
+        total += 2 * float(model.facet_areas(facets) @ ((bound * (slips[0] - slips[1])) @ weights))
+    return total
+
+
+def rank_correlation(a: np.ndarray, b: np.ndarray) -> float:
+    """Spearman's: the correlation of the ranks of two arrays."""
+    return float(np.corrcoef(a.argsort().argsort(), b.argsort().argsort())[0, 1])
