@@ -70,9 +70,9 @@ class Case:
         """What counts as exact on the mesh of a solution."""
         return known(solution, self.exact(degree)) if self.exact else reference(solution, self.levels)
 
-    def affordable(self, cells: int, d: int) -> bool:
+    def affordable(self, cells: int, d: int, degree: int) -> bool:
         """Whether the reference of a mesh fits into memory."""
-        return bool(self.exact) or cells * (d + 1) * 2 ** (d * self.levels) <= self.max_fine
+        return bool(self.exact) or cells * (d + 1) * 2 ** (d * self.levels) * degree**d <= self.max_fine
 
 
 # -- scenes --------------------------------------------------------------------------------------------------------
@@ -260,10 +260,10 @@ def table(name: str, degree: int) -> Iterator[Row]:
     case = CASES[name]
     for make in case.meshes:
         domain = make()
-        if case.affordable(domain.cells, domain.dim):
+        if case.affordable(domain.cells, domain.dim, degree):
             yield from measured(name, degree, "uniform", domain)[0]
     domain, last = case.meshes[0](), case.meshes[-1]().cells
-    while domain.cells <= last and case.affordable(domain.cells, domain.dim):
+    while domain.cells <= last and case.affordable(domain.cells, domain.dim, degree):
         rows, error = measured(name, degree, "adaptive", domain)
         yield from rows
         domain = ec.Mark().next(error)

@@ -17,6 +17,8 @@ import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
+from ufl.corealg.traversal import traverse_unique_terminals
+from ufl.utils.stacks import StackDict
 
 from erc_contact.domain import Domain
 from erc_contact.exceptions import InputError, NotHeldError, raise_together
@@ -33,6 +35,12 @@ DATA_DEGREE = 4
 """Quadrature degree for moduli and loads that vary in space, the same in the solver and in what reads its stress."""
 
 
+def varies(expression: Any) -> bool:
+    """Whether a UFL expression varies in space: it knows more than constants."""
+    in_space = (ufl.classes.GeometricQuantity, ufl.classes.Coefficient)
+    return any(isinstance(terminal, in_space) for terminal in traverse_unique_terminals(expression))
+
+
 def evaluate(expression: Any, domain: Domain, points: np.ndarray, entities: np.ndarray) -> np.ndarray:
     """Values of a UFL expression at reference points of cells or of facets.
 
@@ -45,11 +53,12 @@ def evaluate(expression: Any, domain: Domain, points: np.ndarray, entities: np.n
     Returns:
         Values, shape (n, q, *s).
     """
-    expression = ufl.as_ufl(expression)
-    if not ufl.domain.extract_domains(expression):  # a callable may return a plain number
-        shape = expression.ufl_shape
-        plain = [float(expression[index] if shape else expression) for index in np.ndindex(shape)]
-        return np.broadcast_to(np.reshape(plain, shape), (len(entities), len(points), *shape))
+    expression = ufl.algorithms.expand_derivatives(ufl.as_ufl(expression))
+    if not varies(expression):  # a number, constants, derivatives that became constant: nothing to compile
+        shape, constants = expression.ufl_shape, ufl.algorithms.analysis.extract_constants(expression)
+        known = {c: c.value if c.ufl_shape else float(c.value) for c in constants}
+        plain = [expression.evaluate((), known, index, StackDict()) for index in np.ndindex(shape)]
+        return np.broadcast_to(np.reshape(plain, shape).astype(float), (len(entities), len(points), *shape))
     compiled = fem.Expression(expression, points, comm=domain.mesh.comm, dtype=np.float64)
     return compiled.eval(domain.mesh, entities)
 
@@ -164,6 +173,7 @@ class Model:
         self.nodes = self.V.dofmap.list
         self.vertices = self.nodes[:, : self.d + 1]
         self.local_facets = facet_vertices(self.d)
+        self._facet_vertices = self._ordered_vertices()
         self.ds = ufl.Measure("ds", domain=self.mesh, subdomain_data=domain.facet_tags)
         self.dx = ufl.Measure("dx", domain=self.mesh)
         self.parameters = {name: self._parameter(name) for name in scene.material.parameters}
@@ -208,14 +218,21 @@ class Model:
         DOLFINx turns the reference facet by the global numbers of its vertices; where the reference vertices of
         each facet come to lie tells the order, so that nodal values and :func:`evaluate` agree.
         """
+        ends = self._facet_vertices[facets[:, 0], facets[:, 1]][:, node_vertices(self.d - 1, self.degree)]
+        number = node_between(self.d, self.degree)[ends[..., 0], ends[..., 1]]
+        return np.take_along_axis(self.nodes[facets[:, 0]], number, axis=1)
+
+    def _ordered_vertices(self) -> np.ndarray:
+        """Local vertices of the named facets in the order of the reference facet, shape (cells, d+1, d)."""
+        facets = np.concatenate([self.domain.facets(name) for name in self.domain.names])
         vertices = self.local_facets[facets[:, 1]]
         local = np.take_along_axis(self.mesh.geometry.dofmaps[0][facets[:, 0]], vertices, axis=1)
         known = self.mesh.geometry.x[local][:, None, :, : self.d]
         found = evaluate(self.x, self.domain, nodes(self.d - 1, 1), facets)[:, :, None, :]
         order = np.linalg.norm(found - known, axis=-1).argmin(axis=2)
-        ends = np.take_along_axis(vertices, order, axis=1)[:, node_vertices(self.d - 1, self.degree)]
-        number = node_between(self.d, self.degree)[ends[..., 0], ends[..., 1]]
-        return np.take_along_axis(self.nodes[facets[:, 0]], number, axis=1)
+        every = np.tile(self.local_facets.astype(np.int8), (len(self.nodes), 1, 1))
+        every[facets[:, 0], facets[:, 1]] = np.take_along_axis(vertices, order, axis=1)
+        return every
 
     @property
     def facet_points(self) -> np.ndarray:
@@ -403,8 +420,7 @@ class Model:
     ) -> tuple[Any, np.ndarray]:
         """One normal for each cell at the contact, the mean of its facets."""
         expression = -ufl.grad(gap) if contact.normal == "gap" else self._vector(contact.normal)
-        one = fem.Constant(self.mesh, 1.0)  # the gradient of a plane's distance knows no mesh
-        given = evaluate(one * expression, self.domain, centre, facets)[:, 0]
+        given = evaluate(expression, self.domain, centre, facets)[:, 0]
         length = np.linalg.norm(given, axis=1)
         error = None
         if not (np.isfinite(length).all() and np.all(length > 0)):
