@@ -15,7 +15,7 @@ import erc_contact as ec
 
 PACKAGE = Path(ec.__file__).parent
 ORDER = [
-    ["exceptions", "material", "law", "partition", "domain", "meshing", "scene", "model", "methods"],
+    ["exceptions", "material", "law", "partition", "domain", "geometry", "meshing", "scene", "model", "methods"],
     ["stiffness", "condensed", "newton", "start", "solve"],
     [f"admissible.{name}" for name in ("geometry", "macro", "facets", "contact", "displacement")],
     [f"admissible.{name}" for name in ("energy", "patches", "tighten")],
