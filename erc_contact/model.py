@@ -177,6 +177,7 @@ class Model:
 
     def __init__(self, scene: Scene, domain: Domain) -> None:
         self.scene, self.domain = scene, domain
+        self.degree = 1
         self.mesh, self.d = domain.mesh, domain.dim
         self.comm = self.mesh.comm
         self.x = ufl.SpatialCoordinate(self.mesh)

@@ -66,7 +66,7 @@ def test_failure_on_a_later_mesh_keeps_what_there_is(monkeypatch):
     from petsc4py import PETSc
 
     class Impatient:
-        def next(self, error):
+        def next(self, error, accuracy, max_cells):
             PETSc.Options()["erc_contact_snes_max_it"] = 0
             return error.admissible.solution.domain.refined()
 

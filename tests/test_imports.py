@@ -19,7 +19,7 @@ ORDER = [
     ["stiffness", "condensed", "newton", "start", "solve"],
     [f"admissible.{name}" for name in ("geometry", "macro", "facets", "contact", "displacement")],
     [f"admissible.{name}" for name in ("energy", "patches", "tighten")],
-    ["admissible", "error", "adapt", "fields", "output"],
+    ["admissible", "error", "sizes", "strategy", "adapt", "fields", "output"],
 ]
 ORDER = [module for part in ORDER for module in part]
 
