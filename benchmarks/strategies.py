@@ -95,9 +95,7 @@ def main() -> None:
     levels = [int(sys.argv[2])] if len(sys.argv) > 2 else [0, 10]
     folder = Path("results/strategies")
     folder.mkdir(parents=True, exist_ok=True)
-    print(
-        f"{'scene':<9}{'tighten':>8}{'strategy':>12}{'meshes':>8}{'cells':>9}{'eps':>9}{'seconds':>9}{'cpu':>8}  outcome"
-    )
+    print(f"{'scene':<9}{'tighten':>8}{'strategy':>12}{'meshes':>8}{'cells':>9}{'eps':>9}{'seconds':>9}{'cpu':>8}")
     for name in names:
         for tighten in levels:
             scene, domain, accuracy = SCENES[name]()
@@ -111,7 +109,7 @@ def main() -> None:
                 cpu, histories[label], last = process_time() - began, history, history.steps[-1]
                 print(
                     f"{name:<9}{tighten:8d}{label:>12}{len(history.steps):8d}{last.cells:9d}{last.eps:9.3%}"
-                    f"{last.seconds:9.2f}{cpu:8.2f}  {'reached' if history.reached else 'limit of cells'} ({accuracy:.1%})",
+                    f"{last.seconds:9.2f}{cpu:8.2f}  {'' if history.reached else 'not '}{accuracy:.1%}",
                     flush=True,
                 )
             plot_history(histories, folder / f"{name}_{tighten}.png")
