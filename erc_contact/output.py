@@ -168,11 +168,12 @@ def draw_sizes(sizes: Sizes, path: str | Path) -> None:
     """
     domain = sizes.error.admissible.solution.domain
     body = gathered(domain.mesh.comm, **body_mesh(domain))
-    ratio = gathered(domain.mesh.comm, r=sizes.ratio)["r"]
+    cells = gathered(domain.mesh.comm, ratio=sizes.ratio)
 
     def draw() -> None:
         from matplotlib.colors import LogNorm  # noqa: PLC0415
 
+        ratio = cells["ratio"]
         norm = LogNorm(float(ratio.min()) / 1.05, float(ratio.max()) * 1.05)
         _save(_map([grid_of(**body)], domain.dim, ratio, norm=norm, extend="neither", label="r_E [-]"), path)
 
