@@ -16,7 +16,7 @@ if importlib.util.find_spec("dolfinx_solver"):  # the wheel of DOLFINx must load
     import dolfinx_solver  # noqa: F401
 from mpi4py import MPI
 
-from erc_contact.adapt import History, Mark, Step, Strategy, Uniform, adapt, mark
+from erc_contact.adapt import History, Step, adapt
 from erc_contact.admissible import Admissible, equilibrate
 from erc_contact.domain import Domain
 from erc_contact.error import ConstitutiveError, constitutive_error
@@ -27,7 +27,9 @@ from erc_contact.material import Elastic
 from erc_contact.meshing import box, from_gmsh, read_mesh, rectangle
 from erc_contact.methods import AugmentedLagrangian, Nitsche
 from erc_contact.scene import BodyForce, Contact, Displacement, Scene, Traction
+from erc_contact.sizes import Sizes, size_map
 from erc_contact.solve import Solution, solve
+from erc_contact.strategy import Mark, SizeMap, Strategy, Uniform, mark
 
 
 def log_to_console(level: int = logging.INFO, comm: MPI.Comm = MPI.COMM_WORLD) -> None:
@@ -69,6 +71,8 @@ __all__ = [
     "NotConverged",
     "NotHeldError",
     "Scene",
+    "SizeMap",
+    "Sizes",
     "Solution",
     "Step",
     "Strategy",
@@ -86,6 +90,7 @@ __all__ = [
     "read_mesh",
     "rectangle",
     "resultant",
+    "size_map",
     "solve",
     "work_of_loads",
 ]

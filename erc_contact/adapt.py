@@ -1,6 +1,6 @@
 """The adaptive loop: solve, measure, refine where the error is, until a prescribed accuracy is reached.
 
-Source of the idea: Coorevits, Hild, Hjiaj; marking: Doerfler, SIAM J. Numer. Anal. 33 (1996).
+Source of the idea: Coorevits, Hild, Hjiaj.
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ from dataclasses import asdict, dataclass, field, fields
 from math import isfinite
 from pathlib import Path
 from time import perf_counter
-from typing import Protocol
 
 import numpy as np
 from mpi4py import MPI
@@ -23,75 +22,17 @@ from erc_contact.error import ConstitutiveError, constitutive_error
 from erc_contact.exceptions import InputError, NotConverged
 from erc_contact.methods import Nitsche
 from erc_contact.scene import Scene
+from erc_contact.sizes import size_map
 from erc_contact.solve import solve
+from erc_contact.strategy import Mark, Strategy
 
 log = logging.getLogger("erc_contact")
-
-TIE = 1e-6
-"""Elements whose errors differ by less than this fraction are marked together: round-off must not choose."""
-
 
 SHARE = 0.1
 """Share of e that Newton may leave when it stops certified [-]; it adds 0.5% to e.
 
 The error of the mesh to come is taken as half of the last one: uniform refinement of linear elements leaves no less.
 """
-
-
-class Strategy(Protocol):
-    """How the next mesh follows from an error."""
-
-    def next(self, error: ConstitutiveError) -> Domain:
-        """The next domain; collective."""
-
-
-@dataclass(frozen=True)
-class Mark:
-    """Refine the fewest elements that carry a fraction of the squared error (Doerfler marking).
-
-    Args:
-        fraction: Share of eps^2 that the marked elements carry, in (0, 1].
-
-    Raises:
-        InputError: If the fraction is outside (0, 1].
-    """
-
-    fraction: float = 0.5
-
-    def __post_init__(self) -> None:
-        if not 0 < self.fraction <= 1:
-            raise InputError(f"Mark: fraction is {self.fraction!r}; it must lie in (0, 1].")
-
-    def next(self, error: ConstitutiveError) -> Domain:
-        """The domain with the marked elements refined; collective."""
-        return error.admissible.solution.domain.refined(mark(error, self.fraction))
-
-
-@dataclass(frozen=True)
-class Uniform:
-    """Refine all elements; for comparison."""
-
-    def next(self, error: ConstitutiveError) -> Domain:
-        """The domain with all elements refined; collective."""
-        return error.admissible.solution.domain.refined()
-
-
-def mark(error: ConstitutiveError, fraction: float = 0.5) -> np.ndarray:
-    """Doerfler marking: the fewest elements over all ranks that carry a fraction of eps^2; collective.
-
-    Args:
-        error: Its eps_E are compared over all ranks.
-        fraction: Share of eps^2, in (0, 1].
-
-    Returns:
-        Marked cells of this rank.
-    """
-    comm = error.admissible.solution.domain.mesh.comm
-    everywhere = np.sort(np.concatenate(comm.allgather(error.cells)))[::-1]
-    carried = np.cumsum(everywhere**2)
-    enough = int(np.searchsorted(carried, fraction * carried[-1] * (1 - TIE)))
-    threshold = everywhere[min(enough, len(everywhere) - 1)]
-    return np.flatnonzero(error.cells >= threshold * (1 - TIE)).astype(np.int32)
 
 
 @dataclass(frozen=True)
@@ -236,7 +177,7 @@ def adapt(
         domain: The first mesh, coarse.
         accuracy: Prescribed relative error eps (17), > 0, e.g. 0.02.
         method: Contact method; ``Nitsche()`` by default.
-        strategy: How the next mesh is made; ``Mark()`` by default.
+        strategy: How the next mesh is made; ``Mark()`` by default, which needs no geometry but the mesh.
         degree: Degree of the displacement, 1 or 2.
         stop: "converged" ends Newton at round-off; "certified" as soon as the rest is at most a tenth of the error of
             the mesh (:data:`SHARE`): it is part of e, which bounds the error of any state.
@@ -245,7 +186,8 @@ def adapt(
         max_steps: The run ends after so many meshes.
 
     Returns:
-        The history with the best result. A limit that ends the run is named in ``outcome``, with a warning.
+        The history with the best result. A limit that ends the run is named in ``outcome``, with a warning; so is a
+        next mesh that cannot be made. An accuracy that will take more cells than the limit is told on the first mesh.
 
     Raises:
         InputError: If the input cannot be worked with.
@@ -302,8 +244,14 @@ def adapt(
         if len(steps) == max_steps:
             text = f"Stopped after max_steps = {max_steps} meshes at {best.relative:.3%}, above {accuracy:.3%}."
             return _ended(steps, meshes, accuracy, best, text)
+        if len(steps) == 1:
+            _warn(error, accuracy, max_cells)
         started = perf_counter()
-        domain = strategy.next(error)
+        try:
+            domain = strategy.next(error, accuracy, max_cells)
+        except InputError as failure:
+            text = f"Stopped at {best.relative:.3%}, above {accuracy:.3%}: {failure}"
+            return _ended(steps, meshes, accuracy, best, text)
         mesh_seconds = comm.allreduce(perf_counter() - started, MPI.MAX)
         if domain.cells > max_cells:
             text = (
@@ -311,6 +259,13 @@ def adapt(
                 f"more than max_cells = {max_cells}."
             )
             return _ended(steps, meshes, accuracy, best, text)
+
+
+def _warn(error: ConstitutiveError, accuracy: float, max_cells: int) -> None:
+    """Say before the time is spent that even the optimal mesh has more cells than allowed; collective."""
+    cells = size_map(error, accuracy).cells
+    if cells > max_cells:
+        log.warning(f"{accuracy:.3%} takes at least some {cells:.2g} cells; max_cells = {max_cells} will end the run.")
 
 
 def _ended(

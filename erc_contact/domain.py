@@ -9,10 +9,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, Protocol
 
 import basix.ufl
 import numpy as np
+import numpy.typing as npt
 import ufl
 from dolfinx import cpp, graph
 from dolfinx import mesh as dmesh
@@ -21,6 +22,13 @@ from mpi4py import MPI
 
 from erc_contact.exceptions import InputError, raise_together
 from erc_contact.partition import check_mesh, partitioner, patches_complete
+
+
+class Geometry(Protocol):
+    """The true shape of a body, with what it takes to mesh it again."""
+
+    def meshed(self, domain: Domain, sizes: np.ndarray) -> Domain:
+        """See :meth:`Domain.remeshed`; collective."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,6 +42,7 @@ class Domain:
         names: Name of each boundary part -> its tag.
         cell_tags: Tags of cells, or None.
         regions: Name of each cell region -> its tag.
+        geometry: The true shape, None where only the mesh is known.
 
     Raises:
         InputError: If the mesh is not of straight-sided simplices, or no facet carries a name's tag. A part that
@@ -45,6 +54,7 @@ class Domain:
     names: Mapping[str, int]
     cell_tags: dmesh.MeshTags | None = None
     regions: Mapping[str, int] = field(default_factory=dict)
+    geometry: Geometry | None = field(default=None, repr=False)
     _inside: set[str] = field(init=False, repr=False, default_factory=set)
 
     def __post_init__(self) -> None:
@@ -198,7 +208,31 @@ class Domain:
             cell_tags = _tags(fine, tdim, np.flatnonzero(tags >= 0), tags[tags >= 0])
         if mesh.comm.size > 1:
             fine, facet_tags, cell_tags = _redistributed(fine, facet_tags, cell_tags)
-        return Domain(fine, facet_tags, self.names, cell_tags, self.regions)
+        return Domain(fine, facet_tags, self.names, cell_tags, self.regions, self.geometry)
+
+    def remeshed(self, sizes: npt.ArrayLike) -> Domain:
+        """Mesh the true geometry again with other sizes, by gmsh on rank 0; collective.
+
+        Names are kept, curved boundaries are sampled anew. Where the sizes ask for it the new mesh is coarser.
+
+        Args:
+            sizes: Edge h of the simplex that is wanted at each node ``mesh.geometry.x`` of this rank
+                [length], shape (n,), linear between them; or one number. The number of cells is
+                ``int c / h^d``, c = 4/sqrt(3) in 2D and 5 in 3D, to within 2% or 5% where cells are small
+                beside the body.
+
+        Returns:
+            The domain on the new mesh.
+
+        Raises:
+            InputError: If the geometry is not known, a size is not > 0 and finite, or gmsh fails.
+        """
+        if self.geometry is None:
+            raise InputError(
+                "The true geometry of this domain is not known, only its mesh; refine it by marking "
+                "(strategy=Mark()), or make it by rectangle, box, from_gmsh, or read_mesh of a .geo file."
+            )
+        return self.geometry.meshed(self, np.asarray(sizes, dtype=float))
 
 
 def _listed(names: Mapping[str, int]) -> str:

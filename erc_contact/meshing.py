@@ -9,8 +9,8 @@ from __future__ import annotations
 import io
 import tempfile
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, redirect_stderr, redirect_stdout
+from collections.abc import Sequence
+from contextlib import redirect_stderr, redirect_stdout
 from numbers import Integral
 from pathlib import Path
 from typing import Any
@@ -22,12 +22,8 @@ from mpi4py import MPI
 
 from erc_contact.domain import Domain
 from erc_contact.exceptions import InputError, raise_together
+from erc_contact.geometry import Brick, Drawing, as_input_error, drawing_of, session
 from erc_contact.partition import partitioner
-
-SIDES = (("left", "right"), ("bottom", "top"), ("front", "back"))
-"""Names of the sides of a rectangle or box: low and high end of x, y and z."""
-SESSION = {"General.Terminal": 0, "Mesh.ElementOrder": 1, "Mesh.RecombineAll": 0}
-"""gmsh's options during a session of ours; a user's own session gets its options back."""
 
 
 def rectangle(
@@ -89,14 +85,18 @@ def _brick(
         raise InputError(f"The corners are {p0} and {p1}; each must have {dim} numbers, the first below the second.")
     if (size is None) == (cells is None):
         raise InputError("Give either size= (an unstructured mesh by gmsh) or cells= (a structured mesh).")
+    brick = Brick(tuple(map(float, low)), tuple(map(float, high)))
     if size is not None:
         if not 0 < size < np.inf:
             raise InputError(f"The size of cells is {size:g}; it must be > 0 [length].")
 
         def model(gmsh: Any) -> None:
-            _brick_model(gmsh, low, high, float(size))
+            brick.build(gmsh)
+            gmsh.option.setNumber("Mesh.MeshSizeMin", size)
+            gmsh.option.setNumber("Mesh.MeshSizeMax", size)
 
-        return _from_model(model, comm)
+        with session(comm, model, "The geometry") as made:
+            return _from_model(made, comm, 0, brick)
     assert cells is not None
     whole = isinstance(cells, Sequence | np.ndarray) and all(isinstance(n, Integral) and n >= 1 for n in cells)
     if not whole or len(cells) != dim:
@@ -108,33 +108,15 @@ def _brick(
     mesh.topology.create_connectivity(dim - 1, dim)
     facets, values = [], []
     names: dict[str, int] = {}
-    for axis, pair in enumerate(SIDES[:dim]):
-        for name, at in zip(pair, (low[axis], high[axis]), strict=True):
-            names[name] = len(names) + 1
-            near = 1e-6 * (high[axis] - low[axis]) / cells[axis]
-            found = dmesh.locate_entities(mesh, dim - 1, lambda x, a=axis, v=at, t=near: abs(x[a] - v) < t)
-            facets.append(found)
-            values.append(np.full(len(found), names[name], dtype=np.int32))
+    for number, (name, axis, at) in enumerate(brick.sides(), start=1):
+        names[name] = number
+        near = 1e-6 * (high[axis] - low[axis]) / cells[axis]
+        found = dmesh.locate_entities(mesh, dim - 1, lambda x, a=axis, v=at, t=near: abs(x[a] - v) < t)
+        facets.append(found)
+        values.append(np.full(len(found), number, dtype=np.int32))
     order = np.argsort(np.concatenate(facets))
     tags = dmesh.meshtags(mesh, dim - 1, np.concatenate(facets)[order], np.concatenate(values)[order])
-    return Domain(mesh, tags, names)
-
-
-def _brick_model(gmsh: Any, low: np.ndarray, high: np.ndarray, size: float) -> None:
-    """Geometry and physical groups of a rectangle or a box, by gmsh's OpenCASCADE kernel."""
-    dim = len(low)
-    occ, extent = gmsh.model.occ, high - low
-    body = occ.addRectangle(*low, 0.0, *extent) if dim == 2 else occ.addBox(*low, *extent)
-    occ.synchronize()
-    gmsh.model.addPhysicalGroup(dim, [body], name="body")
-    sides = gmsh.model.getBoundary([(dim, body)], oriented=False)
-    centre = {tag: np.array(occ.getCenterOfMass(dim - 1, tag)[:dim]) for _, tag in sides}
-    for axis, pair in enumerate(SIDES[:dim]):
-        for name, at in zip(pair, (low[axis], high[axis]), strict=True):
-            distance = {tag: abs(x[axis] - at) for tag, x in centre.items()}
-            gmsh.model.addPhysicalGroup(dim - 1, [min(distance, key=distance.__getitem__)], name=name)
-    gmsh.option.setNumber("Mesh.MeshSizeMin", size)
-    gmsh.option.setNumber("Mesh.MeshSizeMax", size)
+    return Domain(mesh, tags, names, geometry=brick)
 
 
 def from_gmsh(model: Any, comm: MPI.Comm = MPI.COMM_WORLD, rank: int = 0) -> Domain:
@@ -152,17 +134,7 @@ def from_gmsh(model: Any, comm: MPI.Comm = MPI.COMM_WORLD, rank: int = 0) -> Dom
         InputError: If the mesh has no physical group on its boundary, an entity is in two groups, a part of the
             body is in none, or the mesh is not of straight-sided simplices.
     """
-    error: Exception | None = None
-    prepared = None
-    if comm.rank == rank:
-        try:
-            prepared = _prepared(model)
-        except Exception as reason:  # every rank must learn of it
-            error = _as_input_error(reason, "The gmsh model")
-    raise_together(comm, error)
-    dim, names, regions = comm.bcast(prepared, root=rank)
-    data = dgmsh.model_to_mesh(model, comm, rank, gdim=dim, partitioner=partitioner(comm))
-    return Domain(data.mesh, data.facet_tags, names, data.cell_tags, regions)
+    return _from_model(model, comm, rank)
 
 
 def read_mesh(path: str | Path, comm: MPI.Comm = MPI.COMM_WORLD) -> Domain:
@@ -180,7 +152,7 @@ def read_mesh(path: str | Path, comm: MPI.Comm = MPI.COMM_WORLD) -> Domain:
             straight-sided simplices.
     """
     path = Path(path)
-    with _gmsh(comm, lambda gmsh: _open(gmsh, path), f"The mesh file {str(path)!r}") as model:
+    with session(comm, lambda gmsh: _open(gmsh, path), f"The mesh file {str(path)!r}") as model:
         return from_gmsh(model, comm)
 
 
@@ -282,48 +254,17 @@ def _prepared(model: Any) -> tuple[int, dict[str, int], dict[str, int]]:
     return dim, facets, cells
 
 
-def _as_input_error(reason: Exception, what: str) -> InputError:
-    return reason if isinstance(reason, InputError) else InputError(f"{what} cannot be used: {reason}")
-
-
-@contextmanager
-def _gmsh(comm: MPI.Comm, build: Callable[[Any], None], what: str) -> Iterator[Any]:
-    """A silent gmsh session on rank 0 with a model of its own; None on the other ranks; collective."""
+def _from_model(model: Any, comm: MPI.Comm, rank: int, geometry: Brick | None = None) -> Domain:
+    """The domain of a gmsh model on a rank, which remembers the geometry given, else that of the model."""
     error: Exception | None = None
-    if comm.rank != 0:
-        raise_together(comm, None)
-        yield None
-        return
-    try:
-        import gmsh  # noqa: PLC0415 - only rank 0 needs it
-    except (ImportError, OSError) as reason:  # OSError: a shared library that gmsh's wheel expects
-        raise_together(comm, InputError(f"gmsh cannot be loaded: {reason}. Install it, or give cells= or a Domain."))
-
-    started_here = not gmsh.isInitialized()
-    if started_here:
-        gmsh.initialize(readConfigFiles=False, interruptible=False)
-    before = None if started_here else gmsh.model.getCurrent()
-    options = {name: gmsh.option.getNumber(name) for name in (*SESSION, "Mesh.MeshSizeMin", "Mesh.MeshSizeMax")}
-    for name, value in SESSION.items():
-        gmsh.option.setNumber(name, value)
-    gmsh.model.add("erc_contact")
-    try:
-        build(gmsh)
-    except Exception as reason:  # every rank must learn of it
-        error = _as_input_error(reason, what)
-    try:
-        raise_together(comm, error)
-        yield gmsh.model
-    finally:
-        if started_here:
-            gmsh.finalize()
-        else:
-            gmsh.model.remove()
-            gmsh.model.setCurrent(before)
-            for name, value in options.items():
-                gmsh.option.setNumber(name, value)
-
-
-def _from_model(build: Callable[[Any], None], comm: MPI.Comm) -> Domain:
-    with _gmsh(comm, build, "The geometry") as model:
-        return from_gmsh(model, comm)
+    prepared = None
+    if comm.rank == rank:
+        try:
+            prepared = (*_prepared(model), None if geometry else drawing_of(model))
+        except Exception as reason:  # every rank must learn of it
+            error = as_input_error(reason, "The gmsh model")
+    raise_together(comm, error)
+    dim, names, regions, drawn = comm.bcast(prepared, root=rank)
+    shape = Drawing(drawn[0], drawn[1] if comm.rank == 0 else "") if drawn else geometry
+    data = dgmsh.model_to_mesh(model, comm, rank, gdim=dim, partitioner=partitioner(comm))
+    return Domain(data.mesh, data.facet_tags, names, data.cell_tags, regions, shape)

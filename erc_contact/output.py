@@ -37,6 +37,7 @@ from erc_contact.fields import (
     von_mises,
     whole_contact,
 )
+from erc_contact.sizes import Sizes
 
 STATUS = ("open", "slip", "stick")
 COLOURS = ("#ececec", "#fdeacc", "#d9ecd6")
@@ -154,6 +155,27 @@ def draw_error(error: ConstitutiveError, path: str | Path) -> None:
         norm = LogNorm(min(low, 0.5 * top), top)
         figure = _map([grid_of(**body)], domain.dim, cells["eps"], norm=norm, extend="min", label="eps_E [-]")
         _save(figure, path)
+
+    on_root(domain.mesh.comm, path, draw)
+
+
+def draw_sizes(sizes: Sizes, path: str | Path) -> None:
+    """Draw r_E of each element, the ratio of its new size to its old, on a logarithmic colour scale; collective.
+
+    Args:
+        sizes: Its ``ratio`` is drawn, on the mesh that it was made from.
+        path: Picture file.
+    """
+    domain = sizes.error.admissible.solution.domain
+    body = gathered(domain.mesh.comm, **body_mesh(domain))
+    cells = gathered(domain.mesh.comm, ratio=sizes.ratio)
+
+    def draw() -> None:
+        from matplotlib.colors import LogNorm  # noqa: PLC0415
+
+        ratio = cells["ratio"]
+        norm = LogNorm(float(ratio.min()) / 1.05, float(ratio.max()) * 1.05)
+        _save(_map([grid_of(**body)], domain.dim, ratio, norm=norm, extend="neither", label="r_E [-]"), path)
 
     on_root(domain.mesh.comm, path, draw)
 

@@ -20,9 +20,10 @@ CORNER = 0.7112
 
 
 def test_adaptive_rate():
-    history = ec.adapt(prototype_block(), block(4), accuracy=0.014)
+    history = ec.adapt(prototype_block(), block(4), accuracy=0.004)
     assert history.reached
-    assert history.best.relative <= 0.014
+    assert history.best.relative <= 0.004
+    print(f"slope {history.slope('cells', last=4):.3f}")
     assert history.slope("cells", last=4) == pytest.approx(-0.5, abs=0.05)
 
 
@@ -66,7 +67,7 @@ def test_failure_on_a_later_mesh_keeps_what_there_is(monkeypatch):
     from petsc4py import PETSc
 
     class Impatient:
-        def next(self, error):
+        def next(self, error, accuracy, max_cells):
             PETSc.Options()["erc_contact_snes_max_it"] = 0
             return error.admissible.solution.domain.refined()
 

@@ -3,6 +3,8 @@
 Properties: every rank raises, none waits for another; the type is one of the package's; the message names the thing.
 """
 
+import dataclasses
+
 import basix.ufl
 import numpy as np
 import pytest
@@ -11,6 +13,7 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 import erc_contact as ec
+from erc_contact.geometry import Drawing
 
 COMM = MPI.COMM_WORLD
 STEEL = ec.Elastic(E=1.0, nu=0.3)
@@ -527,6 +530,63 @@ def test_limits_of_the_loop(block):
     scene = ec.Scene(STEEL, [ec.Displacement("bottom", (0.0, 0.0))], [PUSH])
     refused(lambda: ec.adapt(scene, block, accuracy=0.1, max_steps=0), "max_steps", ">= 1")
     refused(lambda: ec.adapt(scene, block, accuracy=0.1, max_cells=0), "max_cells", ">= 1")
+
+
+@pytest.mark.parametrize("wrong", [0.0, -0.1, float("nan"), float("inf")])
+def test_sizes_not_positive(wrong, block):
+    sizes = np.full(len(block.mesh.geometry.x), 0.2)
+    if COMM.rank == COMM.size - 1:  # one rank finds it, all must raise
+        sizes[0] = wrong
+    refused(lambda: block.remeshed(sizes), "1 sizes", "> 0 and finite")
+    refused(lambda: block.remeshed(wrong), "> 0 and finite", f"{wrong:g}")
+
+
+def test_sizes_of_another_shape(block):
+    refused(lambda: block.remeshed(np.ones(3)), "shape (3,)", "geometry.x")
+    refused(lambda: block.remeshed(np.ones((3, 2))), "shape (3, 2)")
+
+
+@pytest.mark.parametrize("accuracy", [0.0, -0.1, float("nan"), float("inf"), "2%"])
+def test_size_map_to_an_accuracy_not_positive(accuracy, block):
+    scene = ec.Scene(STEEL, [ec.Displacement("bottom", (0.0, 0.0))], [PUSH])
+    error = ec.constitutive_error(ec.equilibrate(ec.solve(scene, block)))
+    refused(lambda: ec.size_map(error, accuracy), "accuracy", repr(accuracy), "> 0")
+
+
+OPEN_LOOP = """
+Point(1) = {0, 0, 0}; Point(2) = {1, 0, 0}; Point(3) = {1, 1, 0}; Point(4) = {0, 1, 0};
+Line(1) = {1, 2}; Line(2) = {2, 3}; Line(3) = {3, 4};
+Curve Loop(1) = {1, 2, 3}; Plane Surface(1) = {1};
+Physical Curve("left", 1) = {3}; Physical Surface("body", 1) = {1};
+"""
+
+
+@pytest.mark.parametrize(
+    ("suffix", "text"), [(".geo_unrolled", OPEN_LOOP), (".geo_unrolled", "Point(;"), (".xao", "no")]
+)
+def test_geometry_that_gmsh_fails_on(suffix, text, block):
+    """Remeshing raises on all ranks; a run keeps the result it has."""
+    broken = dataclasses.replace(block, geometry=Drawing(suffix, text))
+    refused(lambda: broken.remeshed(0.1), "geometry", "cannot be used")
+    scene = ec.Scene(STEEL, [ec.Displacement("bottom", (0.0, 0.0))], [PUSH])
+    history = ec.adapt(scene, broken, accuracy=0.01, strategy=ec.SizeMap())
+    assert (len(history.steps), history.reached) == (1, False)
+    assert "cannot be used" in history.outcome
+    assert history.best.relative == history.steps[0].eps
+
+
+def test_size_map_of_a_bare_mesh(block):
+    bare = ec.Domain(block.mesh, block.facet_tags, block.names)
+    refused(lambda: bare.remeshed(0.1), "not known", "Mark()", ".geo")
+    scene = ec.Scene(STEEL, [ec.Displacement("bottom", (0.0, 0.0))], [PUSH])
+    assert "Mark()" in ec.adapt(scene, bare, accuracy=0.01, strategy=ec.SizeMap()).outcome
+
+
+def test_parameters_of_size_map():
+    for aim in (0.0, 1.1, float("nan")):
+        refused(lambda a=aim: ec.SizeMap(aim=a), "aim", repr(aim), "(0, 1]")
+    for leap in (1.0, 0.0, float("nan")):
+        refused(lambda v=leap: ec.SizeMap(leap=v), "leap", repr(leap), "> 1")
 
 
 def test_parameters_of_method_and_marking():

@@ -15,11 +15,11 @@ import erc_contact as ec
 
 PACKAGE = Path(ec.__file__).parent
 ORDER = [
-    ["exceptions", "material", "law", "simplex", "partition", "domain", "meshing", "scene", "model", "methods"],
-    ["stiffness", "condensed", "newton", "start", "solve"],
+    ["exceptions", "material", "law", "simplex", "partition", "domain", "geometry", "meshing", "scene", "model"],
+    ["methods", "stiffness", "condensed", "newton", "start", "solve"],
     [f"admissible.{name}" for name in ("geometry", "macro", "facets", "contact", "displacement")],
     [f"admissible.{name}" for name in ("energy", "patches", "blocks", "tighten")],
-    ["admissible", "error", "goal", "adapt", "fields", "output"],
+    ["admissible", "error", "goal", "sizes", "strategy", "adapt", "fields", "output"],
 ]
 ORDER = [module for part in ORDER for module in part]
 

@@ -1,0 +1,251 @@
+"""The true shape of a body, kept as gmsh needs it to mesh the body again with other sizes.
+
+A mesh alone has lost its circles. Domains that gmsh made, and rectangles and boxes, therefore keep a :class:`Brick` or
+a :class:`Drawing`, on rank 0; refined and remeshed domains hand it on. Meshing runs on rank 0; curved boundaries are
+sampled anew; physical groups keep their tags, so the names of parts and regions stay as they were.
+
+Symbols: h size [length], the edge of the simplex that is wanted at a point; d dimension.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import basix
+import numpy as np
+from dolfinx.io import gmsh as dgmsh
+from mpi4py import MPI
+
+from erc_contact.domain import Domain
+from erc_contact.exceptions import InputError, raise_together
+from erc_contact.partition import partitioner
+
+SIDES = (("left", "right"), ("bottom", "top"), ("front", "back"))
+"""Names of the sides of a rectangle or box: low and high end of x, y and z."""
+SESSION = {"General.Terminal": 0, "Mesh.ElementOrder": 1, "Mesh.RecombineAll": 0}
+"""gmsh's options during a session of ours; a user's own session gets its options back."""
+FIELD = {
+    "Mesh.MeshSizeMin": 0,
+    "Mesh.MeshSizeMax": 1e22,
+    "Mesh.MeshSizeFactor": 1,
+    "Mesh.MeshSizeFromPoints": 0,
+    "Mesh.MeshSizeFromCurvature": 0,
+    "Mesh.MeshSizeExtendFromBoundary": 0,
+    "Mesh.Algorithm": 6,
+    "Mesh.Algorithm3D": 1,
+}
+"""gmsh's options when a size field says all there is to say of sizes; Frontal-Delaunay in 2D, Delaunay in 3D."""
+FILL = {2: 4 / np.sqrt(3), 3: 5.0}
+"""Simplices of size 1 that fill a unit of area or volume, by dimension: equilateral triangles; regular tetrahedra do
+not fill space (they would be 8.5), gmsh makes 4.7 of size 1 on fine uniform meshes and 5.6 on graded ones."""
+GMSH = {2: 1.06, 3: 1.08}
+"""Simplices that gmsh makes for each that :data:`FILL` counts on small graded meshes, measured: the first guess."""
+COUNT_TOLERANCE = {2: 0.02, 3: 0.05}
+"""A mesh whose number of cells misses the count of its sizes by more is made again with scaled sizes [-]."""
+ATTEMPTS = 4
+"""Meshes made at most to come near the count."""
+
+
+@dataclass(frozen=True)
+class Brick:
+    """A rectangle or a box.
+
+    Args:
+        low: Corner of least coordinates [length].
+        high: Opposite corner [length].
+    """
+
+    low: tuple[float, ...]
+    high: tuple[float, ...]
+
+    def build(self, gmsh: Any) -> None:
+        """Make geometry and physical groups in gmsh's current model, by the OpenCASCADE kernel."""
+        dim = len(self.low)
+        occ, extent = gmsh.model.occ, np.subtract(self.high, self.low)
+        body = occ.addRectangle(*self.low, 0.0, *extent) if dim == 2 else occ.addBox(*self.low, *extent)
+        occ.synchronize()
+        gmsh.model.addPhysicalGroup(dim, [body], name="body")
+        sides = gmsh.model.getBoundary([(dim, body)], oriented=False)
+        centre = {tag: np.array(occ.getCenterOfMass(dim - 1, tag)[:dim]) for _, tag in sides}
+        for number, (name, axis, at) in enumerate(self.sides(), start=1):
+            distance = {tag: abs(x[axis] - at) for tag, x in centre.items()}
+            gmsh.model.addPhysicalGroup(dim - 1, [min(distance, key=distance.__getitem__)], tag=number, name=name)
+
+    def sides(self) -> Iterator[tuple[str, int, float]]:
+        """Name, axis and coordinate of each side; its tag is its number, from 1."""
+        for axis, pair in enumerate(SIDES[: len(self.low)]):
+            for name, at in zip(pair, (self.low[axis], self.high[axis]), strict=True):
+                yield name, axis, at
+
+    def meshed(self, domain: Domain, sizes: np.ndarray) -> Domain:
+        """See :meth:`Domain.remeshed`; collective."""
+        return _meshed(self, domain, sizes)
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """The geometry of a gmsh model as text: that of a file of gmsh's.
+
+    Args:
+        suffix: ".xao" (OpenCASCADE's shapes) or ".geo_unrolled" (gmsh's own), both with the physical groups.
+        text: Contents of the file on rank 0, empty elsewhere.
+    """
+
+    suffix: str
+    text: str = field(repr=False)
+
+    def build(self, gmsh: Any) -> None:
+        """Make geometry and physical groups in gmsh's current model."""
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / f"body{self.suffix}"
+            path.write_text(self.text)
+            gmsh.merge(str(path))
+
+    def meshed(self, domain: Domain, sizes: np.ndarray) -> Domain:
+        """See :meth:`Domain.remeshed`; collective."""
+        return _meshed(self, domain, sizes)
+
+
+def drawing_of(model: Any) -> tuple[str, str] | None:
+    """Suffix and text of the geometry of gmsh's current model, physical groups included; None if it has none.
+
+    A model read from a mesh file has no geometry, and one that mixes gmsh's two kernels is kept by neither format.
+    """
+    import gmsh  # noqa: PLC0415 - whoever has a model has gmsh
+
+    entities, drawn = set(model.getEntities()), set(model.occ.getEntities())
+    discrete = any(model.getType(*entity).startswith("Discrete") for entity in entities)
+    if discrete or (drawn and drawn != entities):
+        return None
+    suffix = ".xao" if drawn else ".geo_unrolled"
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / f"body{suffix}"
+        gmsh.write(str(path))
+        return suffix, path.read_text()
+
+
+def count(domain: Domain, sizes: np.ndarray) -> float:
+    """Number of cells that a mesh of these sizes has: ``int c / h^d``, c of :data:`FILL`; collective.
+
+    Args:
+        domain: The mesh that carries the sizes.
+        sizes: h at the nodes ``domain.mesh.geometry.x`` [length], shape (n,).
+    """
+    mesh, dim = domain.mesh, domain.dim
+    points, weights = basix.make_quadrature(mesh.basix_cell(), 6)
+    shape = np.column_stack([1 - points.sum(axis=1), points])
+    nodes = mesh.geometry.dofmaps[0][: domain.owned_cells]
+    edges = np.diff(mesh.geometry.x[nodes][:, :, :dim], axis=1)
+    h = sizes[nodes] @ shape.T
+    return float(FILL[dim] * mesh.comm.allreduce(float(abs(np.linalg.det(edges)) @ (h**-dim @ weights)), MPI.SUM))
+
+
+def _meshed(geometry: Brick | Drawing, domain: Domain, sizes: np.ndarray) -> Domain:
+    mesh, comm, dim = domain.mesh, domain.mesh.comm, domain.dim
+    error, h = None, np.asarray(sizes, dtype=float)
+    if h.ndim == 0:
+        h = np.full(len(mesh.geometry.x), h)
+    if h.shape != (len(mesh.geometry.x),):
+        error = InputError(
+            f"The sizes have shape {h.shape}; give a number, or one for each node of this rank: domain.mesh.geometry.x "
+            f"has {len(mesh.geometry.x)}."
+        )
+    elif not np.all((h > 0) & np.isfinite(h)):
+        wrong = h[~((h > 0) & np.isfinite(h))]
+        error = InputError(f"{len(wrong)} sizes are not > 0 and finite, the first is {wrong[0]:g}; sizes are lengths.")
+    raise_together(comm, error)
+    wanted = count(domain, h)
+    nodes = mesh.geometry.dofmaps[0][: domain.owned_cells]
+    parts = comm.gather((mesh.geometry.x[nodes], h[nodes]))
+
+    def build(gmsh: Any) -> None:
+        geometry.build(gmsh)
+        assert parts is not None
+        x, values = (np.concatenate(part) for part in zip(*parts, strict=True))
+        _mesh_to_sizes(gmsh, dim, x, values, wanted)
+
+    with session(comm, build, "The geometry, meshed again,") as model:
+        data = dgmsh.model_to_mesh(model, comm, 0, gdim=dim, partitioner=partitioner(comm))
+    regions = data.cell_tags if domain.regions else None
+    return Domain(data.mesh, data.facet_tags, domain.names, regions, domain.regions, geometry)
+
+
+def _mesh_to_sizes(gmsh: Any, dim: int, x: np.ndarray, sizes: np.ndarray, wanted: float) -> None:
+    """Mesh gmsh's current model with the sizes of simplices (corners x, shape (n, d+1, 3)), to the count wanted.
+
+    How many cells gmsh makes of a size depends on gradation and shape. A mesh is cheap beside a contact solve, so one
+    that misses the count is made again with all sizes scaled.
+    """
+    for name, value in FIELD.items():
+        gmsh.option.setNumber(name, value)
+    scale = GMSH[dim] ** (1 / dim)
+    best = (np.inf, scale)
+    for attempt in range(ATTEMPTS + 1):
+        view = gmsh.view.add("sizes")
+        rows = np.hstack([x.transpose(0, 2, 1).reshape(len(x), -1), scale * sizes])
+        gmsh.view.addListData(view, ("ST", "SS")[dim - 2], len(rows), rows.ravel())
+        background = gmsh.model.mesh.field.add("PostView")
+        gmsh.model.mesh.field.setNumber(background, "ViewTag", view)
+        gmsh.model.mesh.field.setAsBackgroundMesh(background)
+        try:
+            gmsh.model.mesh.clear()
+            gmsh.model.mesh.generate(dim)
+        finally:
+            gmsh.model.mesh.field.remove(background)
+            gmsh.view.remove(view)
+        got = sum(len(tags) for tags in gmsh.model.mesh.getElements(dim)[1])
+        if not got:
+            raise InputError("gmsh made no cell of it.")
+        miss = abs(got / wanted - 1)
+        if miss <= COUNT_TOLERANCE[dim] or attempt == ATTEMPTS or (attempt == ATTEMPTS - 1 and miss <= best[0]):
+            return
+        best = min(best, (miss, scale))
+        scale = best[1] if attempt == ATTEMPTS - 1 else scale * (got / wanted) ** (1 / dim)
+
+
+def as_input_error(reason: Exception, what: str) -> InputError:
+    """An error of gmsh's, or of ours, as an :class:`InputError`."""
+    return reason if isinstance(reason, InputError) else InputError(f"{what} cannot be used: {reason}")
+
+
+@contextmanager
+def session(comm: MPI.Comm, build: Callable[[Any], None], what: str) -> Iterator[Any]:
+    """A silent gmsh session on rank 0 with a model of its own; None on the other ranks; collective."""
+    error: Exception | None = None
+    if comm.rank != 0:
+        raise_together(comm, None)
+        yield None
+        return
+    try:
+        import gmsh  # noqa: PLC0415 - only rank 0 needs it
+    except (ImportError, OSError) as reason:  # OSError: a shared library that gmsh's wheel expects
+        raise_together(comm, InputError(f"gmsh cannot be loaded: {reason}. Install it, or give cells= or a Domain."))
+
+    started_here = not gmsh.isInitialized()
+    if started_here:
+        gmsh.initialize(readConfigFiles=False, interruptible=False)
+    before = None if started_here else gmsh.model.getCurrent()
+    options = {name: gmsh.option.getNumber(name) for name in (*SESSION, *FIELD)}
+    for name, value in SESSION.items():
+        gmsh.option.setNumber(name, value)
+    gmsh.model.add("erc_contact")
+    try:
+        build(gmsh)
+    except Exception as reason:  # every rank must learn of it
+        error = as_input_error(reason, what)
+    try:
+        raise_together(comm, error)
+        yield gmsh.model
+    finally:
+        if started_here:
+            gmsh.finalize()
+        else:
+            gmsh.model.remove()
+            gmsh.model.setCurrent(before)
+            for name, value in options.items():
+                gmsh.option.setNumber(name, value)

@@ -1,0 +1,130 @@
+"""How the next mesh follows from an error: uniform refinement, marking, or the optimal mesh.
+
+A strategy is any object with ``next``; write your own in the same few lines.
+
+Source: Doerfler, SIAM J. Numer. Anal. 33 (1996), for marking; Coorevits, Hild, Hjiaj for the optimal mesh.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import ceil, log
+from typing import Protocol
+
+import numpy as np
+
+from erc_contact.domain import Domain
+from erc_contact.error import ConstitutiveError
+from erc_contact.exceptions import InputError
+from erc_contact.sizes import size_map
+
+TIE = 1e-6
+"""Elements whose errors differ by less than this fraction are marked together: round-off must not choose."""
+
+
+class Strategy(Protocol):
+    """How the next mesh follows from an error."""
+
+    def next(self, error: ConstitutiveError, accuracy: float, max_cells: int) -> Domain:
+        """The next domain; collective.
+
+        Args:
+            error: The error of the last mesh, above the accuracy.
+            accuracy: Prescribed relative error of the run.
+            max_cells: No mesh of more cells will be solved; not to be met by the domain, but worth knowing.
+
+        Raises:
+            InputError: If there is no next domain; the run then ends with its best result and the words given here.
+        """
+
+
+@dataclass(frozen=True)
+class Mark:
+    """Refine the fewest elements that carry a fraction of the squared error (Doerfler marking).
+
+    Args:
+        fraction: Share of eps^2 that the marked elements carry, in (0, 1].
+
+    Raises:
+        InputError: If the fraction is outside (0, 1].
+    """
+
+    fraction: float = 0.5
+
+    def __post_init__(self) -> None:
+        if not 0 < self.fraction <= 1:
+            raise InputError(f"Mark: fraction is {self.fraction!r}; it must lie in (0, 1].")
+
+    def next(self, error: ConstitutiveError, accuracy: float, max_cells: int) -> Domain:
+        """The domain with the marked elements refined; collective."""
+        return error.admissible.solution.domain.refined(mark(error, self.fraction))
+
+
+@dataclass(frozen=True)
+class Uniform:
+    """Refine all elements; for comparison."""
+
+    def next(self, error: ConstitutiveError, accuracy: float, max_cells: int) -> Domain:
+        """The domain with all elements refined; collective."""
+        return error.admissible.solution.domain.refined()
+
+
+@dataclass(frozen=True)
+class SizeMap:
+    """Mesh the true geometry again with the optimal sizes; coarsens where it may.
+
+    Args:
+        aim: The sizes are those of the accuracy times this, below 1: a mesh that just misses the accuracy costs one
+            more, a mesh 5% below it 10% more elements (degree 1, 2D).
+        leap: The error is asked to fall by at most this factor from one mesh to the next, a longer way is cut in
+            equal leaps: a coarse mesh does not know enough of a fine one.
+
+    Raises:
+        InputError: If aim is outside (0, 1], or leap is not > 1.
+    """
+
+    aim: float = 0.95
+    leap: float = 4.0
+
+    def __post_init__(self) -> None:
+        if not 0 < self.aim <= 1:
+            raise InputError(f"SizeMap: aim is {self.aim!r}; it must lie in (0, 1].")
+        if not self.leap > 1:
+            raise InputError(f"SizeMap: leap is {self.leap!r}; it must be > 1.")
+
+    def next(self, error: ConstitutiveError, accuracy: float, max_cells: int) -> Domain:
+        """The domain meshed again; collective.
+
+        Raises:
+            InputError: If the accuracy asks for more cells than allowed, before any time is spent on them, or the
+                geometry is not known or cannot be meshed.
+        """
+        sizes = size_map(error, self.aim * accuracy)
+        if sizes.cells > max_cells:
+            raise InputError(
+                f"{accuracy:.3%} takes about {sizes.cells:.0f} cells, more than max_cells = {max_cells}; "
+                "allow more, or a larger error."
+            )
+        way = error.relative / (self.aim * accuracy)
+        leaps = ceil(log(way) / log(self.leap))
+        if leaps > 1:
+            sizes = size_map(error, error.relative / way ** (1 / leaps))
+        return error.admissible.solution.domain.remeshed(sizes)
+
+
+def mark(error: ConstitutiveError, fraction: float = 0.5) -> np.ndarray:
+    """Doerfler marking: the fewest elements over all ranks that carry a fraction of eps^2; collective.
+
+    Args:
+        error: Its eps_E are compared over all ranks.
+        fraction: Share of eps^2, in (0, 1].
+
+    Returns:
+        Marked cells of this rank.
+    """
+    comm = error.admissible.solution.domain.mesh.comm
+    everywhere = np.sort(np.concatenate(comm.allgather(error.cells)))[::-1]
+    carried = np.cumsum(everywhere**2)
+    enough = int(np.searchsorted(carried, fraction * carried[-1] * (1 - TIE)))
+    threshold = everywhere[min(enough, len(everywhere) - 1)]
+    return np.flatnonzero(error.cells >= threshold * (1 - TIE)).astype(np.int32)

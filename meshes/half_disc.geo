@@ -1,0 +1,16 @@
+// The lower half of a disc of radius 1 that touches y = 0 at the origin (Hertz).
+r = 1;
+size = 0.2;
+Point(1) = {0, r, 0, size};
+Point(2) = {-r, r, 0, size};
+Point(3) = {0, 0, 0, size};
+Point(4) = {r, r, 0, size};
+Circle(1) = {2, 1, 3};
+Circle(2) = {3, 1, 4};
+Line(3) = {4, 1};
+Line(4) = {1, 2};
+Curve Loop(1) = {1, 2, 3, 4};
+Plane Surface(1) = {1};
+Physical Curve("arc", 1) = {1, 2};
+Physical Curve("top", 2) = {3, 4};
+Physical Surface("body", 1) = {1};

@@ -1,0 +1,26 @@
+// A punch, 20 wide and 15 high, with lower corners of radius 3; it touches y = 0 between x = -7 and 7.
+w = 10;
+h = 15;
+r = 3;
+size = 2;
+Point(1) = {-w + r, 0, 0, size};
+Point(2) = {w - r, 0, 0, size};
+Point(3) = {w, r, 0, size};
+Point(4) = {w, h, 0, size};
+Point(5) = {-w, h, 0, size};
+Point(6) = {-w, r, 0, size};
+Point(7) = {-w + r, r, 0, size};
+Point(8) = {w - r, r, 0, size};
+Line(1) = {1, 2};
+Circle(2) = {2, 8, 3};
+Line(3) = {3, 4};
+Line(4) = {4, 5};
+Line(5) = {5, 6};
+Circle(6) = {6, 7, 1};
+Curve Loop(1) = {1, 2, 3, 4, 5, 6};
+Plane Surface(1) = {1};
+Physical Curve("foot", 1) = {6, 1, 2};
+Physical Curve("right", 2) = {3};
+Physical Curve("top", 3) = {4};
+Physical Curve("left", 4) = {5};
+Physical Surface("body", 1) = {1};
