@@ -266,7 +266,7 @@ def table(name: str, degree: int) -> Iterator[Row]:
     while domain.cells <= last and case.affordable(domain.cells, domain.dim, degree):
         rows, error = measured(name, degree, "adaptive", domain)
         yield from rows
-        domain = ec.Mark().next(error)
+        domain = domain.refined(ec.mark(error))
 
 
 def summary(rows: list[Row]) -> Iterator[str]:

@@ -25,9 +25,9 @@ from dolfinx import cpp, fem, graph
 from dolfinx import mesh as dmesh
 from dolfinx.io.utils import distribute_entity_data
 
-from erc_contact.admissible import Admissible, mandel_basis
+from erc_contact.admissible import Admissible
 from erc_contact.law import Coulomb
-from erc_contact.material import strain
+from erc_contact.material import mandel_basis, strain
 from erc_contact.model import Model, evaluate
 from erc_contact.simplex import bernstein, rule
 

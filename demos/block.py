@@ -1,4 +1,4 @@
-"""A block pressed and sheared on a rigid foundation, to an accuracy of 2%.
+"""A block pressed and sheared on a rigid foundation, to an accuracy of 1%.
 
 The block has the size of the example of Coorevits, Hild and Hjiaj, 2 x 7, with friction 0.3 at its bottom. It is
 pressed down and pushed to the right at its top; a traction on its right side pushes back. At its bottom it opens at
@@ -24,7 +24,7 @@ scene = ec.Scene(
     contacts=[ec.Contact("bottom", friction=0.3)],  # change the friction coefficient and look again
 )
 
-history = ec.adapt(scene, block, accuracy=0.02)
+history = ec.adapt(scene, block, accuracy=0.01)
 history.save("results/block")
 
 # What must hold: the accuracy is reached, the certified traction obeys contact and friction point-wise, and the force

@@ -15,9 +15,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cache
+from math import sqrt
 from numbers import Real
 from typing import Any, ClassVar
 
+import numpy as np
 import ufl
 
 from erc_contact.exceptions import InputError
@@ -26,6 +29,25 @@ Value = float | Callable[[Any], Any]
 """A number, or a callable of the position x that returns a number or a UFL expression of x."""
 
 HYPOTHESES = ("plane strain", "plane stress")
+
+
+@cache
+def mandel_basis(d: int) -> np.ndarray:
+    """Orthonormal basis of the symmetric (d, d) matrices, shape (s, d, d) with s = d(d+1)/2."""
+    basis = [np.outer(e, e) for e in np.eye(d)]
+    for i in range(d):
+        for j in range(i + 1, d):
+            b = np.zeros((d, d))
+            b[i, j] = b[j, i] = 1 / sqrt(2)
+            basis.append(b)
+    return np.array(basis)
+
+
+def mandel_matrix(act: Callable[..., Any], d: int, **parameters: Any) -> Any:
+    """The matrix of a linear map of symmetric tensors, stress or compliance, in Mandel components, UFL (s, s)."""
+    basis = [ufl.as_tensor(b.tolist()) for b in mandel_basis(d)]
+    images = [act(b, **parameters) for b in basis]
+    return ufl.as_matrix([[ufl.inner(b, image) for image in images] for b in basis])
 
 
 def strain(u: Any) -> Any:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -23,7 +24,7 @@ from ufl.utils.stacks import StackDict
 from erc_contact.domain import Domain
 from erc_contact.exceptions import InputError, NotHeldError, raise_together
 from erc_contact.law import Coulomb, Law, Tresca, project
-from erc_contact.material import strain
+from erc_contact.material import mandel_matrix, strain
 from erc_contact.scene import Contact, Scene, Traction
 from erc_contact.simplex import at_nodes, coefficients, facet_vertices, node_between, node_vertices, nodes, rule
 
@@ -191,6 +192,20 @@ class Model:
     def stress(self, u: Any) -> Any:
         """``sigma(u) = C eps(u)`` [force/area]."""
         return self.scene.material.stress(strain(u), **self.parameters)
+
+    @cached_property
+    def stiffness_matrix(self) -> Any:
+        """C in Mandel components [force/area]: numbers (s, s) where the material does not vary, else UFL."""
+        return self._matrix(self.scene.material.stress)
+
+    @cached_property
+    def compliance_matrix(self) -> Any:
+        """C^-1 in Mandel components [area/force]: numbers (s, s) where the material does not vary, else UFL."""
+        return self._matrix(self.scene.material.compliance)
+
+    def _matrix(self, act: Callable[..., Any]) -> Any:
+        matrix = mandel_matrix(act, self.d, **self.parameters)
+        return matrix if varies(matrix) else evaluate(matrix, self.domain, nodes(self.d, 0), np.zeros(1))[0, 0]
 
     def stiffness(self, u: Any, v: Any) -> Any:
         """``a(u, v) = int sigma(u) : eps(v)``, a UFL form."""

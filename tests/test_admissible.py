@@ -19,7 +19,8 @@ from scenes import greco, random_scene, resultant
 import erc_contact as ec
 from erc_contact.admissible import Admissible, facet_order, nodal_forces, signed, tensors
 from erc_contact.admissible.contact import split
-from erc_contact.admissible.macro import bubbles, macro_points, macro_stress, mandel, mandel_basis, reference_map
+from erc_contact.admissible.macro import bubbles, macro_points, macro_stress, mandel, reference_map
+from erc_contact.material import mandel_basis
 from erc_contact.model import evaluate
 from erc_contact.simplex import (
     at_nodes,

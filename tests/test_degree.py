@@ -33,6 +33,32 @@ def test_patch_test_is_exact(method, friction, nu):
     assert error.scale > 0
 
 
+def test_quadratic_contact_is_exact():
+    """Quadratic u, closed and without shear at y = 0: e is zero to round-off. Its body force is a constant."""
+
+    def exact(x):
+        return ufl.as_vector([0.02 * x[0] + 0.03 * x[0] ** 2, (-0.1 - 0.02 * x[0] + 0.03 * x[1]) * x[1]])
+
+    def stress(x):
+        return energy_stress(ufl.sym(ufl.grad(exact(x))))
+
+    scene = ec.Scene(
+        material=ec.Elastic(E, NU),
+        supports=[ec.Displacement("left", (0.0, None))],
+        loads=[
+            ec.Traction("left", (0.0, lambda x: -stress(x)[0, 1])),
+            ec.Traction("right", lambda x: stress(x)[:, 0]),
+            ec.Traction("top", lambda x: stress(x)[:, 1]),
+            ec.BodyForce(lambda x: -ufl.div(stress(x))),
+        ],
+        contacts=[ec.Contact("bottom")],
+    )
+    domain = ec.rectangle((0.0, 0.0), (1.0, 1.0), size=0.3)
+    error = ec.constitutive_error(ec.equilibrate(ec.solve(scene, domain, degree=2)))
+    assert error.absolute < 1e-10 * error.scale
+    assert error.oscillation < 1e-10 * error.scale
+
+
 @METHODS
 def test_forces_of_the_common_block(method):
     """Several codes, P2 on 64 x 224 squares: normal force 0.015993, tangential -0.001346; here on 32 x 112."""

@@ -21,7 +21,7 @@ def rows_of(name: str, start: ec.Domain, meshes: int) -> list[Row]:
     for _ in range(meshes):
         new, error = measured(name, 1, "adaptive", domain)
         rows += new
-        domain = ec.Mark().next(error)
+        domain = domain.refined(ec.mark(error))
     print("", *rows, sep="\n")
     return rows
 

@@ -31,7 +31,7 @@ from erc_contact.admissible.geometry import (
     signed,
     simplices,
 )
-from erc_contact.admissible.macro import macro_points, macro_stress, mandel, mandel_basis, tensors
+from erc_contact.admissible.macro import macro_points, macro_stress, mandel, tensors
 from erc_contact.admissible.tighten import TIGHTEN, tightened
 from erc_contact.model import DATA_DEGREE, Model, evaluate
 from erc_contact.simplex import bernstein, coefficients, facet_nodes, gradients, mass, rule
@@ -158,16 +158,12 @@ def moduli(model: Model, cells: Simplices, points: np.ndarray, count: int, *, in
     Returns:
         Shape (count, q, s, s), with 1 in place of count or q where the material does not vary.
     """
-    material, basis = model.scene.material, mandel_basis(model.d)
-    act = material.compliance if inverse else material.stress
-    images = [act(ufl.as_tensor(b.tolist()), **model.parameters) for b in basis]
-    matrix = ufl.as_matrix([[ufl.inner(ufl.as_tensor(a.tolist()), image) for image in images] for a in basis])
-    varies = ufl.algorithms.extract_type(matrix, ufl.classes.SpatialCoordinate)
-    if varies:
+    matrix = model.compliance_matrix if inverse else model.stiffness_matrix
+    if isinstance(matrix, np.ndarray):
+        return matrix[None, None]
+    if ufl.algorithms.extract_type(matrix, ufl.classes.SpatialCoordinate):
         return evaluate_sorted(matrix, model, cells, points, count)
-    per_cell = ufl.algorithms.extract_coefficients(matrix)
-    number = count if per_cell else min(count, 1)
-    return evaluate(matrix, model.domain, points[:1], np.arange(number, dtype=np.int32))
+    return evaluate(matrix, model.domain, points[:1], np.arange(count, dtype=np.int32))
 
 
 def macro_moduli(model: Model, cells: Simplices, count: int, *, inverse: bool = False) -> np.ndarray:

@@ -15,11 +15,12 @@ i replaced by the barycentre.
 from __future__ import annotations
 
 from functools import cache
-from math import factorial, sqrt
+from math import factorial
 
 import numpy as np
 
 from erc_contact.admissible.geometry import Simplices, pushes
+from erc_contact.material import mandel_basis
 from erc_contact.simplex import (
     barycentric,
     bernstein,
@@ -35,18 +36,6 @@ from erc_contact.simplex import (
 
 CHUNK = 2048
 """Number of cells that are worked on at once: what stays in the cache."""
-
-
-@cache
-def mandel_basis(d: int) -> np.ndarray:
-    """Orthonormal basis of the symmetric (d, d) matrices, shape (s, d, d)."""
-    basis = [np.outer(e, e) for e in np.eye(d)]
-    for i in range(d):
-        for j in range(i + 1, d):
-            b = np.zeros((d, d))
-            b[i, j] = b[j, i] = 1 / sqrt(2)
-            basis.append(b)
-    return np.array(basis)
 
 
 @cache
