@@ -33,12 +33,7 @@ def chunks(count: int, d: int) -> Iterator[slice]:
 
 def times(matrix: np.ndarray, vectors: np.ndarray) -> np.ndarray:
     """Product of small matrices (a, b, ..., n) and vectors (b, ..., n) for all n at once."""
-    result = np.empty((len(matrix), *vectors.shape[1:]))
-    for i, row in enumerate(matrix):
-        np.multiply(row[0], vectors[0], out=result[i])
-        for entry, vector in zip(row[1:], vectors[1:], strict=True):
-            result[i] += entry * vector
-    return result
+    return np.einsum("ab...,b...->a...", matrix, vectors)
 
 
 @cache
