@@ -37,7 +37,7 @@ from reference import true_errors  # isort: skip
 from erc_contact.admissible import cell_stress, simplices  # isort: skip
 from erc_contact.admissible.contact import split  # isort: skip
 from erc_contact.methods import contact_degree  # isort: skip
-from erc_contact.model import evaluate  # isort: skip
+from erc_contact.expressions import evaluate  # isort: skip
 from erc_contact.simplex import lagrange, rule  # isort: skip
 
 METHODS = (ec.Nitsche(), ec.AugmentedLagrangian())
@@ -98,7 +98,7 @@ def violations(solution: ec.Solution) -> tuple[float, float, float, float]:
         (r_n, r_t, shear), (w_n, w_t, slip) = split(r, n), split(w, n)
         beyond = w_n - gap
         parameters = model.friction_parameters(contact, points)
-        bound = model.friction_bound(contact, np.maximum(-r_n, 0.0) * peak, parameters) / peak
+        bound = contact.friction_bound(np.maximum(-r_n, 0.0) * peak, parameters) / peak
         penetration = max(penetration, beyond.max())
         cone = max(cone, r_n.max(), (shear - bound).max())
         complementarity += area @ (abs(r_n * beyond) @ weights) / work

@@ -26,9 +26,10 @@ from dolfinx import mesh as dmesh
 from dolfinx.io.utils import distribute_entity_data
 
 from erc_contact.admissible import Admissible
+from erc_contact.expressions import evaluate
 from erc_contact.law import Coulomb
 from erc_contact.material import mandel_basis, strain
-from erc_contact.model import Model, evaluate
+from erc_contact.model import Model
 from erc_contact.simplex import bernstein, rule
 
 FACET_DEGREE = 4
@@ -192,7 +193,7 @@ def _third_term(pair: Admissible, exact: Reference, hat: fem.Function) -> float:
         r = evaluate(exact.solution.traction(contact), model.domain, points, facets)
         x = evaluate(model.x, model.domain, points, facets)
         parameters = model.friction_parameters(contact, points)
-        bound = model.friction_bound(contact, np.maximum(-(r * n).sum(axis=-1), 0.0), parameters)
+        bound = contact.friction_bound(np.maximum(-(r * n).sum(axis=-1), 0.0), parameters)
         bound = bound - bound_at(pair, which, exact.parent[facets[:, 0]], x)
         slips = []
         for u in (exact.u, hat):

@@ -31,7 +31,8 @@ from erc_contact.admissible.contact import ContactTraction, split
 from erc_contact.admissible.geometry import evaluate_sorted
 from erc_contact.admissible.macro import macro_points
 from erc_contact.exceptions import InputError
-from erc_contact.model import Model, evaluate
+from erc_contact.expressions import evaluate
+from erc_contact.model import Model
 from erc_contact.simplex import bernstein, coefficients, lagrange, mass, rule
 
 ROUND_OFF = 100.0
@@ -163,7 +164,7 @@ def contact_parts(admissible: Admissible, traction: ContactTraction) -> np.ndarr
     density = np.zeros(r_n.shape) if contact.bilateral else r_n * (w_n - gap)
     if contact.law is not None:
         parameters = model.friction_parameters(contact, points)
-        density += model.friction_bound(contact, np.maximum(-r_n, 0.0), parameters) * slip + (r_t * w_t).sum(axis=-1)
+        density += contact.friction_bound(np.maximum(-r_n, 0.0), parameters) * slip + (r_t * w_t).sum(axis=-1)
     # a difference of two works that agree to round-off is no error; without this, e would end at 1e-8 of the norm
     resolution = 16 * np.finfo(float).eps * np.linalg.norm(r, axis=-1) * (np.linalg.norm(w, axis=-1) + abs(gap))
     density = np.where(abs(density) <= resolution, 0.0, density)

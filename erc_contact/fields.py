@@ -24,8 +24,9 @@ from erc_contact.admissible.macro import tensors
 from erc_contact.domain import Domain
 from erc_contact.error import ConstitutiveError
 from erc_contact.exceptions import raise_together
+from erc_contact.expressions import evaluate
 from erc_contact.material import Elastic
-from erc_contact.model import Model, evaluate
+from erc_contact.model import Model
 
 FONTS = {"font.family": "STIXGeneral", "mathtext.fontset": "stix", "font.size": 11.0}
 OPEN, SLIP, STICK = 0, 1, 2

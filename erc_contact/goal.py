@@ -42,9 +42,11 @@ from petsc4py import PETSc
 from erc_contact.admissible.contact import ContactTraction, split
 from erc_contact.error import CONTACT_DEGREE, ConstitutiveError
 from erc_contact.exceptions import InputError, raise_together
+from erc_contact.expressions import evaluate
+from erc_contact.foundation import BoundContact
 from erc_contact.law import Tresca
 from erc_contact.methods import stiffness_per_area
-from erc_contact.model import BoundContact, Model, evaluate
+from erc_contact.model import Model
 from erc_contact.simplex import bernstein, rule
 from erc_contact.stiffness import WORKSPACE
 
@@ -260,7 +262,7 @@ def _friction_power(model: Model, traction: ContactTraction, u: fem.Function) ->
     r, w, weights = _at_points(model, traction, u)
     n = contact.direction[:, None, :]
     parameters = model.friction_parameters(contact, rule(model.d - 1, CONTACT_DEGREE)[0])
-    bound = model.friction_bound(contact, np.maximum(-split(r, n)[0], 0.0), parameters)
+    bound = contact.friction_bound(np.maximum(-split(r, n)[0], 0.0), parameters)
     return float(np.sum(bound * split(w, n)[2] * weights))
 
 

@@ -19,7 +19,8 @@ import ufl
 from dolfinx import fem
 
 from erc_contact.exceptions import InputError
-from erc_contact.model import BoundContact, Model
+from erc_contact.foundation import BoundContact
+from erc_contact.model import Model
 
 
 def contact_degree(model: Model) -> int:

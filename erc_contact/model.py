@@ -9,22 +9,21 @@ Symbols: d dimension, k degree, V continuous vector P_k, m nodes of a facet, x p
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 import ufl
 from dolfinx import fem
-from dolfinx import mesh as dmesh
 from mpi4py import MPI
-from ufl.corealg.traversal import traverse_unique_terminals
-from ufl.utils.stacks import StackDict
 
 from erc_contact.domain import Domain
-from erc_contact.exceptions import InputError, NotHeldError, raise_together
-from erc_contact.law import Coulomb, Law, Tresca, project
+from erc_contact.exceptions import InputError, raise_together
+from erc_contact.expressions import evaluate, varies
+from erc_contact.foundation import BoundContact
+from erc_contact.law import Coulomb, Tresca
 from erc_contact.material import mandel_matrix, strain
+from erc_contact.motions import free_motions
 from erc_contact.scene import Contact, Scene, Traction
 from erc_contact.simplex import at_nodes, coefficients, facet_vertices, node_between, node_vertices, nodes, rule
 
@@ -34,106 +33,6 @@ FLAT = 1e-8
 
 DATA_DEGREE = 4
 """Quadrature degree for moduli and loads that vary in space, the same in the solver and in what reads its stress."""
-
-
-def varies(expression: Any) -> bool:
-    """Whether a UFL expression varies in space: it knows more than constants."""
-    in_space = (ufl.classes.GeometricQuantity, ufl.classes.Coefficient)
-    return any(isinstance(terminal, in_space) for terminal in traverse_unique_terminals(expression))
-
-
-def evaluate(expression: Any, domain: Domain, points: np.ndarray, entities: np.ndarray) -> np.ndarray:
-    """Values of a UFL expression at reference points of cells or of facets.
-
-    Args:
-        expression: UFL expression of shape s.
-        domain: Where it lives.
-        points: Reference points, shape (q, d) for cells, (q, d-1) for facets.
-        entities: Cells, shape (n,), or pairs (cell, local facet), shape (n, 2); ghosts are allowed.
-
-    Returns:
-        Values, shape (n, q, *s).
-    """
-    expression = ufl.algorithms.expand_derivatives(ufl.as_ufl(expression))
-    if not varies(expression):  # a number, constants, derivatives that became constant: nothing to compile
-        shape, constants = expression.ufl_shape, ufl.algorithms.analysis.extract_constants(expression)
-        known = {c: c.value if c.ufl_shape else float(c.value) for c in constants}
-        plain = [expression.evaluate((), known, index, StackDict()) for index in np.ndindex(shape)]
-        return np.broadcast_to(np.reshape(plain, shape).astype(float), (len(entities), len(points), *shape))
-    compiled = fem.Expression(expression, points, comm=domain.mesh.comm, dtype=np.float64)
-    return compiled.eval(domain.mesh, entities)
-
-
-def pointwise(function: Callable[..., Any], arrays: Mapping[str, np.ndarray]) -> np.ndarray:
-    """Evaluate a UFL function of numbers at every entry of arrays of one shape.
-
-    The arrays become piecewise constants on a line of as many cells, so that the function is written once, in UFL.
-    """
-    shape = np.broadcast_shapes(*(a.shape for a in arrays.values()))
-    size = int(np.prod(shape))
-    line = dmesh.create_interval(MPI.COMM_SELF, max(size, 1), (0.0, 1.0))
-    W = fem.functionspace(line, ("DG", 0))
-    numbers = {}
-    for name, array in arrays.items():
-        numbers[name] = fem.Function(W)
-        cells = line.topology.original_cell_index[:size]
-        numbers[name].x.array[:size] = np.broadcast_to(array, shape).ravel()[cells]
-    expression = ufl.as_ufl(function(**numbers))
-    compiled = fem.Expression(expression, np.array([[0.5]]), comm=MPI.COMM_SELF, dtype=np.float64)
-    values = np.empty(size)
-    values[line.topology.original_cell_index[:size]] = compiled.eval(line, np.arange(size, dtype=np.int32)).ravel()
-    return values.reshape(shape)
-
-
-@dataclass(frozen=True, eq=False)
-class BoundContact:
-    """A contact on a mesh: its measure and its values as UFL (None: the scene has no such term).
-
-    Attributes:
-        name: Name of the boundary part.
-        facets: Pairs (cell, local facet) with ghosts, shape (f, 2).
-        ds: Measure of the part.
-        normal: Unit normal of the foundation, UFL.
-        direction: The same on each facet, shape (f, d).
-        law: Friction law, or None without friction.
-        parameters: Values of the law's parameters, UFL.
-        share: Factor of the friction bound, 1 but while a solver raises friction in steps.
-        gap: Gap, UFL, or None.
-        gap_varies: Whether the gap is a callable.
-        sampled: Whether the friction bound must be sampled on a facet: nodal values of a traction in the cone do not
-            tell that it lies there everywhere.
-        bilateral: Whether the contact cannot open.
-    """
-
-    name: str
-    facets: np.ndarray
-    ds: Any
-    normal: Any
-    direction: np.ndarray
-    law: Law | None
-    parameters: dict[str, Any]
-    share: Any
-    gap: Any | None
-    gap_varies: bool
-    sampled: bool
-    bilateral: bool
-
-    def project(self, z: Any) -> Any:
-        """The traction that the law allows for a trial traction z [force/area], UFL."""
-        bound = None if self.law is None else self._bound
-        return project(z, self.normal, bound, bilateral=self.bilateral)
-
-    def status(self, r: Any) -> Any:
-        """Whether a traction of :meth:`project` shows the contact open (0), in slip (1) or in stick (2), UFL."""
-        r_n = ufl.dot(r, self.normal)
-        r_t = r - r_n * self.normal
-        limit = self._bound(-r_n)
-        slips = ufl.ge(ufl.dot(r_t, r_t), (1 - 1e-9) * limit**2)
-        closed = ufl.conditional(slips, 1, 2)
-        return closed if self.bilateral else ufl.conditional(ufl.lt(r_n, 0), closed, 0)
-
-    def _bound(self, pressure: Any) -> Any:
-        return self.share * self.law.bound(pressure, **self.parameters) if self.law else 0
 
 
 class Model:
@@ -185,7 +84,7 @@ class Model:
         self.friction_share = fem.Constant(self.mesh, 1.0)
         self.contacts = [self._contact(c) for c in scene.contacts]
         self._check_supports_in_gap()
-        self.free_motions = self._free_motions()
+        self.free_motions = free_motions(self)
 
     # -- forms -----------------------------------------------------------------------------------------
 
@@ -456,24 +355,6 @@ class Model:
         """The law's parameters at reference points (q, d-1) of the facets of a contact, each of shape (f, q)."""
         return {k: evaluate(v, self.domain, points, contact.facets) for k, v in contact.parameters.items()}
 
-    @staticmethod
-    def friction_bound(contact: BoundContact, pressure: np.ndarray, values: Mapping[str, np.ndarray]) -> np.ndarray:
-        """The friction bound b(p) at points of the facets of a contact [force/area].
-
-        Args:
-            contact: The contact.
-            pressure: p >= 0 at the points [force/area], shape (f, q).
-            values: The law's parameters there, of :meth:`friction_parameters`.
-
-        Returns:
-            Shape (f, q); zero without friction.
-        """
-        if contact.law is None:
-            return np.zeros(pressure.shape)
-        if isinstance(contact.law, (Coulomb, Tresca)):  # arithmetic that numbers understand
-            return np.broadcast_to(contact.law.bound(pressure, **values), pressure.shape)
-        return pointwise(contact.law.bound, {"pressure": pressure, **values})
-
     def gap_at_nodes(self, contact: BoundContact) -> np.ndarray:
         """The gap at the nodes of each facet of a contact [length], shape (facets, m)."""
         if contact.gap is None:
@@ -537,51 +418,3 @@ class Model:
                 values = evaluate(expression, self.domain, at, entities)
                 if not np.isfinite(self._range(values)).all():
                     raise InputError(f"{what} is not finite everywhere; look at its callables.")
-
-    # -- rigid motions ---------------------------------------------------------------------------------
-
-    def _rigid_motions(self) -> tuple[np.ndarray, list[str]]:
-        """All rigid motions at the nodes, rotations about the centre and divided by the size: (nodes, d, m)."""
-        x = self.V.tabulate_dof_coordinates()[:, : self.d]
-        owned = self.V.dofmap.index_map.size_local
-        total = self.comm.allreduce(x[:owned].sum(axis=0), MPI.SUM)
-        x = (x - total / self.V.dofmap.index_map.size_global) / self.domain.size
-        pairs = [(i, j) for i in range(self.d) for j in range(i + 1, self.d)]
-        motions = np.zeros((*x.shape, self.d + len(pairs)))
-        motions[:, range(self.d), range(self.d)] = 1.0
-        for k, (i, j) in enumerate(pairs, start=self.d):
-            motions[:, i, k], motions[:, j, k] = -x[:, j], x[:, i]
-        axes = "xyz"
-        names = [f"translation in {axes[i]}" for i in range(self.d)]
-        names += [f"rotation in the plane {axes[i]}{axes[j]}" for i, j in pairs]
-        return motions, names
-
-    def _free_motions(self) -> list[fem.Function]:
-        motions, names = self._rigid_motions()
-        owned = self.V.dofmap.index_map.size_local
-        held = motions[:owned] * self.fixed[:owned, :, None]
-        by_supports = self.comm.allreduce(np.einsum("ndi,ndj->ij", held, held), MPI.SUM)
-        values, vectors = np.linalg.eigh(by_supports)
-        free = vectors[:, values <= 1e-10 * max(values[-1], 1.0)]
-        if not free.shape[1]:
-            return []
-        by_all = by_supports
-        for contact in self.contacts:
-            at = motions[self.facet_nodes(contact.facets)]
-            along = np.einsum("fmdi,fd->fmi", at, contact.direction)[:, :, None, :]
-            held = (at if contact.law is not None else along).reshape(-1, 1, at.shape[-1])
-            by_all = by_all + self.comm.allreduce(np.einsum("ndi,ndj->ij", held, held), MPI.SUM)
-        values, vectors = np.linalg.eigh(by_all)
-        loose = vectors[:, values <= 1e-10 * max(values[-1], 1.0)]
-        if loose.shape[1]:
-            which = [names[i] for i in np.unique(abs(loose).argmax(axis=0))]
-            raise NotHeldError(
-                f"Nothing holds the body against: {', '.join(which)} (no support, and contact cannot hold it). "
-                "Add a Displacement (None leaves a component free), or friction."
-            )
-        functions = []
-        for column in free.T:
-            motion = fem.Function(self.V)
-            motion.x.array[:] = (motions @ column).ravel()
-            functions.append(motion)
-        return functions

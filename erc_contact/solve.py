@@ -22,8 +22,9 @@ from erc_contact import start as starts
 from erc_contact.condensed import Condensed
 from erc_contact.domain import Domain
 from erc_contact.exceptions import InputError, NotConverged
+from erc_contact.foundation import BoundContact
 from erc_contact.methods import AugmentedLagrangian, Method, Nitsche
-from erc_contact.model import BoundContact, Model
+from erc_contact.model import Model
 from erc_contact.newton import Newton, Outcome
 from erc_contact.scene import Scene
 from erc_contact.stiffness import Stiffness

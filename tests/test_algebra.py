@@ -13,9 +13,10 @@ from scenes import block, common_block
 
 import erc_contact as ec
 from erc_contact.admissible.contact import nearest_in_cone, split
+from erc_contact.expressions import evaluate
 from erc_contact.law import project
 from erc_contact.material import strain
-from erc_contact.model import Model, evaluate
+from erc_contact.model import Model
 
 MIDDLE = {2: np.array([[0.3, 0.2]]), 3: np.array([[0.3, 0.2, 0.1]])}
 

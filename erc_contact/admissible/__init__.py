@@ -33,7 +33,8 @@ from erc_contact.admissible.geometry import (
 )
 from erc_contact.admissible.macro import macro_points, macro_stress, mandel, tensors
 from erc_contact.admissible.tighten import TIGHTEN, tightened
-from erc_contact.model import DATA_DEGREE, Model, evaluate
+from erc_contact.expressions import evaluate
+from erc_contact.model import DATA_DEGREE, Model
 from erc_contact.simplex import bernstein, coefficients, facet_nodes, gradients, mass, rule
 from erc_contact.solve import Solution
 

@@ -19,9 +19,11 @@ from mpi4py import MPI
 
 from erc_contact.admissible.geometry import moments
 from erc_contact.exceptions import NotHeldError
+from erc_contact.expressions import evaluate
+from erc_contact.foundation import BoundContact
 from erc_contact.law import Coulomb
 from erc_contact.methods import contact_degree
-from erc_contact.model import BoundContact, Model, evaluate
+from erc_contact.model import Model
 from erc_contact.simplex import at_nodes, bernstein, coefficients, lattice, mass, rule
 
 SAMPLES = 12
@@ -124,11 +126,11 @@ class _Allowed:
         """Coefficients of the friction bound, interpolated at the nodes, for those of the pressure, shape (f, m)."""
         if self.sharp:
             d, k = self.model.d, self.model.degree
-            bound = self.model.friction_bound(self.contact, pressure @ at_nodes(d - 1, k).T, self.parameters)
+            bound = self.contact.friction_bound(pressure @ at_nodes(d - 1, k).T, self.parameters)
             return self.factor[:, None] * np.maximum(bound @ coefficients(d - 1, k).T, 0.0)
         many = len(pressure), len(samples(self.model.d))
         spread = [np.broadcast_to(p[:, None], many) for p in pressure.T]
-        least = [self.model.friction_bound(self.contact, p, self.parameters).min(axis=1) for p in spread]
+        least = [self.contact.friction_bound(p, self.parameters).min(axis=1) for p in spread]
         return np.column_stack(least)
 
     def project(self, z: np.ndarray) -> np.ndarray:
@@ -248,7 +250,7 @@ def _shrink(model: Model, traction: ContactTraction) -> np.ndarray:
     at = samples(model.d)
     shape = bernstein(model.d - 1, model.degree, at)
     parameters = model.friction_parameters(traction.contact, at)
-    allowed = model.friction_bound(traction.contact, np.maximum(-traction.normal @ shape.T, 0.0), parameters)
+    allowed = traction.contact.friction_bound(np.maximum(-traction.normal @ shape.T, 0.0), parameters)
     used = np.linalg.norm(np.einsum("qm,fmi->fqi", shape, traction.tangential), axis=-1)
     with np.errstate(invalid="ignore", divide="ignore"):
         ratio = np.where(used > allowed * (1 + 1e-14), allowed / used, 1.0).min(axis=1)

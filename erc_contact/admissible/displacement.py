@@ -15,7 +15,8 @@ import numpy as np
 from dolfinx import fem
 
 from erc_contact.admissible.contact import MARGIN, ContactTraction, samples, split
-from erc_contact.model import Model, evaluate
+from erc_contact.expressions import evaluate
+from erc_contact.model import Model
 from erc_contact.simplex import bernstein, coefficients
 
 

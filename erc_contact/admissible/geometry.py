@@ -16,7 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from erc_contact.model import Model, evaluate
+from erc_contact.expressions import evaluate
+from erc_contact.model import Model
 from erc_contact.simplex import barycentric, mass, node_between, node_vertices
 
 

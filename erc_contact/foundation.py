@@ -1,0 +1,80 @@
+"""A contact on a mesh: its measure, the normal of its foundation, its gap and its friction."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import ufl
+
+from erc_contact.expressions import pointwise
+from erc_contact.law import Coulomb, Law, Tresca, project
+
+
+@dataclass(frozen=True, eq=False)
+class BoundContact:
+    """A contact on a mesh: its measure and its values as UFL (None: the scene has no such term).
+
+    Attributes:
+        name: Name of the boundary part.
+        facets: Pairs (cell, local facet) with ghosts, shape (f, 2).
+        ds: Measure of the part.
+        normal: Unit normal of the foundation, UFL.
+        direction: The same on each facet, shape (f, d).
+        law: Friction law, or None without friction.
+        parameters: Values of the law's parameters, UFL.
+        share: Factor of the friction bound, 1 but while a solver raises friction in steps.
+        gap: Gap, UFL, or None.
+        gap_varies: Whether the gap is a callable.
+        sampled: Whether the friction bound must be sampled on a facet: nodal values of a traction in the cone do not
+            tell that it lies there everywhere.
+        bilateral: Whether the contact cannot open.
+    """
+
+    name: str
+    facets: np.ndarray
+    ds: Any
+    normal: Any
+    direction: np.ndarray
+    law: Law | None
+    parameters: dict[str, Any]
+    share: Any
+    gap: Any | None
+    gap_varies: bool
+    sampled: bool
+    bilateral: bool
+
+    def project(self, z: Any) -> Any:
+        """The traction that the law allows for a trial traction z [force/area], UFL."""
+        bound = None if self.law is None else self._bound
+        return project(z, self.normal, bound, bilateral=self.bilateral)
+
+    def status(self, r: Any) -> Any:
+        """Whether a traction of :meth:`project` shows the contact open (0), in slip (1) or in stick (2), UFL."""
+        r_n = ufl.dot(r, self.normal)
+        r_t = r - r_n * self.normal
+        limit = self._bound(-r_n)
+        slips = ufl.ge(ufl.dot(r_t, r_t), (1 - 1e-9) * limit**2)
+        closed = ufl.conditional(slips, 1, 2)
+        return closed if self.bilateral else ufl.conditional(ufl.lt(r_n, 0), closed, 0)
+
+    def friction_bound(self, pressure: np.ndarray, values: Mapping[str, np.ndarray]) -> np.ndarray:
+        """The friction bound b(p) at points of the facets [force/area].
+
+        Args:
+            pressure: p >= 0 at the points [force/area], shape (f, q).
+            values: The law's parameters there, of :meth:`Model.friction_parameters`.
+
+        Returns:
+            Shape (f, q); zero without friction.
+        """
+        if self.law is None:
+            return np.zeros(pressure.shape)
+        if isinstance(self.law, (Coulomb, Tresca)):  # arithmetic that numbers understand
+            return np.broadcast_to(self.law.bound(pressure, **values), pressure.shape)
+        return pointwise(self.law.bound, {"pressure": pressure, **values})
+
+    def _bound(self, pressure: Any) -> Any:
+        return self.share * self.law.bound(pressure, **self.parameters) if self.law else 0
