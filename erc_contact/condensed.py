@@ -197,7 +197,7 @@ class Condensed:
         for contact in model.contacts:
             own = contact.facets[:, 0] < model.domain.owned_cells
             nodes = model.facet_nodes(contact.facets[own])
-            numbers = global_numbers(model, nodes)
+            numbers = model.global_numbers(nodes)
             m = nodes.shape[1]
             shares = np.repeat(model.facet_areas(contact.facets[own])[:, None] / m, m, axis=1)
             parts = model.comm.allgather((numbers, shares))
@@ -205,7 +205,7 @@ class Condensed:
             area = np.bincount(place, np.concatenate([p[1].ravel() for p in parts]))
             gathered.append((every, place.reshape(-1, m), area))
             visible = np.unique(model.facet_nodes(contact.facets))
-            found = np.searchsorted(every, global_numbers(model, visible))
+            found = np.searchsorted(every, model.global_numbers(visible))
             column = np.full((len(model.fixed), d), -1)
             column[visible] = self.size + found[:, None] * d + np.arange(d)
             columns.append(column.ravel())
@@ -293,17 +293,12 @@ def _edges(model: Model, stiffness: Stiffness, count: int) -> Edges | None:
     )
     ends = nodes[:, edges(d - 1)]
     triples = np.concatenate([nodes[:, d:, None], ends], axis=2).reshape(-1, 3)
-    triples = np.unique(np.concatenate(model.comm.allgather(global_numbers(model, triples))), axis=0)
+    triples = np.unique(np.concatenate(model.comm.allgather(model.global_numbers(triples))), axis=0)
     places = Places(stiffness.numbers[:count], d)
     edge, first, second = (places.of(column) for column in triples.T)
     of_end, end = np.concatenate([edge, edge]), np.concatenate([first, second])
     both = (of_end >= 0) & (end >= 0)
     return Edges(edge[edge >= 0], of_end[both], end[both])
-
-
-def global_numbers(model: Model, nodes: np.ndarray) -> np.ndarray:
-    """Global numbers of nodes of this rank."""
-    return model.V.dofmap.index_map.local_to_global(nodes.ravel().astype(np.int32)).reshape(nodes.shape)
 
 
 def _multipliers(

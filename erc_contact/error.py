@@ -127,7 +127,7 @@ def _bulk(admissible: Admissible) -> tuple[np.ndarray, float]:
     owned = model.domain.owned_cells
     shape, _, weights = macro_points(model.d, model.degree)
     compliance = macro_moduli(model, cells, owned, inverse=True)
-    sigma = np.matmul(shape, admissible.stress).reshape(owned, len(weights), -1)
+    sigma = np.matmul(shape, admissible.stress).reshape(owned, len(weights), admissible.stress.shape[3])
     elastic = elastic_stress(model, cells, admissible.displacement, owned)
 
     def energy(tau: np.ndarray) -> np.ndarray:

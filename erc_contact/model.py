@@ -148,6 +148,10 @@ class Model:
         every[facets[:, 0], facets[:, 1]] = np.take_along_axis(vertices, order, axis=1)
         return every
 
+    def global_numbers(self, nodes: np.ndarray) -> np.ndarray:
+        """Global numbers of nodes of this rank."""
+        return self.V.dofmap.index_map.local_to_global(nodes.ravel().astype(np.int32)).reshape(nodes.shape)
+
     @property
     def facet_points(self) -> np.ndarray:
         """Reference points of the nodes of a facet, shape (m, d-1)."""

@@ -28,6 +28,11 @@ def run_unstructured(comm: MPI.Comm) -> ec.History:
     return ec.adapt(scene, domain, accuracy=1e-6, max_steps=6)
 
 
+def run_degree_2(comm: MPI.Comm) -> ec.History:
+    scene, domain = random_scene(2, comm)
+    return ec.adapt(scene, domain, accuracy=1e-9, degree=2, max_steps=6)
+
+
 def run_3d(comm: MPI.Comm) -> ec.History:
     scene = ec.Scene(
         material=ec.Elastic(E=1.0, nu=0.3),
@@ -38,7 +43,7 @@ def run_3d(comm: MPI.Comm) -> ec.History:
     return ec.adapt(scene, domain, accuracy=1e-6, strategy=ec.Mark(0.3), max_steps=6)
 
 
-@pytest.mark.parametrize("run", [run_2d, run_unstructured, run_3d])
+@pytest.mark.parametrize("run", [run_2d, run_unstructured, run_degree_2, run_3d])
 def test_rank_independence(run):
     alone, together = run(MPI.COMM_SELF), run(MPI.COMM_WORLD)
     assert len(alone.steps) == 6
@@ -55,12 +60,13 @@ def test_rank_independence(run):
     assert np.allclose(mid[0], mid[1], rtol=0, atol=1e-3)
 
 
-def test_ranks_without_cells_or_contact():
+@pytest.mark.parametrize("degree", [1, 2])
+def test_ranks_without_cells_or_contact(degree):
     """Two cells on any number of ranks: some have no cell, or no facet of the contact."""
     loads = [ec.Traction("top", (0.001, -0.01)), ec.BodyForce((0.0, lambda x: -0.01 * x[1]))]
     held_by_contact = ec.Scene(ec.Elastic(1.0, 0.3), [], loads, [ec.Contact("bottom", friction=0.3)])
     eps = []
     for comm in (MPI.COMM_SELF, MPI.COMM_WORLD):
         domain = ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(1, 1), comm=comm)
-        eps.append(ec.constitutive_error(ec.equilibrate(ec.solve(held_by_contact, domain))).relative)
+        eps.append(ec.constitutive_error(ec.equilibrate(ec.solve(held_by_contact, domain, degree=degree))).relative)
     assert eps[0] == pytest.approx(eps[1], rel=1e-8)

@@ -123,7 +123,7 @@ def strains(cells: Simplices, u: fem.Function) -> np.ndarray:
         gradient = np.matmul((values[:, 1:] - values[:, :1]).transpose(0, 2, 1), cells.inverse)[:, None]
     else:
         table = np.einsum("cjv,vw->cjw", gradients(d, k), coefficients(d, k))
-        slopes = np.matmul(table.reshape(-1, table.shape[2]), values).reshape(len(values), -1, d + 1, d)
+        slopes = np.matmul(table.reshape(-1, table.shape[2]), values).reshape(len(values), len(table), d + 1, d)
         gradient = np.matmul((slopes[:, :, 1:] - slopes[:, :, :1]).transpose(0, 1, 3, 2), cells.inverse[:, None])
     return mandel(0.5 * (gradient + gradient.swapaxes(2, 3)))
 

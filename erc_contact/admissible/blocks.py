@@ -48,5 +48,5 @@ class Blocks:
 
     def __call__(self, r: np.ndarray) -> np.ndarray:
         """Corrections for the residual r of the quadratic moments [length], shape (d, j, F)."""
-        flat = r.reshape(-1, r.shape[-1])
+        flat = r.reshape(self.inverse.shape[1], r.shape[-1])
         return np.matmul(self.inverse, flat.T[:, :, None])[..., 0].T.reshape(r.shape)

@@ -64,7 +64,8 @@ def equilibrated_moments(
     moment = np.where(inner[:, None, None], 0.5 * (here - beyond), np.where(fixed[:, None], here, 0.0))
     moment += given
 
-    residual = np.matmul(inside, push.reshape(len(push), -1, d))  # (f, B_v) - (sigma_h, grad B_v) + int_dT t B_v
+    by_cell = push.reshape(len(push), (d + 1) * push.shape[2], d)
+    residual = np.matmul(inside, by_cell)  # (f, B_v) - (sigma_h, grad B_v) + int_dT t B_v
     if force is not None:
         residual += np.matmul(of_force, force)
     seen = signed(cells, moment)

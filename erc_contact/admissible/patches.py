@@ -38,11 +38,6 @@ def facet_nodes(cells: Simplices) -> np.ndarray:
     return cells.vertices[cell[:, None], facet_vertices(cells.d)[i]]
 
 
-def global_nodes(model: Model) -> np.ndarray:
-    """Global numbers of the nodes of this rank."""
-    return model.V.dofmap.index_map.local_to_global(np.arange(len(model.fixed), dtype=np.int32))
-
-
 class Patches:
     """Solves the minimisation on the patch of every hinge of this rank, and adds the results up.
 
@@ -104,7 +99,7 @@ class Patches:
         """
         d, nodes = cells.d, facet_nodes(cells)
         hinges = np.concatenate([nodes[:, others] for others in self.others])
-        least = np.take_along_axis(hinges, global_nodes(model)[hinges].argmin(axis=1)[:, None], axis=1)[:, 0]
+        least = np.take_along_axis(hinges, model.global_numbers(hinges).argmin(axis=1)[:, None], axis=1)[:, 0]
         pairs = np.flatnonzero(np.tile(cells.side[0] >= 0, d) & (least < model.V.dofmap.index_map.size_local))
         key = hinges[pairs] @ (len(model.fixed) ** np.arange(d - 1, dtype=np.int64))
         _, hinge, size = np.unique(key, return_inverse=True, return_counts=True)

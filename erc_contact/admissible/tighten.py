@@ -18,7 +18,7 @@ from mpi4py import MPI
 from erc_contact.admissible.blocks import Blocks
 from erc_contact.admissible.energy import Energy, hierarchical
 from erc_contact.admissible.geometry import Simplices, facet_order
-from erc_contact.admissible.patches import Patches, facet_nodes, global_nodes
+from erc_contact.admissible.patches import Patches, facet_nodes
 from erc_contact.model import Model
 
 TIGHTEN = 10
@@ -56,7 +56,7 @@ def tightened(
     comm, d, m = model.comm, cells.d, moment.shape[1]
     facets = model.mesh.topology.index_map(d - 1)
     shared = la.vector(facets, d * m)
-    vertices = global_nodes(model)[facet_nodes(cells)]
+    vertices = model.global_numbers(facet_nodes(cells))
     order = facet_order(vertices, cells.degree).T  # the ranks do not agree on the order of the nodes
     back = np.argsort(order, axis=0)
 
