@@ -1,0 +1,66 @@
+"""Tables of the reference simplex: properties that all that follows relies on, each as a number.
+
+- Bernstein polynomials are a positive partition of unity with equal integrals, and give back polynomials of the degree;
+- coefficients and nodal values are inverse to each other; gradients are those of finite differences;
+- a facet's nodes are the cell's nodes on it, in the order of the facet's own;
+- a permutation of the vertices permutes the points of a rule.
+"""
+
+from itertools import permutations
+
+import numpy as np
+import pytest
+
+from erc_contact import simplex
+
+CASES = pytest.mark.parametrize(("d", "k"), [(d, k) for d in (1, 2, 3) for k in (1, 2)])
+
+
+def points_in(d: int) -> np.ndarray:
+    return np.random.default_rng(d).dirichlet(np.ones(d + 1), 20)[:, 1:]
+
+
+@CASES
+def test_bernstein(d, k):
+    values = simplex.bernstein(d, k, points_in(d))
+    assert values.min() >= 0
+    assert np.allclose(values.sum(axis=1), 1, atol=1e-14)
+    points, weights = simplex.rule(d, k)
+    assert np.allclose(weights @ simplex.bernstein(d, k, points), 1 / values.shape[1], atol=1e-14)
+    assert np.allclose(simplex.at_nodes(d, k) @ simplex.coefficients(d, k), np.eye(values.shape[1]), atol=1e-14)
+
+    def polynomial(x):
+        return (1 + x @ np.arange(1, d + 1)) ** k
+
+    found = values @ simplex.coefficients(d, k) @ polynomial(simplex.nodes(d, k))
+    assert np.allclose(found, polynomial(points_in(d)), atol=1e-12)
+
+
+@CASES
+def test_gradients(d, k):
+    x, h = points_in(d), 1e-5
+    slopes = np.vstack([-np.ones(d), np.eye(d)])  # gradients of the barycentric coordinates
+    lower = simplex.bernstein(d, k - 1, x)
+    exact = np.einsum("qc,cjv,ji->qiv", lower, simplex.gradients(d, k), slopes)
+    for i, e in enumerate(np.eye(d)):
+        found = (simplex.bernstein(d, k, x + h * e) - simplex.bernstein(d, k, x - h * e)) / (2 * h)
+        assert np.allclose(found, exact[:, i], atol=1e-9)
+
+
+@pytest.mark.parametrize(("d", "k"), [(2, 1), (2, 2), (3, 1), (3, 2)])
+def test_facet_nodes(d, k):
+    corners = np.vstack([np.zeros(d), np.eye(d)])
+    for on_facet, vertices in zip(simplex.facet_nodes(d, k), simplex.facet_vertices(d), strict=True):
+        expected = simplex.barycentric(simplex.nodes(d - 1, k)) @ corners[vertices]
+        assert np.allclose(simplex.nodes(d, k)[on_facet], expected, atol=1e-15)
+
+
+@pytest.mark.parametrize("d", [1, 2, 3])
+@pytest.mark.parametrize("degree", [2, 4, 6])
+def test_rules_are_symmetric(d, degree):
+    points, weights = simplex.rule(d, degree)
+    at = simplex.barycentric(points)
+    for order in permutations(range(d + 1)):
+        distance = np.linalg.norm(at[:, None, list(order)] - at[None], axis=2)
+        assert distance.min(axis=1).max() < 1e-12
+        assert np.allclose(weights[distance.argmin(axis=1)], weights, atol=1e-14)
