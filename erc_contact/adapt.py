@@ -31,7 +31,7 @@ log = logging.getLogger("erc_contact")
 SHARE = 0.1
 """Share of e that Newton may leave when it stops certified [-]; it adds 0.5% to e.
 
-The error of the mesh to come is taken as half of the last one: uniform refinement of linear elements leaves no less.
+The error of the mesh to come is taken as 2^-k of the last one: uniform refinement of degree k leaves no less.
 """
 
 
@@ -210,7 +210,7 @@ def adapt(
     log.info(HEADER)
     while True:
         try:
-            allowed = SHARE * error.absolute / 2 if stop == "certified" and error is not None else None
+            allowed = SHARE * error.absolute / 2**degree if stop == "certified" and error is not None else None
             solution = solve(scene, domain, method, degree=degree, start=solution, accuracy=allowed)
         except NotConverged as failure:
             if best is None:
