@@ -1,6 +1,6 @@
 """Error against run time and against elements: uniform refinement, marking and the optimal mesh, on five scenes.
 
-    OMP_NUM_THREADS=1 python benchmarks/strategies.py [scene] [tighten]
+    OMP_NUM_THREADS=1 python benchmarks/strategies.py [scene] [variant: 0, 1 or 2]
 
 Scenes: block (the paper's shape, clamped top), greco (SSNV128), hertz (half disc), bracket (an L with a fillet and bolt
 holes on a foundation), dome (a block in space on a spherical foundation). Writes a table, and figures to
