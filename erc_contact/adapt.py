@@ -262,10 +262,10 @@ def adapt(
 
 
 def _warn(error: ConstitutiveError, accuracy: float, max_cells: int) -> None:
-    """Say before the time is spent that even the optimal mesh has more cells than allowed; collective."""
+    """Say before the time is spent that even the optimal mesh, as far as one mesh can tell, has too many cells."""
     cells = size_map(error, accuracy).cells
     if cells > max_cells:
-        log.warning(f"{accuracy:.3%} takes at least some {cells:.2g} cells; max_cells = {max_cells} will end the run.")
+        log.warning(f"{accuracy:.3%} takes some {cells:.2g} cells, it seems; max_cells = {max_cells} will end the run.")
 
 
 def _ended(

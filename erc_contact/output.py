@@ -11,6 +11,7 @@ n normal of the foundation, t tangent of the contact, eps relative error, eps_E 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
@@ -66,7 +67,8 @@ def plot_history(histories: Mapping[str, History], path: str | Path) -> None:
     domain = next(iter(histories.values())).best.admissible.solution.domain
 
     def draw() -> None:
-        figure = _figure(8.6, 3.9)
+        many = len(histories) > 3
+        figure = _figure(8.6, 3.9 + 0.13 * len(histories) * many)
         figure.get_layout_engine().set(wspace=0.06)
         left, right = figure.subplots(1, 2, sharey=True)
         for (name, history), marker in zip(histories.items(), "osD^vP*X" * len(histories), strict=False):
@@ -82,10 +84,15 @@ def plot_history(histories: Mapping[str, History], path: str | Path) -> None:
             left.text(0.02, accuracy, f"accuracy {accuracy:.3g}%", transform=left.get_yaxis_transform(), va="bottom")
         dofs, eps = (np.concatenate([h.column(c) for h in histories.values()]) for c in ("dofs", "eps"))
         ends = np.array([dofs.max() ** 0.5 * dofs.min() ** 0.5, dofs.max()])
-        below = 75 * float(np.min((eps * dofs ** (1 / domain.dim))[dofs >= ends[0]]))
+        degree = max(h.best.admissible.solution.model.degree for h in histories.values())
+        order = Fraction(degree, domain.dim)
+        below = 75 * float(np.min((eps * dofs ** float(order))[dofs >= ends[0]]))
         if below > 0 and ends[1] > ends[0]:
-            right.plot(ends, below * ends ** (-1 / domain.dim), "k--", lw=0.9, label=f"slope $-1/{domain.dim}$")
-        right.legend(loc="best", frameon=False)
+            right.plot(ends, below * ends ** -float(order), "k--", lw=0.9, label=f"slope $-{order}$")
+        if many:
+            figure.legend(*right.get_legend_handles_labels(), loc="outside lower center", ncols=2, frameon=False)
+        else:
+            right.legend(loc="best", frameon=False)
         for axes in (left, right):
             axes.grid(which="major", color="0.9", lw=0.6)
             _log_scale(axes.xaxis, *axes.dataLim.intervalx)
