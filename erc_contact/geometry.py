@@ -13,10 +13,10 @@ import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from math import factorial
 from pathlib import Path
 from typing import Any
 
-import basix
 import numpy as np
 from dolfinx.io import gmsh as dgmsh
 from mpi4py import MPI
@@ -24,6 +24,7 @@ from mpi4py import MPI
 from erc_contact.domain import Domain
 from erc_contact.exceptions import InputError, raise_together
 from erc_contact.partition import partitioner
+from erc_contact.simplex import barycentric, rule
 
 SIDES = (("left", "right"), ("bottom", "top"), ("front", "back"))
 """Names of the sides of a rectangle or box: low and high end of x, y and z."""
@@ -137,12 +138,11 @@ def count(domain: Domain, sizes: np.ndarray) -> float:
         sizes: h at the nodes ``domain.mesh.geometry.x`` [length], shape (n,).
     """
     mesh, dim = domain.mesh, domain.dim
-    points, weights = basix.make_quadrature(mesh.basix_cell(), 6)
-    shape = np.column_stack([1 - points.sum(axis=1), points])
+    points, weights = rule(dim, 6)
     nodes = mesh.geometry.dofmaps[0][: domain.owned_cells]
-    edges = np.diff(mesh.geometry.x[nodes][:, :, :dim], axis=1)
-    h = sizes[nodes] @ shape.T
-    return float(FILL[dim] * mesh.comm.allreduce(float(abs(np.linalg.det(edges)) @ (h**-dim @ weights)), MPI.SUM))
+    volume = abs(np.linalg.det(np.diff(mesh.geometry.x[nodes][:, :, :dim], axis=1))) / factorial(dim)
+    h = sizes[nodes] @ barycentric(points).T
+    return float(FILL[dim] * mesh.comm.allreduce(float(volume @ (h**-dim @ weights)), MPI.SUM))
 
 
 def _meshed(geometry: Brick | Drawing, domain: Domain, sizes: np.ndarray) -> Domain:

@@ -21,7 +21,6 @@ from dataclasses import dataclass
 from math import factorial, isfinite
 from typing import Any
 
-import basix
 import numpy as np
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
@@ -30,6 +29,7 @@ from erc_contact.domain import Domain
 from erc_contact.error import ConstitutiveError
 from erc_contact.exceptions import InputError
 from erc_contact.geometry import FILL, count
+from erc_contact.simplex import barycentric, rule
 
 RATIO = (0.02, 3.0)
 """Least and largest r_E: beyond, one mesh says nothing of another."""
@@ -100,9 +100,8 @@ def size_map(error: ConstitutiveError, accuracy: float) -> Sizes:
     density = mesh.around(r**-d) / mesh.around(mesh.volume)
     h = mesh.limited((FILL[d] / density) ** (1 / d))
 
-    points, weights = basix.make_quadrature(mesh.domain.mesh.basix_cell(), 4)
-    shape, weights = np.column_stack([1 - points.sum(axis=1), points]), weights / weights.sum()
-    smooth = h[mesh.nodes] @ shape.T / mesh.size[:, None]
+    points, weights = rule(d, 4)
+    smooth = h[mesh.nodes] @ barycentric(points).T / mesh.size[:, None]
 
     def predicted(scale: float) -> float:
         return mesh.total(square * ((scale * smooth) ** (2 * q[:, None]) @ weights))
