@@ -48,7 +48,7 @@ from erc_contact.law import Tresca
 from erc_contact.methods import stiffness_per_area
 from erc_contact.model import Model
 from erc_contact.simplex import bernstein, rule
-from erc_contact.stiffness import WORKSPACE
+from erc_contact.stiffness import factorised
 
 GLUE = 1e6
 """gamma_0 that holds phi on the contacts while its energy is minimised [-]; its values there are then set exactly."""
@@ -204,14 +204,7 @@ def _least_energy(model: Model, which: int, a: np.ndarray) -> fem.Function:
     for bc in model.bcs:
         dofs, ghosts = bc.dof_indices()
         b.array[dofs[:ghosts]] = 0.0
-    ksp = PETSc.KSP().create(model.comm)
-    ksp.setOperators(matrix)
-    ksp.setType("preonly")
-    pc = ksp.getPC()
-    pc.setType("cholesky")
-    pc.setFactorSolverType("mumps")
-    pc.setFactorSetUpSolverType()
-    pc.getFactorMatrix().setMumpsIcntl(14, WORKSPACE)
+    ksp = factorised(matrix)
     phi = fem.Function(model.V)
     x = b.duplicate()
     ksp.solve(b, x)

@@ -219,35 +219,11 @@ class Stiffness:
         matrix.setOption(PETSc.Mat.Option.SPD, True)
         return matrix
 
-    def _factorise(self, schur_on: np.ndarray | None = None) -> PETSc.KSP:
-        ksp = PETSc.KSP().create(self.model.comm)
-        ksp.setOperators(self._matrix)
-        ksp.setType("preonly")
-        pc = ksp.getPC()
-        comm = self.model.comm
-        # on several ranks MUMPS leaves stray entries beside the triangle of a Cholesky factor
-        pc.setType("lu" if schur_on is not None and comm.size > 1 else "cholesky")
-        pc.setFactorSolverType("mumps")
-        pc.setFactorSetUpSolverType()
-        pc.getFactorMatrix().setMumpsIcntl(14, WORKSPACE)
-        if schur_on is not None:
-            mine = schur_on if comm.rank == 0 else schur_on[:0]
-            indices = PETSc.IS().createGeneral(mine.astype(PETSc.IntType), comm=comm)
-            _call("MatFactorSetSchurIS", pc.getFactorMatrix().handle, indices.handle)
-            indices.destroy()
-        ksp.setUp()
-        if pc.getFailedReason() != PETSc.PC.FailedReason.NOERROR:
-            raise InputError(
-                "The elastic stiffness cannot be factorised: its numbers are too far apart for double precision. "
-                "Choose units in which moduli and lengths are nearer to 1; look for degenerate cells."
-            )
-        return ksp
-
     def _condense(self) -> None:
         """Factorise with the Schur complement on L; the factor serves for solves, too, but on several ranks."""
         comm = self.model.comm
         self._matrix = self._assemble()
-        self._ksp = self._factorise(self.numbers)
+        self._ksp = factorised(self._matrix, self.numbers)
         self.glued_by = self.gather(self.glue)
         self.motions = [self.gather(motion) for motion in self.model.free_motions]
         error = None
@@ -264,8 +240,42 @@ class Stiffness:
         if self._matrix is None:
             self._matrix = self._assemble()
         if self._ksp is None:
-            self._ksp = self._factorise()
+            self._ksp = factorised(self._matrix)
         return self._ksp
+
+
+def factorised(matrix: PETSc.Mat, schur_on: np.ndarray | None = None) -> PETSc.KSP:
+    """A solver with MUMPS' factor of a symmetric matrix; collective.
+
+    Args:
+        matrix: Assembled.
+        schur_on: Global degrees of freedom on which MUMPS leaves a Schur complement, None for a plain factor.
+
+    Raises:
+        InputError: If it cannot be factorised.
+    """
+    comm = matrix.comm.tompi4py()
+    ksp = PETSc.KSP().create(comm)
+    ksp.setOperators(matrix)
+    ksp.setType("preonly")
+    pc = ksp.getPC()
+    # on several ranks MUMPS leaves stray entries beside the triangle of a Cholesky factor
+    pc.setType("lu" if schur_on is not None and comm.size > 1 else "cholesky")
+    pc.setFactorSolverType("mumps")
+    pc.setFactorSetUpSolverType()
+    pc.getFactorMatrix().setMumpsIcntl(14, WORKSPACE)
+    if schur_on is not None:
+        mine = schur_on if comm.rank == 0 else schur_on[:0]
+        indices = PETSc.IS().createGeneral(mine.astype(PETSc.IntType), comm=comm)
+        _call("MatFactorSetSchurIS", pc.getFactorMatrix().handle, indices.handle)
+        indices.destroy()
+    ksp.setUp()
+    if pc.getFailedReason() != PETSc.PC.FailedReason.NOERROR:
+        raise InputError(
+            "The elastic stiffness cannot be factorised: its numbers are too far apart for double precision. "
+            "Choose units in which moduli and lengths are nearer to 1; look for degenerate cells."
+        )
+    return ksp
 
 
 _LIBRARY = ctypes.CDLL(PETSc.__file__)
