@@ -12,6 +12,8 @@ import sys
 from pathlib import Path
 from time import process_time
 
+import effectivity
+
 import erc_contact as ec
 from erc_contact.output import plot_history
 
@@ -37,22 +39,11 @@ STRATEGIES["Hybrid"] = Hybrid()
 
 
 def block() -> tuple[ec.Scene, ec.Domain, float]:
-    scene = ec.Scene(
-        material=ec.Elastic(E=1.0, nu=0.3),
-        supports=[ec.Displacement("top", (0.02, -0.05))],
-        contacts=[ec.Contact("bottom", friction=0.3)],
-    )
-    return scene, ec.read_mesh(MESHES / "block.geo"), 0.01
+    return effectivity.block(0.3), ec.read_mesh(MESHES / "block.geo"), 0.01
 
 
 def greco() -> tuple[ec.Scene, ec.Domain, float]:
-    scene = ec.Scene(
-        material=ec.Elastic(E=130e3, nu=0.2),
-        supports=[ec.Displacement("right", (0.0, None))],
-        loads=[ec.Traction("top", pressure=50.0), ec.Traction("left", pressure=150.0)],
-        contacts=[ec.Contact("bottom", friction=1.0)],
-    )
-    return scene, ec.read_mesh(MESHES / "greco.geo"), 0.005
+    return effectivity.greco(), ec.read_mesh(MESHES / "greco.geo"), 0.005
 
 
 def hertz() -> tuple[ec.Scene, ec.Domain, float]:
