@@ -22,6 +22,7 @@ from mpi4py import MPI
 
 from erc_contact.exceptions import InputError, raise_together
 from erc_contact.partition import check_mesh, partitioner, patches_complete
+from erc_contact.surface import snap
 
 
 class Geometry(Protocol):
@@ -29,6 +30,9 @@ class Geometry(Protocol):
 
     def meshed(self, domain: Domain, sizes: np.ndarray) -> Domain:
         """See :meth:`Domain.remeshed`; collective."""
+
+    def nearest(self, comm: MPI.Comm, points: np.ndarray, marks: np.ndarray) -> np.ndarray:
+        """Nearest points of the true surface, see :data:`erc_contact.surface.Nearest`; collective."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +46,9 @@ class Domain:
         names: Name of each boundary part -> its tag.
         cell_tags: Tags of cells, or None.
         regions: Name of each cell region -> its tag.
-        geometry: The true shape, None where only the mesh is known.
+        geometry: The true shape, None where only the mesh is known: the body is then the mesh, with its flat facets.
+        marks: Where the true shape is curved, for each facet on its boundary or on an interface the number of its curve
+            or surface in the geometry.
 
     Raises:
         InputError: If the mesh is not of straight-sided simplices, or no facet carries a name's tag. A part that
@@ -55,6 +61,7 @@ class Domain:
     cell_tags: dmesh.MeshTags | None = None
     regions: Mapping[str, int] = field(default_factory=dict)
     geometry: Geometry | None = field(default=None, repr=False)
+    marks: dmesh.MeshTags | None = field(default=None, repr=False)
     _inside: set[str] = field(init=False, repr=False, default_factory=set)
 
     def __post_init__(self) -> None:
@@ -76,8 +83,8 @@ class Domain:
             error = InputError(f"The regions {_listed(self.regions)} need cell tags of dimension {tdim}.")
         raise_together(self.mesh.comm, error)
         if self.mesh.comm.size > 1 and not patches_complete(self.mesh):
-            moved = _redistributed(self.mesh, self.facet_tags, self.cell_tags)
-            for name, value in zip(("mesh", "facet_tags", "cell_tags"), moved, strict=True):
+            mesh, moved = _redistributed(self.mesh, self.facet_tags, self.cell_tags, self.marks)
+            for name, value in zip(("mesh", "facet_tags", "cell_tags", "marks"), (mesh, *moved), strict=True):
                 object.__setattr__(self, name, value)
         owned = self.mesh.topology.index_map(tdim - 1).size_local
         outer = dmesh.exterior_facet_indices(self.mesh.topology)
@@ -157,7 +164,8 @@ class Domain:
     def refined(self, cells: np.ndarray | None = None) -> Domain:
         """Refine by bisection of longest edges (DOLFINx), conforming; collective.
 
-        Names are kept, the new mesh is balanced over the ranks, and every rank has complete vertex patches.
+        Names are kept, the new mesh is balanced over the ranks, and every rank has complete vertex patches. Where the
+        true shape is known and curved, new vertices of its boundary and interfaces are put on it.
 
         Args:
             cells: Cells of this rank to refine; None refines all.
@@ -199,16 +207,22 @@ class Domain:
         parent_facet = parent_facet.reshape(-1, tdim + 1)[original]
         child, local = np.nonzero(parent_facet >= 0)
         old = mesh.topology.connectivity(tdim, tdim - 1).array.reshape(-1, tdim + 1)
-        tags = _dense(self.facet_tags, mesh)[old[parent_cell[child], parent_facet[child, local]]]
+        old = old[parent_cell[child], parent_facet[child, local]]
         new = fine.topology.connectivity(tdim, tdim - 1).array.reshape(-1, tdim + 1)[child, local]
-        facet_tags = _tags(fine, tdim - 1, new[tags >= 0], tags[tags >= 0])
-        cell_tags = None
-        if self.cell_tags is not None:
-            tags = _dense(self.cell_tags, mesh)[parent_cell]
-            cell_tags = _tags(fine, tdim, np.flatnonzero(tags >= 0), tags[tags >= 0])
+
+        def inherited(tags: dmesh.MeshTags | None, parents: np.ndarray, children: np.ndarray) -> Any:
+            if tags is None:
+                return None
+            values = _dense(tags, mesh)[parents]
+            return _tags(fine, tags.dim, children[values >= 0], values[values >= 0])
+
+        cell_tags = inherited(self.cell_tags, parent_cell, np.arange(len(parent_cell)))
+        facet_tags, marks = inherited(self.facet_tags, old, new), inherited(self.marks, old, new)
         if mesh.comm.size > 1:
-            fine, facet_tags, cell_tags = _redistributed(fine, facet_tags, cell_tags)
-        return Domain(fine, facet_tags, self.names, cell_tags, self.regions, self.geometry)
+            fine, (facet_tags, cell_tags, marks) = _redistributed(fine, facet_tags, cell_tags, marks)
+        if marks is not None and self.geometry is not None:
+            snap(fine, marks, self.geometry.nearest)
+        return Domain(fine, facet_tags, self.names, cell_tags, self.regions, self.geometry, marks)
 
     def remeshed(self, sizes: npt.ArrayLike) -> Domain:
         """Mesh the true geometry again with other sizes, by gmsh on rank 0; collective.
@@ -253,10 +267,8 @@ def _dense(tags: dmesh.MeshTags, mesh: dmesh.Mesh) -> np.ndarray:
     return dense
 
 
-def _redistributed(
-    mesh: dmesh.Mesh, facet_tags: dmesh.MeshTags, cell_tags: dmesh.MeshTags | None
-) -> tuple[dmesh.Mesh, dmesh.MeshTags, dmesh.MeshTags | None]:
-    """The same mesh, balanced anew over the ranks and with complete vertex patches; collective."""
+def _redistributed(mesh: dmesh.Mesh, *every: dmesh.MeshTags | None) -> tuple[dmesh.Mesh, list[Any]]:
+    """The same mesh with its tags, balanced anew over the ranks and with complete vertex patches; collective."""
     tdim = mesh.topology.dim
     nodes = mesh.geometry.index_map()
     x = mesh.geometry.x[: nodes.size_local, : mesh.geometry.dim]
@@ -278,4 +290,4 @@ def _redistributed(
         found, values = distribute_entity_data(new, dim, entities, tags.values[keep])
         return dmesh.meshtags_from_entities(new, dim, graph.adjacencylist(found), values)
 
-    return new, moved(facet_tags), moved(cell_tags)
+    return new, [moved(tags) for tags in every]

@@ -2,7 +2,8 @@
 
 A mesh alone has lost its circles. Domains that gmsh made, and rectangles and boxes, therefore keep a :class:`Brick` or
 a :class:`Drawing`, on rank 0; refined and remeshed domains hand it on. Meshing runs on rank 0; curved boundaries are
-sampled anew; physical groups keep their tags, so the names of parts and regions stay as they were.
+sampled anew; physical groups keep their tags, so the names of parts and regions stay as they were. Facets of a body
+with a curved boundary or interface carry the number of their curve or surface in the drawing, its mark.
 
 Symbols: h size [length], the edge of the simplex that is wanted at a point; d dimension.
 """
@@ -10,7 +11,7 @@ Symbols: h size [length], the edge of the simplex that is wanted at a point; d d
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from math import factorial
@@ -18,7 +19,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from dolfinx import graph
+from dolfinx import mesh as dmesh
 from dolfinx.io import gmsh as dgmsh
+from dolfinx.io.utils import distribute_entity_data
 from mpi4py import MPI
 
 from erc_contact.domain import Domain
@@ -28,6 +32,10 @@ from erc_contact.simplex import barycentric, rule
 
 SIDES = (("left", "right"), ("bottom", "top"), ("front", "back"))
 """Names of the sides of a rectangle or box: low and high end of x, y and z."""
+MARK = "erc_contact mark "
+"""Beginning of the names of physical groups that keep marks."""
+FLAT = ("Line", "Plane")
+"""gmsh's types of curves and surfaces that facets represent exactly."""
 SESSION = {"General.Terminal": 0, "Mesh.ElementOrder": 1, "Mesh.RecombineAll": 0}
 """gmsh's options during a session of ours; a user's own session gets its options back."""
 FIELD = {
@@ -87,6 +95,10 @@ class Brick:
         """See :meth:`Domain.remeshed`; collective."""
         return _meshed(self, domain, sizes)
 
+    def nearest(self, comm: MPI.Comm, points: np.ndarray, marks: np.ndarray) -> np.ndarray:
+        """The points: the facets are the true surface."""
+        return points
+
 
 @dataclass(frozen=True)
 class Drawing:
@@ -95,25 +107,52 @@ class Drawing:
     Args:
         suffix: ".xao" (OpenCASCADE's shapes) or ".geo_unrolled" (gmsh's own), both with the physical groups.
         text: Contents of the file on rank 0, empty elsewhere.
+        curved: Marks of the curves (in 2D) or surfaces (in 3D) that are curved, the same on all ranks.
     """
 
     suffix: str
     text: str = field(repr=False)
+    curved: frozenset[int] = frozenset()
 
-    def build(self, gmsh: Any) -> None:
-        """Make geometry and physical groups in gmsh's current model."""
+    def build(self, gmsh: Any) -> dict[int, int]:
+        """Make geometry and physical groups in gmsh's current model; returns gmsh's tag there of each mark.
+
+        A shape of OpenCASCADE gets new tags each time it is read, so its marks are kept as physical groups.
+        """
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / f"body{self.suffix}"
             path.write_text(self.text)
             gmsh.merge(str(path))
+        model, tags = gmsh.model, {}
+        for dim, group in model.getPhysicalGroups():
+            name = model.getPhysicalName(dim, group)
+            if name.startswith(MARK):
+                tags[int(name.removeprefix(MARK))] = int(model.getEntitiesForPhysicalGroup(dim, group)[0])
+                model.removePhysicalGroups([(dim, group)])
+        return tags or {int(tag): int(tag) for _, tag in model.getEntities(model.getDimension() - 1)}
 
     def meshed(self, domain: Domain, sizes: np.ndarray) -> Domain:
         """See :meth:`Domain.remeshed`; collective."""
         return _meshed(self, domain, sizes)
 
+    def nearest(self, comm: MPI.Comm, points: np.ndarray, marks: np.ndarray) -> np.ndarray:
+        """Nearest points of the true surface, see :data:`erc_contact.surface.Nearest`; collective."""
+        bent = np.isin(marks, list(self.curved)).any(axis=1)
+        parts = comm.gather((points[bent], marks[bent]))
+        found: list[np.ndarray] = []
 
-def drawing_of(model: Any) -> tuple[str, str] | None:
-    """Suffix and text of the geometry of gmsh's current model, physical groups included; None if it has none.
+        def build(gmsh: Any) -> None:
+            tags = self.build(gmsh)
+            found.extend(_nearest(gmsh.model, tags, x, of) for x, of in parts or ())
+
+        with session(comm, build, "The geometry"):
+            result = points.copy()
+            result[bent] = comm.scatter(found if comm.rank == 0 else None)
+        return result
+
+
+def drawing_of(model: Any) -> tuple[str, str, frozenset[int]] | None:
+    """Suffix, text and curved marks of the geometry of gmsh's current model; None if it has none.
 
     A model read from a mesh file has no geometry, and one that mixes gmsh's two kernels is kept by neither format.
     """
@@ -124,10 +163,73 @@ def drawing_of(model: Any) -> tuple[str, str] | None:
     if discrete or (drawn and drawn != entities):
         return None
     suffix = ".xao" if drawn else ".geo_unrolled"
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / f"body{suffix}"
-        gmsh.write(str(path))
-        return suffix, path.read_text()
+    facets = model.getEntities(model.getDimension() - 1)
+    curved = frozenset(int(tag) for dim, tag in facets if model.getType(dim, tag) not in FLAT)
+    marks = facets if curved and drawn else ()
+    groups = [(dim, model.addPhysicalGroup(dim, [tag], name=f"{MARK}{tag}")) for dim, tag in marks]
+    try:
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / f"body{suffix}"
+            gmsh.write(str(path))
+            return suffix, path.read_text(), curved
+    finally:
+        if groups:  # no groups would mean all
+            model.removePhysicalGroups(groups)
+
+
+def renumber(model: Any, dim: int) -> None:
+    """Number the nodes of a model's mesh from 1, those of no cell last.
+
+    The centre of an arc may have a node that is in no cell. DOLFINx takes the numbers of the others to be below theirs;
+    where one was not, it sent to a rank that does not exist and ended the process.
+    """
+    every = model.mesh.getNodes()[0]
+    used = np.isin(every, np.concatenate(model.mesh.getElements(dim)[2]))
+    every = np.concatenate([np.sort(every[used]), np.sort(every[~used])])
+    if np.any(np.diff(every.astype(np.int64)) != 1) or every[0] != 1:
+        model.mesh.renumberNodes(every, np.arange(1, len(every) + 1))
+
+
+def marked_facets(
+    model: Any, comm: MPI.Comm, rank: int, mesh: dmesh.Mesh, tags: Mapping[int, int] | None
+) -> dmesh.MeshTags:
+    """Marks of the facets that lie on curves (2D) or surfaces (3D) of a meshed model; collective.
+
+    Args:
+        model: gmsh's current model on ``rank``.
+        comm: Communicator.
+        rank: Rank that holds the model.
+        mesh: The mesh made of it.
+        tags: gmsh's tag of each mark on ``rank``; None where the marks are the tags.
+    """
+    d = mesh.topology.dim
+    nodes, values = np.empty((0, d), dtype=np.int64), np.empty(0, dtype=np.int32)
+    if comm.rank == rank:
+        tags = tags or {int(tag): int(tag) for _, tag in model.getEntities(d - 1)}
+        found = {m: np.concatenate([[], *model.mesh.getElements(d - 1, tag)[2]]) for m, tag in tags.items()}
+        nodes = np.concatenate(list(found.values())).astype(np.int64).reshape(-1, d) - 1
+        values = np.repeat(list(found), [len(of) // d for of in found.values()]).astype(np.int32)
+    mesh.topology.create_connectivity(d - 1, 0)
+    mesh.topology.create_connectivity(d - 1, d)
+    found_nodes, found_values = distribute_entity_data(mesh, d - 1, nodes, values)
+    return dmesh.meshtags_from_entities(mesh, d - 1, graph.adjacencylist(found_nodes), found_values)
+
+
+def _nearest(model: Any, tags: Mapping[int, int], x: np.ndarray, marks: np.ndarray) -> np.ndarray:
+    """Nearest points (n, d) on the curves or surfaces of the marks (n, 2), on their common edge where there are two."""
+    d, result = x.shape[1], x.copy()
+    for pair in np.unique(marks, axis=0):
+        here = np.all(marks == pair, axis=1)
+        places = [(d - 1, tags[pair[0]])]
+        if pair[1] >= 0:
+            below = [set(map(int, model.getAdjacencies(d - 1, tags[m])[1])) for m in pair]
+            places = [(d - 2, tag) for tag in below[0] & below[1]]
+        flat = np.pad(x[here], ((0, 0), (0, 3 - d))).ravel()
+        found = np.array([np.reshape(model.getClosestPoint(*place, flat)[0], (-1, 3))[:, :d] for place in places])
+        if len(found):
+            best = np.linalg.norm(found - x[here], axis=2).argmin(axis=0)
+            result[here] = found[best, np.arange(len(best))]
+    return result
 
 
 def count(domain: Domain, sizes: np.ndarray) -> float:
@@ -163,16 +265,21 @@ def _meshed(geometry: Brick | Drawing, domain: Domain, sizes: np.ndarray) -> Dom
     nodes = mesh.geometry.dofmaps[0][: domain.owned_cells]
     parts = comm.gather((mesh.geometry.x[nodes], h[nodes]))
 
+    tags: dict[int, int] = {}
+
     def build(gmsh: Any) -> None:
-        geometry.build(gmsh)
+        tags.update(geometry.build(gmsh) or {})
         assert parts is not None
         x, values = (np.concatenate(part) for part in zip(*parts, strict=True))
         _mesh_to_sizes(gmsh, dim, x, values, wanted)
 
+        renumber(gmsh.model, dim)
+
     with session(comm, build, "The geometry, meshed again,") as model:
         data = dgmsh.model_to_mesh(model, comm, 0, gdim=dim, partitioner=partitioner(comm))
+        marks = marked_facets(model, comm, 0, data.mesh, tags) if domain.marks is not None else None
     regions = data.cell_tags if domain.regions else None
-    return Domain(data.mesh, data.facet_tags, domain.names, regions, domain.regions, geometry)
+    return Domain(data.mesh, data.facet_tags, domain.names, regions, domain.regions, geometry, marks)
 
 
 def _mesh_to_sizes(gmsh: Any, dim: int, x: np.ndarray, sizes: np.ndarray, wanted: float) -> None:

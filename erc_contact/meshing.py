@@ -22,7 +22,7 @@ from mpi4py import MPI
 
 from erc_contact.domain import Domain
 from erc_contact.exceptions import InputError, raise_together
-from erc_contact.geometry import Brick, Drawing, as_input_error, drawing_of, session
+from erc_contact.geometry import Brick, Drawing, as_input_error, drawing_of, marked_facets, renumber, session
 from erc_contact.partition import partitioner
 
 
@@ -247,9 +247,7 @@ def _prepared(model: Any) -> tuple[int, dict[str, int], dict[str, int]]:
         raise InputError(
             f"Entity {without[0]} of dimension {dim} is in no physical group, others are; put all in one, or none."
         )
-    numbers = model.mesh.getNodes()[0]
-    if len(numbers) and numbers.max() != len(numbers):
-        model.mesh.renumberNodes()
+    renumber(model, dim)
     facets, cells = ({model.getPhysicalName(d, tag) or str(tag): int(tag) for _, tag in groups[d]} for d in groups)
     return dim, facets, cells
 
@@ -265,6 +263,7 @@ def _from_model(model: Any, comm: MPI.Comm, rank: int, geometry: Brick | None = 
             error = as_input_error(reason, "The gmsh model")
     raise_together(comm, error)
     dim, names, regions, drawn = comm.bcast(prepared, root=rank)
-    shape = Drawing(drawn[0], drawn[1] if comm.rank == 0 else "") if drawn else geometry
+    shape = Drawing(drawn[0], drawn[1] if comm.rank == 0 else "", drawn[2]) if drawn else geometry
     data = dgmsh.model_to_mesh(model, comm, rank, gdim=dim, partitioner=partitioner(comm))
-    return Domain(data.mesh, data.facet_tags, names, data.cell_tags, regions, shape)
+    marks = marked_facets(model, comm, rank, data.mesh, None) if drawn and drawn[2] else None
+    return Domain(data.mesh, data.facet_tags, names, data.cell_tags, regions, shape, marks)

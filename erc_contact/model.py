@@ -26,6 +26,7 @@ from erc_contact.material import mandel_matrix, strain
 from erc_contact.motions import free_motions
 from erc_contact.scene import Contact, Scene, Traction
 from erc_contact.simplex import at_nodes, coefficients, facet_vertices, node_between, node_vertices, nodes, rule
+from erc_contact.surface import offset
 
 FLAT = 1e-8
 """Largest deviation of the facet normals of a contact that counts as flat [-]."""
@@ -169,12 +170,16 @@ class Model:
     def _sum(self, terms: list[Any]) -> Any | None:
         return sum(terms[1:], start=terms[0]) if terms else None
 
-    def _value(self, value: Any) -> Any:
-        """A number as a Constant, a callable as UFL of x."""
-        return ufl.as_ufl(value(self.x)) if callable(value) else fem.Constant(self.mesh, float(value))
+    def _value(self, value: Any, x: Any = None) -> Any:
+        """A number as a Constant, a callable as UFL of the position, x unless another one is given."""
+        return (
+            ufl.as_ufl(value(self.x if x is None else x)) if callable(value) else fem.Constant(self.mesh, float(value))
+        )
 
-    def _vector(self, value: Any) -> Any:
-        vector = value(self.x) if callable(value) else [self._value(component) for component in value]
+    def _vector(self, value: Any, x: Any = None) -> Any:
+        vector = (
+            value(self.x if x is None else x) if callable(value) else [self._value(component) for component in value]
+        )
         vector = vector if isinstance(vector, ufl.core.expr.Expr) else ufl.as_vector([ufl.as_ufl(c) for c in vector])
         if vector.ufl_shape != (self.d,):
             raise InputError(f"A load has shape {vector.ufl_shape}; the mesh needs ({self.d},).")
@@ -281,7 +286,7 @@ class Model:
                 self.bcs.append(fem.dirichletbc(component, [to_vector[at].astype(np.int32), at], self.V.sub(i)))
 
     def _contact(self, contact: Contact) -> BoundContact:
-        facets = self.domain.facets(contact.facets)
+        facets, surface = self.domain.facets(contact.facets), self._true_surface(contact)
         law = contact.law
         parameters = {name: self._value(getattr(law, name)) for name in law.parameters} if law else {}
         for name, value in parameters.items():
@@ -292,11 +297,11 @@ class Model:
                         f"Contact({contact.facets!r}): {name} is {low:g} somewhere; it must be >= 0 and finite."
                     )
         if callable(contact.gap):
-            values = evaluate(self._value(contact.gap), self.domain, self.facet_points, facets)
+            values = evaluate(self._value(contact.gap, surface), self.domain, self.facet_points, facets)
             if not np.isfinite(self._range(values)).all():
                 raise InputError(f"Contact({contact.facets!r}): the gap is not finite everywhere; look at it.")
-        gap = None if contact.gap == 0 else self._value(contact.gap)
-        normal, direction = self._normal(contact, facets, gap)
+        gap = None if contact.gap == 0 else self._value(contact.gap, surface)
+        normal, direction = self._normal(contact, facets, surface)
         plain = isinstance(law, (Coulomb, Tresca)) and not any(callable(getattr(law, p)) for p in law.parameters)
         return BoundContact(
             name=contact.facets,
@@ -313,7 +318,19 @@ class Model:
             bilateral=contact.bilateral,
         )
 
-    def _normal(self, contact: Contact, facets: np.ndarray, gap: Any) -> tuple[Any, np.ndarray]:
+    @cached_property
+    def offset(self) -> fem.Function | None:
+        """From the facets to the true surface where that is known and curved [length]; None elsewhere; collective."""
+        if self.domain.marks is None or self.domain.geometry is None:
+            return None
+        return offset(self.mesh, self.domain.marks, self.domain.geometry.nearest)
+
+    def _true_surface(self, contact: Contact) -> Any:
+        """The position on the true surface, where gap and normal are taken: those of the polygon are O(h^2) off."""
+        varies = callable(contact.gap) or callable(contact.normal)
+        return self.x if not varies or self.offset is None else self.x + self.offset
+
+    def _normal(self, contact: Contact, facets: np.ndarray, surface: Any) -> tuple[Any, np.ndarray]:
         """The normal of the foundation: UFL, and on each facet (f, d)."""
         centre = np.full((1, self.d - 1), 1.0 / self.d)
         if contact.normal is None:
@@ -330,14 +347,18 @@ class Model:
         elif isinstance(contact.normal, tuple):
             direction = np.array(contact.normal)
         else:
-            return self._varying_normal(contact, facets, centre, gap)
+            return self._varying_normal(contact, facets, centre, surface)
         return fem.Constant(self.mesh, direction), np.broadcast_to(direction, (len(facets), self.d))
 
     def _varying_normal(
-        self, contact: Contact, facets: np.ndarray, centre: np.ndarray, gap: Any
+        self, contact: Contact, facets: np.ndarray, centre: np.ndarray, surface: Any
     ) -> tuple[Any, np.ndarray]:
         """One normal for each cell at the contact, the mean of its facets."""
-        expression = -ufl.grad(gap) if contact.normal == "gap" else self._vector(contact.normal)
+        if contact.normal == "gap":
+            slope = ufl.algorithms.expand_derivatives(-ufl.grad(self._value(contact.gap)))
+            expression = ufl.replace(slope, {self.x: surface})
+        else:
+            expression = self._vector(contact.normal, surface)
         given = evaluate(expression, self.domain, centre, facets)[:, 0]
         length = np.linalg.norm(given, axis=1)
         error = None

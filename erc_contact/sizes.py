@@ -4,7 +4,8 @@
 
 so ``r_E^(2 q_E + d) = d / (2 q_E m eps_E^2)`` with one multiplier m for all elements; for q = 1, d = 2 it is
 ``r_E = eps_0 / sqrt(eps_E sum eps_E)`` and ``N* = (sum eps_E)^2 / eps_0^2``. The rate q_E is the degree k where the
-solution is smooth, and less in elements that touch a singular point.
+solution is smooth, and less in elements that touch a singular point. What flat facets cost of a curved body falls with
+the rate 1 of their offset, h^2, in the square.
 
 Symbols: r_E ratio of new to old size, h_E size of an element: the edge of simplices that fill as much, eps_E its share
 of the relative error, eps_0 the prescribed one, d dimension, k degree, lambda exponent of the displacement, distance
@@ -33,6 +34,8 @@ from erc_contact.simplex import barycentric, rule
 
 RATIO = (0.02, 3.0)
 """Least and largest r_E: beyond, one mesh says nothing of another."""
+FACETS = 1.0
+"""Rate q_E of what flat facets cost."""
 LEAST = 0.3
 """Least exponent lambda taken from the data: the untightened error concentrates beyond what the singularity does."""
 GROW = 0.5
@@ -86,8 +89,10 @@ def size_map(error: ConstitutiveError, accuracy: float) -> Sizes:
     if not (isinstance(accuracy, int | float) and isfinite(accuracy) and accuracy > 0):
         raise InputError(f"size_map: accuracy is {accuracy!r}; it must be a relative error > 0, e.g. 0.02 for 2%.")
     mesh = _Mesh(error.admissible.solution.domain)
-    d, square = mesh.domain.dim, error.cells**2
-    q = _rates(mesh, square, error.admissible.solution.model.degree)
+    d, square = mesh.domain.dim, error.indicators**2
+    q = _rates(mesh, error.cells**2, error.admissible.solution.model.degree)
+    share = np.divide(error.cells**2, square, out=np.ones_like(square), where=square > 0)
+    q = share * q + (1 - share) * FACETS
 
     def ratio(multiplier: float) -> np.ndarray:
         with np.errstate(divide="ignore"):
@@ -106,7 +111,7 @@ def size_map(error: ConstitutiveError, accuracy: float) -> Sizes:
     def predicted(scale: float) -> float:
         return mesh.total(square * ((scale * smooth) ** (2 * q[:, None]) @ weights))
 
-    scale = _root(lambda s: predicted(s) - accuracy**2, 0.1, 10.0) if error.relative > 0 else 1.0
+    scale = _root(lambda s: predicted(s) - accuracy**2, 0.1, 10.0) if error.total > 0 else 1.0
     values = scale * h[mesh.numbers]
     return Sizes(error, values, r, q, count(mesh.domain, values), predicted(scale) ** 0.5)
 

@@ -103,35 +103,35 @@ class SizeMap:
                 geometry is not known or cannot be meshed.
         """
         aim, domain = self.aim * accuracy, error.admissible.solution.domain
-        if error.relative <= CLOSE * accuracy:
+        if error.total <= CLOSE * accuracy:
             gain = 1 - 4.0**-error.admissible.solution.model.degree  # of the square, where an element is halved
-            return domain.refined(mark(error, min((1 - (aim / error.relative) ** 2) / gain, 1.0)))
+            return domain.refined(mark(error, min((1 - (aim / error.total) ** 2) / gain, 1.0)))
         sizes = size_map(error, aim)
         if sizes.cells > max_cells:
             raise InputError(
                 f"{accuracy:.3%} takes about {sizes.cells:.0f} cells, more than max_cells = {max_cells}; "
                 "allow more, or a larger error."
             )
-        way = error.relative / aim
+        way = error.total / aim
         leaps = ceil(log(way) / log(self.leap))
         if leaps > 1:
-            sizes = size_map(error, error.relative / way ** (1 / leaps))
+            sizes = size_map(error, error.total / way ** (1 / leaps))
         return domain.remeshed(sizes)
 
 
 def mark(error: ConstitutiveError, fraction: float = 0.5) -> np.ndarray:
-    """Doerfler marking: the fewest elements over all ranks that carry a fraction of eps^2; collective.
+    """Doerfler marking: the fewest elements over all ranks that carry a fraction of the squared error; collective.
 
     Args:
-        error: Its eps_E are compared over all ranks.
-        fraction: Share of eps^2, in (0, 1].
+        error: Its indicators, eps_E with the share of the geometry, are compared over all ranks.
+        fraction: Share of the sum of their squares, in (0, 1].
 
     Returns:
         Marked cells of this rank.
     """
     comm = error.admissible.solution.domain.mesh.comm
-    everywhere = np.sort(np.concatenate(comm.allgather(error.cells)))[::-1]
+    everywhere = np.sort(np.concatenate(comm.allgather(error.indicators)))[::-1]
     carried = np.cumsum(everywhere**2)
     enough = int(np.searchsorted(carried, fraction * carried[-1] * (1 - TIE)))
     threshold = everywhere[min(enough, len(everywhere) - 1)]
-    return np.flatnonzero(error.cells >= threshold * (1 - TIE)).astype(np.int32)
+    return np.flatnonzero(error.indicators >= threshold * (1 - TIE)).astype(np.int32)
