@@ -54,11 +54,11 @@ class ConstitutiveError:
         scale: ``|sigma^ + C eps(u^)|`` [sqrt(force length)].
         bulk: Bulk part of e.
         contact: Contact part of e; ``bulk^2 + contact^2 = e^2``.
-        geometry: What the flat facets of a curved body cost [sqrt(force length)], an estimate, not part of e: the energy
-            norm of the stress between the facets and the true surface, ``geometry^2 = int |offset| |sigma|^2``, at an
-            interface with the difference of ``|sigma|^2``. Half of its square is about what the polygon changes of the
-            potential energy (0.78 to 0.94 of it on a pressed ring of 5 to 30 facets). It is zero where all facets are
-            exact, and where only a mesh is known: the body is then the mesh.
+        geometry: What the flat facets of a curved body cost [sqrt(force length)], an estimate, not part of e: the
+            energy norm of the stress between the facets and the true surface, ``geometry^2 = int |offset| |sigma|^2``,
+            at an interface with the difference of ``|sigma|^2``. Half of its square is about what the polygon changes
+            of the potential energy (0.78 to 0.94 of it on a pressed ring of 5 to 30 facets). It is zero where all
+            facets are exact, and where only a mesh is known: the body is then the mesh.
         oscillation: Size of what the data have beyond the finite element spaces [sqrt(force length)], an estimate
             without the constants of Korn and Poincare type, not part of e.
         cells: eps_E (18) of the owned cells; the squares sum to eps^2 over all ranks.
