@@ -19,7 +19,7 @@ from mpi4py import MPI
 
 from erc_contact.domain import Domain
 from erc_contact.exceptions import InputError, raise_together
-from erc_contact.expressions import evaluate, varies
+from erc_contact.expressions import evaluate, varies, varies_in_cells
 from erc_contact.foundation import BoundContact
 from erc_contact.law import Coulomb, Tresca
 from erc_contact.material import mandel_matrix, strain
@@ -108,7 +108,7 @@ class Model:
 
     def stiffness(self, u: Any, v: Any) -> Any:
         """``a(u, v) = int sigma(u) : eps(v)``, a UFL form."""
-        varies = any(ufl.algorithms.extract_type(p, ufl.classes.SpatialCoordinate) for p in self.parameters.values())
+        varies = any(varies_in_cells(parameter) for parameter in self.parameters.values())
         dx = self.dx(metadata={"quadrature_degree": DATA_DEGREE}) if varies else self.dx
         return ufl.inner(self.stress(u), strain(v)) * dx
 
@@ -163,6 +163,16 @@ class Model:
         x = self.mesh.geometry.x[np.take_along_axis(local, self.local_facets[facets[:, 1]], axis=1), : self.d]
         edges = x[:, 1:] - x[:, :1]
         return np.sqrt(np.linalg.det(edges @ edges.transpose(0, 2, 1))) / (self.d - 1)
+
+    def facet_corners(self, facets: np.ndarray) -> np.ndarray:
+        """Vertices of facets given as (cell, local facet) in the order of the reference facet [length], (n, d, d)."""
+        local = self.mesh.geometry.dofmaps[0][facets[:, 0]]
+        ends = self._facet_vertices[facets[:, 0], facets[:, 1]]
+        return self.mesh.geometry.x[np.take_along_axis(local, ends, axis=1), : self.d]
+
+    def cell_corners(self) -> np.ndarray:
+        """Vertices of all cells in DOLFINx's order [length], shape (cells, d+1, d)."""
+        return self.mesh.geometry.x[self.mesh.geometry.dofmaps[0], : self.d]
 
     # -- values ----------------------------------------------------------------------------------------
 
@@ -418,7 +428,7 @@ class Model:
         for name, _, traction in self.tractions:
             loads.append((f"Traction({name!r})", traction, points, self.domain.facets(name)))
         for what, expression, at, entities in loads:
-            if ufl.algorithms.extract_type(expression, ufl.classes.SpatialCoordinate):
+            if varies_in_cells(expression):
                 values = evaluate(expression, self.domain, at, entities)
                 if not np.isfinite(self._range(values)).all():
                     raise InputError(f"{what} is not finite everywhere; look at its callables.")

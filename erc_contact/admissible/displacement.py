@@ -1,7 +1,9 @@
 """Displacements that do not enter the foundation, at the status that the admissible traction shows.
 
 Point-wise, not only at nodes: a normal displacement whose Bernstein coefficients are below those of a bound stays below
-it. Where the gap varies along a facet, the bounds are lowered by what a fine sampling of the facet shows.
+it. Where the gap varies along a facet, the bounds are lowered by what a sampling of the facet shows, the finer the less
+the gap is a polynomial there (:mod:`erc_contact.quadrature`): an asperity is found where its flank shows at one of the
+first samples, 56 on a facet in 2D and 288 in 3D.
 
 Symbols: n normal of the foundation, r^ admissible contact traction, g gap, u^ displacement, m number of coefficients of
 a facet, which belong to its nodes.
@@ -14,9 +16,10 @@ from dataclasses import dataclass
 import numpy as np
 from dolfinx import fem
 
-from erc_contact.admissible.contact import MARGIN, ContactTraction, samples, split
-from erc_contact.expressions import evaluate
+from erc_contact.admissible.contact import MARGIN, ContactTraction, split
+from erc_contact.expressions import Everywhere, evaluate, varies_in_cells
 from erc_contact.model import Model
+from erc_contact.quadrature import facet_pieces, integrate
 from erc_contact.simplex import bernstein, coefficients
 
 
@@ -115,12 +118,9 @@ def _limits(model: Model, traction: ContactTraction) -> _Limits:
     """Limits: coefficients of polynomials below the gap (equal to it at the nodes if bilateral)."""
     contact, d = traction.contact, model.d
     at_nodes = model.gap_at_nodes(contact) @ coefficients(d - 1, model.degree).T
-    if contact.gap_varies and not contact.bilateral:
-        points = samples(d)
-        shape = bernstein(d - 1, model.degree, points)
-        deviation = at_nodes @ shape.T - evaluate(contact.gap, model.domain, points, contact.facets)
-        size = abs(deviation).max(axis=1)
-        excess = np.maximum(deviation.max(axis=1) + MARGIN * size, 0.0)
+    if contact.gap is not None and varies_in_cells(contact.gap) and not contact.bilateral:
+        highest, size = _deviation(model, traction, at_nodes)
+        excess = np.maximum(highest + MARGIN * size, 0.0)
         at_nodes = at_nodes - np.where(size > 1e-14 * abs(at_nodes).max(axis=1), excess, 0.0)[:, None]
     normals = np.broadcast_to(contact.direction[:, None, :], traction.values.shape).reshape(-1, d)
     key = np.column_stack([traction.nodes.ravel(), np.round(normals, 12)])
@@ -131,3 +131,21 @@ def _limits(model: Model, traction: ContactTraction) -> _Limits:
     times = np.arange(len(nodes)) - np.searchsorted(nodes, nodes)  # sorted by node: how often it came before
     turns = [np.flatnonzero(times == k) for k in range(int(times.max(initial=0)) + 1)]
     return _Limits(nodes, normals[first], bound, of_facet.reshape(traction.nodes.shape), turns)
+
+
+def _deviation(model: Model, traction: ContactTraction, at_nodes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """How far a polynomial (f, m) is above the gap on each facet, and its largest distance from it [length]."""
+    facets, d = traction.contact.facets, model.d
+    gap = Everywhere(traction.contact.gap, model.domain)
+    highest, size = np.full(len(facets), -np.inf), np.zeros(len(facets))
+
+    def sample(of: np.ndarray, at: np.ndarray, x: np.ndarray) -> np.ndarray:
+        shape = bernstein(d - 1, model.degree, at.reshape(-1, d)[:, 1:]).reshape(*at.shape[:2], -1)
+        given = gap(x, facets[of])
+        above = np.einsum("nqm,nm->nq", shape, at_nodes[of]) - given
+        np.maximum.at(highest, of, above.max(axis=1))
+        np.maximum.at(size, of, abs(above).max(axis=1))
+        return given[..., None]
+
+    integrate(model.comm, sample, model.facet_corners(facets), traction.area, facet_pieces(d - 1))
+    return highest, size
