@@ -88,7 +88,7 @@ class Everywhere:
                 new[terminal] = fem.Constant(_line(), terminal.value)
         self.compiled = _compiled(ufl.replace(expression, new), mesh.comm)
         normal, middle = ufl.FacetNormal(mesh), np.full((1, domain.dim - 1), 1 / domain.dim)
-        self.normal = fem.Expression(normal, middle, comm=mesh.comm) if normal in self.functions else None
+        self.normal: Any = fem.Expression(normal, middle, comm=mesh.comm) if normal in self.functions else None
 
     def __call__(self, x: np.ndarray, entities: np.ndarray) -> np.ndarray:
         """Values at points.

@@ -102,6 +102,12 @@ class Model:
         """C^-1 in Mandel components [area/force]: numbers (s, s) where the material does not vary, else UFL."""
         return self._matrix(self.scene.material.compliance)
 
+    @property
+    def varying_moduli(self) -> bool:
+        """Whether the moduli vary inside cells."""
+        matrices = self.stiffness_matrix, self.compliance_matrix
+        return any(not isinstance(matrix, np.ndarray) and varies_in_cells(matrix) for matrix in matrices)
+
     def _matrix(self, act: Callable[..., Any]) -> Any:
         matrix = mandel_matrix(act, self.d, **self.parameters)
         return matrix if varies(matrix) else evaluate(matrix, self.domain, nodes(self.d, 0), np.zeros(1))[0, 0]
@@ -112,10 +118,10 @@ class Model:
         dx = self.dx(metadata={"quadrature_degree": DATA_DEGREE}) if varies else self.dx
         return ufl.inner(self.stress(u), strain(v)) * dx
 
-    def loads(self, v: Any) -> Any | None:
-        """``f(v) + F(v)``, a UFL form, or None without loads."""
-        terms = [ufl.inner(F, v) * ds for _, ds, F in self.tractions]
-        if self.body_force is not None:
+    def loads(self, v: Any, *, varying: bool = True) -> Any | None:
+        """``f(v) + F(v)``, a UFL form, or None without loads; ``varying=False`` leaves out what varies in cells."""
+        terms = [ufl.inner(F, v) * ds for _, ds, F in self.tractions if varying or not varies_in_cells(F)]
+        if self.body_force is not None and (varying or not varies_in_cells(self.body_force)):
             terms.append(ufl.inner(self.body_force, v) * self.dx)
         return self._sum(terms)
 
@@ -306,7 +312,7 @@ class Model:
             if not np.isfinite(self._range(values)).all():
                 raise InputError(f"Contact({contact.facets!r}): the gap is not finite everywhere; look at it.")
         gap = None if contact.gap == 0 else self._value(contact.gap)
-        normal, direction = self._normal(contact, facets, gap)
+        normal, direction, given_normal = self._normal(contact, facets, gap)
         plain = isinstance(law, (Coulomb, Tresca)) and not any(callable(getattr(law, p)) for p in law.parameters)
         return BoundContact(
             name=contact.facets,
@@ -314,6 +320,7 @@ class Model:
             ds=self.ds(self.domain.tag(contact.facets)),
             normal=normal,
             direction=direction,
+            given_normal=given_normal,
             law=law,
             parameters=parameters,
             share=self.friction_share,
@@ -323,8 +330,8 @@ class Model:
             bilateral=contact.bilateral,
         )
 
-    def _normal(self, contact: Contact, facets: np.ndarray, gap: Any) -> tuple[Any, np.ndarray]:
-        """The normal of the foundation: UFL, and on each facet (f, d)."""
+    def _normal(self, contact: Contact, facets: np.ndarray, gap: Any) -> tuple[Any, np.ndarray, Any]:
+        """The normal of the foundation: UFL, on each facet (f, d), and as given where it varies (of any length)."""
         centre = np.full((1, self.d - 1), 1.0 / self.d)
         if contact.normal is None:
             normals = evaluate(self.n, self.domain, centre, facets)[:, 0]
@@ -341,11 +348,11 @@ class Model:
             direction = np.array(contact.normal)
         else:
             return self._varying_normal(contact, facets, centre, gap)
-        return fem.Constant(self.mesh, direction), np.broadcast_to(direction, (len(facets), self.d))
+        return fem.Constant(self.mesh, direction), np.broadcast_to(direction, (len(facets), self.d)), None
 
     def _varying_normal(
         self, contact: Contact, facets: np.ndarray, centre: np.ndarray, gap: Any
-    ) -> tuple[Any, np.ndarray]:
+    ) -> tuple[Any, np.ndarray, Any]:
         """One normal for each cell at the contact, the mean of its facets."""
         expression = -ufl.grad(gap) if contact.normal == "gap" else self._vector(contact.normal)
         given = evaluate(expression, self.domain, centre, facets)[:, 0]
@@ -363,7 +370,7 @@ class Model:
         direction = of_cell[facets[:, 0]]
         direction /= np.linalg.norm(direction, axis=1)[:, None]
         of_cell[facets[:, 0]] = direction
-        return function, direction
+        return function, direction, expression
 
     def friction_parameters(self, contact: BoundContact, points: np.ndarray) -> dict[str, np.ndarray]:
         """The law's parameters at reference points (q, d-1) of the facets of a contact, each of shape (f, q)."""

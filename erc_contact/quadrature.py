@@ -21,7 +21,7 @@ from itertools import combinations
 import numpy as np
 from mpi4py import MPI
 
-from erc_contact.simplex import barycentric, rule
+from erc_contact.simplex import barycentric, bernstein, rule
 
 SHARE = 1e-9
 """What an integral may leave unknown to count as known, of itself [-]."""
@@ -155,3 +155,9 @@ def cell_pieces(size: int) -> np.ndarray:
     corners = np.repeat(np.eye(size + 1)[None], size + 1, axis=0)
     corners[np.arange(size + 1), np.arange(size + 1)] = 1 / (size + 1)
     return corners
+
+
+def polynomials(degree: int, at: np.ndarray) -> np.ndarray:
+    """Bernstein polynomials at barycentric points (n, q, P), shape (n, q, N)."""
+    n, q, P = at.shape
+    return bernstein(P - 1, degree, at.reshape(-1, P)[:, 1:]).reshape(n, q, -1)

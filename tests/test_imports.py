@@ -20,7 +20,7 @@ ORDER = [
     ["methods", "stiffness", "condensed", "newton", "start", "solve"],
     [f"admissible.{name}" for name in ("geometry", "loads", "macro", "facets", "contact", "displacement")],
     [f"admissible.{name}" for name in ("energy", "patches", "blocks", "tighten")],
-    ["admissible", "error", "goal", "sizes", "strategy", "adapt", "fields", "output"],
+    ["admissible", "oscillation", "error", "works", "goal", "sizes", "strategy", "adapt", "fields", "output"],
 ]
 ORDER = [module for part in ORDER for module in part]
 

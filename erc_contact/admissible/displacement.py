@@ -19,8 +19,8 @@ from dolfinx import fem
 from erc_contact.admissible.contact import MARGIN, ContactTraction, split
 from erc_contact.expressions import Everywhere, evaluate, varies_in_cells
 from erc_contact.model import Model
-from erc_contact.quadrature import facet_pieces, integrate
-from erc_contact.simplex import bernstein, coefficients
+from erc_contact.quadrature import facet_pieces, integrate, polynomials
+from erc_contact.simplex import coefficients
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,17 +135,16 @@ def _limits(model: Model, traction: ContactTraction) -> _Limits:
 
 def _deviation(model: Model, traction: ContactTraction, at_nodes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """How far a polynomial (f, m) is above the gap on each facet, and its largest distance from it [length]."""
-    facets, d = traction.contact.facets, model.d
+    facets = traction.contact.facets
     gap = Everywhere(traction.contact.gap, model.domain)
     highest, size = np.full(len(facets), -np.inf), np.zeros(len(facets))
 
     def sample(of: np.ndarray, at: np.ndarray, x: np.ndarray) -> np.ndarray:
-        shape = bernstein(d - 1, model.degree, at.reshape(-1, d)[:, 1:]).reshape(*at.shape[:2], -1)
         given = gap(x, facets[of])
-        above = np.einsum("nqm,nm->nq", shape, at_nodes[of]) - given
+        above = np.matmul(polynomials(model.degree, at), at_nodes[of][..., None])[..., 0] - given
         np.maximum.at(highest, of, above.max(axis=1))
         np.maximum.at(size, of, abs(above).max(axis=1))
         return given[..., None]
 
-    integrate(model.comm, sample, model.facet_corners(facets), traction.area, facet_pieces(d - 1))
+    integrate(model.comm, sample, model.facet_corners(facets), traction.area, facet_pieces(model.d - 1))
     return highest, size

@@ -15,7 +15,7 @@ import numpy as np
 from erc_contact.admissible.geometry import Simplices
 from erc_contact.expressions import Everywhere, evaluate, varies_in_cells
 from erc_contact.model import DATA_DEGREE, Model
-from erc_contact.quadrature import cell_pieces, facet_pieces, integrate
+from erc_contact.quadrature import cell_pieces, facet_pieces, integrate, polynomials
 from erc_contact.simplex import bernstein, mass, rule
 
 
@@ -39,7 +39,7 @@ def traction_moments(model: Model, facets: np.ndarray, traction: Any) -> np.ndar
     load = Everywhere(traction, model.domain)
 
     def moments(of: np.ndarray, at: np.ndarray, x: np.ndarray) -> np.ndarray:
-        return _products(bernstein(d - 1, k, at.reshape(-1, d)[:, 1:]), load(x, facets[of]))
+        return _products(polynomials(k, at), load(x, facets[of]))
 
     total = integrate(model.comm, moments, model.facet_corners(facets), area, facet_pieces(d - 1))
     return total.value.reshape(len(facets), -1, d)
@@ -58,7 +58,7 @@ def cell_forces(model: Model, cells: Simplices) -> np.ndarray | None:
     load = Everywhere(model.body_force, model.domain)
 
     def moments(of: np.ndarray, at: np.ndarray, x: np.ndarray) -> np.ndarray:
-        return _products(bernstein(d, k - 1, at.reshape(-1, d + 1)[:, 1:]), load(x, of_cells[of]))
+        return _products(polynomials(k - 1, at), load(x, of_cells[of]))
 
     # in DOLFINx's order of the vertices, on which all ranks agree, so that they have the same forces for a cell
     total = integrate(model.comm, moments, model.cell_corners(), cells.volume, cell_pieces(d))
@@ -67,6 +67,5 @@ def cell_forces(model: Model, cells: Simplices) -> np.ndarray | None:
 
 
 def _products(shape: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """All products of polynomials (n q, N) and the components of vectors (n, q, d), shape (n, q, N d)."""
-    n, q, _ = values.shape
-    return (shape.reshape(n, q, -1, 1) * values[:, :, None, :]).reshape(n, q, -1)
+    """All products of polynomials (n, q, N) and the components of vectors (n, q, d), shape (n, q, N d)."""
+    return (shape[..., None] * values[:, :, None, :]).reshape(*values.shape[:2], -1)
