@@ -35,11 +35,13 @@ from erc_contact.expressions import Everywhere, evaluate, varies_in_cells
 from erc_contact.foundation import BoundContact, ContactData
 from erc_contact.law import Tresca
 from erc_contact.oscillation import COARSE, EXACT, Oscillations, facet_sizes, modulus, of_loads, of_supports
-from erc_contact.quadrature import SHARE, cell_pieces, facet_pieces, integrate, polynomials
+from erc_contact.quadrature import cell_pieces, facet_pieces, integrate, polynomials
 from erc_contact.simplex import bernstein, coefficients, lagrange, rule
 
 ROUND_OFF = 100.0
 """Multiple of the round-off of C eps(u^) below which nothing counts as loaded [-]."""
+UNKNOWN = 1e-4
+"""What the integrals of data that vary may leave unknown of e^2, which contains it [-]."""
 CONTACT_DEGREE = 21
 """Quadrature degree for the contact part; its integrand has kinks where the slip changes its direction."""
 
@@ -98,7 +100,7 @@ def constitutive_error(admissible: Admissible) -> ConstitutiveError:
     bulk_2, scale_2 = model.comm.allreduce(np.array([per_cell.sum(), scale]), MPI.SUM)
     squares = np.array([0.0, of_loads(admissible), of_supports(model), moduli_2, 0.0, 0.0])
     for traction in admissible.tractions:
-        parts, gaps_2, friction_2 = _contact(admissible, traction, SHARE * float(bulk_2))
+        parts, gaps_2, friction_2 = _contact(admissible, traction, UNKNOWN * float(bulk_2))
         parts = np.maximum(parts, 0.0)  # negative by round-off only
         own = traction.contact.facets[:, 0] < len(per_cell)
         np.add.at(per_cell, traction.contact.facets[own, 0], parts[own])
@@ -163,7 +165,7 @@ def _bulk(admissible: Admissible) -> tuple[np.ndarray, float, float]:
     corners = sorted_corners(model, cells)[:owned]
     floor = np.array([EXACT**2 * model.comm.allreduce(scale, MPI.SUM), 0.0])
     total = integrate(
-        model.comm, energies, corners, cells.volume[:owned], cell_pieces(model.d), share=SHARE, floor=floor
+        model.comm, energies, corners, cells.volume[:owned], cell_pieces(model.d), share=UNKNOWN, floor=floor
     )
     unknown = 0.0 if total.resolved.all() else float(total.rest.max(axis=1).sum())
     return total.value[:, 0] + total.rest[:, 0], float(total.value[:, 1].sum()), unknown
@@ -215,7 +217,7 @@ def _contact(admissible: Admissible, traction: ContactTraction, floor: float) ->
     """The same, and the squares of the oscillations of gap and friction bound on this rank.
 
     Where the data of the contact vary, or given friction meets a slip that changes its direction, the integrals are
-    adapted to both, up to ``floor`` or their SHARE, and contain what they leave unknown.
+    adapted to both, up to ``floor`` or their UNKNOWN, and contain what they leave unknown.
     """
     model, contact = admissible.solution.model, traction.contact
     d, facets = model.d, contact.facets
@@ -252,7 +254,7 @@ def _contact(admissible: Admissible, traction: ContactTraction, floor: float) ->
         density = contact_density(contact, n, r, w, gap, bound)
         return np.stack([density, beyond**2 / soft + turned**2 * soft, excess**2 * soft], axis=-1)
 
-    corners, share = model.facet_corners(facets), np.array([SHARE, COARSE, COARSE])
+    corners, share = model.facet_corners(facets), np.array([UNKNOWN, COARSE, COARSE])
     total = integrate(
         model.comm,
         terms,
