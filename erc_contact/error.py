@@ -27,19 +27,23 @@ import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
 
-from erc_contact.admissible import Admissible, act, elastic_stress, macro_moduli, moduli
+from erc_contact.admissible import Admissible, act, elastic_stress, macro_moduli, moduli, strains
 from erc_contact.admissible.contact import ContactTraction, split
-from erc_contact.admissible.geometry import evaluate_sorted
-from erc_contact.admissible.macro import macro_points
+from erc_contact.admissible.geometry import sorted_corners
+from erc_contact.admissible.macro import macro_points, macro_values
 from erc_contact.exceptions import InputError
-from erc_contact.expressions import evaluate
-from erc_contact.model import Model
-from erc_contact.simplex import bernstein, coefficients, lagrange, mass, rule
+from erc_contact.expressions import Everywhere, evaluate, varies_in_cells
+from erc_contact.foundation import BoundContact, ContactData
+from erc_contact.law import Tresca
+from erc_contact.oscillation import COARSE, EXACT, Oscillations, facet_sizes, modulus, of_loads, of_supports
+from erc_contact.quadrature import cell_pieces, facet_pieces, integrate, polynomials
+from erc_contact.simplex import bernstein, coefficients, lagrange, rule
 from erc_contact.surface import pairs, swept
 
 ROUND_OFF = 100.0
 """Multiple of the round-off of C eps(u^) below which nothing counts as loaded [-]."""
-OSCILLATION_DEGREE = 6
+UNKNOWN = 1e-4
+"""What the integrals of data that vary may leave unknown of e^2, which contains it [-]."""
 CONTACT_DEGREE = 21
 """Quadrature degree for the contact part; its integrand has kinks where the slip changes its direction."""
 
@@ -59,8 +63,8 @@ class ConstitutiveError:
             at an interface with the difference of ``|sigma|^2``. Half of its square is about what the polygon changes
             of the potential energy (0.78 to 0.94 of it on a pressed ring of 5 to 30 facets). It is zero where all
             facets are exact, and where only a mesh is known: the body is then the mesh.
-        oscillation: Size of what the data have beyond the finite element spaces [sqrt(force length)], an estimate
-            without the constants of Korn and Poincare type, not part of e.
+        oscillations: What the data have beyond the mesh, in parts, estimates without the constants of Korn and Poincare
+            type, not part of e.
         cells: eps_E (18) of the owned cells; the squares sum to eps^2 over all ranks.
         indicators: eps_E together with the share of the geometry, what refinement goes by: the squares sum to total^2.
         seconds: Wall time, the largest over the ranks [s].
@@ -72,7 +76,7 @@ class ConstitutiveError:
     bulk: float
     contact: float
     geometry: float
-    oscillation: float
+    oscillations: Oscillations
     cells: np.ndarray
     indicators: np.ndarray
     seconds: float
@@ -86,6 +90,11 @@ class ConstitutiveError:
     def total(self) -> float:
         """Eps with the estimate of the geometry [-], what a run brings below its accuracy; eps for straight bodies."""
         return float(np.hypot(self.absolute, self.geometry)) / self.scale if self.scale > 0 else 0.0
+
+    @property
+    def oscillation(self) -> float:
+        """Root of the sum of the squares of the oscillations [sqrt(force length)]."""
+        return self.oscillations.total
 
 
 def constitutive_error(admissible: Admissible) -> ConstitutiveError:
@@ -102,19 +111,19 @@ def constitutive_error(admissible: Admissible) -> ConstitutiveError:
     """
     began = perf_counter()
     model = admissible.solution.model
-    bulk, both = _bulk(admissible)
-    per_cell, geometry = bulk.copy(), _geometry(admissible, both)
-    contact = 0.0
+    per_cell, both, moduli_2 = _bulk(admissible)
+    geometry = _geometry(admissible, both)
+    bulk_2, scale_2, geometry_2 = model.comm.allreduce(np.array([per_cell.sum(), both.sum(), geometry.sum()]), MPI.SUM)
+    squares = np.array([0.0, of_loads(admissible), of_supports(model), moduli_2, 0.0, 0.0])
     for traction in admissible.tractions:
-        part = np.maximum(contact_parts(admissible, traction), 0.0)  # negative by round-off only
+        parts, gaps_2, friction_2 = _contact(admissible, traction, UNKNOWN * float(bulk_2))
+        parts = np.maximum(parts, 0.0)  # negative by round-off only
         own = traction.contact.facets[:, 0] < len(per_cell)
-        np.add.at(per_cell, traction.contact.facets[own, 0], part[own])
-        contact += float(part.sum())
-    local = [bulk.sum(), contact, both.sum(), geometry.sum(), _oscillation(admissible)]
-    total = model.comm.allreduce(np.array(local), MPI.SUM)
-    bulk_2, contact_2, scale_2, geometry_2, oscillation_2 = total
+        np.add.at(per_cell, traction.contact.facets[own, 0], parts[own])
+        squares += float(parts.sum()), 0.0, 0.0, 0.0, gaps_2, friction_2
+    contact_2, *parts_2 = model.comm.allreduce(squares, MPI.SUM)
     floor_2, lost = _round_off(admissible)
-    if lost or not np.isfinite(total).all():
+    if lost or not np.isfinite([bulk_2, scale_2, contact_2, *parts_2]).all():
         raise InputError(
             "The energy of this scene is no number of double precision; loads or moduli are too large or too small. "
             "Choose units in which they are nearer to 1."
@@ -132,18 +141,22 @@ def constitutive_error(admissible: Admissible) -> ConstitutiveError:
         float(np.sqrt(bulk_2)),
         float(np.sqrt(contact_2)),
         float(np.sqrt(geometry_2)),
-        float(np.sqrt(oscillation_2)),
+        Oscillations(*(float(np.sqrt(part)) for part in parts_2)),
         cells,
         indicators,
         seconds,
     )
 
 
-def _bulk(admissible: Admissible) -> tuple[np.ndarray, np.ndarray]:
-    """``|sigma^ - C eps(u^)|^2`` and ``|sigma^ + C eps(u^)|^2`` of each owned cell."""
+def _bulk(admissible: Admissible) -> tuple[np.ndarray, np.ndarray, float]:
+    """``|sigma^ - C eps(u^)|^2`` and ``|sigma^ + C eps(u^)|^2`` of each owned cell; collective.
+
+    Where the moduli vary inside cells the first contains what its integral leaves unknown; the third number is that of
+    the rank where it is more than the tolerance, else 0.
+    """
     model, cells = admissible.solution.model, admissible.cells
-    owned = model.domain.owned_cells
-    shape, _, weights = macro_points(model.d, model.degree)
+    owned, k = model.domain.owned_cells, model.degree
+    shape, _, weights = macro_points(model.d, k)
     compliance = macro_moduli(model, cells, owned, inverse=True)
     sigma = np.matmul(shape, admissible.stress).reshape(owned, len(weights), admissible.stress.shape[3])
     elastic = elastic_stress(model, cells, admissible.displacement, owned)
@@ -151,7 +164,28 @@ def _bulk(admissible: Admissible) -> tuple[np.ndarray, np.ndarray]:
     def energy(tau: np.ndarray) -> np.ndarray:
         return cells.volume[:owned] * np.einsum("nqa,nqa,q->n", act(compliance, tau), tau, weights)
 
-    return energy(sigma - elastic), energy(sigma + elastic)
+    difference, both = energy(sigma - elastic), energy(sigma + elastic)
+    if not model.varying_moduli:
+        return difference, both, 0.0
+    stiffness_at, compliance_at = (
+        Everywhere(matrix, model.domain) for matrix in (model.stiffness_matrix, model.compliance_matrix)
+    )
+    of_cells = np.arange(owned, dtype=np.int32)
+    strain = strains(cells, admissible.displacement)[:owned]
+
+    def energies(of: np.ndarray, at: np.ndarray, x: np.ndarray) -> np.ndarray:
+        S = compliance_at(x, of_cells[of])
+        elastic = act(stiffness_at(x, of_cells[of]), np.matmul(polynomials(k - 1, at), strain[of]))
+        sigma = macro_values(admissible.stress, k, of, at)
+        return np.stack([(act(S, tau) * tau).sum(axis=-1) for tau in (sigma - elastic, sigma + elastic)], axis=-1)
+
+    corners = sorted_corners(model, cells)[:owned]
+    floor = np.array([EXACT**2 * model.comm.allreduce(float(both.sum()), MPI.SUM), 0.0])
+    total = integrate(
+        model.comm, energies, corners, cells.volume[:owned], cell_pieces(model.d), share=UNKNOWN, floor=floor
+    )
+    unknown = 0.0 if total.resolved.all() else float(total.rest.max(axis=1).sum())
+    return total.value[:, 0] + total.rest[:, 0], total.value[:, 1], unknown
 
 
 def _geometry(admissible: Admissible, both: np.ndarray) -> np.ndarray:
@@ -193,80 +227,86 @@ def _round_off(admissible: Admissible) -> tuple[float, bool]:
     return floor, size > 0.0 and floor == 0.0
 
 
-def contact_parts(admissible: Admissible, traction: ContactTraction) -> np.ndarray:
-    """Twice the integral of the contact term over each facet of an owned cell; ghosts get 0."""
-    model, contact = admissible.solution.model, traction.contact
-    d, n = model.d, contact.direction[:, None, :]
-    points, weights = rule(d - 1, CONTACT_DEGREE)
-    r = np.matmul(bernstein(d - 1, model.degree, points), traction.values)
-    nodal = admissible.displacement.x.array.reshape(-1, d)[traction.nodes]
-    w = np.matmul(lagrange(d - 1, model.degree, points), nodal)
+def contact_density(
+    contact: BoundContact, n: np.ndarray, r: np.ndarray, w: np.ndarray, gap: Any, bound: np.ndarray
+) -> np.ndarray:
+    """Twice the contact term of (16), ``2 (b(p^) |w_t| + r^_t.w_t + r^_n (w_n - g))``, at points, shape (n, q).
+
+    Args:
+        contact: The contact.
+        n: Normal of the foundation, shape (n, 1, d).
+        r: r^ at the points [force/area], shape (n, q, d).
+        w: u^ there [length], shape (n, q, d).
+        gap: The gap there [length], shape (n, q), or a number.
+        bound: The friction bound there [force/area], shape (n, q).
+    """
     (r_n, r_t, _), (w_n, w_t, slip) = split(r, n), split(w, n)
-    gap: Any = 0.0 if contact.gap is None else evaluate(contact.gap, model.domain, points, contact.facets)
     density = np.zeros(r_n.shape) if contact.bilateral else r_n * (w_n - gap)
     if contact.law is not None:
-        parameters = model.friction_parameters(contact, points)
-        density += contact.friction_bound(np.maximum(-r_n, 0.0), parameters) * slip + (r_t * w_t).sum(axis=-1)
+        density += bound * slip + (r_t * w_t).sum(axis=-1)
     # a difference of two works that agree to round-off is no error; without this, e would end at 1e-8 of the norm
     resolution = 16 * np.finfo(float).eps * np.linalg.norm(r, axis=-1) * (np.linalg.norm(w, axis=-1) + abs(gap))
-    density = np.where(abs(density) <= resolution, 0.0, density)
-    part = 2 * traction.area * (density @ weights)
-    return np.where(contact.facets[:, 0] < model.domain.owned_cells, part, 0.0)
+    return 2 * np.where(abs(density) <= resolution, 0.0, density)
 
 
-def _oscillation(admissible: Admissible) -> float:
-    """Square of the oscillation of the data on this rank.
+def contact_parts(admissible: Admissible, traction: ContactTraction) -> np.ndarray:
+    """Twice the integral of the contact term over each facet of an owned cell; ghosts get 0. Collective."""
+    return _contact(admissible, traction, 0.0)[0]
 
-    ``sum h^2/(pi^2 E) |f - f_T|^2 + sum h/E |F - F_h|^2 + sum E/h |U - U_h|^2`` with E the modulus of the material.
+
+def _contact(admissible: Admissible, traction: ContactTraction, floor: float) -> tuple[np.ndarray, float, float]:
+    """The same, and the squares of the oscillations of gap and friction bound on this rank.
+
+    Where the data of the contact vary, or given friction meets a slip that changes its direction, the integrals are
+    adapted to both, up to ``floor`` or their UNKNOWN, and contain what they leave unknown.
     """
-    model, cells = admissible.solution.model, admissible.cells
-    scene, d, owned = model.scene, model.d, model.domain.owned_cells
-    total = 0.0
-    varies = any(callable(b.value) or any(map(callable, b.value)) for b in scene.body_forces)
-    if admissible.force is not None and varies:
-        points, weights = rule(d, OSCILLATION_DEGREE)
-        of, volume = np.arange(owned, dtype=np.int32), cells.volume[:owned]
-        projected = np.matmul(bernstein(d, model.degree - 1, points), admissible.force[:owned] / volume[:, None, None])
-        rest = evaluate_sorted(model.body_force, model, cells, points, owned) - projected
-        square = volume * np.einsum("nqi,nqi,q->n", rest, rest, weights)
-        total += float(np.sum(volume ** (2 / d) / np.pi**2 * square / _modulus(model, of)))
-    points, weights = rule(d - 1, OSCILLATION_DEGREE)
-    shape = bernstein(d - 1, model.degree, points)
-    project = np.linalg.solve(mass(d - 1, model.degree, model.degree), shape.T * weights)
+    model, contact = admissible.solution.model, traction.contact
+    d, facets = model.d, contact.facets
+    area = np.where(facets[:, 0] < model.domain.owned_cells, traction.area, 0.0)
+    nodal = admissible.displacement.x.array.reshape(-1, d)[traction.nodes]
+    if not (contact.varies or isinstance(contact.law, Tresca)):
+        points, weights = rule(d - 1, CONTACT_DEGREE)
+        r = np.matmul(bernstein(d - 1, model.degree, points), traction.values)
+        w = np.matmul(lagrange(d - 1, model.degree, points), nodal)
+        n = contact.direction[:, None, :]
+        gap = 0.0 if contact.gap is None else evaluate(contact.gap, model.domain, points, facets)
+        bound = contact.friction_bound(np.maximum(-split(r, n)[0], 0.0), model.friction_parameters(contact, points))
+        return area * (contact_density(contact, n, r, w, gap, bound) @ weights), 0.0, 0.0
+    given = ContactData(contact, model.domain)
+    hat = np.matmul(coefficients(d - 1, model.degree), nodal)
+    size, stiffness = facet_sizes(model, facets), modulus(model, facets[:, 0])
+    least = [
+        EXACT * model.comm.allreduce(float(abs(v).max(initial=0.0)), MPI.MAX) for v in (hat, *[traction.values] * 2)
+    ]
 
-    def rest_on(
-        facets: np.ndarray, values: np.ndarray, of_coefficients: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        area = model.facet_areas(facets)
-        difference = values - np.matmul(shape, of_coefficients)
-        square = (difference**2).sum(axis=2)
-        return area * (square @ weights), area ** (1 / (d - 1)), _modulus(model, facets[:, 0])
+    def terms(of: np.ndarray, at: np.ndarray, x: np.ndarray) -> np.ndarray:
+        shape, n = polynomials(model.degree, at), contact.direction[of][:, None, :]
+        r, w = np.matmul(shape, traction.values[of]), np.matmul(shape, hat[of])
+        r_n, _, friction = split(r, n)
+        gap, normal, bound = given.gap(of, x), given.normal(of, x), given.bound(of, x, np.maximum(-r_n, 0.0))
+        beyond = (w * normal).sum(axis=-1) - gap
+        beyond = abs(beyond) if contact.bilateral else np.maximum(beyond, 0.0)
+        turned = np.linalg.norm(r, axis=-1) * np.linalg.norm(normal - n, axis=-1)
+        excess = friction - bound
+        beyond, turned, excess = (
+            np.where(v <= most, 0.0, v) for v, most in zip((beyond, turned, excess), least, strict=True)
+        )
+        soft = (size / stiffness)[of][:, None]
+        density = contact_density(contact, n, r, w, gap, bound)
+        return np.stack([density, beyond**2 / soft + turned**2 * soft, excess**2 * soft], axis=-1)
 
-    for load, (name, _, traction) in zip(scene.tractions, model.tractions, strict=True):
-        given = (load.pressure,) if load.value is None else load.value
-        if callable(given) or any(map(callable, given)):
-            facets = _owned(model, name)
-            values = evaluate(traction, model.domain, points, facets)
-            rest, size, modulus = rest_on(facets, values, np.einsum("mq,fqi->fmi", project, values))
-            total += float(np.sum(rest * size / modulus))
-    for support in scene.supports:
-        for i, component in enumerate(support.value):
-            if callable(component):
-                facets = _owned(model, support.facets)
-                values = evaluate(component(model.x), model.domain, points, facets)
-                nodal = model.prescribed.x.array.reshape(-1, d)[model.facet_nodes(facets), i]
-                given = nodal @ coefficients(d - 1, model.degree).T
-                rest, size, modulus = rest_on(facets, values[..., None], given[..., None])
-                total += float(np.sum(rest * modulus / size))
-    return total
-
-
-def _owned(model: Model, name: str) -> np.ndarray:
-    facets = model.domain.facets(name)
-    return facets[facets[:, 0] < model.domain.owned_cells]
-
-
-def _modulus(model: Model, cells: np.ndarray) -> np.ndarray:
-    """Modulus of the material at the middle of cells [force/area]."""
-    middle = np.full((1, model.d), 1 / (model.d + 1))
-    return evaluate(model.scene.material.modulus(**model.parameters), model.domain, middle, cells)[:, 0]
+    corners, share = model.facet_corners(facets), np.array([UNKNOWN, COARSE, COARSE])
+    total = integrate(
+        model.comm,
+        terms,
+        corners,
+        area,
+        facet_pieces(d - 1),
+        share=share,
+        floor=np.array([floor, 0.0, 0.0]),
+    )
+    parts, gaps, friction = total.value.T
+    unknown = np.zeros(2)
+    if not total.resolved[0]:
+        unknown[0 if contact.gap is not None and varies_in_cells(contact.gap) else 1] = total.rest[:, 0].sum()
+    return parts + total.rest[:, 0], float(gaps.sum() + unknown[0]), float(friction.sum() + unknown[1])

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import ufl
 
-from erc_contact.expressions import pointwise
+from erc_contact.domain import Domain
+from erc_contact.expressions import Everywhere, pointwise, varies_in_cells
 from erc_contact.law import Coulomb, Law, Tresca, project
 
 
@@ -23,6 +24,7 @@ class BoundContact:
         ds: Measure of the part.
         normal: Unit normal of the foundation, UFL.
         direction: The same on each facet, shape (f, d).
+        given_normal: The normal as the scene gives it, of any length, UFL; None where it does not vary.
         law: Friction law, or None without friction.
         parameters: Values of the law's parameters, UFL.
         share: Factor of the friction bound, 1 but while a solver raises friction in steps.
@@ -38,6 +40,7 @@ class BoundContact:
     ds: Any
     normal: Any
     direction: np.ndarray
+    given_normal: Any | None
     law: Law | None
     parameters: dict[str, Any]
     share: Any
@@ -45,6 +48,12 @@ class BoundContact:
     gap_varies: bool
     sampled: bool
     bilateral: bool
+
+    @property
+    def varies(self) -> bool:
+        """Whether gap, normal or friction vary along facets."""
+        data = self.gap, self.given_normal, *self.parameters.values()
+        return any(one is not None and varies_in_cells(one) for one in data)
 
     def project(self, z: Any) -> Any:
         """The traction that the law allows for a trial traction z [force/area], UFL."""
@@ -78,3 +87,30 @@ class BoundContact:
 
     def _bound(self, pressure: Any) -> Any:
         return self.share * self.law.bound(pressure, **self.parameters) if self.law else 0
+
+
+class ContactData:
+    """Gap, normal and friction bound of a contact at any points of its facets; construction is collective."""
+
+    def __init__(self, contact: BoundContact, domain: Domain) -> None:
+        self.contact = contact
+        self._gap, self._normal = (
+            None if one is None else Everywhere(one, domain) for one in (contact.gap, contact.given_normal)
+        )
+        self._parameters = {name: Everywhere(value, domain) for name, value in contact.parameters.items()}
+
+    def gap(self, of: np.ndarray, x: np.ndarray) -> np.ndarray:
+        """The gap [length] at points x (n, q, d) of facets of given numbers (n,), shape (n, q)."""
+        return np.zeros(x.shape[:2]) if self._gap is None else self._gap(x, self.contact.facets[of])
+
+    def normal(self, of: np.ndarray, x: np.ndarray) -> np.ndarray:
+        """The unit normal of the foundation there, shape (n, q, d), or (n, 1, d) where it does not vary."""
+        if self._normal is None:
+            return self.contact.direction[of][:, None, :]
+        normal = self._normal(x, self.contact.facets[of])
+        return normal / np.linalg.norm(normal, axis=-1, keepdims=True)
+
+    def bound(self, of: np.ndarray, x: np.ndarray, pressure: np.ndarray) -> np.ndarray:
+        """The friction bound there for pressures (n, q) [force/area], shape (n, q)."""
+        parameters = {name: value(x, self.contact.facets[of]) for name, value in self._parameters.items()}
+        return self.contact.friction_bound(pressure, parameters)

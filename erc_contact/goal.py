@@ -41,16 +41,14 @@ from dolfinx.fem import petsc as fp
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from erc_contact.admissible.contact import ContactTraction, split
-from erc_contact.error import CONTACT_DEGREE, ConstitutiveError
+from erc_contact.error import ConstitutiveError
 from erc_contact.exceptions import InputError, raise_together
-from erc_contact.expressions import evaluate
 from erc_contact.foundation import BoundContact
 from erc_contact.law import Tresca
 from erc_contact.methods import stiffness_per_area
 from erc_contact.model import Model
-from erc_contact.simplex import bernstein, rule
 from erc_contact.stiffness import factorised
+from erc_contact.works import elastic_work, friction_work, load_work, stress_work
 
 GLUE = 1e6
 """gamma_0 that holds phi on the contacts while its energy is minimised [-]; its values there are then set exactly."""
@@ -103,14 +101,15 @@ def resultant(error: ConstitutiveError, contact: str, direction: Sequence[float]
     if a.shape != (model.d,) or not np.isfinite(a).all():
         raise InputError(f"The direction is {direction!r}; give {model.d} finite numbers.")
     phi, weighted = lifting(model, names.index(contact), a)
-    work = sum(_power(model, t, phi) for t in pair.tractions)
-    residual = _scalar(model, model.stiffness(pair.displacement, phi)) - _loads(model, phi)
-    value = 0.5 * (model.comm.allreduce(work, MPI.SUM) + residual)
-    size = np.sqrt(max(_scalar(model, model.stiffness(phi, phi)), 0.0))
-    radius = float(np.sqrt(_square(error) / 2 - error.bulk**2 / 4) * size)
-    exact = radius <= ROUND_OFF * abs(value)  # phi is a rigid motion: only the balance of forces is used
+    both = elastic_work(pair, pair.displacement, phi) + stress_work(pair, phi)
+    middle = 0.5 * both - load_work(model, phi)
+    square = elastic_work(pair, phi, phi)
+    radius = float(np.sqrt((_square(error) / 2 - error.bulk**2 / 4) * max(square.value + square.rest, 0.0)))
+    exact = radius <= ROUND_OFF * abs(middle.value)  # phi is a rigid motion: only the balance of forces is used
     exact &= error.geometry <= ROUND_OFF * error.scale
-    return Bounds(value, value - radius, value + radius, exact or _guaranteed(error), weighted)
+    guaranteed = middle.known and square.known and (exact or _guaranteed(error))
+    radius += middle.rest
+    return Bounds(middle.value, middle.value - radius, middle.value + radius, guaranteed, weighted)
 
 
 def energy(error: ConstitutiveError) -> Bounds:
@@ -127,10 +126,13 @@ def energy(error: ConstitutiveError) -> Bounds:
     """
     pair = error.admissible
     model, u = pair.solution.model, pair.displacement
-    high = 0.5 * _scalar(model, model.stiffness(u, u)) - _loads(model, u)
-    high += model.comm.allreduce(sum(_friction_power(model, t, u) for t in pair.tractions), MPI.SUM)
-    facets = error.geometry**2 / 2
-    return Bounds(high, high - error.absolute**2 / 2 - facets, high + facets, _guaranteed(error))
+    strain = elastic_work(pair, u, u)
+    J = 0.5 * strain - load_work(model, u)
+    for traction in pair.tractions:
+        J += friction_work(model, traction, u, ROUND_OFF * strain.value)
+    high, facets = J.value + J.rest, error.geometry**2 / 2
+    low = J.value - J.rest - error.absolute**2 / 2 - facets
+    return Bounds(high, low, high + facets, J.known and _guaranteed(error))
 
 
 def work_of_loads(error: ConstitutiveError) -> Bounds:
@@ -243,43 +245,6 @@ def _nodes(model: Model, contact: BoundContact) -> np.ndarray:
     of_cell = model.mesh.topology.connectivity(model.d, model.d - 1).array.reshape(-1, model.d + 1)
     facets = of_cell[contact.facets[:, 0], contact.facets[:, 1]]
     return fem.locate_dofs_topological(model.V, model.d - 1, facets)
-
-
-def _power(model: Model, traction: ContactTraction, phi: fem.Function) -> float:
-    """``int r^.phi`` of the owned facets of this rank."""
-    r, v, weights = _at_points(model, traction, phi)
-    return float(np.einsum("fqi,fqi,fq->", r, v, weights))
-
-
-def _friction_power(model: Model, traction: ContactTraction, u: fem.Function) -> float:
-    """``int b(p^) |u_t|`` of the owned facets of this rank."""
-    contact = traction.contact
-    if contact.law is None:
-        return 0.0
-    r, w, weights = _at_points(model, traction, u)
-    n = contact.direction[:, None, :]
-    parameters = model.friction_parameters(contact, rule(model.d - 1, CONTACT_DEGREE)[0])
-    bound = contact.friction_bound(np.maximum(-split(r, n)[0], 0.0), parameters)
-    return float(np.sum(bound * split(w, n)[2] * weights))
-
-
-def _at_points(model: Model, traction: ContactTraction, v: fem.Function) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """r^ and v at quadrature points of the facets, (f, q, d), and weights (f, q), zero on ghosts."""
-    facets = traction.contact.facets
-    points, weights = rule(model.d - 1, CONTACT_DEGREE)
-    area = np.where(facets[:, 0] < model.domain.owned_cells, traction.area, 0.0)
-    r = np.matmul(bernstein(model.d - 1, model.degree, points), traction.values)
-    return r, evaluate(v, model.domain, points, facets), area[:, None] * weights
-
-
-def _loads(model: Model, v: fem.Function) -> float:
-    """``f(v) + F(v)`` [force length]."""
-    loads = model.loads(v)
-    return 0.0 if loads is None else _scalar(model, loads)
-
-
-def _scalar(model: Model, form: Any) -> float:
-    return float(model.comm.allreduce(fem.assemble_scalar(fem.form(form)), MPI.SUM))
 
 
 def _square(error: ConstitutiveError) -> float:

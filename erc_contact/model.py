@@ -19,7 +19,7 @@ from mpi4py import MPI
 
 from erc_contact.domain import Domain
 from erc_contact.exceptions import InputError, raise_together
-from erc_contact.expressions import evaluate, varies
+from erc_contact.expressions import evaluate, varies, varies_in_cells
 from erc_contact.foundation import BoundContact
 from erc_contact.law import Coulomb, Tresca
 from erc_contact.material import mandel_matrix, strain
@@ -103,20 +103,26 @@ class Model:
         """C^-1 in Mandel components [area/force]: numbers (s, s) where the material does not vary, else UFL."""
         return self._matrix(self.scene.material.compliance)
 
+    @property
+    def varying_moduli(self) -> bool:
+        """Whether the moduli vary inside cells."""
+        matrices = self.stiffness_matrix, self.compliance_matrix
+        return any(not isinstance(matrix, np.ndarray) and varies_in_cells(matrix) for matrix in matrices)
+
     def _matrix(self, act: Callable[..., Any]) -> Any:
         matrix = mandel_matrix(act, self.d, **self.parameters)
         return matrix if varies(matrix) else evaluate(matrix, self.domain, nodes(self.d, 0), np.zeros(1))[0, 0]
 
     def stiffness(self, u: Any, v: Any) -> Any:
         """``a(u, v) = int sigma(u) : eps(v)``, a UFL form."""
-        varies = any(ufl.algorithms.extract_type(p, ufl.classes.SpatialCoordinate) for p in self.parameters.values())
+        varies = any(varies_in_cells(parameter) for parameter in self.parameters.values())
         dx = self.dx(metadata={"quadrature_degree": DATA_DEGREE}) if varies else self.dx
         return ufl.inner(self.stress(u), strain(v)) * dx
 
-    def loads(self, v: Any) -> Any | None:
-        """``f(v) + F(v)``, a UFL form, or None without loads."""
-        terms = [ufl.inner(F, v) * ds for _, ds, F in self.tractions]
-        if self.body_force is not None:
+    def loads(self, v: Any, *, varying: bool = True) -> Any | None:
+        """``f(v) + F(v)``, a UFL form, or None without loads; ``varying=False`` leaves out what varies in cells."""
+        terms = [ufl.inner(F, v) * ds for _, ds, F in self.tractions if varying or not varies_in_cells(F)]
+        if self.body_force is not None and (varying or not varies_in_cells(self.body_force)):
             terms.append(ufl.inner(self.body_force, v) * self.dx)
         return self._sum(terms)
 
@@ -164,6 +170,16 @@ class Model:
         x = self.mesh.geometry.x[np.take_along_axis(local, self.local_facets[facets[:, 1]], axis=1), : self.d]
         edges = x[:, 1:] - x[:, :1]
         return np.sqrt(np.linalg.det(edges @ edges.transpose(0, 2, 1))) / (self.d - 1)
+
+    def facet_corners(self, facets: np.ndarray) -> np.ndarray:
+        """Vertices of facets given as (cell, local facet) in the order of the reference facet [length], (n, d, d)."""
+        local = self.mesh.geometry.dofmaps[0][facets[:, 0]]
+        ends = self._facet_vertices[facets[:, 0], facets[:, 1]]
+        return self.mesh.geometry.x[np.take_along_axis(local, ends, axis=1), : self.d]
+
+    def cell_corners(self) -> np.ndarray:
+        """Vertices of all cells in DOLFINx's order [length], shape (cells, d+1, d)."""
+        return self.mesh.geometry.x[self.mesh.geometry.dofmaps[0], : self.d]
 
     # -- values ----------------------------------------------------------------------------------------
 
@@ -301,7 +317,7 @@ class Model:
             if not np.isfinite(self._range(values)).all():
                 raise InputError(f"Contact({contact.facets!r}): the gap is not finite everywhere; look at it.")
         gap = None if contact.gap == 0 else self._value(contact.gap, surface)
-        normal, direction = self._normal(contact, facets, surface)
+        normal, direction, given_normal = self._normal(contact, facets, surface)
         plain = isinstance(law, (Coulomb, Tresca)) and not any(callable(getattr(law, p)) for p in law.parameters)
         return BoundContact(
             name=contact.facets,
@@ -309,6 +325,7 @@ class Model:
             ds=self.ds(self.domain.tag(contact.facets)),
             normal=normal,
             direction=direction,
+            given_normal=given_normal,
             law=law,
             parameters=parameters,
             share=self.friction_share,
@@ -330,8 +347,8 @@ class Model:
         varies = callable(contact.gap) or callable(contact.normal)
         return self.x if not varies or self.offset is None else self.x + self.offset
 
-    def _normal(self, contact: Contact, facets: np.ndarray, surface: Any) -> tuple[Any, np.ndarray]:
-        """The normal of the foundation: UFL, and on each facet (f, d)."""
+    def _normal(self, contact: Contact, facets: np.ndarray, surface: Any) -> tuple[Any, np.ndarray, Any]:
+        """The normal of the foundation: UFL, on each facet (f, d), and as given where it varies (of any length)."""
         centre = np.full((1, self.d - 1), 1.0 / self.d)
         if contact.normal is None:
             normals = evaluate(self.n, self.domain, centre, facets)[:, 0]
@@ -348,11 +365,11 @@ class Model:
             direction = np.array(contact.normal)
         else:
             return self._varying_normal(contact, facets, centre, surface)
-        return fem.Constant(self.mesh, direction), np.broadcast_to(direction, (len(facets), self.d))
+        return fem.Constant(self.mesh, direction), np.broadcast_to(direction, (len(facets), self.d)), None
 
     def _varying_normal(
         self, contact: Contact, facets: np.ndarray, centre: np.ndarray, surface: Any
-    ) -> tuple[Any, np.ndarray]:
+    ) -> tuple[Any, np.ndarray, Any]:
         """One normal for each cell at the contact, the mean of its facets."""
         if contact.normal == "gap":
             slope = ufl.algorithms.expand_derivatives(-ufl.grad(self._value(contact.gap)))
@@ -374,7 +391,7 @@ class Model:
         direction = of_cell[facets[:, 0]]
         direction /= np.linalg.norm(direction, axis=1)[:, None]
         of_cell[facets[:, 0]] = direction
-        return function, direction
+        return function, direction, expression
 
     def friction_parameters(self, contact: BoundContact, points: np.ndarray) -> dict[str, np.ndarray]:
         """The law's parameters at reference points (q, d-1) of the facets of a contact, each of shape (f, q)."""
@@ -439,7 +456,7 @@ class Model:
         for name, _, traction in self.tractions:
             loads.append((f"Traction({name!r})", traction, points, self.domain.facets(name)))
         for what, expression, at, entities in loads:
-            if ufl.algorithms.extract_type(expression, ufl.classes.SpatialCoordinate):
+            if varies_in_cells(expression):
                 values = evaluate(expression, self.domain, at, entities)
                 if not np.isfinite(self._range(values)).all():
                     raise InputError(f"{what} is not finite everywhere; look at its callables.")

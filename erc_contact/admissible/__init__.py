@@ -31,9 +31,10 @@ from erc_contact.admissible.geometry import (
     signed,
     simplices,
 )
+from erc_contact.admissible.loads import cell_forces, traction_moments
 from erc_contact.admissible.macro import macro_points, macro_stress, mandel, tensors
 from erc_contact.admissible.tighten import TIGHTEN, tightened
-from erc_contact.expressions import evaluate
+from erc_contact.expressions import evaluate, varies_in_cells
 from erc_contact.model import DATA_DEGREE, Model
 from erc_contact.simplex import bernstein, coefficients, facet_nodes, gradients, mass, rule
 from erc_contact.solve import Solution
@@ -88,7 +89,7 @@ def equilibrate(solution: Solution, tighten: int = TIGHTEN) -> Admissible:
     began = perf_counter()
     model = solution.model
     cells = simplices(model)
-    force = _cell_forces(model, cells)
+    force = cell_forces(model, cells)
     given, fixed = _loads(model, cells)
     on_motions = _work(model, _nodal(model, cells, given, force))
     tractions = admissible_tractions(model, solution, on_motions)
@@ -162,7 +163,7 @@ def moduli(model: Model, cells: Simplices, points: np.ndarray, count: int, *, in
     matrix = model.compliance_matrix if inverse else model.stiffness_matrix
     if isinstance(matrix, np.ndarray):
         return matrix[None, None]
-    if ufl.algorithms.extract_type(matrix, ufl.classes.SpatialCoordinate):
+    if varies_in_cells(matrix):
         return evaluate_sorted(matrix, model, cells, points, count)
     return evaluate(matrix, model.domain, points[:1], np.arange(count, dtype=np.int32))
 
@@ -190,29 +191,14 @@ def cell_stress(model: Model, cells: Simplices, u: fem.Function) -> np.ndarray:
     return tensors(act(stiffness, strain), d)
 
 
-def _cell_forces(model: Model, cells: Simplices) -> np.ndarray | None:
-    """Body force times volume, the projection of f on degree k-1 [force], shape (n, N_(k-1), d)."""
-    if model.body_force is None:
-        return None
-    d, k = cells.d, cells.degree
-    points, weights = rule(d, DATA_DEGREE)
-    values = evaluate_sorted(model.body_force, model, cells, points, len(cells.nodes))
-    project = np.linalg.solve(mass(d, k - 1, k - 1), bernstein(d, k - 1, points).T * weights)
-    return np.matmul(project, values) * cells.volume[:, None, None]
-
-
 def _loads(model: Model, cells: Simplices) -> tuple[np.ndarray, np.ndarray]:
     """Moments of the loads on each facet, projected on degree k, and the fixed components of facets."""
     d = cells.d
     given = np.zeros((cells.side.shape[1], len(model.facet_points), d))
     fixed = np.zeros((cells.side.shape[1], d), dtype=bool)
-    points, weights = rule(d - 1, DATA_DEGREE)
-    weighted = weights[:, None] * bernstein(d - 1, model.degree, points)
     for name, _, traction in model.tractions:
         facets = model.domain.facets(name)
-        values = evaluate(traction, model.domain, points, facets)
-        area = model.facet_areas(facets)
-        _add(model, given, facets, np.einsum("qm,fqi->fmi", weighted, values) * area[:, None, None])
+        _add(model, given, facets, traction_moments(model, facets, traction))
     for facets, components in model.fixed_facets:
         fixed[_numbers(model, facets)] |= components
     given[np.broadcast_to(fixed[:, None, :], given.shape)] = 0.0
@@ -259,7 +245,7 @@ def _rebalanced(solution: Solution, b: fem.Function) -> fem.Function:
     """
     model = solution.model
     loads = model.loads(ufl.TestFunction(model.V))
-    varies = loads is not None and ufl.algorithms.extract_type(loads, ufl.classes.SpatialCoordinate)
+    varies = loads is not None and any(varies_in_cells(integral.integrand()) for integral in loads.integrals())
     u = solution.stiffness.solve(b) if model.contacts or varies else solution.u
     solution.stiffness.free()
     return u

@@ -85,7 +85,7 @@ def simplices(model: Model) -> Simplices:
     number = cell_map.local_to_global(np.arange(len(nodes), dtype=np.int32))[side // (d + 1)]
     side = np.where(number[0] <= number[1], side, side[::-1])
 
-    x = mesh.geometry.x[np.take_along_axis(mesh.geometry.dofmaps[0], order, axis=1), :d]
+    x = np.take_along_axis(model.cell_corners(), order[:, :, None], axis=1)
     edges = x[:, 1:] - x[:, :1]
     determinant, cofactor = _cofactor(edges)
     area = np.empty((len(nodes), d + 1, d))
@@ -93,6 +93,11 @@ def simplices(model: Model) -> Simplices:
     area[:, 0] = -area[:, 1:].sum(axis=1)
     J, volume = edges.transpose(0, 2, 1), abs(determinant) / (1, 1, 2, 6)[d]
     return Simplices(model.degree, order, nodes, facets, side, J, volume, area)
+
+
+def sorted_corners(model: Model, cells: Simplices) -> np.ndarray:
+    """Vertices of all cells in our order [length], shape (n, d+1, d)."""
+    return np.take_along_axis(model.cell_corners(), cells.order[:, :, None], axis=1)
 
 
 def _cofactor(edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

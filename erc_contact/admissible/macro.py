@@ -21,6 +21,7 @@ import numpy as np
 
 from erc_contact.admissible.geometry import Simplices, pushes
 from erc_contact.material import mandel_basis
+from erc_contact.quadrature import polynomials
 from erc_contact.simplex import (
     barycentric,
     bernstein,
@@ -176,6 +177,22 @@ def macro_stress(
         np.matmul(nodal.reshape(len(base), -1, s), piola(cells, some), out=sigma[some])
         sigma[some] += np.matmul(of_subs, mandel(base))
     return sigma.reshape(count, d + 1, N, s)
+
+
+def macro_values(stress: np.ndarray, k: int, of: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """sigma^ at points of pieces that each lie in one sub-simplex, in Mandel components (n, q, s).
+
+    Args:
+        stress: Coefficients of all cells, shape (cells, d+1, N_k, s).
+        k: Their degree.
+        of: Cell of each piece, shape (n,).
+        at: Barycentric coordinates in the cell, shape (n, q, d+1).
+    """
+    every, sub = np.arange(len(of)), at.mean(axis=1).argmin(axis=1)  # the vertex that the barycentre replaces
+    least = at[every, :, sub]
+    local = at - least[..., None]
+    local[every, :, sub] = at.shape[2] * least
+    return np.matmul(polynomials(k, local), stress[of, sub])
 
 
 def piola(cells: Simplices, some: slice) -> np.ndarray:

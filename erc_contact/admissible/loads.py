@@ -1,0 +1,71 @@
+"""What sigma^ balances: the projections of the loads, on degree k of each facet and degree k-1 of each cell.
+
+Where a load varies in space the projections are integrals that are adapted to it, so that each facet and each cell has
+the resultant of the load, a jump or a peak inside included. What the projections leave is the oscillation of the loads.
+
+Symbols: k degree, m nodes of a facet, N_(k-1) coefficients of a polynomial of degree k-1 in a cell.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from erc_contact.admissible.geometry import Simplices
+from erc_contact.expressions import Everywhere, evaluate, varies_in_cells
+from erc_contact.model import DATA_DEGREE, Model
+from erc_contact.quadrature import cell_pieces, facet_pieces, integrate, polynomials
+from erc_contact.simplex import bernstein, mass, rule
+
+
+def traction_moments(model: Model, facets: np.ndarray, traction: Any) -> np.ndarray:
+    """Moments ``int_F t B_m`` of a traction [force], shape (facets, m, d), in the order of :meth:`Model.facet_nodes`.
+
+    Collective.
+
+    Args:
+        model: The scene on a mesh.
+        facets: Pairs (cell, local facet), shape (facets, 2).
+        traction: UFL [force/area], shape (d,).
+    """
+    d, k = model.d, model.degree
+    area = model.facet_areas(facets)
+    if not varies_in_cells(traction):
+        points, weights = rule(d - 1, DATA_DEGREE)
+        values = evaluate(traction, model.domain, points, facets)
+        weighted = weights[:, None] * bernstein(d - 1, k, points)
+        return np.einsum("qm,fqi->fmi", weighted, values) * area[:, None, None]
+    load = Everywhere(traction, model.domain)
+
+    def moments(of: np.ndarray, at: np.ndarray, x: np.ndarray) -> np.ndarray:
+        return _products(polynomials(k, at), load(x, facets[of]))
+
+    total = integrate(model.comm, moments, model.facet_corners(facets), area, facet_pieces(d - 1))
+    return total.value.reshape(len(facets), -1, d)
+
+
+def cell_forces(model: Model, cells: Simplices) -> np.ndarray | None:
+    """Body force times volume, the projection of f on degree k-1 [force], shape (n, N_(k-1), d); collective."""
+    if model.body_force is None:
+        return None
+    d, k = cells.d, cells.degree
+    of_cells = np.arange(len(cells.nodes), dtype=np.int32)
+    if not varies_in_cells(model.body_force):
+        middle = np.full((1, d), 1 / (d + 1))
+        values = evaluate(model.body_force, model.domain, middle, of_cells)
+        return np.repeat(values, len(mass(d, k - 1, k - 1)), axis=1) * cells.volume[:, None, None]
+    load = Everywhere(model.body_force, model.domain)
+
+    def moments(of: np.ndarray, at: np.ndarray, x: np.ndarray) -> np.ndarray:
+        return _products(polynomials(k - 1, at), load(x, of_cells[of]))
+
+    # in DOLFINx's order of the vertices, on which all ranks agree, so that they have the same forces for a cell
+    total = integrate(model.comm, moments, model.cell_corners(), cells.volume, cell_pieces(d))
+    forces = np.linalg.solve(mass(d, k - 1, k - 1), total.value.reshape(len(of_cells), -1, d))
+    return forces if k == 1 else np.take_along_axis(forces, cells.order[:, :, None], axis=1)
+
+
+def _products(shape: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """All products of polynomials (n, q, N) and the components of vectors (n, q, d), shape (n, q, N d)."""
+    return (shape[..., None] * values[:, :, None, :]).reshape(*values.shape[:2], -1)
