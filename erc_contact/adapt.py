@@ -21,6 +21,7 @@ from erc_contact.domain import Domain
 from erc_contact.error import ConstitutiveError, constitutive_error
 from erc_contact.exceptions import InputError, NotConverged
 from erc_contact.methods import Nitsche
+from erc_contact.percent import percent
 from erc_contact.scene import Scene
 from erc_contact.sizes import size_map
 from erc_contact.solve import solve
@@ -69,14 +70,14 @@ class Step:
 
 
 COLUMNS = tuple(f.name for f in fields(Step))
-HEADER = "  cells   verts    dofs  N    eps   bulk   cont  solve equil. error  mesh  total"
+HEADER = "  cells  verts    dofs  N     eps    bulk    cont solve equil error  mesh  total"
 
 
 def _line(step: Step) -> str:
     return (
-        f"{step.cells:7d} {step.vertices:7d} {step.dofs:7d} {step.newton:2d} {step.eps:6.2%} {step.bulk:6.2%} "
-        f"{step.contact:6.2%} {step.solve:6.2f} {step.equilibrate:6.2f} {step.error:5.2f} {step.mesh:5.2f} "
-        f"{step.seconds:6.1f}"
+        f"{step.cells:7d} {step.vertices:6d} {step.dofs:7d} {step.newton:2d} {percent(step.eps, 3):>7} "
+        f"{percent(step.bulk, 3):>7} {percent(step.contact, 3):>7} {step.solve:5.2f} {step.equilibrate:5.2f} "
+        f"{step.error:5.2f} {step.mesh:5.2f} {step.seconds:6.1f}"
     )
 
 
@@ -240,9 +241,11 @@ def adapt(
         if best is None or error.relative < best.relative:
             best = error
         if error.relative <= accuracy:
-            return _ended(steps, meshes, accuracy, best, f"Reached: {error.relative:.3%} <= {accuracy:.3%}.")
+            return _ended(steps, meshes, accuracy, best, f"Reached: {percent(error.relative)} <= {percent(accuracy)}.")
         if len(steps) == max_steps:
-            text = f"Stopped after max_steps = {max_steps} meshes at {best.relative:.3%}, above {accuracy:.3%}."
+            text = (
+                f"Stopped after max_steps = {max_steps} meshes at {percent(best.relative)}, above {percent(accuracy)}."
+            )
             return _ended(steps, meshes, accuracy, best, text)
         if len(steps) == 1:
             _warn(error, accuracy, max_cells)
@@ -250,13 +253,13 @@ def adapt(
         try:
             domain = strategy.next(error, accuracy, max_cells)
         except InputError as failure:
-            text = f"Stopped at {best.relative:.3%}, above {accuracy:.3%}: {failure}"
+            text = f"Stopped at {percent(best.relative)}, above {percent(accuracy)}: {failure}"
             return _ended(steps, meshes, accuracy, best, text)
         mesh_seconds = comm.allreduce(perf_counter() - started, MPI.MAX)
         if domain.cells > max_cells:
             text = (
-                f"Stopped at {best.relative:.3%}, above {accuracy:.3%}: the next mesh has {domain.cells} cells, "
-                f"more than max_cells = {max_cells}."
+                f"Stopped at {percent(best.relative)}, above {percent(accuracy)}: the next mesh has "
+                f"{domain.cells} cells, more than max_cells = {max_cells}."
             )
             return _ended(steps, meshes, accuracy, best, text)
 
@@ -265,7 +268,9 @@ def _warn(error: ConstitutiveError, accuracy: float, max_cells: int) -> None:
     """Say before the time is spent that even the optimal mesh, as far as one mesh can tell, has too many cells."""
     cells = size_map(error, accuracy).cells
     if cells > max_cells:
-        log.warning(f"{accuracy:.3%} takes some {cells:.2g} cells, it seems; max_cells = {max_cells} will end the run.")
+        log.warning(
+            f"{percent(accuracy)} takes some {cells:.2g} cells, it seems; max_cells = {max_cells} will end the run."
+        )
 
 
 def _ended(

@@ -15,7 +15,7 @@ import erc_contact as ec
 
 PACKAGE = Path(ec.__file__).parent
 ORDER = [
-    ["exceptions", "material", "law", "simplex", "partition", "domain", "geometry", "meshing", "scene"],
+    ["percent", "exceptions", "material", "law", "simplex", "partition", "domain", "geometry", "meshing", "scene"],
     ["expressions", "foundation", "motions", "model"],
     ["methods", "stiffness", "condensed", "newton", "start", "solve"],
     [f"admissible.{name}" for name in ("geometry", "macro", "facets", "contact", "displacement")],

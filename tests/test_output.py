@@ -3,7 +3,8 @@
 Properties: fields read back from the files equal the arrays of the error (sum of eps_E^2, largest displacement,
 integral of the stress, traction resultant), cells are positively oriented; a homogeneous stress comes back exactly,
 with the stress out of plane; a status says open, slip or stick as the traction does; pictures show something, in 2D
-and 3D; ranks > 0 load no plotting package; what fails on rank 0 fails on all ranks; a body without load is drawn too.
+and 3D; ranks > 0 load no plotting package; what fails on rank 0 fails on all ranks; a body without load is drawn too;
+a relative error that is told in percent can be read back as a number, however small.
 """
 
 import csv
@@ -20,6 +21,7 @@ import erc_contact as ec
 from erc_contact import fields, output
 from erc_contact.adapt import COLUMNS
 from erc_contact.admissible.contact import ContactTraction
+from erc_contact.percent import percent
 
 COMM = MPI.COMM_WORLD
 PLOTTING = {"pyvista", "vtkmodules", "matplotlib"}
@@ -259,6 +261,37 @@ def test_history_is_saved(history, shared_tmp_path):
             assert [float(row[name]) for row in rows] == history.column(name).tolist()
         grid = read(shared_tmp_path / "run" / "body.vtkhdf")
         assert np.sum(grid["eps_E"] ** 2) == pytest.approx(history.best.relative**2, rel=1e-12)
+
+
+def number(text: str) -> float:
+    """A percentage as a ratio."""
+    assert text.endswith("%")
+    return float(text[:-1]) / 100
+
+
+@pytest.mark.parametrize("digits", [3, 4])
+def test_percentages_are_numbers(digits):
+    for ratio in [*np.geomspace(1.1e-17, 1e7, 241), 0.0, 0.9996, 0.99996, 9.9999e-5]:
+        told = percent(float(ratio), digits)
+        significant = digits - (ratio < 1e-4 or ratio >= 1e4) - (ratio < 1e-11)
+        assert number(told) == pytest.approx(ratio, rel=0.51 * 10.0 ** (1 - significant), abs=0.0051 * (ratio >= 1))
+        assert digits > 3 or len(told) <= 7
+    assert percent(float("nan"), digits) == "nan%"
+
+
+def test_small_errors_are_told():
+    """The patch test is solved to round-off: table and outcome say to how much of it."""
+    scene, _ = patch_test(0.3, 0.2)
+    history = ec.adapt(scene, ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(3, 3)), accuracy=2.5e-6)
+    (step,) = history.steps
+    header, row, outcome = str(history).splitlines()
+    assert 0 < step.eps < 2.5e-6
+    told = [word for word in row.split() if word.endswith("%")]
+    assert [number(word) for word in told] == pytest.approx([step.eps, step.bulk, step.contact], rel=0.5)
+    assert len(row) == len(header)
+    reached, _, accuracy = outcome.removeprefix("Reached: ").removesuffix(".").split()
+    assert number(reached) == pytest.approx(step.eps, rel=0.05)
+    assert number(accuracy) == pytest.approx(2.5e-6, rel=1e-12)
 
 
 def test_unknown_contact_and_empty_input(error, shared_tmp_path):
