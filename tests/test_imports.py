@@ -20,7 +20,8 @@ ORDER = [
     ["methods", "stiffness", "condensed", "newton", "start", "solve"],
     [f"admissible.{name}" for name in ("geometry", "macro", "facets", "contact", "displacement")],
     [f"admissible.{name}" for name in ("energy", "patches", "blocks", "tighten")],
-    ["admissible", "error", "goal", "sizes", "strategy", "adapt", "fields", "output"],
+    ["admissible", "error", "goal", "sizes", "strategy", "adapt"],
+    ["files", "fields", "drawing", "plots", "bodies", "pictures", "output"],
 ]
 ORDER = [module for part in ORDER for module in part]
 
