@@ -21,6 +21,7 @@ from erc_contact.domain import Domain
 from erc_contact.error import ConstitutiveError, constitutive_error
 from erc_contact.exceptions import InputError, NotConverged
 from erc_contact.methods import Nitsche
+from erc_contact.percent import percent
 from erc_contact.scene import Scene
 from erc_contact.sizes import size_map
 from erc_contact.solve import solve
@@ -71,15 +72,20 @@ class Step:
 
 
 COLUMNS = tuple(f.name for f in fields(Step))
-HEADER = "  cells   verts    dofs  N    eps   bulk   cont   geom  solve equil. error  mesh  total"
+HEADER = "  cells  verts    dofs  N     eps    bulk    cont solve equil error  mesh  total"
+CURVED = "  cells  verts    dofs  N     eps    bulk    cont    geom solve equil  total"
+"""The header of a body with curved parts, whose facets cost something."""
 
 
-def _line(step: Step) -> str:
-    return (
-        f"{step.cells:7d} {step.vertices:7d} {step.dofs:7d} {step.newton:2d} {step.eps:6.2%} {step.bulk:6.2%} "
-        f"{step.contact:6.2%} {step.geometry:6.2%} {step.solve:6.2f} {step.equilibrate:6.2f} {step.error:5.2f} "
-        f"{step.mesh:5.2f} {step.seconds:6.1f}"
+def _line(step: Step, curved: bool) -> str:
+    facts = (
+        f"{step.cells:7d} {step.vertices:6d} {step.dofs:7d} {step.newton:2d} {percent(step.eps, 3):>7} "
+        f"{percent(step.bulk, 3):>7} {percent(step.contact, 3):>7}"
     )
+    times = f"{step.solve:5.2f} {step.equilibrate:5.2f}"
+    if curved:
+        return f"{facts} {percent(step.geometry, 3):>7} {times} {step.seconds:6.1f}"
+    return f"{facts} {times} {step.error:5.2f} {step.mesh:5.2f} {step.seconds:6.1f}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +109,9 @@ class History:
     meshes: tuple[tuple[Domain, np.ndarray], ...] = field(repr=False)
 
     def __str__(self) -> str:
-        return "\n".join([HEADER, *map(_line, self.steps), self.outcome])
+        curved = self.best.admissible.solution.domain.marks is not None
+        rows = [_line(step, curved) for step in self.steps]
+        return "\n".join([CURVED if curved else HEADER, *rows, self.outcome])
 
     def column(self, name: str) -> np.ndarray:
         """One column of the rows as an array."""
@@ -210,7 +218,8 @@ def adapt(
     best: ConstitutiveError | None = None
     error: ConstitutiveError | None = None
     solution, mesh_seconds = None, 0.0
-    log.info(HEADER)
+    curved = domain.marks is not None
+    log.info(CURVED if curved else HEADER)
     while True:
         try:
             allowed = SHARE * error.absolute / 2**degree if stop == "certified" and error is not None else None
@@ -240,13 +249,13 @@ def adapt(
             )
         )
         meshes.append((domain, error.cells))
-        log.info(_line(steps[-1]))
+        log.info(_line(steps[-1], curved))
         if best is None or error.total < best.total:
             best = error
         if error.total <= accuracy:
-            return _ended(steps, meshes, accuracy, best, f"Reached: {error.total:.3%} <= {accuracy:.3%}.")
+            return _ended(steps, meshes, accuracy, best, f"Reached: {percent(error.total)} <= {percent(accuracy)}.")
         if len(steps) == max_steps:
-            text = f"Stopped after max_steps = {max_steps} meshes at {best.total:.3%}, above {accuracy:.3%}."
+            text = f"Stopped after max_steps = {max_steps} meshes at {percent(best.total)}, above {percent(accuracy)}."
             return _ended(steps, meshes, accuracy, best, text)
         if len(steps) == 1:
             _warn(error, accuracy, max_cells)
@@ -254,13 +263,13 @@ def adapt(
         try:
             domain = strategy.next(error, accuracy, max_cells)
         except InputError as failure:
-            text = f"Stopped at {best.total:.3%}, above {accuracy:.3%}: {failure}"
+            text = f"Stopped at {percent(best.total)}, above {percent(accuracy)}: {failure}"
             return _ended(steps, meshes, accuracy, best, text)
         mesh_seconds = comm.allreduce(perf_counter() - started, MPI.MAX)
         if domain.cells > max_cells:
             text = (
-                f"Stopped at {best.total:.3%}, above {accuracy:.3%}: the next mesh has {domain.cells} cells, "
-                f"more than max_cells = {max_cells}."
+                f"Stopped at {percent(best.total)}, above {percent(accuracy)}: the next mesh has "
+                f"{domain.cells} cells, more than max_cells = {max_cells}."
             )
             return _ended(steps, meshes, accuracy, best, text)
 
@@ -269,7 +278,9 @@ def _warn(error: ConstitutiveError, accuracy: float, max_cells: int) -> None:
     """Say before the time is spent that even the optimal mesh, as far as one mesh can tell, has too many cells."""
     cells = size_map(error, accuracy).cells
     if cells > max_cells:
-        log.warning(f"{accuracy:.3%} takes some {cells:.2g} cells, it seems; max_cells = {max_cells} will end the run.")
+        log.warning(
+            f"{percent(accuracy)} takes some {cells:.2g} cells, it seems; max_cells = {max_cells} will end the run."
+        )
 
 
 def _ended(

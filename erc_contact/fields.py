@@ -1,8 +1,7 @@
 """Fields of a result: means of stresses, the status of the contact, and files for ParaView.
 
 All functions but :func:`contact_status` and :func:`von_mises` are collective: data are gathered to rank 0 of the mesh's
-communicator, which writes; the other ranks do not import pyvista. What fails on rank 0 is raised on all ranks. The
-folder of a path is made if it is missing.
+communicator, which writes.
 
 Symbols: r^ admissible contact traction, r_n and r_t its normal and tangential parts, mu friction coefficient,
 u^ and sigma^ admissible displacement and stress, eps_E relative error of one element.
@@ -10,25 +9,24 @@ u^ and sigma^ admissible displacement and stress, eps_E relative error of one el
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from mpi4py import MPI
+import ufl
 
 from erc_contact.admissible import Admissible
 from erc_contact.admissible.contact import MARGIN, ContactTraction
 from erc_contact.admissible.macro import tensors
 from erc_contact.domain import Domain
 from erc_contact.error import ConstitutiveError
-from erc_contact.exceptions import raise_together
 from erc_contact.expressions import evaluate
-from erc_contact.material import Elastic
+from erc_contact.files import PARTS, degree_of, gathered, grid_of, on_root, save_grid, subdivided
+from erc_contact.material import mandel_basis
 from erc_contact.model import Model
+from erc_contact.simplex import bernstein, lagrange, node_between, node_vertices, nodes
 
-FONTS = {"font.family": "STIXGeneral", "mathtext.fontset": "stix", "font.size": 11.0}
 OPEN, SLIP, STICK = 0, 1, 2
 """Codes of :func:`contact_status`."""
 
@@ -63,11 +61,15 @@ def contact_status(traction: ContactTraction) -> np.ndarray:
 def write_fields(error: ConstitutiveError, folder: str | Path) -> None:
     """Write the fields for ParaView; collective.
 
-    ``body.vtkhdf``: at the points ``displacement`` (u^); in the cells ``eps_E`` and means of stresses, ``stress``
+    ``body.vtkhdf``: at the nodes ``displacement`` (u^); in the cells ``eps_E`` and means of stresses, ``stress``
     (sigma^), ``stress_fe`` (rebalanced finite element stress; both 3x3, row by row) and ``von_mises`` (of sigma^).
+    Where the material does not tell the stress out of plane (:func:`tells_out_of_plane`), that component is nan, and
+    ``von_mises_in_plane`` stands in place of ``von_mises``: the von Mises stress of the part in plane.
     ``contact_<name>.vtkhdf`` for each contact, each facet with points of its own: at the points ``traction`` (r^),
-    ``pressure`` (-r_n) and ``friction_bound`` (b, the most that |r_t| may be), in the cells ``status`` (0 open, 1 slip,
-    2 stick).
+    ``pressure`` (-r_n) and ``friction_bound`` (b, the most that |r_t| may be), in the cells ``mean_traction`` and
+    ``status`` (0 open, 1 slip, 2 stick).
+    Degree 2 is written by quadratic cells, with values at all nodes. VTK integrates these by straight parts, and lines
+    not at all: so the facets in 2D are polylines, and the integral of ``mean_traction`` is the force, exactly.
 
     Args:
         error: What is written, with its admissible pair.
@@ -77,117 +79,161 @@ def write_fields(error: ConstitutiveError, folder: str | Path) -> None:
         VTKHDF files, written by rank 0 through pyvista: DOLFINx 0.11 itself writes one array a file only.
     """
     admissible, model = error.admissible, error.admissible.solution.model
-    body = gathered(model.comm, **body_mesh(model.domain), u=nodal_displacement(admissible))
+    body = gathered(model.comm, **body_nodes(model), displacement=nodal_displacement(admissible))
     stress = mean_stress(admissible)
     fe = _spatial(model, admissible.fe_stress[: model.domain.owned_cells].mean(axis=1))
-    tensor = {"stress": stress.reshape(-1, 9), "stress_fe": fe.reshape(-1, 9)}
-    cells = gathered(model.comm, **tensor, von_mises=von_mises(stress), eps_E=error.cells)
-    contacts = [(t.contact.name, *whole_contact(admissible, t)) for t in admissible.tractions]
+    mises = "von_mises" if tells_out_of_plane(model) else "von_mises_in_plane"
+    values = {"stress": stress.reshape(-1, 9), "stress_fe": fe.reshape(-1, 9), mises: von_mises(stress)}
+    cells = gathered(model.comm, **values, eps_E=error.cells)
+    contacts = [whole_contact(admissible, t) for t in admissible.tractions]
 
     def write() -> None:
-        grid = grid_of(body["points"], body["cells"])
-        grid.point_data["displacement"] = body["u"]
+        grid = grid_of(body["points"], body["cells"], model.d)
+        grid.point_data["displacement"] = body["displacement"]
         grid.cell_data.update(cells)
-        grid.save(Path(folder) / "body.vtkhdf")
-        for name, traction, x in contacts:
-            surface = grid_of(x.reshape(-1, 3), traction.nodes)
-            values = traction.values.reshape(-1, model.d)
-            surface.point_data["traction"] = np.pad(values, ((0, 0), (0, 3 - model.d)))
-            surface.point_data["pressure"] = -traction.normal.ravel()
-            surface.point_data["friction_bound"] = traction.bound.ravel()
+        save_grid(grid, Path(folder) / "body.vtkhdf")
+        for contact in contacts:
+            assert contact is not None
+            traction, points = contact.traction, _written(contact)
+            shape = bernstein(model.d - 1, contact.degree, points)
+            x = np.matmul(lagrange(model.d - 1, contact.degree, points), contact.x)
+            surface = grid_of(x.reshape(-1, 3), np.arange(x[..., 0].size).reshape(x.shape[:2]), model.d - 1)
+            values = np.matmul(shape, traction.values)
+            surface.point_data["traction"] = _padded(values.reshape(-1, model.d))
+            surface.point_data["pressure"] = (-traction.normal @ shape.T).ravel()
+            surface.point_data["friction_bound"] = (traction.bound @ shape.T).ravel()
+            surface.cell_data["mean_traction"] = _padded(traction.values.mean(axis=1))
             surface.cell_data["status"] = contact_status(traction)
-            surface.save(Path(folder) / f"contact_{name}.vtkhdf")
+            save_grid(surface, Path(folder) / f"contact_{traction.contact.name}.vtkhdf")
 
     on_root(model.comm, Path(folder) / "body.vtkhdf", write)
 
 
 def mean_stress(admissible: Admissible) -> np.ndarray:
-    """Mean of sigma^ in each owned cell [force/area], with the stress out of plane, shape (owned, 3, 3); collective."""
+    """Mean of sigma^ in each owned cell [force/area], shape (owned, 3, 3); collective.
+
+    The stress out of plane is that of the material's ``out_of_plane``, and nan where it has none.
+    """
     model = admissible.solution.model
     return _spatial(model, tensors(admissible.stress.mean(axis=(1, 2)), model.d))
 
 
 def von_mises(stress: np.ndarray) -> np.ndarray:
-    """Von Mises stress ``sqrt(3/2) |dev sigma|`` of tensors of shape (n, 3, 3) [force/area], shape (n,)."""
-    deviator = stress - np.trace(stress, axis1=1, axis2=2)[:, None, None] / 3 * np.eye(3)
+    """Von Mises stress ``sqrt(3/2) |dev sigma|`` of tensors (n, 3, 3) [force/area], shape (n,).
+
+    Where the stress out of plane is not known (nan) it counts as 0: this is the von Mises stress of the part in plane.
+    """
+    known = np.nan_to_num(stress)
+    deviator = known - np.trace(known, axis1=1, axis2=2)[:, None, None] / 3 * np.eye(3)
     return np.sqrt(1.5) * np.linalg.norm(deviator, axis=(1, 2))
 
 
+def tells_out_of_plane(model: Model) -> bool:
+    """Whether all stresses are known: in 3D, and where the material has a method ``out_of_plane``."""
+    return model.d == 3 or hasattr(model.scene.material, "out_of_plane")
+
+
 def _spatial(model: Model, stress: np.ndarray) -> np.ndarray:
-    """Stresses of owned cells as tensors of space: plane strain has a stress out of plane, shape (owned, 3, 3)."""
-    d, material = model.d, model.scene.material
+    """Stresses of owned cells as tensors of space, that out of plane at the middle of cells, shape (owned, 3, 3)."""
+    d = model.d
     full = np.zeros((len(stress), 3, 3))
     full[:, :d, :d] = stress
-    if d == 2 and isinstance(material, Elastic) and material.hypothesis == "plane strain":
+    if not tells_out_of_plane(model):
+        full[:, 2, 2] = np.nan
+    elif d == 2:
+        basis = mandel_basis(d)
+        images = [model.scene.material.out_of_plane(ufl.as_matrix(b.tolist()), **model.parameters) for b in basis]
         cells = np.arange(len(stress), dtype=np.int32)
-        nu = evaluate(model.parameters["nu"], model.domain, np.full((1, d), 1 / (d + 1)), cells)[:, 0]
-        full[:, 2, 2] = nu * np.trace(stress, axis1=1, axis2=2)
+        row = evaluate(ufl.as_vector(images), model.domain, nodes(d, 0), cells)[:, 0]
+        full[:, 2, 2] = np.einsum("nk,kij,nij->n", row, basis, stress)
     return full
 
 
-# -- gathering -----------------------------------------------------------------------------------------------------
+# -- all ranks together -----------------------------------------------------------------------------------------------
 
 
-def on_root(comm: MPI.Comm, path: str | Path, draw: Callable[[], None]) -> None:
-    """Draw on rank 0 with the folder made; what fails is raised on all ranks; collective."""
-    error: Exception | None = None
-    if comm.rank == 0:
-        try:
-            from matplotlib import rc_context  # noqa: PLC0415
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """A contact of all ranks, facet by facet; on rank 0.
 
-            Path(path).parent.mkdir(parents=True, exist_ok=True)
-            with rc_context(FONTS):
-                draw()
-        except Exception as reason:
-            error = reason
-    raise_together(comm, error)
+    Attributes:
+        traction: r^; its ``contact`` has no values but the direction of these facets.
+        x: Places of the nodes [length], shape (n, m, 3).
+        vertices: Global numbers of the vertices, shape (n, d).
+        gap: The gap at the nodes [length], shape (n, m).
+    """
+
+    traction: ContactTraction
+    x: np.ndarray
+    vertices: np.ndarray
+    gap: np.ndarray
+
+    @property
+    def d(self) -> int:
+        """Dimension of the body."""
+        return self.traction.values.shape[-1]
+
+    @property
+    def degree(self) -> int:
+        """Degree of r^."""
+        return 1 if self.x.shape[1] == self.d else 2
 
 
-def gathered(comm: MPI.Comm, **arrays: np.ndarray) -> dict[str, np.ndarray]:
-    """Arrays of all ranks one after the other, on rank 0; nothing elsewhere; collective."""
-    parts = comm.gather(arrays)
-    return {name: np.concatenate([part[name] for part in parts]) for name in arrays} if parts else {}
+def whole_contact(admissible: Admissible, traction: ContactTraction) -> Surface | None:
+    """A contact of all ranks on rank 0, None elsewhere; collective."""
+    model, contact = admissible.solution.model, traction.contact
+    own = contact.facets[:, 0] < model.domain.owned_cells
+    parts = gathered(
+        model.comm,
+        area=traction.area[own],
+        values=traction.values[own],
+        bound=traction.bound[own],
+        direction=contact.direction[own],
+        nodes=model.global_numbers(traction.nodes[own]),
+        x=model.V.tabulate_dof_coordinates()[traction.nodes[own]],
+        gap=model.gap_at_nodes(contact)[own],
+    )
+    if not parts:
+        return None
+    x, gap, vertices = parts.pop("x"), parts.pop("gap"), parts["nodes"][:, : model.d]
+    contact = replace(contact, direction=parts.pop("direction"))
+    return Surface(ContactTraction(contact, **parts), x, vertices, gap)
 
 
 def body_mesh(domain: Domain) -> dict[str, np.ndarray]:
-    """Owned points (n, 3) and owned cells (m, d+1) by global point numbers, positively oriented as VTK wants it."""
+    """Owned vertices (n, 3) as points, owned cells (m, d+1) by global numbers of these, positively oriented."""
     geometry = domain.mesh.geometry
-    nodes, cells = geometry.index_map(), geometry.dofmaps[0][: domain.owned_cells]
-    numbers = nodes.local_to_global(np.ascontiguousarray(cells).ravel()).reshape(cells.shape)
-    x = geometry.x[cells, : domain.dim]
-    turned = np.linalg.det(x[:, 1:] - x[:, :1]) < 0
-    numbers[turned, -2:] = numbers[turned, :-3:-1]
-    return {"points": geometry.x[: nodes.size_local].copy(), "cells": numbers}
+    return _numbered(geometry.x, geometry.dofmaps[0][: domain.owned_cells], geometry.index_map(), domain.dim)
+
+
+def body_nodes(model: Model) -> dict[str, np.ndarray]:
+    """The same with all nodes of the displacement: points (n, 3), cells (m, N)."""
+    cells, x = model.nodes[: model.domain.owned_cells], model.V.tabulate_dof_coordinates()
+    return _numbered(x, cells, model.V.dofmap.index_map, model.d)
 
 
 def nodal_displacement(admissible: Admissible) -> np.ndarray:
-    """u^ at the owned points, in the order of :func:`body_mesh`, shape (n, 3)."""
+    """u^ at the points of :func:`body_nodes` of this rank [length], shape (n, 3)."""
     model = admissible.solution.model
-    geometry = model.mesh.geometry
-    values, u = admissible.displacement.x.array.reshape(-1, model.d), np.zeros_like(geometry.x)
-    u[geometry.dofmaps[0].ravel(), : model.d] = values[model.vertices.ravel()]
-    return u[: geometry.index_map().size_local]
+    return _padded(admissible.displacement.x.array.reshape(-1, model.d)[: model.V.dofmap.index_map.size_local])
 
 
-def whole_contact(admissible: Admissible, traction: ContactTraction) -> tuple[ContactTraction, np.ndarray]:
-    """The traction of all ranks at the vertices, counted facet by facet, and their places (n, d, 3); only on rank 0."""
-    model, contact = admissible.solution.model, traction.contact
-    own = contact.facets[:, 0] < model.domain.owned_cells
-    d = model.d
-    x = model.V.tabulate_dof_coordinates()[traction.nodes[own, :d]]
-    parts = {"area": traction.area[own], "values": traction.values[own, :d], "bound": traction.bound[own, :d]}
-    parts |= {"x": x, "direction": contact.direction[own]}
-    parts = gathered(model.comm, **parts) or parts
-    x, contact = parts.pop("x"), replace(contact, direction=parts.pop("direction"))
-    return ContactTraction(contact, np.arange(len(x) * model.d).reshape(-1, model.d), **parts), x
+def _padded(vectors: np.ndarray) -> np.ndarray:
+    """Vectors (n, d) in space, (n, 3)."""
+    return np.pad(vectors, ((0, 0), (0, 3 - vectors.shape[1])))
 
 
-# -- drawing, on rank 0 --------------------------------------------------------------------------------------------
+def _written(surface: Surface) -> np.ndarray:
+    """Reference points at which a facet is written: its nodes, or those of a polyline."""
+    d, k = surface.d - 1, surface.degree
+    return subdivided(d, PARTS)[0] if (d, k) == (1, 2) else nodes(d, k)
 
 
-def grid_of(points: np.ndarray, cells: np.ndarray) -> Any:
-    """Lines, triangles or tetrahedra for pyvista."""
-    import pyvista  # noqa: PLC0415
-
-    kind = {2: pyvista.CellType.LINE, 3: pyvista.CellType.TRIANGLE, 4: pyvista.CellType.TETRA}[cells.shape[1]]
-    return pyvista.UnstructuredGrid({kind: cells}, points)
+def _numbered(x: np.ndarray, cells: np.ndarray, nodes: Any, d: int) -> dict[str, np.ndarray]:
+    k = degree_of(cells, d)
+    ends = x[cells[:, : d + 1], :d]
+    turned = np.linalg.det(ends[:, 1:] - ends[:, :1]) < 0
+    swapped = np.array([*range(d - 1), d, d - 1])[node_vertices(d, k)]
+    cells = np.where(turned[:, None], cells[:, node_between(d, k)[swapped[:, 0], swapped[:, 1]]], cells)
+    numbers = nodes.local_to_global(cells.ravel().astype(np.int32)).reshape(cells.shape)
+    return {"points": x[: nodes.size_local].copy(), "cells": numbers}

@@ -67,7 +67,8 @@ class Elastic:
     """Isotropic linear elasticity.
 
     A material of the user's own is a class with the same members: ``parameters`` (names of
-    the attributes that are values in space), ``check``, ``stress``, ``compliance``, and ``modulus``.
+    the attributes that are values in space), ``check``, ``stress``, ``compliance``, and ``modulus``. In 2D it may tell
+    its stress out of plane by ``out_of_plane``; without that only the von Mises stress of the part in plane is shown.
 
     Args:
         E: Young's modulus [force/area], > 0: a number, a callable of x, or a mapping from the names
@@ -127,6 +128,10 @@ class Elastic:
         """``eps = C^-1 sigma`` [-], shape (d, d)."""
         a, b = self.moduli(sigma.ufl_shape[0], E, nu)
         return scale_parts(sigma, 1 / a, 1 / b)
+
+    def out_of_plane(self, sigma: Any, E: Any, nu: Any) -> Any:
+        """The stress ``sigma_zz`` of a plane stress tensor (2, 2) [force/area]."""
+        return 0.0 if self.hypothesis == "plane stress" else nu * ufl.tr(sigma)
 
     def modulus(self, E: Any, nu: Any) -> Any:
         """The modulus that scales contact parameters [force/area]: Young's."""

@@ -16,6 +16,7 @@ import numpy as np
 from erc_contact.domain import Domain
 from erc_contact.error import ConstitutiveError
 from erc_contact.exceptions import InputError
+from erc_contact.percent import percent
 from erc_contact.sizes import size_map
 
 CLOSE = 1.2
@@ -109,7 +110,7 @@ class SizeMap:
         sizes = size_map(error, aim)
         if sizes.cells > max_cells:
             raise InputError(
-                f"{accuracy:.3%} takes about {sizes.cells:.0f} cells, more than max_cells = {max_cells}; "
+                f"{percent(accuracy)} takes about {sizes.cells:.0f} cells, more than max_cells = {max_cells}; "
                 "allow more, or a larger error."
             )
         way = error.total / aim

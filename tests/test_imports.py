@@ -15,13 +15,14 @@ import erc_contact as ec
 
 PACKAGE = Path(ec.__file__).parent
 ORDER = [
-    ["exceptions", "material", "law", "simplex", "quadrature", "partition", "surface", "domain", "geometry", "meshing"],
-    ["scene"],
+    ["percent", "exceptions", "material", "law", "simplex", "quadrature", "partition", "surface", "domain", "geometry"],
+    ["meshing", "scene"],
     ["expressions", "foundation", "motions", "model"],
     ["methods", "stiffness", "condensed", "newton", "start", "solve"],
     [f"admissible.{name}" for name in ("geometry", "loads", "macro", "facets", "contact", "displacement")],
     [f"admissible.{name}" for name in ("energy", "patches", "blocks", "tighten")],
-    ["admissible", "oscillation", "error", "works", "goal", "sizes", "strategy", "adapt", "fields", "output"],
+    ["admissible", "oscillation", "error", "works", "goal", "sizes", "strategy", "adapt"],
+    ["files", "fields", "drawing", "plots", "bodies", "pictures", "output"],
 ]
 ORDER = [module for part in ORDER for module in part]
 

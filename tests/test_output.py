@@ -3,16 +3,24 @@
 Properties: fields read back from the files equal the arrays of the error (sum of eps_E^2, largest displacement,
 integral of the stress, traction resultant), cells are positively oriented; a homogeneous stress comes back exactly,
 with the stress out of plane; a status says open, slip or stick as the traction does; pictures show something, in 2D
-and 3D; ranks > 0 load no plotting package; what fails on rank 0 fails on all ranks; a body without load is drawn too.
+and 3D; ranks > 0 load no plotting package; what fails on rank 0 fails on all ranks; a body without load is drawn too;
+a relative error that is told in percent can be read back as a number, however small.
+
+Of degree 2 all nodes are written, drawn and can be integrated; the area under a drawn pressure is the resultant, also
+of a curved or closed contact; a picture magnifies gap and displacement alike, so that no body enters its foundation; a
+contact in space is seen; directions have clean names; a stress out of plane that nobody knows is not shown as zero;
+files are no larger than what they hold.
 """
 
 import csv
 import sys
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import ufl
 from mpi4py import MPI
 from scenes import block, patch_test, random_scene, resultant
 
@@ -20,6 +28,7 @@ import erc_contact as ec
 from erc_contact import fields, output
 from erc_contact.adapt import COLUMNS
 from erc_contact.admissible.contact import ContactTraction
+from erc_contact.percent import percent
 
 COMM = MPI.COMM_WORLD
 PLOTTING = {"pyvista", "vtkmodules", "matplotlib"}
@@ -40,8 +49,8 @@ def punch(d: int) -> tuple[ec.Scene, ec.Domain]:
     return scene, (ec.rectangle if d == 2 else ec.box)((0.0,) * d, size, cells=cells)
 
 
-def error_of(scene: ec.Scene, domain: ec.Domain) -> ec.ConstitutiveError:
-    return ec.constitutive_error(ec.equilibrate(ec.solve(scene, domain)))
+def error_of(scene: ec.Scene, domain: ec.Domain, degree: int = 1) -> ec.ConstitutiveError:
+    return ec.constitutive_error(ec.equilibrate(ec.solve(scene, domain, degree=degree)))
 
 
 @pytest.fixture(scope="module", params=[2, 3])
@@ -79,6 +88,51 @@ def check_picture(path):
         assert counts.max() < 0.98 * counts.sum()
         assert np.mean(image[:3] == 255) > 0.95
         assert min(image.shape[:2]) > 300
+
+
+@pytest.fixture
+def seen(monkeypatch):
+    """What rank 0 would draw: figures, meshes with their looks, directions of view; nothing is rendered or saved."""
+    record = SimpleNamespace(figures=[], meshes=[], views=[])
+    if COMM.rank == 0:
+        import pyvista
+        from matplotlib.figure import Figure
+
+        add = pyvista.Plotter.add_mesh
+
+        def savefig(figure, *args, **kwargs):
+            record.figures.append(figure)
+
+        def add_mesh(plotter, mesh, **look):
+            record.meshes.append((mesh.copy(), look))
+            return add(plotter, mesh, **look)
+
+        def screenshot(plotter, **kwargs):
+            record.views.append(np.array(plotter.camera.direction))
+            return np.full((9, 9, 3), 255, dtype=np.uint8)
+
+        monkeypatch.setattr(Figure, "savefig", savefig)
+        monkeypatch.setattr(pyvista.Plotter, "add_mesh", add_mesh)
+        monkeypatch.setattr(pyvista.Plotter, "screenshot", screenshot)
+    return record
+
+
+def texts(figure) -> list[str]:
+    """All words of a figure."""
+    from matplotlib.text import Text
+
+    return [text.get_text() for text in figure.findobj(Text) if text.get_text()]
+
+
+def areas(figure) -> list[float]:
+    """Areas under the curves of a contact, from left to right: of the pressure and of the shear."""
+    found = []
+    for colour in ("#1f3b73", "#b22222"):
+        (line,) = [line for line in figure.axes[0].lines if line.get_color() == colour]
+        x, y = line.get_xdata(), line.get_ydata()
+        assert np.all(np.diff(x[np.isfinite(x)]) >= -1e-12 * np.nanmax(abs(x)))
+        found.append(float(np.nansum(0.5 * (y[1:] + y[:-1]) * np.diff(x))))
+    return found
 
 
 def total(values) -> float:
@@ -216,10 +270,11 @@ def test_pictures_show_something(error, shared_tmp_path):
     domain = error.admissible.solution.domain
     output.draw_meshes([(domain, error.cells)] * (7 if domain.dim == 2 else 2), shared_tmp_path / "new" / "meshes.png")
     output.draw_error(error, shared_tmp_path / "error.png")
+    output.draw_sizes(ec.size_map(error, 0.5 * error.relative), shared_tmp_path / "sizes.png")
     output.draw_deformed(error, shared_tmp_path / "deformed.png")
     output.draw_deformed(error, shared_tmp_path / "as_it_is.png", factor=1.0)
     output.plot_contact(error.admissible, "bottom", shared_tmp_path / "contact.png")
-    for name in ("new/meshes", "error", "deformed", "as_it_is", "contact"):
+    for name in ("new/meshes", "error", "sizes", "deformed", "as_it_is", "contact"):
         check_picture(shared_tmp_path / f"{name}.png")
     if COMM.rank > 0:
         assert PLOTTING & set(sys.modules) == before
@@ -259,6 +314,348 @@ def test_history_is_saved(history, shared_tmp_path):
             assert [float(row[name]) for row in rows] == history.column(name).tolist()
         grid = read(shared_tmp_path / "run" / "body.vtkhdf")
         assert np.sum(grid["eps_E"] ** 2) == pytest.approx(history.best.relative**2, rel=1e-12)
+
+
+def number(text: str) -> float:
+    """A percentage as a ratio."""
+    assert text.endswith("%")
+    return float(text[:-1]) / 100
+
+
+@pytest.mark.parametrize("digits", [3, 4])
+def test_percentages_are_numbers(digits):
+    for ratio in [*np.geomspace(1.1e-17, 1e7, 241), 0.0, 0.9996, 0.99996, 9.9999e-5]:
+        told = percent(float(ratio), digits)
+        significant = digits - (ratio < 1e-4 or ratio >= 1e4) - (ratio < 1e-11)
+        assert number(told) == pytest.approx(ratio, rel=0.51 * 10.0 ** (1 - significant), abs=0.0051 * (ratio >= 1))
+        assert digits > 3 or len(told) <= 7
+    assert percent(float("nan"), digits) == "nan%"
+
+
+def test_small_errors_are_told():
+    """The patch test is solved to round-off: table and outcome say to how much of it."""
+    scene, _ = patch_test(0.3, 0.2)
+    history = ec.adapt(scene, ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(3, 3)), accuracy=2.5e-6)
+    (step,) = history.steps
+    header, row, outcome = str(history).splitlines()
+    assert 0 < step.eps < 2.5e-6
+    told = [word for word in row.split() if word.endswith("%")]
+    assert [number(word) for word in told] == pytest.approx([step.eps, step.bulk, step.contact], rel=0.5)
+    assert len(row) == len(header)
+    reached, _, accuracy = outcome.removeprefix("Reached: ").removesuffix(".").split()
+    assert number(reached) == pytest.approx(step.eps, rel=0.05)
+    assert number(accuracy) == pytest.approx(2.5e-6, rel=1e-12)
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_degree_2_is_written_at_all_nodes(d, shared_tmp_path):
+    from dolfinx import fem
+
+    scene, domain = punch(d) if d == 2 else (punch(3)[0], ec.box((0.0,) * 3, (4.0, 1.0, 4.0), cells=(3, 1, 3)))
+    error = error_of(scene, domain, degree=2)
+    u, (traction,) = error.admissible.displacement, error.admissible.tractions
+    integral = [COMM.allreduce(fem.assemble_scalar(fem.form(u[i] * ufl.dx)), MPI.SUM) for i in range(d)]
+    nodes = u.function_space.dofmap.index_map.size_global
+    force = resultant(traction)
+    fields.write_fields(error, shared_tmp_path)
+    if COMM.rank == 0:
+        import pyvista
+
+        grid = read(shared_tmp_path / "body.vtkhdf")
+        kind = {2: pyvista.CellType.QUADRATIC_TRIANGLE, 3: pyvista.CellType.QUADRATIC_TETRA}[d]
+        assert set(grid.celltypes) == {kind}
+        assert grid.n_points == nodes
+        cells = grid.cells_dict[kind]
+        ends = np.array([(0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3)][: 3 * d - 3])  # as VTK numbers them
+        x = grid.points[cells]
+        assert x[:, d + 1 :] == pytest.approx(x[:, ends].mean(axis=2), abs=1e-14)
+        volume = np.linalg.det(x[:, 1 : d + 1, :d] - x[:, :1, :d]) / (1, 1, 2, 6)[d]
+        weights = np.repeat([[0.0, 1 / 3], [-1 / 20, 1 / 5]][d - 2], [d + 1, 3 * d - 3])
+        values = grid["displacement"][cells]
+        assert np.einsum("n,v,nvi->i", volume, weights, values)[:d] == pytest.approx(integral, rel=1e-10, abs=1e-14)
+        assert np.all(volume > 0)
+
+        surface = read(shared_tmp_path / "contact_bottom.vtkhdf")
+        kind = {2: pyvista.CellType.POLY_LINE, 3: pyvista.CellType.QUADRATIC_TRIANGLE}[d]
+        facets = surface.cells_dict[kind]
+        assert facets.size == surface.n_points
+        x, values = surface.points[facets][..., [0, 2, 1]], surface["traction"][facets][..., :d]
+        if d == 2:
+            written = np.sum(np.diff(x[..., :1], axis=1) * 0.5 * (values[:, 1:] + values[:, :-1]), axis=(0, 1))
+            assert abs(written) == pytest.approx(abs(force), rel=1e-3, abs=1e-4)
+            assert surface.integrate_data()["pressure"][0] == pytest.approx(force[1], rel=1e-3)
+        else:
+            assert x[:, 3:] == pytest.approx(x[:, ends[:3]].mean(axis=2), abs=1e-14)
+            area = abs(np.linalg.det(x[:, 1:3, :2] - x[:, :1, :2])) / 2
+            written = np.einsum("n,nvi->i", area / 3, values[:, 3:])
+            assert written == pytest.approx(force, rel=1e-10, abs=1e-14)
+        assert surface["pressure"] == pytest.approx(surface["traction"][:, 1])
+        assert surface["friction_bound"] == pytest.approx(0.4 * surface["pressure"])
+        sums = surface.integrate_data().cell_data["mean_traction"][0, :d]
+        assert sums == pytest.approx(force, rel=1e-10, abs=1e-14)
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_files_are_small(degree, shared_tmp_path):
+    for cells in ((4, 2), (32, 16)):
+        error = error_of(punch(2)[0], ec.rectangle((0.0, 0.0), (4.0, 1.0), cells=cells), degree=degree)
+        fields.write_fields(error, shared_tmp_path)
+        if COMM.rank == 0:
+            for name, many in (("body", error.admissible.solution.domain.cells), ("contact_bottom", cells[0])):
+                assert (shared_tmp_path / f"{name}.vtkhdf").stat().st_size < 50e3 + 1e3 * many
+
+
+def test_file_that_cannot_be_written(error, shared_tmp_path):
+    if COMM.rank == 0:
+        (shared_tmp_path / "body.vtkhdf").mkdir()
+    with pytest.raises(OSError, match="body"):
+        fields.write_fields(error, shared_tmp_path)
+
+
+@pytest.mark.parametrize("body", ["block", "half disc"])
+@pytest.mark.parametrize("degree", [1, 2])
+def test_area_under_the_pressure_is_the_force(degree, body, shared_tmp_path, seen):
+    scene, domain = punch(2)
+    if body == "half disc":
+        domain = ec.read_mesh(Path(__file__).parents[1] / "meshes" / "half_disc.msh")
+        scene = replace(scene, contacts=[ec.Contact("arc", friction=0.4, normal=(0.0, -1.0), gap=lambda x: x[1])])
+    error = error_of(scene, domain, degree=degree)
+    output.plot_contact(error.admissible, scene.contacts[0].facets, shared_tmp_path / "contact.png")
+    force = resultant(error.admissible.tractions[0])
+    if COMM.rank == 0:
+        shear, pressure = force
+        assert areas(seen.figures[0]) == pytest.approx([pressure, shear], rel=1e-3, abs=1e-3 * pressure)
+
+
+@pytest.mark.parametrize("shape", ["arc", "ring", "two arcs", "two feet"])
+def test_area_under_the_pressure_of_any_contact(shape):
+    """A ring is cut where nothing presses; facets come in any order and direction; parts may lie apart."""
+    if COMM.rank > 0:
+        return
+    from erc_contact.plots import contact_curves
+
+    rng = np.random.default_rng(3)
+    many = 40
+    angle = np.linspace(0.0, 2 * np.pi if shape == "ring" else 2.5, many + 1)
+    ends = np.column_stack([np.arange(many), np.arange(1, many + 1) % (many if shape == "ring" else many + 1)])
+    if "two" in shape:
+        ends = np.delete(ends, 9, axis=0)
+    ends = ends[rng.permutation(len(ends))]
+    turned = rng.random(len(ends)) < 0.5
+    ends[turned] = ends[turned, ::-1]
+    x = 3e-3 * np.column_stack([np.cos(angle), np.sin(angle), 0 * angle])[ends]
+    if shape == "two feet":
+        x = 3e-3 * np.column_stack([angle, 0 * angle, 0 * angle])[ends]
+    n = x.mean(axis=1)[:, :2]
+    n = n / np.linalg.norm(n, axis=1)[:, None] if shape != "two feet" else np.array([[0.0, -1.0]] * len(ends))
+    area = np.linalg.norm(x[:, 1] - x[:, 0], axis=1)
+    pressure = 5e6 * np.maximum(np.cos(angle - 1.0), 0.0)[ends]
+    values = (
+        -pressure[..., None] * n[:, None] + 0.1 * pressure[..., None] * np.column_stack([-n[:, 1], n[:, 0]])[:, None]
+    )
+    contact = SimpleNamespace(direction=n, bilateral=False, sampled=False)
+    traction = ContactTraction(contact, ends, area, values, 0.3 * pressure)
+    figure = contact_curves(fields.Surface(traction, x, ends, np.zeros(ends.shape)))
+    force = float(area @ pressure.mean(axis=1))
+    assert areas(figure) == pytest.approx([force, 0.1 * force], rel=1e-9)
+    line = figure.axes[0].lines[0]
+    apart = {"two arcs": 0.05 * area.sum(), "two feet": 3e-3 * angle[1]}.get(shape, 0.0)
+    assert np.ptp(line.get_xdata()[np.isfinite(line.get_xdata())]) == pytest.approx(area.sum() + apart, rel=1e-9)
+    assert np.nanmax(abs(np.diff(line.get_ydata()))) < 0.3 * pressure.max()  # neighbours stand side by side
+    expected = "$x$ [length]" if shape == "two feet" else "arc length from ("
+    assert figure.axes[0].get_xlabel().startswith(expected)
+
+
+def test_curved_edges_are_drawn(shared_tmp_path, seen):
+    """Pure bending is quadratic: the lower edge, drawn by two elements, becomes a parabola."""
+    nu, bend, factor = 0.25, 0.01, 20.0
+    scene = ec.Scene(
+        material=ec.Elastic(E=1.0, nu=nu),
+        supports=[
+            ec.Displacement(
+                name, (lambda x: -bend * x[0] * x[1], lambda x: bend / 2 * (x[0] ** 2 + nu / (1 - nu) * x[1] ** 2))
+            )
+            for name in ("left", "right", "bottom", "top")
+        ],
+    )
+    error = error_of(scene, ec.rectangle((0.0, 0.0), (2.0, 1.0), cells=(2, 1)), degree=2)
+    assert error.relative < 1e-8
+    output.draw_deformed(error, shared_tmp_path / "deformed.png", factor=factor)
+    if COMM.rank == 0:
+        x, y, _ = np.concatenate([mesh.points for mesh, _ in seen.meshes]).T
+        lower = abs(y - factor * bend / 2 * x**2) < 1e-6
+        assert len(np.unique(x[lower].round(5))) >= 9
+        assert "displacement × 20" in texts(seen.figures[0])
+
+
+@pytest.mark.parametrize("gap", ["none", "constant", "curved"])
+def test_foundation_is_drawn_where_the_body_meets_it(gap, shared_tmp_path, seen):
+    """Gap and displacement are magnified alike: what is closed looks closed, nothing enters the foundation."""
+    scene, domain = punch(2)
+    given = {"none": 0.0, "constant": 0.02, "curved": scene.contacts[0].gap}[gap]
+    scene = replace(scene, contacts=[replace(scene.contacts[0], gap=given)])
+    factor = 7.0
+    error = error_of(scene, domain)
+    output.draw_deformed(error, shared_tmp_path / "deformed.png", factor=factor)
+    model, (traction,) = error.admissible.solution.model, error.admissible.tractions
+    nodes = np.unique(traction.nodes[traction.contact.facets[:, 0] < domain.owned_cells])
+    x = model.V.tabulate_dof_coordinates()[nodes, 0]
+    u = error.admissible.displacement.x.array.reshape(-1, 2)[nodes]
+    at = np.concatenate(COMM.allgather(np.column_stack([x, x + factor * u[:, 0], factor * u[:, 1]])))
+    if COMM.rank == 0:
+        (ground,) = [mesh.points for mesh, look in seen.meshes if look.get("color") == "#505050"]
+        ground = ground[np.argsort(ground[:, 0])]
+        size = float(np.hypot(4.0, 1.0))
+        known = (at[:, 0] >= ground[0, 0]) & (at[:, 0] <= ground[-1, 0])
+        below = np.interp(at[:, 0], *ground[:, :2].T)
+        expected = -factor * (0.03 * (at[:, 0] - 1.9) ** 2 if gap == "curved" else given + 0 * at[:, 0])
+        assert known.sum() > 15
+        assert below[known] == pytest.approx(expected[known], abs=2e-3 * size)
+        clear = (at[:, 2] - below)[known]
+        assert clear.min() > -1e-9
+        closed = 1e-9 if gap != "curved" else 0.3 * factor * 0.03 * (4.0 / 32) ** 2 + 1e-9  # admissible between nodes
+        assert np.count_nonzero(clear <= closed) > 5
+        assert ground[:, 1].min() > -0.16 * size
+        if gap != "curved":
+            assert ground[0, 0] < at[:, 1].min() < at[:, 1].max() < ground[-1, 0]
+        body = np.concatenate([mesh.points for mesh, _ in seen.meshes])
+        distance = [abs(body[:, :2] - point).max(axis=1).min() for point in at[:, 1:]]
+        assert max(distance) < 1e-6
+        assert f"displacement {'and gap ' * (gap != 'none')}× 7" in texts(seen.figures[0])
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_contact_in_space_is_seen(axis, shared_tmp_path, seen):
+    """One view looks at the contact, one at the other side; both have labelled axes."""
+    low, high = (("left", "right"), ("bottom", "top"), ("front", "back"))[axis]
+    scene = ec.Scene(
+        material=ec.Elastic(1.0, 0.3),
+        supports=[ec.Displacement(high, tuple(-0.01 * np.eye(3)[axis]))],
+        contacts=[ec.Contact(low, friction=0.3)],
+    )
+    error = error_of(scene, ec.box((0.0,) * 3, (1.0, 1.0, 1.0), cells=(2, 2, 2)))
+    output.draw_error(error, shared_tmp_path / "error.png")
+    output.draw_deformed(error, shared_tmp_path / "deformed.png")
+    if COMM.rank == 0:
+        along = np.array(seen.views)[:, axis]
+        assert along[::2] == pytest.approx(-0.4, abs=0.1)
+        assert along[1::2] == pytest.approx(0.55, abs=0.1)
+        assert len(along) == 4
+        for figure in seen.figures:
+            words = texts(figure)
+            assert all(words.count(f"${name}$ [length]") == 2 for name in "xyz")
+            assert {"from above", "from below", "0", "1"} <= set(words)
+
+
+@pytest.mark.parametrize("kind", ["sphere", "plane", "slope"])
+def test_directions_in_space_have_clean_names(kind, shared_tmp_path, seen):
+    def distance(x):
+        return ufl.sqrt((x[0] - 0.5001) ** 2 + (x[1] - 0.5) ** 2 + (x[2] + 2.0) ** 2) - 2.0
+
+    n = np.array([0.2, 0.1, -1.0]) if kind == "slope" else np.array([2e-6, -1.6e-5, -1.0])
+    given = {"gap": distance, "normal": "gap"} if kind == "sphere" else {"normal": tuple(n / np.linalg.norm(n))}
+    scene = ec.Scene(
+        material=ec.Elastic(1.0, 0.3),
+        supports=[ec.Displacement("back", (0.0, 0.0, -0.01))],
+        contacts=[ec.Contact("front", friction=0.3, **given)],
+    )
+    admissible = ec.equilibrate(ec.solve(scene, ec.box((0.0,) * 3, (1.0, 1.0, 1.0), cells=(3, 3, 3))))
+    output.plot_contact(admissible, "front", shared_tmp_path / "contact.png")
+    if COMM.rank == 0:
+        panels = seen.figures[0].axes
+        names = {panels[0].get_xlabel(), panels[0].get_ylabel()}
+        if kind == "slope":
+            assert names == {"along (0.981, -0.019, 0.194) [length]", "along (0, 0.995, 0.1) [length]"}
+        else:
+            assert names == {"$x$ [length]", "$y$ [length]"}
+
+
+class PlaneStrain:
+    """A user's own isotropic material in plane strain; it does not tell its stress out of plane."""
+
+    parameters = ("E",)
+    hypothesis = "plane strain"
+    nu = 0.3
+
+    def __init__(self, E):
+        self.E, self.known = E, ec.Elastic(1.0, self.nu)
+
+    def check(self, name, low, high):
+        assert low > 0
+
+    def stress(self, eps, E):
+        return self.known.stress(eps, E, self.nu)
+
+    def compliance(self, sigma, E):
+        return self.known.compliance(sigma, E, self.nu)
+
+    def modulus(self, E):
+        return E
+
+
+class Telling(PlaneStrain):
+    """The same; it does."""
+
+    def out_of_plane(self, sigma, E):
+        return self.nu * (sigma[0, 0] + sigma[1, 1])
+
+
+def test_stress_out_of_plane_that_nobody_knows(shared_tmp_path, seen):
+    scene, domain = punch(2)
+    E = {True: 1.0, False: lambda x: 1.0 + 0.1 * x[0]}
+    for material, known in (
+        (ec.Elastic(1.0, 0.3), True),
+        (PlaneStrain(1.0), False),
+        (Telling(1.0), True),
+        (Telling(E[False]), True),
+    ):
+        error = error_of(replace(scene, material=material), domain)
+        folder = shared_tmp_path / f"{type(material).__name__}{callable(material.E)}"
+        fields.write_fields(error, folder)
+        output.draw_deformed(error, folder / "deformed.png")
+        if COMM.rank == 0:
+            grid = read(folder / "body.vtkhdf")
+            xx, xy, yy, zz = grid["stress"][:, [0, 1, 4, 8]].T
+            label = [text for text in texts(seen.figures[-1]) if "Mises" in text]
+            if known:
+                assert zz == pytest.approx(0.3 * (xx + yy), abs=1e-15)
+                expected = np.sqrt(((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) / 2 + 3 * xy**2)
+                assert grid["von_mises"] == pytest.approx(expected, rel=1e-12)
+                assert "von_mises_in_plane" not in grid.array_names
+                assert "plane" not in label[0]
+            else:
+                assert np.isnan(zz).all()
+                assert np.isnan(grid["stress_fe"][:, 8]).all()
+                expected = np.sqrt(xx**2 - xx * yy + yy**2 + 3 * xy**2)
+                assert grid["von_mises_in_plane"] == pytest.approx(expected, rel=1e-12)
+                assert "von_mises" not in grid.array_names
+                assert "of the plane part" in label[0]
+
+
+def test_one_mesh_is_a_history(shared_tmp_path):
+    """A run may end with its first mesh, of any number of degrees of freedom."""
+    scene = punch(2)[0]
+    for cells in ((4, 2), (6, 2), (7, 2), (9, 2), (5, 4)):
+        domain = ec.rectangle((0.0, 0.0), (4.0, 1.0), cells=cells)
+        history = ec.adapt(scene, domain, accuracy=0.5, max_steps=1, tighten=0)
+        output.plot_history({"one": history}, shared_tmp_path / "error.png")
+        check_picture(shared_tmp_path / "error.png")
+
+
+def test_map_of_nothing_has_the_lowest_colour(shared_tmp_path, seen):
+    scene = ec.Scene(material=ec.Elastic(1.0, 0.3), supports=[ec.Displacement("top", (0, 0))])
+    error = error_of(scene, block(2))
+    output.draw_error(error, shared_tmp_path / "error.png")
+    if COMM.rank == 0:
+        from matplotlib import colormaps
+
+        rgb = next(look["scalars"] for _, look in seen.meshes if "scalars" in look)
+        assert np.unique(rgb, axis=0).tolist() == [list(colormaps["viridis"](0, bytes=True)[:3])]
+
+
+@pytest.mark.serial
+def test_package_is_typed():
+    assert (Path(ec.__file__).parent / "py.typed").is_file()
 
 
 def test_unknown_contact_and_empty_input(error, shared_tmp_path):

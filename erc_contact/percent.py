@@ -1,0 +1,21 @@
+"""Relative errors in words: a percentage keeps its digits, however small it is."""
+
+from __future__ import annotations
+
+
+def percent(ratio: float, digits: int = 4) -> str:
+    """A ratio in percent, with about so many significant digits: 12.3%, 0.0123%, 1.2e-5%, 2345%.
+
+    With 3 digits it takes at most 7 characters, so that it fits a column.
+
+    Args:
+        ratio: What is told, >= 0 [-].
+        digits: Significant digits; powers of ten are told with one less, and round-off with two less.
+    """
+    size = 100.0 * ratio
+    if size >= 100 and size < 1e6:
+        return f"{size:.0f}%"
+    if size == 0 or 0.01 <= size < 100:
+        return f"{size:.{digits}g}%"
+    mantissa, power, exponent = f"{size:.{digits - 2 - (size < 1e-9)}e}".partition("e")
+    return f"{mantissa}{f'e{int(exponent)}' if power else ''}%"
