@@ -13,7 +13,7 @@ tractions that it allows are a convex set, and the error is certified as for Cou
 import ufl  # isort: skip
 
 import erc_contact as ec
-from erc_contact.fields import contact_status
+from erc_contact.results import contact_status
 
 
 class Saturating:

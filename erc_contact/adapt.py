@@ -24,7 +24,7 @@ from erc_contact.methods import Nitsche
 from erc_contact.percent import percent
 from erc_contact.scene import Scene
 from erc_contact.sizes import size_map
-from erc_contact.solve import solve
+from erc_contact.solve import Solution, solve
 from erc_contact.strategy import Mark, Strategy
 
 log = logging.getLogger("erc_contact")
@@ -112,6 +112,16 @@ class History:
         curved = self.best.admissible.solution.domain.marks is not None
         rows = [_line(step, curved) for step in self.steps]
         return "\n".join([CURVED if curved else HEADER, *rows, self.outcome])
+
+    @property
+    def error(self) -> ConstitutiveError:
+        """The error of least ``total``, ``best`` by its kind: ``history.error.force("bottom")``."""
+        return self.best
+
+    @property
+    def solution(self) -> Solution:
+        """The solution of least error."""
+        return self.best.solution
 
     def column(self, name: str) -> np.ndarray:
         """One column of the rows as an array."""

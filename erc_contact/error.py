@@ -27,17 +27,21 @@ import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
 
+from erc_contact import results
 from erc_contact.admissible import Admissible, act, elastic_stress, macro_moduli, moduli, strains
 from erc_contact.admissible.contact import ContactTraction, split
 from erc_contact.admissible.geometry import sorted_corners
 from erc_contact.admissible.macro import macro_points, macro_values
+from erc_contact.domain import Domain
 from erc_contact.exceptions import InputError
 from erc_contact.expressions import Everywhere, evaluate, varies_in_cells
 from erc_contact.foundation import BoundContact, ContactData
 from erc_contact.law import Tresca
 from erc_contact.oscillation import COARSE, EXACT, Oscillations, facet_sizes, modulus, of_loads, of_supports
 from erc_contact.quadrature import cell_pieces, facet_pieces, integrate, polynomials
+from erc_contact.results import Force, Values
 from erc_contact.simplex import bernstein, coefficients, lagrange, rule
+from erc_contact.solve import Solution
 from erc_contact.surface import pairs, swept
 
 ROUND_OFF = 100.0
@@ -90,6 +94,32 @@ class ConstitutiveError:
     def total(self) -> float:
         """Eps with the estimate of the geometry [-], what a run brings below its accuracy; eps for straight bodies."""
         return float(np.hypot(self.absolute, self.geometry)) / self.scale if self.scale > 0 else 0.0
+
+    @property
+    def solution(self) -> Solution:
+        """The solution that the pair comes from."""
+        return self.admissible.solution
+
+    @property
+    def domain(self) -> Domain:
+        """The mesh with names."""
+        return self.solution.domain
+
+    def force(self, part: str) -> Force:
+        """Resultant and moment on a boundary part, see :func:`erc_contact.results.force`; collective."""
+        return results.force(self.admissible, part)
+
+    def reactions(self) -> dict[str, Force]:
+        """Forces of supports, contacts and loads, and their balance, see :func:`erc_contact.results.reactions`."""
+        return results.reactions(self.admissible)
+
+    def profile(self, contact: str) -> np.ndarray:
+        """Gap, slip and tractions along a contact, see :func:`erc_contact.results.profile`; collective."""
+        return results.profile(self.admissible, contact)
+
+    def at(self, points: Any) -> Values:
+        """Displacement and stresses at points, see :func:`erc_contact.results.at`; collective."""
+        return results.at(self.admissible, points)
 
     @property
     def oscillation(self) -> float:

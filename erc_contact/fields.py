@@ -1,6 +1,6 @@
-"""Fields of a result: means of stresses, the status of the contact, and files for ParaView.
+"""Fields of a result: means of stresses, and files for ParaView.
 
-All functions but :func:`contact_status` and :func:`von_mises` are collective: data are gathered to rank 0 of the mesh's
+All functions but :func:`von_mises` are collective: data are gathered to rank 0 of the mesh's
 communicator, which writes.
 
 Symbols: r^ admissible contact traction, r_n and r_t its normal and tangential parts, mu friction coefficient,
@@ -17,7 +17,7 @@ import numpy as np
 import ufl
 
 from erc_contact.admissible import Admissible
-from erc_contact.admissible.contact import MARGIN, ContactTraction
+from erc_contact.admissible.contact import ContactTraction
 from erc_contact.admissible.macro import tensors
 from erc_contact.domain import Domain
 from erc_contact.error import ConstitutiveError
@@ -25,37 +25,8 @@ from erc_contact.expressions import evaluate
 from erc_contact.files import PARTS, degree_of, gathered, grid_of, on_root, save_grid, subdivided
 from erc_contact.material import mandel_basis
 from erc_contact.model import Model
+from erc_contact.results import contact_status
 from erc_contact.simplex import bernstein, lagrange, node_between, node_vertices, nodes
-
-OPEN, SLIP, STICK = 0, 1, 2
-"""Codes of :func:`contact_status`."""
-
-
-def contact_status(traction: ContactTraction) -> np.ndarray:
-    """Whether each facet of a contact is open, slips or sticks, by its admissible traction.
-
-    A facet without pressure is ``OPEN``, but in a bilateral contact; one whose nodes all have ``|r_t| >= (1 - 1e-6) b``
-    with b the friction bound is ``SLIP``, so every pressed facet of a contact without friction; the others are
-    ``STICK``. Where the bound must be sampled on a facet, r^ is shrunk to be allowed between the nodes, too, by at most
-    about the variation of b/p: that much less is slip.
-
-    Args:
-        traction: r^ on a contact.
-
-    Returns:
-        OPEN, SLIP or STICK for each facet of ``traction.contact.facets``, shape (n,).
-    """
-    pressure = -traction.normal
-    bound = traction.bound.sum(axis=1)
-    slope = np.divide(traction.bound, pressure, out=np.zeros_like(pressure), where=pressure > 0)
-    most = slope.max(axis=1, initial=0.0)
-    variation = np.divide(np.ptp(slope, axis=1), most, out=np.zeros_like(most), where=most > 0)
-    variation = np.where(traction.contact.sampled, variation, 0.0)
-    shear = np.linalg.norm(traction.tangential, axis=-1).sum(axis=1)
-    slips = shear >= (1 - 1e-6 - (1 + MARGIN) * variation) * bound
-    opens = pressure.max(axis=1, initial=0.0) <= 1e-10 * pressure.max(initial=0.0)
-    opens &= not traction.contact.bilateral
-    return np.where(opens, OPEN, np.where(slips, SLIP, STICK))
 
 
 def write_fields(error: ConstitutiveError, folder: str | Path) -> None:

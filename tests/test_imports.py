@@ -21,7 +21,7 @@ ORDER = [
     ["methods", "stiffness", "condensed", "newton", "start", "solve"],
     [f"admissible.{name}" for name in ("geometry", "loads", "macro", "facets", "contact", "displacement")],
     [f"admissible.{name}" for name in ("energy", "patches", "blocks", "tighten")],
-    ["admissible", "oscillation", "error", "works", "goal", "sizes", "strategy", "adapt"],
+    ["admissible", "oscillation", "results", "error", "works", "goal", "sizes", "strategy", "adapt"],
     ["files", "fields", "drawing", "plots", "bodies", "pictures", "output"],
 ]
 ORDER = [module for part in ORDER for module in part]

@@ -25,7 +25,7 @@ from mpi4py import MPI
 from scenes import block, patch_test, random_scene, resultant
 
 import erc_contact as ec
-from erc_contact import fields, output
+from erc_contact import fields, output, results
 from erc_contact.adapt import COLUMNS
 from erc_contact.admissible.contact import ContactTraction
 from erc_contact.percent import percent
@@ -213,7 +213,7 @@ def test_contact_file_holds_the_traction(error, shared_tmp_path):
     d = traction.values.shape[-1]
     force = resultant(traction)
     own = traction.contact.facets[:, 0] < error.admissible.solution.domain.owned_cells
-    counts = COMM.allreduce(np.bincount(fields.contact_status(traction)[own], minlength=3), MPI.SUM)
+    counts = COMM.allreduce(np.bincount(results.contact_status(traction)[own], minlength=3), MPI.SUM)
     fields.write_fields(error, shared_tmp_path)
     if COMM.rank == 0:
         grid = read(shared_tmp_path / "contact_bottom.vtkhdf")
@@ -245,11 +245,11 @@ def test_status_of_tractions():
     )
     traction = ContactTraction(contact, np.zeros((5, 2), dtype=int), np.ones(5), values, 0.3 * values[..., 1])
     O, L, S = fields.OPEN, fields.SLIP, fields.STICK  # noqa: E741
-    assert fields.contact_status(traction).tolist() == [O, L, S, L, O]
+    assert results.contact_status(traction).tolist() == [O, L, S, L, O]
     frictionless = replace(traction, values=values * [0, 1], bound=np.zeros((5, 2)))
-    assert fields.contact_status(frictionless).tolist() == [O, L, L, L, O]
+    assert results.contact_status(frictionless).tolist() == [O, L, L, L, O]
     nothing = replace(traction, values=0 * values, bound=np.zeros((5, 2)))
-    assert fields.contact_status(nothing).tolist() == [O] * 5
+    assert results.contact_status(nothing).tolist() == [O] * 5
 
 
 def test_status_with_varying_friction():
@@ -260,7 +260,7 @@ def test_status_with_varying_friction():
         contacts=[ec.Contact("bottom", friction=lambda x: 0.1 + 0.2 * x[0])],
     )
     admissible = ec.equilibrate(ec.solve(scene, ec.rectangle((0.0, 0.0), (2.0, 1.0), cells=(16, 8))))
-    status = fields.contact_status(admissible.tractions[0])
+    status = results.contact_status(admissible.tractions[0])
     assert np.all(status != fields.STICK)
     assert total(status == fields.SLIP) > 12
 

@@ -1,0 +1,142 @@
+"""What a user asks of a result: the same on all ranks, and consistent with the fields that it is read off.
+
+Properties: all forces on a body balance, with their moments; the force of a contact is the integral of its profile and
+of r^; the profile is in order along open and closed curves; values at points are those of the fields, and do not depend
+on the ranks, also between cells; points outside and unknown names are errors.
+"""
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from scenes import block, common_block, random_scene, resultant
+
+import erc_contact as ec
+from erc_contact.results import _in_order
+
+COMM = MPI.COMM_WORLD
+
+
+def error_of(scene, domain, degree=1):
+    return ec.constitutive_error(ec.equilibrate(ec.solve(scene, domain, degree=degree)))
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("seed", [2, 3])
+def test_forces_balance(seed, degree):
+    error = error_of(*random_scene(seed), degree)
+    forces = error.reactions()
+    size = max(np.linalg.norm(f.force) for f in forces.values())
+    assert np.linalg.norm(forces["balance"].force) < 1e-11 * size
+    assert np.linalg.norm(forces["balance"].moment) < 1e-11 * size * error.domain.size
+    (traction,) = error.admissible.tractions
+    name = traction.contact.name
+    assert np.allclose(error.force(name).force, resultant(traction), rtol=0, atol=1e-12 * size)
+    assert np.allclose(forces[name].force, error.force(name).force, rtol=0, atol=1e-14 * size)
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_profile_of_a_line(degree):
+    error = error_of(common_block(), block(4), degree)
+    profile = error.profile("bottom")
+    assert np.all(np.diff(profile["s"]) >= 0)
+    assert np.allclose(profile["s"], profile["x"])
+    assert np.allclose(profile["y"], 0.0)
+    force = error.force("bottom")
+    tolerance = {1: 1e-12, 2: 0.02}[degree]  # trapezes of four parts of a parabola
+    assert np.trapezoid(profile["pressure"], profile["s"]) == pytest.approx(force.force[1], rel=tolerance)
+    assert np.trapezoid(profile["shear"], profile["s"]) == pytest.approx(force.force[0], rel=4 * tolerance)
+    assert np.trapezoid(profile["pressure"] * profile["x"], profile["s"]) == pytest.approx(force.moment[0], rel=0.02)
+    assert profile["gap"].min() >= -1e-12
+    assert np.all(abs(profile["shear"]) <= profile["bound"] + 1e-14)
+    assert np.allclose(profile["bound"], 0.3 * profile["pressure"], rtol=0, atol=1e-14)
+    slips = profile["status"] == 1
+    assert np.allclose(abs(profile["shear"])[slips], profile["bound"][slips], rtol=0, atol=1e-6)
+    assert set(profile["status"]) == {0, 1, 2} if degree == 1 else set(profile["status"]) >= {1, 2}
+
+
+def test_profile_in_space():
+    scene, domain = random_scene(5)
+    error = error_of(scene, domain)
+    (traction,) = error.admissible.tractions
+    profile = error.profile(traction.contact.name)
+    corners = profile["pressure"].reshape(-1, 3)
+    x = np.stack([profile[axis] for axis in "xyz"], axis=1).reshape(-1, 3, 3)
+    area = 0.5 * np.linalg.norm(np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]), axis=1)
+    assert area @ corners.mean(axis=1) == pytest.approx(error.force(traction.contact.name).force[2], rel=1e-10)
+
+
+def test_order_along_curves():
+    """Two open curves and a closed one, their facets shuffled."""
+    rng = np.random.default_rng(0)
+    open_1, open_2, closed = np.arange(8), np.arange(8, 12), np.arange(12, 29)
+    start = np.concatenate([open_1[:-1], open_2[:-1], closed])
+    end = np.concatenate([open_1[1:], open_2[1:], np.roll(closed, -1)])
+    x = rng.uniform(1.0, 2.0, (29, 2))
+    x[8], x[0], x[20] = (0.0, 0.0), (0.1, 0.0), (0.2, 0.0)  # where the curves begin
+    names = rng.permutation(29)
+    expected = [*open_2[:-1], *open_1[:-1], *np.roll(closed, -8)]
+    for _ in range(5):
+        mixed = rng.permutation(len(start))
+        order = _in_order(names[start[mixed]], names[end[mixed]], x[start[mixed]])
+        assert start[mixed][order].tolist() == [int(v) for v in expected]
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("degree", [1, 2])
+def test_values_at_points(dim, degree):
+    """A body in a state of degree ``degree`` that the elements hold: values at any point are those of the formula."""
+    E, nu = (lambda x: 1.0 + x[0] ** 2) if degree == 2 else 1.0, 0.0
+    make = ec.rectangle if dim == 2 else ec.box
+    domain = make((0.0,) * dim, (1.0,) * dim, cells=(3,) * dim)
+    bent = float(degree - 1)
+    values = [lambda x: 0.01 * (x[0] + bent * x[0] ** 2), *[0.0] * (dim - 1)]
+    sides = ("left", "right", "bottom", "top", "front", "back")[: 2 * dim]
+    scene = ec.Scene(ec.Elastic(E, nu), [ec.Displacement(side, tuple(values)) for side in sides])
+    if degree == 2:  # -div of E(x) u' = 0.01 (1 + x^2)(1 + 2x)
+        force = (lambda x: -0.01 * (2 * x[0] * (1 + 2 * x[0]) + 2 * (1 + x[0] ** 2)), *[0.0] * (dim - 1))
+        scene = ec.Scene(scene.material, scene.supports, [ec.BodyForce(force)])
+    error = error_of(scene, domain, degree)
+    points = np.random.default_rng(1).uniform(0.0, 1.0, (40, dim))
+    points[0], points[1] = 1 / 3, 0.0  # a vertex, a corner
+    found = error.at(points)
+    x = points[:, 0]
+    assert np.allclose(found.displacement[:, 0], 0.01 * (x + bent * x**2), rtol=0, atol=2e-5 * bent + 1e-15)
+    sigma = (1 + bent * x**2) * 0.01 * (1 + 2 * bent * x)
+    assert np.allclose(found.elastic_stress[:, 0, 0], sigma, rtol=0, atol=2e-3 * bent + 1e-14)
+    assert np.allclose(found.stress[:, 0, 0], sigma, rtol=0, atol=2e-3 * bent + 1e-14)
+    assert abs(found.stress[:, 0, 1]).max() < 2e-3 * bent + 1e-14
+
+
+def test_errors_say_what_is_wrong():
+    error = error_of(common_block(), block(4))
+    with pytest.raises(ec.InputError, match=r"1 of the 2 points lie outside .* \(3\.0, 0\.0\)"):
+        error.at([(1.0, 1.0), (3.0, 0.0)])
+    with pytest.raises(ec.InputError, match=r"shape \(n, 2\)"):
+        error.at((1.0, 1.0, 1.0))
+    with pytest.raises(ec.InputError, match="No contact is called 'top'; this scene has bottom"):
+        error.profile("top")
+    with pytest.raises(ec.InputError, match="No boundary part is called 'foot'"):
+        error.force("foot")
+
+
+@pytest.mark.ranks
+@pytest.mark.parametrize("seed", [2, 3])
+def test_ranks_agree(seed):
+    found = []
+    for comm in (MPI.COMM_SELF, COMM):
+        scene, domain = random_scene(seed, comm)
+        error = error_of(scene, domain)
+        name = error.admissible.tractions[0].contact.name
+        middle = np.full(domain.dim, 0.37)
+        vertex = comm.bcast(domain.mesh.geometry.x[0, : domain.dim].copy())
+        points = np.array([middle, MPI.COMM_WORLD.bcast(vertex)])
+        found.append((error.profile(name), error.at(points), error.force(name)))
+    (profile, at, force), (profile_2, at_2, force_2) = found
+    for column in profile.dtype.names:
+        assert np.allclose(
+            profile[column], profile_2[column], rtol=0, atol=1e-9 * max(abs(profile[column]).max(), 1e-3)
+        )
+    assert np.allclose(at.stress, at_2.stress, rtol=0, atol=1e-9)
+    assert np.allclose(at.displacement, at_2.displacement, rtol=0, atol=1e-11)
+    assert np.allclose(force.force, force_2.force, rtol=0, atol=1e-12)
+    assert np.allclose(force.moment, force_2.moment, rtol=0, atol=1e-12)
