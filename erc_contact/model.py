@@ -17,6 +17,7 @@ import ufl
 from dolfinx import fem
 from mpi4py import MPI
 
+from erc_contact import promises
 from erc_contact.domain import Domain
 from erc_contact.exceptions import InputError, raise_together
 from erc_contact.expressions import evaluate, varies, varies_in_cells
@@ -25,7 +26,16 @@ from erc_contact.law import Coulomb, Tresca
 from erc_contact.material import mandel_matrix, strain
 from erc_contact.motions import free_motions
 from erc_contact.scene import Contact, Scene, Traction
-from erc_contact.simplex import at_nodes, coefficients, facet_vertices, node_between, node_vertices, nodes, rule
+from erc_contact.simplex import (
+    at_nodes,
+    coefficients,
+    facet_vertices,
+    lattice,
+    node_between,
+    node_vertices,
+    nodes,
+    rule,
+)
 from erc_contact.surface import offset
 
 FLAT = 1e-8
@@ -57,7 +67,7 @@ class Model:
 
     Raises:
         InputError: If a name is unknown, a value or the degree is out of range, supports contradict each other at
-            a node, or a support violates the gap.
+            a node, a support violates the gap, or the scene breaks a promise (:mod:`erc_contact.promises`).
         NotHeldError: If neither supports nor contacts hold a rigid motion.
     """
 
@@ -84,6 +94,7 @@ class Model:
         self._check_loads()
         self.friction_share = fem.Constant(self.mesh, 1.0)
         self.contacts = [self._contact(c) for c in scene.contacts]
+        promises.check(self)
         self._check_supports_in_gap()
         self.free_motions = free_motions(self)
 
@@ -211,7 +222,7 @@ class Model:
         bound = self._by_region(name, value) if isinstance(value, Mapping) else self._value(value)
         if isinstance(value, Mapping) or callable(value):
             owned = np.arange(self.domain.owned_cells, dtype=np.int32)
-            values = evaluate(bound, self.domain, nodes(self.d, 1), owned)
+            values = evaluate(bound, self.domain, lattice(self.d, DATA_DEGREE), owned)
             self.scene.material.check(name, *self._range(values))
         return bound
 

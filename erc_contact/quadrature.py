@@ -165,10 +165,19 @@ def bisected(corners: np.ndarray, vertices: np.ndarray) -> np.ndarray:
 
 @cache
 def facet_pieces(size: int) -> np.ndarray:
-    """The pieces that a facet is cut into at first: 8 of a segment, 16 of a triangle, (c, P, P)."""
-    corners, reference = np.eye(size + 1)[None], np.vstack([np.zeros(size), np.eye(size)])
-    for _ in range((0, 3, 4)[size]):
-        corners = bisected(corners, np.broadcast_to(reference, (len(corners), *reference.shape)))
+    """The pieces that a facet is cut into at first: 8 of a segment, 16 of a triangle, (c, P, P).
+
+    They are alike at all vertices, whose order depends on the number of ranks.
+    """
+    corners = np.eye(size + 1)[None]
+    for _ in range((0, 3, 2)[size]):
+        middles = 0.5 * (corners + np.roll(corners, -1, axis=1))
+        if size == 1:
+            parts = [[corners[:, 0], middles[:, 0]], [middles[:, 0], corners[:, 1]]]
+        else:
+            parts = [[corners[:, i], middles[:, i], middles[:, i - 1]] for i in range(3)]
+            parts.append([middles[:, i] for i in range(3)])
+        corners = np.concatenate([np.stack(part, axis=1) for part in parts])
     return corners
 
 

@@ -4,6 +4,7 @@ Properties: every rank raises, none waits for another; the type is one of the pa
 """
 
 import dataclasses
+from typing import ClassVar
 
 import basix.ufl
 import numpy as np
@@ -14,10 +15,12 @@ from mpi4py import MPI
 
 import erc_contact as ec
 from erc_contact.geometry import Drawing
+from erc_contact.model import Model
 
 COMM = MPI.COMM_WORLD
 STEEL = ec.Elastic(E=1.0, nu=0.3)
 PUSH = ec.Traction("top", (0.0, -0.01))
+SINK = ec.Displacement("top", (0.0, -0.01))
 
 
 def refused(call, *words, error=ec.InputError):
@@ -146,6 +149,165 @@ def test_curved_part_needs_a_normal():
     foot = dmesh.locate_entities_boundary(mesh, 1, lambda x: np.minimum(x[0], x[1]) < 1e-9)
     domain = ec.Domain(mesh, dmesh.meshtags(mesh, 1, foot, np.ones(len(foot), dtype=np.int32)), {"foot": 1})
     refused_scene(domain, "'foot'", "not flat", "normal=", supports=[], contacts=[ec.Contact("foot", friction=1.0)])
+
+
+# -- what a scene promises -----------------------------------------------------------------------------------
+
+
+class Scaled(ec.Elastic):
+    """Elasticity whose parts are scaled by factors of their own."""
+
+    factors: ClassVar[tuple[float, float, float, float]] = (1.0, 1.0, 1.0, 0.0)
+
+    def stress(self, eps, E, nu):
+        coupling = ufl.as_tensor([[self.factors[3] * E * eps[1, 1], 0], [0, 0]])
+        return self.factors[0] * super().stress(eps, E, nu) + coupling
+
+    def compliance(self, sigma, E, nu):
+        return self.factors[1] * super().compliance(sigma, E, nu)
+
+    def modulus(self, E, nu):
+        return self.factors[2] * E
+
+
+def scaled(*factors):
+    return type("Scaled", (Scaled,), {"factors": factors})
+
+
+@pytest.mark.parametrize("E", [2e11, 1e-6])
+@pytest.mark.parametrize(
+    ("factors", "words"),
+    [
+        ((1.0, 0.1, 1.0, 0.0), ("compliance does not invert the stress", "9.0e-01")),
+        ((1.0, 1.0 + 1e-6, 1.0, 0.0), ("compliance does not invert the stress", "1.0e-06")),
+        ((-1.0, -1.0, 1.0, 0.0), ("not positive", "stress")),
+        ((1.0, 1.0, 1.0, 0.1), ("not symmetric", "stress")),
+        ((1.0, 1.0, -1.0, 0.0), ("modulus is -", "> 0")),
+        ((1.0, 1.0, 0.0, 0.0), ("modulus is 0", "> 0")),
+    ],
+)
+def test_material_that_breaks_its_promise(factors, words, E, block):
+    refused(lambda: Model(ec.Scene(scaled(*factors)(E, 0.3), [SINK]), block), "Scaled", *words)
+
+
+def test_material_that_breaks_its_promise_where_it_varies(block):
+    material = scaled(1.0, 0.1, 1.0, 0.0)(lambda x: 1 + x[0], 0.3)
+    refused(lambda: Model(ec.Scene(material, [SINK]), block), "Scaled", "compliance does not invert the stress")
+
+
+@pytest.mark.parametrize(("E", "nu"), [(2e11, 0.3), (1e-6, 0.4999999999), (1.0, -0.99), (lambda x: 1 + x[0], 0.3)])
+def test_material_that_keeps_its_promise(E, nu, block):
+    Model(ec.Scene(scaled(3.0, 1 / 3, 1e-3, 0.0)(E, nu), [SINK]), block)
+
+
+def test_modulus_that_is_negative_between_the_vertices(block):
+    material = ec.Elastic(E=lambda x: 1 + 1.5 * ufl.cos(16 * ufl.pi * x[1]), nu=0.3)
+    refused_scene(block, "E is -0.5", "> 0", material=material)
+
+
+class Law:
+    """A law with one parameter and any bound."""
+
+    parameters = ("a",)
+
+    def __init__(self, bound, a=1.0):
+        self.function, self.a = bound, a
+
+    def bound(self, pressure, a):
+        return self.function(pressure, a)
+
+
+@pytest.mark.parametrize("E", [2e11, 1e-6])
+@pytest.mark.parametrize(
+    ("bound", "a", "bilateral", "words"),
+    [
+        (lambda p, a: 0.3 * p + a * p**2, 1.0, False, ("not concave", "chords")),
+        (lambda p, a: p * (1 + ufl.conditional(ufl.gt(p, a), 1, 0)), 1e-3, False, ("not concave",)),
+        (lambda p, a: a / (1 + p), 1.0, False, ("decreases",)),
+        (lambda p, a: 0.3 * p - a, 1e-6, False, ("negative", "b(0) = -")),
+        (lambda p, a: a * ufl.ln(p), 1.0, False, ("not finite",)),
+        (lambda p, a: a + 0.1 * p, 1.0, True, ("bilateral", "pressure", "Tresca")),
+        (lambda p, a: a * a, -1.0, False, ("a is -", ">= 0")),
+        (lambda p, a: p, lambda x: 0.5 - 0.6 * ufl.cos(8 * ufl.pi * (x[0] - 0.125)), False, ("a is -0.1", ">= 0")),
+    ],
+    ids=["convex", "jump", "decreases", "negative", "infinite", "pulls", "parameter", "parameter between nodes"],
+)
+def test_law_that_breaks_its_promise(bound, a, bilateral, words, E, block):
+    """The numbers of a law are given for E = 1: pressures and a bound scale with E, slopes do not."""
+    law = Law(lambda p, a: E * bound(p / E, a), a)
+    scene = ec.Scene(ec.Elastic(E, 0.3), [SINK], [], [ec.Contact("bottom", friction=law, bilateral=bilateral)])
+    refused(lambda: Model(scene, block), "'bottom'", *words)
+
+
+@pytest.mark.parametrize(
+    ("bound", "a", "bilateral"),
+    [
+        (lambda p, a: a * ufl.tanh(0.3 * p / a), 1e-3, False),
+        (lambda p, a: ufl.min_value(0.3 * p, a), lambda x: 1e-3 * (1 + x[0]), False),
+        (lambda p, a: a + 0.3 * p, 1e-3, False),
+        (lambda p, a: ufl.sqrt(a * p), 1e-6, False),
+        (lambda p, a: 0.01, 1.0, False),
+        (lambda p, a: a, lambda x: 1e-3 * x[0], True),
+    ],
+    ids=["saturates", "limited", "cohesion", "root", "number", "given"],
+)
+def test_law_that_keeps_its_promise(bound, a, bilateral, block):
+    Model(ec.Scene(STEEL, [SINK], [], [ec.Contact("bottom", friction=Law(bound, a), bilateral=bilateral)]), block)
+
+
+def test_friction_negative_between_the_nodes(block):
+    contact = ec.Contact("bottom", friction=lambda x: 0.5 - 0.6 * ufl.cos(8 * ufl.pi * (x[0] - 0.125)))
+    refused_scene(block, "'bottom'", "friction is -0.1", ">= 0", supports=[SINK], contacts=[contact])
+
+
+def test_gap_not_finite_between_the_nodes(block):
+    contact = ec.Contact("bottom", gap=lambda x: ufl.sqrt(abs(x[0] - 0.125) - 0.01))
+    refused_scene(block, "'bottom'", "gap", "not finite", supports=[SINK], contacts=[contact])
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"normal": (0.0, 1.0)},
+        {"normal": (1.0, 0.0)},
+        {"normal": lambda x: (0.0 * x[0], 1.0)},
+        {"normal": "gap", "gap": lambda x: 0.1 - x[1]},
+        {"normal": "gap", "gap": lambda x: ufl.sqrt((x[0] - 0.5) ** 2 + (x[1] - 1.1) ** 2)},
+    ],
+    ids=["up", "sideways", "callable", "gap", "a foundation above"],
+)
+def test_normal_that_points_into_the_body(options, block):
+    refused_scene(block, "'bottom'", "normal", "sign", supports=[SINK], contacts=[ec.Contact("bottom", **options)])
+
+
+def test_normals_of_a_curved_body(gmsh_session):
+    """Facets that look sideways are in contact with a half disc; a whole disc has facets that look away."""
+
+    def disc(angle):
+        if gmsh_session:
+            gmsh_session.clear()
+            occ = gmsh_session.model.occ
+            arc = occ.addCircle(0, 1, 0, 1, angle1=np.pi * 1.5 - angle, angle2=np.pi * 1.5 + angle)
+            ends = [tag for _, tag in occ.getEntities(0)]
+            chord = occ.addLine(ends[1], ends[0])
+            occ.addPlaneSurface([occ.addCurveLoop([arc, chord])])
+            occ.synchronize()
+            gmsh_session.model.addPhysicalGroup(1, [arc], name="arc")
+            gmsh_session.model.addPhysicalGroup(1, [chord], name="chord")
+            gmsh_session.option.setNumber("Mesh.MeshSizeMax", 0.3)
+        return ec.from_gmsh(gmsh_session.model if gmsh_session else None)
+
+    def scene(normal):
+        return ec.Scene(
+            STEEL,
+            [ec.Displacement("chord", (0.0, -0.01))],
+            [],
+            [ec.Contact("arc", gap=lambda x: x[1], normal=normal)],
+        )
+
+    Model(scene((0.0, -1.0)), disc(np.pi / 2))
+    Model(scene("gap"), disc(np.pi / 2))
+    refused(lambda: Model(scene((0.0, -1.0)), disc(0.9 * np.pi)), "'arc'", "look away")
 
 
 # -- what holds the body -------------------------------------------------------------------------------------

@@ -17,7 +17,7 @@ PACKAGE = Path(ec.__file__).parent
 ORDER = [
     ["percent", "exceptions", "material", "law", "simplex", "quadrature", "partition", "surface", "domain", "geometry"],
     ["meshing", "scene"],
-    ["expressions", "foundation", "motions", "model"],
+    ["expressions", "foundation", "promises", "motions", "model"],
     ["methods", "stiffness", "condensed", "newton", "start", "solve"],
     [f"admissible.{name}" for name in ("geometry", "loads", "macro", "facets", "contact", "displacement")],
     [f"admissible.{name}" for name in ("energy", "patches", "blocks", "tighten")],
