@@ -1,4 +1,4 @@
-"""Bodies and their foundations as triangles and lines for pyvista. On rank 0.
+"""Bodies and their foundations as triangles and lines for pyvista, and views of them. On rank 0.
 
 Bodies of degree 2 are cut into straight parts, so that their edges are seen to be curved.
 
@@ -7,6 +7,7 @@ Symbols: X place before the deformation, g gap, n normal of the foundation, d di
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,6 +24,8 @@ TRIANGLES = 200_000
 """Curved triangles are drawn by about so many straight ones in all, and fewer parts of an edge if need be."""
 REACH = 0.15
 """The foundation is drawn where its magnified gap is below this share of the body's size."""
+PIXELS = 1800
+"""Longer side of the image of a body."""
 BAND, EXCESS = 0.03, 0.06
 """Width of the band of a foundation, and what a flat one is longer than its contact, as shares of the size."""
 
@@ -75,7 +78,8 @@ def skin_of(points: np.ndarray, cells: np.ndarray, d: int) -> Skin:
         return np.take_along_axis(cells[cell], node_between(d, k)[first, second], axis=1)
 
     lines = between(edges(2)[:, node_vertices(1, k)]).reshape(-1, k + 1)
-    _, once = np.unique(np.sort(lines[:, :2], axis=1), axis=0, return_index=True)
+    first, second = np.sort(lines[:, :2], axis=1).T
+    _, once = np.unique(first * len(points) + second, return_index=True)
     return Skin(points, between(node_vertices(2, k)), cell, lines[once])
 
 
@@ -137,3 +141,77 @@ def ground(surface: Any, size: float) -> list[tuple[Any, dict[str, Any]]]:
     quads = np.column_stack([parts, len(beyond) + parts[:, ::-1]])
     band = pyvista.PolyData.from_regular_faces(np.concatenate([surface.points, beyond]), quads)
     return [(band, {"color": "#c8c8c8"}), (surface, {"color": "#505050", "line_width": 3.0})]
+
+
+def views_of(d: int, up: np.ndarray) -> dict[str, np.ndarray]:
+    """Names and axes (across, upward, towards the eye; 3 x 3) of views: one in 2D; two in 3D, from opposite sides."""
+    if d == 2:
+        return {"": np.eye(3)}
+    aside = 0.75 * np.roll(abs(up), 1) + 0.55 * np.roll(abs(up), 2)
+    views = {}
+    for name, towards in (("from above", aside + 0.4 * up), ("from below", -aside - 0.6 * up)):
+        across = np.cross(up, towards)
+        axes = np.array([across, np.cross(towards, across), towards])
+        views[name] = axes / np.linalg.norm(axes, axis=1, keepdims=True)
+    return views
+
+
+def rendered(parts: Sequence[tuple[Any, dict[str, Any]]], view: np.ndarray) -> tuple[np.ndarray, tuple[float, ...]]:
+    """Image of (data, look) in parallel projection, and its extent in the plane of the view [length]."""
+    import pyvista  # noqa: PLC0415
+
+    seen = np.concatenate([data.points for data, _ in parts]) @ view.T
+    low, high = seen.min(axis=0), seen.max(axis=0)
+    size = float(np.linalg.norm(high - low))
+    low, high, middle = low - 0.01 * size, high + 0.01 * size, (low + high) / 2 @ view
+    pixels = np.maximum(PIXELS * (high - low)[:2] / (high - low)[:2].max(), 16).round().astype(int)
+    flat = abs(view[2, 2]) == 1.0
+    with pyvista.vtk_verbosity("off"):  # without a display VTK complains before it finds another way
+        plotter = pyvista.Plotter(off_screen=True, window_size=pixels.tolist())
+        plotter.set_background("white")
+        for data, look in parts:
+            lines = data.n_lines > 0  # to be seen before the surface that they lie on
+            shown = data.translate(1e-3 * size * view[2]) if lines else data
+            plotter.add_mesh(shown, show_scalar_bar=False, lighting=not flat, ambient=0.65, diffuse=0.4, **look)
+        plotter.enable_parallel_projection()
+        plotter.camera_position = [tuple(middle + 2 * size * view[2]), tuple(middle), tuple(view[1])]
+        plotter.camera.parallel_scale = (high - low)[1] / 2
+        plotter.reset_camera_clipping_range()
+        image = np.asarray(plotter.screenshot(return_img=True))
+        plotter.close()
+    return image, (low[0], high[0], low[1], high[1])
+
+
+def show(axes: Any, drawn: tuple[np.ndarray, tuple[float, ...]], view: np.ndarray, points: np.ndarray) -> None:
+    """Put the image of these points in axes, with coordinates; in 3D along three edges of a box around them."""
+    from matplotlib.ticker import MaxNLocator  # noqa: PLC0415
+
+    axes.imshow(drawn[0], extent=drawn[1])
+    axes.spines[:].set_visible(False)
+    if view[2, 2] == 1.0:
+        axes.set(xlabel="$x$ [length]", ylabel="$y$ [length]")
+        return
+    axes.set_axis_off()
+    ends = np.array([points.min(axis=0), points.max(axis=0)])
+    corners = np.stack(np.meshgrid(*ends.T, indexing="ij"), axis=-1).reshape(-1, 3)
+    lengths = np.ptp(ends, axis=0) * np.linalg.norm(view[:2], axis=0)
+    for i, name in enumerate("xyz"):
+        starts, direction = corners[corners[:, i] == ends[0, i]], view[:2, i]
+        level = abs(direction[0]) > abs(direction[1])
+        outward = np.array([0.0, -1.0]) if level else np.array([-1.0, 0.0])
+        outward -= (outward @ direction) / (direction @ direction) * direction
+        outward /= np.linalg.norm(outward)
+        start = view[:2] @ starts[(starts @ view[:2].T @ outward).argmax()]  # an edge of the box's outline
+        number = max(1, round(4 * lengths[i] / lengths.max()))
+        low, high = ends[:, i] + 1e-6 * lengths.max() * np.array([-1, 1])
+        ticks = MaxNLocator(number, steps=[1, 2, 5, 10]).tick_values(low, high)
+        ticks = ticks[(ticks >= low) & (ticks <= high)]
+        at = start + (np.array([*ends[:, i], ends[:, i].mean(), *ticks]) - ends[0, i])[:, None] * direction
+        look = {"color": "0.3", "lw": 0.8, "clip_on": False}
+        axes.plot(*at[:2].T, **look)
+        axes.plot(*np.stack([at[3:], at[3:] + 0.015 * lengths.max() * outward]).transpose(2, 0, 1), **look)
+        side = int(np.sign(outward[0])) * (abs(outward[0]) > 0.3)  # words grow away from the body
+        words = {"textcoords": "offset points", "ha": ("center", "left", "right")[side], "va": "center"}
+        for place, tick in zip(at[3:], ticks, strict=True):
+            axes.annotate(f"{tick:.4g}", place, 10 * outward, fontsize=9, **words)
+        axes.annotate(f"${name}$ [length]", at[2], (26 if level else 38) * outward, fontsize=10, **words)

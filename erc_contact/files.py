@@ -84,6 +84,7 @@ def save_grid(grid: Any, path: Path) -> None:
     """Write a VTKHDF file; what stands in the way raises an OSError, where VTK would write nothing and be silent."""
     import pyvista  # noqa: PLC0415
 
+    path.parent.mkdir(parents=True, exist_ok=True)
     path.open("wb").close()
     writer = pyvista.HDFWriter(path, grid).writer
     writer.SetChunkSize(CHUNK)

@@ -187,8 +187,11 @@ def contact_maps(surface: Any) -> Any:
     for panel, title, values in zip(
         panels, ("pressure $-r_n$", "shear $|r_t|$"), (-traction.normal @ shape.T, shear), strict=False
     ):
-        drawn = panel.tripcolor(s, t, triangles, values.ravel(), shading="gouraud")
-        figure.colorbar(drawn, ax=panel, label=f"{title} [force/area]", location="bottom", shrink=0.9)
+        known = {"vmin": min(values.min(), 0.0), "vmax": values.max() or 1.0}
+        drawn = panel.tripcolor(s, t, triangles, values.ravel(), shading="gouraud", **known)
+        bar = figure.colorbar(drawn, ax=panel, label=f"{title} [force/area]", location="bottom", shrink=0.9)
+        if not values.any():
+            bar.set_ticks([0.0])
     u, v = plane @ surface.x[:, :3].reshape(-1, 3).T
     facets = np.arange(len(u)).reshape(-1, 3)
     look = {"cmap": ListedColormap(COLOURS), "norm": BoundaryNorm([-0.5, 0.5, 1.5, 2.5], 3), "edgecolors": "0.6"}
