@@ -168,7 +168,9 @@ class Domain:
         Note:
             Which edge of a triangle is the longest must not depend on the numbering of the vertices, or
             the mesh would depend on the number of ranks. Lengths are therefore compared after a slight
-            shear that no two edges of a structured mesh survive with equal length.
+            shear that no two edges of a structured mesh survive with equal length. Coordinates do not pass
+            through the shear and back: old vertices stay as they are and a new one is the exact mean of the
+            ends of its edge, so that a side at y = 0 stays at y = 0.
         """
         mesh, tdim = self.mesh, self.dim
         mesh.topology.create_entities(1)
@@ -188,14 +190,14 @@ class Domain:
             )
         finally:
             mesh.geometry.x[:] = x
-        fine.geometry.x[:] = fine.geometry.x @ np.linalg.inv(shear)
-
         fine.topology.create_entities(tdim - 1)
         fine.topology.create_connectivity(tdim, tdim - 1)
         fine.topology.create_connectivity(tdim - 1, tdim)
         start = fine.topology.index_map(tdim).local_range[0]
         original = fine.topology.original_cell_index - start
         parent_cell = parent_cell[original]
+        ends = _parent_ends(mesh, fine, parent_cell, x @ shear)
+        fine.geometry.x[:] = 0.5 * (x[ends[:, 0]] + x[ends[:, 1]])
         parent_facet = parent_facet.reshape(-1, tdim + 1)[original]
         child, local = np.nonzero(parent_facet >= 0)
         old = mesh.topology.connectivity(tdim, tdim - 1).array.reshape(-1, tdim + 1)
@@ -251,6 +253,27 @@ def _dense(tags: dmesh.MeshTags, mesh: dmesh.Mesh) -> np.ndarray:
     dense = np.full(index_map.size_local + index_map.num_ghosts, -1, dtype=np.int32)
     dense[tags.indices] = tags.values
     return dense
+
+
+def _parent_ends(mesh: dmesh.Mesh, fine: dmesh.Mesh, parent_cell: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """The two old nodes between which each node of a refined mesh lies half way; twice the same for an old node.
+
+    Args:
+        mesh: The old mesh.
+        fine: The refined mesh, in the coordinates of ``x``.
+        parent_cell: Old cell of each cell of ``fine``.
+        x: Coordinates of the old nodes at the refinement [length], shape (old nodes, 3).
+
+    Returns:
+        Old nodes of this rank, shape (nodes of fine, 2).
+    """
+    nodes = fine.geometry.dofmaps[0]
+    _, first = np.unique(nodes, return_index=True)
+    old = mesh.geometry.dofmaps[0][parent_cell[first // nodes.shape[1]]]
+    candidates = np.stack([old[:, i] for i in np.array(np.triu_indices(nodes.shape[1])).T], axis=1)
+    middle = 0.5 * (x[candidates[..., 0]] + x[candidates[..., 1]])
+    nearest = np.linalg.norm(middle - fine.geometry.x[:, None], axis=2).argmin(axis=1)
+    return np.take_along_axis(candidates, nearest[:, None, None], axis=1)[:, 0]
 
 
 def _redistributed(

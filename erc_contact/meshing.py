@@ -96,7 +96,7 @@ def _brick(
             gmsh.option.setNumber("Mesh.MeshSizeMax", size)
 
         with session(comm, model, "The geometry") as made:
-            return _from_model(made, comm, 0, brick)
+            return brick.exact(_from_model(made, comm, 0, brick))
     assert cells is not None
     whole = isinstance(cells, Sequence | np.ndarray) and all(isinstance(n, Integral) and n >= 1 for n in cells)
     if not whole or len(cells) != dim:
@@ -116,7 +116,7 @@ def _brick(
         values.append(np.full(len(found), number, dtype=np.int32))
     order = np.argsort(np.concatenate(facets))
     tags = dmesh.meshtags(mesh, dim - 1, np.concatenate(facets)[order], np.concatenate(values)[order])
-    return Domain(mesh, tags, names, geometry=brick)
+    return brick.exact(Domain(mesh, tags, names, geometry=brick))
 
 
 def from_gmsh(model: Any, comm: MPI.Comm = MPI.COMM_WORLD, rank: int = 0) -> Domain:

@@ -3,7 +3,8 @@
 Properties, each a number against a scale: the measure of every named part and region is exact to round-off, from
 whatever source and through refinement; refined meshes are conforming (every facet without a neighbour has a name);
 every rank holds all cells around the vertices of its own cells; the load is balanced; the refined mesh does not depend
-on the number of ranks; a gmsh session of the user's survives, ours is closed.
+on the number of ranks; refined coordinates are exact, bit by bit: a side at y = 0 stays there; a gmsh session of the
+user's survives, ours is closed.
 """
 
 import numpy as np
@@ -407,6 +408,61 @@ def test_refinement_leaves_the_coarse_domain_as_it_was(block):
     block.refined(near(block, (0.0, 0.0), 0.5))
     assert np.array_equal(block.mesh.geometry.x, before)
     assert block.cells == 32
+
+
+def nodes_of_all(domain):
+    """Coordinates of the nodes of all ranks, each once, shape (nodes, 3)."""
+    return np.unique(np.concatenate(domain.mesh.comm.allgather(domain.mesh.geometry.x)), axis=0)
+
+
+@pytest.mark.parametrize("scale", [1e-3, 1.0, 1e3])
+@pytest.mark.parametrize("dim", [2, 3])
+def test_refined_coordinates_are_exact(dim, scale):
+    """Old nodes stay as they are; a new one is the mean of two old ones: one of the means of the old edges."""
+    low, high = scale * np.array([[-0.7, 0.0, 0.1], [1.1, 0.9, 1.3]])[:, :dim]
+    make = ec.rectangle if dim == 2 else ec.box
+    domain = make(low, high, cells=(3, 2, 2)[:dim])
+    for step in range(4):
+        x, cells = domain.mesh.geometry.x, domain.mesh.geometry.dofmaps[0]
+        i, j = np.triu_indices(dim + 1)
+        means = 0.5 * (x[cells[:, i].ravel()] + x[cells[:, j].ravel()])
+        means = {row.tobytes() for row in np.concatenate(COMM.allgather(means)) + 0.0}
+        before = domain
+        domain = domain.refined(near(domain, high, scale / 2**step) if step else None)
+        after = {row.tobytes() for row in nodes_of_all(domain) + 0.0}
+        assert {row.tobytes() for row in nodes_of_all(before) + 0.0} < after <= means
+    assert_sides_exact(domain)
+
+
+def assert_sides_exact(domain):
+    """The nodes on the sides of a rectangle or box have the side's coordinate, bit by bit."""
+    sides = np.array([[j for j in range(domain.dim + 1) if j != i] for i in range(domain.dim + 1)])
+    for name, axis, at in domain.geometry.sides():
+        facets = domain.facets(name)
+        nodes = np.take_along_axis(domain.mesh.geometry.dofmaps[0][facets[:, 0]], sides[facets[:, 1]], axis=1)
+        assert set(domain.mesh.geometry.x[nodes.ravel(), axis]) <= {at}, name
+
+
+@pytest.mark.parametrize("kind", ["cells", "size", "remeshed"])
+@pytest.mark.parametrize(("dim", "scale"), [(2, 1.0), (2, 1e-3), (3, 1.0), (3, 1e3)])
+def test_sides_of_bricks_are_exact(dim, scale, kind):
+    for low, high in (((-0.7, 0.0, 0.1), (1.1, 0.9, 1.3)), ((0.1, 0.2, 0.3), (0.7, 0.9, 1.1))):
+        make = ec.rectangle if dim == 2 else ec.box
+        corners = scale * np.array([low, high])[:, :dim]
+        domain = make(*corners, **({"cells": (3, 3, 7)[:dim]} if kind == "cells" else {"size": 0.6 * scale}))
+        assert_sides_exact(domain.remeshed(0.4 * scale) if kind == "remeshed" else domain)
+
+
+def test_root_of_a_coordinate_stays_finite_on_refined_meshes():
+    """sqrt(y) on a side at y = 0."""
+    scene = ec.Scene(
+        ec.Elastic(1.0, 0.3),
+        [ec.Displacement("top", (0.0, -0.01))],
+        [ec.Traction("right", (lambda x: -1e-3 * ufl.sqrt(x[1]), 0.0))],
+        [ec.Contact("bottom", friction=lambda x: 0.1 + ufl.sqrt(x[1]))],
+    )
+    history = ec.adapt(scene, ec.rectangle((0.0, 0.0), (1.7, 1.0), cells=(4, 3)), accuracy=1e-6, max_steps=3)
+    assert len(history.steps) == 3, history.outcome
 
 
 def test_refining_nothing_keeps_the_mesh(block):
