@@ -18,7 +18,6 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from erc_contact.adapt import History
 from erc_contact.admissible import Admissible
 from erc_contact.admissible.contact import ContactTraction
 from erc_contact.domain import Domain
@@ -38,6 +37,7 @@ from erc_contact.fields import (
     von_mises,
     whole_contact,
 )
+from erc_contact.history import History
 from erc_contact.sizes import Sizes
 
 STATUS = ("open", "slip", "stick")

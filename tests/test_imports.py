@@ -15,12 +15,24 @@ import erc_contact as ec
 
 PACKAGE = Path(ec.__file__).parent
 ORDER = [
-    ["exceptions", "material", "law", "simplex", "partition", "domain", "geometry", "meshing", "scene"],
+    [
+        "exceptions",
+        "checks",
+        "interrupts",
+        "material",
+        "law",
+        "simplex",
+        "partition",
+        "domain",
+        "geometry",
+        "meshing",
+        "scene",
+    ],
     ["expressions", "foundation", "motions", "model"],
-    ["methods", "stiffness", "condensed", "newton", "start", "solve"],
+    ["methods", "stiffness", "condensed", "newton", "start", "ladder", "solve"],
     [f"admissible.{name}" for name in ("geometry", "macro", "facets", "contact", "displacement")],
     [f"admissible.{name}" for name in ("energy", "patches", "blocks", "tighten")],
-    ["admissible", "error", "goal", "sizes", "strategy", "adapt", "fields", "output"],
+    ["admissible", "error", "goal", "sizes", "strategy", "history", "adapt", "fields", "output"],
 ]
 ORDER = [module for part in ORDER for module in part]
 
