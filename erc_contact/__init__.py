@@ -16,12 +16,13 @@ if importlib.util.find_spec("dolfinx_solver"):  # the wheel of DOLFINx must load
     import dolfinx_solver  # noqa: F401
 from mpi4py import MPI
 
-from erc_contact.adapt import History, Step, adapt
+from erc_contact.adapt import adapt
 from erc_contact.admissible import Admissible, equilibrate
 from erc_contact.domain import Domain
 from erc_contact.error import ConstitutiveError, constitutive_error
 from erc_contact.exceptions import ErcContactError, InputError, NotConverged, NotHeldError
 from erc_contact.goal import Bounds, energy, resultant, work_of_loads
+from erc_contact.history import History, Step
 from erc_contact.law import Coulomb, Law, Tresca
 from erc_contact.material import Elastic
 from erc_contact.meshing import box, from_gmsh, read_mesh, rectangle

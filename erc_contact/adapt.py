@@ -5,26 +5,25 @@ Source of the idea: Coorevits, Hild, Hjiaj.
 
 from __future__ import annotations
 
-import csv
 import logging
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field, fields
-from math import isfinite
-from pathlib import Path
+from collections.abc import Callable
 from time import perf_counter
 
 import numpy as np
 from mpi4py import MPI
 
+from erc_contact import checks
 from erc_contact.admissible import TIGHTEN, equilibrate
 from erc_contact.domain import Domain
 from erc_contact.error import ConstitutiveError, constitutive_error
-from erc_contact.exceptions import InputError, NotConverged
-from erc_contact.methods import Nitsche
+from erc_contact.exceptions import InputError, NotConverged, together
+from erc_contact.history import CURVED, HEADER, History, Step, line
+from erc_contact.interrupts import Interrupts
+from erc_contact.methods import Method
 from erc_contact.percent import percent
 from erc_contact.scene import Scene
 from erc_contact.sizes import size_map
-from erc_contact.solve import Solution, solve
+from erc_contact.solve import DEFAULT, Solution, check_arguments, solve
 from erc_contact.strategy import Mark, Strategy
 
 log = logging.getLogger("erc_contact")
@@ -34,147 +33,8 @@ SHARE = 0.1
 
 The error of the mesh to come is taken as 2^-k of the last one: uniform refinement of degree k leaves no less.
 """
-
-
-@dataclass(frozen=True)
-class Step:
-    """One mesh of an adaptive run; times are wall times, the largest over the ranks [s].
-
-    Attributes:
-        cells: Number of elements.
-        vertices: Number of vertices.
-        dofs: Degrees of freedom.
-        newton: Newton steps.
-        eps: Relative error (17).
-        bulk: Bulk part of eps.
-        contact: Contact part of eps.
-        geometry: What flat facets of a curved body cost beside eps.
-        solve: Seconds of the contact solve.
-        equilibrate: Seconds of the admissible pair.
-        error: Seconds of the error.
-        mesh: Seconds of making this mesh.
-        seconds: Seconds from the start of the run to this error, all stages of all meshes.
-    """
-
-    cells: int
-    vertices: int
-    dofs: int
-    newton: int
-    eps: float
-    bulk: float
-    contact: float
-    geometry: float
-    solve: float
-    equilibrate: float
-    error: float
-    mesh: float
-    seconds: float
-
-
-COLUMNS = tuple(f.name for f in fields(Step))
-HEADER = "  cells  verts    dofs  N     eps    bulk    cont solve equil error  mesh  total"
-CURVED = "  cells  verts    dofs  N     eps    bulk    cont    geom solve equil  total"
-"""The header of a body with curved parts, whose facets cost something."""
-
-
-def _line(step: Step, curved: bool) -> str:
-    facts = (
-        f"{step.cells:7d} {step.vertices:6d} {step.dofs:7d} {step.newton:2d} {percent(step.eps, 3):>7} "
-        f"{percent(step.bulk, 3):>7} {percent(step.contact, 3):>7}"
-    )
-    times = f"{step.solve:5.2f} {step.equilibrate:5.2f}"
-    if curved:
-        return f"{facts} {percent(step.geometry, 3):>7} {times} {step.seconds:6.1f}"
-    return f"{facts} {times} {step.error:5.2f} {step.mesh:5.2f} {step.seconds:6.1f}"
-
-
-@dataclass(frozen=True, eq=False)
-class History:
-    """What an adaptive run did, one row a mesh.
-
-    Attributes:
-        steps: The rows.
-        accuracy: The prescribed relative error.
-        reached: Whether it was reached.
-        outcome: Why the run ended, in words.
-        best: The error of least ``total``, with the admissible pair and the solution.
-        meshes: Domain and eps_E of every step, for pictures.
-    """
-
-    steps: tuple[Step, ...]
-    accuracy: float
-    reached: bool
-    outcome: str
-    best: ConstitutiveError
-    meshes: tuple[tuple[Domain, np.ndarray], ...] = field(repr=False)
-
-    def __str__(self) -> str:
-        curved = self.best.admissible.solution.domain.marks is not None
-        rows = [_line(step, curved) for step in self.steps]
-        return "\n".join([CURVED if curved else HEADER, *rows, self.outcome])
-
-    @property
-    def error(self) -> ConstitutiveError:
-        """The error of least ``total``, ``best`` by its kind: ``history.error.force("bottom")``."""
-        return self.best
-
-    @property
-    def solution(self) -> Solution:
-        """The solution of least error."""
-        return self.best.solution
-
-    def column(self, name: str) -> np.ndarray:
-        """One column of the rows as an array."""
-        return np.array([getattr(step, name) for step in self.steps])
-
-    def slope(self, against: str = "cells", last: int | None = None) -> float:
-        """Slope of log(eps) against the log of a column, least squares over the last rows.
-
-        Args:
-            against: Name of the column: cells, dofs or seconds.
-            last: Number of rows; the second half by default.
-
-        Returns:
-            The slope, nan with fewer than two rows.
-        """
-        number = last or max(2, len(self.steps) // 2)
-        x, eps = self.column(against)[-number:], self.column("eps")[-number:]
-        if len(x) < 2 or not np.all(eps > 0):
-            return float("nan")
-        return float(np.polyfit(np.log(x), np.log(eps), 1)[0])
-
-    def to_csv(self, path: str | Path) -> None:
-        """Write the rows as CSV; every rank may call, rank 0 writes."""
-        if self.best.admissible.solution.domain.mesh.comm.rank == 0:
-            with Path(path).open("w", newline="") as file:
-                writer = csv.DictWriter(file, COLUMNS)
-                writer.writeheader()
-                writer.writerows(asdict(step) for step in self.steps)
-
-    def save(self, folder: str | Path) -> None:
-        """Write table, figures, pictures and ParaView files to a folder; collective.
-
-        ``history.csv``, ``error.png`` (error against run time and degrees of freedom), ``meshes.png``,
-        ``error_map.png``, ``deformed.png``, ``contact_<name>.png`` for each contact, ``body.vtkhdf`` and
-        ``contact_<name>.vtkhdf``.
-        """
-        from erc_contact import fields, output  # noqa: PLC0415 - plots and pictures are paid for only when asked for
-
-        folder = Path(folder)
-        comm = self.best.admissible.solution.domain.mesh.comm
-        if comm.rank == 0:
-            folder.mkdir(parents=True, exist_ok=True)
-        comm.barrier()
-        self.to_csv(folder / "history.csv")
-        output.plot_history({"adaptive": self}, folder / "error.png")
-        output.draw_meshes(self.meshes, folder / "meshes.png")
-        output.draw_error(self.best, folder / "error_map.png")
-        output.draw_deformed(self.best, folder / "deformed.png")
-        for traction in self.best.admissible.tractions:
-            output.plot_contact(
-                self.best.admissible, traction.contact.name, folder / f"contact_{traction.contact.name}.png"
-            )
-        fields.write_fields(self.best, folder)
+OUT_OF_MEMORY = 55
+"""PETSc's code of memory that could not be had, PETSC_ERR_MEM."""
 
 
 def adapt(
@@ -182,13 +42,14 @@ def adapt(
     domain: Domain,
     accuracy: float,
     *,
-    method: Nitsche | None = None,
+    method: Method | None = None,
     strategy: Strategy | None = None,
     degree: int = 1,
     stop: str = "converged",
     tighten: int = TIGHTEN,
     max_cells: int = 1_000_000,
     max_steps: int = 40,
+    callback: Callable[[ConstitutiveError, Step], object] | None = None,
 ) -> History:
     """Solve a scene to a prescribed accuracy; collective.
 
@@ -197,7 +58,8 @@ def adapt(
         domain: The first mesh, coarse.
         accuracy: Prescribed relative error eps (17), > 0, e.g. 0.02. Where a curved body is meshed from its true
             geometry, what its flat facets cost counts, too (``error.total``).
-        method: Contact method; ``Nitsche()`` by default.
+        method: Contact method; by default Nitsche's, or the augmented Lagrangian on meshes where only that one
+            converges, as in :func:`solve`; ``Step.method`` and ``outcome`` tell.
         strategy: How the next mesh is made; ``Mark()`` by default, which needs no geometry but the mesh.
         degree: Degree of the displacement, 1 or 2.
         stop: "converged" ends Newton at round-off; "certified" as soon as the rest is at most a tenth of the error of
@@ -205,83 +67,150 @@ def adapt(
         tighten: Iterations that tighten the admissible stress, as in :func:`equilibrate`.
         max_cells: The run ends before a mesh of more cells is solved.
         max_steps: The run ends after so many meshes.
+        callback: ``callback(error, step)`` is called after each mesh on every rank, with the error, from which solution
+            and admissible pair can be had, and the row of the table. It ends the run by raising StopIteration.
 
     Returns:
-        The history with the best result. A limit that ends the run is named in ``outcome``, with a warning; so is a
-        next mesh that cannot be made. An accuracy that will take more cells than the limit is told on the first mesh.
+        The history with the best result. What ends a run before its accuracy is reached is named in ``outcome``, with a
+        warning: a limit; a next mesh that cannot be made, or that the scene cannot be solved on; memory that does not
+        suffice; Ctrl-C, which ends the run when the stage that is under way has ended. An accuracy that will take more
+        cells than the limit is told on the first mesh.
 
     Raises:
         InputError: If the input cannot be worked with.
-        NotConverged: If the contact solve fails on the first mesh; on a later one the run ends with what it has.
+        NotConverged: If the contact solve fails on the first mesh.
+        Exception: What else is raised on a later mesh, by a strategy or callback of the user's say, has the history so
+            far in its attribute ``history``.
     """
-    if not (isinstance(accuracy, (int, float)) and isfinite(accuracy) and accuracy > 0):
-        raise InputError(f"accuracy is {accuracy!r}; it must be a relative error > 0, e.g. 0.02 for 2%.")
-    if max_steps < 1 or max_cells < 1:
-        raise InputError(f"max_steps is {max_steps} and max_cells {max_cells}; both must be >= 1.")
+    accuracy, max_cells = checks.accuracy("accuracy", accuracy), checks.whole("max_cells", max_cells, 1)
+    max_steps, tighten = checks.whole("max_steps", max_steps, 1), checks.whole("tighten", tighten, 0)
     if stop not in ("converged", "certified"):
         raise InputError(f'stop is {stop!r}; allowed are "converged" and "certified".')
+    check_arguments(scene, domain, method, degree)
+    strategy = Mark() if strategy is None else strategy
+    if isinstance(strategy, type) or not callable(getattr(strategy, "next", None)):
+        raise InputError(f"strategy is {strategy!r}; give an object, e.g. Mark(), SizeMap(), Uniform().")
     comm = domain.mesh.comm
-    strategy = strategy or Mark()
-    began = comm.bcast(perf_counter() if comm.rank == 0 else None)
-    steps: list[Step] = []
-    meshes: list[tuple[Domain, np.ndarray]] = []
-    best: ConstitutiveError | None = None
+    run = _Run(comm, accuracy)
+    solution: Solution | None = None
     error: ConstitutiveError | None = None
-    solution, mesh_seconds = None, 0.0
-    curved = domain.marks is not None
-    log.info(CURVED if curved else HEADER)
-    while True:
+    mesh_seconds = 0.0
+    log.info(HEADER if domain.marks is None else CURVED)
+    with Interrupts(comm) as interrupts:
         try:
-            allowed = SHARE * error.absolute / 2**degree if stop == "certified" and error is not None else None
-            solution = solve(scene, domain, method, degree=degree, start=solution, accuracy=allowed)
-        except NotConverged as failure:
-            if best is None:
-                raise
-            return _ended(steps, meshes, accuracy, best, f"Stopped: {failure}")
-        admissible = equilibrate(solution, tighten=tighten)
-        error = constitutive_error(admissible)
-        scale = error.scale or 1.0
-        steps.append(
-            Step(
-                cells=domain.cells,
-                vertices=domain.vertices,
-                dofs=solution.model.V.dofmap.index_map.size_global * domain.dim,
-                newton=solution.newton_steps,
-                eps=error.relative,
-                bulk=error.bulk / scale,
-                contact=error.contact / scale,
-                geometry=error.geometry / scale,
-                solve=solution.seconds,
-                equilibrate=admissible.seconds,
-                error=error.seconds,
-                mesh=mesh_seconds,
-                seconds=comm.allreduce(perf_counter() - began, MPI.MAX),
-            )
+            while not run.outcome:
+                allowed = SHARE * error.absolute / 2**degree if stop == "certified" and error is not None else None
+                solution = solve(scene, domain, method, degree=degree, start=solution, accuracy=allowed)
+                interrupts.check()
+                admissible = equilibrate(solution, tighten=tighten)
+                interrupts.check()
+                error = constitutive_error(admissible)
+                step = run.add(error, mesh_seconds)
+                if callback is not None:
+                    together(comm, callback, error, step)
+                interrupts.check()
+                if error.total <= accuracy:
+                    run.outcome = f"Reached: {percent(error.total)} <= {percent(accuracy)}."
+                    break
+                if len(run.steps) >= max_steps:
+                    run.outcome = f"Stopped after max_steps = {max_steps} meshes{run.above}."
+                    break
+                if len(run.steps) == 1:
+                    _warn(error, accuracy, max_cells)
+                started = perf_counter()
+                domain = together(comm, strategy.next, error, accuracy, max_cells)
+                interrupts.check()
+                mesh_seconds = comm.allreduce(perf_counter() - started, MPI.MAX)
+                if not isinstance(domain, Domain):
+                    raise InputError(f"The strategy gave {domain!r}; its next() must return a Domain.")
+                if domain.cells > max_cells:
+                    too_many = f"{domain.cells} cells, more than max_cells = {max_cells}"
+                    run.outcome = f"Stopped{run.above}: the next mesh has {too_many}."
+        except (Exception, KeyboardInterrupt) as failure:
+            run.end(failure, interrupts)
+    return run.history(fallback=method is None)
+
+
+class _Run:
+    """What a run has so far.
+
+    Attributes:
+        outcome: Why it ended, in words; empty while it goes on.
+    """
+
+    def __init__(self, comm: MPI.Comm, accuracy: float) -> None:
+        self.comm, self.accuracy = comm, accuracy
+        self.began = comm.bcast(perf_counter() if comm.rank == 0 else None)
+        self.steps: list[Step] = []
+        self.meshes: list[tuple[Domain, np.ndarray]] = []
+        self.best: ConstitutiveError | None = None
+        self.outcome = ""
+
+    @property
+    def above(self) -> str:
+        """How far the run came, in words."""
+        assert self.best is not None
+        return f" at {percent(self.best.total)}, above {percent(self.accuracy)}"
+
+    def add(self, error: ConstitutiveError, mesh_seconds: float) -> Step:
+        """Add a row; collective."""
+        admissible, scale = error.admissible, error.scale or 1.0
+        solution, domain = admissible.solution, admissible.solution.domain
+        step = Step(
+            cells=domain.cells,
+            vertices=domain.vertices,
+            dofs=solution.model.V.dofmap.index_map.size_global * domain.dim,
+            newton=solution.newton_steps,
+            method=type(solution.method).__name__,
+            eps=error.relative,
+            bulk=error.bulk / scale,
+            contact=error.contact / scale,
+            geometry=error.geometry / scale,
+            solve=solution.seconds,
+            equilibrate=admissible.seconds,
+            error=error.seconds,
+            mesh=mesh_seconds,
+            seconds=self.comm.allreduce(perf_counter() - self.began, MPI.MAX),
         )
-        meshes.append((domain, error.cells))
-        log.info(_line(steps[-1], curved))
-        if best is None or error.total < best.total:
-            best = error
-        if error.total <= accuracy:
-            return _ended(steps, meshes, accuracy, best, f"Reached: {percent(error.total)} <= {percent(accuracy)}.")
-        if len(steps) == max_steps:
-            text = f"Stopped after max_steps = {max_steps} meshes at {percent(best.total)}, above {percent(accuracy)}."
-            return _ended(steps, meshes, accuracy, best, text)
-        if len(steps) == 1:
-            _warn(error, accuracy, max_cells)
-        started = perf_counter()
-        try:
-            domain = strategy.next(error, accuracy, max_cells)
-        except InputError as failure:
-            text = f"Stopped at {percent(best.total)}, above {percent(accuracy)}: {failure}"
-            return _ended(steps, meshes, accuracy, best, text)
-        mesh_seconds = comm.allreduce(perf_counter() - started, MPI.MAX)
-        if domain.cells > max_cells:
-            text = (
-                f"Stopped at {percent(best.total)}, above {percent(accuracy)}: the next mesh has "
-                f"{domain.cells} cells, more than max_cells = {max_cells}."
+        self.steps.append(step)
+        self.meshes.append((domain, error.cells))
+        if self.best is None or error.total < self.best.total:
+            self.best = error
+        log.info(line(step, curved=domain.marks is not None))
+        return step
+
+    def end(self, failure: BaseException, interrupts: Interrupts) -> None:
+        """End the run with what it has, or raise: where it has nothing, or for a failure that it does not know."""
+        if self.best is None:
+            raise failure
+        memory = isinstance(failure, MemoryError) or getattr(failure, "ierr", None) == OUT_OF_MEMORY
+        if isinstance(failure, (InputError, NotConverged)):
+            self.outcome = f"Stopped{self.above}: {failure}"
+        elif memory:
+            self.outcome = f"Stopped{self.above}: the memory does not suffice for the next mesh ({failure})."
+        elif isinstance(failure, StopIteration):
+            self.outcome = f"Stopped{self.above}: by the callback. {failure}".rstrip()
+        elif interrupts.ended(failure):
+            self.outcome = f"Interrupted{self.above}."
+        else:
+            self.outcome = f"Stopped{self.above}: {type(failure).__name__}: {failure}"
+            failure.history = self.history(fallback=False)  # type: ignore[attr-defined]
+            failure.add_note("The history of the run so far is the attribute `history` of this exception.")
+            raise failure
+
+    def history(self, *, fallback: bool) -> History:
+        """The history; ``fallback`` tells that the method was the default one."""
+        assert self.best is not None
+        other = [step for step in self.steps if fallback and step.method != type(DEFAULT).__name__]
+        if other:
+            self.outcome += (
+                f" {other[0].method} on {len(other)} of {len(self.steps)} meshes, where {DEFAULT} did not converge."
             )
-            return _ended(steps, meshes, accuracy, best, text)
+        if self.best.domain.geometry is None:
+            self.outcome += " The body is that of the mesh given, with its flat facets: no true shape of it is known."
+        reached = self.best.total <= self.accuracy
+        log.log(logging.INFO if reached else logging.WARNING, self.outcome)
+        return History(tuple(self.steps), self.accuracy, reached, self.outcome, self.best, tuple(self.meshes))
 
 
 def _warn(error: ConstitutiveError, accuracy: float, max_cells: int) -> None:
@@ -291,17 +220,3 @@ def _warn(error: ConstitutiveError, accuracy: float, max_cells: int) -> None:
         log.warning(
             f"{percent(accuracy)} takes some {cells:.2g} cells, it seems; max_cells = {max_cells} will end the run."
         )
-
-
-def _ended(
-    steps: Sequence[Step],
-    meshes: Sequence[tuple[Domain, np.ndarray]],
-    accuracy: float,
-    best: ConstitutiveError,
-    outcome: str,
-) -> History:
-    reached = best.total <= accuracy
-    if best.admissible.solution.domain.geometry is None:
-        outcome += " The body is that of the mesh given, with its flat facets: no true shape of it is known."
-    log.log(logging.INFO if reached else logging.WARNING, outcome)
-    return History(tuple(steps), accuracy, reached, outcome, best, tuple(meshes))

@@ -20,7 +20,7 @@ from dolfinx import mesh as dmesh
 from dolfinx.io.utils import distribute_entity_data
 from mpi4py import MPI
 
-from erc_contact.exceptions import InputError, raise_together
+from erc_contact.exceptions import InputError, raise_together, together
 from erc_contact.partition import check_mesh, partitioner, patches_complete
 from erc_contact.surface import snap
 
@@ -181,12 +181,11 @@ class Domain:
             ends of its edge, so that a side at y = 0 stays at y = 0.
         """
         mesh, tdim = self.mesh, self.dim
+        cells = together(mesh.comm, self._marked, cells)
         mesh.topology.create_entities(1)
         mesh.topology.create_connectivity(tdim, 1)
         mesh.topology.create_connectivity(1, tdim)
-        if cells is None:
-            cells = np.arange(self.owned_cells)
-        edges = dmesh.compute_incident_entities(mesh.topology, np.asarray(cells, dtype=np.int32), tdim, 1)
+        edges = dmesh.compute_incident_entities(mesh.topology, cells, tdim, 1)
         shear = np.eye(3) + 1e-5 * np.array([[0, 0.83, 0.31], [-0.57, 0.44, 0.71], [0.13, -0.92, 0.22]])
         if tdim == 2:
             shear[:2, 2] = shear[2, :2] = 0
@@ -226,6 +225,22 @@ class Domain:
             snap(fine, marks, self.geometry.nearest)
         return Domain(fine, facet_tags, self.names, cell_tags, self.regions, self.geometry, marks)
 
+    def _marked(self, cells: npt.ArrayLike | None) -> np.ndarray:
+        """Cells of this rank to refine, checked."""
+        if cells is None:
+            return np.arange(self.owned_cells, dtype=np.int32)
+        numbers = np.asarray(cells)
+        if numbers.size == 0:
+            return np.empty(0, dtype=np.int32)
+        if numbers.ndim != 1 or not np.issubdtype(numbers.dtype, np.integer):
+            raise InputError(f"refined: the cells are {cells!r}; give an array of numbers of cells of this rank.")
+        if numbers.min() < 0 or numbers.max() >= self.owned_cells:
+            raise InputError(
+                f"refined: the cells go from {numbers.min()} to {numbers.max()}; this rank has 0 to "
+                f"{self.owned_cells - 1}."
+            )
+        return numbers.astype(np.int32)
+
     def remeshed(self, sizes: npt.ArrayLike) -> Domain:
         """Mesh the true geometry again with other sizes, by gmsh on rank 0; collective.
 
@@ -243,12 +258,13 @@ class Domain:
         Raises:
             InputError: If the geometry is not known, a size is not > 0 and finite, or gmsh fails.
         """
+        h = together(self.mesh.comm, lambda: np.asarray(sizes, dtype=float))
         if self.geometry is None:
             raise InputError(
                 "The true geometry of this domain is not known, only its mesh; refine it by marking "
                 "(strategy=Mark()), or make it by rectangle, box, from_gmsh, or read_mesh of a .geo file."
             )
-        return self.geometry.meshed(self, np.asarray(sizes, dtype=float))
+        return self.geometry.meshed(self, h)
 
 
 def _listed(names: Mapping[str, int]) -> str:

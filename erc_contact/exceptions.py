@@ -7,7 +7,9 @@ that no rank waits for ever in a collective call.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import pickle
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, cast
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -36,9 +38,16 @@ class NotConverged(ErcContactError, RuntimeError):
         super().__init__(message)
         self.rungs = rungs
 
+    def __reduce__(self) -> tuple[type[NotConverged], tuple[str, tuple[str, ...]]]:
+        """How it travels to other ranks."""
+        return type(self), (str(self), self.rungs)
 
-def raise_together(comm: MPI.Comm, error: Exception | None) -> None:
+
+def raise_together(comm: MPI.Comm, error: BaseException | None) -> None:
     """Raise on every rank of ``comm`` if any rank has an error; collective.
+
+    Public collective functions begin with it: an error of a rank whose user's code failed, before it came there, meets
+    the other ranks at this place. One that came this way is already known to all ranks and is raised as it is.
 
     Args:
         comm: Communicator; every rank must call.
@@ -47,8 +56,34 @@ def raise_together(comm: MPI.Comm, error: Exception | None) -> None:
     Raises:
         Exception: This rank's own error, or the first other rank's.
     """
-    found = [e for e in comm.allgather(error) if e is not None]
-    if error is not None:
+    if error is not None and getattr(error, "known_to_all", False):
         raise error
-    if found:
-        raise found[0]
+    found = [e for e in comm.allgather(error if error is None else _portable(error)) if e is not None]
+    if error is None and not found:
+        return
+    raised: Any = found[0] if error is None else error
+    raised.known_to_all = True
+    raise raised
+
+
+def together[T](comm: MPI.Comm, call: Callable[..., T], *arguments: Any) -> T:
+    """Call on every rank what may fail on one of them only, as a user's code may; collective.
+
+    Raises:
+        Exception: On all ranks, what failed on one.
+    """
+    result, error = None, None
+    try:
+        result = call(*arguments)
+    except Exception as reason:
+        error = reason
+    raise_together(comm, error)
+    return cast("T", result)
+
+
+def _portable(error: BaseException) -> BaseException:
+    """The error, or one that says the same where it cannot be sent to other ranks."""
+    try:
+        return error if isinstance(pickle.loads(pickle.dumps(error)), BaseException) else RuntimeError(repr(error))
+    except Exception:
+        return RuntimeError(f"{type(error).__name__}: {error}")

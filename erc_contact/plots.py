@@ -16,12 +16,12 @@ from typing import Any
 
 import numpy as np
 
-from erc_contact.adapt import History
 from erc_contact.admissible import Admissible
 from erc_contact.drawing import AXIS, coordinate, mean_normal, new_figure, save_figure, tangents, words
 from erc_contact.exceptions import InputError
 from erc_contact.fields import Surface, whole_contact
 from erc_contact.files import PARTS, on_root, subdivided
+from erc_contact.history import History
 from erc_contact.percent import percent
 from erc_contact.results import OPEN, SLIP, STICK, contact_status
 from erc_contact.simplex import bernstein

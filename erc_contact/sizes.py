@@ -19,16 +19,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import factorial, isfinite
+from math import factorial
 from typing import Any
 
 import numpy as np
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
+from erc_contact import checks
 from erc_contact.domain import Domain
 from erc_contact.error import ConstitutiveError
-from erc_contact.exceptions import InputError
+from erc_contact.exceptions import raise_together
 from erc_contact.geometry import FILL, count
 from erc_contact.simplex import barycentric, rule
 
@@ -86,8 +87,8 @@ def size_map(error: ConstitutiveError, accuracy: float) -> Sizes:
 
     Source: Coorevits, Hild, Hjiaj, definition of the optimal mesh.
     """
-    if not (isinstance(accuracy, int | float) and isfinite(accuracy) and accuracy > 0):
-        raise InputError(f"size_map: accuracy is {accuracy!r}; it must be a relative error > 0, e.g. 0.02 for 2%.")
+    accuracy = checks.accuracy("size_map: accuracy", accuracy)
+    raise_together(error.admissible.solution.domain.mesh.comm, None)
     mesh = _Mesh(error.admissible.solution.domain)
     d, square = mesh.domain.dim, error.indicators**2
     q = _rates(mesh, error.cells**2, error.admissible.solution.model.degree)

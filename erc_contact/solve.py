@@ -9,8 +9,8 @@ found in fewer steps (GRECO, 256 x 256 squares: 11 and 2, against 22 from the gl
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from numbers import Integral
 from time import perf_counter
 from typing import Any
 
@@ -18,12 +18,14 @@ import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
 
+from erc_contact import checks
 from erc_contact import start as starts
 from erc_contact.condensed import Condensed
 from erc_contact.domain import Domain
-from erc_contact.exceptions import InputError, NotConverged
+from erc_contact.exceptions import InputError, NotConverged, raise_together
 from erc_contact.foundation import BoundContact
-from erc_contact.methods import AugmentedLagrangian, Method, Nitsche
+from erc_contact.ladder import Attempt, attempts
+from erc_contact.methods import Method, Nitsche
 from erc_contact.model import Model
 from erc_contact.newton import Newton, Outcome
 from erc_contact.scene import Scene
@@ -31,14 +33,8 @@ from erc_contact.stiffness import Stiffness
 
 log = logging.getLogger("erc_contact")
 
-FRICTION_STEPS = ((0.5, 1.0), (0.9, 1.0), tuple(0.05 * k for k in range(21)))
-"""Shares of the friction bound when friction is raised in steps."""
-LINE_SEARCHES = ("l2", "cp", "bt", "nleqerr")
-"""What is tried where bisection fails: each leaves other cycles."""
-NODAL = AugmentedLagrangian(gamma=1.0)
-"""The method that starts the others."""
-OTHERS = tuple(AugmentedLagrangian(gamma) for gamma in (0.1, 10.0, 1000.0))
-"""Its parameters do not change its solution: others are tried where Newton fails."""
+DEFAULT = Nitsche()
+"""The method where none is given."""
 SINGULAR = 1e-12
 """Where the least singular value of the tangent, scaled by the elastic diagonal, is below this, it is singular [-]."""
 
@@ -49,7 +45,7 @@ class Solution:
 
     Attributes:
         model: The scene on its domain, with forms.
-        method: The contact method.
+        method: The contact method whose solution it is.
         u: Displacement [length], a continuous P1 or P2 Function.
         multipliers: Multiplier of each contact [force/area], or () for a method without.
         newton_steps: Newton steps of all attempts together; 0 for a scene without contact.
@@ -106,13 +102,14 @@ def solve(
     """Solve a scene on a domain; collective.
 
     A scene without contact is one linear solve. Otherwise Newton starts from ``start`` if given, else from the linear
-    problem with the contact glued; line search by bisection. Further attempts use other parameters, raise friction
-    in steps, and use other line searches.
+    problem with the contact glued; line search by bisection. Further attempts (:mod:`erc_contact.ladder`) use other
+    parameters, raise friction in steps, and use other line searches.
 
     Args:
         scene: The problem.
         domain: The mesh.
-        method: Contact method; ``Nitsche()`` by default.
+        method: Contact method. None is Nitsche's, or the augmented Lagrangian where only that one converges:
+            ``Solution.method`` and ``reason`` say so. One that is given is the only one whose solution is taken.
         degree: Degree of the displacement, 1 or 2.
         start: A solution on another mesh of the same body; Newton starts from its displacement on the contacts.
         accuracy: Newton may stop at this distance to the solution of the discrete problem, in the energy norm
@@ -126,8 +123,10 @@ def solve(
         NotConverged: If no attempt converged.
     """
     began = perf_counter()
-    method = method or Nitsche()
-    model = Model(scene, domain, degree)
+    check_arguments(scene, domain, method, degree)
+    accuracy = None if accuracy is None else checks.positive("accuracy", accuracy, "an energy norm > 0, or None")
+    raise_together(domain.mesh.comm, None)
+    model = Model(scene, domain, int(degree))
     stiffness = Stiffness(model)
     b = stiffness.load_vector()
     w = stiffness.glued(b)
@@ -135,10 +134,27 @@ def solve(
     if stiffness.contact:
         solution = _Ascent(model, method, stiffness, w, accuracy).solve(start)
     else:
-        solution = Solution(model, method, w, (), 0, "linear solve", 0.0, 1.0, stiffness, 0.0)
+        solution = Solution(model, method or DEFAULT, w, (), 0, "linear solve", 0.0, 1.0, stiffness, 0.0)
     seconds = model.comm.allreduce(perf_counter() - began, MPI.MAX)
     log.debug("%d cells: %s; %d Newton steps, %.2f s", domain.cells, solution.reason, solution.newton_steps, seconds)
     return replace(solution, seconds=seconds)
+
+
+def check_arguments(scene: Any, domain: Any, method: Any, degree: Any) -> None:
+    """Refuse what is of another type than asked for, before a word of UFL or PETSc is heard.
+
+    Raises:
+        InputError: If it is.
+    """
+    if not isinstance(scene, Scene):
+        raise InputError(f"scene is {scene!r}; give a Scene: Scene(material, supports=[...], ...).")
+    if not isinstance(domain, Domain):
+        raise InputError(f"domain is {domain!r}; give a Domain: rectangle(...), read_mesh(...), Domain(mesh, ...).")
+    if isinstance(degree, bool) or not isinstance(degree, Integral) or degree not in (1, 2):
+        raise InputError(f"degree is {degree!r}; allowed are the whole numbers 1 and 2.")
+    known = method is None or callable(getattr(method, "equations", None))
+    if not known or isinstance(method, type):
+        raise InputError(f"method is {method!r}; give an object: Nitsche(), AugmentedLagrangian(), or None.")
 
 
 def _check_size(model: Model, b: fem.Function, w: fem.Function) -> None:
@@ -157,28 +173,14 @@ def _check_size(model: Model, b: fem.Function, w: fem.Function) -> None:
         )
 
 
-@dataclass(frozen=True)
-class _Attempt:
-    """One attempt: a method, where it starts, its line search, the steps of friction.
-
-    The start "glued" glues the contact, "warm" is a solution on another mesh, "nodal" one of the augmented Lagrangian.
-    """
-
-    method: Method
-    start: str
-    line_search: str = "bisection"
-    friction_shares: tuple[float, ...] = (1.0,)
-
-    def __str__(self) -> str:
-        steps = f", friction in {len(self.friction_shares)} steps" if len(self.friction_shares) > 1 else ""
-        return f"{self.start} start, {self.method}, {self.line_search}{steps}"
-
-
 class _Ascent:
     """The ladder of attempts for one model; all ranks climb it together."""
 
-    def __init__(self, model: Model, method: Method, stiffness: Stiffness, w: fem.Function, accuracy: float | None):
-        self.model, self.method, self.stiffness, self.w = model, method, stiffness, w
+    def __init__(
+        self, model: Model, method: Method | None, stiffness: Stiffness, w: fem.Function, accuracy: float | None
+    ) -> None:
+        self.model, self.stiffness, self.w = model, stiffness, w
+        self.method, self.fallback = method or DEFAULT, method is None
         self.accuracy = accuracy
         self.problems: dict[Method, Condensed] = {}
         self.tried: list[str] = []
@@ -186,57 +188,32 @@ class _Ascent:
 
     def solve(self, start: Solution | None) -> Solution:
         """Climb until an attempt of the method converges."""
-        stiffness = self.stiffness
-        states = {"glued": starts.glued(stiffness, self.w)}
+        states = {"glued": starts.glued(self.stiffness, self.w)}
         if start is not None and start.model.contacts:
-            states["warm"] = starts.from_mesh(start.model, start.u, stiffness)
-        for attempt in self._ladder(states):
+            states["warm"] = starts.from_mesh(start.model, start.u, self.stiffness)
+        friction = any(c.law is not None for c in self.model.contacts)
+        for attempt in attempts(self.method, states, friction=friction, fallback=self.fallback):
             if attempt.start not in states:
                 continue
             converged, state, results = self._attempt(attempt, states[attempt.start])
-            if converged and attempt.method == self.method:
-                return self._solution(results)
+            if converged and attempt.final:
+                return self._solution(attempt.method, results)
             if converged:
-                states["nodal"] = state
+                states[attempt.gives] = state
+        also, try_other = " or the augmented Lagrangian", "the other method (method=None tries both), "
         raise NotConverged(
-            f"The contact solve did not converge on {self.model.domain.cells} cells with {self.method}. Tried: "
-            f"{'; '.join(self.tried)}. Try the other method (Nitsche, AugmentedLagrangian), another gamma (1 to 1000), "
-            "a finer mesh at the contact, or less friction; look whether the loads let the contact hold the body.",
+            f"The contact solve did not converge on {self.model.domain.cells} cells with {self.method}"
+            f"{also if self.fallback else ''}. Tried: {'; '.join(self.tried)}. "
+            f"Try {'' if self.fallback else try_other}another gamma (1 to 1000), a finer mesh at the contact, or less "
+            "friction; look whether the loads let the contact hold the body.",
             tuple(self.tried),
         )
 
-    def _ladder(self, states: dict[str, Any]) -> Iterator[_Attempt]:
-        """The attempts, cheapest first; those whose start is not among the states are skipped.
-
-        Without a gap the problem is positively homogeneous, so steps of the load are all the same problem; friction
-        is raised in steps instead.
-        """
-        own = self.method
-        nodal = own if own.multiplier else NODAL
-        first = "warm" if "warm" in states else "glued"
-        yield _Attempt(nodal, first)
-        if nodal != own:
-            yield _Attempt(own, "nodal")
-        if nodal != own and first == "warm":
-            yield _Attempt(own, "warm")
-        if nodal != own or first == "warm":
-            yield _Attempt(own, "glued")
-        for other in (NODAL, *OTHERS):
-            if "nodal" not in states and other != own:
-                yield _Attempt(other, "glued")
-                yield _Attempt(own, "nodal")
-        if any(c.law is not None for c in self.model.contacts):
-            for shares in FRICTION_STEPS:
-                yield _Attempt(own, "glued", friction_shares=shares)
-        for line_search in LINE_SEARCHES:
-            yield _Attempt(own, "glued", line_search)
-
-    def _attempt(self, attempt: _Attempt, contact: Any) -> tuple[bool, Any, Any]:
+    def _attempt(self, attempt: Attempt, contact: Any) -> tuple[bool, Any, Any]:
         """Run one attempt; returns whether it converged, u at the contact nodes, and what a solution needs."""
         if attempt.method not in self.problems:
             self.problems[attempt.method] = Condensed(self.model, attempt.method, self.stiffness, self.w)
         problem = self.problems[attempt.method]
-        final = attempt.method == self.method
 
         def work() -> tuple[Outcome, Any, Any]:
             newton = Newton(problem, self.accuracy)
@@ -249,7 +226,7 @@ class _Ascent:
                     break
             problem.raise_friction(1.0)
             results = None
-            if final and outcome.converged:
+            if attempt.final and outcome.converged:
                 results = newton.remaining(), newton.regularity(u), u, problem.matrix @ u - problem.loads
             newton.destroy()
             return replace(outcome, steps=steps), u[: self.stiffness.contact], results
@@ -260,16 +237,20 @@ class _Ascent:
         log.debug(self.tried[-1])
         return outcome.converged, state, results
 
-    def _solution(self, results: tuple[float, float, np.ndarray, np.ndarray]) -> Solution:
+    def _solution(self, method: Method, results: tuple[float, float, np.ndarray, np.ndarray]) -> Solution:
         remaining, regularity, u_tested, force = results
+        cells = self.model.domain.cells
         u = self.stiffness.expand(self.w, u_tested, force)
         reason = self.tried[-1]
+        if method != self.method:
+            reason = f"{self.method} did not converge: {reason}"
+            log.info("%d cells: %s did not converge, the solution is that of %s.", cells, self.method, method)
         if regularity < SINGULAR:
             reason += f"; the tangent is singular ({regularity:.0e}), the solution may be one of many"
             log.warning("The tangent of the contact problem is singular at its solution: it may be one of many.")
-        multipliers = self.problems[self.method].multipliers
+        multipliers = self.problems[method].multipliers
         for multiplier, contact in zip(multipliers, self.model.contacts[: len(multipliers)], strict=True):
             self.model.to_coefficients(multiplier.x.array.reshape(-1, self.model.d), [contact], back=True)
         return Solution(
-            self.model, self.method, u, multipliers, self.steps, reason, remaining, regularity, self.stiffness, 0.0
+            self.model, method, u, multipliers, self.steps, reason, remaining, regularity, self.stiffness, 0.0
         )

@@ -253,6 +253,7 @@ def factorised(matrix: PETSc.Mat, schur_on: np.ndarray | None = None) -> PETSc.K
 
     Raises:
         InputError: If it cannot be factorised.
+        MemoryError: If there is too little memory for it.
     """
     comm = matrix.comm.tompi4py()
     ksp = PETSc.KSP().create(comm)
@@ -270,7 +271,10 @@ def factorised(matrix: PETSc.Mat, schur_on: np.ndarray | None = None) -> PETSc.K
         _call("MatFactorSetSchurIS", pc.getFactorMatrix().handle, indices.handle)
         indices.destroy()
     ksp.setUp()
-    if pc.getFailedReason() != PETSc.PC.FailedReason.NOERROR:
+    reasons, failed = PETSc.PC.FailedReason, pc.getFailedReason()
+    if failed == reasons.FACTOR_OUTMEMORY:
+        raise MemoryError(f"the factor of {matrix.getSize()[0]} elastic equations")
+    if failed != reasons.NOERROR:
         raise InputError(
             "The elastic stiffness cannot be factorised: its numbers are too far apart for double precision. "
             "Choose units in which moduli and lengths are nearer to 1; look for degenerate cells."

@@ -13,9 +13,10 @@ from typing import Protocol
 
 import numpy as np
 
+from erc_contact import checks
 from erc_contact.domain import Domain
 from erc_contact.error import ConstitutiveError
-from erc_contact.exceptions import InputError
+from erc_contact.exceptions import InputError, raise_together
 from erc_contact.percent import percent
 from erc_contact.sizes import size_map
 
@@ -56,8 +57,7 @@ class Mark:
     fraction: float = 0.5
 
     def __post_init__(self) -> None:
-        if not 0 < self.fraction <= 1:
-            raise InputError(f"Mark: fraction is {self.fraction!r}; it must lie in (0, 1].")
+        checks.fraction("Mark: fraction", self.fraction)
 
     def next(self, error: ConstitutiveError, accuracy: float, max_cells: int) -> Domain:
         """The domain with the marked elements refined; collective."""
@@ -91,9 +91,8 @@ class SizeMap:
     leap: float = 4.0
 
     def __post_init__(self) -> None:
-        if not 0 < self.aim <= 1:
-            raise InputError(f"SizeMap: aim is {self.aim!r}; it must lie in (0, 1].")
-        if not self.leap > 1:
+        checks.fraction("SizeMap: aim", self.aim)
+        if checks.positive("SizeMap: leap", self.leap, "> 1") <= 1:
             raise InputError(f"SizeMap: leap is {self.leap!r}; it must be > 1.")
 
     def next(self, error: ConstitutiveError, accuracy: float, max_cells: int) -> Domain:
@@ -130,7 +129,8 @@ def mark(error: ConstitutiveError, fraction: float = 0.5) -> np.ndarray:
     Returns:
         Marked cells of this rank.
     """
-    comm = error.admissible.solution.domain.mesh.comm
+    fraction, comm = checks.fraction("mark: fraction", fraction), error.admissible.solution.domain.mesh.comm
+    raise_together(comm, None)
     everywhere = np.sort(np.concatenate(comm.allgather(error.indicators)))[::-1]
     carried = np.cumsum(everywhere**2)
     enough = int(np.searchsorted(carried, fraction * carried[-1] * (1 - TIE)))

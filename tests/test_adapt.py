@@ -2,18 +2,26 @@
 
 - eps against cells has slope -1/2 (adaptive), and the slope that the clamped corner dictates (uniform: h^0.7112);
 - Doerfler marking carries the fraction with the fewest elements;
-- limits of cells and of steps, and a solve that fails late, end the loop with the best result and clear words.
+- limits of cells and of steps, and a solve that fails late, end the loop with the best result and clear words;
+- so does whatever else comes late: a scene that does not fit the next mesh, Ctrl-C (real signals to real processes),
+  memory that ends, a callback that has enough; on the first mesh it is raised.
 """
 
 import csv
+import dataclasses
+import os
+import signal
 
 import numpy as np
 import pytest
+import ufl
 from mpi4py import MPI
+from processes import output, started
 from scenes import block, common_block, prototype_block
 
 import erc_contact as ec
 from erc_contact import adapt as adapt_function
+from erc_contact.percent import percent
 
 CORNER = 0.7112
 """Singular exponent of a clamped-free corner of 90 degrees, nu = 0.3."""
@@ -78,6 +86,182 @@ def test_failure_on_a_later_mesh_keeps_what_there_is(monkeypatch):
     assert len(history.steps) == 1
     assert "did not converge" in history.outcome
     assert history.best.relative == history.steps[0].eps
+
+
+def ends_late(error, *words, on):
+    """A run on two meshes whose second one fails: the history has the first. On the first mesh the error is raised."""
+    scene, first, second = on
+
+    class Next:
+        def next(self, error, accuracy, max_cells):
+            return second(error.admissible.solution.domain)
+
+    history = ec.adapt(scene, first, accuracy=1e-3, strategy=Next())
+    assert len(history.steps) == 1
+    assert not history.reached
+    assert history.best.relative == history.steps[0].eps
+    assert percent(history.best.total) in history.outcome
+    missing = [word for word in words if word not in history.outcome]
+    assert not missing, f"{missing} not in {history.outcome}"
+    with pytest.raises(error):
+        ec.adapt(scene, second(first), accuracy=1e-3, strategy=Next())
+
+
+def test_scene_that_does_not_fit_a_later_mesh():
+    """Friction with a dip that only the second mesh sees."""
+
+    def dip(x):
+        return 0.3 - 0.4 * ufl.exp(-(((x[0] - 2 / 7) / 1e-3) ** 2))
+
+    scene = ec.Scene(
+        ec.Elastic(1.0, 0.3), [ec.Displacement("top", (0.02, -0.05))], contacts=[ec.Contact("bottom", friction=dip)]
+    )
+    first, second = (ec.rectangle((0.0, 0.0), (2.0, 7.0), cells=cells) for cells in ((4, 14), (7, 24)))
+    on = scene, first, lambda domain: second
+    ends_late(ec.InputError, "'bottom'", "friction is -0.1", on=on)
+
+
+def test_body_that_nothing_holds_on_a_later_mesh():
+    """The contact has moved to the side: nothing holds the body vertically any more."""
+
+    def turned(domain):
+        names = dict(zip(domain.names, [4, 2, 1, 3], strict=True)) if domain.names["bottom"] == 3 else domain.names
+        return ec.Domain(domain.mesh, domain.facet_tags, names)
+
+    roller = ec.Displacement("right", (0.0, None))
+    scene = ec.Scene(ec.Elastic(1.0, 0.3), [roller], [ec.Traction("top", pressure=lambda x: 0.01 * x[0])])
+    scene = dataclasses.replace(scene, contacts=[ec.Contact("bottom")])
+    on = scene, ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(3, 3)), turned
+    ends_late(ec.NotHeldError, "Nothing holds the body", "translation in y", on=on)
+
+
+@pytest.mark.parametrize("rank", [0, MPI.COMM_WORLD.size - 1])
+def test_memory_that_ends_on_one_rank(rank):
+    """What a strategy of the user's raises on one rank comes to all: a MemoryError ends the run with what it has."""
+
+    class Greedy:
+        def next(self, error, accuracy, max_cells):
+            if MPI.COMM_WORLD.rank == rank:
+                np.ones((1 << 40, 1 << 12))
+            return error.admissible.solution.domain.refined()
+
+    history = ec.adapt(common_block(), block(4), accuracy=1e-3, strategy=Greedy())
+    assert len(history.steps) == 1
+    assert "memory" in history.outcome
+
+
+MEMORY = """
+import resource
+import erc_contact as ec
+from erc_contact.percent import percent
+from mpi4py import MPI
+
+scene = ec.Scene(
+    ec.Elastic(1.0, 0.3), [ec.Displacement("top", (0.02, -0.05))], contacts=[ec.Contact("bottom", friction=0.3)]
+)
+
+def limit(error, step):
+    if step.cells > 200:
+        used = int(open("/proc/self/statm").read().split()[0]) * resource.getpagesize()
+        resource.setrlimit(resource.RLIMIT_AS, (used + 40_000_000, -1))
+
+history = ec.adapt(
+    scene, ec.rectangle((0.0, 0.0), (2.0, 7.0), cells=(4, 14)), 1e-9, strategy=ec.Uniform(), callback=limit
+)
+resource.setrlimit(resource.RLIMIT_AS, (-1, -1))
+if MPI.COMM_WORLD.rank == 0:
+    print(len(history.steps), history.outcome)
+    history.to_csv("history.csv")
+"""
+
+
+@pytest.mark.serial
+def test_memory_that_really_ends(tmp_path):
+    text = output(started(MEMORY, 1, tmp_path), 60)
+    assert "memory does not suffice" in text
+    rows = (tmp_path / "history.csv").read_text().splitlines()
+    assert 3 <= len(rows) <= 8
+
+
+def test_callback_sees_every_mesh_and_may_end_the_run():
+    seen = []
+
+    def callback(error, step):
+        seen.append((error.relative, step))
+        if len(seen) == 3:
+            raise StopIteration("seen enough")
+
+    history = ec.adapt(common_block(), block(4), accuracy=1e-3, callback=callback)
+    assert [step for _, step in seen] == list(history.steps)
+    assert [eps for eps, _ in seen] == [step.eps for step in history.steps]
+    assert len(history.steps) == 3
+    assert "seen enough" in history.outcome
+
+
+@pytest.mark.parametrize("rank", [0, MPI.COMM_WORLD.size - 1])
+def test_error_of_a_callback_comes_to_all_ranks_and_carries_the_history(rank):
+    def callback(error, step):
+        if MPI.COMM_WORLD.rank == rank and step.cells > 200:
+            raise ZeroDivisionError("of the user's")
+
+    with pytest.raises(ZeroDivisionError, match="of the user's") as caught:
+        ec.adapt(common_block(), block(4), accuracy=1e-3, strategy=ec.Uniform(), callback=callback)
+    assert len(caught.value.history.steps) == 2
+    assert "ZeroDivisionError" in caught.value.history.outcome
+
+
+INTERRUPTED = """
+import signal
+import erc_contact as ec
+from erc_contact.percent import percent
+from mpi4py import MPI
+
+scene = ec.Scene(
+    ec.Elastic(1.0, 0.3), [ec.Displacement("top", (0.02, -0.05))], contacts=[ec.Contact("bottom", friction=0.3)]
+)
+comm = MPI.COMM_WORLD
+
+def tell(error, step):
+    if comm.rank == comm.size - 1:
+        print("mesh", __import__("os").getpid(), flush=True)
+
+history = ec.adapt(scene, ec.rectangle((0.0, 0.0), (2.0, 7.0), cells=(4, 14)), 1e-9, max_cells=10**9, callback=tell)
+assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+every = comm.allgather((len(history.steps), history.outcome))
+assert len(set(every)) == 1, every
+if comm.rank == 0:
+    print("ended", *every[0])
+    history.to_csv("history.csv")
+"""
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(("ranks", "to"), [(1, "all"), (2, "all"), (2, "last rank")])
+def test_interrupted_run_keeps_its_history(ranks, to, tmp_path):
+    """A real SIGINT, to mpiexec as Ctrl-C sends it, or to one rank only."""
+    process = started(INTERRUPTED, ranks, tmp_path)
+    for _ in range(2):
+        pid = int(process.stdout.readline().split()[1])
+    os.kill(pid if to == "last rank" else process.pid, signal.SIGINT)
+    ended = [line for line in output(process, 60).splitlines() if line.startswith("ended")]
+    assert len(ended) == 1
+    steps = int(ended[0].split()[1])
+    assert steps >= 2
+    assert "Interrupted at" in ended[0]
+    assert len((tmp_path / "history.csv").read_text().splitlines()) == steps + 1
+
+
+def test_interrupt_before_there_is_anything_to_keep_is_raised():
+    def impatient(x):
+        os.kill(os.getpid(), signal.SIGINT)
+        return 0.3
+
+    scene = ec.Scene(
+        ec.Elastic(1.0, 0.3), [ec.Displacement("top", (0.0, -0.1))], contacts=[ec.Contact("bottom", friction=impatient)]
+    )
+    with pytest.raises(KeyboardInterrupt):
+        ec.adapt(scene, ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(2, 2)), accuracy=1e-3)
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
 def test_history_rows_and_csv(shared_tmp_path):

@@ -15,13 +15,13 @@ import erc_contact as ec
 
 PACKAGE = Path(ec.__file__).parent
 ORDER = [
-    ["percent", "exceptions", "material", "law", "simplex", "quadrature", "partition", "surface", "domain", "geometry"],
-    ["meshing", "scene"],
+    ["percent", "exceptions", "checks", "interrupts", "material", "law", "simplex", "quadrature", "partition"],
+    ["surface", "domain", "geometry", "meshing", "scene"],
     ["expressions", "foundation", "promises", "motions", "model"],
-    ["methods", "stiffness", "condensed", "newton", "start", "solve"],
+    ["methods", "stiffness", "condensed", "newton", "start", "ladder", "solve"],
     [f"admissible.{name}" for name in ("geometry", "loads", "macro", "facets", "contact", "displacement")],
     [f"admissible.{name}" for name in ("energy", "patches", "blocks", "tighten")],
-    ["admissible", "oscillation", "results", "error", "works", "goal", "sizes", "strategy", "adapt"],
+    ["admissible", "oscillation", "results", "error", "works", "goal", "sizes", "strategy", "history", "adapt"],
     ["files", "fields", "drawing", "plots", "bodies", "pictures", "output"],
 ]
 ORDER = [module for part in ORDER for module in part]

@@ -3,13 +3,14 @@
 - GRECO and the common block against converged values of independent codes, within the stated tolerances;
 - a scene without contact is one linear solve; without friction no friction term is formed;
 - the way of starting does not change the solution; nothing is left in PETSc's options;
-- NotConverged says what was tried.
+- NotConverged says what was tried; the default solves what one of the two methods solves, and says which it was.
 """
 
 import numpy as np
 import pytest
 import ufl
 from dolfinx import fem
+from friction_sweep import SCENES, sweep
 from mpi4py import MPI
 from petsc4py import PETSc
 from scenes import block, common_block, greco, prototype_block, resultant
@@ -152,6 +153,45 @@ def test_options_of_the_user_win_and_ours_are_not_left():
     finally:
         del PETSc.Options()["erc_contact_snes_max_it"]
     assert PETSc.Options().getAll() == before
+
+
+HARD = {
+    "block": [0.203, *np.linspace(0.204, 0.208, 5)],
+    "block, nu 0.35": [0.19, 0.2, 0.24, 0.245],
+    "GRECO": [0.05, 0.4],
+    "cube on a sphere": [0.3],
+}
+"""Friction coefficients at which Nitsche's method found no solution from the starts of earlier versions, and others."""
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("name", SCENES)
+def test_default_solves_every_friction(name, degree):
+    row = sweep(name, degree, [*HARD[name], *np.geomspace(0.001, 2.0, 3 if name == "cube on a sphere" else 8)])
+    assert not row.failures
+
+
+def test_default_falls_back_on_the_augmented_lagrangian():
+    """A real failure: with so few Newton steps only the augmented Lagrangian converges."""
+    scene, domain = SCENES["block"](0.206)
+    expected = ec.solve(scene, domain, ec.AugmentedLagrangian())
+    PETSc.Options()["erc_contact_snes_max_it"] = 2
+    try:
+        with pytest.raises(ec.NotConverged, match="the other method"):
+            ec.solve(scene, domain, ec.Nitsche())
+        solution = ec.solve(scene, domain)
+        history = ec.adapt(scene, domain, accuracy=1e-3, max_steps=1)
+    finally:
+        del PETSc.Options()["erc_contact_snes_max_it"]
+    assert solution.method == ec.AugmentedLagrangian()
+    assert "Nitsche(theta=0, gamma=10.0) did not converge" in solution.reason
+    assert len(solution.multipliers) == 1
+    scale = abs(expected.u.x.array).max()
+    assert abs(solution.u.x.array - expected.u.x.array).max() < 1e-10 * scale
+    eps = [ec.constitutive_error(ec.equilibrate(s)).relative for s in (solution, expected)]
+    assert eps[0] == pytest.approx(eps[1], rel=1e-8)
+    assert history.steps[0].method == "AugmentedLagrangian"
+    assert "AugmentedLagrangian on 1 of 1 meshes" in history.outcome
 
 
 class Orthotropic:

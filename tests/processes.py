@@ -1,0 +1,42 @@
+"""Scripts in processes of their own, alone or under mpiexec: for signals, deadlocks and whole lives of a process."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+
+def started(script: str, ranks: int, folder: Path) -> subprocess.Popen:
+    """Start a script; what it writes comes through pipes, errors with the rest.
+
+    Args:
+        script: Python source.
+        ranks: Number of processes, 1 without mpiexec.
+        folder: Where it runs.
+    """
+    path = folder / "script.py"
+    path.write_text(script)
+    launch = [] if ranks == 1 else [str(Path(sys.executable).parent / "mpiexec"), "-n", str(ranks)]
+    environment = {k: v for k, v in os.environ.items() if not k.startswith(("PMI", "MPI"))}
+    return subprocess.Popen(
+        [*launch, sys.executable, "-u", str(path)],
+        cwd=folder,
+        env=environment | {"OMP_NUM_THREADS": "1", "MPIR_CVAR_CH4_PROGRESS_THROTTLE": "1"},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )
+
+
+def output(process: subprocess.Popen, seconds: float) -> str:
+    """All that a process writes from here to its end; it must end by itself in so many seconds, with code 0."""
+    try:
+        text, _ = process.communicate(timeout=seconds)
+    except subprocess.TimeoutExpired:
+        process.terminate()  # mpiexec ends its ranks with it
+        text, _ = process.communicate(timeout=20)
+        raise AssertionError(f"it did not end in {seconds:g} s: a deadlock?\n{text}") from None
+    assert process.returncode == 0, text
+    return text
