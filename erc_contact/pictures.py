@@ -163,7 +163,7 @@ def draw_deformed(error: ConstitutiveError, path: str | Path, factor: float | No
         largest = float(np.linalg.norm(u, axis=1).max())
         default = float(f"{0.06 * size / largest:.2g}") if 0 < largest < 0.05 * size else 1.0
         times = default if factor is None else factor
-        skin, shown = skin_of(**body, d=d), [contact for contact in contacts if contact is not None]
+        skin, shown = skin_of(**body, d=d), [contact for contact in contacts if contact is not None and len(contact.x)]
         outline = grid_of(body["points"], body["cells"][:, : d + 1], d)
         outline = outline.extract_feature_edges(feature_angle=30.0, manifold_edges=False)
         foundations = [foundation(contact, times, size) for contact in shown]
@@ -216,14 +216,17 @@ def _up(admissible: Admissible) -> np.ndarray:
 def _ticks(bar: Any, norm: Any, *, known: bool) -> None:
     """Plain numbers at a colour bar; where nothing is known to show but zeros, only that."""
     from matplotlib.colors import LogNorm  # noqa: PLC0415
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator  # noqa: PLC0415
+    from matplotlib.ticker import MaxNLocator  # noqa: PLC0415
 
     if not known:
         bar.set_ticks([0.0])
     elif isinstance(norm, LogNorm):
-        bar.locator = LogLocator(subs=(1, 2, 5) if norm.vmax / norm.vmin < 200 else (1,))
-        bar.formatter = FuncFormatter(lambda value, _: f"{value:g}")
-        bar.minorlocator = NullLocator()
+        low, high, powers = norm.vmin, norm.vmax, 10.0 ** np.arange(-20, 20)
+        series = [np.outer(powers, steps).ravel() for steps in ((1,), (1, 2, 5))]
+        series = [s[(s >= low) & (s <= high)] for s in [*series, MaxNLocator(5).tick_values(low, high)]]
+        ticks = next((s for s in series if len(s) > 2), series[-1])
+        bar.set_ticks(ticks, labels=[f"{tick:.4g}" for tick in ticks], minor=False)
+        bar.minorticks_off()
 
 
 def _map(
@@ -253,7 +256,7 @@ def _map(
     parts = [skin.faces(x, scalars=rgb, rgb=True, preference="cell")]
     if len(values) <= FEW:
         parts.append(skin.edges(x, color="#404040", opacity=0.4, line_width=0.8))
-    if before is not None:
+    if before is not None and before.n_points > 0:  # a ball has no edges
         parts.append((before, {"color": "black", "line_width": 3.0}))
     flat = len(views) == 1
     size = float(np.ptp(x, axis=0).max())

@@ -222,8 +222,8 @@ def _arc_length(surface: Surface) -> tuple[np.ndarray, str]:
     n, area, many = traction.contact.direction, traction.area, len(traction.area)
     forward = np.einsum("fi,fi->f", ends[:, 1] - ends[:, 0], np.column_stack([-n[:, 1], n[:, 0]])) > 0
     first, last = np.where(forward, surface.vertices.T, surface.vertices.T[::-1])
-    force = area * (np.maximum(-traction.normal, 0).mean(axis=1) + 1e-9 * abs(traction.normal).max() + 1e-300)
-    centre = force @ ends.mean(axis=1) / force.sum()
+    force = area * np.maximum(-traction.normal, 0).mean(axis=1)
+    centre = np.average(ends.mean(axis=1), axis=0, weights=force if force.any() else area)
     order = np.argsort(first)
     found = order[np.minimum(np.searchsorted(first, last, sorter=order), many - 1)]
     successor = np.where(first[found] == last, found, np.arange(many))

@@ -668,6 +668,42 @@ def test_map_of_nothing_has_the_lowest_colour(shared_tmp_path, seen):
         assert np.unique(rgb, axis=0).tolist() == [list(colormaps["viridis"](0, bytes=True)[:3])]
 
 
+def test_colours_of_any_range_are_told(shared_tmp_path, seen):
+    """Each colour bar has some ticks, with plain numbers, however narrow or wide its range is."""
+    error = error_of(*punch(2))
+    for ratio in (1.0, 1.5, 2.0, 8.0, 1e3, 1e6):
+        cells = np.geomspace(2.1e-3 / ratio, 2.1e-3, len(error.cells))
+        output.draw_error(replace(error, cells=cells), shared_tmp_path / "error.png")
+        if COMM.rank == 0:
+            (bar,) = [axes for axes in seen.figures[-1].axes if axes.get_label() == "<colorbar>"]
+            axis = bar.xaxis if len(bar.get_xticks()) else bar.yaxis
+            low, high = sorted(axis.get_view_interval())
+            ticks = axis.get_ticklocs()
+            assert 2 <= len(ticks) <= 10
+            assert np.all((ticks >= low) & (ticks <= high))
+            told = [float(label.get_text()) for label in axis.get_ticklabels()]
+            assert told == pytest.approx(ticks, rel=1e-3)
+
+
+def test_ball_has_no_edges(gmsh_session, shared_tmp_path, seen):
+    model = None
+    if gmsh_session:
+        model = gmsh_session.model
+        ball = model.occ.addSphere(0, 0, 0, 1)
+        model.occ.synchronize()
+        model.addPhysicalGroup(3, [ball], name="ball")
+        model.addPhysicalGroup(2, [tag for _, tag in model.getEntities(2)], name="surface")
+        gmsh_session.option.setNumber("Mesh.MeshSizeMax", 0.3)
+        model.mesh.generate(3)
+    scene = ec.Scene(
+        material=ec.Elastic(1.0, 0.3), supports=[ec.Displacement("surface", (0.0, 0.0, lambda x: 0.01 * x[2]))]
+    )
+    error = error_of(scene, ec.from_gmsh(model))
+    output.draw_deformed(error, shared_tmp_path / "deformed.png")
+    if COMM.rank == 0:
+        assert len(seen.views) == 2
+
+
 @pytest.mark.serial
 def test_package_is_typed():
     assert (Path(ec.__file__).parent / "py.typed").is_file()
