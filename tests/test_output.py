@@ -26,8 +26,8 @@ from scenes import block, patch_test, random_scene, resultant
 
 import erc_contact as ec
 from erc_contact import fields, output, results
-from erc_contact.adapt import COLUMNS
 from erc_contact.admissible.contact import ContactTraction
+from erc_contact.history import COLUMNS
 from erc_contact.percent import percent
 
 COMM = MPI.COMM_WORLD
