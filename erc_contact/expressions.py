@@ -36,12 +36,18 @@ def evaluate(expression: Any, domain: Domain, points: np.ndarray, entities: np.n
     """
     expression = ufl.algorithms.expand_derivatives(ufl.as_ufl(expression))
     if not varies(expression):  # a number, constants, derivatives that became constant: nothing to compile
-        shape, constants = expression.ufl_shape, ufl.algorithms.analysis.extract_constants(expression)
-        known = {c: c.value if c.ufl_shape else float(c.value) for c in constants}
-        plain = [expression.evaluate((), known, index, StackDict()) for index in np.ndindex(shape)]
-        return np.broadcast_to(np.reshape(plain, shape).astype(float), (len(entities), len(points), *shape))
+        plain = _plain(expression)
+        return np.broadcast_to(plain, (len(entities), len(points), *plain.shape))
     compiled = fem.Expression(expression, points, comm=domain.mesh.comm, dtype=np.float64)
     return compiled.eval(domain.mesh, entities)
+
+
+def _plain(expression: Any) -> np.ndarray:
+    """The value of a UFL expression that does not vary in space."""
+    shape, constants = expression.ufl_shape, ufl.algorithms.analysis.extract_constants(expression)
+    known = {c: c.value if c.ufl_shape else float(c.value) for c in constants}
+    values = [expression.evaluate((), known, index, StackDict()) for index in np.ndindex(shape)]
+    return np.reshape(values, shape).astype(float)
 
 
 def pointwise(function: Callable[..., Any], arrays: Mapping[str, np.ndarray]) -> np.ndarray:
@@ -59,6 +65,8 @@ def pointwise(function: Callable[..., Any], arrays: Mapping[str, np.ndarray]) ->
         cells = line.topology.original_cell_index[:size]
         numbers[name].x.array[:size] = np.broadcast_to(array, shape).ravel()[cells]
     expression = ufl.as_ufl(function(**numbers))
+    if not varies(expression):
+        return np.broadcast_to(_plain(expression), shape)
     compiled = fem.Expression(expression, np.array([[0.5]]), comm=MPI.COMM_SELF, dtype=np.float64)
     values = np.empty(size)
     values[line.topology.original_cell_index[:size]] = compiled.eval(line, np.arange(size, dtype=np.int32)).ravel()

@@ -28,7 +28,7 @@ ORDER = [
         "meshing",
         "scene",
     ],
-    ["expressions", "foundation", "motions", "model"],
+    ["expressions", "users", "foundation", "motions", "model"],
     ["methods", "stiffness", "condensed", "newton", "start", "ladder", "solve"],
     [f"admissible.{name}" for name in ("geometry", "macro", "facets", "contact", "displacement")],
     [f"admissible.{name}" for name in ("energy", "patches", "blocks", "tighten")],
