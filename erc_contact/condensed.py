@@ -28,7 +28,7 @@ import ufl
 from dolfinx import fem
 from petsc4py import PETSc
 
-from erc_contact.exceptions import raise_together
+from erc_contact.exceptions import raise_together, together
 from erc_contact.methods import Method
 from erc_contact.model import Model
 from erc_contact.simplex import edges, rule
@@ -70,15 +70,7 @@ class Condensed:
         self.w, known = stiffness.gather(w), stiffness.gather(self.u)
         self.edges = _edges(model, stiffness, self.tested) if method.multiplier else None
         self.length = max(model.comm.allgather(float(abs(w.x.array).max(initial=0.0)))) or 1.0
-        if stiffness.schur is not None:
-            a = self.tested
-            self.schur, lift = stiffness.reduced(a)
-            self.matrix = self.schur - np.diag(stiffness.glued_by[:a])
-            self.loads = self.schur @ self.w[:a]
-            self.force = float((abs(self.matrix) @ abs(self.w[:a])).max()) or 1.0
-            if self.edges:
-                lift = self.edges.coefficients(lift)
-            self.affine = np.hstack([lift, (known - lift @ self.w[:a])[:, None]])
+        together(model.comm, self._condense, known)
         toward = fem.Function(model.V)
         for contact in model.contacts:
             toward.x.array.reshape(-1, model.d)[model.facet_nodes(contact.facets)] = contact.direction[:, None, :]
@@ -168,13 +160,29 @@ class Condensed:
     def _share(self, share: float) -> None:
         self.model.friction_share.value = share
 
+    def _condense(self, known: np.ndarray) -> None:
+        """The dense matrices, on rank 0."""
+        if self.stiffness.schur is None:
+            return
+        a = self.tested
+        self.schur, lift = self.stiffness.reduced(a)
+        self.matrix = self.schur - np.diag(self.stiffness.glued_by[:a])
+        self.loads = self.schur @ self.w[:a]
+        self.force = float((abs(self.matrix) @ abs(self.w[:a])).max()) or 1.0
+        if self.edges:
+            lift = self.edges.coefficients(lift)
+        self.affine = np.hstack([lift, (known - lift @ self.w[:a])[:, None]])
+
     # -- set up ---------------------------------------------------------------------------------------------
 
     def _compile(self) -> None:
         model, method = self.model, self.method
         fields: tuple[Any, ...] = self.multipliers or (None,) * len(model.contacts)
         v, du = ufl.TestFunction(model.V), ufl.TrialFunction(model.V)
-        parts = [method.equations(model, c, self.u, v, f) for c, f in zip(model.contacts, fields, strict=True)]
+        pairs = list(zip(model.contacts, fields, strict=True))
+        parts = together(model.comm, lambda: [method.equations(model, c, self.u, v, f) for c, f in pairs])
+        shown = together(model.comm, lambda: [c.status(method.projected(model, c, self.u, f)) for c, f in pairs])
+        together(model.comm, lambda: [method.traction(model, c, self.u, f) for c, f in pairs])
         residual = sum(parts[1:], start=parts[0])
         self.residual_form = fem.form(residual)
         self.residual_vector = fem.Function(model.V)
@@ -182,17 +190,13 @@ class Condensed:
         self.tangents = [fem.create_matrix(form) for form in self.tangent_forms]
         points, _ = rule(model.d - 1, 2 * model.degree)
         self.state_expressions = []
-        for contact, field in zip(model.contacts, fields, strict=True):
-            status = contact.status(method.projected(model, contact, self.u, field))
+        for contact, status in zip(model.contacts, shown, strict=True):
             own = contact.facets[contact.facets[:, 0] < model.domain.owned_cells]
             self.state_expressions.append((fem.Expression(status, points, comm=model.comm), own))
 
     def _add_multipliers(self, columns: list[np.ndarray]) -> None:
         """Add the multipliers to z: from the reactions of the nodes, or the mean of neighbours where redundant."""
         model, d = self.model, self.model.d
-        reaction = np.hstack([self.matrix, -self.loads[:, None]]) if self.stiffness.schur is not None else None
-        if reaction is not None and self.edges:
-            reaction = self.edges.forces(reaction)
         gathered = []
         for contact in model.contacts:
             own = contact.facets[:, 0] < model.domain.owned_cells
@@ -210,9 +214,17 @@ class Condensed:
             column[visible] = self.size + found[:, None] * d + np.arange(d)
             columns.append(column.ravel())
             self.size += len(every) * d
-        if reaction is not None:
-            places = Places(self.stiffness.numbers[: self.tested], d)
-            self.affine = np.vstack([self.affine, *_multipliers(gathered, places, reaction)])
+        together(model.comm, self._append, gathered)
+
+    def _append(self, contacts: list[tuple[np.ndarray, np.ndarray, np.ndarray]]) -> None:
+        """Add the rows of the multipliers to the affine functions, on rank 0; arguments of :func:`_multipliers`."""
+        if self.stiffness.schur is None:
+            return
+        reaction = np.hstack([self.matrix, -self.loads[:, None]])
+        if self.edges:
+            reaction = self.edges.forces(reaction)
+        places = Places(self.stiffness.numbers[: self.tested], self.model.d)
+        self.affine = np.vstack([self.affine, *_multipliers(contacts, places, reaction)])
 
     def _connect(self, columns: list[np.ndarray]) -> None:
         """Where the ranks' entries of residual and tangent go."""
@@ -230,7 +242,10 @@ class Condensed:
             rows.append(row[pick])
             cols.append(col[pick])
         parts = comm.gather((np.concatenate(rows), np.concatenate(cols)))
-        if parts is not None:
+
+        def allocate() -> None:
+            if parts is None:
+                return
             self.all_rows = np.concatenate(all_rows)
             row, col = (np.concatenate([p[i] for p in parts]).astype(PETSc.IntType) for i in (0, 1))
             self.sparse = PETSc.Mat().createAIJ((a, self.size), comm=PETSc.COMM_SELF)
@@ -239,6 +254,8 @@ class Condensed:
             self.lifted = PETSc.Mat().createDense((self.size, a), array=columns_of, comm=PETSc.COMM_SELF)
             self.product = PETSc.Mat().createDense((a, a), comm=PETSc.COMM_SELF)
             self.product.setUp()
+
+        together(comm, allocate)
 
 
 class Places:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from numbers import Integral
 from typing import Any, Protocol
 
 import basix.ufl
@@ -65,6 +66,13 @@ class Domain:
     _inside: set[str] = field(init=False, repr=False, default_factory=set)
 
     def __post_init__(self) -> None:
+        if not isinstance(self.mesh, dmesh.Mesh):
+            raise InputError(
+                f"Domain: mesh is {self.mesh!r}; give a mesh of DOLFINx, or use read_mesh, rectangle, box."
+            )
+        for what, tags in (("names", self.names), ("regions", self.regions)):
+            if not isinstance(tags, Mapping) or not all(isinstance(tag, Integral) for tag in tags.values()):
+                raise InputError(f"Domain: {what} is {tags!r}; give a mapping from names to whole numbers, the tags.")
         check_mesh(self.mesh)
         tdim = self.mesh.topology.dim
         self.mesh.topology.create_connectivity(tdim - 1, tdim)
@@ -125,6 +133,11 @@ class Domain:
         self.mesh.comm.Allreduce(x.min(axis=0, initial=np.inf), low, MPI.MIN)
         self.mesh.comm.Allreduce(x.max(axis=0, initial=-np.inf), high, MPI.MAX)
         return float(np.linalg.norm(high - low))
+
+    @property
+    def outer(self) -> list[str]:
+        """Names of the parts that can carry conditions: those without facets inside the body."""
+        return [name for name in self.names if name not in self._inside]
 
     def tag(self, name: str) -> int:
         """Tag of a boundary part, for measures inside the package.

@@ -12,6 +12,7 @@ import ufl
 from erc_contact.domain import Domain
 from erc_contact.expressions import Everywhere, pointwise, varies_in_cells
 from erc_contact.law import Coulomb, Law, Tresca, project
+from erc_contact.users import scalar
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,6 +85,12 @@ class BoundContact:
         if isinstance(self.law, (Coulomb, Tresca)):  # arithmetic that numbers understand
             return np.broadcast_to(self.law.bound(pressure, **values), pressure.shape)
         return pointwise(self.law.bound, {"pressure": pressure, **values})
+
+    def check(self) -> None:
+        """Call the law as the solver and the error do; what it raises is its user's to mend."""
+        numbers = {name: np.ones((1, 1)) for name in self.parameters}
+        scalar("It", self._bound(abs(self.normal[0])))
+        self.friction_bound(np.ones((1, 1)), numbers)
 
     def _bound(self, pressure: Any) -> Any:
         return self.share * self.law.bound(pressure, **self.parameters) if self.law else 0

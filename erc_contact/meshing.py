@@ -20,6 +20,7 @@ from dolfinx import mesh as dmesh
 from dolfinx.io import gmsh as dgmsh
 from mpi4py import MPI
 
+from erc_contact import checks
 from erc_contact.domain import Domain
 from erc_contact.exceptions import InputError, raise_together
 from erc_contact.geometry import Brick, Drawing, as_input_error, drawing_of, marked_facets, renumber, session
@@ -80,15 +81,17 @@ def _brick(
     comm: MPI.Comm,
     dim: int,
 ) -> Domain:
-    low, high = np.asarray(p0, dtype=float), np.asarray(p1, dtype=float)
+    try:
+        low, high = np.asarray(p0, dtype=float), np.asarray(p1, dtype=float)
+    except (TypeError, ValueError):
+        low = high = np.empty(0)
     if low.shape != (dim,) or high.shape != (dim,) or not np.all(low < high) or not np.isfinite([low, high]).all():
         raise InputError(f"The corners are {p0} and {p1}; each must have {dim} numbers, the first below the second.")
     if (size is None) == (cells is None):
         raise InputError("Give either size= (an unstructured mesh by gmsh) or cells= (a structured mesh).")
     brick = Brick(tuple(map(float, low)), tuple(map(float, high)))
     if size is not None:
-        if not 0 < size < np.inf:
-            raise InputError(f"The size of cells is {size:g}; it must be > 0 [length].")
+        checks.positive("The size of cells", size, "a length > 0")
 
         def model(gmsh: Any) -> None:
             brick.build(gmsh)
@@ -151,6 +154,8 @@ def read_mesh(path: str | Path, comm: MPI.Comm = MPI.COMM_WORLD) -> Domain:
         InputError: If the file is missing or unreadable, has no groups of facets, or is not of
             straight-sided simplices.
     """
+    if not isinstance(path, str | Path):
+        raise InputError(f"read_mesh: the path is {path!r}; give the name of a file.")
     path = Path(path)
     with session(comm, lambda gmsh: _open(gmsh, path), f"The mesh file {str(path)!r}") as model:
         return from_gmsh(model, comm)

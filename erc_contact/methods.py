@@ -11,16 +11,20 @@ foundation, g gap, r contact traction on the body, P the projection of the law, 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import factorial, isfinite
+from math import factorial
 from typing import Any, ClassVar, Protocol
 
 import numpy as np
 import ufl
 from dolfinx import fem
 
+from erc_contact import checks
 from erc_contact.exceptions import InputError
 from erc_contact.foundation import BoundContact
 from erc_contact.model import Model
+
+GAMMA = "> 0 (dimensionless; 1 to 100 is usual)"
+"""What gamma must be, in words."""
 
 
 def contact_degree(model: Model) -> int:
@@ -71,11 +75,6 @@ def _beyond(contact: BoundContact, u: Any, gap: Any) -> Any:
     return u if gap is None else u - gap * contact.normal
 
 
-def _check_gamma(method: str, gamma: float) -> None:
-    if not (isfinite(gamma) and gamma > 0):
-        raise InputError(f"{method}: gamma is {gamma!r}; it must be > 0 (dimensionless; 1 to 100 is usual).")
-
-
 @dataclass(frozen=True)
 class Nitsche:
     """Nitsche's method for contact with friction; it has no unknowns beside the displacement.
@@ -99,7 +98,7 @@ class Nitsche:
     def __post_init__(self) -> None:
         if self.theta not in (0, 1, -1):
             raise InputError(f"Nitsche: theta is {self.theta!r}; allowed are 0, 1 and -1.")
-        _check_gamma("Nitsche", self.gamma)
+        checks.positive("Nitsche: gamma", self.gamma, GAMMA)
 
     @property
     def in_layer(self) -> bool:
@@ -166,7 +165,7 @@ class AugmentedLagrangian:
     in_layer: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
-        _check_gamma("AugmentedLagrangian", self.gamma)
+        checks.positive("AugmentedLagrangian: gamma", self.gamma, GAMMA)
 
     def equations(self, model: Model, contact: BoundContact, u: Any, v: Any, multiplier: Any = None) -> Any:
         """``int_C (lambda - P(lambda - gamma (u - g n))).q`` by quadrature at the nodes, a UFL form linear in q.

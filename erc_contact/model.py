@@ -23,7 +23,7 @@ from erc_contact.exceptions import InputError, raise_together
 from erc_contact.expressions import evaluate, varies, varies_in_cells
 from erc_contact.foundation import BoundContact
 from erc_contact.law import Coulomb, Tresca
-from erc_contact.material import mandel_matrix, strain
+from erc_contact.material import Elastic, mandel_matrix, strain
 from erc_contact.motions import free_motions
 from erc_contact.scene import Contact, Scene, Traction
 from erc_contact.simplex import (
@@ -37,6 +37,7 @@ from erc_contact.simplex import (
     rule,
 )
 from erc_contact.surface import offset
+from erc_contact.users import called, scalar, try_material, vector
 
 FLAT = 1e-8
 """Largest deviation of the facet normals of a contact that counts as flat [-]."""
@@ -88,8 +89,10 @@ class Model:
         self.ds = ufl.Measure("ds", domain=self.mesh, subdomain_data=domain.facet_tags)
         self.dx = ufl.Measure("dx", domain=self.mesh)
         self.parameters = {name: self._parameter(name) for name in scene.material.parameters}
+        if not isinstance(scene.material, Elastic):
+            try_material(self)
         self._bind_supports()
-        self.body_force = self._sum([self._vector(b.value) for b in scene.body_forces])
+        self.body_force = self._sum([self._vector(b.value, "BodyForce") for b in scene.body_forces])
         self.tractions = [(t.facets, self.ds(domain.tag(t.facets)), self._traction(t)) for t in scene.tractions]
         self._check_loads()
         self.friction_share = fem.Constant(self.mesh, 1.0)
@@ -156,7 +159,7 @@ class Model:
 
     def _ordered_vertices(self) -> np.ndarray:
         """Local vertices of the named facets in the order of the reference facet, shape (cells, d+1, d)."""
-        facets = np.concatenate([self.domain.facets(name) for name in self.domain.names])
+        facets = np.concatenate([self.domain.facets(name) for name in self.domain.outer])
         vertices = self.local_facets[facets[:, 1]]
         local = np.take_along_axis(self.mesh.geometry.dofmaps[0][facets[:, 0]], vertices, axis=1)
         known = self.mesh.geometry.x[local][:, None, :, : self.d]
@@ -197,33 +200,36 @@ class Model:
     def _sum(self, terms: list[Any]) -> Any | None:
         return sum(terms[1:], start=terms[0]) if terms else None
 
-    def _value(self, value: Any, x: Any = None) -> Any:
-        """A number as a Constant, a callable as UFL of the position, x unless another one is given."""
-        return (
-            ufl.as_ufl(value(self.x if x is None else x)) if callable(value) else fem.Constant(self.mesh, float(value))
-        )
+    def _value(self, value: Any, what: str, x: Any = None) -> Any:
+        """A number as a Constant, a callable as UFL of the position, x unless another one is given; collective."""
+        if not callable(value):
+            return fem.Constant(self.mesh, float(value))
+        return called(self.comm, what, lambda: scalar(what, value(self.x if x is None else x)))
 
-    def _vector(self, value: Any, x: Any = None) -> Any:
-        vector = (
-            value(self.x if x is None else x) if callable(value) else [self._value(component) for component in value]
-        )
-        vector = vector if isinstance(vector, ufl.core.expr.Expr) else ufl.as_vector([ufl.as_ufl(c) for c in vector])
-        if vector.ufl_shape != (self.d,):
-            raise InputError(f"A load has shape {vector.ufl_shape}; the mesh needs ({self.d},).")
-        return vector
+    def _vector(self, value: Any, what: str, x: Any = None) -> Any:
+        """The same for a vector."""
+        if not callable(value):
+            bound = ufl.as_vector([self._value(component, what) for component in value])
+        else:
+            bound = called(self.comm, what, lambda: vector(value(self.x if x is None else x)))
+        if bound.ufl_shape != (self.d,):
+            raise InputError(f"{what} has shape {bound.ufl_shape}; the mesh needs ({self.d},).")
+        return bound
 
     def _traction(self, traction: Traction) -> Any:
+        what = f"Traction({traction.facets!r})"
         if traction.pressure is not None:
-            return -self._value(traction.pressure) * self.n
-        return self._vector(traction.value)
+            return -self._value(traction.pressure, f"{what}: pressure") * self.n
+        return self._vector(traction.value, what)
 
     def _parameter(self, name: str) -> Any:
         value = getattr(self.scene.material, name)
-        bound = self._by_region(name, value) if isinstance(value, Mapping) else self._value(value)
+        what = f"Material parameter {name}"
+        bound = self._by_region(name, value) if isinstance(value, Mapping) else self._value(value, what)
         if isinstance(value, Mapping) or callable(value):
             owned = np.arange(self.domain.owned_cells, dtype=np.int32)
             values = evaluate(bound, self.domain, lattice(self.d, DATA_DEGREE), owned)
-            self.scene.material.check(name, *self._range(values))
+            called(self.comm, what, self.scene.material.check, name, *self._range(values))
         return bound
 
     def _by_region(self, name: str, value: Mapping[str, Any]) -> Any:
@@ -237,7 +243,7 @@ class Model:
             if callable(entry):
                 indicator = fem.Function(W)
                 indicator.x.array[cells] = 1.0
-                terms.append(indicator * self._value(entry))
+                terms.append(indicator * self._value(entry, f"Material parameter {name} in {region!r}"))
             else:
                 numbers.x.array[cells] = float(entry)
         missing = self.comm.allreduce(int(np.count_nonzero(covered[: self.domain.owned_cells] != 1)), MPI.SUM)
@@ -262,9 +268,9 @@ class Model:
         vectors += [c.normal for c in self.scene.contacts if isinstance(c.normal, tuple)]
         vectors += [load.value for load in self.scene.tractions if load.value is not None]
         vectors += [load.value for load in self.scene.body_forces]
-        for vector in vectors:
-            if not callable(vector) and len(vector) != self.d:
-                raise InputError(f"The scene has the vector {vector}, but the mesh is {self.d}D.")
+        for value in vectors:
+            if not callable(value) and len(value) != self.d:
+                raise InputError(f"The scene has the vector {value}, but the mesh is {self.d}D.")
 
     def _bind_supports(self) -> None:
         """Nodal values of the supports; two supports that meet at a node must agree there."""
@@ -274,7 +280,7 @@ class Model:
         error = None
         self.fixed_facets: list[tuple[np.ndarray, np.ndarray]] = []
         for support in self.scene.supports:
-            facets = self.domain.facets(support.facets)
+            facets, what = self.domain.facets(support.facets), f"Displacement({support.facets!r})"
             nodes = self.facet_nodes(facets)
             components = np.array([value is not None for value in support.value])
             self.fixed_facets.append((facets, components))
@@ -283,7 +289,7 @@ class Model:
                     continue
                 new = np.full(nodes.shape, 0.0 if callable(value) else float(value))
                 if callable(value):
-                    new[:] = evaluate(self._value(value), self.domain, self.facet_points, facets)
+                    new[:] = evaluate(self._value(value, what), self.domain, self.facet_points, facets)
                 clash = fixed[nodes, i] & (abs(values[nodes, i] - new) > 1e-9 * float(abs(new).max(initial=1e-300)))
                 if clash.any():
                     error = InputError(
@@ -314,8 +320,9 @@ class Model:
 
     def _contact(self, contact: Contact) -> BoundContact:
         facets, surface = self.domain.facets(contact.facets), self._true_surface(contact)
+        what = f"Contact({contact.facets!r})"
         law = contact.law
-        parameters = {name: self._value(getattr(law, name)) for name in law.parameters} if law else {}
+        parameters = {p: self._value(getattr(law, p), f"{what}: {p}") for p in law.parameters} if law else {}
         for name, value in parameters.items():
             if callable(getattr(law, name)):
                 low, high = self._range(evaluate(value, self.domain, self.facet_points, facets))
@@ -324,13 +331,13 @@ class Model:
                         f"Contact({contact.facets!r}): {name} is {low:g} somewhere; it must be >= 0 and finite."
                     )
         if callable(contact.gap):
-            values = evaluate(self._value(contact.gap, surface), self.domain, self.facet_points, facets)
+            values = evaluate(self._value(contact.gap, f"{what}: gap", surface), self.domain, self.facet_points, facets)
             if not np.isfinite(self._range(values)).all():
-                raise InputError(f"Contact({contact.facets!r}): the gap is not finite everywhere; look at it.")
-        gap = None if contact.gap == 0 else self._value(contact.gap, surface)
+                raise InputError(f"{what}: the gap is not finite everywhere; look at it.")
+        gap = None if contact.gap == 0 else self._value(contact.gap, f"{what}: gap", surface)
         normal, direction, given_normal = self._normal(contact, facets, surface)
         plain = isinstance(law, (Coulomb, Tresca)) and not any(callable(getattr(law, p)) for p in law.parameters)
-        return BoundContact(
+        bound_contact = BoundContact(
             name=contact.facets,
             facets=facets,
             ds=self.ds(self.domain.tag(contact.facets)),
@@ -345,6 +352,9 @@ class Model:
             sampled=law is not None and not plain,
             bilateral=contact.bilateral,
         )
+        if law is not None and not isinstance(law, (Coulomb, Tresca)):
+            called(self.comm, f"{what}: the friction bound", bound_contact.check)
+        return bound_contact
 
     @cached_property
     def offset(self) -> fem.Function | None:
@@ -382,11 +392,12 @@ class Model:
         self, contact: Contact, facets: np.ndarray, centre: np.ndarray, surface: Any
     ) -> tuple[Any, np.ndarray, Any]:
         """One normal for each cell at the contact, the mean of its facets."""
+        what = f"Contact({contact.facets!r})"
         if contact.normal == "gap":
-            slope = ufl.algorithms.expand_derivatives(-ufl.grad(self._value(contact.gap)))
+            slope = ufl.algorithms.expand_derivatives(-ufl.grad(self._value(contact.gap, f"{what}: gap")))
             expression = ufl.replace(slope, {self.x: surface})
         else:
-            expression = self._vector(contact.normal, surface)
+            expression = self._vector(contact.normal, f"{what}: normal", surface)
         given = evaluate(expression, self.domain, centre, facets)[:, 0]
         length = np.linalg.norm(given, axis=1)
         error = None

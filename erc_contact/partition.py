@@ -112,7 +112,8 @@ def check_mesh(mesh: dmesh.Mesh) -> None:
     """Check that a mesh is one the package works with; collective.
 
     Raises:
-        InputError: If cells are not straight-sided triangles in the plane or tetrahedra in space.
+        InputError: If cells are not straight-sided triangles in the plane or tetrahedra in space, or a coordinate is
+            not finite.
     """
     cell, gdim, degree = mesh.topology.cell_type.name, mesh.geometry.dim, mesh.geometry.cmaps[0].degree
     error = None
@@ -126,4 +127,6 @@ def check_mesh(mesh: dmesh.Mesh) -> None:
             f"The mesh has curved cells of degree {degree}; only straight-sided cells (degree 1) are allowed. "
             "In gmsh: Mesh.ElementOrder = 1."
         )
+    elif not np.isfinite(mesh.geometry.x).all():
+        error = InputError("The mesh has coordinates that are not finite; look at where they come from.")
     raise_together(mesh.comm, error)

@@ -20,8 +20,15 @@ from erc_contact.exceptions import InputError
 from erc_contact.law import Coulomb, Law
 from erc_contact.material import Elastic, Value
 
+MATERIAL = ("parameters", "check", "stress", "compliance", "modulus")
+"""What a material has."""
 Vector = Sequence[Value] | Callable[[Any], Any]
 """d values, or a callable of x that returns a vector (UFL or a sequence)."""
+
+
+def _check_name(what: str, name: Any) -> None:
+    if not isinstance(name, str):
+        raise InputError(f"{what} is for {name!r}; give the name of one boundary part, e.g. {what}('top', ...).")
 
 
 def _check_value(what: str, value: Any, low: float = -float("inf"), unit: str = "") -> None:
@@ -59,6 +66,7 @@ class Displacement:
     value: Sequence[Value | None]
 
     def __post_init__(self) -> None:
+        _check_name("Displacement", self.facets)
         what = f"Displacement({self.facets!r})"
         if callable(self.value):
             raise InputError(f"{what}: give one value or callable for each component, (ux, uy), not one callable.")
@@ -86,6 +94,7 @@ class Traction:
     pressure: Value | None = None
 
     def __post_init__(self) -> None:
+        _check_name("Traction", self.facets)
         what = f"Traction({self.facets!r})"
         if (self.value is None) == (self.pressure is None):
             raise InputError(f"{what}: give either a vector or pressure=, not both and not none.")
@@ -139,9 +148,16 @@ class Contact:
     bilateral: bool = False
 
     def __post_init__(self) -> None:
+        _check_name("Contact", self.facets)
         what = f"Contact({self.facets!r})"
-        if not hasattr(self.friction, "bound"):
-            _check_value(f"{what}: friction", self.friction, 0.0)
+        law: Any = self.friction
+        if isinstance(law, type) or (hasattr(law, "bound") and not isinstance(getattr(law, "parameters", None), tuple)):
+            raise InputError(
+                f"{what}: friction is {law!r}; give a number, a callable of x, or an object with parameters (a tuple "
+                "of names) and bound, e.g. Tresca(0.1)."
+            )
+        if not hasattr(law, "bound"):
+            _check_value(f"{what}: friction", law, 0.0)
         _check_value(f"{what}: gap", self.gap, unit=" [length]")
         if self.bilateral and isinstance(self.law, Coulomb):
             raise InputError(
@@ -150,7 +166,7 @@ class Contact:
             )
         if isinstance(self.normal, str) and self.normal != "gap":
             raise InputError(f'{what}: normal is {self.normal!r}; give numbers, a callable of x, "gap" or None.')
-        if self.normal == "gap" and not callable(self.gap):
+        if isinstance(self.normal, str) and not callable(self.gap):
             raise InputError(
                 f'{what}: normal="gap" needs a gap that is a callable of x, the distance to the foundation.'
             )
@@ -180,6 +196,8 @@ class Scene:
         loads: Tractions and body forces; several on one part add up.
         contacts: Contacts with rigid foundations.
 
+    A single support, load or contact needs no list around it.
+
     Raises:
         InputError: If a boundary part is in two conditions that conflict, or an entry is of another type.
     """
@@ -191,8 +209,19 @@ class Scene:
 
     def __post_init__(self) -> None:
         allowed = {"supports": (Displacement,), "loads": (Traction, BodyForce), "contacts": (Contact,)}
+        missing = [member for member in MATERIAL if not hasattr(self.material, member)]
+        if missing or isinstance(self.material, type):
+            raise InputError(
+                f"Scene: material is {self.material!r}; give an Elastic(E, nu), or an object of a class of your own "
+                f"with {', '.join(MATERIAL)}."
+            )
         for name, types in allowed.items():
-            entries = tuple(getattr(self, name))
+            given: Any = getattr(self, name)
+            if not isinstance(given, (*types, list, tuple)):
+                raise InputError(
+                    f"Scene: {name} is {given!r}; give a list of {' and '.join(t.__name__ for t in types)}."
+                )
+            entries = tuple(given) if isinstance(given, list | tuple) else (given,)
             for entry in entries:
                 if not isinstance(entry, types):
                     raise InputError(

@@ -12,6 +12,7 @@ from __future__ import annotations
 import numpy as np
 from dolfinx import fem
 
+from erc_contact.exceptions import together
 from erc_contact.model import Model
 from erc_contact.simplex import lagrange
 from erc_contact.stiffness import Stiffness
@@ -38,11 +39,15 @@ def glued(stiffness: Stiffness, w: fem.Function) -> np.ndarray | None:
             gap = model.gap_at_nodes(contact)
             values[model.facet_nodes(contact.facets)] = gap[..., None] * contact.direction[:, None, :]
     given, start = stiffness.gather(toward)[:a], stiffness.gather(w)[:a]
-    if stiffness.schur is None:
-        return None
-    if given.any():
-        start = start + np.linalg.solve(stiffness.reduced(a)[0], stiffness.glued_by[:a] * given)
-    return start
+
+    def across() -> np.ndarray | None:
+        if stiffness.schur is None:
+            return None
+        if not given.any():
+            return start
+        return start + np.linalg.solve(stiffness.reduced(a)[0], stiffness.glued_by[:a] * given)
+
+    return together(model.comm, across)
 
 
 def from_mesh(model: Model, u: fem.Function, stiffness: Stiffness) -> np.ndarray | None:

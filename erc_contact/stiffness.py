@@ -25,7 +25,7 @@ from dolfinx import fem, la
 from dolfinx.fem import petsc as fp
 from petsc4py import PETSc
 
-from erc_contact.exceptions import InputError, raise_together
+from erc_contact.exceptions import InputError, together
 from erc_contact.methods import nodal, stiffness_per_area
 from erc_contact.model import Model
 from erc_contact.simplex import facet_nodes
@@ -111,10 +111,12 @@ class Stiffness:
             return w
         a = self.contact
         w_tested = self.gather(w)[:a]
-        u_tested = None
-        if self.schur is not None:
-            u_tested = np.linalg.solve(self.energy(a), self.reduced(a)[0] @ w_tested)
+        u_tested = together(self.model.comm, lambda: None if self.schur is None else self._free(a, w_tested))
         return self.expand(w, u_tested, None)
+
+    def _free(self, a: int, w_tested: np.ndarray) -> np.ndarray:
+        """The contact nodes without the glue, from those with it, on rank 0."""
+        return np.linalg.solve(self.energy(a), self.reduced(a)[0] @ w_tested)
 
     def expand(self, w: fem.Function, u_tested: np.ndarray | None, force: np.ndarray | None) -> fem.Function:
         """``u = w + (K + D)^-1 (D u_A + c)`` from u_A and the contact forces c at A, both on rank 0 (c may be None)."""
@@ -226,15 +228,17 @@ class Stiffness:
         self._ksp = factorised(self._matrix, self.numbers)
         self.glued_by = self.gather(self.glue)
         self.motions = [self.gather(motion) for motion in self.model.free_motions]
-        error = None
-        if comm.rank == 0:
-            self.schur = _schur_complement(self._ksp, len(self.numbers))
-            if not np.isfinite(self.schur).all():
-                error = InputError("The elastic stiffness is not finite; look at the moduli and the mesh.")
-        raise_together(comm, error)
+        self.schur = together(comm, lambda: self._schur_complement() if comm.rank == 0 else None)
         if comm.size > 1:  # PETSc does not solve with a factor that has a Schur complement there
             self._ksp.destroy()
             self._ksp = None
+
+    def _schur_complement(self) -> np.ndarray:
+        """S_L, on rank 0."""
+        schur = _schur_complement(self._ksp, len(self.numbers))
+        if not np.isfinite(schur).all():
+            raise InputError("The elastic stiffness is not finite; look at the moduli and the mesh.")
+        return schur
 
     def _solver(self) -> PETSc.KSP:
         if self._matrix is None:

@@ -10,6 +10,7 @@ import basix.ufl
 import numpy as np
 import pytest
 import ufl
+from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
@@ -677,6 +678,128 @@ def test_values_that_are_not_finite(block):
     negative_at_a_corner = ec.Contact("bottom", friction=lambda x: 0.1 * (x[0] - 0.05))
     refused(lambda: ec.solve(ec.Scene(STEEL, hold, [], [negative_at_a_corner]), block), "friction", ">= 0")
     refused(lambda: ec.Elastic(E="abc", nu=0.3), "'abc'", "number")
+
+
+# -- code of the user's that fails, on one rank only ---------------------------------------------------------
+
+
+def fails(*_, **__):
+    """Fails on the last rank, gives a number on the others."""
+    if COMM.rank == COMM.size - 1:
+        raise FileNotFoundError("friction.csv")
+    return 0.3
+
+
+def pair(x):
+    return (fails(), 0.0)
+
+
+class OwnLaw:
+    """A law with a bound of the user's."""
+
+    parameters = ("limit",)
+
+    def __init__(self, bound):
+        self.limit, self._bound = 0.1, bound
+
+    def bound(self, pressure, limit):
+        return self._bound(pressure, limit)
+
+
+def fails_for_numbers(pressure, limit):
+    """The solver's call succeeds, the error's fails: the pressure is then numbers."""
+    return fails() * pressure if isinstance(pressure, fem.Function) else 0.3 * pressure
+
+
+def own_material(member):
+    """A material of a class of its own, of which one member fails."""
+    members = {name: getattr(STEEL, name) for name in ("parameters", "check", "stress", "compliance", "modulus")}
+    works = members[member]
+    members |= {"E": 1.0, "nu": lambda x: 0.3 + 0.0 * x[0], member: lambda *a, **k: fails() and works(*a, **k)}
+    return type("Own", (), {k: staticmethod(v) if callable(v) else v for k, v in members.items()})()
+
+
+PRESSED = [ec.Displacement("top", (0.0, -0.01))]
+FAILING = {
+    "friction": {"contacts": [ec.Contact("bottom", friction=fails)]},
+    "gap": {"contacts": [ec.Contact("bottom", gap=fails)]},
+    "normal": {"contacts": [ec.Contact("bottom", normal=pair)]},
+    "Tresca": {"contacts": [ec.Contact("bottom", friction=ec.Tresca(fails))]},
+    "law": {"contacts": [ec.Contact("bottom", friction=OwnLaw(fails))]},
+    "law of numbers": {"contacts": [ec.Contact("bottom", friction=OwnLaw(fails_for_numbers))]},
+    "Displacement": {"supports": [ec.Displacement("top", (fails, -0.01))]},
+    "Traction": {"loads": [ec.Traction("right", pair)]},
+    "component": {"loads": [ec.Traction("right", (0.0, fails))]},
+    "pressure": {"loads": [ec.Traction("right", pressure=fails)]},
+    "BodyForce": {"loads": [ec.BodyForce((0.0, fails))]},
+    "E": {"material": ec.Elastic(E=fails, nu=0.3)},
+    "stress": {"material": own_material("stress")},
+    "compliance": {"material": own_material("compliance")},
+    "modulus": {"material": own_material("modulus")},
+    "check": {"material": own_material("check")},
+}
+
+
+@pytest.mark.parametrize("where", FAILING)
+def test_code_of_the_user_that_fails_on_one_rank(where, block):
+    entries = {"material": STEEL, "supports": PRESSED, "contacts": [ec.Contact("bottom")], **FAILING[where]}
+    refused(lambda: ec.solve(ec.Scene(**entries), block), "friction.csv", "FileNotFoundError", "ufl.sin")
+
+
+def test_method_of_the_user_that_fails_on_one_rank(block):
+    class Own(ec.Nitsche):
+        def equations(self, *arguments):
+            fails()
+            return super().equations(*arguments)
+
+    scene = ec.Scene(STEEL, PRESSED, contacts=[ec.Contact("bottom")])
+    refused(lambda: ec.solve(scene, block, Own()), "friction.csv", error=FileNotFoundError)
+
+
+def early(domain):
+    fails()
+    return domain.refined()
+
+
+def late(domain):
+    domain = domain.refined()
+    fails()
+    return domain
+
+
+def between(domain):
+    marked = np.arange(3 + bool(fails()), dtype=np.int32)
+    return domain.refined(marked).refined()
+
+
+@pytest.mark.parametrize("make", [early, late, between])
+def test_strategy_that_fails_on_one_rank(make, block):
+    class Own:
+        def next(self, error, accuracy, max_cells):
+            return make(error.admissible.solution.domain)
+
+    scene = ec.Scene(STEEL, PRESSED, contacts=[ec.Contact("bottom", friction=0.3)])
+    refused(lambda: ec.adapt(scene, block, accuracy=1e-9, strategy=Own()), "friction.csv", error=FileNotFoundError)
+    refused(lambda: ec.adapt(scene, block, accuracy=1e-9, callback=fails), "friction.csv", error=FileNotFoundError)
+
+
+def test_arguments_of_refined_and_remeshed_that_are_wrong_on_one_rank(block):
+    last = COMM.rank == COMM.size - 1
+    refused(lambda: block.refined(np.array([10**6 if last else 0])), "1000000", "this rank has")
+    refused(lambda: block.refined("all" if last else None), "'all'", "numbers of cells")
+    refused(lambda: block.refined([0.5] if last else [0]), "[0.5]", "numbers of cells")
+    refused(lambda: block.remeshed("fine" if last else 0.1), error=ValueError)
+
+
+@pytest.mark.parametrize("way", ["folder", "table"])
+def test_save_where_something_stands_in_the_way(way, block, shared_tmp_path):
+    scene = ec.Scene(STEEL, PRESSED, contacts=[ec.Contact("bottom", friction=0.3)])
+    history = ec.adapt(scene, block, accuracy=0.5)
+    folder = shared_tmp_path / "results"
+    if COMM.rank == 0:
+        folder.write_text("a file") if way == "folder" else (folder / "history.csv").mkdir(parents=True)
+    COMM.barrier()
+    refused(lambda: history.save(folder), "results", error=OSError)
 
 
 # -- the loop and the method ---------------------------------------------------------------------------------

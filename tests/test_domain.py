@@ -381,6 +381,8 @@ def test_parts_inside_the_body_are_kept_but_carry_no_condition(gmsh_session):
         domain.facets("interface")
     with pytest.raises(ec.InputError, match="inside the body"):
         domain.refined().tag("interface")
+    held = ec.Displacement(domain.outer[0], (0.0, 0.0))
+    assert ec.solve(ec.Scene(ec.Elastic(1.0, 0.3), held), domain).newton_steps == 0
 
 
 # -- refinement ----------------------------------------------------------------------------------------------

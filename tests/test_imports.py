@@ -17,7 +17,7 @@ PACKAGE = Path(ec.__file__).parent
 ORDER = [
     ["percent", "exceptions", "checks", "interrupts", "material", "law", "simplex", "quadrature", "partition"],
     ["surface", "domain", "geometry", "meshing", "scene"],
-    ["expressions", "foundation", "promises", "motions", "model"],
+    ["expressions", "users", "foundation", "promises", "motions", "model"],
     ["methods", "stiffness", "condensed", "newton", "start", "ladder", "solve"],
     [f"admissible.{name}" for name in ("geometry", "loads", "macro", "facets", "contact", "displacement")],
     [f"admissible.{name}" for name in ("energy", "patches", "blocks", "tighten")],
