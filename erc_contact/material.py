@@ -66,8 +66,9 @@ def scale_parts(tensor: Any, deviator: Any, sphere: Any) -> Any:
 class Elastic:
     """Isotropic linear elasticity.
 
-    A material of the user's own is a class with the same members: ``parameters`` (names of
-    the attributes that are values in space), ``check``, ``stress``, ``compliance``, and ``modulus``.
+    A material of the user's own is a class with the same members: ``parameters`` (names of the attributes that are
+    values in space), ``check``, ``stress`` (symmetric and positive), ``compliance`` (its inverse, to 8 digits), and
+    ``modulus`` (> 0); this is checked when the scene meets its mesh.
 
     Args:
         E: Young's modulus [force/area], > 0: a number, a callable of x, or a mapping from the names
