@@ -27,6 +27,7 @@ from erc_contact.law import Coulomb, Law, Tresca
 from erc_contact.material import Elastic
 from erc_contact.meshing import box, from_gmsh, read_mesh, rectangle
 from erc_contact.methods import AugmentedLagrangian, Nitsche
+from erc_contact.oscillation import Oscillations
 from erc_contact.scene import BodyForce, Contact, Displacement, Scene, Traction
 from erc_contact.sizes import Sizes, size_map
 from erc_contact.solve import Solution, solve
@@ -71,6 +72,7 @@ __all__ = [
     "Nitsche",
     "NotConverged",
     "NotHeldError",
+    "Oscillations",
     "Scene",
     "SizeMap",
     "Sizes",

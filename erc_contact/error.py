@@ -11,8 +11,9 @@ frictionless contact and given friction (Tresca) e bounds the errors of u^ and o
 
 Where the bound depends on the pressure, as Coulomb's, the third term is a product of two errors and has no sign: e is
 then a bound up to a term of higher order, not a guarantee. A bilateral contact takes ``w_n = g`` as a support does.
-What the finite element spaces cannot carry of the data is the oscillation, reported
-beside e and not part of it.
+
+Where moduli, gap or friction bound vary inside cells, the integrals are adapted to them, and e contains what they leave
+unknown. What the mesh cannot carry of the data is the oscillation, reported beside e and not part of it.
 
 Source: Coorevits, Hild, Hjiaj, equations (16)-(18); the gap g is ours.
 """

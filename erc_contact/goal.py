@@ -7,21 +7,30 @@ The error of an admissible pair bounds the distance to both of its fields (no fr
 
 by the parallelogram identity, with ``bulk = |sigma^ - C eps(u^)|``. (rho = e/2 where the contact part of e is zero.)
 For any continuous phi that is zero where a support holds, ``int r.phi = (sigma, eps(phi)) - f(phi) - F(phi)`` over all
-contacts, and the same with hats, as sigma^ and r^ are in equilibrium. Hence
+contacts. Hence
 
-    | int r.phi - ( int r^.phi + a(u^, phi) - f(phi) - F(phi) )/2 |  <=  rho |phi|                      (b)
+    | int r.phi - ( ((sigma^, eps(phi)) + a(u^, phi))/2 - f(phi) - F(phi) ) |  <=  rho |phi|            (b)
 
 in energy norms. A phi that equals the direction a on one contact, as far as its traction can have components there, and
 does no work on the others bounds the resultant ``int r.a``; that of least energy, one elastic solve, bounds it best.
-A rigid motion that no support holds has no energy: the resultant is then exact.
+A rigid motion that no support holds has no energy: the resultant is then that of the loads, whatever else is unknown.
 
 The potential energy J of no friction or given friction is least for u, and ``J(u^) - J(u) <= e^2/2``: second order.
 The bounds (b) are of first order in e. Bounds of second order would need a dual problem whose contact set is certain.
 
-With a friction bound that depends on the pressure, or with data that the mesh does not carry exactly (oscillation), the
-same numbers are estimates: ``guaranteed`` is False (but for resultants that rigid motions give). So they are for a
-curved body whose flat facets cost something; e^2 is then taken with the estimate of that cost. Of a body that is known
-as a mesh only, they are numbers of the body with flat facets.
+``guaranteed`` tells that the interval is proved, to round-off and to integrals that are resolved
+(:mod:`erc_contact.quadrature`: to what the points see). It needs
+
+- no friction, or given friction: where the bound depends on the pressure, (a) has a further term of no sign;
+- loads that sigma^ balances, and supports, gaps, normals and friction bounds that u^ and r^ keep point by point: no
+  oscillation (:mod:`erc_contact.oscillation`). A pair that is admissible for other data bounds another problem;
+- integrals with the true moduli, gaps and bounds, not with those of a fixed rule. What they leave unknown widens the
+  interval. The stiffness matrix needs no such care: (a) holds for any u^.
+
+Otherwise the same numbers are estimates. Resultants that rigid motions give need the integrals of the loads only.
+
+For a curved body whose flat facets cost something nothing is guaranteed either; e^2 is then taken with the estimate of
+that cost. Of a body that is known as a mesh only, the bounds are those of the body with flat facets.
 
 Symbols: V continuous P_k displacements, J(v) = a(v, v)/2 - f(v) - F(v) + int s |v_t|.
 
@@ -54,6 +63,8 @@ GLUE = 1e6
 """gamma_0 that holds phi on the contacts while its energy is minimised [-]; its values there are then set exactly."""
 ROUND_OFF = 1e-12
 """What is smaller than this, relative to its scale, counts as zero [-]."""
+RIGID = 1e-8
+"""Energy norm of phi below which it is a rigid motion, over that of strains of size one in the body [-]."""
 
 
 @dataclass(frozen=True)
@@ -104,11 +115,12 @@ def resultant(error: ConstitutiveError, contact: str, direction: Sequence[float]
     both = elastic_work(pair, pair.displacement, phi) + stress_work(pair, phi)
     middle = 0.5 * both - load_work(model, phi)
     square = elastic_work(pair, phi, phi)
-    radius = float(np.sqrt((_square(error) / 2 - error.bulk**2 / 4) * max(square.value + square.rest, 0.0)))
-    exact = radius <= ROUND_OFF * abs(middle.value)  # phi is a rigid motion: only the balance of forces is used
-    exact &= error.geometry <= ROUND_OFF * error.scale
-    guaranteed = middle.known and square.known and (exact or _guaranteed(error))
-    radius += middle.rest
+    size = float(np.sqrt(max(square.value + square.rest, 0.0)))
+    stiffest = model.greatest(model.scene.material.modulus(**model.parameters)) * model.domain.size ** (model.d - 2)
+    rigid = size <= RIGID * np.linalg.norm(a) * np.sqrt(stiffest)  # only the balance of forces is used
+    dictated = bool(rigid) and error.geometry <= ROUND_OFF * error.scale
+    guaranteed = middle.known and square.known and (dictated or _guaranteed(error))
+    radius = float(np.sqrt(_square(error) / 2 - error.bulk**2 / 4) * size) + middle.rest
     return Bounds(middle.value, middle.value - radius, middle.value + radius, guaranteed, weighted)
 
 

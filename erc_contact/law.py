@@ -7,8 +7,10 @@ r_n = r.n, r_t = r - r_n n, pressure p = -r_n [force/area]; g the initial gap [l
 
 The conditions with a gap: w_n <= g, r_n <= 0, r_n (w_n - g) = 0, |r_t| <= b(p), and r_t = -b(p) w_t/|w_t| where w_t
 is not zero. A law is its friction bound: Coulomb b = mu p (12)-(15), Tresca b = s; a frictionless contact has none.
-A law of the user's own is a class with the same members, ``parameters`` and ``bound``; where b is concave, the
-tractions that it allows are a convex set, and the error in the constitutive relation is what it is for Coulomb.
+A law of the user's own is a class with the same members, ``parameters`` and ``bound``. Its b must be finite, not
+negative, never decrease and be concave in p: the tractions that it allows are then a convex set, and the error in the
+constitutive relation is what it is for Coulomb. A bilateral contact can pull: its b must not know the pressure. This is
+checked at samples when the scene meets its mesh (:mod:`erc_contact.promises`).
 
 Source: Coorevits, Hild, Hjiaj, equations (5)-(8), (12)-(16); the gap and the general bound are ours.
 """
@@ -37,7 +39,10 @@ class Law(Protocol):
     parameters: tuple[str, ...]
 
     def bound(self, pressure: Any, **parameters: Any) -> Any:
-        """The friction bound b(p) [force/area], >= 0, not decreasing, UFL of the pressure and the parameters."""
+        """The friction bound b(p) [force/area], UFL of the pressure p >= 0 and the parameters.
+
+        It is >= 0, never decreases and is concave in p.
+        """
 
 
 def _check(what: str, value: Any) -> None:

@@ -66,9 +66,10 @@ def scale_parts(tensor: Any, deviator: Any, sphere: Any) -> Any:
 class Elastic:
     """Isotropic linear elasticity.
 
-    A material of the user's own is a class with the same members: ``parameters`` (names of
-    the attributes that are values in space), ``check``, ``stress``, ``compliance``, and ``modulus``. In 2D it may tell
-    its stress out of plane by ``out_of_plane``; without that only the von Mises stress of the part in plane is shown.
+    A material of the user's own is a class with the same members: ``parameters`` (names of the attributes that are
+    values in space), ``check``, ``stress`` (symmetric and positive), ``compliance`` (its inverse, to 8 digits), and
+    ``modulus`` (> 0); this is checked when the scene meets its mesh. In 2D it may tell its stress out of plane by
+    ``out_of_plane``; without that only the von Mises stress of the part in plane is shown.
 
     Args:
         E: Young's modulus [force/area], > 0: a number, a callable of x, or a mapping from the names

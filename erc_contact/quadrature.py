@@ -39,7 +39,7 @@ ROUNDS = (0, 40, 20, 15)
 PATIENCE = 6
 """Bisections after which it is given up where two of them leave more than GAIN of what was unknown, d' > 1: a jump."""
 GAIN = 0.4
-BUDGET = (0, 50_000, 50_000, 10_000)
+BUDGET = (0, 50_000, 50_000, 20_000)
 """Pieces of all ranks that may be bisected in one round beyond those of the beginning, for each d'."""
 CHUNK = 1024
 """Pieces that are worked on at once: what stays in the cache."""
@@ -120,7 +120,11 @@ def integrate(
 def _on_pieces(
     f: Integrand, vertices: np.ndarray, of: np.ndarray, corners: np.ndarray, part: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The integrals over pieces, and mean distances from a polynomial times the size, each of shape (n, m)."""
+    """The integrals over pieces, and twice the mean distances from a polynomial times the size, each of shape (n, m).
+
+    At 3000 random jumps, points, lines and planes, the latter were on average 3 to 10 times the error, in one of a
+    hundred pieces below it; sums of pieces were above it.
+    """
     points, weights, residual = _points(vertices.shape[1] - 1)
     parts = []
     for start in range(0, max(len(of), 1), CHUNK):  # once also where a rank has no pieces: it learns m
@@ -128,7 +132,7 @@ def _on_pieces(
         places = np.matmul(points, corners[some])
         values = f(of[some], places, np.matmul(places, vertices[of[some]]))
         found = np.tensordot(values, weights, axes=(1, 0))
-        unknown = abs(np.matmul(residual, values)).mean(axis=1)
+        unknown = 2 * abs(np.matmul(residual, values)).mean(axis=1)
         parts.append(np.stack([found, unknown]) * part[some, None])
     found, unknown = np.concatenate(parts, axis=1)
     return found, unknown

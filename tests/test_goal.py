@@ -13,7 +13,7 @@ from functools import cache
 import numpy as np
 import pytest
 from mpi4py import MPI
-from scenes import block, greco, prototype_block
+from scenes import block, greco, patch_test, prototype_block
 from scenes import resultant as sum_of
 
 import erc_contact as ec
@@ -151,6 +151,15 @@ def test_equilibrium_dictates_a_resultant():
     assert friction.weighted  # the symmetry line holds the last node of the contact
     assert not friction.guaranteed
     assert not ec.energy(error).guaranteed
+
+
+def test_coulomb_friction_is_no_guarantee_where_e_is_zero():
+    """There may be other solutions: only what equilibrium dictates is certain."""
+    scene, _ = patch_test(0.3, 0.3)
+    error = error_of(scene, ec.rectangle((0.0, 0.0), (1.0, 2.0), size=0.3))
+    assert error.absolute < 1e-10 * error.scale
+    for a in np.eye(2):
+        assert not ec.resultant(error, "bottom", a).guaranteed
 
 
 def held_at_the_side(limit: float = 0.002) -> ec.Scene:
