@@ -20,7 +20,7 @@ def free_motions(model: Model) -> list[fem.Function]:
     Raises:
         NotHeldError: If contact does not hold one of them either.
     """
-    motions, names = _rigid_motions(model)
+    motions, names = rigid_motions(model)
     owned = model.V.dofmap.index_map.size_local
     held = motions[:owned] * model.fixed[:owned, :, None]
     by_supports = model.comm.allreduce(np.einsum("ndi,ndj->ij", held, held), MPI.SUM)
@@ -50,7 +50,7 @@ def free_motions(model: Model) -> list[fem.Function]:
     return functions
 
 
-def _rigid_motions(model: Model) -> tuple[np.ndarray, list[str]]:
+def rigid_motions(model: Model) -> tuple[np.ndarray, list[str]]:
     """All rigid motions at the nodes, rotations about the centre and divided by the size: (nodes, d, m)."""
     x = model.V.tabulate_dof_coordinates()[:, : model.d]
     owned = model.V.dofmap.index_map.size_local
