@@ -20,7 +20,7 @@ Source: Coorevits, Hild, Hjiaj, equations (16)-(18); the gap g is ours.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import Any
 
@@ -38,6 +38,7 @@ from erc_contact.exceptions import InputError
 from erc_contact.expressions import Everywhere, evaluate, varies_in_cells
 from erc_contact.foundation import BoundContact, ContactData
 from erc_contact.law import Tresca
+from erc_contact.motions import rigid_motions
 from erc_contact.oscillation import COARSE, EXACT, Oscillations, facet_sizes, modulus, of_loads, of_supports
 from erc_contact.quadrature import cell_pieces, facet_pieces, integrate, polynomials
 from erc_contact.results import Force, Values
@@ -45,8 +46,10 @@ from erc_contact.simplex import bernstein, coefficients, lagrange, rule
 from erc_contact.solve import Solution
 from erc_contact.surface import pairs, swept
 
-ROUND_OFF = 100.0
-"""Multiple of the round-off of C eps(u^) below which nothing counts as loaded [-]."""
+RESOLUTION = 1e-12
+"""What a displacement is known to, over its size: the solver goes no further [-]."""
+NOISE = 100.0
+"""Where a rigid motion is the solution, energy norms below this multiple of what is known are zero [-]."""
 UNKNOWN = 1e-4
 """What the integrals of data that vary may leave unknown of e^2, which contains it [-]."""
 CONTACT_DEGREE = 21
@@ -159,7 +162,7 @@ def constitutive_error(admissible: Admissible) -> ConstitutiveError:
             "The energy of this scene is no number of double precision; loads or moduli are too large or too small. "
             "Choose units in which they are nearer to 1."
         )
-    if scale_2 <= floor_2:  # nothing is loaded: what is left is round-off of a rigid motion
+    if scale_2 <= NOISE**2 * floor_2 and _moves_rigidly(admissible, floor_2):  # what is left is round-off
         per_cell[:] = geometry[:] = bulk_2 = contact_2 = scale_2 = geometry_2 = 0.0
     e = float(np.sqrt(bulk_2 + contact_2))
     norm = float(np.sqrt(scale_2))
@@ -244,9 +247,9 @@ def _geometry(admissible: Admissible, both: np.ndarray) -> np.ndarray:
 
 
 def _round_off(admissible: Admissible) -> tuple[float, bool]:
-    """Square of the energy norm that round-off alone gives a stress ``C eps(u)``, and whether it underflows.
+    """Square of the energy norm that a stress ``C eps(u)`` is known to, and whether it underflows.
 
-    A displacement of size |u| is known to ``machine epsilon |u|``, so its strain in a cell of size h to that over h.
+    A displacement of size |u| is known to ``RESOLUTION |u|``, so its strain in a cell of size h to that over h.
     """
     model, cells = admissible.solution.model, admissible.cells
     comm, owned = model.comm, model.domain.owned_cells
@@ -254,8 +257,42 @@ def _round_off(admissible: Admissible) -> tuple[float, bool]:
     stiffness = moduli(model, cells, np.full((1, model.d), 1 / (model.d + 1)), owned)[:, 0].max(axis=(1, 2))
     volume = cells.volume[:owned]
     local = np.sum(stiffness * volume ** (1 - 2 / model.d))
-    floor = float((ROUND_OFF * np.finfo(float).eps * size) ** 2 * comm.allreduce(float(local), MPI.SUM))
+    floor = float((RESOLUTION * size) ** 2 * comm.allreduce(float(local), MPI.SUM))
     return floor, size > 0.0 and floor == 0.0
+
+
+def _moves_rigidly(admissible: Admissible, floor_2: float) -> bool:
+    """Whether a rigid motion is the solution but for round-off: no load, and it keeps the supports and the gaps.
+
+    What the supports leave free of it is taken from u^. A friction bound without pressure must not resist it.
+    """
+    model, u = admissible.solution.model, admissible.displacement.x.array
+    comm, owned = model.comm, model.V.dofmap.index_map.size_local * model.d
+    motions = rigid_motions(model).reshape(len(u), -1)
+    free = np.column_stack([motion.x.array for motion in model.free_motions] or [np.zeros((len(u), 0))])
+    fixed = model.fixed.ravel()
+
+    def nearest(motions: np.ndarray, values: np.ndarray) -> np.ndarray:
+        """The combination of motions that is nearest to values, all ranks."""
+        products = comm.allreduce(motions[:owned].T @ np.column_stack([motions, values])[:owned], MPI.SUM)
+        return np.linalg.lstsq(products[:, :-1], products[:, -1], rcond=1e-10)[0]
+
+    held = motions @ nearest(motions * fixed[:, None], model.prescribed.x.array * fixed)
+    rigid = held + free @ nearest(free, u - held)
+    wrong = [abs(rigid - model.prescribed.x.array)[fixed].max(initial=0.0)]
+    friction = 0.0
+    moved = replace(admissible, displacement=admissible.displacement.copy())
+    moved.displacement.x.array[:] = rigid
+    for t in admissible.tractions:
+        beyond = np.einsum("fmi,fi->fm", rigid.reshape(-1, model.d)[t.nodes], t.contact.direction)
+        beyond -= model.gap_at_nodes(t.contact)
+        wrong.append((abs(beyond) if t.contact.bilateral else beyond).max(initial=0.0))
+        friction += float(contact_parts(moved, replace(t, values=np.zeros_like(t.values))).sum())
+    loads = admissible.solution.stiffness.load_vector().x.array  # parts of nodes between ranks: their size is enough
+    sizes = np.array([max(wrong), abs(loads).max(initial=0.0), abs(u).max(initial=0.0)])
+    comm.Allreduce(MPI.IN_PLACE, sizes, MPI.MAX)
+    friction = comm.allreduce(friction, MPI.SUM)
+    return sizes[0] <= RESOLUTION * sizes[2] and sizes[1] * sizes[2] <= floor_2 / RESOLUTION and friction <= floor_2
 
 
 def contact_density(

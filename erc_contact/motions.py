@@ -58,6 +58,13 @@ def free_motions(model: Model) -> list[fem.Function]:
     return functions
 
 
+def rigid_motions(model: Model) -> np.ndarray:
+    """The rigid motions of all bodies at the nodes, shape (nodes, d, motions); collective."""
+    body, bodies = bodies_of_nodes(model)
+    motions, _ = _rigid_motions(model, body, bodies)
+    return np.concatenate([(body == b)[:, None, None] * motions for b in range(bodies)], axis=2)
+
+
 def bodies_of_nodes(model: Model) -> tuple[np.ndarray, int]:
     """The body of each node of this rank, ghosts included, and the number of bodies of all ranks; collective.
 

@@ -101,12 +101,12 @@ class Stiffness:
         vector.destroy()
         return u
 
-    def solve(self, b: fem.Function) -> fem.Function:
-        """Displacement u of ``K u = b`` [length] under nodal forces b [force].
+    def solve(self, b: fem.Function, *, supports: bool = True) -> fem.Function:
+        """Displacement u of ``K u = b`` [length] under nodal forces b [force]; see :meth:`glued`.
 
         Loads on rigid motions that no support holds must balance; u has then no part in these motions at the contact.
         """
-        w = self.glued(b)
+        w = self.glued(b, supports=supports)
         if not self.contact:
             return w
         a = self.contact

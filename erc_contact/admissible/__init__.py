@@ -15,19 +15,20 @@ from typing import Any
 
 import numpy as np
 import ufl
-from dolfinx import fem
+from dolfinx import fem, la
 from mpi4py import MPI
 
 from erc_contact.admissible.contact import ContactTraction, admissible_tractions
 from erc_contact.admissible.displacement import admissible_displacement
 from erc_contact.admissible.energy import relaxed
-from erc_contact.admissible.facets import equilibrated_moments
+from erc_contact.admissible.facets import divergence, equilibrated_moments
 from erc_contact.admissible.geometry import (
     Simplices,
     evaluate_sorted,
     facet_order,
     moments,
     nodal_forces,
+    pushes,
     signed,
     simplices,
 )
@@ -38,6 +39,11 @@ from erc_contact.expressions import evaluate, varies_in_cells
 from erc_contact.model import DATA_DEGREE, Model
 from erc_contact.simplex import bernstein, coefficients, facet_nodes, gradients, mass, rule
 from erc_contact.solve import Solution
+
+BALANCED = 1e-12
+"""Nodal forces that count as balanced, over the forces of the stress [-]."""
+REFINEMENTS = 3
+"""Limit of the solves for what is not balanced; one is usual where any is needed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,12 +97,11 @@ def equilibrate(solution: Solution, tighten: int = TIGHTEN) -> Admissible:
     cells = simplices(model)
     force = cell_forces(model, cells)
     given, fixed = _loads(model, cells)
-    on_motions = _work(model, _nodal(model, cells, given, force))
-    tractions = admissible_tractions(model, solution, on_motions)
+    tractions = admissible_tractions(model, solution, *_work(model, _nodal(model, cells, given, force)))
     hat = admissible_displacement(model, solution.u, tractions) if tractions else solution.u
     for t in tractions:
         _add(model, given, t.contact.facets, moments(t.area, t.values, model.degree))
-    stress = cell_stress(model, cells, _rebalanced(solution, _nodal(model, cells, given, force)))
+    stress = _rebalanced(solution, cells, _nodal(model, cells, given, force))
     complete = np.zeros(len(model.fixed), dtype=bool)
     complete[model.nodes[: model.domain.owned_cells]] = True
     moment = equilibrated_moments(cells, stress, force, given, fixed, complete)
@@ -232,14 +237,18 @@ def _nodal(model: Model, cells: Simplices, given: np.ndarray, force: np.ndarray 
     return b
 
 
-def _work(model: Model, b: fem.Function) -> np.ndarray:
-    """Work of nodal forces on the free motions, all ranks [force], shape (motions,)."""
-    local = np.array([b.x.array @ motion.x.array for motion in model.free_motions])
-    return model.comm.allreduce(local, MPI.SUM)
+def _work(model: Model, b: fem.Function) -> tuple[np.ndarray, float]:
+    """Work of nodal forces on the free motions, all ranks [force], shape (motions,), and the sum of their sizes."""
+    local = np.array([b.x.array @ motion.x.array for motion in model.free_motions] + [abs(b.x.array).sum()])
+    total = model.comm.allreduce(local, MPI.SUM)
+    return total[:-1], float(total[-1])
 
 
-def _rebalanced(solution: Solution, b: fem.Function) -> fem.Function:
-    """The finite element displacement under nodal forces, in exact discrete equilibrium, with the factor at hand.
+def _rebalanced(solution: Solution, cells: Simplices, b: fem.Function) -> np.ndarray:
+    """The finite element stress under nodal forces, shape (n, N_(k-1), d, d), with the factor at hand.
+
+    In exact discrete equilibrium: where displacements are large beside the strains, as in a body that slides far, their
+    round-off is not small beside the forces; what is not in balance is then solved for again.
 
     A linear scene whose loads do not vary in space is in equilibrium with them already.
     """
@@ -247,5 +256,26 @@ def _rebalanced(solution: Solution, b: fem.Function) -> fem.Function:
     loads = model.loads(ufl.TestFunction(model.V))
     varies = loads is not None and any(varies_in_cells(integral.integrand()) for integral in loads.integrals())
     u = solution.stiffness.solve(b) if model.contacts or varies else solution.u
+    stress = cell_stress(model, cells, u)
+    for _ in range(REFINEMENTS):
+        rest, size = _residual(model, cells, b, stress)
+        if size <= BALANCED:
+            break
+        stress = stress + cell_stress(model, cells, solution.stiffness.solve(rest, supports=False))
     solution.stiffness.free()
-    return u
+    return stress
+
+
+def _residual(model: Model, cells: Simplices, b: fem.Function, stress: np.ndarray) -> tuple[fem.Function, float]:
+    """Nodal forces that a stress does not balance, not yet summed over ranks [force]; their size over its forces."""
+    d, owned = model.d, model.domain.owned_cells
+    rest, inside, push = fem.Function(model.V), divergence(d, model.degree), pushes(cells.area[:owned], stress[:owned])
+    rest.x.array[:] = b.x.array
+    of_cells = np.matmul(coefficients(d, model.degree).T @ inside, push.reshape(owned, inside.shape[1], d))
+    np.add.at(rest.x.array.reshape(-1, d), cells.nodes[:owned], of_cells)
+    whole = rest.copy()
+    whole.x.scatter_reverse(la.InsertMode.add)
+    free = ~model.fixed[: model.V.dofmap.index_map.size_local].ravel()
+    largest = np.array([abs(whole.x.array[: len(free)][free]).max(initial=0.0), abs(push).max(initial=0.0)])
+    model.comm.Allreduce(MPI.IN_PLACE, largest, MPI.MAX)
+    return rest, float(largest[0] / largest[1]) if largest[1] > 0 else 0.0

@@ -17,7 +17,8 @@ import numpy as np
 from dolfinx import fem
 
 from erc_contact.admissible.contact import ContactTraction, split
-from erc_contact.expressions import Everywhere, evaluate, varies_in_cells
+from erc_contact.admissible.geometry import elastic_modulus
+from erc_contact.expressions import Everywhere, varies_in_cells
 from erc_contact.model import Model
 from erc_contact.quadrature import facet_pieces, integrate, polynomials
 from erc_contact.simplex import coefficients
@@ -108,10 +109,8 @@ def _sum(limit: _Limits, of_facets: np.ndarray) -> np.ndarray:
 
 def _nodal_stiffness(model: Model, traction: ContactTraction) -> np.ndarray:
     """About the elastic stiffness of a node of the contact, ``E h^(d-2)`` [force/length]; zero elsewhere."""
-    middle = np.full((1, model.d), 1 / (model.d + 1))
-    modulus = model.scene.material.modulus(**model.parameters)
-    of_facet = evaluate(modulus, model.domain, middle, traction.contact.facets[:, 0])[:, 0]
-    of_facet = of_facet * traction.area ** ((model.d - 2) / (model.d - 1))
+    modulus = elastic_modulus(model, traction.contact.facets[:, 0])
+    of_facet = modulus * traction.area ** ((model.d - 2) / (model.d - 1))
     stiffness = np.zeros(len(model.fixed))
     np.maximum.at(stiffness, traction.nodes, of_facet[:, None])
     return stiffness

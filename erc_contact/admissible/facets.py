@@ -55,7 +55,7 @@ def equilibrated_moments(
         Moments ``int_F t B_m`` [force] of the traction on the first side of each facet, shape (facets, m, d).
     """
     d, k = cells.d, cells.degree
-    inside, on_facets, of_force = _tests(d, k)
+    inside, (on_facets, of_force) = divergence(d, k), _tests(d, k)
     push = pushes(cells.area, stress)
     inner = cells.has_second
     first = cells.side[0]
@@ -77,21 +77,26 @@ def equilibrated_moments(
 
 
 @cache
-def _tests(d: int, k: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Bernstein polynomials of degree k as test functions of a stress and a force of degree k-1.
+def divergence(d: int, k: int) -> np.ndarray:
+    """``-|T| (B_c, grad B_v)``: Bernstein polynomials of degree k test a stress of degree k-1.
 
     Returns:
-        ``-|T| (B_c, grad B_v)`` for the pushes ``S_c |F_j| n_j``, means over the cell, shape (N_k, (d+1) N_(k-1));
-        means of B_c B_m over each facet, shape (d+1, m, N_(k-1)); means of B_v B_c over the cell, (N_k, N_(k-1)).
+        Its factors for the pushes ``S_c |F_j| n_j``, means over the cell, shape (N_k, (d+1) N_(k-1)).
     """
     inside = np.einsum("bc,cjv->vjb", mass(d, k - 1, k - 1), gradients(d, k)) / d  # |F_j| n_j = -d |T| grad lambda_j
+    return inside.reshape(len(nodes(d, k)), -1)
+
+
+@cache
+def _tests(d: int, k: int) -> tuple[np.ndarray, np.ndarray]:
+    """Means of B_c B_m over each facet, shape (d+1, m, N_(k-1)), and of B_v B_c over the cell, (N_k, N_(k-1))."""
     points, weights = rule(d - 1, 2 * k - 1)
     on_facets = []
     for vertices in facet_vertices(d):
         corners = np.vstack([np.zeros(d), np.eye(d)])[vertices]
         lower = bernstein(d, k - 1, barycentric(points) @ corners)
         on_facets.append(bernstein(d - 1, k, points).T @ (weights[:, None] * lower))
-    return inside.reshape(len(nodes(d, k)), -1), np.array(on_facets), mass(d, k, k - 1)
+    return np.array(on_facets), mass(d, k, k - 1)
 
 
 def _patch_jumps(
