@@ -117,7 +117,8 @@ class Everywhere:
                 blocks = terminal.x.array.reshape(-1, function.function_space.dofmap.bs)
                 numbers[function] = blocks[terminal.function_space.dofmap.list[cells, 0]]
             else:
-                numbers[function] = terminal.eval(places, cells).reshape(n * q, -1) if n else places[:0]
+                bs = function.function_space.dofmap.bs
+                numbers[function] = terminal.eval(places, cells).reshape(n * q, bs) if n else np.empty((0, bs))
         return _tabulated(self.compiled, numbers, n * q).reshape(n, q, *self.shape)
 
 
@@ -161,5 +162,5 @@ def _tabulated(compiled: fem.Expression, numbers: Mapping[fem.Function, np.ndarr
         cells = np.arange(some.stop - start, dtype=np.int32)
         for function, array in numbers.items():
             function.x.array.reshape(CHUNK, -1)[function.function_space.dofmap.list[cells, 0]] = array[some]
-        values[some] = compiled.eval(_line(), cells).reshape(len(cells), -1)
+        values[some] = compiled.eval(_line(), cells).reshape(len(cells), compiled.value_size)
     return values

@@ -187,4 +187,5 @@ def cell_pieces(size: int) -> np.ndarray:
 def polynomials(degree: int, at: np.ndarray) -> np.ndarray:
     """Bernstein polynomials at barycentric points (n, q, P), shape (n, q, N)."""
     n, q, P = at.shape
-    return bernstein(P - 1, degree, at.reshape(-1, P)[:, 1:]).reshape(n, q, -1)
+    shape = bernstein(P - 1, degree, at.reshape(-1, P)[:, 1:])
+    return shape.reshape(n, q, shape.shape[1])

@@ -42,7 +42,7 @@ def traction_moments(model: Model, facets: np.ndarray, traction: Any) -> np.ndar
         return _products(polynomials(k, at), load(x, facets[of]))
 
     total = integrate(model.comm, moments, model.facet_corners(facets), area, facet_pieces(d - 1))
-    return total.value.reshape(len(facets), -1, d)
+    return total.value.reshape(len(facets), len(model.facet_points), d)
 
 
 def cell_forces(model: Model, cells: Simplices) -> np.ndarray | None:
@@ -62,10 +62,11 @@ def cell_forces(model: Model, cells: Simplices) -> np.ndarray | None:
 
     # in DOLFINx's order of the vertices, on which all ranks agree, so that they have the same forces for a cell
     total = integrate(model.comm, moments, model.cell_corners(), cells.volume, cell_pieces(d))
-    forces = np.linalg.solve(mass(d, k - 1, k - 1), total.value.reshape(len(of_cells), -1, d))
+    forces = np.linalg.solve(mass(d, k - 1, k - 1), total.value.reshape(len(of_cells), total.value.shape[1] // d, d))
     return forces if k == 1 else np.take_along_axis(forces, cells.order[:, :, None], axis=1)
 
 
 def _products(shape: np.ndarray, values: np.ndarray) -> np.ndarray:
     """All products of polynomials (n, q, N) and the components of vectors (n, q, d), shape (n, q, N d)."""
-    return (shape[..., None] * values[:, :, None, :]).reshape(*values.shape[:2], -1)
+    n, q, d = values.shape
+    return (shape[..., None] * values[:, :, None, :]).reshape(n, q, shape.shape[2] * d)
