@@ -54,8 +54,8 @@ def error_of(scene: ec.Scene, domain: ec.Domain, degree: int = 1) -> ec.Constitu
     return ec.constitutive_error(ec.equilibrate(ec.solve(scene, domain, degree=degree)))
 
 
-def square(n: int) -> ec.Domain:
-    return ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(n, n))
+def square(n: int, comm: MPI.Comm = MPI.COMM_WORLD) -> ec.Domain:
+    return ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(n, n), comm=comm)
 
 
 def holds(b: ec.Bounds, true: float) -> bool:
@@ -249,6 +249,29 @@ def test_what_the_mesh_carries_stays_guaranteed(degree):
     assert ec.energy(error).guaranteed
     assert ec.resultant(error, "bottom", (0.0, 1.0)).guaranteed
     assert ec.resultant(error, "bottom", (1.0, 0.0)).guaranteed
+
+
+@pytest.mark.ranks
+@DEGREES
+def test_rank_independence(degree):
+    """All ranks see the same projections of a load that jumps, the same integrals and the same oscillations."""
+    scene = ec.Scene(
+        material=ec.Elastic(given(axis=1, one=1.0, cos=0.9), 0.3),
+        supports=[ec.Displacement("top", (0.01, given(one=-0.02, t3=0.01)))],
+        loads=[
+            ec.Traction("right", pressure=given(axis=1, step=1e-3)),
+            ec.BodyForce((0.0, given(axis=1, one=1e-3, sin=1e-3))),
+        ],
+        contacts=[ec.Contact("bottom", gap=given(t2=0.02), friction=ec.Tresca(given(one=2e-3, sin=2e-3)))],
+    )
+    results = []
+    for comm in (MPI.COMM_SELF, MPI.COMM_WORLD):
+        error = error_of(scene, square(5, comm), degree)
+        b, force = ec.energy(error), ec.resultant(error, "bottom", (0.0, 1.0))
+        parts = vars(error.oscillations).values()
+        results.append([error.relative, *parts, b.low, b.high, force.low, force.high])
+    assert results[0] == pytest.approx(results[1], rel=1e-5, abs=1e-9)
+    assert min(results[0][1:3]) > 0.0
 
 
 # -- random scenes -------------------------------------------------------------------------------------------
