@@ -23,6 +23,7 @@ from erc_contact.error import ConstitutiveError, constitutive_error
 from erc_contact.exceptions import ErcContactError, InputError, NotConverged, NotHeldError
 from erc_contact.goal import Bounds, energy, resultant, work_of_loads
 from erc_contact.history import History, Step
+from erc_contact.interpreter import free_forms
 from erc_contact.law import Coulomb, Law, Tresca
 from erc_contact.material import Elastic
 from erc_contact.meshing import box, from_gmsh, read_mesh, rectangle
@@ -32,6 +33,8 @@ from erc_contact.scene import BodyForce, Contact, Displacement, Scene, Traction
 from erc_contact.sizes import Sizes, size_map
 from erc_contact.solve import Solution, solve
 from erc_contact.strategy import Mark, SizeMap, Strategy, Uniform, mark
+
+free_forms()
 
 
 def log_to_console(level: int = logging.INFO, comm: MPI.Comm = MPI.COMM_WORLD) -> None:

@@ -90,6 +90,8 @@ def adapt(
     strategy = Mark() if strategy is None else strategy
     if isinstance(strategy, type) or not callable(getattr(strategy, "next", None)):
         raise InputError(f"strategy is {strategy!r}; give an object, e.g. Mark(), SizeMap(), Uniform().")
+    if callback is not None and not callable(callback):
+        raise InputError(f"callback is {callback!r}; give a function of (error, step), or None.")
     comm = domain.mesh.comm
     run = _Run(comm, accuracy)
     solution: Solution | None = None
@@ -122,7 +124,7 @@ def adapt(
                 interrupts.check()
                 mesh_seconds = comm.allreduce(perf_counter() - started, MPI.MAX)
                 if not isinstance(domain, Domain):
-                    raise InputError(f"The strategy gave {domain!r}; its next() must return a Domain.")
+                    raise InputError(f"The strategy gave {checks.told(domain)}; its next() must return a Domain.")
                 if domain.cells > max_cells:
                     too_many = f"{domain.cells} cells, more than max_cells = {max_cells}"
                     run.outcome = f"Stopped{run.above}: the next mesh has {too_many}."

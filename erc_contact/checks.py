@@ -8,6 +8,15 @@ from typing import Any
 
 from erc_contact.exceptions import InputError
 
+LONG = 80
+"""Characters of a value that a message shows."""
+
+
+def told(value: Any) -> str:
+    """What was got, in words that are not too many."""
+    words = repr(value)
+    return words if len(words) <= LONG else f"an object of type {type(value).__name__}"
+
 
 def positive(what: str, value: Any, meaning: str) -> float:
     """A finite number > 0.

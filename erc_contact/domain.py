@@ -21,6 +21,7 @@ from dolfinx import mesh as dmesh
 from dolfinx.io.utils import distribute_entity_data
 from mpi4py import MPI
 
+from erc_contact.checks import told
 from erc_contact.exceptions import InputError, raise_together, together
 from erc_contact.partition import check_mesh, partitioner, patches_complete
 from erc_contact.surface import snap
@@ -68,7 +69,7 @@ class Domain:
     def __post_init__(self) -> None:
         if not isinstance(self.mesh, dmesh.Mesh):
             raise InputError(
-                f"Domain: mesh is {self.mesh!r}; give a mesh of DOLFINx, or use read_mesh, rectangle, box."
+                f"Domain: mesh is {told(self.mesh)}; give a mesh of DOLFINx, or use read_mesh, rectangle, box."
             )
         for what, tags in (("names", self.names), ("regions", self.regions)):
             if not isinstance(tags, Mapping) or not all(isinstance(tag, Integral) for tag in tags.values()):
@@ -271,13 +272,20 @@ class Domain:
         Raises:
             InputError: If the geometry is not known, a size is not > 0 and finite, or gmsh fails.
         """
-        h = together(self.mesh.comm, lambda: np.asarray(sizes, dtype=float))
+        h = together(self.mesh.comm, _numbers, sizes)
         if self.geometry is None:
             raise InputError(
                 "The true geometry of this domain is not known, only its mesh; refine it by marking "
                 "(strategy=Mark()), or make it by rectangle, box, from_gmsh, or read_mesh of a .geo file."
             )
         return self.geometry.meshed(self, h)
+
+
+def _numbers(sizes: npt.ArrayLike) -> np.ndarray:
+    try:
+        return np.asarray(sizes, dtype=float)
+    except (TypeError, ValueError) as reason:
+        raise InputError(f"remeshed: the sizes are {sizes!r}; give a number, or one for each node.") from reason
 
 
 def _listed(names: Mapping[str, int]) -> str:

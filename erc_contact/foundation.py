@@ -89,7 +89,7 @@ class BoundContact:
     def check(self) -> None:
         """Call the law as the solver and the error do; what it raises is its user's to mend."""
         numbers = {name: np.ones((1, 1)) for name in self.parameters}
-        scalar("It", self._bound(abs(self.normal[0])))
+        scalar(f"Contact({self.name!r}): the friction bound", self._bound(abs(self.normal[0])))
         self.friction_bound(np.ones((1, 1)), numbers)
 
     def _bound(self, pressure: Any) -> Any:

@@ -25,6 +25,7 @@ from erc_contact.foundation import BoundContact
 from erc_contact.law import Coulomb, Tresca
 from erc_contact.material import Elastic, mandel_matrix, strain
 from erc_contact.motions import free_motions
+from erc_contact.partition import check_shape
 from erc_contact.scene import Contact, Scene, Traction
 from erc_contact.simplex import (
     at_nodes,
@@ -81,6 +82,7 @@ class Model:
         self.x = ufl.SpatialCoordinate(self.mesh)
         self.n = ufl.FacetNormal(self.mesh)
         self._check_dimension()
+        check_shape(self.mesh)
         self.V = fem.functionspace(self.mesh, ("Lagrange", degree, (self.d,)))
         self.nodes = self.V.dofmap.list
         self.vertices = self.nodes[:, : self.d + 1]

@@ -16,6 +16,11 @@ from mpi4py import MPI
 
 from erc_contact.exceptions import InputError, raise_together
 
+HUGE = 1e100
+"""Coordinates beyond have volumes that are no numbers of double precision [length]."""
+FOLDED = 1e-6
+"""Difference of the volumes of the cells and that within the boundary that counts as round-off, relative [-]."""
+
 
 def exchange(comm: MPI.Comm, destination: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Send each row of a table to a rank; collective.
@@ -112,8 +117,7 @@ def check_mesh(mesh: dmesh.Mesh) -> None:
     """Check that a mesh is one the package works with; collective.
 
     Raises:
-        InputError: If cells are not straight-sided triangles in the plane or tetrahedra in space, or a coordinate is
-            not finite.
+        InputError: If cells are not straight-sided triangles in the plane or tetrahedra in space.
     """
     cell, gdim, degree = mesh.topology.cell_type.name, mesh.geometry.dim, mesh.geometry.cmaps[0].degree
     error = None
@@ -127,6 +131,49 @@ def check_mesh(mesh: dmesh.Mesh) -> None:
             f"The mesh has curved cells of degree {degree}; only straight-sided cells (degree 1) are allowed. "
             "In gmsh: Mesh.ElementOrder = 1."
         )
-    elif not np.isfinite(mesh.geometry.x).all():
-        error = InputError("The mesh has coordinates that are not finite; look at where they come from.")
     raise_together(mesh.comm, error)
+
+
+def check_shape(mesh: dmesh.Mesh) -> None:
+    """Check that coordinates are finite and that no cell is turned over its neighbours; collective.
+
+    The volumes of the cells add up to that within the boundary, ``int x.n dS / d``, only if none is turned over.
+
+    Args:
+        mesh: With facets connected to cells.
+
+    Raises:
+        InputError: If not.
+    """
+    tdim, comm = mesh.topology.dim, mesh.comm
+    x = mesh.geometry.x[:, :tdim]
+    finite = bool((abs(x) < HUGE).all())
+    if not comm.allreduce(finite, MPI.LAND):
+        raise InputError(
+            f"The mesh has coordinates that are not finite, or beyond {HUGE:g}; look where they come from."
+        )
+    owned = mesh.topology.index_map(tdim).size_local
+    cells = x[mesh.geometry.dofmaps[0]]
+    facets = dmesh.exterior_facet_indices(mesh.topology)
+    to_cell = mesh.topology.connectivity(tdim - 1, tdim)
+    cell = to_cell.array[to_cell.offsets[facets]]
+    of_cell = mesh.topology.connectivity(tdim, tdim - 1).array.reshape(-1, tdim + 1)[cell]
+    opposite = np.argmax(of_cell == facets[:, None], axis=1)
+    local = np.array([[j for j in range(tdim + 1) if j != i] for i in range(tdim + 1)])[opposite]
+    corners = np.take_along_axis(cells[cell], local[:, :, None], axis=1)
+    apex = cells[cell, opposite]
+    centre = x.mean(axis=0) if len(x) else np.zeros(tdim)
+    centre = np.mean(comm.allgather(centre), axis=0)
+    volume = abs(np.linalg.det(np.diff(cells[:owned], axis=1))).sum()
+    within = _towers(corners, centre) * np.sign(_towers(corners, apex))
+    volume, within = comm.allreduce(np.array([volume, within.sum()]), MPI.SUM)
+    if abs(volume - within) > FOLDED * volume:
+        raise InputError(
+            f"The cells of the mesh lie over each other: their volumes are {volume / within:.6g} times that within the "
+            "boundary. Look at the coordinates; a mesh that was deformed too much must be made anew."
+        )
+
+
+def _towers(corners: np.ndarray, apex: np.ndarray) -> np.ndarray:
+    """Signed volumes, times d!, of the simplices on facets with corners (n, d, d) that meet at an apex."""
+    return np.linalg.det(corners - apex.reshape(-1, 1, apex.shape[-1]))

@@ -100,10 +100,10 @@ class Traction:
             raise InputError(f"{what}: give either a vector or pressure=, not both and not none.")
         if self.pressure is not None:
             _check_value(f"{what}: pressure", self.pressure, unit=" [force/area]")
-        else:
+        elif self.value is not None:
             _check_vector(what, self.value)
             if not callable(self.value):
-                object.__setattr__(self, "value", tuple(self.value or ()))
+                object.__setattr__(self, "value", tuple(self.value))
 
 
 @dataclass(frozen=True)
@@ -151,7 +151,9 @@ class Contact:
         _check_name("Contact", self.facets)
         what = f"Contact({self.facets!r})"
         law: Any = self.friction
-        if isinstance(law, type) or (hasattr(law, "bound") and not isinstance(getattr(law, "parameters", None), tuple)):
+        if isinstance(law, type) or (
+            hasattr(law, "bound") and not isinstance(getattr(law, "parameters", None), tuple | list)
+        ):
             raise InputError(
                 f"{what}: friction is {law!r}; give a number, a callable of x, or an object with parameters (a tuple "
                 "of names) and bound, e.g. Tresca(0.1)."

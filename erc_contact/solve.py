@@ -123,7 +123,7 @@ def solve(
         NotConverged: If no attempt converged.
     """
     began = perf_counter()
-    check_arguments(scene, domain, method, degree)
+    check_arguments(scene, domain, method, degree, start)
     accuracy = None if accuracy is None else checks.positive("accuracy", accuracy, "an energy norm > 0, or None")
     raise_together(domain.mesh.comm, None)
     model = Model(scene, domain, int(degree))
@@ -140,21 +140,25 @@ def solve(
     return replace(solution, seconds=seconds)
 
 
-def check_arguments(scene: Any, domain: Any, method: Any, degree: Any) -> None:
+def check_arguments(scene: Any, domain: Any, method: Any, degree: Any, start: Any = None) -> None:
     """Refuse what is of another type than asked for, before a word of UFL or PETSc is heard.
 
     Raises:
         InputError: If it is.
     """
     if not isinstance(scene, Scene):
-        raise InputError(f"scene is {scene!r}; give a Scene: Scene(material, supports=[...], ...).")
+        raise InputError(f"scene is {checks.told(scene)}; give a Scene: Scene(material, supports=[...], ...).")
     if not isinstance(domain, Domain):
-        raise InputError(f"domain is {domain!r}; give a Domain: rectangle(...), read_mesh(...), Domain(mesh, ...).")
+        raise InputError(
+            f"domain is {checks.told(domain)}; give a Domain: rectangle(...), read_mesh(...), Domain(mesh, ...)."
+        )
     if isinstance(degree, bool) or not isinstance(degree, Integral) or degree not in (1, 2):
         raise InputError(f"degree is {degree!r}; allowed are the whole numbers 1 and 2.")
     known = method is None or callable(getattr(method, "equations", None))
     if not known or isinstance(method, type):
         raise InputError(f"method is {method!r}; give an object: Nitsche(), AugmentedLagrangian(), or None.")
+    if start is not None and not isinstance(start, Solution):
+        raise InputError(f"start is {checks.told(start)}; give a Solution, e.g. of solve() on another mesh, or None.")
 
 
 def _check_size(model: Model, b: fem.Function, w: fem.Function) -> None:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import ufl
 from mpi4py import MPI
 
+from erc_contact.checks import told
 from erc_contact.exceptions import ErcContactError, InputError, together
 from erc_contact.material import mandel_matrix
 
@@ -61,7 +62,7 @@ def scalar(what: str, value: Any) -> Any:
         or ufl.as_ufl(value).ufl_shape
         or ufl.as_ufl(value).ufl_free_indices
     ):
-        raise InputError(f"{what} returned {value!r}, which is no scalar. {IN_UFL}")
+        raise InputError(f"{what} returned {told(value)}, which is no scalar. {IN_UFL}")
     return ufl.as_ufl(value)
 
 
@@ -83,4 +84,4 @@ def try_material(model: Model) -> None:
     what = f"The material {type(material).__name__}"
     for name in ("stress", "compliance"):
         called(model.comm, f"{what}: {name}", mandel_matrix, getattr(material, name), model.d, **model.parameters)
-    called(model.comm, f"{what}: modulus", lambda: scalar("It", material.modulus(**model.parameters)))
+    called(model.comm, f"{what}: modulus", lambda: scalar(f"{what}: modulus", material.modulus(**model.parameters)))

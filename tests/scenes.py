@@ -97,6 +97,40 @@ def random_scene(seed: int, comm: MPI.Comm = MPI.COMM_WORLD) -> tuple[ec.Scene, 
     return scene, domain
 
 
+def two_squares(comm: MPI.Comm = MPI.COMM_WORLD, *, cells: int = 4, apart: float = 3.0) -> ec.Domain:
+    """Two unit squares that do not touch, in one mesh; the parts are left1 ... top1 and left2 ... top2."""
+    import basix.ufl
+    import ufl
+    from dolfinx import mesh as dmesh
+
+    from erc_contact.partition import partitioner
+
+    n = np.arange(cells + 1)
+    x = np.stack(np.meshgrid(n / cells, n / cells, indexing="ij"), axis=2).reshape(-1, 2)
+    corner = (n[:-1, None] * (cells + 1) + n[:-1]).ravel()
+    square = np.column_stack([corner, corner + cells + 1, corner + 1, corner + cells + 2])
+    triangles = np.concatenate([square[:, [0, 1, 3]], square[:, [0, 3, 2]]])
+    x, triangles = np.concatenate([x, x + np.array([apart, 0.0])]), np.concatenate([triangles, triangles + len(x)])
+    if comm.rank > 0:
+        x, triangles = x[:0], triangles[:0]
+    element = ufl.Mesh(basix.ufl.element("Lagrange", "triangle", 1, shape=(2,)))
+    mesh = dmesh.create_mesh(comm, triangles.astype(np.int64), element, x, partitioner(comm))
+    names: dict[str, int] = {}
+    facets, values = [], []
+    for body, start in enumerate((0.0, apart), start=1):
+        for name, axis, at in (("left", 0, start), ("right", 0, start + 1), ("bottom", 1, 0.0), ("top", 1, 1.0)):
+            names[f"{name}{body}"] = len(names) + 1
+
+            def there(x, axis=axis, at=at, start=start):
+                return (abs(x[axis] - at) < 1e-9) & (x[0] > start - 1e-9) & (x[0] < start + 1 + 1e-9)
+
+            found = dmesh.locate_entities_boundary(mesh, 1, there)
+            facets.append(found)
+            values.append(np.full(len(found), len(names), dtype=np.int32))
+    order = np.argsort(np.concatenate(facets))
+    return ec.Domain(mesh, dmesh.meshtags(mesh, 1, np.concatenate(facets)[order], np.concatenate(values)[order]), names)
+
+
 def two_materials(extent: np.ndarray, size: float, comm: MPI.Comm) -> ec.Domain:
     """A brick whose lower and upper halves are two regions, meshed by gmsh."""
     from dolfinx import mesh as dmesh

@@ -4,6 +4,8 @@ Properties: every rank raises, none waits for another; the type is one of the pa
 """
 
 import dataclasses
+import math
+from pathlib import Path
 from typing import ClassVar
 
 import basix.ufl
@@ -13,6 +15,8 @@ import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
+from processes import output, started
+from scenes import two_squares
 
 import erc_contact as ec
 from erc_contact.geometry import Drawing
@@ -327,6 +331,16 @@ def test_normals_of_a_curved_body(gmsh_session):
 def test_body_that_nothing_holds(supports, contacts, words, block):
     words = (*words, "Add a Displacement")
     refused_scene(block, *words, error=ec.NotHeldError, supports=supports, contacts=contacts, loads=[])
+
+
+def test_one_of_two_bodies_that_nothing_holds():
+    domain, held = two_squares(), [ec.Displacement("left1", (0.0, 0.0))]
+    everything = ("translation in x", "translation in y", "rotation", "'bottom2', 'left2', 'right2', 'top2'")
+    refused_scene(domain, *everything, error=ec.NotHeldError, supports=held)
+    on_floor = [ec.Contact("bottom2")]
+    refused_scene(domain, "translation in x of", "'top2'", error=ec.NotHeldError, supports=held, contacts=on_floor)
+    wrong = [*held, ec.Displacement("left2", (0.0, None))]
+    refused_scene(domain, "translation in y of", "'top2'", error=ec.NotHeldError, supports=wrong)
 
 
 def test_body_in_space_that_nothing_holds(cube):
@@ -680,6 +694,196 @@ def test_values_that_are_not_finite(block):
     refused(lambda: ec.Elastic(E="abc", nu=0.3), "'abc'", "number")
 
 
+# -- what a newcomer types -----------------------------------------------------------------------------------
+
+TOP, FLOOR = ec.Displacement("top", (0.0, -0.01)), ec.Contact("bottom", friction=0.3)
+SCENE = ec.Scene(STEEL, [TOP], contacts=[FLOOR])
+
+
+def with_gap(gap):
+    return ec.Scene(STEEL, [TOP], contacts=[ec.Contact("bottom", gap=gap)])
+
+
+@pytest.mark.parametrize(
+    ("gap", "word"),
+    [
+        (lambda x: np.sin(x[0]), "np.sin"),
+        (lambda x: np.maximum(x[0], 0.0), "ufl.max_value"),
+        (lambda x: np.where(x[0] > 0.5, 0.1, 0.0), "ufl.conditional"),
+        (lambda x: math.sqrt(x[0]), "math.sin"),
+        (lambda x: 0.1 if x[0] > 0.5 else 0.0, "instead of if"),
+        (lambda x: max(x[0], 0.0), "instead of max"),
+        (lambda x: None, "returned None"),
+        (lambda x: "0.1", "returned '0.1'"),
+        (lambda x: x, "no scalar"),
+        (lambda x: x[2], "Index"),
+        (lambda x, y: x[0], "argument"),
+    ],
+)
+def test_callable_that_is_not_ufl(gap, word, block):
+    refused(lambda: ec.solve(with_gap(gap), block), "Contact('bottom'): gap", word, "ufl.sin(x[0])")
+
+
+@pytest.mark.parametrize("load", [lambda x: 0.1, lambda x: [[0.1, 0.0]], lambda x: None, lambda x: (np.cos(x[0]), 0.0)])
+def test_load_that_is_not_ufl(load, block):
+    for entry in (ec.Traction("right", load), ec.BodyForce(load)):
+        refused(lambda e=entry: ec.solve(ec.Scene(STEEL, [TOP], [e]), block), "ufl.sin(x[0])")
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda b: ec.Scene("steel", [TOP]), ("material is 'steel'", "Elastic(E, nu)")),
+        (lambda b: ec.Scene(ec.Elastic, [TOP]), ("material is <class", "Elastic(E, nu)")),
+        (lambda b: ec.Scene((1.0, 0.3), [TOP]), ("material is (1.0, 0.3)", "Elastic(E, nu)")),
+        (lambda b: ec.Scene(STEEL, None), ("supports is None", "list of Displacement")),
+        (lambda b: ec.Scene(STEEL, [TOP], contacts={"bottom": 0.3}), ("contacts is {", "list of Contact")),
+        (lambda b: ec.Contact(["bottom"], friction=0.3), ("['bottom']", "one boundary part")),
+        (lambda b: ec.Displacement(1, (0.0, 0.0)), ("for 1", "one boundary part")),
+        (lambda b: ec.Contact("bottom", friction=ec.Tresca), ("friction is <class", "Tresca(0.1)")),
+        (lambda b: ec.Contact("bottom", friction=type("L", (), {"bound": abs})()), ("parameters", "bound")),
+        (lambda b: ec.solve(SCENE, b, degree=1.0), ("degree is 1.0", "1 and 2")),
+        (lambda b: ec.solve(SCENE, b, degree=True), ("degree is True", "1 and 2")),
+        (lambda b: ec.solve(SCENE, b, degree="2"), ("degree is '2'", "1 and 2")),
+        (lambda b: ec.solve(SCENE, b, "nitsche"), ("method is 'nitsche'", "Nitsche()")),
+        (lambda b: ec.solve(SCENE, b, ec.Nitsche), ("method is <class", "Nitsche()")),
+        (lambda b: ec.solve(SCENE, b.mesh), ("domain is", "give a Domain")),
+        (lambda b: ec.solve(b, SCENE), ("scene is an object of type Domain", "give a Scene")),
+        (lambda b: ec.solve(SCENE, b, start="last"), ("start is 'last'", "give a Solution")),
+        (lambda b: ec.solve(SCENE, b, accuracy="fine"), ("accuracy is 'fine'", "> 0")),
+        (lambda b: ec.adapt(SCENE, b, 0.1, method="nitsche"), ("method is 'nitsche'", "Nitsche()")),
+        (lambda b: ec.adapt(SCENE, b, 0.1, strategy=ec.SizeMap), ("strategy is <class", "SizeMap()")),
+        (lambda b: ec.adapt(SCENE, b, 0.1, strategy="sizemap"), ("strategy is 'sizemap'", "SizeMap()")),
+        (lambda b: ec.adapt(SCENE, b, 0.1, degree=1.0), ("degree is 1.0", "1 and 2")),
+        (lambda b: ec.adapt(SCENE, b, True), ("accuracy is True", "> 0")),
+        (lambda b: ec.adapt(SCENE, b, 0.1, max_cells="many"), ("max_cells is 'many'", "whole number")),
+        (lambda b: ec.adapt(SCENE, b, 0.1, max_steps=2.5), ("max_steps is 2.5", "whole number")),
+        (lambda b: ec.adapt(SCENE, b, 0.1, tighten=-1), ("tighten is -1", ">= 0")),
+        (lambda b: ec.adapt(SCENE, b, 0.1, stop=True), ("stop is True", "certified")),
+        (lambda b: ec.adapt(SCENE, b, 0.1, callback="print"), ("callback is 'print'", "function")),
+        (lambda b: ec.Nitsche(gamma="10"), ("gamma is '10'", "> 0")),
+        (lambda b: ec.AugmentedLagrangian(gamma=None), ("gamma is None", "> 0")),
+        (lambda b: ec.Mark("0.5"), ("fraction is '0.5'", "(0, 1]")),
+        (lambda b: ec.SizeMap(leap="4"), ("leap is '4'", "> 1")),
+        (lambda b: ec.rectangle("a", "b", size=0.1), ("corners", "2 numbers")),
+        (lambda b: ec.rectangle((0, 0), (1, 1), size="0.1"), ("size", "'0.1'", "> 0")),
+        (lambda b: ec.read_mesh(5), ("path is 5", "name of a file")),
+        (lambda b: ec.Domain("body.msh", None, {}), ("mesh is 'body.msh'", "read_mesh")),
+        (lambda b: ec.Domain(b.mesh, b.facet_tags, ["bottom"]), ("['bottom']", "mapping")),
+        (lambda b: ec.Domain(b.mesh, b.facet_tags, {"bottom": "1"}), ("{'bottom': '1'}", "whole numbers")),
+        (lambda b: b.remeshed("fine"), ("'fine'", "number")),
+        (lambda b: b.refined("all"), ("'all'", "numbers of cells")),
+    ],
+)
+def test_arguments_of_another_type(call, words, block):
+    refused(lambda: call(block), *words)
+
+
+class Flat:
+    """A law whose bound is a number, whatever the pressure: that of Tresca."""
+
+    parameters = ()
+
+    def bound(self, pressure):
+        return 0.002
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_law_whose_bound_is_a_number(degree, block):
+    push = [ec.Displacement("top", (0.01, -0.01))]
+    eps = []
+    for friction in (Flat(), ec.Tresca(0.002)):
+        scene = ec.Scene(STEEL, push, contacts=[ec.Contact("bottom", friction=friction)])
+        eps.append(ec.constitutive_error(ec.equilibrate(ec.solve(scene, block, degree=degree))).relative)
+    assert eps[0] == pytest.approx(eps[1], rel=1e-9)
+
+
+def test_what_is_meant_is_taken(block):
+    """Numbers of numpy's, a single entry without a list, 1e6 cells, vectors and normals that are arrays."""
+    history = ec.adapt(
+        ec.Scene(
+            ec.Elastic(np.float32(1.0), np.float64(0.25)),
+            supports=TOP,
+            loads=ec.Traction("right", np.array([0.0, -0.001])),
+            contacts=ec.Contact("bottom", friction=np.float32(0.25), normal=np.array([0.0, -1.0]), gap=np.float32(0)),
+        ),
+        block,
+        np.float32(0.25),
+        degree=np.int64(1),
+        max_cells=1e6,
+        max_steps=np.int32(3),
+    )
+    same = ec.adapt(
+        ec.Scene(
+            ec.Elastic(1.0, 0.25),
+            [TOP],
+            [ec.Traction("right", (0.0, -0.001))],
+            [ec.Contact("bottom", friction=0.25, normal=(0, -1), gap=lambda x: np.float32(0))],
+        ),
+        block,
+        0.25,
+    )
+    assert history.reached
+    assert history.best.relative == pytest.approx(same.best.relative, rel=1e-12)
+
+
+def own_stiffness(entries):
+    """A material of the user's with a stiffness matrix in Mandel components."""
+
+    def act(matrix, tensor):
+        vector = [tensor[0, 0], tensor[1, 1], 2**0.5 * tensor[0, 1]]
+        xx, yy, xy = (sum(matrix[i][j] * vector[j] for j in range(3)) for i in range(3))
+        return ufl.as_matrix([[xx, xy / 2**0.5], [xy / 2**0.5, yy]])
+
+    members = {
+        "parameters": ("factor",),
+        "factor": 1.0,
+        "check": staticmethod(lambda name, low, high: None),
+        "stress": staticmethod(lambda eps, factor: factor * act(entries, eps)),
+        "compliance": staticmethod(lambda sigma, factor: act(np.linalg.inv(entries).tolist(), sigma) / factor),
+        "modulus": staticmethod(lambda factor: factor),
+    }
+    return type("Own", (), members)()
+
+
+@pytest.mark.parametrize("factor", [1.0, 2e11, lambda x: 1e-6 * (1.0 + x[0])])
+def test_stiffness_that_is_not_symmetric_or_not_positive(factor, block):
+    good = [[1.3, 0.4, 0.1], [0.4, 1.1, 0.0], [0.1, 0.0, 0.9]]
+    skew = [[1.3, 0.4, 0.1], [0.3, 1.1, 0.0], [0.1, 0.0, 0.9]]
+    soft = [[1.3, 1.4, 0.1], [1.4, 1.1, 0.0], [0.1, 0.0, 0.9]]
+    for matrix, words in ((skew, ("not symmetric", "Mandel")), (soft, ("not positive definite", "energy"))):
+        material = own_stiffness(matrix)
+        material.factor = factor
+        refused_scene(block, "Own", *words, material=material)
+    refused(lambda: own_stiffness_of(good, -1.0, block), "not positive definite")
+    own_stiffness_of(good, factor, block)
+
+
+def own_stiffness_of(matrix, factor, block):
+    material = own_stiffness(matrix)
+    material.factor = factor
+    return ec.solve(ec.Scene(material, [TOP]), block)
+
+
+@pytest.mark.parametrize("wrong", [float("nan"), float("inf"), 1e200])
+def test_coordinates_that_are_not_finite(wrong):
+    domain = ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(4, 4))
+    if COMM.rank == 0:
+        domain.mesh.geometry.x[0, 0] = wrong
+    refused_scene(domain, "coordinates", "not finite")
+
+
+@pytest.mark.parametrize("make", [ec.rectangle, ec.box])
+def test_cells_that_lie_over_each_other(make):
+    """One node in the middle is moved beyond its neighbours."""
+    dim = 2 if make is ec.rectangle else 3
+    domain = make((0.0,) * dim, (1.0,) * dim, cells=(4,) * dim)
+    x = domain.mesh.geometry.x
+    x[np.linalg.norm(x[:, :dim] - 0.5, axis=1) < 1e-9, :dim] = 0.9
+    held = [ec.Displacement("left", (0.0,) * dim)]
+    refused_scene(domain, "over each other", "coordinates", supports=held)
+
+
 # -- code of the user's that fails, on one rank only ---------------------------------------------------------
 
 
@@ -788,7 +992,7 @@ def test_arguments_of_refined_and_remeshed_that_are_wrong_on_one_rank(block):
     refused(lambda: block.refined(np.array([10**6 if last else 0])), "1000000", "this rank has")
     refused(lambda: block.refined("all" if last else None), "'all'", "numbers of cells")
     refused(lambda: block.refined([0.5] if last else [0]), "[0.5]", "numbers of cells")
-    refused(lambda: block.remeshed("fine" if last else 0.1), error=ValueError)
+    refused(lambda: block.remeshed("fine" if last else 0.1), "'fine'", "number")
 
 
 @pytest.mark.parametrize("way", ["folder", "table"])
@@ -800,6 +1004,15 @@ def test_save_where_something_stands_in_the_way(way, block, shared_tmp_path):
         folder.write_text("a file") if way == "folder" else (folder / "history.csv").mkdir(parents=True)
     COMM.barrier()
     refused(lambda: history.save(folder), "results", error=OSError)
+
+
+@pytest.mark.serial
+def test_no_rank_waits_for_one_that_failed(tmp_path):
+    """The tests above on two ranks, with a time in which they must have ended."""
+    names = "fails_on_one_rank or wrong_on_one_rank or something_stands_in_the_way"
+    arguments = [__file__, "-q", "-p", "no:cacheprovider", "-k", names, "--rootdir", str(Path(__file__).parent.parent)]
+    script = f"import sys, pytest; sys.exit(pytest.main({arguments!r}))"
+    assert "[100%]" in output(started(script, 2, tmp_path), 120)
 
 
 # -- the loop and the method ---------------------------------------------------------------------------------

@@ -15,7 +15,18 @@ import erc_contact as ec
 
 PACKAGE = Path(ec.__file__).parent
 ORDER = [
-    ["percent", "exceptions", "checks", "interrupts", "material", "law", "simplex", "quadrature", "partition"],
+    [
+        "interpreter",
+        "percent",
+        "exceptions",
+        "checks",
+        "interrupts",
+        "material",
+        "law",
+        "simplex",
+        "quadrature",
+        "partition",
+    ],
     ["surface", "domain", "geometry", "meshing", "scene"],
     ["expressions", "users", "foundation", "promises", "motions", "model"],
     ["methods", "stiffness", "condensed", "newton", "start", "ladder", "solve"],

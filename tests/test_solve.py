@@ -13,7 +13,7 @@ from dolfinx import fem
 from friction_sweep import SCENES, sweep
 from mpi4py import MPI
 from petsc4py import PETSc
-from scenes import block, common_block, greco, prototype_block, resultant
+from scenes import block, common_block, greco, prototype_block, resultant, two_squares
 
 import erc_contact as ec
 from erc_contact.admissible.contact import ContactTraction
@@ -153,6 +153,33 @@ def test_options_of_the_user_win_and_ours_are_not_left():
     finally:
         del PETSc.Options()["erc_contact_snes_max_it"]
     assert PETSc.Options().getAll() == before
+
+
+@pytest.mark.parametrize("method", [ec.Nitsche(), ec.AugmentedLagrangian()], ids=["Nitsche", "AL"])
+@pytest.mark.parametrize("degree", [1, 2])
+def test_two_bodies_are_solved_as_each_alone(method, degree):
+    """Each is held vertically by its contact only: two motions that no support holds, each of one body.
+
+    Without tightening: its iterations take all bodies together.
+    """
+
+    def entries(body, push):
+        supports = [ec.Displacement(f"right{body}", (0.0, None))]
+        loads = [ec.Traction(f"top{body}", pressure=0.02), ec.Traction(f"left{body}", pressure=push)]
+        return supports, loads, [ec.Contact(f"bottom{body}", friction=0.5)]
+
+    def error(supports, loads, contacts):
+        solution = ec.solve(ec.Scene(ec.Elastic(1.0, 0.3), supports, loads, contacts), domain, method, degree=degree)
+        return ec.constitutive_error(ec.equilibrate(solution, tighten=0))
+
+    domain, first, second = two_squares(), entries(1, 0.03), entries(2, 0.01)
+    both = error(*(a + b for a, b in zip(first, second, strict=True)))
+    alone = []
+    for body, (supports, loads, contacts) in ((2, first), (1, second)):
+        alone.append(error([*supports, ec.Displacement(f"top{body}", (0.0, 0.0))], loads, contacts))
+    assert len(both.admissible.solution.model.free_motions) == 2
+    assert both.absolute**2 == pytest.approx(sum(e.absolute**2 for e in alone), rel=1e-9)
+    assert both.scale**2 == pytest.approx(sum(e.scale**2 for e in alone), rel=1e-9)
 
 
 HARD = {
