@@ -24,7 +24,7 @@ from erc_contact.percent import percent
 from erc_contact.scene import Scene
 from erc_contact.sizes import size_map
 from erc_contact.solve import DEFAULT, Solution, check_arguments, solve
-from erc_contact.strategy import Mark, Strategy
+from erc_contact.strategy import KNOWN, Mark, Strategy
 
 log = logging.getLogger("erc_contact")
 
@@ -216,8 +216,8 @@ class _Run:
 
 
 def _warn(error: ConstitutiveError, accuracy: float, max_cells: int) -> None:
-    """Say before the time is spent that even the optimal mesh, as far as one mesh can tell, has too many cells."""
-    cells = size_map(error, accuracy).cells
+    """Say before the time is spent that even the optimal mesh has too many cells, if the first mesh can know it."""
+    cells = size_map(error, accuracy).cells if error.total <= KNOWN else 0.0
     if cells > max_cells:
         log.warning(
             f"{percent(accuracy)} takes some {cells:.2g} cells, it seems; max_cells = {max_cells} will end the run."

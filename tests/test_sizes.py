@@ -179,6 +179,19 @@ def test_greco_to_half_a_percent():
         assert length[zone].min() < 0.55 * length[abs(middle - 15) < 1].mean()
 
 
+def test_coarse_mesh_does_not_refuse_what_can_be_done():
+    """Half a disc pressed lightly: the first mesh, off by 80%, predicts millions of cells where some thousand do."""
+    scene = ec.Scene(
+        material=ec.Elastic(E=1.0, nu=0.3),
+        supports=[ec.Displacement("top", (0.0, -0.004))],
+        contacts=[ec.Contact("arc", gap=lambda x: x[1], normal=(0.0, -1.0))],
+    )
+    history = ec.adapt(scene, ec.read_mesh(MESHES / "half_disc.geo"), 0.05, strategy=ec.SizeMap(), max_cells=5000)
+    assert history.steps[0].eps > 0.5
+    assert history.reached
+    assert history.steps[-1].cells < 5000
+
+
 def test_accuracy_that_takes_too_many_cells_is_told_at_once(caplog):
     with caplog.at_level(logging.WARNING, logger="erc_contact"):
         history = ec.adapt(common_block(), block(8), 1e-3, strategy=ec.SizeMap(), max_cells=5000)
