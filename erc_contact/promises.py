@@ -81,13 +81,13 @@ def _check_material(model: Model) -> None:
         raise InputError(f"{name}: stress, compliance or modulus is not finite somewhere; look at its parameters.")
     if skew > EXACT:
         raise InputError(
-            f"{name}: the stiffness is not symmetric (by {skew:.1e} of its largest entry): a : C b must be b : C a for "
-            "all strains a and b, else there is no energy. Look at its stress."
+            f"{name}: the stiffness is not symmetric, in orthonormal (Mandel) components by {skew:.1e} of its largest "
+            "entry: a : C b must be b : C a for all strains a and b, else there is no energy. Look at its stress."
         )
     if least <= 0.0:
         raise InputError(
-            f"{name}: the stiffness is not positive: some strain has an energy of {least:.1e} times that of another. "
-            "Look at its stress and at its parameters."
+            f"{name}: the stiffness is not positive definite: some strain has an energy of {least:.1e} times that of "
+            "another. Look at its stress and at its parameters."
         )
     if other > EXACT:
         raise InputError(
