@@ -311,7 +311,8 @@ def test_history_is_saved(history, shared_tmp_path):
             rows = list(csv.DictReader(file))
         assert len(rows) == len(history.steps)
         for name in COLUMNS:
-            assert [float(row[name]) for row in rows] == history.column(name).tolist()
+            given = history.column(name)
+            assert [given.dtype.type(row[name]) for row in rows] == given.tolist()
         grid = read(shared_tmp_path / "run" / "body.vtkhdf")
         assert np.sum(grid["eps_E"] ** 2) == pytest.approx(history.best.relative**2, rel=1e-12)
 
