@@ -143,3 +143,36 @@ def two_materials(extent: np.ndarray, size: float, comm: MPI.Comm) -> ec.Domain:
     upper = dmesh.compute_midpoints(mesh, d, every)[:, d - 1] > extent[d - 1] / 2
     tags = dmesh.meshtags(mesh, d, every, np.where(upper, 2, 1).astype(np.int32))
     return ec.Domain(mesh, plain.facet_tags, plain.names, tags, {"lower": 1, "upper": 2})
+
+
+def sliding_block(
+    slide: float, d: int = 2, friction: object = 0.3, E: float = 210e9, size: float = 1.0, n: int = 2
+) -> tuple[ec.Scene, ec.Domain]:
+    """A block under its own weight that only contact holds vertically, its top moved by ``slide`` times its height."""
+    if d == 2:
+        domain, bottom, top = ec.rectangle((0.0, 0.0), (3 * size, size), cells=(3 * n, n)), "bottom", "top"
+    else:
+        domain = ec.box((0.0,) * 3, (2 * size, 2 * size, size), cells=(2 * n, 2 * n, n))
+        bottom, top = "front", "back"
+    along = (slide * size,) if d == 2 else (slide * size, 0.3 * slide * size)
+    scene = ec.Scene(
+        material=ec.Elastic(E, 0.3),
+        supports=[ec.Displacement(top, (*along, None))],
+        loads=[ec.BodyForce((*(0.0,) * (d - 1), -3.7e-7 * E / size))],
+        contacts=[ec.Contact(bottom, friction=friction)],
+    )
+    return scene, domain
+
+
+def moved_box(
+    d: int, push: float, press: float, friction: object = 0.3, E: float = 1.0, size: float = 1.0
+) -> tuple[ec.Scene, ec.Domain]:
+    """A box on a foundation, its top moved along it by ``push`` and towards it by ``press``, over its size."""
+    if d == 2:
+        domain, bottom, top = ec.rectangle((0.0, 0.0), (size, 0.7 * size), cells=(4, 4)), "bottom", "top"
+    else:
+        domain = ec.box((0.0,) * 3, (size, 0.8 * size, 0.7 * size), cells=(2, 2, 2))
+        bottom, top = "front", "back"
+    along = (push * size,) if d == 2 else (push * size, 0.4 * push * size)
+    support = ec.Displacement(top, (*along, -press * size))
+    return ec.Scene(ec.Elastic(E, 0.3), [support], [], [ec.Contact(bottom, friction=friction)]), domain

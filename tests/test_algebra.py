@@ -12,7 +12,7 @@ from dolfinx import fem
 from scenes import block, common_block
 
 import erc_contact as ec
-from erc_contact.admissible.balance import Cones, split
+from erc_contact.admissible.cones import Cones, split
 from erc_contact.expressions import evaluate
 from erc_contact.law import project
 from erc_contact.material import strain
@@ -78,14 +78,18 @@ def test_nearest_point_of_the_cone(d, mu):
     n = rng.standard_normal(d)
     n = np.broadcast_to(n / np.linalg.norm(n), (1000, d))
     z, other = rng.standard_normal((2, 1000, d))
-    slope = np.full((1000, 1), mu)
-    cones = Cones(n[:, None], slope, np.zeros_like(slope), np.zeros(slope.shape, dtype=bool))
-    nearest = cones.nearest(z[:, None])[:, 0]
-    assert np.abs(cones.nearest(nearest[:, None])[:, 0] - nearest).max() < 1e-14
+    zero = np.zeros((1000, 1))
+    cones = Cones(n[:, None], zero + mu, zero, zero > 0)
+
+    def nearest_in_cone(z: np.ndarray) -> np.ndarray:
+        return cones.nearest(z[:, None])[:, 0]
+
+    nearest = nearest_in_cone(z)
+    assert np.abs(nearest_in_cone(nearest) - nearest).max() < 1e-14
     r_n, _, size = split(nearest, n)
     assert r_n.max() <= 1e-15
     assert (size - mu * abs(r_n)).max() <= 1e-14
-    moved = nearest - cones.nearest(other[:, None])[:, 0]
+    moved = nearest - nearest_in_cone(other)
     assert (np.linalg.norm(moved, axis=1) - np.linalg.norm(z - other, axis=1)).max() <= 1e-14
     # nearest: the residual is normal to the cone at the projection
     assert np.abs(np.einsum("ni,ni->n", z - nearest, nearest)).max() < 1e-13

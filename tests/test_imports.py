@@ -30,7 +30,10 @@ ORDER = [
     ["surface", "domain", "geometry", "meshing", "scene"],
     ["expressions", "users", "foundation", "promises", "motions", "model"],
     ["methods", "stiffness", "condensed", "newton", "start", "ladder", "solve"],
-    [f"admissible.{name}" for name in ("geometry", "loads", "macro", "facets", "balance", "contact", "displacement")],
+    [
+        f"admissible.{name}"
+        for name in ("geometry", "loads", "macro", "facets", "cones", "balance", "allowed", "contact", "displacement")
+    ],
     [f"admissible.{name}" for name in ("energy", "patches", "blocks", "tighten")],
     ["admissible", "oscillation", "results", "error", "works", "goal", "sizes", "strategy", "history", "adapt"],
     ["files", "fields", "drawing", "plots", "bodies", "pictures", "output"],

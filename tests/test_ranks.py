@@ -1,5 +1,7 @@
 """The answer does not depend on the number of ranks: cells, eps to 1e-8 and Newton steps, through 5 refinements.
 
+With friction that varies on the contact, eps to 1e-10.
+
 Every rank solves the scene alone on its own communicator; all together solve it once more.
 """
 
@@ -70,3 +72,19 @@ def test_ranks_without_cells_or_contact(degree):
         domain = ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(1, 1), comm=comm)
         eps.append(ec.constitutive_error(ec.equilibrate(ec.solve(held_by_contact, domain, degree=degree))).relative)
     assert eps[0] == pytest.approx(eps[1], rel=1e-8)
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_friction_that_vanishes_at_an_edge(degree):
+    """Friction that varies in space, zero on one edge, where both the bound and the traction are round-off."""
+    scene = ec.Scene(
+        material=ec.Elastic(1.0, 0.3),
+        supports=[ec.Displacement("back", (0.0, 0.0, -0.02))],
+        contacts=[ec.Contact("front", friction=lambda x: 0.8 * x[0])],
+    )
+    eps = []
+    for comm in (MPI.COMM_SELF, MPI.COMM_WORLD):
+        domain = ec.box((0.0, 0.0, 0.0), (1.0, 1.0, 1.0), cells=(3, 3, 2), comm=comm)
+        pair = ec.equilibrate(ec.solve(scene, domain, degree=degree), tighten=2)
+        eps.append(ec.constitutive_error(pair).relative)
+    assert eps[0] == pytest.approx(eps[1], rel=1e-10)

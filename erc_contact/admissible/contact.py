@@ -11,44 +11,34 @@ of coefficients of a facet, which belong to its nodes.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 from mpi4py import MPI
 
-from erc_contact.admissible.balance import Cones, Part, balanced, clip, split
+from erc_contact.admissible.allowed import Allowed, samples
+from erc_contact.admissible.balance import Part, balanced
+from erc_contact.admissible.cones import split
 from erc_contact.admissible.geometry import elastic_modulus, moments
 from erc_contact.exceptions import NotHeldError
 from erc_contact.expressions import evaluate
 from erc_contact.foundation import BoundContact
-from erc_contact.law import Coulomb
 from erc_contact.methods import contact_degree
 from erc_contact.model import Model
-from erc_contact.simplex import at_nodes, bernstein, coefficients, lagrange, lattice, mass, rule
+from erc_contact.simplex import bernstein, lagrange, mass, rule
 
-SAMPLES = 12
-"""Subdivisions of a facet's edge when a bound that varies along it is sampled."""
 PASSES = 10
 """Limit of passes that shrink the friction bound where it must be sampled; one or two are usual."""
 MARGIN = 0.2
 """Share of the sampled deviation that is added for what may lie between two samples [-]."""
-LIMITER_STEPS = 20
-"""Bisections of the limiter."""
-LIMITER_TOLERANCE = 1e-3
-"""Change by the projection that the limiter leaves alone, over the traction [-]; where friction varies, the projection
-changes all that slips by a little."""
-DIFFERENCE = 1e-6
-"""Step of the pressure for the slope of a law's bound, over the largest pressure [-]."""
 MOBILITY = 0.1
-"""kappa, what a traction that must move for the balance is moved against slip and opening for, see :class:`_Drawn`;
-from 0.01 to 1 e is the same within 2% where slip is large."""
+"""kappa of :class:`_Drawn` where a traction must move for the balance [-]; 0.01 to 1 give the same e within 3%."""
 ROUND_OFF = 1e-12
-"""The same where nothing must move: what the method's traction is known to [-]."""
+"""The same where nothing must move: what the traction of a method is known to, over ``E/h |w|`` [-]."""
 FAR = 1e3
-"""Slip over ``h/E r`` from which it is more [-]."""
+"""Slip over ``h/E |r|`` from which on ROUND_OFF grows with it [-]."""
 HELD = 1e-8
-"""Imbalance that is none, over the forces [-]; where a traction exists, 1e-15 to 1e-11 is left."""
+"""Imbalance that counts as none, over the forces [-]; 1e-15 to 1e-11 is left where there is a traction."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,12 +72,12 @@ class ContactTraction:
 
 @dataclass(frozen=True, eq=False)
 class _Drawn:
-    """Where the motion of a contact draws its traction: ``-E/h v`` with ``v = w_t + (w_n - g - mu |w_t|) n``.
+    """Where slip and opening draw a traction: to ``r - kappa E/h v`` with ``v = w_t + (w_n - g - mu |w_t|) n``.
 
-    Half of the contact part of e^2 is ``int b |w_t| + r_t.w_t + r_n (w_n - g)``, where ``b = offset + mu p`` it is
-    ``int r.v`` but for a constant (de Saxce's bipotential), and moving the traction by dr costs the bulk part about
-    ``h/(kappa E) |dr|^2``. So the best r is what the law allows next to ``r_0 - kappa E/h v``. This keeps a traction
-    that slips on the surface of its cone, where it costs nothing however long the slip is.
+    Half of the contact part of e^2, ``int b |w_t| + r_t.w_t + r_n (w_n - g)``, is ``int r.v`` but for a constant where
+    ``b = offset + mu p`` (de Saxce's bipotential), and to move the traction by dr costs the bulk part about
+    ``h/(kappa E) |dr|^2``: so the best r is the allowed one that is nearest to ``r_0 - kappa E/h v``. A traction that
+    slips stays on the surface of its cone, where it costs nothing however long the slip is.
 
     Means of a facet against its Bernstein polynomials, so that their products with coefficients are the integrals.
 
@@ -120,95 +110,6 @@ class _Drawn:
         return kappa[..., None] * (self.opening[..., None] * self.n - self.slip)
 
 
-@dataclass(frozen=True, eq=False)
-class _Allowed:
-    """The tractions that a law allows at the nodes of a contact.
-
-    Attributes:
-        factor: Factor of the friction bound of each facet.
-        sharp: Whether the bound is that of each node; else the least one on the facet for the pressure of the node,
-            which needs no sampling: it lies below the bound between the nodes where b is concave.
-    """
-
-    model: Model
-    contact: BoundContact
-    factor: np.ndarray
-    sharp: bool = True
-
-    @property
-    def n(self) -> np.ndarray:
-        return self.contact.direction[:, None, :]
-
-    @cached_property
-    def parameters(self) -> dict[str, np.ndarray]:
-        """The law's parameters at the nodes, or at the samples of each facet."""
-        points = self.model.facet_points if self.sharp else samples(self.model.d)
-        return self.model.friction_parameters(self.contact, points)
-
-    def bound(self, pressure: np.ndarray) -> np.ndarray:
-        """Coefficients of the friction bound, interpolated at the nodes, for those of the pressure, shape (f, m)."""
-        if self.sharp:
-            d, k = self.model.d, self.model.degree
-            bound = self.contact.friction_bound(pressure @ at_nodes(d - 1, k).T, self.parameters)
-            return self.factor[:, None] * np.maximum(bound @ coefficients(d - 1, k).T, 0.0)
-        many = len(pressure), len(samples(self.model.d))
-        spread = [np.broadcast_to(p[:, None], many) for p in pressure.T]
-        least = [self.contact.friction_bound(p, self.parameters).min(axis=1) for p in spread]
-        return np.column_stack(least)
-
-    def project(self, z: np.ndarray) -> np.ndarray:
-        """The law's projection, first the normal part, then the tangential part."""
-        z_n, z_t, size = split(z, self.n)
-        r_n = z_n if self.contact.bilateral else np.minimum(z_n, 0.0)
-        bound = self.bound(np.maximum(-r_n, 0.0))
-        return clip(z_t, size, bound) + r_n[..., None] * self.n
-
-    def limited(self, mean: np.ndarray, best: np.ndarray) -> np.ndarray:
-        """The allowed traction nearest to ``best`` on the way from ``mean``, facet by facet: a limiter.
-
-        Both have the same resultant on a facet, and the law allows ``mean``, so r^ keeps the resultant. Projected
-        instead, the resultant of a facet with a kink is lost: 1.4% of the friction of a block at degree 2, whose e
-        was 14% larger. At degree 1 there is no such difference, and the projection is the cheaper one.
-        """
-        size = abs(best).max(axis=(1, 2), initial=0.0)
-
-        def at(share: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            values = mean + share[:, None, None] * (best - mean)
-            allowed = self.project(values)
-            return allowed, abs(allowed - values).max(axis=(1, 2), initial=0.0) <= LIMITER_TOLERANCE * size
-
-        values, fits = at(np.ones(len(mean)))
-        if fits.all():
-            return values
-        _, reaches = at(np.zeros(len(mean)))  # not on a coarse mesh whose friction varies
-        high = np.ones(len(mean))
-        low = np.where(fits | ~reaches, 1.0, 0.0)
-        for _ in range(LIMITER_STEPS):
-            middle = (low + high) / 2
-            _, fits = at(middle)
-            low, high = np.where(fits, middle, low), np.where(fits, high, middle)
-        return at(low)[0]
-
-    def near(self, start: np.ndarray, peak: float) -> Cones:
-        """A convex set of tractions that the law allows where it has the pressures of start: the tangent of b there.
-
-        Where b is concave it lies above b elsewhere.
-        """
-        pressure = np.maximum(-(start * self.n).sum(axis=-1), 0.0)
-        bound = self.bound(pressure)
-        if isinstance(self.contact.law, Coulomb):
-            slope = self.bound(np.ones_like(pressure))
-        else:
-            step = DIFFERENCE * np.maximum(pressure, peak)
-            slope = np.maximum(self.bound(pressure + step) - bound, 0.0) / np.where(step > 0, step, 1.0)
-        offset = bound - slope * pressure
-        chord = np.divide(bound, pressure, out=np.zeros_like(bound), where=pressure > 0)
-        slope = np.where(offset < 0, chord, slope)
-        offset = np.maximum(bound - slope * pressure, 0.0)
-        pulls = np.full(pressure.shape, self.contact.bilateral) & ((pressure == 0) | (slope == 0))
-        return Cones(self.n, np.where(pulls, 0.0, slope), np.where(pulls, bound, offset), pulls)
-
-
 def admissible_tractions(model: Model, solution: Any, loads: np.ndarray, forces: float) -> list[ContactTraction]:
     """r^: the method's traction, L2-projected on polynomials of degree k of each facet, and limited to what is allowed.
 
@@ -234,9 +135,9 @@ def admissible_tractions(model: Model, solution: Any, loads: np.ndarray, forces:
         sampled = evaluate(solution.traction(contact), model.domain, points, contact.facets)
         means.append(np.matmul(average, sampled))
         raw.append(ContactTraction(contact, nodes, area, np.matmul(project, sampled), np.zeros(nodes.shape)))
-    allowed = [_Allowed(model, t.contact, np.ones(len(t.nodes))) for t in raw]
+    allowed = [Allowed(model, t.contact, np.ones(len(t.nodes))) for t in raw]
 
-    def projected(allowed: list[_Allowed]) -> list[ContactTraction]:
+    def projected(allowed: list[Allowed]) -> list[ContactTraction]:
         values = [
             a.project(t.values) if model.degree == 1 else a.limited(mean, t.values)
             for t, mean, a in zip(raw, means, allowed, strict=True)
@@ -302,7 +203,7 @@ def _balanced(
     model: Model,
     raw: list[ContactTraction],
     start: list[np.ndarray],
-    allowed: list[_Allowed],
+    allowed: list[Allowed],
     drawn: list[_Drawn],
     loads: np.ndarray,
     forces: float,
@@ -335,8 +236,3 @@ def _balanced(
         if comm.allreduce(moved, MPI.MAX) <= 1e-13 * peak:
             break
     return values
-
-
-def samples(d: int) -> np.ndarray:
-    """Reference points of a fine sampling of a facet, its edges included, shape (q, d-1)."""
-    return lattice(d - 1, SAMPLES)

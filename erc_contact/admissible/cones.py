@@ -1,0 +1,73 @@
+"""The nearest of the tractions that a friction law allows, where these are cones or cylinders.
+
+Symbols: n normal of the foundation, p = -r_n pressure, f facets, m nodes of a facet, d dimension, K directions.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+def split(z: np.ndarray, n: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Normal component, tangential part and its length, of vectors (..., d) and unit normals of the same shape."""
+    z_n = (z * n).sum(axis=-1)
+    z_t = z - z_n[..., None] * n
+    return z_n, z_t, np.linalg.norm(z_t, axis=-1)
+
+
+def clip(z_t: np.ndarray, size: np.ndarray, bound: np.ndarray) -> np.ndarray:
+    """Shorten tangential vectors of given lengths to a bound."""
+    return np.divide(bound, size, out=np.ones_like(size), where=size > bound)[..., None] * z_t
+
+
+@dataclass(frozen=True, eq=False)
+class Cones:
+    """The tractions ``|r_t| <= offset + slope p``, ``p >= 0``, at each node: Coulomb's cone, a cylinder, and between.
+
+    Attributes:
+        n: Unit normals, shape (f, 1, d).
+        slope: Shape (f, m) [-].
+        offset: Shape (f, m) [force/area].
+        pulls: Where p may have any sign; the slope is zero there. Shape (f, m).
+    """
+
+    n: np.ndarray
+    slope: np.ndarray
+    offset: np.ndarray
+    pulls: np.ndarray
+
+    def nearest(self, z: np.ndarray) -> np.ndarray:
+        """The nearest of these tractions (Euclidean projection, non-expansive), shape (f, m, d) [force/area]."""
+        return self._project(z)[0]
+
+    def _project(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """The nearest traction, z_t and its length, and where the friction bound does not limit it."""
+        z_n, z_t, size = split(z, self.n)
+        shown = np.where(self.pulls, -z_n, np.maximum(-z_n, 0.0))
+        inside = size <= self.offset + self.slope * shown
+        on_surface = np.maximum(self.slope * (size - self.offset) - z_n, 0.0) / (1 + self.slope**2)
+        p = np.where(inside | self.pulls, shown, on_surface)
+        r_t = clip(z_t, np.where(inside, 0.0, size), self.offset + self.slope * p)
+        return r_t - p[..., None] * self.n, z_t, size, inside
+
+    def derivative(self, z: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Of the projection in directions q (f, m, d, K), as two factors A, B: ``q.P'q = A.B`` at each node.
+
+        Returns:
+            Two arrays (f, m, d + 2, K): the parts along n, along z_t, and across both.
+        """
+        r, z_t, size, inside = self._project(z)
+        along = np.divide(z_t, size[..., None], out=np.zeros_like(z_t), where=size[..., None] > 0)
+        q_n, q_t = np.einsum("fmik,fzi->fmk", q, self.n), np.einsum("fmik,fmi->fmk", q, along)
+        across = q - self.n[..., None] * q_n[:, :, None] - along[..., None] * q_t[:, :, None]
+        presses = (((r * self.n).sum(axis=-1) < 0) | self.pulls)[..., None]
+        inside, slope = inside[..., None], self.slope[..., None]
+        moved = presses * (q_n - slope * q_t) / (1 + slope**2)  # on the surface
+        normal = np.where(inside, presses * q_n, moved)
+        tangential = np.where(inside, q_t, -slope * moved)
+        length = np.linalg.norm(split(r, self.n)[1], axis=-1)
+        turned = np.where(inside[..., 0], 1.0, np.divide(length, size, out=np.zeros_like(size), where=size > 0))
+        left = np.concatenate([normal[:, :, None], tangential[:, :, None], turned[..., None, None] * across], axis=2)
+        return left, np.concatenate([q_n[:, :, None], q_t[:, :, None], across], axis=2)
