@@ -23,7 +23,7 @@ from erc_contact.sizes import size_map
 CLOSE = 1.2
 """An error below this multiple of the accuracy is closed by marking: a new mesh of nearly the same sizes, with the
 same 5 to 10% that the prediction may miss, might stay above for ever."""
-KNOWN = 0.1
+KNOWN = 0.25
 """Relative error from which on a mesh knows how many cells an accuracy takes: of a half disc pressed on a plane a first
 mesh of 79% predicted 7 million where 2200 were enough, one of 11% twice as many."""
 DOUBT = 4.0

@@ -166,8 +166,8 @@ def test_loop_coarsens():
 def test_greco_to_half_a_percent():
     history = ec.adapt(greco(), ec.read_mesh(MESHES / "greco.geo"), 0.005, strategy=ec.SizeMap(), tighten=0)
     assert history.reached
-    traction, x = whole_contact(history.best.admissible, history.best.admissible.tractions[0])
-    status, ends = contact_status(traction), np.sort(x[..., 0], axis=1)
+    surface = whole_contact(history.best.admissible, history.best.admissible.tractions[0])
+    status, ends = contact_status(surface.traction), np.sort(surface.x[..., 0], axis=1)
     opened, stuck = ends[status == OPEN].max(), ends[status == STICK].min()
     print(f"\nopen to {opened:.3f}, stick from {stuck:.3f}, {history.steps[-1].cells} cells")
     assert opened == pytest.approx(3.34, abs=0.1)
