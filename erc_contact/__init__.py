@@ -10,11 +10,9 @@ friction problem"; the same authors, SIAM J. Sci. Comput. 23 (2001).
 """
 
 import importlib.util
-import logging
 
 if importlib.util.find_spec("dolfinx_solver"):  # the wheel of DOLFINx must load MPI first
     import dolfinx_solver  # noqa: F401
-from mpi4py import MPI
 
 from erc_contact.adapt import adapt
 from erc_contact.admissible import Admissible, equilibrate
@@ -25,6 +23,7 @@ from erc_contact.goal import Bounds, energy, resultant, work_of_loads
 from erc_contact.history import History, Step
 from erc_contact.interpreter import free_forms
 from erc_contact.law import Coulomb, Law, Tresca
+from erc_contact.logs import log_to_console
 from erc_contact.material import Elastic
 from erc_contact.meshing import box, from_gmsh, read_mesh, rectangle
 from erc_contact.methods import AugmentedLagrangian, Nitsche
@@ -35,26 +34,6 @@ from erc_contact.solve import Solution, solve
 from erc_contact.strategy import Mark, SizeMap, Strategy, Uniform, mark
 
 free_forms()
-
-
-def log_to_console(level: int = logging.INFO, comm: MPI.Comm = MPI.COMM_WORLD) -> None:
-    """Show progress on the terminal, on rank 0 only.
-
-    Args:
-        level: ``logging.INFO`` shows a row a mesh, ``logging.DEBUG`` every attempt of the contact solve.
-        comm: Its rank 0 writes.
-    """
-    from rich.highlighter import NullHighlighter  # noqa: PLC0415
-    from rich.logging import RichHandler  # noqa: PLC0415 - only those who want progress pay for it
-
-    log = logging.getLogger("erc_contact")
-    log.setLevel(level)
-    if comm.rank == 0 and not any(isinstance(handler, RichHandler) for handler in log.handlers):
-        log.addHandler(RichHandler(show_path=False, show_level=False, show_time=False, highlighter=NullHighlighter()))
-    elif comm.rank != 0:
-        log.addHandler(logging.NullHandler())
-        log.propagate = False
-
 
 __all__ = [
     "Admissible",

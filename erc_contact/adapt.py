@@ -19,14 +19,13 @@ from erc_contact.error import ConstitutiveError, constitutive_error
 from erc_contact.exceptions import InputError, NotConverged, together
 from erc_contact.history import CURVED, HEADER, History, Step, line
 from erc_contact.interrupts import Interrupts
+from erc_contact.logs import log_of
 from erc_contact.methods import Method
 from erc_contact.percent import percent
 from erc_contact.scene import Scene
 from erc_contact.sizes import size_map
 from erc_contact.solve import DEFAULT, Solution, check_arguments, solve
 from erc_contact.strategy import KNOWN, Mark, Strategy
-
-log = logging.getLogger("erc_contact")
 
 SHARE = 0.1
 """Share of e that Newton may leave when it stops certified [-]; it adds 0.5% to e.
@@ -97,7 +96,7 @@ def adapt(
     solution: Solution | None = None
     error: ConstitutiveError | None = None
     mesh_seconds = 0.0
-    log.info(HEADER if domain.marks is None else CURVED)
+    log_of(comm).info(HEADER if domain.marks is None else CURVED)
     with Interrupts(comm) as interrupts:
         try:
             while not run.outcome:
@@ -178,7 +177,7 @@ class _Run:
         self.meshes.append((domain, error.cells))
         if self.best is None or error.total < self.best.total:
             self.best = error
-        log.info(line(step, curved=domain.marks is not None))
+        log_of(self.comm).info(line(step, curved=domain.marks is not None))
         return step
 
     def end(self, failure: BaseException, interrupts: Interrupts) -> None:
@@ -211,7 +210,7 @@ class _Run:
         if self.best.domain.geometry is None:
             self.outcome += " The body is that of the mesh given, with its flat facets: no true shape of it is known."
         reached = self.best.total <= self.accuracy
-        log.log(logging.INFO if reached else logging.WARNING, self.outcome)
+        log_of(self.comm).log(logging.INFO if reached else logging.WARNING, self.outcome)
         return History(tuple(self.steps), self.accuracy, reached, self.outcome, self.best, tuple(self.meshes))
 
 
@@ -219,6 +218,6 @@ def _warn(error: ConstitutiveError, accuracy: float, max_cells: int) -> None:
     """Say before the time is spent that even the optimal mesh has too many cells, if the first mesh can know it."""
     cells = size_map(error, accuracy).cells if error.total <= KNOWN else 0.0
     if cells > max_cells:
-        log.warning(
+        log_of(error.domain.mesh.comm).warning(
             f"{percent(accuracy)} takes some {cells:.2g} cells, it seems; max_cells = {max_cells} will end the run."
         )

@@ -54,6 +54,8 @@ FILL = {2: 4 / np.sqrt(3), 3: 5.0}
 not fill space (they would be 8.5), gmsh makes 4.7 of size 1 on fine uniform meshes and 5.6 on graded ones."""
 GMSH = {2: 1.06, 3: 1.08}
 """Simplices that gmsh makes for each that :data:`FILL` counts on small graded meshes, measured: the first guess."""
+ROUND = 1e-3
+"""Step of the logarithm of sizes that are given to gmsh [-]: the round-off of the ranks must not make another mesh."""
 COUNT_TOLERANCE = {2: 0.02, 3: 0.05}
 """A mesh whose number of cells misses the count of its sizes by more is made again with scaled sizes [-]."""
 ATTEMPTS = 4
@@ -272,7 +274,8 @@ def _meshed(geometry: Brick | Drawing, domain: Domain, sizes: np.ndarray) -> Dom
         wrong = h[~((h > 0) & np.isfinite(h))]
         error = InputError(f"{len(wrong)} sizes are not > 0 and finite, the first is {wrong[0]:g}; sizes are lengths.")
     raise_together(comm, error)
-    wanted = count(domain, h)
+    h = np.exp(ROUND * np.round(np.log(h) / ROUND))
+    wanted = round(count(domain, h))
     nodes = mesh.geometry.dofmaps[0][: domain.owned_cells]
     parts = comm.gather((mesh.geometry.x[nodes], h[nodes]))
 
@@ -282,8 +285,7 @@ def _meshed(geometry: Brick | Drawing, domain: Domain, sizes: np.ndarray) -> Dom
         tags.update(geometry.build(gmsh) or {})
         assert parts is not None
         x, values = (np.concatenate(part) for part in zip(*parts, strict=True))
-        _mesh_to_sizes(gmsh, dim, x, values, wanted)
-
+        _mesh_to_sizes(gmsh, dim, *_sorted(x, values), wanted)
         renumber(gmsh.model, dim)
 
     with session(comm, build, "The geometry, meshed again,") as model:
@@ -293,7 +295,18 @@ def _meshed(geometry: Brick | Drawing, domain: Domain, sizes: np.ndarray) -> Dom
     return Domain(data.mesh, data.facet_tags, domain.names, regions, domain.regions, geometry, marks)
 
 
-def _mesh_to_sizes(gmsh: Any, dim: int, x: np.ndarray, sizes: np.ndarray, wanted: float) -> None:
+def _sorted(x: np.ndarray, sizes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Simplices (n, d+1, 3) with sizes at their corners, in an order that does not depend on the ranks.
+
+    gmsh finds the size at a point on an edge in the first simplex that holds it, so another order is another mesh.
+    """
+    corners = np.lexsort(x.transpose(2, 0, 1)[::-1], axis=1)
+    x, sizes = np.take_along_axis(x, corners[..., None], axis=1), np.take_along_axis(sizes, corners, axis=1)
+    order = np.lexsort(x.reshape(len(x), -1).T[::-1])
+    return x[order], sizes[order]
+
+
+def _mesh_to_sizes(gmsh: Any, dim: int, x: np.ndarray, sizes: np.ndarray, wanted: int) -> None:
     """Mesh gmsh's current model with the sizes of simplices (corners x, shape (n, d+1, 3)), to the count wanted.
 
     How many cells gmsh makes of a size depends on gradation and shape. A mesh is cheap beside a contact solve, so one

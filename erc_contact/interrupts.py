@@ -6,7 +6,6 @@ come at another place of every rank, or on one rank only, and the others would w
 
 from __future__ import annotations
 
-import logging
 import signal
 import threading
 from time import monotonic
@@ -14,7 +13,7 @@ from types import FrameType, TracebackType
 
 from mpi4py import MPI
 
-log = logging.getLogger("erc_contact")
+from erc_contact.logs import log_of
 
 SAME = 1.0
 """Signals within this time are one Ctrl-C: a terminal and mpiexec may both send it [s]."""
@@ -64,6 +63,6 @@ class Interrupts:
         now = monotonic()
         if self.first is None:
             self.first = now
-            log.warning("Interrupted: the run ends with this stage. Ctrl-C again ends it at once.")
+            log_of(self.comm).warning("Interrupted: the run ends with this stage. Ctrl-C again ends it at once.")
         elif now - self.first > SAME:
             signal.default_int_handler(number, frame)

@@ -8,7 +8,6 @@ found in fewer steps (GRECO, 256 x 256 squares: 11 and 2, against 22 from the gl
 
 from __future__ import annotations
 
-import logging
 from dataclasses import dataclass, replace
 from numbers import Integral
 from time import perf_counter
@@ -25,13 +24,12 @@ from erc_contact.domain import Domain
 from erc_contact.exceptions import InputError, NotConverged, raise_together
 from erc_contact.foundation import BoundContact
 from erc_contact.ladder import Attempt, attempts
+from erc_contact.logs import log_of
 from erc_contact.methods import Method, Nitsche
 from erc_contact.model import Model
 from erc_contact.newton import Newton, Outcome
 from erc_contact.scene import Scene
 from erc_contact.stiffness import Stiffness
-
-log = logging.getLogger("erc_contact")
 
 DEFAULT = Nitsche()
 """The method where none is given."""
@@ -136,7 +134,9 @@ def solve(
     else:
         solution = Solution(model, method or DEFAULT, w, (), 0, "linear solve", 0.0, 1.0, stiffness, 0.0)
     seconds = model.comm.allreduce(perf_counter() - began, MPI.MAX)
-    log.debug("%d cells: %s; %d Newton steps, %.2f s", domain.cells, solution.reason, solution.newton_steps, seconds)
+    log_of(model.comm).debug(
+        "%d cells: %s; %d Newton steps, %.2f s", domain.cells, solution.reason, solution.newton_steps, seconds
+    )
     return replace(solution, seconds=seconds)
 
 
@@ -185,7 +185,7 @@ class _Ascent:
     ) -> None:
         self.model, self.stiffness, self.w = model, stiffness, w
         self.method, self.fallback = method or DEFAULT, method is None
-        self.accuracy = accuracy
+        self.accuracy, self.log = accuracy, log_of(model.comm)
         self.problems: dict[Method, Condensed] = {}
         self.tried: list[str] = []
         self.steps = 0
@@ -238,7 +238,7 @@ class _Ascent:
         outcome, state, results = problem.run(work)
         self.steps += outcome.steps
         self.tried.append(f"{attempt}: {outcome}")
-        log.debug(self.tried[-1])
+        self.log.debug(self.tried[-1])
         return outcome.converged, state, results
 
     def _solution(self, method: Method, results: tuple[float, float, np.ndarray, np.ndarray]) -> Solution:
@@ -248,10 +248,10 @@ class _Ascent:
         reason = self.tried[-1]
         if method != self.method:
             reason = f"{self.method} did not converge: {reason}"
-            log.info("%d cells: %s did not converge, the solution is that of %s.", cells, self.method, method)
+            self.log.info("%d cells: %s did not converge, the solution is that of %s.", cells, self.method, method)
         if regularity < SINGULAR:
             reason += f"; the tangent is singular ({regularity:.0e}), the solution may be one of many"
-            log.warning("The tangent of the contact problem is singular at its solution: it may be one of many.")
+            self.log.warning("The tangent of the contact problem is singular at its solution: it may be one of many.")
         multipliers = self.problems[method].multipliers
         for multiplier, contact in zip(multipliers, self.model.contacts[: len(multipliers)], strict=True):
             self.model.to_coefficients(multiplier.x.array.reshape(-1, self.model.d), [contact], back=True)

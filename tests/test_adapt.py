@@ -283,3 +283,9 @@ def test_history_rows_and_csv(shared_tmp_path):
 def test_accuracy_must_be_positive(accuracy):
     with pytest.raises(ec.InputError, match="accuracy"):
         ec.adapt(common_block(), block(2), accuracy=accuracy)
+
+
+def test_a_warning_is_told_once(caplog):
+    """By rank 0, whether progress is shown or not."""
+    ec.adapt(common_block(), block(4), 1e-3, max_steps=1)
+    assert len(caplog.records) == (1 if MPI.COMM_WORLD.rank == 0 else 0)

@@ -19,6 +19,7 @@ ORDER = [
         "interpreter",
         "percent",
         "exceptions",
+        "logs",
         "checks",
         "interrupts",
         "material",

@@ -63,6 +63,23 @@ def test_rank_independence(run):
 
 
 @pytest.mark.parametrize("degree", [1, 2])
+def test_optimal_meshes_are_the_same(degree):
+    """Gmsh makes another mesh of sizes that differ in their last digit, or come in another order."""
+    scene = ec.Scene(
+        material=ec.Elastic(1.0, 0.3),
+        supports=[ec.Displacement("back", (0.0, 0.0, -0.05))],
+        contacts=[ec.Contact("front", friction=0.3, gap=lambda x: ((x[0] - 0.5) ** 2 + (x[1] - 0.5) ** 2) / 4)],
+    )
+    meshes = []
+    for comm in (MPI.COMM_SELF, MPI.COMM_WORLD):
+        domain = ec.box((0.0, 0.0, 0.0), (1.0, 1.0, 1.0), size=0.5, comm=comm)
+        history = ec.adapt(scene, domain, 0.4 / degree**2, degree=degree, strategy=ec.SizeMap())
+        meshes.append([step.cells for step in history.steps])
+    assert len(meshes[0]) > 1
+    assert meshes[0] == meshes[1]
+
+
+@pytest.mark.parametrize("degree", [1, 2])
 def test_ranks_without_cells_or_contact(degree):
     """Two cells on any number of ranks: some have no cell, or no facet of the contact."""
     loads = [ec.Traction("top", (0.001, -0.01)), ec.BodyForce((0.0, lambda x: -0.01 * x[1]))]

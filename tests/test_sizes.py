@@ -200,13 +200,13 @@ def test_accuracy_that_takes_too_many_cells_is_told_at_once(caplog):
     assert "takes about" in history.outcome
     assert "max_cells = 5000" in history.outcome
     assert history.best.relative == history.steps[0].eps
-    assert "max_cells = 5000 will end the run" in caplog.text
+    assert MPI.COMM_WORLD.rank > 0 or "max_cells = 5000 will end the run" in caplog.text
 
 
 def test_marking_is_warned_too_and_goes_on_to_the_limit(caplog):
     with caplog.at_level(logging.WARNING, logger="erc_contact"):
         history = ec.adapt(common_block(), block(4), 1e-3, max_cells=400)
-    assert "max_cells = 400 will end the run" in caplog.text
+    assert MPI.COMM_WORLD.rank > 0 or "max_cells = 400 will end the run" in caplog.text
     assert len(history.steps) > 1
 
 
