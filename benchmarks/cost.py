@@ -21,7 +21,7 @@ import erc_contact as ec
 
 from dolfinx.fem import Function, petsc  # isort: skip - after erc_contact, which loads MPI first
 import ufl  # isort: skip
-from erc_contact.model import Model  # isort: skip
+from erc_contact.model.model import Model  # isort: skip
 
 
 def problem(dim: int, n: int) -> tuple[ec.Scene, ec.Domain]:

@@ -34,11 +34,13 @@ import erc_contact as ec
 
 from dolfinx import fem  # isort: skip - after erc_contact, which loads MPI first
 from reference import true_errors  # isort: skip
-from erc_contact.admissible import cell_stress, simplices  # isort: skip
+from erc_contact.admissible.pair import simplices  # isort: skip
+from erc_contact.admissible.elastic import cell_stress
+
 from erc_contact.admissible.contact import split  # isort: skip
-from erc_contact.methods import contact_degree  # isort: skip
-from erc_contact.expressions import evaluate  # isort: skip
-from erc_contact.simplex import lagrange, rule  # isort: skip
+from erc_contact.newton.methods import contact_degree  # isort: skip
+from erc_contact.model.expressions import evaluate  # isort: skip
+from erc_contact.mesh.simplex import lagrange, rule  # isort: skip
 
 METHODS = (ec.Nitsche(), ec.AugmentedLagrangian())
 SAME = 1e-6

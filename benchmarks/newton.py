@@ -24,7 +24,7 @@ from dolfinx import fem  # isort: skip
 from dolfinx.fem import petsc  # isort: skip
 from petsc4py import PETSc  # isort: skip
 import ufl  # isort: skip
-from erc_contact.model import Model  # isort: skip
+from erc_contact.model.model import Model  # isort: skip
 
 
 def linear_solves(domain: ec.Domain) -> tuple[float, float]:

@@ -25,12 +25,12 @@ from dolfinx import cpp, fem, graph
 from dolfinx import mesh as dmesh
 from dolfinx.io.utils import distribute_entity_data
 
-from erc_contact.admissible import Admissible
-from erc_contact.expressions import evaluate
-from erc_contact.law import Coulomb
-from erc_contact.material import mandel_basis, strain
-from erc_contact.model import Model
-from erc_contact.simplex import bernstein, rule
+from erc_contact.admissible.pair import Admissible
+from erc_contact.mesh.simplex import bernstein, rule
+from erc_contact.model.expressions import evaluate
+from erc_contact.model.model import Model
+from erc_contact.scene.law import Coulomb
+from erc_contact.scene.material import mandel_basis, strain
 
 FACET_DEGREE = 4
 """Quadrature degree on the facets of the reference."""

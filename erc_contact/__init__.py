@@ -14,24 +14,24 @@ import importlib.util
 if importlib.util.find_spec("dolfinx_solver"):  # the wheel of DOLFINx must load MPI first
     import dolfinx_solver  # noqa: F401
 
-from erc_contact.adapt import adapt
-from erc_contact.admissible import Admissible, equilibrate
-from erc_contact.domain import Domain
-from erc_contact.error import ConstitutiveError, constitutive_error
-from erc_contact.exceptions import ErcContactError, InputError, NotConverged, NotHeldError
-from erc_contact.goal import Bounds, energy, resultant, work_of_loads
-from erc_contact.history import History, Step
-from erc_contact.interpreter import free_forms
-from erc_contact.law import Coulomb, Law, Tresca
-from erc_contact.logs import log_to_console
-from erc_contact.material import Elastic
-from erc_contact.meshing import box, from_gmsh, read_mesh, rectangle
-from erc_contact.methods import AugmentedLagrangian, Nitsche
-from erc_contact.oscillation import Oscillations
-from erc_contact.scene import BodyForce, Contact, Displacement, Scene, Traction
-from erc_contact.sizes import Sizes, size_map
-from erc_contact.solve import Solution, solve
-from erc_contact.strategy import Mark, SizeMap, Strategy, Uniform, mark
+from erc_contact.admissible.pair import Admissible, equilibrate
+from erc_contact.base.exceptions import ErcContactError, InputError, NotConverged, NotHeldError
+from erc_contact.base.interpreter import free_forms
+from erc_contact.base.logs import log_to_console
+from erc_contact.error.bounds import Bounds, energy, resultant, work_of_loads
+from erc_contact.error.constitutive import ConstitutiveError, constitutive_error
+from erc_contact.error.oscillation import Oscillations
+from erc_contact.mesh.domain import Domain
+from erc_contact.mesh.sources import box, from_gmsh, read_mesh, rectangle
+from erc_contact.newton.methods import AugmentedLagrangian, Nitsche
+from erc_contact.newton.solve import Solution, solve
+from erc_contact.run.adapt import adapt
+from erc_contact.run.history import History, Step
+from erc_contact.run.sizes import Sizes, size_map
+from erc_contact.run.strategy import Mark, SizeMap, Strategy, Uniform, mark
+from erc_contact.scene.law import Coulomb, Law, Tresca
+from erc_contact.scene.material import Elastic
+from erc_contact.scene.scene import BodyForce, Contact, Displacement, Scene, Traction
 
 free_forms()
 

@@ -8,8 +8,10 @@ import numpy as np
 from dolfinx import geometry
 
 import erc_contact as ec
-from erc_contact.admissible import Admissible, moduli, simplices, strains
-from erc_contact.simplex import barycentric, bernstein, lagrange, rule
+from erc_contact.admissible.cells import simplices
+from erc_contact.admissible.elastic import moduli, strains
+from erc_contact.admissible.pair import Admissible
+from erc_contact.mesh.simplex import barycentric, bernstein, lagrange, rule
 
 
 @dataclass(frozen=True)

@@ -103,7 +103,7 @@ def two_squares(comm: MPI.Comm = MPI.COMM_WORLD, *, cells: int = 4, apart: float
     import ufl
     from dolfinx import mesh as dmesh
 
-    from erc_contact.partition import partitioner
+    from erc_contact.mesh.partition import partitioner
 
     n = np.arange(cells + 1)
     x = np.stack(np.meshgrid(n / cells, n / cells, indexing="ij"), axis=2).reshape(-1, 2)

@@ -20,8 +20,8 @@ from processes import output, started
 from scenes import block, common_block, prototype_block
 
 import erc_contact as ec
-from erc_contact import adapt as adapt_function
-from erc_contact.percent import percent
+from erc_contact.base.percent import percent
+from erc_contact.run import adapt as adapt_function
 
 CORNER = 0.7112
 """Singular exponent of a clamped-free corner of 90 degrees, nu = 0.3."""
@@ -153,7 +153,7 @@ def test_memory_that_ends_on_one_rank(rank):
 MEMORY = """
 import resource
 import erc_contact as ec
-from erc_contact.percent import percent
+from erc_contact.base.percent import percent
 from mpi4py import MPI
 
 scene = ec.Scene(
@@ -213,7 +213,7 @@ def test_error_of_a_callback_comes_to_all_ranks_and_carries_the_history(rank):
 INTERRUPTED = """
 import signal
 import erc_contact as ec
-from erc_contact.percent import percent
+from erc_contact.base.percent import percent
 from mpi4py import MPI
 
 scene = ec.Scene(

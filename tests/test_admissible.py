@@ -20,12 +20,11 @@ from mpi4py import MPI
 from scenes import greco, random_scene, resultant, sliding_block
 
 import erc_contact as ec
-from erc_contact.admissible import Admissible, facet_order, nodal_forces, signed, tensors
+from erc_contact.admissible.cells import facet_order, nodal_forces, signed
 from erc_contact.admissible.contact import _shrink, split
-from erc_contact.admissible.macro import bubbles, macro_points, macro_stress, mandel, reference_map
-from erc_contact.expressions import evaluate
-from erc_contact.material import mandel_basis
-from erc_contact.simplex import (
+from erc_contact.admissible.macro import bubbles, macro_points, macro_stress, mandel, reference_map, tensors
+from erc_contact.admissible.pair import Admissible
+from erc_contact.mesh.simplex import (
     at_nodes,
     barycentric,
     bernstein,
@@ -36,6 +35,8 @@ from erc_contact.simplex import (
     mass,
     nodes,
 )
+from erc_contact.model.expressions import evaluate
+from erc_contact.scene.material import mandel_basis
 
 SEEDS = range(8)
 BALANCE = 1e-10
@@ -274,10 +275,10 @@ def test_round_off_does_not_shrink_the_friction_of_a_facet():
 def test_macro_stress_reproduces_polynomials(d, degree):
     """A symmetric stress of degree k comes back from its own facet tractions and divergence, up to bubbles."""
     domain = ec.rectangle((0, 0), (1, 1), cells=(1, 1)) if d == 2 else ec.box((0, 0, 0), (1, 1, 1), cells=(1, 1, 1))
-    from erc_contact.admissible import moduli
-    from erc_contact.admissible.energy import relaxed
-    from erc_contact.admissible.geometry import simplices
-    from erc_contact.model import Model
+    from erc_contact.admissible.cells import simplices
+    from erc_contact.admissible.pair import moduli
+    from erc_contact.admissible.tighten.energy import relaxed
+    from erc_contact.model.model import Model
 
     scene = ec.Scene(material=ec.Elastic(1.0, 0.3), supports=[ec.Displacement("left", (0.0,) * d)])
     model = Model(scene, domain, degree)

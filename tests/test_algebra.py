@@ -13,10 +13,10 @@ from scenes import block, common_block
 
 import erc_contact as ec
 from erc_contact.admissible.cones import Cones, split
-from erc_contact.expressions import evaluate
-from erc_contact.law import project
-from erc_contact.material import strain
-from erc_contact.model import Model
+from erc_contact.model.expressions import evaluate
+from erc_contact.model.model import Model
+from erc_contact.scene.law import project
+from erc_contact.scene.material import strain
 
 MIDDLE = {2: np.array([[0.3, 0.2]]), 3: np.array([[0.3, 0.2, 0.1]])}
 

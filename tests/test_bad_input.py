@@ -19,8 +19,8 @@ from processes import output, started
 from scenes import two_squares
 
 import erc_contact as ec
-from erc_contact.geometry import Drawing
-from erc_contact.model import Model
+from erc_contact.mesh.shape import Drawing
+from erc_contact.model.model import Model
 
 COMM = MPI.COMM_WORLD
 STEEL = ec.Elastic(E=1.0, nu=0.3)

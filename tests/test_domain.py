@@ -15,7 +15,7 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 import erc_contact as ec
-from erc_contact.partition import patches_complete
+from erc_contact.mesh.partition import patches_complete
 
 COMM = MPI.COMM_WORLD
 EXACT = 1e-12

@@ -12,8 +12,8 @@ from mpi4py import MPI
 from scenes import block, patch_test, prototype_block, random_scene
 
 import erc_contact as ec
-from erc_contact.admissible import displacement
-from erc_contact.error import contact_parts
+from erc_contact.admissible.pair import displacement
+from erc_contact.error.constitutive import contact_parts
 
 
 def measure(scene: ec.Scene, domain: ec.Domain, **options) -> ec.ConstitutiveError:

@@ -17,11 +17,11 @@ from scenes import block, greco, patch_test, prototype_block
 from scenes import resultant as sum_of
 
 import erc_contact as ec
-from erc_contact.admissible import elastic_stress, strains
+from erc_contact.admissible.elastic import elastic_stress, strains
 from erc_contact.admissible.macro import macro_points
-from erc_contact.goal import lifting
-from erc_contact.simplex import bernstein
-from erc_contact.works import load_work
+from erc_contact.error.bounds import lifting
+from erc_contact.error.works import load_work
+from erc_contact.mesh.simplex import bernstein
 
 TRESCA = ec.Tresca(0.0015)
 

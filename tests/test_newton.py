@@ -17,12 +17,12 @@ from mpi4py import MPI
 from scenes import block, common_block, greco, prototype_block, random_scene, resultant
 
 import erc_contact as ec
-from erc_contact import start
-from erc_contact.condensed import Condensed
-from erc_contact.methods import contact_degree, nodal
-from erc_contact.model import Model
-from erc_contact.newton import Newton
-from erc_contact.stiffness import Stiffness
+from erc_contact.model.model import Model
+from erc_contact.newton import first_guess as start
+from erc_contact.newton.condensed import Condensed
+from erc_contact.newton.methods import contact_degree, nodal
+from erc_contact.newton.snes import Newton
+from erc_contact.newton.stiffness import Stiffness
 
 COMM = MPI.COMM_WORLD
 METHODS = [ec.Nitsche(), ec.Nitsche(theta=-1), ec.AugmentedLagrangian()]

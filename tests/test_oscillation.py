@@ -18,9 +18,9 @@ from scenes import two_materials
 from ufl.domain import extract_unique_domain
 
 import erc_contact as ec
-from erc_contact.expressions import evaluate
-from erc_contact.material import strain
-from erc_contact.simplex import lagrange
+from erc_contact.mesh.simplex import lagrange
+from erc_contact.model.expressions import evaluate
+from erc_contact.scene.material import strain
 
 DEGREES = pytest.mark.parametrize("degree", [1, 2])
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from erc_contact.quadrature import bisected, cell_pieces, facet_pieces, integrate
+from erc_contact.mesh.quadrature import bisected, cell_pieces, facet_pieces, integrate
 
 COMM = MPI.COMM_WORLD
 

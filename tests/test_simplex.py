@@ -11,7 +11,7 @@ from itertools import permutations
 import numpy as np
 import pytest
 
-from erc_contact import simplex
+from erc_contact.mesh import simplex
 
 CASES = pytest.mark.parametrize(("d", "k"), [(d, k) for d in (1, 2, 3) for k in (1, 2)])
 

@@ -13,9 +13,9 @@ import pytest
 from mpi4py import MPI
 
 import erc_contact as ec
-from erc_contact.expressions import evaluate
-from erc_contact.model import Model
-from erc_contact.simplex import bernstein, facet_vertices
+from erc_contact.mesh.simplex import bernstein, facet_vertices
+from erc_contact.model.expressions import evaluate
+from erc_contact.model.model import Model
 
 COMM = MPI.COMM_WORLD
 MESHES = Path(__file__).parents[1] / "meshes"

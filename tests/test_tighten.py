@@ -18,13 +18,15 @@ from reference import true_errors
 from scenes import block, greco, prototype_block, random_scene
 
 import erc_contact as ec
-from erc_contact.admissible import Admissible, macro_moduli, nodal_forces, signed, simplices, strains, tensors
-from erc_contact.admissible.blocks import Blocks
-from erc_contact.admissible.energy import Energy
-from erc_contact.admissible.macro import macro_points, mandel
-from erc_contact.admissible.patches import Patches
-from erc_contact.model import Model
-from erc_contact.simplex import facet_nodes, mass
+from erc_contact.admissible.cells import nodal_forces, signed, simplices
+from erc_contact.admissible.elastic import macro_moduli, strains
+from erc_contact.admissible.macro import macro_points, mandel, tensors
+from erc_contact.admissible.pair import Admissible
+from erc_contact.admissible.tighten.blocks import Blocks
+from erc_contact.admissible.tighten.energy import Energy
+from erc_contact.admissible.tighten.patches import Patches
+from erc_contact.mesh.simplex import facet_nodes, mass
+from erc_contact.model.model import Model
 
 STEPS = (0, 1, 3)
 BALANCE = 1e-10

@@ -11,10 +11,10 @@ from functools import cached_property
 import numpy as np
 
 from erc_contact.admissible.cones import Cones, clip, split
-from erc_contact.foundation import BoundContact
-from erc_contact.law import Coulomb
-from erc_contact.model import Model
-from erc_contact.simplex import at_nodes, coefficients, lattice
+from erc_contact.mesh.simplex import at_nodes, coefficients, lattice
+from erc_contact.model.foundation import BoundContact
+from erc_contact.model.model import Model
+from erc_contact.scene.law import Coulomb
 
 SAMPLES = 12
 """Subdivisions of a facet's edge when a bound that varies along it is sampled."""

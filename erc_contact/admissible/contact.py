@@ -18,14 +18,14 @@ from mpi4py import MPI
 
 from erc_contact.admissible.allowed import Allowed, samples
 from erc_contact.admissible.balance import Part, balanced
+from erc_contact.admissible.cells import elastic_modulus, moments
 from erc_contact.admissible.cones import split
-from erc_contact.admissible.geometry import elastic_modulus, moments
-from erc_contact.exceptions import NotHeldError
-from erc_contact.expressions import evaluate
-from erc_contact.foundation import BoundContact
-from erc_contact.methods import contact_degree
-from erc_contact.model import Model
-from erc_contact.simplex import bernstein, lagrange, mass, rule
+from erc_contact.base.exceptions import NotHeldError
+from erc_contact.mesh.simplex import bernstein, lagrange, mass, rule
+from erc_contact.model.expressions import evaluate
+from erc_contact.model.foundation import BoundContact
+from erc_contact.model.model import Model
+from erc_contact.newton.methods import contact_degree
 
 PASSES = 10
 """Limit of passes that shrink the friction bound where it must be sampled; one or two are usual."""

@@ -2,7 +2,7 @@
 
 Point-wise, not only at nodes: a normal displacement whose Bernstein coefficients are below those of a bound stays below
 it. Where the gap varies along a facet, the bounds are lowered by what a sampling of the facet shows, the finer the less
-the gap is a polynomial there (:mod:`erc_contact.quadrature`): an asperity is found where its flank shows at one of the
+the gap is a polynomial there (:mod:`erc_contact.mesh.quadrature`): an asperity is found where its flank shows at one of the
 first samples, 72 on a facet in 2D and 352 in 3D.
 
 Symbols: n normal of the foundation, r^ admissible contact traction, g gap, u^ displacement, m number of coefficients of
@@ -16,12 +16,12 @@ from dataclasses import dataclass
 import numpy as np
 from dolfinx import fem
 
+from erc_contact.admissible.cells import elastic_modulus
 from erc_contact.admissible.contact import ContactTraction, split
-from erc_contact.admissible.geometry import elastic_modulus
-from erc_contact.expressions import Everywhere, varies_in_cells
-from erc_contact.model import Model
-from erc_contact.quadrature import facet_pieces, integrate, polynomials
-from erc_contact.simplex import coefficients
+from erc_contact.mesh.quadrature import facet_pieces, integrate, polynomials
+from erc_contact.mesh.simplex import coefficients
+from erc_contact.model.expressions import Everywhere, varies_in_cells
+from erc_contact.model.model import Model
 
 BETWEEN = 0.1
 """What a gap may do between the samples of a piece of a facet, of its range at these samples [-]."""

@@ -20,8 +20,8 @@ from functools import cache
 
 import numpy as np
 
-from erc_contact.admissible.geometry import Simplices, pushes, signed
-from erc_contact.simplex import (
+from erc_contact.admissible.cells import Simplices, pushes, signed
+from erc_contact.mesh.simplex import (
     barycentric,
     bernstein,
     facet_nodes,

@@ -12,11 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from erc_contact.admissible.geometry import Simplices
-from erc_contact.expressions import Everywhere, evaluate, varies_in_cells
-from erc_contact.model import DATA_DEGREE, Model
-from erc_contact.quadrature import cell_pieces, facet_pieces, integrate, polynomials
-from erc_contact.simplex import bernstein, mass, rule
+from erc_contact.admissible.cells import Simplices
+from erc_contact.mesh.quadrature import cell_pieces, facet_pieces, integrate, polynomials
+from erc_contact.mesh.simplex import bernstein, mass, rule
+from erc_contact.model.expressions import Everywhere, evaluate, varies_in_cells
+from erc_contact.model.model import DATA_DEGREE, Model
 
 
 def traction_moments(model: Model, facets: np.ndarray, traction: Any) -> np.ndarray:

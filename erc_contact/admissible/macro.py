@@ -19,10 +19,9 @@ from math import factorial
 
 import numpy as np
 
-from erc_contact.admissible.geometry import Simplices, pushes
-from erc_contact.material import mandel_basis
-from erc_contact.quadrature import polynomials
-from erc_contact.simplex import (
+from erc_contact.admissible.cells import Simplices, pushes
+from erc_contact.mesh.quadrature import polynomials
+from erc_contact.mesh.simplex import (
     barycentric,
     bernstein,
     coefficients,
@@ -34,6 +33,7 @@ from erc_contact.simplex import (
     nodes,
     rule,
 )
+from erc_contact.scene.material import mandel_basis
 
 CHUNK = 2048
 """Number of cells that are worked on at once: what stays in the cache."""

@@ -1,0 +1,189 @@
+"""Arrays of a mesh of simplices, with one numbering of a cell's vertices for everything that follows.
+
+The vertices of each cell are sorted by node number. Then the nodes of a facet come in the same order
+from both of its cells, and values on facets need no permutation.
+
+Symbols: d dimension, k degree, T cell, F facet, facet i of T is opposite to vertex i, J Jacobian (columns x_i - x_0),
+N nodes of a cell, m of a facet. Arrays are of all cells of the rank, ghosts included. Tractions on facets and
+displacements are given by Bernstein coefficients, see :mod:`erc_contact.mesh.simplex`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import permutations
+from typing import Any
+
+import numpy as np
+
+from erc_contact.mesh.simplex import barycentric, mass, node_between, node_vertices
+from erc_contact.model.expressions import evaluate
+from erc_contact.model.model import Model
+
+
+@dataclass(frozen=True, eq=False)
+class Simplices:
+    """Geometry and connectivity of the cells of a rank.
+
+    Attributes:
+        degree: k.
+        order: Place of each of our vertices in DOLFINx's order, shape (n, d+1).
+        nodes: Nodes (block degrees of freedom) of each cell: of the vertices, ascending, then of the edges between
+            them, shape (n, N).
+        facets: Facet opposite to each of these vertices, shape (n, d+1).
+        side: First and second place of each facet as flat index cell * (d+1) + i, the cell of smaller global number
+            first; equal on the boundary of the rank's cells, -1 for facets of no cell, shape (2, facets).
+        J: Jacobians [length], shape (n, d, d).
+        volume: Volumes [length^d], shape (n,).
+        area: Outward normals times facet areas [length^(d-1)], shape (n, d+1, d).
+    """
+
+    degree: int
+    order: np.ndarray
+    nodes: np.ndarray
+    facets: np.ndarray
+    side: np.ndarray
+    J: np.ndarray
+    volume: np.ndarray
+    area: np.ndarray
+
+    @property
+    def d(self) -> int:
+        """Dimension."""
+        return self.J.shape[-1]
+
+    @property
+    def vertices(self) -> np.ndarray:
+        """Nodes of the vertices of each cell, shape (n, d+1)."""
+        return self.nodes[:, : self.d + 1]
+
+    @property
+    def inverse(self) -> np.ndarray:
+        """Inverse Jacobians [1/length], shape (n, d, d); row i-1 is the gradient of barycentric i."""
+        return -self.area[:, 1:] / (self.d * self.volume[:, None, None])
+
+    @property
+    def has_second(self) -> np.ndarray:
+        """Whether a facet lies between two cells of the rank, shape (facets,)."""
+        return self.side[0] != self.side[1]
+
+
+def simplices(model: Model) -> Simplices:
+    """The arrays of a model's mesh."""
+    d, mesh = model.d, model.mesh
+    order = np.argsort(model.vertices, axis=1)
+    ends = order[:, node_vertices(d, model.degree)]
+    nodes = np.take_along_axis(model.nodes, node_between(d, model.degree)[ends[..., 0], ends[..., 1]], axis=1)
+    facets = mesh.topology.connectivity(d, d - 1).array.reshape(-1, d + 1)
+    facets = np.take_along_axis(facets, order, axis=1)
+    flat, places = facets.ravel(), np.arange(facets.size)
+    facet_map = mesh.topology.index_map(d - 1)
+    side = np.full((2, facet_map.size_local + facet_map.num_ghosts), -1)
+    side[0, flat[::-1]] = places[::-1]
+    side[1, flat] = places
+    cell_map = mesh.topology.index_map(d)
+    number = cell_map.local_to_global(np.arange(len(nodes), dtype=np.int32))[side // (d + 1)]
+    side = np.where(number[0] <= number[1], side, side[::-1])
+
+    x = np.take_along_axis(model.cell_corners(), order[:, :, None], axis=1)
+    edges = x[:, 1:] - x[:, :1]
+    determinant, cofactor = _cofactor(edges)
+    area = np.empty((len(nodes), d + 1, d))
+    area[:, 1:] = -cofactor * np.sign(determinant)[:, None, None] / (1, 1, 1, 2)[d]
+    area[:, 0] = -area[:, 1:].sum(axis=1)
+    J, volume = edges.transpose(0, 2, 1), abs(determinant) / (1, 1, 2, 6)[d]
+    return Simplices(model.degree, order, nodes, facets, side, J, volume, area)
+
+
+def sorted_corners(model: Model, cells: Simplices) -> np.ndarray:
+    """Vertices of all cells in our order [length], shape (n, d+1, d)."""
+    return np.take_along_axis(model.cell_corners(), cells.order[:, :, None], axis=1)
+
+
+def _cofactor(edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Determinants and cofactors of matrices with the given rows; row k of a cofactor is det * grad of x_k."""
+    if edges.shape[-1] == 2:
+        a, b = edges[:, 0], edges[:, 1]
+        turned = np.stack([np.stack([b[:, 1], -b[:, 0]], -1), np.stack([-a[:, 1], a[:, 0]], -1)], 1)
+    else:
+        a, b, c = edges[:, 0], edges[:, 1], edges[:, 2]
+        turned = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], 1)
+    return np.einsum("ni,ni->n", edges[:, 0], turned[:, 0]), turned
+
+
+def facet_order(vertices: np.ndarray, degree: int) -> np.ndarray:
+    """Permutation of the nodes of facets that sorts their vertices (n, d), shape (n, m)."""
+    d = vertices.shape[1]
+    ends = np.argsort(vertices, axis=1)[:, node_vertices(d - 1, degree)]
+    return node_between(d - 1, degree)[ends[..., 0], ends[..., 1]]
+
+
+def evaluate_sorted(expression: Any, model: Model, cells: Simplices, points: np.ndarray, count: int) -> np.ndarray:
+    """Values of a UFL expression at reference points of the first cells, in our order of their vertices.
+
+    Args:
+        expression: UFL expression of shape s.
+        model: The scene on a mesh.
+        cells: Its arrays.
+        points: Reference points (q, d) that a permutation of the vertices permutes.
+        count: Number of cells.
+
+    Returns:
+        Values, shape (count, q, *s).
+    """
+    values = evaluate(expression, model.domain, points, np.arange(count, dtype=np.int32))
+    at = barycentric(points)
+    every = np.array(list(permutations(range(cells.d + 1))))
+    theirs = np.empty((len(every), len(points), cells.d + 1))
+    np.put_along_axis(theirs, np.broadcast_to(every[:, None], theirs.shape), at[None], axis=2)
+    place = np.linalg.norm(theirs[:, :, None] - at, axis=3).argmin(axis=2)
+    digits = (cells.d + 1) ** np.arange(cells.d + 1)
+    number = np.empty((cells.d + 1) ** (cells.d + 1), dtype=int)
+    number[every @ digits] = np.arange(len(every))
+    chosen = place[number[cells.order[:count] @ digits]]
+    return np.take_along_axis(values, chosen.reshape(*chosen.shape, *[1] * (values.ndim - 2)), axis=1)
+
+
+def pushes(area: np.ndarray, stress: np.ndarray) -> np.ndarray:
+    """``S_b |F_i| n_i``: the force on each facet of each coefficient of a symmetric stress of some cells.
+
+    Args:
+        area: Outward normals times facet areas, shape (n, d+1, d).
+        stress: Coefficients, shape (n, b, d, d).
+
+    Returns:
+        Shape (n, d+1, b, d).
+    """
+    n, b, d, _ = stress.shape
+    return np.matmul(area, stress.reshape(n, b * d, d).transpose(0, 2, 1)).reshape(n, d + 1, b, d)
+
+
+def moments(area: np.ndarray, values: np.ndarray, degree: int) -> np.ndarray:
+    """Moments ``int_F t B_m`` [force] of tractions with Bernstein coefficients t.
+
+    Args:
+        area: Facet areas, shape (n,).
+        values: Coefficients [force/area], shape (n, m, d).
+        degree: Their degree.
+    """
+    d = values.shape[2]
+    return np.matmul(mass(d - 1, degree, degree), values) * area[:, None, None]
+
+
+def nodal_forces(moment: np.ndarray, degree: int) -> np.ndarray:
+    """Area times traction, ``|F| t_m`` [force], of moments of shape (..., m, d): the inverse of ``moments``."""
+    d = moment.shape[-1]
+    return np.matmul(np.linalg.inv(mass(d - 1, degree, degree)), moment)
+
+
+def signed(cells: Simplices, moment: np.ndarray) -> np.ndarray:
+    """Facet moments as each cell sees them, opposite on the two sides, shape (n, d+1, m, d)."""
+    places = np.arange(cells.facets.size).reshape(cells.facets.shape)
+    sign = np.where(cells.side[0][cells.facets] == places, 1.0, -1.0)
+    return sign[:, :, None, None] * moment[cells.facets]
+
+
+def elastic_modulus(model: Model, cells: np.ndarray) -> np.ndarray:
+    """Modulus of the material at the middle of cells [force/area]."""
+    middle = np.full((1, model.d), 1 / (model.d + 1))
+    return evaluate(model.scene.material.modulus(**model.parameters), model.domain, middle, cells)[:, 0]

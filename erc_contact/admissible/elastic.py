@@ -1,0 +1,87 @@
+"""Elastic moduli and stresses in the cells of a model: strains of a displacement, ``C eps(u)``, and its projection."""
+
+from __future__ import annotations
+
+import numpy as np
+from dolfinx import fem
+
+from erc_contact.admissible.cells import Simplices, evaluate_sorted
+from erc_contact.admissible.macro import macro_points, mandel, tensors
+from erc_contact.mesh.simplex import bernstein, coefficients, gradients, mass, rule
+from erc_contact.model.expressions import evaluate, varies_in_cells
+from erc_contact.model.model import DATA_DEGREE, Model
+
+
+def strains(cells: Simplices, u: fem.Function) -> np.ndarray:
+    """Strain of a displacement in Mandel components, coefficients of degree k-1, shape (n, N_(k-1), s)."""
+    d, k = cells.d, cells.degree
+    values = u.x.array.reshape(-1, d)[cells.nodes]
+    if k == 1:
+        gradient = np.matmul((values[:, 1:] - values[:, :1]).transpose(0, 2, 1), cells.inverse)[:, None]
+    else:
+        table = np.einsum("cjv,vw->cjw", gradients(d, k), coefficients(d, k))
+        slopes = np.matmul(table.reshape(-1, table.shape[2]), values).reshape(len(values), len(table), d + 1, d)
+        gradient = np.matmul((slopes[:, :, 1:] - slopes[:, :, :1]).transpose(0, 1, 3, 2), cells.inverse[:, None])
+    return mandel(0.5 * (gradient + gradient.swapaxes(2, 3)))
+
+
+def elastic_stress(model: Model, cells: Simplices, u: fem.Function, count: int) -> np.ndarray:
+    """``C eps(u)`` in Mandel components at the points of the sub-simplices [force/area].
+
+    Shape (count, (d+1) q, s), with 1 in place of the points where it is constant in each cell.
+    """
+    stiffness, strain = macro_moduli(model, cells, count), strains(cells, u)[:count]
+    if cells.degree > 1:
+        strain = np.matmul(bernstein(cells.d, cells.degree - 1, macro_points(cells.d, cells.degree)[1]), strain)
+    return act(stiffness, strain)
+
+
+def act(moduli: np.ndarray, tensor: np.ndarray) -> np.ndarray:
+    """Products of moduli (n or 1, q or 1, s, s) and tensors in Mandel components (n, q or 1, s)."""
+    if moduli.shape[1] == 1:
+        return np.matmul(tensor, moduli[:, 0].transpose(0, 2, 1))
+    return np.matmul(moduli, tensor[..., None])[..., 0]
+
+
+def moduli(model: Model, cells: Simplices, points: np.ndarray, count: int, *, inverse: bool = False) -> np.ndarray:
+    """The elasticity (or compliance) matrix in Mandel components at reference points of the cells.
+
+    Args:
+        model: The scene on a mesh.
+        cells: Its arrays.
+        points: Reference points (q, d) in our order of the vertices; a permutation of these permutes them.
+        count: The first ``count`` cells are done.
+        inverse: Compliance C^-1 [area/force] instead of stiffness C [force/area].
+
+    Returns:
+        Shape (count, q, s, s), with 1 in place of count or q where the material does not vary.
+    """
+    matrix = model.compliance_matrix if inverse else model.stiffness_matrix
+    if isinstance(matrix, np.ndarray):
+        return matrix[None, None]
+    if varies_in_cells(matrix):
+        return evaluate_sorted(matrix, model, cells, points, count)
+    return evaluate(matrix, model.domain, points[:1], np.arange(count, dtype=np.int32))
+
+
+def macro_moduli(model: Model, cells: Simplices, count: int, *, inverse: bool = False) -> np.ndarray:
+    """Elasticity (or compliance) matrices at the points of the sub-simplices.
+
+    Shape (count, (d+1) q, s, s), with 1 in place of either number where the material does not vary.
+    """
+    return moduli(model, cells, macro_points(model.d, model.degree)[1], count, inverse=inverse)
+
+
+def cell_stress(model: Model, cells: Simplices, u: fem.Function) -> np.ndarray:
+    """Projection of ``C eps(u)`` on degree k-1 in each cell: it tests against P_k fields as the stress itself.
+
+    Shape (n, N_(k-1), d, d).
+    """
+    d, k = cells.d, cells.degree
+    points, weights = rule(d, DATA_DEGREE)
+    stiffness, strain = moduli(model, cells, points, len(cells.nodes)), strains(cells, u)
+    if stiffness.shape[1] > 1:
+        lower = bernstein(d, k - 1, points)
+        project = np.linalg.solve(mass(d, k - 1, k - 1), lower.T * weights)
+        return tensors(np.matmul(project, act(stiffness, np.matmul(lower, strain))), d)
+    return tensors(act(stiffness, strain), d)

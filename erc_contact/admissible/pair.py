@@ -1,0 +1,224 @@
+"""From a solution to an admissible pair: a displacement and a stress that satisfy all but the constitutive law.
+
+The pair (u^, sigma^) with the contact traction r^: u^ = U on Gamma_D and u^_n <= g on Gamma_C; sigma^ is symmetric,
+in exact equilibrium with the data's projections, sigma^ n = r^ on Gamma_C with r^ in the Coulomb cone. Whatever the
+contact solver did, e (16) of this pair bounds its error.
+
+Source: Coorevits, Hild, Hjiaj, equations (9), (10); Ladeveze, Leguillon (1983).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+import ufl
+from dolfinx import fem, la
+from mpi4py import MPI
+
+from erc_contact.admissible.cells import (
+    Simplices,
+    facet_order,
+    moments,
+    nodal_forces,
+    pushes,
+    signed,
+    simplices,
+)
+from erc_contact.admissible.contact import ContactTraction, admissible_tractions
+from erc_contact.admissible.displacement import admissible_displacement
+from erc_contact.admissible.elastic import cell_stress, elastic_stress, macro_moduli
+from erc_contact.admissible.facets import divergence, equilibrated_moments
+from erc_contact.admissible.loads import cell_forces, traction_moments
+from erc_contact.admissible.macro import macro_stress
+from erc_contact.admissible.tighten.energy import relaxed
+from erc_contact.admissible.tighten.iteration import TIGHTEN, tightened
+from erc_contact.mesh.simplex import coefficients, facet_nodes, mass
+from erc_contact.model.expressions import varies_in_cells
+from erc_contact.model.model import Model
+from erc_contact.newton.solve import Solution
+
+BALANCED = 1e-12
+"""Nodal forces that count as balanced, over the forces of the stress [-]."""
+REFINEMENTS = 3
+"""Limit of the solves for what is not balanced; one is usual where any is needed."""
+
+
+@dataclass(frozen=True, eq=False)
+class Admissible:
+    """An admissible pair; polynomials are given by Bernstein coefficients, of degree 1 values at the vertices.
+
+    Attributes:
+        solution: Where it came from.
+        displacement: u^ [length], a continuous Function of degree k.
+        tractions: r^ on each contact.
+        cells: Geometry of the cells.
+        fe_stress: The rebalanced finite element stress, its projection on polynomials of degree k-1 in each cell
+            [force/area], shape (n, N_(k-1), d, d).
+        stress: sigma^ of the owned cells in Mandel components, of degree k in the sub-simplices [force/area],
+            shape (owned, d+1, N_k, s).
+        moment: Moments of the facet tractions on the first side of each facet [force], shape (facets, m, d).
+        force: Body force times volume of each cell, projected on degree k-1 [force], shape (n, N_(k-1), d), or None
+            without body force.
+        tightening: Iterations done to tighten sigma^.
+        seconds: Wall time, the largest over the ranks [s].
+    """
+
+    solution: Solution
+    displacement: fem.Function
+    tractions: list[ContactTraction]
+    cells: Simplices
+    fe_stress: np.ndarray
+    stress: np.ndarray
+    moment: np.ndarray
+    force: np.ndarray | None
+    tightening: int
+    seconds: float
+
+
+def equilibrate(solution: Solution, tighten: int = TIGHTEN) -> Admissible:
+    """Reconstruct an admissible pair from a solution; collective.
+
+    Args:
+        solution: Any state of the contact solver; the bound does not depend on its quality.
+        tighten: At most so many iterations that tighten sigma^; they end when one gains less than 2% of e (4 to 8 are
+            usual); 0 for none.
+
+    Returns:
+        The admissible pair.
+
+    Raises:
+        NotHeldError: If no traction in the friction cone balances the loads on a free rigid motion.
+    """
+    began = perf_counter()
+    model = solution.model
+    cells = simplices(model)
+    force = cell_forces(model, cells)
+    given, fixed = _loads(model, cells)
+    tractions = admissible_tractions(model, solution, *_work(model, _nodal(model, cells, given, force)))
+    hat = admissible_displacement(model, solution.u, tractions) if tractions else solution.u
+    for t in tractions:
+        _add(model, given, t.contact.facets, moments(t.area, t.values, model.degree))
+    stress = _rebalanced(solution, cells, _nodal(model, cells, given, force))
+    complete = np.zeros(len(model.fixed), dtype=bool)
+    complete[model.nodes[: model.domain.owned_cells]] = True
+    moment = equilibrated_moments(cells, stress, force, given, fixed, complete)
+    count, iterations = model.domain.owned_cells, 0
+    inner = model.degree > 1  # there are stresses without tractions to choose from
+    if tighten > 0 or inner:
+        elastic = elastic_stress(model, cells, hat, count)
+        compliance = macro_moduli(model, cells, len(cells.nodes), inverse=True)
+    if tighten > 0:
+        free = cells.has_second[:, None] | fixed
+        moment, iterations = tightened(model, cells, moment, force, free, elastic, compliance, tighten)
+    forces = nodal_forces(signed(cells, moment)[:count], model.degree)
+    macro = macro_stress(cells, count, stress, forces, force)
+    if inner:
+        macro = relaxed(cells, macro, elastic, compliance)
+    seconds = model.comm.allreduce(perf_counter() - began, MPI.MAX)
+    return Admissible(solution, hat, tractions, cells, stress, macro, moment, force, iterations, seconds)
+
+
+def _loads(model: Model, cells: Simplices) -> tuple[np.ndarray, np.ndarray]:
+    """Moments of the loads on each facet, projected on degree k, and the fixed components of facets."""
+    d = cells.d
+    given = np.zeros((cells.side.shape[1], len(model.facet_points), d))
+    fixed = np.zeros((cells.side.shape[1], d), dtype=bool)
+    for name, _, traction in model.tractions:
+        facets = model.domain.facets(name)
+        _add(model, given, facets, traction_moments(model, facets, traction))
+    for facets, components in model.fixed_facets:
+        fixed[_numbers(model, facets)] |= components
+    given[np.broadcast_to(fixed[:, None, :], given.shape)] = 0.0
+    return given, fixed
+
+
+def _numbers(model: Model, facets: np.ndarray) -> np.ndarray:
+    """Indices of facets given as (cell, local facet), shape (n,)."""
+    of_cell = model.mesh.topology.connectivity(model.d, model.d - 1).array.reshape(-1, model.d + 1)
+    return of_cell[facets[:, 0], facets[:, 1]]
+
+
+def _add(model: Model, given: np.ndarray, facets: np.ndarray, moment: np.ndarray) -> None:
+    """Add moments at the nodes of facets, from the order of DOLFINx to the sorted one."""
+    order = facet_order(model.facet_nodes(facets)[:, : model.d], model.degree)
+    given[_numbers(model, facets)] += np.take_along_axis(moment, order[:, :, None], axis=1)
+
+
+def _nodal(model: Model, cells: Simplices, given: np.ndarray, force: np.ndarray | None) -> fem.Function:
+    """Nodal forces of moments on facets and of cell forces, not yet summed over ranks [force]."""
+    d, k, owned = model.d, model.degree, model.domain.owned_cells
+    b = fem.Function(model.V)
+    nodal: Any = b.x.array.reshape(-1, d)
+    first = cells.side[0]
+    loaded = np.flatnonzero(given.any(axis=(1, 2)) & (first >= 0) & (first < owned * (d + 1)))
+    cell, i = np.divmod(first[loaded], d + 1)
+    on_facet = np.take_along_axis(cells.nodes[cell], facet_nodes(d, k)[i], axis=1)
+    np.add.at(nodal, on_facet, np.matmul(coefficients(d - 1, k).T, given[loaded]))
+    if force is not None:
+        np.add.at(nodal, cells.nodes[:owned], np.matmul(coefficients(d, k).T @ mass(d, k, k - 1), force[:owned]))
+    return b
+
+
+def _work(model: Model, b: fem.Function) -> tuple[np.ndarray, float]:
+    """Work of nodal forces on the free motions, all ranks [force], shape (motions,), and the sum of their sizes."""
+    local = np.array([b.x.array @ motion.x.array for motion in model.free_motions] + [abs(b.x.array).sum()])
+    total = model.comm.allreduce(local, MPI.SUM)
+    return total[:-1], float(total[-1])
+
+
+def _rebalanced(solution: Solution, cells: Simplices, b: fem.Function) -> np.ndarray:
+    """The finite element stress under nodal forces, shape (n, N_(k-1), d, d), with the factor at hand.
+
+    In exact discrete equilibrium: where displacements are large beside the strains, as in a body that slides far, their
+    round-off is not small beside the forces; what is not in balance is then solved for again.
+
+    A linear scene whose loads do not vary in space is in equilibrium with them already.
+    """
+    model = solution.model
+    loads = model.loads(ufl.TestFunction(model.V))
+    varies = loads is not None and any(varies_in_cells(integral.integrand()) for integral in loads.integrals())
+    u = solution.stiffness.solve(b) if model.contacts or varies else solution.u
+    stress = cell_stress(model, cells, u)
+    for _ in range(REFINEMENTS):
+        rest, size = _residual(model, cells, b, stress)
+        if size <= BALANCED:
+            break
+        stress = stress + cell_stress(model, cells, solution.stiffness.solve(rest, supports=False))
+    solution.stiffness.free()
+    return _of_owners(model, cells, stress)
+
+
+def _of_owners(model: Model, cells: Simplices, stress: np.ndarray) -> np.ndarray:
+    """The stress that the owner of each cell has, also in its copies on other ranks.
+
+    After a large slide the round-off of a copy differs from that of its owner by more than the balance allows.
+    """
+    if model.comm.size == 1:
+        return stress
+    order = cells.order[:, :, None, None]  # ranks sort the vertices of a cell each in its own way
+    shared = la.vector(model.mesh.topology.index_map(model.d), int(np.prod(stress.shape[1:])))
+    theirs = shared.array.reshape(stress.shape)
+    if stress.shape[1] == 1:
+        theirs[:] = stress
+    else:
+        np.put_along_axis(theirs, order, stress, axis=1)
+    shared.scatter_forward()
+    return theirs.copy() if stress.shape[1] == 1 else np.take_along_axis(theirs, order, axis=1)
+
+
+def _residual(model: Model, cells: Simplices, b: fem.Function, stress: np.ndarray) -> tuple[fem.Function, float]:
+    """Nodal forces that a stress does not balance, not yet summed over ranks [force]; their size over its forces."""
+    d, owned = model.d, model.domain.owned_cells
+    rest, inside, push = fem.Function(model.V), divergence(d, model.degree), pushes(cells.area[:owned], stress[:owned])
+    rest.x.array[:] = b.x.array
+    of_cells = np.matmul(coefficients(d, model.degree).T @ inside, push.reshape(owned, inside.shape[1], d))
+    np.add.at(rest.x.array.reshape(-1, d), cells.nodes[:owned], of_cells)
+    whole = rest.copy()
+    whole.x.scatter_reverse(la.InsertMode.add)
+    free = ~model.fixed[: model.V.dofmap.index_map.size_local].ravel()
+    largest = np.array([abs(whole.x.array[: len(free)][free]).max(initial=0.0), abs(push).max(initial=0.0)])
+    model.comm.Allreduce(MPI.IN_PLACE, largest, MPI.MAX)
+    return rest, float(largest[0] / largest[1]) if largest[1] > 0 else 0.0

@@ -1,0 +1,270 @@
+"""Certified bounds on single numbers: the resultant of a contact traction, the energy, the work of the loads.
+
+The error of an admissible pair bounds the distance to both of its fields (no friction, or a given bound b = s):
+
+    |sigma - sigma^|^2 + |sigma - C eps(u^)|^2 <= e^2,  so with the middle  sigma_m = (sigma^ + C eps(u^))/2
+    |sigma - sigma_m|^2 <= rho^2 = e^2/2 - bulk^2/4                                                     (a)
+
+by the parallelogram identity, with ``bulk = |sigma^ - C eps(u^)|``. (rho = e/2 where the contact part of e is zero.)
+For any continuous phi that is zero where a support holds, ``int r.phi = (sigma, eps(phi)) - f(phi) - F(phi)`` over all
+contacts. Hence
+
+    | int r.phi - ( ((sigma^, eps(phi)) + a(u^, phi))/2 - f(phi) - F(phi) ) |  <=  rho |phi|            (b)
+
+in energy norms. A phi that equals the direction a on one contact, as far as its traction can have components there, and
+does no work on the others bounds the resultant ``int r.a``; that of least energy, one elastic solve, bounds it best.
+A rigid motion that no support holds has no energy: the resultant is then that of the loads, whatever else is unknown.
+
+The potential energy J of no friction or given friction is least for u, and ``J(u^) - J(u) <= e^2/2``: second order.
+The bounds (b) are of first order in e. Bounds of second order would need a dual problem whose contact set is certain.
+
+``guaranteed`` tells that the interval is proved, to round-off and to integrals that are resolved
+(:mod:`erc_contact.mesh.quadrature`: to what the points see). It needs
+
+- no friction, or given friction: where the bound depends on the pressure, (a) has a further term of no sign;
+- loads that sigma^ balances, and supports, gaps, normals and friction bounds that u^ and r^ keep point by point: no
+  oscillation (:mod:`erc_contact.error.oscillation`). A pair that is admissible for other data bounds another problem;
+- integrals with the true moduli, gaps and bounds, not with those of a fixed rule. What they leave unknown widens the
+  interval. The stiffness matrix needs no such care: (a) holds for any u^.
+
+Otherwise the same numbers are estimates. Resultants that rigid motions give need the integrals of the loads only.
+
+For a curved body whose flat facets cost something nothing is guaranteed either; e^2 is then taken with the estimate of
+that cost. Of a body that is known as a mesh only, the bounds are those of the body with flat facets.
+
+Symbols: V continuous P_k displacements, J(v) = a(v, v)/2 - f(v) - F(v) + int s |v_t|.
+
+Source: Prager, Synge, Quart. Appl. Math. 5 (1947), for (a) without contact; Coorevits, Hild, Hjiaj, (16), for e.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import ufl
+from dolfinx import fem
+from dolfinx.fem import petsc as fp
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from erc_contact.base.exceptions import InputError, raise_together
+from erc_contact.error.constitutive import ConstitutiveError
+from erc_contact.error.works import elastic_work, friction_work, load_work, stress_work
+from erc_contact.model.foundation import BoundContact
+from erc_contact.model.model import Model
+from erc_contact.newton.methods import stiffness_per_area
+from erc_contact.newton.stiffness import factorised
+from erc_contact.scene.law import Tresca
+
+GLUE = 1e6
+"""gamma_0 that holds phi on the contacts while its energy is minimised [-]; its values there are then set exactly."""
+ROUND_OFF = 1e-12
+"""What is smaller than this, relative to its scale, counts as zero [-]."""
+RIGID = 1e-8
+"""Energy norm of phi below which it is a rigid motion, over that of strains of size one in the body [-]."""
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """An interval for a number of the exact solution.
+
+    Attributes:
+        value: Its middle; for the energy the value of u^.
+        low: Least possible number.
+        high: Greatest possible number.
+        guaranteed: Whether the interval is proved (to round-off); otherwise it is an estimate.
+        weighted: Whether a support or another contact holds the edge of the contact against the direction. The
+            resultant is then that of ``r.phi``, where phi falls from the direction to what is held across the facets
+            there: no finite bound exists for the rest, which is smaller on finer meshes.
+    """
+
+    value: float
+    low: float
+    high: float
+    guaranteed: bool
+    weighted: bool = False
+
+
+def resultant(error: ConstitutiveError, contact: str, direction: Sequence[float]) -> Bounds:
+    """Bounds on the resultant ``int r.a`` of the traction that a foundation exerts on the body, (b); collective.
+
+    Args:
+        error: The error of an admissible pair.
+        contact: Name of the boundary part in contact.
+        direction: a [-], d numbers, of any length: the normal, a tangent, or any other direction.
+
+    Returns:
+        An interval around the mean of the resultants of the two fields [force].
+
+    Raises:
+        InputError: If no contact has this name, or the direction is not d finite numbers.
+    """
+    pair = error.admissible
+    model = pair.solution.model
+    names = [c.name for c in model.contacts]
+    if contact not in names:
+        known = ", ".join(sorted(names)) or "none"
+        raise InputError(f"No contact is called {contact!r}; this scene has {known}.")
+    a = np.asarray(direction, dtype=float)
+    if a.shape != (model.d,) or not np.isfinite(a).all():
+        raise InputError(f"The direction is {direction!r}; give {model.d} finite numbers.")
+    phi, weighted = lifting(model, names.index(contact), a)
+    both = elastic_work(pair, pair.displacement, phi) + stress_work(pair, phi)
+    middle = 0.5 * both - load_work(model, phi)
+    square = elastic_work(pair, phi, phi)
+    size = float(np.sqrt(max(square.value + square.rest, 0.0)))
+    stiffest = model.greatest(model.scene.material.modulus(**model.parameters)) * model.domain.size ** (model.d - 2)
+    rigid = size <= RIGID * np.linalg.norm(a) * np.sqrt(stiffest)  # only the balance of forces is used
+    dictated = bool(rigid) and error.geometry <= ROUND_OFF * error.scale
+    guaranteed = middle.known and square.known and (dictated or _guaranteed(error))
+    radius = float(np.sqrt(_square(error) / 2 - error.bulk**2 / 4) * size) + middle.rest
+    return Bounds(middle.value, middle.value - radius, middle.value + radius, guaranteed, weighted)
+
+
+def energy(error: ConstitutiveError) -> Bounds:
+    """Bounds on the potential energy J(u), in ``[J(u^) - e^2/2, J(u^)]``; collective.
+
+    With loads only (supports and gaps zero) the strain energy ``a(u, u)/2`` is -J(u); with supports only (no loads, no
+    gap, no friction) it is J(u).
+
+    Args:
+        error: The error of an admissible pair.
+
+    Returns:
+        An interval that ends in J(u^) [force length]. With Coulomb friction J is that of the bound of r^.
+    """
+    pair = error.admissible
+    model, u = pair.solution.model, pair.displacement
+    strain = elastic_work(pair, u, u)
+    J = 0.5 * strain - load_work(model, u)
+    for traction in pair.tractions:
+        J += friction_work(model, traction, u, ROUND_OFF * strain.value)
+    high, facets = J.value + J.rest, error.geometry**2 / 2
+    low = J.value - J.rest - error.absolute**2 / 2 - facets
+    return Bounds(high, low, high + facets, J.known and _guaranteed(error))
+
+
+def work_of_loads(error: ConstitutiveError) -> Bounds:
+    """Bounds on ``f(u) + F(u) = -2 J(u)``, in ``[-2 J(u^), -2 J(u^) + e^2]``, the compliance; collective.
+
+    Args:
+        error: The error of an admissible pair of a frictionless scene whose supports and gaps are zero: its admissible
+            displacements are a cone.
+
+    Returns:
+        An interval that begins with -2 J(u^) [force length].
+
+    Raises:
+        InputError: If the scene has friction, a gap or a support that is not zero.
+    """
+    scene = error.admissible.solution.scene
+    moved = [s.facets for s in scene.supports if any(callable(v) or v for v in s.value)]
+    gaps = [c.facets for c in scene.contacts if callable(c.gap) or c.gap]
+    rough = [c.facets for c in scene.contacts if c.law is not None]
+    for what, where in (("a support that is not zero", moved), ("a gap", gaps), ("friction", rough)):
+        if where:
+            raise InputError(
+                f"The work of the loads has no certified bounds with {what} ({', '.join(where)}); ask for energy()."
+            )
+    J = energy(error)
+    return Bounds(-2 * J.value, -2 * J.high, -2 * J.low, J.guaranteed)
+
+
+def lifting(model: Model, which: int, a: np.ndarray) -> tuple[fem.Function, bool]:
+    """The phi of least energy that equals a direction on one contact and does no work elsewhere; collective.
+
+    On the contact all components are a, or only the normal one where the contact is flat and frictionless; on the
+    other contacts they are zero; components that supports fix are zero.
+
+    Args:
+        model: The scene on a mesh.
+        which: Place of the contact among the model's.
+        a: Direction, shape (d,).
+
+    Returns:
+        phi [length if a is one], and whether what is held next to the contact changes it there.
+    """
+    phi = _least_energy(model, which, a)
+    values = phi.x.array.reshape(-1, model.d)
+    own = _nodes(model, model.contacts[which])
+    held = np.zeros(values.shape, dtype=bool)
+    for bc in model.bcs:
+        held.ravel()[bc.dof_indices()[0]] = True
+    places = [_nodes(model, c) for c in model.contacts]
+    values[own] += _tested(model.contacts[which], a - values[own])
+    for contact, at in zip(model.contacts, places, strict=True):
+        if contact is not model.contacts[which]:
+            values[at] -= _tested(contact, values[at])
+    values[held] = 0.0
+    tolerance = ROUND_OFF * float(np.linalg.norm(a))
+    for contact, at in zip(model.contacts, places, strict=True):
+        if contact is not model.contacts[which]:  # what several hold at once is zero
+            values[at[abs(_tested(contact, values[at])).max(axis=1, initial=0.0) > tolerance]] = 0.0
+    phi.x.scatter_forward()
+    missing = abs(_tested(model.contacts[which], a - values[own])).max(initial=0.0) > tolerance
+    return phi, bool(model.comm.allreduce(bool(missing), MPI.LOR))
+
+
+def _least_energy(model: Model, which: int, a: np.ndarray) -> fem.Function:
+    """Nearly phi: its values on the contacts are held by stiff springs."""
+    u, v = ufl.TrialFunction(model.V), ufl.TestFunction(model.V)
+    gamma = stiffness_per_area(model, fem.Constant(model.mesh, GLUE))
+    target = fem.Constant(model.mesh, a)
+    springs = [gamma * ufl.inner(_tested_ufl(c, u), v) * c.ds for c in model.contacts]
+    pull = gamma * ufl.inner(_tested_ufl(model.contacts[which], target), v) * model.contacts[which].ds
+    matrix = fp.assemble_matrix(fem.form(sum(springs, start=model.stiffness(u, v))), bcs=model.bcs)
+    matrix.assemble()
+    b = fp.assemble_vector(fem.form(pull))
+    b.ghostUpdate(PETSc.InsertMode.ADD, PETSc.ScatterMode.REVERSE)
+    for bc in model.bcs:
+        dofs, ghosts = bc.dof_indices()
+        b.array[dofs[:ghosts]] = 0.0
+    ksp = factorised(matrix)
+    phi = fem.Function(model.V)
+    x = b.duplicate()
+    ksp.solve(b, x)
+    phi.x.array[: x.getLocalSize()] = x.array
+    phi.x.scatter_forward()
+    for made in (ksp, matrix, b, x):
+        made.destroy()
+    error = None if np.isfinite(phi.x.array).all() else InputError("The body cannot be factorised; look at its moduli.")
+    raise_together(model.comm, error)
+    return phi
+
+
+def _only_normal(contact: BoundContact) -> bool:
+    """Whether the traction has no other component than one normal, the same everywhere."""
+    return contact.law is None and isinstance(contact.normal, fem.Constant)
+
+
+def _tested(contact: BoundContact, values: np.ndarray) -> np.ndarray:
+    """The part of vectors (n, d) on which the contact traction works."""
+    if not _only_normal(contact):
+        return values
+    n = contact.normal.value
+    return (values @ n)[:, None] * n
+
+
+def _tested_ufl(contact: BoundContact, v: Any) -> Any:
+    return ufl.dot(v, contact.normal) * contact.normal if _only_normal(contact) else v
+
+
+def _nodes(model: Model, contact: BoundContact) -> np.ndarray:
+    """Blocks of degrees of freedom of V on a contact, those of other ranks' facets included; collective."""
+    of_cell = model.mesh.topology.connectivity(model.d, model.d - 1).array.reshape(-1, model.d + 1)
+    facets = of_cell[contact.facets[:, 0], contact.facets[:, 1]]
+    return fem.locate_dofs_topological(model.V, model.d - 1, facets)
+
+
+def _square(error: ConstitutiveError) -> float:
+    """``e^2`` with the estimate of what flat facets of a curved body cost."""
+    return error.absolute**2 + error.geometry**2
+
+
+def _guaranteed(error: ConstitutiveError) -> bool:
+    laws = [c.law for c in error.admissible.solution.model.contacts]
+    exact = max(error.oscillation, error.geometry) <= ROUND_OFF * error.scale
+    return exact and all(law is None or isinstance(law, Tresca) for law in laws)

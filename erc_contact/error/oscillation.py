@@ -1,0 +1,131 @@
+"""What the mesh does not carry of the data: the oscillation, in energy norms, beside e and not part of it.
+
+sigma^ balances projections of the loads, u^ interpolates the supports. Both are admissible for these data, and the
+bound holds for the problem that has them. How far that one is from the scene is, up to constants of Korn and Poincare,
+
+    sum h^2/(pi^2 E) |f - f_T|^2 + sum h/E |F - F_h|^2 + sum E/h |U - U_h|^2,
+
+with E the modulus of the material. The moduli are in no space: what is measured of them is what the integrals of the
+energies leave unknown (:mod:`erc_contact.mesh.quadrature`). u^ and r^ keep the gap and the friction bound of the scene point
+by point, or not at all: how much they violate them at the points of quadrature is measured as a support and as a load
+are.
+
+Each part is exactly 0 where the mesh carries the data: constants, constants by region, tractions and supports that are
+polynomials of degree k on each facet, body forces of degree k-1 in each cell.
+"""
+
+from __future__ import annotations
+
+from dataclasses import astuple, dataclass
+
+import numpy as np
+from mpi4py import MPI
+
+from erc_contact.admissible.cells import sorted_corners
+from erc_contact.admissible.loads import traction_moments
+from erc_contact.admissible.pair import Admissible
+from erc_contact.mesh.quadrature import Integrand, cell_pieces, facet_pieces, integrate, polynomials
+from erc_contact.mesh.simplex import coefficients, mass
+from erc_contact.model.expressions import Everywhere, evaluate, varies_in_cells
+from erc_contact.model.model import Model
+
+EXACT = 1e-12
+"""Difference of data and what stands for them that is round-off, of the largest value [-]."""
+COARSE = 1e-2
+"""What an oscillation may leave unknown of itself [-]."""
+
+
+@dataclass(frozen=True)
+class Oscillations:
+    """What the mesh does not carry of the data [sqrt(force length)], estimates.
+
+    Attributes:
+        loads: Of tractions and body forces.
+        supports: Of prescribed displacements.
+        moduli: What the integrals of the energies leave unknown beyond their tolerance.
+        gaps: Of gaps and of normals of foundations.
+        friction: Of friction bounds.
+    """
+
+    loads: float = 0.0
+    supports: float = 0.0
+    moduli: float = 0.0
+    gaps: float = 0.0
+    friction: float = 0.0
+
+    @property
+    def total(self) -> float:
+        """Root of the sum of the squares."""
+        return float(np.linalg.norm(astuple(self)))
+
+
+def of_loads(admissible: Admissible) -> float:
+    """Square of the oscillation of the loads on this rank; collective."""
+    model, cells = admissible.solution.model, admissible.cells
+    d, k, owned, total = model.d, model.degree, model.domain.owned_cells, 0.0
+    if admissible.force is not None and varies_in_cells(model.body_force):
+        volume, of_cells = cells.volume[:owned], np.arange(owned, dtype=np.int32)
+        corners = sorted_corners(model, cells)[:owned]
+        projected = admissible.force[:owned] / volume[:, None, None]
+        rest = _squares(model, Everywhere(model.body_force, model.domain), of_cells, projected, k - 1)
+        square = integrate(model.comm, rest, corners, volume, cell_pieces(d), share=COARSE).value[:, 0]
+        total += float(np.sum(volume ** (2 / d) / np.pi**2 * square / modulus(model, of_cells)))
+    for name, _, traction in model.tractions:
+        if varies_in_cells(traction):
+            facets = _owned(model, name)
+            moments = traction_moments(model, facets, traction) / model.facet_areas(facets)[:, None, None]
+            projected = np.linalg.solve(mass(d - 1, k, k), moments)
+            square = _on_facets(model, Everywhere(traction, model.domain), facets, projected)
+            total += float(np.sum(square * facet_sizes(model, facets) / modulus(model, facets[:, 0])))
+    return total
+
+
+def of_supports(model: Model) -> float:
+    """Square of the oscillation of the prescribed displacements on this rank; collective."""
+    total = 0.0
+    for support in model.scene.supports:
+        for i, component in enumerate(support.value):
+            if not callable(component):
+                continue
+            facets = _owned(model, support.facets)
+            nodal = model.prescribed.x.array.reshape(-1, model.d)[model.facet_nodes(facets), i]
+            given = Everywhere(component(model.x), model.domain)
+            square = _on_facets(model, given, facets, (nodal @ coefficients(model.d - 1, model.degree).T)[..., None])
+            total += float(np.sum(square * modulus(model, facets[:, 0]) / facet_sizes(model, facets)))
+    return total
+
+
+def _on_facets(model: Model, given: Everywhere, facets: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
+    """``int_F |given - polynomial|^2`` of coefficients (f, m, c), shape (f,)."""
+    rest = _squares(model, given, facets, coefficients, model.degree)
+    corners, area = model.facet_corners(facets), model.facet_areas(facets)
+    return integrate(model.comm, rest, corners, area, facet_pieces(model.d - 1), share=COARSE).value[:, 0]
+
+
+def _squares(model: Model, given: Everywhere, entities: np.ndarray, coefficients: np.ndarray, degree: int) -> Integrand:
+    """``|given - polynomial|^2`` at points of cells or facets; differences that are round-off count as none."""
+    local = float(abs(coefficients).max(initial=0.0))
+    least = EXACT * model.comm.allreduce(local, MPI.MAX)
+
+    def square(of: np.ndarray, at: np.ndarray, x: np.ndarray) -> np.ndarray:
+        polynomial = np.matmul(polynomials(degree, at), coefficients[of])
+        rest = given(x, entities[of]).reshape(polynomial.shape) - polynomial
+        return np.where(abs(rest) <= least, 0.0, rest**2).sum(axis=2, keepdims=True)
+
+    return square
+
+
+def modulus(model: Model, cells: np.ndarray) -> np.ndarray:
+    """Modulus of the material at the middle of cells [force/area]."""
+    middle = np.full((1, model.d), 1 / (model.d + 1))
+    return evaluate(model.scene.material.modulus(**model.parameters), model.domain, middle, cells)[:, 0]
+
+
+def facet_sizes(model: Model, facets: np.ndarray) -> np.ndarray:
+    """About the diameters of facets [length]."""
+    return model.facet_areas(facets) ** (1 / (model.d - 1))
+
+
+def _owned(model: Model, name: str) -> np.ndarray:
+    facets = model.domain.facets(name)
+    return facets[facets[:, 0] < model.domain.owned_cells]

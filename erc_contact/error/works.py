@@ -1,0 +1,134 @@
+"""Work of fields on each other and on the data of a scene, with what its integrals leave unknown.
+
+Where nothing varies inside cells the integrals are exact; elsewhere they are adapted to the data
+(:mod:`erc_contact.mesh.quadrature`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from dolfinx import fem
+from mpi4py import MPI
+
+from erc_contact.admissible.cells import simplices, sorted_corners
+from erc_contact.admissible.contact import ContactTraction, split
+from erc_contact.admissible.elastic import act, strains
+from erc_contact.admissible.macro import macro_points
+from erc_contact.admissible.pair import Admissible
+from erc_contact.mesh.quadrature import Integral, Integrand, cell_pieces, facet_pieces, integrate, polynomials
+from erc_contact.mesh.simplex import bernstein, coefficients
+from erc_contact.model.expressions import Everywhere, varies_in_cells
+from erc_contact.model.foundation import ContactData
+from erc_contact.model.model import Model
+
+
+@dataclass(frozen=True)
+class Number:
+    """An integral over all ranks, what is left unknown of it, and whether that is within the tolerance."""
+
+    value: float
+    rest: float = 0.0
+    known: bool = True
+
+    @classmethod
+    def of(cls, comm: MPI.Comm, integral: Integral) -> Number:
+        """The sum of all integrals of all ranks; collective."""
+        value, rest = comm.allreduce(np.array([integral.value.sum(), integral.rest.sum()]), MPI.SUM)
+        return cls(float(value), float(rest), bool(integral.resolved.all()))
+
+    def __add__(self, other: Number) -> Number:
+        return Number(self.value + other.value, self.rest + other.rest, self.known and other.known)
+
+    def __sub__(self, other: Number) -> Number:
+        return self + -1.0 * other
+
+    def __rmul__(self, factor: float) -> Number:
+        return Number(factor * self.value, abs(factor) * self.rest, self.known)
+
+
+def elastic_work(pair: Admissible, v: fem.Function, w: fem.Function) -> Number:
+    """``a(v, w)`` [force length]; collective."""
+    model, cells = pair.solution.model, pair.cells
+    if not model.varying_moduli:
+        return Number(assembled(model, model.stiffness(v, w)))
+    owned, k = model.domain.owned_cells, model.degree
+    of_cells, of_v, of_w = np.arange(owned, dtype=np.int32), strains(cells, v), strains(cells, w)
+    stiffness = Everywhere(model.stiffness_matrix, model.domain)
+
+    def density(of: np.ndarray, at: np.ndarray, x: np.ndarray) -> np.ndarray:
+        shape = polynomials(k - 1, at)
+        image = act(stiffness(x, of_cells[of]), np.matmul(shape, of_v[of]))
+        return (image * np.matmul(shape, of_w[of])).sum(axis=-1, keepdims=True)
+
+    corners, volume = sorted_corners(model, cells)[:owned], cells.volume[:owned]
+    return Number.of(model.comm, integrate(model.comm, density, corners, volume, cell_pieces(model.d)))
+
+
+def stress_work(pair: Admissible, v: fem.Function) -> Number:
+    """``(sigma^, eps(v))`` [force length], exact: the work of r^ and of the loads that sigma^ balances; collective."""
+    model, cells, k = pair.solution.model, pair.cells, pair.cells.degree
+    owned = model.domain.owned_cells
+    shape, points, weights = macro_points(model.d, k)
+    sigma = np.matmul(shape, pair.stress).reshape(owned, len(points), pair.stress.shape[3])
+    strain = np.matmul(bernstein(model.d, k - 1, points), strains(cells, v)[:owned])
+    local = float(np.sum(cells.volume[:owned] * np.einsum("nqs,nqs,q->n", sigma, strain, weights)))
+    return Number(float(model.comm.allreduce(local, MPI.SUM)))
+
+
+def friction_work(model: Model, traction: ContactTraction, u: fem.Function, floor: float) -> Number:
+    """``int b(p^) |u_t|`` [force length], known to its share or to ``floor``; collective."""
+    contact, d, k = traction.contact, model.d, model.degree
+    if contact.law is None:
+        return Number(0.0)
+    given = ContactData(contact, model.domain)
+    area = np.where(contact.facets[:, 0] < model.domain.owned_cells, traction.area, 0.0)
+    hat = np.matmul(coefficients(d - 1, k), u.x.array.reshape(-1, d)[traction.nodes])
+
+    def density(of: np.ndarray, at: np.ndarray, x: np.ndarray) -> np.ndarray:
+        shape, n = polynomials(k, at), contact.direction[of][:, None, :]
+        pressure = np.maximum(-split(np.matmul(shape, traction.values[of]), n)[0], 0.0)
+        return (given.bound(of, x, pressure) * split(np.matmul(shape, hat[of]), n)[2])[..., None]
+
+    corners = model.facet_corners(contact.facets)
+    return Number.of(model.comm, integrate(model.comm, density, corners, area, facet_pieces(d - 1), floor=floor))
+
+
+def load_work(model: Model, v: fem.Function) -> Number:
+    """``f(v) + F(v)`` [force length]; collective."""
+    d, k, domain = model.d, model.degree, model.domain
+    loads = model.loads(v, varying=False)
+    total = Number(0.0 if loads is None else assembled(model, loads))
+    nodal = v.x.array.reshape(-1, d)
+    for name, _, traction in model.tractions:
+        if varies_in_cells(traction):
+            facets = domain.facets(name)
+            area = np.where(facets[:, 0] < domain.owned_cells, model.facet_areas(facets), 0.0)
+            on_facets = np.matmul(coefficients(d - 1, k), nodal[model.facet_nodes(facets)])
+            work = _products(Everywhere(traction, domain), facets, on_facets, k)
+            total += Number.of(
+                model.comm, integrate(model.comm, work, model.facet_corners(facets), area, facet_pieces(d - 1))
+            )
+    if model.body_force is not None and varies_in_cells(model.body_force):
+        cells = simplices(model)
+        owned, in_cells = domain.owned_cells, np.matmul(coefficients(d, k), nodal[cells.nodes])
+        work = _products(Everywhere(model.body_force, domain), np.arange(owned, dtype=np.int32), in_cells, k)
+        corners, volume = sorted_corners(model, cells)[:owned], cells.volume[:owned]
+        total += Number.of(model.comm, integrate(model.comm, work, corners, volume, cell_pieces(d)))
+    return total
+
+
+def _products(load: Everywhere, entities: np.ndarray, of_v: np.ndarray, degree: int) -> Integrand:
+    """The work of each component of a load on a polynomial of coefficients (entities, N, d)."""
+
+    def components(of: np.ndarray, at: np.ndarray, x: np.ndarray) -> np.ndarray:
+        return load(x, entities[of]) * np.matmul(polynomials(degree, at), of_v[of])
+
+    return components
+
+
+def assembled(model: Model, form: Any) -> float:
+    """The value of a UFL form without arguments, all ranks; collective."""
+    return float(model.comm.allreduce(fem.assemble_scalar(fem.form(form)), MPI.SUM))

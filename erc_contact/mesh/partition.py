@@ -1,0 +1,179 @@
+"""Distribution of meshes over ranks: every rank holds all cells around the vertices of its own cells.
+
+The reconstruction of admissible stresses works on vertex patches. With complete patches on every rank it
+needs no communication at all; the ghosts that DOLFINx offers (cells that share a facet) do not give that.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from dolfinx import graph, la
+from dolfinx import mesh as dmesh
+from mpi4py import MPI
+
+from erc_contact.base.exceptions import InputError, raise_together
+
+HUGE = 1e100
+"""Coordinates beyond have volumes that are no numbers of double precision [length]."""
+FOLDED = 1e-6
+"""Difference of the volumes of the cells and that within the boundary that counts as round-off, relative [-]."""
+
+
+def exchange(comm: MPI.Comm, destination: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Send each row of a table to a rank; collective.
+
+    Args:
+        comm: Communicator.
+        destination: Rank that gets row i, shape (n,).
+        rows: Table of shape (n, m), any numeric type, the same on all ranks.
+
+    Returns:
+        The rows received, shape (n', m), and the rank each came from, shape (n',).
+    """
+    order = np.argsort(destination, kind="stable")
+    counts = np.bincount(destination, minlength=comm.size)
+    received = np.empty_like(counts)
+    comm.Alltoall(counts, received)
+    width = rows.shape[1]
+    out = np.empty((int(received.sum()), width), dtype=rows.dtype)
+    comm.Alltoallv([np.ascontiguousarray(rows[order]), counts * width], [out, received * width])
+    return out, np.repeat(np.arange(comm.size), received)
+
+
+def vertex_patch_partitioner(comm: MPI.Comm, parts: int, cell_types: Sequence[Any], cells: Sequence[np.ndarray]) -> Any:
+    """Partition cells with the stock graph partitioner and ghost every cell by shared vertices.
+
+    A cell goes to its owner and to every rank that owns a cell with a common vertex. The pairs
+    (vertex, owner) meet on a rendezvous rank, vertex mod size.
+
+    Args:
+        comm: Communicator.
+        parts: Number of parts, the size of ``comm``.
+        cell_types: One simplex type.
+        cells: One flat array of the cells' global vertices.
+
+    Returns:
+        Adjacency list cell -> ranks, the owner first (the C++ object that DOLFINx expects).
+    """
+    stock = dmesh.create_cell_partitioner(dmesh.GhostMode.none, 2)(comm, parts, cell_types, cells)
+    owner = np.asarray(stock.array, dtype=np.int64)
+    per_cell = {"triangle": 3, "tetrahedron": 4}[cell_types[0].name]
+    vertex = np.asarray(cells[0], dtype=np.int64)
+    cell = np.repeat(np.arange(len(owner)), per_cell)
+
+    pairs = np.unique(np.column_stack([vertex, owner[cell]]), axis=0)
+    met, source = exchange(comm, pairs[:, 0] % comm.size, pairs)
+    known = np.unique(met, axis=0)
+    vertices, counts = np.unique(known[:, 0], return_counts=True)
+    starts = np.cumsum(counts) - counts
+    asked = np.unique(np.column_stack([met[:, 0], source]), axis=0)
+    at = np.searchsorted(vertices, asked[:, 0])
+    repeat = np.where(counts[at] > 1, counts[at], 0)  # a vertex on one rank only needs no answer
+    row = np.repeat(starts[at] - np.cumsum(repeat) + repeat, repeat) + np.arange(repeat.sum())
+    shared, _ = exchange(comm, np.repeat(asked[:, 1], repeat), known[row])
+
+    shared = shared[np.lexsort((shared[:, 1], shared[:, 0]))]
+    first = np.searchsorted(shared[:, 0], vertex, side="left")
+    times = np.searchsorted(shared[:, 0], vertex, side="right") - first
+    row = np.repeat(first - np.cumsum(times) + times, times) + np.arange(times.sum())
+    ghost = np.column_stack([np.repeat(cell, times), shared[row, 1]])
+    ghost = np.unique(ghost[ghost[:, 1] != owner[ghost[:, 0]]], axis=0)
+
+    sizes = 1 + np.bincount(ghost[:, 0], minlength=len(owner))
+    offsets = np.concatenate([[0], np.cumsum(sizes)])
+    data = np.empty(offsets[-1], dtype=np.int32)
+    data[offsets[:-1]] = owner
+    others = np.ones(len(data), dtype=bool)
+    others[offsets[:-1]] = False
+    data[others] = ghost[:, 1]
+    return graph.adjacencylist(data, offsets.astype(np.int32))._cpp_object
+
+
+def partitioner(comm: MPI.Comm) -> Any:
+    """The partitioner to create a mesh with on ``comm`` (None in serial: nothing to distribute)."""
+    return vertex_patch_partitioner if comm.size > 1 else None
+
+
+def patches_complete(mesh: dmesh.Mesh) -> bool:
+    """Whether every rank holds all cells around each vertex of its own cells; collective."""
+    tdim = mesh.topology.dim
+    mesh.topology.create_connectivity(tdim, 0)
+    vertices = mesh.topology.connectivity(tdim, 0).array.reshape(-1, tdim + 1)
+    owned = vertices[: mesh.topology.index_map(tdim).size_local]
+    total = la.vector(mesh.topology.index_map(0), dtype=np.float64)
+    total.array[:] = np.bincount(owned.ravel(), minlength=len(total.array))
+    total.scatter_reverse(la.InsertMode.add)
+    total.scatter_forward()
+    here = np.bincount(vertices.ravel(), minlength=len(total.array))
+    touched = np.unique(owned)
+    complete = bool(np.all(here[touched] == total.array[touched]))
+    return bool(mesh.comm.allreduce(complete, MPI.LAND))
+
+
+def check_mesh(mesh: dmesh.Mesh) -> None:
+    """Check that a mesh is one the package works with; collective.
+
+    Raises:
+        InputError: If cells are not straight-sided triangles in the plane or tetrahedra in space.
+    """
+    cell, gdim, degree = mesh.topology.cell_type.name, mesh.geometry.dim, mesh.geometry.cmaps[0].degree
+    error = None
+    if (cell, gdim) not in (("triangle", 2), ("tetrahedron", 3)):
+        error = InputError(
+            f"The mesh has cells of type {cell} in {gdim}D; allowed are triangles in 2D and tetrahedra in 3D. "
+            "Mesh with simplices (in gmsh: no recombination), or split the cells."
+        )
+    elif degree != 1:
+        error = InputError(
+            f"The mesh has curved cells of degree {degree}; only straight-sided cells (degree 1) are allowed. "
+            "In gmsh: Mesh.ElementOrder = 1."
+        )
+    raise_together(mesh.comm, error)
+
+
+def check_shape(mesh: dmesh.Mesh) -> None:
+    """Check that coordinates are finite and that no cell is turned over its neighbours; collective.
+
+    The volumes of the cells add up to that within the boundary, ``int x.n dS / d``, only if none is turned over.
+
+    Args:
+        mesh: With facets connected to cells.
+
+    Raises:
+        InputError: If not.
+    """
+    tdim, comm = mesh.topology.dim, mesh.comm
+    x = mesh.geometry.x[:, :tdim]
+    finite = bool((abs(x) < HUGE).all())
+    if not comm.allreduce(finite, MPI.LAND):
+        raise InputError(
+            f"The mesh has coordinates that are not finite, or beyond {HUGE:g}; look where they come from."
+        )
+    owned = mesh.topology.index_map(tdim).size_local
+    cells = x[mesh.geometry.dofmaps[0]]
+    facets = dmesh.exterior_facet_indices(mesh.topology)
+    to_cell = mesh.topology.connectivity(tdim - 1, tdim)
+    cell = to_cell.array[to_cell.offsets[facets]]
+    of_cell = mesh.topology.connectivity(tdim, tdim - 1).array.reshape(-1, tdim + 1)[cell]
+    opposite = np.argmax(of_cell == facets[:, None], axis=1)
+    local = np.array([[j for j in range(tdim + 1) if j != i] for i in range(tdim + 1)])[opposite]
+    corners = np.take_along_axis(cells[cell], local[:, :, None], axis=1)
+    apex = cells[cell, opposite]
+    centre = x.mean(axis=0) if len(x) else np.zeros(tdim)
+    centre = np.mean(comm.allgather(centre), axis=0)
+    volume = abs(np.linalg.det(np.diff(cells[:owned], axis=1))).sum()
+    within = _towers(corners, centre) * np.sign(_towers(corners, apex))
+    volume, within = comm.allreduce(np.array([volume, within.sum()]), MPI.SUM)
+    if abs(volume - within) > FOLDED * volume:
+        raise InputError(
+            f"The cells of the mesh lie over each other: their volumes are {volume / within:.6g} times that within the "
+            "boundary. Look at the coordinates; a mesh that was deformed too much must be made anew."
+        )
+
+
+def _towers(corners: np.ndarray, apex: np.ndarray) -> np.ndarray:
+    """Signed volumes, times d!, of the simplices on facets with corners (n, d, d) that meet at an apex."""
+    return np.linalg.det(corners - apex.reshape(-1, 1, apex.shape[-1]))

@@ -1,0 +1,183 @@
+"""What a scene promises, checked where it meets its mesh: that materials, laws and foundations are what they say.
+
+The bound of the error uses them: a compliance that inverts the stress, a friction bound that is concave and never
+decreases, a bilateral contact whose bound does not know the pressure, a normal that points into the foundation. Data
+that break one of these give numbers that look right and are not.
+
+All checks are numerical, at samples, and say the same on all ranks.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import ufl
+from mpi4py import MPI
+
+from erc_contact.base.exceptions import InputError
+from erc_contact.mesh.simplex import barycentric, lattice, rule
+from erc_contact.model.expressions import Everywhere, evaluate
+from erc_contact.model.foundation import BoundContact
+from erc_contact.scene.law import Coulomb, Tresca
+from erc_contact.scene.material import Elastic
+
+if TYPE_CHECKING:
+    from erc_contact.model.model import Model
+
+EXACT = 1e-8
+"""Relative difference that counts as none [-]."""
+AWAY = -0.1
+"""Least cosine of the angle between the normal of the foundation and that of a facet in contact [-]."""
+DECADES = 12
+"""Pressures from the modulus down by so many powers of ten are tried, and 0."""
+SAMPLES = 12
+"""Subdivisions of a facet's edge when what is given on a contact is sampled."""
+LAW_SAMPLES = 50
+"""At most so many values of the parameters of a law are tried on each rank."""
+
+
+def check(model: Model) -> None:
+    """Check a scene on its mesh; collective.
+
+    Raises:
+        InputError: If a promise is broken.
+    """
+    if type(model.scene.material) is not Elastic:
+        _check_material(model)
+    for contact in model.contacts:
+        _check_data(model, contact)
+        _check_normal(model, contact)
+        if contact.law is not None and not isinstance(contact.law, (Coulomb, Tresca)):
+            _check_law(model, contact)
+
+
+def _check_material(model: Model) -> None:
+    """A material of the user's: stiffness symmetric and positive, the compliance its inverse, the modulus positive."""
+    name = type(model.scene.material).__name__
+    points, owned = rule(model.d, 4)[0], np.arange(model.domain.owned_cells, dtype=np.int32)
+
+    def at_points(value: Any) -> np.ndarray:
+        values = value if isinstance(value, np.ndarray) else evaluate(value, model.domain, points, owned)
+        return values.reshape(-1, *values.shape[-2:])
+
+    C, S = at_points(model.stiffness_matrix), at_points(model.compliance_matrix)
+    modulus = evaluate(model.scene.material.modulus(**model.parameters), model.domain, points, owned)
+    finite = np.isfinite(C).all() and np.isfinite(S).all() and np.isfinite(modulus).all()
+    least, skew, other = np.inf, 0.0, 0.0
+    if finite and len(C):
+        eigenvalues = np.linalg.eigvalsh(0.5 * (C + C.swapaxes(1, 2)))
+        least = float((eigenvalues[:, 0] / abs(eigenvalues).max(axis=1)).min())
+        skew = float((abs(C - C.swapaxes(1, 2)).max(axis=(1, 2)) / abs(C).max(axis=(1, 2))).max())
+        condition = 1 / max(least, np.finfo(float).tiny)
+        unit = np.matmul(C, S) - np.eye(C.shape[1])
+        other = float(abs(unit).max()) if condition < 1e300 else 0.0
+        other -= 16 * np.finfo(float).eps * min(condition, 1e300)  # what round-off explains
+    low = float(modulus.min(initial=np.inf)) if finite else 0.0
+    finite = model.comm.allreduce(bool(finite), MPI.LAND)
+    least, low = (model.comm.allreduce(v, MPI.MIN) for v in (least, low))
+    skew, other = (model.comm.allreduce(v, MPI.MAX) for v in (skew, other))
+    if not finite:
+        raise InputError(f"{name}: stress, compliance or modulus is not finite somewhere; look at its parameters.")
+    if skew > EXACT:
+        raise InputError(
+            f"{name}: the stiffness is not symmetric, in orthonormal (Mandel) components by {skew:.1e} of its largest "
+            "entry: a : C b must be b : C a for all strains a and b, else there is no energy. Look at its stress."
+        )
+    if least <= 0.0:
+        raise InputError(
+            f"{name}: the stiffness is not positive definite: some strain has an energy of {least:.1e} times that of "
+            "another. Look at its stress and at its parameters."
+        )
+    if other > EXACT:
+        raise InputError(
+            f"{name}: the compliance does not invert the stress: compliance(stress(eps)) differs from eps by up to "
+            f"{other:.1e} times it. The error would be that of another material; mend one of the two."
+        )
+    if not low > 0.0:
+        raise InputError(f"{name}: modulus is {low:g} somewhere; it must be > 0 [force/area].")
+
+
+def _check_data(model: Model, contact: BoundContact) -> None:
+    """Gap and parameters of the law between the nodes, where :class:`Model` has not looked."""
+    what = f"Contact({contact.name!r})"
+    x = np.matmul(barycentric(lattice(model.d - 1, SAMPLES)), model.facet_corners(contact.facets))
+    for name, value in contact.parameters.items():
+        values = Everywhere(value, model.domain)(x, contact.facets)
+        local = float(np.where(values < np.inf, values, -np.inf).min(initial=np.inf))
+        low = model.comm.allreduce(local, MPI.MIN)
+        if low < 0.0:
+            raise InputError(f"{what}: {name} is {low:g} somewhere; it must be >= 0 and finite.")
+    if contact.gap is not None:
+        finite = bool(np.isfinite(Everywhere(contact.gap, model.domain)(x, contact.facets)).all())
+        if not model.comm.allreduce(finite, MPI.LAND):
+            raise InputError(f"{what}: the gap is not finite everywhere; look at it.")
+
+
+def _check_normal(model: Model, contact: BoundContact) -> None:
+    """The normal of the foundation points out of the body."""
+    facets, comm = contact.facets, model.comm
+    middle = np.full((1, model.d - 1), 1 / model.d)
+    outward = evaluate(ufl.FacetNormal(model.mesh), model.domain, middle, facets)[:, 0]
+    cosine = (outward * contact.direction).sum(axis=1)
+    area = np.where(facets[:, 0] < model.domain.owned_cells, model.facet_areas(facets), 0.0)
+    total, whole = comm.allreduce(np.array([area @ cosine, area.sum()]), MPI.SUM)
+    mine: Any = (np.inf, (), ())
+    if len(facets):
+        worst = int(cosine.argmin())
+        place = model.facet_corners(facets)[worst].mean(axis=0)
+        mine = (float(cosine[worst]), tuple(place.tolist()), tuple(contact.direction[worst].tolist()))
+    least, place, direction = min(comm.allgather(mine))
+    if least < AWAY or total <= 0.0:
+        at, normal = (", ".join(f"{v:.3g}" for v in vector) for vector in (place, direction))
+        raise InputError(
+            f"Contact({contact.name!r}): the normal of the foundation must point from the body into the foundation. At "
+            f"({at}) it is ({normal}), and the cosine of its angle with the outward normal of the body is {least:.2g}, "
+            f"its mean over the part {total / whole:.2g}. Change the sign of the normal (or of the gap that gives it), "
+            "or leave facets that look away from the foundation out of the part."
+        )
+
+
+def _check_law(model: Model, contact: BoundContact) -> None:
+    """A law of the user's: its bound is finite, not negative, never decreases, is concave; constant where bilateral."""
+    what = f"Contact({contact.name!r}): the friction bound of {type(contact.law).__name__}"
+    modulus = model.greatest(model.scene.material.modulus(**model.parameters))
+    pressure = np.concatenate([[0.0], modulus * np.logspace(-DECADES, 0, 4 * DECADES + 1)])
+    at = lattice(model.d - 1, SAMPLES)
+    parameters = {name: values.ravel() for name, values in model.friction_parameters(contact, at).items()}
+    count = len(contact.facets) * len(at)
+    some = np.linspace(0, max(count - 1, 0), min(count, LAW_SAMPLES)).astype(int)
+    extremes = [pick() for values in parameters.values() if count for pick in (values.argmin, values.argmax)]
+    some = np.unique(np.concatenate([some, np.array(extremes, dtype=int)]))
+    tried = {name: values[some][:, None] + 0.0 * pressure for name, values in parameters.items()}
+    bound = contact.friction_bound(np.broadcast_to(pressure, (len(some), len(pressure))), tried)
+
+    def refuse(wrong: np.ndarray, message: str) -> None:
+        """Raise on all ranks where one has an entry that is wrong; the last axis belongs to the pressures."""
+        example = None
+        if wrong.any():
+            i, j = np.argwhere(wrong)[0]
+            example = ", ".join(
+                f"b({p:.3g}) = {b:.3g}" for p, b in zip(pressure[j : j + 3], bound[i, j : j + 3], strict=True)
+            )
+        found = [one for one in model.comm.allgather(example) if one]
+        if found:
+            raise InputError(f"{what} {message} {found[0]}.")
+
+    refuse(~np.isfinite(bound), "is not finite everywhere; it must be a number for every pressure p >= 0:")
+    refuse(bound < 0.0, "is negative somewhere; it must be >= 0:")
+    size = EXACT * np.maximum(bound[:, 1:], bound[:, :-1])
+    if contact.bilateral:
+        refuse(
+            abs(np.diff(bound, axis=1)) > size,
+            "depends on the pressure, and the contact is bilateral: it can pull, the tractions that it allows are no "
+            "convex set, and no error can be certified. Give a bound without pressure, e.g. Tresca(limit):",
+        )
+    refuse(np.diff(bound, axis=1) < -size, "decreases with the pressure; it must not:")
+    share = (pressure[1:-1] - pressure[:-2]) / (pressure[2:] - pressure[:-2])
+    chord = bound[:, :-2] + share * (bound[:, 2:] - bound[:, :-2])
+    refuse(
+        bound[:, 1:-1] < chord - size[:, 1:],
+        "is not concave in the pressure: the tractions that it allows are no convex set, and no error can be "
+        "certified. It must lie above its chords:",
+    )

@@ -1,0 +1,87 @@
+"""What users bring as code: callables, laws and materials in UFL, tried when a scene and a mesh meet.
+
+What they raise, on whatever rank, becomes an :class:`InputError` on all of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from numbers import Real
+from typing import TYPE_CHECKING, Any
+
+import ufl
+from mpi4py import MPI
+
+from erc_contact.base.checks import told
+from erc_contact.base.exceptions import ErcContactError, InputError, together
+from erc_contact.scene.material import mandel_matrix
+
+if TYPE_CHECKING:
+    from erc_contact.model.model import Model
+
+IN_UFL = (
+    "It gets UFL and returns a number or UFL: write ufl.sin(x[0]) instead of np.sin or math.sin, "
+    "ufl.conditional(ufl.lt(x[0], 1), a, b) instead of if, ufl.max_value and ufl.min_value instead of max and min."
+)
+
+
+def called(comm: MPI.Comm, what: str, function: Callable[..., Any], *arguments: Any, **named: Any) -> Any:
+    """What a function of the user's returns for UFL arguments; collective.
+
+    Args:
+        comm: Communicator; every rank must call.
+        what: Whose function it is, for the message.
+        function: The function.
+        arguments: Its arguments.
+        named: Its arguments by name.
+
+    Raises:
+        InputError: On all ranks, if it fails on one.
+    """
+
+    def attempt() -> Any:
+        try:
+            return function(*arguments, **named)
+        except ErcContactError:
+            raise
+        except Exception as reason:
+            raise InputError(f"{what} failed with {type(reason).__name__}: {reason}. {IN_UFL}") from reason
+
+    return together(comm, attempt)
+
+
+def scalar(what: str, value: Any) -> Any:
+    """A number or scalar UFL expression as UFL.
+
+    Raises:
+        InputError: If it is neither.
+    """
+    value = float(value) if isinstance(value, Real) else value
+    if (
+        not isinstance(value, float | ufl.core.expr.Expr)
+        or ufl.as_ufl(value).ufl_shape
+        or ufl.as_ufl(value).ufl_free_indices
+    ):
+        raise InputError(f"{what} returned {told(value)}, which is no scalar. {IN_UFL}")
+    return ufl.as_ufl(value)
+
+
+def vector(value: Any) -> Any:
+    """UFL, or a sequence of numbers and scalar UFL expressions, as UFL."""
+    return value if isinstance(value, ufl.core.expr.Expr) else ufl.as_vector([scalar("A component", c) for c in value])
+
+
+def try_material(model: Model) -> None:
+    """Call the functions of a material of the user's; collective. What they return is checked with the scene.
+
+    Args:
+        model: Its parameters are bound; nothing else is needed.
+
+    Raises:
+        InputError: If one fails.
+    """
+    material = model.scene.material
+    what = f"The material {type(material).__name__}"
+    for name in ("stress", "compliance"):
+        called(model.comm, f"{what}: {name}", mandel_matrix, getattr(material, name), model.d, **model.parameters)
+    called(model.comm, f"{what}: modulus", lambda: scalar(f"{what}: modulus", material.modulus(**model.parameters)))

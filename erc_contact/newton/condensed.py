@@ -1,0 +1,371 @@
+"""The contact problem condensed on the contact: residual and tangent, small and dense.
+
+The unknowns are the displacements u_A that the contact equations test. All that these equations see, the displacements
+u_L of the cells at the contact and the multipliers lambda, is an affine function of u_A:
+
+    z = (u_L, lambda) = Z (u_A, 1),    a lambda = K u_A - s at a contact node of area a,
+
+with K the elastic stiffness condensed on A and s the condensed loads. The problem is ``K u_A - s + e(z) = 0`` with e
+the method's equations, or ``e(z) = 0`` where these are those of a multiplier; its tangent is ``K + e'(z) Z``, or
+``e'(z) Z``. Newton's method for it is Newton's method for the whole body: away from the contact the equations are
+linear and hold at every step.
+
+Of degree 2, the equations of a multiplier see Bernstein coefficients of u and lambda instead of nodal values: with
+``c_e = 2 u_e - (u_a + u_b)/2`` for the edge e between a and b, the force on c_e is half of that on u_e, and a quarter
+of it goes to each end. Their affine functions of u_A take that in.
+
+The dense matrices live on rank 0; all ranks assemble their facets when it asks them to.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import ufl
+from dolfinx import fem
+from petsc4py import PETSc
+
+from erc_contact.base.exceptions import raise_together, together
+from erc_contact.mesh.simplex import edges, rule
+from erc_contact.model.model import Model
+from erc_contact.newton.methods import Method
+from erc_contact.newton.stiffness import Stiffness
+
+
+class Condensed:
+    """The condensed contact problem of a model.
+
+    What works on u_A, as :meth:`residual`, is called on rank 0 within :meth:`run`.
+
+    Args:
+        model: The scene on a mesh.
+        method: The contact method.
+        stiffness: The condensed elastic stiffness.
+        w: Its glued displacement under the loads [length].
+
+    Attributes:
+        u: Displacement, right at the cells of the contact; its coefficients for a method with multiplier [length].
+        multipliers: Multiplier of each contact [force/area], or () for a method without.
+        tested: Number of unknowns u_A.
+        schur: S_A, the glued stiffness condensed on A, on rank 0 [force/length], shape (A, A).
+        matrix: K on rank 0 [force/length], shape (A, A).
+        loads: s on rank 0 [force].
+        toward: Normals of the foundation at the contact nodes of A, on rank 0 [-].
+        length: Size of the displacement, the same on all ranks [length].
+        force: Size of the forces that cancel in the residual, on rank 0 [force].
+    """
+
+    def __init__(self, model: Model, method: Method, stiffness: Stiffness, w: fem.Function) -> None:
+        self.model, self.method, self.stiffness = model, method, stiffness
+        self.tested = len(stiffness.numbers) if method.in_layer else stiffness.contact
+        self.u = fem.Function(model.V)
+        self.u.x.array[:] = w.x.array
+        if method.multiplier:
+            model.to_coefficients(self.u.x.array.reshape(-1, model.d), model.contacts)
+        self.multipliers = tuple(fem.Function(model.V) for _ in model.contacts) if method.multiplier else ()
+        self._compile()
+        self.w, known = stiffness.gather(w), stiffness.gather(self.u)
+        self.edges = _edges(model, stiffness, self.tested) if method.multiplier else None
+        self.length = max(model.comm.allgather(float(abs(w.x.array).max(initial=0.0)))) or 1.0
+        together(model.comm, self._condense, known)
+        toward = fem.Function(model.V)
+        for contact in model.contacts:
+            toward.x.array.reshape(-1, model.d)[model.facet_nodes(contact.facets)] = contact.direction[:, None, :]
+        self.toward = stiffness.gather(toward)[: self.tested]
+        columns = [np.full(len(w.x.array), -1)]
+        columns[0][stiffness.local] = stiffness.place
+        self.size = len(stiffness.numbers)
+        if self.multipliers:
+            self._add_multipliers(columns)
+        self._connect(columns)
+
+    def run(self, work: Callable[[], Any]) -> Any:
+        """Do work on rank 0, while the other ranks assemble what it asks for; returns its result everywhere."""
+        comm = self.model.comm
+        result, error = None, None
+        if comm.rank == 0:
+            try:
+                result = work()
+            except Exception as failure:
+                error = failure
+            comm.bcast(None)
+        else:
+            while (asked := comm.bcast(None)) is not None:
+                getattr(self, asked[0])(*asked[1:])
+        raise_together(comm, error)
+        return comm.bcast(result)
+
+    def residual(self, u_tested: np.ndarray) -> np.ndarray:
+        """R(u_A) [force]; sets the fields to u_A, rank 0."""
+        z = self.affine[:, :-1] @ u_tested + self.affine[:, -1]
+        equations = self._ask("_residual", z)
+        return equations if self.multipliers else self.matrix @ u_tested - self.loads + equations
+
+    def tangent(self) -> np.ndarray:
+        """dR/du_A at the fields as they are [force/length], shape (A, A) in Fortran order, rank 0."""
+        self.sparse.setValuesCOO(self._ask("_tangent"))
+        self.sparse.matMult(self.lifted, self.product)
+        dense = self.product.getDenseArray(readonly=True)
+        return dense.copy(order="F") if self.multipliers else np.asfortranarray(dense + self.matrix)
+
+    def states(self) -> np.ndarray:
+        """Open (0), slip (1) or stick (2) at points of all contact facets, rank 0."""
+        return self._ask("_states")
+
+    def raise_friction(self, share: float) -> None:
+        """Set the share of friction on all ranks."""
+        self._ask("_share", share)
+
+    def from_contact(self, u_contact: np.ndarray) -> np.ndarray:
+        """u_A from the displacements of the contact nodes, elsewhere in elastic equilibrium [length], rank 0."""
+        count = len(u_contact)
+        _, lift = self.stiffness.reduced(count)
+        return self.w[: self.tested] + lift[: self.tested] @ (u_contact - self.w[:count])
+
+    # -- what every rank does -------------------------------------------------------------------------------
+
+    def _ask(self, what: str, *arguments: Any) -> Any:
+        self.model.comm.bcast((what, *arguments))
+        return getattr(self, what)(*arguments)
+
+    def _residual(self, z: np.ndarray) -> np.ndarray | None:
+        for field, (dofs, places) in zip((self.u, *self.multipliers), self.readers, strict=True):
+            field.x.array[dofs] = z[places]
+        vector = self.residual_vector.x.array
+        vector[:] = 0.0
+        fem.assemble_vector(vector, self.residual_form)
+        parts = self.model.comm.gather(vector[self.rows])
+        if parts is None:
+            return None
+        return np.bincount(self.all_rows, np.concatenate(parts), self.tested)
+
+    def _tangent(self) -> np.ndarray | None:
+        values = []
+        for matrix, form, pick in zip(self.tangents, self.tangent_forms, self.picks, strict=True):
+            matrix.set_value(0.0)
+            fem.assemble_matrix(matrix, form)
+            values.append(matrix.data[pick])
+        parts = self.model.comm.gather(np.concatenate(values))
+        return None if parts is None else np.concatenate(parts)
+
+    def _states(self) -> np.ndarray | None:
+        mesh = self.model.mesh
+        local = [e.eval(mesh, facets).ravel().astype(np.int8) for e, facets in self.state_expressions]
+        parts = self.model.comm.gather(np.concatenate(local))
+        return None if parts is None else np.concatenate(parts)
+
+    def _share(self, share: float) -> None:
+        self.model.friction_share.value = share
+
+    def _condense(self, known: np.ndarray) -> None:
+        """The dense matrices, on rank 0."""
+        if self.stiffness.schur is None:
+            return
+        a = self.tested
+        self.schur, lift = self.stiffness.reduced(a)
+        self.matrix = self.schur - np.diag(self.stiffness.glued_by[:a])
+        self.loads = self.schur @ self.w[:a]
+        self.force = float((abs(self.matrix) @ abs(self.w[:a])).max()) or 1.0
+        if self.edges:
+            lift = self.edges.coefficients(lift)
+        self.affine = np.hstack([lift, (known - lift @ self.w[:a])[:, None]])
+
+    # -- set up ---------------------------------------------------------------------------------------------
+
+    def _compile(self) -> None:
+        model, method = self.model, self.method
+        fields: tuple[Any, ...] = self.multipliers or (None,) * len(model.contacts)
+        v, du = ufl.TestFunction(model.V), ufl.TrialFunction(model.V)
+        pairs = list(zip(model.contacts, fields, strict=True))
+        parts = together(model.comm, lambda: [method.equations(model, c, self.u, v, f) for c, f in pairs])
+        shown = together(model.comm, lambda: [c.status(method.projected(model, c, self.u, f)) for c, f in pairs])
+        together(model.comm, lambda: [method.traction(model, c, self.u, f) for c, f in pairs])
+        residual = sum(parts[1:], start=parts[0])
+        self.residual_form = fem.form(residual)
+        self.residual_vector = fem.Function(model.V)
+        self.tangent_forms = [fem.form(ufl.derivative(residual, f, du)) for f in (self.u, *self.multipliers)]
+        self.tangents = [fem.create_matrix(form) for form in self.tangent_forms]
+        points, _ = rule(model.d - 1, 2 * model.degree)
+        self.state_expressions = []
+        for contact, status in zip(model.contacts, shown, strict=True):
+            own = contact.facets[contact.facets[:, 0] < model.domain.owned_cells]
+            self.state_expressions.append((fem.Expression(status, points, comm=model.comm), own))
+
+    def _add_multipliers(self, columns: list[np.ndarray]) -> None:
+        """Add the multipliers to z: from the reactions of the nodes, or the mean of neighbours where redundant."""
+        model, d = self.model, self.model.d
+        gathered = []
+        for contact in model.contacts:
+            own = contact.facets[:, 0] < model.domain.owned_cells
+            nodes = model.facet_nodes(contact.facets[own])
+            numbers = model.global_numbers(nodes)
+            m = nodes.shape[1]
+            shares = np.repeat(model.facet_areas(contact.facets[own])[:, None] / m, m, axis=1)
+            parts = model.comm.allgather((numbers, shares))
+            every, place = np.unique(np.concatenate([p[0].ravel() for p in parts]), return_inverse=True)
+            area = np.bincount(place, np.concatenate([p[1].ravel() for p in parts]))
+            gathered.append((every, place.reshape(-1, m), area))
+            visible = np.unique(model.facet_nodes(contact.facets))
+            found = np.searchsorted(every, model.global_numbers(visible))
+            column = np.full((len(model.fixed), d), -1)
+            column[visible] = self.size + found[:, None] * d + np.arange(d)
+            columns.append(column.ravel())
+            self.size += len(every) * d
+        together(model.comm, self._append, gathered)
+
+    def _append(self, contacts: list[tuple[np.ndarray, np.ndarray, np.ndarray]]) -> None:
+        """Add the rows of the multipliers to the affine functions, on rank 0; arguments of :func:`_multipliers`."""
+        if self.stiffness.schur is None:
+            return
+        reaction = np.hstack([self.matrix, -self.loads[:, None]])
+        if self.edges:
+            reaction = self.edges.forces(reaction)
+        places = Places(self.stiffness.numbers[: self.tested], self.model.d)
+        self.affine = np.vstack([self.affine, *_multipliers(contacts, places, reaction)])
+
+    def _connect(self, columns: list[np.ndarray]) -> None:
+        """Where the ranks' entries of residual and tangent go."""
+        comm, a = self.model.comm, self.tested
+        self.readers = [(np.flatnonzero(c >= 0), c[c >= 0]) for c in columns]
+        row_of = np.where(columns[0] < a, columns[0], -1)
+        self.rows = np.flatnonzero(row_of >= 0)
+        all_rows = comm.gather(row_of[self.rows])
+        self.picks, rows, cols = [], [], []
+        for matrix, column in zip(self.tangents, columns, strict=True):
+            row, col = _entries(matrix)
+            row, col = row_of[row], column[col]
+            pick = np.flatnonzero((row >= 0) & (col >= 0))
+            self.picks.append(pick)
+            rows.append(row[pick])
+            cols.append(col[pick])
+        parts = comm.gather((np.concatenate(rows), np.concatenate(cols)))
+
+        def allocate() -> None:
+            if parts is None:
+                return
+            self.all_rows = np.concatenate(all_rows)
+            row, col = (np.concatenate([p[i] for p in parts]).astype(PETSc.IntType) for i in (0, 1))
+            self.sparse = PETSc.Mat().createAIJ((a, self.size), comm=PETSc.COMM_SELF)
+            self.sparse.setPreallocationCOO(row, col)
+            columns_of = np.asfortranarray(self.affine[:, :-1])
+            self.lifted = PETSc.Mat().createDense((self.size, a), array=columns_of, comm=PETSc.COMM_SELF)
+            self.product = PETSc.Mat().createDense((a, a), comm=PETSc.COMM_SELF)
+            self.product.setUp()
+
+        together(comm, allocate)
+
+
+class Places:
+    """Places in A of global degrees of freedom."""
+
+    def __init__(self, numbers: np.ndarray, d: int) -> None:
+        self.order = np.argsort(numbers)
+        self.sorted, self.d = numbers[self.order], d
+
+    def of(self, nodes: np.ndarray) -> np.ndarray:
+        """Places of all components of global nodes, -1 for those not in A, shape (n, d)."""
+        dofs = nodes[:, None] * self.d + np.arange(self.d)
+        at = np.minimum(np.searchsorted(self.sorted, dofs), len(self.sorted) - 1)
+        return np.where(self.sorted[at] == dofs, self.order[at], -1)
+
+
+@dataclass(frozen=True, eq=False)
+class Edges:
+    """Degrees of freedom of A at edges of the contact, for Bernstein coefficients of degree 2 from nodal values.
+
+    Attributes:
+        edge: Places in A.
+        of_end, end: Pairs of a place at an edge and one at an end of it.
+    """
+
+    edge: np.ndarray
+    of_end: np.ndarray
+    end: np.ndarray
+
+    def coefficients(self, u: np.ndarray) -> np.ndarray:
+        """Bernstein coefficients from nodal values of displacements, shape (L, ...)."""
+        result = u.copy()
+        result[self.edge] *= 2.0
+        np.subtract.at(result, self.of_end, 0.5 * u[self.end])
+        return result
+
+    def forces(self, force: np.ndarray) -> np.ndarray:
+        """Forces on the coefficients from forces at the nodes, shape (A, ...)."""
+        result = force.copy()
+        result[self.edge] *= 0.5
+        np.add.at(result, self.end, 0.25 * force[self.of_end])
+        return result
+
+
+def _edges(model: Model, stiffness: Stiffness, count: int) -> Edges | None:
+    """The edges of all contacts in the first ``count`` of L; None for degree 1; collective."""
+    d = model.d
+    if model.degree == 1:
+        return None
+    nodes = np.concatenate(
+        [model.facet_nodes(c.facets[c.facets[:, 0] < model.domain.owned_cells]) for c in model.contacts]
+    )
+    ends = nodes[:, edges(d - 1)]
+    triples = np.concatenate([nodes[:, d:, None], ends], axis=2).reshape(-1, 3)
+    triples = np.unique(np.concatenate(model.comm.allgather(model.global_numbers(triples))), axis=0)
+    places = Places(stiffness.numbers[:count], d)
+    edge, first, second = (places.of(column) for column in triples.T)
+    of_end, end = np.concatenate([edge, edge]), np.concatenate([first, second])
+    both = (of_end >= 0) & (end >= 0)
+    return Edges(edge[edge >= 0], of_end[both], end[both])
+
+
+def _multipliers(
+    contacts: list[tuple[np.ndarray, np.ndarray, np.ndarray]], places: Places, reaction: np.ndarray
+) -> list[np.ndarray]:
+    """The multipliers of all contacts as affine functions of u_A, from the last contact to the first.
+
+    The multiplier of a node belongs to the first contact that has the node: ``a lambda`` is what the multipliers of
+    later contacts leave of the reaction. Elsewhere, and where a support fixes a component, it is the mean of its
+    neighbours in the contact.
+
+    Args:
+        contacts: For each contact its nodes (n,), its facets as places in them (f, m), and the areas of nodes (n,).
+        places: Where the components of nodes are in A.
+        reaction: Reactions at A as affine functions of u_A, shape (A, A+1).
+
+    Returns:
+        For each contact, shape (n d, A+1).
+    """
+    done: list[np.ndarray] = []
+    for k in reversed(range(len(contacts))):
+        nodes, facets, area = contacts[k]
+        at = places.of(nodes)
+        earlier = np.isin(nodes, np.concatenate([c[0] for c in contacts[:k]])) if k else np.zeros(len(nodes), bool)
+        active = (at >= 0) & ~earlier[:, None]
+        rows = np.zeros((*at.shape, reaction.shape[1]))
+        rows[active] = reaction[at[active]]
+        for (others, _, of_others), known in zip(contacts[k + 1 :], done, strict=True):
+            _, here, there = np.intersect1d(nodes, others, return_indices=True)
+            rows[here] -= active[here][:, :, None] * (of_others[there, None, None] * known[there])
+        rows[active] /= np.broadcast_to(area[:, None], active.shape)[active][:, None]
+
+        m = range(facets.shape[1])
+        i, j = (facets[:, p].ravel() for p in zip(*[(p, q) for p in m for q in m if p != q], strict=True))
+        edges = np.unique(np.column_stack([i, j]), axis=0)
+        edge, component = np.nonzero(~active[edges[:, 0]] & active[edges[:, 1]])
+        target = edges[edge, 0], component
+        count = np.zeros(active.shape)
+        np.add.at(count, target, 1.0)
+        np.add.at(rows, target, rows[edges[edge, 1], component])
+        rows /= np.maximum(count, 1.0)[:, :, None]
+        done.insert(0, rows)
+    return [rows.reshape(-1, rows.shape[2]) for rows in done]
+
+
+def _entries(matrix: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Rows and columns (local degrees of freedom) of the entries of a block matrix, in the order of its data."""
+    b = matrix.block_size[0]
+    row = np.repeat(np.arange(len(matrix.indptr) - 1), np.diff(matrix.indptr))
+    col = matrix.indices[: len(row)]
+    rows = row[:, None, None] * b + np.arange(b)[:, None] + np.zeros((1, b), int)
+    cols = col[:, None, None] * b + np.arange(b) + np.zeros((b, 1), int)
+    return rows.ravel(), cols.ravel()

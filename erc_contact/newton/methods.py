@@ -1,0 +1,191 @@
+"""Contact methods: a contact and a displacement -> UFL equations and a contact traction.
+
+A method is two things, its equations and its traction; every later stage reads only the traction. The equations are
+what one contact adds to elasticity ``a(u, v) - f(v) - F(v)``, which is the same for all methods.
+
+Symbols: u displacement, v test function, lambda multiplier [force/area], q its test function, n normal of the
+foundation, g gap, r contact traction on the body, P the projection of the law, gamma = gamma_0 E k^2/h
+[force/volume] with h = d |cell|/|facet| the height of the cell over its facet and k the degree.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import factorial
+from typing import Any, ClassVar, Protocol
+
+import numpy as np
+import ufl
+from dolfinx import fem
+
+from erc_contact.base import checks
+from erc_contact.base.exceptions import InputError
+from erc_contact.model.foundation import BoundContact
+from erc_contact.model.model import Model
+
+GAMMA = "> 0 (dimensionless; 1 to 100 is usual)"
+"""What gamma must be, in words."""
+
+
+def contact_degree(model: Model) -> int:
+    """Quadrature degree on contact facets: the traction has kinks, a polynomial rule is never exact there."""
+    return 2 * model.degree + 2
+
+
+def nodal(model: Model) -> dict[str, Any]:
+    """Quadrature at the nodes of a facet with equal weights: it decouples the nodes."""
+    points = model.facet_points
+    weights = np.full(len(points), 1 / (len(points) * factorial(model.d - 1)))
+    return {"quadrature_rule": "custom", "quadrature_points": points, "quadrature_weights": weights}
+
+
+class Method(Protocol):
+    """A contact method.
+
+    Attributes:
+        multiplier: Whether it has a multiplier, a traction at the nodes of the contact. Its equations then replace
+            the equilibrium of these nodes, which gives the multiplier.
+        in_layer: Whether its equations test the stress, hence all nodes of the cells at the contact.
+    """
+
+    @property
+    def multiplier(self) -> bool: ...  # noqa: D102
+
+    @property
+    def in_layer(self) -> bool: ...  # noqa: D102
+
+    def equations(self, model: Model, contact: BoundContact, u: Any, v: Any, multiplier: Any = None) -> Any:
+        """What the contact adds to the residual, a UFL form linear in v."""
+
+    def traction(self, model: Model, contact: BoundContact, u: Any, multiplier: Any = None) -> Any:
+        """The contact traction on the body [force/area], UFL, shape (d,)."""
+
+    def projected(self, model: Model, contact: BoundContact, u: Any, multiplier: Any = None) -> Any:
+        """The projection that the equations use [force/area], UFL, shape (d,): it shows open, slip and stick."""
+
+
+def stiffness_per_area(model: Model, gamma: Any) -> Any:
+    """``gamma = gamma_0 E k^2/h`` [force/volume], UFL on a facet."""
+    modulus = model.scene.material.modulus(**model.parameters)
+    return gamma * model.degree**2 * modulus * ufl.FacetArea(model.mesh) / (model.d * ufl.CellVolume(model.mesh))
+
+
+def _beyond(contact: BoundContact, u: Any, gap: Any) -> Any:
+    """``u - g n``: the displacement beyond first touch [length]."""
+    return u if gap is None else u - gap * contact.normal
+
+
+@dataclass(frozen=True)
+class Nitsche:
+    """Nitsche's method for contact with friction; it has no unknowns beside the displacement.
+
+    Args:
+        theta: 0 (simplest, default), 1 (symmetric without friction) or -1 (skew; converges for any gamma).
+        gamma: Dimensionless parameter gamma_0 > 0.
+
+    Raises:
+        InputError: If theta is not in {0, 1, -1} or gamma is not positive.
+
+    Source: Chouly, Hild, Renard, "Symmetric and non-symmetric variants of Nitsche's method for contact problems in
+        elasticity", Math. Comp. 84 (2015); with Coulomb friction: Chouly et al., "An overview of recent results
+        on Nitsche's method for contact problems" (2017).
+    """
+
+    theta: int = 0
+    gamma: float = 10.0
+    multiplier: ClassVar[bool] = False
+
+    def __post_init__(self) -> None:
+        if self.theta not in (0, 1, -1):
+            raise InputError(f"Nitsche: theta is {self.theta!r}; allowed are 0, 1 and -1.")
+        checks.positive("Nitsche: gamma", self.gamma, GAMMA)
+
+    @property
+    def in_layer(self) -> bool:
+        """Whether the stress is tested, too."""
+        return self.theta != 0
+
+    def equations(self, model: Model, contact: BoundContact, u: Any, v: Any, multiplier: Any = None) -> Any:
+        """``- int_C r(u).v - theta int_C (sigma(u)n - r(u))/gamma . sigma(v)n``, a UFL form linear in v.
+
+        Args:
+            model: The scene on a mesh.
+            contact: One of its contacts.
+            u: Displacement [length].
+            v: Test function.
+            multiplier: Not used.
+        """
+        ds = contact.ds(metadata={"quadrature_degree": contact_degree(model)})
+        r = self.traction(model, contact, u)
+        residual = -ufl.inner(r, v) * ds
+        if self.theta:
+            theta = fem.Constant(model.mesh, float(self.theta))
+            difference = ufl.dot(model.stress(u), model.n) - r
+            residual -= theta / self._gamma(model) * ufl.inner(difference, ufl.dot(model.stress(v), model.n)) * ds
+        return residual
+
+    def traction(self, model: Model, contact: BoundContact, u: Any, multiplier: Any = None) -> Any:
+        """The contact traction ``r(u) = P(sigma(u)n - gamma (u - g n))`` [force/area], UFL, shape (d,)."""
+        return contact.project(
+            ufl.dot(model.stress(u), model.n) - self._gamma(model) * _beyond(contact, u, contact.gap)
+        )
+
+    projected = traction
+
+    def _gamma(self, model: Model) -> Any:
+        return stiffness_per_area(model, fem.Constant(model.mesh, float(self.gamma)))
+
+
+@dataclass(frozen=True)
+class AugmentedLagrangian:
+    """Augmented Lagrangian: a multiplier at the nodes of the contact, and the projection of Alart and Curnier.
+
+    The multiplier lives in the trace of the displacement's space on the contact facets: the space that elements on a
+    submesh of these facets give, without a second mesh. Its equations hold at each node, between the Bernstein
+    coefficients of u, g and lambda (for degree 1 their nodal values); lambda there is the force on the coefficient of
+    u over its share of the area. So at the solution u does not penetrate at any point, friction holds for the force
+    on every Bernstein polynomial, and no weight of a node is zero or negative, as nodal quadrature of degree 2 has it
+    on triangles. (This smooths its traction of degree 2: on a smooth contact e is 1.05 to 1.2 times the true error of
+    u^, where that of Nitsche's is 1.01 to 1.07. The traction that does the work of the forces was better there, and
+    twice as bad where friction begins: it overshoots.) A component that a support fixes at a contact node, and a node
+    that an earlier contact has already, take the multiplier from their neighbours: their own would be redundant.
+
+    Args:
+        gamma: Dimensionless augmentation parameter gamma_0 > 0; it changes the way of Newton, not the solution.
+
+    Raises:
+        InputError: If gamma is not positive.
+
+    Source: Alart, Curnier, "A mixed formulation for frictional contact problems prone to Newton like solution
+        methods", Comput. Methods Appl. Mech. Engrg. 92 (1991).
+    """
+
+    gamma: float = 1.0
+    multiplier: ClassVar[bool] = True
+    in_layer: ClassVar[bool] = False
+
+    def __post_init__(self) -> None:
+        checks.positive("AugmentedLagrangian: gamma", self.gamma, GAMMA)
+
+    def equations(self, model: Model, contact: BoundContact, u: Any, v: Any, multiplier: Any = None) -> Any:
+        """``int_C (lambda - P(lambda - gamma (u - g n))).q`` by quadrature at the nodes, a UFL form linear in q.
+
+        Args:
+            model: The scene on a mesh.
+            contact: One of its contacts.
+            u: Function whose nodal values are the Bernstein coefficients of the displacement [length].
+            v: Test function q of the multiplier.
+            multiplier: The same for lambda [force/area].
+        """
+        return ufl.inner(multiplier - self.projected(model, contact, u, multiplier), v) * contact.ds(
+            metadata=nodal(model)
+        )
+
+    def traction(self, model: Model, contact: BoundContact, u: Any, multiplier: Any = None) -> Any:
+        """The contact traction, the multiplier [force/area], UFL, shape (d,)."""
+        return multiplier
+
+    def projected(self, model: Model, contact: BoundContact, u: Any, multiplier: Any = None) -> Any:
+        """``P(lambda - gamma (u - g n))`` [force/area] at the nodes, UFL, shape (d,)."""
+        gamma = stiffness_per_area(model, fem.Constant(model.mesh, float(self.gamma)))
+        return contact.project(multiplier - gamma * _beyond(contact, u, model.gap_coefficients(contact)))

@@ -1,0 +1,221 @@
+"""Newton's method for the condensed contact problem: PETSc's SNES on rank 0, in scaled variables.
+
+Displacements are divided by their size and forces by those that cancel: the bisection line search has absolute
+tolerances inside and would depend on units.
+
+Symbols: R residual, A and K as in :mod:`erc_contact.newton.condensed`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from petsc4py import PETSc
+
+from erc_contact.newton.condensed import Condensed
+
+PREFIX = "erc_contact_"
+"""Prefix of PETSc options: a user's ``-erc_contact_snes_monitor`` and the like win over our settings."""
+TOLERANCE = 1e-12
+"""Newton stops when the residual is below this fraction of the forces that cancel in it [-]."""
+STEPS = 100
+"""Limit of Newton steps of one attempt."""
+FAR = 1e5
+"""Bound of the forces that cancel in the residual, as a multiple of those with the contact glued [-]."""
+CYCLE = 0.9
+"""States that come back are a cycle unless the residual fell below this fraction meanwhile [-]."""
+
+
+PRESS = 1e-5
+"""How far a state is pressed into the foundation to see its other tangents, over the size of the displacement [-]."""
+ZERO_PIVOT = 71
+"""PETSc's code of a matrix that cannot be factorised, PETSC_ERR_MAT_LU_ZRPVT."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How one attempt ended.
+
+    Attributes:
+        converged: Whether at a solution.
+        reason: Why.
+        steps: Newton steps.
+        residual: Norm of the residual as a fraction of the forces that cancel in it [-].
+        state: Numbers of open, slipping and sticking points of the contact.
+    """
+
+    converged: bool
+    reason: str
+    steps: int
+    residual: float
+    state: tuple[int, int, int]
+
+    def __str__(self) -> str:
+        state = "{} open, {} slip, {} stick".format(*self.state)
+        return f"{self.reason}, residual {self.residual:.1e}, {self.steps} steps ({state})"
+
+
+class Newton:
+    """SNES for one condensed problem, used on rank 0 within :meth:`Condensed.run`.
+
+    Args:
+        problem: The condensed problem.
+        accuracy: Newton may stop when :meth:`remaining` falls below it [sqrt(force length)]; None goes to round-off.
+    """
+
+    def __init__(self, problem: Condensed, accuracy: float | None = None) -> None:
+        self.problem, self.accuracy = problem, accuracy
+        self.scale = problem.length / problem.force
+        size = problem.tested
+        self.jacobian = PETSc.Mat().createDense((size, size), comm=PETSc.COMM_SELF)
+        self.jacobian.setUp()
+        self.energy: PETSc.KSP | None = None
+
+    def solve(self, start: np.ndarray, line_search: str) -> tuple[np.ndarray, Outcome]:
+        """One attempt from u_A; returns the last u_A and how it ended."""
+        seen: dict[bytes, tuple[int, float]] = {}
+        text = ""
+        snes = PETSc.SNES().create(PETSc.COMM_SELF)
+        snes.setOptionsPrefix(PREFIX)
+        x = self.jacobian.createVecRight()
+        snes.setFunction(self._function, x.duplicate())
+        snes.setJacobian(self._tangent, self.jacobian)
+        snes.setType("newtonls")
+        snes.setTolerances(rtol=0.0, atol=TOLERANCE, stol=0.0, max_it=STEPS)
+        ksp = snes.getKSP()
+        ksp.setType("preonly")
+        ksp.getPC().setType("lu")
+        snes.getLineSearch().setType(line_search)
+
+        def test(snes: PETSc.SNES, step: int, norms: tuple[float, float, float]) -> PETSc.SNES.ConvergedReason:
+            nonlocal text
+            reasons, norm = PETSc.SNES.ConvergedReason, norms[2]
+            _, atol, _, _ = snes.getTolerances()
+            if not np.isfinite(norm):
+                return reasons.DIVERGED_FUNCTION_NANORINF
+            if norm <= atol:
+                return reasons.CONVERGED_FNORM_ABS
+            self._evaluate(snes.getSolution())  # the line search may have looked elsewhere last
+            if np.linalg.norm(self.last) <= TOLERANCE * self.forces(snes.getSolution().array_r):
+                text = "converged to round-off"
+                return reasons.CONVERGED_ITS
+            if self.accuracy is not None and self.remaining() <= self.accuracy:
+                text = "accurate enough"
+                return reasons.CONVERGED_ITS
+            states = self.problem.states().tobytes()
+            before, least = seen.get(states, (step, norm))
+            if before < step - 1 and norm > CYCLE * least:
+                text = f"cycle of {step - before} steps"
+                return reasons.DIVERGED_INNER
+            seen[states] = (step, min(least, norm))
+            return reasons.ITERATING
+
+        snes.setConvergenceTest(test)
+        snes.setFromOptions()
+        x.array[:] = start / self.problem.length
+        try:
+            snes.solve(None, x)
+            reason, norm = snes.getConvergedReason(), snes.getFunctionNorm()
+        except PETSc.Error as failure:
+            if failure.ierr != ZERO_PIVOT:
+                raise
+            text, reason, norm = "singular tangent", -1, np.inf
+        u_tested = x.array * self.problem.length
+        self.last = self.problem.residual(u_tested)
+        counts = np.bincount(self.problem.states(), minlength=3)
+        state = int(counts[0]), int(counts[1]), int(counts[2])
+        converged = reason > 0 and bool(np.isfinite(norm))
+        outcome = Outcome(converged, text or REASONS.get(reason, str(reason)), snes.getIterationNumber(), norm, state)
+        snes.destroy()
+        x.destroy()
+        return u_tested, outcome
+
+    def forces(self, x: np.ndarray) -> float:
+        """Size of the forces that cancel in the residual at a state [force].
+
+        Bounded, as a body that nothing holds moves so far that anything is round-off beside its forces.
+        """
+        problem = self.problem
+        size = float((abs(problem.matrix) @ abs(x * problem.length) + abs(problem.loads)).max(initial=0.0))
+        return min(size, FAR * problem.force)
+
+    def remaining(self) -> float:
+        """Energy norm of what is left to the solution, ``sqrt(R.K^-1 R)`` [sqrt(force length)], at the last residual.
+
+        With the traction of the method as r^, it is what the rebalance of the last state adds to the error in the
+        constitutive relation.
+        """
+        if self.energy is None:
+            energy = self.problem.stiffness.energy(self.problem.tested)
+            matrix = PETSc.Mat().createDense(energy.shape, array=energy, comm=PETSc.COMM_SELF)
+            matrix.setOption(PETSc.Mat.Option.SPD, True)
+            self.energy = _direct(matrix, "cholesky")
+        force, u = self.jacobian.createVecs()
+        force.array[:] = self.last
+        self.energy.solve(force, u)
+        return float(np.sqrt(max(u.dot(force), 0.0)))
+
+    def regularity(self, u_tested: np.ndarray) -> float:
+        """Least singular value of the tangent, scaled by the elastic diagonal [-]; zero where it has no inverse.
+
+        The least of two: at a state, and at the state pressed into the foundation by a tiny length. Points that touch
+        without pressure are on a kink, and the tangent that they have when pressed may be the singular one.
+        """
+        pressed = u_tested + PRESS * self.problem.length * self.problem.toward
+        return min(self._least_singular_value(u) for u in (pressed, u_tested))
+
+    def _least_singular_value(self, u_tested: np.ndarray) -> float:
+        """Inverse iteration on ``J^T J``: an estimate."""
+        self.problem.residual(u_tested)
+        diagonal = 1 / np.sqrt(self.problem.schur.diagonal())
+        scaled = self.problem.tangent() * diagonal * diagonal[:, None]
+        matrix = PETSc.Mat().createDense(scaled.shape, array=scaled, comm=PETSc.COMM_SELF)
+        ksp = _direct(matrix, "lu")
+        x, y = matrix.createVecs()
+        x.array[:] = np.random.default_rng(0).standard_normal(len(diagonal))
+        norm = x.norm()
+        try:
+            for _ in range(4):
+                x.scale(1 / norm)
+                ksp.solveTranspose(x, y)
+                ksp.solve(y, x)
+                norm = x.norm()
+                if not np.isfinite(norm) or norm == 0.0:
+                    return 0.0
+        except PETSc.Error as failure:
+            if failure.ierr != ZERO_PIVOT:
+                raise
+            return 0.0
+        return float(1 / np.sqrt(norm))
+
+    def _function(self, _: PETSc.SNES, x: PETSc.Vec, f: PETSc.Vec) -> None:
+        self._evaluate(x)
+        f.array[:] = self.last / self.problem.force
+
+    def _evaluate(self, x: PETSc.Vec) -> None:
+        self.last = self.problem.residual(x.array_r * self.problem.length)
+
+    def _tangent(self, _: PETSc.SNES, x: PETSc.Vec, matrix: PETSc.Mat, __: PETSc.Mat) -> None:
+        self._evaluate(x)
+        matrix.getDenseArray()[:] = self.problem.tangent() * self.scale
+        matrix.assemble()
+
+    def destroy(self) -> None:
+        """Free PETSc's objects."""
+        self.jacobian.destroy()
+        if self.energy is not None:
+            self.energy.destroy()
+
+
+def _direct(matrix: PETSc.Mat, kind: str) -> PETSc.KSP:
+    matrix.assemble()
+    ksp = PETSc.KSP().create(PETSc.COMM_SELF)
+    ksp.setOperators(matrix)
+    ksp.setType("preonly")
+    ksp.getPC().setType(kind)
+    return ksp
+
+
+REASONS = {value: name.lower() for name, value in vars(PETSc.SNES.ConvergedReason).items() if isinstance(value, int)}
+"""Names of PETSc's reasons."""

@@ -1,0 +1,260 @@
+"""One contact solve: from a first guess to a :class:`Solution`, or :class:`NotConverged`.
+
+Where Newton starts decides whether it ends. One elastic factorisation serves all attempts
+(:mod:`erc_contact.newton.stiffness`), so a ladder of starts and line searches is tried, cheapest first, and costs little.
+Nitsche's method starts from the solution of the augmented Lagrangian: it is the nearer to it the larger gamma is, and
+found in fewer steps (GRECO, 256 x 256 squares: 11 and 2, against 22 from the glued contact).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from numbers import Integral
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from dolfinx import fem
+from mpi4py import MPI
+
+from erc_contact.base import checks
+from erc_contact.base.exceptions import InputError, NotConverged, raise_together
+from erc_contact.base.logs import log_of
+from erc_contact.mesh.domain import Domain
+from erc_contact.model.foundation import BoundContact
+from erc_contact.model.model import Model
+from erc_contact.newton import first_guess as starts
+from erc_contact.newton.condensed import Condensed
+from erc_contact.newton.ladder import Attempt, attempts
+from erc_contact.newton.methods import Method, Nitsche
+from erc_contact.newton.snes import Newton, Outcome
+from erc_contact.newton.stiffness import Stiffness
+from erc_contact.scene.scene import Scene
+
+DEFAULT = Nitsche()
+"""The method where none is given."""
+SINGULAR = 1e-12
+"""Where the least singular value of the tangent, scaled by the elastic diagonal, is below this, it is singular [-]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """A converged displacement with all that it came from.
+
+    Attributes:
+        model: The scene on its domain, with forms.
+        method: The contact method whose solution it is.
+        u: Displacement [length], a continuous P1 or P2 Function.
+        multipliers: Multiplier of each contact [force/area], or () for a method without.
+        newton_steps: Newton steps of all attempts together; 0 for a scene without contact.
+        reason: How the solver ended, and from which start.
+        remaining: Energy norm of the distance to the solution of the discrete problem [sqrt(force length)].
+        regularity: Least singular value of the tangents of the contact problem at the solution, scaled by the elastic
+            diagonal [-].
+        stiffness: The factorised elastic stiffness; :func:`equilibrate` frees the factor.
+        seconds: Wall time, the largest over the ranks [s].
+    """
+
+    model: Model
+    method: Method
+    u: fem.Function
+    multipliers: tuple[fem.Function, ...]
+    newton_steps: int
+    reason: str
+    remaining: float
+    regularity: float
+    stiffness: Stiffness
+    seconds: float
+
+    @property
+    def domain(self) -> Domain:
+        """The mesh with names."""
+        return self.model.domain
+
+    @property
+    def scene(self) -> Scene:
+        """What the user declared."""
+        return self.model.scene
+
+    @property
+    def singular(self) -> bool:
+        """Whether the tangent is singular: there may be other solutions as near as one likes."""
+        return self.regularity < SINGULAR
+
+    def traction(self, contact: BoundContact) -> Any:
+        """The contact traction of the method on a contact of the model [force/area], UFL, shape (d,)."""
+        place = self.model.contacts.index(contact)
+        multiplier = self.multipliers[place] if self.multipliers else None
+        return self.method.traction(self.model, contact, self.u, multiplier)
+
+
+def solve(
+    scene: Scene,
+    domain: Domain,
+    method: Method | None = None,
+    *,
+    degree: int = 1,
+    start: Solution | None = None,
+    accuracy: float | None = None,
+) -> Solution:
+    """Solve a scene on a domain; collective.
+
+    A scene without contact is one linear solve. Otherwise Newton starts from ``start`` if given, else from the linear
+    problem with the contact glued; line search by bisection. Further attempts (:mod:`erc_contact.newton.ladder`) use other
+    parameters, raise friction in steps, and use other line searches.
+
+    Args:
+        scene: The problem.
+        domain: The mesh.
+        method: Contact method. None is Nitsche's, or the augmented Lagrangian where only that one converges:
+            ``Solution.method`` and ``reason`` say so. One that is given is the only one whose solution is taken.
+        degree: Degree of the displacement, 1 or 2.
+        start: A solution on another mesh of the same body; Newton starts from its displacement on the contacts.
+        accuracy: Newton may stop at this distance to the solution of the discrete problem, in the energy norm
+            [sqrt(force length)], e.g. a tenth of the discretisation error; None goes to round-off.
+
+    Returns:
+        The solution. ``singular`` tells that it may be one of many; a warning is logged.
+
+    Raises:
+        InputError: If scene and domain do not fit, or the loads are no numbers that double precision can work with.
+        NotConverged: If no attempt converged.
+    """
+    began = perf_counter()
+    check_arguments(scene, domain, method, degree, start)
+    accuracy = None if accuracy is None else checks.positive("accuracy", accuracy, "an energy norm > 0, or None")
+    raise_together(domain.mesh.comm, None)
+    model = Model(scene, domain, int(degree))
+    stiffness = Stiffness(model)
+    b = stiffness.load_vector()
+    w = stiffness.glued(b)
+    _check_size(model, b, w)
+    if stiffness.contact:
+        solution = _Ascent(model, method, stiffness, w, accuracy).solve(start)
+    else:
+        solution = Solution(model, method or DEFAULT, w, (), 0, "linear solve", 0.0, 1.0, stiffness, 0.0)
+    seconds = model.comm.allreduce(perf_counter() - began, MPI.MAX)
+    log_of(model.comm).debug(
+        "%d cells: %s; %d Newton steps, %.2f s", domain.cells, solution.reason, solution.newton_steps, seconds
+    )
+    return replace(solution, seconds=seconds)
+
+
+def check_arguments(scene: Any, domain: Any, method: Any, degree: Any, start: Any = None) -> None:
+    """Refuse what is of another type than asked for, before a word of UFL or PETSc is heard.
+
+    Raises:
+        InputError: If it is.
+    """
+    if not isinstance(scene, Scene):
+        raise InputError(f"scene is {checks.told(scene)}; give a Scene: Scene(material, supports=[...], ...).")
+    if not isinstance(domain, Domain):
+        raise InputError(
+            f"domain is {checks.told(domain)}; give a Domain: rectangle(...), read_mesh(...), Domain(mesh, ...)."
+        )
+    if isinstance(degree, bool) or not isinstance(degree, Integral) or degree not in (1, 2):
+        raise InputError(f"degree is {degree!r}; allowed are the whole numbers 1 and 2.")
+    known = method is None or callable(getattr(method, "equations", None))
+    if not known or isinstance(method, type):
+        raise InputError(f"method is {method!r}; give an object: Nitsche(), AugmentedLagrangian(), or None.")
+    if start is not None and not isinstance(start, Solution):
+        raise InputError(f"start is {checks.told(start)}; give a Solution, e.g. of solve() on another mesh, or None.")
+
+
+def _check_size(model: Model, b: fem.Function, w: fem.Function) -> None:
+    """Forces and displacements, and their products, must be numbers that double precision can work with."""
+    local = [float(abs(f.x.array).max(initial=0.0)) for f in (b, w)] + [float(np.isnan(w.x.array).any())]
+    force, length, nan = np.max(model.comm.allgather(local), axis=0)
+    least, most = 1e-290, 1e290
+    stiffest = model.greatest(model.scene.material.modulus(**model.parameters)) * model.domain.size ** (model.d - 2)
+    with np.errstate(over="ignore", under="ignore"):
+        energies = np.array([force * length, stiffest * length * length])
+    energies = energies[np.array([force > 0, length > 0 or force > 0])]
+    if nan or np.any((energies < least) | (energies > most)):
+        raise InputError(
+            f"The loads (nodal forces up to {force:.1e}) move the body by {length:.1e}: the energy is no number of "
+            "double precision. Choose units in which moduli, lengths and loads are nearer to 1."
+        )
+
+
+class _Ascent:
+    """The ladder of attempts for one model; all ranks climb it together."""
+
+    def __init__(
+        self, model: Model, method: Method | None, stiffness: Stiffness, w: fem.Function, accuracy: float | None
+    ) -> None:
+        self.model, self.stiffness, self.w = model, stiffness, w
+        self.method, self.fallback = method or DEFAULT, method is None
+        self.accuracy, self.log = accuracy, log_of(model.comm)
+        self.problems: dict[Method, Condensed] = {}
+        self.tried: list[str] = []
+        self.steps = 0
+
+    def solve(self, start: Solution | None) -> Solution:
+        """Climb until an attempt of the method converges."""
+        states = {"glued": starts.glued(self.stiffness, self.w)}
+        if start is not None and start.model.contacts:
+            states["warm"] = starts.from_mesh(start.model, start.u, self.stiffness)
+        friction = any(c.law is not None for c in self.model.contacts)
+        for attempt in attempts(self.method, states, friction=friction, fallback=self.fallback):
+            if attempt.start not in states:
+                continue
+            converged, state, results = self._attempt(attempt, states[attempt.start])
+            if converged and attempt.final:
+                return self._solution(attempt.method, results)
+            if converged:
+                states[attempt.gives] = state
+        also, try_other = " or the augmented Lagrangian", "the other method (method=None tries both), "
+        raise NotConverged(
+            f"The contact solve did not converge on {self.model.domain.cells} cells with {self.method}"
+            f"{also if self.fallback else ''}. Tried: {'; '.join(self.tried)}. "
+            f"Try {'' if self.fallback else try_other}another gamma (1 to 1000), a finer mesh at the contact, or less "
+            "friction; look whether the loads let the contact hold the body.",
+            tuple(self.tried),
+        )
+
+    def _attempt(self, attempt: Attempt, contact: Any) -> tuple[bool, Any, Any]:
+        """Run one attempt; returns whether it converged, u at the contact nodes, and what a solution needs."""
+        if attempt.method not in self.problems:
+            self.problems[attempt.method] = Condensed(self.model, attempt.method, self.stiffness, self.w)
+        problem = self.problems[attempt.method]
+
+        def work() -> tuple[Outcome, Any, Any]:
+            newton = Newton(problem, self.accuracy)
+            u, steps = problem.from_contact(contact), 0
+            for share in attempt.friction_shares:
+                problem.raise_friction(share)
+                u, outcome = newton.solve(u, attempt.line_search)
+                steps += outcome.steps
+                if not outcome.converged:
+                    break
+            problem.raise_friction(1.0)
+            results = None
+            if attempt.final and outcome.converged:
+                results = newton.remaining(), newton.regularity(u), u, problem.matrix @ u - problem.loads
+            newton.destroy()
+            return replace(outcome, steps=steps), u[: self.stiffness.contact], results
+
+        outcome, state, results = problem.run(work)
+        self.steps += outcome.steps
+        self.tried.append(f"{attempt}: {outcome}")
+        self.log.debug(self.tried[-1])
+        return outcome.converged, state, results
+
+    def _solution(self, method: Method, results: tuple[float, float, np.ndarray, np.ndarray]) -> Solution:
+        remaining, regularity, u_tested, force = results
+        cells = self.model.domain.cells
+        u = self.stiffness.expand(self.w, u_tested, force)
+        reason = self.tried[-1]
+        if method != self.method:
+            reason = f"{self.method} did not converge: {reason}"
+            self.log.info("%d cells: %s did not converge, the solution is that of %s.", cells, self.method, method)
+        if regularity < SINGULAR:
+            reason += f"; the tangent is singular ({regularity:.0e}), the solution may be one of many"
+            self.log.warning("The tangent of the contact problem is singular at its solution: it may be one of many.")
+        multipliers = self.problems[method].multipliers
+        for multiplier, contact in zip(multipliers, self.model.contacts[: len(multipliers)], strict=True):
+            self.model.to_coefficients(multiplier.x.array.reshape(-1, self.model.d), [contact], back=True)
+        return Solution(
+            self.model, method, u, multipliers, self.steps, reason, remaining, regularity, self.stiffness, 0.0
+        )

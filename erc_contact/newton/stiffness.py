@@ -1,0 +1,312 @@
+"""The elastic stiffness, glued to the foundations, factorised once and condensed on the contact.
+
+Between two states of a contact only forces at the contact change. So the nonlinear problem needs the elastic body as
+seen from there, a small dense matrix, and one factorisation serves the whole contact solve and the rebalance after it.
+
+Symbols: K elastic stiffness with the supports [force/length]; D diagonal stiffness that glues the contact nodes to the
+foundations, ``D_i = 10 E k^2/h |F|/m`` summed over facets; L the free degrees of freedom of the cells at the contact,
+those of the contact nodes first; A the first ones of L (the contact nodes, or all); S_A the Schur complement of K + D
+on A, so that S_A - D_A is that of K, and at the contact
+
+    K u = b + (forces c at A)   <=>   (S_A - D_A) u_A = S_A w_A + c,    u = w + (K + D)^-1 (D u_A + c)
+
+with ``w = (K + D)^-1 b``. K + D is positive definite also where only contacts hold the body. MUMPS gives the Schur
+complement on L with the factor; what is in L and not in A is eliminated with dense algebra.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from typing import Any
+
+import numpy as np
+import ufl
+from dolfinx import fem, la
+from dolfinx.fem import petsc as fp
+from petsc4py import PETSc
+
+from erc_contact.base.exceptions import InputError, together
+from erc_contact.mesh.simplex import facet_nodes
+from erc_contact.model.model import Model
+from erc_contact.newton.methods import nodal, stiffness_per_area
+
+GLUE = 10.0
+"""gamma_0 of the glue [-]."""
+WORKSPACE = 80
+"""Workspace of MUMPS beyond its estimate [%]; its own 20 was too small for a mesh of 322 tetrahedra on three ranks."""
+
+
+class Stiffness:
+    """The elastic stiffness of a model with its supports.
+
+    Attributes:
+        glue: D at the free degrees of freedom of the contact nodes, zero elsewhere [force/length], a Function of V.
+        local: Degrees of freedom of this rank (with ghosts) that are in L.
+        place: Their places in L.
+        numbers: Global numbers of L in order.
+        contact: Number of degrees of freedom of L at contact nodes; 0 without contact.
+        schur: S_L on rank 0; None elsewhere and without contact.
+        glued_by: D_L on rank 0.
+        motions: Rigid motions that no support holds, at L on rank 0.
+
+    Raises:
+        InputError: If the stiffness cannot be factorised.
+    """
+
+    def __init__(self, model: Model) -> None:
+        self.model = model
+        self.form = fem.form(model.stiffness(ufl.TrialFunction(model.V), ufl.TestFunction(model.V)))
+        self.contact = 0
+        self.schur: np.ndarray | None = None
+        self._reduced: tuple[np.ndarray, np.ndarray] | None = None
+        self._ksp: PETSc.KSP | None = None
+        self._matrix: PETSc.Mat | None = None
+        if model.contacts:
+            self.glue = self._glue()
+            self.local, self.place, self.numbers = self._layer()
+        if self.contact:
+            self._condense()
+
+    def load_vector(self) -> fem.Function:
+        """Assemble the loads of the scene as a Function of nodal forces (not yet summed over ranks)."""
+        b = fem.Function(self.model.V)
+        loads = self.model.loads(ufl.TestFunction(self.model.V))
+        if loads is not None:
+            fem.assemble_vector(b.x.array, fem.form(loads))
+        return b
+
+    def glued(self, b: fem.Function, *, supports: bool = True) -> fem.Function:
+        """``w = (K + D)^-1 b`` [length] under nodal forces b [force], whose ghost contributions are added up here.
+
+        Args:
+            b: Nodal forces.
+            supports: Whether fixed components take the values of the supports, else zero.
+        """
+        model = self.model
+        ksp = self._solver()
+        vector = fp.create_vector(model.V)
+        with vector.localForm() as local:
+            local.array[:] = b.x.array
+        if supports:
+            fp.apply_lifting(vector, [self.form], bcs=[model.bcs])
+        vector.ghostUpdate(PETSc.InsertMode.ADD, PETSc.ScatterMode.REVERSE)
+        fixed = np.flatnonzero(model.fixed.ravel()[: vector.getLocalSize()])
+        vector.array[fixed] = model.prescribed.x.array[fixed] if supports else 0.0
+        u = fem.Function(model.V)
+        x = vector.duplicate()
+        ksp.solve(vector, x)
+        u.x.array[: len(x.array)] = x.array
+        u.x.scatter_forward()
+        x.destroy()
+        vector.destroy()
+        return u
+
+    def solve(self, b: fem.Function, *, supports: bool = True) -> fem.Function:
+        """Displacement u of ``K u = b`` [length] under nodal forces b [force]; see :meth:`glued`.
+
+        Loads on rigid motions that no support holds must balance; u has then no part in these motions at the contact.
+        """
+        w = self.glued(b, supports=supports)
+        if not self.contact:
+            return w
+        a = self.contact
+        w_tested = self.gather(w)[:a]
+        u_tested = together(self.model.comm, lambda: None if self.schur is None else self._free(a, w_tested))
+        return self.expand(w, u_tested, None)
+
+    def _free(self, a: int, w_tested: np.ndarray) -> np.ndarray:
+        """The contact nodes without the glue, from those with it, on rank 0."""
+        return np.linalg.solve(self.energy(a), self.reduced(a)[0] @ w_tested)
+
+    def expand(self, w: fem.Function, u_tested: np.ndarray | None, force: np.ndarray | None) -> fem.Function:
+        """``u = w + (K + D)^-1 (D u_A + c)`` from u_A and the contact forces c at A, both on rank 0 (c may be None)."""
+        added = None
+        if u_tested is not None and self.schur is not None:
+            added = self.glued_by[: len(u_tested)] * u_tested + (0.0 if force is None else force)
+        b = fem.Function(self.model.V)
+        self.scatter(added, b)
+        owned = self.model.V.dofmap.index_map.size_local * self.model.d
+        b.x.array[owned:] = 0.0  # the owner has it all
+        u = self.glued(b, supports=False)
+        u.x.array[:] += w.x.array
+        return u
+
+    def reduced(self, count: int) -> tuple[np.ndarray, np.ndarray]:
+        """S_A for the first ``count`` of L, and the change of u_L with u_A, shapes (A, A) and (L, A); on rank 0."""
+        full = np.asarray(self.schur)
+        if count == len(full):
+            return full, np.eye(count)
+        if self._reduced is None:
+            a = self.contact
+            lift = np.vstack([np.eye(a), -np.linalg.solve(full[a:, a:], full[a:, :a])])
+            schur = full[:a, :a] + full[:a, a:] @ lift[a:]
+            self._reduced = 0.5 * (schur + schur.T), lift
+        return self._reduced
+
+    def gather(self, u: fem.Function) -> np.ndarray:
+        """Values at L on rank 0 (elsewhere an empty array), from the owners of the nodes; collective."""
+        own = self.local < self.model.V.dofmap.index_map.size_local * self.model.d
+        parts = self.model.comm.gather((self.place[own], u.x.array[self.local[own]]))
+        values = np.zeros(len(self.numbers) if parts else 0)
+        for place, part in parts or ():
+            values[place] = part
+        return values
+
+    def scatter(self, values: np.ndarray | None, u: fem.Function) -> None:
+        """Set u at L from the values on rank 0 (only A where they are as many), and zero elsewhere; collective."""
+        values = self.model.comm.bcast(values)
+        known = self.place < len(values)
+        u.x.array[:] = 0.0
+        u.x.array[self.local[known]] = values[self.place[known]]
+
+    def free(self) -> None:
+        """Free the factor; a later solve makes it anew."""
+        if self._ksp is not None:
+            self._ksp.destroy()
+            self._ksp = None
+        if self._matrix is not None:
+            self._matrix.destroy()
+            self._matrix = None
+
+    def energy(self, count: int) -> np.ndarray:
+        """``S_A - D_A``, the elastic energy of u_A, made definite on rigid motions that no support holds; on rank 0."""
+        schur, _ = self.reduced(count)
+        matrix = schur - np.diag(self.glued_by[:count])
+        if self.motions:
+            kernel, _ = np.linalg.qr(np.column_stack(self.motions)[:count])
+            matrix += np.mean(schur.diagonal()) * kernel @ kernel.T
+        return matrix
+
+    def _glue(self) -> fem.Function:
+        model = self.model
+        ones = ufl.as_vector([1.0] * model.d)
+        v = ufl.TestFunction(model.V)
+        gamma = stiffness_per_area(model, fem.Constant(model.mesh, GLUE))
+        terms = [gamma * ufl.inner(ones, v) * c.ds(metadata=nodal(model)) for c in model.contacts]
+        glue = fem.Function(model.V)
+        fem.assemble_vector(glue.x.array, fem.form(sum(terms[1:], start=terms[0])))
+        glue.x.scatter_reverse(la.InsertMode.add)
+        glue.x.scatter_forward()
+        glue.x.array[model.fixed.ravel()] = 0.0
+        return glue
+
+    def _layer(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Local degrees of freedom in L, their places, and the global numbers of L in order."""
+        model, d = self.model, self.model.d
+        facets = np.vstack([c.facets for c in model.contacts])
+        touching = np.zeros(len(model.fixed), dtype=bool)
+        on_facet = facet_nodes(d, model.degree)[facets[:, 1]]
+        touching[np.take_along_axis(model.nodes[facets[:, 0]], on_facet, axis=1)] = True
+        layer = np.zeros(len(model.fixed), dtype=bool)
+        layer[model.nodes[facets[:, 0]]] = True
+        dofs = np.flatnonzero((layer[:, None] & ~model.fixed).ravel())
+        at_contact = np.repeat(touching, d)[dofs]
+        blocks = model.V.dofmap.index_map.local_to_global((dofs // d).astype(np.int32))
+        numbers = blocks * d + dofs % d
+        contact = np.unique(np.concatenate(model.comm.allgather(numbers[at_contact])))
+        rest = np.setdiff1d(np.concatenate(model.comm.allgather(numbers[~at_contact])), contact)
+        every = np.concatenate([contact, rest])
+        self.contact = len(contact)
+        order = np.argsort(every)
+        return dofs, order[np.searchsorted(every, numbers, sorter=order)], every
+
+    def _assemble(self) -> PETSc.Mat:
+        matrix = fp.assemble_matrix(self.form, bcs=self.model.bcs)
+        matrix.assemble()
+        if self.contact:
+            diagonal = matrix.createVecRight()
+            diagonal.array[:] = self.glue.x.array[: diagonal.getLocalSize()]
+            matrix.setDiagonal(diagonal, addv=PETSc.InsertMode.ADD)
+            diagonal.destroy()
+        matrix.setOption(PETSc.Mat.Option.SPD, True)
+        return matrix
+
+    def _condense(self) -> None:
+        """Factorise with the Schur complement on L; the factor serves for solves, too, but on several ranks."""
+        comm = self.model.comm
+        self._matrix = self._assemble()
+        self._ksp = factorised(self._matrix, self.numbers)
+        self.glued_by = self.gather(self.glue)
+        self.motions = [self.gather(motion) for motion in self.model.free_motions]
+        self.schur = together(comm, lambda: self._schur_complement() if comm.rank == 0 else None)
+        if comm.size > 1:  # PETSc does not solve with a factor that has a Schur complement there
+            self._ksp.destroy()
+            self._ksp = None
+
+    def _schur_complement(self) -> np.ndarray:
+        """S_L, on rank 0."""
+        schur = _schur_complement(self._ksp, len(self.numbers))
+        if not np.isfinite(schur).all():
+            raise InputError("The elastic stiffness is not finite; look at the moduli and the mesh.")
+        return schur
+
+    def _solver(self) -> PETSc.KSP:
+        if self._matrix is None:
+            self._matrix = self._assemble()
+        if self._ksp is None:
+            self._ksp = factorised(self._matrix)
+        return self._ksp
+
+
+def factorised(matrix: PETSc.Mat, schur_on: np.ndarray | None = None) -> PETSc.KSP:
+    """A solver with MUMPS' factor of a symmetric matrix; collective.
+
+    Args:
+        matrix: Assembled.
+        schur_on: Global degrees of freedom on which MUMPS leaves a Schur complement, None for a plain factor.
+
+    Raises:
+        InputError: If it cannot be factorised.
+        MemoryError: If there is too little memory for it.
+    """
+    comm = matrix.comm.tompi4py()
+    ksp = PETSc.KSP().create(comm)
+    ksp.setOperators(matrix)
+    ksp.setType("preonly")
+    pc = ksp.getPC()
+    # on several ranks MUMPS leaves stray entries beside the triangle of a Cholesky factor
+    pc.setType("lu" if schur_on is not None and comm.size > 1 else "cholesky")
+    pc.setFactorSolverType("mumps")
+    pc.setFactorSetUpSolverType()
+    pc.getFactorMatrix().setMumpsIcntl(14, WORKSPACE)
+    if schur_on is not None:
+        mine = schur_on if comm.rank == 0 else schur_on[:0]
+        indices = PETSc.IS().createGeneral(mine.astype(PETSc.IntType), comm=comm)
+        _call("MatFactorSetSchurIS", pc.getFactorMatrix().handle, indices.handle)
+        indices.destroy()
+    ksp.setUp()
+    reasons, failed = PETSc.PC.FailedReason, pc.getFailedReason()
+    if failed == reasons.FACTOR_OUTMEMORY:
+        raise MemoryError(f"the factor of {matrix.getSize()[0]} elastic equations")
+    if failed != reasons.NOERROR:
+        raise InputError(
+            "The elastic stiffness cannot be factorised: its numbers are too far apart for double precision. "
+            "Choose units in which moduli and lengths are nearer to 1; look for degenerate cells."
+        )
+    return ksp
+
+
+_LIBRARY = ctypes.CDLL(PETSc.__file__)
+"""PETSc itself: petsc4py has no names for its Schur complements."""
+
+
+def _call(name: str, *arguments: Any) -> None:
+    function = getattr(_LIBRARY, name)
+    function.argtypes = [ctypes.c_void_p] * len(arguments)
+    if function(*arguments) != 0:
+        raise RuntimeError(f"PETSc: {name} failed.")
+
+
+def _schur_complement(ksp: PETSc.KSP, size: int) -> np.ndarray:
+    """The Schur complement that MUMPS left with a factor, on rank 0; with Cholesky it is one triangle."""
+    schur, status = ctypes.c_void_p(), ctypes.c_int()
+    data = ctypes.POINTER(ctypes.c_double)()
+    factor = ksp.getPC().getFactorMatrix().handle
+    _call("MatFactorGetSchurComplement", factor, ctypes.addressof(schur), ctypes.addressof(status))
+    _call("MatDenseGetArrayRead", schur.value, ctypes.addressof(data))
+    values = np.ctypeslib.as_array(data, (size, size)).copy()
+    _call("MatDenseRestoreArrayRead", schur.value, ctypes.addressof(data))
+    _call("MatFactorRestoreSchurComplement", factor, ctypes.addressof(schur), status.value)
+    if ksp.getPC().getType() == "lu":
+        return 0.5 * (values + values.T)
+    return values + values.T - np.diag(values.diagonal())

@@ -1,0 +1,217 @@
+"""Bodies and their foundations as triangles and lines for pyvista, and views of them. On rank 0.
+
+Bodies of degree 2 are cut into straight parts, so that their edges are seen to be curved.
+
+Symbols: X place before the deformation, g gap, n normal of the foundation, d dimension, k degree, m nodes of a simplex.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from erc_contact.mesh.simplex import edges, lagrange, node_between, node_vertices
+from erc_contact.output.drawing import mean_normal, tangents
+from erc_contact.output.fields import Surface
+from erc_contact.output.files import degree_of, grid_of, subdivided
+
+DIVISIONS = 6
+"""Straight parts of a curved edge at most."""
+TRIANGLES = 200_000
+"""Curved triangles are drawn by about so many straight ones in all, and fewer parts of an edge if need be."""
+REACH = 0.15
+"""The foundation is drawn where its magnified gap is below this share of the body's size."""
+PIXELS = 1800
+"""Longer side of the image of a body."""
+BAND, EXCESS = 0.03, 0.06
+"""Width of the band of a foundation, and what a flat one is longer than its contact, as shares of the size."""
+
+
+@dataclass(frozen=True, eq=False)
+class Skin:
+    """What is seen of a body: triangles of degree k, and the edges of elements.
+
+    Attributes:
+        points: Nodes of the body [length], shape (n, 3).
+        triangles: Nodes of the triangles, shape (f, 3 or 6).
+        cell: The element of each, shape (f,).
+        lines: Nodes of the edges, shape (e, 2 or 3).
+    """
+
+    points: np.ndarray
+    triangles: np.ndarray
+    cell: np.ndarray
+    lines: np.ndarray
+
+    @property
+    def divisions(self) -> int:
+        """Parts of an edge that are drawn straight."""
+        many = int(np.sqrt(TRIANGLES / len(self.triangles)))
+        return 1 if degree_of(self.lines, 1) == 1 else min(max(many, 1), DIVISIONS)
+
+    def faces(self, x: np.ndarray, **look: Any) -> tuple[Any, dict[str, Any]]:
+        """The triangles with nodes at x, and how they look; colours of elements are those in ``scalars``."""
+        points, parts = sampled(x[self.triangles], 2, self.divisions)
+        if "scalars" in look:
+            look["scalars"] = np.repeat(look["scalars"][self.cell], len(parts) // len(self.cell), axis=0)
+        return straight(points, parts), look
+
+    def edges(self, x: np.ndarray, **look: Any) -> tuple[Any, dict[str, Any]]:
+        """The edges with nodes at x, and how they look."""
+        return straight(*sampled(x[self.lines], 1, self.divisions)), look
+
+
+def skin_of(points: np.ndarray, cells: np.ndarray, d: int) -> Skin:
+    """The skin of a body of elements (m, N) of dimension d: these themselves in 2D."""
+    k = degree_of(cells, d)
+    surface = grid_of(points, cells[:, : d + 1], d).extract_surface(algorithm="dataset_surface")
+    cell = surface.cell_data["vtkOriginalCellIds"]
+    corners = surface.point_data["vtkOriginalPointIds"][surface.regular_faces]
+    local = (cells[cell, None, : d + 1] == corners[:, :, None]).argmax(axis=2)
+
+    def between(pairs: np.ndarray) -> np.ndarray:
+        """Nodes between pairs of vertices of the triangles, shape (f, pairs)."""
+        first, second = local[:, pairs.reshape(-1, 2).T].swapaxes(0, 1)
+        return np.take_along_axis(cells[cell], node_between(d, k)[first, second], axis=1)
+
+    lines = between(edges(2)[:, node_vertices(1, k)]).reshape(-1, k + 1)
+    first, second = np.sort(lines[:, :2], axis=1).T
+    _, once = np.unique(first * len(points) + second, return_index=True)
+    return Skin(points, between(node_vertices(2, k)), cell, lines[once])
+
+
+def sampled(x: np.ndarray, d: int, divisions: int) -> tuple[np.ndarray, np.ndarray]:
+    """Lines or triangles with nodes (n, m, 3) cut into straight ones: points (p, 3), and these by these points."""
+    points, parts = subdivided(d, divisions)
+    at = np.matmul(lagrange(d, degree_of(x, d), points), x)
+    return at.reshape(-1, x.shape[-1]), (np.arange(len(x))[:, None, None] * len(points) + parts).reshape(-1, d + 1)
+
+
+def straight(points: np.ndarray, parts: np.ndarray) -> Any:
+    """Straight lines (n, 2) or triangles (n, 3) between points (p, 3) for pyvista."""
+    import pyvista  # noqa: PLC0415
+
+    if parts.shape[1] == 3:
+        return pyvista.PolyData.from_regular_faces(points, parts)
+    return pyvista.PolyData(points, lines=np.insert(parts, 0, 2, axis=1))
+
+
+def foundation(surface: Surface, factor: float, size: float) -> Any:
+    """A foundation at X + factor g n, in straight parts, as far as it is near the body.
+
+    A plane with a constant gap is drawn somewhat larger than the contact, others opposite to the contact.
+
+    Args:
+        surface: The contact.
+        factor: Magnification of the gap [-].
+        size: Size of the body [length].
+
+    Returns:
+        Lines in 2D, triangles in 3D for pyvista; at their points ``normal``, the normal of the foundation.
+    """
+    d, contact = surface.d, surface.traction.contact
+    direction = np.pad(contact.direction, ((0, 0), (0, 3 - d)))
+    points, parts = sampled(surface.x + factor * surface.gap[..., None] * direction[:, None], d - 1, DIVISIONS)
+    lift = sampled(factor * surface.gap[..., None], d - 1, DIVISIONS)[0][:, 0]
+    normal, n = np.repeat(direction, len(points) // len(direction), axis=0), mean_normal(surface)
+    if np.ptp(points[:, :d] @ n) + np.ptp(lift) + np.ptp(direction, axis=0).max() * size <= 1e-9 * size:
+        plane = tangents(n)
+        along, height = points[:, :d] @ plane.T, float((points[:, :d] @ n).mean())
+        ends = along.min(axis=0) - EXCESS * size, along.max(axis=0) + EXCESS * size
+        corners = np.stack(np.meshgrid(*np.transpose(ends), indexing="ij"), axis=-1).reshape(-1, d - 1)
+        points = np.pad(corners @ plane + height * n, ((0, 0), (0, 3 - d)))
+        parts = np.array([[0, 1]] if d == 2 else [[0, 1, 2], [1, 2, 3]])
+        lift, normal = lift[: len(points)], normal[: len(points)]
+    drawn = straight(points, parts)
+    drawn.point_data.update({"lift": lift, "normal": normal})
+    return drawn.clip_scalar(scalars="lift", value=REACH * size)
+
+
+def ground(surface: Any, size: float) -> list[tuple[Any, dict[str, Any]]]:
+    """How a :func:`foundation` looks in a picture of this size [length]: in 2D a line with a band beyond it."""
+    import pyvista  # noqa: PLC0415
+
+    if surface.n_lines == 0:
+        return [(surface, {"color": "#b8b8b8"})] * (surface.n_cells > 0)
+    parts = surface.lines.reshape(-1, 3)[:, 1:]
+    beyond = surface.points + BAND * size * (surface.point_data["normal"] - [0.0, 0.0, 1.0])  # and behind the body
+    quads = np.column_stack([parts, len(beyond) + parts[:, ::-1]])
+    band = pyvista.PolyData.from_regular_faces(np.concatenate([surface.points, beyond]), quads)
+    return [(band, {"color": "#c8c8c8"}), (surface, {"color": "#505050", "line_width": 3.0})]
+
+
+def views_of(d: int, up: np.ndarray) -> dict[str, np.ndarray]:
+    """Names and axes (across, upward, towards the eye; 3 x 3) of views: one in 2D; two in 3D, from opposite sides."""
+    if d == 2:
+        return {"": np.eye(3)}
+    aside = 0.75 * np.roll(abs(up), 1) + 0.55 * np.roll(abs(up), 2)
+    views = {}
+    for name, towards in (("from above", aside + 0.4 * up), ("from below", -aside - 0.6 * up)):
+        across = np.cross(up, towards)
+        axes = np.array([across, np.cross(towards, across), towards])
+        views[name] = axes / np.linalg.norm(axes, axis=1, keepdims=True)
+    return views
+
+
+def rendered(parts: Sequence[tuple[Any, dict[str, Any]]], view: np.ndarray) -> tuple[np.ndarray, tuple[float, ...]]:
+    """Image of (data, look) in parallel projection, and its extent in the plane of the view [length]."""
+    import pyvista  # noqa: PLC0415
+
+    seen = np.concatenate([data.points for data, _ in parts]) @ view.T
+    low, high = seen.min(axis=0), seen.max(axis=0)
+    size = float(np.linalg.norm(high - low))
+    low, high, middle = low - 0.01 * size, high + 0.01 * size, (low + high) / 2 @ view
+    pixels = np.maximum(PIXELS * (high - low)[:2] / (high - low)[:2].max(), 16).round().astype(int)
+    flat = abs(view[2, 2]) == 1.0
+    with pyvista.vtk_verbosity("off"):  # without a display VTK complains before it finds another way
+        plotter = pyvista.Plotter(off_screen=True, window_size=pixels.tolist())
+        plotter.set_background("white")
+        for data, look in parts:
+            lines = data.n_lines > 0  # to be seen before the surface that they lie on
+            shown = data.translate(1e-3 * size * view[2]) if lines else data
+            plotter.add_mesh(shown, show_scalar_bar=False, lighting=not flat, ambient=0.65, diffuse=0.4, **look)
+        plotter.enable_parallel_projection()
+        plotter.camera_position = [tuple(middle + 2 * size * view[2]), tuple(middle), tuple(view[1])]
+        plotter.camera.parallel_scale = (high - low)[1] / 2
+        plotter.reset_camera_clipping_range()
+        image = np.asarray(plotter.screenshot(return_img=True))
+        plotter.close()
+    return image, (low[0], high[0], low[1], high[1])
+
+
+def show(axes: Any, drawn: tuple[np.ndarray, tuple[float, ...]], view: np.ndarray, points: np.ndarray) -> None:
+    """Put the image of these points in axes, with coordinates; in 3D along three edges of a box around them."""
+    from matplotlib.ticker import MaxNLocator  # noqa: PLC0415
+
+    axes.imshow(drawn[0], extent=drawn[1])
+    axes.spines[:].set_visible(False)
+    if view[2, 2] == 1.0:
+        axes.set(xlabel="$x$ [length]", ylabel="$y$ [length]")
+        return
+    axes.set_axis_off()
+    ends = np.array([points.min(axis=0), points.max(axis=0)])
+    corners = np.stack(np.meshgrid(*ends.T, indexing="ij"), axis=-1).reshape(-1, 3)
+    lengths = np.ptp(ends, axis=0) * np.linalg.norm(view[:2], axis=0)
+    for i, name in enumerate("xyz"):
+        starts, direction = corners[corners[:, i] == ends[0, i]], view[:2, i]
+        level = abs(direction[0]) > abs(direction[1])
+        outward = np.array([0.0, -1.0]) if level else np.array([-1.0, 0.0])
+        outward -= (outward @ direction) / (direction @ direction) * direction
+        outward /= np.linalg.norm(outward)
+        start = view[:2] @ starts[(starts @ view[:2].T @ outward).argmax()]  # an edge of the box's outline
+        number = max(1, round(4 * lengths[i] / lengths.max()))
+        low, high = ends[:, i] + 1e-6 * lengths.max() * np.array([-1, 1])
+        ticks = MaxNLocator(number, steps=[1, 2, 5, 10]).tick_values(low, high)
+        ticks = ticks[(ticks >= low) & (ticks <= high)]
+        at = start + (np.array([*ends[:, i], ends[:, i].mean(), *ticks]) - ends[0, i])[:, None] * direction
+        look = {"color": "0.3", "lw": 0.8, "clip_on": False}
+        axes.plot(*at[:2].T, **look)
+        axes.plot(*np.stack([at[3:], at[3:] + 0.015 * lengths.max() * outward]).transpose(2, 0, 1), **look)
+        side = int(np.sign(outward[0])) * (abs(outward[0]) > 0.3)  # words grow away from the body
+        words = {"textcoords": "offset points", "ha": ("center", "left", "right")[side], "va": "center"}
+        for place, tick in zip(at[3:], ticks, strict=True):
+            axes.annotate(f"{tick:.4g}", place, 10 * outward, fontsize=9, **words)
+        axes.annotate(f"${name}$ [length]", at[2], (26 if level else 38) * outward, fontsize=10, **words)

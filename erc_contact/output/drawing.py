@@ -1,0 +1,61 @@
+"""What plots and pictures share: figures, clean directions. On rank 0.
+
+Symbols: n normal of the foundation.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from erc_contact.output.fields import Surface
+
+AXIS = 1e-6
+"""A direction whose cosine with a coordinate axis misses 1 by less is that axis."""
+
+
+def new_figure(width: float, height: float, layout: str = "constrained") -> Any:
+    """An empty figure [inches]; the layout of pictures, which keep their shape, is "compressed"."""
+    from matplotlib.figure import Figure  # noqa: PLC0415
+
+    return Figure(figsize=(width, height), layout=layout)
+
+
+def save_figure(figure: Any, path: str | Path) -> None:
+    """Write a figure; the suffix of the path chooses the format."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg  # noqa: PLC0415
+
+    FigureCanvasAgg(figure)
+    figure.savefig(path, dpi=200, bbox_inches="tight")
+
+
+def mean_normal(surface: Surface) -> np.ndarray:
+    """The normal of the foundation, its mean direction where it varies, shape (d,); zero around a closed contact."""
+    n = surface.traction.area @ surface.traction.contact.direction
+    length = np.linalg.norm(n)
+    n = n / length if length > AXIS * surface.traction.area.sum() else 0 * n
+    axis = np.eye(len(n))[abs(n).argmax()]
+    return np.sign(n) * axis if abs(n).max() > 1 - AXIS else n
+
+
+def tangents(n: np.ndarray) -> np.ndarray:
+    """d-1 orthonormal tangents, along the coordinate axes that are nearest to the contact, shape (d-1, d)."""
+    axes = np.sort(np.argsort(abs(n), kind="stable")[: len(n) - 1])
+    if abs(n).max() in (0.0, 1.0):
+        return np.eye(len(n))[axes]
+    q, r = np.linalg.qr(np.column_stack([n, np.eye(len(n))[:, axes]]))
+    return (q * np.sign(np.diag(r)))[:, 1:].T
+
+
+def words(vector: np.ndarray, scale: float = 1.0) -> str:
+    """A direction, or a place in something of a size, in words: rounded to three digits of that size."""
+    digits = 3 - int(np.floor(np.log10(scale)))
+    return "({})".format(", ".join(f"{c:.4g}" for c in np.round(vector, digits) + 0.0))
+
+
+def coordinate(tangent: np.ndarray) -> str:
+    """Label of a coordinate along a tangent."""
+    along = f"${'xyz'[tangent.argmax()]}$" if tangent.max() == 1.0 else f"along {words(tangent)}"
+    return f"{along} [length]"

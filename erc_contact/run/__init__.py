@@ -1,0 +1,1 @@
+"""The adaptive run: where to refine, the optimal mesh, the loop, and its history."""

@@ -1,0 +1,156 @@
+"""What an adaptive run did: one row a mesh, the best result, and why it ended."""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import asdict, dataclass, field, fields
+from pathlib import Path
+
+import numpy as np
+
+from erc_contact.base.percent import percent
+from erc_contact.error.constitutive import ConstitutiveError
+from erc_contact.mesh.domain import Domain
+from erc_contact.newton.solve import Solution
+
+
+@dataclass(frozen=True)
+class Step:
+    """One mesh of an adaptive run; times are wall times, the largest over the ranks [s].
+
+    Attributes:
+        cells: Number of elements.
+        vertices: Number of vertices.
+        dofs: Degrees of freedom.
+        newton: Newton steps.
+        method: Name of the contact method whose solution it is.
+        eps: Relative error (17).
+        bulk: Bulk part of eps.
+        contact: Contact part of eps.
+        geometry: What flat facets of a curved body cost beside eps.
+        solve: Seconds of the contact solve.
+        equilibrate: Seconds of the admissible pair.
+        error: Seconds of the error.
+        mesh: Seconds of making this mesh.
+        seconds: Seconds from the start of the run to this error, all stages of all meshes.
+    """
+
+    cells: int
+    vertices: int
+    dofs: int
+    newton: int
+    method: str
+    eps: float
+    bulk: float
+    contact: float
+    geometry: float
+    solve: float
+    equilibrate: float
+    error: float
+    mesh: float
+    seconds: float
+
+
+COLUMNS = tuple(f.name for f in fields(Step))
+HEADER = "  cells  verts    dofs  N     eps    bulk    cont solve equil error  mesh  total"
+CURVED = "  cells  verts    dofs  N     eps    bulk    cont    geom solve equil  total"
+"""The header for a body with curved parts, whose flat facets cost something."""
+
+
+def line(step: Step, *, curved: bool) -> str:
+    """The row of a step below :data:`HEADER` or :data:`CURVED`."""
+    facts = (
+        f"{step.cells:7d} {step.vertices:6d} {step.dofs:7d} {step.newton:2d} {percent(step.eps, 3):>7} "
+        f"{percent(step.bulk, 3):>7} {percent(step.contact, 3):>7}"
+    )
+    times = f"{step.solve:5.2f} {step.equilibrate:5.2f}"
+    if curved:
+        return f"{facts} {percent(step.geometry, 3):>7} {times} {step.seconds:6.1f}"
+    return f"{facts} {times} {step.error:5.2f} {step.mesh:5.2f} {step.seconds:6.1f}"
+
+
+@dataclass(frozen=True, eq=False)
+class History:
+    """What an adaptive run did, one row a mesh.
+
+    Attributes:
+        steps: The rows.
+        accuracy: The prescribed relative error.
+        reached: Whether it was reached.
+        outcome: Why the run ended, in words.
+        best: The error of least ``total``, with the admissible pair and the solution.
+        meshes: Domain and eps_E of every step, for pictures.
+    """
+
+    steps: tuple[Step, ...]
+    accuracy: float
+    reached: bool
+    outcome: str
+    best: ConstitutiveError
+    meshes: tuple[tuple[Domain, np.ndarray], ...] = field(repr=False)
+
+    def __str__(self) -> str:
+        curved = self.best.domain.marks is not None
+        rows = [line(step, curved=curved) for step in self.steps]
+        return "\n".join([CURVED if curved else HEADER, *rows, self.outcome])
+
+    @property
+    def error(self) -> ConstitutiveError:
+        """The error of least ``total``, ``best`` by its kind: ``history.error.force("bottom")``."""
+        return self.best
+
+    @property
+    def solution(self) -> Solution:
+        """The solution of least error."""
+        return self.best.solution
+
+    def column(self, name: str) -> np.ndarray:
+        """One column of the rows as an array."""
+        return np.array([getattr(step, name) for step in self.steps])
+
+    def slope(self, against: str = "cells", last: int | None = None) -> float:
+        """Slope of log(eps) against the log of a column, least squares over the last rows.
+
+        Args:
+            against: Name of the column: cells, dofs or seconds.
+            last: Number of rows; the second half by default.
+
+        Returns:
+            The slope, nan with fewer than two rows.
+        """
+        number = last or max(2, len(self.steps) // 2)
+        x, eps = self.column(against)[-number:], self.column("eps")[-number:]
+        if len(x) < 2 or not np.all(eps > 0):
+            return float("nan")
+        return float(np.polyfit(np.log(x), np.log(eps), 1)[0])
+
+    def to_csv(self, path: str | Path) -> None:
+        """Write the rows as CSV; every rank may call, rank 0 writes."""
+        if self.best.admissible.solution.domain.mesh.comm.rank == 0:
+            with Path(path).open("w", newline="") as file:
+                writer = csv.DictWriter(file, COLUMNS)
+                writer.writeheader()
+                writer.writerows(asdict(step) for step in self.steps)
+
+    def save(self, folder: str | Path) -> None:
+        """Write table, figures, pictures and ParaView files to a folder; collective.
+
+        ``history.csv``, ``error.png`` (error against run time and degrees of freedom), ``meshes.png``,
+        ``error_map.png``, ``deformed.png``, ``contact_<name>.png`` for each contact, ``body.vtkhdf`` and
+        ``contact_<name>.vtkhdf``.
+        """
+        from erc_contact.output import fields
+        from erc_contact.output import pages as output  # noqa: PLC0415 - plots and pictures are paid for only when asked for
+
+        folder = Path(folder)
+        comm = self.best.admissible.solution.domain.mesh.comm
+        fields.on_root(comm, folder / "history.csv", lambda: self.to_csv(folder / "history.csv"))
+        output.plot_history({"adaptive": self}, folder / "error.png")
+        output.draw_meshes(self.meshes, folder / "meshes.png")
+        output.draw_error(self.best, folder / "error_map.png")
+        output.draw_deformed(self.best, folder / "deformed.png")
+        for traction in self.best.admissible.tractions:
+            output.plot_contact(
+                self.best.admissible, traction.contact.name, folder / f"contact_{traction.contact.name}.png"
+            )
+        fields.write_fields(self.best, folder)

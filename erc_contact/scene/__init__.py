@@ -1,0 +1,1 @@
+"""What is declared: materials, friction laws, supports, loads and contacts. Data and UFL, no mesh."""

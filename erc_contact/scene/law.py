@@ -1,0 +1,120 @@
+"""Contact and friction laws: the admissible tractions of a foundation (UFL, no mesh).
+
+Symbols, with n the unit normal of the foundation that points into it (outward from the body):
+w = u on the contact boundary, w_n = w.n, w_t = w - w_n n [length]; r the contact traction on the body,
+r_n = r.n, r_t = r - r_n n, pressure p = -r_n [force/area]; g the initial gap [length]; b(p) the friction bound
+[force/area].
+
+The conditions with a gap: w_n <= g, r_n <= 0, r_n (w_n - g) = 0, |r_t| <= b(p), and r_t = -b(p) w_t/|w_t| where w_t
+is not zero. A law is its friction bound: Coulomb b = mu p (12)-(15), Tresca b = s; a frictionless contact has none.
+A law of the user's own is a class with the same members, ``parameters`` and ``bound``. Its b must be finite, not
+negative, never decrease and be concave in p: the tractions that it allows are then a convex set, and the error in the
+constitutive relation is what it is for Coulomb. A bilateral contact can pull: its b must not know the pressure. This is
+checked at samples when the scene meets its mesh (:mod:`erc_contact.model.promises`).
+
+Source: Coorevits, Hild, Hjiaj, equations (5)-(8), (12)-(16); the gap and the general bound are ours.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import isfinite
+from numbers import Real
+from typing import Any, ClassVar, Protocol
+
+import ufl
+
+from erc_contact.base.exceptions import InputError
+from erc_contact.scene.material import Value
+
+
+class Law(Protocol):
+    """A friction law.
+
+    Attributes:
+        parameters: Names of the attributes that are values in space (numbers or callables of x, each >= 0).
+    """
+
+    parameters: tuple[str, ...]
+
+    def bound(self, pressure: Any, **parameters: Any) -> Any:
+        """The friction bound b(p) [force/area], UFL of the pressure p >= 0 and the parameters.
+
+        It is >= 0, never decreases and is concave in p.
+        """
+
+
+def _check(what: str, value: Any) -> None:
+    if not callable(value) and not (isinstance(value, Real) and isfinite(value) and float(value) >= 0):
+        raise InputError(f"{what} is {value!r}; give a finite number >= 0, or a callable of x.")
+
+
+@dataclass(frozen=True)
+class Coulomb:
+    """Coulomb friction, ``b = mu p``.
+
+    Args:
+        friction: Friction coefficient mu >= 0 [-], number or callable of x.
+
+    Raises:
+        InputError: If the number is negative.
+    """
+
+    friction: Value
+    parameters: ClassVar[tuple[str, ...]] = ("friction",)
+
+    def __post_init__(self) -> None:
+        _check("Coulomb: friction", self.friction)
+
+    def bound(self, pressure: Any, friction: Any) -> Any:
+        """``b(p) = mu p`` [force/area]."""
+        return friction * pressure
+
+
+@dataclass(frozen=True)
+class Tresca:
+    """Given friction, ``b = s`` whatever the pressure.
+
+    Args:
+        limit: Friction bound s >= 0 [force/area], number or callable of x.
+
+    Raises:
+        InputError: If the number is negative.
+    """
+
+    limit: Value
+    parameters: ClassVar[tuple[str, ...]] = ("limit",)
+
+    def __post_init__(self) -> None:
+        _check("Tresca: limit", self.limit)
+
+    def bound(self, pressure: Any, limit: Any) -> Any:
+        """``b(p) = s`` [force/area]."""
+        return limit
+
+
+def project(z: Any, n: Any, bound: Callable[[Any], Any] | None, *, bilateral: bool = False) -> Any:
+    """Project a traction on the tractions that a law allows, first its normal part, then its tangential part.
+
+    ``r_n = min(z_n, 0)``, or z_n where the contact is bilateral; ``r_t = z_t`` if ``|z_t| < b(p)`` (stick), else
+    ``b(p) z_t/|z_t|`` (slip).
+
+    Args:
+        z: Trial traction [force/area], shape (d,).
+        n: Unit normal of the foundation, shape (d,).
+        bound: Friction bound b of the pressure, or None for no friction at all (no friction term is formed).
+        bilateral: Whether the contact cannot open.
+
+    Returns:
+        The contact traction r [force/area], shape (d,).
+    """
+    z_n = ufl.dot(z, n)
+    r_n = z_n if bilateral else ufl.conditional(ufl.lt(z_n, 0), z_n, 0)
+    if bound is None:
+        return r_n * n
+    z_t = z - z_n * n
+    size = ufl.sqrt(ufl.dot(z_t, z_t))
+    limit = bound(-r_n)
+    divisor = ufl.conditional(ufl.gt(size, 0), size, 1)  # an open contact has b = 0 and may have z_t = 0
+    return r_n * n + ufl.conditional(ufl.lt(size, limit), 1, limit / divisor) * z_t
