@@ -23,15 +23,18 @@ from erc_contact.error.constitutive import ConstitutiveError, constitutive_error
 from erc_contact.error.oscillation import Oscillations
 from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.sources import box, from_gmsh, read_mesh, rectangle
-from erc_contact.newton.methods import AugmentedLagrangian, Nitsche
+from erc_contact.newton.methods import AugmentedLagrangian, Method, Nitsche
 from erc_contact.newton.solve import Solution, solve
 from erc_contact.run.adapt import adapt
 from erc_contact.run.history import History, Step
 from erc_contact.run.sizes import Sizes, size_map
 from erc_contact.run.strategy import Mark, SizeMap, Strategy, Uniform, mark
+from erc_contact.scene.contact import Contact
 from erc_contact.scene.law import Coulomb, Law, Tresca
-from erc_contact.scene.material import Elastic
-from erc_contact.scene.scene import BodyForce, Contact, Displacement, Scene, Traction
+from erc_contact.scene.load import BodyForce, Load, Traction
+from erc_contact.scene.material import Elastic, Material
+from erc_contact.scene.scene import Scene
+from erc_contact.scene.support import Displacement
 
 free_forms()
 
@@ -50,7 +53,10 @@ __all__ = [
     "History",
     "InputError",
     "Law",
+    "Load",
     "Mark",
+    "Material",
+    "Method",
     "Nitsche",
     "NotConverged",
     "NotHeldError",

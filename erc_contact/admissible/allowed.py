@@ -12,9 +12,8 @@ import numpy as np
 
 from erc_contact.admissible.cones import Cones, clip, split
 from erc_contact.mesh.simplex import at_nodes, coefficients, lattice
-from erc_contact.model.foundation import BoundContact
+from erc_contact.model.foundation import PROPORTIONAL, BoundContact
 from erc_contact.model.model import Model
-from erc_contact.scene.law import Coulomb
 
 SAMPLES = 12
 """Subdivisions of a facet's edge when a bound that varies along it is sampled."""
@@ -114,7 +113,7 @@ class Allowed:
         pressure = np.maximum(-(start * self.n).sum(axis=-1), 0.0)
         pulls = np.full(pressure.shape, self.contact.bilateral)
         bound = self.bound(np.where(pulls, 0.0, pressure))
-        if isinstance(self.contact.law, Coulomb):
+        if self.contact.friction is not None and self.contact.friction.dependence == PROPORTIONAL:
             slope = self.bound(np.ones_like(pressure))
         else:
             step = DIFFERENCE * np.maximum(np.maximum(pressure, peak), np.finfo(float).tiny / DIFFERENCE)

@@ -181,9 +181,3 @@ def signed(cells: Simplices, moment: np.ndarray) -> np.ndarray:
     places = np.arange(cells.facets.size).reshape(cells.facets.shape)
     sign = np.where(cells.side[0][cells.facets] == places, 1.0, -1.0)
     return sign[:, :, None, None] * moment[cells.facets]
-
-
-def elastic_modulus(model: Model, cells: np.ndarray) -> np.ndarray:
-    """Modulus of the material at the middle of cells [force/area]."""
-    middle = np.full((1, model.d), 1 / (model.d + 1))
-    return evaluate(model.scene.material.modulus(**model.parameters), model.domain, middle, cells)[:, 0]

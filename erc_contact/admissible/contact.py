@@ -18,7 +18,7 @@ from mpi4py import MPI
 
 from erc_contact.admissible.allowed import Allowed, samples
 from erc_contact.admissible.balance import Part, balanced
-from erc_contact.admissible.cells import elastic_modulus, moments
+from erc_contact.admissible.cells import moments
 from erc_contact.admissible.cones import split
 from erc_contact.base.exceptions import NotHeldError
 from erc_contact.mesh.simplex import bernstein, lagrange, mass, rule
@@ -172,7 +172,7 @@ def _drawn(model: Model, contact: BoundContact, u: np.ndarray, area: np.ndarray)
     opening = np.zeros_like(w_n)
     if not contact.bilateral:
         opening = np.maximum(model.gap_at_nodes(contact) @ shape.T - w_n, 0.0)
-    stiffness = (elastic_modulus(model, contact.facets[:, 0]) / area ** (1 / (d - 1)))[:, None]
+    stiffness = (model.at_middles(model.modulus, contact.facets[:, 0]) / area ** (1 / (d - 1)))[:, None]
     slip = stiffness[..., None] * np.matmul(average, w_t)
     return _Drawn(slip, stiffness * length @ average.T, stiffness * opening @ average.T, n)
 
@@ -216,7 +216,7 @@ def _balanced(
         share = t.area / t.nodes.shape[1]
         moment = np.stack([moments(t.area, values, model.degree) for values in of], axis=-1)
         motions.append(moment / share[:, None, None, None])
-        owned = t.contact.facets[:, 0] < model.domain.owned_cells
+        owned = model.owned(t.contact.facets)
         weights.append(np.where(owned, share, 0.0)[:, None])
     values = start
     for _ in range(PASSES):

@@ -16,7 +16,6 @@ from dataclasses import dataclass
 import numpy as np
 from dolfinx import fem
 
-from erc_contact.admissible.cells import elastic_modulus
 from erc_contact.admissible.contact import ContactTraction, split
 from erc_contact.mesh.quadrature import facet_pieces, integrate, polynomials
 from erc_contact.mesh.simplex import coefficients
@@ -109,7 +108,7 @@ def _sum(limit: _Limits, of_facets: np.ndarray) -> np.ndarray:
 
 def _nodal_stiffness(model: Model, traction: ContactTraction) -> np.ndarray:
     """About the elastic stiffness of a node of the contact, ``E h^(d-2)`` [force/length]; zero elsewhere."""
-    modulus = elastic_modulus(model, traction.contact.facets[:, 0])
+    modulus = model.at_middles(model.modulus, traction.contact.facets[:, 0])
     of_facet = modulus * traction.area ** ((model.d - 2) / (model.d - 1))
     stiffness = np.zeros(len(model.fixed))
     np.maximum.at(stiffness, traction.nodes, of_facet[:, None])

@@ -9,7 +9,8 @@ from erc_contact.admissible.cells import Simplices, evaluate_sorted
 from erc_contact.admissible.macro import macro_points, mandel, tensors
 from erc_contact.mesh.simplex import bernstein, coefficients, gradients, mass, rule
 from erc_contact.model.expressions import evaluate, varies_in_cells
-from erc_contact.model.model import DATA_DEGREE, Model
+from erc_contact.model.model import Model
+from erc_contact.model.values import DATA_DEGREE
 
 
 def strains(cells: Simplices, u: fem.Function) -> np.ndarray:

@@ -16,7 +16,8 @@ from erc_contact.admissible.cells import Simplices
 from erc_contact.mesh.quadrature import cell_pieces, facet_pieces, integrate, polynomials
 from erc_contact.mesh.simplex import bernstein, mass, rule
 from erc_contact.model.expressions import Everywhere, evaluate, varies_in_cells
-from erc_contact.model.model import DATA_DEGREE, Model
+from erc_contact.model.model import Model
+from erc_contact.model.values import DATA_DEGREE
 
 
 def traction_moments(model: Model, facets: np.ndarray, traction: Any) -> np.ndarray:

@@ -126,9 +126,9 @@ def _loads(model: Model, cells: Simplices) -> tuple[np.ndarray, np.ndarray]:
     d = cells.d
     given = np.zeros((cells.side.shape[1], len(model.facet_points), d))
     fixed = np.zeros((cells.side.shape[1], d), dtype=bool)
-    for name, _, traction in model.tractions:
-        facets = model.domain.facets(name)
-        _add(model, given, facets, traction_moments(model, facets, traction))
+    for load in model.tractions:
+        facets = model.domain.facets(load.facets)
+        _add(model, given, facets, traction_moments(model, facets, load.density))
     for facets, components in model.fixed_facets:
         fixed[_numbers(model, facets)] |= components
     given[np.broadcast_to(fixed[:, None, :], given.shape)] = 0.0

@@ -53,11 +53,10 @@ from petsc4py import PETSc
 from erc_contact.base.exceptions import InputError, raise_together
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.works import elastic_work, friction_work, load_work, stress_work
-from erc_contact.model.foundation import BoundContact
+from erc_contact.model.foundation import CONSTANT, BoundContact
 from erc_contact.model.model import Model
 from erc_contact.newton.methods import stiffness_per_area
-from erc_contact.newton.stiffness import factorised
-from erc_contact.scene.law import Tresca
+from erc_contact.newton.mumps import factorised
 
 GLUE = 1e6
 """gamma_0 that holds phi on the contacts while its energy is minimised [-]; its values there are then set exactly."""
@@ -116,7 +115,7 @@ def resultant(error: ConstitutiveError, contact: str, direction: Sequence[float]
     middle = 0.5 * both - load_work(model, phi)
     square = elastic_work(pair, phi, phi)
     size = float(np.sqrt(max(square.value + square.rest, 0.0)))
-    stiffest = model.greatest(model.scene.material.modulus(**model.parameters)) * model.domain.size ** (model.d - 2)
+    stiffest = model.stiffest() * model.domain.size ** (model.d - 2)
     rigid = size <= RIGID * np.linalg.norm(a) * np.sqrt(stiffest)  # only the balance of forces is used
     dictated = bool(rigid) and error.geometry <= ROUND_OFF * error.scale
     guaranteed = middle.known and square.known and (dictated or _guaranteed(error))
@@ -163,7 +162,7 @@ def work_of_loads(error: ConstitutiveError) -> Bounds:
     scene = error.admissible.solution.scene
     moved = [s.facets for s in scene.supports if any(callable(v) or v for v in s.value)]
     gaps = [c.facets for c in scene.contacts if callable(c.gap) or c.gap]
-    rough = [c.facets for c in scene.contacts if c.law is not None]
+    rough = [c.facets for c in scene.contacts if c.friction is not None]
     for what, where in (("a support that is not zero", moved), ("a gap", gaps), ("friction", rough)):
         if where:
             raise InputError(
@@ -237,7 +236,7 @@ def _least_energy(model: Model, which: int, a: np.ndarray) -> fem.Function:
 
 def _only_normal(contact: BoundContact) -> bool:
     """Whether the traction has no other component than one normal, the same everywhere."""
-    return contact.law is None and isinstance(contact.normal, fem.Constant)
+    return contact.friction is None and isinstance(contact.normal, fem.Constant)
 
 
 def _tested(contact: BoundContact, values: np.ndarray) -> np.ndarray:
@@ -265,6 +264,7 @@ def _square(error: ConstitutiveError) -> float:
 
 
 def _guaranteed(error: ConstitutiveError) -> bool:
-    laws = [c.law for c in error.admissible.solution.model.contacts]
     exact = max(error.oscillation, error.geometry) <= ROUND_OFF * error.scale
-    return exact and all(law is None or isinstance(law, Tresca) for law in laws)
+    return exact and all(
+        c.friction is None or c.friction.dependence == CONSTANT for c in error.admissible.solution.model.contacts
+    )

@@ -34,18 +34,17 @@ from erc_contact.admissible.elastic import act, elastic_stress, macro_moduli, mo
 from erc_contact.admissible.macro import macro_points, macro_values
 from erc_contact.admissible.pair import Admissible
 from erc_contact.base.exceptions import InputError
-from erc_contact.error.oscillation import COARSE, EXACT, Oscillations, facet_sizes, modulus, of_loads, of_supports
+from erc_contact.error.oscillation import COARSE, EXACT, Oscillations, facet_sizes, of_loads, of_supports
 from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.quadrature import cell_pieces, facet_pieces, integrate, polynomials
 from erc_contact.mesh.simplex import bernstein, coefficients, lagrange, rule
 from erc_contact.mesh.surface import pairs, swept
 from erc_contact.model.expressions import Everywhere, evaluate, varies_in_cells
-from erc_contact.model.foundation import BoundContact, ContactData
+from erc_contact.model.foundation import CONSTANT, BoundContact, ContactData
 from erc_contact.model.motions import rigid_motions
 from erc_contact.newton.solve import Solution
 from erc_contact.results import questions as results
 from erc_contact.results.questions import Force, Values
-from erc_contact.scene.law import Tresca
 
 RESOLUTION = 1e-12
 """What a displacement is known to, over its size: the solver goes no further [-]."""
@@ -311,7 +310,7 @@ def contact_density(
     """
     (r_n, r_t, _), (w_n, w_t, slip) = split(r, n), split(w, n)
     density = np.zeros(r_n.shape) if contact.bilateral else r_n * (w_n - gap)
-    if contact.law is not None:
+    if contact.friction is not None:
         density += bound * slip + (r_t * w_t).sum(axis=-1)
     # a difference of two works that agree to round-off is no error; without this, e would end at 1e-8 of the norm
     resolution = 16 * np.finfo(float).eps * np.linalg.norm(r, axis=-1) * (np.linalg.norm(w, axis=-1) + abs(gap))
@@ -331,9 +330,9 @@ def _contact(admissible: Admissible, traction: ContactTraction, floor: float) ->
     """
     model, contact = admissible.solution.model, traction.contact
     d, facets = model.d, contact.facets
-    area = np.where(facets[:, 0] < model.domain.owned_cells, traction.area, 0.0)
+    area = np.where(model.owned(facets), traction.area, 0.0)
     nodal = admissible.displacement.x.array.reshape(-1, d)[traction.nodes]
-    if not (contact.varies or isinstance(contact.law, Tresca)):
+    if not (contact.varies or (contact.friction is not None and contact.friction.dependence == CONSTANT)):
         points, weights = rule(d - 1, CONTACT_DEGREE)
         r = np.matmul(bernstein(d - 1, model.degree, points), traction.values)
         w = np.matmul(lagrange(d - 1, model.degree, points), nodal)
@@ -343,7 +342,7 @@ def _contact(admissible: Admissible, traction: ContactTraction, floor: float) ->
         return area * (contact_density(contact, n, r, w, gap, bound) @ weights), 0.0, 0.0
     given = ContactData(contact, model.domain)
     hat = np.matmul(coefficients(d - 1, model.degree), nodal)
-    size, stiffness = facet_sizes(model, facets), modulus(model, facets[:, 0])
+    size, stiffness = facet_sizes(model, facets), model.at_middles(model.modulus, facets[:, 0])
     least = [
         EXACT * model.comm.allreduce(float(abs(v).max(initial=0.0)), MPI.MAX) for v in (hat, *[traction.values] * 2)
     ]

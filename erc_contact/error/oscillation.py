@@ -26,7 +26,7 @@ from erc_contact.admissible.loads import traction_moments
 from erc_contact.admissible.pair import Admissible
 from erc_contact.mesh.quadrature import Integrand, cell_pieces, facet_pieces, integrate, polynomials
 from erc_contact.mesh.simplex import coefficients, mass
-from erc_contact.model.expressions import Everywhere, evaluate, varies_in_cells
+from erc_contact.model.expressions import Everywhere, varies_in_cells
 from erc_contact.model.model import Model
 
 EXACT = 1e-12
@@ -69,14 +69,14 @@ def of_loads(admissible: Admissible) -> float:
         projected = admissible.force[:owned] / volume[:, None, None]
         rest = _squares(model, Everywhere(model.body_force, model.domain), of_cells, projected, k - 1)
         square = integrate(model.comm, rest, corners, volume, cell_pieces(d), share=COARSE).value[:, 0]
-        total += float(np.sum(volume ** (2 / d) / np.pi**2 * square / modulus(model, of_cells)))
-    for name, _, traction in model.tractions:
-        if varies_in_cells(traction):
-            facets = _owned(model, name)
-            moments = traction_moments(model, facets, traction) / model.facet_areas(facets)[:, None, None]
+        total += float(np.sum(volume ** (2 / d) / np.pi**2 * square / model.at_middles(model.modulus, of_cells)))
+    for load in model.tractions:
+        if load.varies:
+            facets = _owned(model, load.facets)
+            moments = traction_moments(model, facets, load.density) / model.facet_areas(facets)[:, None, None]
             projected = np.linalg.solve(mass(d - 1, k, k), moments)
-            square = _on_facets(model, Everywhere(traction, model.domain), facets, projected)
-            total += float(np.sum(square * facet_sizes(model, facets) / modulus(model, facets[:, 0])))
+            square = _on_facets(model, Everywhere(load.density, model.domain), facets, projected)
+            total += float(np.sum(square * facet_sizes(model, facets) / model.at_middles(model.modulus, facets[:, 0])))
     return total
 
 
@@ -91,7 +91,7 @@ def of_supports(model: Model) -> float:
             nodal = model.prescribed.x.array.reshape(-1, model.d)[model.facet_nodes(facets), i]
             given = Everywhere(component(model.x), model.domain)
             square = _on_facets(model, given, facets, (nodal @ coefficients(model.d - 1, model.degree).T)[..., None])
-            total += float(np.sum(square * modulus(model, facets[:, 0]) / facet_sizes(model, facets)))
+            total += float(np.sum(square * model.at_middles(model.modulus, facets[:, 0]) / facet_sizes(model, facets)))
     return total
 
 
@@ -115,12 +115,6 @@ def _squares(model: Model, given: Everywhere, entities: np.ndarray, coefficients
     return square
 
 
-def modulus(model: Model, cells: np.ndarray) -> np.ndarray:
-    """Modulus of the material at the middle of cells [force/area]."""
-    middle = np.full((1, model.d), 1 / (model.d + 1))
-    return evaluate(model.scene.material.modulus(**model.parameters), model.domain, middle, cells)[:, 0]
-
-
 def facet_sizes(model: Model, facets: np.ndarray) -> np.ndarray:
     """About the diameters of facets [length]."""
     return model.facet_areas(facets) ** (1 / (model.d - 1))
@@ -128,4 +122,4 @@ def facet_sizes(model: Model, facets: np.ndarray) -> np.ndarray:
 
 def _owned(model: Model, name: str) -> np.ndarray:
     facets = model.domain.facets(name)
-    return facets[facets[:, 0] < model.domain.owned_cells]
+    return facets[model.owned(facets)]

@@ -81,10 +81,10 @@ def stress_work(pair: Admissible, v: fem.Function) -> Number:
 def friction_work(model: Model, traction: ContactTraction, u: fem.Function, floor: float) -> Number:
     """``int b(p^) |u_t|`` [force length], known to its share or to ``floor``; collective."""
     contact, d, k = traction.contact, model.d, model.degree
-    if contact.law is None:
+    if contact.friction is None:
         return Number(0.0)
     given = ContactData(contact, model.domain)
-    area = np.where(contact.facets[:, 0] < model.domain.owned_cells, traction.area, 0.0)
+    area = np.where(model.owned(contact.facets), traction.area, 0.0)
     hat = np.matmul(coefficients(d - 1, k), u.x.array.reshape(-1, d)[traction.nodes])
 
     def density(of: np.ndarray, at: np.ndarray, x: np.ndarray) -> np.ndarray:
@@ -102,12 +102,12 @@ def load_work(model: Model, v: fem.Function) -> Number:
     loads = model.loads(v, varying=False)
     total = Number(0.0 if loads is None else assembled(model, loads))
     nodal = v.x.array.reshape(-1, d)
-    for name, _, traction in model.tractions:
-        if varies_in_cells(traction):
-            facets = domain.facets(name)
-            area = np.where(facets[:, 0] < domain.owned_cells, model.facet_areas(facets), 0.0)
+    for load in model.tractions:
+        if load.varies:
+            facets = domain.facets(load.facets)
+            area = np.where(model.owned(facets), model.facet_areas(facets), 0.0)
             on_facets = np.matmul(coefficients(d - 1, k), nodal[model.facet_nodes(facets)])
-            work = _products(Everywhere(traction, domain), facets, on_facets, k)
+            work = _products(Everywhere(load.density, domain), facets, on_facets, k)
             total += Number.of(
                 model.comm, integrate(model.comm, work, model.facet_corners(facets), area, facet_pieces(d - 1))
             )

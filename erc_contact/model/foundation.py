@@ -3,16 +3,97 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from numbers import Real
 from typing import Any
 
 import numpy as np
 import ufl
+from dolfinx import fem
+from ufl.classes import Variable, Zero
+from ufl.corealg.traversal import unique_pre_traversal
 
 from erc_contact.mesh.domain import Domain
 from erc_contact.model.expressions import Everywhere, pointwise, varies_in_cells
-from erc_contact.model.users import scalar
-from erc_contact.scene.law import Coulomb, Law, Tresca, project
+from erc_contact.model.space import Space
+from erc_contact.model.users import called, scalar
+from erc_contact.scene.law import Law, project
+
+CONSTANT, PROPORTIONAL, CONCAVE = "constant", "proportional", "concave"
+"""How a friction bound depends on the pressure: not at all, as a multiple of it, or in another concave way."""
+
+
+@dataclass(frozen=True, eq=False)
+class Friction:
+    """A friction law on a mesh.
+
+    Attributes:
+        law: The law.
+        parameters: Values of its parameters, UFL.
+        dependence: How its bound depends on the pressure: CONSTANT, PROPORTIONAL or CONCAVE.
+        arithmetic: Whether its bound is arithmetic that numpy understands, too, and not only UFL.
+        share: Factor of the bound while a solver raises friction in steps, UFL; None outside a solver.
+    """
+
+    law: Law
+    parameters: dict[str, Any]
+    dependence: str
+    arithmetic: bool
+    share: Any = None
+
+    @property
+    def convex(self) -> bool:
+        """Whether tractions are allowed everywhere on a facet where their Bernstein coefficients are."""
+        return self.dependence != CONCAVE and not any(varies_in_cells(value) for value in self.parameters.values())
+
+    def bound(self, pressure: Any) -> Any:
+        """The friction bound b(p) [force/area], UFL."""
+        bound = self.law.bound(pressure, **self.parameters)
+        return bound if self.share is None else self.share * bound
+
+    def numbers(self, pressure: np.ndarray, values: Mapping[str, np.ndarray]) -> np.ndarray:
+        """The friction bound at points, for pressures and values of the parameters there [force/area]."""
+        if self.arithmetic:
+            return np.broadcast_to(self.law.bound(pressure, **values), pressure.shape)
+        return pointwise(self.law.bound, {"pressure": pressure, **values})
+
+
+def bind_friction(space: Space, what: str, law: Law, parameters: dict[str, Any]) -> Friction:
+    """A law with its parameters; its bound is tried as solver and error will call it; collective.
+
+    Args:
+        space: The mesh.
+        what: The bound, in words for messages.
+        law: The law.
+        parameters: Values of its parameters, UFL.
+
+    Raises:
+        InputError: If the bound fails, or is no scalar.
+    """
+
+    def bound(pressure: Any) -> Any:
+        return scalar(what, law.bound(pressure, **parameters))
+
+    def attempt() -> str:
+        pressure = ufl.variable(fem.Constant(space.mesh, 1.0))
+        slope = ufl.algorithms.apply_derivatives.apply_derivatives(ufl.diff(bound(pressure), pressure))
+        if isinstance(slope, Zero):
+            return CONSTANT
+        straight = not any(isinstance(one, Variable) for one in unique_pre_traversal(slope))
+        return PROPORTIONAL if straight and isinstance(bound(ufl.as_ufl(0.0)), Zero) else CONCAVE
+
+    def of_numbers() -> bool:
+        ones = {name: np.ones((1, 1)) for name in parameters}
+        try:
+            found = law.bound(np.ones((1, 1)), **ones)
+        except Exception:  # UFL that numpy does not understand, or not
+            return False
+        return isinstance(found, Real | np.ndarray)
+
+    dependence = called(space.comm, what, attempt)
+    friction = Friction(law, parameters, dependence, of_numbers())
+    called(space.comm, what, friction.numbers, np.ones((1, 1)), {name: np.ones((1, 1)) for name in parameters})
+    return friction
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,13 +107,9 @@ class BoundContact:
         normal: Unit normal of the foundation, UFL.
         direction: The same on each facet, shape (f, d).
         given_normal: The normal as the scene gives it, of any length, UFL; None where it does not vary.
-        law: Friction law, or None without friction.
-        parameters: Values of the law's parameters, UFL.
-        share: Factor of the friction bound, 1 but while a solver raises friction in steps.
+        friction: Friction law, or None without friction.
         gap: Gap, UFL, or None.
         gap_varies: Whether the gap is a callable.
-        sampled: Whether the friction bound must be sampled on a facet: nodal values of a traction in the cone do not
-            tell that it lies there everywhere.
         bilateral: Whether the contact cannot open.
     """
 
@@ -42,30 +119,36 @@ class BoundContact:
     normal: Any
     direction: np.ndarray
     given_normal: Any | None
-    law: Law | None
-    parameters: dict[str, Any]
-    share: Any
+    friction: Friction | None
     gap: Any | None
     gap_varies: bool
-    sampled: bool
     bilateral: bool
 
     @property
     def varies(self) -> bool:
         """Whether gap, normal or friction vary along facets."""
-        data = self.gap, self.given_normal, *self.parameters.values()
+        data = self.gap, self.given_normal, *(self.friction.parameters.values() if self.friction else ())
         return any(one is not None and varies_in_cells(one) for one in data)
+
+    @property
+    def sampled(self) -> bool:
+        """Whether the friction bound must be sampled: nodes in the cone do not tell that the facet lies there."""
+        return self.friction is not None and not self.friction.convex
+
+    def with_share(self, share: Any) -> BoundContact:
+        """The same contact with a factor of its friction bound, UFL: a solver may raise friction in steps."""
+        return self if self.friction is None else replace(self, friction=replace(self.friction, share=share))
 
     def project(self, z: Any) -> Any:
         """The traction that the law allows for a trial traction z [force/area], UFL."""
-        bound = None if self.law is None else self._bound
+        bound = None if self.friction is None else self.friction.bound
         return project(z, self.normal, bound, bilateral=self.bilateral)
 
     def status(self, r: Any) -> Any:
         """Whether a traction of :meth:`project` shows the contact open (0), in slip (1) or in stick (2), UFL."""
         r_n = ufl.dot(r, self.normal)
         r_t = r - r_n * self.normal
-        limit = self._bound(-r_n)
+        limit = self.friction.bound(-r_n) if self.friction else 0
         slips = ufl.ge(ufl.dot(r_t, r_t), (1 - 1e-9) * limit**2)
         closed = ufl.conditional(slips, 1, 2)
         return closed if self.bilateral else ufl.conditional(ufl.lt(r_n, 0), closed, 0)
@@ -80,20 +163,7 @@ class BoundContact:
         Returns:
             Shape (f, q); zero without friction.
         """
-        if self.law is None:
-            return np.zeros(pressure.shape)
-        if isinstance(self.law, (Coulomb, Tresca)):  # arithmetic that numbers understand
-            return np.broadcast_to(self.law.bound(pressure, **values), pressure.shape)
-        return pointwise(self.law.bound, {"pressure": pressure, **values})
-
-    def check(self) -> None:
-        """Call the law as the solver and the error do; what it raises is its user's to mend."""
-        numbers = {name: np.ones((1, 1)) for name in self.parameters}
-        scalar(f"Contact({self.name!r}): the friction bound", self._bound(abs(self.normal[0])))
-        self.friction_bound(np.ones((1, 1)), numbers)
-
-    def _bound(self, pressure: Any) -> Any:
-        return self.share * self.law.bound(pressure, **self.parameters) if self.law else 0
+        return np.zeros(pressure.shape) if self.friction is None else self.friction.numbers(pressure, values)
 
 
 class ContactData:
@@ -104,7 +174,8 @@ class ContactData:
         self._gap, self._normal = (
             None if one is None else Everywhere(one, domain) for one in (contact.gap, contact.given_normal)
         )
-        self._parameters = {name: Everywhere(value, domain) for name, value in contact.parameters.items()}
+        parameters = contact.friction.parameters if contact.friction else {}
+        self._parameters = {name: Everywhere(value, domain) for name, value in parameters.items()}
 
     def gap(self, of: np.ndarray, x: np.ndarray) -> np.ndarray:
         """The gap [length] at points x (n, q, d) of facets of given numbers (n,), shape (n, q)."""

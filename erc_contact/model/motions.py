@@ -5,45 +5,49 @@ A mesh may have several bodies: parts of it that share no node. Each has rigid m
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import NotHeldError
-
-if TYPE_CHECKING:
-    from erc_contact.model.model import Model
+from erc_contact.model.foundation import BoundContact
+from erc_contact.model.space import Space
 
 SMALL = 1e-10
 """Share of the largest eigenvalue below which a motion counts as not held [-]."""
 
 
-def free_motions(model: Model) -> list[fem.Function]:
+def free_motions(space: Space, fixed: np.ndarray, contacts: Sequence[BoundContact]) -> list[fem.Function]:
     """Rigid motions that no support holds, Functions of V, each of one body (orthonormal combinations); collective.
+
+    Args:
+        space: The mesh.
+        fixed: Which components supports prescribe at each node, shape (nodes, d).
+        contacts: The contacts, which may hold a motion, too.
 
     Raises:
         NotHeldError: If contact does not hold one of them either.
     """
-    body, bodies = bodies_of_nodes(model)
-    motions, names = _rigid_motions(model, body, bodies)
-    owned = model.V.dofmap.index_map.size_local
-    held = motions[:owned] * model.fixed[:owned, :, None]
-    by_supports = _summed(model, body[:owned], bodies, held)
+    body, bodies = bodies_of_nodes(space)
+    motions, names = _rigid_motions(space, body, bodies)
+    owned = space.V.dofmap.index_map.size_local
+    held = motions[:owned] * fixed[:owned, :, None]
+    by_supports = _summed(space, body[:owned], bodies, held)
     by_all = by_supports
-    for contact in model.contacts:
-        nodes = model.facet_nodes(contact.facets)
+    for contact in contacts:
+        nodes = space.facet_nodes(contact.facets)
         at = motions[nodes]
         along = np.einsum("fmdi,fd->fmi", at, contact.direction)[:, :, None, :]
-        held = at if contact.law is not None else along
-        by_all = by_all + _summed(model, body[nodes.ravel()], bodies, held.reshape(nodes.size, *held.shape[2:]))
+        held = at if contact.friction is not None else along
+        by_all = by_all + _summed(space, body[nodes.ravel()], bodies, held.reshape(nodes.size, *held.shape[2:]))
     loose = []
     for number, of_body in enumerate(by_all):
         kernel = _kernel(of_body)
         if kernel.shape[1]:
             which = ", ".join(names[i] for i in np.unique(abs(kernel).argmax(axis=0)))
-            loose.append(which if bodies == 1 else f"{which} of the body with {_parts(model, body == number)}")
+            loose.append(which if bodies == 1 else f"{which} of the body with {_parts(space, body == number)}")
     if loose:
         raise NotHeldError(
             f"Nothing holds the body against: {'; '.join(loose)} (no support, and contact cannot hold it). "
@@ -52,34 +56,36 @@ def free_motions(model: Model) -> list[fem.Function]:
     functions = []
     for number, of_body in enumerate(by_supports):
         for column in _kernel(of_body).T:
-            motion = fem.Function(model.V)
+            motion = fem.Function(space.V)
             motion.x.array[:] = (motions @ column * (body == number)[:, None]).ravel()
             functions.append(motion)
     return functions
 
 
-def rigid_motions(model: Model) -> np.ndarray:
+def rigid_motions(space: Space) -> np.ndarray:
     """The rigid motions of all bodies at the nodes, shape (nodes, d, motions); collective."""
-    body, bodies = bodies_of_nodes(model)
-    motions, _ = _rigid_motions(model, body, bodies)
+    body, bodies = bodies_of_nodes(space)
+    motions, _ = _rigid_motions(space, body, bodies)
     return np.concatenate([(body == b)[:, None, None] * motions for b in range(bodies)], axis=2)
 
 
-def bodies_of_nodes(model: Model) -> tuple[np.ndarray, int]:
+def bodies_of_nodes(space: Space) -> tuple[np.ndarray, int]:
     """The body of each node of this rank, ghosts included, and the number of bodies of all ranks; collective.
 
     Bodies are found on each rank; a node that two ranks see makes one body of two.
     """
-    V, comm = model.V, model.comm
-    cells = model.nodes
+    V, comm = space.V, space.comm
+    cells = space.nodes
     pairs = np.column_stack([np.repeat(cells[:, 0], cells.shape[1] - 1), cells[:, 1:].ravel()])
-    here, label = np.unique(components(len(model.fixed), pairs), return_inverse=True)
+    here, label = np.unique(
+        components(V.dofmap.index_map.size_local + V.dofmap.index_map.num_ghosts, pairs), return_inverse=True
+    )
     counts = comm.allgather(len(here))
     label += sum(counts[: comm.rank])
     at_owner = fem.Function(V)
-    at_owner.x.array[:] = np.repeat(label, model.d)
+    at_owner.x.array[:] = np.repeat(label, space.d)
     at_owner.x.scatter_forward()
-    seen = np.unique(np.column_stack([label, at_owner.x.array[:: model.d].astype(int)]), axis=0)
+    seen = np.unique(np.column_stack([label, at_owner.x.array[:: space.d].astype(int)]), axis=0)
     joined = components(sum(counts), np.concatenate(comm.allgather(seen)))
     bodies, number = np.unique(joined, return_inverse=True)
     return number[label], len(bodies)
@@ -103,13 +109,13 @@ def components(number: int, pairs: np.ndarray) -> np.ndarray:
             label = jumped
 
 
-def _summed(model: Model, body: np.ndarray, bodies: int, held: np.ndarray) -> np.ndarray:
+def _summed(space: Space, body: np.ndarray, bodies: int, held: np.ndarray) -> np.ndarray:
     """Squares of what is held of the motions of each body, shape (bodies, m, m); of nodes, shape (n, components, m)."""
     total = np.zeros((bodies, held.shape[2], held.shape[2]))
     for number in np.unique(body):
         some = held[body == number]
         total[number] = np.einsum("ndi,ndj->ij", some, some)
-    return model.comm.allreduce(total, MPI.SUM)
+    return space.comm.allreduce(total, MPI.SUM)
 
 
 def _kernel(squares: np.ndarray) -> np.ndarray:
@@ -118,33 +124,33 @@ def _kernel(squares: np.ndarray) -> np.ndarray:
     return vectors[:, values <= SMALL * max(values[-1], 1.0)]
 
 
-def _parts(model: Model, inside: np.ndarray) -> str:
+def _parts(space: Space, inside: np.ndarray) -> str:
     """The boundary parts of a body, whose nodes are given, in words; collective."""
-    nodes = {name: model.nodes[model.domain.facets(name)[:, 0]] for name in model.domain.outer}
+    nodes = {name: space.nodes[space.domain.facets(name)[:, 0]] for name in space.domain.outer}
     here = {name for name, some in nodes.items() if inside[some].any()}
-    every = set().union(*model.comm.allgather(here))
+    every = set().union(*space.comm.allgather(here))
     return ", ".join(map(repr, sorted(every))) if every else "no named boundary part"
 
 
-def _rigid_motions(model: Model, body: np.ndarray, bodies: int) -> tuple[np.ndarray, list[str]]:
+def _rigid_motions(space: Space, body: np.ndarray, bodies: int) -> tuple[np.ndarray, list[str]]:
     """Rigid motions at the nodes, rotations about the centre of the body over its size: (nodes, d, m), and names."""
-    x = model.V.tabulate_dof_coordinates()[:, : model.d]
-    owned = model.V.dofmap.index_map.size_local
-    sums = np.zeros((bodies, model.d + 1))
+    x = space.V.tabulate_dof_coordinates()[:, : space.d]
+    owned = space.V.dofmap.index_map.size_local
+    sums = np.zeros((bodies, space.d + 1))
     np.add.at(sums, body[:owned], np.column_stack([x[:owned], np.ones(owned)]))
-    sums = model.comm.allreduce(sums, MPI.SUM)
-    low, high = np.full((bodies, model.d), np.inf), np.full((bodies, model.d), -np.inf)
+    sums = space.comm.allreduce(sums, MPI.SUM)
+    low, high = np.full((bodies, space.d), np.inf), np.full((bodies, space.d), -np.inf)
     np.minimum.at(low, body, x)
     np.maximum.at(high, body, x)
-    model.comm.Allreduce(MPI.IN_PLACE, low, MPI.MIN)
-    model.comm.Allreduce(MPI.IN_PLACE, high, MPI.MAX)
+    space.comm.Allreduce(MPI.IN_PLACE, low, MPI.MIN)
+    space.comm.Allreduce(MPI.IN_PLACE, high, MPI.MAX)
     x = (x - (sums[:, :-1] / sums[:, -1:])[body]) / np.linalg.norm(high - low, axis=1)[body, None]
-    pairs = [(i, j) for i in range(model.d) for j in range(i + 1, model.d)]
-    motions = np.zeros((*x.shape, model.d + len(pairs)))
-    motions[:, range(model.d), range(model.d)] = 1.0
-    for k, (i, j) in enumerate(pairs, start=model.d):
+    pairs = [(i, j) for i in range(space.d) for j in range(i + 1, space.d)]
+    motions = np.zeros((*x.shape, space.d + len(pairs)))
+    motions[:, range(space.d), range(space.d)] = 1.0
+    for k, (i, j) in enumerate(pairs, start=space.d):
         motions[:, i, k], motions[:, j, k] = -x[:, j], x[:, i]
     axes = "xyz"
-    names = [f"translation in {axes[i]}" for i in range(model.d)]
+    names = [f"translation in {axes[i]}" for i in range(space.d)]
     names += [f"rotation in the plane {axes[i]}{axes[j]}" for i, j in pairs]
     return motions, names

@@ -9,21 +9,17 @@ All checks are numerical, at samples, and say the same on all ranks.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-import ufl
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.mesh.simplex import barycentric, lattice, rule
 from erc_contact.model.expressions import Everywhere, evaluate
 from erc_contact.model.foundation import BoundContact
-from erc_contact.scene.law import Coulomb, Tresca
+from erc_contact.model.model import Model
 from erc_contact.scene.material import Elastic
-
-if TYPE_CHECKING:
-    from erc_contact.model.model import Model
 
 EXACT = 1e-8
 """Relative difference that counts as none [-]."""
@@ -48,21 +44,22 @@ def check(model: Model) -> None:
     for contact in model.contacts:
         _check_data(model, contact)
         _check_normal(model, contact)
-        if contact.law is not None and not isinstance(contact.law, (Coulomb, Tresca)):
+        if contact.friction is not None:
             _check_law(model, contact)
+    _check_supports_in_gap(model)
 
 
 def _check_material(model: Model) -> None:
     """A material of the user's: stiffness symmetric and positive, the compliance its inverse, the modulus positive."""
     name = type(model.scene.material).__name__
-    points, owned = rule(model.d, 4)[0], np.arange(model.domain.owned_cells, dtype=np.int32)
+    points, owned = rule(model.d, 4)[0], model.owned_cells
 
     def at_points(value: Any) -> np.ndarray:
         values = value if isinstance(value, np.ndarray) else evaluate(value, model.domain, points, owned)
         return values.reshape(-1, *values.shape[-2:])
 
     C, S = at_points(model.stiffness_matrix), at_points(model.compliance_matrix)
-    modulus = evaluate(model.scene.material.modulus(**model.parameters), model.domain, points, owned)
+    modulus = evaluate(model.modulus, model.domain, points, owned)
     finite = np.isfinite(C).all() and np.isfinite(S).all() and np.isfinite(modulus).all()
     least, skew, other = np.inf, 0.0, 0.0
     if finite and len(C):
@@ -102,7 +99,7 @@ def _check_data(model: Model, contact: BoundContact) -> None:
     """Gap and parameters of the law between the nodes, where :class:`Model` has not looked."""
     what = f"Contact({contact.name!r})"
     x = np.matmul(barycentric(lattice(model.d - 1, SAMPLES)), model.facet_corners(contact.facets))
-    for name, value in contact.parameters.items():
+    for name, value in (contact.friction.parameters if contact.friction else {}).items():
         values = Everywhere(value, model.domain)(x, contact.facets)
         local = float(np.where(values < np.inf, values, -np.inf).min(initial=np.inf))
         low = model.comm.allreduce(local, MPI.MIN)
@@ -118,9 +115,9 @@ def _check_normal(model: Model, contact: BoundContact) -> None:
     """The normal of the foundation points out of the body."""
     facets, comm = contact.facets, model.comm
     middle = np.full((1, model.d - 1), 1 / model.d)
-    outward = evaluate(ufl.FacetNormal(model.mesh), model.domain, middle, facets)[:, 0]
+    outward = evaluate(model.n, model.domain, middle, facets)[:, 0]
     cosine = (outward * contact.direction).sum(axis=1)
-    area = np.where(facets[:, 0] < model.domain.owned_cells, model.facet_areas(facets), 0.0)
+    area = np.where(model.owned(facets), model.facet_areas(facets), 0.0)
     total, whole = comm.allreduce(np.array([area @ cosine, area.sum()]), MPI.SUM)
     mine: Any = (np.inf, (), ())
     if len(facets):
@@ -140,8 +137,9 @@ def _check_normal(model: Model, contact: BoundContact) -> None:
 
 def _check_law(model: Model, contact: BoundContact) -> None:
     """A law of the user's: its bound is finite, not negative, never decreases, is concave; constant where bilateral."""
-    what = f"Contact({contact.name!r}): the friction bound of {type(contact.law).__name__}"
-    modulus = model.greatest(model.scene.material.modulus(**model.parameters))
+    law = contact.friction.law if contact.friction else None
+    what = f"Contact({contact.name!r}): the friction bound of {type(law).__name__}"
+    modulus = model.stiffest()
     pressure = np.concatenate([[0.0], modulus * np.logspace(-DECADES, 0, 4 * DECADES + 1)])
     at = lattice(model.d - 1, SAMPLES)
     parameters = {name: values.ravel() for name, values in model.friction_parameters(contact, at).items()}
@@ -181,3 +179,22 @@ def _check_law(model: Model, contact: BoundContact) -> None:
         "is not concave in the pressure: the tractions that it allows are no convex set, and no error can be "
         "certified. It must lie above its chords:",
     )
+
+
+def _check_supports_in_gap(model: Model) -> None:
+    """Supports do not push a contact into its foundation."""
+    values = model.prescribed.x.array.reshape(-1, model.d)
+    for contact in model.contacts:
+        nodes = model.facet_nodes(contact.facets)
+        gap = model.gap_at_nodes(contact)
+        n = contact.direction[:, None, :]
+        known = (model.fixed[nodes] | (abs(n) < 1e-12)).all(axis=-1)
+        beyond = (values[nodes] * n).sum(axis=-1) - gap
+        excess = np.where(known, abs(beyond) if contact.bilateral else beyond, -np.inf).max(initial=-np.inf)
+        worst = model.comm.allreduce(float(excess), MPI.MAX)
+        largest = model.comm.allreduce(float(abs(values).max(initial=0)), MPI.MAX)
+        if worst > max(1e-12 * model.domain.size, 1e-9 * largest):
+            raise InputError(
+                f"A support pushes {contact.name!r} into the foundation by {worst:g} [length] beyond the gap; "
+                "no displacement is admissible. Change the support or the gap."
+            )

@@ -5,19 +5,16 @@ What they raise, on whatever rank, becomes an :class:`InputError` on all of them
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from numbers import Real
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import ufl
 from mpi4py import MPI
 
 from erc_contact.base.checks import told
 from erc_contact.base.exceptions import ErcContactError, InputError, together
-from erc_contact.scene.material import mandel_matrix
-
-if TYPE_CHECKING:
-    from erc_contact.model.model import Model
+from erc_contact.scene.material import Material, mandel_matrix
 
 IN_UFL = (
     "It gets UFL and returns a number or UFL: write ufl.sin(x[0]) instead of np.sin or math.sin, "
@@ -71,17 +68,19 @@ def vector(value: Any) -> Any:
     return value if isinstance(value, ufl.core.expr.Expr) else ufl.as_vector([scalar("A component", c) for c in value])
 
 
-def try_material(model: Model) -> None:
+def try_material(comm: MPI.Comm, material: Material, d: int, parameters: Mapping[str, Any]) -> None:
     """Call the functions of a material of the user's; collective. What they return is checked with the scene.
 
     Args:
-        model: Its parameters are bound; nothing else is needed.
+        comm: Communicator.
+        material: The material.
+        d: Dimension.
+        parameters: Its parameters, UFL.
 
     Raises:
         InputError: If one fails.
     """
-    material = model.scene.material
     what = f"The material {type(material).__name__}"
     for name in ("stress", "compliance"):
-        called(model.comm, f"{what}: {name}", mandel_matrix, getattr(material, name), model.d, **model.parameters)
-    called(model.comm, f"{what}: modulus", lambda: scalar(f"{what}: modulus", material.modulus(**model.parameters)))
+        called(comm, f"{what}: {name}", mandel_matrix, getattr(material, name), d, **parameters)
+    called(comm, f"{what}: modulus", lambda: scalar(f"{what}: modulus", material.modulus(**parameters)))

@@ -47,6 +47,7 @@ class Condensed:
         w: Its glued displacement under the loads [length].
 
     Attributes:
+        contacts: The contacts of the model, with the share of friction that :meth:`raise_friction` sets.
         u: Displacement, right at the cells of the contact; its coefficients for a method with multiplier [length].
         multipliers: Multiplier of each contact [force/area], or () for a method without.
         tested: Number of unknowns u_A.
@@ -60,6 +61,9 @@ class Condensed:
 
     def __init__(self, model: Model, method: Method, stiffness: Stiffness, w: fem.Function) -> None:
         self.model, self.method, self.stiffness = model, method, stiffness
+        self.share = fem.Constant(model.mesh, 1.0)
+        self.contacts = [c.with_share(self.share) for c in model.contacts]
+        self._at: np.ndarray | None = None
         self.tested = len(stiffness.numbers) if method.in_layer else stiffness.contact
         self.u = fem.Function(model.V)
         self.u.x.array[:] = w.x.array
@@ -99,20 +103,22 @@ class Condensed:
         return comm.bcast(result)
 
     def residual(self, u_tested: np.ndarray) -> np.ndarray:
-        """R(u_A) [force]; sets the fields to u_A, rank 0."""
-        z = self.affine[:, :-1] @ u_tested + self.affine[:, -1]
-        equations = self._ask("_residual", z)
+        """R(u_A) [force], rank 0."""
+        self._move(u_tested)
+        equations = self._ask("_residual")
         return equations if self.multipliers else self.matrix @ u_tested - self.loads + equations
 
-    def tangent(self) -> np.ndarray:
-        """dR/du_A at the fields as they are [force/length], shape (A, A) in Fortran order, rank 0."""
+    def tangent(self, u_tested: np.ndarray) -> np.ndarray:
+        """dR/du_A at u_A [force/length], shape (A, A) in Fortran order, rank 0."""
+        self._move(u_tested)
         self.sparse.setValuesCOO(self._ask("_tangent"))
         self.sparse.matMult(self.lifted, self.product)
         dense = self.product.getDenseArray(readonly=True)
         return dense.copy(order="F") if self.multipliers else np.asfortranarray(dense + self.matrix)
 
-    def states(self) -> np.ndarray:
-        """Open (0), slip (1) or stick (2) at points of all contact facets, rank 0."""
+    def states(self, u_tested: np.ndarray) -> np.ndarray:
+        """Open (0), slip (1) or stick (2) at points of all contact facets for u_A, rank 0."""
+        self._move(u_tested)
         return self._ask("_states")
 
     def raise_friction(self, share: float) -> None:
@@ -125,15 +131,38 @@ class Condensed:
         _, lift = self.stiffness.reduced(count)
         return self.w[: self.tested] + lift[: self.tested] @ (u_contact - self.w[:count])
 
+    def multipliers_at(self, u_tested: np.ndarray) -> tuple[fem.Function, ...]:
+        """The multipliers of all contacts for u_A, new Functions of nodal values [force/area]; collective."""
+        comm, model = self.model.comm, self.model
+        z = comm.bcast(self._fields_at(u_tested) if comm.rank == 0 and self.multipliers else None)
+        found = []
+        for contact, (dofs, places) in zip(model.contacts, self.readers[1:], strict=False):
+            multiplier = fem.Function(model.V)
+            multiplier.x.array[dofs] = z[places]
+            model.to_coefficients(multiplier.x.array.reshape(-1, model.d), [contact], back=True)
+            found.append(multiplier)
+        return tuple(found)
+
+    def _fields_at(self, u_tested: np.ndarray) -> np.ndarray:
+        return self.affine[:, :-1] @ u_tested + self.affine[:, -1]
+
+    def _move(self, u_tested: np.ndarray) -> None:
+        """Set the fields of all ranks to u_A, rank 0."""
+        if self._at is None or not np.array_equal(self._at, u_tested):
+            self._ask("_set", self._fields_at(u_tested))
+            self._at = u_tested.copy()
+
     # -- what every rank does -------------------------------------------------------------------------------
 
     def _ask(self, what: str, *arguments: Any) -> Any:
         self.model.comm.bcast((what, *arguments))
         return getattr(self, what)(*arguments)
 
-    def _residual(self, z: np.ndarray) -> np.ndarray | None:
+    def _set(self, z: np.ndarray) -> None:
         for field, (dofs, places) in zip((self.u, *self.multipliers), self.readers, strict=True):
             field.x.array[dofs] = z[places]
+
+    def _residual(self) -> np.ndarray | None:
         vector = self.residual_vector.x.array
         vector[:] = 0.0
         fem.assemble_vector(vector, self.residual_form)
@@ -158,7 +187,7 @@ class Condensed:
         return None if parts is None else np.concatenate(parts)
 
     def _share(self, share: float) -> None:
-        self.model.friction_share.value = share
+        self.share.value = share
 
     def _condense(self, known: np.ndarray) -> None:
         """The dense matrices, on rank 0."""
@@ -177,9 +206,9 @@ class Condensed:
 
     def _compile(self) -> None:
         model, method = self.model, self.method
-        fields: tuple[Any, ...] = self.multipliers or (None,) * len(model.contacts)
+        fields: tuple[Any, ...] = self.multipliers or (None,) * len(self.contacts)
         v, du = ufl.TestFunction(model.V), ufl.TrialFunction(model.V)
-        pairs = list(zip(model.contacts, fields, strict=True))
+        pairs = list(zip(self.contacts, fields, strict=True))
         parts = together(model.comm, lambda: [method.equations(model, c, self.u, v, f) for c, f in pairs])
         shown = together(model.comm, lambda: [c.status(method.projected(model, c, self.u, f)) for c, f in pairs])
         together(model.comm, lambda: [method.traction(model, c, self.u, f) for c, f in pairs])
@@ -190,8 +219,8 @@ class Condensed:
         self.tangents = [fem.create_matrix(form) for form in self.tangent_forms]
         points, _ = rule(model.d - 1, 2 * model.degree)
         self.state_expressions = []
-        for contact, status in zip(model.contacts, shown, strict=True):
-            own = contact.facets[contact.facets[:, 0] < model.domain.owned_cells]
+        for contact, status in zip(self.contacts, shown, strict=True):
+            own = contact.facets[model.owned(contact.facets)]
             self.state_expressions.append((fem.Expression(status, points, comm=model.comm), own))
 
     def _add_multipliers(self, columns: list[np.ndarray]) -> None:
@@ -199,7 +228,7 @@ class Condensed:
         model, d = self.model, self.model.d
         gathered = []
         for contact in model.contacts:
-            own = contact.facets[:, 0] < model.domain.owned_cells
+            own = model.owned(contact.facets)
             nodes = model.facet_nodes(contact.facets[own])
             numbers = model.global_numbers(nodes)
             m = nodes.shape[1]
@@ -305,9 +334,7 @@ def _edges(model: Model, stiffness: Stiffness, count: int) -> Edges | None:
     d = model.d
     if model.degree == 1:
         return None
-    nodes = np.concatenate(
-        [model.facet_nodes(c.facets[c.facets[:, 0] < model.domain.owned_cells]) for c in model.contacts]
-    )
+    nodes = np.concatenate([model.facet_nodes(c.facets[model.owned(c.facets)]) for c in model.contacts])
     ends = nodes[:, edges(d - 1)]
     triples = np.concatenate([nodes[:, d:, None], ends], axis=2).reshape(-1, 3)
     triples = np.unique(np.concatenate(model.comm.allgather(model.global_numbers(triples))), axis=0)

@@ -102,7 +102,7 @@ def interpolate(x: np.ndarray, corners: np.ndarray, values: np.ndarray, degree: 
 def _contact_facets(model: Model, u: fem.Function) -> tuple[np.ndarray, np.ndarray]:
     """Corners of all contact facets (f, d, d) and the displacements at their nodes (f, m, d), over all ranks."""
     x, at = model.V.tabulate_dof_coordinates()[:, : model.d], u.x.array.reshape(-1, model.d)
-    own = [c.facets[c.facets[:, 0] < model.domain.owned_cells] for c in model.contacts]
+    own = [c.facets[model.owned(c.facets)] for c in model.contacts]
     nodes = model.facet_nodes(np.vstack(own))
     parts = model.comm.allgather((x[nodes[:, : model.d]], at[nodes]))
     return np.concatenate([p[0] for p in parts]), np.concatenate([p[1] for p in parts])

@@ -66,7 +66,7 @@ class Method(Protocol):
 
 def stiffness_per_area(model: Model, gamma: Any) -> Any:
     """``gamma = gamma_0 E k^2/h`` [force/volume], UFL on a facet."""
-    modulus = model.scene.material.modulus(**model.parameters)
+    modulus = model.modulus
     return gamma * model.degree**2 * modulus * ufl.FacetArea(model.mesh) / (model.d * ufl.CellVolume(model.mesh))
 
 

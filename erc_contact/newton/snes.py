@@ -56,6 +56,19 @@ class Outcome:
         return f"{self.reason}, residual {self.residual:.1e}, {self.steps} steps ({state})"
 
 
+@dataclass(frozen=True, eq=False)
+class State:
+    """Where an attempt ended; on rank 0.
+
+    Attributes:
+        displacement: u_A [length].
+        residual: R there [force].
+    """
+
+    displacement: np.ndarray
+    residual: np.ndarray
+
+
 class Newton:
     """SNES for one condensed problem, used on rank 0 within :meth:`Condensed.run`.
 
@@ -72,8 +85,9 @@ class Newton:
         self.jacobian.setUp()
         self.energy: PETSc.KSP | None = None
 
-    def solve(self, start: np.ndarray, line_search: str) -> tuple[np.ndarray, Outcome]:
-        """One attempt from u_A; returns the last u_A and how it ended."""
+    def solve(self, start: np.ndarray, line_search: str) -> tuple[State, Outcome]:
+        """One attempt from u_A; returns the last state and how it ended."""
+        problem = self.problem
         seen: dict[bytes, tuple[int, float]] = {}
         text = ""
         snes = PETSc.SNES().create(PETSc.COMM_SELF)
@@ -96,14 +110,15 @@ class Newton:
                 return reasons.DIVERGED_FUNCTION_NANORINF
             if norm <= atol:
                 return reasons.CONVERGED_FNORM_ABS
-            self._evaluate(snes.getSolution())  # the line search may have looked elsewhere last
-            if np.linalg.norm(self.last) <= TOLERANCE * self.forces(snes.getSolution().array_r):
+            u = snes.getSolution().array_r * problem.length
+            residual = problem.residual(u)
+            if np.linalg.norm(residual) <= TOLERANCE * self.forces(u):
                 text = "converged to round-off"
                 return reasons.CONVERGED_ITS
-            if self.accuracy is not None and self.remaining() <= self.accuracy:
+            if self.accuracy is not None and self.remaining(residual) <= self.accuracy:
                 text = "accurate enough"
                 return reasons.CONVERGED_ITS
-            states = self.problem.states().tobytes()
+            states = problem.states(u).tobytes()
             before, least = seen.get(states, (step, norm))
             if before < step - 1 and norm > CYCLE * least:
                 text = f"cycle of {step - before} steps"
@@ -121,27 +136,27 @@ class Newton:
             if failure.ierr != ZERO_PIVOT:
                 raise
             text, reason, norm = "singular tangent", -1, np.inf
-        u_tested = x.array * self.problem.length
-        self.last = self.problem.residual(u_tested)
-        counts = np.bincount(self.problem.states(), minlength=3)
+        u = x.array * problem.length
+        found = State(u, problem.residual(u))
+        counts = np.bincount(problem.states(u), minlength=3)
         state = int(counts[0]), int(counts[1]), int(counts[2])
         converged = reason > 0 and bool(np.isfinite(norm))
         outcome = Outcome(converged, text or REASONS.get(reason, str(reason)), snes.getIterationNumber(), norm, state)
         snes.destroy()
         x.destroy()
-        return u_tested, outcome
+        return found, outcome
 
-    def forces(self, x: np.ndarray) -> float:
-        """Size of the forces that cancel in the residual at a state [force].
+    def forces(self, u: np.ndarray) -> float:
+        """Size of the forces that cancel in the residual at u_A [force].
 
         Bounded, as a body that nothing holds moves so far that anything is round-off beside its forces.
         """
         problem = self.problem
-        size = float((abs(problem.matrix) @ abs(x * problem.length) + abs(problem.loads)).max(initial=0.0))
+        size = float((abs(problem.matrix) @ abs(u) + abs(problem.loads)).max(initial=0.0))
         return min(size, FAR * problem.force)
 
-    def remaining(self) -> float:
-        """Energy norm of what is left to the solution, ``sqrt(R.K^-1 R)`` [sqrt(force length)], at the last residual.
+    def remaining(self, residual: np.ndarray) -> float:
+        """Energy norm of what is left to the solution, ``sqrt(R.K^-1 R)`` [sqrt(force length)].
 
         With the traction of the method as r^, it is what the rebalance of the last state adds to the error in the
         constitutive relation.
@@ -152,7 +167,7 @@ class Newton:
             matrix.setOption(PETSc.Mat.Option.SPD, True)
             self.energy = _direct(matrix, "cholesky")
         force, u = self.jacobian.createVecs()
-        force.array[:] = self.last
+        force.array[:] = residual
         self.energy.solve(force, u)
         return float(np.sqrt(max(u.dot(force), 0.0)))
 
@@ -163,13 +178,12 @@ class Newton:
         without pressure are on a kink, and the tangent that they have when pressed may be the singular one.
         """
         pressed = u_tested + PRESS * self.problem.length * self.problem.toward
-        return min(self._least_singular_value(u) for u in (pressed, u_tested))
+        return min(self._least_singular_value(u) for u in (u_tested, pressed))
 
     def _least_singular_value(self, u_tested: np.ndarray) -> float:
         """Inverse iteration on ``J^T J``: an estimate."""
-        self.problem.residual(u_tested)
         diagonal = 1 / np.sqrt(self.problem.schur.diagonal())
-        scaled = self.problem.tangent() * diagonal * diagonal[:, None]
+        scaled = self.problem.tangent(u_tested) * diagonal * diagonal[:, None]
         matrix = PETSc.Mat().createDense(scaled.shape, array=scaled, comm=PETSc.COMM_SELF)
         ksp = _direct(matrix, "lu")
         x, y = matrix.createVecs()
@@ -190,15 +204,10 @@ class Newton:
         return float(1 / np.sqrt(norm))
 
     def _function(self, _: PETSc.SNES, x: PETSc.Vec, f: PETSc.Vec) -> None:
-        self._evaluate(x)
-        f.array[:] = self.last / self.problem.force
-
-    def _evaluate(self, x: PETSc.Vec) -> None:
-        self.last = self.problem.residual(x.array_r * self.problem.length)
+        f.array[:] = self.problem.residual(x.array_r * self.problem.length) / self.problem.force
 
     def _tangent(self, _: PETSc.SNES, x: PETSc.Vec, matrix: PETSc.Mat, __: PETSc.Mat) -> None:
-        self._evaluate(x)
-        matrix.getDenseArray()[:] = self.problem.tangent() * self.scale
+        matrix.getDenseArray()[:] = self.problem.tangent(x.array_r * self.problem.length) * self.scale
         matrix.assemble()
 
     def destroy(self) -> None:

@@ -21,6 +21,7 @@ from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError, NotConverged, raise_together
 from erc_contact.base.logs import log_of
 from erc_contact.mesh.domain import Domain
+from erc_contact.model import promises
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.model import Model
 from erc_contact.newton import first_guess as starts
@@ -51,7 +52,7 @@ class Solution:
         remaining: Energy norm of the distance to the solution of the discrete problem [sqrt(force length)].
         regularity: Least singular value of the tangents of the contact problem at the solution, scaled by the elastic
             diagonal [-].
-        stiffness: The factorised elastic stiffness; :func:`equilibrate` frees the factor.
+        stiffness: The elastic stiffness; see :attr:`factorised`.
         seconds: Wall time, the largest over the ranks [s].
     """
 
@@ -75,6 +76,11 @@ class Solution:
     def scene(self) -> Scene:
         """What the user declared."""
         return self.model.scene
+
+    @property
+    def factorised(self) -> bool:
+        """Whether the factor of the stiffness is at hand; :func:`equilibrate` frees it, another one makes it anew."""
+        return self.stiffness.factorised
 
     @property
     def singular(self) -> bool:
@@ -125,6 +131,7 @@ def solve(
     accuracy = None if accuracy is None else checks.positive("accuracy", accuracy, "an energy norm > 0, or None")
     raise_together(domain.mesh.comm, None)
     model = Model(scene, domain, int(degree))
+    promises.check(model)
     stiffness = Stiffness(model)
     b = stiffness.load_vector()
     w = stiffness.glued(b)
@@ -166,7 +173,7 @@ def _check_size(model: Model, b: fem.Function, w: fem.Function) -> None:
     local = [float(abs(f.x.array).max(initial=0.0)) for f in (b, w)] + [float(np.isnan(w.x.array).any())]
     force, length, nan = np.max(model.comm.allgather(local), axis=0)
     least, most = 1e-290, 1e290
-    stiffest = model.greatest(model.scene.material.modulus(**model.parameters)) * model.domain.size ** (model.d - 2)
+    stiffest = model.stiffest() * model.domain.size ** (model.d - 2)
     with np.errstate(over="ignore", under="ignore"):
         energies = np.array([force * length, stiffest * length * length])
     energies = energies[np.array([force > 0, length > 0 or force > 0])]
@@ -195,7 +202,7 @@ class _Ascent:
         states = {"glued": starts.glued(self.stiffness, self.w)}
         if start is not None and start.model.contacts:
             states["warm"] = starts.from_mesh(start.model, start.u, self.stiffness)
-        friction = any(c.law is not None for c in self.model.contacts)
+        friction = any(c.friction is not None for c in self.model.contacts)
         for attempt in attempts(self.method, states, friction=friction, fallback=self.fallback):
             if attempt.start not in states:
                 continue
@@ -221,19 +228,20 @@ class _Ascent:
 
         def work() -> tuple[Outcome, Any, Any]:
             newton = Newton(problem, self.accuracy)
-            u, steps = problem.from_contact(contact), 0
+            start, steps = problem.from_contact(contact), 0
             for share in attempt.friction_shares:
                 problem.raise_friction(share)
-                u, outcome = newton.solve(u, attempt.line_search)
-                steps += outcome.steps
+                state, outcome = newton.solve(start, attempt.line_search)
+                start, steps = state.displacement, steps + outcome.steps
                 if not outcome.converged:
                     break
             problem.raise_friction(1.0)
             results = None
             if attempt.final and outcome.converged:
-                results = newton.remaining(), newton.regularity(u), u, problem.matrix @ u - problem.loads
+                remaining, regularity = newton.remaining(state.residual), newton.regularity(start)
+                results = remaining, regularity, start, problem.matrix @ start - problem.loads
             newton.destroy()
-            return replace(outcome, steps=steps), u[: self.stiffness.contact], results
+            return replace(outcome, steps=steps), start[: self.stiffness.contact], results
 
         outcome, state, results = problem.run(work)
         self.steps += outcome.steps
@@ -252,9 +260,7 @@ class _Ascent:
         if regularity < SINGULAR:
             reason += f"; the tangent is singular ({regularity:.0e}), the solution may be one of many"
             self.log.warning("The tangent of the contact problem is singular at its solution: it may be one of many.")
-        multipliers = self.problems[method].multipliers
-        for multiplier, contact in zip(multipliers, self.model.contacts[: len(multipliers)], strict=True):
-            self.model.to_coefficients(multiplier.x.array.reshape(-1, self.model.d), [contact], back=True)
+        multipliers = self.problems[method].multipliers_at(u_tested)
         return Solution(
             self.model, method, u, multipliers, self.steps, reason, remaining, regularity, self.stiffness, 0.0
         )

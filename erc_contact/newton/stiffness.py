@@ -16,9 +16,6 @@ complement on L with the factor; what is in L and not in A is eliminated with de
 
 from __future__ import annotations
 
-import ctypes
-from typing import Any
-
 import numpy as np
 import ufl
 from dolfinx import fem, la
@@ -29,11 +26,10 @@ from erc_contact.base.exceptions import InputError, together
 from erc_contact.mesh.simplex import facet_nodes
 from erc_contact.model.model import Model
 from erc_contact.newton.methods import nodal, stiffness_per_area
+from erc_contact.newton.mumps import factorised, schur_complement
 
 GLUE = 10.0
 """gamma_0 of the glue [-]."""
-WORKSPACE = 80
-"""Workspace of MUMPS beyond its estimate [%]; its own 20 was too small for a mesh of 322 tetrahedra on three ranks."""
 
 
 class Stiffness:
@@ -159,6 +155,11 @@ class Stiffness:
         u.x.array[:] = 0.0
         u.x.array[self.local[known]] = values[self.place[known]]
 
+    @property
+    def factorised(self) -> bool:
+        """Whether there is a factor to solve with."""
+        return self._ksp is not None
+
     def free(self) -> None:
         """Free the factor; a later solve makes it anew."""
         if self._ksp is not None:
@@ -235,7 +236,7 @@ class Stiffness:
 
     def _schur_complement(self) -> np.ndarray:
         """S_L, on rank 0."""
-        schur = _schur_complement(self._ksp, len(self.numbers))
+        schur = schur_complement(self._ksp, len(self.numbers))
         if not np.isfinite(schur).all():
             raise InputError("The elastic stiffness is not finite; look at the moduli and the mesh.")
         return schur
@@ -246,67 +247,3 @@ class Stiffness:
         if self._ksp is None:
             self._ksp = factorised(self._matrix)
         return self._ksp
-
-
-def factorised(matrix: PETSc.Mat, schur_on: np.ndarray | None = None) -> PETSc.KSP:
-    """A solver with MUMPS' factor of a symmetric matrix; collective.
-
-    Args:
-        matrix: Assembled.
-        schur_on: Global degrees of freedom on which MUMPS leaves a Schur complement, None for a plain factor.
-
-    Raises:
-        InputError: If it cannot be factorised.
-        MemoryError: If there is too little memory for it.
-    """
-    comm = matrix.comm.tompi4py()
-    ksp = PETSc.KSP().create(comm)
-    ksp.setOperators(matrix)
-    ksp.setType("preonly")
-    pc = ksp.getPC()
-    # on several ranks MUMPS leaves stray entries beside the triangle of a Cholesky factor
-    pc.setType("lu" if schur_on is not None and comm.size > 1 else "cholesky")
-    pc.setFactorSolverType("mumps")
-    pc.setFactorSetUpSolverType()
-    pc.getFactorMatrix().setMumpsIcntl(14, WORKSPACE)
-    if schur_on is not None:
-        mine = schur_on if comm.rank == 0 else schur_on[:0]
-        indices = PETSc.IS().createGeneral(mine.astype(PETSc.IntType), comm=comm)
-        _call("MatFactorSetSchurIS", pc.getFactorMatrix().handle, indices.handle)
-        indices.destroy()
-    ksp.setUp()
-    reasons, failed = PETSc.PC.FailedReason, pc.getFailedReason()
-    if failed == reasons.FACTOR_OUTMEMORY:
-        raise MemoryError(f"the factor of {matrix.getSize()[0]} elastic equations")
-    if failed != reasons.NOERROR:
-        raise InputError(
-            "The elastic stiffness cannot be factorised: its numbers are too far apart for double precision. "
-            "Choose units in which moduli and lengths are nearer to 1; look for degenerate cells."
-        )
-    return ksp
-
-
-_LIBRARY = ctypes.CDLL(PETSc.__file__)
-"""PETSc itself: petsc4py has no names for its Schur complements."""
-
-
-def _call(name: str, *arguments: Any) -> None:
-    function = getattr(_LIBRARY, name)
-    function.argtypes = [ctypes.c_void_p] * len(arguments)
-    if function(*arguments) != 0:
-        raise RuntimeError(f"PETSc: {name} failed.")
-
-
-def _schur_complement(ksp: PETSc.KSP, size: int) -> np.ndarray:
-    """The Schur complement that MUMPS left with a factor, on rank 0; with Cholesky it is one triangle."""
-    schur, status = ctypes.c_void_p(), ctypes.c_int()
-    data = ctypes.POINTER(ctypes.c_double)()
-    factor = ksp.getPC().getFactorMatrix().handle
-    _call("MatFactorGetSchurComplement", factor, ctypes.addressof(schur), ctypes.addressof(status))
-    _call("MatDenseGetArrayRead", schur.value, ctypes.addressof(data))
-    values = np.ctypeslib.as_array(data, (size, size)).copy()
-    _call("MatDenseRestoreArrayRead", schur.value, ctypes.addressof(data))
-    _call("MatFactorRestoreSchurComplement", factor, ctypes.addressof(schur), status.value)
-    if ksp.getPC().getType() == "lu":
-        return 0.5 * (values + values.T)
-    return values + values.T - np.diag(values.diagonal())

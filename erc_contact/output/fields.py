@@ -153,7 +153,7 @@ class Surface:
 def whole_contact(admissible: Admissible, traction: ContactTraction) -> Surface | None:
     """A contact of all ranks on rank 0, None elsewhere; collective."""
     model, contact = admissible.solution.model, traction.contact
-    own = contact.facets[:, 0] < model.domain.owned_cells
+    own = model.owned(contact.facets)
     parts = gathered(
         model.comm,
         area=traction.area[own],

@@ -206,7 +206,7 @@ def _up(admissible: Admissible) -> np.ndarray:
     """The coordinate axis that points away from the first foundation, the upward direction of a picture; collective."""
     total, model = np.zeros(3), admissible.solution.model
     for traction in admissible.tractions[:1]:
-        own = traction.contact.facets[:, 0] < model.domain.owned_cells
+        own = model.owned(traction.contact.facets)
         total[: model.d] = traction.area[own] @ traction.contact.direction[own]
     total = np.array(model.comm.allgather(total)).sum(axis=0)
     axis = int(abs(total).argmax()) if total.any() else 1

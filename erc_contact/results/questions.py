@@ -64,7 +64,7 @@ def force(pair: Admissible, part: str) -> Force:
     """
     model = pair.solution.model
     sides = model.domain.facets(part)
-    sides = sides[sides[:, 0] < model.domain.owned_cells]
+    sides = sides[model.owned(sides)]
     return _force(pair, sides)
 
 
@@ -82,7 +82,7 @@ def reactions(pair: Admissible) -> dict[str, Force]:
     scene = pair.solution.scene
     held = dict.fromkeys([s.facets for s in scene.supports] + [c.facets for c in scene.contacts])
     result = {name: force(pair, name) for name in held}
-    loaded = dict.fromkeys(t.facets for t in scene.tractions if t.facets not in held)
+    loaded = dict.fromkeys(t.facets for t in pair.solution.model.tractions if t.facets not in held)
     if loaded:
         forces = [force(pair, name) for name in loaded]
         result["tractions"] = sum(forces[1:], start=forces[0])
@@ -194,7 +194,7 @@ def profile(pair: Admissible, name: str) -> np.ndarray:
     if d == 2:  # all facets in the direction of the tangent
         back = ((x[:, -1] - x[:, 0]) * tangent[:, 0]).sum(axis=1) < 0
         table[back], numbers[back] = table[back, ::-1], numbers[back, ::-1]
-    own = contact.facets[:, 0] < model.domain.owned_cells
+    own = model.owned(contact.facets)
     parts = comm.allgather((table[own], numbers[own]))
     table, numbers = (np.concatenate(part) for part in zip(*parts, strict=True))
     names = [*"xyz"[:d], "gap", "slip", "pressure", "shear", "bound", "status"]

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from functools import cache
 from math import sqrt
 from numbers import Real
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 import ufl
@@ -60,6 +60,33 @@ def scale_parts(tensor: Any, deviator: Any, sphere: Any) -> Any:
     d = tensor.ufl_shape[0]
     sph = ufl.tr(tensor) / d * ufl.Identity(d)
     return deviator * (tensor - sph) + sphere * sph
+
+
+class Material(Protocol):
+    """A linear elastic material.
+
+    Attributes:
+        parameters: Names of the attributes that are values in space: numbers, callables of x, or mappings from the
+            names of regions to either.
+
+    In 2D it may have ``out_of_plane(sigma, **parameters)``, its stress out of plane [force/area]. Without that only the
+    von Mises stress of the part in plane is known.
+    """
+
+    @property
+    def parameters(self) -> tuple[str, ...]: ...  # noqa: D102
+
+    def check(self, name: str, low: float, high: float) -> None:
+        """Refuse the range of a parameter in the body by an InputError."""
+
+    def stress(self, eps: Any, **parameters: Any) -> Any:
+        """``C eps`` [force/area], UFL, shape (d, d): linear, symmetric and positive."""
+
+    def compliance(self, sigma: Any, **parameters: Any) -> Any:
+        """``C^-1 sigma`` [-], UFL, shape (d, d): the inverse of stress to 8 digits."""
+
+    def modulus(self, **parameters: Any) -> Any:
+        """A modulus > 0 that scales contact parameters [force/area], UFL."""
 
 
 @dataclass(frozen=True)

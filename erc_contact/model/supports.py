@@ -1,0 +1,91 @@
+"""The supports of a scene on a mesh: prescribed values at the nodes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from dolfinx import fem
+from mpi4py import MPI
+
+from erc_contact.base.exceptions import InputError, raise_together
+from erc_contact.model.expressions import evaluate
+from erc_contact.model.space import Space
+from erc_contact.model.values import number
+from erc_contact.scene.scene import Displacement
+
+AGREE = 1e-9
+"""Relative difference of the values of two supports at a common node that counts as none [-]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Supports:
+    """What is prescribed of the displacement.
+
+    Attributes:
+        fixed: Which components are prescribed at each node, shape (nodes, d).
+        prescribed: Prescribed displacement, a Function of V, zero elsewhere [length].
+        bcs: The same as Dirichlet conditions.
+        facets: Facets (cell, local facet) and prescribed components of each support.
+    """
+
+    fixed: np.ndarray
+    prescribed: fem.Function
+    bcs: list[Any]
+    facets: list[tuple[np.ndarray, np.ndarray]]
+
+
+def bind_supports(space: Space, supports: Sequence[Displacement]) -> Supports:
+    """Nodal values of supports; collective.
+
+    Raises:
+        InputError: If two supports contradict each other at a node, or a value is not finite.
+    """
+    prescribed = fem.Function(space.V)
+    values = prescribed.x.array.reshape(-1, space.d)
+    fixed = np.zeros(values.shape, dtype=bool)
+    error, on_facets = None, []
+    for support in supports:
+        facets, what = space.domain.facets(support.facets), f"Displacement({support.facets!r})"
+        nodes = space.facet_nodes(facets)
+        on_facets.append((facets, np.array([value is not None for value in support.value])))
+        for i, value in enumerate(support.value):
+            if value is None:
+                continue
+            new = np.full(nodes.shape, 0.0 if callable(value) else float(value))
+            if callable(value):
+                new[:] = evaluate(number(space, value, what), space.domain, space.facet_points, facets)
+            clash = fixed[nodes, i] & (abs(values[nodes, i] - new) > AGREE * float(abs(new).max(initial=1e-300)))
+            if clash.any():
+                error = InputError(
+                    f"{what} contradicts another support at a common node in component {i}; make the values agree "
+                    "there, or free a component (None)."
+                )
+            values[nodes, i] = new
+            fixed[nodes, i] = True
+    raise_together(space.comm, error)
+    if not np.isfinite(values).all():
+        error = InputError("A prescribed displacement is not finite; look at the callables of the supports.")
+    raise_together(space.comm, error)
+    marks = fem.Function(space.V)  # a rank may see a node without the facet that fixes it: its owner sees all
+    marks.x.array[:] = fixed.ravel()
+    for function in (marks, prescribed):
+        function.x.scatter_forward()
+    fixed = marks.x.array.reshape(-1, space.d) > 0.5
+    return Supports(fixed, prescribed, _conditions(space, fixed, prescribed), on_facets)
+
+
+def _conditions(space: Space, fixed: np.ndarray, prescribed: fem.Function) -> list[Any]:
+    """Dirichlet conditions of DOLFINx, one for each component that is prescribed anywhere; collective."""
+    conditions = []
+    for i in range(space.d):
+        if space.comm.allreduce(bool(fixed[:, i].any()), MPI.LOR):
+            scalar, to_vector = space.V.sub(i).collapse()
+            to_vector = np.asarray(to_vector).ravel()
+            at = np.flatnonzero(fixed[to_vector // space.d, i]).astype(np.int32)
+            component = fem.Function(scalar)
+            component.x.array[:] = prescribed.x.array[to_vector]
+            conditions.append(fem.dirichletbc(component, [to_vector[at].astype(np.int32), at], space.V.sub(i)))
+    return conditions

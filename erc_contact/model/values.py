@@ -1,0 +1,107 @@
+"""Values of a scene on a mesh: a number becomes a Constant, a callable becomes UFL of the position.
+
+Everything that one may sweep is a ``fem.Constant``: no form is compiled anew because a number changed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import ufl
+from dolfinx import fem
+from mpi4py import MPI
+
+from erc_contact.base.exceptions import InputError
+from erc_contact.mesh.simplex import lattice
+from erc_contact.model.expressions import evaluate
+from erc_contact.model.space import Space
+from erc_contact.model.users import called, scalar, vector
+from erc_contact.scene.material import Material
+
+DATA_DEGREE = 4
+"""Quadrature degree for moduli and loads that vary in space, the same in the solver and in what reads its stress."""
+
+
+def number(space: Space, value: Any, what: str, x: Any = None) -> Any:
+    """A number as a Constant, a callable as UFL of the position, x unless another one is given; collective.
+
+    Raises:
+        InputError: If the callable fails or returns no scalar.
+    """
+    if not callable(value):
+        return fem.Constant(space.mesh, float(value))
+    return called(space.comm, what, lambda: scalar(what, value(space.x if x is None else x)))
+
+
+def components(space: Space, value: Any, what: str, x: Any = None) -> Any:
+    """The same for a vector, a sequence of d values or one callable.
+
+    Raises:
+        InputError: If it has not d components.
+    """
+    if not callable(value):
+        bound = ufl.as_vector([number(space, component, what) for component in value])
+    else:
+        bound = called(space.comm, what, lambda: vector(value(space.x if x is None else x)))
+    if bound.ufl_shape != (space.d,):
+        raise InputError(f"{what} has shape {bound.ufl_shape}; the mesh needs ({space.d},).")
+    return bound
+
+
+def bind(space: Space, value: Any, what: str) -> Any:
+    """A number, a vector of d values, or a callable that returns one of the two, as UFL; collective.
+
+    Raises:
+        InputError: If it is none of these.
+    """
+    if not callable(value):
+        return components(space, value, what) if isinstance(value, tuple) else number(space, value, what)
+
+    def attempt() -> Any:
+        found = value(space.x)
+        shape = found.ufl_shape if isinstance(found, ufl.core.expr.Expr) else np.shape(found)
+        return vector(found) if shape else scalar(what, found)
+
+    return called(space.comm, what, attempt)
+
+
+def moduli(space: Space, material: Material) -> dict[str, Any]:
+    """The parameters of a material as UFL; collective.
+
+    Raises:
+        InputError: If the material refuses their range, or a mapping does not cover the cells once.
+    """
+    bound = {}
+    for name in material.parameters:
+        value, what = getattr(material, name), f"Material parameter {name}"
+        varies = isinstance(value, Mapping) or callable(value)
+        bound[name] = _by_region(space, name, value) if isinstance(value, Mapping) else number(space, value, what)
+        if varies:
+            values = evaluate(bound[name], space.domain, lattice(space.d, DATA_DEGREE), space.owned_cells)
+            called(space.comm, what, material.check, name, *space.extremes(values))
+    return bound
+
+
+def _by_region(space: Space, name: str, value: Mapping[str, Any]) -> Any:
+    """Sum over regions of indicator times value; numbers share one piecewise constant function."""
+    W = fem.functionspace(space.mesh, ("DG", 0))
+    numbers, terms = fem.Function(W), []
+    covered = np.zeros(len(numbers.x.array), dtype=int)
+    for region, entry in value.items():
+        cells = space.domain.region(region)
+        covered[cells] += 1
+        if callable(entry):
+            indicator = fem.Function(W)
+            indicator.x.array[cells] = 1.0
+            terms.append(indicator * number(space, entry, f"Material parameter {name} in {region!r}"))
+        else:
+            numbers.x.array[cells] = float(entry)
+    missing = space.comm.allreduce(int(np.count_nonzero(covered[: space.domain.owned_cells] != 1)), MPI.SUM)
+    if missing:
+        raise InputError(
+            f"Material parameter {name}: {missing} cells are in no region or in two of {sorted(value)}; "
+            f"this domain has {sorted(space.domain.regions)}."
+        )
+    return sum(terms, start=numbers)

@@ -1,0 +1,40 @@
+"""Checks of what a scene is given: names, numbers, vectors. Callables are checked on the mesh."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from math import isfinite
+from numbers import Real
+from typing import Any
+
+import numpy as np
+
+from erc_contact.base.exceptions import InputError
+from erc_contact.scene.material import Value
+
+Vector = Sequence[Value] | Callable[[Any], Any]
+"""d values, or a callable of x that returns a vector (UFL or a sequence)."""
+
+
+def check_name(what: str, name: Any) -> None:
+    if not isinstance(name, str):
+        raise InputError(f"{what} is for {name!r}; give the name of one boundary part, e.g. {what}('top', ...).")
+
+
+def check_value(what: str, value: Any, low: float = -float("inf"), unit: str = "") -> None:
+    """Check a number (callables are checked on the mesh)."""
+    if callable(value):
+        return
+    if not isinstance(value, Real) or not isfinite(value) or value < low:
+        bound = f" >= {low:g}" if isfinite(low) else ""
+        raise InputError(f"{what} is {value!r}; give a finite number{bound}{unit}, or a callable of x.")
+
+
+def check_vector(what: str, value: Any, *, free: bool = False) -> None:
+    if callable(value):
+        return
+    if isinstance(value, str) or not isinstance(value, (Sequence, np.ndarray)) or len(value) not in (2, 3):
+        raise InputError(f"{what} is {value!r}; give one value for each dimension, e.g. (0.0, -1.0), or a callable.")
+    for component in value:
+        if not (free and component is None):
+            check_value(f"{what}: a component", component)

@@ -1,0 +1,99 @@
+"""Loads: forces on a part of the boundary or in the body.
+
+A load of a new kind is a class with the members of :class:`Load`. Its form, its moments on facets and cells, what the
+mesh does not carry of it and its checks follow from its density.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar, Protocol
+
+from erc_contact.base.exceptions import InputError
+from erc_contact.scene.given import Vector, check_name, check_value, check_vector
+from erc_contact.scene.material import Value
+
+
+class Load(Protocol):
+    """A load.
+
+    Attributes:
+        facets: Name of the boundary part that it acts on, or None for a load in the whole body.
+        parameters: Names of the attributes that are values in space: numbers, vectors, or callables of x.
+    """
+
+    @property
+    def facets(self) -> str | None: ...  # noqa: D102
+
+    @property
+    def parameters(self) -> tuple[str, ...]: ...  # noqa: D102
+
+    def density(self, x: Any, n: Any, **parameters: Any) -> Any:
+        """The force per area [force/area], or per volume [force/volume], UFL or a sequence of d components.
+
+        Args:
+            x: Position, UFL.
+            n: Outward normal on the boundary, UFL; None for a load in the body.
+            parameters: The parameters as UFL.
+        """
+
+
+@dataclass(frozen=True)
+class Traction:
+    """Given surface force on a part of the boundary: a vector F, or a pressure p with ``F = -p n``.
+
+    Args:
+        facets: Name of the boundary part.
+        value: Vector [force/area]; or None with ``pressure``.
+        pressure: Normal pressure [force/area], positive when it pushes on the body.
+
+    Raises:
+        InputError: If not exactly one of value and pressure is given, or it is no number or callable.
+    """
+
+    facets: str
+    value: Vector | None = None
+    pressure: Value | None = None
+
+    def __post_init__(self) -> None:
+        check_name("Traction", self.facets)
+        what = f"Traction({self.facets!r})"
+        if (self.value is None) == (self.pressure is None):
+            raise InputError(f"{what}: give either a vector or pressure=, not both and not none.")
+        if self.pressure is not None:
+            check_value(f"{what}: pressure", self.pressure, unit=" [force/area]")
+        elif self.value is not None:
+            check_vector(what, self.value)
+            if not callable(self.value):
+                object.__setattr__(self, "value", tuple(self.value))
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """The one of the two that is given."""
+        return ("value",) if self.pressure is None else ("pressure",)
+
+    def density(self, x: Any, n: Any, value: Any = None, pressure: Any = None) -> Any:
+        """``F`` or ``-p n`` [force/area], UFL, shape (d,)."""
+        return value if pressure is None else -pressure * n
+
+
+@dataclass(frozen=True)
+class BodyForce:
+    """Given force per volume f in the whole body [force/volume].
+
+    Args:
+        value: Vector of numbers or callables, or one callable of x that returns a vector.
+    """
+
+    value: Vector
+    facets: ClassVar[None] = None
+    parameters: ClassVar[tuple[str, ...]] = ("value",)
+
+    def __post_init__(self) -> None:
+        check_vector("BodyForce", self.value)
+        if not callable(self.value):
+            object.__setattr__(self, "value", tuple(self.value))
+
+    def density(self, x: Any, n: Any, value: Any) -> Any:
+        """``f`` [force/volume], UFL, shape (d,)."""
+        return value

@@ -1,0 +1,36 @@
+"""Supports: prescribed displacements."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from erc_contact.base.exceptions import InputError
+from erc_contact.scene.given import check_name, check_vector
+from erc_contact.scene.material import Value
+
+
+@dataclass(frozen=True)
+class Displacement:
+    """Prescribed displacement ``u = U`` on a part of the boundary, per component.
+
+    Args:
+        facets: Name of the boundary part.
+        value: One number or callable of x for each dimension [length]; None leaves a component free (a roller).
+
+    Raises:
+        InputError: If the value is no such sequence, or fixes nothing.
+    """
+
+    facets: str
+    value: Sequence[Value | None]
+
+    def __post_init__(self) -> None:
+        check_name("Displacement", self.facets)
+        what = f"Displacement({self.facets!r})"
+        if callable(self.value):
+            raise InputError(f"{what}: give one value or callable for each component, (ux, uy), not one callable.")
+        check_vector(what, self.value, free=True)
+        object.__setattr__(self, "value", tuple(self.value))
+        if all(component is None for component in self.value):
+            raise InputError(f"{what} fixes no component; leave it out.")
