@@ -27,7 +27,7 @@ from typing import Any
 import erc_contact as ec
 
 import ufl  # isort: skip - after erc_contact, which loads MPI first
-from erc_contact.output.pages import plot_history  # isort: skip
+from erc_contact.output import plot_history  # isort: skip
 from true_errors import Reference, known, rank_correlation, reference, true_errors  # isort: skip
 
 DEGREES = (1, 2)

@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 import erc_contact as ec
-from erc_contact.output.pages import plot_history
+from erc_contact.output import plot_history
 
 CORNER = 0.7112
 

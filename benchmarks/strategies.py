@@ -15,7 +15,7 @@ from time import process_time
 import effectivity
 
 import erc_contact as ec
-from erc_contact.output.pages import plot_history
+from erc_contact.output import plot_history
 
 MESHES = Path(__file__).parents[1] / "meshes"
 STRATEGIES = {

@@ -14,7 +14,7 @@ and look into results/paper: the meshes, the map of eps_E, the map of the size r
 from pathlib import Path
 
 import erc_contact as ec
-from erc_contact.output.pages import draw_error, draw_meshes, draw_sizes
+from erc_contact.output import draw_error, draw_meshes, draw_sizes
 
 ACCURACY = 0.10
 PAPER = [(490, 0.2890), (2964, 0.1178)]

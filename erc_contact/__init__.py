@@ -21,14 +21,14 @@ from erc_contact.base.logs import log_to_console
 from erc_contact.error.bounds import Bounds, energy, resultant, work_of_loads
 from erc_contact.error.constitutive import ConstitutiveError, constitutive_error
 from erc_contact.error.oscillation import Oscillations
+from erc_contact.error.sizes import Sizes, size_map
+from erc_contact.error.strategy import Mark, SizeMap, Strategy, Uniform, mark
 from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.sources import box, from_gmsh, read_mesh, rectangle
 from erc_contact.newton.methods import AugmentedLagrangian, Method, Nitsche
 from erc_contact.newton.solve import Solution, solve
 from erc_contact.run.adapt import adapt
 from erc_contact.run.history import History, Step
-from erc_contact.run.sizes import Sizes, size_map
-from erc_contact.run.strategy import Mark, SizeMap, Strategy, Uniform, mark
 from erc_contact.scene.contact import Contact
 from erc_contact.scene.law import Coulomb, Law, Tresca
 from erc_contact.scene.load import BodyForce, Load, Traction

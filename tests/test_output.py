@@ -25,10 +25,10 @@ from mpi4py import MPI
 from scenes import block, patch_test, random_scene, resultant
 
 import erc_contact as ec
+from erc_contact import output
 from erc_contact.admissible.contact import ContactTraction
 from erc_contact.base.percent import percent
-from erc_contact.output import fields
-from erc_contact.output import pages as output
+from erc_contact.output import paraview as fields
 from erc_contact.results import questions as results
 from erc_contact.run.history import COLUMNS
 
@@ -446,7 +446,7 @@ def test_area_under_the_pressure_of_any_contact(shape):
     """A ring is cut where nothing presses; facets come in any order and direction; parts may lie apart."""
     if COMM.rank > 0:
         return
-    from erc_contact.output.plots import contact_curves
+    from erc_contact.output.curves import contact_curves
 
     rng = np.random.default_rng(3)
     many = 40

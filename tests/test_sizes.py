@@ -16,9 +16,9 @@ from scenes import block, common_block, greco, prototype_block
 from test_remesh import MESHES
 
 import erc_contact as ec
-from erc_contact.output.fields import whole_contact
+from erc_contact.error.sizes import GROW, RATIO, _Mesh
+from erc_contact.output.paraview import whole_contact
 from erc_contact.results.questions import OPEN, SLIP, STICK, contact_status
-from erc_contact.run.sizes import GROW, RATIO, _Mesh
 
 
 def measured(scene, domain, tighten=0):

@@ -1,9 +1,9 @@
 """Displacements that do not enter the foundation, at the status that the admissible traction shows.
 
-Point-wise, not only at nodes: a normal displacement whose Bernstein coefficients are below those of a bound stays below
-it. Where the gap varies along a facet, the bounds are lowered by what a sampling of the facet shows, the finer the less
-the gap is a polynomial there (:mod:`erc_contact.mesh.quadrature`): an asperity is found where its flank shows at one of the
-first samples, 72 on a facet in 2D and 352 in 3D.
+This holds at every point, not only at the nodes: a normal displacement whose Bernstein coefficients are below those of
+a bound stays below it. Where the gap varies along a facet, the bounds are lowered by what samples of the facet show.
+There are more samples where the gap is less like a polynomial (:mod:`erc_contact.mesh.quadrature`): an asperity is
+found where its flank shows at one of the first samples, 72 on a facet in 2D and 352 in 3D.
 
 Symbols: n normal of the foundation, r^ admissible contact traction, g gap, u^ displacement, m number of coefficients of
 a facet, which belong to its nodes.

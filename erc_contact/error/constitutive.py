@@ -114,7 +114,7 @@ class ConstitutiveError:
         return results.force(self.admissible, part)
 
     def reactions(self) -> dict[str, Force]:
-        """Forces of supports, contacts and loads, and their balance, see :func:`erc_contact.results.questions.reactions`."""
+        """Forces of supports, contacts and loads, and their balance, see :func:`results.reactions`; collective."""
         return results.reactions(self.admissible)
 
     def profile(self, contact: str) -> np.ndarray:

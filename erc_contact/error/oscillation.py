@@ -6,9 +6,8 @@ bound holds for the problem that has them. How far that one is from the scene is
     sum h^2/(pi^2 E) |f - f_T|^2 + sum h/E |F - F_h|^2 + sum E/h |U - U_h|^2,
 
 with E the modulus of the material. The moduli are in no space: what is measured of them is what the integrals of the
-energies leave unknown (:mod:`erc_contact.mesh.quadrature`). u^ and r^ keep the gap and the friction bound of the scene point
-by point, or not at all: how much they violate them at the points of quadrature is measured as a support and as a load
-are.
+energies leave unknown (:mod:`erc_contact.mesh.quadrature`). u^ and r^ keep the gap and the friction bound of the scene
+at the points of quadrature, or violate them there: by how much is measured as for a support and a load.
 
 Each part is exactly 0 where the mesh carries the data: constants, constants by region, tractions and supports that are
 polynomials of degree k on each facet, body forces of degree k-1 in each cell.

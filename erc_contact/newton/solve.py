@@ -1,7 +1,7 @@
 """One contact solve: from a first guess to a :class:`Solution`, or :class:`NotConverged`.
 
-Where Newton starts decides whether it ends. One elastic factorisation serves all attempts
-(:mod:`erc_contact.newton.stiffness`), so a ladder of starts and line searches is tried, cheapest first, and costs little.
+Whether Newton converges depends on where it starts. One elastic factorisation serves all attempts
+(:mod:`erc_contact.newton.stiffness`). So a ladder of starts and line searches costs little; the cheapest comes first.
 Nitsche's method starts from the solution of the augmented Lagrangian: it is the nearer to it the larger gamma is, and
 found in fewer steps (GRECO, 256 x 256 squares: 11 and 2, against 22 from the glued contact).
 """
@@ -106,8 +106,8 @@ def solve(
     """Solve a scene on a domain; collective.
 
     A scene without contact is one linear solve. Otherwise Newton starts from ``start`` if given, else from the linear
-    problem with the contact glued; line search by bisection. Further attempts (:mod:`erc_contact.newton.ladder`) use other
-    parameters, raise friction in steps, and use other line searches.
+    problem with the contact glued; line search by bisection. Further attempts use other parameters, raise friction in
+    steps, and use other line searches (:mod:`erc_contact.newton.ladder`).
 
     Args:
         scene: The problem.

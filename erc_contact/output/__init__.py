@@ -1,1 +1,20 @@
-"""Files, plots and pictures. Optional packages are imported inside the functions that need them."""
+"""Files, plots and pictures of a run: curves and maps by matplotlib, bodies by pyvista, files for ParaView.
+
+All functions are collective: data are gathered to rank 0 of the mesh's communicator, which draws; the other ranks
+import neither matplotlib nor pyvista. What fails on rank 0 is raised on all ranks. No display is needed. The folder
+of a path is made if it is missing; the suffix of a picture chooses its format (png, pdf, svg).
+"""
+
+from erc_contact.output.curves import plot_contact, plot_history
+from erc_contact.output.paraview import write_fields
+from erc_contact.output.pictures import draw_deformed, draw_error, draw_meshes, draw_sizes
+
+__all__ = [
+    "draw_deformed",
+    "draw_error",
+    "draw_meshes",
+    "draw_sizes",
+    "plot_contact",
+    "plot_history",
+    "write_fields",
+]

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from erc_contact.output.fields import Surface
+from erc_contact.output.paraview import Surface
 
 AXIS = 1e-6
 """A direction whose cosine with a coordinate axis misses 1 by less is that axis."""

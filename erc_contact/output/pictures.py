@@ -24,10 +24,13 @@ from erc_contact.admissible.pair import Admissible
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.percent import percent
 from erc_contact.error.constitutive import ConstitutiveError
+from erc_contact.error.sizes import Sizes
 from erc_contact.mesh.domain import Domain
 from erc_contact.output.bodies import Skin, foundation, ground, rendered, show, skin_of, views_of
+from erc_contact.output.curves import weighted_level
 from erc_contact.output.drawing import new_figure, save_figure
-from erc_contact.output.fields import (
+from erc_contact.output.files import gathered, grid_of, on_root
+from erc_contact.output.paraview import (
     body_mesh,
     body_nodes,
     mean_stress,
@@ -36,9 +39,6 @@ from erc_contact.output.fields import (
     von_mises,
     whole_contact,
 )
-from erc_contact.output.files import gathered, grid_of, on_root
-from erc_contact.output.plots import weighted_level
-from erc_contact.run.sizes import Sizes
 
 WORDS = 1.4
 """What the labels of a view in 3D take in a figure [inches]."""

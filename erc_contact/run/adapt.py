@@ -20,12 +20,12 @@ from erc_contact.base.interrupts import Interrupts
 from erc_contact.base.logs import log_of
 from erc_contact.base.percent import percent
 from erc_contact.error.constitutive import ConstitutiveError, constitutive_error
+from erc_contact.error.sizes import size_map
+from erc_contact.error.strategy import KNOWN, Mark, Strategy
 from erc_contact.mesh.domain import Domain
 from erc_contact.newton.methods import Method
 from erc_contact.newton.solve import DEFAULT, Solution, check_arguments, solve
 from erc_contact.run.history import CURVED, HEADER, History, Step, line
-from erc_contact.run.sizes import size_map
-from erc_contact.run.strategy import KNOWN, Mark, Strategy
 from erc_contact.scene.scene import Scene
 
 SHARE = 0.1

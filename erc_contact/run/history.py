@@ -12,6 +12,10 @@ from erc_contact.base.percent import percent
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.mesh.domain import Domain
 from erc_contact.newton.solve import Solution
+from erc_contact.output.curves import plot_contact, plot_history
+from erc_contact.output.files import on_root
+from erc_contact.output.paraview import write_fields
+from erc_contact.output.pictures import draw_deformed, draw_error, draw_meshes
 
 
 @dataclass(frozen=True)
@@ -139,18 +143,13 @@ class History:
         ``error_map.png``, ``deformed.png``, ``contact_<name>.png`` for each contact, ``body.vtkhdf`` and
         ``contact_<name>.vtkhdf``.
         """
-        from erc_contact.output import fields
-        from erc_contact.output import pages as output  # noqa: PLC0415 - plots and pictures are paid for only when asked for
-
         folder = Path(folder)
         comm = self.best.admissible.solution.domain.mesh.comm
-        fields.on_root(comm, folder / "history.csv", lambda: self.to_csv(folder / "history.csv"))
-        output.plot_history({"adaptive": self}, folder / "error.png")
-        output.draw_meshes(self.meshes, folder / "meshes.png")
-        output.draw_error(self.best, folder / "error_map.png")
-        output.draw_deformed(self.best, folder / "deformed.png")
+        on_root(comm, folder / "history.csv", lambda: self.to_csv(folder / "history.csv"))
+        plot_history({"adaptive": self}, folder / "error.png")
+        draw_meshes(self.meshes, folder / "meshes.png")
+        draw_error(self.best, folder / "error_map.png")
+        draw_deformed(self.best, folder / "deformed.png")
         for traction in self.best.admissible.tractions:
-            output.plot_contact(
-                self.best.admissible, traction.contact.name, folder / f"contact_{traction.contact.name}.png"
-            )
-        fields.write_fields(self.best, folder)
+            plot_contact(self.best.admissible, traction.contact.name, folder / f"contact_{traction.contact.name}.png")
+        write_fields(self.best, folder)

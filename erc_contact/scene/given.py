@@ -17,6 +17,7 @@ Vector = Sequence[Value] | Callable[[Any], Any]
 
 
 def check_name(what: str, name: Any) -> None:
+    """Refuse what is no name of a boundary part."""
     if not isinstance(name, str):
         raise InputError(f"{what} is for {name!r}; give the name of one boundary part, e.g. {what}('top', ...).")
 
@@ -31,6 +32,7 @@ def check_value(what: str, value: Any, low: float = -float("inf"), unit: str = "
 
 
 def check_vector(what: str, value: Any, *, free: bool = False) -> None:
+    """Refuse what is no sequence of two or three numbers or callables; with ``free`` a component may be None."""
     if callable(value):
         return
     if isinstance(value, str) or not isinstance(value, (Sequence, np.ndarray)) or len(value) not in (2, 3):

@@ -90,15 +90,15 @@ class Scene:
             held = any(s.facets == load.facets for s in self.supports)
             if held and not free:
                 raise InputError(
-                    f"{load.facets!r} has a {type(load).__name__} and a Displacement of all components; free a component (None) "
-                    "or remove one of the two."
+                    f"{load.facets!r} has a {type(load).__name__} and a Displacement of all components; free a "
+                    "component (None) or remove one of the two."
                 )
             given = value if isinstance(value := getattr(load, "value", None), tuple) else ()
             for i, value in enumerate(given):
                 if (load.facets, i) in fixed and (callable(value) or value != 0):
                     raise InputError(
-                        f"{load.facets!r} has a {type(load).__name__} and a Displacement in component {i}; make the load 0 "
-                        "there, or free the Displacement (None)."
+                        f"{load.facets!r} has a {type(load).__name__} and a Displacement in component {i}; "
+                        "make the load 0 there, or free the Displacement (None)."
                     )
         lengths = [
             len(v)

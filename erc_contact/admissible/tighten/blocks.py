@@ -1,7 +1,8 @@
 """The quadratic part of the facet tractions: one small problem of complementary energy for each facet.
 
-Beside its linear part, which balances the cells (:mod:`erc_contact.admissible.tighten.patches`), a traction of degree 2 has a
-part orthogonal to all linear functions of its facet. It does no work on rigid motions, so it is free, facet by facet.
+Beside its linear part, which balances the cells (:mod:`erc_contact.admissible.tighten.patches`), a traction of degree 2
+has a part orthogonal to all linear functions of its facet. It does no work on rigid motions, so it is free on each
+facet.
 
 Symbols as in :mod:`erc_contact.admissible.tighten.energy`; j = m - d quadratic moments a component.
 """

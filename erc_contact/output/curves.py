@@ -12,26 +12,44 @@ from __future__ import annotations
 from collections.abc import Mapping
 from fractions import Fraction
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from erc_contact.admissible.pair import Admissible
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.percent import percent
+from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.mesh.simplex import bernstein
 from erc_contact.output.drawing import AXIS, coordinate, mean_normal, new_figure, save_figure, tangents, words
-from erc_contact.output.fields import Surface, whole_contact
 from erc_contact.output.files import PARTS, on_root, subdivided
+from erc_contact.output.paraview import Surface, whole_contact
 from erc_contact.results.questions import OPEN, SLIP, STICK, contact_status
-from erc_contact.run.history import History
 
 STATUS = ("open", "slip", "stick")
 COLOURS = ("#ececec", "#fdeacc", "#d9ecd6")
 """Colours of open, slip and stick."""
 
 
-def plot_history(histories: Mapping[str, History], path: str | Path) -> None:
+class Run(Protocol):
+    """What is drawn of an adaptive run: a History, or anything with these members."""
+
+    @property
+    def accuracy(self) -> float:
+        """The prescribed relative error."""
+
+    @property
+    def error(self) -> ConstitutiveError:
+        """The best result."""
+
+    def column(self, name: str) -> np.ndarray:
+        """One value a mesh: dofs, eps or seconds."""
+
+    def slope(self, against: str) -> float:
+        """Slope of log(eps) against the log of a column."""
+
+
+def plot_history(histories: Mapping[str, Run], path: str | Path) -> None:
     """Draw the relative error against run time and against degrees of freedom, log-log; collective.
 
     One curve a history, with its measured slope against the degrees of freedom, the prescribed accuracies, and the
@@ -46,7 +64,7 @@ def plot_history(histories: Mapping[str, History], path: str | Path) -> None:
     """
     if not histories:
         raise InputError("plot_history: no history is given; give at least one, e.g. {'adaptive': history}.")
-    domain = next(iter(histories.values())).best.admissible.solution.domain
+    domain = next(iter(histories.values())).error.domain
 
     def draw() -> None:
         many = len(histories) > 3
@@ -67,7 +85,7 @@ def plot_history(histories: Mapping[str, History], path: str | Path) -> None:
             left.text(0.02, 100 * accuracy, f"accuracy {percent(accuracy, 3)}", **place)
         dofs, eps = (np.concatenate([h.column(c) for h in histories.values()]) for c in ("dofs", "eps"))
         ends = np.array([np.sqrt(dofs.max() * dofs.min()), dofs.max()])
-        degree = max(h.best.admissible.solution.model.degree for h in histories.values())
+        degree = max(h.error.solution.model.degree for h in histories.values())
         order = Fraction(degree, domain.dim)
         below = 75 * float(np.min((eps * dofs ** float(order))[dofs >= ends[0]], initial=np.inf))
         if 0 < below < np.inf and dofs.max() > dofs.min():

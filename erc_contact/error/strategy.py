@@ -17,8 +17,8 @@ from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError, raise_together
 from erc_contact.base.percent import percent
 from erc_contact.error.constitutive import ConstitutiveError
+from erc_contact.error.sizes import size_map
 from erc_contact.mesh.domain import Domain
-from erc_contact.run.sizes import size_map
 
 CLOSE = 1.2
 """An error below this multiple of the accuracy is closed by marking: a new mesh of nearly the same sizes, with the

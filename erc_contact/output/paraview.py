@@ -113,7 +113,8 @@ def _spatial(model: Model, stress: np.ndarray) -> np.ndarray:
         full[:, 2, 2] = np.nan
     elif d == 2:
         basis = mandel_basis(d)
-        images = [model.scene.material.out_of_plane(ufl.as_matrix(b.tolist()), **model.parameters) for b in basis]
+        material: Any = model.scene.material
+        images = [material.out_of_plane(ufl.as_matrix(b.tolist()), **model.parameters) for b in basis]
         cells = np.arange(len(stress), dtype=np.int32)
         row = evaluate(ufl.as_vector(images), model.domain, nodes(d, 0), cells)[:, 0]
         full[:, 2, 2] = np.einsum("nk,kij,nij->n", row, basis, stress)
