@@ -26,7 +26,8 @@ from erc_contact.error.strategy import Mark, SizeMap, Strategy, Uniform, mark
 from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.sources import box, from_gmsh, read_mesh, rectangle
 from erc_contact.newton.methods import AugmentedLagrangian, Method, Nitsche
-from erc_contact.newton.solve import Solution, solve
+from erc_contact.newton.solution import Solution
+from erc_contact.newton.solve import solve
 from erc_contact.run.adapt import adapt
 from erc_contact.run.history import History, Step
 from erc_contact.scene.contact import Contact

@@ -13,7 +13,7 @@ from scenes import block, patch_test, prototype_block, random_scene
 
 import erc_contact as ec
 from erc_contact.admissible.pair import displacement
-from erc_contact.error.constitutive import contact_parts
+from erc_contact.error.contact import contact_parts
 
 
 def measure(scene: ec.Scene, domain: ec.Domain, **options) -> ec.ConstitutiveError:

@@ -11,7 +11,7 @@ from mpi4py import MPI
 from scenes import block, common_block, random_scene, resultant
 
 import erc_contact as ec
-from erc_contact.results.questions import _in_order
+from erc_contact.results.profile import _in_order
 
 COMM = MPI.COMM_WORLD
 

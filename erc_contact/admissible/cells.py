@@ -18,7 +18,7 @@ import numpy as np
 
 from erc_contact.mesh.simplex import barycentric, mass, node_between, node_vertices
 from erc_contact.model.expressions import evaluate
-from erc_contact.model.model import Model
+from erc_contact.model.space import Space
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,12 +68,12 @@ class Simplices:
         return self.side[0] != self.side[1]
 
 
-def simplices(model: Model) -> Simplices:
+def simplices(space: Space) -> Simplices:
     """The arrays of a model's mesh."""
-    d, mesh = model.d, model.mesh
-    order = np.argsort(model.vertices, axis=1)
-    ends = order[:, node_vertices(d, model.degree)]
-    nodes = np.take_along_axis(model.nodes, node_between(d, model.degree)[ends[..., 0], ends[..., 1]], axis=1)
+    d, mesh = space.d, space.mesh
+    order = np.argsort(space.vertices, axis=1)
+    ends = order[:, node_vertices(d, space.degree)]
+    nodes = np.take_along_axis(space.nodes, node_between(d, space.degree)[ends[..., 0], ends[..., 1]], axis=1)
     facets = mesh.topology.connectivity(d, d - 1).array.reshape(-1, d + 1)
     facets = np.take_along_axis(facets, order, axis=1)
     flat, places = facets.ravel(), np.arange(facets.size)
@@ -85,19 +85,19 @@ def simplices(model: Model) -> Simplices:
     number = cell_map.local_to_global(np.arange(len(nodes), dtype=np.int32))[side // (d + 1)]
     side = np.where(number[0] <= number[1], side, side[::-1])
 
-    x = np.take_along_axis(model.cell_corners(), order[:, :, None], axis=1)
+    x = np.take_along_axis(space.cell_corners(), order[:, :, None], axis=1)
     edges = x[:, 1:] - x[:, :1]
     determinant, cofactor = _cofactor(edges)
     area = np.empty((len(nodes), d + 1, d))
     area[:, 1:] = -cofactor * np.sign(determinant)[:, None, None] / (1, 1, 1, 2)[d]
     area[:, 0] = -area[:, 1:].sum(axis=1)
     J, volume = edges.transpose(0, 2, 1), abs(determinant) / (1, 1, 2, 6)[d]
-    return Simplices(model.degree, order, nodes, facets, side, J, volume, area)
+    return Simplices(space.degree, order, nodes, facets, side, J, volume, area)
 
 
-def sorted_corners(model: Model, cells: Simplices) -> np.ndarray:
+def sorted_corners(space: Space, cells: Simplices) -> np.ndarray:
     """Vertices of all cells in our order [length], shape (n, d+1, d)."""
-    return np.take_along_axis(model.cell_corners(), cells.order[:, :, None], axis=1)
+    return np.take_along_axis(space.cell_corners(), cells.order[:, :, None], axis=1)
 
 
 def _cofactor(edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -118,12 +118,12 @@ def facet_order(vertices: np.ndarray, degree: int) -> np.ndarray:
     return node_between(d - 1, degree)[ends[..., 0], ends[..., 1]]
 
 
-def evaluate_sorted(expression: Any, model: Model, cells: Simplices, points: np.ndarray, count: int) -> np.ndarray:
+def evaluate_sorted(expression: Any, space: Space, cells: Simplices, points: np.ndarray, count: int) -> np.ndarray:
     """Values of a UFL expression at reference points of the first cells, in our order of their vertices.
 
     Args:
         expression: UFL expression of shape s.
-        model: The scene on a mesh.
+        space: The mesh.
         cells: Its arrays.
         points: Reference points (q, d) that a permutation of the vertices permutes.
         count: Number of cells.
@@ -131,7 +131,7 @@ def evaluate_sorted(expression: Any, model: Model, cells: Simplices, points: np.
     Returns:
         Values, shape (count, q, *s).
     """
-    values = evaluate(expression, model.domain, points, np.arange(count, dtype=np.int32))
+    values = evaluate(expression, space.domain, points, np.arange(count, dtype=np.int32))
     at = barycentric(points)
     every = np.array(list(permutations(range(cells.d + 1))))
     theirs = np.empty((len(every), len(points), cells.d + 1))

@@ -38,7 +38,7 @@ from erc_contact.admissible.tighten.iteration import TIGHTEN, tightened
 from erc_contact.mesh.simplex import coefficients, facet_nodes, mass
 from erc_contact.model.expressions import varies_in_cells
 from erc_contact.model.model import Model
-from erc_contact.newton.solve import Solution
+from erc_contact.newton.solution import Solution
 
 BALANCED = 1e-12
 """Nodal forces that count as balanced, over the forces of the stress [-]."""

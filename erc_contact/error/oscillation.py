@@ -20,9 +20,8 @@ from dataclasses import astuple, dataclass
 import numpy as np
 from mpi4py import MPI
 
-from erc_contact.admissible.cells import sorted_corners
+from erc_contact.admissible.cells import Simplices, sorted_corners
 from erc_contact.admissible.loads import traction_moments
-from erc_contact.admissible.pair import Admissible
 from erc_contact.mesh.quadrature import Integrand, cell_pieces, facet_pieces, integrate, polynomials
 from erc_contact.mesh.simplex import coefficients, mass
 from erc_contact.model.expressions import Everywhere, varies_in_cells
@@ -58,14 +57,19 @@ class Oscillations:
         return float(np.linalg.norm(astuple(self)))
 
 
-def of_loads(admissible: Admissible) -> float:
-    """Square of the oscillation of the loads on this rank; collective."""
-    model, cells = admissible.solution.model, admissible.cells
+def of_loads(model: Model, cells: Simplices, force: np.ndarray | None) -> float:
+    """Square of the oscillation of the loads on this rank; collective.
+
+    Args:
+        model: The scene on a mesh.
+        cells: Its arrays.
+        force: Body force times volume, projected on degree k-1 [force], shape (n, N_(k-1), d), or None.
+    """
     d, k, owned, total = model.d, model.degree, model.domain.owned_cells, 0.0
-    if admissible.force is not None and varies_in_cells(model.body_force):
+    if force is not None and varies_in_cells(model.body_force):
         volume, of_cells = cells.volume[:owned], np.arange(owned, dtype=np.int32)
         corners = sorted_corners(model, cells)[:owned]
-        projected = admissible.force[:owned] / volume[:, None, None]
+        projected = force[:owned] / volume[:, None, None]
         rest = _squares(model, Everywhere(model.body_force, model.domain), of_cells, projected, k - 1)
         square = integrate(model.comm, rest, corners, volume, cell_pieces(d), share=COARSE).value[:, 0]
         total += float(np.sum(volume ** (2 / d) / np.pi**2 * square / model.at_middles(model.modulus, of_cells)))

@@ -59,7 +59,7 @@ def _friction(space: Space, contact: Contact, facets: np.ndarray) -> Friction | 
             low, high = space.extremes(evaluate(parameters[name], space.domain, space.facet_points, facets))
             if not 0 <= low <= high < np.inf:
                 raise InputError(f"{what}: {name} is {low:g} somewhere; it must be >= 0 and finite.")
-    return bind_friction(space, f"{what}: the friction bound", law, parameters)
+    return bind_friction(space.mesh, f"{what}: the friction bound", law, parameters)
 
 
 def _true_surface(space: Space, contact: Contact) -> Any:

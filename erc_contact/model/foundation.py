@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 import ufl
 from dolfinx import fem
+from dolfinx import mesh as dmesh
 from ufl.classes import Variable, Zero
 from ufl.corealg.traversal import unique_pre_traversal
 
 from erc_contact.mesh.domain import Domain
 from erc_contact.model.expressions import Everywhere, pointwise, varies_in_cells
-from erc_contact.model.space import Space
 from erc_contact.model.users import called, scalar
 from erc_contact.scene.law import Law, project
 
@@ -58,11 +58,11 @@ class Friction:
         return pointwise(self.law.bound, {"pressure": pressure, **values})
 
 
-def bind_friction(space: Space, what: str, law: Law, parameters: dict[str, Any]) -> Friction:
+def bind_friction(mesh: dmesh.Mesh, what: str, law: Law, parameters: dict[str, Any]) -> Friction:
     """A law with its parameters; its bound is tried as solver and error will call it; collective.
 
     Args:
-        space: The mesh.
+        mesh: The mesh.
         what: The bound, in words for messages.
         law: The law.
         parameters: Values of its parameters, UFL.
@@ -75,7 +75,7 @@ def bind_friction(space: Space, what: str, law: Law, parameters: dict[str, Any])
         return scalar(what, law.bound(pressure, **parameters))
 
     def attempt() -> str:
-        pressure = ufl.variable(fem.Constant(space.mesh, 1.0))
+        pressure = ufl.variable(fem.Constant(mesh, 1.0))
         slope = ufl.algorithms.apply_derivatives.apply_derivatives(ufl.diff(bound(pressure), pressure))
         if isinstance(slope, Zero):
             return CONSTANT
@@ -90,9 +90,9 @@ def bind_friction(space: Space, what: str, law: Law, parameters: dict[str, Any])
             return False
         return isinstance(found, Real | np.ndarray)
 
-    dependence = called(space.comm, what, attempt)
+    dependence = called(mesh.comm, what, attempt)
     friction = Friction(law, parameters, dependence, of_numbers())
-    called(space.comm, what, friction.numbers, np.ones((1, 1)), {name: np.ones((1, 1)) for name in parameters})
+    called(mesh.comm, what, friction.numbers, np.ones((1, 1)), {name: np.ones((1, 1)) for name in parameters})
     return friction
 
 

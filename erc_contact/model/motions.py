@@ -77,9 +77,7 @@ def bodies_of_nodes(space: Space) -> tuple[np.ndarray, int]:
     V, comm = space.V, space.comm
     cells = space.nodes
     pairs = np.column_stack([np.repeat(cells[:, 0], cells.shape[1] - 1), cells[:, 1:].ravel()])
-    here, label = np.unique(
-        components(V.dofmap.index_map.size_local + V.dofmap.index_map.num_ghosts, pairs), return_inverse=True
-    )
+    here, label = np.unique(components(space.node_count, pairs), return_inverse=True)
     counts = comm.allgather(len(here))
     label += sum(counts[: comm.rank])
     at_owner = fem.Function(V)

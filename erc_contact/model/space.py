@@ -76,6 +76,11 @@ class Space:
         return facets[:, 0] < self.domain.owned_cells
 
     @property
+    def node_count(self) -> int:
+        """Number of nodes of this rank, ghosts included."""
+        return self.V.dofmap.index_map.size_local + self.V.dofmap.index_map.num_ghosts
+
+    @property
     def facet_points(self) -> np.ndarray:
         """Reference points of the nodes of a facet, shape (m, d-1)."""
         return nodes(self.d - 1, self.degree)

@@ -8,7 +8,7 @@ found in fewer steps (GRECO, 256 x 256 squares: 11 and 2, against 22 from the gl
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from numbers import Integral
 from time import perf_counter
 from typing import Any
@@ -22,76 +22,18 @@ from erc_contact.base.exceptions import InputError, NotConverged, raise_together
 from erc_contact.base.logs import log_of
 from erc_contact.mesh.domain import Domain
 from erc_contact.model import promises
-from erc_contact.model.foundation import BoundContact
 from erc_contact.model.model import Model
 from erc_contact.newton import first_guess as starts
 from erc_contact.newton.condensed import Condensed
 from erc_contact.newton.ladder import Attempt, attempts
 from erc_contact.newton.methods import Method, Nitsche
 from erc_contact.newton.snes import Newton, Outcome
+from erc_contact.newton.solution import SINGULAR, Solution
 from erc_contact.newton.stiffness import Stiffness
 from erc_contact.scene.scene import Scene
 
 DEFAULT = Nitsche()
 """The method where none is given."""
-SINGULAR = 1e-12
-"""Where the least singular value of the tangent, scaled by the elastic diagonal, is below this, it is singular [-]."""
-
-
-@dataclass(frozen=True, eq=False)
-class Solution:
-    """A converged displacement with all that it came from.
-
-    Attributes:
-        model: The scene on its domain, with forms.
-        method: The contact method whose solution it is.
-        u: Displacement [length], a continuous P1 or P2 Function.
-        multipliers: Multiplier of each contact [force/area], or () for a method without.
-        newton_steps: Newton steps of all attempts together; 0 for a scene without contact.
-        reason: How the solver ended, and from which start.
-        remaining: Energy norm of the distance to the solution of the discrete problem [sqrt(force length)].
-        regularity: Least singular value of the tangents of the contact problem at the solution, scaled by the elastic
-            diagonal [-].
-        stiffness: The elastic stiffness; see :attr:`factorised`.
-        seconds: Wall time, the largest over the ranks [s].
-    """
-
-    model: Model
-    method: Method
-    u: fem.Function
-    multipliers: tuple[fem.Function, ...]
-    newton_steps: int
-    reason: str
-    remaining: float
-    regularity: float
-    stiffness: Stiffness
-    seconds: float
-
-    @property
-    def domain(self) -> Domain:
-        """The mesh with names."""
-        return self.model.domain
-
-    @property
-    def scene(self) -> Scene:
-        """What the user declared."""
-        return self.model.scene
-
-    @property
-    def factorised(self) -> bool:
-        """Whether the factor of the stiffness is at hand; :func:`equilibrate` frees it, another one makes it anew."""
-        return self.stiffness.factorised
-
-    @property
-    def singular(self) -> bool:
-        """Whether the tangent is singular: there may be other solutions as near as one likes."""
-        return self.regularity < SINGULAR
-
-    def traction(self, contact: BoundContact) -> Any:
-        """The contact traction of the method on a contact of the model [force/area], UFL, shape (d,)."""
-        place = self.model.contacts.index(contact)
-        multiplier = self.multipliers[place] if self.multipliers else None
-        return self.method.traction(self.model, contact, self.u, multiplier)
 
 
 def solve(

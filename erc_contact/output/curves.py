@@ -21,10 +21,19 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.base.percent import percent
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.mesh.simplex import bernstein
-from erc_contact.output.drawing import AXIS, coordinate, mean_normal, new_figure, save_figure, tangents, words
+from erc_contact.output.drawing import (
+    AXIS,
+    coordinate,
+    mean_normal,
+    new_figure,
+    save_figure,
+    tangents,
+    weighted_level,
+    words,
+)
 from erc_contact.output.files import PARTS, on_root, subdivided
-from erc_contact.output.paraview import Surface, whole_contact
-from erc_contact.results.questions import OPEN, SLIP, STICK, contact_status
+from erc_contact.output.gathered import Surface, whole_contact
+from erc_contact.results.profile import OPEN, SLIP, STICK, contact_status
 
 STATUS = ("open", "slip", "stick")
 COLOURS = ("#ececec", "#fdeacc", "#d9ecd6")
@@ -262,13 +271,6 @@ def _arc_length(surface: Surface) -> tuple[np.ndarray, str]:
     s = np.where(forward, [start, start + area], [start + area, start]).T
     facet, vertex = np.unravel_index(np.linalg.norm(ends - centre, axis=2).argmin(), s.shape)
     return s - s[facet, vertex], f"arc length from {words(ends[facet, vertex], area.sum())} [length]"
-
-
-def weighted_level(values: np.ndarray, weights: np.ndarray, share: float) -> float:
-    """The value that a share of the weight does not exceed."""
-    order = np.argsort(values)
-    carried = np.cumsum(weights[order])
-    return float(values[order][np.searchsorted(carried, share * carried[-1])])
 
 
 def _log_scale(axis: Any, low: float, high: float) -> None:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from erc_contact.output.paraview import Surface
+from erc_contact.output.gathered import Surface
 
 AXIS = 1e-6
 """A direction whose cosine with a coordinate axis misses 1 by less is that axis."""
@@ -59,3 +59,10 @@ def coordinate(tangent: np.ndarray) -> str:
     """Label of a coordinate along a tangent."""
     along = f"${'xyz'[tangent.argmax()]}$" if tangent.max() == 1.0 else f"along {words(tangent)}"
     return f"{along} [length]"
+
+
+def weighted_level(values: np.ndarray, weights: np.ndarray, share: float) -> float:
+    """The value that a share of the weight does not exceed."""
+    order = np.argsort(values)
+    carried = np.cumsum(weights[order])
+    return float(values[order][np.searchsorted(carried, share * carried[-1])])

@@ -24,7 +24,8 @@ from erc_contact.error.sizes import size_map
 from erc_contact.error.strategy import KNOWN, Mark, Strategy
 from erc_contact.mesh.domain import Domain
 from erc_contact.newton.methods import Method
-from erc_contact.newton.solve import DEFAULT, Solution, check_arguments, solve
+from erc_contact.newton.solution import Solution
+from erc_contact.newton.solve import DEFAULT, check_arguments, solve
 from erc_contact.run.history import CURVED, HEADER, History, Step, line
 from erc_contact.scene.scene import Scene
 

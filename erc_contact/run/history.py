@@ -11,7 +11,7 @@ import numpy as np
 from erc_contact.base.percent import percent
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.mesh.domain import Domain
-from erc_contact.newton.solve import Solution
+from erc_contact.newton.solution import Solution
 from erc_contact.output.curves import plot_contact, plot_history
 from erc_contact.output.files import on_root
 from erc_contact.output.paraview import write_fields

@@ -19,7 +19,7 @@ from erc_contact.admissible.cells import Simplices, facet_order
 from erc_contact.admissible.tighten.blocks import Blocks
 from erc_contact.admissible.tighten.energy import Energy, hierarchical
 from erc_contact.admissible.tighten.patches import Patches, facet_nodes
-from erc_contact.model.model import Model
+from erc_contact.model.space import Space
 
 TIGHTEN = 10
 """Limit of the iterations unless asked otherwise: the gain ends them before, but near incompressibility."""
@@ -29,7 +29,7 @@ about 2% of the run time of a mesh; spent on a finer mesh, that lowers the error
 
 
 def tightened(
-    model: Model,
+    space: Space,
     cells: Simplices,
     moment: np.ndarray,
     force: np.ndarray | None,
@@ -41,7 +41,7 @@ def tightened(
     """Tighten the moments of facet tractions that are in equilibrium; collective.
 
     Args:
-        model: The scene on a mesh.
+        space: The mesh.
         cells: Geometry, n cells.
         moment: Moments on the first side of each facet [force], shape (F, m, d).
         force: Body force times volume of each cell [force], shape (n, N_(k-1), d), or None.
@@ -53,10 +53,10 @@ def tightened(
     Returns:
         The moments, and the number of iterations.
     """
-    comm, d, m = model.comm, cells.d, moment.shape[1]
-    facets = model.mesh.topology.index_map(d - 1)
+    comm, d, m = space.comm, cells.d, moment.shape[1]
+    facets = space.mesh.topology.index_map(d - 1)
     shared = la.vector(facets, d * m)
-    vertices = model.global_numbers(facet_nodes(cells))
+    vertices = space.global_numbers(facet_nodes(cells))
     order = facet_order(vertices, cells.degree).T  # the ranks do not agree on the order of the nodes
     back = np.argsort(order, axis=0)
 
@@ -76,12 +76,12 @@ def tightened(
         rows = zip(a.reshape(d * m, -1), b.reshape(d * m, -1), strict=True)
         return comm.allreduce(float(sum(np.vdot(x[:owned], y[:owned]) for x, y in rows)), MPI.SUM)
 
-    energy = Energy(cells, model.domain.owned_cells, compliance)
+    energy = Energy(cells, space.domain.owned_cells, compliance)
     to_ours = hierarchical(d, cells.degree)
     square, r = energy.start(np.ascontiguousarray(np.matmul(to_ours, moment).transpose(2, 1, 0)), force, elastic)
     square = comm.allreduce(square, MPI.SUM)
-    patches = Patches(model, energy, free)
-    mine = np.take_along_axis(facet_nodes(cells), order[:1].T, axis=1)[:, 0] < model.V.dofmap.index_map.size_local
+    patches = Patches(space, energy, free)
+    mine = np.take_along_axis(facet_nodes(cells), order[:1].T, axis=1)[:, 0] < space.V.dofmap.index_map.size_local
     blocks = Blocks(energy, free, mine) if m > d else None
 
     def precondition(r: np.ndarray) -> np.ndarray:

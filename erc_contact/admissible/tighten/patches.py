@@ -30,7 +30,7 @@ import numpy as np
 from erc_contact.admissible.cells import Simplices
 from erc_contact.admissible.tighten.energy import Energy, chunks, stress_map, times
 from erc_contact.mesh.simplex import facet_vertices
-from erc_contact.model.model import Model
+from erc_contact.model.space import Space
 
 
 def facet_nodes(cells: Simplices) -> np.ndarray:
@@ -52,7 +52,7 @@ class Patches:
         groups: For all rings of m facets: the pairs as index j * F + facet, shape (m, H), and the inverses (H, N, N).
     """
 
-    def __init__(self, model: Model, energy: Energy, free: np.ndarray) -> None:
+    def __init__(self, space: Space, energy: Energy, free: np.ndarray) -> None:
         cells, d = energy.cells, energy.cells.d
         self.bars = _bars(d)
         self.others = facet_vertices(d - 1)  # nodes of the hinge opposite to node j
@@ -68,7 +68,7 @@ class Patches:
         senses = _senses(cells)
         self.turn = senses[i, :, cell].T.copy()
 
-        pairs, size = self._rings(model, cells)
+        pairs, size = self._rings(space, cells)
         start = np.cumsum(size) - size
         hinge = np.repeat(np.arange(len(size)), size)
         slot = np.arange(len(pairs)) - start[hinge]
@@ -93,16 +93,16 @@ class Patches:
                 _invert(inverse[some], keep[some])
             self.groups.append((np.ascontiguousarray(pairs[rows].reshape(H, m).T), inverse))
 
-    def _rings(self, model: Model, cells: Simplices) -> tuple[np.ndarray, np.ndarray]:
+    def _rings(self, space: Space, cells: Simplices) -> tuple[np.ndarray, np.ndarray]:
         """The pairs j * F + facet of all hinges of this rank, hinge after hinge, and the sizes of the rings, ascending.
 
         A hinge is of the rank that owns its node of least global number: that rank has all cells around it.
         """
         d, nodes = cells.d, facet_nodes(cells)
         hinges = np.concatenate([nodes[:, others] for others in self.others])
-        least = np.take_along_axis(hinges, model.global_numbers(hinges).argmin(axis=1)[:, None], axis=1)[:, 0]
-        pairs = np.flatnonzero(np.tile(cells.side[0] >= 0, d) & (least < model.V.dofmap.index_map.size_local))
-        key = hinges[pairs] @ (len(model.fixed) ** np.arange(d - 1, dtype=np.int64))
+        least = np.take_along_axis(hinges, space.global_numbers(hinges).argmin(axis=1)[:, None], axis=1)[:, 0]
+        pairs = np.flatnonzero(np.tile(cells.side[0] >= 0, d) & (least < space.V.dofmap.index_map.size_local))
+        key = hinges[pairs] @ (space.node_count ** np.arange(d - 1, dtype=np.int64))
         _, hinge, size = np.unique(key, return_inverse=True, return_counts=True)
         by_size = np.argsort(size, kind="stable")
         number = np.empty_like(by_size)

@@ -1,0 +1,86 @@
+"""The bulk part of the error in the constitutive relation, and what flat facets of a curved body cost.
+
+Source: Coorevits, Hild, Hjiaj, equations (16)-(18); the cost of the geometry is ours.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from dolfinx import fem
+from mpi4py import MPI
+
+from erc_contact.admissible.cells import sorted_corners
+from erc_contact.admissible.elastic import act, elastic_stress, macro_moduli, strains
+from erc_contact.admissible.macro import macro_points, macro_values
+from erc_contact.admissible.pair import Admissible
+from erc_contact.error.oscillation import EXACT
+from erc_contact.mesh.quadrature import cell_pieces, integrate, polynomials
+from erc_contact.mesh.surface import pairs, swept
+from erc_contact.model.expressions import Everywhere
+
+UNKNOWN = 1e-4
+"""What the integrals of data that vary may leave unknown of e^2, which contains it [-]."""
+
+
+def bulk_squares(admissible: Admissible) -> tuple[np.ndarray, np.ndarray, float]:
+    """``|sigma^ - C eps(u^)|^2`` and ``|sigma^ + C eps(u^)|^2`` of each owned cell; collective.
+
+    Where the moduli vary inside cells the first contains what its integral leaves unknown; the third number is that of
+    the rank where it is more than the tolerance, else 0.
+    """
+    model, cells = admissible.solution.model, admissible.cells
+    owned, k = model.domain.owned_cells, model.degree
+    shape, _, weights = macro_points(model.d, k)
+    compliance = macro_moduli(model, cells, owned, inverse=True)
+    sigma = np.matmul(shape, admissible.stress).reshape(owned, len(weights), admissible.stress.shape[3])
+    elastic = elastic_stress(model, cells, admissible.displacement, owned)
+
+    def energy(tau: np.ndarray) -> np.ndarray:
+        return cells.volume[:owned] * np.einsum("nqa,nqa,q->n", act(compliance, tau), tau, weights)
+
+    difference, both = energy(sigma - elastic), energy(sigma + elastic)
+    if not model.varying_moduli:
+        return difference, both, 0.0
+    stiffness_at, compliance_at = (
+        Everywhere(matrix, model.domain) for matrix in (model.stiffness_matrix, model.compliance_matrix)
+    )
+    of_cells = np.arange(owned, dtype=np.int32)
+    strain = strains(cells, admissible.displacement)[:owned]
+
+    def energies(of: np.ndarray, at: np.ndarray, x: np.ndarray) -> np.ndarray:
+        S = compliance_at(x, of_cells[of])
+        elastic = act(stiffness_at(x, of_cells[of]), np.matmul(polynomials(k - 1, at), strain[of]))
+        sigma = macro_values(admissible.stress, k, of, at)
+        return np.stack([(act(S, tau) * tau).sum(axis=-1) for tau in (sigma - elastic, sigma + elastic)], axis=-1)
+
+    corners = sorted_corners(model, cells)[:owned]
+    floor = np.array([EXACT**2 * model.comm.allreduce(float(both.sum()), MPI.SUM), 0.0])
+    total = integrate(
+        model.comm, energies, corners, cells.volume[:owned], cell_pieces(model.d), share=UNKNOWN, floor=floor
+    )
+    unknown = 0.0 if total.resolved.all() else float(total.rest.max(axis=1).sum())
+    return total.value[:, 0] + total.rest[:, 0], total.value[:, 1], unknown
+
+
+def geometry_squares(admissible: Admissible, both: np.ndarray) -> np.ndarray:
+    """The square of ``geometry`` by owned cells, from ``|sigma^ + C eps(u^)|^2 = 4 |sigma_m|^2`` of each.
+
+    A facet at the edge of the body counts for its cell, one between two cells for both by halves.
+    """
+    model, cells = admissible.solution.model, admissible.cells
+    result = np.zeros(len(both))
+    if model.offset is None or model.domain.marks is None:
+        return result
+    density = fem.Function(fem.functionspace(model.mesh, ("DG", 0)))
+    density.x.array[: len(both)] = both / (4 * cells.volume[: len(both)])
+    density.x.scatter_forward()
+    sides = pairs(model.mesh, model.domain.marks.indices)
+    sides = sides[sides[:, 0] < len(both)]
+    facets = model.mesh.topology.connectivity(model.d, model.d - 1).array.reshape(-1, model.d + 1)[tuple(sides.T)]
+    beyond = cells.side[:, facets] // (model.d + 1)
+    beyond = np.where(beyond[0] == sides[:, 0], beyond[1], beyond[0])
+    inside = beyond != sides[:, 0]
+    jump = density.x.array[sides[:, 0]] - np.where(inside, density.x.array[beyond], 0.0)
+    cost = abs(jump) * swept(model.offset, sides, model.facet_areas(sides))
+    np.add.at(result, sides[:, 0], np.where(inside, 0.5, 1.0) * cost)
+    return result

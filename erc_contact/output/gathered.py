@@ -1,0 +1,99 @@
+"""Bodies and contacts of all ranks, gathered on rank 0 for pictures and files.
+
+Symbols: r^ admissible contact traction, u^ admissible displacement.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from erc_contact.admissible.contact import ContactTraction
+from erc_contact.admissible.pair import Admissible
+from erc_contact.mesh.domain import Domain
+from erc_contact.mesh.simplex import node_between, node_vertices
+from erc_contact.model.model import Model
+from erc_contact.output.files import degree_of, gathered
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """A contact of all ranks, facet by facet; on rank 0.
+
+    Attributes:
+        traction: r^; its ``contact`` has no values but the direction of these facets.
+        x: Places of the nodes [length], shape (n, m, 3).
+        vertices: Global numbers of the vertices, shape (n, d).
+        gap: The gap at the nodes [length], shape (n, m).
+    """
+
+    traction: ContactTraction
+    x: np.ndarray
+    vertices: np.ndarray
+    gap: np.ndarray
+
+    @property
+    def d(self) -> int:
+        """Dimension of the body."""
+        return self.traction.values.shape[-1]
+
+    @property
+    def degree(self) -> int:
+        """Degree of r^."""
+        return 1 if self.x.shape[1] == self.d else 2
+
+
+def whole_contact(admissible: Admissible, traction: ContactTraction) -> Surface | None:
+    """A contact of all ranks on rank 0, None elsewhere; collective."""
+    model, contact = admissible.solution.model, traction.contact
+    own = model.owned(contact.facets)
+    parts = gathered(
+        model.comm,
+        area=traction.area[own],
+        values=traction.values[own],
+        bound=traction.bound[own],
+        direction=contact.direction[own],
+        nodes=model.global_numbers(traction.nodes[own]),
+        x=model.V.tabulate_dof_coordinates()[traction.nodes[own]],
+        gap=model.gap_at_nodes(contact)[own],
+    )
+    if not parts:
+        return None
+    x, gap, vertices = parts.pop("x"), parts.pop("gap"), parts["nodes"][:, : model.d]
+    contact = replace(contact, direction=parts.pop("direction"))
+    return Surface(ContactTraction(contact, **parts), x, vertices, gap)
+
+
+def body_mesh(domain: Domain) -> dict[str, np.ndarray]:
+    """Owned vertices (n, 3) as points, owned cells (m, d+1) by global numbers of these, positively oriented."""
+    geometry = domain.mesh.geometry
+    return _numbered(geometry.x, geometry.dofmaps[0][: domain.owned_cells], geometry.index_map(), domain.dim)
+
+
+def body_nodes(model: Model) -> dict[str, np.ndarray]:
+    """The same with all nodes of the displacement: points (n, 3), cells (m, N)."""
+    cells, x = model.nodes[: model.domain.owned_cells], model.V.tabulate_dof_coordinates()
+    return _numbered(x, cells, model.V.dofmap.index_map, model.d)
+
+
+def nodal_displacement(admissible: Admissible) -> np.ndarray:
+    """u^ at the points of :func:`body_nodes` of this rank [length], shape (n, 3)."""
+    model = admissible.solution.model
+    return _padded(admissible.displacement.x.array.reshape(-1, model.d)[: model.V.dofmap.index_map.size_local])
+
+
+def _padded(vectors: np.ndarray) -> np.ndarray:
+    """Vectors (n, d) in space, (n, 3)."""
+    return np.pad(vectors, ((0, 0), (0, 3 - vectors.shape[1])))
+
+
+def _numbered(x: np.ndarray, cells: np.ndarray, nodes: Any, d: int) -> dict[str, np.ndarray]:
+    k = degree_of(cells, d)
+    ends = x[cells[:, : d + 1], :d]
+    turned = np.linalg.det(ends[:, 1:] - ends[:, :1]) < 0
+    swapped = np.array([*range(d - 1), d, d - 1])[node_vertices(d, k)]
+    cells = np.where(turned[:, None], cells[:, node_between(d, k)[swapped[:, 0], swapped[:, 1]]], cells)
+    numbers = nodes.local_to_global(cells.ravel().astype(np.int32)).reshape(cells.shape)
+    return {"points": x[: nodes.size_local].copy(), "cells": numbers}
