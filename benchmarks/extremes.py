@@ -38,7 +38,6 @@ from erc_contact.admissible.pair import simplices  # isort: skip
 from erc_contact.admissible.elastic import cell_stress
 
 from erc_contact.admissible.contact import split  # isort: skip
-from erc_contact.newton.methods import contact_degree  # isort: skip
 from erc_contact.model.expressions import evaluate  # isort: skip
 from erc_contact.mesh.simplex import lagrange, rule  # isort: skip
 
@@ -83,11 +82,11 @@ HEADER = (
 def violations(solution: ec.Solution) -> tuple[float, float, float, float]:
     """Penetration, distance from the cone, complementarity and power of friction; see above (serial)."""
     model, u = solution.model, solution.u
-    points, weights = rule(model.d - 1, contact_degree(model))
+    points, weights = rule(model.d - 1, model.contact_degree)
     shape = lagrange(model.d - 1, model.degree, points)
     values = u.x.array.reshape(-1, model.d)
     size = np.linalg.norm(values, axis=1).max() or 1.0
-    tractions = [evaluate(solution.traction(c), model.domain, points, c.facets) for c in model.contacts]
+    tractions = [evaluate(solution.traction(c), model.mesh, points, c.facets) for c in model.contacts]
     inside = abs(cell_stress(model, simplices(model), u)).max()  # the traction of an open contact is round-off of it
     peak = max(inside, *(np.linalg.norm(r, axis=-1).max() for r in tractions)) or 1.0
     work = fem.assemble_scalar(fem.form(model.stiffness(u, u / (size * peak)))) or 1.0
@@ -95,7 +94,7 @@ def violations(solution: ec.Solution) -> tuple[float, float, float, float]:
     for contact, traction in zip(model.contacts, tractions, strict=True):
         n, r = contact.direction[:, None, :], traction / peak
         w = np.einsum("qm,fmi->fqi", shape, values[model.facet_nodes(contact.facets)]) / size
-        gap = 0.0 if contact.gap is None else evaluate(contact.gap, model.domain, points, contact.facets) / size
+        gap = 0.0 if contact.gap is None else evaluate(contact.gap, model.mesh, points, contact.facets) / size
         area = model.facet_areas(contact.facets)
         (r_n, r_t, shear), (w_n, w_t, slip) = split(r, n), split(w, n)
         beyond = w_n - gap

@@ -190,14 +190,14 @@ def _third_term(pair: Admissible, exact: Reference, hat: fem.Function) -> float:
             continue
         assert exact.solution is not None, "a known solution with Coulomb friction"
         n, facets = contact.direction[:, None, :], contact.facets
-        r = evaluate(exact.solution.traction(contact), model.domain, points, facets)
-        x = evaluate(model.x, model.domain, points, facets)
+        r = evaluate(exact.solution.traction(contact), model.mesh, points, facets)
+        x = evaluate(model.x, model.mesh, points, facets)
         parameters = model.friction_parameters(contact, points)
         bound = contact.friction_bound(np.maximum(-(r * n).sum(axis=-1), 0.0), parameters)
         bound = bound - bound_at(pair, which, exact.parent[facets[:, 0]], x)
         slips = []
         for u in (exact.u, hat):
-            w = evaluate(u, model.domain, points, facets)
+            w = evaluate(u, model.mesh, points, facets)
             slips.append(np.linalg.norm(w - (w * n).sum(axis=-1, keepdims=True) * n, axis=-1))
         total += 2 * float(model.facet_areas(facets) @ ((bound * (slips[0] - slips[1])) @ weights))
     return total

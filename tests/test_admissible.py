@@ -134,7 +134,7 @@ def test_facets_carry_loads_and_contact_tractions(pair):
         facets = model.domain.facets(name)
         facets = facets[facets[:, 0] < model.domain.owned_cells]
         order = facet_order(model.facet_nodes(facets)[:, :d], k)
-        exact = np.matmul(coefficients(d - 1, k), evaluate(load, model.domain, model.facet_points, facets))
+        exact = np.matmul(coefficients(d - 1, k), evaluate(load, model.mesh, model.facet_points, facets))
         exact = np.take_along_axis(exact, order[..., None], axis=1)
         here = found[of_cell[facets[:, 0], facets[:, 1]]] / model.facet_areas(facets)[:, None, None]
         assert worst(pair, here - exact) < BALANCE * worst(pair, exact)  # the loads are linear on each facet
@@ -176,7 +176,7 @@ def test_displacement_outside_the_foundation(pair):
         w_n = np.einsum("qm,fmi,fi->fq", shape, values[t.nodes[own]], t.contact.direction[own])
         gap = 0.0
         if t.contact.gap is not None:
-            gap = evaluate(t.contact.gap, model.domain, points, t.contact.facets[own])
+            gap = evaluate(t.contact.gap, model.mesh, points, t.contact.facets[own])
         assert worst(pair, np.maximum(w_n - gap, 0.0)) <= CONE * worst(pair, values)
 
 

@@ -25,7 +25,7 @@ METHODS = [ec.Nitsche(), ec.Nitsche(theta=1), ec.Nitsche(theta=-1), ec.Augmented
 
 
 def value(expression: object, domain: ec.Domain) -> np.ndarray:
-    return evaluate(expression, domain, MIDDLE[domain.dim], np.zeros(1, dtype=np.int32))[0, 0]
+    return evaluate(expression, domain.mesh, MIDDLE[domain.dim], np.zeros(1, dtype=np.int32))[0, 0]
 
 
 def domain_of(d: int) -> ec.Domain:

@@ -20,7 +20,7 @@ import erc_contact as ec
 from erc_contact.model.model import Model
 from erc_contact.newton import first_guess as start
 from erc_contact.newton.condensed import Condensed
-from erc_contact.newton.methods import contact_degree, nodal
+from erc_contact.newton.methods import nodal
 from erc_contact.newton.snes import Newton
 from erc_contact.newton.stiffness import Stiffness
 
@@ -325,6 +325,6 @@ def test_integral_of_the_traction_balances_the_load():
     for method in (ec.Nitsche(), ec.AugmentedLagrangian()):
         solution = ec.solve(greco(), ec.rectangle((0.0, 0.0), (40.0, 40.0), cells=(8, 8)), method)
         contact = solution.model.contacts[0]
-        ds = contact.ds(metadata={"quadrature_degree": contact_degree(solution.model)})
+        ds = contact.ds(metadata={"quadrature_degree": solution.model.contact_degree})
         pressure = solution.traction(contact)[1] * ds
         assert COMM.allreduce(fem.assemble_scalar(fem.form(pressure))) == pytest.approx(2000.0, rel=1e-9)

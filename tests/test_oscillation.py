@@ -206,7 +206,7 @@ def test_asperity_between_the_nodes(width, degree):
     pair = error.admissible
     model, (traction,) = pair.solution.model, pair.tractions
     t = np.linspace(0, 1, 1001)[:, None]
-    x = evaluate(model.x, model.domain, t, traction.contact.facets)
+    x = evaluate(model.x, model.mesh, t, traction.contact.facets)
     down = -np.matmul(lagrange(1, degree, t), pair.displacement.x.array.reshape(-1, 2)[traction.nodes])[..., 1]
     gap = 0.01 - 0.009 * np.exp(-(((x[..., 0] - 0.53) / width) ** 2))
     assert (down - gap).max(initial=-np.inf) <= 1e-15

@@ -131,7 +131,7 @@ def evaluate_sorted(expression: Any, space: Space, cells: Simplices, points: np.
     Returns:
         Values, shape (count, q, *s).
     """
-    values = evaluate(expression, space.domain, points, np.arange(count, dtype=np.int32))
+    values = evaluate(expression, space.mesh, points, np.arange(count, dtype=np.int32))
     at = barycentric(points)
     every = np.array(list(permutations(range(cells.d + 1))))
     theirs = np.empty((len(every), len(points), cells.d + 1))

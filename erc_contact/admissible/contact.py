@@ -25,7 +25,6 @@ from erc_contact.mesh.simplex import bernstein, lagrange, mass, rule
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.model import Model
-from erc_contact.newton.methods import contact_degree
 
 PASSES = 10
 """Limit of passes that shrink the friction bound where it must be sampled; one or two are usual."""
@@ -123,7 +122,7 @@ def admissible_tractions(model: Model, solution: Any, loads: np.ndarray, forces:
     Raises:
         NotHeldError: If no allowed traction balances the loads on a free motion.
     """
-    points, weights = rule(model.d - 1, contact_degree(model))
+    points, weights = rule(model.d - 1, model.contact_degree)
     shape = bernstein(model.d - 1, model.degree, points)
     project = np.linalg.solve(mass(model.d - 1, model.degree, model.degree), shape.T * weights)
     average = shape.T * weights / (weights @ shape)[:, None]
@@ -132,7 +131,7 @@ def admissible_tractions(model: Model, solution: Any, loads: np.ndarray, forces:
         nodes = model.facet_nodes(contact.facets)
         area = model.facet_areas(contact.facets)
         drawn.append(_drawn(model, contact, solution.u.x.array.reshape(-1, model.d)[nodes], area))
-        sampled = evaluate(solution.traction(contact), model.domain, points, contact.facets)
+        sampled = evaluate(solution.traction(contact), model.mesh, points, contact.facets)
         means.append(np.matmul(average, sampled))
         raw.append(ContactTraction(contact, nodes, area, np.matmul(project, sampled), np.zeros(nodes.shape)))
     allowed = [Allowed(model, t.contact, np.ones(len(t.nodes))) for t in raw]
@@ -165,7 +164,7 @@ def admissible_tractions(model: Model, solution: Any, loads: np.ndarray, forces:
 def _drawn(model: Model, contact: BoundContact, u: np.ndarray, area: np.ndarray) -> _Drawn:
     """Where displacements with nodal values u (f, m, d) draw the traction of a contact."""
     n, d, k = contact.direction[:, None, :], model.d, model.degree
-    points, weights = rule(d - 1, contact_degree(model))
+    points, weights = rule(d - 1, model.contact_degree)
     test, shape = bernstein(d - 1, k, points), lagrange(d - 1, k, points)
     average = test.T * weights / (weights @ test)[:, None]
     w_n, w_t, length = split(np.matmul(shape, u), n)

@@ -135,7 +135,7 @@ def _limits(model: Model, traction: ContactTraction) -> _Limits:
 def _excess(model: Model, traction: ContactTraction, at_nodes: np.ndarray) -> np.ndarray:
     """How far polynomials with coefficients (f, m) are above the gap at most on each facet [length], shape (f,)."""
     facets = traction.contact.facets
-    gap = Everywhere(traction.contact.gap, model.domain)
+    gap = Everywhere(traction.contact.gap, model.mesh)
     highest, size = np.zeros(len(facets)), np.zeros(len(facets))
 
     def sample(of: np.ndarray, at: np.ndarray, x: np.ndarray) -> np.ndarray:

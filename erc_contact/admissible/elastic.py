@@ -62,7 +62,7 @@ def moduli(model: Model, cells: Simplices, points: np.ndarray, count: int, *, in
         return matrix[None, None]
     if varies_in_cells(matrix):
         return evaluate_sorted(matrix, model, cells, points, count)
-    return evaluate(matrix, model.domain, points[:1], np.arange(count, dtype=np.int32))
+    return evaluate(matrix, model.mesh, points[:1], np.arange(count, dtype=np.int32))
 
 
 def macro_moduli(model: Model, cells: Simplices, count: int, *, inverse: bool = False) -> np.ndarray:

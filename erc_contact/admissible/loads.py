@@ -34,10 +34,10 @@ def traction_moments(model: Model, facets: np.ndarray, traction: Any) -> np.ndar
     area = model.facet_areas(facets)
     if not varies_in_cells(traction):
         points, weights = rule(d - 1, DATA_DEGREE)
-        values = evaluate(traction, model.domain, points, facets)
+        values = evaluate(traction, model.mesh, points, facets)
         weighted = weights[:, None] * bernstein(d - 1, k, points)
         return np.einsum("qm,fqi->fmi", weighted, values) * area[:, None, None]
-    load = Everywhere(traction, model.domain)
+    load = Everywhere(traction, model.mesh)
 
     def moments(of: np.ndarray, at: np.ndarray, x: np.ndarray) -> np.ndarray:
         return _products(polynomials(k, at), load(x, facets[of]))
@@ -54,9 +54,9 @@ def cell_forces(model: Model, cells: Simplices) -> np.ndarray | None:
     of_cells = np.arange(len(cells.nodes), dtype=np.int32)
     if not varies_in_cells(model.body_force):
         middle = np.full((1, d), 1 / (d + 1))
-        values = evaluate(model.body_force, model.domain, middle, of_cells)
+        values = evaluate(model.body_force, model.mesh, middle, of_cells)
         return np.repeat(values, len(mass(d, k - 1, k - 1)), axis=1) * cells.volume[:, None, None]
-    load = Everywhere(model.body_force, model.domain)
+    load = Everywhere(model.body_force, model.mesh)
 
     def moments(of: np.ndarray, at: np.ndarray, x: np.ndarray) -> np.ndarray:
         return _products(polynomials(k - 1, at), load(x, of_cells[of]))

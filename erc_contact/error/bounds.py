@@ -55,7 +55,6 @@ from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.works import elastic_work, friction_work, load_work, stress_work
 from erc_contact.model.foundation import CONSTANT, BoundContact
 from erc_contact.model.model import Model
-from erc_contact.newton.methods import stiffness_per_area
 from erc_contact.newton.mumps import factorised
 
 GLUE = 1e6
@@ -210,7 +209,7 @@ def lifting(model: Model, which: int, a: np.ndarray) -> tuple[fem.Function, bool
 def _least_energy(model: Model, which: int, a: np.ndarray) -> fem.Function:
     """Nearly phi: its values on the contacts are held by stiff springs."""
     u, v = ufl.TrialFunction(model.V), ufl.TestFunction(model.V)
-    gamma = stiffness_per_area(model, fem.Constant(model.mesh, GLUE))
+    gamma = model.stiffness_per_area(fem.Constant(model.mesh, GLUE))
     target = fem.Constant(model.mesh, a)
     springs = [gamma * ufl.inner(_tested_ufl(c, u), v) * c.ds for c in model.contacts]
     pull = gamma * ufl.inner(_tested_ufl(model.contacts[which], target), v) * model.contacts[which].ds

@@ -13,13 +13,10 @@ from erc_contact.admissible.cells import sorted_corners
 from erc_contact.admissible.elastic import act, elastic_stress, macro_moduli, strains
 from erc_contact.admissible.macro import macro_points, macro_values
 from erc_contact.admissible.pair import Admissible
-from erc_contact.error.oscillation import EXACT
+from erc_contact.error.oscillation import EXACT, UNKNOWN
 from erc_contact.mesh.quadrature import cell_pieces, integrate, polynomials
 from erc_contact.mesh.surface import pairs, swept
 from erc_contact.model.expressions import Everywhere
-
-UNKNOWN = 1e-4
-"""What the integrals of data that vary may leave unknown of e^2, which contains it [-]."""
 
 
 def bulk_squares(admissible: Admissible) -> tuple[np.ndarray, np.ndarray, float]:
@@ -42,7 +39,7 @@ def bulk_squares(admissible: Admissible) -> tuple[np.ndarray, np.ndarray, float]
     if not model.varying_moduli:
         return difference, both, 0.0
     stiffness_at, compliance_at = (
-        Everywhere(matrix, model.domain) for matrix in (model.stiffness_matrix, model.compliance_matrix)
+        Everywhere(matrix, model.mesh) for matrix in (model.stiffness_matrix, model.compliance_matrix)
     )
     of_cells = np.arange(owned, dtype=np.int32)
     strain = strains(cells, admissible.displacement)[:owned]

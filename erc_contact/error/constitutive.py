@@ -136,7 +136,7 @@ def constitutive_error(admissible: Admissible) -> ConstitutiveError:
         [0.0, of_loads(model, admissible.cells, admissible.force), of_supports(model), moduli_2, 0.0, 0.0]
     )
     for traction in admissible.tractions:
-        parts, gaps_2, friction_2 = contact_squares(admissible, traction, UNKNOWN * float(bulk_2))
+        parts, gaps_2, friction_2 = contact_squares(model, admissible.displacement, traction, UNKNOWN * float(bulk_2))
         parts = np.maximum(parts, 0.0)  # negative by round-off only
         own = traction.contact.facets[:, 0] < len(per_cell)
         np.add.at(per_cell, traction.contact.facets[own, 0], parts[own])

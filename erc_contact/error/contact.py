@@ -10,16 +10,16 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from dolfinx import fem
 from mpi4py import MPI
 
 from erc_contact.admissible.contact import ContactTraction, split
-from erc_contact.admissible.pair import Admissible
-from erc_contact.error.bulk import UNKNOWN
-from erc_contact.error.oscillation import COARSE, EXACT, facet_sizes
+from erc_contact.error.oscillation import COARSE, EXACT, UNKNOWN, facet_sizes
 from erc_contact.mesh.quadrature import facet_pieces, integrate, polynomials
 from erc_contact.mesh.simplex import bernstein, coefficients, lagrange, rule
 from erc_contact.model.expressions import evaluate, varies_in_cells
 from erc_contact.model.foundation import CONSTANT, BoundContact, ContactData
+from erc_contact.model.model import Model
 
 CONTACT_DEGREE = 21
 """Quadrature degree for the contact part; its integrand has kinks where the slip changes its direction."""
@@ -47,39 +47,47 @@ def contact_density(
     return 2 * np.where(abs(density) <= resolution, 0.0, density)
 
 
-def contact_parts(admissible: Admissible, traction: ContactTraction) -> np.ndarray:
+def contact_parts(model: Model, hat: fem.Function, traction: ContactTraction) -> np.ndarray:
     """Twice the integral of the contact term over each facet of an owned cell; ghosts get 0. Collective."""
-    return contact_squares(admissible, traction, 0.0)[0]
+    return contact_squares(model, hat, traction, 0.0)[0]
 
 
-def contact_squares(admissible: Admissible, traction: ContactTraction, floor: float) -> tuple[np.ndarray, float, float]:
+def contact_squares(
+    model: Model, hat: fem.Function, traction: ContactTraction, floor: float
+) -> tuple[np.ndarray, float, float]:
     """The same, and the squares of the oscillations of gap and friction bound on this rank.
 
     Where the data of the contact vary, or given friction meets a slip that changes its direction, the integrals are
     adapted to both, up to ``floor`` or their UNKNOWN, and contain what they leave unknown.
+
+    Args:
+        model: The scene on a mesh.
+        hat: The admissible displacement u^ [length].
+        traction: r^ on the contact.
+        floor: What the integrals may leave unknown [force length].
     """
-    model, contact = admissible.solution.model, traction.contact
+    contact = traction.contact
     d, facets = model.d, contact.facets
     area = np.where(model.owned(facets), traction.area, 0.0)
-    nodal = admissible.displacement.x.array.reshape(-1, d)[traction.nodes]
+    nodal = hat.x.array.reshape(-1, d)[traction.nodes]
     if not (contact.varies or (contact.friction is not None and contact.friction.dependence == CONSTANT)):
         points, weights = rule(d - 1, CONTACT_DEGREE)
         r = np.matmul(bernstein(d - 1, model.degree, points), traction.values)
         w = np.matmul(lagrange(d - 1, model.degree, points), nodal)
         n = contact.direction[:, None, :]
-        gap = 0.0 if contact.gap is None else evaluate(contact.gap, model.domain, points, facets)
+        gap = 0.0 if contact.gap is None else evaluate(contact.gap, model.mesh, points, facets)
         bound = contact.friction_bound(np.maximum(-split(r, n)[0], 0.0), model.friction_parameters(contact, points))
         return area * (contact_density(contact, n, r, w, gap, bound) @ weights), 0.0, 0.0
-    given = ContactData(contact, model.domain)
-    hat = np.matmul(coefficients(d - 1, model.degree), nodal)
+    given = ContactData(contact, model.mesh)
+    of_w = np.matmul(coefficients(d - 1, model.degree), nodal)
     size, stiffness = facet_sizes(model, facets), model.at_middles(model.modulus, facets[:, 0])
     least = [
-        EXACT * model.comm.allreduce(float(abs(v).max(initial=0.0)), MPI.MAX) for v in (hat, *[traction.values] * 2)
+        EXACT * model.comm.allreduce(float(abs(v).max(initial=0.0)), MPI.MAX) for v in (of_w, *[traction.values] * 2)
     ]
 
     def terms(of: np.ndarray, at: np.ndarray, x: np.ndarray) -> np.ndarray:
         shape, n = polynomials(model.degree, at), contact.direction[of][:, None, :]
-        r, w = np.matmul(shape, traction.values[of]), np.matmul(shape, hat[of])
+        r, w = np.matmul(shape, traction.values[of]), np.matmul(shape, of_w[of])
         r_n, _, friction = split(r, n)
         gap, normal, bound = given.gap(of, x), given.normal(of, x), given.bound(of, x, np.maximum(-r_n, 0.0))
         beyond = (w * normal).sum(axis=-1) - gap

@@ -29,6 +29,8 @@ from erc_contact.model.model import Model
 
 EXACT = 1e-12
 """Difference of data and what stands for them that is round-off, of the largest value [-]."""
+UNKNOWN = 1e-4
+"""What the integrals of data that vary may leave unknown of e^2, which contains it [-]."""
 COARSE = 1e-2
 """What an oscillation may leave unknown of itself [-]."""
 
@@ -70,7 +72,7 @@ def of_loads(model: Model, cells: Simplices, force: np.ndarray | None) -> float:
         volume, of_cells = cells.volume[:owned], np.arange(owned, dtype=np.int32)
         corners = sorted_corners(model, cells)[:owned]
         projected = force[:owned] / volume[:, None, None]
-        rest = _squares(model, Everywhere(model.body_force, model.domain), of_cells, projected, k - 1)
+        rest = _squares(model, Everywhere(model.body_force, model.mesh), of_cells, projected, k - 1)
         square = integrate(model.comm, rest, corners, volume, cell_pieces(d), share=COARSE).value[:, 0]
         total += float(np.sum(volume ** (2 / d) / np.pi**2 * square / model.at_middles(model.modulus, of_cells)))
     for load in model.tractions:
@@ -78,7 +80,7 @@ def of_loads(model: Model, cells: Simplices, force: np.ndarray | None) -> float:
             facets = _owned(model, load.facets)
             moments = traction_moments(model, facets, load.density) / model.facet_areas(facets)[:, None, None]
             projected = np.linalg.solve(mass(d - 1, k, k), moments)
-            square = _on_facets(model, Everywhere(load.density, model.domain), facets, projected)
+            square = _on_facets(model, Everywhere(load.density, model.mesh), facets, projected)
             total += float(np.sum(square * facet_sizes(model, facets) / model.at_middles(model.modulus, facets[:, 0])))
     return total
 
@@ -92,7 +94,7 @@ def of_supports(model: Model) -> float:
                 continue
             facets = _owned(model, support.facets)
             nodal = model.prescribed.x.array.reshape(-1, model.d)[model.facet_nodes(facets), i]
-            given = Everywhere(component(model.x), model.domain)
+            given = Everywhere(component(model.x), model.mesh)
             square = _on_facets(model, given, facets, (nodal @ coefficients(model.d - 1, model.degree).T)[..., None])
             total += float(np.sum(square * model.at_middles(model.modulus, facets[:, 0]) / facet_sizes(model, facets)))
     return total

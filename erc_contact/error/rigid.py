@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from dolfinx import fem
 from mpi4py import MPI
 
 from erc_contact.admissible.elastic import moduli
@@ -55,13 +56,13 @@ def moves_rigidly(admissible: Admissible, floor_2: float) -> bool:
     rigid = held + free @ nearest(free, u - held)
     wrong = [abs(rigid - model.prescribed.x.array)[fixed].max(initial=0.0)]
     friction = 0.0
-    moved = replace(admissible, displacement=admissible.displacement.copy())
-    moved.displacement.x.array[:] = rigid
+    moved = fem.Function(model.V)
+    moved.x.array[:] = rigid
     for t in admissible.tractions:
         beyond = np.einsum("fmi,fi->fm", rigid.reshape(-1, model.d)[t.nodes], t.contact.direction)
         beyond -= model.gap_at_nodes(t.contact)
         wrong.append((abs(beyond) if t.contact.bilateral else beyond).max(initial=0.0))
-        friction += float(contact_parts(moved, replace(t, values=np.zeros_like(t.values))).sum())
+        friction += float(contact_parts(model, moved, replace(t, values=np.zeros_like(t.values))).sum())
     loads = admissible.solution.stiffness.load_vector().x.array  # parts of nodes between ranks: their size is enough
     sizes = np.array([max(wrong), abs(loads).max(initial=0.0), abs(u).max(initial=0.0)])
     comm.Allreduce(MPI.IN_PLACE, sizes, MPI.MAX)

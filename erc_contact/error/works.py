@@ -56,7 +56,7 @@ def elastic_work(pair: Admissible, v: fem.Function, w: fem.Function) -> Number:
         return Number(assembled(model, model.stiffness(v, w)))
     owned, k = model.domain.owned_cells, model.degree
     of_cells, of_v, of_w = np.arange(owned, dtype=np.int32), strains(cells, v), strains(cells, w)
-    stiffness = Everywhere(model.stiffness_matrix, model.domain)
+    stiffness = Everywhere(model.stiffness_matrix, model.mesh)
 
     def density(of: np.ndarray, at: np.ndarray, x: np.ndarray) -> np.ndarray:
         shape = polynomials(k - 1, at)
@@ -83,7 +83,7 @@ def friction_work(model: Model, traction: ContactTraction, u: fem.Function, floo
     contact, d, k = traction.contact, model.d, model.degree
     if contact.friction is None:
         return Number(0.0)
-    given = ContactData(contact, model.domain)
+    given = ContactData(contact, model.mesh)
     area = np.where(model.owned(contact.facets), traction.area, 0.0)
     hat = np.matmul(coefficients(d - 1, k), u.x.array.reshape(-1, d)[traction.nodes])
 
@@ -107,14 +107,14 @@ def load_work(model: Model, v: fem.Function) -> Number:
             facets = domain.facets(load.facets)
             area = np.where(model.owned(facets), model.facet_areas(facets), 0.0)
             on_facets = np.matmul(coefficients(d - 1, k), nodal[model.facet_nodes(facets)])
-            work = _products(Everywhere(load.density, domain), facets, on_facets, k)
+            work = _products(Everywhere(load.density, domain.mesh), facets, on_facets, k)
             total += Number.of(
                 model.comm, integrate(model.comm, work, model.facet_corners(facets), area, facet_pieces(d - 1))
             )
     if model.body_force is not None and varies_in_cells(model.body_force):
         cells = simplices(model)
         owned, in_cells = domain.owned_cells, np.matmul(coefficients(d, k), nodal[cells.nodes])
-        work = _products(Everywhere(model.body_force, domain), np.arange(owned, dtype=np.int32), in_cells, k)
+        work = _products(Everywhere(model.body_force, domain.mesh), np.arange(owned, dtype=np.int32), in_cells, k)
         corners, volume = sorted_corners(model, cells)[:owned], cells.volume[:owned]
         total += Number.of(model.comm, integrate(model.comm, work, corners, volume, cell_pieces(d)))
     return total

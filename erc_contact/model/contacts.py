@@ -29,7 +29,7 @@ def bind_contact(space: Space, contact: Contact) -> BoundContact:
     surface = _true_surface(space, contact)
     gap = None if contact.gap == 0 else number(space, contact.gap, f"{what}: gap", surface)
     if callable(contact.gap):
-        values = evaluate(gap, space.domain, space.facet_points, facets)
+        values = evaluate(gap, space.mesh, space.facet_points, facets)
         if not np.isfinite(space.extremes(values)).all():
             raise InputError(f"{what}: the gap is not finite everywhere; look at it.")
     normal, direction, given_normal = _normal(space, contact, facets, surface)
@@ -56,7 +56,7 @@ def _friction(space: Space, contact: Contact, facets: np.ndarray) -> Friction | 
         value = getattr(law, name)
         parameters[name] = number(space, value, f"{what}: {name}")
         if callable(value):
-            low, high = space.extremes(evaluate(parameters[name], space.domain, space.facet_points, facets))
+            low, high = space.extremes(evaluate(parameters[name], space.mesh, space.facet_points, facets))
             if not 0 <= low <= high < np.inf:
                 raise InputError(f"{what}: {name} is {low:g} somewhere; it must be >= 0 and finite.")
     return bind_friction(space.mesh, f"{what}: the friction bound", law, parameters)
@@ -72,7 +72,7 @@ def _normal(space: Space, contact: Contact, facets: np.ndarray, surface: Any) ->
     """The normal of the foundation: UFL, on each facet (f, d), and as given where it varies (of any length)."""
     centre = np.full((1, space.d - 1), 1.0 / space.d)
     if contact.normal is None:
-        normals = evaluate(space.n, space.domain, centre, facets)[:, 0]
+        normals = evaluate(space.n, space.mesh, centre, facets)[:, 0]
         first = next(n for n in space.comm.allgather(normals[0] if len(normals) else None) if n is not None)
         error = None
         if len(normals) and abs(normals - first).max() > FLAT:
@@ -99,7 +99,7 @@ def _varying_normal(
         expression = ufl.replace(slope, {space.x: surface})
     else:
         expression = components(space, contact.normal, f"{what}: normal", surface)
-    given = evaluate(expression, space.domain, centre, facets)[:, 0]
+    given = evaluate(expression, space.mesh, centre, facets)[:, 0]
     length = np.linalg.norm(given, axis=1)
     error = None
     if not (np.isfinite(length).all() and np.all(length > 0)):

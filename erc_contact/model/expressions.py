@@ -14,8 +14,6 @@ from mpi4py import MPI
 from ufl.corealg.traversal import traverse_unique_terminals
 from ufl.utils.stacks import StackDict
 
-from erc_contact.mesh.domain import Domain
-
 CHUNK = 4096
 """Number of points at which an expression is evaluated at once."""
 
@@ -35,12 +33,12 @@ def varies_in_cells(expression: Any) -> bool:
     )
 
 
-def evaluate(expression: Any, domain: Domain, points: np.ndarray, entities: np.ndarray) -> np.ndarray:
+def evaluate(expression: Any, mesh: dmesh.Mesh, points: np.ndarray, entities: np.ndarray) -> np.ndarray:
     """Values of a UFL expression at reference points of cells or of facets.
 
     Args:
         expression: UFL expression of shape s.
-        domain: Where it lives.
+        mesh: Where it lives.
         points: Reference points, shape (q, d) for cells, (q, d-1) for facets.
         entities: Cells, shape (n,), or pairs (cell, local facet), shape (n, 2); ghosts are allowed.
 
@@ -50,8 +48,8 @@ def evaluate(expression: Any, domain: Domain, points: np.ndarray, entities: np.n
     expression = ufl.algorithms.expand_derivatives(ufl.as_ufl(expression))
     if not varies(expression):  # a number, constants, derivatives that became constant: nothing to compile
         return np.broadcast_to(_constant(expression), (len(entities), len(points), *expression.ufl_shape))
-    compiled = fem.Expression(expression, points, comm=domain.mesh.comm, dtype=np.float64)
-    return compiled.eval(domain.mesh, entities)
+    compiled = fem.Expression(expression, points, comm=mesh.comm, dtype=np.float64)
+    return compiled.eval(mesh, entities)
 
 
 def _constant(expression: Any) -> np.ndarray:
@@ -70,24 +68,24 @@ class Everywhere:
 
     Args:
         expression: UFL expression of shape s; functions in it without derivatives.
-        domain: Where it lives. Construction is collective; evaluation is not.
+        mesh: Where it lives. Construction is collective; evaluation is not.
     """
 
-    def __init__(self, expression: Any, domain: Domain) -> None:
+    def __init__(self, expression: Any, mesh: dmesh.Mesh) -> None:
         expression = ufl.algorithms.expand_derivatives(ufl.as_ufl(expression))
-        self.shape, self.domain = expression.ufl_shape, domain
+        self.shape, self.mesh = expression.ufl_shape, mesh
         self.functions: dict[Any, fem.Function] = {}
         self.plain = None if varies(expression) else _constant(expression)
         if self.plain is not None:
             return
-        mesh, new = domain.mesh, {}
+        new = {}
         for terminal in traverse_unique_terminals(expression):
             if isinstance(terminal, ufl.classes.Coefficient | ufl.classes.GeometricQuantity):
                 self.functions[terminal] = new[terminal] = _number(terminal.ufl_shape)
             elif isinstance(terminal, fem.Constant):
                 new[terminal] = fem.Constant(_line(), terminal.value)
         self.compiled = _compiled(ufl.replace(expression, new), mesh.comm)
-        normal, middle = ufl.FacetNormal(mesh), np.full((1, domain.dim - 1), 1 / domain.dim)
+        normal, middle = ufl.FacetNormal(mesh), np.full((1, mesh.geometry.dim - 1), 1 / mesh.geometry.dim)
         self.normal: Any = fem.Expression(normal, middle, comm=mesh.comm) if normal in self.functions else None
 
     def __call__(self, x: np.ndarray, entities: np.ndarray) -> np.ndarray:
@@ -111,7 +109,7 @@ class Everywhere:
             if isinstance(terminal, ufl.classes.SpatialCoordinate):
                 numbers[function] = places[:, :d]
             elif isinstance(terminal, ufl.classes.FacetNormal):
-                normals = self.normal.eval(self.domain.mesh, entities) if n else np.zeros((0, 1, d))
+                normals = self.normal.eval(self.mesh, entities) if n else np.zeros((0, 1, d))
                 numbers[function] = np.repeat(normals.reshape(n, d), q, axis=0)
             elif not varies_in_cells(terminal):
                 blocks = terminal.x.array.reshape(-1, function.function_space.dofmap.bs)

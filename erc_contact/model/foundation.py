@@ -14,7 +14,6 @@ from dolfinx import mesh as dmesh
 from ufl.classes import Variable, Zero
 from ufl.corealg.traversal import unique_pre_traversal
 
-from erc_contact.mesh.domain import Domain
 from erc_contact.model.expressions import Everywhere, pointwise, varies_in_cells
 from erc_contact.model.users import called, scalar
 from erc_contact.scene.law import Law, project
@@ -169,13 +168,13 @@ class BoundContact:
 class ContactData:
     """Gap, normal and friction bound of a contact at any points of its facets; construction is collective."""
 
-    def __init__(self, contact: BoundContact, domain: Domain) -> None:
+    def __init__(self, contact: BoundContact, mesh: dmesh.Mesh) -> None:
         self.contact = contact
         self._gap, self._normal = (
-            None if one is None else Everywhere(one, domain) for one in (contact.gap, contact.given_normal)
+            None if one is None else Everywhere(one, mesh) for one in (contact.gap, contact.given_normal)
         )
         parameters = contact.friction.parameters if contact.friction else {}
-        self._parameters = {name: Everywhere(value, domain) for name, value in parameters.items()}
+        self._parameters = {name: Everywhere(value, mesh) for name, value in parameters.items()}
 
     def gap(self, of: np.ndarray, x: np.ndarray) -> np.ndarray:
         """The gap [length] at points x (n, q, d) of facets of given numbers (n,), shape (n, q)."""

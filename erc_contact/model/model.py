@@ -116,7 +116,7 @@ class Model(Space):
 
     def _matrix(self, act: Callable[..., Any]) -> Any:
         matrix = mandel_matrix(act, self.d, **self.parameters)
-        return matrix if varies(matrix) else evaluate(matrix, self.domain, nodes(self.d, 0), np.zeros(1))[0, 0]
+        return matrix if varies(matrix) else evaluate(matrix, self.mesh, nodes(self.d, 0), np.zeros(1))[0, 0]
 
     def stiffness(self, u: Any, v: Any) -> Any:
         """``a(u, v) = int sigma(u) : eps(v)``, a UFL form."""
@@ -131,6 +131,11 @@ class Model(Space):
             terms.append(ufl.inner(self.body_force, v) * self.dx)
         return _sum(terms)
 
+    def stiffness_per_area(self, gamma: Any) -> Any:
+        """``gamma E k^2/h`` [force/volume] with E the modulus and h the height of a cell over its facet, UFL there."""
+        h = self.d * ufl.CellVolume(self.mesh) / ufl.FacetArea(self.mesh)
+        return gamma * self.degree**2 * self.modulus / h
+
     def stiffest(self) -> float:
         """Greatest modulus at the middle of the cells of all ranks [force/area]; collective."""
         return self.extremes(self.at_middles(self.modulus, self.owned_cells))[1]
@@ -140,13 +145,13 @@ class Model(Space):
     def friction_parameters(self, contact: BoundContact, points: np.ndarray) -> dict[str, np.ndarray]:
         """The law's parameters at reference points (q, d-1) of the facets of a contact, each of shape (f, q)."""
         parameters = contact.friction.parameters if contact.friction else {}
-        return {k: evaluate(v, self.domain, points, contact.facets) for k, v in parameters.items()}
+        return {k: evaluate(v, self.mesh, points, contact.facets) for k, v in parameters.items()}
 
     def gap_at_nodes(self, contact: BoundContact) -> np.ndarray:
         """The gap at the nodes of each facet of a contact [length], shape (facets, m)."""
         if contact.gap is None:
             return np.zeros((len(contact.facets), len(self.facet_points)))
-        return evaluate(contact.gap, self.domain, self.facet_points, contact.facets)
+        return evaluate(contact.gap, self.mesh, self.facet_points, contact.facets)
 
     def gap_coefficients(self, contact: BoundContact) -> Any | None:
         """UFL whose values at the nodes of the contact are the Bernstein coefficients of the gap, or None."""
@@ -175,7 +180,7 @@ class Model(Space):
         if varies_in_cells(density):
             entities = self.domain.facets(load.facets) if load.facets is not None else self.owned_cells
             points, _ = rule(self.d - 1 if on_boundary else self.d, DATA_DEGREE)
-            if not np.isfinite(self.extremes(evaluate(density, self.domain, points, entities))).all():
+            if not np.isfinite(self.extremes(evaluate(density, self.mesh, points, entities))).all():
                 raise InputError(f"{what} is not finite everywhere; look at its callables.")
         return density
 

@@ -55,11 +55,11 @@ def _check_material(model: Model) -> None:
     points, owned = rule(model.d, 4)[0], model.owned_cells
 
     def at_points(value: Any) -> np.ndarray:
-        values = value if isinstance(value, np.ndarray) else evaluate(value, model.domain, points, owned)
+        values = value if isinstance(value, np.ndarray) else evaluate(value, model.mesh, points, owned)
         return values.reshape(-1, *values.shape[-2:])
 
     C, S = at_points(model.stiffness_matrix), at_points(model.compliance_matrix)
-    modulus = evaluate(model.modulus, model.domain, points, owned)
+    modulus = evaluate(model.modulus, model.mesh, points, owned)
     finite = np.isfinite(C).all() and np.isfinite(S).all() and np.isfinite(modulus).all()
     least, skew, other = np.inf, 0.0, 0.0
     if finite and len(C):
@@ -100,13 +100,13 @@ def _check_data(model: Model, contact: BoundContact) -> None:
     what = f"Contact({contact.name!r})"
     x = np.matmul(barycentric(lattice(model.d - 1, SAMPLES)), model.facet_corners(contact.facets))
     for name, value in (contact.friction.parameters if contact.friction else {}).items():
-        values = Everywhere(value, model.domain)(x, contact.facets)
+        values = Everywhere(value, model.mesh)(x, contact.facets)
         local = float(np.where(values < np.inf, values, -np.inf).min(initial=np.inf))
         low = model.comm.allreduce(local, MPI.MIN)
         if low < 0.0:
             raise InputError(f"{what}: {name} is {low:g} somewhere; it must be >= 0 and finite.")
     if contact.gap is not None:
-        finite = bool(np.isfinite(Everywhere(contact.gap, model.domain)(x, contact.facets)).all())
+        finite = bool(np.isfinite(Everywhere(contact.gap, model.mesh)(x, contact.facets)).all())
         if not model.comm.allreduce(finite, MPI.LAND):
             raise InputError(f"{what}: the gap is not finite everywhere; look at it.")
 
@@ -115,7 +115,7 @@ def _check_normal(model: Model, contact: BoundContact) -> None:
     """The normal of the foundation points out of the body."""
     facets, comm = contact.facets, model.comm
     middle = np.full((1, model.d - 1), 1 / model.d)
-    outward = evaluate(model.n, model.domain, middle, facets)[:, 0]
+    outward = evaluate(model.n, model.mesh, middle, facets)[:, 0]
     cosine = (outward * contact.direction).sum(axis=1)
     area = np.where(model.owned(facets), model.facet_areas(facets), 0.0)
     total, whole = comm.allreduce(np.array([area @ cosine, area.sum()]), MPI.SUM)

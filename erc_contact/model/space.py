@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
+from math import factorial
 from typing import Any, Protocol
 
 import numpy as np
@@ -85,6 +86,18 @@ class Space:
         """Reference points of the nodes of a facet, shape (m, d-1)."""
         return nodes(self.d - 1, self.degree)
 
+    @property
+    def contact_degree(self) -> int:
+        """Quadrature degree on contact facets: the traction has kinks, a polynomial rule is never exact there."""
+        return 2 * self.degree + 2
+
+    @property
+    def nodal_rule(self) -> dict[str, Any]:
+        """Metadata of a measure: quadrature at the nodes of a facet with equal weights, which decouples the nodes."""
+        points = self.facet_points
+        weights = np.full(len(points), 1 / (len(points) * factorial(self.d - 1)))
+        return {"quadrature_rule": "custom", "quadrature_points": points, "quadrature_weights": weights}
+
     def facet_nodes(self, facets: np.ndarray) -> np.ndarray:
         """Nodes of facets given as (cell, local facet), in the order of a facet's reference nodes, shape (n, m).
 
@@ -118,7 +131,7 @@ class Space:
 
     def at_middles(self, expression: Any, cells: np.ndarray) -> np.ndarray:
         """Values of a UFL expression at the middle of cells, shape (n, *s)."""
-        return evaluate(expression, self.domain, np.full((1, self.d), 1 / (self.d + 1)), cells)[:, 0]
+        return evaluate(expression, self.mesh, np.full((1, self.d), 1 / (self.d + 1)), cells)[:, 0]
 
     def extremes(self, values: np.ndarray) -> tuple[float, float]:
         """Least and greatest value over all ranks (nan is passed on); collective."""
@@ -154,7 +167,7 @@ class Space:
         vertices = self._local_facets[facets[:, 1]]
         local = np.take_along_axis(self.mesh.geometry.dofmaps[0][facets[:, 0]], vertices, axis=1)
         known = self.mesh.geometry.x[local][:, None, :, : self.d]
-        found = evaluate(self.x, self.domain, nodes(self.d - 1, 1), facets)[:, :, None, :]
+        found = evaluate(self.x, self.mesh, nodes(self.d - 1, 1), facets)[:, :, None, :]
         order = np.linalg.norm(found - known, axis=-1).argmin(axis=2)
         every = np.tile(self._local_facets.astype(np.int8), (len(self.nodes), 1, 1))
         every[facets[:, 0], facets[:, 1]] = np.take_along_axis(vertices, order, axis=1)

@@ -56,7 +56,7 @@ def bind_supports(space: Space, supports: Sequence[Displacement]) -> Supports:
                 continue
             new = np.full(nodes.shape, 0.0 if callable(value) else float(value))
             if callable(value):
-                new[:] = evaluate(number(space, value, what), space.domain, space.facet_points, facets)
+                new[:] = evaluate(number(space, value, what), space.mesh, space.facet_points, facets)
             clash = fixed[nodes, i] & (abs(values[nodes, i] - new) > AGREE * float(abs(new).max(initial=1e-300)))
             if clash.any():
                 error = InputError(

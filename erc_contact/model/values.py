@@ -79,7 +79,7 @@ def moduli(space: Space, material: Material) -> dict[str, Any]:
         varies = isinstance(value, Mapping) or callable(value)
         bound[name] = _by_region(space, name, value) if isinstance(value, Mapping) else number(space, value, what)
         if varies:
-            values = evaluate(bound[name], space.domain, lattice(space.d, DATA_DEGREE), space.owned_cells)
+            values = evaluate(bound[name], space.mesh, lattice(space.d, DATA_DEGREE), space.owned_cells)
             called(space.comm, what, material.check, name, *space.extremes(values))
     return bound
 

@@ -11,10 +11,8 @@ foundation, g gap, r contact traction on the body, P the projection of the law, 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import factorial
 from typing import Any, ClassVar, Protocol
 
-import numpy as np
 import ufl
 from dolfinx import fem
 
@@ -25,18 +23,6 @@ from erc_contact.model.model import Model
 
 GAMMA = "> 0 (dimensionless; 1 to 100 is usual)"
 """What gamma must be, in words."""
-
-
-def contact_degree(model: Model) -> int:
-    """Quadrature degree on contact facets: the traction has kinks, a polynomial rule is never exact there."""
-    return 2 * model.degree + 2
-
-
-def nodal(model: Model) -> dict[str, Any]:
-    """Quadrature at the nodes of a facet with equal weights: it decouples the nodes."""
-    points = model.facet_points
-    weights = np.full(len(points), 1 / (len(points) * factorial(model.d - 1)))
-    return {"quadrature_rule": "custom", "quadrature_points": points, "quadrature_weights": weights}
 
 
 class Method(Protocol):
@@ -62,12 +48,6 @@ class Method(Protocol):
 
     def projected(self, model: Model, contact: BoundContact, u: Any, multiplier: Any = None) -> Any:
         """The projection that the equations use [force/area], UFL, shape (d,): it shows open, slip and stick."""
-
-
-def stiffness_per_area(model: Model, gamma: Any) -> Any:
-    """``gamma = gamma_0 E k^2/h`` [force/volume], UFL on a facet."""
-    modulus = model.modulus
-    return gamma * model.degree**2 * modulus * ufl.FacetArea(model.mesh) / (model.d * ufl.CellVolume(model.mesh))
 
 
 def _beyond(contact: BoundContact, u: Any, gap: Any) -> Any:
@@ -115,7 +95,7 @@ class Nitsche:
             v: Test function.
             multiplier: Not used.
         """
-        ds = contact.ds(metadata={"quadrature_degree": contact_degree(model)})
+        ds = contact.ds(metadata={"quadrature_degree": model.contact_degree})
         r = self.traction(model, contact, u)
         residual = -ufl.inner(r, v) * ds
         if self.theta:
@@ -133,7 +113,7 @@ class Nitsche:
     projected = traction
 
     def _gamma(self, model: Model) -> Any:
-        return stiffness_per_area(model, fem.Constant(model.mesh, float(self.gamma)))
+        return model.stiffness_per_area(fem.Constant(model.mesh, float(self.gamma)))
 
 
 @dataclass(frozen=True)
@@ -178,7 +158,7 @@ class AugmentedLagrangian:
             multiplier: The same for lambda [force/area].
         """
         return ufl.inner(multiplier - self.projected(model, contact, u, multiplier), v) * contact.ds(
-            metadata=nodal(model)
+            metadata=model.nodal_rule
         )
 
     def traction(self, model: Model, contact: BoundContact, u: Any, multiplier: Any = None) -> Any:
@@ -187,5 +167,5 @@ class AugmentedLagrangian:
 
     def projected(self, model: Model, contact: BoundContact, u: Any, multiplier: Any = None) -> Any:
         """``P(lambda - gamma (u - g n))`` [force/area] at the nodes, UFL, shape (d,)."""
-        gamma = stiffness_per_area(model, fem.Constant(model.mesh, float(self.gamma)))
+        gamma = model.stiffness_per_area(fem.Constant(model.mesh, float(self.gamma)))
         return contact.project(multiplier - gamma * _beyond(contact, u, model.gap_coefficients(contact)))

@@ -25,7 +25,6 @@ from petsc4py import PETSc
 from erc_contact.base.exceptions import InputError, together
 from erc_contact.mesh.simplex import facet_nodes
 from erc_contact.model.model import Model
-from erc_contact.newton.methods import nodal, stiffness_per_area
 from erc_contact.newton.mumps import factorised, schur_complement
 
 GLUE = 10.0
@@ -182,8 +181,8 @@ class Stiffness:
         model = self.model
         ones = ufl.as_vector([1.0] * model.d)
         v = ufl.TestFunction(model.V)
-        gamma = stiffness_per_area(model, fem.Constant(model.mesh, GLUE))
-        terms = [gamma * ufl.inner(ones, v) * c.ds(metadata=nodal(model)) for c in model.contacts]
+        gamma = model.stiffness_per_area(fem.Constant(model.mesh, GLUE))
+        terms = [gamma * ufl.inner(ones, v) * c.ds(metadata=model.nodal_rule) for c in model.contacts]
         glue = fem.Function(model.V)
         fem.assemble_vector(glue.x.array, fem.form(sum(terms[1:], start=terms[0])))
         glue.x.scatter_reverse(la.InsertMode.add)
