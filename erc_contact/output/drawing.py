@@ -10,11 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from erc_contact.output.gathered import Surface
-
-AXIS = 1e-6
-"""A direction whose cosine with a coordinate axis misses 1 by less is that axis."""
-
 
 def new_figure(width: float, height: float, layout: str = "constrained") -> Any:
     """An empty figure [inches]; the layout of pictures, which keep their shape, is "compressed"."""
@@ -29,15 +24,6 @@ def save_figure(figure: Any, path: str | Path) -> None:
 
     FigureCanvasAgg(figure)
     figure.savefig(path, dpi=200, bbox_inches="tight")
-
-
-def mean_normal(surface: Surface) -> np.ndarray:
-    """The normal of the foundation, its mean direction where it varies, shape (d,); zero around a closed contact."""
-    n = surface.traction.area @ surface.traction.contact.direction
-    length = np.linalg.norm(n)
-    n = n / length if length > AXIS * surface.traction.area.sum() else 0 * n
-    axis = np.eye(len(n))[abs(n).argmax()]
-    return np.sign(n) * axis if abs(n).max() > 1 - AXIS else n
 
 
 def tangents(n: np.ndarray) -> np.ndarray:

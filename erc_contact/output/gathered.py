@@ -18,6 +18,10 @@ from erc_contact.model.model import Model
 from erc_contact.output.files import degree_of, gathered
 
 
+AXIS = 1e-6
+"""A direction whose cosine with a coordinate axis misses 1 by less is that axis."""
+
+
 @dataclass(frozen=True, eq=False)
 class Surface:
     """A contact of all ranks, facet by facet; on rank 0.
@@ -43,6 +47,15 @@ class Surface:
     def degree(self) -> int:
         """Degree of r^."""
         return 1 if self.x.shape[1] == self.d else 2
+
+
+def mean_normal(surface: Surface) -> np.ndarray:
+    """The normal of the foundation, its mean direction where it varies, shape (d,); zero around a closed contact."""
+    n = surface.traction.area @ surface.traction.contact.direction
+    length = np.linalg.norm(n)
+    n = n / length if length > AXIS * surface.traction.area.sum() else 0 * n
+    axis = np.eye(len(n))[abs(n).argmax()]
+    return np.sign(n) * axis if abs(n).max() > 1 - AXIS else n
 
 
 def whole_contact(admissible: Admissible, traction: ContactTraction) -> Surface | None:

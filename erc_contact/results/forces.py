@@ -3,22 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-import ufl
-from dolfinx import fem, geometry
 from mpi4py import MPI
 
 from erc_contact.admissible.pair import Admissible
-from erc_contact.admissible.elastic import strains
-from erc_contact.admissible.contact import MARGIN, ContactTraction, split
-from erc_contact.admissible.macro import tensors
-from erc_contact.base.exceptions import InputError
-from erc_contact.model.expressions import evaluate
+from erc_contact.mesh.simplex import (
+    bernstein,
+    coefficients,
+    facet_vertices,
+    mass,
+    nodes,
+)
 from erc_contact.model.model import Model
-from erc_contact.mesh.simplex import barycentric, bernstein, coefficients, facet_vertices, lagrange, lattice, mass, nodes
-
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,16 +78,6 @@ def reactions(pair: Admissible) -> dict[str, Force]:
     return result
 
 
-
-
-
-
-
-
-
-
-
-
 def _force(pair: Admissible, sides: np.ndarray) -> Force:
     """Of facets of owned cells on the boundary, (n, 2)."""
     model, cells = pair.solution.model, pair.cells
@@ -118,9 +105,3 @@ def _summed(model: Model, corners: np.ndarray, forces: np.ndarray) -> Force:
     local = np.concatenate([forces.sum(axis=(0, 1)), moment[[2]] if model.d == 2 else moment])
     total = model.comm.allreduce(local, MPI.SUM)
     return Force(total[: model.d], total[model.d :])
-
-
-
-
-
-

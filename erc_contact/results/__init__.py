@@ -1,0 +1,24 @@
+"""Questions that a user asks of a result: forces, profiles of contacts, values at points; the same on all ranks.
+
+Everything is read off an admissible pair, so forces balance to round-off and contact tractions lie in the cone.
+"""
+
+from erc_contact.results.forces import Force, force, reactions
+from erc_contact.results.points import Values, at
+from erc_contact.results.profile import OPEN, SLIP, STICK, contact_status, profile
+from erc_contact.results.stress import mean_stress, von_mises
+
+__all__ = [
+    "OPEN",
+    "SLIP",
+    "STICK",
+    "Force",
+    "Values",
+    "at",
+    "contact_status",
+    "force",
+    "mean_stress",
+    "profile",
+    "reactions",
+    "von_mises",
+]
