@@ -34,10 +34,10 @@ import erc_contact as ec
 
 from dolfinx import fem  # isort: skip - after erc_contact, which loads MPI first
 from reference import true_errors  # isort: skip
-from erc_contact.admissible.pair import simplices  # isort: skip
+from erc_contact.admissible.cells import simplices  # isort: skip
 from erc_contact.admissible.elastic import cell_stress
 
-from erc_contact.admissible.contact import split  # isort: skip
+from erc_contact.admissible.cones import split  # isort: skip
 from erc_contact.model.expressions import evaluate  # isort: skip
 from erc_contact.mesh.simplex import lagrange, rule  # isort: skip
 

@@ -21,7 +21,8 @@ from scenes import greco, random_scene, resultant, sliding_block
 
 import erc_contact as ec
 from erc_contact.admissible.cells import facet_order, nodal_forces, signed
-from erc_contact.admissible.contact import _shrink, split
+from erc_contact.admissible.cones import split
+from erc_contact.admissible.contact import _shrink
 from erc_contact.admissible.macro import bubbles, macro_points, macro_stress, mandel, reference_map, tensors
 from erc_contact.admissible.pair import Admissible
 from erc_contact.mesh.simplex import (

@@ -21,16 +21,7 @@ from functools import cache
 import numpy as np
 
 from erc_contact.admissible.cells import Simplices, pushes, signed
-from erc_contact.mesh.simplex import (
-    barycentric,
-    bernstein,
-    facet_nodes,
-    facet_vertices,
-    gradients,
-    mass,
-    nodes,
-    rule,
-)
+from erc_contact.mesh.simplex import barycentric, bernstein, facet_nodes, facet_vertices, gradients, mass, nodes, rule
 
 
 def equilibrated_moments(

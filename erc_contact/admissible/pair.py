@@ -18,15 +18,7 @@ import ufl
 from dolfinx import fem, la
 from mpi4py import MPI
 
-from erc_contact.admissible.cells import (
-    Simplices,
-    facet_order,
-    moments,
-    nodal_forces,
-    pushes,
-    signed,
-    simplices,
-)
+from erc_contact.admissible.cells import Simplices, facet_order, moments, nodal_forces, pushes, signed, simplices
 from erc_contact.admissible.contact import ContactTraction, admissible_tractions
 from erc_contact.admissible.displacement import admissible_displacement
 from erc_contact.admissible.elastic import cell_stress, elastic_stress, macro_moduli

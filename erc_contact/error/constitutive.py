@@ -29,9 +29,9 @@ from mpi4py import MPI
 
 from erc_contact.admissible.pair import Admissible
 from erc_contact.base.exceptions import InputError
-from erc_contact.error.bulk import UNKNOWN, bulk_squares, geometry_squares
+from erc_contact.error.bulk import bulk_squares, geometry_squares
 from erc_contact.error.contact import contact_squares
-from erc_contact.error.oscillation import Oscillations, of_loads, of_supports
+from erc_contact.error.oscillation import UNKNOWN, Oscillations, of_loads, of_supports
 from erc_contact.error.rigid import NOISE, moves_rigidly, round_off
 from erc_contact.mesh.domain import Domain
 from erc_contact.newton.solution import Solution

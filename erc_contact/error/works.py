@@ -14,7 +14,8 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from erc_contact.admissible.cells import simplices, sorted_corners
-from erc_contact.admissible.contact import ContactTraction, split
+from erc_contact.admissible.cones import split
+from erc_contact.admissible.contact import ContactTraction
 from erc_contact.admissible.elastic import act, strains
 from erc_contact.admissible.macro import macro_points
 from erc_contact.admissible.pair import Admissible

@@ -13,7 +13,7 @@ from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import BoundContact, Friction, bind_friction
 from erc_contact.model.space import Space
 from erc_contact.model.values import components, number
-from erc_contact.scene.scene import Contact
+from erc_contact.scene.contact import Contact
 
 FLAT = 1e-8
 """Largest deviation of the facet normals of a contact that counts as flat [-]."""

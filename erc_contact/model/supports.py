@@ -14,7 +14,7 @@ from erc_contact.base.exceptions import InputError, raise_together
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.space import Space
 from erc_contact.model.values import number
-from erc_contact.scene.scene import Displacement
+from erc_contact.scene.support import Displacement
 
 AGREE = 1e-9
 """Relative difference of the values of two supports at a common node that counts as none [-]."""

@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 
 from erc_contact.mesh.simplex import edges, lagrange, node_between, node_vertices
-from erc_contact.output.drawing import mean_normal, tangents
+from erc_contact.output.drawing import tangents
 from erc_contact.output.files import degree_of, grid_of, subdivided
-from erc_contact.output.gathered import Surface
+from erc_contact.output.gathered import Surface, mean_normal
 
 DIVISIONS = 6
 """Straight parts of a curved edge at most."""

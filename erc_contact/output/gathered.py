@@ -17,7 +17,6 @@ from erc_contact.mesh.simplex import node_between, node_vertices
 from erc_contact.model.model import Model
 from erc_contact.output.files import degree_of, gathered
 
-
 AXIS = 1e-6
 """A direction whose cosine with a coordinate axis misses 1 by less is that axis."""
 

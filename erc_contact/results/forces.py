@@ -8,13 +8,7 @@ import numpy as np
 from mpi4py import MPI
 
 from erc_contact.admissible.pair import Admissible
-from erc_contact.mesh.simplex import (
-    bernstein,
-    coefficients,
-    facet_vertices,
-    mass,
-    nodes,
-)
+from erc_contact.mesh.simplex import bernstein, coefficients, facet_vertices, mass, nodes
 from erc_contact.model.model import Model
 
 

@@ -17,12 +17,7 @@ from erc_contact.admissible.elastic import strains
 from erc_contact.admissible.macro import tensors
 from erc_contact.admissible.pair import Admissible
 from erc_contact.base.exceptions import InputError
-from erc_contact.mesh.simplex import (
-    barycentric,
-    bernstein,
-    lagrange,
-    nodes,
-)
+from erc_contact.mesh.simplex import barycentric, bernstein, lagrange, nodes
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.model import Model
 
