@@ -18,6 +18,8 @@ from erc_contact.law import project
 from erc_contact.material import strain
 from erc_contact.model import Model
 
+pytestmark = pytest.mark.serial
+
 MIDDLE = {2: np.array([[0.3, 0.2]]), 3: np.array([[0.3, 0.2, 0.1]])}
 
 

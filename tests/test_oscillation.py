@@ -41,7 +41,7 @@ def given(axis: int = 0, **coefficients: float) -> Callable:
             + c["t2"] * t**2
             + c["t3"] * t**3
             + c["sin"] * ufl.sin(c["often"] * t)
-            + c["cos"] * ufl.cos(16 * ufl.pi * t)
+            + c["cos"] * ufl.cos(8 * ufl.pi * t)
             + c["peak"] * ufl.exp(-(((t - 0.53) / c["width"]) ** 2))
             + c["step"] * ufl.conditional(ufl.lt(t, 0.337), 1.0, 0.0)
             + c["stripe"] * ufl.conditional(between, 1.0, 0.0)
@@ -73,6 +73,7 @@ LOADS = {
 }
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("load", LOADS)
 @pytest.mark.parametrize(("degree", "friction"), [(1, 0.0), (2, 0.5)])
 def test_a_dictated_resultant_is_that_of_the_load(load, degree, friction):
@@ -144,6 +145,7 @@ MODULI = {
 }
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize(("case", "degree"), [*((c, 1) for c in MODULI), ("soft stripe along", 2), ("steep across", 2)])
 def test_energy_of_moduli_that_vary_in_cells(case, degree):
     coefficients, true, resolved = MODULI[case]
@@ -188,6 +190,7 @@ def pressed(gap=0.0, sink=-0.02, **options) -> ec.Scene:
     )
 
 
+@pytest.mark.serial
 @DEGREES
 @pytest.mark.parametrize(("power", "carried"), [("t", (True, True)), ("t2", (False, True)), ("t3", (False, False))])
 def test_bilateral_gap_that_varies(power, carried, degree):
@@ -198,6 +201,7 @@ def test_bilateral_gap_that_varies(power, carried, degree):
     assert (error.oscillations.gaps == 0.0) == carried[degree - 1]
 
 
+@pytest.mark.serial
 @DEGREES
 @pytest.mark.parametrize("width", [0.02, 0.005])
 def test_asperity_between_the_nodes(width, degree):
@@ -213,6 +217,7 @@ def test_asperity_between_the_nodes(width, degree):
     assert ec.energy(error).guaranteed
 
 
+@pytest.mark.serial
 @DEGREES
 @pytest.mark.parametrize(("power", "carried"), [("t", (True, True)), ("t2", (False, True))])
 def test_supports_that_vary(power, carried, degree):
@@ -221,6 +226,7 @@ def test_supports_that_vary(power, carried, degree):
     assert (error.oscillations.supports == 0.0) == carried[degree - 1]
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("tilt", [0.0, 0.3])
 def test_normal_that_varies(tilt):
     """A normal that is constant though given as a callable is carried; one that turns along a facet is not."""

@@ -65,6 +65,7 @@ def test_profile_in_space():
     assert area @ corners.mean(axis=1) == pytest.approx(error.force(traction.contact.name).force[2], rel=1e-10)
 
 
+@pytest.mark.serial
 def test_order_along_curves():
     """Two open curves and a closed one, their facets shuffled."""
     rng = np.random.default_rng(0)

@@ -107,6 +107,7 @@ def test_straight_bodies_pay_nothing():
         assert np.array_equal(error.indicators, error.cells)
 
 
+@pytest.mark.serial
 def test_cost_of_facets_of_a_pressed_ring(shared_tmp_path):
     """Lame's ring under inner pressure: half the square of ``geometry`` is what the polygon changes of the energy."""
     E, nu, p, a, b = 1.0, 0.3, 0.01, 1.0, 2.0
@@ -161,6 +162,7 @@ def hertz(comm=COMM):
     return scene, ec.read_mesh(MESHES / "half_disc.geo", comm)
 
 
+@pytest.mark.serial
 def test_hertz_by_marking():
     """A disc on a plane: the pressure of a mesh refined by marking is Hertz's (it had peaks of 12 times before)."""
     scene, domain = hertz()
@@ -193,6 +195,7 @@ PUNCH = (
 )
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("degree", [1, 2])
 def test_punch_has_one_force(degree, shared_tmp_path):
     """A punch with a rounded corner: marking and meshing anew end in the same force, and neither is guaranteed."""
