@@ -60,6 +60,7 @@ def test_marking_carries_the_fraction_with_the_fewest(fraction):
         assert without < fraction * error.relative**2 or number > 1  # ties are marked together
 
 
+@pytest.mark.serial
 def test_limits_end_with_the_best_result():
     few = ec.adapt(common_block(), block(4), accuracy=1e-3, max_steps=2)
     assert not few.reached

@@ -150,6 +150,7 @@ def test_cube():
     assert 0.98 <= error.absolute / np.hypot(true.displacement, true.stress) <= 1.15
 
 
+@pytest.mark.serial
 def test_warm_start_takes_few_steps():
     old = ec.solve(common_block(), block(8), degree=2)
     new = old.domain.refined()

@@ -213,6 +213,7 @@ def test_oscillation_ends_the_guarantee():
     assert not ec.energy(error).guaranteed
 
 
+@pytest.mark.serial
 def test_bad_input():
     error = error_of(opening(TRESCA), block(2), tighten=0)
     with pytest.raises(ec.InputError, match=r"No contact is called 'top'; this scene has bottom"):

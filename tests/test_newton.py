@@ -172,6 +172,7 @@ def test_cycle_is_seen():
     assert attempt(common_block(), block(64), ec.Nitsche(gamma=100.0), "bisection").converged
 
 
+@pytest.mark.serial
 def test_certified_stop_is_as_near_as_it_says():
     """What Newton leaves, by the proxy of the solver, against the estimator itself: e^2 = e_converged^2 + rest^2."""
     converged = ec.solve(common_block(), block(16))

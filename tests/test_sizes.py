@@ -206,6 +206,7 @@ def test_accuracy_that_takes_too_many_cells_is_told_at_once(caplog):
     assert "max_cells = 5000 will end the run" in caplog.text
 
 
+@pytest.mark.serial
 def test_marking_is_warned_too_and_goes_on_to_the_limit(caplog):
     with caplog.at_level(logging.WARNING, logger="erc_contact"):
         history = ec.adapt(common_block(), block(4), 1e-3, max_cells=400)
@@ -213,6 +214,7 @@ def test_marking_is_warned_too_and_goes_on_to_the_limit(caplog):
     assert len(history.steps) > 1
 
 
+@pytest.mark.serial
 def test_strategy_of_the_user():
     class SizeMapThenMark:
         def next(self, error, accuracy, max_cells):

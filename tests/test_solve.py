@@ -113,6 +113,7 @@ def test_frictionless_scene_has_no_friction_term():
     assert np.abs(pair.tractions[0].tangential).max(initial=0.0) == 0.0
 
 
+@pytest.mark.serial
 def test_start_does_not_change_the_solution():
     coarse = ec.solve(common_block(), block(8))
     cold, warm = ec.solve(common_block(), block(16)), ec.solve(common_block(), block(16), start=coarse)

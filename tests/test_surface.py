@@ -97,6 +97,7 @@ def test_coarse_inclusion_turns_no_cell_over(shared_tmp_path, measures):
     assert abs(measures.region(domain, "ball") - np.pi / 6) < 0.4 * before
 
 
+@pytest.mark.serial
 def test_straight_bodies_pay_nothing():
     scene = ec.Scene(ec.Elastic(1.0, 0.3), [ec.Displacement("top", (0.0, -0.01))], [], [ec.Contact("bottom")])
     for domain in (ec.rectangle((0.0, 0.0), (1.0, 1.0), size=0.5), ec.read_mesh(MESHES / "block.geo")):
@@ -220,6 +221,7 @@ def test_punch_has_one_force(degree, shared_tmp_path):
     assert all(bounds.low < 0.048997 < bounds.high for bounds in forces)  # of a run to 0.3%
 
 
+@pytest.mark.serial
 def test_outcome_says_what_eps_refers_to():
     """Of a mesh file only the polygon is known."""
     scene, _ = hertz()
