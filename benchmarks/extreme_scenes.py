@@ -1,7 +1,6 @@
 """Scenes at the edge of what a contact solver meets: units, materials, friction, shapes, meshes, supports, loads.
 
-Each is small (below 2000 cells) and says whether it has a solution at all. `benchmarks/extremes.py` runs them, as
-`tests/test_extremes.py` does with some.
+Each is small (below 2000 cells) and says whether it has a solution at all. `benchmarks/extremes.py` runs them.
 
 Existence: with supports that hold the body, the discrete problem of static Coulomb friction has a solution for any
 friction coefficient. A body that only contact holds has one if the loads lie strictly inside what the friction cones

@@ -2,7 +2,10 @@
 
 Under mpiexec every rank runs every test. Rank 0 reports; the other ranks are silent unless a test fails there, and
 then say so on stderr and end with an exit code of their own, so that mpiexec fails. A test that ends on one rank and
-not on another aborts the run. Tests marked ``serial`` are left out.
+not on another aborts the run. Tests marked ``serial`` are left out; on one rank those marked ``ranks`` are.
+
+Under pytest-xdist each worker is a process of one rank. Workers share the cache of compiled forms: one may wait for a
+form that another compiles.
 """
 
 import os
@@ -18,9 +21,11 @@ import erc_contact as ec  # noqa: I001 - the package orders MPI before the compi
 
 import numpy as np
 import pytest
+from dolfinx import jit
 from mpi4py import MPI
 
 COMM = MPI.COMM_WORLD
+jit.DOLFINX_DEFAULT_JIT_OPTIONS["timeout"] = (30, "seconds that one process waits for a form that another compiles")
 
 
 PATIENCE = 60.0
@@ -66,10 +71,10 @@ def pytest_configure(config):
 
 
 def pytest_collection_modifyitems(config, items):
-    if COMM.size > 1 or "PMI_RANK" in os.environ:
-        alone = [item for item in items if item.get_closest_marker("serial")]
-        items[:] = [item for item in items if item not in alone]
-        config.hook.pytest_deselected(items=alone)
+    mark = "serial" if COMM.size > 1 else "ranks"
+    out = [item for item in items if item.get_closest_marker(mark)]
+    items[:] = [item for item in items if not item.get_closest_marker(mark)]
+    config.hook.pytest_deselected(items=out)
 
 
 @pytest.fixture

@@ -7,6 +7,14 @@ import subprocess
 import sys
 from pathlib import Path
 
+ROOT = Path(__file__).parent.parent
+
+
+def environment() -> dict[str, str]:
+    """Variables of a process of its own: none of a running mpiexec, one thread, and the package beside the tests."""
+    own = {"OMP_NUM_THREADS": "1", "MPIR_CVAR_CH4_PROGRESS_THROTTLE": "1", "PYTHONPATH": str(ROOT)}
+    return {k: v for k, v in os.environ.items() if not k.startswith(("PMI", "MPI"))} | own
+
 
 def started(script: str, ranks: int, folder: Path) -> subprocess.Popen:
     """Start a script; what it writes comes through pipes, errors with the rest.
@@ -19,11 +27,10 @@ def started(script: str, ranks: int, folder: Path) -> subprocess.Popen:
     path = folder / "script.py"
     path.write_text(script)
     launch = [] if ranks == 1 else [str(Path(sys.executable).parent / "mpiexec"), "-n", str(ranks)]
-    environment = {k: v for k, v in os.environ.items() if not k.startswith(("PMI", "MPI"))}
     return subprocess.Popen(
         [*launch, sys.executable, "-u", str(path)],
         cwd=folder,
-        env=environment | {"OMP_NUM_THREADS": "1", "MPIR_CVAR_CH4_PROGRESS_THROTTLE": "1"},
+        env=environment(),
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import basix.ufl
 import numpy as np
+import ufl
 from dolfinx import geometry
+from dolfinx import mesh as dmesh
 
 import erc_contact as ec
 from erc_contact.admissible.cells import simplices
@@ -16,18 +19,27 @@ from erc_contact.mesh.simplex import barycentric, bernstein, lagrange, rule
 
 @dataclass(frozen=True)
 class TrueErrors:
-    """Energy norms of the errors of u^ and of sigma^, and the third term of the bound where friction has a pressure."""
+    """Energy norms of the errors of u^ and of sigma^, and the third term of the bound where friction has a pressure.
+
+    ``of_cells`` has both errors on each cell of the pair, shape (2, cells).
+    """
 
     displacement: float
     stress: float
     friction: float
+    of_cells: np.ndarray
+
+    @property
+    def both(self) -> float:
+        """sqrt(|u - u^|^2 + |sigma - sigma^|^2)."""
+        return float(np.hypot(self.displacement, self.stress))
 
 
 def true_errors(pair: Admissible, fine: ec.Solution) -> TrueErrors:
     """Errors of a pair against the finite element solution on a mesh that refines its own (serial).
 
     Both are integrated by a rule of degree 2k on the fine cells: only fine cells cut by an edge of the sub-simplices
-    are not exact. The fine solution may be of another degree.
+    are not exact, and there are none on a mesh that :func:`nested` made. The fine solution may be of another degree.
     """
     model, d = fine.model, fine.model.d
     cells = simplices(model)
@@ -48,9 +60,28 @@ def true_errors(pair: Admissible, fine: ec.Solution) -> TrueErrors:
     volume = cells.volume[:, None] * weights
     du = fine_strain - strain.reshape(n, q, -1)
     ds = fine_strain @ C - stress.reshape(n, q, -1)
-    displacement = float(np.sqrt(np.sum(volume * np.einsum("nqa,ab,nqb->nq", du, C, du))))
-    stresses = float(np.sqrt(np.sum(volume * np.einsum("nqa,ab,nqb->nq", ds, S, ds))))
-    return TrueErrors(displacement, stresses, _third_term(pair, fine))
+    squares = [volume * np.einsum("nqa,ab,nqb->nq", rest, M, rest) for rest, M in ((du, C), (ds, S))]
+    of_cells = np.sqrt([np.bincount(parent, square.ravel(), len(pair.stress)) for square in squares])
+    displacement, stresses = (float(v) for v in np.linalg.norm(of_cells, axis=1))
+    return TrueErrors(displacement, stresses, _third_term(pair, fine), of_cells)
+
+
+def nested(domain: ec.Domain, levels: int) -> ec.Domain:
+    """The mesh cut at the barycentres of its cells, as sigma^ is, and refined uniformly (serial)."""
+    mesh, d, tags = domain.mesh, domain.dim, domain.facet_tags
+    x, cells = mesh.geometry.x[:, :d], mesh.geometry.dofmaps[0]
+    parts = np.repeat(cells.astype(np.int64)[:, None], d + 1, axis=1)
+    parts[:, range(d + 1), range(d + 1)] = len(x) + np.arange(len(cells))[:, None]
+    element = ufl.Mesh(basix.ufl.element("Lagrange", mesh.basix_cell(), 1, shape=(d,)))
+    fine = dmesh.create_mesh(mesh.comm, parts.reshape(-1, d + 1), element, np.vstack([x, x[cells].mean(axis=1)]))
+    fine.topology.create_connectivity(d - 1, d)
+    outer = dmesh.exterior_facet_indices(fine.topology)  # those of the coarse mesh: known by their middles
+    old, new = dmesh.compute_midpoints(mesh, d - 1, tags.indices), dmesh.compute_midpoints(fine, d - 1, outer)
+    same = abs(new[:, None] - old).max(axis=2).argmin(axis=1)
+    result = ec.Domain(fine, dmesh.meshtags(fine, d - 1, outer, tags.values[same]), domain.names)
+    for _ in range(levels):
+        result = result.refined()
+    return result
 
 
 def _locate(pair: Admissible, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

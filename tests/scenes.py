@@ -2,11 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
+
 import numpy as np
+import pytest
+import ufl
+from dolfinx import fem
 from mpi4py import MPI
+from ufl.domain import extract_unique_domain
 
 import erc_contact as ec
 from erc_contact.admissible.contact import ContactTraction
+
+
+def mostly_serial(cases: Iterable, on_ranks: Sequence) -> list:
+    """Parameters of a test: all of them in serial, some also on several ranks."""
+    return [case if case in on_ranks else pytest.param(case, marks=pytest.mark.serial) for case in cases]
+
+
+def number(x: object, value: float) -> fem.Constant:
+    """A number of a callable of x that is not compiled: scenes that differ in it only share their forms."""
+    return fem.Constant(extract_unique_domain(x), float(value))
 
 
 def prototype_block() -> ec.Scene:
@@ -33,13 +49,13 @@ def block(n: int, comm: MPI.Comm = MPI.COMM_WORLD) -> ec.Domain:
     return ec.rectangle((0.0, 0.0), (2.0, 7.0), cells=(n, 7 * n // 2), comm=comm)
 
 
-def greco() -> ec.Scene:
+def greco(friction: float = 1.0) -> ec.Scene:
     """Compressed and pushed block (GRECO): N, mm; half model, (0, 40) x (0, 40)."""
     return ec.Scene(
         material=ec.Elastic(E=130e3, nu=0.2),
         supports=[ec.Displacement("right", (0.0, None))],
         loads=[ec.Traction("top", pressure=50.0), ec.Traction("left", pressure=150.0)],
-        contacts=[ec.Contact("bottom", friction=1.0)],
+        contacts=[ec.Contact("bottom", friction=friction)],
     )
 
 
@@ -49,13 +65,44 @@ def patch_test(friction: float, nu: float, E: float = 1.7) -> tuple[ec.Scene, np
     c, e = 0.03, -0.01
     b = -friction * (lam + 2 * G) * e / G
     sigma = np.array([[lam * e, G * b], [G * b, (lam + 2 * G) * e]])
+    u = (lambda x: number(x, c) + number(x, b) * x[1], lambda x: number(x, e) * x[1])
     scene = ec.Scene(
         material=ec.Elastic(E, nu),
-        supports=[ec.Displacement("top", (lambda x: c + b * x[1], lambda x: e * x[1]))],
+        supports=[ec.Displacement("top", u)],
         loads=[ec.Traction("left", tuple(-sigma[:, 0])), ec.Traction("right", tuple(sigma[:, 0]))],
         contacts=[ec.Contact("bottom", friction=friction)],
     )
     return scene, np.array([b, c, e])
+
+
+def quadratic_contact() -> ec.Scene:
+    """Quadratic u on the unit square, closed and without shear at y = 0; its tractions are linear."""
+    material = ec.Elastic(E=1.0, nu=0.3)
+
+    def stress(x):
+        u = ufl.as_vector([0.02 * x[0] + 0.03 * x[0] ** 2, (-0.1 - 0.02 * x[0] + 0.03 * x[1]) * x[1]])
+        return material.stress(ufl.sym(ufl.grad(u)), E=material.E, nu=material.nu)
+
+    return ec.Scene(
+        material=material,
+        supports=[ec.Displacement("left", (0.0, None))],
+        loads=[
+            ec.Traction("left", (0.0, lambda x: -stress(x)[0, 1])),
+            ec.Traction("right", lambda x: stress(x)[:, 0]),
+            ec.Traction("top", lambda x: stress(x)[:, 1]),
+            ec.BodyForce(lambda x: -ufl.div(stress(x))),
+        ],
+        contacts=[ec.Contact("bottom")],
+    )
+
+
+def opening(friction: object) -> ec.Scene:
+    """The block tilted and pushed: it opens on the left, slips and sticks elsewhere."""
+    return ec.Scene(
+        material=ec.Elastic(1.0, 0.3),
+        supports=[ec.Displacement("top", (0.1, lambda x: 0.02 - 0.04 * x[0]))],
+        contacts=[ec.Contact("bottom", friction=friction)],
+    )
 
 
 def resultant(traction: ContactTraction) -> np.ndarray:
@@ -86,7 +133,7 @@ def random_scene(seed: int, comm: MPI.Comm = MPI.COMM_WORLD) -> tuple[ec.Scene, 
         push[0] = 0.0
     loads = [
         ec.Traction(side, pressure=lambda x: 0.01 * (1 + x[last])),
-        ec.BodyForce(tuple(lambda x, k=k: float(slope[k]) * (1 + x[0] * x[last]) for k in range(d))),
+        ec.BodyForce(tuple(lambda x, k=k: number(x, slope[k]) * (1 + x[0] * x[last]) for k in range(d))),
     ]
     scene = ec.Scene(
         material=ec.Elastic(E={"lower": 1.0, "upper": float(rng.uniform(2, 20))}, nu={"lower": 0.3, "upper": 0.1}),
@@ -100,7 +147,6 @@ def random_scene(seed: int, comm: MPI.Comm = MPI.COMM_WORLD) -> tuple[ec.Scene, 
 def two_squares(comm: MPI.Comm = MPI.COMM_WORLD, *, cells: int = 4, apart: float = 3.0) -> ec.Domain:
     """Two unit squares that do not touch, in one mesh; the parts are left1 ... top1 and left2 ... top2."""
     import basix.ufl
-    import ufl
     from dolfinx import mesh as dmesh
 
     from erc_contact.mesh.partition import partitioner
@@ -133,16 +179,20 @@ def two_squares(comm: MPI.Comm = MPI.COMM_WORLD, *, cells: int = 4, apart: float
 
 def two_materials(extent: np.ndarray, size: float, comm: MPI.Comm) -> ec.Domain:
     """A brick whose lower and upper halves are two regions, meshed by gmsh."""
+    make = ec.rectangle if len(extent) == 2 else ec.box
+    return two_halves(make((0.0,) * len(extent), tuple(extent), size=size, comm=comm), len(extent) - 1, extent[-1] / 2)
+
+
+def two_halves(domain: ec.Domain, axis: int = 1, at: float = 0.5) -> ec.Domain:
+    """The same domain with its cells in two regions, lower and upper."""
     from dolfinx import mesh as dmesh
 
-    d = len(extent)
-    plain = (ec.rectangle if d == 2 else ec.box)((0.0,) * d, tuple(extent), size=size, comm=comm)
-    mesh = plain.mesh
+    mesh, d = domain.mesh, domain.dim
     cells = mesh.topology.index_map(d)
     every = np.arange(cells.size_local + cells.num_ghosts, dtype=np.int32)
-    upper = dmesh.compute_midpoints(mesh, d, every)[:, d - 1] > extent[d - 1] / 2
+    upper = dmesh.compute_midpoints(mesh, d, every)[:, axis] > at
     tags = dmesh.meshtags(mesh, d, every, np.where(upper, 2, 1).astype(np.int32))
-    return ec.Domain(mesh, plain.facet_tags, plain.names, tags, {"lower": 1, "upper": 2})
+    return ec.Domain(mesh, domain.facet_tags, domain.names, tags, {"lower": 1, "upper": 2})
 
 
 def sliding_block(

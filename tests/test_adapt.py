@@ -27,6 +27,7 @@ CORNER = 0.7112
 """Singular exponent of a clamped-free corner of 90 degrees, nu = 0.3."""
 
 
+@pytest.mark.serial
 def test_adaptive_rate():
     history = ec.adapt(prototype_block(), block(4), accuracy=0.004)
     assert history.reached
@@ -37,7 +38,7 @@ def test_adaptive_rate():
 
 @pytest.mark.serial
 def test_uniform_rate_is_that_of_the_corner():
-    history = ec.adapt(prototype_block(), block(8), accuracy=1e-6, strategy=ec.Uniform(), max_steps=7)
+    history = ec.adapt(prototype_block(), block(8), accuracy=1e-6, strategy=ec.Uniform(), max_steps=5)
     slope = history.slope("cells", last=3)
     print(f"\nuniform slope {slope:.3f}, corner {-CORNER / 2:.3f}")
     assert slope == pytest.approx(-CORNER / 2, abs=0.02)
@@ -59,6 +60,7 @@ def test_marking_carries_the_fraction_with_the_fewest(fraction):
         assert without < fraction * error.relative**2 or number > 1  # ties are marked together
 
 
+@pytest.mark.serial
 def test_limits_end_with_the_best_result():
     few = ec.adapt(common_block(), block(4), accuracy=1e-3, max_steps=2)
     assert not few.reached
@@ -279,6 +281,7 @@ def test_history_rows_and_csv(shared_tmp_path):
     assert adapt_function is ec.adapt
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("accuracy", [0.0, -1.0, float("nan"), float("inf")])
 def test_accuracy_must_be_positive(accuracy):
     with pytest.raises(ec.InputError, match="accuracy"):

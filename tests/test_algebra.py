@@ -18,6 +18,8 @@ from erc_contact.model.model import Model
 from erc_contact.scene.law import project
 from erc_contact.scene.material import strain
 
+pytestmark = pytest.mark.serial
+
 MIDDLE = {2: np.array([[0.3, 0.2]]), 3: np.array([[0.3, 0.2, 0.1]])}
 
 

@@ -1008,8 +1008,8 @@ def test_save_where_something_stands_in_the_way(way, block, shared_tmp_path):
 
 @pytest.mark.serial
 def test_no_rank_waits_for_one_that_failed(tmp_path):
-    """The tests above on two ranks, with a time in which they must have ended."""
-    names = "fails_on_one_rank or wrong_on_one_rank or something_stands_in_the_way"
+    """Some of the tests above on two ranks, with a time in which they must have ended."""
+    names = "fails_on_one_rank and (gap or Traction or early) or wrong_on_one_rank or in_the_way and folder"
     arguments = [__file__, "-q", "-p", "no:cacheprovider", "-k", names, "--rootdir", str(Path(__file__).parent.parent)]
     script = f"import sys, pytest; sys.exit(pytest.main({arguments!r}))"
     assert "[100%]" in output(started(script, 2, tmp_path), 120)

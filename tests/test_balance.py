@@ -13,6 +13,8 @@ from mpi4py import MPI
 from erc_contact.admissible.balance import Part, balanced
 from erc_contact.admissible.cones import Cones
 
+pytestmark = pytest.mark.serial
+
 
 def vectors(rng: np.random.Generator, n: np.ndarray, m: int) -> np.ndarray:
     """Tangential unit vectors (f, m, d), all in one direction or each in its own."""

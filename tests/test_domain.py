@@ -468,6 +468,7 @@ def test_sides_of_bricks_are_exact(dim, scale, kind):
         assert_sides_exact(domain.remeshed(0.4 * scale) if kind == "remeshed" else domain)
 
 
+@pytest.mark.serial
 def test_root_of_a_coordinate_stays_finite_on_refined_meshes():
     """sqrt(y) on a side at y = 0."""
     scene = ec.Scene(

@@ -1,65 +1,98 @@
-"""Some scenes of benchmarks/extremes.py, with every contact method.
+"""Extreme scenes with every contact method: units, materials, friction, shapes, meshes, supports, loads.
 
 Properties: a scene that has a solution converges, with a traction in the cone; one that has none is refused, no field
 is returned; eps and Newton steps depend neither on units nor on the size of the load where no gap has a size.
 """
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from extreme_scenes import SCENES
-from extremes import SAME, pairs, run, unit_independence
+from extremes import BEYOND, SOLVABLE, UNITS, UNSOLVABLE, block
+
+import erc_contact as ec
+from erc_contact.admissible import cell_stress, simplices
+from erc_contact.admissible.contact import split
+from erc_contact.expressions import evaluate
+from erc_contact.methods import contact_degree
+from erc_contact.simplex import rule
 
 pytestmark = pytest.mark.serial
-SOLVED = [
-    *("nu 0", "nu 0.49", "nu 0.4999"),
-    *("mu 0 sheared hard", "mu 1 sheared hard", "mu 20 sheared hard"),
-    *("gamma 1e-2", "gamma 1e+3", "gamma 1e+6", "theta -1", "theta 1"),
-    *(
-        "opens altogether",
-        "just touches",
-        "slips everywhere",
-        "tips onto an edge",
-        "stands pushed",
-        "stands above a gap",
-    ),
-    *("tower leans", "slope", "wedge", "three contacts", "continuum of solutions", "column", "at the contact 1"),
-    *("graded 1:1e5 in rows", "slivers", "one square", "clamp", "Hertz mu 0.3, sheared", "zero load", "e+300"),
-]
-"""Parts of the names of scenes that have a solution."""
-NAMES = [name for name in SCENES if SCENES[name].solvable and any(part in name for part in SOLVED)]
-REFUSED = [name for name in SCENES if not SCENES[name].solvable]
-IN_UNITS = list(dict.fromkeys(extreme.same_as for extreme in SCENES.values() if extreme.same_as))
+METHODS = [ec.Nitsche(), ec.AugmentedLagrangian()]
+methods = pytest.mark.parametrize("method", METHODS, ids=["Nitsche", "AL"])
+SAME = 1e-6
+"""Relative difference of eps between systems of units that counts as none [-]."""
 
 
-def rows(names):
-    """Every row of these scenes, without the effectivity."""
-    return [run(name, replace(extreme, levels=0), m) for name, extreme, m in pairs() if name in names]
+def error_of(scene: ec.Scene, domain: ec.Domain, method: object) -> ec.ConstitutiveError:
+    return ec.constitutive_error(ec.equilibrate(ec.solve(scene, domain, method)))
 
 
-@pytest.mark.parametrize("name", NAMES)
+def check(error: ec.ConstitutiveError) -> None:
+    """All is finite; the method's own traction is in the cone, to round-off of the largest stress."""
+    solution = error.admissible.solution
+    model = solution.model
+    points, _ = rule(model.d - 1, contact_degree(model))
+    tractions = [evaluate(solution.traction(c), model.domain, points, c.facets) for c in model.contacts]
+    inside = abs(cell_stress(model, simplices(model), solution.u)).max()  # an open contact's is round-off of it
+    scale = max(inside, *(abs(r).max() for r in tractions)) or 1.0
+    assert np.isfinite([error.relative, inside, abs(solution.u.x.array).max()]).all()
+    for contact, r in zip(model.contacts, tractions, strict=True):
+        r_n, _, shear = split(r / scale, contact.direction[:, None, :])
+        parameters = model.friction_parameters(contact, points)
+        bound = contact.friction_bound(np.maximum(-r_n, 0.0) * scale, parameters) / scale
+        assert max(r_n.max(), (shear - bound).max()) < 1e-12
+
+
+@pytest.mark.parametrize("name", SOLVABLE)
 def test_scene_that_has_a_solution(name):
     """With one method at least; the other may end in NotConverged, near nu = 1/2 on coarse meshes."""
-    every = rows([name])
-    assert any(row.expected for row in every), "\n".join(f"{row}\n{row.message}" for row in every)
-    for row in every:
-        assert row.expected or row.outcome == "NotConverged", f"{row}\n{row.message}"
-        if row.outcome == "converged":
-            assert np.isfinite([row.eps, row.penetration, row.cone, row.complementarity, row.friction]).all(), str(row)
-            assert row.cone < 1e-12, str(row)
+    failed = []
+    for method in METHODS:
+        try:
+            error = error_of(*SOLVABLE[name](), method)
+        except ec.NotConverged as reason:
+            failed.append(str(reason))
+            continue
+        check(error)
+    assert len(failed) < len(METHODS), "\n".join(failed)
 
 
-@pytest.mark.parametrize("name", REFUSED)
-def test_scene_that_has_none(name):
-    for row in rows([name]):
-        assert row.expected, f"a field was returned\n{row}"
+@pytest.mark.parametrize(
+    "method",
+    [*(ec.Nitsche(gamma=g) for g in (1e-2, 1e3, 1e6)), *(ec.AugmentedLagrangian(gamma=g) for g in (1e-2, 1e3, 1e6))]
+    + [ec.Nitsche(theta=theta) for theta in (-1, 1)],
+    ids=str,
+)
+def test_parameters_of_the_methods(method):
+    check(error_of(*block(n=8), method))
 
 
-@pytest.mark.parametrize("name", IN_UNITS)
-def test_units(name):
-    same = [other for other in SCENES if SCENES[other].same_as == name]
-    same = rows([name, *same[::3]])
-    for steps, difference in unit_independence(same).values():
-        assert difference <= SAME, "\n".join(map(str, same))
-        assert len(set(steps)) == 1, "\n".join(map(str, same))
+@pytest.mark.parametrize("method", [*METHODS, ec.Nitsche(theta=-1), ec.Nitsche(theta=1)], ids=str)
+def test_strong_friction(method):
+    """Either it converges, or it says that it does not."""
+    check(error_of(*block(n=8, friction=2.0), method))
+
+
+@methods
+@pytest.mark.parametrize("name", UNSOLVABLE)
+def test_scene_that_has_none(name, method):
+    """The solver's errors, no field that the error would have to refuse."""
+    with pytest.raises(ec.ErcContactError):
+        ec.solve(*UNSOLVABLE[name](), method)
+
+
+@methods
+@pytest.mark.parametrize("name", UNITS)
+def test_units(name, method):
+    errors = [error_of(*make(), method) for make in UNITS[name]]
+    assert [error.relative for error in errors] == pytest.approx([errors[0].relative] * len(errors), rel=SAME)
+    assert len({error.admissible.solution.newton_steps for error in errors}) == 1
+
+
+@methods
+@pytest.mark.parametrize("name", BEYOND)
+def test_loads_beyond_double_precision(name, method):
+    try:
+        error = error_of(*BEYOND[name](), method)
+    except ec.InputError:
+        return
+    check(error)

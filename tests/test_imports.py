@@ -13,6 +13,8 @@ import pytest
 
 import erc_contact as ec
 
+pytestmark = pytest.mark.serial
+
 PACKAGE = Path(ec.__file__).parent
 ORDER = [
     [

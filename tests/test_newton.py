@@ -14,7 +14,7 @@ import ufl
 from dolfinx import fem, la
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
-from scenes import block, common_block, greco, prototype_block, random_scene, resultant
+from scenes import block, common_block, greco, mostly_serial, prototype_block, random_scene, resultant
 
 import erc_contact as ec
 from erc_contact.model.model import Model
@@ -50,7 +50,7 @@ def whole_residual(solution: ec.Solution) -> float:
 
 
 @pytest.mark.parametrize("method", METHODS, ids=str)
-@pytest.mark.parametrize("seed", [0, 1, 2, 3, 5])
+@pytest.mark.parametrize("seed", mostly_serial([0, 1, 2, 3, 5], [2, 3]))
 def test_whole_body_is_in_equilibrium(method, seed):
     assert whole_residual(ec.solve(*random_scene(seed), method)) < 1e-9
 
@@ -62,13 +62,14 @@ def test_body_that_only_contact_holds(method):
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize("n", [16, 64, 256])
+@pytest.mark.parametrize("n", [16, 64, 128])
 @pytest.mark.parametrize("method", [ec.Nitsche(), ec.AugmentedLagrangian()], ids=str)
 def test_greco_takes_few_steps(n, method):
     solution = ec.solve(greco(), ec.rectangle((0.0, 0.0), (40.0, 40.0), cells=(n, n)), method)
     assert 0 < solution.newton_steps <= 20
 
 
+@pytest.mark.serial
 def test_parameters_change_little():
     eps = []
     for method in (ec.Nitsche(gamma=g) for g in (1.0, 10.0, 100.0, 1000.0)):
@@ -162,6 +163,7 @@ def attempt(scene, domain, method, line_search, accuracy=None):
     return problem.run(lambda: Newton(problem, accuracy).solve(problem.from_contact(glued), line_search)[1])
 
 
+@pytest.mark.serial
 def test_cycle_is_seen():
     outcome = attempt(common_block(), block(64), ec.Nitsche(gamma=100.0), "basic")
     assert not outcome.converged
@@ -170,6 +172,7 @@ def test_cycle_is_seen():
     assert attempt(common_block(), block(64), ec.Nitsche(gamma=100.0), "bisection").converged
 
 
+@pytest.mark.serial
 def test_certified_stop_is_as_near_as_it_says():
     """What Newton leaves, by the proxy of the solver, against the estimator itself: e^2 = e_converged^2 + rest^2."""
     converged = ec.solve(common_block(), block(16))
@@ -185,7 +188,8 @@ def test_certified_stop_is_as_near_as_it_says():
     assert converged.remaining < 1e-6 * full < rests[0]
 
 
-@pytest.mark.parametrize(("tighten", "accuracy", "share"), [(0, 0.03, 0.6), (10, 0.01, 0.75)])
+@pytest.mark.serial
+@pytest.mark.parametrize(("tighten", "accuracy", "share"), [(0, 0.03, 0.6), (10, 0.015, 0.75)])
 def test_adaptive_run_saves_steps(tighten, accuracy, share):
     """The tightened error is a third of the loose one: its meshes are coarser, and Newton goes further on each."""
     plain, domain = 0, block(4)
@@ -221,6 +225,7 @@ def tresca_square() -> ec.Scene:
     )
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("method", [ec.Nitsche(), ec.AugmentedLagrangian()], ids=str)
 @pytest.mark.parametrize(("degree", "accuracy", "tighten"), [(1, 0.02, 0), (2, 0.002, 10)])
 def test_bilateral_tresca_square(method, degree, accuracy, tighten):
@@ -257,6 +262,7 @@ def with_friction(friction) -> ec.Scene:
     )
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("method", [ec.Nitsche(), ec.AugmentedLagrangian()], ids=str)
 def test_law_of_the_user(method):
     """Between Coulomb (a high limit) and Tresca (high friction); its traction is allowed, its error goes down."""
@@ -279,6 +285,7 @@ def test_law_of_the_user(method):
     assert errors[1] < 0.75 * errors[0]
 
 
+@pytest.mark.serial
 def test_normal_from_the_gap():
     """A tilted plane given by its distance is the plane given by its normal; a cylinder turns its normals."""
     n = np.array([0.2, -1.0]) / np.hypot(0.2, 1.0)

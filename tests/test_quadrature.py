@@ -30,6 +30,7 @@ def total(values: np.ndarray) -> np.ndarray:
     return COMM.allreduce(values.sum(axis=0), MPI.SUM)
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("place", np.random.default_rng(1).uniform(0, 1, 20))
 def test_on_segments_all_is_resolved(place):
     def f(of, at, x):
@@ -67,6 +68,7 @@ def test_jumps_in_cells_are_told(d, place):
     assert total(found.rest) <= 0.25 * true
 
 
+@pytest.mark.serial
 def test_jumps_between_cells_are_smooth():
     vertices = np.array([[[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]], [[1.0, 1.0], [1.0, 0.0], [0.0, 1.0]]])
     found = integrate(
@@ -97,6 +99,7 @@ def test_zero_and_noise_end():
     assert len(calls) == 1
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("pieces", [facet_pieces(1), facet_pieces(2), cell_pieces(2), cell_pieces(3)])
 def test_pieces_fill_the_simplex(pieces):
     count, P, _ = pieces.shape

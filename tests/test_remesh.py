@@ -131,11 +131,13 @@ def test_number_of_cells_is_that_of_the_sizes(dim, tolerance):
         assert domain.remeshed(sizes).cells == pytest.approx(count(domain, sizes), rel=tolerance)
 
 
+@pytest.mark.serial
 def test_coarser():
     domain = ec.rectangle(*RECTANGLE, cells=(20, 70))
     assert domain.remeshed(0.5).cells < domain.cells / 10
 
 
+@pytest.mark.serial
 def test_gap_acts_on_every_mesh_alike():
     """A half disc on a plane: its gap is the height of its own arc; the force stays but for the meshes' errors."""
     scene = ec.Scene(
@@ -144,7 +146,7 @@ def test_gap_acts_on_every_mesh_alike():
         contacts=[ec.Contact("arc", gap=lambda x: x[1], normal=(0.0, -1.0))],
     )
     domain, forces, start = ec.read_mesh(MESHES / "half_disc.geo"), [], None
-    for step in range(10):
+    for step in range(0, 10, 2):
         domain = domain.remeshed(around(domain, (0.0, 0.0), 0.015, 0.05 + 0.02 * step))
         start = ec.solve(scene, domain, start=start)
         traction = ec.equilibrate(start).tractions[0]

@@ -13,6 +13,8 @@ import pytest
 
 from erc_contact.mesh import simplex
 
+pytestmark = pytest.mark.serial
+
 CASES = pytest.mark.parametrize(("d", "k"), [(d, k) for d in (1, 2, 3) for k in (1, 2)])
 
 

@@ -12,7 +12,7 @@ import logging
 import numpy as np
 import pytest
 from mpi4py import MPI
-from scenes import block, common_block, greco, prototype_block
+from scenes import block, common_block, greco, mostly_serial, prototype_block
 from test_remesh import MESHES
 
 import erc_contact as ec
@@ -92,6 +92,7 @@ def test_ratio_satisfies_the_condition_of_least_number(accuracy):
     assert predicted == pytest.approx(accuracy**2, rel=1e-6)
 
 
+@pytest.mark.serial
 def test_rates_are_low_at_singular_points_only():
     error = measured(prototype_block(), block(16))
     sizes = ec.size_map(error, 0.02)
@@ -124,7 +125,7 @@ def test_nothing_loaded_coarsens():
     assert np.all(sizes.rates == 1.0)
 
 
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", mostly_serial(SCENES, ["block", "dome"]))
 def test_predictions(name):
     make, mesh, accuracy = SCENES[name]
     scene, rows, tighten = make(), [], 10 if name == "dome" else 0  # in 3D the loose error needs a million cells
@@ -141,7 +142,7 @@ def test_predictions(name):
     assert rows[1][1] < (1.3 if three else 1.08)
 
 
-@pytest.mark.parametrize("tighten", [0, 10])
+@pytest.mark.parametrize("tighten", mostly_serial([0, 10], [10]))
 def test_loop_ends_at_the_accuracy_in_few_meshes(tighten):
     history = ec.adapt(common_block(), block(4), 0.03, strategy=ec.SizeMap(), tighten=tighten)
     assert history.reached
@@ -153,6 +154,7 @@ def test_loop_ends_at_the_accuracy_in_few_meshes(tighten):
     assert history.steps[-1].cells < marked.steps[-1].cells
 
 
+@pytest.mark.serial
 def test_loop_coarsens():
     history = ec.adapt(prototype_block(), block(32), 0.045, strategy=ec.SizeMap())
     assert history.steps[0].cells > 7000
@@ -179,6 +181,7 @@ def test_greco_to_half_a_percent():
         assert length[zone].min() < 0.55 * length[abs(middle - 15) < 1].mean()
 
 
+@pytest.mark.serial
 def test_coarse_mesh_does_not_refuse_what_can_be_done():
     """Half a disc pressed lightly: the first mesh, off by 80%, predicts millions of cells where some thousand do."""
     scene = ec.Scene(
@@ -203,6 +206,7 @@ def test_accuracy_that_takes_too_many_cells_is_told_at_once(caplog):
     assert MPI.COMM_WORLD.rank > 0 or "max_cells = 5000 will end the run" in caplog.text
 
 
+@pytest.mark.serial
 def test_marking_is_warned_too_and_goes_on_to_the_limit(caplog):
     with caplog.at_level(logging.WARNING, logger="erc_contact"):
         history = ec.adapt(common_block(), block(4), 1e-3, max_cells=400)
@@ -210,6 +214,7 @@ def test_marking_is_warned_too_and_goes_on_to_the_limit(caplog):
     assert len(history.steps) > 1
 
 
+@pytest.mark.serial
 def test_strategy_of_the_user():
     class SizeMapThenMark:
         def next(self, error, accuracy, max_cells):

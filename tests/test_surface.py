@@ -97,6 +97,7 @@ def test_coarse_inclusion_turns_no_cell_over(shared_tmp_path, measures):
     assert abs(measures.region(domain, "ball") - np.pi / 6) < 0.4 * before
 
 
+@pytest.mark.serial
 def test_straight_bodies_pay_nothing():
     scene = ec.Scene(ec.Elastic(1.0, 0.3), [ec.Displacement("top", (0.0, -0.01))], [], [ec.Contact("bottom")])
     for domain in (ec.rectangle((0.0, 0.0), (1.0, 1.0), size=0.5), ec.read_mesh(MESHES / "block.geo")):
@@ -107,6 +108,7 @@ def test_straight_bodies_pay_nothing():
         assert np.array_equal(error.indicators, error.cells)
 
 
+@pytest.mark.serial
 def test_cost_of_facets_of_a_pressed_ring(shared_tmp_path):
     """Lame's ring under inner pressure: half the square of ``geometry`` is what the polygon changes of the energy."""
     E, nu, p, a, b = 1.0, 0.3, 0.01, 1.0, 2.0
@@ -161,6 +163,7 @@ def hertz(comm=COMM):
     return scene, ec.read_mesh(MESHES / "half_disc.geo", comm)
 
 
+@pytest.mark.serial
 def test_hertz_by_marking():
     """A disc on a plane: the pressure of a mesh refined by marking is Hertz's (it had peaks of 12 times before)."""
     scene, domain = hertz()
@@ -193,6 +196,7 @@ PUNCH = (
 )
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("degree", [1, 2])
 def test_punch_has_one_force(degree, shared_tmp_path):
     """A punch with a rounded corner: marking and meshing anew end in the same force, and neither is guaranteed."""
@@ -217,6 +221,7 @@ def test_punch_has_one_force(degree, shared_tmp_path):
     assert all(bounds.low < 0.048997 < bounds.high for bounds in forces)  # of a run to 0.3%
 
 
+@pytest.mark.serial
 def test_outcome_says_what_eps_refers_to():
     """Of a mesh file only the polygon is known."""
     scene, _ = hertz()
