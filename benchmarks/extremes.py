@@ -32,11 +32,12 @@ import erc_contact as ec
 
 from dolfinx import fem  # isort: skip - after erc_contact, which loads MPI first
 from true_errors import reference, true_errors  # isort: skip
-from erc_contact.admissible import cell_stress, simplices  # isort: skip
-from erc_contact.admissible.contact import split  # isort: skip
-from erc_contact.methods import contact_degree  # isort: skip
-from erc_contact.expressions import evaluate  # isort: skip
-from erc_contact.simplex import lagrange, rule  # isort: skip
+from erc_contact.admissible.elastic import cell_stress
+
+from erc_contact.admissible.cells import simplices  # isort: skip
+from erc_contact.admissible.cones import split  # isort: skip
+from erc_contact.model.expressions import evaluate  # isort: skip
+from erc_contact.mesh.simplex import lagrange, rule  # isort: skip
 
 METHODS = (ec.Nitsche(), ec.AugmentedLagrangian())
 SAME = 1e-6

@@ -12,7 +12,7 @@ from mpi4py import MPI
 from ufl.domain import extract_unique_domain
 
 import erc_contact as ec
-from erc_contact.admissible.contact import ContactTraction
+from erc_contact.admissible.traction import ContactTraction
 
 
 def mostly_serial(cases: Iterable, on_ranks: Sequence) -> list:

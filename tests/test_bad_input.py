@@ -20,7 +20,7 @@ from scenes import two_squares
 
 import erc_contact as ec
 from erc_contact.mesh.shape import Drawing
-from erc_contact.model.model import Model
+from erc_contact.model.promises import bind
 
 COMM = MPI.COMM_WORLD
 STEEL = ec.Elastic(E=1.0, nu=0.3)
@@ -192,17 +192,17 @@ def scaled(*factors):
     ],
 )
 def test_material_that_breaks_its_promise(factors, words, E, block):
-    refused(lambda: Model(ec.Scene(scaled(*factors)(E, 0.3), [SINK]), block), "Scaled", *words)
+    refused(lambda: bind(ec.Scene(scaled(*factors)(E, 0.3), [SINK]), block), "Scaled", *words)
 
 
 def test_material_that_breaks_its_promise_where_it_varies(block):
     material = scaled(1.0, 0.1, 1.0, 0.0)(lambda x: 1 + x[0], 0.3)
-    refused(lambda: Model(ec.Scene(material, [SINK]), block), "Scaled", "compliance does not invert the stress")
+    refused(lambda: bind(ec.Scene(material, [SINK]), block), "Scaled", "compliance does not invert the stress")
 
 
 @pytest.mark.parametrize(("E", "nu"), [(2e11, 0.3), (1e-6, 0.4999999999), (1.0, -0.99), (lambda x: 1 + x[0], 0.3)])
 def test_material_that_keeps_its_promise(E, nu, block):
-    Model(ec.Scene(scaled(3.0, 1 / 3, 1e-3, 0.0)(E, nu), [SINK]), block)
+    bind(ec.Scene(scaled(3.0, 1 / 3, 1e-3, 0.0)(E, nu), [SINK]), block)
 
 
 def test_modulus_that_is_negative_between_the_vertices(block):
@@ -241,7 +241,7 @@ def test_law_that_breaks_its_promise(bound, a, bilateral, words, E, block):
     """The numbers of a law are given for E = 1: pressures and a bound scale with E, slopes do not."""
     law = Law(lambda p, a: E * bound(p / E, a), a)
     scene = ec.Scene(ec.Elastic(E, 0.3), [SINK], [], [ec.Contact("bottom", friction=law, bilateral=bilateral)])
-    refused(lambda: Model(scene, block), "'bottom'", *words)
+    refused(lambda: bind(scene, block), "'bottom'", *words)
 
 
 @pytest.mark.parametrize(
@@ -257,7 +257,7 @@ def test_law_that_breaks_its_promise(bound, a, bilateral, words, E, block):
     ids=["saturates", "limited", "cohesion", "root", "number", "given"],
 )
 def test_law_that_keeps_its_promise(bound, a, bilateral, block):
-    Model(ec.Scene(STEEL, [SINK], [], [ec.Contact("bottom", friction=Law(bound, a), bilateral=bilateral)]), block)
+    bind(ec.Scene(STEEL, [SINK], [], [ec.Contact("bottom", friction=Law(bound, a), bilateral=bilateral)]), block)
 
 
 def test_friction_negative_between_the_nodes(block):
@@ -310,9 +310,9 @@ def test_normals_of_a_curved_body(gmsh_session):
             [ec.Contact("arc", gap=lambda x: x[1], normal=normal)],
         )
 
-    Model(scene((0.0, -1.0)), disc(np.pi / 2))
-    Model(scene("gap"), disc(np.pi / 2))
-    refused(lambda: Model(scene((0.0, -1.0)), disc(0.9 * np.pi)), "'arc'", "look away")
+    bind(scene((0.0, -1.0)), disc(np.pi / 2))
+    bind(scene("gap"), disc(np.pi / 2))
+    refused(lambda: bind(scene((0.0, -1.0)), disc(0.9 * np.pi)), "'arc'", "look away")
 
 
 # -- what holds the body -------------------------------------------------------------------------------------

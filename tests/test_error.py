@@ -12,7 +12,7 @@ from mpi4py import MPI
 from scenes import block, mostly_serial, patch_test, prototype_block, random_scene
 
 import erc_contact as ec
-from erc_contact.admissible.pair import displacement
+from erc_contact.admissible import displacement
 from erc_contact.error.contact import contact_parts
 
 

@@ -9,11 +9,11 @@ import pytest
 from extremes import BEYOND, SOLVABLE, UNITS, UNSOLVABLE, block
 
 import erc_contact as ec
-from erc_contact.admissible import cell_stress, simplices
-from erc_contact.admissible.contact import split
-from erc_contact.expressions import evaluate
-from erc_contact.methods import contact_degree
-from erc_contact.simplex import rule
+from erc_contact.admissible.cells import simplices
+from erc_contact.admissible.cones import split
+from erc_contact.admissible.elastic import cell_stress
+from erc_contact.mesh.simplex import rule
+from erc_contact.model.expressions import evaluate
 
 pytestmark = pytest.mark.serial
 METHODS = [ec.Nitsche(), ec.AugmentedLagrangian()]
@@ -30,8 +30,8 @@ def check(error: ec.ConstitutiveError) -> None:
     """All is finite; the method's own traction is in the cone, to round-off of the largest stress."""
     solution = error.admissible.solution
     model = solution.model
-    points, _ = rule(model.d - 1, contact_degree(model))
-    tractions = [evaluate(solution.traction(c), model.domain, points, c.facets) for c in model.contacts]
+    points, _ = rule(model.d - 1, model.contact_degree)
+    tractions = [evaluate(solution.traction(c), model.mesh, points, c.facets) for c in model.contacts]
     inside = abs(cell_stress(model, simplices(model), solution.u)).max()  # an open contact's is round-off of it
     scale = max(inside, *(abs(r).max() for r in tractions)) or 1.0
     assert np.isfinite([error.relative, inside, abs(solution.u.x.array).max()]).all()

@@ -20,7 +20,6 @@ import erc_contact as ec
 from erc_contact.model.model import Model
 from erc_contact.newton import first_guess as start
 from erc_contact.newton.condensed import Condensed
-from erc_contact.newton.methods import nodal
 from erc_contact.newton.snes import Newton
 from erc_contact.newton.stiffness import Stiffness
 
@@ -35,7 +34,7 @@ def whole_residual(solution: ec.Solution) -> float:
     residual = inner - (model.loads(v) or 0)
     for k, contact in enumerate(model.contacts):
         if solution.method.multiplier:
-            residual -= ufl.inner(solution.multipliers[k], v) * contact.ds(metadata=nodal(solution.model))
+            residual -= ufl.inner(solution.multipliers[k], v) * contact.ds(metadata=solution.model.nodal_rule)
         else:
             residual += solution.method.equations(model, contact, u, v)
     sizes = []

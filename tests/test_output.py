@@ -25,11 +25,10 @@ from mpi4py import MPI
 from scenes import block, mostly_serial, patch_test, random_scene, resultant
 
 import erc_contact as ec
-from erc_contact import output
-from erc_contact.admissible.contact import ContactTraction
+from erc_contact import output, results
+from erc_contact.admissible.traction import ContactTraction
 from erc_contact.base.percent import percent
-from erc_contact.output import paraview as fields
-from erc_contact.results import questions as results
+from erc_contact.output import gathered
 from erc_contact.run.history import COLUMNS
 
 COMM = MPI.COMM_WORLD
@@ -148,12 +147,12 @@ def test_body_file_holds_the_fields(error, shared_tmp_path):
     largest = COMM.allreduce(float(np.linalg.norm(u, axis=1).max()), MPI.MAX)
     volume = admissible.cells.volume[:owned]
     means = {
-        "stress": fields.mean_stress(admissible)[:, :d, :d],
+        "stress": results.mean_stress(admissible)[:, :d, :d],
         "stress_fe": admissible.fe_stress[:owned].mean(axis=1),
     }
     sums = {name: COMM.allreduce(np.einsum("n,nij->ij", volume, mean), MPI.SUM) for name, mean in means.items()}
     body = total(volume)
-    fields.write_fields(error, shared_tmp_path)
+    output.write_fields(error, shared_tmp_path)
     if COMM.rank == 0:
         grid = read(shared_tmp_path / "body.vtkhdf")
         assert (grid.n_cells, grid.n_points) == (domain.cells, domain.vertices)
@@ -175,7 +174,7 @@ def test_body_file_holds_the_fields(error, shared_tmp_path):
 def test_displacement_belongs_to_its_point(shared_tmp_path):
     scene, (b, c, e) = patch_test(0.3, 0.2)
     error = error_of(scene, ec.rectangle((0.0, 0.0), (1.0, 1.0), size=0.3))
-    fields.write_fields(error, shared_tmp_path)
+    output.write_fields(error, shared_tmp_path)
     if COMM.rank == 0:
         grid = read(shared_tmp_path / "body.vtkhdf")
         exact = np.column_stack([c + b * grid.points[:, 1], e * grid.points[:, 1], 0 * grid.points[:, 1]])
@@ -201,7 +200,7 @@ def test_stress_out_of_plane(hypothesis):
         loads=[ec.Traction("top", (0.01, -0.02))],
     )
     admissible = ec.equilibrate(ec.solve(scene, domain))
-    stress = fields.mean_stress(admissible)
+    stress = results.mean_stress(admissible)
     x = domain.mesh.geometry.x[domain.mesh.geometry.dofmaps[0][: domain.owned_cells]].mean(axis=1)
     lower = np.isin(np.arange(domain.owned_cells), domain.region("lower"))
     expected = np.where(lower, 0.3, 0.1 + 0.05 * x[:, 0]) * (stress[:, 0, 0] + stress[:, 1, 1])
@@ -217,7 +216,7 @@ def test_contact_file_holds_the_traction(error, shared_tmp_path):
     force = resultant(traction)
     own = traction.contact.facets[:, 0] < error.admissible.solution.domain.owned_cells
     counts = COMM.allreduce(np.bincount(results.contact_status(traction)[own], minlength=3), MPI.SUM)
-    fields.write_fields(error, shared_tmp_path)
+    output.write_fields(error, shared_tmp_path)
     if COMM.rank == 0:
         grid = read(shared_tmp_path / "contact_bottom.vtkhdf")
         nodes = grid.cells.reshape(-1, d + 1)[:, 1:]
@@ -371,7 +370,7 @@ def test_degree_2_is_written_at_all_nodes(d, shared_tmp_path):
     integral = [COMM.allreduce(fem.assemble_scalar(fem.form(u[i] * ufl.dx)), MPI.SUM) for i in range(d)]
     nodes = u.function_space.dofmap.index_map.size_global
     force = resultant(traction)
-    fields.write_fields(error, shared_tmp_path)
+    output.write_fields(error, shared_tmp_path)
     if COMM.rank == 0:
         import pyvista
 
@@ -415,7 +414,7 @@ def test_name_of_a_contact_with_a_slash(shared_tmp_path):
     names = {name.replace("bottom", "Shapes/bottom"): tag for name, tag in domain.names.items()}
     domain = ec.Domain(domain.mesh, domain.facet_tags, names)
     scene = replace(scene, contacts=[ec.Contact("Shapes/bottom", friction=0.3)])
-    fields.write_fields(error_of(scene, domain), shared_tmp_path)
+    output.write_fields(error_of(scene, domain), shared_tmp_path)
     if COMM.rank == 0:
         assert read(shared_tmp_path / "contact_Shapes" / "bottom.vtkhdf")["pressure"].max() > 0
 
@@ -425,7 +424,7 @@ def test_name_of_a_contact_with_a_slash(shared_tmp_path):
 def test_files_are_small(degree, shared_tmp_path):
     for cells in ((4, 2), (32, 16)):
         error = error_of(punch(2)[0], ec.rectangle((0.0, 0.0), (4.0, 1.0), cells=cells), degree=degree)
-        fields.write_fields(error, shared_tmp_path)
+        output.write_fields(error, shared_tmp_path)
         if COMM.rank == 0:
             for name, many in (("body", error.admissible.solution.domain.cells), ("contact_bottom", cells[0])):
                 assert (shared_tmp_path / f"{name}.vtkhdf").stat().st_size < 50e3 + 1e3 * many
@@ -435,7 +434,7 @@ def test_file_that_cannot_be_written(error, shared_tmp_path):
     if COMM.rank == 0:
         (shared_tmp_path / "body.vtkhdf").mkdir()
     with pytest.raises(OSError, match="body"):
-        fields.write_fields(error, shared_tmp_path)
+        output.write_fields(error, shared_tmp_path)
 
 
 @pytest.mark.parametrize("body", ["block", "half disc"])
@@ -482,7 +481,7 @@ def test_area_under_the_pressure_of_any_contact(shape):
     )
     contact = SimpleNamespace(direction=n, bilateral=False, sampled=False)
     traction = ContactTraction(contact, ends, area, values, 0.3 * pressure)
-    figure = contact_curves(fields.Surface(traction, x, ends, np.zeros(ends.shape)))
+    figure = contact_curves(gathered.Surface(traction, x, ends, np.zeros(ends.shape)))
     force = float(area @ pressure.mean(axis=1))
     assert areas(figure) == pytest.approx([force, 0.1 * force], rel=1e-9)
     line = figure.axes[0].lines[0]
@@ -643,7 +642,7 @@ def test_stress_out_of_plane_that_nobody_knows(shared_tmp_path, seen):
     ):
         error = error_of(replace(scene, material=material), domain)
         folder = shared_tmp_path / f"{type(material).__name__}{callable(material.E)}"
-        fields.write_fields(error, folder)
+        output.write_fields(error, folder)
         output.draw_deformed(error, folder / "deformed.png")
         if COMM.rank == 0:
             grid = read(folder / "body.vtkhdf")
@@ -747,4 +746,4 @@ def test_what_fails_on_one_rank_fails_on_all(error, shared_tmp_path):
     with pytest.raises(OSError, match="file"):
         output.draw_error(error, shared_tmp_path / "file" / "x.png")
     with pytest.raises(OSError, match="file"):
-        fields.write_fields(error, shared_tmp_path / "file")
+        output.write_fields(error, shared_tmp_path / "file")

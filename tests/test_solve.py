@@ -15,7 +15,7 @@ from petsc4py import PETSc
 from scenes import block, common_block, greco, prototype_block, resultant, two_halves, two_squares
 
 import erc_contact as ec
-from erc_contact.admissible.contact import ContactTraction
+from erc_contact.admissible.traction import ContactTraction
 
 GRECO_X = np.array([0.0, 1.25, 5.0, 7.5, 11.25])  # mm
 GRECO_U = np.array([2.8603, 2.7226, 2.2868, 1.9807, 1.5414]) * 1e-2  # mm, converged

@@ -20,6 +20,7 @@ from erc_contact.admissible.allowed import Allowed, samples
 from erc_contact.admissible.balance import Part, balanced
 from erc_contact.admissible.cells import moments
 from erc_contact.admissible.cones import split
+from erc_contact.admissible.traction import ContactTraction
 from erc_contact.base.exceptions import NotHeldError
 from erc_contact.mesh.simplex import bernstein, lagrange, mass, rule
 from erc_contact.model.expressions import evaluate
@@ -38,35 +39,6 @@ FAR = 1e3
 """Slip over ``h/E |r|`` from which on ROUND_OFF grows with it [-]."""
 HELD = 1e-8
 """Imbalance that counts as none, over the forces [-]; 1e-15 to 1e-11 is left where there is a traction."""
-
-
-@dataclass(frozen=True, eq=False)
-class ContactTraction:
-    """The admissible traction r^ on one contact, of degree k on each facet.
-
-    Attributes:
-        contact: Where.
-        nodes: Nodes of each facet (cell, local facet) of ``contact.facets``, ghosts included, shape (n, m).
-        area: Facet areas [length^(d-1)], shape (n,).
-        values: Bernstein coefficients of r^ at these nodes [force/area], values at the vertices, shape (n, m, d).
-        bound: The friction bound b(p) of these [force/area], shape (n, m).
-    """
-
-    contact: BoundContact
-    nodes: np.ndarray
-    area: np.ndarray
-    values: np.ndarray
-    bound: np.ndarray
-
-    @property
-    def normal(self) -> np.ndarray:
-        """Normal component r^_n, coefficients [force/area], shape (n, m)."""
-        return np.einsum("fmi,fi->fm", self.values, self.contact.direction)
-
-    @property
-    def tangential(self) -> np.ndarray:
-        """Tangential part r^_t, coefficients [force/area], shape (n, m, d)."""
-        return self.values - self.normal[..., None] * self.contact.direction[:, None, :]
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,7 +17,7 @@ import numpy as np
 from dolfinx import fem
 
 from erc_contact.admissible.cones import split
-from erc_contact.admissible.contact import ContactTraction
+from erc_contact.admissible.traction import ContactTraction
 from erc_contact.mesh.quadrature import facet_pieces, integrate, polynomials
 from erc_contact.mesh.simplex import coefficients
 from erc_contact.model.expressions import Everywhere, varies_in_cells

@@ -19,7 +19,7 @@ from dolfinx import fem, la
 from mpi4py import MPI
 
 from erc_contact.admissible.cells import Simplices, facet_order, moments, nodal_forces, pushes, signed, simplices
-from erc_contact.admissible.contact import ContactTraction, admissible_tractions
+from erc_contact.admissible.contact import admissible_tractions
 from erc_contact.admissible.displacement import admissible_displacement
 from erc_contact.admissible.elastic import cell_stress, elastic_stress, macro_moduli
 from erc_contact.admissible.facets import divergence, equilibrated_moments
@@ -27,6 +27,7 @@ from erc_contact.admissible.loads import cell_forces, traction_moments
 from erc_contact.admissible.macro import macro_stress
 from erc_contact.admissible.tighten.energy import relaxed
 from erc_contact.admissible.tighten.iteration import TIGHTEN, tightened
+from erc_contact.admissible.traction import ContactTraction
 from erc_contact.mesh.simplex import coefficients, facet_nodes, mass
 from erc_contact.model.expressions import varies_in_cells
 from erc_contact.model.model import Model

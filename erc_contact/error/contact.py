@@ -14,7 +14,7 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from erc_contact.admissible.cones import split
-from erc_contact.admissible.contact import ContactTraction
+from erc_contact.admissible.traction import ContactTraction
 from erc_contact.error.oscillation import COARSE, EXACT, UNKNOWN, facet_sizes
 from erc_contact.mesh.quadrature import facet_pieces, integrate, polynomials
 from erc_contact.mesh.simplex import bernstein, coefficients, lagrange, rule

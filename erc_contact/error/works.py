@@ -15,10 +15,10 @@ from mpi4py import MPI
 
 from erc_contact.admissible.cells import simplices, sorted_corners
 from erc_contact.admissible.cones import split
-from erc_contact.admissible.contact import ContactTraction
 from erc_contact.admissible.elastic import act, strains
 from erc_contact.admissible.macro import macro_points
 from erc_contact.admissible.pair import Admissible
+from erc_contact.admissible.traction import ContactTraction
 from erc_contact.mesh.quadrature import Integral, Integrand, cell_pieces, facet_pieces, integrate, polynomials
 from erc_contact.mesh.simplex import bernstein, coefficients
 from erc_contact.model.expressions import Everywhere, varies_in_cells

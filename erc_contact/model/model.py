@@ -21,7 +21,7 @@ from erc_contact.model.motions import free_motions
 from erc_contact.model.space import Space
 from erc_contact.model.supports import bind_supports
 from erc_contact.model.users import called, try_material, vector
-from erc_contact.model.values import DATA_DEGREE, bind, moduli
+from erc_contact.model.values import DATA_DEGREE, moduli, value_of
 from erc_contact.scene.load import Load
 from erc_contact.scene.material import Elastic, mandel_matrix, strain
 from erc_contact.scene.scene import Scene
@@ -170,7 +170,7 @@ class Model(Space):
         on_boundary = load.facets is not None
         what = type(load).__name__ + (f"({load.facets!r})" if on_boundary else "")
         parameters = {
-            name: bind(self, getattr(load, name), what if name == "value" else f"{what}: {name}")
+            name: value_of(self, getattr(load, name), what if name == "value" else f"{what}: {name}")
             for name in load.parameters
         }
         normal = self.n if on_boundary else None

@@ -15,11 +15,13 @@ import numpy as np
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
+from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.simplex import barycentric, lattice, rule
 from erc_contact.model.expressions import Everywhere, evaluate
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.model import Model
 from erc_contact.scene.material import Elastic
+from erc_contact.scene.scene import Scene
 
 EXACT = 1e-8
 """Relative difference that counts as none [-]."""
@@ -33,12 +35,19 @@ LAW_SAMPLES = 50
 """At most so many values of the parameters of a law are tried on each rank."""
 
 
-def check(model: Model) -> None:
-    """Check a scene on its mesh; collective.
+def bind(scene: Scene, domain: Domain, degree: int = 1) -> Model:
+    """A scene on a mesh, whose promises are kept; collective.
+
+    Args:
+        scene: What the user declared.
+        domain: The mesh with names.
+        degree: Degree of the displacement, 1 or 2.
 
     Raises:
-        InputError: If a promise is broken.
+        InputError: If scene and mesh do not fit, or a promise is broken.
+        NotHeldError: If neither supports nor contacts hold a rigid motion.
     """
+    model = Model(scene, domain, degree)
     if type(model.scene.material) is not Elastic:
         _check_material(model)
     for contact in model.contacts:
@@ -47,6 +56,7 @@ def check(model: Model) -> None:
         if contact.friction is not None:
             _check_law(model, contact)
     _check_supports_in_gap(model)
+    return model
 
 
 def _check_material(model: Model) -> None:

@@ -50,7 +50,7 @@ def components(space: Space, value: Any, what: str, x: Any = None) -> Any:
     return bound
 
 
-def bind(space: Space, value: Any, what: str) -> Any:
+def value_of(space: Space, value: Any, what: str) -> Any:
     """A number, a vector of d values, or a callable that returns one of the two, as UFL; collective.
 
     Raises:

@@ -21,8 +21,8 @@ from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError, NotConverged, raise_together
 from erc_contact.base.logs import log_of
 from erc_contact.mesh.domain import Domain
-from erc_contact.model import promises
 from erc_contact.model.model import Model
+from erc_contact.model.promises import bind
 from erc_contact.newton import first_guess as starts
 from erc_contact.newton.condensed import Condensed
 from erc_contact.newton.ladder import Attempt, attempts
@@ -72,8 +72,7 @@ def solve(
     check_arguments(scene, domain, method, degree, start)
     accuracy = None if accuracy is None else checks.positive("accuracy", accuracy, "an energy norm > 0, or None")
     raise_together(domain.mesh.comm, None)
-    model = Model(scene, domain, int(degree))
-    promises.check(model)
+    model = bind(scene, domain, int(degree))
     stiffness = Stiffness(model)
     b = stiffness.load_vector()
     w = stiffness.glued(b)

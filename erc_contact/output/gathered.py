@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from erc_contact.admissible.contact import ContactTraction
 from erc_contact.admissible.pair import Admissible
+from erc_contact.admissible.traction import ContactTraction
 from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.simplex import node_between, node_vertices
 from erc_contact.model.model import Model

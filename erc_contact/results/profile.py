@@ -11,8 +11,9 @@ import numpy as np
 from mpi4py import MPI
 
 from erc_contact.admissible.cones import split
-from erc_contact.admissible.contact import MARGIN, ContactTraction
+from erc_contact.admissible.contact import MARGIN
 from erc_contact.admissible.pair import Admissible
+from erc_contact.admissible.traction import ContactTraction
 from erc_contact.base.exceptions import InputError
 from erc_contact.mesh.simplex import bernstein, lagrange, lattice
 from erc_contact.model.expressions import evaluate

@@ -1,0 +1,41 @@
+"""The admissible traction on a contact.
+
+Symbols: r^ admissible contact traction, k degree, m nodes of a facet, d dimension.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from erc_contact.model.foundation import BoundContact
+
+
+@dataclass(frozen=True, eq=False)
+class ContactTraction:
+    """The admissible traction r^ on one contact, of degree k on each facet.
+
+    Attributes:
+        contact: Where.
+        nodes: Nodes of each facet (cell, local facet) of ``contact.facets``, ghosts included, shape (n, m).
+        area: Facet areas [length^(d-1)], shape (n,).
+        values: Bernstein coefficients of r^ at these nodes [force/area], values at the vertices, shape (n, m, d).
+        bound: The friction bound b(p) of these [force/area], shape (n, m).
+    """
+
+    contact: BoundContact
+    nodes: np.ndarray
+    area: np.ndarray
+    values: np.ndarray
+    bound: np.ndarray
+
+    @property
+    def normal(self) -> np.ndarray:
+        """Normal component r^_n, coefficients [force/area], shape (n, m)."""
+        return np.einsum("fmi,fi->fm", self.values, self.contact.direction)
+
+    @property
+    def tangential(self) -> np.ndarray:
+        """Tangential part r^_t, coefficients [force/area], shape (n, m, d)."""
+        return self.values - self.normal[..., None] * self.contact.direction[:, None, :]
