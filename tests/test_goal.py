@@ -248,7 +248,7 @@ def given_friction(comm: MPI.Comm) -> ec.ConstitutiveError:
 
 
 @pytest.mark.ranks
-@pytest.mark.parametrize("make", [in_a_corner, with_friction, given_friction])
+@pytest.mark.parametrize("make", [with_friction, given_friction])
 def test_rank_independence(make):
     results = []
     for comm in (MPI.COMM_SELF, MPI.COMM_WORLD):

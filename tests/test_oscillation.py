@@ -258,7 +258,7 @@ def test_what_the_mesh_carries_stays_guaranteed(degree):
 
 
 @pytest.mark.ranks
-@DEGREES
+@pytest.mark.parametrize("degree", [2])
 def test_rank_independence(degree):
     """All ranks see the same projections of a load that jumps, the same integrals and the same oscillations."""
     scene = ec.Scene(
