@@ -113,7 +113,7 @@ def _third_term(pair: Admissible, fine: ec.Solution) -> float:
     total, middle = 0.0, np.array([[0.5]])
     reference = ec.equilibrate(fine, tighten=0)
     for coarse, exact in zip(pair.tractions, reference.tractions, strict=True):
-        if exact.contact.law is None:
+        if exact.contact.friction is None:
             continue
         n = exact.contact.direction[0]
         x = fine.model.V.tabulate_dof_coordinates()[:, :2][exact.nodes].mean(axis=1)

@@ -21,7 +21,6 @@ from scenes import block, common_block, prototype_block
 
 import erc_contact as ec
 from erc_contact.base.percent import percent
-from erc_contact.run import adapt as adapt_function
 
 CORNER = 0.7112
 """Singular exponent of a clamped-free corner of 90 degrees, nu = 0.3."""
@@ -278,7 +277,6 @@ def test_history_rows_and_csv(shared_tmp_path):
     assert [float(row["eps"]) for row in rows] == [step.eps for step in history.steps]
     assert len(str(history).splitlines()) == len(history.steps) + 2
     assert max(map(len, str(history).splitlines())) <= 80
-    assert adapt_function is ec.adapt
 
 
 @pytest.mark.serial

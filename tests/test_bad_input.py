@@ -912,7 +912,7 @@ class OwnLaw:
 
 def fails_for_numbers(pressure, limit):
     """The solver's call succeeds, the error's fails: the pressure is then numbers."""
-    return fails() * pressure if isinstance(pressure, fem.Function) else 0.3 * pressure
+    return fails() * pressure if isinstance(pressure, fem.Function | np.ndarray) else 0.3 * pressure
 
 
 def own_material(member):

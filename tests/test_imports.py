@@ -1,73 +1,65 @@
 """The package can be read from top to bottom, and costs nothing that is not asked for.
 
-Properties: a module imports only from modules above it (at module level; functions may import optional packages and
-output); every module is in that order; ``import erc_contact`` loads no plotting or file-format package.
+- Packages stand in the order of the data; a module imports only from its own package and from those above.
+- No circle between modules. Imports inside functions and those for types alone count, too.
+- The longest chain of modules that import each other stays short.
+- ``import erc_contact`` loads no plotting or file-format package.
 """
 
 import ast
 import subprocess
 import sys
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
 
 import erc_contact as ec
 
-pytestmark = pytest.mark.serial
-
 PACKAGE = Path(ec.__file__).parent
-ORDER = [
-    [
-        "interpreter",
-        "percent",
-        "exceptions",
-        "logs",
-        "checks",
-        "interrupts",
-        "material",
-        "law",
-        "simplex",
-        "quadrature",
-        "partition",
-    ],
-    ["surface", "domain", "geometry", "meshing", "scene"],
-    ["expressions", "users", "foundation", "promises", "motions", "model"],
-    ["methods", "stiffness", "condensed", "newton", "start", "ladder", "solve"],
-    [
-        f"admissible.{name}"
-        for name in ("geometry", "loads", "macro", "facets", "cones", "balance", "allowed", "contact", "displacement")
-    ],
-    [f"admissible.{name}" for name in ("energy", "patches", "blocks", "tighten")],
-    ["admissible", "oscillation", "results", "error", "works", "goal", "sizes", "strategy", "history", "adapt"],
-    ["files", "fields", "drawing", "plots", "bodies", "pictures", "output"],
-]
-ORDER = [module for part in ORDER for module in part]
+ORDER = ["base", "scene", "mesh", "model", "newton", "admissible", "results", "error", "output", "run", ""]
+"""The way of the data; the last one is the package itself."""
+FLOORS = 17
+"""Modules in the longest chain of imports."""
 
 
 def module_of(path):
-    return ".".join(path.relative_to(PACKAGE).with_suffix("").parts).removesuffix(".__init__")
+    return ".".join(path.relative_to(PACKAGE.parent).with_suffix("").parts).removesuffix(".__init__")
+
+
+MODULES = {module_of(path): path for path in PACKAGE.rglob("*.py")}
 
 
 def imported(path):
-    """Modules of the package that a file imports at module level; ``from erc_contact import x`` counts as x."""
-    for node in ast.parse(path.read_text()).body:
-        if isinstance(node, ast.ImportFrom) and node.module and node.module.split(".")[0] == "erc_contact":
-            yield from [f"{node.module}.{alias.name}" for alias in node.names]
+    """Modules of the package that a file imports, wherever in the file."""
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "erc_contact":
+            names = [f"{node.module}.{alias.name}" for alias in node.names]
+            yield from (name if name in MODULES else node.module for name in names)
         elif isinstance(node, ast.Import):
-            yield from [alias.name for alias in node.names if alias.name.split(".")[0] == "erc_contact"]
+            yield from (alias.name for alias in node.names if alias.name.split(".")[0] == "erc_contact")
 
 
-FILES = sorted(path for path in PACKAGE.rglob("*.py") if path != PACKAGE / "__init__.py")
+IMPORTS = {module: set(imported(path)) - {module} for module, path in MODULES.items()}
 
 
-@pytest.mark.parametrize("path", FILES, ids=module_of)
-def test_modules_import_from_above_only(path):
-    module = module_of(path)
-    assert module in ORDER, f"{module}: give the module its place in ORDER"
-    above = ORDER[: ORDER.index(module)]
-    for full_name in imported(path):
-        name = full_name.removeprefix("erc_contact").removeprefix(".")
-        assert any(name == m or name.startswith(f"{m}.") for m in above), f"{module} imports {name}, not above it"
+def stage(module):
+    """The package that a module is in."""
+    return [*module.split("."), ""][1]
+
+
+@pytest.mark.parametrize("module", sorted(MODULES))
+def test_modules_import_from_above_only(module):
+    assert stage(module) in ORDER, f"{module}: give its package a place in ORDER"
+    below = {other for other in IMPORTS[module] if ORDER.index(stage(other)) > ORDER.index(stage(module))}
+    assert not below, f"{module} imports {below} from stages that come later"
+
+
+def test_no_circles_and_no_long_chains():
+    height = {}
+    for module in TopologicalSorter(IMPORTS).static_order():  # raises CycleError
+        height[module] = 1 + max((height[other] for other in IMPORTS[module]), default=0)
+    assert max(height.values()) <= FLOORS, max(height, key=height.get)
 
 
 @pytest.mark.serial

@@ -313,7 +313,7 @@ def by_brute_force(scene: ec.Scene, n: int) -> np.ndarray:
     ((_, on_right, traction),) = model.tractions
     dx, on_right, on_contact = (m(metadata={"quadrature_degree": 12}) for m in (model.dx, on_right, contact.ds))
     slip = u - ufl.dot(u, contact.normal) * contact.normal
-    friction = contact.law.bound(0.0, **contact.parameters) * ufl.sqrt(ufl.dot(slip, slip)) * on_contact
+    friction = contact.friction.bound(0.0) * ufl.sqrt(ufl.dot(slip, slip)) * on_contact
     phi.x.array.reshape(-1, 2)[np.unique(model.facet_nodes(contact.facets)), 1] = 1.0
 
     def elastic(v, w):

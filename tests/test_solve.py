@@ -106,7 +106,7 @@ def test_frictionless_scene_has_no_friction_term():
     solution = ec.solve(scene, block(4))
     model = solution.model
     form = solution.method.equations(model, model.contacts[0], solution.u, ufl.TestFunction(model.V))
-    assert model.contacts[0].law is None
+    assert model.contacts[0].friction is None
     assert model.contacts[0].gap is None
     assert not ufl.algorithms.extract_type(form, ufl.classes.Sqrt)
     pair = ec.equilibrate(solution)

@@ -161,7 +161,7 @@ def work_of_loads(error: ConstitutiveError) -> Bounds:
     scene = error.admissible.solution.scene
     moved = [s.facets for s in scene.supports if any(callable(v) or v for v in s.value)]
     gaps = [c.facets for c in scene.contacts if callable(c.gap) or c.gap]
-    rough = [c.facets for c in scene.contacts if c.friction is not None]
+    rough = [c.facets for c in scene.contacts if c.law is not None]
     for what, where in (("a support that is not zero", moved), ("a gap", gaps), ("friction", rough)):
         if where:
             raise InputError(

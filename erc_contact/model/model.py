@@ -20,7 +20,7 @@ from erc_contact.model.foundation import BoundContact
 from erc_contact.model.motions import free_motions
 from erc_contact.model.space import Space
 from erc_contact.model.supports import bind_supports
-from erc_contact.model.users import called, try_material, vector
+from erc_contact.model.users import IN_UFL, called, try_material, vector
 from erc_contact.model.values import DATA_DEGREE, moduli, value_of
 from erc_contact.scene.load import Load
 from erc_contact.scene.material import Elastic, mandel_matrix, strain
@@ -176,7 +176,7 @@ class Model(Space):
         normal = self.n if on_boundary else None
         density = called(self.comm, what, lambda: vector(load.density(self.x, normal, **parameters)))
         if density.ufl_shape != (self.d,):
-            raise InputError(f"{what} has shape {density.ufl_shape}; the mesh needs ({self.d},).")
+            raise InputError(f"{what} has shape {density.ufl_shape}; the mesh needs ({self.d},). {IN_UFL}")
         if varies_in_cells(density):
             entities = self.domain.facets(load.facets) if load.facets is not None else self.owned_cells
             points, _ = rule(self.d - 1 if on_boundary else self.d, DATA_DEGREE)
