@@ -1,0 +1,22 @@
+"""Forms are looked up once in a process: the folder of compiled forms is not read again for a form that is known."""
+
+import os
+
+import ufl
+from dolfinx import fem
+from scenes import block
+
+import erc_contact as ec
+
+
+def area(domain: ec.Domain) -> fem.Form:
+    return fem.form(fem.Constant(domain.mesh, 2.0) * ufl.dx(domain.mesh))
+
+
+def test_known_forms_are_not_searched(monkeypatch):
+    """On another mesh the same form is the same compiled module, found without a look at the disk."""
+    first = area(block(2))
+    monkeypatch.setattr(os, "listdir", lambda *_: (_ for _ in ()).throw(AssertionError("searched on the disk")))
+    again = area(block(3))
+    assert again.module is first.module
+    assert fem.assemble_scalar(again) > 0
