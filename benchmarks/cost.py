@@ -2,7 +2,7 @@
 
 In 2D the common block of several contact codes: (0, 2) x (0, 7), E = 1, nu = 0.3, friction 0.3, pressed and sheared at
 its top, pushed at its right side, on n x 3.5 n squares cut in two (n = 128: 115 842 degrees of freedom of degree 1). In
-3D a cube pressed and sheared at its back, with friction at its front, on n x n x n cubes cut in six.
+3D a cube pressed and sheared at its top, with friction at its bottom, on n x n x n cubes cut in six.
 
 The unit is a first linear elastic solve as plain DOLFINx does it: assembly of the stiffness, symbolic and numeric LU
 factorisation by MUMPS, one solve. Everything is timed in one process; medians of several rounds. The memory is what a
@@ -28,8 +28,8 @@ def problem(dim: int, n: int) -> tuple[ec.Scene, ec.Domain]:
     if dim == 3:
         scene = ec.Scene(
             material=ec.Elastic(E=1.0, nu=0.3),
-            supports=[ec.Displacement("back", (0.02, 0.01, -0.05))],
-            contacts=[ec.Contact("front", friction=0.3)],
+            supports=[ec.Displacement("top", (0.02, 0.01, -0.05))],
+            contacts=[ec.Contact("bottom", friction=0.3)],
         )
         return scene, ec.box((0.0, 0.0, 0.0), (1.0, 1.0, 1.0), cells=(n, n, n))
     scene = ec.Scene(

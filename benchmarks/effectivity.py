@@ -107,11 +107,11 @@ def greco() -> ec.Scene:
 
 
 def cube(friction: float) -> ec.Scene:
-    """A pressed cube with its back held."""
+    """A pressed cube with its top held."""
     return ec.Scene(
         material=ec.Elastic(E=1.0, nu=0.3),
-        supports=[ec.Displacement("back", (0.02, 0.01, -0.05))],
-        contacts=[ec.Contact("front", friction=friction)],
+        supports=[ec.Displacement("top", (0.02, 0.01, -0.05))],
+        contacts=[ec.Contact("bottom", friction=friction)],
     )
 
 

@@ -284,7 +284,7 @@ def on_a_cylinder(x: Any) -> Any:
 
 
 def on_a_sphere(x: Any) -> Any:
-    return 2.0 - ufl.sqrt(4.0 - (x[0] - 0.5) ** 2 - (x[2] - 0.5) ** 2)
+    return 2.0 - ufl.sqrt(4.0 - (x[0] - 0.5) ** 2 - (x[1] - 0.5) ** 2)
 
 
 def on_a_sine(x: Any) -> Any:
@@ -396,11 +396,11 @@ def _meshes() -> dict[str, Extreme]:
         "cylinder": Extreme(lambda: pressed(square(16, 16), gap=on_a_cylinder), levels=2),
         "cylinder without friction": Extreme(lambda: pressed(square(16, 16), gap=on_a_cylinder, friction=0.0)),
         "sine": Extreme(lambda: pressed(square(24, 24), gap=on_a_sine)),
-        "3D cube": Extreme(lambda: pressed(cube(), (0.03, -0.05, 0.01))),
-        "3D cube mu 2": Extreme(lambda: pressed(cube(), (0.1, -0.05, 0.04), friction=2.0)),
-        "3D sphere": Extreme(lambda: pressed(cube(), (0.01, -0.05, 0.005), gap=on_a_sphere)),
-        "3D stands": Extreme(lambda: standing((0.0, -1.0, 0.0), cube())),
-        "3D stands pushed": Extreme(lambda: standing((0.2, -1.0, 0.1), cube())),
+        "3D cube": Extreme(lambda: pressed(cube(), (0.03, 0.01, -0.05))),
+        "3D cube mu 2": Extreme(lambda: pressed(cube(), (0.1, 0.04, -0.05), friction=2.0)),
+        "3D sphere": Extreme(lambda: pressed(cube(), (0.01, 0.005, -0.05), gap=on_a_sphere)),
+        "3D stands": Extreme(lambda: standing((0.0, 0.0, -1.0), cube())),
+        "3D stands pushed": Extreme(lambda: standing((0.2, 0.1, -1.0), cube())),
     }
 
 
@@ -426,8 +426,8 @@ def _loads() -> dict[str, Extreme]:
         "slope 15 degrees, mu 0.2": lambda: standing((0.0, -1.0), rotated(square(), 15.0), friction=0.2),
         "tower tips over": lambda: standing((0.3, -1.0), tower(), friction=1.0),
         "wedge pulled out": lambda: wedge(0.2, 1.0),
-        "3D pushed beyond the limit": lambda: standing((0.4, -1.0, 0.4), cube(3)),
-        "3D pulled off": lambda: standing((0.1, 1.0, 0.0), cube(3)),
+        "3D pushed beyond the limit": lambda: standing((0.4, 0.4, -1.0), cube(3)),
+        "3D pulled off": lambda: standing((0.1, 0.0, 1.0), cube(3)),
     }
     return scenes | {name: Extreme(build, solvable=False) for name, build in unsolvable.items()}
 

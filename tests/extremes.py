@@ -146,7 +146,7 @@ SOLVABLE: dict[str, Callable[[], Pair]] = {
     "stands pushed to 98% of the limit": lambda: standing((0.49, -1.0)),
     "stands pushed, mu 20": lambda: standing((0.3, -1.0), friction=20.0),
     "stands above a gap": lambda: standing((0.3, -1.0), gap=0.01),
-    "stands pushed in space": lambda: standing((0.2, -1.0, 0.1), cube()),
+    "stands pushed in space": lambda: standing((0.2, 0.1, -1.0), cube()),
     "tower leans": lambda: standing((0.2, -1.0), tower(), friction=1.0),
     "slope 15 degrees, mu 0.5": lambda: standing((0.0, -1.0), rotated(square(), 15.0)),
     "slope 44 degrees, mu 1": lambda: standing((0.0, -1.0), rotated(square(24, 24), 44.0), friction=1.0),
@@ -181,8 +181,8 @@ UNSOLVABLE: dict[str, Callable[[], Pair]] = {
     "slope 15 degrees, mu 0.2": lambda: standing((0.0, -1.0), rotated(square(), 15.0), friction=0.2),
     "tower tips over": lambda: standing((0.3, -1.0), tower(), friction=1.0),
     "wedge pulled out": lambda: wedge(0.2, 1.0),
-    "beyond the limit in space": lambda: standing((0.4, -1.0, 0.4), cube()),
-    "pulled off in space": lambda: standing((0.1, 1.0, 0.0), cube()),
+    "beyond the limit in space": lambda: standing((0.4, 0.4, -1.0), cube()),
+    "pulled off in space": lambda: standing((0.1, 0.0, 1.0), cube()),
 }
 """Scenes that have none."""
 

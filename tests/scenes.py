@@ -120,7 +120,7 @@ def random_scene(seed: int, comm: MPI.Comm = MPI.COMM_WORLD) -> tuple[ec.Scene, 
     d = 2 + seed % 2
     extent = rng.uniform(0.8, 1.5, d)
     domain = two_materials(extent, float(rng.uniform(0.25, 0.35)), comm)
-    bottom, top, side = ("bottom", "top", "right") if d == 2 else ("front", "back", "right")
+    bottom, top, side = "bottom", "top", "right"
     last = d - 1
     slope = rng.uniform(-0.02, 0.02, d)
     push = [float(v) for v in rng.uniform(-0.03, 0.03, d)]
@@ -200,16 +200,15 @@ def sliding_block(
 ) -> tuple[ec.Scene, ec.Domain]:
     """A block under its own weight that only contact holds vertically, its top moved by ``slide`` times its height."""
     if d == 2:
-        domain, bottom, top = ec.rectangle((0.0, 0.0), (3 * size, size), cells=(3 * n, n)), "bottom", "top"
+        domain = ec.rectangle((0.0, 0.0), (3 * size, size), cells=(3 * n, n))
     else:
         domain = ec.box((0.0,) * 3, (2 * size, 2 * size, size), cells=(2 * n, 2 * n, n))
-        bottom, top = "front", "back"
     along = (slide * size,) if d == 2 else (slide * size, 0.3 * slide * size)
     scene = ec.Scene(
         material=ec.Elastic(E, 0.3),
-        supports=[ec.Displacement(top, (*along, None))],
+        supports=[ec.Displacement("top", (*along, None))],
         loads=[ec.BodyForce((*(0.0,) * (d - 1), -3.7e-7 * E / size))],
-        contacts=[ec.Contact(bottom, friction=friction)],
+        contacts=[ec.Contact("bottom", friction=friction)],
     )
     return scene, domain
 
@@ -219,10 +218,9 @@ def moved_box(
 ) -> tuple[ec.Scene, ec.Domain]:
     """A box on a foundation, its top moved along it by ``push`` and towards it by ``press``, over its size."""
     if d == 2:
-        domain, bottom, top = ec.rectangle((0.0, 0.0), (size, 0.7 * size), cells=(4, 4)), "bottom", "top"
+        domain = ec.rectangle((0.0, 0.0), (size, 0.7 * size), cells=(4, 4))
     else:
         domain = ec.box((0.0,) * 3, (size, 0.8 * size, 0.7 * size), cells=(2, 2, 2))
-        bottom, top = "front", "back"
     along = (push * size,) if d == 2 else (push * size, 0.4 * push * size)
-    support = ec.Displacement(top, (*along, -press * size))
-    return ec.Scene(ec.Elastic(E, 0.3), [support], [], [ec.Contact(bottom, friction=friction)]), domain
+    support = ec.Displacement("top", (*along, -press * size))
+    return ec.Scene(ec.Elastic(E, 0.3), [support], [], [ec.Contact("bottom", friction=friction)]), domain

@@ -344,7 +344,7 @@ def test_one_of_two_bodies_that_nothing_holds():
 
 
 def test_body_in_space_that_nothing_holds(cube):
-    words = ("translation in x", "translation in z", "rotation in the plane xz")
+    words = ("translation in x", "translation in y", "rotation in the plane xy")
     entries = {"supports": [], "contacts": [ec.Contact("bottom")]}
     refused_scene(cube, *words, error=ec.NotHeldError, **entries)
 

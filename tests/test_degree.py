@@ -135,8 +135,8 @@ def test_cube():
     """3D: e bounds the true errors of u^ and sigma^, and is near both."""
     scene = ec.Scene(
         material=ec.Elastic(1.0, 0.3),
-        supports=[ec.Displacement("back", (0.02, 0.01, -0.05))],
-        contacts=[ec.Contact("front", friction=0.0)],
+        supports=[ec.Displacement("top", (0.02, 0.01, -0.05))],
+        contacts=[ec.Contact("bottom", friction=0.0)],
     )
 
     def cube(n):

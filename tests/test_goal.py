@@ -38,8 +38,8 @@ def rolling() -> ec.Scene:
 def cube(friction) -> ec.Scene:
     return ec.Scene(
         material=ec.Elastic(1.0, 0.3),
-        supports=[ec.Displacement("back", (0.06, 0.01, -0.04))],
-        contacts=[ec.Contact("front", friction=friction)],
+        supports=[ec.Displacement("top", (0.06, 0.01, -0.04))],
+        contacts=[ec.Contact("bottom", friction=friction)],
     )
 
 
@@ -55,8 +55,8 @@ CASES = {
     "frictionless": (opening(0.0), block, "bottom", (4, 8), 64),
     "given friction": (opening(TRESCA), block, "bottom", (4, 8), 64),
     "gap": (rolling(), block, "bottom", (4, 8), 64),
-    "cube": (cube(0.0), cubes, "front", (2, 4), 12),
-    "cube, given friction": (cube(ec.Tresca(0.008)), cubes, "front", (2, 4), 12),
+    "cube": (cube(0.0), cubes, "bottom", (2, 4), 12),
+    "cube, given friction": (cube(ec.Tresca(0.008)), cubes, "bottom", (2, 4), 12),
 }
 
 
@@ -233,8 +233,8 @@ def in_a_corner(comm: MPI.Comm, friction=0.0) -> ec.ConstitutiveError:
     """A box in a corner: contact on three sides, which share edges and a vertex."""
     scene = ec.Scene(
         material=ec.Elastic(1.0, 0.3),
-        loads=[ec.Traction("back", (-0.002, -0.003, -0.02)), ec.Traction("right", (-0.01, 0.0, 0.0))],
-        contacts=[ec.Contact("front", friction=friction), ec.Contact("left"), ec.Contact("bottom")],
+        loads=[ec.Traction("top", (-0.002, -0.003, -0.02)), ec.Traction("right", (-0.01, 0.0, 0.0))],
+        contacts=[ec.Contact("bottom", friction=friction), ec.Contact("left"), ec.Contact("front")],
     )
     return error_of(scene, cubes(3, comm))
 
@@ -268,9 +268,9 @@ def test_contacts_that_share_nodes():
     """Without friction equilibrium dictates all normal forces of a box in a corner; friction holds edges of others."""
     for friction in (0.0, TRESCA):
         error = in_a_corner(MPI.COMM_WORLD, friction)
-        for name, axis, load in (("front", 2, 0.02), ("left", 0, 0.012), ("bottom", 1, 0.003)):
+        for name, axis, load in (("bottom", 2, 0.02), ("left", 0, 0.012), ("front", 1, 0.003)):
             b = ec.resultant(error, name, np.eye(3)[axis])
-            assert b.weighted == (friction == TRESCA and name != "front")
+            assert b.weighted == (friction == TRESCA and name != "bottom")
             if not b.weighted:
                 assert b.value == pytest.approx(load, rel=1e-9)
                 assert b.high - b.low < 1e-9 * load

@@ -103,11 +103,11 @@ def test_a_dictated_resultant_in_space():
 
     scene = ec.Scene(
         material=ec.Elastic(1e3, 0.3),
-        supports=[ec.Displacement("left", (0.0, None, None)), ec.Displacement("bottom", (None, 0.0, None))],
-        loads=[ec.Traction("back", (0.0, 0.0, pull))],
-        contacts=[ec.Contact("front")],
+        supports=[ec.Displacement("left", (0.0, None, None)), ec.Displacement("front", (None, 0.0, None))],
+        loads=[ec.Traction("top", (0.0, 0.0, pull))],
+        contacts=[ec.Contact("bottom")],
     )
-    b = ec.resultant(error_of(scene, ec.box((0.0,) * 3, (1.0,) * 3, cells=(2, 2, 2))), "front", (0.0, 0.0, 1.0))
+    b = ec.resultant(error_of(scene, ec.box((0.0,) * 3, (1.0,) * 3, cells=(2, 2, 2))), "bottom", (0.0, 0.0, 1.0))
     assert b.value == pytest.approx(0.337, rel=5e-3)
     assert not b.guaranteed
 

@@ -38,8 +38,8 @@ def run_degree_2(comm: MPI.Comm) -> ec.History:
 def run_3d(comm: MPI.Comm) -> ec.History:
     scene = ec.Scene(
         material=ec.Elastic(E=1.0, nu=0.3),
-        supports=[ec.Displacement("back", (0.02, 0.01, -0.05)), ec.Displacement("left", (None, 0.01, None))],
-        contacts=[ec.Contact("front", friction=0.3)],
+        supports=[ec.Displacement("top", (0.02, 0.01, -0.05)), ec.Displacement("left", (None, 0.01, None))],
+        contacts=[ec.Contact("bottom", friction=0.3)],
     )
     domain = ec.box((0.0, 0.0, 0.0), (1.0, 1.0, 1.0), cells=(2, 2, 2), comm=comm)
     return ec.adapt(scene, domain, accuracy=1e-6, strategy=ec.Mark(0.3), max_steps=3)
@@ -67,8 +67,8 @@ def test_optimal_meshes_are_the_same(degree):
     """Gmsh makes another mesh of sizes that differ in their last digit, or come in another order."""
     scene = ec.Scene(
         material=ec.Elastic(1.0, 0.3),
-        supports=[ec.Displacement("back", (0.0, 0.0, -0.05))],
-        contacts=[ec.Contact("front", friction=0.3, gap=lambda x: ((x[0] - 0.5) ** 2 + (x[1] - 0.5) ** 2) / 4)],
+        supports=[ec.Displacement("top", (0.0, 0.0, -0.05))],
+        contacts=[ec.Contact("bottom", friction=0.3, gap=lambda x: ((x[0] - 0.5) ** 2 + (x[1] - 0.5) ** 2) / 4)],
     )
     meshes = []
     for comm in (MPI.COMM_SELF, MPI.COMM_WORLD):
@@ -96,8 +96,8 @@ def test_friction_that_vanishes_at_an_edge(degree):
     """Friction that varies in space, zero on one edge, where both the bound and the traction are round-off."""
     scene = ec.Scene(
         material=ec.Elastic(1.0, 0.3),
-        supports=[ec.Displacement("back", (0.0, 0.0, -0.02))],
-        contacts=[ec.Contact("front", friction=lambda x: 0.8 * x[0])],
+        supports=[ec.Displacement("top", (0.0, 0.0, -0.02))],
+        contacts=[ec.Contact("bottom", friction=lambda x: 0.8 * x[0])],
     )
     eps = []
     for comm in (MPI.COMM_SELF, MPI.COMM_WORLD):

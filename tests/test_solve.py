@@ -204,11 +204,11 @@ def on_a_sphere(friction: float) -> ec.Scene:
     """A cube of two materials above a sphere."""
 
     def gap(x):
-        return 2.0 - ufl.sqrt(4.0 - (x[0] - 0.5) ** 2 - (x[2] - 0.5) ** 2)
+        return 2.0 - ufl.sqrt(4.0 - (x[0] - 0.5) ** 2 - (x[1] - 0.5) ** 2)
 
     return ec.Scene(
         ec.Elastic({"lower": 1.0, "upper": 10.0}, 0.3),
-        [ec.Displacement("top", (0.04, -0.08, 0.02))],
+        [ec.Displacement("top", (0.04, 0.02, -0.08))],
         contacts=[ec.Contact("bottom", friction=friction, gap=gap)],
     )
 
@@ -217,7 +217,7 @@ SCENES = {
     "block": (pushed_block, lambda: block(4)),
     "block, nu 0.35": (lambda friction: pushed_block(friction, 0.35, (0.12, -0.05)), lambda: block(4)),
     "GRECO": (greco, lambda: ec.rectangle((0.0, 0.0), (40.0, 40.0), cells=(6, 6))),
-    "cube on a sphere": (on_a_sphere, lambda: two_halves(ec.box((0.0,) * 3, (1.0,) * 3, cells=(2, 2, 2)), 1, 0.4)),
+    "cube on a sphere": (on_a_sphere, lambda: two_halves(ec.box((0.0,) * 3, (1.0,) * 3, cells=(2, 2, 2)), 2, 0.4)),
 }
 
 

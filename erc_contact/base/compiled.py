@@ -1,8 +1,8 @@
 """Forms that were compiled or loaded once stay at hand in the process.
 
-FFCx looks for each form in its folder of compiled forms, every time it is made anew on another mesh, and reads the whole
-list of files for it: 10 to 15 ms with some thousand files, half of the time of a small solve. What it has loaded once
-is remembered here.
+A form is made anew on each mesh. FFCx then looks for it in the folder of compiled forms and reads the list of all files
+there. With some thousand files this takes 10 to 15 ms a form, half of the time of a small solve. Here FFCx remembers
+what it has loaded.
 """
 
 from __future__ import annotations

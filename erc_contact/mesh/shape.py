@@ -30,8 +30,11 @@ from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.partition import partitioner
 from erc_contact.mesh.simplex import barycentric, rule
 
-SIDES = (("left", "right"), ("bottom", "top"), ("front", "back"))
-"""Names of the sides of a rectangle or box: low and high end of x, y and z."""
+SIDES = {
+    2: (("left", "right"), ("bottom", "top")),
+    3: (("left", "right"), ("front", "back"), ("bottom", "top")),
+}
+"""Names of the sides of a rectangle or box, by dimension: low and high end of x, y and z. The last axis is up."""
 MARK = "erc_contact mark "
 """Beginning of the names of physical groups that keep marks."""
 FLAT = ("Line", "Plane")
@@ -89,7 +92,7 @@ class Brick:
 
     def sides(self) -> Iterator[tuple[str, int, float]]:
         """Name, axis and coordinate of each side; its tag is its number, from 1."""
-        for axis, pair in enumerate(SIDES[: len(self.low)]):
+        for axis, pair in enumerate(SIDES[len(self.low)]):
             for name, at in zip(pair, (self.low[axis], self.high[axis]), strict=True):
                 yield name, axis, at
 

@@ -58,7 +58,7 @@ def box(
     cells: Sequence[int] | None = None,
     comm: MPI.Comm = MPI.COMM_WORLD,
 ) -> Domain:
-    """A box with the boundary parts left, right (x), bottom, top (y), front and back (z).
+    """A box with the boundary parts left, right (x), front, back (y), bottom and top (z).
 
     Args:
         p0: Corner of least coordinates (x, y, z) [length].
