@@ -312,7 +312,7 @@ def test_pictures_without_load(shared_tmp_path):
 def test_history_is_saved(history, shared_tmp_path):
     assert history.reached
     history.save(shared_tmp_path / "run")
-    other = replace(history, accuracy=0.4)
+    other, profile = replace(history, accuracy=0.4), history.profile("bottom")
     output.plot_history({"one": history, "other": other}, shared_tmp_path / "run" / "both.png")
     for name in ("error", "meshes", "error_map", "deformed", "contact_bottom", "both"):
         check_picture(shared_tmp_path / "run" / f"{name}.png")
@@ -323,6 +323,8 @@ def test_history_is_saved(history, shared_tmp_path):
         for name in COLUMNS:
             given = history.column(name)
             assert [given.dtype.type(row[name]) for row in rows] == given.tolist()
+        along = np.genfromtxt(shared_tmp_path / "run" / "contact_bottom.csv", delimiter=",", names=True)
+        assert np.all(along["pressure"] == profile["pressure"])
         grid = read(shared_tmp_path / "run" / "body.vtkhdf")
         assert np.sum(grid["eps_E"] ** 2) == pytest.approx(history.best.relative**2, rel=1e-12)
 

@@ -140,3 +140,34 @@ def test_ranks_agree(seed):
     assert np.allclose(at.displacement, at_2.displacement, rtol=0, atol=1e-11)
     assert np.allclose(force.force, force_2.force, rtol=0, atol=1e-12)
     assert np.allclose(force.moment, force_2.moment, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_maxima_and_their_places(dim):
+    """A column under pressure: uniaxial stress everywhere, the greatest displacement at its top."""
+    make = ec.rectangle if dim == 2 else ec.box
+    domain = make((0.0,) * dim, (1.0,) * (dim - 1) + (2.0,), cells=(2,) * dim)
+    rollers = [ec.Displacement(name, (0.0, None, None)[:dim]) for name in ("left",)]
+    rollers += [ec.Displacement("front", (None, 0.0, None))] if dim == 3 else []
+    scene = ec.Scene(
+        ec.Elastic(1.0, 0.0), rollers, [ec.Traction("top", pressure=0.01)], [ec.Contact("bottom", friction=0.3)]
+    )
+    error = error_of(scene, domain)
+    assert error.maximum("von Mises").value == pytest.approx(0.01, rel=1e-9)
+    deepest = error.maximum("displacement")
+    assert deepest.value == pytest.approx(0.02, rel=1e-9)
+    assert deepest.place[-1] == 2.0
+    pressure = error.maximum("pressure")
+    assert pressure.value == pytest.approx(0.01, rel=1e-9)
+    assert pressure.place[-1] == 0.0
+    with pytest.raises(ec.InputError, match="'von Mises'"):
+        error.maximum("mises")
+
+
+def test_history_answers_for_its_best_result():
+    history = ec.adapt(common_block(), block(4), 0.1)
+    assert np.array_equal(history.profile("bottom"), history.error.profile("bottom"))
+    assert np.array_equal(history.force("bottom").force, history.error.force("bottom").force)
+    assert history.maximum("pressure").value == history.profile("bottom")["pressure"].max()
+    assert history.at((1.0, 3.0)).stress.shape == (1, 2, 2)
+    assert np.allclose(history.reactions()["balance"].force, 0.0, atol=1e-12)

@@ -36,6 +36,7 @@ from erc_contact.error.rigid import NOISE, moves_rigidly, round_off
 from erc_contact.mesh.domain import Domain
 from erc_contact.newton.solution import Solution
 from erc_contact.results.forces import Force, force, reactions
+from erc_contact.results.maximum import Maximum, maximum
 from erc_contact.results.points import Values, at
 from erc_contact.results.profile import profile
 
@@ -108,6 +109,10 @@ class ConstitutiveError:
     def at(self, points: Any) -> Values:
         """Displacement and stresses at points, see :func:`erc_contact.results.at`; collective."""
         return at(self.admissible, points)
+
+    def maximum(self, quantity: str) -> Maximum:
+        """Greatest "von Mises" stress, "pressure", ... and its place, see :func:`erc_contact.results.maximum`."""
+        return maximum(self.admissible, quantity)
 
     @property
     def oscillation(self) -> float:

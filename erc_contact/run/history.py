@@ -5,8 +5,10 @@ from __future__ import annotations
 import csv
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from mpi4py import MPI
 
 from erc_contact.base.percent import percent
 from erc_contact.error.constitutive import ConstitutiveError
@@ -16,6 +18,7 @@ from erc_contact.output.curves import plot_contact, plot_history
 from erc_contact.output.files import on_root
 from erc_contact.output.paraview import write_fields
 from erc_contact.output.pictures import draw_deformed, draw_error, draw_meshes
+from erc_contact.results import Force, Maximum, Values
 
 
 @dataclass(frozen=True)
@@ -108,6 +111,26 @@ class History:
         """The solution of least error."""
         return self.best.solution
 
+    def force(self, part: str) -> Force:
+        """Resultant and moment on a boundary part, of the best result; see :func:`erc_contact.results.force`."""
+        return self.best.force(part)
+
+    def reactions(self) -> dict[str, Force]:
+        """Forces of supports, contacts and loads, and their balance; see :func:`erc_contact.results.reactions`."""
+        return self.best.reactions()
+
+    def profile(self, contact: str) -> np.ndarray:
+        """Gap, slip and tractions along a contact; see :func:`erc_contact.results.profile`."""
+        return self.best.profile(contact)
+
+    def at(self, points: Any) -> Values:
+        """Displacement and stresses at points; see :func:`erc_contact.results.at`."""
+        return self.best.at(points)
+
+    def maximum(self, quantity: str) -> Maximum:
+        """Greatest "von Mises" stress, "pressure", ... and its place; see :func:`erc_contact.results.maximum`."""
+        return self.best.maximum(quantity)
+
     def column(self, name: str) -> np.ndarray:
         """One column of the rows as an array."""
         return np.array([getattr(step, name) for step in self.steps])
@@ -140,8 +163,8 @@ class History:
         """Write table, figures, pictures and ParaView files to a folder; collective.
 
         ``history.csv``, ``error.png`` (error against run time and degrees of freedom), ``meshes.png``,
-        ``error_map.png``, ``deformed.png``, ``contact_<name>.png`` for each contact, ``body.vtkhdf`` and
-        ``contact_<name>.vtkhdf``.
+        ``error_map.png``, ``deformed.png``, ``body.vtkhdf``, and for each contact its profile ``contact_<name>.csv``,
+        ``contact_<name>.png`` and ``contact_<name>.vtkhdf``.
         """
         folder = Path(folder)
         comm = self.best.admissible.solution.domain.mesh.comm
@@ -151,5 +174,13 @@ class History:
         draw_error(self.best, folder / "error_map.png")
         draw_deformed(self.best, folder / "deformed.png")
         for traction in self.best.admissible.tractions:
-            plot_contact(self.best.admissible, traction.contact.name, folder / f"contact_{traction.contact.name}.png")
+            name = traction.contact.name
+            plot_contact(self.best.admissible, name, folder / f"contact_{name}.png")
+            _write_profile(comm, self.profile(name), folder / f"contact_{name}.csv")
         write_fields(self.best, folder)
+
+
+def _write_profile(comm: MPI.Comm, profile: np.ndarray, path: Path) -> None:
+    """Write a profile as CSV, which pandas reads; collective."""
+    columns = {"header": ",".join(profile.dtype.names or ()), "comments": "", "delimiter": ",", "fmt": "%.17g"}
+    on_root(comm, path, lambda: np.savetxt(path, profile, **columns))

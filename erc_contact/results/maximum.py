@@ -1,0 +1,68 @@
+"""The greatest value of a quantity in the body or on its contacts, and where it is.
+
+Symbols: u^ and sigma^ admissible displacement and stress.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from erc_contact.admissible.pair import Admissible
+from erc_contact.base.exceptions import InputError
+from erc_contact.results.profile import profile
+from erc_contact.results.stress import mean_stress, von_mises
+
+IN_BODY = ("displacement", "von Mises")
+"""Quantities of the body."""
+ON_CONTACT = ("pressure", "shear", "slip", "gap")
+"""Quantities of contacts."""
+
+
+@dataclass(frozen=True, eq=False)
+class Maximum:
+    """The greatest value of a quantity.
+
+    Attributes:
+        value: The value, in the dimension of the quantity.
+        place: Where it is [length], shape (d,).
+    """
+
+    value: float
+    place: np.ndarray
+
+
+def maximum(pair: Admissible, quantity: str) -> Maximum:
+    """The greatest value of a quantity, and where it is; the same on all ranks; collective.
+
+    Args:
+        pair: An admissible pair.
+        quantity: "displacement", the length of u^ at the nodes [length]; "von Mises", the von Mises stress of the mean
+            of sigma^ in a cell [force/area], at the middle of the cell; or of all contacts, at the points of
+            :func:`profile`, "pressure", "shear" [force/area], "slip" or "gap" [length], each by its size.
+
+    Raises:
+        InputError: If the quantity is another one, or the scene has no contact.
+    """
+    model = pair.solution.model
+    if quantity not in (*IN_BODY, *ON_CONTACT):
+        allowed = ", ".join(map(repr, (*IN_BODY, *ON_CONTACT)))
+        raise InputError(f"maximum: the quantity is {quantity!r}; allowed are {allowed}.")
+    if quantity in ON_CONTACT:
+        if not pair.tractions:
+            raise InputError(f"maximum: {quantity!r} is of contacts, and this scene has none.")
+        along = [profile(pair, traction.contact.name) for traction in pair.tractions]
+        values = np.concatenate([abs(one[quantity]) for one in along])
+        x = np.concatenate([np.column_stack([one[axis] for axis in "xyz"[: model.d]]) for one in along])
+    elif quantity == "displacement":
+        owned = model.V.dofmap.index_map.size_local
+        values = np.linalg.norm(pair.displacement.x.array.reshape(-1, model.d)[:owned], axis=1)
+        x = model.V.tabulate_dof_coordinates()[:owned, : model.d]
+    else:
+        values, x = von_mises(mean_stress(pair)), model.cell_corners()[: model.domain.owned_cells].mean(axis=1)
+    order = np.lexsort([*x.T[::-1], -values])[:1]  # of equal values the first place
+    found = [np.array([values[i], *x[i]]) for i in order]
+    rows = np.array([row for part in model.comm.allgather(found) for row in part])
+    best = rows[np.lexsort([*rows[:, :0:-1].T, -rows[:, 0]])[0]]
+    return Maximum(float(best[0]), best[1:])
