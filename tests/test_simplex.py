@@ -3,7 +3,8 @@
 - Bernstein polynomials are a positive partition of unity with equal integrals, and give back polynomials of the degree;
 - coefficients and nodal values are inverse to each other; gradients are those of finite differences;
 - a facet's nodes are the cell's nodes on it, in the order of the facet's own;
-- a permutation of the vertices permutes the points of a rule.
+- a permutation of the vertices permutes the points of a rule;
+- projections give back polynomials, averages of a constant are this constant, measures are those of known simplices.
 """
 
 from itertools import permutations
@@ -66,3 +67,21 @@ def test_rules_are_symmetric(d, degree):
         distance = np.linalg.norm(at[:, None, list(order)] - at[None], axis=2)
         assert distance.min(axis=1).max() < 1e-12
         assert np.allclose(weights[distance.argmin(axis=1)], weights, atol=1e-14)
+
+
+@CASES
+def test_projections_and_averages(d, k):
+    points, weights = simplex.rule(d, 2 * k)
+    known = np.random.default_rng(k).standard_normal((len(simplex.nodes(d, k)), 2))
+    values = simplex.bernstein(d, k, points) @ known
+    assert np.allclose(simplex.projection(d, k, points, weights) @ values, known, atol=1e-12)
+    assert np.allclose(simplex.from_means(d, k, simplex.mass(d, k, k) @ known), known, atol=1e-12)
+    averages = simplex.averages(d, k, points, weights)
+    assert np.allclose(averages.sum(axis=1), 1, atol=1e-14)
+    assert averages.min() >= 0
+
+
+def test_measures():
+    corners = np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 3.0, 0.0], [1.0, 1.0, -4.0]])
+    for p, expected in ((1, 2.0), (2, 3.0), (3, 4.0)):
+        assert np.allclose(simplex.measures(np.stack([corners[: p + 1]] * 2)), expected, rtol=1e-14)

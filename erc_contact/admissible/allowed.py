@@ -10,7 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
-from erc_contact.admissible.cones import Cones, clip, split
+from erc_contact.admissible.cones import Cones, clip, pressures, split
 from erc_contact.mesh.simplex import at_nodes, coefficients, lattice
 from erc_contact.model.foundation import PROPORTIONAL, BoundContact
 from erc_contact.model.model import Model
@@ -110,7 +110,7 @@ class Allowed:
             start: Tractions [force/area], shape (f, m, d).
             peak: The largest of all ranks.
         """
-        pressure = np.maximum(-(start * self.n).sum(axis=-1), 0.0)
+        pressure = pressures(start, self.n)
         pulls = np.full(pressure.shape, self.contact.bilateral)
         bound = self.bound(np.where(pulls, 0.0, pressure))
         if self.contact.friction is not None and self.contact.friction.dependence == PROPORTIONAL:

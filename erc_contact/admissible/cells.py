@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from erc_contact.mesh.simplex import barycentric, mass, node_between, node_vertices
+from erc_contact.mesh.simplex import barycentric, from_means, mass, node_between, node_vertices
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.space import Space
 
@@ -173,7 +173,7 @@ def moments(area: np.ndarray, values: np.ndarray, degree: int) -> np.ndarray:
 def nodal_forces(moment: np.ndarray, degree: int) -> np.ndarray:
     """Area times traction, ``|F| t_m`` [force], of moments of shape (..., m, d): the inverse of ``moments``."""
     d = moment.shape[-1]
-    return np.matmul(np.linalg.inv(mass(d - 1, degree, degree)), moment)
+    return from_means(d - 1, degree, moment)
 
 
 def signed(cells: Simplices, moment: np.ndarray) -> np.ndarray:

@@ -17,6 +17,11 @@ def split(z: np.ndarray, n: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndar
     return z_n, z_t, np.linalg.norm(z_t, axis=-1)
 
 
+def pressures(r: np.ndarray, n: np.ndarray) -> np.ndarray:
+    """Pressures ``max(-r_n, 0)`` of tractions (..., d) on foundations with normals n of the same shape."""
+    return np.maximum(-(r * n).sum(axis=-1), 0.0)
+
+
 def clip(z_t: np.ndarray, size: np.ndarray, bound: np.ndarray) -> np.ndarray:
     """Shorten tangential vectors of given lengths to a bound."""
     return np.divide(bound, size, out=np.ones_like(size), where=size > bound)[..., None] * z_t

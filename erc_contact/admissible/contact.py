@@ -19,10 +19,10 @@ from mpi4py import MPI
 from erc_contact.admissible.allowed import Allowed, samples
 from erc_contact.admissible.balance import Part, balanced
 from erc_contact.admissible.cells import moments
-from erc_contact.admissible.cones import split
+from erc_contact.admissible.cones import pressures, split
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.base.exceptions import NotHeldError
-from erc_contact.mesh.simplex import bernstein, lagrange, mass, rule
+from erc_contact.mesh.simplex import averages, bernstein, lagrange, projection, rule
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.model import Model
@@ -95,9 +95,8 @@ def admissible_tractions(model: Model, solution: Any, loads: np.ndarray, forces:
         NotHeldError: If no allowed traction balances the loads on a free motion.
     """
     points, weights = rule(model.d - 1, model.contact_degree)
-    shape = bernstein(model.d - 1, model.degree, points)
-    project = np.linalg.solve(mass(model.d - 1, model.degree, model.degree), shape.T * weights)
-    average = shape.T * weights / (weights @ shape)[:, None]
+    project = projection(model.d - 1, model.degree, points, weights)
+    average = averages(model.d - 1, model.degree, points, weights)
     raw, means, drawn = [], [], []
     for contact in model.contacts:
         nodes = model.facet_nodes(contact.facets)
@@ -118,7 +117,7 @@ def admissible_tractions(model: Model, solution: Any, loads: np.ndarray, forces:
             values = _balanced(model, raw, values, allowed, drawn, loads, forces)
         new = []
         for t, v, a in zip(raw, values, allowed, strict=True):
-            pressure = np.maximum(-np.einsum("fmi,fi->fm", v, t.contact.direction), 0.0)
+            pressure = pressures(v, a.n)
             new.append(replace(t, values=v, bound=replace(a, factor=np.ones(len(v)), sharp=True).bound(pressure)))
         return new
 
@@ -137,8 +136,7 @@ def _drawn(model: Model, contact: BoundContact, u: np.ndarray, area: np.ndarray)
     """Where displacements with nodal values u (f, m, d) draw the traction of a contact."""
     n, d, k = contact.direction[:, None, :], model.d, model.degree
     points, weights = rule(d - 1, model.contact_degree)
-    test, shape = bernstein(d - 1, k, points), lagrange(d - 1, k, points)
-    average = test.T * weights / (weights @ test)[:, None]
+    average, shape = averages(d - 1, k, points, weights), lagrange(d - 1, k, points)
     w_n, w_t, length = split(np.matmul(shape, u), n)
     opening = np.zeros_like(w_n)
     if not contact.bilateral:

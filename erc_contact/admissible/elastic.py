@@ -7,7 +7,7 @@ from dolfinx import fem
 
 from erc_contact.admissible.cells import Simplices, evaluate_sorted
 from erc_contact.admissible.macro import macro_points, mandel, tensors
-from erc_contact.mesh.simplex import bernstein, coefficients, gradients, mass, rule
+from erc_contact.mesh.simplex import bernstein, coefficients, gradients, projection, rule
 from erc_contact.model.expressions import evaluate, varies_in_cells
 from erc_contact.model.model import Model
 from erc_contact.model.values import DATA_DEGREE
@@ -82,7 +82,6 @@ def cell_stress(model: Model, cells: Simplices, u: fem.Function) -> np.ndarray:
     points, weights = rule(d, DATA_DEGREE)
     stiffness, strain = moduli(model, cells, points, len(cells.nodes)), strains(cells, u)
     if stiffness.shape[1] > 1:
-        lower = bernstein(d, k - 1, points)
-        project = np.linalg.solve(mass(d, k - 1, k - 1), lower.T * weights)
-        return tensors(np.matmul(project, act(stiffness, np.matmul(lower, strain))), d)
+        values = act(stiffness, np.matmul(bernstein(d, k - 1, points), strain))
+        return tensors(np.matmul(projection(d, k - 1, points, weights), values), d)
     return tensors(act(stiffness, strain), d)

@@ -84,8 +84,7 @@ def _tests(d: int, k: int) -> tuple[np.ndarray, np.ndarray]:
     points, weights = rule(d - 1, 2 * k - 1)
     on_facets = []
     for vertices in facet_vertices(d):
-        corners = np.vstack([np.zeros(d), np.eye(d)])[vertices]
-        lower = bernstein(d, k - 1, barycentric(points) @ corners)
+        lower = bernstein(d, k - 1, barycentric(points) @ nodes(d, 1)[vertices])
         on_facets.append(bernstein(d - 1, k, points).T @ (weights[:, None] * lower))
     return np.array(on_facets), mass(d, k, k - 1)
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from erc_contact.admissible.cells import Simplices
 from erc_contact.mesh.quadrature import cell_pieces, facet_pieces, integrate, polynomials
-from erc_contact.mesh.simplex import bernstein, mass, rule
+from erc_contact.mesh.simplex import bernstein, from_means, nodes, rule
 from erc_contact.model.expressions import Everywhere, evaluate, varies_in_cells
 from erc_contact.model.model import Model
 from erc_contact.model.values import DATA_DEGREE
@@ -53,9 +53,8 @@ def cell_forces(model: Model, cells: Simplices) -> np.ndarray | None:
     d, k = cells.d, cells.degree
     of_cells = np.arange(len(cells.nodes), dtype=np.int32)
     if not varies_in_cells(model.body_force):
-        middle = np.full((1, d), 1 / (d + 1))
-        values = evaluate(model.body_force, model.mesh, middle, of_cells)
-        return np.repeat(values, len(mass(d, k - 1, k - 1)), axis=1) * cells.volume[:, None, None]
+        values = model.at_middles(model.body_force, of_cells)[:, None]
+        return np.repeat(values, len(nodes(d, k - 1)), axis=1) * cells.volume[:, None, None]
     load = Everywhere(model.body_force, model.mesh)
 
     def moments(of: np.ndarray, at: np.ndarray, x: np.ndarray) -> np.ndarray:
@@ -63,8 +62,7 @@ def cell_forces(model: Model, cells: Simplices) -> np.ndarray | None:
 
     # in DOLFINx's order of the vertices, on which all ranks agree, so that they have the same forces for a cell
     total = integrate(model.comm, moments, model.cell_corners(), cells.volume, cell_pieces(d))
-    matrix = mass(d, k - 1, k - 1)
-    forces = np.linalg.solve(matrix, total.value.reshape(len(of_cells), len(matrix), d))
+    forces = from_means(d, k - 1, total.value.reshape(len(of_cells), len(nodes(d, k - 1)), d))
     return forces if k == 1 else np.take_along_axis(forces, cells.order[:, :, None], axis=1)
 
 

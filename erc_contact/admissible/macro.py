@@ -20,7 +20,7 @@ from math import factorial
 import numpy as np
 
 from erc_contact.admissible.cells import Simplices, pushes
-from erc_contact.mesh.quadrature import polynomials
+from erc_contact.mesh.quadrature import cell_pieces, polynomials
 from erc_contact.mesh.simplex import (
     barycentric,
     bernstein,
@@ -29,6 +29,7 @@ from erc_contact.mesh.simplex import (
     facet_vertices,
     gradients,
     mass,
+    measures,
     node_vertices,
     nodes,
     rule,
@@ -44,9 +45,7 @@ def _reference(d: int, k: int) -> tuple[np.ndarray, np.ndarray]:
     """Map and bubbles on the reference simplex, see :func:`reference_map` and :func:`bubbles`."""
     basis = mandel_basis(d)
     s, N, m, b = len(basis), len(nodes(d, k)), len(nodes(d - 1, k)), len(nodes(d, k - 1))
-    vertices = np.vstack([np.zeros(d), np.eye(d)])
-    subs = np.repeat(vertices[None], d + 1, axis=0)
-    subs[range(d + 1), range(d + 1)] = vertices.mean(axis=0)
+    subs = cell_pieces(d)[..., 1:]
     stresses = np.eye((d + 1) * N * s).reshape(d + 1, N, s, -1)
     inputs = np.eye(((d + 1) * m + b) * d).reshape((d + 1) * m + b, d, -1)
     table, on_facet = gradients(d, k), facet_nodes(d, k)
@@ -61,7 +60,7 @@ def _reference(d: int, k: int) -> tuple[np.ndarray, np.ndarray]:
         data.extend(-factorial(d) * np.einsum("cb,biz->ciz", of_cell, inputs[(d + 1) * m :]))
         normal = -gradient[i] / np.linalg.norm(gradient[i])
         rows.extend(np.einsum("msz,sij,j->miz", stresses[i, on_facet[i]], basis, normal))
-        data.extend(inputs[i * m : (i + 1) * m] / _area(points[np.arange(d + 1) != i]))
+        data.extend(inputs[i * m : (i + 1) * m] / measures(points[np.arange(d + 1) != i]))
     names = node_vertices(d, k)
     for i in range(d + 1):
         for other in range(i + 1, d + 1):
@@ -107,11 +106,6 @@ def bubbles(d: int, k: int) -> np.ndarray:
     return _reference(d, k)[1]
 
 
-def _area(points: np.ndarray) -> float:
-    edges = points[1:] - points[0]
-    return float(np.sqrt(np.linalg.det(edges @ edges.T))) / factorial(len(edges))
-
-
 def mandel(tensor: np.ndarray) -> np.ndarray:
     """Mandel components of symmetric tensors, shape (..., d, d) -> (..., s)."""
     d = tensor.shape[-1]
@@ -130,13 +124,10 @@ def _elevation(d: int, k: int) -> tuple[np.ndarray, np.ndarray]:
     Returns:
         On the sub-simplices (d+1, N_k, N_(k-1)), and on the facets (d+1, m, N_(k-1)).
     """
-    corners = np.vstack([np.zeros(d), np.eye(d)])
     of_subs, of_facets = [], []
-    for i, facet in enumerate(facet_vertices(d)):
-        sub = corners.copy()
-        sub[i] = corners.mean(axis=0)
+    for sub, facet in zip(cell_pieces(d)[..., 1:], facet_vertices(d), strict=True):
         of_subs.append(coefficients(d, k) @ bernstein(d, k - 1, barycentric(nodes(d, k)) @ sub))
-        on_facet = barycentric(nodes(d - 1, k)) @ corners[facet]
+        on_facet = barycentric(nodes(d - 1, k)) @ nodes(d, 1)[facet]
         of_facets.append(coefficients(d - 1, k) @ bernstein(d, k - 1, on_facet))
     return np.array(of_subs), np.array(of_facets)
 
@@ -214,7 +205,5 @@ def macro_points(d: int, k: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         permutation of the vertices permutes; their weights, with sum 1.
     """
     points, weights = rule(d, 2 * k)
-    corners = np.repeat(np.eye(d + 1)[None], d + 1, axis=0)
-    corners[np.arange(d + 1), np.arange(d + 1)] = 1 / (d + 1)
-    places = np.matmul(barycentric(points), corners).reshape(-1, d + 1)[:, 1:]
+    places = np.matmul(barycentric(points), cell_pieces(d)).reshape(-1, d + 1)[:, 1:]
     return bernstein(d, k, points), places, np.tile(weights / (d + 1), d + 1)

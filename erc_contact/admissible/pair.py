@@ -123,21 +123,15 @@ def _loads(model: Model, cells: Simplices) -> tuple[np.ndarray, np.ndarray]:
         facets = model.domain.facets(load.facets)
         _add(model, given, facets, traction_moments(model, facets, load.density))
     for facets, components in model.fixed_facets:
-        fixed[_numbers(model, facets)] |= components
+        fixed[model.facet_numbers(facets)] |= components
     given[np.broadcast_to(fixed[:, None, :], given.shape)] = 0.0
     return given, fixed
-
-
-def _numbers(model: Model, facets: np.ndarray) -> np.ndarray:
-    """Indices of facets given as (cell, local facet), shape (n,)."""
-    of_cell = model.mesh.topology.connectivity(model.d, model.d - 1).array.reshape(-1, model.d + 1)
-    return of_cell[facets[:, 0], facets[:, 1]]
 
 
 def _add(model: Model, given: np.ndarray, facets: np.ndarray, moment: np.ndarray) -> None:
     """Add moments at the nodes of facets, from the order of DOLFINx to the sorted one."""
     order = facet_order(model.facet_nodes(facets)[:, : model.d], model.degree)
-    given[_numbers(model, facets)] += np.take_along_axis(moment, order[:, :, None], axis=1)
+    given[model.facet_numbers(facets)] += np.take_along_axis(moment, order[:, :, None], axis=1)
 
 
 def _nodal(model: Model, cells: Simplices, given: np.ndarray, force: np.ndarray | None) -> fem.Function:

@@ -252,9 +252,7 @@ def _tested_ufl(contact: BoundContact, v: Any) -> Any:
 
 def _nodes(model: Model, contact: BoundContact) -> np.ndarray:
     """Blocks of degrees of freedom of V on a contact, those of other ranks' facets included; collective."""
-    of_cell = model.mesh.topology.connectivity(model.d, model.d - 1).array.reshape(-1, model.d + 1)
-    facets = of_cell[contact.facets[:, 0], contact.facets[:, 1]]
-    return fem.locate_dofs_topological(model.V, model.d - 1, facets)
+    return fem.locate_dofs_topological(model.V, model.d - 1, model.facet_numbers(contact.facets))
 
 
 def _square(error: ConstitutiveError) -> float:

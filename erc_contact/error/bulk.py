@@ -41,7 +41,7 @@ def bulk_squares(admissible: Admissible) -> tuple[np.ndarray, np.ndarray, float]
     stiffness_at, compliance_at = (
         Everywhere(matrix, model.mesh) for matrix in (model.stiffness_matrix, model.compliance_matrix)
     )
-    of_cells = np.arange(owned, dtype=np.int32)
+    of_cells = model.owned_cells
     strain = strains(cells, admissible.displacement)[:owned]
 
     def energies(of: np.ndarray, at: np.ndarray, x: np.ndarray) -> np.ndarray:
@@ -72,8 +72,8 @@ def geometry_squares(admissible: Admissible, both: np.ndarray) -> np.ndarray:
     density.x.array[: len(both)] = both / (4 * cells.volume[: len(both)])
     density.x.scatter_forward()
     sides = pairs(model.mesh, model.domain.marks.indices)
-    sides = sides[sides[:, 0] < len(both)]
-    facets = model.mesh.topology.connectivity(model.d, model.d - 1).array.reshape(-1, model.d + 1)[tuple(sides.T)]
+    sides = sides[model.owned(sides)]
+    facets = model.facet_numbers(sides)
     beyond = cells.side[:, facets] // (model.d + 1)
     beyond = np.where(beyond[0] == sides[:, 0], beyond[1], beyond[0])
     inside = beyond != sides[:, 0]

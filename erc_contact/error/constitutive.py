@@ -143,7 +143,7 @@ def constitutive_error(admissible: Admissible) -> ConstitutiveError:
     for traction in admissible.tractions:
         parts, gaps_2, friction_2 = contact_squares(model, admissible.displacement, traction, UNKNOWN * float(bulk_2))
         parts = np.maximum(parts, 0.0)  # negative by round-off only
-        own = traction.contact.facets[:, 0] < len(per_cell)
+        own = model.owned(traction.contact.facets)
         np.add.at(per_cell, traction.contact.facets[own, 0], parts[own])
         squares += float(parts.sum()), 0.0, 0.0, 0.0, gaps_2, friction_2
     contact_2, *parts_2 = model.comm.allreduce(squares, MPI.SUM)

@@ -13,7 +13,7 @@ import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
 
-from erc_contact.admissible.cones import split
+from erc_contact.admissible.cones import pressures, split
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.error.oscillation import COARSE, EXACT, UNKNOWN, facet_sizes
 from erc_contact.mesh.quadrature import facet_pieces, integrate, polynomials
@@ -77,7 +77,7 @@ def contact_squares(
         w = np.matmul(lagrange(d - 1, model.degree, points), nodal)
         n = contact.direction[:, None, :]
         gap = 0.0 if contact.gap is None else evaluate(contact.gap, model.mesh, points, facets)
-        bound = contact.friction_bound(np.maximum(-split(r, n)[0], 0.0), model.friction_parameters(contact, points))
+        bound = contact.friction_bound(pressures(r, n), model.friction_parameters(contact, points))
         return area * (contact_density(contact, n, r, w, gap, bound) @ weights), 0.0, 0.0
     given = ContactData(contact, model.mesh)
     of_w = np.matmul(coefficients(d - 1, model.degree), nodal)

@@ -23,7 +23,7 @@ from mpi4py import MPI
 from erc_contact.admissible.cells import Simplices, sorted_corners
 from erc_contact.admissible.loads import traction_moments
 from erc_contact.mesh.quadrature import Integrand, cell_pieces, facet_pieces, integrate, polynomials
-from erc_contact.mesh.simplex import coefficients, mass
+from erc_contact.mesh.simplex import coefficients, from_means
 from erc_contact.model.expressions import Everywhere, varies_in_cells
 from erc_contact.model.model import Model
 
@@ -69,7 +69,7 @@ def of_loads(model: Model, cells: Simplices, force: np.ndarray | None) -> float:
     """
     d, k, owned, total = model.d, model.degree, model.domain.owned_cells, 0.0
     if force is not None and varies_in_cells(model.body_force):
-        volume, of_cells = cells.volume[:owned], np.arange(owned, dtype=np.int32)
+        volume, of_cells = cells.volume[:owned], model.owned_cells
         corners = sorted_corners(model, cells)[:owned]
         projected = force[:owned] / volume[:, None, None]
         rest = _squares(model, Everywhere(model.body_force, model.mesh), of_cells, projected, k - 1)
@@ -79,7 +79,7 @@ def of_loads(model: Model, cells: Simplices, force: np.ndarray | None) -> float:
         if load.varies:
             facets = _owned(model, load.facets)
             moments = traction_moments(model, facets, load.density) / model.facet_areas(facets)[:, None, None]
-            projected = np.linalg.solve(mass(d - 1, k, k), moments)
+            projected = from_means(d - 1, k, moments)
             square = _on_facets(model, Everywhere(load.density, model.mesh), facets, projected)
             total += float(np.sum(square * facet_sizes(model, facets) / model.at_middles(model.modulus, facets[:, 0])))
     return total

@@ -11,6 +11,7 @@ from mpi4py import MPI
 from erc_contact.admissible.elastic import moduli
 from erc_contact.admissible.pair import Admissible
 from erc_contact.error.contact import contact_parts
+from erc_contact.mesh.simplex import nodes
 from erc_contact.model.motions import rigid_motions
 
 RESOLUTION = 1e-12
@@ -29,7 +30,7 @@ def round_off(admissible: Admissible) -> tuple[float, bool]:
     model, cells = admissible.solution.model, admissible.cells
     comm, owned = model.comm, model.domain.owned_cells
     size = comm.allreduce(float(abs(admissible.displacement.x.array).max(initial=0.0)), MPI.MAX)
-    stiffness = moduli(model, cells, np.full((1, model.d), 1 / (model.d + 1)), owned)[:, 0].max(axis=(1, 2))
+    stiffness = moduli(model, cells, nodes(model.d, 0), owned)[:, 0].max(axis=(1, 2))
     volume = cells.volume[:owned]
     local = np.sum(stiffness * volume ** (1 - 2 / model.d))
     floor = float((RESOLUTION * size) ** 2 * comm.allreduce(float(local), MPI.SUM))

@@ -19,7 +19,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import factorial
 from typing import Any
 
 import numpy as np
@@ -31,7 +30,7 @@ from erc_contact.base.exceptions import raise_together
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.shape import FILL, count
-from erc_contact.mesh.simplex import barycentric, rule
+from erc_contact.mesh.simplex import barycentric, measures, rule
 
 RATIO = (0.02, 3.0)
 """Least and largest r_E: beyond, one mesh says nothing of another."""
@@ -128,7 +127,7 @@ class _Mesh:
         self.numbers = index_map.local_to_global(np.arange(len(x), dtype=np.int32))
         local = geometry.dofmaps[0][: domain.owned_cells]
         self.nodes = self.numbers[local]
-        self.volume = abs(np.linalg.det(np.diff(x[local], axis=1))) / factorial(dim)
+        self.volume = measures(x[local])
         self.size = (FILL[dim] * self.volume) ** (1 / dim)
         mesh.topology.create_entities(1)
         mesh.topology.create_connectivity(1, dim)

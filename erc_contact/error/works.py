@@ -14,7 +14,7 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from erc_contact.admissible.cells import simplices, sorted_corners
-from erc_contact.admissible.cones import split
+from erc_contact.admissible.cones import pressures, split
 from erc_contact.admissible.elastic import act, strains
 from erc_contact.admissible.macro import macro_points
 from erc_contact.admissible.pair import Admissible
@@ -56,7 +56,7 @@ def elastic_work(pair: Admissible, v: fem.Function, w: fem.Function) -> Number:
     if not model.varying_moduli:
         return Number(assembled(model, model.stiffness(v, w)))
     owned, k = model.domain.owned_cells, model.degree
-    of_cells, of_v, of_w = np.arange(owned, dtype=np.int32), strains(cells, v), strains(cells, w)
+    of_cells, of_v, of_w = model.owned_cells, strains(cells, v), strains(cells, w)
     stiffness = Everywhere(model.stiffness_matrix, model.mesh)
 
     def density(of: np.ndarray, at: np.ndarray, x: np.ndarray) -> np.ndarray:
@@ -90,7 +90,7 @@ def friction_work(model: Model, traction: ContactTraction, u: fem.Function, floo
 
     def density(of: np.ndarray, at: np.ndarray, x: np.ndarray) -> np.ndarray:
         shape, n = polynomials(k, at), contact.direction[of][:, None, :]
-        pressure = np.maximum(-split(np.matmul(shape, traction.values[of]), n)[0], 0.0)
+        pressure = pressures(np.matmul(shape, traction.values[of]), n)
         return (given.bound(of, x, pressure) * split(np.matmul(shape, hat[of]), n)[2])[..., None]
 
     corners = model.facet_corners(contact.facets)
@@ -115,7 +115,7 @@ def load_work(model: Model, v: fem.Function) -> Number:
     if model.body_force is not None and varies_in_cells(model.body_force):
         cells = simplices(model)
         owned, in_cells = domain.owned_cells, np.matmul(coefficients(d, k), nodal[cells.nodes])
-        work = _products(Everywhere(model.body_force, domain.mesh), np.arange(owned, dtype=np.int32), in_cells, k)
+        work = _products(Everywhere(model.body_force, domain.mesh), model.owned_cells, in_cells, k)
         corners, volume = sorted_corners(model, cells)[:owned], cells.volume[:owned]
         total += Number.of(model.comm, integrate(model.comm, work, corners, volume, cell_pieces(d)))
     return total

@@ -14,7 +14,6 @@ import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from math import factorial
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +27,7 @@ from mpi4py import MPI
 from erc_contact.base.exceptions import InputError, raise_together
 from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.partition import partitioner
-from erc_contact.mesh.simplex import barycentric, rule
+from erc_contact.mesh.simplex import barycentric, measures, rule
 
 SIDES = {
     2: (("left", "right"), ("bottom", "top")),
@@ -258,7 +257,7 @@ def count(domain: Domain, sizes: np.ndarray) -> float:
     mesh, dim = domain.mesh, domain.dim
     points, weights = rule(dim, 6)
     nodes = mesh.geometry.dofmaps[0][: domain.owned_cells]
-    volume = abs(np.linalg.det(np.diff(mesh.geometry.x[nodes][:, :, :dim], axis=1))) / factorial(dim)
+    volume = measures(mesh.geometry.x[nodes][:, :, :dim])
     h = sizes[nodes] @ barycentric(points).T
     return float(FILL[dim] * mesh.comm.allreduce(float(volume @ (h**-dim @ weights)), MPI.SUM))
 

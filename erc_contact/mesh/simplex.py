@@ -12,6 +12,7 @@ dimension d-1, so tables of facets are those of d-1.
 from __future__ import annotations
 
 from functools import cache
+from math import factorial
 
 import basix
 import numpy as np
@@ -104,6 +105,47 @@ def mass(d: int, k: int, l: int) -> np.ndarray:  # noqa: E741
     """Means of products of Bernstein polynomials of degrees k and l, shape (N_k, N_l)."""
     points, weights = rule(d, k + l)
     return bernstein(d, k, points).T @ (weights[:, None] * bernstein(d, l, points))
+
+
+@cache
+def _inverse_mass(d: int, k: int) -> np.ndarray:
+    return np.linalg.inv(mass(d, k, k))
+
+
+def from_means(d: int, k: int, means: np.ndarray) -> np.ndarray:
+    """Bernstein coefficients of the polynomial with given means against the Bernstein polynomials.
+
+    This is the L2 projection on degree k of any function that has these means.
+
+    Args:
+        d: Dimension.
+        k: Degree.
+        means: Shape (..., N, c) for c components.
+    """
+    return np.matmul(_inverse_mass(d, k), means)
+
+
+def projection(d: int, k: int, points: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Bernstein coefficients of the L2 projection on degree k from values at the points of a rule, shape (N, q)."""
+    return from_means(d, k, bernstein(d, k, points).T * weights)
+
+
+def averages(d: int, k: int, points: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Weighted means ``int f B / int B`` for each Bernstein polynomial B, from values at the points, shape (N, q).
+
+    Such means lie in the convex hull of the values.
+    """
+    shape = bernstein(d, k, points)
+    return shape.T * weights / (weights @ shape)[:, None]
+
+
+def measures(corners: np.ndarray) -> np.ndarray:
+    """Lengths, areas or volumes of simplices with corners of shape (..., p+1, d), p <= d; shape (...)."""
+    edges = corners[..., 1:, :] - corners[..., :1, :]
+    p, d = edges.shape[-2:]
+    square = edges if p == d else edges @ edges.swapaxes(-1, -2)
+    size = abs(np.linalg.det(square))
+    return (size if p == d else np.sqrt(size)) / factorial(p)
 
 
 @cache

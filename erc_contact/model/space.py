@@ -17,7 +17,15 @@ from dolfinx import fem
 from erc_contact.base.exceptions import InputError
 from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.partition import check_shape
-from erc_contact.mesh.simplex import at_nodes, coefficients, facet_vertices, node_between, node_vertices, nodes
+from erc_contact.mesh.simplex import (
+    at_nodes,
+    coefficients,
+    facet_vertices,
+    measures,
+    node_between,
+    node_vertices,
+    nodes,
+)
 from erc_contact.mesh.surface import offset
 from erc_contact.model.expressions import evaluate
 
@@ -112,12 +120,14 @@ class Space:
         """Global numbers of nodes of this rank."""
         return self.V.dofmap.index_map.local_to_global(nodes.ravel().astype(np.int32)).reshape(nodes.shape)
 
+    def facet_numbers(self, facets: np.ndarray) -> np.ndarray:
+        """Indices of facets given as (cell, local facet), shape (n,)."""
+        of_cell = self.mesh.topology.connectivity(self.d, self.d - 1).array.reshape(-1, self.d + 1)
+        return of_cell[facets[:, 0], facets[:, 1]]
+
     def facet_areas(self, facets: np.ndarray) -> np.ndarray:
         """Areas of facets given as (cell, local facet) [length^(d-1)], shape (n,)."""
-        local = self.mesh.geometry.dofmaps[0][facets[:, 0]]
-        x = self.mesh.geometry.x[np.take_along_axis(local, self._local_facets[facets[:, 1]], axis=1), : self.d]
-        edges = x[:, 1:] - x[:, :1]
-        return np.sqrt(np.linalg.det(edges @ edges.transpose(0, 2, 1))) / (self.d - 1)
+        return measures(self.facet_corners(facets))
 
     def facet_corners(self, facets: np.ndarray) -> np.ndarray:
         """Vertices of facets given as (cell, local facet) in the order of the reference facet [length], (n, d, d)."""

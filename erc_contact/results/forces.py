@@ -76,7 +76,7 @@ def _force(pair: Admissible, sides: np.ndarray) -> Force:
     """Of facets of owned cells on the boundary, (n, 2)."""
     model, cells = pair.solution.model, pair.cells
     d, k = model.d, model.degree
-    facets = model.mesh.topology.connectivity(d, d - 1).array.reshape(-1, d + 1)[tuple(sides.T)]
+    facets = model.facet_numbers(sides)
     cell, i = np.divmod(cells.side[0][facets], d + 1)
     corners = np.take_along_axis(cells.vertices[cell], facet_vertices(d)[i], axis=1)
     linear = bernstein(d - 1, 1, nodes(d - 1, k)).T @ coefficients(d - 1, k).T

@@ -20,7 +20,7 @@ import numpy as np
 
 from erc_contact.admissible.cells import Simplices, nodal_forces
 from erc_contact.admissible.macro import bubbles, macro_points, piola, reference_map, tensors
-from erc_contact.mesh.simplex import bernstein, coefficients, mass, nodes
+from erc_contact.mesh.simplex import bernstein, coefficients, from_means, mass, nodes
 
 CHUNK = (0, 0, 4096, 1024)
 """Number of cells, facets or hinges that are worked on at once, for each d: what stays in the cache."""
@@ -42,7 +42,7 @@ def hierarchical(d: int, k: int) -> np.ndarray:
     linear = (coefficients(d - 1, k) @ bernstein(d - 1, 1, nodes(d - 1, k))).T  # hat functions in Bernstein polynomials
     if k == 1:
         return linear
-    on_linear = np.linalg.solve(mass(d - 1, 1, 1), mass(d - 1, 1, k))[:, d:]  # P B_e
+    on_linear = from_means(d - 1, 1, mass(d - 1, 1, k))[:, d:]  # P B_e
     return np.vstack([linear, np.eye(linear.shape[1])[d:] - on_linear.T @ linear])
 
 

@@ -29,7 +29,7 @@ import numpy as np
 
 from erc_contact.admissible.cells import Simplices
 from erc_contact.admissible.tighten.energy import Energy, chunks, stress_map, times
-from erc_contact.mesh.simplex import facet_vertices
+from erc_contact.mesh.simplex import facet_vertices, nodes
 from erc_contact.model.space import Space
 
 
@@ -248,7 +248,7 @@ def _hinges(
         The facets (f, g); the node of each that is not on the hinge; the products of the stresses of unit forces at the
         hinge and of bars for each component of the metric; these stresses; those of all moments on f and g.
     """
-    vertices, corners, bars = facet_vertices(d), np.vstack([np.zeros(d), np.eye(d)]), _bars(d)
+    vertices, corners, bars = facet_vertices(d), nodes(d, 1), _bars(d)
     s = d * (d + 1) // 2
     a, b = np.triu_indices(s)
     of_facets = stress_map(d, 1)
