@@ -34,7 +34,7 @@ from dolfinx import fem  # isort: skip - after erc_contact, which loads MPI firs
 from true_errors import reference, true_errors  # isort: skip
 from erc_contact.admissible.elastic import cell_stress
 
-from erc_contact.admissible.cells import simplices  # isort: skip
+from erc_contact.admissible.cells import cell_geometry  # isort: skip
 from erc_contact.admissible.cones import split  # isort: skip
 from erc_contact.model.expressions import evaluate  # isort: skip
 from erc_contact.mesh.simplex import lagrange, rule  # isort: skip
@@ -85,7 +85,7 @@ def violations(solution: ec.Solution) -> tuple[float, float, float, float]:
     values = u.x.array.reshape(-1, model.d)
     size = np.linalg.norm(values, axis=1).max() or 1.0
     tractions = [evaluate(solution.traction(c), model.mesh, points, c.facets) for c in model.contacts]
-    inside = abs(cell_stress(model, simplices(model), u)).max()  # the traction of an open contact is round-off of it
+    inside = abs(cell_stress(model, cell_geometry(model), u)).max()  # the traction of an open contact is round-off of it
     peak = max(inside, *(np.linalg.norm(r, axis=-1).max() for r in tractions)) or 1.0
     work = fem.assemble_scalar(fem.form(model.stiffness(u, u / (size * peak)))) or 1.0
     penetration, cone, complementarity, friction = 0.0, 0.0, 0.0, 0.0

@@ -11,7 +11,7 @@ from dolfinx import geometry
 from dolfinx import mesh as dmesh
 
 import erc_contact as ec
-from erc_contact.admissible.cells import simplices
+from erc_contact.admissible.cells import cell_geometry
 from erc_contact.admissible.elastic import moduli, strains
 from erc_contact.admissible.pair import Admissible
 from erc_contact.mesh.simplex import barycentric, bernstein, lagrange, rule
@@ -42,7 +42,7 @@ def true_errors(pair: Admissible, fine: ec.Solution) -> TrueErrors:
     are not exact, and there are none on a mesh that :func:`nested` made. The fine solution may be of another degree.
     """
     model, d = fine.model, fine.model.d
-    cells = simplices(model)
+    cells = cell_geometry(model)
     k = max(model.degree, pair.cells.degree)
     points, weights = rule(d, 2 * k)
     x = model.V.tabulate_dof_coordinates()[:, :d][cells.vertices]

@@ -20,7 +20,7 @@ from mpi4py import MPI
 from scenes import greco, mostly_serial, random_scene, resultant, sliding_block
 
 import erc_contact as ec
-from erc_contact.admissible.cells import facet_order, nodal_forces, signed
+from erc_contact.admissible.cells import facet_order, force_coefficients, signed
 from erc_contact.admissible.cones import split
 from erc_contact.admissible.contact import _shrink
 from erc_contact.admissible.macro import bubbles, macro_points, macro_stress, mandel, reference_map, tensors
@@ -30,9 +30,9 @@ from erc_contact.mesh.simplex import (
     barycentric,
     bernstein,
     coefficients,
-    facet_nodes,
     gradients,
     lagrange,
+    local_facet_nodes,
     mass,
     nodes,
 )
@@ -69,7 +69,7 @@ def test_elements_balance_moments(pair):
     moment, cells, d = owned_moments(pair), pair.cells, pair.cells.d
     x = pair.solution.model.V.tabulate_dof_coordinates()[:, :d][cells.nodes[: len(moment)]]
     arm = x - x.mean(axis=1, keepdims=True)  # nodal values of a linear function are its coefficients, too
-    on_facets = facet_nodes(d, cells.degree)
+    on_facets = local_facet_nodes(d, cells.degree)
     dyad = sum(np.einsum("nmi,nmj->nij", arm[:, v], moment[:, i]) for i, v in enumerate(on_facets))
     body = mass(d, 1, cells.degree - 1)
     dyad += np.einsum("nvi,vb,nbj->nij", arm[:, : d + 1], body, pair.force[: len(moment)])
@@ -93,8 +93,8 @@ def test_opposite_tractions_between_ranks(pair):
 
 def test_stress_has_the_facet_tractions(pair):
     moment, cells, d = owned_moments(pair), pair.cells, pair.cells.d
-    stress, force = tensors(pair.stress, d), nodal_forces(moment, cells.degree)
-    for i, on_facet in enumerate(facet_nodes(d, cells.degree)):
+    stress, force = tensors(pair.stress, d), force_coefficients(moment, cells.degree)
+    for i, on_facet in enumerate(local_facet_nodes(d, cells.degree)):
         found = np.einsum("nmij,nj->nmi", stress[:, i, on_facet], cells.area[: len(moment), i])
         assert worst(pair, found - force[:, i]) < BALANCE * worst(pair, force)
 
@@ -119,7 +119,7 @@ def test_stress_is_in_equilibrium_inside(pair):
             normal = normal / np.linalg.norm(normal, axis=1, keepdims=True)
             sides = []
             for mine, theirs in ((i, other), (other, i)):
-                on_facet = facet_nodes(d, k)[theirs]
+                on_facet = local_facet_nodes(d, k)[theirs]
                 place = barycentric(nodes(d, k)[on_facet]) @ subs[mine]
                 order = np.lexsort(np.round(place, 9).T)
                 sides.append(stress[:, mine, on_facet[order]])
@@ -131,7 +131,7 @@ def test_facets_carry_loads_and_contact_tractions(pair):
     model, d = pair.solution.model, pair.cells.d
     of_cell = model.mesh.topology.connectivity(d, d - 1).array.reshape(-1, d + 1)
     k = model.degree
-    found = nodal_forces(pair.moment, k)
+    found = force_coefficients(pair.moment, k)
     for load in model.tractions:
         facets = model.domain.facets(load.facets)
         facets = facets[facets[:, 0] < model.domain.owned_cells]
@@ -281,14 +281,14 @@ def test_round_off_does_not_shrink_the_friction_of_a_facet():
 def test_macro_stress_reproduces_polynomials(d, degree):
     """A symmetric stress of degree k comes back from its own facet tractions and divergence, up to bubbles."""
     domain = ec.rectangle((0, 0), (1, 1), cells=(1, 1)) if d == 2 else ec.box((0, 0, 0), (1, 1, 1), cells=(1, 1, 1))
-    from erc_contact.admissible.cells import simplices
+    from erc_contact.admissible.cells import cell_geometry
     from erc_contact.admissible.elastic import moduli
-    from erc_contact.admissible.tighten.energy import relaxed
+    from erc_contact.admissible.tighten.complementary import relaxed
     from erc_contact.model.model import Model
 
     scene = ec.Scene(material=ec.Elastic(1.0, 0.3), supports=[ec.Displacement("left", (0.0,) * d)])
     model = Model(scene, domain, degree)
-    cells, count = simplices(model), domain.owned_cells
+    cells, count = cell_geometry(model), domain.owned_cells
     x = model.V.tabulate_dof_coordinates()[:, :d][cells.nodes]
     rng = np.random.default_rng(1)
     powers = np.array([p for p in np.ndindex((degree + 1,) * d) if sum(p) <= degree])
@@ -302,9 +302,8 @@ def test_macro_stress_reproduces_polynomials(d, degree):
     gradient = -cells.area / (d * cells.volume[:, None, None])
     divergence = np.einsum("ckm,nmij,nkj->nci", gradients(d, degree), exact, gradient)
     force = -divergence * cells.volume[:, None, None]
-    forces = np.stack(
-        [np.einsum("nmij,nj->nmi", exact[:, v], cells.area[:, i]) for i, v in enumerate(facet_nodes(d, degree))], axis=1
-    )[:count]
+    on_facets = enumerate(local_facet_nodes(d, degree))
+    forces = np.stack([np.einsum("nmij,nj->nmi", exact[:, v], cells.area[:, i]) for i, v in on_facets], axis=1)[:count]
     b = len(nodes(d, degree - 1))
     stress = macro_stress(cells, count, np.zeros((len(force), b, d, d)), forces, force)
     corners = np.vstack([np.zeros(d), np.eye(d)])
@@ -328,7 +327,7 @@ def test_macro_stress_reproduces_polynomials(d, degree):
 def test_bubbles_have_no_traction(d, k, number):
     assert bubbles(d, k).shape[-1] == number
     assert reference_map(d, k).shape[:3] == bubbles(d, k).shape[:3]
-    for i, on_facet in enumerate(facet_nodes(d, k)):
+    for i, on_facet in enumerate(local_facet_nodes(d, k)):
         normal = np.ones(d) if i == 0 else -np.eye(d)[i - 1]
         traction = np.einsum("msz,sij,j->miz", bubbles(d, k)[i, on_facet], mandel_basis(d), normal)
         assert abs(traction).max(initial=0.0) < 1e-12

@@ -75,12 +75,12 @@ def test_loads_that_can_be_balanced_are(d, inside, few):
 def test_nearest_of_those_that_balance(d):
     for seed in range(12):
         part, loads, known = problem(seed, d, 0.1, 1.0)
-        near = 10 * abs(known).max() / max(abs(part.pull).max(), 1e-300)
-        part = Part(part.cones, part.start, min(near, 1.0) * part.pull, part.weight, part.motions)
+        near = 10 * abs(known).max() / max(abs(part.shift).max(), 1e-300)
+        part = Part(part.cones, part.start, min(near, 1.0) * part.shift, part.weight, part.motions)
         (r,), _, _ = balanced(MPI.COMM_SELF, [part], loads)
 
         def distance(t: np.ndarray, part: Part = part) -> float:
-            return float((part.weight * ((t - part.start - part.pull) ** 2).sum(axis=-1)).sum())
+            return float((part.weight * ((t - part.start - part.shift) ** 2).sum(axis=-1)).sum())
 
         assert distance(r) <= distance(known) * (1 + 1e-9)
         for share in (1e-3, 1e-1):  # convex: no better one on the way to the known one
@@ -93,7 +93,7 @@ def test_loads_that_nothing_balances(d):
         part, _, _ = problem(seed, d, 1.0, 1.0)
         away = np.zeros(part.motions.shape[:3])
         away += part.cones.n  # a motion into the foundation; the load draws out of it
-        part = Part(part.cones, part.start, part.pull, part.weight, away[..., None])
+        part = Part(part.cones, part.start, part.shift, part.weight, away[..., None])
         load = np.array([abs(part.start).max() + 1.0])
         for pulls in (load, -load):
             _, rest, forces = balanced(MPI.COMM_SELF, [part], pulls)

@@ -53,7 +53,7 @@ def test_gradients(d, k):
 @pytest.mark.parametrize(("d", "k"), [(2, 1), (2, 2), (3, 1), (3, 2)])
 def test_facet_nodes(d, k):
     corners = np.vstack([np.zeros(d), np.eye(d)])
-    for on_facet, vertices in zip(simplex.facet_nodes(d, k), simplex.facet_vertices(d), strict=True):
+    for on_facet, vertices in zip(simplex.local_facet_nodes(d, k), simplex.facet_vertices(d), strict=True):
         expected = simplex.barycentric(simplex.nodes(d - 1, k)) @ corners[vertices]
         assert np.allclose(simplex.nodes(d, k)[on_facet], expected, atol=1e-15)
 

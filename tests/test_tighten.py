@@ -18,14 +18,14 @@ from reference import true_errors
 from scenes import block, greco, mostly_serial, prototype_block, random_scene
 
 import erc_contact as ec
-from erc_contact.admissible.cells import nodal_forces, signed, simplices
+from erc_contact.admissible.cells import cell_geometry, force_coefficients, signed
 from erc_contact.admissible.elastic import macro_moduli, strains
 from erc_contact.admissible.macro import macro_points, mandel, tensors
 from erc_contact.admissible.pair import Admissible
 from erc_contact.admissible.tighten.blocks import Blocks
-from erc_contact.admissible.tighten.energy import Energy
+from erc_contact.admissible.tighten.complementary import ComplementaryEnergy
 from erc_contact.admissible.tighten.patches import Patches
-from erc_contact.mesh.simplex import facet_nodes, mass
+from erc_contact.mesh.simplex import local_facet_nodes, mass
 from erc_contact.model.model import Model
 
 STEPS = (0, 1, 3)
@@ -50,11 +50,11 @@ def worst(pair: Admissible, values: np.ndarray) -> float:
 
 def imbalance(model: Model, moment: np.ndarray, force: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
     """Resultant forces, and moments about the barycentre over the size, of tractions and body force of owned cells."""
-    cells = simplices(model)
+    cells = cell_geometry(model)
     seen = signed(cells, moment)[: model.domain.owned_cells]
     x = model.V.tabulate_dof_coordinates()[:, : cells.d][cells.nodes[: len(seen)]]
     arm = (x - x.mean(axis=1, keepdims=True)) / cells.volume[: len(seen), None, None] ** (1 / cells.d)
-    on_facets = facet_nodes(cells.d, cells.degree)
+    on_facets = local_facet_nodes(cells.d, cells.degree)
     dyad = sum(np.einsum("nmi,nmj->nij", arm[:, v], seen[:, i]) for i, v in enumerate(on_facets))
     total = seen.sum(axis=(1, 2))
     if force is not None:
@@ -90,7 +90,7 @@ def test_tractions_stay_opposite(name, degree):
         sides = np.stack(
             [
                 np.einsum("nmij,nj->nmi", stress[:, i, v], cells.area[: len(stress), i])
-                for i, v in enumerate(facet_nodes(d, degree))
+                for i, v in enumerate(local_facet_nodes(d, degree))
             ],
             axis=1,
         )
@@ -120,8 +120,10 @@ def test_given_tractions_stay(name, degree):
 def test_patches_balance_any_residual(seed):
     """Corrections for random residuals, alone: one wrong sign of a force, couple or bar leaves elements unbalanced."""
     model = Model(*random_scene(seed))
-    cells, d = simplices(model), model.d
-    energy = Energy(cells, model.domain.owned_cells, macro_moduli(model, cells, len(cells.nodes), inverse=True))
+    cells, d = cell_geometry(model), model.d
+    energy = ComplementaryEnergy(
+        cells, model.domain.owned_cells, macro_moduli(model, cells, len(cells.nodes), inverse=True)
+    )
     free = np.repeat(cells.has_second[:, None], d, axis=1)
     correction = Patches(model, energy, free)(np.random.default_rng(seed).standard_normal((d, d, len(free))))
     moment = correction.transpose(2, 1, 0)
@@ -136,8 +138,10 @@ def test_patches_balance_any_residual(seed):
 @pytest.mark.parametrize("degree", [1, 2])
 def test_preconditioner_and_energy_are_symmetric(seed, degree):
     model = Model(*random_scene(seed), degree)
-    cells, d, m = simplices(model), model.d, len(model.facet_points)
-    energy = Energy(cells, model.domain.owned_cells, macro_moduli(model, cells, len(cells.nodes), inverse=True))
+    cells, d, m = cell_geometry(model), model.d, len(model.facet_points)
+    energy = ComplementaryEnergy(
+        cells, model.domain.owned_cells, macro_moduli(model, cells, len(cells.nodes), inverse=True)
+    )
     free = np.repeat(cells.has_second[:, None], d, axis=1)
     x, y = np.random.default_rng(seed).standard_normal((2, d, m, len(free)))
     operators = [(energy, slice(None)), (Patches(model, energy, free), slice(0, d))]
@@ -184,7 +188,7 @@ def test_error_is_the_sum_of_both_errors(d, n):
     solution = ec.solve(scene, domain)
     model = solution.model
     near, reference, _ = macro_points(d, 1)
-    every = simplices(model)
+    every = cell_geometry(model)
     C, S = macro_moduli(model, every, 1)[0, 0], macro_moduli(model, every, 1, inverse=True)[0, 0]
     for steps in (0, 1, 5):
         pair = ec.equilibrate(solution, tighten=steps)
@@ -264,7 +268,7 @@ def test_exact_solution_takes_no_step():
     )
     pair = ec.equilibrate(ec.solve(scene, ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(4, 4))), tighten=10)
     assert ec.constitutive_error(pair).relative < 1e-12
-    force = nodal_forces(pair.moment, 1)
+    force = force_coefficients(pair.moment, 1)
     assert np.isfinite(force).all()
 
 

@@ -111,13 +111,13 @@ class Allowed:
             peak: The largest of all ranks.
         """
         pressure = pressures(start, self.n)
-        pulls = np.full(pressure.shape, self.contact.bilateral)
-        bound = self.bound(np.where(pulls, 0.0, pressure))
+        bilateral = np.full(pressure.shape, self.contact.bilateral)
+        bound = self.bound(np.where(bilateral, 0.0, pressure))
         if self.contact.friction is not None and self.contact.friction.dependence == PROPORTIONAL:
             slope = self.bound(np.ones_like(pressure))
         else:
             step = DIFFERENCE * np.maximum(np.maximum(pressure, peak), np.finfo(float).tiny / DIFFERENCE)
             slope = np.maximum(self.bound(pressure + step) - bound, 0.0) / step
         chord = np.divide(bound, pressure, out=np.zeros_like(bound), where=pressure > 0)
-        slope = np.where(pulls, 0.0, np.where(bound < slope * pressure, chord, slope))
-        return Cones(self.n, slope, np.maximum(bound - slope * pressure, 0.0), pulls)
+        slope = np.where(bilateral, 0.0, np.where(bound < slope * pressure, chord, slope))
+        return Cones(self.n, slope, np.maximum(bound - slope * pressure, 0.0), bilateral)

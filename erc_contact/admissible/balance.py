@@ -29,9 +29,9 @@ PATIENCE, IMPATIENCE = 60, 5
 NEWTON = 5
 """Every so many steps Newton's is tried again."""
 STAGES = 8
-"""Limit of the shares of a pull; one or two are usual."""
+"""Limit of the shares of a shift; one or two are usual."""
 SHARE, KEPT = 100.0, 10.0
-"""Longest share of a pull, and what is kept of what lies beyond a set, over the largest traction [-]."""
+"""Longest share of a shift, and what is kept of what lies beyond a set, over the largest traction [-]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,22 +41,22 @@ class Part:
     Attributes:
         cones: The sets of its nodes.
         start: r_0 [force/area], shape (f, m, d).
-        pull: Where the tractions are drawn from there [force/area], shape (f, m, d).
+        shift: Where the tractions are drawn from there [force/area], shape (f, m, d).
         weight: |F|/m, zero where the facet is not of this rank [length^(d-1)], shape (f, 1).
         motions: q, shape (f, m, d, K).
     """
 
     cones: Cones
     start: np.ndarray
-    pull: np.ndarray
+    shift: np.ndarray
     weight: np.ndarray
     motions: np.ndarray
 
 
 def balanced(comm: MPI.Comm, parts: list[Part], loads: np.ndarray) -> tuple[list[np.ndarray], np.ndarray, float]:
-    """The tractions nearest to start + pull that balance the loads; collective.
+    """The tractions nearest to start + shift that balance the loads; collective.
 
-    A pull that is much longer than the tractions costs digits and Newton its steps; it is applied in shares. What a
+    A shift that is much longer than the tractions costs digits and Newton its steps; it is applied in shares. What a
     share leaves beyond the set keeps the tractions where they are on its surface, however much it is shortened.
 
     Args:
@@ -74,16 +74,16 @@ def balanced(comm: MPI.Comm, parts: list[Part], loads: np.ndarray) -> tuple[list
     area = comm.allreduce(sum(float(p.weight.sum()) * p.start.shape[1] for p in parts), MPI.SUM)
     if largest([p.start for p in parts]) == 0.0 and not loads.any():
         return [p.start for p in parts], np.zeros_like(loads), 0.0
-    tractions, left = [p.start for p in parts], [p.pull for p in parts]
+    tractions, left = [p.start for p in parts], [p.shift for p in parts]
     beyond = [np.zeros_like(r) for r in tractions]
     before = np.inf
     for _ in range(STAGES):
         usual = max(largest(tractions), float(np.linalg.norm(loads)) / area)
-        share = [_at_most(SHARE * usual, pull) for pull in left]
-        wanted = [r + _at_most(KEPT * usual, b) + pull for r, b, pull in zip(tractions, beyond, share, strict=True)]
+        share = [_at_most(SHARE * usual, shift) for shift in left]
+        wanted = [r + _at_most(KEPT * usual, b) + shift for r, b, shift in zip(tractions, beyond, share, strict=True)]
         state = _solve(comm, parts, wanted, loads, area)
         tractions, beyond = state.tractions, state.beyond
-        left = [pull - part for pull, part in zip(left, share, strict=True)]
+        left = [shift - part for shift, part in zip(left, share, strict=True)]
         exact = state.size <= 10 * EXACT * state.forces
         if largest(left) == 0.0 and (exact or 0.5 * before < state.size <= SMALL * state.forces):
             break

@@ -16,13 +16,13 @@ from typing import Any
 
 import numpy as np
 
-from erc_contact.mesh.simplex import barycentric, from_means, mass, node_between, node_vertices
+from erc_contact.mesh.simplex import barycentric, facet_vertices, from_means, mass, node_between, node_vertices
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.space import Space
 
 
 @dataclass(frozen=True, eq=False)
-class Simplices:
+class CellGeometry:
     """Geometry and connectivity of the cells of a rank.
 
     Attributes:
@@ -58,6 +58,12 @@ class Simplices:
         return self.nodes[:, : self.d + 1]
 
     @property
+    def vertices_of_facets(self) -> np.ndarray:
+        """Nodes of the vertices of each facet, ascending, shape (facets, d)."""
+        cell, i = np.divmod(np.maximum(self.side[0], 0), self.d + 1)
+        return self.vertices[cell[:, None], facet_vertices(self.d)[i]]
+
+    @property
     def inverse(self) -> np.ndarray:
         """Inverse Jacobians [1/length], shape (n, d, d); row i-1 is the gradient of barycentric i."""
         return -self.area[:, 1:] / (self.d * self.volume[:, None, None])
@@ -68,7 +74,7 @@ class Simplices:
         return self.side[0] != self.side[1]
 
 
-def simplices(space: Space) -> Simplices:
+def cell_geometry(space: Space) -> CellGeometry:
     """The arrays of a model's mesh."""
     d, mesh = space.d, space.mesh
     order = np.argsort(space.vertices, axis=1)
@@ -92,10 +98,10 @@ def simplices(space: Space) -> Simplices:
     area[:, 1:] = -cofactor * np.sign(determinant)[:, None, None] / (1, 1, 1, 2)[d]
     area[:, 0] = -area[:, 1:].sum(axis=1)
     J, volume = edges.transpose(0, 2, 1), abs(determinant) / (1, 1, 2, 6)[d]
-    return Simplices(space.degree, order, nodes, facets, side, J, volume, area)
+    return CellGeometry(space.degree, order, nodes, facets, side, J, volume, area)
 
 
-def sorted_corners(space: Space, cells: Simplices) -> np.ndarray:
+def sorted_corners(space: Space, cells: CellGeometry) -> np.ndarray:
     """Vertices of all cells in our order [length], shape (n, d+1, d)."""
     return np.take_along_axis(space.cell_corners(), cells.order[:, :, None], axis=1)
 
@@ -118,7 +124,7 @@ def facet_order(vertices: np.ndarray, degree: int) -> np.ndarray:
     return node_between(d - 1, degree)[ends[..., 0], ends[..., 1]]
 
 
-def evaluate_sorted(expression: Any, space: Space, cells: Simplices, points: np.ndarray, count: int) -> np.ndarray:
+def evaluate_sorted(expression: Any, space: Space, cells: CellGeometry, points: np.ndarray, count: int) -> np.ndarray:
     """Values of a UFL expression at reference points of the first cells, in our order of their vertices.
 
     Args:
@@ -144,7 +150,7 @@ def evaluate_sorted(expression: Any, space: Space, cells: Simplices, points: np.
     return np.take_along_axis(values, chosen.reshape(*chosen.shape, *[1] * (values.ndim - 2)), axis=1)
 
 
-def pushes(area: np.ndarray, stress: np.ndarray) -> np.ndarray:
+def facet_forces(area: np.ndarray, stress: np.ndarray) -> np.ndarray:
     """``S_b |F_i| n_i``: the force on each facet of each coefficient of a symmetric stress of some cells.
 
     Args:
@@ -170,13 +176,13 @@ def moments(area: np.ndarray, values: np.ndarray, degree: int) -> np.ndarray:
     return np.matmul(mass(d - 1, degree, degree), values) * area[:, None, None]
 
 
-def nodal_forces(moment: np.ndarray, degree: int) -> np.ndarray:
+def force_coefficients(moment: np.ndarray, degree: int) -> np.ndarray:
     """Area times traction, ``|F| t_m`` [force], of moments of shape (..., m, d): the inverse of ``moments``."""
     d = moment.shape[-1]
     return from_means(d - 1, degree, moment)
 
 
-def signed(cells: Simplices, moment: np.ndarray) -> np.ndarray:
+def signed(cells: CellGeometry, moment: np.ndarray) -> np.ndarray:
     """Facet moments as each cell sees them, opposite on the two sides, shape (n, d+1, m, d)."""
     places = np.arange(cells.facets.size).reshape(cells.facets.shape)
     sign = np.where(cells.side[0][cells.facets] == places, 1.0, -1.0)

@@ -35,13 +35,13 @@ class Cones:
         n: Unit normals, shape (f, 1, d).
         slope: Shape (f, m) [-].
         offset: Shape (f, m) [force/area].
-        pulls: Where p may have any sign; the slope is zero there. Shape (f, m).
+        bilateral: Where p may have any sign; the slope is zero there. Shape (f, m).
     """
 
     n: np.ndarray
     slope: np.ndarray
     offset: np.ndarray
-    pulls: np.ndarray
+    bilateral: np.ndarray
 
     def nearest(self, z: np.ndarray) -> np.ndarray:
         """The nearest of these tractions (Euclidean projection, non-expansive), shape (f, m, d) [force/area]."""
@@ -50,10 +50,10 @@ class Cones:
     def _project(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """The nearest traction, z_t and its length, and where the friction bound does not limit it."""
         z_n, z_t, size = split(z, self.n)
-        shown = np.where(self.pulls, -z_n, np.maximum(-z_n, 0.0))
+        shown = np.where(self.bilateral, -z_n, np.maximum(-z_n, 0.0))
         inside = size <= self.offset + self.slope * shown
         on_surface = np.maximum(self.slope * (size - self.offset) - z_n, 0.0) / (1 + self.slope**2)
-        p = np.where(inside | self.pulls, shown, on_surface)
+        p = np.where(inside | self.bilateral, shown, on_surface)
         r_t = clip(z_t, np.where(inside, 0.0, size), self.offset + self.slope * p)
         return r_t - p[..., None] * self.n, z_t, size, inside
 
@@ -67,7 +67,7 @@ class Cones:
         along = np.divide(z_t, size[..., None], out=np.zeros_like(z_t), where=size[..., None] > 0)
         q_n, q_t = np.einsum("fmik,fzi->fmk", q, self.n), np.einsum("fmik,fmi->fmk", q, along)
         across = q - self.n[..., None] * q_n[:, :, None] - along[..., None] * q_t[:, :, None]
-        presses = (((r * self.n).sum(axis=-1) < 0) | self.pulls)[..., None]
+        presses = (((r * self.n).sum(axis=-1) < 0) | self.bilateral)[..., None]
         inside, slope = inside[..., None], self.slope[..., None]
         moved = presses * (q_n - slope * q_t) / (1 + slope**2)  # on the surface
         normal = np.where(inside, presses * q_n, moved)

@@ -32,9 +32,9 @@ PASSES = 10
 MARGIN = 0.2
 """Share of the sampled deviation that is added for what may lie between two samples [-]."""
 MOBILITY = 0.1
-"""kappa of :class:`_Drawn` where a traction must move for the balance [-]; 0.01 to 1 give the same e within 3%."""
+"""kappa of :class:`_Shift` where a traction must shift for the balance [-]; 0.01 to 1 give the same e within 3%."""
 ROUND_OFF = 1e-12
-"""The same where nothing must move: what the traction of a method is known to, over ``E/h |w|`` [-]."""
+"""The same where nothing must shift: what the traction of a method is known to, over ``E/h |w|`` [-]."""
 FAR = 1e3
 """Slip over ``h/E |r|`` from which on ROUND_OFF grows with it [-]."""
 HELD = 1e-8
@@ -42,11 +42,11 @@ HELD = 1e-8
 
 
 @dataclass(frozen=True, eq=False)
-class _Drawn:
+class _Shift:
     """Where slip and opening draw a traction: to ``r - kappa E/h v`` with ``v = w_t + (w_n - g - mu |w_t|) n``.
 
     Half of the contact part of e^2, ``int b |w_t| + r_t.w_t + r_n (w_n - g)``, is ``int r.v`` but for a constant where
-    ``b = offset + mu p`` (de Saxce's bipotential), and to move the traction by dr costs the bulk part about
+    ``b = offset + mu p`` (de Saxce's bipotential), and to shift the traction by dr costs the bulk part about
     ``h/(kappa E) |dr|^2``: so the best r is the allowed one that is nearest to ``r_0 - kappa E/h v``. A traction that
     slips stays on the surface of its cone, where it costs nothing however long the slip is.
 
@@ -71,7 +71,7 @@ class _Drawn:
         return MOBILITY * ((slope * self.path + self.opening)[..., None] * self.n - self.slip)
 
     def round_off(self, r: np.ndarray) -> np.ndarray:
-        """The same where nothing must move, with the kappa of round-off, and more where v is far beyond ``h/E r``.
+        """The same where nothing must shift, with the kappa of round-off, and more where v is far beyond ``h/E r``.
 
         e charges the round-off of a traction that slips, too, times the slip.
         """
@@ -97,11 +97,11 @@ def admissible_tractions(model: Model, solution: Any, loads: np.ndarray, forces:
     points, weights = rule(model.d - 1, model.contact_degree)
     project = projection(model.d - 1, model.degree, points, weights)
     average = averages(model.d - 1, model.degree, points, weights)
-    raw, means, drawn = [], [], []
+    raw, means, shifts = [], [], []
     for contact in model.contacts:
         nodes = model.facet_nodes(contact.facets)
         area = model.facet_areas(contact.facets)
-        drawn.append(_drawn(model, contact, solution.u.x.array.reshape(-1, model.d)[nodes], area))
+        shifts.append(_shift(model, contact, solution.u.x.array.reshape(-1, model.d)[nodes], area))
         sampled = evaluate(solution.traction(contact), model.mesh, points, contact.facets)
         means.append(np.matmul(average, sampled))
         raw.append(ContactTraction(contact, nodes, area, np.matmul(project, sampled), np.zeros(nodes.shape)))
@@ -112,9 +112,9 @@ def admissible_tractions(model: Model, solution: Any, loads: np.ndarray, forces:
             a.project(t.values) if model.degree == 1 else a.limited(mean, t.values)
             for t, mean, a in zip(raw, means, allowed, strict=True)
         ]
-        values = [a.project(r + move.round_off(r)) for r, a, move in zip(values, allowed, drawn, strict=True)]
+        values = [a.project(r + shift.round_off(r)) for r, a, shift in zip(values, allowed, shifts, strict=True)]
         if model.free_motions:
-            values = _balanced(model, raw, values, allowed, drawn, loads, forces)
+            values = _balanced(model, raw, values, allowed, shifts, loads, forces)
         new = []
         for t, v, a in zip(raw, values, allowed, strict=True):
             pressure = pressures(v, a.n)
@@ -132,7 +132,7 @@ def admissible_tractions(model: Model, solution: Any, loads: np.ndarray, forces:
     return projected([replace(a, sharp=False) for a in allowed])
 
 
-def _drawn(model: Model, contact: BoundContact, u: np.ndarray, area: np.ndarray) -> _Drawn:
+def _shift(model: Model, contact: BoundContact, u: np.ndarray, area: np.ndarray) -> _Shift:
     """Where displacements with nodal values u (f, m, d) draw the traction of a contact."""
     n, d, k = contact.direction[:, None, :], model.d, model.degree
     points, weights = rule(d - 1, model.contact_degree)
@@ -143,7 +143,7 @@ def _drawn(model: Model, contact: BoundContact, u: np.ndarray, area: np.ndarray)
         opening = np.maximum(model.gap_at_nodes(contact) @ shape.T - w_n, 0.0)
     stiffness = (model.at_middles(model.modulus, contact.facets[:, 0]) / area ** (1 / (d - 1)))[:, None]
     slip = stiffness[..., None] * np.matmul(average, w_t)
-    return _Drawn(slip, stiffness * length @ average.T, stiffness * opening @ average.T, n)
+    return _Shift(slip, stiffness * length @ average.T, stiffness * opening @ average.T, n)
 
 
 def _shrink(model: Model, traction: ContactTraction) -> np.ndarray:
@@ -173,11 +173,11 @@ def _balanced(
     raw: list[ContactTraction],
     start: list[np.ndarray],
     allowed: list[Allowed],
-    drawn: list[_Drawn],
+    shifts: list[_Shift],
     loads: np.ndarray,
     forces: float,
 ) -> list[np.ndarray]:
-    """The allowed tractions near those given, drawn against slip and opening, that balance loads on free motions."""
+    """The allowed tractions near those given, shifts against slip and opening, that balance loads on free motions."""
     comm, d = model.comm, model.d
     weights, motions = [], []
     for t in raw:
@@ -191,8 +191,8 @@ def _balanced(
     for _ in range(PASSES):
         peak = comm.allreduce(max((float(abs(r).max(initial=0.0)) for r in values), default=0.0), MPI.MAX)
         cones = [a.near(r, peak) for a, r in zip(allowed, values, strict=True)]
-        pulls = [move(c.slope) for move, c in zip(drawn, cones, strict=True)]
-        parts = [Part(*part) for part in zip(cones, start, pulls, weights, motions, strict=True)]
+        moves = [shift(c.slope) for shift, c in zip(shifts, cones, strict=True)]
+        parts = [Part(*part) for part in zip(cones, start, moves, weights, motions, strict=True)]
         values, rest, sizes = balanced(comm, parts, loads)
         if np.linalg.norm(rest) > HELD * max(forces, sizes):
             raise NotHeldError(

@@ -36,14 +36,14 @@ class _Limits:
         normal: Shape (c, d).
         bound: Limit of u_n [length], shape (c,).
         of_facet: Which limit each node of each facet has, shape (f, m).
-        turns: Positions of limits, no node twice in one array.
+        groups: Positions of limits, no node twice in one array.
     """
 
     nodes: np.ndarray
     normal: np.ndarray
     bound: np.ndarray
     of_facet: np.ndarray
-    turns: list[np.ndarray]
+    groups: list[np.ndarray]
 
 
 def admissible_displacement(model: Model, u: fem.Function, tractions: list[ContactTraction]) -> fem.Function:
@@ -68,24 +68,24 @@ def admissible_displacement(model: Model, u: fem.Function, tractions: list[Conta
         closing = _sum(limit, -weight * t.normal)
         friction = _sum(limit, weight * t.bound)
         shear = np.column_stack([_sum(limit, weight * t.tangential[..., i]) for i in range(model.d)])
-        for turn in limit.turns:
-            nodes, n = limit.nodes[turn], limit.normal[turn]
-            open_by = limit.bound[turn] - (values[nodes] * n).sum(axis=1)
-            snaps = closing[turn] * open_by > stiffness[turn] * open_by**2
-            _move_normal(values, mobile, limit, turn[snaps | t.contact.bilateral])
+        for group in limit.groups:
+            nodes, n = limit.nodes[group], limit.normal[group]
+            open_by = limit.bound[group] - (values[nodes] * n).sum(axis=1)
+            snaps = closing[group] * open_by > stiffness[group] * open_by**2
+            _move_normal(values, mobile, limit, group[snaps | t.contact.bilateral])
             _, slip, size = split(values[nodes], n)
-            gain = friction[turn] * size + (shear[turn] * slip).sum(axis=1)
-            sticks = gain > stiffness[turn] * size**2
+            gain = friction[group] * size + (shear[group] * slip).sum(axis=1)
+            sticks = gain > stiffness[group] * size**2
             values[nodes[sticks]] -= (mobile[nodes] * slip)[sticks]
-    several = len(tractions) > 1 or any(len(limit.turns) > 1 for limit in limits)
+    several = len(tractions) > 1 or any(len(limit.groups) > 1 for limit in limits)
     for _ in range(100):  # a node with several normals needs several passes
         worst = 0.0
         for t, limit in zip(tractions, limits, strict=True):
-            for turn in limit.turns:
-                excess = (values[limit.nodes[turn]] * limit.normal[turn]).sum(axis=1) - limit.bound[turn]
+            for group in limit.groups:
+                excess = (values[limit.nodes[group]] * limit.normal[group]).sum(axis=1) - limit.bound[group]
                 violated = abs(excess) > 0 if t.contact.bilateral else excess > 0
                 worst = max(worst, float(abs(excess[violated]).max(initial=0.0)))
-                _move_normal(values, mobile, limit, turn[violated])
+                _move_normal(values, mobile, limit, group[violated])
         if not several or worst <= 1e-15 * abs(values).max(initial=0.0):
             break
     model.to_coefficients(values, contacts, back=True)
@@ -129,8 +129,8 @@ def _limits(model: Model, traction: ContactTraction) -> _Limits:
     np.minimum.at(bound, of_facet.ravel(), at_nodes.ravel())
     nodes = traction.nodes.ravel()[first]
     times = np.arange(len(nodes)) - np.searchsorted(nodes, nodes)  # sorted by node: how often it came before
-    turns = [np.flatnonzero(times == k) for k in range(int(times.max(initial=0)) + 1)]
-    return _Limits(nodes, normals[first], bound, of_facet.reshape(traction.nodes.shape), turns)
+    groups = [np.flatnonzero(times == k) for k in range(int(times.max(initial=0)) + 1)]
+    return _Limits(nodes, normals[first], bound, of_facet.reshape(traction.nodes.shape), groups)
 
 
 def _excess(model: Model, traction: ContactTraction, at_nodes: np.ndarray) -> np.ndarray:

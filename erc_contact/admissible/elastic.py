@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from dolfinx import fem
 
-from erc_contact.admissible.cells import Simplices, evaluate_sorted
+from erc_contact.admissible.cells import CellGeometry, evaluate_sorted
 from erc_contact.admissible.macro import macro_points, mandel, tensors
 from erc_contact.mesh.simplex import bernstein, coefficients, gradients, projection, rule
 from erc_contact.model.expressions import evaluate, varies_in_cells
@@ -13,7 +13,7 @@ from erc_contact.model.model import Model
 from erc_contact.model.values import DATA_DEGREE
 
 
-def strains(cells: Simplices, u: fem.Function) -> np.ndarray:
+def strains(cells: CellGeometry, u: fem.Function) -> np.ndarray:
     """Strain of a displacement in Mandel components, coefficients of degree k-1, shape (n, N_(k-1), s)."""
     d, k = cells.d, cells.degree
     values = u.x.array.reshape(-1, d)[cells.nodes]
@@ -26,7 +26,7 @@ def strains(cells: Simplices, u: fem.Function) -> np.ndarray:
     return mandel(0.5 * (gradient + gradient.swapaxes(2, 3)))
 
 
-def elastic_stress(model: Model, cells: Simplices, u: fem.Function, count: int) -> np.ndarray:
+def elastic_stress(model: Model, cells: CellGeometry, u: fem.Function, count: int) -> np.ndarray:
     """``C eps(u)`` in Mandel components at the points of the sub-simplices [force/area].
 
     Shape (count, (d+1) q, s), with 1 in place of the points where it is constant in each cell.
@@ -44,7 +44,7 @@ def act(moduli: np.ndarray, tensor: np.ndarray) -> np.ndarray:
     return np.matmul(moduli, tensor[..., None])[..., 0]
 
 
-def moduli(model: Model, cells: Simplices, points: np.ndarray, count: int, *, inverse: bool = False) -> np.ndarray:
+def moduli(model: Model, cells: CellGeometry, points: np.ndarray, count: int, *, inverse: bool = False) -> np.ndarray:
     """The elasticity (or compliance) matrix in Mandel components at reference points of the cells.
 
     Args:
@@ -65,7 +65,7 @@ def moduli(model: Model, cells: Simplices, points: np.ndarray, count: int, *, in
     return evaluate(matrix, model.mesh, points[:1], np.arange(count, dtype=np.int32))
 
 
-def macro_moduli(model: Model, cells: Simplices, count: int, *, inverse: bool = False) -> np.ndarray:
+def macro_moduli(model: Model, cells: CellGeometry, count: int, *, inverse: bool = False) -> np.ndarray:
     """Elasticity (or compliance) matrices at the points of the sub-simplices.
 
     Shape (count, (d+1) q, s, s), with 1 in place of either number where the material does not vary.
@@ -73,7 +73,7 @@ def macro_moduli(model: Model, cells: Simplices, count: int, *, inverse: bool = 
     return moduli(model, cells, macro_points(model.d, model.degree)[1], count, inverse=inverse)
 
 
-def cell_stress(model: Model, cells: Simplices, u: fem.Function) -> np.ndarray:
+def cell_stress(model: Model, cells: CellGeometry, u: fem.Function) -> np.ndarray:
     """Projection of ``C eps(u)`` on degree k-1 in each cell: it tests against P_k fields as the stress itself.
 
     Shape (n, N_(k-1), d, d).

@@ -20,12 +20,21 @@ from functools import cache
 
 import numpy as np
 
-from erc_contact.admissible.cells import Simplices, pushes, signed
-from erc_contact.mesh.simplex import barycentric, bernstein, facet_nodes, facet_vertices, gradients, mass, nodes, rule
+from erc_contact.admissible.cells import CellGeometry, facet_forces, signed
+from erc_contact.mesh.simplex import (
+    barycentric,
+    bernstein,
+    facet_vertices,
+    gradients,
+    local_facet_nodes,
+    mass,
+    nodes,
+    rule,
+)
 
 
 def equilibrated_moments(
-    cells: Simplices,
+    cells: CellGeometry,
     stress: np.ndarray,
     force: np.ndarray | None,
     given: np.ndarray,
@@ -47,7 +56,7 @@ def equilibrated_moments(
     """
     d, k = cells.d, cells.degree
     inside, (on_facets, of_force) = divergence(d, k), _tests(d, k)
-    push = pushes(cells.area, stress)
+    push = facet_forces(cells.area, stress)
     inner = cells.has_second
     first = cells.side[0]
     flat = push.reshape(-1, *push.shape[2:])
@@ -60,7 +69,7 @@ def equilibrated_moments(
     if force is not None:
         residual += np.matmul(of_force, force)
     seen = signed(cells, moment)
-    for i, on_facet in enumerate(facet_nodes(d, k)):
+    for i, on_facet in enumerate(local_facet_nodes(d, k)):
         residual[:, on_facet] += seen[:, i]
     area = np.linalg.norm(cells.area, axis=2).ravel()[first]
     weight = np.where(first >= 0, area ** ((d - 2) / (d - 1)), 0.0)  # |F|/h_F with h_F = |F|^(1/(d-1))
@@ -72,7 +81,7 @@ def divergence(d: int, k: int) -> np.ndarray:
     """``-|T| (B_c, grad B_v)``: Bernstein polynomials of degree k test a stress of degree k-1.
 
     Returns:
-        Its factors for the pushes ``S_c |F_j| n_j``, means over the cell, shape (N_k, (d+1) N_(k-1)).
+        Its factors for the facet_forces ``S_c |F_j| n_j``, means over the cell, shape (N_k, (d+1) N_(k-1)).
     """
     inside = np.einsum("bc,cjv->vjb", mass(d, k - 1, k - 1), gradients(d, k)) / d  # |F_j| n_j = -d |T| grad lambda_j
     return inside.reshape(len(nodes(d, k)), -1)
@@ -90,7 +99,7 @@ def _tests(d: int, k: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _patch_jumps(
-    cells: Simplices,
+    cells: CellGeometry,
     residual: np.ndarray,
     weight: np.ndarray,
     inner: np.ndarray,
@@ -113,7 +122,7 @@ def _patch_jumps(
 
     # one edge of a graph for each facet and node; (cell, node) of either side as flat index
     used = np.flatnonzero(cells.side[0] >= 0)
-    nodes_of = facet_nodes(d, cells.degree)
+    nodes_of = local_facet_nodes(d, cells.degree)
     ends = []
     for side in cells.side[:, used]:
         cell, i = np.divmod(side, d + 1)

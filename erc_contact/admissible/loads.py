@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from erc_contact.admissible.cells import Simplices
+from erc_contact.admissible.cells import CellGeometry
 from erc_contact.mesh.quadrature import cell_pieces, facet_pieces, integrate, polynomials
 from erc_contact.mesh.simplex import bernstein, from_means, nodes, rule
 from erc_contact.model.expressions import Everywhere, evaluate, varies_in_cells
@@ -46,7 +46,7 @@ def traction_moments(model: Model, facets: np.ndarray, traction: Any) -> np.ndar
     return total.value.reshape(len(facets), len(model.facet_points), d)
 
 
-def cell_forces(model: Model, cells: Simplices) -> np.ndarray | None:
+def cell_forces(model: Model, cells: CellGeometry) -> np.ndarray | None:
     """Body force times volume, the projection of f on degree k-1 [force], shape (n, N_(k-1), d); collective."""
     if model.body_force is None:
         return None

@@ -19,15 +19,15 @@ from math import factorial
 
 import numpy as np
 
-from erc_contact.admissible.cells import Simplices, pushes
+from erc_contact.admissible.cells import CellGeometry, facet_forces
 from erc_contact.mesh.quadrature import cell_pieces, polynomials
 from erc_contact.mesh.simplex import (
     barycentric,
     bernstein,
     coefficients,
-    facet_nodes,
     facet_vertices,
     gradients,
+    local_facet_nodes,
     mass,
     measures,
     node_vertices,
@@ -48,7 +48,7 @@ def _reference(d: int, k: int) -> tuple[np.ndarray, np.ndarray]:
     subs = cell_pieces(d)[..., 1:]
     stresses = np.eye((d + 1) * N * s).reshape(d + 1, N, s, -1)
     inputs = np.eye(((d + 1) * m + b) * d).reshape((d + 1) * m + b, d, -1)
-    table, on_facet = gradients(d, k), facet_nodes(d, k)
+    table, on_facet = gradients(d, k), local_facet_nodes(d, k)
     lower = nodes(d, k - 1)
 
     rows, data = [], []
@@ -133,7 +133,7 @@ def _elevation(d: int, k: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def macro_stress(
-    cells: Simplices, count: int, stress: np.ndarray, forces: np.ndarray, force: np.ndarray | None
+    cells: CellGeometry, count: int, stress: np.ndarray, forces: np.ndarray, force: np.ndarray | None
 ) -> np.ndarray:
     """The admissible stress ``sigma^ = sigma_h + map(F^ - sigma_h n, f + div sigma_h)`` in the sub-simplices.
 
@@ -158,7 +158,7 @@ def macro_stress(
         base = stress[some]
         inverse = -cells.area[some, 1:] / (d * cells.volume[some, None, None])
         inputs = np.empty((len(base), matrix.shape[3], d))
-        push = pushes(cells.area[some], base)
+        push = facet_forces(cells.area[some], base)
         np.subtract(forces[some], np.matmul(of_facets, push), out=inputs[:, :-b].reshape(len(base), d + 1, -1, d))
         inputs[:, -b:] = 0.0 if force is None else force[some]
         if k > 1:
@@ -186,7 +186,7 @@ def macro_values(stress: np.ndarray, k: int, of: np.ndarray, at: np.ndarray) -> 
     return np.matmul(polynomials(k, local), stress[of, sub])
 
 
-def piola(cells: Simplices, some: slice) -> np.ndarray:
+def piola(cells: CellGeometry, some: slice) -> np.ndarray:
     """Images ``J b J^T / |det J|`` of the basis tensors b in some cells, row by row in Mandel components, (n, s, s)."""
     d, basis, J = cells.d, mandel_basis(cells.d), cells.J[some]
     products = (J[:, :, :, None, None] * J[:, None, None]) / (cells.volume[some] * factorial(d))[

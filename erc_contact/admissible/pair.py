@@ -18,17 +18,25 @@ import ufl
 from dolfinx import fem, la
 from mpi4py import MPI
 
-from erc_contact.admissible.cells import Simplices, facet_order, moments, nodal_forces, pushes, signed, simplices
+from erc_contact.admissible.cells import (
+    CellGeometry,
+    cell_geometry,
+    facet_forces,
+    facet_order,
+    force_coefficients,
+    moments,
+    signed,
+)
 from erc_contact.admissible.contact import admissible_tractions
 from erc_contact.admissible.displacement import admissible_displacement
 from erc_contact.admissible.elastic import cell_stress, elastic_stress, macro_moduli
 from erc_contact.admissible.facets import divergence, equilibrated_moments
 from erc_contact.admissible.loads import cell_forces, traction_moments
 from erc_contact.admissible.macro import macro_stress
-from erc_contact.admissible.tighten.energy import relaxed
+from erc_contact.admissible.tighten.complementary import relaxed
 from erc_contact.admissible.tighten.iteration import TIGHTEN, tightened
 from erc_contact.admissible.traction import ContactTraction
-from erc_contact.mesh.simplex import coefficients, facet_nodes, mass
+from erc_contact.mesh.simplex import coefficients, local_facet_nodes, mass
 from erc_contact.model.expressions import varies_in_cells
 from erc_contact.model.model import Model
 from erc_contact.newton.solution import Solution
@@ -62,7 +70,7 @@ class Admissible:
     solution: Solution
     displacement: fem.Function
     tractions: list[ContactTraction]
-    cells: Simplices
+    cells: CellGeometry
     fe_stress: np.ndarray
     stress: np.ndarray
     moment: np.ndarray
@@ -87,7 +95,7 @@ def equilibrate(solution: Solution, tighten: int = TIGHTEN) -> Admissible:
     """
     began = perf_counter()
     model = solution.model
-    cells = simplices(model)
+    cells = cell_geometry(model)
     force = cell_forces(model, cells)
     given, fixed = _loads(model, cells)
     tractions = admissible_tractions(model, solution, *_work(model, _nodal(model, cells, given, force)))
@@ -106,7 +114,7 @@ def equilibrate(solution: Solution, tighten: int = TIGHTEN) -> Admissible:
     if tighten > 0:
         free = cells.has_second[:, None] | fixed
         moment, iterations = tightened(model, cells, moment, force, free, elastic, compliance, tighten)
-    forces = nodal_forces(signed(cells, moment)[:count], model.degree)
+    forces = force_coefficients(signed(cells, moment)[:count], model.degree)
     macro = macro_stress(cells, count, stress, forces, force)
     if inner:
         macro = relaxed(cells, macro, elastic, compliance)
@@ -114,7 +122,7 @@ def equilibrate(solution: Solution, tighten: int = TIGHTEN) -> Admissible:
     return Admissible(solution, hat, tractions, cells, stress, macro, moment, force, iterations, seconds)
 
 
-def _loads(model: Model, cells: Simplices) -> tuple[np.ndarray, np.ndarray]:
+def _loads(model: Model, cells: CellGeometry) -> tuple[np.ndarray, np.ndarray]:
     """Moments of the loads on each facet, projected on degree k, and the fixed components of facets."""
     d = cells.d
     given = np.zeros((cells.side.shape[1], len(model.facet_points), d))
@@ -134,7 +142,7 @@ def _add(model: Model, given: np.ndarray, facets: np.ndarray, moment: np.ndarray
     given[model.facet_numbers(facets)] += np.take_along_axis(moment, order[:, :, None], axis=1)
 
 
-def _nodal(model: Model, cells: Simplices, given: np.ndarray, force: np.ndarray | None) -> fem.Function:
+def _nodal(model: Model, cells: CellGeometry, given: np.ndarray, force: np.ndarray | None) -> fem.Function:
     """Nodal forces of moments on facets and of cell forces, not yet summed over ranks [force]."""
     d, k, owned = model.d, model.degree, model.domain.owned_cells
     b = fem.Function(model.V)
@@ -142,7 +150,7 @@ def _nodal(model: Model, cells: Simplices, given: np.ndarray, force: np.ndarray 
     first = cells.side[0]
     loaded = np.flatnonzero(given.any(axis=(1, 2)) & (first >= 0) & (first < owned * (d + 1)))
     cell, i = np.divmod(first[loaded], d + 1)
-    on_facet = np.take_along_axis(cells.nodes[cell], facet_nodes(d, k)[i], axis=1)
+    on_facet = np.take_along_axis(cells.nodes[cell], local_facet_nodes(d, k)[i], axis=1)
     np.add.at(nodal, on_facet, np.matmul(coefficients(d - 1, k).T, given[loaded]))
     if force is not None:
         np.add.at(nodal, cells.nodes[:owned], np.matmul(coefficients(d, k).T @ mass(d, k, k - 1), force[:owned]))
@@ -156,7 +164,7 @@ def _work(model: Model, b: fem.Function) -> tuple[np.ndarray, float]:
     return total[:-1], float(total[-1])
 
 
-def _rebalanced(solution: Solution, cells: Simplices, b: fem.Function) -> np.ndarray:
+def _rebalanced(solution: Solution, cells: CellGeometry, b: fem.Function) -> np.ndarray:
     """The finite element stress under nodal forces, shape (n, N_(k-1), d, d), with the factor at hand.
 
     In exact discrete equilibrium: where displacements are large beside the strains, as in a body that slides far, their
@@ -178,7 +186,7 @@ def _rebalanced(solution: Solution, cells: Simplices, b: fem.Function) -> np.nda
     return _of_owners(model, cells, stress)
 
 
-def _of_owners(model: Model, cells: Simplices, stress: np.ndarray) -> np.ndarray:
+def _of_owners(model: Model, cells: CellGeometry, stress: np.ndarray) -> np.ndarray:
     """The stress that the owner of each cell has, also in its copies on other ranks.
 
     After a large slide the round-off of a copy differs from that of its owner by more than the balance allows.
@@ -196,10 +204,14 @@ def _of_owners(model: Model, cells: Simplices, stress: np.ndarray) -> np.ndarray
     return theirs.copy() if stress.shape[1] == 1 else np.take_along_axis(theirs, order, axis=1)
 
 
-def _residual(model: Model, cells: Simplices, b: fem.Function, stress: np.ndarray) -> tuple[fem.Function, float]:
+def _residual(model: Model, cells: CellGeometry, b: fem.Function, stress: np.ndarray) -> tuple[fem.Function, float]:
     """Nodal forces that a stress does not balance, not yet summed over ranks [force]; their size over its forces."""
     d, owned = model.d, model.domain.owned_cells
-    rest, inside, push = fem.Function(model.V), divergence(d, model.degree), pushes(cells.area[:owned], stress[:owned])
+    rest, inside, push = (
+        fem.Function(model.V),
+        divergence(d, model.degree),
+        facet_forces(cells.area[:owned], stress[:owned]),
+    )
     rest.x.array[:] = b.x.array
     of_cells = np.matmul(coefficients(d, model.degree).T @ inside, push.reshape(owned, inside.shape[1], d))
     np.add.at(rest.x.array.reshape(-1, d), cells.nodes[:owned], of_cells)

@@ -192,17 +192,17 @@ def lifting(model: Model, which: int, a: np.ndarray) -> tuple[fem.Function, bool
     for bc in model.bcs:
         held.ravel()[bc.dof_indices()[0]] = True
     places = [_nodes(model, c) for c in model.contacts]
-    values[own] += _tested(model.contacts[which], a - values[own])
+    values[own] += _working_part(model.contacts[which], a - values[own])
     for contact, at in zip(model.contacts, places, strict=True):
         if contact is not model.contacts[which]:
-            values[at] -= _tested(contact, values[at])
+            values[at] -= _working_part(contact, values[at])
     values[held] = 0.0
     tolerance = ROUND_OFF * float(np.linalg.norm(a))
     for contact, at in zip(model.contacts, places, strict=True):
         if contact is not model.contacts[which]:  # what several hold at once is zero
-            values[at[abs(_tested(contact, values[at])).max(axis=1, initial=0.0) > tolerance]] = 0.0
+            values[at[abs(_working_part(contact, values[at])).max(axis=1, initial=0.0) > tolerance]] = 0.0
     phi.x.scatter_forward()
-    missing = abs(_tested(model.contacts[which], a - values[own])).max(initial=0.0) > tolerance
+    missing = abs(_working_part(model.contacts[which], a - values[own])).max(initial=0.0) > tolerance
     return phi, bool(model.comm.allreduce(bool(missing), MPI.LOR))
 
 
@@ -211,8 +211,8 @@ def _least_energy(model: Model, which: int, a: np.ndarray) -> fem.Function:
     u, v = ufl.TrialFunction(model.V), ufl.TestFunction(model.V)
     gamma = model.stiffness_per_area(fem.Constant(model.mesh, GLUE))
     target = fem.Constant(model.mesh, a)
-    springs = [gamma * ufl.inner(_tested_ufl(c, u), v) * c.ds for c in model.contacts]
-    pull = gamma * ufl.inner(_tested_ufl(model.contacts[which], target), v) * model.contacts[which].ds
+    springs = [gamma * ufl.inner(_working_part_ufl(c, u), v) * c.ds for c in model.contacts]
+    pull = gamma * ufl.inner(_working_part_ufl(model.contacts[which], target), v) * model.contacts[which].ds
     matrix = fp.assemble_matrix(fem.form(sum(springs, start=model.stiffness(u, v))), bcs=model.bcs)
     matrix.assemble()
     b = fp.assemble_vector(fem.form(pull))
@@ -238,7 +238,7 @@ def _only_normal(contact: BoundContact) -> bool:
     return contact.friction is None and isinstance(contact.normal, fem.Constant)
 
 
-def _tested(contact: BoundContact, values: np.ndarray) -> np.ndarray:
+def _working_part(contact: BoundContact, values: np.ndarray) -> np.ndarray:
     """The part of vectors (n, d) on which the contact traction works."""
     if not _only_normal(contact):
         return values
@@ -246,7 +246,7 @@ def _tested(contact: BoundContact, values: np.ndarray) -> np.ndarray:
     return (values @ n)[:, None] * n
 
 
-def _tested_ufl(contact: BoundContact, v: Any) -> Any:
+def _working_part_ufl(contact: BoundContact, v: Any) -> Any:
     return ufl.dot(v, contact.normal) * contact.normal if _only_normal(contact) else v
 
 

@@ -32,10 +32,10 @@ def bulk_squares(admissible: Admissible) -> tuple[np.ndarray, np.ndarray, float]
     sigma = np.matmul(shape, admissible.stress).reshape(owned, len(weights), admissible.stress.shape[3])
     elastic = elastic_stress(model, cells, admissible.displacement, owned)
 
-    def energy(tau: np.ndarray) -> np.ndarray:
+    def square(tau: np.ndarray) -> np.ndarray:
         return cells.volume[:owned] * np.einsum("nqa,nqa,q->n", act(compliance, tau), tau, weights)
 
-    difference, both = energy(sigma - elastic), energy(sigma + elastic)
+    difference, both = square(sigma - elastic), square(sigma + elastic)
     if not model.varying_moduli:
         return difference, both, 0.0
     stiffness_at, compliance_at = (
@@ -44,7 +44,7 @@ def bulk_squares(admissible: Admissible) -> tuple[np.ndarray, np.ndarray, float]
     of_cells = model.owned_cells
     strain = strains(cells, admissible.displacement)[:owned]
 
-    def energies(of: np.ndarray, at: np.ndarray, x: np.ndarray) -> np.ndarray:
+    def squares(of: np.ndarray, at: np.ndarray, x: np.ndarray) -> np.ndarray:
         S = compliance_at(x, of_cells[of])
         elastic = act(stiffness_at(x, of_cells[of]), np.matmul(polynomials(k - 1, at), strain[of]))
         sigma = macro_values(admissible.stress, k, of, at)
@@ -53,7 +53,7 @@ def bulk_squares(admissible: Admissible) -> tuple[np.ndarray, np.ndarray, float]
     corners = sorted_corners(model, cells)[:owned]
     floor = np.array([EXACT**2 * model.comm.allreduce(float(both.sum()), MPI.SUM), 0.0])
     total = integrate(
-        model.comm, energies, corners, cells.volume[:owned], cell_pieces(model.d), share=UNKNOWN, floor=floor
+        model.comm, squares, corners, cells.volume[:owned], cell_pieces(model.d), share=UNKNOWN, floor=floor
     )
     unknown = 0.0 if total.resolved.all() else float(total.rest.max(axis=1).sum())
     return total.value[:, 0] + total.rest[:, 0], total.value[:, 1], unknown

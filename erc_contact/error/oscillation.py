@@ -20,7 +20,7 @@ from dataclasses import astuple, dataclass
 import numpy as np
 from mpi4py import MPI
 
-from erc_contact.admissible.cells import Simplices, sorted_corners
+from erc_contact.admissible.cells import CellGeometry, sorted_corners
 from erc_contact.admissible.loads import traction_moments
 from erc_contact.mesh.quadrature import Integrand, cell_pieces, facet_pieces, integrate, polynomials
 from erc_contact.mesh.simplex import coefficients, from_means
@@ -59,7 +59,7 @@ class Oscillations:
         return float(np.linalg.norm(astuple(self)))
 
 
-def of_loads(model: Model, cells: Simplices, force: np.ndarray | None) -> float:
+def of_loads(model: Model, cells: CellGeometry, force: np.ndarray | None) -> float:
     """Square of the oscillation of the loads on this rank; collective.
 
     Args:

@@ -13,7 +13,7 @@ import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
 
-from erc_contact.admissible.cells import simplices, sorted_corners
+from erc_contact.admissible.cells import cell_geometry, sorted_corners
 from erc_contact.admissible.cones import pressures, split
 from erc_contact.admissible.elastic import act, strains
 from erc_contact.admissible.macro import macro_points
@@ -113,7 +113,7 @@ def load_work(model: Model, v: fem.Function) -> Number:
                 model.comm, integrate(model.comm, work, model.facet_corners(facets), area, facet_pieces(d - 1))
             )
     if model.body_force is not None and varies_in_cells(model.body_force):
-        cells = simplices(model)
+        cells = cell_geometry(model)
         owned, in_cells = domain.owned_cells, np.matmul(coefficients(d, k), nodal[cells.nodes])
         work = _products(Everywhere(model.body_force, domain.mesh), model.owned_cells, in_cells, k)
         corners, volume = sorted_corners(model, cells)[:owned], cells.volume[:owned]

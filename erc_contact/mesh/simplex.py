@@ -55,7 +55,7 @@ def node_vertices(d: int, k: int) -> np.ndarray:
 
 
 @cache
-def facet_nodes(d: int, k: int) -> np.ndarray:
+def local_facet_nodes(d: int, k: int) -> np.ndarray:
     """Local nodes of each local facet, in the order of the nodes of a facet, shape (d+1, m)."""
     pairs = facet_vertices(d)[:, node_vertices(d - 1, k)]
     return node_between(d, k)[pairs[..., 0], pairs[..., 1]]

@@ -54,7 +54,7 @@ class Condensed:
         schur: S_A, the glued stiffness condensed on A, on rank 0 [force/length], shape (A, A).
         matrix: K on rank 0 [force/length], shape (A, A).
         loads: s on rank 0 [force].
-        toward: Normals of the foundation at the contact nodes of A, on rank 0 [-].
+        normals: Normals of the foundation at the contact nodes of A, on rank 0 [-].
         length: Size of the displacement, the same on all ranks [length].
         force: Size of the forces that cancel in the residual, on rank 0 [force].
     """
@@ -64,7 +64,7 @@ class Condensed:
         self.share = fem.Constant(model.mesh, 1.0)
         self.contacts = [c.with_share(self.share) for c in model.contacts]
         self._at: np.ndarray | None = None
-        self.tested = len(stiffness.numbers) if method.in_layer else stiffness.contact
+        self.size = len(stiffness.numbers) if method.in_layer else stiffness.contact_size
         self.u = fem.Function(model.V)
         self.u.x.array[:] = w.x.array
         if method.multiplier:
@@ -72,16 +72,16 @@ class Condensed:
         self.multipliers = tuple(fem.Function(model.V) for _ in model.contacts) if method.multiplier else ()
         self._compile()
         self.w, known = stiffness.gather(w), stiffness.gather(self.u)
-        self.edges = _edges(model, stiffness, self.tested) if method.multiplier else None
+        self.edges = _edges(model, stiffness, self.size) if method.multiplier else None
         self.length = max(model.comm.allgather(float(abs(w.x.array).max(initial=0.0)))) or 1.0
         together(model.comm, self._condense, known)
-        toward = fem.Function(model.V)
+        normals = fem.Function(model.V)
         for contact in model.contacts:
-            toward.x.array.reshape(-1, model.d)[model.facet_nodes(contact.facets)] = contact.direction[:, None, :]
-        self.toward = stiffness.gather(toward)[: self.tested]
+            normals.x.array.reshape(-1, model.d)[model.facet_nodes(contact.facets)] = contact.direction[:, None, :]
+        self.normals = stiffness.gather(normals)[: self.size]
         columns = [np.full(len(w.x.array), -1)]
         columns[0][stiffness.local] = stiffness.place
-        self.size = len(stiffness.numbers)
+        self.field_size = len(stiffness.numbers)
         if self.multipliers:
             self._add_multipliers(columns)
         self._connect(columns)
@@ -102,23 +102,23 @@ class Condensed:
         raise_together(comm, error)
         return comm.bcast(result)
 
-    def residual(self, u_tested: np.ndarray) -> np.ndarray:
+    def residual(self, u_A: np.ndarray) -> np.ndarray:
         """R(u_A) [force], rank 0."""
-        self._move(u_tested)
+        self._move(u_A)
         equations = self._ask("_residual")
-        return equations if self.multipliers else self.matrix @ u_tested - self.loads + equations
+        return equations if self.multipliers else self.matrix @ u_A - self.loads + equations
 
-    def tangent(self, u_tested: np.ndarray) -> np.ndarray:
+    def tangent(self, u_A: np.ndarray) -> np.ndarray:
         """dR/du_A at u_A [force/length], shape (A, A) in Fortran order, rank 0."""
-        self._move(u_tested)
+        self._move(u_A)
         self.sparse.setValuesCOO(self._ask("_tangent"))
         self.sparse.matMult(self.lifted, self.product)
         dense = self.product.getDenseArray(readonly=True)
         return dense.copy(order="F") if self.multipliers else np.asfortranarray(dense + self.matrix)
 
-    def states(self, u_tested: np.ndarray) -> np.ndarray:
+    def states(self, u_A: np.ndarray) -> np.ndarray:
         """Open (0), slip (1) or stick (2) at points of all contact facets for u_A, rank 0."""
-        self._move(u_tested)
+        self._move(u_A)
         return self._ask("_states")
 
     def raise_friction(self, share: float) -> None:
@@ -129,12 +129,12 @@ class Condensed:
         """u_A from the displacements of the contact nodes, elsewhere in elastic equilibrium [length], rank 0."""
         count = len(u_contact)
         _, lift = self.stiffness.reduced(count)
-        return self.w[: self.tested] + lift[: self.tested] @ (u_contact - self.w[:count])
+        return self.w[: self.size] + lift[: self.size] @ (u_contact - self.w[:count])
 
-    def multipliers_at(self, u_tested: np.ndarray) -> tuple[fem.Function, ...]:
+    def multipliers_at(self, u_A: np.ndarray) -> tuple[fem.Function, ...]:
         """The multipliers of all contacts for u_A, new Functions of nodal values [force/area]; collective."""
         comm, model = self.model.comm, self.model
-        z = comm.bcast(self._fields_at(u_tested) if comm.rank == 0 and self.multipliers else None)
+        z = comm.bcast(self._fields_at(u_A) if comm.rank == 0 and self.multipliers else None)
         found = []
         for contact, (dofs, places) in zip(model.contacts, self.readers[1:], strict=False):
             multiplier = fem.Function(model.V)
@@ -143,14 +143,14 @@ class Condensed:
             found.append(multiplier)
         return tuple(found)
 
-    def _fields_at(self, u_tested: np.ndarray) -> np.ndarray:
-        return self.affine[:, :-1] @ u_tested + self.affine[:, -1]
+    def _fields_at(self, u_A: np.ndarray) -> np.ndarray:
+        return self.affine[:, :-1] @ u_A + self.affine[:, -1]
 
-    def _move(self, u_tested: np.ndarray) -> None:
+    def _move(self, u_A: np.ndarray) -> None:
         """Set the fields of all ranks to u_A, rank 0."""
-        if self._at is None or not np.array_equal(self._at, u_tested):
-            self._ask("_set", self._fields_at(u_tested))
-            self._at = u_tested.copy()
+        if self._at is None or not np.array_equal(self._at, u_A):
+            self._ask("_set", self._fields_at(u_A))
+            self._at = u_A.copy()
 
     # -- what every rank does -------------------------------------------------------------------------------
 
@@ -169,7 +169,7 @@ class Condensed:
         parts = self.model.comm.gather(vector[self.rows])
         if parts is None:
             return None
-        return np.bincount(self.all_rows, np.concatenate(parts), self.tested)
+        return np.bincount(self.all_rows, np.concatenate(parts), self.size)
 
     def _tangent(self) -> np.ndarray | None:
         values = []
@@ -193,7 +193,7 @@ class Condensed:
         """The dense matrices, on rank 0."""
         if self.stiffness.schur is None:
             return
-        a = self.tested
+        a = self.size
         self.schur, lift = self.stiffness.reduced(a)
         self.matrix = self.schur - np.diag(self.stiffness.glued_by[:a])
         self.loads = self.schur @ self.w[:a]
@@ -240,9 +240,9 @@ class Condensed:
             visible = np.unique(model.facet_nodes(contact.facets))
             found = np.searchsorted(every, model.global_numbers(visible))
             column = np.full((len(model.fixed), d), -1)
-            column[visible] = self.size + found[:, None] * d + np.arange(d)
+            column[visible] = self.field_size + found[:, None] * d + np.arange(d)
             columns.append(column.ravel())
-            self.size += len(every) * d
+            self.field_size += len(every) * d
         together(model.comm, self._append, gathered)
 
     def _append(self, contacts: list[tuple[np.ndarray, np.ndarray, np.ndarray]]) -> None:
@@ -252,12 +252,12 @@ class Condensed:
         reaction = np.hstack([self.matrix, -self.loads[:, None]])
         if self.edges:
             reaction = self.edges.forces(reaction)
-        places = Places(self.stiffness.numbers[: self.tested], self.model.d)
+        places = Places(self.stiffness.numbers[: self.size], self.model.d)
         self.affine = np.vstack([self.affine, *_multipliers(contacts, places, reaction)])
 
     def _connect(self, columns: list[np.ndarray]) -> None:
         """Where the ranks' entries of residual and tangent go."""
-        comm, a = self.model.comm, self.tested
+        comm, a = self.model.comm, self.size
         self.readers = [(np.flatnonzero(c >= 0), c[c >= 0]) for c in columns]
         row_of = np.where(columns[0] < a, columns[0], -1)
         self.rows = np.flatnonzero(row_of >= 0)
@@ -277,10 +277,10 @@ class Condensed:
                 return
             self.all_rows = np.concatenate(all_rows)
             row, col = (np.concatenate([p[i] for p in parts]).astype(PETSc.IntType) for i in (0, 1))
-            self.sparse = PETSc.Mat().createAIJ((a, self.size), comm=PETSc.COMM_SELF)
+            self.sparse = PETSc.Mat().createAIJ((a, self.field_size), comm=PETSc.COMM_SELF)
             self.sparse.setPreallocationCOO(row, col)
             columns_of = np.asfortranarray(self.affine[:, :-1])
-            self.lifted = PETSc.Mat().createDense((self.size, a), array=columns_of, comm=PETSc.COMM_SELF)
+            self.lifted = PETSc.Mat().createDense((self.field_size, a), array=columns_of, comm=PETSc.COMM_SELF)
             self.product = PETSc.Mat().createDense((a, a), comm=PETSc.COMM_SELF)
             self.product.setUp()
 

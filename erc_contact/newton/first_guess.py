@@ -31,14 +31,14 @@ def glued(stiffness: Stiffness, w: fem.Function) -> np.ndarray | None:
     Returns:
         The free components on rank 0, None on other ranks; collective.
     """
-    model, a = stiffness.model, stiffness.contact
-    toward = fem.Function(model.V)
-    values = toward.x.array.reshape(-1, model.d)
+    model, a = stiffness.model, stiffness.contact_size
+    across_gap = fem.Function(model.V)
+    values = across_gap.x.array.reshape(-1, model.d)
     for contact in model.contacts:
         if contact.gap is not None:
             gap = model.gap_at_nodes(contact)
             values[model.facet_nodes(contact.facets)] = gap[..., None] * contact.direction[:, None, :]
-    given, start = stiffness.gather(toward)[:a], stiffness.gather(w)[:a]
+    given, start = stiffness.gather(across_gap)[:a], stiffness.gather(w)[:a]
 
     def across() -> np.ndarray | None:
         if stiffness.schur is None:
@@ -67,7 +67,7 @@ def from_mesh(model: Model, u: fem.Function, stiffness: Stiffness) -> np.ndarray
     x = new.V.tabulate_dof_coordinates()[nodes, : new.d]
     field = fem.Function(new.V)
     field.x.array.reshape(-1, new.d)[nodes] = interpolate(x, corners, values, model.degree)
-    given = stiffness.gather(field)[: stiffness.contact]
+    given = stiffness.gather(field)[: stiffness.contact_size]
     return None if stiffness.schur is None else given
 
 

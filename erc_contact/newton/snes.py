@@ -80,10 +80,10 @@ class Newton:
     def __init__(self, problem: Condensed, accuracy: float | None = None) -> None:
         self.problem, self.accuracy = problem, accuracy
         self.scale = problem.length / problem.force
-        size = problem.tested
+        size = problem.size
         self.jacobian = PETSc.Mat().createDense((size, size), comm=PETSc.COMM_SELF)
         self.jacobian.setUp()
-        self.energy: PETSc.KSP | None = None
+        self.elastic: PETSc.KSP | None = None
 
     def solve(self, start: np.ndarray, line_search: str) -> tuple[State, Outcome]:
         """One attempt from u_A; returns the last state and how it ended."""
@@ -161,29 +161,29 @@ class Newton:
         With the traction of the method as r^, it is what the rebalance of the last state adds to the error in the
         constitutive relation.
         """
-        if self.energy is None:
-            energy = self.problem.stiffness.energy(self.problem.tested)
+        if self.elastic is None:
+            energy = self.problem.stiffness.definite(self.problem.size)
             matrix = PETSc.Mat().createDense(energy.shape, array=energy, comm=PETSc.COMM_SELF)
             matrix.setOption(PETSc.Mat.Option.SPD, True)
-            self.energy = _direct(matrix, "cholesky")
+            self.elastic = _direct(matrix, "cholesky")
         force, u = self.jacobian.createVecs()
         force.array[:] = residual
-        self.energy.solve(force, u)
+        self.elastic.solve(force, u)
         return float(np.sqrt(max(u.dot(force), 0.0)))
 
-    def regularity(self, u_tested: np.ndarray) -> float:
+    def regularity(self, u_A: np.ndarray) -> float:
         """Least singular value of the tangent, scaled by the elastic diagonal [-]; zero where it has no inverse.
 
         The least of two: at a state, and at the state pressed into the foundation by a tiny length. Points that touch
         without pressure are on a kink, and the tangent that they have when pressed may be the singular one.
         """
-        pressed = u_tested + PRESS * self.problem.length * self.problem.toward
-        return min(self._least_singular_value(u) for u in (u_tested, pressed))
+        pressed = u_A + PRESS * self.problem.length * self.problem.normals
+        return min(self._least_singular_value(u) for u in (u_A, pressed))
 
-    def _least_singular_value(self, u_tested: np.ndarray) -> float:
+    def _least_singular_value(self, u_A: np.ndarray) -> float:
         """Inverse iteration on ``J^T J``: an estimate."""
         diagonal = 1 / np.sqrt(self.problem.schur.diagonal())
-        scaled = self.problem.tangent(u_tested) * diagonal * diagonal[:, None]
+        scaled = self.problem.tangent(u_A) * diagonal * diagonal[:, None]
         matrix = PETSc.Mat().createDense(scaled.shape, array=scaled, comm=PETSc.COMM_SELF)
         ksp = _direct(matrix, "lu")
         x, y = matrix.createVecs()
@@ -213,8 +213,8 @@ class Newton:
     def destroy(self) -> None:
         """Free PETSc's objects."""
         self.jacobian.destroy()
-        if self.energy is not None:
-            self.energy.destroy()
+        if self.elastic is not None:
+            self.elastic.destroy()
 
 
 def _direct(matrix: PETSc.Mat, kind: str) -> PETSc.KSP:

@@ -77,8 +77,8 @@ def solve(
     b = stiffness.load_vector()
     w = stiffness.glued(b)
     _check_size(model, b, w)
-    if stiffness.contact:
-        solution = _Ascent(model, method, stiffness, w, accuracy).solve(start)
+    if stiffness.contact_size:
+        solution = _ContactSolve(model, method, stiffness, w, accuracy).solve(start)
     else:
         solution = Solution(model, method or DEFAULT, w, (), 0, "linear solve", 0.0, 1.0, stiffness, 0.0)
     seconds = model.comm.allreduce(perf_counter() - began, MPI.MAX)
@@ -125,7 +125,7 @@ def _check_size(model: Model, b: fem.Function, w: fem.Function) -> None:
         )
 
 
-class _Ascent:
+class _ContactSolve:
     """The ladder of attempts for one model; all ranks climb it together."""
 
     def __init__(
@@ -182,7 +182,7 @@ class _Ascent:
                 remaining, regularity = newton.remaining(state.residual), newton.regularity(start)
                 results = remaining, regularity, start, problem.matrix @ start - problem.loads
             newton.destroy()
-            return replace(outcome, steps=steps), start[: self.stiffness.contact], results
+            return replace(outcome, steps=steps), start[: self.stiffness.contact_size], results
 
         outcome, state, results = problem.run(work)
         self.steps += outcome.steps
@@ -191,9 +191,9 @@ class _Ascent:
         return outcome.converged, state, results
 
     def _solution(self, method: Method, results: tuple[float, float, np.ndarray, np.ndarray]) -> Solution:
-        remaining, regularity, u_tested, force = results
+        remaining, regularity, u_A, force = results
         cells = self.model.domain.cells
-        u = self.stiffness.expand(self.w, u_tested, force)
+        u = self.stiffness.expand(self.w, u_A, force)
         reason = self.tried[-1]
         if method != self.method:
             reason = f"{self.method} did not converge: {reason}"
@@ -201,7 +201,7 @@ class _Ascent:
         if regularity < SINGULAR:
             reason += f"; the tangent is singular ({regularity:.0e}), the solution may be one of many"
             self.log.warning("The tangent of the contact problem is singular at its solution: it may be one of many.")
-        multipliers = self.problems[method].multipliers_at(u_tested)
+        multipliers = self.problems[method].multipliers_at(u_A)
         return Solution(
             self.model, method, u, multipliers, self.steps, reason, remaining, regularity, self.stiffness, 0.0
         )

@@ -23,7 +23,7 @@ from dolfinx.fem import petsc as fp
 from petsc4py import PETSc
 
 from erc_contact.base.exceptions import InputError, together
-from erc_contact.mesh.simplex import facet_nodes
+from erc_contact.mesh.simplex import local_facet_nodes
 from erc_contact.model.model import Model
 from erc_contact.newton.mumps import factorised, schur_complement
 
@@ -51,7 +51,7 @@ class Stiffness:
     def __init__(self, model: Model) -> None:
         self.model = model
         self.form = fem.form(model.stiffness(ufl.TrialFunction(model.V), ufl.TestFunction(model.V)))
-        self.contact = 0
+        self.contact_size = 0
         self.schur: np.ndarray | None = None
         self._reduced: tuple[np.ndarray, np.ndarray] | None = None
         self._ksp: PETSc.KSP | None = None
@@ -59,7 +59,7 @@ class Stiffness:
         if model.contacts:
             self.glue = self._glue()
             self.local, self.place, self.numbers = self._layer()
-        if self.contact:
+        if self.contact_size:
             self._condense()
 
     def load_vector(self) -> fem.Function:
@@ -102,22 +102,22 @@ class Stiffness:
         Loads on rigid motions that no support holds must balance; u has then no part in these motions at the contact.
         """
         w = self.glued(b, supports=supports)
-        if not self.contact:
+        if not self.contact_size:
             return w
-        a = self.contact
-        w_tested = self.gather(w)[:a]
-        u_tested = together(self.model.comm, lambda: None if self.schur is None else self._free(a, w_tested))
-        return self.expand(w, u_tested, None)
+        a = self.contact_size
+        w_A = self.gather(w)[:a]
+        u_A = together(self.model.comm, lambda: None if self.schur is None else self._unglued(a, w_A))
+        return self.expand(w, u_A, None)
 
-    def _free(self, a: int, w_tested: np.ndarray) -> np.ndarray:
+    def _unglued(self, a: int, w_A: np.ndarray) -> np.ndarray:
         """The contact nodes without the glue, from those with it, on rank 0."""
-        return np.linalg.solve(self.energy(a), self.reduced(a)[0] @ w_tested)
+        return np.linalg.solve(self.definite(a), self.reduced(a)[0] @ w_A)
 
-    def expand(self, w: fem.Function, u_tested: np.ndarray | None, force: np.ndarray | None) -> fem.Function:
+    def expand(self, w: fem.Function, u_A: np.ndarray | None, force: np.ndarray | None) -> fem.Function:
         """``u = w + (K + D)^-1 (D u_A + c)`` from u_A and the contact forces c at A, both on rank 0 (c may be None)."""
         added = None
-        if u_tested is not None and self.schur is not None:
-            added = self.glued_by[: len(u_tested)] * u_tested + (0.0 if force is None else force)
+        if u_A is not None and self.schur is not None:
+            added = self.glued_by[: len(u_A)] * u_A + (0.0 if force is None else force)
         b = fem.Function(self.model.V)
         self.scatter(added, b)
         owned = self.model.V.dofmap.index_map.size_local * self.model.d
@@ -132,7 +132,7 @@ class Stiffness:
         if count == len(full):
             return full, np.eye(count)
         if self._reduced is None:
-            a = self.contact
+            a = self.contact_size
             lift = np.vstack([np.eye(a), -np.linalg.solve(full[a:, a:], full[a:, :a])])
             schur = full[:a, :a] + full[:a, a:] @ lift[a:]
             self._reduced = 0.5 * (schur + schur.T), lift
@@ -168,7 +168,7 @@ class Stiffness:
             self._matrix.destroy()
             self._matrix = None
 
-    def energy(self, count: int) -> np.ndarray:
+    def definite(self, count: int) -> np.ndarray:
         """``S_A - D_A``, the elastic energy of u_A, made definite on rigid motions that no support holds; on rank 0."""
         schur, _ = self.reduced(count)
         matrix = schur - np.diag(self.glued_by[:count])
@@ -195,7 +195,7 @@ class Stiffness:
         model, d = self.model, self.model.d
         facets = np.vstack([c.facets for c in model.contacts])
         touching = np.zeros(len(model.fixed), dtype=bool)
-        on_facet = facet_nodes(d, model.degree)[facets[:, 1]]
+        on_facet = local_facet_nodes(d, model.degree)[facets[:, 1]]
         touching[np.take_along_axis(model.nodes[facets[:, 0]], on_facet, axis=1)] = True
         layer = np.zeros(len(model.fixed), dtype=bool)
         layer[model.nodes[facets[:, 0]]] = True
@@ -206,14 +206,14 @@ class Stiffness:
         contact = np.unique(np.concatenate(model.comm.allgather(numbers[at_contact])))
         rest = np.setdiff1d(np.concatenate(model.comm.allgather(numbers[~at_contact])), contact)
         every = np.concatenate([contact, rest])
-        self.contact = len(contact)
+        self.contact_size = len(contact)
         order = np.argsort(every)
         return dofs, order[np.searchsorted(every, numbers, sorter=order)], every
 
     def _assemble(self) -> PETSc.Mat:
         matrix = fp.assemble_matrix(self.form, bcs=self.model.bcs)
         matrix.assemble()
-        if self.contact:
+        if self.contact_size:
             diagonal = matrix.createVecRight()
             diagonal.array[:] = self.glue.x.array[: diagonal.getLocalSize()]
             matrix.setDiagonal(diagonal, addv=PETSc.InsertMode.ADD)

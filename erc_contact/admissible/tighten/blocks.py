@@ -4,14 +4,14 @@ Beside its linear part, which balances the cells (:mod:`erc_contact.admissible.t
 has a part orthogonal to all linear functions of its facet. It does no work on rigid motions, so it is free on each
 facet.
 
-Symbols as in :mod:`erc_contact.admissible.tighten.energy`; j = m - d quadratic moments a component.
+Symbols as in :mod:`erc_contact.admissible.tighten.complementary`; j = m - d quadratic moments a component.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from erc_contact.admissible.tighten.energy import Energy, chunks, stress_map, times
+from erc_contact.admissible.tighten.complementary import ComplementaryEnergy, chunks, stress_map, times
 
 
 class Blocks:
@@ -26,7 +26,7 @@ class Blocks:
         inverse: Of each facet, zero where nothing is free, shape (F, d j, d j).
     """
 
-    def __init__(self, energy: Energy, free: np.ndarray, mine: np.ndarray) -> None:
+    def __init__(self, energy: ComplementaryEnergy, free: np.ndarray, mine: np.ndarray) -> None:
         cells, d, m = energy.cells, energy.cells.d, energy.m
         size = d * (m - d)
         matrices = np.zeros((len(free), size, size))

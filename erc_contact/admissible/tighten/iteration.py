@@ -15,10 +15,10 @@ import numpy as np
 from dolfinx import la
 from mpi4py import MPI
 
-from erc_contact.admissible.cells import Simplices, facet_order
+from erc_contact.admissible.cells import CellGeometry, facet_order
 from erc_contact.admissible.tighten.blocks import Blocks
-from erc_contact.admissible.tighten.energy import Energy, hierarchical
-from erc_contact.admissible.tighten.patches import Patches, facet_nodes
+from erc_contact.admissible.tighten.complementary import ComplementaryEnergy, hierarchical
+from erc_contact.admissible.tighten.patches import Patches
 from erc_contact.model.space import Space
 
 TIGHTEN = 10
@@ -30,7 +30,7 @@ about 2% of the run time of a mesh; spent on a finer mesh, that lowers the error
 
 def tightened(
     space: Space,
-    cells: Simplices,
+    cells: CellGeometry,
     moment: np.ndarray,
     force: np.ndarray | None,
     free: np.ndarray,
@@ -56,7 +56,7 @@ def tightened(
     comm, d, m = space.comm, cells.d, moment.shape[1]
     facets = space.mesh.topology.index_map(d - 1)
     shared = la.vector(facets, d * m)
-    vertices = space.global_numbers(facet_nodes(cells))
+    vertices = space.global_numbers(cells.vertices_of_facets)
     order = facet_order(vertices, cells.degree).T  # the ranks do not agree on the order of the nodes
     back = np.argsort(order, axis=0)
 
@@ -76,12 +76,12 @@ def tightened(
         rows = zip(a.reshape(d * m, -1), b.reshape(d * m, -1), strict=True)
         return comm.allreduce(float(sum(np.vdot(x[:owned], y[:owned]) for x, y in rows)), MPI.SUM)
 
-    energy = Energy(cells, space.domain.owned_cells, compliance)
+    energy = ComplementaryEnergy(cells, space.domain.owned_cells, compliance)
     to_ours = hierarchical(d, cells.degree)
     square, r = energy.start(np.ascontiguousarray(np.matmul(to_ours, moment).transpose(2, 1, 0)), force, elastic)
     square = comm.allreduce(square, MPI.SUM)
     patches = Patches(space, energy, free)
-    mine = np.take_along_axis(facet_nodes(cells), order[:1].T, axis=1)[:, 0] < space.V.dofmap.index_map.size_local
+    mine = np.take_along_axis(cells.vertices_of_facets, order[:1].T, axis=1)[:, 0] < space.V.dofmap.index_map.size_local
     blocks = Blocks(energy, free, mine) if m > d else None
 
     def precondition(r: np.ndarray) -> np.ndarray:

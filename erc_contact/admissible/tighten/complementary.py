@@ -18,12 +18,12 @@ from functools import cache
 
 import numpy as np
 
-from erc_contact.admissible.cells import Simplices, nodal_forces
+from erc_contact.admissible.cells import CellGeometry, force_coefficients
 from erc_contact.admissible.macro import bubbles, macro_points, piola, reference_map, tensors
 from erc_contact.mesh.simplex import bernstein, coefficients, from_means, mass, nodes
 
 CHUNK = (0, 0, 4096, 1024)
-"""Number of cells, facets or hinges that are worked on at once, for each d: what stays in the cache."""
+"""Number of cells, facets or patches that are worked on at once, for each d: what stays in the cache."""
 
 
 def chunks(count: int, d: int) -> Iterator[slice]:
@@ -57,7 +57,7 @@ def stress_map(d: int, k: int) -> np.ndarray:
     m = len(nodes(d - 1, k))
     at_points = np.einsum("qm,kmsfc->skqfc", near, reference_map(d, k)[:, :, :, : (d + 1) * m])
     at_points = at_points.reshape(len(at_points), -1, d + 1, m, d) * np.sqrt(weights)[:, None, None, None]
-    moments = nodal_forces(at_points, k)  # a symmetric matrix on the nodes
+    moments = force_coefficients(at_points, k)  # a symmetric matrix on the nodes
     return np.ascontiguousarray(np.einsum("sQfmc,ml->sQclf", moments, np.linalg.inv(hierarchical(d, k))))
 
 
@@ -71,7 +71,7 @@ def _bubble_map(d: int, k: int) -> tuple[np.ndarray, np.ndarray]:
     return at_points, np.einsum("aQx,bQy->xyab", at_points, at_points)
 
 
-def _metric(cells: Simplices, some: slice, compliance: np.ndarray) -> np.ndarray:
+def _metric(cells: CellGeometry, some: slice, compliance: np.ndarray) -> np.ndarray:
     """``|T| P C^-1 P^T`` with P the Piola transform, shape (c, Q or 1, s, s)."""
     P = piola(cells, some)[:, None] * np.sqrt(cells.volume[some])[:, None, None, None]
     local = compliance[some] if len(compliance) > 1 else compliance
@@ -88,7 +88,7 @@ def _bubble_inverse(d: int, k: int, metric: np.ndarray) -> np.ndarray:
     return np.linalg.inv(energy)
 
 
-def relaxed(cells: Simplices, sigma: np.ndarray, elastic: np.ndarray, compliance: np.ndarray) -> np.ndarray:
+def relaxed(cells: CellGeometry, sigma: np.ndarray, elastic: np.ndarray, compliance: np.ndarray) -> np.ndarray:
     """The stress of the same tractions and divergence that is nearest to ``C eps(u^)``, cell by cell.
 
     Args:
@@ -117,7 +117,7 @@ def relaxed(cells: Simplices, sigma: np.ndarray, elastic: np.ndarray, compliance
     return result
 
 
-class Energy:
+class ComplementaryEnergy:
     """The complementary energy as a quadratic form of facet moments; no matrix of a cell is stored.
 
     Attributes:
@@ -128,7 +128,7 @@ class Energy:
         first, second: The two places of each facet as index i * n + cell, n * (d+1) for none, shape (F,).
     """
 
-    def __init__(self, cells: Simplices, owned: int, compliance: np.ndarray) -> None:
+    def __init__(self, cells: CellGeometry, owned: int, compliance: np.ndarray) -> None:
         d, n, k = cells.d, len(cells.nodes), cells.degree
         self.cells, self.owned = cells, owned
         every = stress_map(d, k)
