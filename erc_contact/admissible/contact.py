@@ -177,7 +177,7 @@ def _balanced(
     loads: np.ndarray,
     forces: float,
 ) -> list[np.ndarray]:
-    """The allowed tractions near those given, shifts against slip and opening, that balance loads on free motions."""
+    """The allowed tractions near those given, shifted against slip and opening, that balance loads on free motions."""
     comm, d = model.comm, model.d
     weights, motions = [], []
     for t in raw:

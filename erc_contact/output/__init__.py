@@ -7,7 +7,8 @@ of a path is made if it is missing; the suffix of a picture chooses its format (
 
 from erc_contact.output.curves import plot_contact, plot_history
 from erc_contact.output.paraview import write_fields
-from erc_contact.output.pictures import draw_deformed, draw_error, draw_meshes, draw_sizes
+from erc_contact.output.pictures import draw_deformed, draw_error, draw_meshes
+from erc_contact.output.size_pictures import draw_sizes
 
 __all__ = [
     "draw_deformed",

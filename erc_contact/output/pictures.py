@@ -24,7 +24,6 @@ from erc_contact.admissible.pair import Admissible
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.percent import percent
 from erc_contact.error.constitutive import ConstitutiveError
-from erc_contact.error.sizes import Sizes
 from erc_contact.mesh.domain import Domain
 from erc_contact.output.bodies import Skin, foundation, ground, rendered, show, skin_of, views_of
 from erc_contact.output.drawing import new_figure, save_figure, weighted_level
@@ -99,30 +98,14 @@ def draw_error(error: ConstitutiveError, path: str | Path) -> None:
         path: Picture file.
     """
 
-    def scale(eps: np.ndarray) -> _Scale:
+    def scale(eps: np.ndarray) -> Scale:
         from matplotlib.colors import LogNorm, Normalize  # noqa: PLC0415
 
         top = float(eps.max())
         low = min(max(float(np.percentile(eps, 1)), 1e-4 * top), 0.5 * top)
-        return _Scale(LogNorm(low, top) if top > 0 else Normalize(0, 1), "min", "eps_E [-]")
+        return Scale(LogNorm(low, top) if top > 0 else Normalize(0, 1), "min", "eps_E [-]")
 
-    _draw_cells(error.admissible, error.cells, scale, path)
-
-
-def draw_sizes(sizes: Sizes, path: str | Path) -> None:
-    """Draw r_E of each element, the ratio of its new size to its old, on a logarithmic colour scale; collective.
-
-    Args:
-        sizes: Its ``ratio`` is drawn, on the mesh that it was made from.
-        path: Picture file.
-    """
-
-    def scale(ratio: np.ndarray) -> _Scale:
-        from matplotlib.colors import LogNorm  # noqa: PLC0415
-
-        return _Scale(LogNorm(float(ratio.min()) / 1.05, float(ratio.max()) * 1.05), "neither", "r_E [-]")
-
-    _draw_cells(sizes.error.admissible, sizes.ratio, scale, path)
+    draw_cells(error.admissible, error.cells, scale, path)
 
 
 def draw_deformed(error: ConstitutiveError, path: str | Path, factor: float | None = None) -> None:
@@ -160,7 +143,7 @@ def draw_deformed(error: ConstitutiveError, path: str | Path, factor: float | No
         outline = outline.extract_feature_edges(feature_angle=30.0, manifold_edges=False)
         foundations = [foundation(contact, times, size) for contact in shown]
         top = weighted_level(mises, cells["volume"], 0.998) or 1.0  # a singular corner must not take all colours
-        scale, x = _Scale(Normalize(0, top), "max", label), skin.points + times * u
+        scale, x = Scale(Normalize(0, top), "max", label), skin.points + times * u
         figure = _map(skin, x, mises, scale, views_of(d, up), outline, foundations)
         gaps = any(contact.gap.any() for contact in shown)
         figure.suptitle(f"displacement {'and gap ' if gaps else ''}× {times:g}", fontsize=11)
@@ -169,7 +152,7 @@ def draw_deformed(error: ConstitutiveError, path: str | Path, factor: float | No
     on_root(comm, path, draw)
 
 
-def _draw_cells(admissible: Admissible, values: np.ndarray, scale: Callable[..., _Scale], path: str | Path) -> None:
+def draw_cells(admissible: Admissible, values: np.ndarray, scale: Callable[..., Scale], path: str | Path) -> None:
     """Draw values of owned cells on the body as it was; collective."""
     domain = admissible.solution.domain
     comm, up = domain.mesh.comm, _up(admissible)
@@ -183,7 +166,7 @@ def _draw_cells(admissible: Admissible, values: np.ndarray, scale: Callable[...,
 
 
 @dataclass(frozen=True)
-class _Scale:
+class Scale:
     """Colours of values: their norm, the ends of the bar that are exceeded ("min", "max", "neither"), its label."""
 
     norm: Any
@@ -225,7 +208,7 @@ def _map(
     skin: Skin,
     x: np.ndarray,
     values: np.ndarray,
-    scale: _Scale,
+    scale: Scale,
     views: dict[str, np.ndarray],
     before: Any = None,
     foundations: Sequence[Any] = (),

@@ -1,0 +1,26 @@
+"""A picture of the sizes of the mesh to come, by pyvista and matplotlib."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from erc_contact.error.sizes import Sizes
+from erc_contact.output.pictures import Scale, draw_cells
+
+
+def draw_sizes(sizes: Sizes, path: str | Path) -> None:
+    """Draw r_E of each element, the ratio of its new size to its old, on a logarithmic colour scale; collective.
+
+    Args:
+        sizes: Its ``ratio`` is drawn, on the mesh that it was made from.
+        path: Picture file.
+    """
+
+    def scale(ratio: np.ndarray) -> Scale:
+        from matplotlib.colors import LogNorm  # noqa: PLC0415
+
+        return Scale(LogNorm(float(ratio.min()) / 1.05, float(ratio.max()) * 1.05), "neither", "r_E [-]")
+
+    draw_cells(sizes.error.admissible, sizes.ratio, scale, path)
