@@ -18,6 +18,8 @@ import ufl
 
 import erc_contact as ec
 
+from dolfinx import fem  # isort: skip - the wheel of DOLFINx must be loaded by erc_contact
+
 
 @dataclass(frozen=True)
 class Penalty:
@@ -34,7 +36,7 @@ class Penalty:
 
     def traction(self, model, contact, u, multiplier=None):
         """The contact traction on the body [force/area]."""
-        gamma = model.stiffness_per_area(self.gamma)  # as it is a number, each gamma compiles forms of its own
+        gamma = model.stiffness_per_area(fem.Constant(model.mesh, self.gamma))  # a Constant: one form for all gammas
         beyond = u if contact.gap is None else u - contact.gap * contact.normal
         return contact.project(-gamma * beyond)
 
