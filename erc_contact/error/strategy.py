@@ -33,13 +33,21 @@ TIE = 1e-6
 
 
 class Strategy(Protocol):
-    """How the next mesh follows from an error."""
+    """How the next mesh follows from an error.
+
+    Example: ``demos/extend/strategy.py``.
+    """
 
     def next(self, error: ConstitutiveError, accuracy: float, max_cells: int) -> Domain:
-        """The next domain; collective.
+        """The next domain; collective: it is called on all ranks, and all must come to the same decision.
+
+        ``error.domain.refined(cells)`` refines cells of each rank, given by their numbers, ``error.domain.remeshed(h)``
+        makes a mesh with sizes h. A domain equal to the last one is not refused: the run goes on until ``max_steps``.
 
         Args:
-            error: The error of the last mesh, above the accuracy.
+            error: The error of the last mesh, above the accuracy. ``error.indicators`` has the errors of the cells that
+                this rank owns: a rank may have none. Greatest values and sums are to be reduced over all ranks, by
+                ``error.domain.mesh.comm``.
             accuracy: Prescribed relative error of the run.
             max_cells: No mesh of more cells will be solved; not to be met by the domain, but worth knowing.
 

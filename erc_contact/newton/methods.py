@@ -28,10 +28,24 @@ GAMMA = "> 0 (dimensionless; 1 to 100 is usual)"
 class Method(Protocol):
     """A contact method.
 
+    An object of it must be hashable, as one of a frozen dataclass is: the solver keeps the compiled forms of each
+    method. Messages show its ``repr``. Without a multiplier Newton starts from the solution of the
+    :class:`AugmentedLagrangian`.
+
+    Of a model it may use ``stress(u)`` [force/area], the outward normal ``n`` of the body, ``modulus`` [force/area],
+    ``stiffness_per_area(gamma)`` [force/volume], the quadrature degree ``contact_degree``, the quadrature at nodes
+    ``nodal_rule``, and ``gap_coefficients(contact)`` [length] for a multiplier; of a contact ``ds``, ``normal`` (of the
+    foundation), ``gap`` [length], None where it is zero, and ``project(z)``, the traction that the law allows for a
+    trial traction z. Write a parameter as ``fem.Constant(model.mesh, value)``: a plain number is compiled into the
+    forms. (With the wheel of DOLFINx, import ``erc_contact`` before ``dolfinx``.)
+
+    Example: ``demos/extend/method.py``.
+
     Attributes:
         multiplier: Whether it has a multiplier, a traction at the nodes of the contact. Its equations then replace
             the equilibrium of these nodes, which gives the multiplier.
-        in_layer: Whether its equations test the stress, hence all nodes of the cells at the contact.
+        in_layer: Whether its equations test the stress, hence all nodes of the cells at the contact. Without it what
+            the equations have at nodes off the contact is left out, and nothing warns of it.
     """
 
     @property
@@ -41,13 +55,27 @@ class Method(Protocol):
     def in_layer(self) -> bool: ...  # noqa: D102
 
     def equations(self, model: Model, contact: BoundContact, u: Any, v: Any, multiplier: Any = None) -> Any:
-        """What the contact adds to the residual, a UFL form linear in v."""
+        """What the contact adds to the residual ``a(u, v) - f(v) - F(v)`` [force], a UFL form linear in v.
+
+        Without a multiplier that is minus the work of its traction, ``- int r . v``, and what the method adds to it.
+        With one it is the equation of the multiplier at each node.
+
+        Args:
+            model: The scene on a mesh.
+            contact: One of its contacts.
+            u: Displacement [length]; with a multiplier its nodal values are the Bernstein coefficients.
+            v: Test function of the displacement, or of the multiplier.
+            multiplier: The multiplier [force/area], or None without.
+        """
 
     def traction(self, model: Model, contact: BoundContact, u: Any, multiplier: Any = None) -> Any:
-        """The contact traction on the body [force/area], UFL, shape (d,)."""
+        """The contact traction on the body [force/area], UFL, shape (d,): all that later stages read."""
 
     def projected(self, model: Model, contact: BoundContact, u: Any, multiplier: Any = None) -> Any:
-        """The projection that the equations use [force/area], UFL, shape (d,): it shows open, slip and stick."""
+        """The projection that the equations use [force/area], UFL, shape (d,): it shows open, slip and stick.
+
+        It is a result of ``contact.project``; without a multiplier it is mostly the traction.
+        """
 
 
 def _beyond(contact: BoundContact, u: Any, gap: Any) -> Any:

@@ -32,16 +32,22 @@ from erc_contact.scene.material import Value
 class Law(Protocol):
     """A friction law.
 
+    Example: ``demos/extend/law.py``.
+
     Attributes:
-        parameters: Names of the attributes that are values in space (numbers or callables of x, each >= 0).
+        parameters: Names of the attributes that are values in space (numbers or callables of x, each >= 0), a tuple.
     """
 
     parameters: tuple[str, ...]
 
     def bound(self, pressure: Any, **parameters: Any) -> Any:
-        """The friction bound b(p) [force/area], UFL of the pressure p >= 0 and the parameters.
+        """The friction bound b(p) [force/area], UFL, a scalar.
 
-        It is >= 0, never decreases and is concave in p.
+        It is >= 0, never decreases and is concave in p. Of a bilateral contact it does not depend on p.
+
+        Args:
+            pressure: The pressure p >= 0 [force/area], UFL.
+            parameters: The parameters by their names, UFL. A bound that is plain arithmetic gets numpy arrays, too.
         """
 
 

@@ -17,9 +17,12 @@ from erc_contact.scene.material import Value
 class Load(Protocol):
     """A load.
 
+    Example: ``demos/extend/load.py``.
+
     Attributes:
         facets: Name of the boundary part that it acts on, or None for a load in the whole body.
-        parameters: Names of the attributes that are values in space: numbers, vectors, or callables of x.
+        parameters: Names of the attributes that are values in space: numbers, vectors, or callables of x that return
+            either. A vector is a tuple of d numbers or callables of x; a list or an array is not taken.
     """
 
     @property
@@ -32,9 +35,9 @@ class Load(Protocol):
         """The force per area [force/area], or per volume [force/volume], UFL or a sequence of d components.
 
         Args:
-            x: Position, UFL.
-            n: Outward normal on the boundary, UFL; None for a load in the body.
-            parameters: The parameters as UFL.
+            x: Position [length], UFL, shape (d,).
+            n: Outward unit normal on the boundary, UFL, shape (d,); None for a load in the body.
+            parameters: The parameters by their names, UFL.
         """
 
 

@@ -65,22 +65,34 @@ def scale_parts(tensor: Any, deviator: Any, sphere: Any) -> Any:
 class Material(Protocol):
     """A linear elastic material.
 
-    Attributes:
-        parameters: Names of the attributes that are values in space: numbers, callables of x, or mappings from the
-            names of regions to either.
+    Stress, compliance and modulus get the parameters by their names, as UFL: a class with the parameters ("lam", "G")
+    has ``stress(self, eps, lam, G)``. In 2D strain and stress are the parts in plane.
 
     In 2D it may have ``out_of_plane(sigma, **parameters)``, its stress out of plane [force/area]. Without that only the
     von Mises stress of the part in plane is known.
+
+    Example: ``demos/extend/material.py``.
+
+    Attributes:
+        parameters: Names of the attributes that are values in space: numbers, callables of x, or mappings from the
+            names of regions to either.
     """
 
     @property
     def parameters(self) -> tuple[str, ...]: ...  # noqa: D102
 
     def check(self, name: str, low: float, high: float) -> None:
-        """Refuse the range of a parameter in the body by an InputError."""
+        """Refuse the range ``[low, high]`` that a parameter takes in the body, by an InputError.
+
+        It is called for callables and mappings, when the scene meets its mesh. It is not called for numbers: a class
+        checks these itself when it is made.
+        """
 
     def stress(self, eps: Any, **parameters: Any) -> Any:
-        """``C eps`` [force/area], UFL, shape (d, d): linear, symmetric and positive."""
+        """``C eps`` [force/area], UFL, shape (d, d).
+
+        It is linear in eps, a (d, d) tensor [-]; ``a : C b = b : C a``, and ``a : C a > 0`` unless a is zero.
+        """
 
     def compliance(self, sigma: Any, **parameters: Any) -> Any:
         """``C^-1 sigma`` [-], UFL, shape (d, d): the inverse of stress to 8 digits."""

@@ -1,0 +1,72 @@
+"""The examples of how the package is extended: short, of public names only, right on one rank and on two."""
+
+import ast
+import runpy
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from processes import ROOT, environment
+
+pytestmark = pytest.mark.serial
+FOLDER = ROOT / "demos" / "extend"
+SCRIPTS = sorted(FOLDER.glob("*.py"))
+MOST = 30
+"""Lines of code that a script may have."""
+
+
+def without_docstrings(tree):
+    """The nodes of a script, without its docstrings."""
+    for node in ast.walk(tree):
+        body = getattr(node, "body", None)
+        if isinstance(body, list) and isinstance(body[0], ast.Expr) and isinstance(body[0].value, ast.Constant):
+            del body[0]
+    return ast.walk(tree)
+
+
+def code_lines(tree):
+    """Numbers of the lines with code."""
+    lines = set()
+    for node in without_docstrings(tree):
+        if hasattr(node, "lineno"):
+            last = node.lineno if hasattr(node, "body") else node.end_lineno
+            lines.update(range(node.lineno, last + 1))
+    return lines
+
+
+def test_an_example_for_each_kind():
+    assert {script.stem for script in SCRIPTS} == {"gap", "law", "load", "material", "method", "strategy"}
+
+
+@pytest.mark.parametrize("script", SCRIPTS, ids=lambda script: script.stem)
+def test_example_is_short_and_public(script):
+    lines = code_lines(ast.parse(script.read_text()))
+    assert len(lines) <= MOST, f"{script.name} has {len(lines)} lines of code"
+    imported = [
+        node for node in ast.walk(ast.parse(script.read_text())) if isinstance(node, ast.Import | ast.ImportFrom)
+    ]
+    own = [ast.unparse(node) for node in imported if "erc_contact" in ast.unparse(node)]
+    assert own == ["import erc_contact as ec"]
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_examples_run(ranks, tmp_path):
+    """All in one process of each rank, which is this file as a script."""
+    launch = [] if ranks == 1 else [str(Path(sys.executable).parent / "mpiexec"), "-n", str(ranks)]
+    run = subprocess.run(
+        [*launch, sys.executable, __file__],
+        cwd=tmp_path,
+        env=environment(),
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
+    assert run.returncode == 0, run.stdout + run.stderr
+    assert not list(tmp_path.iterdir())
+
+
+if __name__ == "__main__":
+    for each in SCRIPTS:
+        runpy.run_path(str(each), run_name="__main__")
