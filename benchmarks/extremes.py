@@ -85,7 +85,7 @@ def violations(solution: ec.Solution) -> tuple[float, float, float, float]:
     values = u.x.array.reshape(-1, model.d)
     size = np.linalg.norm(values, axis=1).max() or 1.0
     tractions = [evaluate(solution.traction(c), model.mesh, points, c.facets) for c in model.contacts]
-    inside = abs(cell_stress(model, cell_geometry(model), u)).max()  # the traction of an open contact is round-off of it
+    inside = abs(cell_stress(model, cell_geometry(model), u)).max()  # an open contact has round-off of it
     peak = max(inside, *(np.linalg.norm(r, axis=-1).max() for r in tractions)) or 1.0
     work = fem.assemble_scalar(fem.form(model.stiffness(u, u / (size * peak)))) or 1.0
     penetration, cone, complementarity, friction = 0.0, 0.0, 0.0, 0.0
