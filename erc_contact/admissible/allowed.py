@@ -1,4 +1,8 @@
-"""The tractions that a law allows at the nodes of a contact, and their projections.
+"""The tractions that a friction law allows at the nodes of a contact, and projections on them.
+
+A law gives a friction bound b(p) for each pressure p. :class:`Allowed` knows the law and finds allowed tractions near
+given ones. Where a convex set is needed, :meth:`Allowed.near` gives the set with the tangent of b
+(:mod:`erc_contact.admissible.cones`).
 
 Symbols: n normal of the foundation, p = -r_n pressure, b(p) friction bound, f facets, m nodes of a facet.
 """
@@ -18,10 +22,10 @@ from erc_contact.model.model import Model
 SAMPLES = 12
 """Subdivisions of a facet's edge when a bound that varies along it is sampled."""
 LIMITER_STEPS = 20
-"""Bisections of the limiter."""
+"""Number of bisections of the limiter."""
 LIMITER_TOLERANCE = 1e-3
-"""Change by the projection that the limiter leaves alone, over the traction [-]; where friction varies, the projection
-changes all that slips by a little."""
+"""Change by the projection that the limiter accepts, over the traction [-]. Where friction varies, the projection
+changes every traction that slips by a little."""
 DIFFERENCE = 1e-6
 """Step of the pressure for the slope of a law's bound, over the largest pressure [-]."""
 
@@ -36,9 +40,11 @@ class Allowed:
     """The tractions that a law allows at the nodes of a contact.
 
     Attributes:
-        factor: Factor of the friction bound of each facet.
-        sharp: Whether the bound is that of each node; else the least one on the facet for the pressure of the node,
-            which needs no sampling: it lies below the bound between the nodes where b is concave.
+        model: The scene on a mesh.
+        contact: The contact.
+        factor: Factor of the friction bound on each facet [-], shape (f,).
+        sharp: Whether the bound of a node uses the parameters at this node. Otherwise it is the least bound on the
+            facet for the pressure of the node. Where b is concave, this is below the bound between the nodes, too.
     """
 
     model: Model
@@ -58,7 +64,7 @@ class Allowed:
         return self.model.friction_parameters(self.contact, points)
 
     def bound(self, pressure: np.ndarray) -> np.ndarray:
-        """Coefficients of the friction bound, interpolated at the nodes, for those of the pressure, shape (f, m)."""
+        """Coefficients of the friction bound, interpolated at the nodes, from those of the pressure, shape (f, m)."""
         if self.sharp:
             d, k = self.model.d, self.model.degree
             bound = self.contact.friction_bound(pressure @ at_nodes(d - 1, k).T, self.parameters)
@@ -69,18 +75,25 @@ class Allowed:
         return np.column_stack(least)
 
     def project(self, z: np.ndarray) -> np.ndarray:
-        """The law's projection, first the normal part, then the tangential part."""
+        """Project tractions (f, m, d) on the allowed ones: first the normal part, then the tangential part.
+
+        This is the projection of the contact methods. It is not the Euclidean one (:meth:`Cones.nearest`).
+        """
         z_n, z_t, size = split(z, self.n)
         r_n = z_n if self.contact.bilateral else np.minimum(z_n, 0.0)
         bound = self.bound(np.maximum(-r_n, 0.0))
         return clip(z_t, size, bound) + r_n[..., None] * self.n
 
     def limited(self, mean: np.ndarray, best: np.ndarray) -> np.ndarray:
-        """The allowed traction nearest to ``best`` on the way from ``mean``, facet by facet: a limiter.
+        """The allowed traction nearest to ``best`` on the line from ``mean`` to ``best``, facet by facet: a limiter.
 
-        Both have the same resultant on a facet, and the law allows ``mean``, so r^ keeps the resultant. Projected
-        instead, the resultant of a facet with a kink is lost: 1.4% of the friction of a block at degree 2, whose e
-        was 14% larger. At degree 1 there is no such difference, and the projection is the cheaper one.
+        Both have the same resultant on a facet, and the law allows ``mean``, so r^ keeps the resultant. A projection
+        would change the resultant of a facet with a kink: it lost 1.4% of the friction of a block of degree 2, whose e
+        was 14% larger. For degree 1 there is no such difference, and the projection is cheaper.
+
+        Args:
+            mean: Means against the Bernstein polynomials [force/area], shape (f, m, d).
+            best: Coefficients of the L2 projection [force/area], shape (f, m, d).
         """
         size = abs(best).max(axis=(1, 2), initial=0.0)
 
@@ -92,7 +105,7 @@ class Allowed:
         values, fits = at(np.ones(len(mean)))
         if fits.all():
             return values
-        _, reaches = at(np.zeros(len(mean)))  # not on a coarse mesh whose friction varies
+        _, reaches = at(np.zeros(len(mean)))  # false on a coarse mesh where friction varies
         high = np.ones(len(mean))
         low = np.where(fits | ~reaches, 1.0, 0.0)
         for _ in range(LIMITER_STEPS):
@@ -102,13 +115,14 @@ class Allowed:
         return at(low)[0]
 
     def near(self, start: np.ndarray, peak: float) -> Cones:
-        """A convex set of tractions that the law allows where they have the pressures of start.
+        """A convex set whose friction bound is the tangent of b at the pressures of ``start``.
 
-        Its bound is the tangent of b there, which for other pressures lies above b where b is concave.
+        The law allows a traction of the set that has these pressures. For other pressures the tangent is above b where
+        b is concave.
 
         Args:
             start: Tractions [force/area], shape (f, m, d).
-            peak: The largest of all ranks.
+            peak: Size of the largest traction over all ranks [force/area].
         """
         pressure = pressures(start, self.n)
         bilateral = np.full(pressure.shape, self.contact.bilateral)

@@ -1,9 +1,9 @@
-"""Tractions that balance the loads on the rigid motions that no support holds.
+"""Contact tractions that balance the loads on the rigid motions that no support holds.
 
-Of all tractions r in the convex sets of the nodes that balance, the ones nearest to given z, ``sum |F|/m |r - z|^2``
-least, are ``r = P(z + sum_k y_k q_k)`` with P the projection, one multiplier y_k for each free motion m_k and q_k its
-mean at the nodes; y minimises a convex function whose gradient is the imbalance ``int r.m_k + load(m_k)``: a problem of
-at most six unknowns.
+Of all tractions r in the convex sets of the nodes that balance the loads, those nearest to given z (with the least
+``sum |F|/m |r - z|^2``) are ``r = P(z + sum_k y_k q_k)``. Here P is the projection on the sets, y_k a multiplier for
+each free motion m_k, and q_k the mean of m_k at the nodes. The multipliers y minimise a convex function whose gradient
+is the imbalance ``int r.m_k + load(m_k)``. They are at most six.
 
 Symbols: f facets, m nodes of a facet, d dimension, K motions.
 """
@@ -19,19 +19,19 @@ from mpi4py import MPI
 from erc_contact.admissible.cones import Cones, clip
 
 EXACT = 1e-15
-"""Imbalance that is round-off, over the forces [-]."""
+"""Imbalance that counts as round-off, over the forces [-]."""
 SMALL = 1e-9
-"""Imbalance from which on only digits are missing, over the forces [-]."""
+"""Imbalance below which a solve only improves the last digits, over the forces [-]."""
 STEPS = 300
 """Limit of the steps of one solve; 2 to 10 are usual."""
 PATIENCE, IMPATIENCE = 60, 5
-"""A solve ends after so many steps that have not halved the imbalance, and after so many where it is small."""
+"""Steps without halving the imbalance after which a solve ends: while it is above SMALL, and below it."""
 NEWTON = 5
-"""Every so many steps Newton's is tried again."""
+"""Number of steps after which a Newton step is tried again."""
 STAGES = 8
-"""Limit of the shares of a shift; one or two are usual."""
+"""Limit of the number of shares of a shift; one or two are usual."""
 SHARE, KEPT = 100.0, 10.0
-"""Longest share of a shift, and what is kept of what lies beyond a set, over the largest traction [-]."""
+"""Longest share of a shift, and longest vector beyond a set that is kept, over the largest traction [-]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,8 +40,8 @@ class Part:
 
     Attributes:
         cones: The sets of its nodes.
-        start: r_0 [force/area], shape (f, m, d).
-        shift: Where the tractions are drawn from there [force/area], shape (f, m, d).
+        start: Tractions r_0 [force/area], shape (f, m, d).
+        shift: The tractions wanted are r_0 plus this [force/area], shape (f, m, d).
         weight: |F|/m, zero where the facet is not of this rank [length^(d-1)], shape (f, 1).
         motions: q, shape (f, m, d, K).
     """
@@ -56,11 +56,12 @@ class Part:
 def balanced(comm: MPI.Comm, parts: list[Part], loads: np.ndarray) -> tuple[list[np.ndarray], np.ndarray, float]:
     """The tractions nearest to start + shift that balance the loads; collective.
 
-    A shift that is much longer than the tractions costs digits and Newton its steps; it is applied in shares. What a
-    share leaves beyond the set keeps the tractions where they are on its surface, however much it is shortened.
+    A shift that is much longer than the tractions loses digits and needs many Newton steps, so it is applied in shares.
+    The part of a share that is beyond the set keeps the tractions at their place on its surface, even if this part is
+    shortened.
 
     Args:
-        comm: Of the mesh.
+        comm: Communicator.
         parts: The contacts.
         loads: Work of the loads on the motions [force], shape (K,).
 
@@ -92,14 +93,17 @@ def balanced(comm: MPI.Comm, parts: list[Part], loads: np.ndarray) -> tuple[list
 
 
 def _at_most(length: float, vectors: np.ndarray) -> np.ndarray:
+    """Vectors (..., d), shortened to a length where they are longer."""
     return clip(vectors, np.linalg.norm(vectors, axis=-1), np.full(vectors.shape[:-1], length))
 
 
 @dataclass(frozen=True, eq=False)
 class _State:
-    """Tractions r = P(z + q y), and what lies beyond, z + q y - r.
+    """Tractions ``r = P(z + q y)`` for some multipliers y.
 
     Attributes:
+        tractions: r of each contact [force/area], shape (f, m, d).
+        beyond: ``z + q y - r`` of each contact, the part beyond the sets [force/area], shape (f, m, d).
         imbalance: On the motions [force], shape (K,).
         forces: Sum of the contact forces, or the loads if they are larger.
         noise: Round-off of the imbalance [force].
@@ -113,14 +117,14 @@ class _State:
 
     @property
     def size(self) -> float:
-        """Of the imbalance [force]."""
+        """Size of the imbalance [force]."""
         return float(np.linalg.norm(self.imbalance))
 
 
 def _solve(comm: MPI.Comm, parts: list[Part], wanted: list[np.ndarray], loads: np.ndarray, area: float) -> _State:
     """The tractions nearest to the wanted ones that balance the loads.
 
-    Newton's steps, and where these meet kinks of P, steps of BFGS, which sees through kinks.
+    The steps are Newton's. Where they fail because of the kinks of P, they are those of BFGS, which tolerates kinks.
     """
     size = len(loads)
     small = 1e-12 * area
@@ -138,7 +142,7 @@ def _solve(comm: MPI.Comm, parts: list[Part], wanted: list[np.ndarray], loads: n
         return _State(r, [v - t for v, t in zip(z, r, strict=True)], total[:size] + loads, forces, noise)
 
     def inverse(y: np.ndarray) -> np.ndarray:
-        """Of the derivative of the imbalance."""
+        """Inverse of the derivative of the imbalance by y."""
         matrix = np.zeros((size, size))
         for part, w in zip(parts, wanted, strict=True):
             left, right = part.cones.derivative(w + part.motions @ y, part.motions)
@@ -148,16 +152,16 @@ def _solve(comm: MPI.Comm, parts: list[Part], wanted: list[np.ndarray], loads: n
 
     y = np.zeros(size)
     now = best = state(y)
-    metric = inverse(y)
+    updated = inverse(y)
     last, smooth = 0, True
     for i in range(1, STEPS + 1):
         patience = PATIENCE if best.size > SMALL * best.forces else IMPATIENCE
         if now.size <= now.noise or i > last + patience:
             break
-        step = -(inverse(y) if smooth else metric) @ now.imbalance
+        step = -(inverse(y) if smooth else updated) @ now.imbalance
         length, new = _along(state, y, step, now)
         y = y + length * step
-        metric = _updated(metric, length * step, new.imbalance - now.imbalance)
+        updated = _updated(updated, length * step, new.imbalance - now.imbalance)
         smooth = new.size < 0.1 * now.size or i % NEWTON == 0
         if new.size < 0.5 * best.size:
             last = i
@@ -166,19 +170,20 @@ def _solve(comm: MPI.Comm, parts: list[Part], wanted: list[np.ndarray], loads: n
     return best
 
 
-def _updated(metric: np.ndarray, change: np.ndarray, turn: np.ndarray) -> np.ndarray:
-    """The update of BFGS."""
-    both = float(change @ turn)
+def _updated(inverse: np.ndarray, step: np.ndarray, change: np.ndarray) -> np.ndarray:
+    """The update of BFGS of an inverse derivative for a step in y and the change of the imbalance."""
+    both = float(step @ change)
     if both <= 0:
-        return metric
-    left = np.eye(len(change)) - np.outer(change, turn) / both
-    return left @ metric @ left.T + np.outer(change, change) / both
+        return inverse
+    left = np.eye(len(step)) - np.outer(step, change) / both
+    return left @ inverse @ left.T + np.outer(step, step) / both
 
 
 def _along(state: Callable[[np.ndarray], _State], y: np.ndarray, step: np.ndarray, now: _State) -> tuple[float, _State]:
-    """Length of a step from y where the slope along it is at most half of that at its start, and the state there.
+    """Length of a step from y at which the slope along it is at most half of that at its start, and the state there.
 
-    The slope does not decrease: it is bracketed, by factors of ten, then by chords and bisection in turn.
+    The slope along the step does not decrease, so its zero can be bracketed: first by factors of ten, then by secants
+    and bisections in turn.
     """
     start = float(now.imbalance @ step)
     low, high, at_low, at_high = 0.0, np.inf, start, np.inf

@@ -1,7 +1,7 @@
-"""Arrays of a mesh of simplices, with one numbering of a cell's vertices for everything that follows.
+"""Geometry of the cells of a mesh of simplices, with one order of the vertices of each cell.
 
-The vertices of each cell are sorted by node number. Then the nodes of a facet come in the same order
-from both of its cells, and values on facets need no permutation.
+The vertices of each cell are sorted by node number. Then the nodes of a facet have the same order in both of its cells,
+and values on facets need no permutation.
 
 Symbols: d dimension, k degree, T cell, F facet, facet i of T is opposite to vertex i, J Jacobian (columns x_i - x_0),
 N nodes of a cell, m of a facet. Arrays are of all cells of the rank, ghosts included. Tractions on facets and
@@ -23,11 +23,11 @@ from erc_contact.model.space import Space
 
 @dataclass(frozen=True, eq=False)
 class CellGeometry:
-    """Geometry and connectivity of the cells of a rank.
+    """Geometry and connectivity of the cells of a rank, ghosts included, with sorted vertices.
 
     Attributes:
         degree: k.
-        order: Place of each of our vertices in DOLFINx's order, shape (n, d+1).
+        order: Place of each sorted vertex in DOLFINx's order, shape (n, d+1).
         nodes: Nodes (block degrees of freedom) of each cell: of the vertices, ascending, then of the edges between
             them, shape (n, N).
         facets: Facet opposite to each of these vertices, shape (n, d+1).
@@ -75,7 +75,7 @@ class CellGeometry:
 
 
 def cell_geometry(space: Space) -> CellGeometry:
-    """The arrays of a model's mesh."""
+    """The geometry of the cells of a mesh."""
     d, mesh = space.d, space.mesh
     order = np.argsort(space.vertices, axis=1)
     ends = order[:, node_vertices(d, space.degree)]
@@ -102,7 +102,7 @@ def cell_geometry(space: Space) -> CellGeometry:
 
 
 def sorted_corners(space: Space, cells: CellGeometry) -> np.ndarray:
-    """Vertices of all cells in our order [length], shape (n, d+1, d)."""
+    """Coordinates of the sorted vertices of all cells [length], shape (n, d+1, d)."""
     return np.take_along_axis(space.cell_corners(), cells.order[:, :, None], axis=1)
 
 
@@ -125,12 +125,12 @@ def facet_order(vertices: np.ndarray, degree: int) -> np.ndarray:
 
 
 def evaluate_sorted(expression: Any, space: Space, cells: CellGeometry, points: np.ndarray, count: int) -> np.ndarray:
-    """Values of a UFL expression at reference points of the first cells, in our order of their vertices.
+    """Values of a UFL expression at reference points of the first cells, for the sorted vertices.
 
     Args:
         expression: UFL expression of shape s.
         space: The mesh.
-        cells: Its arrays.
+        cells: Geometry.
         points: Reference points (q, d) that a permutation of the vertices permutes.
         count: Number of cells.
 
@@ -151,7 +151,7 @@ def evaluate_sorted(expression: Any, space: Space, cells: CellGeometry, points: 
 
 
 def facet_forces(area: np.ndarray, stress: np.ndarray) -> np.ndarray:
-    """``S_b |F_i| n_i``: the force on each facet of each coefficient of a symmetric stress of some cells.
+    """Force ``S_b |F_i| n_i`` [force] of each coefficient of a symmetric stress on each facet of some cells.
 
     Args:
         area: Outward normals times facet areas, shape (n, d+1, d).
@@ -177,13 +177,13 @@ def moments(area: np.ndarray, values: np.ndarray, degree: int) -> np.ndarray:
 
 
 def force_coefficients(moment: np.ndarray, degree: int) -> np.ndarray:
-    """Area times traction, ``|F| t_m`` [force], of moments of shape (..., m, d): the inverse of ``moments``."""
+    """Coefficients of area times traction, ``|F| t`` [force], from moments (..., m, d): inverse to :func:`moments`."""
     d = moment.shape[-1]
     return from_means(d - 1, degree, moment)
 
 
 def signed(cells: CellGeometry, moment: np.ndarray) -> np.ndarray:
-    """Facet moments as each cell sees them, opposite on the two sides, shape (n, d+1, m, d)."""
+    """Moments of the tractions on each cell, of opposite sign on the two sides of a facet, shape (n, d+1, m, d)."""
     places = np.arange(cells.facets.size).reshape(cells.facets.shape)
     sign = np.where(cells.side[0][cells.facets] == places, 1.0, -1.0)
     return sign[:, :, None, None] * moment[cells.facets]

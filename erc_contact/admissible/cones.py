@@ -1,4 +1,6 @@
-"""The nearest of the tractions that a friction law allows, where these are cones or cylinders.
+"""Convex sets of contact tractions, cones and cylinders, and the Euclidean projection on them.
+
+The module also splits vectors into normal and tangential parts.
 
 Symbols: n normal of the foundation, p = -r_n pressure, f facets, m nodes of a facet, d dimension, K directions.
 """
@@ -11,30 +13,32 @@ import numpy as np
 
 
 def split(z: np.ndarray, n: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Normal component, tangential part and its length, of vectors (..., d) and unit normals of the same shape."""
+    """Normal component, tangential part and length of this part, for vectors (..., d) and unit normals n."""
     z_n = (z * n).sum(axis=-1)
     z_t = z - z_n[..., None] * n
     return z_n, z_t, np.linalg.norm(z_t, axis=-1)
 
 
 def pressures(r: np.ndarray, n: np.ndarray) -> np.ndarray:
-    """Pressures ``max(-r_n, 0)`` of tractions (..., d) on foundations with normals n of the same shape."""
+    """Pressures ``max(-r_n, 0)`` of tractions (..., d) on foundations with normals n [force/area]."""
     return np.maximum(-(r * n).sum(axis=-1), 0.0)
 
 
 def clip(z_t: np.ndarray, size: np.ndarray, bound: np.ndarray) -> np.ndarray:
-    """Shorten tangential vectors of given lengths to a bound."""
+    """Tangential vectors z_t, shortened to the bound where their length ``size`` is larger."""
     return np.divide(bound, size, out=np.ones_like(size), where=size > bound)[..., None] * z_t
 
 
 @dataclass(frozen=True, eq=False)
 class Cones:
-    """The tractions ``|r_t| <= offset + slope p``, ``p >= 0``, at each node: Coulomb's cone, a cylinder, and between.
+    """The set of tractions ``|r_t| <= offset + slope p``, ``p >= 0`` at each node.
+
+    It is Coulomb's cone for offset 0, Tresca's half cylinder for slope 0, and a truncated cone otherwise.
 
     Attributes:
         n: Unit normals, shape (f, 1, d).
-        slope: Shape (f, m) [-].
-        offset: Shape (f, m) [force/area].
+        slope: Slope of the friction bound [-], shape (f, m).
+        offset: Friction bound without pressure [force/area], shape (f, m).
         bilateral: Where p may have any sign; the slope is zero there. Shape (f, m).
     """
 
@@ -44,11 +48,11 @@ class Cones:
     bilateral: np.ndarray
 
     def nearest(self, z: np.ndarray) -> np.ndarray:
-        """The nearest of these tractions (Euclidean projection, non-expansive), shape (f, m, d) [force/area]."""
+        """The nearest traction of the set to each z, the Euclidean projection, shape (f, m, d) [force/area]."""
         return self._project(z)[0]
 
     def _project(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """The nearest traction, z_t and its length, and where the friction bound does not limit it."""
+        """The nearest traction, z_t, the length of z_t, and where the friction bound does not limit it."""
         z_n, z_t, size = split(z, self.n)
         shown = np.where(self.bilateral, -z_n, np.maximum(-z_n, 0.0))
         inside = size <= self.offset + self.slope * shown
@@ -58,10 +62,10 @@ class Cones:
         return r_t - p[..., None] * self.n, z_t, size, inside
 
     def derivative(self, z: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Of the projection in directions q (f, m, d, K), as two factors A, B: ``q.P'q = A.B`` at each node.
+        """Derivative of the projection P at z in directions q (f, m, d, K): factors of ``q.P'q = A.B`` at each node.
 
         Returns:
-            Two arrays (f, m, d + 2, K): the parts along n, along z_t, and across both.
+            A and B of shape (f, m, d + 2, K): the parts along n, along z_t, and orthogonal to both.
         """
         r, z_t, size, inside = self._project(z)
         along = np.divide(z_t, size[..., None], out=np.zeros_like(z_t), where=size[..., None] > 0)

@@ -1,8 +1,8 @@
-"""Contact tractions that the law allows, in balance with the loads.
+"""Contact tractions that the law allows and that balance the loads.
 
-They are allowed point-wise, not only at nodes: a traction whose Bernstein coefficients lie in a convex set lies in it
-everywhere. Where the friction bound varies along a facet or is not one of ours, it is lowered by what a fine sampling
-of the facet shows.
+The law allows them at every point, not only at nodes: if the Bernstein coefficients of a traction lie in a convex set,
+its values lie in it, too. Where the friction bound varies along a facet, or is given by the user, it is lowered until
+the traction is allowed at a fine sampling of the facet.
 
 Symbols: n normal of the foundation, r^ contact traction on the body, p = -r^_n pressure, b(p) friction bound, m number
 of coefficients of a facet, which belong to its nodes.
@@ -28,34 +28,35 @@ from erc_contact.model.foundation import BoundContact
 from erc_contact.model.model import Model
 
 PASSES = 10
-"""Limit of passes that shrink the friction bound where it must be sampled; one or two are usual."""
+"""Limit of the passes that lower the friction bound where it is sampled; one or two are usual."""
 MARGIN = 0.2
-"""Share of the sampled deviation that is added for what may lie between two samples [-]."""
+"""Share of the sampled deviation that is added for deviations between two samples [-]."""
 MOBILITY = 0.1
-"""kappa of :class:`_Shift` where a traction must shift for the balance [-]; 0.01 to 1 give the same e within 3%."""
+"""kappa of :class:`_Shift` where a traction must change for the balance [-]; 0.01 to 1 give the same e within 3%."""
 ROUND_OFF = 1e-12
-"""The same where nothing must shift: what the traction of a method is known to, over ``E/h |w|`` [-]."""
+"""kappa where no balance is needed: the accuracy of the traction of a method, over ``E/h |w|`` [-]."""
 FAR = 1e3
-"""Slip over ``h/E |r|`` from which on ROUND_OFF grows with it [-]."""
+"""Slip over ``h/E |r|`` beyond which this kappa grows with the slip [-]."""
 HELD = 1e-8
-"""Imbalance that counts as none, over the forces [-]; 1e-15 to 1e-11 is left where there is a traction."""
+"""Imbalance that counts as none, over the forces [-]; 1e-15 to 1e-11 remains where an allowed traction exists."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Shift:
-    """Where slip and opening draw a traction: to ``r - kappa E/h v`` with ``v = w_t + (w_n - g - mu |w_t|) n``.
+    """Shift ``-kappa E/h v`` of a traction by slip and opening, with ``v = w_t + (w_n - g - mu |w_t|) n``.
 
-    Half of the contact part of e^2, ``int b |w_t| + r_t.w_t + r_n (w_n - g)``, is ``int r.v`` but for a constant where
-    ``b = offset + mu p`` (de Saxce's bipotential), and to shift the traction by dr costs the bulk part about
-    ``h/(kappa E) |dr|^2``: so the best r is the allowed one that is nearest to ``r_0 - kappa E/h v``. A traction that
-    slips stays on the surface of its cone, where it costs nothing however long the slip is.
+    Half of the contact part of e^2, ``int b |w_t| + r_t.w_t + r_n (w_n - g)``, is ``int r.v`` up to a constant where
+    ``b = offset + mu p`` (de Saxce's bipotential). A change dr of the traction adds about ``h/(kappa E) |dr|^2`` to the
+    bulk part. So the best r is the allowed traction nearest to ``r_0 - kappa E/h v``. A traction that slips stays on
+    the surface of its cone, where it adds nothing, however long the slip is.
 
-    Means of a facet against its Bernstein polynomials, so that their products with coefficients are the integrals.
+    The attributes are means on a facet against its Bernstein polynomials: their products with coefficients are
+    integrals.
 
     Attributes:
         slip: E/h times the mean of w_t [force/area], shape (f, m, d).
-        path: E/h times the mean of ``|w_t|``, shape (f, m).
-        opening: E/h times the mean of what g - w_n is above zero, shape (f, m).
+        path: E/h times the mean of ``|w_t|`` [force/area], shape (f, m).
+        opening: E/h times the mean of ``max(g - w_n, 0)`` [force/area], shape (f, m).
         n: Normals, shape (f, 1, d).
 
     Source: G. de Saxce, Z.-Q. Feng, "The bipotential method", Math. Comput. Modelling 28 (1998).
@@ -71,9 +72,9 @@ class _Shift:
         return MOBILITY * ((slope * self.path + self.opening)[..., None] * self.n - self.slip)
 
     def round_off(self, r: np.ndarray) -> np.ndarray:
-        """The same where nothing must shift, with the kappa of round-off, and more where v is far beyond ``h/E r``.
+        """The shift with the kappa of round-off, which is larger where the slip is far beyond ``h/E |r|``.
 
-        e charges the round-off of a traction that slips, too, times the slip.
+        The round-off of a traction that slips enters e multiplied by the slip.
         """
         far = FAR * np.linalg.norm(r, axis=-1)
         length = self.path + self.opening
@@ -82,14 +83,19 @@ class _Shift:
 
 
 def admissible_tractions(model: Model, solution: Any, loads: np.ndarray, forces: float) -> list[ContactTraction]:
-    """r^: the method's traction, L2-projected on polynomials of degree k of each facet, and limited to what is allowed.
+    """r^: the L2 projection of the method's traction on degree k of each facet, limited to what the law allows.
 
-    What limits it are the means ``int r B_m / int B_m``: the law allows these where it allows r. Round-off of the
-    method's traction is moved against slip and opening, where e does not see it.
+    The limiter of degree 2 uses the means ``int r B_m / int B_m``, which the law allows where it allows r. Round-off of
+    the method's traction is shifted in the direction in which it does not increase e.
 
-    Where no support holds a rigid motion, r^ must balance the work of the loads on it, shape (motions,), exactly: the
-    least change within the allowed tractions does it. ``loads`` is that of the loads' projections, which sigma^ is to
-    balance, ``forces`` the sum of their sizes.
+    Where no support holds a rigid motion, r^ must balance the work of the loads on this motion exactly. The least
+    change within the allowed tractions gives the balance.
+
+    Args:
+        model: The scene on a mesh.
+        solution: The solution of the contact problem.
+        loads: Work on the free motions of the projected loads, which sigma^ will balance [force], shape (motions,).
+        forces: Sum of the sizes of the nodal forces of these loads [force].
 
     Raises:
         NotHeldError: If no allowed traction balances the loads on a free motion.
@@ -133,7 +139,7 @@ def admissible_tractions(model: Model, solution: Any, loads: np.ndarray, forces:
 
 
 def _shift(model: Model, contact: BoundContact, u: np.ndarray, area: np.ndarray) -> _Shift:
-    """Where displacements with nodal values u (f, m, d) draw the traction of a contact."""
+    """The shift of the traction of a contact by displacements with nodal values u (f, m, d)."""
     n, d, k = contact.direction[:, None, :], model.d, model.degree
     points, weights = rule(d - 1, model.contact_degree)
     average, shape = averages(d - 1, k, points, weights), lagrange(d - 1, k, points)
@@ -147,7 +153,7 @@ def _shift(model: Model, contact: BoundContact, u: np.ndarray, area: np.ndarray)
 
 
 def _shrink(model: Model, traction: ContactTraction) -> np.ndarray:
-    """Factor of each facet by which the friction bound must shrink for r^ to be allowed between the nodes."""
+    """Factor of the friction bound on each facet with which the law allows r^ between the nodes, shape (f,)."""
     if not traction.contact.sampled:
         return np.ones(len(traction.nodes))
     at = samples(model.d)
@@ -156,7 +162,7 @@ def _shrink(model: Model, traction: ContactTraction) -> np.ndarray:
     allowed = traction.contact.friction_bound(np.maximum(-traction.normal @ shape.T, 0.0), parameters)
     used = np.linalg.norm(np.einsum("qm,fmi->fqi", shape, traction.tangential), axis=-1)
     peak = model.comm.allreduce(float(used.max(initial=0.0)), MPI.MAX)
-    excess = used > allowed + 1e-14 * peak  # two tractions that are zero but for round-off have no ratio
+    excess = used > allowed + 1e-14 * peak  # the ratio of two numbers that are round-off means nothing
     ratio = np.divide(allowed, used, out=np.ones_like(used), where=excess).min(axis=1)
     return np.where(ratio < 1.0, np.maximum(ratio - MARGIN * (1 - ratio), 0.0), 1.0)
 
@@ -177,7 +183,7 @@ def _balanced(
     loads: np.ndarray,
     forces: float,
 ) -> list[np.ndarray]:
-    """The allowed tractions near those given, shifted against slip and opening, that balance loads on free motions."""
+    """The allowed tractions nearest to the shifted ones that balance the loads on the free motions."""
     comm, d = model.comm, model.d
     weights, motions = [], []
     for t in raw:

@@ -1,9 +1,10 @@
-"""Displacements that do not enter the foundation, at the status that the admissible traction shows.
+"""Displacements that do not enter the foundation, with the status (open, slip, stick) of the admissible traction.
 
-This holds at every point, not only at the nodes: a normal displacement whose Bernstein coefficients are below those of
-a bound stays below it. Where the gap varies along a facet, the bounds are lowered by what samples of the facet show.
-There are more samples where the gap is less like a polynomial (:mod:`erc_contact.mesh.quadrature`): an asperity is
-found where its flank shows at one of the first samples, 72 on a facet in 2D and 352 in 3D.
+They do not enter it at any point, not only at the nodes: if the Bernstein coefficients of a normal displacement are
+below those of a bound, the displacement is below the bound. Where the gap varies along a facet, the bounds are lowered
+until they are below the gap at samples of the facet. There are more samples where the gap is less like a polynomial
+(:mod:`erc_contact.mesh.quadrature`). An asperity is found if it changes the gap at one of the first samples, 72 on a
+facet in 2D and 352 in 3D.
 
 Symbols: n normal of the foundation, r^ admissible contact traction, g gap, u^ displacement, m number of coefficients of
 a facet, which belong to its nodes.
@@ -24,7 +25,7 @@ from erc_contact.model.expressions import Everywhere, varies_in_cells
 from erc_contact.model.model import Model
 
 BETWEEN = 0.1
-"""What a gap may do between the samples of a piece of a facet, of its range at these samples [-]."""
+"""Share of the range of a gap at the samples of a piece of a facet that it may vary between the samples [-]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,11 +33,11 @@ class _Limits:
     """Non-penetration at the nodes of a contact: one limit for each node and each normal that it has there.
 
     Attributes:
-        nodes: Shape (c,).
-        normal: Shape (c, d).
+        nodes: Node of each limit, shape (c,).
+        normal: Normal of each limit, shape (c, d).
         bound: Limit of u_n [length], shape (c,).
-        of_facet: Which limit each node of each facet has, shape (f, m).
-        groups: Positions of limits, no node twice in one array.
+        of_facet: Number of the limit of each node of each facet, shape (f, m).
+        groups: Numbers of limits; no node is twice in one group.
     """
 
     nodes: np.ndarray
@@ -47,13 +48,13 @@ class _Limits:
 
 
 def admissible_displacement(model: Model, u: fem.Function, tractions: list[ContactTraction]) -> fem.Function:
-    """u^: u clipped at the gap, and snapped to the status that r^ shows where that lowers the error.
+    """u^: u limited by the gap, and set to the status of r^ where that lowers the error.
 
     The contact part of e^2 is of first order in ``g - u_n`` where r^_n < 0, and in u_t where r^_t is inside the cone
-    or does not oppose it; the bulk part is only of second order in a change of u^. So a node is set to ``u_n = g``,
-    or to ``u_t = 0``, where what the contact part gains, ``2 sum |F|/m (...)`` over the facets of the node, exceeds
-    what the bulk part may lose, about ``E h^(d-2)`` times the square of the change. (Asking for r^ strictly inside the
-    cone on all facets of a node instead leaves nodes at the stick-slip transition that slip along the traction.)
+    or does not oppose u_t. The bulk part is of second order in a change of u^. So a node is set to ``u_n = g``, or to
+    ``u_t = 0``, where this lowers the contact part by more, ``2 sum |F|/m (...)`` over the facets of the node, than it
+    may raise the bulk part, about ``E h^(d-2)`` times the square of the change. (If r^ had to be strictly inside the
+    cone on all facets of a node instead, nodes at the stick-slip transition would slip along the traction.)
     """
     hat = fem.Function(model.V, name="displacement")
     hat.x.array[:] = u.x.array
@@ -94,7 +95,7 @@ def admissible_displacement(model: Model, u: fem.Function, tractions: list[Conta
 
 
 def _move_normal(values: np.ndarray, mobile: np.ndarray, limit: _Limits, which: np.ndarray) -> None:
-    """Set ``u_n`` to the bound of some limits, moving the components that no support fixes."""
+    """Set ``u_n`` to the bound of some limits by a change of the components that no support fixes."""
     nodes, n = limit.nodes[which], limit.normal[which]
     along = mobile[nodes] * n
     reach = (along * n).sum(axis=1)
@@ -103,7 +104,7 @@ def _move_normal(values: np.ndarray, mobile: np.ndarray, limit: _Limits, which: 
 
 
 def _sum(limit: _Limits, of_facets: np.ndarray) -> np.ndarray:
-    """Sums over the facets of each limit, shape (c,)."""
+    """Sums of values (f, m) over the facets of each limit, shape (c,)."""
     return np.bincount(limit.of_facet.ravel(), of_facets.ravel(), len(limit.nodes))
 
 
@@ -117,7 +118,7 @@ def _nodal_stiffness(model: Model, traction: ContactTraction) -> np.ndarray:
 
 
 def _limits(model: Model, traction: ContactTraction) -> _Limits:
-    """Limits: coefficients of polynomials below the gap (equal to it at the nodes if bilateral)."""
+    """Limits whose bounds are coefficients of polynomials below the gap, or equal to it at the nodes if bilateral."""
     contact, d = traction.contact, model.d
     at_nodes = model.gap_at_nodes(contact) @ coefficients(d - 1, model.degree).T
     if contact.gap is not None and varies_in_cells(contact.gap) and not contact.bilateral:
@@ -128,13 +129,15 @@ def _limits(model: Model, traction: ContactTraction) -> _Limits:
     bound = np.full(len(first), np.inf)
     np.minimum.at(bound, of_facet.ravel(), at_nodes.ravel())
     nodes = traction.nodes.ravel()[first]
-    times = np.arange(len(nodes)) - np.searchsorted(nodes, nodes)  # sorted by node: how often it came before
+    times = np.arange(len(nodes)) - np.searchsorted(
+        nodes, nodes
+    )  # nodes are sorted: number of limits of the node before
     groups = [np.flatnonzero(times == k) for k in range(int(times.max(initial=0)) + 1)]
     return _Limits(nodes, normals[first], bound, of_facet.reshape(traction.nodes.shape), groups)
 
 
 def _excess(model: Model, traction: ContactTraction, at_nodes: np.ndarray) -> np.ndarray:
-    """How far polynomials with coefficients (f, m) are above the gap at most on each facet [length], shape (f,)."""
+    """The most by which polynomials with coefficients (f, m) exceed the gap on each facet [length], shape (f,)."""
     facets = traction.contact.facets
     gap = Everywhere(traction.contact.gap, model.mesh)
     highest, size = np.zeros(len(facets)), np.zeros(len(facets))

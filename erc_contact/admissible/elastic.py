@@ -1,4 +1,4 @@
-"""Elastic moduli and stresses in the cells of a model: strains of a displacement, ``C eps(u)``, and its projection."""
+"""Moduli in the cells of a model, strains of a displacement, its stress ``C eps(u)`` and the projection of this."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def strains(cells: CellGeometry, u: fem.Function) -> np.ndarray:
 def elastic_stress(model: Model, cells: CellGeometry, u: fem.Function, count: int) -> np.ndarray:
     """``C eps(u)`` in Mandel components at the points of the sub-simplices [force/area].
 
-    Shape (count, (d+1) q, s), with 1 in place of the points where it is constant in each cell.
+    The shape is (count, (d+1) q, s), with 1 in place of (d+1) q where it is constant in each cell.
     """
     stiffness, strain = macro_moduli(model, cells, count), strains(cells, u)[:count]
     if cells.degree > 1:
@@ -49,9 +49,9 @@ def moduli(model: Model, cells: CellGeometry, points: np.ndarray, count: int, *,
 
     Args:
         model: The scene on a mesh.
-        cells: Its arrays.
-        points: Reference points (q, d) in our order of the vertices; a permutation of these permutes them.
-        count: The first ``count`` cells are done.
+        cells: Geometry.
+        points: Reference points (q, d) for the sorted vertices; a permutation of the vertices permutes the points.
+        count: Number of cells, the first ones.
         inverse: Compliance C^-1 [area/force] instead of stiffness C [force/area].
 
     Returns:
@@ -68,15 +68,15 @@ def moduli(model: Model, cells: CellGeometry, points: np.ndarray, count: int, *,
 def macro_moduli(model: Model, cells: CellGeometry, count: int, *, inverse: bool = False) -> np.ndarray:
     """Elasticity (or compliance) matrices at the points of the sub-simplices.
 
-    Shape (count, (d+1) q, s, s), with 1 in place of either number where the material does not vary.
+    The shape is (count, (d+1) q, s, s), with 1 in place of either number where the material does not vary.
     """
     return moduli(model, cells, macro_points(model.d, model.degree)[1], count, inverse=inverse)
 
 
 def cell_stress(model: Model, cells: CellGeometry, u: fem.Function) -> np.ndarray:
-    """Projection of ``C eps(u)`` on degree k-1 in each cell: it tests against P_k fields as the stress itself.
+    """L2 projection of ``C eps(u)`` on degree k-1 in each cell, shape (n, N_(k-1), d, d).
 
-    Shape (n, N_(k-1), d, d).
+    It does the same work as ``C eps(u)`` on the strains of all P_k fields.
     """
     d, k = cells.d, cells.degree
     points, weights = rule(d, DATA_DEGREE)

@@ -1,15 +1,16 @@
 """Facet tractions in equilibrium with the loads on every cell.
 
-Given a stress sigma_h of degree k-1 in each cell, in equilibrium with the data against all continuous P_k fields, find
-tractions of degree k on facets that are opposite on the two sides, equal F on Gamma_N and r^ on Gamma_C, and do the
-work of sigma_h and f against all P_k fields on every cell: they balance forces and moments there. Unknown:
-discontinuous P_k multipliers lambda; with <.,.> lumped at the nodes of a facet,
+Given is a stress sigma_h of degree k-1 in each cell, in equilibrium with the data against all continuous P_k fields.
+The tractions to be found are of degree k on facets, opposite on the two sides, and equal F on Gamma_N and r^ on
+Gamma_C. On every cell they do the same work on P_k fields as sigma_h and f, so they balance forces and moments there.
+The unknowns are discontinuous P_k multipliers lambda with
 
     sum_F w_F <[lambda], [mu]> = residual of the averaged tractions against mu,
 
-the traction is the average plus ``w_F [lambda]`` (as moments). Lumping decouples the nodes: one small weighted
-graph Laplacian for each patch of cells around a node and component, solved directly, batched by patch size. Every patch
-is complete on its rank, so nothing is communicated.
+where <.,.> is lumped at the nodes of a facet. The moments of the tractions are those of the average plus
+``w_F [lambda]``. Lumping decouples the nodes: for each node and component there is one small weighted graph Laplacian
+of the patch of cells around the node. They are solved directly, all patches of one size at once. Every patch is
+complete on its rank, so nothing is communicated.
 
 Source: Ladeveze, Leguillon, SIAM J. Numer. Anal. 20 (1983), the equilibration of densities; the form is ours.
 """
@@ -81,7 +82,7 @@ def divergence(d: int, k: int) -> np.ndarray:
     """``-|T| (B_c, grad B_v)``: Bernstein polynomials of degree k test a stress of degree k-1.
 
     Returns:
-        Its factors for the facet_forces ``S_c |F_j| n_j``, means over the cell, shape (N_k, (d+1) N_(k-1)).
+        Matrix that acts on the forces ``S_c |F_j| n_j`` of :func:`facet_forces`, shape (N_k, (d+1) N_(k-1)).
     """
     inside = np.einsum("bc,cjv->vjb", mass(d, k - 1, k - 1), gradients(d, k)) / d  # |F_j| n_j = -d |T| grad lambda_j
     return inside.reshape(len(nodes(d, k)), -1)
@@ -108,8 +109,8 @@ def _patch_jumps(
 ) -> np.ndarray:
     """Solve the graph Laplacians of all patches; return ``w_F [lambda]`` at facet nodes, (facets, m, d).
 
-    A patch that no Gamma_D grounds determines lambda up to a constant: the mean is set to zero, which also
-    spreads the round-off of an incompatible right side evenly, on any number of ranks the same way.
+    If a patch has no facet of Gamma_D, lambda is determined up to a constant, and its mean is set to zero. This also
+    distributes the round-off of an incompatible right side evenly, in the same way on any number of ranks.
     """
     d, N = cells.d, cells.nodes.shape[1]
     node = cells.nodes.ravel()
@@ -120,7 +121,7 @@ def _patch_jumps(
     place = np.full(cells.nodes.size, -1)
     place[order] = np.arange(len(order)) - starts[node[order]]  # position of (cell, node) in its patch
 
-    # one edge of a graph for each facet and node; (cell, node) of either side as flat index
+    # each node of a facet is an edge of a graph between the two cells; its ends are flat indices of (cell, node)
     used = np.flatnonzero(cells.side[0] >= 0)
     nodes_of = local_facet_nodes(d, cells.degree)
     ends = []
@@ -142,7 +143,7 @@ def _patch_jumps(
     ea, eb = a[joined], b[joined]
     ew = np.broadcast_to(weight[used, None], a.shape)[joined]
     for c in range(d):
-        # the first component solves for all; another one only where its grounding differs
+        # the matrix of the first component serves all components; others solve only where their grounding differs
         todo = sizes > 0 if c == 0 else (sizes > 0) & _differs(node, grounded, c, len(complete))
         columns = np.arange(d) if c == 0 else np.array([c])
         edge_todo = todo[node[ea]]

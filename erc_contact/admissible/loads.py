@@ -1,7 +1,7 @@
-"""What sigma^ balances: the projections of the loads, on degree k of each facet and degree k-1 of each cell.
+"""Projections of the loads, on degree k on each facet and degree k-1 in each cell: the loads that sigma^ balances.
 
-Where a load varies in space the projections are integrals that are adapted to it, so that each facet and each cell has
-the resultant of the load, a jump or a peak inside included. What the projections leave is the oscillation of the loads.
+Where a load varies in space, the integrals are adapted to it, so that each facet and each cell has the resultant of the
+load, even with a jump or a peak inside. The difference of load and projection is the oscillation of the loads.
 
 Symbols: k degree, m nodes of a facet, N_(k-1) coefficients of a polynomial of degree k-1 in a cell.
 """
@@ -60,7 +60,7 @@ def cell_forces(model: Model, cells: CellGeometry) -> np.ndarray | None:
     def moments(of: np.ndarray, at: np.ndarray, x: np.ndarray) -> np.ndarray:
         return _products(polynomials(k - 1, at), load(x, of_cells[of]))
 
-    # in DOLFINx's order of the vertices, on which all ranks agree, so that they have the same forces for a cell
+    # all ranks have DOLFINx's order of the vertices, and so the same integration points and forces of a cell
     total = integrate(model.comm, moments, model.cell_corners(), cells.volume, cell_pieces(d))
     forces = from_means(d, k - 1, total.value.reshape(len(of_cells), len(nodes(d, k - 1)), d))
     return forces if k == 1 else np.take_along_axis(forces, cells.order[:, :, None], axis=1)

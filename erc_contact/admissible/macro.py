@@ -1,13 +1,13 @@
 """A symmetric stress in exact equilibrium from facet tractions and body force, cell by cell.
 
-Each simplex is split at its barycentre into d+1 sub-simplices (Alfeld split). Symmetric stresses on them, of degree k
-with continuous traction across the inner facets: for balanced tractions of degree k and a body force of degree k-1 such
-a stress exists. For k = 1 there is exactly one (Johnson, Mercier, Numer. Math. 30 (1978); 15 degrees of freedom in 2D,
-42 in 3D); for k = 2 the stresses without tractions and divergence, the bubbles, have 3 dimensions in 2D and 18 in 3D.
-On the reference simplex the map from (tractions, body force) to stresses is one small matrix; the Piola transform
-``sigma = J S J^T / |det J|`` carries it to all cells, forces being mapped by J.
+Each simplex is split at its barycentre into d+1 sub-simplices (Alfeld split). On these a stress is symmetric, of degree
+k, with continuous traction across the inner facets. For balanced tractions of degree k and a body force of degree k-1
+such a stress exists. For k = 1 there is exactly one (Johnson, Mercier, Numer. Math. 30 (1978); 15 degrees of freedom in
+2D, 42 in 3D). For k = 2 the stresses without tractions and divergence, the bubbles, have 3 dimensions in 2D and 18 in
+3D. On the reference simplex the map from (tractions, body force) to stresses is one small matrix. The Piola transform
+``sigma = J S J^T / |det J|`` gives the stresses of all cells, with forces mapped by J.
 
-Tensors are in Mandel's notation, components in an orthonormal basis of symmetric matrices, s = d(d+1)/2; polynomials
+Tensors are in Mandel's notation: components in an orthonormal basis of symmetric matrices, s = d(d+1)/2. Polynomials
 are given by Bernstein coefficients, N_k in a cell, m in a facet. Sub-simplex i has the vertices of the cell with vertex
 i replaced by the barycentre.
 """
@@ -37,7 +37,7 @@ from erc_contact.mesh.simplex import (
 from erc_contact.scene.material import mandel_basis
 
 CHUNK = 2048
-"""Number of cells that are worked on at once: what stays in the cache."""
+"""Number of cells that are worked on at once, so that their arrays stay in the cache."""
 
 
 @cache
@@ -64,7 +64,7 @@ def _reference(d: int, k: int) -> tuple[np.ndarray, np.ndarray]:
     names = node_vertices(d, k)
     for i in range(d + 1):
         for other in range(i + 1, d + 1):
-            # sub-simplices i and other share the facet of the centre, d+1, and all other vertices
+            # sub-simplices i and other share the facet of the barycentre (number d+1) and the other vertices
             gradient = np.linalg.inv(np.column_stack([subs[i], np.ones(d + 1)]))[:d].T[other]
             normal = gradient / np.linalg.norm(gradient)
             mine, theirs = (
@@ -80,7 +80,7 @@ def _reference(d: int, k: int) -> tuple[np.ndarray, np.ndarray]:
     solution = right[:rank].T @ ((left[:, :rank].T @ np.vstack(data)) / values[:rank, None])
     kernel = right[rank:].T
     if kernel.size:
-        # of all stresses the one of least norm on the regular simplex: it does not depend on the order of the vertices
+        # take the stress of least norm on the regular simplex, which does not depend on the order of the vertices
         J = np.linalg.cholesky((np.ones((d, d)) + np.eye(d)) / 2).T
         images = mandel(J @ basis @ J.T)
         norm = np.kron(np.eye(d + 1), np.kron(mass(d, k, k), images @ images.T))
@@ -135,11 +135,11 @@ def _elevation(d: int, k: int) -> tuple[np.ndarray, np.ndarray]:
 def macro_stress(
     cells: CellGeometry, count: int, stress: np.ndarray, forces: np.ndarray, force: np.ndarray | None
 ) -> np.ndarray:
-    """The admissible stress ``sigma^ = sigma_h + map(F^ - sigma_h n, f + div sigma_h)`` in the sub-simplices.
+    """The admissible stress ``sigma^ = sigma_h + map(F^ - sigma_h n, f + div sigma_h)`` on the sub-simplices.
 
     Args:
-        cells: Geometry; the first ``count`` cells are done.
-        count: Number of owned cells.
+        cells: Geometry.
+        count: Number of cells, the first ones.
         stress: sigma_h in each cell, of degree k-1, shape (n, N_(k-1), d, d).
         forces: ``|F| t`` on the facets of each cell, shape (count, d+1, m, d).
         force: Body force times volume of each cell, of degree k-1, shape (n, N_(k-1), d), or None.
@@ -171,7 +171,7 @@ def macro_stress(
 
 
 def macro_values(stress: np.ndarray, k: int, of: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """sigma^ at points of pieces that each lie in one sub-simplex, in Mandel components (n, q, s).
+    """sigma^ at points of pieces, each of which lies in one sub-simplex, in Mandel components (n, q, s).
 
     Args:
         stress: Coefficients of all cells, shape (cells, d+1, N_k, s).

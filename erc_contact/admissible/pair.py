@@ -1,8 +1,8 @@
-"""From a solution to an admissible pair: a displacement and a stress that satisfy all but the constitutive law.
+"""From a solution to an admissible pair: a displacement and a stress with all properties but the constitutive law.
 
-The pair (u^, sigma^) with the contact traction r^: u^ = U on Gamma_D and u^_n <= g on Gamma_C; sigma^ is symmetric,
-in exact equilibrium with the data's projections, sigma^ n = r^ on Gamma_C with r^ in the Coulomb cone. Whatever the
-contact solver did, e (16) of this pair bounds its error.
+The pair is (u^, sigma^) with the contact traction r^. u^ = U on Gamma_D and u^_n <= g on Gamma_C. sigma^ is symmetric
+and in exact equilibrium with the projections of the data, and sigma^ n = r^ on Gamma_C with r^ in the Coulomb cone.
+For any result of the contact solver, e (16) of this pair bounds its error.
 
 Source: Coorevits, Hild, Hjiaj, equations (9), (10); Ladeveze, Leguillon (1983).
 """
@@ -42,21 +42,21 @@ from erc_contact.model.model import Model
 from erc_contact.newton.solution import Solution
 
 BALANCED = 1e-12
-"""Nodal forces that count as balanced, over the forces of the stress [-]."""
+"""Unbalanced nodal forces that count as round-off, over the forces of the stress [-]."""
 REFINEMENTS = 3
-"""Limit of the solves for what is not balanced; one is usual where any is needed."""
+"""Limit of the solves for unbalanced forces; where any is needed, one is usual."""
 
 
 @dataclass(frozen=True, eq=False)
 class Admissible:
-    """An admissible pair; polynomials are given by Bernstein coefficients, of degree 1 values at the vertices.
+    """An admissible pair; polynomials are given by Bernstein coefficients.
 
     Attributes:
-        solution: Where it came from.
+        solution: The solution that it was reconstructed from.
         displacement: u^ [length], a continuous Function of degree k.
         tractions: r^ on each contact.
         cells: Geometry of the cells.
-        fe_stress: The rebalanced finite element stress, its projection on polynomials of degree k-1 in each cell
+        fe_stress: The rebalanced finite element stress, projected on polynomials of degree k-1 in each cell
             [force/area], shape (n, N_(k-1), d, d).
         stress: sigma^ of the owned cells in Mandel components, of degree k in the sub-simplices [force/area],
             shape (owned, d+1, N_k, s).
@@ -84,8 +84,8 @@ def equilibrate(solution: Solution, tighten: int = TIGHTEN) -> Admissible:
 
     Args:
         solution: Any state of the contact solver; the bound does not depend on its quality.
-        tighten: At most so many iterations that tighten sigma^; they end when one gains less than 2% of e (4 to 8 are
-            usual); 0 for none.
+        tighten: Limit of the iterations that tighten sigma^. They end when one lowers e by less than 2%; 4 to 8 are
+            usual.
 
     Returns:
         The admissible pair.
@@ -107,7 +107,7 @@ def equilibrate(solution: Solution, tighten: int = TIGHTEN) -> Admissible:
     complete[model.nodes[: model.domain.owned_cells]] = True
     moment = equilibrated_moments(cells, stress, force, given, fixed, complete)
     count, iterations = model.domain.owned_cells, 0
-    inner = model.degree > 1  # there are stresses without tractions to choose from
+    inner = model.degree > 1  # the bubbles are still to be chosen
     if tighten > 0 or inner:
         elastic = elastic_stress(model, cells, hat, count)
         compliance = macro_moduli(model, cells, len(cells.nodes), inverse=True)
@@ -123,7 +123,7 @@ def equilibrate(solution: Solution, tighten: int = TIGHTEN) -> Admissible:
 
 
 def _loads(model: Model, cells: CellGeometry) -> tuple[np.ndarray, np.ndarray]:
-    """Moments of the loads on each facet, projected on degree k, and the fixed components of facets."""
+    """Moments of the loads on each facet, projected on degree k, and the components of facets that supports fix."""
     d = cells.d
     given = np.zeros((cells.side.shape[1], len(model.facet_points), d))
     fixed = np.zeros((cells.side.shape[1], d), dtype=bool)
@@ -137,7 +137,7 @@ def _loads(model: Model, cells: CellGeometry) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _add(model: Model, given: np.ndarray, facets: np.ndarray, moment: np.ndarray) -> None:
-    """Add moments at the nodes of facets, from the order of DOLFINx to the sorted one."""
+    """Add moments of facets (cell, local facet), whose nodes are in the order of DOLFINx, to the given ones."""
     order = facet_order(model.facet_nodes(facets)[:, : model.d], model.degree)
     given[model.facet_numbers(facets)] += np.take_along_axis(moment, order[:, :, None], axis=1)
 
@@ -165,12 +165,13 @@ def _work(model: Model, b: fem.Function) -> tuple[np.ndarray, float]:
 
 
 def _rebalanced(solution: Solution, cells: CellGeometry, b: fem.Function) -> np.ndarray:
-    """The finite element stress under nodal forces, shape (n, N_(k-1), d, d), with the factor at hand.
+    """The finite element stress in exact discrete equilibrium with nodal forces b, shape (n, N_(k-1), d, d).
 
-    In exact discrete equilibrium: where displacements are large beside the strains, as in a body that slides far, their
-    round-off is not small beside the forces; what is not in balance is then solved for again.
+    It is solved for with the factor of the contact solve. Where displacements are large compared to the strains, as in
+    a body that slides far, their round-off is not small compared to the forces. The unbalanced forces are then solved
+    for again.
 
-    A linear scene whose loads do not vary in space is in equilibrium with them already.
+    The solution of a scene without contact, whose loads do not vary in space, is already in equilibrium.
     """
     model = solution.model
     loads = model.loads(ufl.TestFunction(model.V))
@@ -187,13 +188,13 @@ def _rebalanced(solution: Solution, cells: CellGeometry, b: fem.Function) -> np.
 
 
 def _of_owners(model: Model, cells: CellGeometry, stress: np.ndarray) -> np.ndarray:
-    """The stress that the owner of each cell has, also in its copies on other ranks.
+    """The stress of each cell as its owner has computed it, also on the other ranks that have the cell.
 
-    After a large slide the round-off of a copy differs from that of its owner by more than the balance allows.
+    After a large slide the round-off of two ranks differs by more than the balance allows.
     """
     if model.comm.size == 1:
         return stress
-    order = cells.order[:, :, None, None]  # ranks sort the vertices of a cell each in its own way
+    order = cells.order[:, :, None, None]  # the ranks do not agree on the order of the vertices
     shared = la.vector(model.mesh.topology.index_map(model.d), int(np.prod(stress.shape[1:])))
     theirs = shared.array.reshape(stress.shape)
     if stress.shape[1] == 1:
@@ -205,7 +206,7 @@ def _of_owners(model: Model, cells: CellGeometry, stress: np.ndarray) -> np.ndar
 
 
 def _residual(model: Model, cells: CellGeometry, b: fem.Function, stress: np.ndarray) -> tuple[fem.Function, float]:
-    """Nodal forces that a stress does not balance, not yet summed over ranks [force]; their size over its forces."""
+    """Nodal forces b less those of a stress, not yet summed over ranks [force], and their size over those of it."""
     d, owned = model.d, model.domain.owned_cells
     rest, inside, push = (
         fem.Function(model.V),

@@ -6,31 +6,35 @@ The error of an admissible pair bounds the distance to both of its fields (no fr
     |sigma - sigma_m|^2 <= rho^2 = e^2/2 - bulk^2/4                                                     (a)
 
 by the parallelogram identity, with ``bulk = |sigma^ - C eps(u^)|``. (rho = e/2 where the contact part of e is zero.)
-For any continuous phi that is zero where a support holds, ``int r.phi = (sigma, eps(phi)) - f(phi) - F(phi)`` over all
-contacts. Hence
+For any continuous phi that is zero where a support holds, the work of the tractions on all contacts is
+``int r.phi = (sigma, eps(phi)) - f(phi) - F(phi)``. Hence
 
     | int r.phi - ( ((sigma^, eps(phi)) + a(u^, phi))/2 - f(phi) - F(phi) ) |  <=  rho |phi|            (b)
 
-in energy norms. A phi that equals the direction a on one contact, as far as its traction can have components there, and
-does no work on the others bounds the resultant ``int r.a``; that of least energy, one elastic solve, bounds it best.
-A rigid motion that no support holds has no energy: the resultant is then that of the loads, whatever else is unknown.
+in energy norms. Let phi equal the direction a on one contact, in the components that its traction can have there, and
+do no work on the other contacts. Then (b) bounds the resultant ``int r.a``. The phi of least energy, which takes one
+elastic solve, gives the best bounds. A rigid motion that no support holds has no energy; the resultant then follows
+from the loads alone.
 
-The potential energy J of no friction or given friction is least for u, and ``J(u^) - J(u) <= e^2/2``: second order.
-The bounds (b) are of first order in e. Bounds of second order would need a dual problem whose contact set is certain.
+Without friction or with given friction, u minimises the potential energy J, and ``J(u^) - J(u) <= e^2/2``: this bound
+is of second order in e. The bounds (b) are of first order. For bounds of second order one would need a dual problem
+whose contact set is certain.
 
-``guaranteed`` tells that the interval is proved, to round-off and to integrals that are resolved
-(:mod:`erc_contact.mesh.quadrature`: to what the points see). It needs
+``guaranteed`` means that the interval is proved, up to round-off and to integrals that are resolved at the points of
+quadrature (:mod:`erc_contact.mesh.quadrature`). This needs
 
-- no friction, or given friction: where the bound depends on the pressure, (a) has a further term of no sign;
-- loads that sigma^ balances, and supports, gaps, normals and friction bounds that u^ and r^ keep point by point: no
-  oscillation (:mod:`erc_contact.error.oscillation`). A pair that is admissible for other data bounds another problem;
+- no friction, or given friction: if the bound depends on the pressure, (a) has a further term of no sign;
+- no oscillation (:mod:`erc_contact.error.oscillation`): sigma^ balances the loads themselves, and u^ and r^ satisfy
+  supports, gaps, normals and friction bounds at every point. A pair that is admissible for other data bounds another
+  problem;
 - integrals with the true moduli, gaps and bounds, not with those of a fixed rule. What they leave unknown widens the
-  interval. The stiffness matrix needs no such care: (a) holds for any u^.
+  interval. The stiffness matrix may be integrated by any rule, because (a) holds for any u^.
 
-Otherwise the same numbers are estimates. Resultants that rigid motions give need the integrals of the loads only.
+Otherwise the same numbers are estimates. Resultants that follow from rigid motions need only the integrals of the
+loads.
 
-For a curved body whose flat facets cost something nothing is guaranteed either; e^2 is then taken with the estimate of
-that cost. Of a body that is known as a mesh only, the bounds are those of the body with flat facets.
+Nothing is guaranteed for a curved body whose flat facets change the energy; an estimate of this change is then added to
+e^2. If a body is known only as a mesh, the bounds are those of the body with flat facets.
 
 Symbols: V continuous P_k displacements, J(v) = a(v, v)/2 - f(v) - F(v) + int s |v_t|.
 
@@ -58,9 +62,9 @@ from erc_contact.model.model import Model
 from erc_contact.newton.mumps import factorised
 
 GLUE = 1e6
-"""gamma_0 that holds phi on the contacts while its energy is minimised [-]; its values there are then set exactly."""
+"""gamma_0 of the springs that hold phi on the contacts [-]; afterwards its values there are set exactly."""
 ROUND_OFF = 1e-12
-"""What is smaller than this, relative to its scale, counts as zero [-]."""
+"""Numbers below this, relative to their scale, count as zero [-]."""
 RIGID = 1e-8
 """Energy norm of phi below which it is a rigid motion, over that of strains of size one in the body [-]."""
 
@@ -74,9 +78,9 @@ class Bounds:
         low: Least possible number.
         high: Greatest possible number.
         guaranteed: Whether the interval is proved (to round-off); otherwise it is an estimate.
-        weighted: Whether a support or another contact holds the edge of the contact against the direction. The
-            resultant is then that of ``r.phi``, where phi falls from the direction to what is held across the facets
-            there: no finite bound exists for the rest, which is smaller on finer meshes.
+        weighted: Whether a support or another contact fixes phi at the edge of the contact to another value than the
+            direction. The interval is then for ``int r.phi``, where phi changes from the direction to this value across
+            the facets at the edge. The rest of the resultant has no finite bound; it is smaller on finer meshes.
     """
 
     value: float
@@ -87,7 +91,7 @@ class Bounds:
 
 
 def resultant(error: ConstitutiveError, contact: str, direction: Sequence[float]) -> Bounds:
-    """Bounds on the resultant ``int r.a`` of the traction that a foundation exerts on the body, (b); collective.
+    """Bounds (b) on the resultant ``int r.a`` of the traction that a foundation exerts on the body; collective.
 
     Args:
         error: The error of an admissible pair.
@@ -115,9 +119,9 @@ def resultant(error: ConstitutiveError, contact: str, direction: Sequence[float]
     square = elastic_work(pair, phi, phi)
     size = float(np.sqrt(max(square.value + square.rest, 0.0)))
     stiffest = model.stiffest() * model.domain.size ** (model.d - 2)
-    rigid = size <= RIGID * np.linalg.norm(a) * np.sqrt(stiffest)  # only the balance of forces is used
-    dictated = bool(rigid) and error.geometry <= ROUND_OFF * error.scale
-    guaranteed = middle.known and square.known and (dictated or _guaranteed(error))
+    rigid = size <= RIGID * np.linalg.norm(a) * np.sqrt(stiffest)  # then (b) is the balance of forces
+    from_loads = bool(rigid) and error.geometry <= ROUND_OFF * error.scale
+    guaranteed = middle.known and square.known and (from_loads or _guaranteed(error))
     radius = float(np.sqrt(_square(error) / 2 - error.bulk**2 / 4) * size) + middle.rest
     return Bounds(middle.value, middle.value - radius, middle.value + radius, guaranteed, weighted)
 
@@ -183,7 +187,7 @@ def lifting(model: Model, which: int, a: np.ndarray) -> tuple[fem.Function, bool
         a: Direction, shape (d,).
 
     Returns:
-        phi [length if a is one], and whether what is held next to the contact changes it there.
+        phi [-], and whether it differs from a on the contact because a support or another contact fixes it there.
     """
     phi = _least_energy(model, which, a)
     values = phi.x.array.reshape(-1, model.d)
@@ -199,7 +203,7 @@ def lifting(model: Model, which: int, a: np.ndarray) -> tuple[fem.Function, bool
     values[held] = 0.0
     tolerance = ROUND_OFF * float(np.linalg.norm(a))
     for contact, at in zip(model.contacts, places, strict=True):
-        if contact is not model.contacts[which]:  # what several hold at once is zero
+        if contact is not model.contacts[which]:  # phi is zero where several contacts hold it
             values[at[abs(_working_part(contact, values[at])).max(axis=1, initial=0.0) > tolerance]] = 0.0
     phi.x.scatter_forward()
     missing = abs(_working_part(model.contacts[which], a - values[own])).max(initial=0.0) > tolerance
@@ -207,7 +211,7 @@ def lifting(model: Model, which: int, a: np.ndarray) -> tuple[fem.Function, bool
 
 
 def _least_energy(model: Model, which: int, a: np.ndarray) -> fem.Function:
-    """Nearly phi: its values on the contacts are held by stiff springs."""
+    """An approximation of phi, whose values on the contacts are held by stiff springs."""
     u, v = ufl.TrialFunction(model.V), ufl.TestFunction(model.V)
     gamma = model.stiffness_per_area(fem.Constant(model.mesh, GLUE))
     target = fem.Constant(model.mesh, a)
@@ -234,12 +238,12 @@ def _least_energy(model: Model, which: int, a: np.ndarray) -> fem.Function:
 
 
 def _only_normal(contact: BoundContact) -> bool:
-    """Whether the traction has no other component than one normal, the same everywhere."""
+    """Whether the traction can only be along one normal, the same on the whole contact."""
     return contact.friction is None and isinstance(contact.normal, fem.Constant)
 
 
 def _working_part(contact: BoundContact, values: np.ndarray) -> np.ndarray:
-    """The part of vectors (n, d) on which the contact traction works."""
+    """The part of vectors (n, d) on which a traction of the contact can do work."""
     if not _only_normal(contact):
         return values
     n = contact.normal.value
@@ -247,20 +251,22 @@ def _working_part(contact: BoundContact, values: np.ndarray) -> np.ndarray:
 
 
 def _working_part_ufl(contact: BoundContact, v: Any) -> Any:
+    """The same for a UFL vector."""
     return ufl.dot(v, contact.normal) * contact.normal if _only_normal(contact) else v
 
 
 def _nodes(model: Model, contact: BoundContact) -> np.ndarray:
-    """Blocks of degrees of freedom of V on a contact, those of other ranks' facets included; collective."""
+    """Nodes on a contact, also those that only facets of other ranks have; collective."""
     return fem.locate_dofs_topological(model.V, model.d - 1, model.facet_numbers(contact.facets))
 
 
 def _square(error: ConstitutiveError) -> float:
-    """``e^2`` with the estimate of what flat facets of a curved body cost."""
+    """``e^2`` with the estimate for the flat facets of a curved body."""
     return error.absolute**2 + error.geometry**2
 
 
 def _guaranteed(error: ConstitutiveError) -> bool:
+    """Whether the data and the friction law allow proved bounds."""
     exact = max(error.oscillation, error.geometry) <= ROUND_OFF * error.scale
     return exact and all(
         c.friction is None or c.friction.dependence == CONSTANT for c in error.admissible.solution.model.contacts

@@ -1,6 +1,6 @@
-"""The bulk part of the error in the constitutive relation, and what flat facets of a curved body cost.
+"""The bulk part of the error in the constitutive relation, and the error by the flat facets of a curved body.
 
-Source: Coorevits, Hild, Hjiaj, equations (16)-(18); the cost of the geometry is ours.
+Source: Coorevits, Hild, Hjiaj, equations (16)-(18); the error of the geometry is ours.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from erc_contact.model.expressions import Everywhere
 def bulk_squares(admissible: Admissible) -> tuple[np.ndarray, np.ndarray, float]:
     """``|sigma^ - C eps(u^)|^2`` and ``|sigma^ + C eps(u^)|^2`` of each owned cell; collective.
 
-    Where the moduli vary inside cells the first contains what its integral leaves unknown; the third number is that of
-    the rank where it is more than the tolerance, else 0.
+    Where the moduli vary inside cells, the first contains what its integral leaves unknown. The third number is the sum
+    of this on the rank if it is more than the tolerance, else 0.
     """
     model, cells = admissible.solution.model, admissible.cells
     owned, k = model.domain.owned_cells, model.degree
@@ -32,7 +32,7 @@ def bulk_squares(admissible: Admissible) -> tuple[np.ndarray, np.ndarray, float]
     sigma = np.matmul(shape, admissible.stress).reshape(owned, len(weights), admissible.stress.shape[3])
     elastic = elastic_stress(model, cells, admissible.displacement, owned)
 
-    def square(tau: np.ndarray) -> np.ndarray:
+    def square(tau: np.ndarray) -> np.ndarray:  # energy norm
         return cells.volume[:owned] * np.einsum("nqa,nqa,q->n", act(compliance, tau), tau, weights)
 
     difference, both = square(sigma - elastic), square(sigma + elastic)
@@ -60,9 +60,9 @@ def bulk_squares(admissible: Admissible) -> tuple[np.ndarray, np.ndarray, float]
 
 
 def geometry_squares(admissible: Admissible, both: np.ndarray) -> np.ndarray:
-    """The square of ``geometry`` by owned cells, from ``|sigma^ + C eps(u^)|^2 = 4 |sigma_m|^2`` of each.
+    """The square of ``ConstitutiveError.geometry`` by cells, from ``|sigma^ + C eps(u^)|^2 = 4 |sigma_m|^2`` of each.
 
-    A facet at the edge of the body counts for its cell, one between two cells for both by halves.
+    A facet on the boundary of the body counts for its cell. A facet between two cells counts half for each.
     """
     model, cells = admissible.solution.model, admissible.cells
     result = np.zeros(len(both))

@@ -4,16 +4,16 @@
     eps = e / |sigma^ + C eps(u^)|                                                                       (17)
 
 in energy norms ``|sigma|^2 = int C^-1 sigma : sigma``, with b the friction bound of the law: mu p for Coulomb, s for
-Tresca. Both terms are never negative; e = 0 only for the solution. For
-frictionless contact and given friction (Tresca) e bounds the errors of u^ and of sigma^ with constant 1:
+Tresca. Both terms are never negative, and e = 0 only for the solution. For frictionless contact and given friction
+(Tresca) e bounds the errors of u^ and of sigma^ with constant 1:
 
     |u - u^|^2 + |sigma - sigma^|^2 + 2 int_GammaC (b(p) - b(p^))(|w_t| - |w^_t|)  <=  e^2.
 
-Where the bound depends on the pressure, as Coulomb's, the third term is a product of two errors and has no sign: e is
-then a bound up to a term of higher order, not a guarantee. A bilateral contact takes ``w_n = g`` as a support does.
+If the bound depends on the pressure, as Coulomb's does, the third term is a product of two errors and has no sign. Then
+e is a bound up to a term of higher order, not a guarantee. On a bilateral contact ``w_n = g``, as on a support.
 
 Where moduli, gap or friction bound vary inside cells, the integrals are adapted to them, and e contains what they leave
-unknown. What the mesh cannot carry of the data is the oscillation, reported beside e and not part of it.
+unknown. The part of the data that the mesh cannot represent is the oscillation. It is reported in addition to e.
 
 Source: Coorevits, Hild, Hjiaj, equations (16)-(18); the gap g is ours.
 """
@@ -51,15 +51,15 @@ class ConstitutiveError:
         scale: ``|sigma^ + C eps(u^)|`` [sqrt(force length)].
         bulk: Bulk part of e.
         contact: Contact part of e; ``bulk^2 + contact^2 = e^2``.
-        geometry: What the flat facets of a curved body cost [sqrt(force length)], an estimate, not part of e: the
-            energy norm of the stress between the facets and the true surface, ``geometry^2 = int |offset| |sigma|^2``,
-            at an interface with the difference of ``|sigma|^2``. Half of its square is about what the polygon changes
-            of the potential energy (0.78 to 0.94 of it on a pressed ring of 5 to 30 facets). It is zero where all
-            facets are exact, and where only a mesh is known: the body is then the mesh.
-        oscillations: What the data have beyond the mesh, in parts, estimates without the constants of Korn and Poincare
+        geometry: Estimate of the error by the flat facets of a curved body [sqrt(force length)], not part of e. It is
+            the energy norm of the stress between the facets and the true surface: its square is
+            ``int |offset| |sigma|^2``, at an interface with the difference of ``|sigma|^2``. Half of its square is
+            about the change of the potential energy by the facets (0.78 to 0.94 of it on a pressed ring of 5 to 30
+            facets). It is zero if all facets are exact, and if only a mesh is known: the body is then the mesh.
+        oscillations: Parts of the data that the mesh cannot represent, estimates without constants of Korn and Poincare
             type, not part of e.
         cells: eps_E (18) of the owned cells; the squares sum to eps^2 over all ranks.
-        indicators: eps_E together with the share of the geometry, what refinement goes by: the squares sum to total^2.
+        indicators: eps_E together with the share of the geometry, which refinement uses; the squares sum to total^2.
         seconds: Wall time, the largest over the ranks [s].
     """
 
@@ -81,7 +81,7 @@ class ConstitutiveError:
 
     @property
     def total(self) -> float:
-        """Eps with the estimate of the geometry [-], what a run brings below its accuracy; eps for straight bodies."""
+        """Eps with the estimate of the geometry [-], which a run lowers to its accuracy; eps for straight bodies."""
         return float(np.hypot(self.absolute, self.geometry)) / self.scale if self.scale > 0 else 0.0
 
     @property
@@ -127,7 +127,7 @@ def constitutive_error(admissible: Admissible) -> ConstitutiveError:
         admissible: An admissible pair.
 
     Returns:
-        e, eps, their parts and eps_E; all zero where nothing is loaded (but for a rigid motion).
+        e, eps, their parts and eps_E; all are zero if the solution is a rigid motion.
 
     Raises:
         InputError: If the energy overflows or underflows double precision.
@@ -153,7 +153,7 @@ def constitutive_error(admissible: Admissible) -> ConstitutiveError:
             "The energy of this scene is no number of double precision; loads or moduli are too large or too small. "
             "Choose units in which they are nearer to 1."
         )
-    if scale_2 <= NOISE**2 * floor_2 and moves_rigidly(admissible, floor_2):  # what is left is round-off
+    if scale_2 <= NOISE**2 * floor_2 and moves_rigidly(admissible, floor_2):  # the rest is round-off
         per_cell[:] = geometry[:] = bulk_2 = contact_2 = scale_2 = geometry_2 = 0.0
     e = float(np.sqrt(bulk_2 + contact_2))
     norm = float(np.sqrt(scale_2))

@@ -43,7 +43,7 @@ def contact_density(
     density = np.zeros(r_n.shape) if contact.bilateral else r_n * (w_n - gap)
     if contact.friction is not None:
         density += bound * slip + (r_t * w_t).sum(axis=-1)
-    # a difference of two works that agree to round-off is no error; without this, e would end at 1e-8 of the norm
+    # a difference of two works that are equal up to round-off is no error; otherwise e would stop at 1e-8 of the norm
     resolution = 16 * np.finfo(float).eps * np.linalg.norm(r, axis=-1) * (np.linalg.norm(w, axis=-1) + abs(gap))
     return 2 * np.where(abs(density) <= resolution, 0.0, density)
 
@@ -56,10 +56,11 @@ def contact_parts(model: Model, hat: fem.Function, traction: ContactTraction) ->
 def contact_squares(
     model: Model, hat: fem.Function, traction: ContactTraction, floor: float
 ) -> tuple[np.ndarray, float, float]:
-    """The same, and the squares of the oscillations of gap and friction bound on this rank.
+    """:func:`contact_parts`, and the squares of the oscillations of gap and friction bound on this rank.
 
-    Where the data of the contact vary, or given friction meets a slip that changes its direction, the integrals are
-    adapted to both, up to ``floor`` or their UNKNOWN, and contain what they leave unknown.
+    Where the data of the contact vary, or where friction is given and the slip may change its direction, the integrals
+    are adapted. They leave unknown at most ``floor`` or the fraction UNKNOWN of themselves, and contain what they leave
+    unknown.
 
     Args:
         model: The scene on a mesh.

@@ -1,16 +1,17 @@
-"""What the mesh does not carry of the data: the oscillation, in energy norms, beside e and not part of it.
+"""The oscillation: the part of the data that the mesh cannot represent, in energy norms, not part of e.
 
-sigma^ balances projections of the loads, u^ interpolates the supports. Both are admissible for these data, and the
-bound holds for the problem that has them. How far that one is from the scene is, up to constants of Korn and Poincare,
+sigma^ balances projections of the loads, and u^ interpolates the supports. So the pair is admissible for these other
+data, and e bounds its error in the problem with them. The distance of the two problems is, up to constants of Korn and
+Poincare,
 
     sum h^2/(pi^2 E) |f - f_T|^2 + sum h/E |F - F_h|^2 + sum E/h |U - U_h|^2,
 
-with E the modulus of the material. The moduli are in no space: what is measured of them is what the integrals of the
-energies leave unknown (:mod:`erc_contact.mesh.quadrature`). u^ and r^ keep the gap and the friction bound of the scene
-at the points of quadrature, or violate them there: by how much is measured as for a support and a load.
+with E the modulus of the material. The moduli are not projected; their part is what the integrals of the energies leave
+unknown (:mod:`erc_contact.mesh.quadrature`). u^ and r^ may violate the gap and the friction bound of the scene at the
+points of quadrature. These violations are measured as for a support and a load.
 
-Each part is exactly 0 where the mesh carries the data: constants, constants by region, tractions and supports that are
-polynomials of degree k on each facet, body forces of degree k-1 in each cell.
+Each part is exactly 0 if the mesh represents the data: constants, constants by region, tractions and supports that are
+polynomials of degree k on each facet, and body forces of degree k-1 in each cell.
 """
 
 from __future__ import annotations
@@ -28,21 +29,21 @@ from erc_contact.model.expressions import Everywhere, varies_in_cells
 from erc_contact.model.model import Model
 
 EXACT = 1e-12
-"""Difference of data and what stands for them that is round-off, of the largest value [-]."""
+"""Difference between data and their projection that counts as round-off, over the largest value [-]."""
 UNKNOWN = 1e-4
-"""What the integrals of data that vary may leave unknown of e^2, which contains it [-]."""
+"""Share of e^2 that the integrals with varying data may leave unknown; e^2 contains it [-]."""
 COARSE = 1e-2
-"""What an oscillation may leave unknown of itself [-]."""
+"""Share of an oscillation that its integral may leave unknown [-]."""
 
 
 @dataclass(frozen=True)
 class Oscillations:
-    """What the mesh does not carry of the data [sqrt(force length)], estimates.
+    """Estimates of the part of the data that the mesh cannot represent [sqrt(force length)].
 
     Attributes:
         loads: Of tractions and body forces.
         supports: Of prescribed displacements.
-        moduli: What the integrals of the energies leave unknown beyond their tolerance.
+        moduli: Of moduli: what the integrals of the energies leave unknown if it is more than their tolerance.
         gaps: Of gaps and of normals of foundations.
         friction: Of friction bounds.
     """
@@ -64,7 +65,7 @@ def of_loads(model: Model, cells: CellGeometry, force: np.ndarray | None) -> flo
 
     Args:
         model: The scene on a mesh.
-        cells: Its arrays.
+        cells: Geometry.
         force: Body force times volume, projected on degree k-1 [force], shape (n, N_(k-1), d), or None.
     """
     d, k, owned, total = model.d, model.degree, model.domain.owned_cells, 0.0
@@ -101,14 +102,14 @@ def of_supports(model: Model) -> float:
 
 
 def _on_facets(model: Model, given: Everywhere, facets: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
-    """``int_F |given - polynomial|^2`` of coefficients (f, m, c), shape (f,)."""
+    """``int_F |given - polynomial|^2`` on each facet for polynomials of coefficients (f, m, c), shape (f,)."""
     rest = _squares(model, given, facets, coefficients, model.degree)
     corners, area = model.facet_corners(facets), model.facet_areas(facets)
     return integrate(model.comm, rest, corners, area, facet_pieces(model.d - 1), share=COARSE).value[:, 0]
 
 
 def _squares(model: Model, given: Everywhere, entities: np.ndarray, coefficients: np.ndarray, degree: int) -> Integrand:
-    """``|given - polynomial|^2`` at points of cells or facets; differences that are round-off count as none."""
+    """``|given - polynomial|^2`` at points of cells or facets; differences that are round-off count as zero."""
     local = float(abs(coefficients).max(initial=0.0))
     least = EXACT * model.comm.allreduce(local, MPI.MAX)
 
@@ -121,10 +122,11 @@ def _squares(model: Model, given: Everywhere, entities: np.ndarray, coefficients
 
 
 def facet_sizes(model: Model, facets: np.ndarray) -> np.ndarray:
-    """About the diameters of facets [length]."""
+    """Approximate diameters of facets [length]."""
     return model.facet_areas(facets) ** (1 / (model.d - 1))
 
 
 def _owned(model: Model, name: str) -> np.ndarray:
+    """Facets of a boundary part that are of cells of this rank, shape (n, 2)."""
     facets = model.domain.facets(name)
     return facets[model.owned(facets)]

@@ -1,4 +1,4 @@
-"""Whether a solution is a rigid motion but for round-off: its error is then zero."""
+"""Whether a solution is a rigid motion up to round-off. Its error is then zero."""
 
 from __future__ import annotations
 
@@ -15,17 +15,16 @@ from erc_contact.mesh.simplex import nodes
 from erc_contact.model.motions import rigid_motions
 
 RESOLUTION = 1e-12
-"""What a displacement is known to, over its size: the solver goes no further [-]."""
-
-
+"""Accuracy of a displacement over its size, which is that of the solver [-]."""
 NOISE = 100.0
-"""Where a rigid motion is the solution, energy norms below this multiple of what is known are zero [-]."""
+"""Where a rigid motion is the solution, energy norms below this multiple of their accuracy count as zero [-]."""
 
 
 def round_off(admissible: Admissible) -> tuple[float, bool]:
-    """Square of the energy norm that a stress ``C eps(u)`` is known to, and whether it underflows.
+    """Square of the accuracy of ``C eps(u)`` in the energy norm, and whether this square underflows.
 
-    A displacement of size |u| is known to ``RESOLUTION |u|``, so its strain in a cell of size h to that over h.
+    The accuracy of a displacement of size |u| is ``RESOLUTION |u|``, so that of its strain in a cell of size h is
+    ``RESOLUTION |u|/h``.
     """
     model, cells = admissible.solution.model, admissible.cells
     comm, owned = model.comm, model.domain.owned_cells
@@ -38,9 +37,10 @@ def round_off(admissible: Admissible) -> tuple[float, bool]:
 
 
 def moves_rigidly(admissible: Admissible, floor_2: float) -> bool:
-    """Whether a rigid motion is the solution but for round-off: no load, and it keeps the supports and the gaps.
+    """Whether a rigid motion is the solution up to round-off: there is no load, and it satisfies supports and gaps.
 
-    What the supports leave free of it is taken from u^. A friction bound without pressure must not resist it.
+    The part of the motion that the supports leave free is taken from u^. A friction bound without pressure must do no
+    work on it.
     """
     model, u = admissible.solution.model, admissible.displacement.x.array
     comm, owned = model.comm, model.V.dofmap.index_map.size_local * model.d
@@ -64,7 +64,7 @@ def moves_rigidly(admissible: Admissible, floor_2: float) -> bool:
         beyond -= model.gap_at_nodes(t.contact)
         wrong.append((abs(beyond) if t.contact.bilateral else beyond).max(initial=0.0))
         friction += float(contact_parts(model, moved, replace(t, values=np.zeros_like(t.values))).sum())
-    loads = admissible.solution.stiffness.load_vector().x.array  # parts of nodes between ranks: their size is enough
+    loads = admissible.solution.stiffness.load_vector().x.array  # not summed over ranks: sizes are enough
     sizes = np.array([max(wrong), abs(loads).max(initial=0.0), abs(u).max(initial=0.0)])
     comm.Allreduce(MPI.IN_PLACE, sizes, MPI.MAX)
     friction = comm.allreduce(friction, MPI.SUM)

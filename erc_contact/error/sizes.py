@@ -4,12 +4,12 @@
 
 so ``r_E^(2 q_E + d) = d / (2 q_E m eps_E^2)`` with one multiplier m for all elements; for q = 1, d = 2 it is
 ``r_E = eps_0 / sqrt(eps_E sum eps_E)`` and ``N* = (sum eps_E)^2 / eps_0^2``. The rate q_E is the degree k where the
-solution is smooth, and less in elements that touch a singular point. What flat facets cost of a curved body falls with
-the rate 1 of their offset, h^2, in the square.
+solution is smooth, and less in elements that touch a singular point. The error by the flat facets of a curved body has
+the rate 1, because its square is proportional to their offset, h^2.
 
-Symbols: r_E ratio of new to old size, h_E size of an element: the edge of simplices that fill as much, eps_E its share
-of the relative error, eps_0 the prescribed one, d dimension, k degree, lambda exponent of the displacement, distance
-to the power lambda, at a point.
+Symbols: r_E ratio of new to old size; h_E size of an element, the edge of regular simplices of the same volume; eps_E
+its share of the relative error; eps_0 the prescribed error; d dimension; k degree; lambda exponent of a singularity,
+where the displacement is like the distance to the power lambda.
 
 Source: Coorevits, Hild, Hjiaj, the section on adaptivity (N* minimal, eps* = eps_0); the rates, the smoothing and the
 prediction are ours.
@@ -33,26 +33,26 @@ from erc_contact.mesh.shape import FILL, count
 from erc_contact.mesh.simplex import barycentric, measures, rule
 
 RATIO = (0.02, 3.0)
-"""Least and largest r_E: beyond, one mesh says nothing of another."""
+"""Least and largest r_E; a mesh predicts nothing for sizes beyond them."""
 FACETS = 1.0
-"""Rate q_E of what flat facets cost."""
+"""Rate q_E of the error by flat facets."""
 LEAST = 0.3
-"""Least exponent lambda taken from the data: the untightened error concentrates beyond what the singularity does."""
+"""Least exponent lambda taken from the data, because an error that is not tightened shows too small ones."""
 GROW = 0.5
-"""Sizes grow by at most this much a length: neighbouring layers by a factor of 1.5. From 0.3 to 0.5 no count and no
+"""Largest growth of sizes over a length [-]: neighbouring layers grow by at most 1.5. From 0.3 to 0.5 no count and no
 error changed by more than the scatter of meshes."""
 
 
 @dataclass(frozen=True, eq=False)
 class Sizes:
-    """Sizes of the mesh to come; ``domain.remeshed`` takes it as it is.
+    """Sizes of the next mesh, an argument of ``domain.remeshed``.
 
     Attributes:
-        error: The error that it was made from.
+        error: The error that they follow from.
         values: h at the nodes ``domain.mesh.geometry.x`` of this rank [length], smoothed, linear between.
         ratio: r_E of the owned cells by the formula, before smoothing.
         rates: q_E of the owned cells.
-        cells: Predicted number of elements N*, that of the smoothed sizes.
+        cells: Predicted number of elements N* for the smoothed sizes.
         eps: Predicted relative error.
     """
 
@@ -71,8 +71,9 @@ class Sizes:
 def size_map(error: ConstitutiveError, accuracy: float) -> Sizes:
     """The sizes of the mesh with the fewest elements whose error is the one prescribed; collective.
 
-    r_E by the formula of the module; densities of elements averaged around each node; growth limited to
-    :data:`GROW`; the whole scaled until the predicted error ``sum eps_E^2 (h/h_E)^(2 q_E)`` is the one prescribed.
+    r_E follows from the formula of the module. The densities of elements are then averaged around each node, and the
+    growth is limited to :data:`GROW`. At last all sizes are scaled so that the predicted error
+    ``sum eps_E^2 (h/h_E)^(2 q_E)`` is the prescribed one.
 
     Args:
         error: The error of the last mesh, of any dimension and degree.
@@ -117,7 +118,7 @@ def size_map(error: ConstitutiveError, accuracy: float) -> Sizes:
 
 
 class _Mesh:
-    """Owned cells and edges of a domain with global numbers of nodes, and arrays of all nodes on every rank."""
+    """Owned cells and edges of a domain, with global numbers of nodes and values at all nodes on every rank."""
 
     def __init__(self, domain: Domain) -> None:
         mesh, self.domain, self.comm = domain.mesh, domain, domain.mesh.comm
@@ -147,11 +148,11 @@ class _Mesh:
         return total
 
     def around(self, values: np.ndarray) -> np.ndarray:
-        """Sum of a value of cells over the cells around each node, shape (number,)."""
+        """Sum of values of cells over the cells around each node, shape (number,)."""
         return self._at_nodes(self.nodes, values[:, None])
 
     def beside(self, values: np.ndarray) -> np.ndarray:
-        """Sum of a value of nodes over the neighbours of each node."""
+        """Sum of values of nodes over the neighbours of each node, shape (number,)."""
         return self._at_nodes(self.edges, values[self.edges[:, ::-1]])
 
     def edge_length(self) -> np.ndarray:
@@ -159,7 +160,7 @@ class _Mesh:
         return self._at_nodes(self.edges, self.length[:, None]) / self.beside(np.ones(self.number))
 
     def limited(self, h: np.ndarray) -> np.ndarray:
-        """The largest sizes below h that grow by at most GROW a length."""
+        """The largest sizes below h whose growth over a length is at most GROW."""
         h, (a, b) = h.copy(), self.edges.T
         while True:
             before = h.copy()
@@ -171,13 +172,13 @@ class _Mesh:
 
 
 def _rates(mesh: _Mesh, square: np.ndarray, degree: int) -> np.ndarray:
-    """q_E of the owned cells, from how the error concentrates around their nodes.
+    """Rates q_E of the owned cells, from the concentration of the error around their nodes.
 
     Where the displacement is like distance^lambda, ``eps_E^2 / (|E| h_E^2k)`` falls like distance^(2 lambda - 2 - 2k).
-    The means over the cells around a node and over the next ring of cells tell lambda. The mean of lambda and k is the
-    rate: the new mesh is graded within the old elements, so that their error falls faster than h^lambda. Measured on
-    five scenes with clamped corners and fillets, from meshes that are not the first: errors within 6% of the
-    prediction, where q = k misses by 10 to 20%, and q = lambda by as much the other way.
+    So lambda follows from the means over the cells around a node and over the next ring of cells. The rate is the mean
+    of lambda and k, because the new mesh is graded within the old elements and their error falls faster than h^lambda.
+    Measured on five scenes with clamped corners and fillets, from meshes that are not the first: the errors are within
+    6% of the prediction. With q = k they differ by 10 to 20%, and with q = lambda by as much with the opposite sign.
     """
     d = mesh.domain.dim
     near, near_volume = mesh.around(square * mesh.size ** (-2 * degree)), mesh.around(mesh.volume)
@@ -192,7 +193,7 @@ def _rates(mesh: _Mesh, square: np.ndarray, degree: int) -> np.ndarray:
 
 
 def _root(f: Callable[[float], float], low: float, high: float) -> float:
-    """The root of a growing function of a positive number, by bisection of the logarithm; an end if there is none."""
+    """Root of an increasing function of a positive number, by bisection of the logarithm; an end if there is none."""
     for _ in range(100):
         middle = (low * high) ** 0.5
         low, high = (low, middle) if f(middle) > 0 else (middle, high)

@@ -1,6 +1,6 @@
-"""Work of fields on each other and on the data of a scene, with what its integrals leave unknown.
+"""Work of stresses, loads and friction on displacements, with what the integrals leave unknown.
 
-Where nothing varies inside cells the integrals are exact; elsewhere they are adapted to the data
+The integrals are exact where no data vary inside cells. Elsewhere they are adapted to the data
 (:mod:`erc_contact.mesh.quadrature`).
 """
 
@@ -28,7 +28,13 @@ from erc_contact.model.model import Model
 
 @dataclass(frozen=True)
 class Number:
-    """An integral over all ranks, what is left unknown of it, and whether that is within the tolerance."""
+    """An integral over all ranks.
+
+    Attributes:
+        value: Its value.
+        rest: What is left unknown of it.
+        known: Whether this is within the tolerance.
+    """
 
     value: float
     rest: float = 0.0
@@ -69,7 +75,7 @@ def elastic_work(pair: Admissible, v: fem.Function, w: fem.Function) -> Number:
 
 
 def stress_work(pair: Admissible, v: fem.Function) -> Number:
-    """``(sigma^, eps(v))`` [force length], exact: the work of r^ and of the loads that sigma^ balances; collective."""
+    """``(sigma^, eps(v))`` [force length], exact; collective. It is the work of r^ and of the projected loads."""
     model, cells, k = pair.solution.model, pair.cells, pair.cells.degree
     owned = model.domain.owned_cells
     shape, points, weights = macro_points(model.d, k)
@@ -80,7 +86,7 @@ def stress_work(pair: Admissible, v: fem.Function) -> Number:
 
 
 def friction_work(model: Model, traction: ContactTraction, u: fem.Function, floor: float) -> Number:
-    """``int b(p^) |u_t|`` [force length], known to its share or to ``floor``; collective."""
+    """``int b(p^) |u_t|`` [force length], which may leave its share or ``floor`` unknown; collective."""
     contact, d, k = traction.contact, model.d, model.degree
     if contact.friction is None:
         return Number(0.0)

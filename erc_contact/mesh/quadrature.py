@@ -1,14 +1,14 @@
-"""Integrals of data that are no polynomials, over cells and facets, with what is left unknown of them.
+"""Integrals over cells and facets of data that are not polynomials, with bounds of their errors.
 
-Each simplex (a cell, a facet) is cut into a few pieces. Where the integrand at the points of a piece, its boundary
-included, is not near a polynomial of degree 4 (3 in tetrahedra), the piece is bisected, and so on: few pieces where the
-integrand is smooth, many at a kink or a jump. The distances that are left at the end bound the error where the
-integrand is resolved; where it is not, which is told, they are an estimate.
+Each simplex (a cell or a facet) is cut into a few pieces. A piece is bisected, again and again, while the integrand at
+its points, also on its boundary, is not near a polynomial of degree 4 (3 in tetrahedra). So there are few pieces where
+the integrand is smooth, and many at a kink or a jump. The distances from a polynomial that remain bound the error if
+the integrand is resolved. If it is not resolved, which the result tells, they are an estimate.
 
-What is seen is what the points see: before any bisection these are 72 on a facet in 2D, 352 in 3D, and 66 in a cell in
-2D, 136 in 3D. A feature that falls between them all, and does not show at the nearest ones, is missed.
+The integrand is known at the points only. Before any bisection there are 72 on a facet in 2D, 352 in 3D, and 66 in a
+cell in 2D, 136 in 3D. A feature between them that changes no value at the points is missed.
 
-Symbols: d' dimension of the simplices, P = d'+1 their vertices, n pieces, q points, m integrands.
+Symbols: d' dimension of the simplices, P = d'+1 number of their vertices, n pieces, q points, m integrands.
 """
 
 from __future__ import annotations
@@ -25,27 +25,27 @@ from mpi4py import MPI
 from erc_contact.mesh.simplex import CELLS, barycentric, bernstein, lattice, rule
 
 SHARE = 1e-8
-"""What an integral may leave unknown to count as known, of itself [-]."""
+"""Share of itself that an integral may leave unknown if nothing else is asked for [-]."""
 SMOOTH = (0, 4, 4, 3)
-"""Degree of the polynomials that a smooth integrand is near to, for each d'."""
+"""Degree of the polynomials that the integrand is compared with, for each d'."""
 LATTICE = (0, 4, 3, 2)
-"""Subdivisions of an edge of a piece for the points that see its boundary, for each d'."""
+"""Subdivisions of an edge of a piece for the points near its boundary, for each d'."""
 INSIDE = 1e-6
-"""How far inside a piece these points are [-]: data may jump from cell to cell."""
+"""Distance of these points from the boundary [-], because data may jump from cell to cell."""
 DEGREE = 6
-"""Degree of the quadrature; its points see the inside."""
+"""Degree of the quadrature, whose points are inside a piece."""
 ROUNDS = (0, 40, 20, 15)
-"""Bisections of a piece at most, for each d'."""
+"""Limit of the bisections of a piece, for each d'."""
 PATIENCE = 6
-"""Bisections after which it is given up where two of them leave more than GAIN of what was unknown, d' > 1: a jump."""
+"""After so many bisections, they end if the last two left more than GAIN of what was unknown; for jumps, d' > 1."""
 GAIN = 0.4
 BUDGET = (0, 50_000, 50_000, 20_000)
-"""Pieces of all ranks that may be bisected in one round beyond those of the beginning, for each d'."""
+"""Number of pieces of all ranks that may be bisected in one round in addition to the first ones, for each d'."""
 CHUNK = 1024
-"""Pieces that are worked on at once: what stays in the cache."""
+"""Number of pieces that are worked on at once, so that their arrays stay in the cache."""
 
 Integrand = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
-"""Values (n, q, m) from the simplices of pieces (n,), points in barycentric (n, q, P) and in true coordinates."""
+"""Values (n, q, m) from the simplex of each piece (n,) and points in barycentric (n, q, P) and true coordinates."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,8 +54,8 @@ class Integral:
 
     Attributes:
         value: For each simplex and integrand, shape (simplices, m).
-        rest: About the most by which they may be wrong, of the same shape.
-        resolved: Whether the sum of what is left, over all ranks, is below what was asked for, shape (m,).
+        rest: Bound of their errors if resolved, else an estimate, of the same shape.
+        resolved: Whether the sum of ``rest`` over all ranks is below what was asked for, shape (m,).
     """
 
     value: np.ndarray
@@ -73,18 +73,17 @@ def integrate(
     share: float | np.ndarray = SHARE,
     floor: float | np.ndarray = 0.0,
 ) -> Integral:
-    """Integrate over simplices, bisecting where two rules differ; collective.
+    """Integrate over simplices, with bisections where the integrand is not near a polynomial; collective.
 
     Args:
         comm: Communicator.
         f: The integrands.
         vertices: Vertices of the simplices [length], shape (simplices, P, d).
-        measure: Their lengths, areas or volumes, shape (simplices,); 0 to leave one out.
-        pieces: The pieces that each is cut into at first, of one size, shape (c, P, P): the barycentric coordinates of
-            the corners of each; of :func:`facet_pieces` or
-            :func:`cell_pieces`.
-        share: What may be left unknown of each integral, of the sum of the absolute values of all pieces [-].
-        floor: What may be left unknown of each integral at least, whatever it is.
+        measure: Their lengths, areas or volumes, shape (simplices,); those of measure 0 are left out.
+        pieces: The first pieces of each simplex, of equal size, from :func:`facet_pieces` or :func:`cell_pieces`:
+            barycentric coordinates of their corners, shape (c, P, P).
+        share: Share of each integral that may be left unknown, of the sum of the absolute values of all pieces [-].
+        floor: Amount of each integral that may always be left unknown.
 
     Returns:
         The integrals.
@@ -122,12 +121,12 @@ def _on_pieces(
 ) -> tuple[np.ndarray, np.ndarray]:
     """The integrals over pieces, and twice the mean distances from a polynomial times the size, each of shape (n, m).
 
-    At 3000 random jumps, points, lines and planes, the latter were on average 3 to 10 times the error, in one of a
-    hundred pieces below it; sums of pieces were above it.
+    For 3000 random jumps, at points, lines and planes, the latter were on average 3 to 10 times the error. They were
+    below it in one of a hundred pieces; their sums over the pieces were above it.
     """
     points, weights, residual = _points(vertices.shape[1] - 1)
     parts = []
-    for start in range(0, max(len(of), 1), CHUNK):  # once also where a rank has no pieces: it learns m
+    for start in range(0, max(len(of), 1), CHUNK):  # a rank without pieces does this once, to know m
         some = slice(start, start + CHUNK)
         places = np.matmul(points, corners[some])
         values = f(of[some], places, np.matmul(places, vertices[of[some]]))
@@ -140,7 +139,7 @@ def _on_pieces(
 
 @cache
 def _points(size: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Barycentric points of a piece (q, P), weights (q,), and the matrix (q, q) from values to what is not smooth."""
+    """Barycentric points of a piece (q, P), weights (q,), matrix (q, q) from values to distances from polynomials."""
     inner, weights = rule(size, DEGREE)
     outer = (1 - INSIDE) * lattice(size, LATTICE[size]) + INSIDE / (size + 1)
     points = np.vstack([inner, outer])
@@ -150,7 +149,7 @@ def _points(size: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def bisected(corners: np.ndarray, vertices: np.ndarray) -> np.ndarray:
-    """Halves of pieces, cut at the middle of the longest edge, one after the other: (n, P, P) -> (2n, P, P).
+    """The two halves of each piece, cut at the middle of its longest edge, (n, P, P) -> (2n, P, P).
 
     Args:
         corners: Barycentric coordinates of the corners.
@@ -169,9 +168,9 @@ def bisected(corners: np.ndarray, vertices: np.ndarray) -> np.ndarray:
 
 @cache
 def facet_pieces(size: int) -> np.ndarray:
-    """The pieces that a facet is cut into at first: 8 of a segment, 16 of a triangle, (c, P, P).
+    """The first pieces of a facet: 8 of a segment, 16 of a triangle, shape (c, P, P).
 
-    They are alike at all vertices, whose order depends on the number of ranks.
+    They do not depend on the order of the vertices, which depends on the number of ranks.
     """
     corners = np.eye(size + 1)[None]
     for _ in range((0, 3, 2)[size]):
@@ -187,7 +186,7 @@ def facet_pieces(size: int) -> np.ndarray:
 
 @cache
 def cell_pieces(size: int) -> np.ndarray:
-    """The pieces that a cell is cut into at first, those of sigma^: vertex i is replaced by the barycentre."""
+    """The first pieces of a cell, the sub-simplices of sigma^: vertex i is replaced by the barycentre, (P, P, P)."""
     corners = np.repeat(np.eye(size + 1)[None], size + 1, axis=0)
     corners[np.arange(size + 1), np.arange(size + 1)] = 1 / (size + 1)
     return corners

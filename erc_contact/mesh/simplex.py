@@ -1,9 +1,9 @@
 """Tables of the reference simplex, for any dimension and degree.
 
-Nodes come as in DOLFINx: the vertices, then the edges. Polynomials are given by their Bernstein coefficients: one for
-each node, equal to the value at a vertex. A polynomial lies in the convex hull of its coefficients, so what holds for
-these (a sign, a cone, a gap that is not exceeded) holds at every point; and all Bernstein polynomials of a degree have
-the same integral. For degree 1 coefficients and values at nodes are the same.
+The order of the nodes is DOLFINx's: the vertices, then the edges. Polynomials are given by their Bernstein
+coefficients, one for each node, equal to the value at a vertex. The values of a polynomial are in the convex hull of
+its coefficients: if these have a sign, lie in a cone or do not exceed a gap, so do the values at every point. All
+Bernstein polynomials of a degree have the same integral. For degree 1, coefficients and values at nodes are the same.
 
 Symbols: d dimension, k degree, N number of nodes of a cell, m of a facet, q of points. A facet is a simplex of
 dimension d-1, so tables of facets are those of d-1.
@@ -38,7 +38,7 @@ def edges(d: int) -> np.ndarray:
 
 @cache
 def node_between(d: int, k: int) -> np.ndarray:
-    """Number of the node of each pair of vertices: of the edge between them, or of the vertex, shape (d+1, d+1)."""
+    """Node of each pair of vertices, on the edge between them or at the vertex, shape (d+1, d+1)."""
     number = np.full((d + 1, d + 1), -1)
     np.fill_diagonal(number, np.arange(d + 1))
     if k == 2:
@@ -49,14 +49,14 @@ def node_between(d: int, k: int) -> np.ndarray:
 
 @cache
 def node_vertices(d: int, k: int) -> np.ndarray:
-    """The pair of vertices of each node, twice the same for a vertex, shape (N, 2)."""
+    """The pair of vertices of each node, twice the same vertex for a vertex, shape (N, 2)."""
     own = np.repeat(np.arange(d + 1)[:, None], 2, axis=1)
     return own if k == 1 else np.vstack([own, edges(d)])
 
 
 @cache
 def local_facet_nodes(d: int, k: int) -> np.ndarray:
-    """Local nodes of each local facet, in the order of the nodes of a facet, shape (d+1, m)."""
+    """Local nodes of each local facet of the reference simplex, in the order of a facet's nodes, shape (d+1, m)."""
     pairs = facet_vertices(d)[:, node_vertices(d - 1, k)]
     return node_between(d, k)[pairs[..., 0], pairs[..., 1]]
 
@@ -78,13 +78,13 @@ def bernstein(d: int, k: int, points: np.ndarray) -> np.ndarray:
 
 @cache
 def at_nodes(d: int, k: int) -> np.ndarray:
-    """Values at the nodes from Bernstein coefficients, a matrix (N, N)."""
+    """Matrix (N, N) from Bernstein coefficients to values at the nodes."""
     return bernstein(d, k, nodes(d, k))
 
 
 @cache
 def coefficients(d: int, k: int) -> np.ndarray:
-    """Bernstein coefficients from values at the nodes, a matrix (N, N)."""
+    """Matrix (N, N) from values at the nodes to Bernstein coefficients."""
     return np.linalg.inv(at_nodes(d, k))
 
 
@@ -95,7 +95,7 @@ def lagrange(d: int, k: int, points: np.ndarray) -> np.ndarray:
 
 @cache
 def rule(d: int, degree: int) -> tuple[np.ndarray, np.ndarray]:
-    """Quadrature: points (q, d) and weights that sum to 1, (q,); a permutation of vertices permutes the points."""
+    """Points (q, d) of a quadrature, which a permutation of vertices permutes, and weights (q,) with sum 1."""
     points, weights = basix.make_quadrature(CELLS[d], degree)
     return points, weights / weights.sum()
 
@@ -152,7 +152,8 @@ def measures(corners: np.ndarray) -> np.ndarray:
 def gradients(d: int, k: int) -> np.ndarray:
     """Derivatives ``d/d lambda_j`` of Bernstein polynomials of degree k, as coefficients of degree k-1.
 
-    Barycentric coordinates as independent variables; with their gradients, ``grad B_v = sum_j (...) grad lambda_j``.
+    The barycentric coordinates are independent variables here. With their gradients, ``grad B_v`` is the sum over j of
+    these derivatives times ``grad lambda_j``.
 
     Returns:
         Shape (N_(k-1), d+1, N_k): coefficient, j, v.

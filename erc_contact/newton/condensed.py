@@ -1,26 +1,25 @@
 """The contact problem condensed on the contact: residual and tangent, small and dense.
 
-The unknowns are the displacements u_A that the contact equations test. All that these equations see, the displacements
-u_L of the cells at the contact and the multipliers lambda, is an affine function of u_A:
+The unknowns are the displacements u_A of the degrees of freedom A whose equilibrium contains contact terms. The
+contact equations depend on the displacements u_L of the cells at the contact and on the multipliers lambda. Both are
+affine functions of u_A:
 
     z = (u_L, lambda) = Z (u_A, 1),    a lambda = K u_A - s at a contact node of area a,
 
-with K the elastic stiffness condensed on A and s the condensed loads. The problem is ``K u_A - s + e(z) = 0`` with e
-the method's equations, or ``e(z) = 0`` where these are those of a multiplier; its tangent is ``K + e'(z) Z``, or
-``e'(z) Z``. Newton's method for it is Newton's method for the whole body: away from the contact the equations are
-linear and hold at every step.
+with K the elastic stiffness condensed on A and s the condensed loads. The problem is ``K u_A - s + e(z) = 0``, where e
+are the equations of the method; for a method with a multiplier it is ``e(z) = 0``. Its tangent is ``K + e'(z) Z``, or
+``e'(z) Z``. Newton's method for this problem has the same iterates as Newton's method for the whole body, because the
+equations away from the contact are linear and hold at every step.
 
-Of degree 2, the equations of a multiplier see Bernstein coefficients of u and lambda instead of nodal values: with
-``c_e = 2 u_e - (u_a + u_b)/2`` for the edge e between a and b, the force on c_e is half of that on u_e, and a quarter
-of it goes to each end. Their affine functions of u_A take that in.
+For degree 2, the equations of a multiplier use Bernstein coefficients of u and lambda instead of nodal values; the
+affine functions contain this change (:mod:`erc_contact.newton.multipliers`).
 
-The dense matrices live on rank 0; all ranks assemble their facets when it asks them to.
+The dense matrices are on rank 0. It asks the other ranks to assemble the terms of their facets.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -29,16 +28,17 @@ from dolfinx import fem
 from petsc4py import PETSc
 
 from erc_contact.base.exceptions import raise_together, together
-from erc_contact.mesh.simplex import edges, rule
+from erc_contact.mesh.simplex import rule
 from erc_contact.model.model import Model
 from erc_contact.newton.methods import Method
+from erc_contact.newton.multipliers import Places, contact_edges, multiplier_rows
 from erc_contact.newton.stiffness import Stiffness
 
 
 class Condensed:
     """The condensed contact problem of a model.
 
-    What works on u_A, as :meth:`residual`, is called on rank 0 within :meth:`run`.
+    Methods that take u_A, as :meth:`residual`, are called on rank 0 within :meth:`run`.
 
     Args:
         model: The scene on a mesh.
@@ -48,15 +48,16 @@ class Condensed:
 
     Attributes:
         contacts: The contacts of the model, with the share of friction that :meth:`raise_friction` sets.
-        u: Displacement, right at the cells of the contact; its coefficients for a method with multiplier [length].
+        u: Displacement, up to date in the cells at the contact only [length]; for a method with multiplier its nodal
+            values at the contact are the Bernstein coefficients.
         multipliers: Multiplier of each contact [force/area], or () for a method without.
-        tested: Number of unknowns u_A.
+        size: Number of unknowns u_A.
         schur: S_A, the glued stiffness condensed on A, on rank 0 [force/length], shape (A, A).
         matrix: K on rank 0 [force/length], shape (A, A).
         loads: s on rank 0 [force].
         normals: Normals of the foundation at the contact nodes of A, on rank 0 [-].
-        length: Size of the displacement, the same on all ranks [length].
-        force: Size of the forces that cancel in the residual, on rank 0 [force].
+        length: Largest component of the glued displacement, over all ranks [length].
+        force: Size of the forces that cancel in the residual with the contact glued, on rank 0 [force].
     """
 
     def __init__(self, model: Model, method: Method, stiffness: Stiffness, w: fem.Function) -> None:
@@ -72,7 +73,7 @@ class Condensed:
         self.multipliers = tuple(fem.Function(model.V) for _ in model.contacts) if method.multiplier else ()
         self._compile()
         self.w, known = stiffness.gather(w), stiffness.gather(self.u)
-        self.edges = _edges(model, stiffness, self.size) if method.multiplier else None
+        self.edges = contact_edges(model, stiffness.numbers[: self.size]) if method.multiplier else None
         self.length = max(model.comm.allgather(float(abs(w.x.array).max(initial=0.0)))) or 1.0
         together(model.comm, self._condense, known)
         normals = fem.Function(model.V)
@@ -87,7 +88,7 @@ class Condensed:
         self._connect(columns)
 
     def run(self, work: Callable[[], Any]) -> Any:
-        """Do work on rank 0, while the other ranks assemble what it asks for; returns its result everywhere."""
+        """Do work on rank 0 while the other ranks assemble what it asks for; return its result on all ranks."""
         comm = self.model.comm
         result, error = None, None
         if comm.rank == 0:
@@ -103,7 +104,7 @@ class Condensed:
         return comm.bcast(result)
 
     def residual(self, u_A: np.ndarray) -> np.ndarray:
-        """R(u_A) [force], rank 0."""
+        """The residual R(u_A) [force], rank 0."""
         self._move(u_A)
         equations = self._ask("_residual")
         return equations if self.multipliers else self.matrix @ u_A - self.loads + equations
@@ -117,7 +118,7 @@ class Condensed:
         return dense.copy(order="F") if self.multipliers else np.asfortranarray(dense + self.matrix)
 
     def states(self, u_A: np.ndarray) -> np.ndarray:
-        """Open (0), slip (1) or stick (2) at points of all contact facets for u_A, rank 0."""
+        """The status open (0), slip (1) or stick (2) at points of all contact facets for u_A, rank 0."""
         self._move(u_A)
         return self._ask("_states")
 
@@ -126,7 +127,7 @@ class Condensed:
         self._ask("_share", share)
 
     def from_contact(self, u_contact: np.ndarray) -> np.ndarray:
-        """u_A from the displacements of the contact nodes, elsewhere in elastic equilibrium [length], rank 0."""
+        """u_A from the displacements of the contact nodes, with the other nodes of A in elastic equilibrium, rank 0."""
         count = len(u_contact)
         _, lift = self.stiffness.reduced(count)
         return self.w[: self.size] + lift[: self.size] @ (u_contact - self.w[:count])
@@ -190,7 +191,7 @@ class Condensed:
         self.share.value = share
 
     def _condense(self, known: np.ndarray) -> None:
-        """The dense matrices, on rank 0."""
+        """Make the dense matrices, on rank 0."""
         if self.stiffness.schur is None:
             return
         a = self.size
@@ -224,7 +225,10 @@ class Condensed:
             self.state_expressions.append((fem.Expression(status, points, comm=model.comm), own))
 
     def _add_multipliers(self, columns: list[np.ndarray]) -> None:
-        """Add the multipliers to z: from the reactions of the nodes, or the mean of neighbours where redundant."""
+        """Add the multipliers to z.
+
+        They follow from the reactions of the nodes, or are means of their neighbours where their own are redundant.
+        """
         model, d = self.model, self.model.d
         gathered = []
         for contact in model.contacts:
@@ -246,17 +250,17 @@ class Condensed:
         together(model.comm, self._append, gathered)
 
     def _append(self, contacts: list[tuple[np.ndarray, np.ndarray, np.ndarray]]) -> None:
-        """Add the rows of the multipliers to the affine functions, on rank 0; arguments of :func:`_multipliers`."""
+        """Add the rows of the multipliers to the affine functions, on rank 0; see :func:`multiplier_rows`."""
         if self.stiffness.schur is None:
             return
         reaction = np.hstack([self.matrix, -self.loads[:, None]])
         if self.edges:
             reaction = self.edges.forces(reaction)
         places = Places(self.stiffness.numbers[: self.size], self.model.d)
-        self.affine = np.vstack([self.affine, *_multipliers(contacts, places, reaction)])
+        self.affine = np.vstack([self.affine, *multiplier_rows(contacts, places, reaction)])
 
     def _connect(self, columns: list[np.ndarray]) -> None:
-        """Where the ranks' entries of residual and tangent go."""
+        """Find where the entries of residual and tangent of each rank belong on rank 0."""
         comm, a = self.model.comm, self.size
         self.readers = [(np.flatnonzero(c >= 0), c[c >= 0]) for c in columns]
         row_of = np.where(columns[0] < a, columns[0], -1)
@@ -285,107 +289,6 @@ class Condensed:
             self.product.setUp()
 
         together(comm, allocate)
-
-
-class Places:
-    """Places in A of global degrees of freedom."""
-
-    def __init__(self, numbers: np.ndarray, d: int) -> None:
-        self.order = np.argsort(numbers)
-        self.sorted, self.d = numbers[self.order], d
-
-    def of(self, nodes: np.ndarray) -> np.ndarray:
-        """Places of all components of global nodes, -1 for those not in A, shape (n, d)."""
-        dofs = nodes[:, None] * self.d + np.arange(self.d)
-        at = np.minimum(np.searchsorted(self.sorted, dofs), len(self.sorted) - 1)
-        return np.where(self.sorted[at] == dofs, self.order[at], -1)
-
-
-@dataclass(frozen=True, eq=False)
-class Edges:
-    """Degrees of freedom of A at edges of the contact, for Bernstein coefficients of degree 2 from nodal values.
-
-    Attributes:
-        edge: Places in A.
-        of_end, end: Pairs of a place at an edge and one at an end of it.
-    """
-
-    edge: np.ndarray
-    of_end: np.ndarray
-    end: np.ndarray
-
-    def coefficients(self, u: np.ndarray) -> np.ndarray:
-        """Bernstein coefficients from nodal values of displacements, shape (L, ...)."""
-        result = u.copy()
-        result[self.edge] *= 2.0
-        np.subtract.at(result, self.of_end, 0.5 * u[self.end])
-        return result
-
-    def forces(self, force: np.ndarray) -> np.ndarray:
-        """Forces on the coefficients from forces at the nodes, shape (A, ...)."""
-        result = force.copy()
-        result[self.edge] *= 0.5
-        np.add.at(result, self.end, 0.25 * force[self.of_end])
-        return result
-
-
-def _edges(model: Model, stiffness: Stiffness, count: int) -> Edges | None:
-    """The edges of all contacts in the first ``count`` of L; None for degree 1; collective."""
-    d = model.d
-    if model.degree == 1:
-        return None
-    nodes = np.concatenate([model.facet_nodes(c.facets[model.owned(c.facets)]) for c in model.contacts])
-    ends = nodes[:, edges(d - 1)]
-    triples = np.concatenate([nodes[:, d:, None], ends], axis=2).reshape(-1, 3)
-    triples = np.unique(np.concatenate(model.comm.allgather(model.global_numbers(triples))), axis=0)
-    places = Places(stiffness.numbers[:count], d)
-    edge, first, second = (places.of(column) for column in triples.T)
-    of_end, end = np.concatenate([edge, edge]), np.concatenate([first, second])
-    both = (of_end >= 0) & (end >= 0)
-    return Edges(edge[edge >= 0], of_end[both], end[both])
-
-
-def _multipliers(
-    contacts: list[tuple[np.ndarray, np.ndarray, np.ndarray]], places: Places, reaction: np.ndarray
-) -> list[np.ndarray]:
-    """The multipliers of all contacts as affine functions of u_A, from the last contact to the first.
-
-    The multiplier of a node belongs to the first contact that has the node: ``a lambda`` is what the multipliers of
-    later contacts leave of the reaction. Elsewhere, and where a support fixes a component, it is the mean of its
-    neighbours in the contact.
-
-    Args:
-        contacts: For each contact its nodes (n,), its facets as places in them (f, m), and the areas of nodes (n,).
-        places: Where the components of nodes are in A.
-        reaction: Reactions at A as affine functions of u_A, shape (A, A+1).
-
-    Returns:
-        For each contact, shape (n d, A+1).
-    """
-    done: list[np.ndarray] = []
-    for k in reversed(range(len(contacts))):
-        nodes, facets, area = contacts[k]
-        at = places.of(nodes)
-        earlier = np.isin(nodes, np.concatenate([c[0] for c in contacts[:k]])) if k else np.zeros(len(nodes), bool)
-        active = (at >= 0) & ~earlier[:, None]
-        rows = np.zeros((*at.shape, reaction.shape[1]))
-        rows[active] = reaction[at[active]]
-        for (others, _, of_others), known in zip(contacts[k + 1 :], done, strict=True):
-            _, here, there = np.intersect1d(nodes, others, return_indices=True)
-            rows[here] -= active[here][:, :, None] * (of_others[there, None, None] * known[there])
-        rows[active] /= np.broadcast_to(area[:, None], active.shape)[active][:, None]
-
-        m = range(facets.shape[1])
-        i, j = (facets[:, p].ravel() for p in zip(*[(p, q) for p in m for q in m if p != q], strict=True))
-        edges = np.unique(np.column_stack([i, j]), axis=0)
-        edge, component = np.nonzero(~active[edges[:, 0]] & active[edges[:, 1]])
-        target = edges[edge, 0], component
-        count = np.zeros(active.shape)
-        np.add.at(count, target, 1.0)
-        np.add.at(rows, target, rows[edges[edge, 1], component])
-        rows /= np.maximum(count, 1.0)[:, :, None]
-        done.insert(0, rows)
-    return [rows.reshape(-1, rows.shape[2]) for rows in done]
 
 
 def _entries(matrix: Any) -> tuple[np.ndarray, np.ndarray]:

@@ -1,10 +1,10 @@
-"""Where Newton starts: the displacement of the contact nodes, all that it needs.
+"""Where Newton's method starts: the displacement of the contact nodes.
 
-Between two states of a contact problem only the contact differs; the rest of the body follows in elastic equilibrium.
+This is enough, because the rest of the body follows in elastic equilibrium.
 
-From a solution on another mesh every contact node takes the interpolant on the nearest old contact facet: on a
-refined mesh its parent facet, where the interpolant is exact; on another mesh of the same body a neighbour. No tree of
-all cells is built.
+From a solution on another mesh, every contact node takes the interpolant on the nearest old contact facet. On a refined
+mesh this is its parent facet, where the interpolant is exact; on another mesh of the same body it is a near facet. No
+search tree of the cells is needed.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from erc_contact.model.model import Model
 from erc_contact.newton.stiffness import Stiffness
 
 CHUNK = 1_000_000
-"""Pairs (node, facet) that are looked at together, to bound the memory."""
+"""Number of pairs (node, facet) that are worked on at once, to bound the memory."""
 
 
 def glued(stiffness: Stiffness, w: fem.Function) -> np.ndarray | None:
-    """U at the contact nodes glued to the foundations, across the gap where there is one.
+    """Displacement of the contact nodes glued to the foundations, where a gap is closed.
 
     Args:
         stiffness: The condensed elastic stiffness.
@@ -51,7 +51,7 @@ def glued(stiffness: Stiffness, w: fem.Function) -> np.ndarray | None:
 
 
 def from_mesh(model: Model, u: fem.Function, stiffness: Stiffness) -> np.ndarray | None:
-    """U at the contact nodes of a new mesh from a displacement on another one.
+    """Displacement of the contact nodes of a new mesh from that on another one.
 
     Args:
         model: The scene on the old mesh.
@@ -84,12 +84,13 @@ def interpolate(x: np.ndarray, corners: np.ndarray, values: np.ndarray, degree: 
         Values at the points, shape (n, d).
     """
     edges = corners[:, 1:] - corners[:, :1]
-    gram = np.linalg.inv(edges @ edges.transpose(0, 2, 1)) @ edges  # of a facet: point -> barycentric coordinates
+    # of each facet: from a point to its barycentric coordinates
+    to_barycentric = np.linalg.inv(edges @ edges.transpose(0, 2, 1)) @ edges
     result = np.empty_like(x)
     step = max(1, CHUNK // max(len(corners), 1))
     for first in range(0, len(x), step):
         some = x[first : first + step]
-        local = np.einsum("fki,nfi->nfk", gram, some[:, None] - corners[None, :, 0])
+        local = np.einsum("fki,nfi->nfk", to_barycentric, some[:, None] - corners[None, :, 0])
         shape = np.maximum(np.concatenate([1 - local.sum(axis=2, keepdims=True), local], axis=2), 0.0)
         shape /= shape.sum(axis=2, keepdims=True)
         distance = np.linalg.norm(np.einsum("nfm,fmi->nfi", shape, corners) - some[:, None], axis=2)

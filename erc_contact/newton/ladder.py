@@ -1,7 +1,7 @@
-"""The ladder of attempts of a contact solve, cheapest first: where Newton starts, and with which method.
+"""The ladder of attempts of a contact solve, cheapest first: where Newton's method starts, and for which method.
 
-A start is the displacement of the contact nodes: "glued" glues the contact, "warm" is a solution on another mesh,
-"nodal" one of the augmented Lagrangian, "stiffer" one of the same method with a larger gamma.
+A start is a displacement of the contact nodes. "glued" is the solution with the contact glued, "warm" a solution on
+another mesh, "nodal" a solution of the augmented Lagrangian, and "stiffer" one of the same method with a larger gamma.
 """
 
 from __future__ import annotations
@@ -14,22 +14,26 @@ from erc_contact.newton.methods import AugmentedLagrangian, Method, Nitsche
 FRICTION_STEPS = ((0.5, 1.0), (0.9, 1.0), tuple(0.05 * k for k in range(21)))
 """Shares of the friction bound when friction is raised in steps."""
 LINE_SEARCHES = ("l2", "cp", "bt", "nleqerr")
-"""What is tried where bisection fails: each leaves other cycles."""
+"""Line searches that are tried where bisection fails, each of which may avoid a cycle of the others."""
 NODAL = AugmentedLagrangian(gamma=1.0)
-"""The method that starts the others."""
+"""The method whose solution is the start of the others."""
 OTHERS = tuple(AugmentedLagrangian(gamma) for gamma in (0.1, 10.0, 1000.0))
-"""Its parameters do not change its solution: others are tried where Newton fails."""
+"""The same method with other parameters, which do not change its solution; tried where Newton's method fails."""
 STIFFER = (100.0, 30.0, 10.0, 5.0, 3.0, 2.0, 1.4)
-"""Factors of Nitsche's gamma on the way from the solution of the augmented Lagrangian, the limit of a large gamma: the
-solutions of two gammas that are near are near each other."""
+"""Factors of Nitsche's gamma for a sequence of problems that starts from the augmented Lagrangian, the limit of a large
+gamma. The solutions of two near gammas are near each other."""
 
 
 @dataclass(frozen=True)
 class Attempt:
-    """One attempt: a method, where it starts, its line search, the steps of friction.
+    """One attempt of a contact solve.
 
     Attributes:
-        final: Whether its solution is that of the scene; else it is where another attempt starts.
+        method: The contact method.
+        start: Name of the start.
+        line_search: Name of PETSc's line search.
+        friction_shares: Shares of the friction bound that are solved for one after the other [-].
+        final: Whether its solution is that of the scene; otherwise it is the start of another attempt.
     """
 
     method: Method
@@ -40,7 +44,7 @@ class Attempt:
 
     @property
     def gives(self) -> str:
-        """The start that its solution is for others."""
+        """Name of the start that its solution is for other attempts."""
         return "nodal" if self.method.multiplier else "stiffer"
 
     def __str__(self) -> str:
@@ -49,16 +53,16 @@ class Attempt:
 
 
 def attempts(method: Method, states: Container[str], *, friction: bool, fallback: bool) -> Iterator[Attempt]:
-    """The attempts, cheapest first; those whose start is not among the states are to be skipped.
+    """The attempts, cheapest first. The caller skips those whose start is not among the states.
 
-    Without a gap the problem is positively homogeneous, so steps of the load are all the same problem; friction
+    Without a gap the problem is positively homogeneous, so steps of the load would all be the same problem. Friction
     is raised in steps instead.
 
     Args:
         method: The method whose solution is wanted.
-        states: Names of the starts that are known, looked at as the attempts go on.
+        states: Names of the starts that are known; the caller adds to them between two attempts.
         friction: Whether the scene has friction.
-        fallback: Whether the solution of the augmented Lagrangian will do.
+        fallback: Whether a solution of the augmented Lagrangian is accepted instead.
     """
     nodal = method if method.multiplier else NODAL
     itself = nodal == method

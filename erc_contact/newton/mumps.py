@@ -1,4 +1,4 @@
-"""Direct solvers: MUMPS' factors of symmetric matrices, and the Schur complements that it leaves with them.
+"""Direct solvers: MUMPS' factors of symmetric matrices, and the Schur complements that it makes with them.
 
 petsc4py has no names for Schur complements, so PETSc's own functions are called through ctypes.
 """
@@ -14,7 +14,7 @@ from petsc4py import PETSc
 from erc_contact.base.exceptions import InputError
 
 WORKSPACE = 80
-"""Workspace of MUMPS beyond its estimate [%]; its own 20 was too small for a mesh of 322 tetrahedra on three ranks."""
+"""Workspace of MUMPS beyond its estimate [%]; its default of 20 was too small for 322 tetrahedra on three ranks."""
 
 
 def factorised(matrix: PETSc.Mat, schur_on: np.ndarray | None = None) -> PETSc.KSP:
@@ -22,10 +22,10 @@ def factorised(matrix: PETSc.Mat, schur_on: np.ndarray | None = None) -> PETSc.K
 
     Args:
         matrix: Assembled.
-        schur_on: Global degrees of freedom on which MUMPS leaves a Schur complement, None for a plain factor.
+        schur_on: Global degrees of freedom on which MUMPS makes a Schur complement, None for a plain factor.
 
     Raises:
-        InputError: If it cannot be factorised.
+        InputError: If the matrix cannot be factorised.
         MemoryError: If there is too little memory for it.
     """
     comm = matrix.comm.tompi4py()
@@ -67,7 +67,7 @@ def _call(name: str, *arguments: Any) -> None:
 
 
 def schur_complement(ksp: PETSc.KSP, size: int) -> np.ndarray:
-    """The Schur complement that MUMPS left with a factor, on rank 0; with Cholesky it is one triangle."""
+    """The Schur complement that MUMPS made with a factor, on rank 0; of a Cholesky factor it is one triangle."""
     schur, status = ctypes.c_void_p(), ctypes.c_int()
     data = ctypes.POINTER(ctypes.c_double)()
     factor = ksp.getPC().getFactorMatrix().handle

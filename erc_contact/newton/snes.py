@@ -1,7 +1,7 @@
 """Newton's method for the condensed contact problem: PETSc's SNES on rank 0, in scaled variables.
 
-Displacements are divided by their size and forces by those that cancel: the bisection line search has absolute
-tolerances inside and would depend on units.
+Displacements are divided by their size and forces by the size of those that cancel. Otherwise the bisection line
+search, which has absolute tolerances, would depend on the units.
 
 Symbols: R residual, A and K as in :mod:`erc_contact.newton.condensed`.
 """
@@ -16,19 +16,19 @@ from petsc4py import PETSc
 from erc_contact.newton.condensed import Condensed
 
 PREFIX = "erc_contact_"
-"""Prefix of PETSc options: a user's ``-erc_contact_snes_monitor`` and the like win over our settings."""
+"""Prefix of PETSc options, as in ``-erc_contact_snes_monitor``; they override our settings."""
 TOLERANCE = 1e-12
-"""Newton stops when the residual is below this fraction of the forces that cancel in it [-]."""
+"""Newton's method stops when the residual is below this fraction of the forces that cancel in it [-]."""
 STEPS = 100
 """Limit of Newton steps of one attempt."""
 FAR = 1e5
 """Bound of the forces that cancel in the residual, as a multiple of those with the contact glued [-]."""
 CYCLE = 0.9
-"""States that come back are a cycle unless the residual fell below this fraction meanwhile [-]."""
+"""A state that comes back is a cycle unless the residual has fallen below this fraction meanwhile [-]."""
 
 
 PRESS = 1e-5
-"""How far a state is pressed into the foundation to see its other tangents, over the size of the displacement [-]."""
+"""How far a state is pressed into the foundation for another tangent, over the size of the displacement [-]."""
 ZERO_PIVOT = 71
 """PETSc's code of a matrix that cannot be factorised, PETSC_ERR_MAT_LU_ZRPVT."""
 
@@ -38,9 +38,9 @@ class Outcome:
     """How one attempt ended.
 
     Attributes:
-        converged: Whether at a solution.
-        reason: Why.
-        steps: Newton steps.
+        converged: Whether it ended at a solution.
+        reason: Why it ended.
+        steps: Number of Newton steps.
         residual: Norm of the residual as a fraction of the forces that cancel in it [-].
         state: Numbers of open, slipping and sticking points of the contact.
     """
@@ -58,11 +58,11 @@ class Outcome:
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """Where an attempt ended; on rank 0.
+    """The last state of an attempt, on rank 0.
 
     Attributes:
         displacement: u_A [length].
-        residual: R there [force].
+        residual: R(u_A) [force].
     """
 
     displacement: np.ndarray
@@ -74,7 +74,7 @@ class Newton:
 
     Args:
         problem: The condensed problem.
-        accuracy: Newton may stop when :meth:`remaining` falls below it [sqrt(force length)]; None goes to round-off.
+        accuracy: Newton's method may stop when :meth:`remaining` is below it [sqrt(force length)]; None for round-off.
     """
 
     def __init__(self, problem: Condensed, accuracy: float | None = None) -> None:
@@ -86,7 +86,7 @@ class Newton:
         self.elastic: PETSc.KSP | None = None
 
     def solve(self, start: np.ndarray, line_search: str) -> tuple[State, Outcome]:
-        """One attempt from u_A; returns the last state and how it ended."""
+        """Make one attempt from the displacement start; return the last state and how the attempt ended."""
         problem = self.problem
         seen: dict[bytes, tuple[int, float]] = {}
         text = ""
@@ -149,21 +149,21 @@ class Newton:
     def forces(self, u: np.ndarray) -> float:
         """Size of the forces that cancel in the residual at u_A [force].
 
-        Bounded, as a body that nothing holds moves so far that anything is round-off beside its forces.
+        The size is bounded: a body that nothing holds moves so far that any residual would be round-off of its forces.
         """
         problem = self.problem
         size = float((abs(problem.matrix) @ abs(u) + abs(problem.loads)).max(initial=0.0))
         return min(size, FAR * problem.force)
 
     def remaining(self, residual: np.ndarray) -> float:
-        """Energy norm of what is left to the solution, ``sqrt(R.K^-1 R)`` [sqrt(force length)].
+        """Energy norm of the distance to the solution, ``sqrt(R.K^-1 R)`` [sqrt(force length)].
 
-        With the traction of the method as r^, it is what the rebalance of the last state adds to the error in the
-        constitutive relation.
+        If r^ is the traction of the method, the rebalance of the last state adds this to the error in the constitutive
+        relation.
         """
         if self.elastic is None:
-            energy = self.problem.stiffness.definite(self.problem.size)
-            matrix = PETSc.Mat().createDense(energy.shape, array=energy, comm=PETSc.COMM_SELF)
+            elastic = self.problem.stiffness.definite(self.problem.size)
+            matrix = PETSc.Mat().createDense(elastic.shape, array=elastic, comm=PETSc.COMM_SELF)
             matrix.setOption(PETSc.Mat.Option.SPD, True)
             self.elastic = _direct(matrix, "cholesky")
         force, u = self.jacobian.createVecs()
@@ -172,16 +172,16 @@ class Newton:
         return float(np.sqrt(max(u.dot(force), 0.0)))
 
     def regularity(self, u_A: np.ndarray) -> float:
-        """Least singular value of the tangent, scaled by the elastic diagonal [-]; zero where it has no inverse.
+        """Least singular value of the tangent, scaled by the elastic diagonal [-]; zero if it has no inverse.
 
-        The least of two: at a state, and at the state pressed into the foundation by a tiny length. Points that touch
-        without pressure are on a kink, and the tangent that they have when pressed may be the singular one.
+        It is the lesser one of two tangents: at u_A, and at u_A pressed into the foundation by a tiny length. At points
+        that touch without pressure the equations have a kink, and the tangent under pressure may be the singular one.
         """
         pressed = u_A + PRESS * self.problem.length * self.problem.normals
         return min(self._least_singular_value(u) for u in (u_A, pressed))
 
     def _least_singular_value(self, u_A: np.ndarray) -> float:
-        """Inverse iteration on ``J^T J``: an estimate."""
+        """An estimate by inverse iteration on ``J^T J``."""
         diagonal = 1 / np.sqrt(self.problem.schur.diagonal())
         scaled = self.problem.tangent(u_A) * diagonal * diagonal[:, None]
         matrix = PETSc.Mat().createDense(scaled.shape, array=scaled, comm=PETSc.COMM_SELF)

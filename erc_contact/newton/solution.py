@@ -1,4 +1,4 @@
-"""What a contact solve hands on: the solution with all that it came from."""
+"""The result of a contact solve."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from erc_contact.newton.stiffness import Stiffness
 from erc_contact.scene.scene import Scene
 
 SINGULAR = 1e-12
-"""Where the least singular value of the tangent, scaled by the elastic diagonal, is below this, it is singular [-]."""
+"""The tangent counts as singular below this least singular value, scaled by the elastic diagonal [-]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """A converged displacement with all that it came from.
+    """A converged displacement, with the model, the method and the stiffness that it was computed with.
 
     Attributes:
         model: The scene on its domain, with forms.
-        method: The contact method whose solution it is.
+        method: The contact method that it is the solution of.
         u: Displacement [length], a continuous P1 or P2 Function.
         multipliers: Multiplier of each contact [force/area], or () for a method without.
         newton_steps: Newton steps of all attempts together; 0 for a scene without contact.
-        reason: How the solver ended, and from which start.
+        reason: Which attempt converged, and how.
         remaining: Energy norm of the distance to the solution of the discrete problem [sqrt(force length)].
         regularity: Least singular value of the tangents of the contact problem at the solution, scaled by the elastic
             diagonal [-].
@@ -59,12 +59,12 @@ class Solution:
 
     @property
     def factorised(self) -> bool:
-        """Whether the factor of the stiffness is at hand; :func:`equilibrate` frees it, another one makes it anew."""
+        """Whether the factor of the stiffness is in memory; :func:`equilibrate` makes it if it is not, and frees it."""
         return self.stiffness.factorised
 
     @property
     def singular(self) -> bool:
-        """Whether the tangent is singular: there may be other solutions as near as one likes."""
+        """Whether the tangent is singular: there may be other solutions arbitrarily near."""
         return self.regularity < SINGULAR
 
     def traction(self, contact: BoundContact) -> Any:

@@ -1,9 +1,9 @@
 """One contact solve: from a first guess to a :class:`Solution`, or :class:`NotConverged`.
 
-Whether Newton converges depends on where it starts. One elastic factorisation serves all attempts
-(:mod:`erc_contact.newton.stiffness`). So a ladder of starts and line searches costs little; the cheapest comes first.
-Nitsche's method starts from the solution of the augmented Lagrangian: it is the nearer to it the larger gamma is, and
-found in fewer steps (GRECO, 256 x 256 squares: 11 and 2, against 22 from the glued contact).
+Whether Newton's method converges depends on where it starts. One elastic factorisation serves all attempts
+(:mod:`erc_contact.newton.stiffness`), so it costs little to try several starts and line searches, the cheapest first.
+Nitsche's method starts from the solution of the augmented Lagrangian. The two are the nearer the larger gamma is, and
+this takes fewer steps (GRECO, 256 x 256 squares: 11 and 2, against 22 from the glued contact).
 """
 
 from __future__ import annotations
@@ -47,15 +47,15 @@ def solve(
 ) -> Solution:
     """Solve a scene on a domain; collective.
 
-    A scene without contact is one linear solve. Otherwise Newton starts from ``start`` if given, else from the linear
-    problem with the contact glued; line search by bisection. Further attempts use other parameters, raise friction in
-    steps, and use other line searches (:mod:`erc_contact.newton.ladder`).
+    A scene without contact is one linear solve. Otherwise Newton's method starts from ``start`` if given, else from the
+    linear problem with the contact glued, and its line search is a bisection. Further attempts use other parameters,
+    raise friction in steps, and use other line searches (:mod:`erc_contact.newton.ladder`).
 
     Args:
         scene: The problem.
         domain: The mesh.
-        method: Contact method. None is Nitsche's, or the augmented Lagrangian where only that one converges:
-            ``Solution.method`` and ``reason`` say so. One that is given is the only one whose solution is taken.
+        method: Contact method. With None it is Nitsche's, or the augmented Lagrangian where only that one converges, as
+            ``Solution.method`` and ``reason`` then say. If a method is given, only its solution is taken.
         degree: Degree of the displacement, 1 or 2.
         start: A solution on another mesh of the same body; Newton starts from its displacement on the contacts.
         accuracy: Newton may stop at this distance to the solution of the discrete problem, in the energy norm
@@ -89,10 +89,10 @@ def solve(
 
 
 def check_arguments(scene: Any, domain: Any, method: Any, degree: Any, start: Any = None) -> None:
-    """Refuse what is of another type than asked for, before a word of UFL or PETSc is heard.
+    """Check the types of the arguments of :func:`solve`, so that no message of UFL or PETSc is needed.
 
     Raises:
-        InputError: If it is.
+        InputError: If an argument has another type.
     """
     if not isinstance(scene, Scene):
         raise InputError(f"scene is {checks.told(scene)}; give a Scene: Scene(material, supports=[...], ...).")
@@ -110,7 +110,7 @@ def check_arguments(scene: Any, domain: Any, method: Any, degree: Any, start: An
 
 
 def _check_size(model: Model, b: fem.Function, w: fem.Function) -> None:
-    """Forces and displacements, and their products, must be numbers that double precision can work with."""
+    """Raise an error if forces, displacements or their products overflow or underflow double precision."""
     local = [float(abs(f.x.array).max(initial=0.0)) for f in (b, w)] + [float(np.isnan(w.x.array).any())]
     force, length, nan = np.max(model.comm.allgather(local), axis=0)
     least, most = 1e-290, 1e290
@@ -126,7 +126,7 @@ def _check_size(model: Model, b: fem.Function, w: fem.Function) -> None:
 
 
 class _ContactSolve:
-    """The ladder of attempts for one model; all ranks climb it together."""
+    """The contact solve of one model: it makes the attempts of the ladder until one converges; collective."""
 
     def __init__(
         self, model: Model, method: Method | None, stiffness: Stiffness, w: fem.Function, accuracy: float | None
@@ -139,7 +139,7 @@ class _ContactSolve:
         self.steps = 0
 
     def solve(self, start: Solution | None) -> Solution:
-        """Climb until an attempt of the method converges."""
+        """Make the attempts one after the other until one of the wanted method converges."""
         states = {"glued": starts.glued(self.stiffness, self.w)}
         if start is not None and start.model.contacts:
             states["warm"] = starts.from_mesh(start.model, start.u, self.stiffness)
@@ -162,7 +162,7 @@ class _ContactSolve:
         )
 
     def _attempt(self, attempt: Attempt, contact: Any) -> tuple[bool, Any, Any]:
-        """Run one attempt; returns whether it converged, u at the contact nodes, and what a solution needs."""
+        """Make one attempt; return whether it converged, u at the contact nodes, and the data for a solution."""
         if attempt.method not in self.problems:
             self.problems[attempt.method] = Condensed(self.model, attempt.method, self.stiffness, self.w)
         problem = self.problems[attempt.method]

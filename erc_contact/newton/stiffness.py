@@ -1,17 +1,18 @@
 """The elastic stiffness, glued to the foundations, factorised once and condensed on the contact.
 
-Between two states of a contact only forces at the contact change. So the nonlinear problem needs the elastic body as
-seen from there, a small dense matrix, and one factorisation serves the whole contact solve and the rebalance after it.
+Between two states of a contact only forces at the contact change. So the nonlinear problem needs only the stiffness
+condensed on the contact, a small dense matrix. One factorisation serves the whole contact solve and the rebalance
+after it.
 
 Symbols: K elastic stiffness with the supports [force/length]; D diagonal stiffness that glues the contact nodes to the
 foundations, ``D_i = 10 E k^2/h |F|/m`` summed over facets; L the free degrees of freedom of the cells at the contact,
 those of the contact nodes first; A the first ones of L (the contact nodes, or all); S_A the Schur complement of K + D
-on A, so that S_A - D_A is that of K, and at the contact
+on A. Then S_A - D_A is the Schur complement of K, and at the contact
 
     K u = b + (forces c at A)   <=>   (S_A - D_A) u_A = S_A w_A + c,    u = w + (K + D)^-1 (D u_A + c)
 
-with ``w = (K + D)^-1 b``. K + D is positive definite also where only contacts hold the body. MUMPS gives the Schur
-complement on L with the factor; what is in L and not in A is eliminated with dense algebra.
+with ``w = (K + D)^-1 b``. K + D is positive definite even if only contacts hold the body. MUMPS makes the Schur
+complement on L with the factor; the degrees of freedom of L that are not in A are eliminated with dense algebra.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ class Stiffness:
         local: Degrees of freedom of this rank (with ghosts) that are in L.
         place: Their places in L.
         numbers: Global numbers of L in order.
-        contact: Number of degrees of freedom of L at contact nodes; 0 without contact.
+        contact_size: Number of degrees of freedom of L at contact nodes; 0 without contact.
         schur: S_L on rank 0; None elsewhere and without contact.
         glued_by: D_L on rank 0.
         motions: Rigid motions that no support holds, at L on rank 0.
@@ -99,7 +100,8 @@ class Stiffness:
     def solve(self, b: fem.Function, *, supports: bool = True) -> fem.Function:
         """Displacement u of ``K u = b`` [length] under nodal forces b [force]; see :meth:`glued`.
 
-        Loads on rigid motions that no support holds must balance; u has then no part in these motions at the contact.
+        The loads must do no work on rigid motions that no support holds. At the contact, u then has no part in these
+        motions.
         """
         w = self.glued(b, supports=supports)
         if not self.contact_size:
@@ -110,7 +112,7 @@ class Stiffness:
         return self.expand(w, u_A, None)
 
     def _unglued(self, a: int, w_A: np.ndarray) -> np.ndarray:
-        """The contact nodes without the glue, from those with it, on rank 0."""
+        """Displacement of the contact nodes without the glue, from that with it, on rank 0."""
         return np.linalg.solve(self.definite(a), self.reduced(a)[0] @ w_A)
 
     def expand(self, w: fem.Function, u_A: np.ndarray | None, force: np.ndarray | None) -> fem.Function:
@@ -121,13 +123,13 @@ class Stiffness:
         b = fem.Function(self.model.V)
         self.scatter(added, b)
         owned = self.model.V.dofmap.index_map.size_local * self.model.d
-        b.x.array[owned:] = 0.0  # the owner has it all
+        b.x.array[owned:] = 0.0  # the owner has the whole force
         u = self.glued(b, supports=False)
         u.x.array[:] += w.x.array
         return u
 
     def reduced(self, count: int) -> tuple[np.ndarray, np.ndarray]:
-        """S_A for the first ``count`` of L, and the change of u_L with u_A, shapes (A, A) and (L, A); on rank 0."""
+        """S_A for the first ``count`` of L, shape (A, A), and the derivative of u_L by u_A, shape (L, A), on rank 0."""
         full = np.asarray(self.schur)
         if count == len(full):
             return full, np.eye(count)
@@ -148,7 +150,7 @@ class Stiffness:
         return values
 
     def scatter(self, values: np.ndarray | None, u: fem.Function) -> None:
-        """Set u at L from the values on rank 0 (only A where they are as many), and zero elsewhere; collective."""
+        """Set u at L, or at the first ones of L, to the values on rank 0, and to zero elsewhere; collective."""
         values = self.model.comm.bcast(values)
         known = self.place < len(values)
         u.x.array[:] = 0.0
@@ -160,7 +162,7 @@ class Stiffness:
         return self._ksp is not None
 
     def free(self) -> None:
-        """Free the factor; a later solve makes it anew."""
+        """Free the factor; a later solve makes it again."""
         if self._ksp is not None:
             self._ksp.destroy()
             self._ksp = None
@@ -169,7 +171,7 @@ class Stiffness:
             self._matrix = None
 
     def definite(self, count: int) -> np.ndarray:
-        """``S_A - D_A``, the elastic energy of u_A, made definite on rigid motions that no support holds; on rank 0."""
+        """``S_A - D_A``, the stiffness of u_A, made definite on rigid motions that no support holds; on rank 0."""
         schur, _ = self.reduced(count)
         matrix = schur - np.diag(self.glued_by[:count])
         if self.motions:
@@ -222,7 +224,7 @@ class Stiffness:
         return matrix
 
     def _condense(self) -> None:
-        """Factorise with the Schur complement on L; the factor serves for solves, too, but on several ranks."""
+        """Factorise with the Schur complement on L; on one rank the factor is also used for solves."""
         comm = self.model.comm
         self._matrix = self._assemble()
         self._ksp = factorised(self._matrix, self.numbers)

@@ -1,1 +1,1 @@
-"""Less error from the same displacement: the admissible stress of least complementary energy, patch by patch."""
+"""Lower the error for the same displacement: a stress of less complementary energy, computed patch by patch."""

@@ -1,8 +1,8 @@
 """The quadratic part of the facet tractions: one small problem of complementary energy for each facet.
 
-Beside its linear part, which balances the cells (:mod:`erc_contact.admissible.tighten.patches`), a traction of degree 2
-has a part orthogonal to all linear functions of its facet. It does no work on rigid motions, so it is free on each
-facet.
+A traction of degree 2 is the sum of a linear part, which balances the cells
+(:mod:`erc_contact.admissible.tighten.patches`), and a part orthogonal to all linear functions on its facet. The latter
+does no work on rigid motions, so it can be chosen freely on each facet.
 
 Symbols as in :mod:`erc_contact.admissible.tighten.complementary`; j = m - d quadratic moments a component.
 """
@@ -18,12 +18,12 @@ class Blocks:
     """Solves the minimisation for the quadratic moments of every facet of this rank.
 
     Args:
-        energy: The energy.
+        energy: The complementary energy.
         free: Components of facets whose traction is not given, shape (F, d).
-        mine: Facets that are this rank's, which has both cells of each, shape (F,).
+        mine: Facets that this rank solves for; it has both cells of each. Shape (F,).
 
     Attributes:
-        inverse: Of each facet, zero where nothing is free, shape (F, d j, d j).
+        inverse: Inverse of the matrix of each facet, zero where nothing is free, shape (F, d j, d j).
     """
 
     def __init__(self, energy: ComplementaryEnergy, free: np.ndarray, mine: np.ndarray) -> None:

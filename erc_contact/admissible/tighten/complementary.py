@@ -2,13 +2,15 @@
 
 On the reference simplex the stress at the points of a quadrature rule is one matrix times the moments of the facet
 tractions. No matrix of a cell is stored: a product costs two products with this matrix, and for degree 1 0.2 kB a cell
-are kept in 2D, 0.5 kB in 3D. Stresses without tractions (bubbles, from degree 2 on) always take the least energy.
+are kept in 2D, 0.5 kB in 3D. The stresses without tractions (the bubbles of degree 2) always have the amounts of least
+energy.
 
-Moments are taken against the linear functions of a facet and, for degree 2, the functions ``B_e - P B_e`` with P the
-L2 projection on linear functions: a cell is in balance by the linear part alone.
+Moments are taken against the linear functions on a facet and, for degree 2, against the functions ``B_e - P B_e`` with
+P the L2 projection on linear functions. The linear part alone balances a cell. These moments are called hierarchical.
 
-Components come first and cells or facets last: numpy is fast on long last axes. Symbols: d dimension, s = d(d+1)/2,
-Q points in the sub-simplices of a cell, n cells, F facets, m moments of a facet and component, c cells of a chunk.
+Components come first and cells or facets last, because numpy is fast on long last axes. Symbols: d dimension,
+s = d(d+1)/2, Q points in the sub-simplices of a cell, n cells, F facets, m moments of a facet and component, c cells of
+a chunk.
 """
 
 from __future__ import annotations
@@ -23,11 +25,11 @@ from erc_contact.admissible.macro import bubbles, macro_points, piola, reference
 from erc_contact.mesh.simplex import bernstein, coefficients, from_means, mass, nodes
 
 CHUNK = (0, 0, 4096, 1024)
-"""Number of cells, facets or patches that are worked on at once, for each d: what stays in the cache."""
+"""Number of cells, facets or patches that are worked on at once, for each d, so that arrays stay in the cache."""
 
 
 def chunks(count: int, d: int) -> Iterator[slice]:
-    """Parts of ``range(count)`` that stay in the cache."""
+    """Slices of ``range(count)`` of this size."""
     return (slice(i, min(i + CHUNK[d], count)) for i in range(0, count, CHUNK[d]))
 
 
@@ -38,7 +40,7 @@ def times(matrix: np.ndarray, vectors: np.ndarray) -> np.ndarray:
 
 @cache
 def hierarchical(d: int, k: int) -> np.ndarray:
-    """Our moments on a facet from those against Bernstein polynomials, a matrix (m, m)."""
+    """Matrix (m, m) from moments against Bernstein polynomials on a facet to the hierarchical moments."""
     linear = (coefficients(d - 1, k) @ bernstein(d - 1, 1, nodes(d - 1, k))).T  # hat functions in Bernstein polynomials
     if k == 1:
         return linear
@@ -48,7 +50,7 @@ def hierarchical(d: int, k: int) -> np.ndarray:
 
 @cache
 def stress_map(d: int, k: int) -> np.ndarray:
-    """Reference stresses at the points, times the roots of the weights, of reference moments.
+    """Matrix from hierarchical moments on the reference simplex to stresses at points times the roots of the weights.
 
     Returns:
         Shape (s, Q, d, m, d+1): component, point, component of the moment, its number, facet.
@@ -63,7 +65,7 @@ def stress_map(d: int, k: int) -> np.ndarray:
 
 @cache
 def _bubble_map(d: int, k: int) -> tuple[np.ndarray, np.ndarray]:
-    """Bubbles at the points times the roots of the weights, (s, Q, number), and products of all pairs of components."""
+    """Bubbles at the points times the roots of the weights, (s, Q, number), and the products of their components."""
     near, _, weights = macro_points(d, k)
     s, number = bubbles(d, k).shape[2:]
     at_points = np.einsum("qm,kmsb->skqb", near, bubbles(d, k)).reshape(s, len(weights), number)
@@ -72,14 +74,14 @@ def _bubble_map(d: int, k: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _metric(cells: CellGeometry, some: slice, compliance: np.ndarray) -> np.ndarray:
-    """``|T| P C^-1 P^T`` with P the Piola transform, shape (c, Q or 1, s, s)."""
+    """``|T| P C^-1 P^T`` with P the Piola transform: the compliance for reference stresses, (c, Q or 1, s, s)."""
     P = piola(cells, some)[:, None] * np.sqrt(cells.volume[some])[:, None, None, None]
     local = compliance[some] if len(compliance) > 1 else compliance
     return np.matmul(np.matmul(P, local), P.transpose(0, 1, 3, 2))
 
 
 def _bubble_inverse(d: int, k: int, metric: np.ndarray) -> np.ndarray:
-    """Inverses of the energies of the bubbles in some cells, from their metric (c, Q or 1, s, s)."""
+    """Inverses of the energy matrices of the bubbles in some cells, from the metric (c, Q or 1, s, s)."""
     at_points, products = _bubble_map(d, k)
     if metric.shape[1] == 1:
         energy = np.tensordot(metric[:, 0], products, axes=((1, 2), (2, 3)))
@@ -118,10 +120,16 @@ def relaxed(cells: CellGeometry, sigma: np.ndarray, elastic: np.ndarray, complia
 
 
 class ComplementaryEnergy:
-    """The complementary energy as a quadratic form of facet moments; no matrix of a cell is stored.
+    """The complementary energy as a quadratic form of hierarchical facet moments.
+
+    Args:
+        cells: Geometry, n cells.
+        owned: Number of owned cells, the first ones.
+        compliance: C^-1 [area/force], shape (n or 1, Q or 1, s, s).
 
     Attributes:
-        metric: ``|T| P C^-1 P^T`` of reference components, shape (s, s, Q or 1, n) [length^(4-d)/(force/area)].
+        metric: ``|T| P C^-1 P^T``, the compliance for reference stresses [length^(4-d)/(force/area)], shape
+            (s, s, Q or 1, n).
         inverse: Inverse Jacobians [1/length], shape (d, d, 1, n).
         facets: Facet of each cell opposite to its vertices, shape (d+1, n).
         sign: +1 where the cell is the first of its facet, else -1, shape (d+1, n).
@@ -156,12 +164,13 @@ class ComplementaryEnergy:
                 self.relief[some.start : some.start + mine] = _bubble_inverse(d, k, metric[:mine])
 
     def start(self, moment: np.ndarray, force: np.ndarray | None, elastic: np.ndarray) -> tuple[float, np.ndarray]:
-        """``|sigma^ - C eps(u^)|^2`` and half its derivative, of the owned cells.
+        """``|sigma^ - C eps(u^)|^2`` of the owned cells and half its derivative by the moments.
 
-        The map of facet moments keeps constant stresses, so the mean of C eps(u^) is taken off the tractions.
+        The map from moments to stresses reproduces constant stresses. So the mean of C eps(u^) in a cell is subtracted
+        from its tractions.
 
         Args:
-            moment: Our moments, shape (d, m, F).
+            moment: Hierarchical moments, shape (d, m, F).
             force: Coefficients of the body force times volume, shape (n, N_(k-1), d), or None.
             elastic: ``C eps(u^)`` of the owned cells, shape (owned, Q or 1, s).
         """
@@ -170,9 +179,9 @@ class ComplementaryEnergy:
         means = (self.roots**2 @ elastic) if at_points else elastic[:, 0]
         mean = tensors(means, d)
         moment = moment.reshape(d * self.m, -1)
-        square, seen = 0.0, np.zeros((d * self.m, self.facets.size + 1))
+        square, on_cells = 0.0, np.zeros((d * self.m, self.facets.size + 1))
         for some in chunks(self.owned, d):
-            local = self._seen(moment, some)
+            local = self._on_cells(moment, some)
             local[:, :d] -= np.matmul(cells.area[some], mean[some]).transpose(2, 1, 0)[:, None] / d
             stress = self._stress(local, some)
             if force is not None:
@@ -184,34 +193,34 @@ class ComplementaryEnergy:
                 stress += rest.transpose(1, 2, 0)
             dual = self._dual(stress, some)
             square += float(np.vdot(stress, dual))
-            self._add(dual, some, seen)
-        return square, self._on_facets(seen)
+            self._add(dual, some, on_cells)
+        return square, self._on_facets(on_cells)
 
     def __call__(self, x: np.ndarray) -> np.ndarray:
-        """The change of the derivative for a change x of the moments, of the owned cells, shape (d, m, F)."""
+        """Change of half the derivative for a change x of the moments, of the owned cells, shape (d, m, F)."""
         d = self.cells.d
         x = x.reshape(d * self.m, -1)
-        seen = np.zeros((d * self.m, self.facets.size + 1))
+        on_cells = np.zeros((d * self.m, self.facets.size + 1))
         for some in chunks(self.owned, d):
-            stress = self._stress(self._seen(x, some), some)
-            self._add(self._dual(stress, some), some, seen)
-        return self._on_facets(seen)
+            stress = self._stress(self._on_cells(x, some), some)
+            self._add(self._dual(stress, some), some, on_cells)
+        return self._on_facets(on_cells)
 
-    def _seen(self, moment: np.ndarray, some: slice) -> np.ndarray:
-        """Moments as some cells see them, (d m, F) -> (d, m, d+1, c)."""
+    def _on_cells(self, moment: np.ndarray, some: slice) -> np.ndarray:
+        """Moments of the tractions on some cells, (d m, F) -> (d, m, d+1, c)."""
         d = self.cells.d
         local = np.take(moment, self.facets[:, some], axis=1)
         local *= self.sign[:, some]
         return local.reshape(d, self.m, d + 1, -1)
 
     def _stress(self, local: np.ndarray, some: slice) -> np.ndarray:
-        """Reference stresses of moments as the cells see them, (d, m, d+1, c) -> (s, Q, c)."""
+        """Reference stresses from the moments of the tractions on the cells, (d, m, d+1, c) -> (s, Q, c)."""
         local = times(self.inverse[..., some], local.reshape(len(local), -1, local.shape[-1]))
         stress = self.map @ local.reshape(-1, local.shape[-1])
         return stress.reshape(len(self.metric), -1, local.shape[-1])
 
     def _dual(self, stress: np.ndarray, some: slice) -> np.ndarray:
-        """Strains of reference stresses (s, Q, c) after the bubbles have taken their least energy."""
+        """Strains of reference stresses (s, Q, c) with the bubbles of least energy added."""
         dual = times(self.metric[..., some], stress)
         if self.relief.size:
             work = self.bubbles.T @ dual.reshape(len(self.bubbles), -1)
@@ -219,15 +228,15 @@ class ComplementaryEnergy:
             dual -= times(self.metric[..., some], (self.bubbles @ amount).reshape(stress.shape))
         return dual
 
-    def _add(self, dual: np.ndarray, some: slice, seen: np.ndarray) -> None:
-        """The transpose of ``_stress`` and ``_seen``, written to the places of the cells."""
+    def _add(self, dual: np.ndarray, some: slice, on_cells: np.ndarray) -> None:
+        """The transpose of ``_on_cells`` and ``_stress``, written to the columns of these cells in ``on_cells``."""
         d = self.cells.d
         local = (self.map.T @ dual.reshape(-1, dual.shape[-1])).reshape(d, self.m * (d + 1), -1)
         local = times(self.inverse.transpose(1, 0, 2, 3)[..., some], local).reshape(d * self.m, d + 1, -1)
-        np.multiply(local, self.sign[:, some], out=seen[:, :-1].reshape(d * self.m, d + 1, -1)[..., some])
+        np.multiply(local, self.sign[:, some], out=on_cells[:, :-1].reshape(d * self.m, d + 1, -1)[..., some])
 
-    def _on_facets(self, seen: np.ndarray) -> np.ndarray:
-        """Sum over the two sides, shape (d, m, F)."""
-        values = np.take(seen, self.first, axis=1)
-        values += np.take(seen, self.second, axis=1)
+    def _on_facets(self, on_cells: np.ndarray) -> np.ndarray:
+        """Sum over the two sides of each facet, shape (d, m, F)."""
+        values = np.take(on_cells, self.first, axis=1)
+        values += np.take(on_cells, self.second, axis=1)
         return values.reshape(self.cells.d, self.m, -1)

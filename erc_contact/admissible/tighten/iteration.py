@@ -1,10 +1,10 @@
 """Tighten the admissible stress: less complementary energy, with every iterate in equilibrium.
 
 The bulk part of the error is ``|sigma^ - C eps(u^)|``, and sigma^ is linear in the moments of the facet tractions.
-Corrections of these moments that leave every cell in equilibrium, and are zero where the traction is given, lower it:
-conjugate gradients, preconditioned by the same minimisation on small patches, and on facets for their quadratic part,
-all results added. The number of steps
-is free, and any number gives the same on any number of ranks.
+Corrections of these moments that leave every cell in equilibrium, and are zero where the traction is given, lower it.
+They are found by conjugate gradients. The preconditioner adds up the results of the same minimisation on small patches,
+and of that on facets for their quadratic part. The iteration may end after any step. Its result is the same on any
+number of ranks.
 
 Source: Ladeveze, Leguillon, SIAM J. Numer. Anal. 20 (1983), for the energy of facet tractions; the patches are ours.
 """
@@ -22,7 +22,7 @@ from erc_contact.admissible.tighten.patches import Patches
 from erc_contact.model.space import Space
 
 TIGHTEN = 10
-"""Limit of the iterations unless asked otherwise: the gain ends them before, but near incompressibility."""
+"""Default limit of the iterations; except near incompressibility, GAIN ends them before."""
 GAIN = 0.02
 """The iteration ends after a step that lowers the bulk part of the error by less than this fraction of it. A step costs
 about 2% of the run time of a mesh; spent on a finer mesh, that lowers the error by 1%, and the next step gains less."""
@@ -48,7 +48,7 @@ def tightened(
         free: Components of facets whose traction is not given, shape (F, d).
         elastic: ``C eps(u^)`` of the owned cells [force/area], shape (owned, Q or 1, s).
         compliance: C^-1 [area/force], shape (n or 1, Q or 1, s, s).
-        iterations: At most so many.
+        iterations: Limit of the iterations.
 
     Returns:
         The moments, and the number of iterations.
@@ -61,7 +61,7 @@ def tightened(
     back = np.argsort(order, axis=0)
 
     def total(values: np.ndarray) -> np.ndarray:
-        """Sum what the ranks have for each facet."""
+        """Sum of the values of all ranks for each facet."""
         if comm.size > 1:
             sent = np.take_along_axis(values, order[None], axis=1)
             shared.array[:] = sent.reshape(d * m, -1).T.ravel()
