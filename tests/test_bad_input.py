@@ -1093,3 +1093,56 @@ def test_parameters_of_method_and_marking():
     refused(lambda: ec.Nitsche(theta=2), "theta", "2", "0, 1 and -1")
     for fraction in (0.0, 1.5, float("nan")):
         refused(lambda f=fraction: ec.Mark(f), "fraction", repr(fraction), "(0, 1]")
+
+
+# -- classes of the user's -------------------------------------------------------------------------------------
+
+
+class Stiffening(ec.Elastic):
+    """A material whose stress is not linear."""
+
+    def stress(self, eps, E, nu):
+        return (1 + ufl.tr(eps)) * super().stress(eps, E, nu)
+
+
+class NoForm(ec.Nitsche):
+    def equations(self, model, contact, u, v, multiplier=None):
+        return 3.0
+
+
+class Quadratic(ec.Nitsche):
+    def equations(self, model, contact, u, v, multiplier=None):
+        return ufl.inner(v, v) * contact.ds
+
+
+class Unhashable(ec.Nitsche):
+    __hash__ = None
+
+
+class NamesTooMuch:
+    parameters = ("limit",)
+
+    def bound(self, pressure, limit):
+        return limit
+
+
+class InWords(NamesTooMuch):
+    limit = "much"
+
+
+CLASSES_THAT_FAIL = {
+    "stress": ({"material": Stiffening(1.0, 0.3)}, None, ("Stiffening: stress must be linear",)),
+    "no form": ({}, NoForm(), ("NoForm are 3.0", "return a UFL form")),
+    "not linear": ({}, Quadratic(), ("equations of Quadratic must be linear",)),
+    "unhashable": ({}, Unhashable(), ("not hashable", "frozen dataclass")),
+    "no attribute": ({"contacts": [ec.Contact("bottom", NamesTooMuch())]}, None, ("NamesTooMuch", "no such attribute")),
+    "no number": ({"contacts": [ec.Contact("bottom", InWords())]}, None, ("is 'much'; give a number",)),
+}
+
+
+@pytest.mark.parametrize("which", CLASSES_THAT_FAIL)
+def test_class_of_the_user_that_cannot_be_worked_with(which, block):
+    """UFL and PETSc would end in errors of their own, one of which no ``except Exception`` catches."""
+    entries, method, words = CLASSES_THAT_FAIL[which]
+    entries = {"material": STEEL, "supports": PRESSED, "contacts": [ec.Contact("bottom")], **entries}
+    refused(lambda: ec.solve(ec.Scene(**entries), block, method), *words)

@@ -247,7 +247,9 @@ class Domain:
         if numbers.size == 0:
             return np.empty(0, dtype=np.int32)
         if numbers.ndim != 1 or not np.issubdtype(numbers.dtype, np.integer):
-            raise InputError(f"refined: the cells are {cells!r}; give an array of numbers of cells of this rank.")
+            raise InputError(
+                f"refined: the cells are {told(cells)}; give numbers of cells of this rank, e.g. np.flatnonzero(mask)."
+            )
         if numbers.min() < 0 or numbers.max() >= self.owned_cells:
             raise InputError(
                 f"refined: the cells go from {numbers.min()} to {numbers.max()}; this rank has 0 to "

@@ -12,7 +12,7 @@ from erc_contact.base.exceptions import InputError, raise_together
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import BoundContact, Friction, bind_friction
 from erc_contact.model.space import Space
-from erc_contact.model.values import components, number
+from erc_contact.model.values import components, number, parameter
 from erc_contact.scene.contact import Contact
 
 FLAT = 1e-8
@@ -53,7 +53,7 @@ def _friction(space: Space, contact: Contact, facets: np.ndarray) -> Friction | 
         return None
     parameters = {}
     for name in law.parameters:
-        value = getattr(law, name)
+        value = parameter(law, name)
         parameters[name] = number(space, value, f"{what}: {name}")
         if callable(value):
             low, high = space.extremes(evaluate(parameters[name], space.mesh, space.facet_points, facets))

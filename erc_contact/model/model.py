@@ -21,7 +21,7 @@ from erc_contact.model.motions import free_motions
 from erc_contact.model.space import Space
 from erc_contact.model.supports import bind_supports
 from erc_contact.model.users import IN_UFL, called, try_material, vector
-from erc_contact.model.values import DATA_DEGREE, moduli, value_of
+from erc_contact.model.values import DATA_DEGREE, moduli, parameter, value_of
 from erc_contact.scene.load import Load
 from erc_contact.scene.material import Elastic, mandel_matrix, strain
 from erc_contact.scene.scene import Scene
@@ -76,8 +76,8 @@ class Model(Space):
         self.scene = scene
         _check_dimension(scene, self.d)
         self.parameters = moduli(self, scene.material)
-        if not isinstance(scene.material, Elastic):
-            try_material(self.comm, scene.material, self.d, self.parameters)
+        if type(scene.material) is not Elastic:
+            try_material(self.V, scene.material, self.parameters)
         supports = bind_supports(self, scene.supports)
         self.fixed, self.prescribed, self.bcs = supports.fixed, supports.prescribed, supports.bcs
         self.fixed_facets = supports.facets
@@ -170,7 +170,7 @@ class Model(Space):
         on_boundary = load.facets is not None
         what = type(load).__name__ + (f"({load.facets!r})" if on_boundary else "")
         parameters = {
-            name: value_of(self, getattr(load, name), what if name == "value" else f"{what}: {name}")
+            name: value_of(self, parameter(load, name), what if name == "value" else f"{what}: {name}")
             for name in load.parameters
         }
         normal = self.n if on_boundary else None
@@ -193,7 +193,7 @@ def _check_dimension(scene: Scene, d: int) -> None:
     """Vectors of the scene have as many components as the mesh."""
     vectors: list[Any] = [s.value for s in scene.supports]
     vectors += [c.normal for c in scene.contacts if isinstance(c.normal, tuple)]
-    vectors += [v for load in scene.loads for name in load.parameters if isinstance(v := getattr(load, name), tuple)]
+    vectors += [v for load in scene.loads for name in load.parameters if isinstance(v := parameter(load, name), tuple)]
     for value in vectors:
         if len(value) != d:
             raise InputError(f"The scene has the vector {value}, but the mesh is {d}D.")

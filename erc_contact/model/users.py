@@ -10,11 +10,14 @@ from numbers import Real
 from typing import Any
 
 import ufl
+from dolfinx import fem
 from mpi4py import MPI
+from ufl.algorithms import apply_algebra_lowering, apply_derivatives
+from ufl.algorithms.check_arities import ArityMismatch, check_integrand_arity
 
 from erc_contact.base.checks import told
 from erc_contact.base.exceptions import ErcContactError, InputError, together
-from erc_contact.scene.material import Material, mandel_matrix
+from erc_contact.scene.material import Material, mandel_matrix, strain
 
 IN_UFL = (
     "It gets UFL and returns a number or UFL: write ufl.sin(x[0]) instead of np.sin or math.sin, "
@@ -68,19 +71,35 @@ def vector(value: Any) -> Any:
     return value if isinstance(value, ufl.core.expr.Expr) else ufl.as_vector([scalar("A component", c) for c in value])
 
 
-def try_material(comm: MPI.Comm, material: Material, d: int, parameters: Mapping[str, Any]) -> None:
+def linear(what: str, integrand: Any, *arguments: Any) -> None:
+    """Refuse an integrand that is not linear in each of its arguments, before a compiler sees it.
+
+    Raises:
+        InputError: If it is not.
+    """
+    lowered = apply_derivatives.apply_derivatives(apply_algebra_lowering.apply_algebra_lowering(integrand))
+    try:
+        check_integrand_arity(lowered, arguments)
+    except ArityMismatch as reason:  # no Exception for UFL
+        raise InputError(f"{what} must be linear in its argument, and is not: {reason}") from None
+
+
+def try_material(V: fem.FunctionSpace, material: Material, parameters: Mapping[str, Any]) -> None:
     """Call the functions of a material of the user's; collective. What they return is checked with the scene.
 
     Args:
-        comm: Communicator.
+        V: Space of the displacement.
         material: The material.
-        d: Dimension.
         parameters: Its parameters, UFL.
 
     Raises:
         InputError: If one fails.
     """
-    what = f"The material {type(material).__name__}"
+    comm, what = V.mesh.comm, f"The material {type(material).__name__}"
+    u, v = ufl.TrialFunction(V), ufl.TestFunction(V)
     for name in ("stress", "compliance"):
-        called(comm, f"{what}: {name}", mandel_matrix, getattr(material, name), d, **parameters)
+        act = getattr(material, name)
+        called(comm, f"{what}: {name}", mandel_matrix, act, V.mesh.geometry.dim, **parameters)
+        product = called(comm, f"{what}: {name}", lambda act=act: ufl.inner(act(strain(u), **parameters), strain(v)))
+        linear(f"{what}: {name}", product, v, u)
     called(comm, f"{what}: modulus", lambda: scalar(f"{what}: modulus", material.modulus(**parameters)))

@@ -6,6 +6,7 @@ Everything that one may sweep is a ``fem.Constant``: no form is compiled anew be
 from __future__ import annotations
 
 from collections.abc import Mapping
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ import ufl
 from dolfinx import fem
 from mpi4py import MPI
 
+from erc_contact.base.checks import told
 from erc_contact.base.exceptions import InputError
 from erc_contact.mesh.simplex import lattice
 from erc_contact.model.expressions import evaluate
@@ -24,6 +26,19 @@ DATA_DEGREE = 4
 """Quadrature degree for moduli and loads that vary in space, the same in the solver and in what reads its stress."""
 
 
+def parameter(owner: Any, name: str) -> Any:
+    """The value of a parameter of a material, law or load.
+
+    Raises:
+        InputError: If there is no attribute of this name.
+    """
+    if not hasattr(owner, name):
+        raise InputError(
+            f"{type(owner).__name__} has {name!r} among its parameters and no such attribute; add it, or mend the name."
+        )
+    return getattr(owner, name)
+
+
 def number(space: Space, value: Any, what: str, x: Any = None) -> Any:
     """A number as a Constant, a callable as UFL of the position, x unless another one is given; collective.
 
@@ -31,6 +46,8 @@ def number(space: Space, value: Any, what: str, x: Any = None) -> Any:
         InputError: If the callable fails or returns no scalar.
     """
     if not callable(value):
+        if not isinstance(value, Real):
+            raise InputError(f"{what} is {told(value)}; give a number, or a callable of x.")
         return fem.Constant(space.mesh, float(value))
     return called(space.comm, what, lambda: scalar(what, value(space.x if x is None else x)))
 
@@ -75,7 +92,7 @@ def moduli(space: Space, material: Material) -> dict[str, Any]:
     """
     bound = {}
     for name in material.parameters:
-        value, what = getattr(material, name), f"Material parameter {name}"
+        value, what = parameter(material, name), f"Material parameter {name}"
         varies = isinstance(value, Mapping) or callable(value)
         bound[name] = _by_region(space, name, value) if isinstance(value, Mapping) else number(space, value, what)
         if varies:

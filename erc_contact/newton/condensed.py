@@ -27,9 +27,12 @@ import ufl
 from dolfinx import fem
 from petsc4py import PETSc
 
-from erc_contact.base.exceptions import raise_together, together
+from erc_contact.base.checks import told
+from erc_contact.base.exceptions import InputError, raise_together, together
 from erc_contact.mesh.simplex import rule
+from erc_contact.model.foundation import BoundContact
 from erc_contact.model.model import Model
+from erc_contact.model.users import linear
 from erc_contact.newton.methods import Method
 from erc_contact.newton.multipliers import Places, contact_edges, multiplier_rows
 from erc_contact.newton.stiffness import Stiffness
@@ -205,12 +208,22 @@ class Condensed:
 
     # -- set up ---------------------------------------------------------------------------------------------
 
+    def _equations(self, contact: BoundContact, multiplier: Any, v: Any) -> Any:
+        """The equations of the method on a contact, a form linear in v."""
+        what = f"The equations of {type(self.method).__name__}"
+        form = self.method.equations(self.model, contact, self.u, v, multiplier)
+        if not isinstance(form, ufl.Form):
+            raise InputError(f"{what} are {told(form)}; return a UFL form, e.g. -ufl.inner(r, v) * contact.ds.")
+        for integral in form.integrals():
+            linear(what, integral.integrand(), v)
+        return form
+
     def _compile(self) -> None:
         model, method = self.model, self.method
         fields: tuple[Any, ...] = self.multipliers or (None,) * len(self.contacts)
         v, du = ufl.TestFunction(model.V), ufl.TrialFunction(model.V)
         pairs = list(zip(self.contacts, fields, strict=True))
-        parts = together(model.comm, lambda: [method.equations(model, c, self.u, v, f) for c, f in pairs])
+        parts = together(model.comm, lambda: [self._equations(c, f, v) for c, f in pairs])
         shown = together(model.comm, lambda: [c.status(method.projected(model, c, self.u, f)) for c, f in pairs])
         together(model.comm, lambda: [method.traction(model, c, self.u, f) for c, f in pairs])
         residual = sum(parts[1:], start=parts[0])

@@ -8,6 +8,7 @@ this takes fewer steps (GRECO, 256 x 256 squares: 11 and 2, against 22 from the 
 
 from __future__ import annotations
 
+from collections.abc import Hashable
 from dataclasses import replace
 from numbers import Integral
 from time import perf_counter
@@ -32,6 +33,8 @@ from erc_contact.newton.solution import SINGULAR, Solution
 from erc_contact.newton.stiffness import Stiffness
 from erc_contact.scene.scene import Scene
 
+METHOD = ("multiplier", "in_layer", "equations", "traction", "projected")
+"""What a method has."""
 DEFAULT = Nitsche()
 """The method where none is given."""
 
@@ -102,9 +105,12 @@ def check_arguments(scene: Any, domain: Any, method: Any, degree: Any, start: An
         )
     if isinstance(degree, bool) or not isinstance(degree, Integral) or degree not in (1, 2):
         raise InputError(f"degree is {degree!r}; allowed are the whole numbers 1 and 2.")
-    known = method is None or callable(getattr(method, "equations", None))
-    if not known or isinstance(method, type):
+    missing = [] if method is None else [member for member in METHOD if not hasattr(method, member)]
+    if isinstance(method, type) or "equations" in missing:
         raise InputError(f"method is {method!r}; give an object: Nitsche(), AugmentedLagrangian(), or None.")
+    if missing or not isinstance(method, Hashable):
+        wrong = f"has no {', '.join(missing)}" if missing else "is not hashable; make it a frozen dataclass"
+        raise InputError(f"method is {checks.told(method)}, which {wrong}. A method has {', '.join(METHOD)}.")
     if start is not None and not isinstance(start, Solution):
         raise InputError(f"start is {checks.told(start)}; give a Solution, e.g. of solve() on another mesh, or None.")
 

@@ -38,15 +38,17 @@ class Law(Protocol):
         parameters: Names of the attributes that are values in space (numbers or callables of x, each >= 0), a tuple.
     """
 
-    parameters: tuple[str, ...]
+    @property
+    def parameters(self) -> tuple[str, ...]: ...  # noqa: D102
 
-    def bound(self, pressure: Any, **parameters: Any) -> Any:
+    def bound(self, pressure: Any, *values: Any, **parameters: Any) -> Any:
         """The friction bound b(p) [force/area], UFL, a scalar.
 
         It is >= 0, never decreases and is concave in p. Of a bilateral contact it does not depend on p.
 
         Args:
             pressure: The pressure p >= 0 [force/area], UFL.
+            values: Not used; type checkers ask for it, so that a class may name its parameters.
             parameters: The parameters by their names, UFL. A bound that is plain arithmetic gets numpy arrays, too.
         """
 

@@ -31,12 +31,13 @@ class Load(Protocol):
     @property
     def parameters(self) -> tuple[str, ...]: ...  # noqa: D102
 
-    def density(self, x: Any, n: Any, **parameters: Any) -> Any:
+    def density(self, x: Any, n: Any, *values: Any, **parameters: Any) -> Any:
         """The force per area [force/area], or per volume [force/volume], UFL or a sequence of d components.
 
         Args:
             x: Position [length], UFL, shape (d,).
             n: Outward unit normal on the boundary, UFL, shape (d,); None for a load in the body.
+            values: Not used; type checkers ask for it, so that a class may name its parameters.
             parameters: The parameters by their names, UFL.
         """
 

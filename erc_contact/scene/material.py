@@ -66,7 +66,8 @@ class Material(Protocol):
     """A linear elastic material.
 
     Stress, compliance and modulus get the parameters by their names, as UFL: a class with the parameters ("lam", "G")
-    has ``stress(self, eps, lam, G)``. In 2D strain and stress are the parts in plane.
+    has ``stress(self, eps, lam, G)``; ``*values`` is here for type checkers only. In 2D strain and stress are the parts
+    in plane.
 
     In 2D it may have ``out_of_plane(sigma, **parameters)``, its stress out of plane [force/area]. Without that only the
     von Mises stress of the part in plane is known.
@@ -88,16 +89,16 @@ class Material(Protocol):
         checks these itself when it is made.
         """
 
-    def stress(self, eps: Any, **parameters: Any) -> Any:
+    def stress(self, eps: Any, *values: Any, **parameters: Any) -> Any:
         """``C eps`` [force/area], UFL, shape (d, d).
 
         It is linear in eps, a (d, d) tensor [-]; ``a : C b = b : C a``, and ``a : C a > 0`` unless a is zero.
         """
 
-    def compliance(self, sigma: Any, **parameters: Any) -> Any:
+    def compliance(self, sigma: Any, *values: Any, **parameters: Any) -> Any:
         """``C^-1 sigma`` [-], UFL, shape (d, d): the inverse of stress to 8 digits."""
 
-    def modulus(self, **parameters: Any) -> Any:
+    def modulus(self, *values: Any, **parameters: Any) -> Any:
         """A modulus > 0 that scales contact parameters [force/area], UFL."""
 
 
