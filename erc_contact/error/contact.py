@@ -80,8 +80,23 @@ def contact_squares(
         gap = 0.0 if contact.gap is None else evaluate(contact.gap, model.mesh, points, facets)
         bound = contact.friction_bound(pressures(r, n), model.friction_parameters(contact, points))
         return area * (contact_density(contact, n, r, w, gap, bound) @ weights), 0.0, 0.0
-    given = ContactData(contact, model.mesh)
-    of_w = np.matmul(coefficients(d - 1, model.degree), nodal)
+    return _adapted_squares(model, traction, np.matmul(coefficients(d - 1, model.degree), nodal), area, floor)
+
+
+def _adapted_squares(
+    model: Model, traction: ContactTraction, of_w: np.ndarray, area: np.ndarray, floor: float
+) -> tuple[np.ndarray, float, float]:
+    """The numbers of :func:`contact_squares` by adapted integrals; collective.
+
+    Args:
+        model: The scene on a mesh.
+        traction: r^ on the contact.
+        of_w: Coefficients of u^ [length], shape (f, m, d).
+        area: Areas of the facets, 0 for those of other ranks, shape (f,).
+        floor: What the integrals may leave unknown [force length].
+    """
+    contact = traction.contact
+    facets, given = contact.facets, ContactData(contact, model.mesh)
     size, stiffness = facet_sizes(model, facets), model.at_middles(model.modulus, facets[:, 0])
     least = [
         EXACT * model.comm.allreduce(float(abs(v).max(initial=0.0)), MPI.MAX) for v in (of_w, *[traction.values] * 2)
@@ -104,15 +119,8 @@ def contact_squares(
         return np.stack([density, beyond**2 / soft + turned**2 * soft, excess**2 * soft], axis=-1)
 
     corners, share = model.facet_corners(facets), np.array([UNKNOWN, COARSE, COARSE])
-    total = integrate(
-        model.comm,
-        terms,
-        corners,
-        area,
-        facet_pieces(d - 1),
-        share=share,
-        floor=np.array([floor, 0.0, 0.0]),
-    )
+    floors = np.array([floor, 0.0, 0.0])
+    total = integrate(model.comm, terms, corners, area, facet_pieces(model.d - 1), share=share, floor=floors)
     parts, gaps, friction = total.value.T
     unknown = np.zeros(2)
     if not total.resolved[0]:

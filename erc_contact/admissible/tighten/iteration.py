@@ -54,55 +54,74 @@ def tightened(
         The moments, and the number of iterations.
     """
     comm, d, m = space.comm, cells.d, moment.shape[1]
-    facets = space.mesh.topology.index_map(d - 1)
-    shared = la.vector(facets, d * m)
-    vertices = space.global_numbers(cells.vertices_of_facets)
-    order = facet_order(vertices, cells.degree).T  # the ranks do not agree on the order of the nodes
-    back = np.argsort(order, axis=0)
-
-    def total(values: np.ndarray) -> np.ndarray:
-        """Sum of the values of all ranks for each facet."""
-        if comm.size > 1:
-            sent = np.take_along_axis(values, order[None], axis=1)
-            shared.array[:] = sent.reshape(d * m, -1).T.ravel()
-            shared.scatter_reverse(la.InsertMode.add)
-            shared.scatter_forward()
-            sent = shared.array.reshape(-1, d * m).T.reshape(values.shape)
-            values[:] = np.take_along_axis(sent, back[None], axis=1)
-        return values
-
-    def dot(a: np.ndarray, b: np.ndarray) -> float:
-        owned = facets.size_local
-        rows = zip(a.reshape(d * m, -1), b.reshape(d * m, -1), strict=True)
-        return comm.allreduce(float(sum(np.vdot(x[:owned], y[:owned]) for x, y in rows)), MPI.SUM)
-
+    shared = _SharedMoments(space, cells, m)
     energy = ComplementaryEnergy(cells, space.domain.owned_cells, compliance)
     to_ours = hierarchical(d, cells.degree)
     square, r = energy.start(np.ascontiguousarray(np.matmul(to_ours, moment).transpose(2, 1, 0)), force, elastic)
     square = comm.allreduce(square, MPI.SUM)
     patches = Patches(space, energy, free)
-    mine = np.take_along_axis(cells.vertices_of_facets, order[:1].T, axis=1)[:, 0] < space.V.dofmap.index_map.size_local
-    blocks = Blocks(energy, free, mine) if m > d else None
+    blocks = Blocks(energy, free, shared.mine) if m > d else None
 
     def precondition(r: np.ndarray) -> np.ndarray:
         z = patches(r[:, :d])
         return z if blocks is None else np.concatenate([z, blocks(r[:, d:])], axis=1)
 
-    r = -total(r)
+    r = -shared.total(r)
     x, p, rz, done = np.zeros_like(r), np.zeros_like(r), 1.0, 0
     while done < iterations:
-        z = total(precondition(r))
-        new = dot(r, z)
+        z = shared.total(precondition(r))
+        new = shared.dot(r, z)
         if not new > np.finfo(float).eps ** 2 * square:  # at the minimum, or nothing is free
             break
         p *= new / rz if done else 0.0
         p += z
         rz = new
-        image = total(energy(p))
-        step = rz / dot(p, image)
+        image = shared.total(energy(p))
+        step = rz / shared.dot(p, image)
         x += step * p
         r -= step * image
         before, square, done = square, square - step * rz, done + 1
         if square > (1 - GAIN) ** 2 * before:
             break
     return moment + np.matmul(np.linalg.inv(to_ours), x.transpose(2, 1, 0)), done
+
+
+class _SharedMoments:
+    """Sums and products over the ranks of values for the moments of facets, shape (d, m, F).
+
+    Args:
+        space: The mesh.
+        cells: Geometry.
+        m: Number of moments of a facet and component.
+
+    Attributes:
+        mine: Facets whose node of least global number this rank owns, shape (F,).
+    """
+
+    def __init__(self, space: Space, cells: CellGeometry, m: int) -> None:
+        self.comm, self.size = space.comm, cells.d * m
+        facets = space.mesh.topology.index_map(cells.d - 1)
+        self.owned = facets.size_local
+        self.vector = la.vector(facets, self.size)
+        vertices = cells.vertices_of_facets
+        self.order = facet_order(space.global_numbers(vertices), cells.degree).T  # ranks sort the nodes differently
+        self.back = np.argsort(self.order, axis=0)
+        least = np.take_along_axis(vertices, self.order[:1].T, axis=1)[:, 0]
+        self.mine = least < space.V.dofmap.index_map.size_local
+
+    def total(self, values: np.ndarray) -> np.ndarray:
+        """Sum of the values of all ranks for each facet; collective."""
+        if self.comm.size > 1:
+            sent = np.take_along_axis(values, self.order[None], axis=1)
+            self.vector.array[:] = sent.reshape(self.size, -1).T.ravel()
+            self.vector.scatter_reverse(la.InsertMode.add)
+            self.vector.scatter_forward()
+            sent = self.vector.array.reshape(-1, self.size).T.reshape(values.shape)
+            values[:] = np.take_along_axis(sent, self.back[None], axis=1)
+        return values
+
+    def dot(self, a: np.ndarray, b: np.ndarray) -> float:
+        """Scalar product over the owned facets of all ranks; collective."""
+        rows = zip(a.reshape(self.size, -1), b.reshape(self.size, -1), strict=True)
+        local = float(sum(np.vdot(x[: self.owned], y[: self.owned]) for x, y in rows))
+        return self.comm.allreduce(local, MPI.SUM)
