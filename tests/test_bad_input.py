@@ -1106,20 +1106,28 @@ class Stiffening(ec.Elastic):
 
 
 class NoForm(ec.Nitsche):
+    """A method whose equations are a number."""
+
     def equations(self, model, contact, u, v, multiplier=None):
         return 3.0
 
 
 class Quadratic(ec.Nitsche):
+    """A method whose equations are not linear in the test function."""
+
     def equations(self, model, contact, u, v, multiplier=None):
         return ufl.inner(v, v) * contact.ds
 
 
 class Unhashable(ec.Nitsche):
+    """A method without a hash, as of a dataclass that is not frozen."""
+
     __hash__ = None
 
 
 class NamesTooMuch:
+    """A law that names a parameter it does not have."""
+
     parameters = ("limit",)
 
     def bound(self, pressure, limit):
@@ -1127,6 +1135,8 @@ class NamesTooMuch:
 
 
 class InWords(NamesTooMuch):
+    """A law whose parameter is no number."""
+
     limit = "much"
 
 
