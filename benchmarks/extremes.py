@@ -108,7 +108,7 @@ def violations(solution: ec.Solution) -> tuple[float, float, float, float]:
 def effectivity(error: ec.ConstitutiveError, levels: int) -> float:
     """E over the true errors of u^ and sigma^ together, against a mesh cut and refined ``levels`` times; or nan."""
     try:
-        exact = reference(error.admissible.solution, levels)
+        exact = reference(error.solution, levels)
     except ec.ErcContactError:
         return np.nan
     return error.absolute / true_errors(error.admissible, exact).of_both

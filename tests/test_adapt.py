@@ -46,7 +46,7 @@ def test_uniform_rate_is_that_of_the_corner():
 @pytest.mark.parametrize("fraction", [0.1, 0.5, 1.0])
 def test_marking_carries_the_fraction_with_the_fewest(fraction):
     error = ec.constitutive_error(ec.equilibrate(ec.solve(prototype_block(), block(4))))
-    comm = error.admissible.solution.domain.mesh.comm
+    comm = error.domain.mesh.comm
     marked = ec.mark(error, fraction)
     carried = comm.allreduce(float(np.sum(error.cells[marked] ** 2)), MPI.SUM)
     assert carried >= fraction * error.relative**2 * (1 - 1e-5)
@@ -78,7 +78,7 @@ def test_failure_on_a_later_mesh_keeps_what_there_is(monkeypatch):
     class Impatient:
         def next(self, error, accuracy, max_cells):
             PETSc.Options()["erc_contact_snes_max_it"] = 0
-            return error.admissible.solution.domain.refined()
+            return error.domain.refined()
 
     try:
         history = ec.adapt(common_block(), block(4), accuracy=1e-3, strategy=Impatient())
@@ -95,7 +95,7 @@ def ends_late(error, *words, on):
 
     class Next:
         def next(self, error, accuracy, max_cells):
-            return second(error.admissible.solution.domain)
+            return second(error.domain)
 
     history = ec.adapt(scene, first, accuracy=1e-3, strategy=Next())
     assert len(history.steps) == 1
@@ -144,7 +144,7 @@ def test_memory_that_ends_on_one_rank(rank):
         def next(self, error, accuracy, max_cells):
             if MPI.COMM_WORLD.rank == rank:
                 np.ones((1 << 40, 1 << 12))
-            return error.admissible.solution.domain.refined()
+            return error.domain.refined()
 
     history = ec.adapt(common_block(), block(4), accuracy=1e-3, strategy=Greedy())
     assert len(history.steps) == 1

@@ -132,7 +132,7 @@ def test_facets_carry_loads_and_contact_tractions(pair):
     of_cell = model.mesh.topology.connectivity(d, d - 1).array.reshape(-1, d + 1)
     k = model.degree
     found = force_coefficients(pair.moment, k)
-    for load in model.tractions:
+    for load in model.surface_loads:
         facets = model.domain.facets(load.facets)
         facets = facets[facets[:, 0] < model.domain.owned_cells]
         order = facet_order(model.facet_nodes(facets)[:, :d], k)

@@ -980,7 +980,7 @@ def between(domain):
 def test_strategy_that_fails_on_one_rank(make, block):
     class Own:
         def next(self, error, accuracy, max_cells):
-            return make(error.admissible.solution.domain)
+            return make(error.domain)
 
     scene = ec.Scene(STEEL, PRESSED, contacts=[ec.Contact("bottom", friction=0.3)])
     refused(lambda: ec.adapt(scene, block, accuracy=1e-9, strategy=Own()), "friction.csv", error=FileNotFoundError)

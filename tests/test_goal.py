@@ -253,7 +253,7 @@ def test_rank_independence(make):
     results = []
     for comm in (MPI.COMM_SELF, MPI.COMM_WORLD):
         error = make(comm)
-        model = error.admissible.solution.model
+        model = error.solution.model
         bounds = [ec.energy(error)]
         for contact in model.contacts:
             bounds += [ec.resultant(error, contact.name, a) for a in np.eye(model.d)]

@@ -310,7 +310,7 @@ def by_brute_force(scene: ec.Scene, n: int) -> np.ndarray:
     solution = ec.solve(scene, square(n), degree=2)
     model, u = solution.model, solution.u
     (contact,), phi = model.contacts, fem.Function(model.V)
-    (load,) = model.tractions
+    (load,) = model.surface_loads
     on_right, traction = load.ds, load.density
     dx, on_right, on_contact = (m(metadata={"quadrature_degree": 12}) for m in (model.dx, on_right, contact.ds))
     slip = u - ufl.dot(u, contact.normal) * contact.normal

@@ -141,7 +141,7 @@ def total(values) -> float:
 
 
 def test_body_file_holds_the_fields(error, shared_tmp_path):
-    admissible, domain = error.admissible, error.admissible.solution.domain
+    admissible, domain = error.admissible, error.domain
     d, owned = domain.dim, domain.owned_cells
     u = admissible.displacement.x.array.reshape(-1, d)
     largest = COMM.allreduce(float(np.linalg.norm(u, axis=1).max()), MPI.MAX)
@@ -214,7 +214,7 @@ def test_contact_file_holds_the_traction(error, shared_tmp_path):
     traction = error.admissible.tractions[0]
     d = traction.values.shape[-1]
     force = resultant(traction)
-    own = traction.contact.facets[:, 0] < error.admissible.solution.domain.owned_cells
+    own = traction.contact.facets[:, 0] < error.domain.owned_cells
     counts = COMM.allreduce(np.bincount(results.contact_status(traction)[own], minlength=3), MPI.SUM)
     output.write_fields(error, shared_tmp_path)
     if COMM.rank == 0:
@@ -272,7 +272,7 @@ def test_status_with_varying_friction():
 @pytest.mark.serial
 def test_pictures_show_something(error, shared_tmp_path):
     before = PLOTTING & set(sys.modules)
-    domain = error.admissible.solution.domain
+    domain = error.domain
     names = ["new/meshes", "sizes", "deformed", "contact"]
     output.draw_meshes([(domain, error.cells)] * (7 if domain.dim == 2 else 2), shared_tmp_path / "new" / "meshes.png")
     output.draw_sizes(ec.size_map(error, 0.5 * error.relative), shared_tmp_path / "sizes.png")
@@ -428,7 +428,7 @@ def test_files_are_small(degree, shared_tmp_path):
         error = error_of(punch(2)[0], ec.rectangle((0.0, 0.0), (4.0, 1.0), cells=cells), degree=degree)
         output.write_fields(error, shared_tmp_path)
         if COMM.rank == 0:
-            for name, many in (("body", error.admissible.solution.domain.cells), ("contact_bottom", cells[0])):
+            for name, many in (("body", error.domain.cells), ("contact_bottom", cells[0])):
                 assert (shared_tmp_path / f"{name}.vtkhdf").stat().st_size < 50e3 + 1e3 * many
 
 
@@ -528,7 +528,7 @@ def test_foundation_is_drawn_where_the_body_meets_it(gap, shared_tmp_path, seen)
     factor = 7.0
     error = error_of(scene, domain)
     output.draw_deformed(error, shared_tmp_path / "deformed.png", factor=factor)
-    model, (traction,) = error.admissible.solution.model, error.admissible.tractions
+    model, (traction,) = error.solution.model, error.admissible.tractions
     nodes = np.unique(traction.nodes[traction.contact.facets[:, 0] < domain.owned_cells])
     x = model.V.tabulate_dof_coordinates()[nodes, 0]
     u = error.admissible.displacement.x.array.reshape(-1, 2)[nodes]
@@ -567,7 +567,7 @@ def test_contact_in_space_is_seen(axis, shared_tmp_path, seen):
     error = error_of(scene, ec.box((0.0,) * 3, (1.0, 1.0, 1.0), cells=(2, 2, 2)))
     output.draw_error(error, shared_tmp_path / "error.png")
     output.draw_deformed(error, shared_tmp_path / "deformed.png")
-    output.draw_meshes([(error.admissible.solution.domain, error.cells)], shared_tmp_path / "meshes.png")
+    output.draw_meshes([(error.domain, error.cells)], shared_tmp_path / "meshes.png")
     if COMM.rank == 0:
         along = np.array(seen.views)[:4, axis]
         assert along[::2] == pytest.approx([-0.4, -0.4], abs=0.1)

@@ -96,7 +96,7 @@ def test_ratio_satisfies_the_condition_of_least_number(accuracy):
 def test_rates_are_low_at_singular_points_only():
     error = measured(prototype_block(), block(16))
     sizes = ec.size_map(error, 0.02)
-    domain = error.admissible.solution.domain
+    domain = error.domain
     x = domain.mesh.geometry.x[domain.mesh.geometry.dofmaps[0][: domain.owned_cells], :2]
     corners = np.array([[0.0, 0.0], [2.0, 0.0], [0.0, 7.0], [2.0, 7.0]])
     distance = np.linalg.norm(x[:, :, None] - corners, axis=3).min(axis=(1, 2))
@@ -109,7 +109,7 @@ def test_rates_are_low_at_singular_points_only():
 
 def test_sizes_grow_slowly_and_are_numpy_s():
     sizes = ec.size_map(measured(prototype_block(), block(8)), 0.01)
-    mesh = _Mesh(sizes.error.admissible.solution.domain)
+    mesh = _Mesh(sizes.error.domain)
     h = np.zeros(mesh.number)
     h[mesh.numbers] = sizes.values
     steps = abs(np.diff(h[mesh.edges], axis=1)[:, 0]) / mesh.length
@@ -132,7 +132,7 @@ def test_predictions(name):
     error = measured(scene, mesh(), tighten)
     for _ in range(2):
         sizes = ec.size_map(error, accuracy)
-        domain = error.admissible.solution.domain.remeshed(sizes)
+        domain = error.domain.remeshed(sizes)
         error = measured(scene, domain, tighten)
         rows.append((domain.cells / sizes.cells, error.relative / sizes.eps))
     print(f"\n{name}: cells and eps over predicted {np.round(rows, 3).tolist()}")
@@ -218,7 +218,7 @@ def test_marking_is_warned_too_and_goes_on_to_the_limit(caplog):
 def test_strategy_of_the_user():
     class SizeMapThenMark:
         def next(self, error, accuracy, max_cells):
-            domain = error.admissible.solution.domain
+            domain = error.domain
             if error.relative > 2 * accuracy:
                 return domain.remeshed(ec.size_map(error, 1.5 * accuracy))
             return domain.refined(ec.mark(error))
@@ -232,5 +232,5 @@ def test_sizes_do_not_depend_on_the_number_of_ranks():
     sizes = [ec.size_map(measured(prototype_block(), block(8, c)), 0.02) for c in (MPI.COMM_SELF, MPI.COMM_WORLD)]
     assert sizes[0].cells == pytest.approx(sizes[1].cells, rel=1e-6)
     assert sizes[0].eps == pytest.approx(sizes[1].eps, rel=1e-6)
-    everywhere = [np.sort(np.concatenate(s.error.admissible.solution.model.comm.allgather(s.ratio))) for s in sizes]
+    everywhere = [np.sort(np.concatenate(s.error.solution.model.comm.allgather(s.ratio))) for s in sizes]
     assert np.allclose(everywhere[0], everywhere[1], rtol=1e-5)

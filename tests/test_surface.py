@@ -169,7 +169,7 @@ def test_hertz_by_marking():
     scene, domain = hertz()
     history = ec.adapt(scene, domain, accuracy=0.01, degree=2, strategy=ec.Mark(0.8))
     error = history.best
-    traction, model = error.admissible.tractions[0], error.admissible.solution.model
+    traction, model = error.admissible.tractions[0], error.solution.model
     force = ec.resultant(error, "arc", (0.0, 1.0)).value
     half_width = np.sqrt(4 * force / np.pi * (1 - 0.3**2))
     peak = 2 * force / (np.pi * half_width)

@@ -127,7 +127,7 @@ def _loads(model: Model, cells: CellGeometry) -> tuple[np.ndarray, np.ndarray]:
     d = cells.d
     given = np.zeros((cells.side.shape[1], len(model.facet_points), d))
     fixed = np.zeros((cells.side.shape[1], d), dtype=bool)
-    for load in model.tractions:
+    for load in model.surface_loads:
         facets = model.domain.facets(load.facets)
         _add(model, given, facets, traction_moments(model, facets, load.density))
     for facets, components in model.fixed_facets:

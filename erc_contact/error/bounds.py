@@ -162,7 +162,7 @@ def work_of_loads(error: ConstitutiveError) -> Bounds:
     Raises:
         InputError: If the scene has friction, a gap or a support that is not zero.
     """
-    scene = error.admissible.solution.scene
+    scene = error.solution.scene
     moved = [s.facets for s in scene.supports if any(callable(v) or v for v in s.value)]
     gaps = [c.facets for c in scene.contacts if callable(c.gap) or c.gap]
     rough = [c.facets for c in scene.contacts if c.law is not None]
@@ -268,6 +268,4 @@ def _square(error: ConstitutiveError) -> float:
 def _guaranteed(error: ConstitutiveError) -> bool:
     """Whether the data and the friction law allow proved bounds."""
     exact = max(error.oscillation, error.geometry) <= ROUND_OFF * error.scale
-    return exact and all(
-        c.friction is None or c.friction.dependence == CONSTANT for c in error.admissible.solution.model.contacts
-    )
+    return exact and all(c.friction is None or c.friction.dependence == CONSTANT for c in error.solution.model.contacts)

@@ -76,7 +76,7 @@ def of_loads(model: Model, cells: CellGeometry, force: np.ndarray | None) -> flo
         rest = _squares(model, Everywhere(model.body_force, model.mesh), of_cells, projected, k - 1)
         square = integrate(model.comm, rest, corners, volume, cell_pieces(d), share=COARSE).value[:, 0]
         total += float(np.sum(volume ** (2 / d) / np.pi**2 * square / model.at_middles(model.modulus, of_cells)))
-    for load in model.tractions:
+    for load in model.surface_loads:
         if load.varies:
             facets = _owned(model, load.facets)
             moments = traction_moments(model, facets, load.density) / model.facet_areas(facets)[:, None, None]

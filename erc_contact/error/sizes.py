@@ -88,10 +88,10 @@ def size_map(error: ConstitutiveError, accuracy: float) -> Sizes:
     Source: Coorevits, Hild, Hjiaj, definition of the optimal mesh.
     """
     accuracy = checks.accuracy("size_map: accuracy", accuracy)
-    raise_together(error.admissible.solution.domain.mesh.comm, None)
-    mesh = _Mesh(error.admissible.solution.domain)
+    raise_together(error.domain.mesh.comm, None)
+    mesh = _Mesh(error.domain)
     d, square = mesh.domain.dim, error.indicators**2
-    q = _rates(mesh, error.cells**2, error.admissible.solution.model.degree)
+    q = _rates(mesh, error.cells**2, error.solution.model.degree)
     share = np.divide(error.cells**2, square, out=np.ones_like(square), where=square > 0)
     q = share * q + (1 - share) * FACETS
 

@@ -74,7 +74,7 @@ class Mark:
 
     def next(self, error: ConstitutiveError, accuracy: float, max_cells: int) -> Domain:
         """The domain with the marked elements refined; collective."""
-        return error.admissible.solution.domain.refined(mark(error, self.fraction))
+        return error.domain.refined(mark(error, self.fraction))
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ class Uniform:
 
     def next(self, error: ConstitutiveError, accuracy: float, max_cells: int) -> Domain:
         """The domain with all elements refined; collective."""
-        return error.admissible.solution.domain.refined()
+        return error.domain.refined()
 
 
 @dataclass(frozen=True)
@@ -117,7 +117,7 @@ class SizeMap:
         """
         aim, domain = self.aim * accuracy, error.domain
         if error.total <= CLOSE * accuracy:
-            gain = 1 - 4.0**-error.admissible.solution.model.degree  # of the square, where an element is halved
+            gain = 1 - 4.0**-error.solution.model.degree  # of the square, where an element is halved
             return domain.refined(mark(error, min((1 - (aim / error.total) ** 2) / gain, 1.0)))
         end, way = size_map(error, aim), error.total / aim
         leaps = ceil(log(way) / log(self.leap))
@@ -143,7 +143,7 @@ def mark(error: ConstitutiveError, fraction: float = 0.5) -> np.ndarray:
     Returns:
         Marked cells of this rank.
     """
-    fraction, comm = checks.fraction("mark: fraction", fraction), error.admissible.solution.domain.mesh.comm
+    fraction, comm = checks.fraction("mark: fraction", fraction), error.domain.mesh.comm
     raise_together(comm, None)
     everywhere = np.sort(np.concatenate(comm.allgather(error.indicators)))[::-1]
     carried = np.cumsum(everywhere**2)

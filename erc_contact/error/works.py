@@ -109,7 +109,7 @@ def load_work(model: Model, v: fem.Function) -> Number:
     loads = model.loads(v, varying=False)
     total = Number(0.0 if loads is None else assembled(model, loads))
     nodal = v.x.array.reshape(-1, d)
-    for load in model.tractions:
+    for load in model.surface_loads:
         if load.varies:
             facets = domain.facets(load.facets)
             area = np.where(model.owned(facets), model.facet_areas(facets), 0.0)

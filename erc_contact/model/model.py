@@ -28,7 +28,7 @@ from erc_contact.scene.scene import Scene
 
 
 @dataclass(frozen=True, eq=False)
-class BoundTraction:
+class SurfaceLoad:
     """A load on a part of the boundary of a mesh.
 
     Attributes:
@@ -57,7 +57,7 @@ class Model(Space):
 
     Attributes:
         parameters: Parameters of the material, UFL.
-        tractions: Loads on parts of the boundary.
+        surface_loads: Loads on parts of the boundary.
         body_force: Sum of the loads in the body [force/volume], UFL of shape (d,), or None.
         fixed: Which components are prescribed at each node, shape (nodes, d).
         prescribed: Prescribed displacement, a Function of V, zero elsewhere [length].
@@ -82,7 +82,7 @@ class Model(Space):
         self.fixed, self.prescribed, self.bcs = supports.fixed, supports.prescribed, supports.bcs
         self.fixed_facets = supports.facets
         loads = [(load.facets, self._density(load)) for load in scene.loads]
-        self.tractions = [BoundTraction(f, self.ds(domain.tag(f)), density) for f, density in loads if f is not None]
+        self.surface_loads = [SurfaceLoad(f, self.ds(domain.tag(f)), density) for f, density in loads if f is not None]
         self.body_force = _sum([density for facets, density in loads if facets is None])
         self.contacts = [bind_contact(self, contact) for contact in scene.contacts]
         self.free_motions = free_motions(self, self.fixed, self.contacts)
@@ -126,7 +126,7 @@ class Model(Space):
 
     def loads(self, v: Any, *, varying: bool = True) -> Any | None:
         """``f(v) + F(v)``, a UFL form, or None without loads; ``varying=False`` leaves out what varies in cells."""
-        terms = [ufl.inner(t.density, v) * t.ds for t in self.tractions if varying or not t.varies]
+        terms = [ufl.inner(t.density, v) * t.ds for t in self.surface_loads if varying or not t.varies]
         if self.body_force is not None and (varying or not varies_in_cells(self.body_force)):
             terms.append(ufl.inner(self.body_force, v) * self.dx)
         return _sum(terms)

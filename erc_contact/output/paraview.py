@@ -41,7 +41,7 @@ def write_fields(error: ConstitutiveError, folder: str | Path) -> None:
     Note:
         VTKHDF files, written by rank 0 through pyvista: DOLFINx 0.11 itself writes one array a file only.
     """
-    admissible, model = error.admissible, error.admissible.solution.model
+    admissible, model = error.admissible, error.solution.model
     body = gathered(model.comm, **body_nodes(model), displacement=nodal_displacement(admissible))
     stress = mean_stress(admissible)
     fe = _spatial(model, admissible.fe_stress[: model.domain.owned_cells].mean(axis=1))

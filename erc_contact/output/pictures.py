@@ -122,7 +122,7 @@ def draw_deformed(error: ConstitutiveError, path: str | Path, factor: float | No
         factor: Magnification of u^ and of the gap [-]; by default the largest u^ appears as 6% of the body's size, or
             as it is where it is larger than 5%.
     """
-    admissible, model = error.admissible, error.admissible.solution.model
+    admissible, model = error.admissible, error.solution.model
     comm, size, d = model.comm, model.domain.size, model.d
     body = gathered(comm, **body_nodes(model), u=nodal_displacement(admissible))
     volume = admissible.cells.volume[: model.domain.owned_cells]

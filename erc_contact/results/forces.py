@@ -61,7 +61,7 @@ def reactions(pair: Admissible) -> dict[str, Force]:
     scene = pair.solution.scene
     held = dict.fromkeys([s.facets for s in scene.supports] + [c.facets for c in scene.contacts])
     result = {name: force(pair, name) for name in held}
-    loaded = dict.fromkeys(t.facets for t in pair.solution.model.tractions if t.facets not in held)
+    loaded = dict.fromkeys(t.facets for t in pair.solution.model.surface_loads if t.facets not in held)
     if loaded:
         forces = [force(pair, name) for name in loaded]
         result["tractions"] = sum(forces[1:], start=forces[0])

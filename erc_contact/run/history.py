@@ -153,7 +153,7 @@ class History:
 
     def to_csv(self, path: str | Path) -> None:
         """Write the rows as CSV; every rank may call, rank 0 writes."""
-        if self.best.admissible.solution.domain.mesh.comm.rank == 0:
+        if self.best.domain.mesh.comm.rank == 0:
             with Path(path).open("w", newline="") as file:
                 writer = csv.DictWriter(file, COLUMNS)
                 writer.writeheader()
@@ -167,7 +167,7 @@ class History:
         ``contact_<name>.png`` and ``contact_<name>.vtkhdf``.
         """
         folder = Path(folder)
-        comm = self.best.admissible.solution.domain.mesh.comm
+        comm = self.best.domain.mesh.comm
         on_root(comm, folder / "history.csv", lambda: self.to_csv(folder / "history.csv"))
         plot_history({"adaptive": self}, folder / "error.png")
         draw_meshes(self.meshes, folder / "meshes.png")
