@@ -127,7 +127,7 @@ class Condensed:
         self._ask("_share", share)
 
     def from_contact(self, u_contact: np.ndarray) -> np.ndarray:
-        """u_A from the displacements of the contact nodes, with the other nodes of A in elastic equilibrium, rank 0."""
+        """u_A [length] from the contact nodes, with the other nodes of A in elastic equilibrium, rank 0."""
         count = len(u_contact)
         _, lift = self.stiffness.reduced(count)
         return self.w[: self.size] + lift[: self.size] @ (u_contact - self.w[:count])
