@@ -69,9 +69,9 @@ def equilibrated_moments(
     residual = np.matmul(inside, by_cell)  # (f, B_v) - (sigma_h, grad B_v) + int_dT t B_v
     if force is not None:
         residual += np.matmul(of_force, force)
-    seen = signed(cells, moment)
+    on_cells = signed(cells, moment)
     for i, on_facet in enumerate(local_facet_nodes(d, k)):
-        residual[:, on_facet] += seen[:, i]
+        residual[:, on_facet] += on_cells[:, i]
     area = np.linalg.norm(cells.area, axis=2).ravel()[first]
     weight = np.where(first >= 0, area ** ((d - 2) / (d - 1)), 0.0)  # |F|/h_F with h_F = |F|^(1/(d-1))
     return moment - _patch_jumps(cells, residual, weight, inner, fixed, complete)

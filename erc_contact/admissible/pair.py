@@ -49,7 +49,7 @@ REFINEMENTS = 3
 
 @dataclass(frozen=True, eq=False)
 class Admissible:
-    """An admissible pair; polynomials are given by Bernstein coefficients.
+    """An admissible pair. Polynomials are given by Bernstein coefficients, for degree 1 the values at the vertices.
 
     Attributes:
         solution: The solution that it was reconstructed from.
@@ -84,8 +84,8 @@ def equilibrate(solution: Solution, tighten: int = TIGHTEN) -> Admissible:
 
     Args:
         solution: Any state of the contact solver; the bound does not depend on its quality.
-        tighten: Limit of the iterations that tighten sigma^. They end when one lowers e by less than 2%; 4 to 8 are
-            usual.
+        tighten: Limit of the iterations that tighten sigma^, 0 for none. They end when one lowers e by less than 2%; 4
+            to 8 are usual.
 
     Returns:
         The admissible pair.

@@ -120,17 +120,17 @@ class Condensed:
         dense = self.product.getDenseArray(readonly=True)
         return dense.copy(order="F") if self.multipliers else np.asfortranarray(dense + self.matrix)
 
-    def states(self, u_A: np.ndarray) -> np.ndarray:
+    def status(self, u_A: np.ndarray) -> np.ndarray:
         """The status open (0), slip (1) or stick (2) at points of all contact facets for u_A, rank 0."""
         self._move(u_A)
-        return self._ask("_states")
+        return self._ask("_status")
 
     def raise_friction(self, share: float) -> None:
         """Set the share of friction on all ranks."""
         self._ask("_share", share)
 
     def from_contact(self, u_contact: np.ndarray) -> np.ndarray:
-        """u_A from the displacements of the contact nodes, with the other nodes of A in elastic equilibrium, rank 0."""
+        """u_A [length] from the contact nodes, with the other nodes of A in elastic equilibrium, rank 0."""
         count = len(u_contact)
         _, lift = self.stiffness.reduced(count)
         return self.w[: self.size] + lift[: self.size] @ (u_contact - self.w[:count])
@@ -184,9 +184,9 @@ class Condensed:
         parts = self.model.comm.gather(np.concatenate(values))
         return None if parts is None else np.concatenate(parts)
 
-    def _states(self) -> np.ndarray | None:
+    def _status(self) -> np.ndarray | None:
         mesh = self.model.mesh
-        local = [e.eval(mesh, facets).ravel().astype(np.int8) for e, facets in self.state_expressions]
+        local = [e.eval(mesh, facets).ravel().astype(np.int8) for e, facets in self.status_expressions]
         parts = self.model.comm.gather(np.concatenate(local))
         return None if parts is None else np.concatenate(parts)
 
@@ -232,10 +232,10 @@ class Condensed:
         self.tangent_forms = [fem.form(ufl.derivative(residual, f, du)) for f in (self.u, *self.multipliers)]
         self.tangents = [fem.create_matrix(form) for form in self.tangent_forms]
         points, _ = rule(model.d - 1, 2 * model.degree)
-        self.state_expressions = []
+        self.status_expressions = []
         for contact, status in zip(self.contacts, shown, strict=True):
             own = contact.facets[model.owned(contact.facets)]
-            self.state_expressions.append((fem.Expression(status, points, comm=model.comm), own))
+            self.status_expressions.append((fem.Expression(status, points, comm=model.comm), own))
 
     def _add_multipliers(self, columns: list[np.ndarray]) -> None:
         """Add the multipliers to z.

@@ -52,21 +52,21 @@ class Attempt:
         return f"{self.start} start, {self.method}, {self.line_search}{steps}"
 
 
-def attempts(method: Method, states: Container[str], *, friction: bool, fallback: bool) -> Iterator[Attempt]:
-    """The attempts, cheapest first. The caller skips those whose start is not among the states.
+def attempts(method: Method, known: Container[str], *, friction: bool, fallback: bool) -> Iterator[Attempt]:
+    """The attempts, cheapest first. The caller skips those whose start is not known.
 
     Without a gap the problem is positively homogeneous, so steps of the load would all be the same problem. Friction
     is raised in steps instead.
 
     Args:
         method: The method whose solution is wanted.
-        states: Names of the starts that are known; the caller adds to them between two attempts.
+        known: Names of the starts that are known; the caller adds to them between two attempts.
         friction: Whether the scene has friction.
         fallback: Whether a solution of the augmented Lagrangian is accepted instead.
     """
     nodal = method if method.multiplier else NODAL
     itself = nodal == method
-    first = "warm" if "warm" in states else "glued"
+    first = "warm" if "warm" in known else "glued"
     yield Attempt(nodal, first, final=itself)
     if not itself:
         yield Attempt(method, "nodal")
@@ -75,7 +75,7 @@ def attempts(method: Method, states: Container[str], *, friction: bool, fallback
     if not itself or first == "warm":
         yield Attempt(method, "glued")
     for other in (NODAL, *OTHERS):
-        if "nodal" not in states and other != method:
+        if "nodal" not in known and other != method:
             yield Attempt(other, "glued", final=False)
             yield Attempt(method, "nodal")
     if isinstance(method, Nitsche):

@@ -24,9 +24,7 @@ STEPS = 100
 FAR = 1e5
 """Bound of the forces that cancel in the residual, as a multiple of those with the contact glued [-]."""
 CYCLE = 0.9
-"""A state that comes back is a cycle unless the residual has fallen below this fraction meanwhile [-]."""
-
-
+"""A contact status that comes back is a cycle unless the residual has fallen below this fraction meanwhile [-]."""
 PRESS = 1e-5
 """How far a state is pressed into the foundation for another tangent, over the size of the displacement [-]."""
 ZERO_PIVOT = 71
@@ -42,18 +40,18 @@ class Outcome:
         reason: Why it ended.
         steps: Number of Newton steps.
         residual: Norm of the residual as a fraction of the forces that cancel in it [-].
-        state: Numbers of open, slipping and sticking points of the contact.
+        status: Numbers of open, slipping and sticking points of the contact.
     """
 
     converged: bool
     reason: str
     steps: int
     residual: float
-    state: tuple[int, int, int]
+    status: tuple[int, int, int]
 
     def __str__(self) -> str:
-        state = "{} open, {} slip, {} stick".format(*self.state)
-        return f"{self.reason}, residual {self.residual:.1e}, {self.steps} steps ({state})"
+        status = "{} open, {} slip, {} stick".format(*self.status)
+        return f"{self.reason}, residual {self.residual:.1e}, {self.steps} steps ({status})"
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,9 +85,7 @@ class Newton:
 
     def solve(self, start: np.ndarray, line_search: str) -> tuple[State, Outcome]:
         """Make one attempt from the displacement start; return the last state and how the attempt ended."""
-        problem = self.problem
-        seen: dict[bytes, tuple[int, float]] = {}
-        text = ""
+        problem, text = self.problem, ""
         snes = PETSc.SNES().create(PETSc.COMM_SELF)
         snes.setOptionsPrefix(PREFIX)
         x = self.jacobian.createVecRight()
@@ -102,30 +98,7 @@ class Newton:
         ksp.getPC().setType("lu")
         snes.getLineSearch().setType(line_search)
 
-        def test(snes: PETSc.SNES, step: int, norms: tuple[float, float, float]) -> PETSc.SNES.ConvergedReason:
-            nonlocal text
-            reasons, norm = PETSc.SNES.ConvergedReason, norms[2]
-            _, atol, _, _ = snes.getTolerances()
-            if not np.isfinite(norm):
-                return reasons.DIVERGED_FUNCTION_NANORINF
-            if norm <= atol:
-                return reasons.CONVERGED_FNORM_ABS
-            u = snes.getSolution().array_r * problem.length
-            residual = problem.residual(u)
-            if np.linalg.norm(residual) <= TOLERANCE * self.forces(u):
-                text = "converged to round-off"
-                return reasons.CONVERGED_ITS
-            if self.accuracy is not None and self.remaining(residual) <= self.accuracy:
-                text = "accurate enough"
-                return reasons.CONVERGED_ITS
-            states = problem.states(u).tobytes()
-            before, least = seen.get(states, (step, norm))
-            if before < step - 1 and norm > CYCLE * least:
-                text = f"cycle of {step - before} steps"
-                return reasons.DIVERGED_INNER
-            seen[states] = (step, min(least, norm))
-            return reasons.ITERATING
-
+        test = _StoppingTest(self)
         snes.setConvergenceTest(test)
         snes.setFromOptions()
         x.array[:] = start / self.problem.length
@@ -138,10 +111,10 @@ class Newton:
             text, reason, norm = "singular tangent", -1, np.inf
         u = x.array * problem.length
         found = State(u, problem.residual(u))
-        counts = np.bincount(problem.states(u), minlength=3)
-        state = int(counts[0]), int(counts[1]), int(counts[2])
+        open_, slip, stick = (int(n) for n in np.bincount(problem.status(u), minlength=3))
         converged = reason > 0 and bool(np.isfinite(norm))
-        outcome = Outcome(converged, text or REASONS.get(reason, str(reason)), snes.getIterationNumber(), norm, state)
+        text = text or test.reason or REASONS.get(reason, str(reason))
+        outcome = Outcome(converged, text, snes.getIterationNumber(), norm, (open_, slip, stick))
         snes.destroy()
         x.destroy()
         return found, outcome
@@ -217,7 +190,47 @@ class Newton:
             self.elastic.destroy()
 
 
+class _StoppingTest:
+    """Convergence test of one attempt, for SNES.
+
+    An attempt converges at round-off or when it is accurate enough. It diverges when the contact status repeats itself.
+
+    Attributes:
+        reason: Why it ended, or "" if PETSc's reason says it.
+    """
+
+    def __init__(self, newton: Newton) -> None:
+        self.newton, self.reason = newton, ""
+        self._before: dict[bytes, tuple[int, float]] = {}  # last step and least residual of each status
+
+    def __call__(self, snes: PETSc.SNES, step: int, norms: tuple[float, float, float]) -> PETSc.SNES.ConvergedReason:
+        """PETSc's reason to end, or to go on, at one step."""
+        newton, problem = self.newton, self.newton.problem
+        reasons, norm = PETSc.SNES.ConvergedReason, norms[2]
+        _, atol, _, _ = snes.getTolerances()
+        if not np.isfinite(norm):
+            return reasons.DIVERGED_FUNCTION_NANORINF
+        if norm <= atol:
+            return reasons.CONVERGED_FNORM_ABS
+        u = snes.getSolution().array_r * problem.length
+        residual = problem.residual(u)
+        if np.linalg.norm(residual) <= TOLERANCE * newton.forces(u):
+            self.reason = "converged to round-off"
+            return reasons.CONVERGED_ITS
+        if newton.accuracy is not None and newton.remaining(residual) <= newton.accuracy:
+            self.reason = "accurate enough"
+            return reasons.CONVERGED_ITS
+        status = problem.status(u).tobytes()
+        before, least = self._before.get(status, (step, norm))
+        if before < step - 1 and norm > CYCLE * least:
+            self.reason = f"cycle of {step - before} steps"
+            return reasons.DIVERGED_INNER
+        self._before[status] = (step, min(least, norm))
+        return reasons.ITERATING
+
+
 def _direct(matrix: PETSc.Mat, kind: str) -> PETSc.KSP:
+    """A solver with the "lu" or "cholesky" factor of a dense matrix."""
     matrix.assemble()
     ksp = PETSc.KSP().create(PETSc.COMM_SELF)
     ksp.setOperators(matrix)

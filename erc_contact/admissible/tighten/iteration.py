@@ -56,8 +56,10 @@ def tightened(
     comm, d, m = space.comm, cells.d, moment.shape[1]
     shared = _SharedMoments(space, cells, m)
     energy = ComplementaryEnergy(cells, space.domain.owned_cells, compliance)
-    to_ours = hierarchical(d, cells.degree)
-    square, r = energy.start(np.ascontiguousarray(np.matmul(to_ours, moment).transpose(2, 1, 0)), force, elastic)
+    to_hierarchical = hierarchical(d, cells.degree)
+    square, r = energy.start(
+        np.ascontiguousarray(np.matmul(to_hierarchical, moment).transpose(2, 1, 0)), force, elastic
+    )
     square = comm.allreduce(square, MPI.SUM)
     patches = Patches(space, energy, free)
     blocks = Blocks(energy, free, shared.mine) if m > d else None
@@ -83,7 +85,7 @@ def tightened(
         before, square, done = square, square - step * rz, done + 1
         if square > (1 - GAIN) ** 2 * before:
             break
-    return moment + np.matmul(np.linalg.inv(to_ours), x.transpose(2, 1, 0)), done
+    return moment + np.matmul(np.linalg.inv(to_hierarchical), x.transpose(2, 1, 0)), done
 
 
 class _SharedMoments:
