@@ -12,8 +12,10 @@ from typing import Any
 import ufl
 from dolfinx import fem
 from mpi4py import MPI
-from ufl.algorithms import apply_algebra_lowering, apply_derivatives
+from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
+from ufl.algorithms.apply_derivatives import apply_derivatives
 from ufl.algorithms.check_arities import ArityMismatch, check_integrand_arity
+from ufl.algorithms.remove_complex_nodes import remove_complex_nodes
 
 from erc_contact.base.checks import told
 from erc_contact.base.exceptions import ErcContactError, InputError, together
@@ -77,7 +79,8 @@ def linear(what: str, integrand: Any, *arguments: Any) -> None:
     Raises:
         InputError: If it is not.
     """
-    lowered = apply_derivatives.apply_derivatives(apply_algebra_lowering.apply_algebra_lowering(integrand))
+    real = remove_complex_nodes(apply_algebra_lowering(integrand))
+    lowered = apply_derivatives(real)
     try:
         check_integrand_arity(lowered, arguments)
     except ArityMismatch as reason:  # no Exception for UFL
