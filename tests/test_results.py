@@ -171,3 +171,17 @@ def test_history_answers_for_its_best_result():
     assert history.maximum("pressure").value == history.profile("bottom")["pressure"].max()
     assert history.at((1.0, 3.0)).stress.shape == (1, 2, 2)
     assert np.allclose(history.reactions()["balance"].force, 0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_a_solution_has_values_at_points(degree):
+    """Those of its own displacement: a patch of linear displacement."""
+    sides = [ec.Displacement(side, (lambda x: 0.01 * x[0], lambda x: 0.02 * x[0])) for side in ("left", "right")]
+    sides += [ec.Displacement(side, (lambda x: 0.01 * x[0], lambda x: 0.02 * x[0])) for side in ("bottom", "top")]
+    domain = ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(3, 3))
+    solution = ec.solve(ec.Scene(ec.Elastic(2.0, 0.0), sides), domain, degree=degree)
+    found = solution.at([(0.3, 0.4), (1 / 3, 1 / 3), (1.0, 0.0)])
+    assert np.allclose(found.displacement, [[0.003, 0.006], [0.01 / 3, 0.02 / 3], [0.01, 0.02]], atol=1e-15)
+    assert np.allclose(found.elastic_stress, [[0.02, 0.02], [0.02, 0.0]], atol=1e-14)
+    with pytest.raises(ec.InputError, match="outside the mesh"):
+        solution.at((1.5, 0.0))

@@ -9,17 +9,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import ufl
-from dolfinx import fem, geometry
-from mpi4py import MPI
 
-from erc_contact.admissible.elastic import strains
 from erc_contact.admissible.macro import tensors
 from erc_contact.admissible.pair import Admissible
-from erc_contact.base.exceptions import InputError
-from erc_contact.mesh.simplex import barycentric, bernstein, lagrange, nodes
-from erc_contact.model.expressions import evaluate
-from erc_contact.model.model import Model
+from erc_contact.mesh.simplex import barycentric, bernstein, lagrange
+from erc_contact.model.points import at_points, elastic_stress_at
 
 BETWEEN = 1e-9
 """Difference of barycentric coordinates below which a point lies between two sub-simplices [-]."""
@@ -52,26 +46,8 @@ def at(pair: Admissible, points: Any) -> Values:
     Raises:
         InputError: If the points have another shape or are not finite, or one lies outside the mesh.
     """
-    model = pair.solution.model
-    d, comm, mesh = model.d, model.comm, model.mesh
-    x = np.atleast_2d(np.asarray(points, dtype=float))
-    if x.ndim != 2 or x.shape[1] != d or not np.isfinite(x).all():
-        raise InputError(f"The points have shape {np.shape(points)}; give finite numbers of shape (n, {d}).")
-    three = np.pad(x, ((0, 0), (0, 3 - d)))
-    tree = geometry.bb_tree(mesh, d, padding=1e-10 * model.domain.size)
-    near = geometry.compute_colliding_cells(mesh, geometry.compute_collisions_points(tree, three), three)
-    point, own = np.repeat(np.arange(len(x)), np.diff(near.offsets)), near.array < model.domain.owned_cells
-    point, cell = point[own], near.array[own]
-    local = np.zeros((len(x), 1 + d + 2 * d * d))
-    np.add.at(local, point, np.column_stack([np.ones(len(point)), _values(pair, cell, x[point])]))
-    count, total = np.split(comm.allreduce(local, MPI.SUM), [1], axis=1)
-    outside = np.flatnonzero(count == 0)
-    if len(outside):
-        raise InputError(
-            f"{len(outside)} of the {len(x)} points lie outside the mesh, the first is "
-            f"{tuple(map(float, x[outside[0]]))}; give points of the body (facets cut off a little of a curved one)."
-        )
-    total /= count
+    model, d = pair.solution.model, pair.solution.model.d
+    total = at_points(model, points, lambda cell, x: _values(pair, cell, x))
     u, sigma, elastic = np.split(total, [d, d + d * d], axis=1)
     return Values(u, sigma.reshape(-1, d, d), elastic.reshape(-1, d, d))
 
@@ -93,24 +69,5 @@ def _values(pair: Admissible, cell: np.ndarray, x: np.ndarray) -> np.ndarray:
         inside[:, sub] = (d + 1) * local[:, sub]
         values = np.einsum("nm,nms->ns", bernstein(d, k, inside[:, 1:]), pair.stress[cell, sub])
         sigma += (among[:, sub] / among.sum(axis=1))[:, None] * values
-    strain = np.einsum("nb,nbs->ns", bernstein(d, k - 1, local[:, 1:]), strains(cells, pair.displacement)[cell])
-    elastic = np.einsum("nab,nb->na", _stiffness_at(model, cell, x), strain)
-    return np.hstack([u, tensors(sigma, d).reshape(len(x), d * d), tensors(elastic, d).reshape(len(x), d * d)])
-
-
-def _stiffness_at(model: Model, cell: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """C in Mandel components at points (n, d) of cells (n,), shape (n, s, s); collective."""
-    matrix = model.stiffness_matrix
-    if isinstance(matrix, np.ndarray):
-        return np.broadcast_to(matrix, (len(x), *matrix.shape))
-    point = fem.Function(fem.functionspace(model.mesh, ("DG", 0, (model.d,))))
-    there = ufl.replace(matrix, {model.x: point})
-    result = np.empty((len(x), *matrix.ufl_shape))
-    order = np.argsort(cell, kind="stable")
-    turn = np.empty(len(x), dtype=int)
-    turn[order] = np.arange(len(x)) - np.searchsorted(cell[order], cell[order])  # each round one point of a cell
-    for k in range(model.comm.allreduce(int(turn.max(initial=-1)), MPI.MAX) + 1):
-        some = turn == k
-        point.x.array.reshape(-1, model.d)[cell[some]] = x[some]
-        result[some] = evaluate(there, model.mesh, nodes(model.d, 0), cell[some].astype(np.int32))[:, 0]
-    return result
+    elastic = elastic_stress_at(model, pair.displacement, cell, x)
+    return np.hstack([u, tensors(sigma, d).reshape(len(x), d * d), elastic.reshape(len(x), d * d)])

@@ -1,0 +1,91 @@
+"""Values at points of the user's: which cells hold them, displacement, strain and stiffness there.
+
+Symbols: d dimension, k degree of the displacement, s = d(d+1)/2 Mandel components.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import ufl
+from dolfinx import fem, geometry
+from mpi4py import MPI
+
+from erc_contact.base.exceptions import InputError
+from erc_contact.mesh.simplex import nodes
+from erc_contact.model.expressions import evaluate
+from erc_contact.model.model import Model
+from erc_contact.scene.material import mandel_basis, strain
+
+
+def at_points(model: Model, points: Any, values: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> np.ndarray:
+    """Values at points of the body, the same on all ranks; a point between several cells has the mean; collective.
+
+    Args:
+        model: The scene on a mesh.
+        points: The same on all ranks [length], shape (n, d) or (d,).
+        values: Values at points (m, d) of owned cells (m,), shape (m, c); called once on every rank.
+
+    Returns:
+        Shape (n, c).
+
+    Raises:
+        InputError: If the points have another shape or are not finite, or one lies outside the mesh.
+    """
+    d, comm, mesh = model.d, model.comm, model.mesh
+    x = np.atleast_2d(np.asarray(points, dtype=float))
+    if x.ndim != 2 or x.shape[1] != d or not np.isfinite(x).all():
+        raise InputError(f"The points have shape {np.shape(points)}; give finite numbers of shape (n, {d}).")
+    three = in_space(x)
+    tree = geometry.bb_tree(mesh, d, padding=1e-10 * model.domain.size)
+    near = geometry.compute_colliding_cells(mesh, geometry.compute_collisions_points(tree, three), three)
+    point, own = np.repeat(np.arange(len(x)), np.diff(near.offsets)), near.array < model.domain.owned_cells
+    point, cell = point[own], near.array[own]
+    found = np.column_stack([np.ones(len(point)), values(cell, x[point])])
+    local = np.zeros((len(x), found.shape[1]))
+    np.add.at(local, point, found)
+    count, total = np.split(comm.allreduce(local, MPI.SUM), [1], axis=1)
+    outside = np.flatnonzero(count == 0)
+    if len(outside):
+        raise InputError(
+            f"{len(outside)} of the {len(x)} points lie outside the mesh, the first is "
+            f"{tuple(map(float, x[outside[0]]))}; give points of the body (facets cut off a little of a curved one)."
+        )
+    return total / count
+
+
+def in_space(x: np.ndarray) -> np.ndarray:
+    """Points (n, d) with three coordinates, as DOLFINx wants them."""
+    return np.pad(x, ((0, 0), (0, 3 - x.shape[1])))
+
+
+def elastic_stress_at(model: Model, u: fem.Function, cell: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """``C eps(u)`` [force/area] at points (n, d) of owned cells (n,), shape (n, d, d); collective."""
+    d = model.d
+    W = fem.functionspace(model.mesh, ("DG", model.degree - 1, (d, d)))
+    eps = fem.Function(W)
+    eps.interpolate(fem.Expression(strain(u), W.element.interpolation_points, comm=model.comm))
+    local = eps.eval(in_space(x), cell.astype(np.int32)).reshape(len(x), d, d) if len(x) else np.zeros((0, d, d))
+    basis = mandel_basis(d)
+    stress = np.einsum("nab,nb->na", _stiffness_at(model, cell, x), np.einsum("bij,nij->nb", basis, local))
+    return np.einsum("na,aij->nij", stress, basis)
+
+
+def _stiffness_at(model: Model, cell: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """C in Mandel components at points (n, d) of cells (n,), shape (n, s, s); collective."""
+    matrix = model.stiffness_matrix
+    if isinstance(matrix, np.ndarray):
+        return np.broadcast_to(matrix, (len(x), *matrix.shape))
+    point = fem.Function(fem.functionspace(model.mesh, ("DG", 0, (model.d,))))
+    there = ufl.replace(matrix, {model.x: point})
+    result = np.empty((len(x), *matrix.ufl_shape))
+    order = np.argsort(cell, kind="stable")
+    turn = np.empty(len(x), dtype=int)
+    turn[order] = np.arange(len(x)) - np.searchsorted(cell[order], cell[order])  # each round takes one point of a cell
+    for k in range(model.comm.allreduce(int(turn.max(initial=-1)), MPI.MAX) + 1):
+        some = turn == k
+        point.x.array.reshape(-1, model.d)[cell[some]] = x[some]
+        result[some] = evaluate(there, model.mesh, nodes(model.d, 0), cell[some].astype(np.int32))[:, 0]
+    return result
