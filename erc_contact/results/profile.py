@@ -71,7 +71,7 @@ def profile(pair: Admissible, name: str) -> np.ndarray:
         slip, shear = (w_t * tangent).sum(axis=-1), (r_t * tangent).sum(axis=-1)
     peak = comm.allreduce(float(-traction.normal.min(initial=0.0)), MPI.MAX)
     status = np.broadcast_to(contact_status(traction, peak)[:, None], r_n.shape)
-    columns = [*np.moveaxis(x, 2, 0), gap - w_n, slip, -r_n, shear, traction.bound @ shape.T, status]
+    columns = [*np.moveaxis(x, 2, 0), gap - w_n, slip, 0.0 - r_n, shear, traction.bound @ shape.T, status]
     table = np.stack(np.broadcast_arrays(*columns), axis=2)
     if d == 2:  # all facets in the direction of the tangent
         back = ((x[:, -1] - x[:, 0]) * tangent[:, 0]).sum(axis=1) < 0
