@@ -215,3 +215,22 @@ def test_half_model_on_a_parabola_is_held_on_every_mesh():
     history = ec.adapt(scene, domain, 1e-4, degree=2, method=ec.Nitsche(), max_cells=700)
     assert "max_cells" in history.outcome
     assert history.error.force("bottom").force[1] == pytest.approx(0.01, rel=1e-9)
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("method", [ec.AugmentedLagrangian(), None])
+def test_a_body_that_tips_is_resolved(method):
+    """Friction holds the block, so it turns about its corner: the contact is nearly a point, which refinement finds."""
+    scene = ec.Scene(
+        material=ec.Elastic(E=210e9, nu=0.3),
+        supports=[ec.Displacement("top", (1e-3, None))],
+        loads=[ec.BodyForce((0.0, -77e3))],
+        contacts=[ec.Contact("bottom", friction=1.0)],
+    )
+    square = ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(4, 4))
+    history = ec.adapt(scene, square, accuracy=0.2, method=method, max_cells=2000)
+    assert history.steps[0].eps > 1.0
+    assert history.reached
+    profile = history.profile("bottom")
+    assert profile["x"][profile["pressure"] > 0].min() > 0.99
+    assert history.force("bottom").force[1] == pytest.approx(77e3, rel=1e-9)
