@@ -234,3 +234,37 @@ def test_a_body_that_tips_is_resolved(method):
     profile = history.profile("bottom")
     assert profile["x"][profile["pressure"] > 0].min() > 0.99
     assert history.force("bottom").force[1] == pytest.approx(77e3, rel=1e-9)
+
+
+class Saturating:
+    """A law that is concave in the pressure: Coulomb's friction below a limit."""
+
+    parameters = ("mu", "limit")
+    mu, limit = 0.3, 2e5
+
+    def bound(self, pressure, mu, limit):
+        return mu * pressure * limit / (limit + mu * pressure)
+
+
+@pytest.mark.parametrize("law", [lambda x: 0.2 + 0.2 * x[0], Saturating()], ids=["mu(x)", "limit"])
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("dim", [2, 3])
+def test_sliding_far_with_friction_that_varies(dim, degree, law):
+    """Top moved along the foundation by 1e-6 and by the size of the body: eps was 24% and 9700% in the plane."""
+    domain = (
+        ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(4, 4)) if dim == 2 else ec.box((0,) * 3, (1,) * 3, cells=(3, 3, 2))
+    )
+    eps = []
+    for slide in (1e-6, 1.0):
+        scene = ec.Scene(
+            material=ec.Elastic(E=210e9, nu=0.3),
+            supports=[ec.Displacement("top", (slide, *[0.0] * (dim - 2), None))],
+            loads=[ec.BodyForce((*[0.0] * (dim - 1), -77e3))],
+            contacts=[ec.Contact("bottom", friction=law)],
+        )
+        error = ec.constitutive_error(ec.equilibrate(ec.solve(scene, domain, degree=degree)))
+        eps.append(error.relative)
+        profile = error.profile("bottom")
+        assert np.all(abs(profile["shear"]) <= profile["bound"] * (1 + 1e-9))
+    assert eps[1] < 2.0 * eps[0]
+    assert np.all(profile["status"] != 2)  # open or in slip, nothing sticks

@@ -52,6 +52,12 @@ class Part:
     weight: np.ndarray
     motions: np.ndarray
 
+    def of(self, facets: np.ndarray) -> Part:
+        """The part of some facets, shape (f,) of booleans."""
+        c, some = self.cones, (self.start, self.shift, self.weight, self.motions)
+        cones = Cones(c.n[facets], c.slope[facets], c.offset[facets], c.bilateral[facets])
+        return Part(cones, *(array[facets] for array in some))
+
 
 def balanced(comm: MPI.Comm, parts: list[Part], loads: np.ndarray) -> tuple[list[np.ndarray], np.ndarray, float]:
     """The tractions nearest to start + shift that balance the loads; collective.

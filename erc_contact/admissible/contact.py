@@ -19,7 +19,7 @@ from mpi4py import MPI
 from erc_contact.admissible.allowed import Allowed, samples
 from erc_contact.admissible.balance import Part, balanced
 from erc_contact.admissible.cells import moments
-from erc_contact.admissible.cones import pressures, split
+from erc_contact.admissible.cones import Cones, pressures, split
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.base.exceptions import NotHeldError
 from erc_contact.mesh.simplex import averages, bernstein, lagrange, projection, rule
@@ -37,6 +37,8 @@ ROUND_OFF = 1e-12
 """kappa where no balance is needed: the accuracy of the traction of a method, over ``E/h |w|`` [-]."""
 FAR = 1e3
 """Slip over ``h/E |r|`` beyond which this kappa grows with the slip [-]."""
+SLIDES = 10.0
+"""Slip over ``h/E |r|`` beyond which the pressure of a facet may be levelled, see :func:`_level` [-]."""
 HELD = 1e-8
 """Imbalance that counts as none, over the forces [-]; 1e-15 to 1e-11 remains where an allowed traction exists."""
 
@@ -100,6 +102,14 @@ def admissible_tractions(model: Model, solution: Any, loads: np.ndarray, forces:
     Raises:
         NotHeldError: If no allowed traction balances the loads on a free motion.
     """
+    try:
+        return _tractions(model, solution, loads, forces, levels=True)
+    except NotHeldError:  # on a coarse mesh level pressures may leave too little to balance with
+        return _tractions(model, solution, loads, forces, levels=False)
+
+
+def _tractions(model: Model, solution: Any, loads: np.ndarray, forces: float, *, levels: bool) -> list[ContactTraction]:
+    """See :func:`admissible_tractions`; ``levels`` tells whether the pressure of facets may be levelled."""
     points, weights = rule(model.d - 1, model.contact_degree)
     project = projection(model.d - 1, model.degree, points, weights)
     average = averages(model.d - 1, model.degree, points, weights)
@@ -112,6 +122,7 @@ def admissible_tractions(model: Model, solution: Any, loads: np.ndarray, forces:
         means.append(np.matmul(average, sampled))
         raw.append(ContactTraction(contact, nodes, area, np.matmul(project, sampled), np.zeros(nodes.shape)))
     allowed = [Allowed(model, t.contact, np.ones(len(t.nodes))) for t in raw]
+    level = [np.zeros(len(t.nodes), dtype=bool) for t in raw]
 
     def projected(allowed: list[Allowed]) -> list[ContactTraction]:
         values = [
@@ -119,8 +130,10 @@ def admissible_tractions(model: Model, solution: Any, loads: np.ndarray, forces:
             for t, mean, a in zip(raw, means, allowed, strict=True)
         ]
         values = [a.project(r + shift.round_off(r)) for r, a, shift in zip(values, allowed, shifts, strict=True)]
+        for v, a, shift, on in zip(values, allowed, shifts, level, strict=True):
+            v[on] = _level(v, a, shift)[on]
         if model.free_motions:
-            values = _balanced(model, raw, values, allowed, shifts, loads, forces)
+            values = _balanced(model, raw, values, allowed, shifts, level, loads, forces)
         new = []
         for t, v, a in zip(raw, values, allowed, strict=True):
             pressure = pressures(v, a.n)
@@ -130,8 +143,15 @@ def admissible_tractions(model: Model, solution: Any, loads: np.ndarray, forces:
     for _ in range(PASSES):
         new = projected(allowed)
         factors = [_shrink(model, t) for t in new]
-        if not model.comm.allreduce(any(np.any(f < 1.0) for f in factors), MPI.LOR):
+        found = [
+            _becomes_level(model, t, a, shift, on) & levels
+            for t, a, shift, on in zip(new, allowed, shifts, level, strict=True)
+        ]
+        changes = any(np.any(f < 1.0) for f in factors) or any(np.any(become) for become in found)
+        if not model.comm.allreduce(changes, MPI.LOR):
             return new
+        for a, f, on, become in zip(allowed, factors, level, found, strict=True):
+            on[become], a.factor[become], f[become] = True, 1.0, 1.0
         allowed = [replace(a, factor=a.factor * f) for a, f in zip(allowed, factors, strict=True)]
         raw = [replace(t, values=_shrunk(t.contact, t.values, f)) for t, f in zip(raw, factors, strict=True)]
         means = [_shrunk(t.contact, mean, f) for t, mean, f in zip(raw, means, factors, strict=True)]
@@ -152,18 +172,50 @@ def _shift(model: Model, contact: BoundContact, u: np.ndarray, area: np.ndarray)
     return _Shift(slip, stiffness * length @ average.T, stiffness * opening @ average.T, n)
 
 
+def _level(values: np.ndarray, allowed: Allowed, shift: _Shift) -> np.ndarray:
+    """Tractions (f, m, d) of the mean pressure of each facet that oppose the slip with the friction that it allows.
+
+    Where friction varies or is nonlinear in the pressure, the bound of a pressure that varies is no polynomial, and r^
+    stays below it: the contact part charges the difference times the slip. With a level pressure it follows the bound,
+    exactly where the parameters are polynomials on the facet.
+    """
+    pressure = np.maximum(-(values * shift.n).sum(axis=2).mean(axis=1), 0.0)
+    bound = allowed.bound(np.broadcast_to(pressure[:, None], values.shape[:2]))
+    length = np.linalg.norm(shift.slip, axis=2, keepdims=True)
+    against = np.divide(shift.slip, length, out=np.zeros_like(shift.slip), where=length > 0)
+    return -pressure[:, None, None] * shift.n - bound[..., None] * against
+
+
+def _becomes_level(
+    model: Model, traction: ContactTraction, allowed: Allowed, shift: _Shift, level: np.ndarray
+) -> np.ndarray:
+    """Facets whose error falls with the pressure levelled, by the size of both changes, shape (f,): they slide far."""
+    if not traction.contact.sampled:
+        return np.zeros(len(level), dtype=bool)
+    most, used = _friction(model, traction)
+    saved = 2 * np.maximum(most - used, 0.0).mean(axis=1) * shift.path.mean(axis=1)
+    added = ((traction.values - _level(traction.values, allowed, shift)) ** 2).sum(axis=2).mean(axis=1)
+    far = shift.path.mean(axis=1) > SLIDES * np.linalg.norm(traction.values, axis=2).max(axis=1, initial=0.0)
+    return ~level & far & (saved > added)
+
+
+def _friction(model: Model, traction: ContactTraction) -> tuple[np.ndarray, np.ndarray]:
+    """The friction bound and the length of the tangential traction at samples of the facets, shape (f, q)."""
+    at = samples(model.d)
+    shape = bernstein(model.d - 1, model.degree, at)
+    parameters = model.friction_parameters(traction.contact, at)
+    most = traction.contact.friction_bound(np.maximum(-traction.normal @ shape.T, 0.0), parameters)
+    return most, np.linalg.norm(np.einsum("qm,fmi->fqi", shape, traction.tangential), axis=-1)
+
+
 def _shrink(model: Model, traction: ContactTraction) -> np.ndarray:
     """Factor of the friction bound on each facet with which the law allows r^ between the nodes, shape (f,)."""
     if not traction.contact.sampled:
         return np.ones(len(traction.nodes))
-    at = samples(model.d)
-    shape = bernstein(model.d - 1, model.degree, at)
-    parameters = model.friction_parameters(traction.contact, at)
-    allowed = traction.contact.friction_bound(np.maximum(-traction.normal @ shape.T, 0.0), parameters)
-    used = np.linalg.norm(np.einsum("qm,fmi->fqi", shape, traction.tangential), axis=-1)
+    most, used = _friction(model, traction)
     peak = model.comm.allreduce(float(used.max(initial=0.0)), MPI.MAX)
-    excess = used > allowed + 1e-14 * peak  # the ratio of two numbers that are round-off means nothing
-    ratio = np.divide(allowed, used, out=np.ones_like(used), where=excess).min(axis=1)
+    excess = used > most + 1e-14 * peak  # the ratio of two numbers that are round-off means nothing
+    ratio = np.divide(most, used, out=np.ones_like(used), where=excess).min(axis=1)
     return np.where(ratio < 1.0, np.maximum(ratio - MARGIN * (1 - ratio), 0.0), 1.0)
 
 
@@ -180,10 +232,14 @@ def _balanced(
     start: list[np.ndarray],
     allowed: list[Allowed],
     shifts: list[_Shift],
+    level: list[np.ndarray],
     loads: np.ndarray,
     forces: float,
 ) -> list[np.ndarray]:
-    """The allowed tractions nearest to the shifted ones that balance the loads on the free motions."""
+    """The allowed tractions nearest to the shifted ones that balance the loads on the free motions.
+
+    The tractions of facets with a level pressure are multiples of :func:`_level`: one unknown, all nodes as one.
+    """
     comm, d = model.comm, model.d
     weights, motions = [], []
     for t in raw:
@@ -198,8 +254,15 @@ def _balanced(
         peak = comm.allreduce(max((float(abs(r).max(initial=0.0)) for r in values), default=0.0), MPI.MAX)
         cones = [a.near(r, peak) for a, r in zip(allowed, values, strict=True)]
         moves = [shift(c.slope) for shift, c in zip(shifts, cones, strict=True)]
-        parts = [Part(*part) for part in zip(cones, start, moves, weights, motions, strict=True)]
-        values, rest, sizes = balanced(comm, parts, loads)
+        free = [Part(*part).of(~on) for *part, on in zip(cones, start, moves, weights, motions, level, strict=True)]
+        rays = [
+            _rays(_level(r, a, shift)[on], s[on], w[on], q[on])
+            for r, s, a, shift, w, q, on in zip(values, start, allowed, shifts, weights, motions, level, strict=True)
+        ]
+        found, rest, sizes = balanced(comm, free + rays, loads)
+        values = [r.copy() for r in values]
+        for r, of_nodes, of_rays, on in zip(values, found[: len(raw)], found[len(raw) :], level, strict=True):
+            r[~on], r[on] = of_nodes, of_rays.reshape(-1, *r.shape[1:])
         if np.linalg.norm(rest) > HELD * max(forces, sizes):
             raise NotHeldError(
                 "No contact traction that the law allows, a polynomial on each facet, balances the loads on a rigid "
@@ -207,7 +270,22 @@ def _balanced(
                 "forces). Look at the direction of the loads, add a Displacement or friction, or refine the mesh at "
                 "the contact."
             )
-        moved = max(float(abs(a.project(r) - r).max(initial=0.0)) for a, r in zip(allowed, values, strict=True))
+        new = [a.project(r) for a, r in zip(allowed, values, strict=True)]
+        for projected, r, a, shift, on in zip(new, values, allowed, shifts, level, strict=True):
+            projected[on] = _level(r, a, shift)[on]
+        moved = max(float(abs(p - r).max(initial=0.0)) for p, r in zip(new, values, strict=True))
         if comm.allreduce(moved, MPI.MAX) <= 1e-13 * peak:
             break
     return values
+
+
+def _rays(along: np.ndarray, start: np.ndarray, weight: np.ndarray, motions: np.ndarray) -> Part:
+    """Facets whose tractions are multiples >= 0 of given ones (f, m, d), all nodes of a facet as one long vector."""
+    f, m, d = along.shape
+    long = along.reshape(f, 1, m * d)
+    size = np.linalg.norm(long, axis=2, keepdims=True)
+    unit = np.divide(-long, size, out=np.zeros_like(long), where=size > 0)
+    none = np.zeros((f, 1))
+    cones = Cones(unit, none, none, none > 0)
+    start = start.reshape(f, 1, m * d)
+    return Part(cones, start, np.zeros_like(start), weight, motions.reshape(f, 1, m * d, motions.shape[-1]))
