@@ -102,14 +102,6 @@ def admissible_tractions(model: Model, solution: Any, loads: np.ndarray, forces:
     Raises:
         NotHeldError: If no allowed traction balances the loads on a free motion.
     """
-    try:
-        return _tractions(model, solution, loads, forces, levels=True)
-    except NotHeldError:  # on a coarse mesh level pressures may leave too little to balance with
-        return _tractions(model, solution, loads, forces, levels=False)
-
-
-def _tractions(model: Model, solution: Any, loads: np.ndarray, forces: float, *, levels: bool) -> list[ContactTraction]:
-    """See :func:`admissible_tractions`; ``levels`` tells whether the pressure of facets may be levelled."""
     points, weights = rule(model.d - 1, model.contact_degree)
     project = projection(model.d - 1, model.degree, points, weights)
     average = averages(model.d - 1, model.degree, points, weights)
@@ -121,17 +113,41 @@ def _tractions(model: Model, solution: Any, loads: np.ndarray, forces: float, *,
         sampled = evaluate(solution.traction(contact), model.mesh, points, contact.facets)
         means.append(np.matmul(average, sampled))
         raw.append(ContactTraction(contact, nodes, area, np.matmul(project, sampled), np.zeros(nodes.shape)))
+
+    def limited(*, levels: bool) -> list[ContactTraction]:
+        return _limited(model, raw, means, shifts, loads, forces, levels=levels)
+
+    if not any(contact.sampled for contact in model.contacts):
+        return limited(levels=False)
+    try:
+        return limited(levels=True)
+    except NotHeldError:  # on a coarse mesh level pressures may leave too little to balance with
+        return limited(levels=False)
+
+
+def _limited(
+    model: Model,
+    raw: list[ContactTraction],
+    means: list[np.ndarray],
+    shifts: list[_Shift],
+    loads: np.ndarray,
+    forces: float,
+    *,
+    levels: bool,
+) -> list[ContactTraction]:
+    """Tractions limited to what the law allows, and balanced; ``levels`` tells whether pressures may be levelled."""
     allowed = [Allowed(model, t.contact, np.ones(len(t.nodes))) for t in raw]
     level = [np.zeros(len(t.nodes), dtype=bool) for t in raw]
 
-    def projected(allowed: list[Allowed]) -> list[ContactTraction]:
+    def projected() -> list[ContactTraction]:
         values = [
             a.project(t.values) if model.degree == 1 else a.limited(mean, t.values)
             for t, mean, a in zip(raw, means, allowed, strict=True)
         ]
-        values = [a.project(r + shift.round_off(r)) for r, a, shift in zip(values, allowed, shifts, strict=True)]
-        for v, a, shift, on in zip(values, allowed, shifts, level, strict=True):
-            v[on] = _level(v, a, shift)[on]
+        values = [
+            _levelled(a.project(r + shift.round_off(r)), a, shift, on)
+            for r, a, shift, on in zip(values, allowed, shifts, level, strict=True)
+        ]
         if model.free_motions:
             values = _balanced(model, raw, values, allowed, shifts, level, loads, forces)
         new = []
@@ -141,21 +157,25 @@ def _tractions(model: Model, solution: Any, loads: np.ndarray, forces: float, *,
         return new
 
     for _ in range(PASSES):
-        new = projected(allowed)
+        new = projected()
         factors = [_shrink(model, t) for t in new]
         found = [
-            _becomes_level(model, t, a, shift, on) & levels
+            _becomes_level(model, t, a, shift) & levels & ~on
             for t, a, shift, on in zip(new, allowed, shifts, level, strict=True)
         ]
         changes = any(np.any(f < 1.0) for f in factors) or any(np.any(become) for become in found)
         if not model.comm.allreduce(changes, MPI.LOR):
             return new
-        for a, f, on, become in zip(allowed, factors, level, found, strict=True):
-            on[become], a.factor[become], f[become] = True, 1.0, 1.0
-        allowed = [replace(a, factor=a.factor * f) for a, f in zip(allowed, factors, strict=True)]
+        level = [on | become for on, become in zip(level, found, strict=True)]
+        factors = [np.where(become, 1.0, f) for f, become in zip(factors, found, strict=True)]
+        allowed = [
+            replace(a, factor=np.where(become, 1.0, a.factor * f))
+            for a, f, become in zip(allowed, factors, found, strict=True)
+        ]
         raw = [replace(t, values=_shrunk(t.contact, t.values, f)) for t, f in zip(raw, factors, strict=True)]
         means = [_shrunk(t.contact, mean, f) for t, mean, f in zip(raw, means, factors, strict=True)]
-    return projected([replace(a, sharp=False) for a in allowed])
+    allowed = [replace(a, sharp=False) for a in allowed]
+    return projected()
 
 
 def _shift(model: Model, contact: BoundContact, u: np.ndarray, area: np.ndarray) -> _Shift:
@@ -186,17 +206,25 @@ def _level(values: np.ndarray, allowed: Allowed, shift: _Shift) -> np.ndarray:
     return -pressure[:, None, None] * shift.n - bound[..., None] * against
 
 
-def _becomes_level(
-    model: Model, traction: ContactTraction, allowed: Allowed, shift: _Shift, level: np.ndarray
-) -> np.ndarray:
-    """Facets whose error falls with the pressure levelled, by the size of both changes, shape (f,): they slide far."""
+def _levelled(values: np.ndarray, allowed: Allowed, shift: _Shift, level: np.ndarray) -> np.ndarray:
+    """Tractions (f, m, d), those of some facets (f,) with a level pressure; collective where friction is sampled."""
+    if not allowed.contact.sampled:
+        return values
+    return np.where(level[:, None, None], _level(values, allowed, shift), values)
+
+
+def _becomes_level(model: Model, traction: ContactTraction, allowed: Allowed, shift: _Shift) -> np.ndarray:
+    """Facets whose error falls when their pressure is levelled, shape (f,).
+
+    They slide far, and the contact part falls by more than the bulk part rises, as far as the changes tell.
+    """
     if not traction.contact.sampled:
-        return np.zeros(len(level), dtype=bool)
+        return np.zeros(len(traction.nodes), dtype=bool)
     most, used = _friction(model, traction)
     saved = 2 * np.maximum(most - used, 0.0).mean(axis=1) * shift.path.mean(axis=1)
     added = ((traction.values - _level(traction.values, allowed, shift)) ** 2).sum(axis=2).mean(axis=1)
     far = shift.path.mean(axis=1) > SLIDES * np.linalg.norm(traction.values, axis=2).max(axis=1, initial=0.0)
-    return ~level & far & (saved > added)
+    return far & (saved > added)
 
 
 def _friction(model: Model, traction: ContactTraction) -> tuple[np.ndarray, np.ndarray]:
@@ -254,13 +282,13 @@ def _balanced(
         peak = comm.allreduce(max((float(abs(r).max(initial=0.0)) for r in values), default=0.0), MPI.MAX)
         cones = [a.near(r, peak) for a, r in zip(allowed, values, strict=True)]
         moves = [shift(c.slope) for shift, c in zip(shifts, cones, strict=True)]
+        along = [_levelled(r, a, shift, on) for r, a, shift, on in zip(values, allowed, shifts, level, strict=True)]
         free = [Part(*part).of(~on) for *part, on in zip(cones, start, moves, weights, motions, level, strict=True)]
         rays = [
-            _rays(_level(r, a, shift)[on], s[on], w[on], q[on])
-            for r, s, a, shift, w, q, on in zip(values, start, allowed, shifts, weights, motions, level, strict=True)
+            _rays(*(array[on] for array in of)) for *of, on in zip(along, start, weights, motions, level, strict=True)
         ]
         found, rest, sizes = balanced(comm, free + rays, loads)
-        values = [r.copy() for r in values]
+        values = [np.empty_like(r) for r in start]
         for r, of_nodes, of_rays, on in zip(values, found[: len(raw)], found[len(raw) :], level, strict=True):
             r[~on], r[on] = of_nodes, of_rays.reshape(-1, *r.shape[1:])
         if np.linalg.norm(rest) > HELD * max(forces, sizes):
@@ -270,10 +298,10 @@ def _balanced(
                 "forces). Look at the direction of the loads, add a Displacement or friction, or refine the mesh at "
                 "the contact."
             )
-        new = [a.project(r) for a, r in zip(allowed, values, strict=True)]
-        for projected, r, a, shift, on in zip(new, values, allowed, shifts, level, strict=True):
-            projected[on] = _level(r, a, shift)[on]
-        moved = max(float(abs(p - r).max(initial=0.0)) for p, r in zip(new, values, strict=True))
+        moved = 0.0
+        for r, a, shift, on in zip(values, allowed, shifts, level, strict=True):
+            kept = np.where(on[:, None, None], _levelled(r, a, shift, on), a.project(r))
+            moved = max(moved, float(abs(kept - r).max(initial=0.0)))
         if comm.allreduce(moved, MPI.MAX) <= 1e-13 * peak:
             break
     return values
