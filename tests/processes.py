@@ -26,6 +26,11 @@ def started(script: str, ranks: int, folder: Path) -> subprocess.Popen:
     """
     path = folder / "script.py"
     path.write_text(script)
+    return launched(path, ranks, folder)
+
+
+def launched(path: Path, ranks: int, folder: Path) -> subprocess.Popen:
+    """The same for a script that is a file already."""
     launch = [] if ranks == 1 else [str(Path(sys.executable).parent / "mpiexec"), "-n", str(ranks)]
     return subprocess.Popen(
         [*launch, sys.executable, "-u", str(path)],

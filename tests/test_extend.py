@@ -2,12 +2,10 @@
 
 import ast
 import runpy
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
-from processes import ROOT, environment
+from processes import ROOT, launched, output
 
 pytestmark = pytest.mark.serial
 FOLDER = ROOT / "demos" / "extend"
@@ -53,17 +51,7 @@ def test_example_is_short_and_public(script):
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_examples_run(ranks, tmp_path):
     """All in one process of each rank, which is this file as a script."""
-    launch = [] if ranks == 1 else [str(Path(sys.executable).parent / "mpiexec"), "-n", str(ranks)]
-    run = subprocess.run(
-        [*launch, sys.executable, __file__],
-        cwd=tmp_path,
-        env=environment(),
-        capture_output=True,
-        text=True,
-        timeout=300,
-        check=False,
-    )
-    assert run.returncode == 0, run.stdout + run.stderr
+    output(launched(Path(__file__), ranks, tmp_path), 300)
     assert not list(tmp_path.iterdir())
 
 
