@@ -246,7 +246,11 @@ class Saturating:
         return mu * pressure * limit / (limit + mu * pressure)
 
 
-@pytest.mark.parametrize("law", [lambda x: 0.2 + 0.2 * x[0], Saturating()], ids=["mu(x)", "limit"])
+@pytest.mark.parametrize(
+    "law",
+    [lambda x: 0.2 + 0.2 * x[0], Saturating(), ec.Tresca(lambda x: 2e4 + 1e4 * x[0])],
+    ids=["mu(x)", "limit", "given"],
+)
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("dim", [2, 3])
 def test_sliding_far_with_friction_that_varies(dim, degree, law):

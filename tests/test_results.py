@@ -185,3 +185,18 @@ def test_a_solution_has_values_at_points(degree):
     assert np.allclose(found.elastic_stress, [[0.02, 0.02], [0.02, 0.0]], atol=1e-14)
     with pytest.raises(ec.InputError, match="outside the mesh"):
         solution.at((1.5, 0.0))
+
+
+@pytest.mark.ranks
+def test_the_place_of_equal_maxima_does_not_depend_on_the_ranks():
+    """A symmetric cube has each of its maxima at several places, equal but for round-off."""
+    scene = ec.Scene(
+        ec.Elastic(1.0, 0.3), [ec.Displacement("top", (0.0, 0.0, -0.05))], [], [ec.Contact("bottom", friction=0.3)]
+    )
+    found = []
+    for comm in (MPI.COMM_SELF, MPI.COMM_WORLD):
+        error = error_of(scene, ec.box((0.0,) * 3, (1.0,) * 3, cells=(3, 3, 2), comm=comm), degree=2)
+        found.append([error.maximum(name) for name in ("von Mises", "displacement", "pressure", "shear")])
+    for alone, together in zip(*found, strict=True):
+        assert together.value == pytest.approx(alone.value, rel=1e-9)
+        assert np.allclose(together.place, alone.place, rtol=0, atol=1e-12)

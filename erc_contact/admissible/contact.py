@@ -24,7 +24,7 @@ from erc_contact.admissible.traction import ContactTraction
 from erc_contact.base.exceptions import NotHeldError
 from erc_contact.mesh.simplex import averages, bernstein, lagrange, projection, rule
 from erc_contact.model.expressions import evaluate
-from erc_contact.model.foundation import BoundContact
+from erc_contact.model.foundation import CONSTANT, BoundContact
 from erc_contact.model.model import Model
 
 PASSES = 10
@@ -218,7 +218,8 @@ def _becomes_level(model: Model, traction: ContactTraction, allowed: Allowed, sh
 
     They slide far, and the contact part falls by more than the bulk part rises, as far as the changes tell.
     """
-    if not traction.contact.sampled:
+    friction = traction.contact.friction
+    if friction is None or friction.convex or friction.dependence == CONSTANT:  # no product of friction and pressure
         return np.zeros(len(traction.nodes), dtype=bool)
     most, used = _friction(model, traction)
     saved = 2 * np.maximum(most - used, 0.0).mean(axis=1) * shift.path.mean(axis=1)

@@ -120,15 +120,22 @@ class Everywhere:
         return _tabulated(self.compiled, numbers, n * q).reshape(n, q, *self.shape)
 
 
-def pointwise(function: Callable[..., Any], arrays: Mapping[str, np.ndarray]) -> np.ndarray:
-    """Evaluate a UFL function of numbers at every entry of arrays of one shape, so that it is written once, in UFL."""
-    shape = np.broadcast_shapes(*(a.shape for a in arrays.values()))
+def pointwise(function: Callable[..., Any], first: np.ndarray, named: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Evaluate a UFL function of numbers at every entry of arrays, so that it is written once, in UFL.
+
+    Args:
+        function: Takes the first number by position, the others by name.
+        first: Numbers of any shape.
+        named: Others, of shapes that broadcast with it.
+    """
+    shape = np.broadcast_shapes(first.shape, *(a.shape for a in named.values()))
     size = int(np.prod(shape))
-    names = {name: _number(()) for name in arrays}
-    expression = ufl.as_ufl(function(**names))
+    number, names = _number(()), {name: _number(()) for name in named}
+    expression = ufl.as_ufl(function(number, **names))
     if not varies(expression):
         return np.broadcast_to(_constant(expression), shape)
-    numbers = {names[name]: np.broadcast_to(array, shape).reshape(size, 1) for name, array in arrays.items()}
+    numbers = {number: first, **{names[name]: array for name, array in named.items()}}
+    numbers = {one: np.broadcast_to(array, shape).reshape(size, 1) for one, array in numbers.items()}
     return _tabulated(_compiled(expression, MPI.COMM_SELF), numbers, size).reshape(shape)
 
 

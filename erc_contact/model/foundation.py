@@ -54,7 +54,7 @@ class Friction:
         """The friction bound at points, for pressures and values of the parameters there [force/area]."""
         if self.arithmetic:
             return np.broadcast_to(self.law.bound(pressure, **values), pressure.shape)
-        return pointwise(self.law.bound, {"pressure": pressure, **values})
+        return pointwise(self.law.bound, pressure, values)
 
 
 def bind_friction(mesh: dmesh.Mesh, what: str, law: Law, parameters: dict[str, Any]) -> Friction:

@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from mpi4py import MPI
 
 from erc_contact.admissible.pair import Admissible
 from erc_contact.base.exceptions import InputError
@@ -18,6 +19,8 @@ IN_BODY = ("displacement", "von Mises")
 """Quantities of the body."""
 ON_CONTACT = ("pressure", "shear", "slip", "gap")
 """Quantities of contacts."""
+TIE = 1e-9
+"""Values that differ by less are equal, over the greatest; of their places the one of least coordinates counts [-]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +37,7 @@ class Maximum:
 
 
 def maximum(pair: Admissible, quantity: str) -> Maximum:
-    """The greatest value of a quantity, and where it is; the same on all ranks; collective.
+    """The greatest value of a quantity, and where it is; the same on all ranks, however many; collective.
 
     Args:
         pair: An admissible pair.
@@ -61,8 +64,8 @@ def maximum(pair: Admissible, quantity: str) -> Maximum:
         x = model.V.tabulate_dof_coordinates()[:owned, : model.d]
     else:
         values, x = von_mises(mean_stress(pair)), model.cell_corners()[: model.domain.owned_cells].mean(axis=1)
-    order = np.lexsort([*x.T[::-1], -values])[:1]  # of equal values the first place
-    found = [np.array([values[i], *x[i]]) for i in order]
-    rows = np.array([row for part in model.comm.allgather(found) for row in part])
-    best = rows[np.lexsort([*rows[:, :0:-1].T, -rows[:, 0]])[0]]
-    return Maximum(float(best[0]), best[1:])
+    top = model.comm.allreduce(float(values.max(initial=-np.inf)), MPI.MAX)
+    near = x[values >= top - TIE * abs(top)]
+    every = np.concatenate(model.comm.allgather(near))
+    first = np.lexsort((every / model.domain.size).round(9).T[::-1])[0]
+    return Maximum(top, every[first] + 0.0)
