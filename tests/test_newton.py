@@ -20,7 +20,7 @@ import erc_contact as ec
 from erc_contact.model.model import Model
 from erc_contact.newton import first_guess as start
 from erc_contact.newton.condensed import Condensed
-from erc_contact.newton.snes import Newton
+from erc_contact.newton.dense import Dense
 from erc_contact.newton.stiffness import Stiffness
 
 COMM = MPI.COMM_WORLD
@@ -159,7 +159,7 @@ def attempt(scene, domain, method, line_search, accuracy=None):
     w = stiffness.glued(stiffness.load_vector())
     problem = Condensed(model, method, stiffness, w)
     glued = start.glued(stiffness, w)
-    return problem.run(lambda: Newton(problem, accuracy).solve(problem.from_contact(glued), line_search)[1])
+    return problem.run(lambda: Dense(problem, accuracy).solve(problem.from_contact(glued), line_search)[1])
 
 
 @pytest.mark.serial

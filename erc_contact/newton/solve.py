@@ -26,9 +26,10 @@ from erc_contact.model.model import Model
 from erc_contact.model.promises import bind
 from erc_contact.newton import first_guess as starts
 from erc_contact.newton.condensed import Condensed
+from erc_contact.newton.dense import Dense
 from erc_contact.newton.ladder import Attempt, attempts
 from erc_contact.newton.methods import Method, Nitsche
-from erc_contact.newton.snes import Newton, Outcome
+from erc_contact.newton.snes import Outcome
 from erc_contact.newton.solution import SINGULAR, Solution
 from erc_contact.newton.stiffness import Stiffness
 from erc_contact.scene.scene import Scene
@@ -174,7 +175,7 @@ class _ContactSolve:
         problem = self.problems[attempt.method]
 
         def work() -> tuple[Outcome, Any, Any]:
-            newton = Newton(problem, self.accuracy)
+            newton = Dense(problem, self.accuracy)
             start, steps = problem.from_contact(contact), 0
             for share in attempt.friction_shares:
                 problem.raise_friction(share)
@@ -185,7 +186,7 @@ class _ContactSolve:
             problem.raise_friction(1.0)
             results = None
             if attempt.final and outcome.converged:
-                remaining, regularity = newton.remaining(state.residual), newton.regularity(start)
+                remaining, regularity = newton.remaining_of(state.residual), newton.regularity(start)
                 results = remaining, regularity, start, problem.matrix @ start - problem.loads
             newton.destroy()
             return replace(outcome, steps=steps), start[: self.stiffness.contact_size], results

@@ -18,25 +18,20 @@ complement on L with the factor; the degrees of freedom of L that are not in A a
 from __future__ import annotations
 
 import numpy as np
-import ufl
-from dolfinx import fem, la
-from dolfinx.fem import petsc as fp
+from dolfinx import fem
 from petsc4py import PETSc
 
 from erc_contact.base.exceptions import InputError, together
 from erc_contact.mesh.simplex import local_facet_nodes
 from erc_contact.model.model import Model
+from erc_contact.newton.elastic import Elastic
 from erc_contact.newton.mumps import factorised, schur_complement
 
-GLUE = 10.0
-"""gamma_0 of the glue [-]."""
 
-
-class Stiffness:
+class Stiffness(Elastic):
     """The elastic stiffness of a model with its supports.
 
     Attributes:
-        glue: D at the free degrees of freedom of the contact nodes, zero elsewhere [force/length], a Function of V.
         local: Degrees of freedom of this rank (with ghosts) that are in L.
         place: Their places in L.
         numbers: Global numbers of L in order.
@@ -50,26 +45,16 @@ class Stiffness:
     """
 
     def __init__(self, model: Model) -> None:
-        self.model = model
-        self.form = fem.form(model.stiffness(ufl.TrialFunction(model.V), ufl.TestFunction(model.V)))
+        super().__init__(model)
         self.contact_size = 0
         self.schur: np.ndarray | None = None
         self._reduced: tuple[np.ndarray, np.ndarray] | None = None
         self._ksp: PETSc.KSP | None = None
         self._matrix: PETSc.Mat | None = None
         if model.contacts:
-            self.glue = self._glue()
             self.local, self.place, self.numbers = self._layer()
         if self.contact_size:
             self._condense()
-
-    def load_vector(self) -> fem.Function:
-        """Assemble the loads of the scene as a Function of nodal forces (not yet summed over ranks)."""
-        b = fem.Function(self.model.V)
-        loads = self.model.loads(ufl.TestFunction(self.model.V))
-        if loads is not None:
-            fem.assemble_vector(b.x.array, fem.form(loads))
-        return b
 
     def glued(self, b: fem.Function, *, supports: bool = True) -> fem.Function:
         """``w = (K + D)^-1 b`` [length] under nodal forces b [force], whose ghost contributions are added up here.
@@ -78,21 +63,11 @@ class Stiffness:
             b: Nodal forces.
             supports: Whether fixed components take the values of the supports, else zero.
         """
-        model = self.model
         ksp = self._solver()
-        vector = fp.create_vector(model.V)
-        with vector.localForm() as local:
-            local.array[:] = b.x.array
-        if supports:
-            fp.apply_lifting(vector, [self.form], bcs=[model.bcs])
-        vector.ghostUpdate(PETSc.InsertMode.ADD, PETSc.ScatterMode.REVERSE)
-        fixed = np.flatnonzero(model.fixed.ravel()[: vector.getLocalSize()])
-        vector.array[fixed] = model.prescribed.x.array[fixed] if supports else 0.0
-        u = fem.Function(model.V)
+        vector = self.right_side(b, supports=supports)
         x = vector.duplicate()
         ksp.solve(vector, x)
-        u.x.array[: len(x.array)] = x.array
-        u.x.scatter_forward()
+        u = self.displacement(x)
         x.destroy()
         vector.destroy()
         return u
@@ -122,8 +97,7 @@ class Stiffness:
             added = self.glued_by[: len(u_A)] * u_A + (0.0 if force is None else force)
         b = fem.Function(self.model.V)
         self.scatter(added, b)
-        owned = self.model.V.dofmap.index_map.size_local * self.model.d
-        b.x.array[owned:] = 0.0  # the owner has the whole force
+        b.x.array[self.owned :] = 0.0  # the owner has the whole force
         u = self.glued(b, supports=False)
         u.x.array[:] += w.x.array
         return u
@@ -179,19 +153,6 @@ class Stiffness:
             matrix += np.mean(schur.diagonal()) * kernel @ kernel.T
         return matrix
 
-    def _glue(self) -> fem.Function:
-        model = self.model
-        ones = ufl.as_vector([1.0] * model.d)
-        v = ufl.TestFunction(model.V)
-        gamma = model.stiffness_per_area(fem.Constant(model.mesh, GLUE))
-        terms = [gamma * ufl.inner(ones, v) * c.ds(metadata=model.nodal_rule) for c in model.contacts]
-        glue = fem.Function(model.V)
-        fem.assemble_vector(glue.x.array, fem.form(sum(terms[1:], start=terms[0])))
-        glue.x.scatter_reverse(la.InsertMode.add)
-        glue.x.scatter_forward()
-        glue.x.array[model.fixed.ravel()] = 0.0
-        return glue
-
     def _layer(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Local degrees of freedom in L, their places, and the global numbers of L in order."""
         model, d = self.model, self.model.d
@@ -213,13 +174,9 @@ class Stiffness:
         return dofs, order[np.searchsorted(every, numbers, sorter=order)], every
 
     def _assemble(self) -> PETSc.Mat:
-        matrix = fp.assemble_matrix(self.form, bcs=self.model.bcs)
-        matrix.assemble()
+        matrix = self.stiffness()
         if self.contact_size:
-            diagonal = matrix.createVecRight()
-            diagonal.array[:] = self.glue.x.array[: diagonal.getLocalSize()]
-            matrix.setDiagonal(diagonal, addv=PETSc.InsertMode.ADD)
-            diagonal.destroy()
+            self.add_glue(matrix)
         matrix.setOption(PETSc.Mat.Option.SPD, True)
         return matrix
 

@@ -1,0 +1,167 @@
+"""The condensed contact problem for SNES: dense matrices on rank 0.
+
+Symbols: R residual, A and K as in :mod:`erc_contact.newton.condensed`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from petsc4py import PETSc
+
+from erc_contact.newton.condensed import Condensed
+from erc_contact.newton.snes import ZERO_PIVOT, Outcome, attempt
+
+TOLERANCE = 1e-12
+"""Newton's method stops when the residual is below this fraction of the forces that cancel in it [-]."""
+FAR = 1e5
+"""Bound of the forces that cancel in the residual, as a multiple of those with the contact glued [-]."""
+PRESS = 1e-5
+"""How far a state is pressed into the foundation for another tangent, over the size of the displacement [-]."""
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """The last state of an attempt, on rank 0.
+
+    Attributes:
+        displacement: u_A [length].
+        residual: R(u_A) [force].
+    """
+
+    displacement: np.ndarray
+    residual: np.ndarray
+
+
+class Dense:
+    """One condensed problem as SNES sees it, used on rank 0 within :meth:`Condensed.run`.
+
+    Args:
+        problem: The condensed problem.
+        accuracy: Newton's method may stop when :meth:`remaining` is below it [sqrt(force length)]; None for round-off.
+    """
+
+    def __init__(self, problem: Condensed, accuracy: float | None = None) -> None:
+        self.problem, self.accuracy = problem, accuracy
+        self.scale = problem.length / problem.force
+        size = problem.size
+        self.jacobian = PETSc.Mat().createDense((size, size), comm=PETSc.COMM_SELF)
+        self.jacobian.setUp()
+        self.elastic: PETSc.KSP | None = None
+
+    def solve(self, start: np.ndarray, line_search: str) -> tuple[State, Outcome]:
+        """Make one attempt from the displacement start; return the last state and how the attempt ended."""
+        x = self.vector()
+        x.array[:] = start / self.problem.length
+        outcome = attempt(self, x, line_search, self.accuracy)
+        u = self._displacement(x)
+        x.destroy()
+        return State(u, self.problem.residual(u)), outcome
+
+    def vector(self) -> PETSc.Vec:
+        """A new vector of unknowns."""
+        return self.jacobian.createVecRight()
+
+    def function(self, _: Any, x: PETSc.Vec, f: PETSc.Vec) -> None:
+        """Set f to the scaled residual."""
+        f.array[:] = self.problem.residual(self._displacement(x)) / self.problem.force
+
+    def prepare(self, snes: PETSc.SNES) -> None:
+        """Give SNES the tangent and a direct solver."""
+        snes.setJacobian(self._tangent, self.jacobian)
+        ksp = snes.getKSP()
+        ksp.setType("preonly")
+        ksp.getPC().setType("lu")
+
+    def tolerance(self, x: PETSc.Vec) -> float:
+        """The norm of the scaled residual that counts as round-off [-].
+
+        The forces that cancel in it are bounded: a body that nothing holds moves so far that any residual would be
+        round-off of its forces.
+        """
+        problem = self.problem
+        forces = abs(problem.matrix) @ abs(self._displacement(x)) + abs(problem.loads)
+        return TOLERANCE * min(max(1.0, float(forces.max(initial=0.0)) / problem.force), FAR)
+
+    def remaining(self, x: PETSc.Vec) -> float:
+        """Energy norm of the distance to the solution [sqrt(force length)]; see :meth:`remaining_of`."""
+        return self.remaining_of(self.problem.residual(self._displacement(x)))
+
+    def status(self, x: PETSc.Vec) -> tuple[bytes, tuple[int, int, int]]:
+        """A key of the contact status of all points, and the numbers of open, slipping and sticking points."""
+        found = self.problem.status(self._displacement(x))
+        open_, slip, stick = (int(n) for n in np.bincount(found, minlength=3))
+        return found.tobytes(), (open_, slip, stick)
+
+    def remaining_of(self, residual: np.ndarray) -> float:
+        """Energy norm of the distance to the solution, ``sqrt(R.K^-1 R)`` [sqrt(force length)].
+
+        If r^ is the traction of the method, the rebalance of the last state adds this to the error in the constitutive
+        relation.
+        """
+        if self.elastic is None:
+            elastic = self.problem.stiffness.definite(self.problem.size)
+            matrix = PETSc.Mat().createDense(elastic.shape, array=elastic, comm=PETSc.COMM_SELF)
+            matrix.setOption(PETSc.Mat.Option.SPD, True)
+            self.elastic = _direct(matrix, "cholesky")
+        force, u = self.jacobian.createVecs()
+        force.array[:] = residual
+        self.elastic.solve(force, u)
+        return float(np.sqrt(max(u.dot(force), 0.0)))
+
+    def regularity(self, u_A: np.ndarray) -> float:
+        """Least singular value of the tangent, scaled by the elastic diagonal [-]; zero if it has no inverse.
+
+        It is the lesser one of two tangents: at u_A, and at u_A pressed into the foundation by a tiny length. At points
+        that touch without pressure the equations have a kink, and the tangent under pressure may be the singular one.
+        """
+        pressed = u_A + PRESS * self.problem.length * self.problem.normals
+        return min(self._least_singular_value(u) for u in (u_A, pressed))
+
+    def _least_singular_value(self, u_A: np.ndarray) -> float:
+        """An estimate by inverse iteration on ``J^T J``."""
+        diagonal = 1 / np.sqrt(self.problem.schur.diagonal())
+        scaled = self.problem.tangent(u_A) * diagonal * diagonal[:, None]
+        matrix = PETSc.Mat().createDense(scaled.shape, array=scaled, comm=PETSc.COMM_SELF)
+        ksp = _direct(matrix, "lu")
+        x, y = matrix.createVecs()
+        x.array[:] = np.random.default_rng(0).standard_normal(len(diagonal))
+        norm = x.norm()
+        try:
+            for _ in range(4):
+                x.scale(1 / norm)
+                ksp.solveTranspose(x, y)
+                ksp.solve(y, x)
+                norm = x.norm()
+                if not np.isfinite(norm) or norm == 0.0:
+                    return 0.0
+        except PETSc.Error as failure:
+            if failure.ierr != ZERO_PIVOT:
+                raise
+            return 0.0
+        return float(1 / np.sqrt(norm))
+
+    def _displacement(self, x: PETSc.Vec) -> np.ndarray:
+        return x.array_r * self.problem.length
+
+    def _tangent(self, _: Any, x: PETSc.Vec, matrix: PETSc.Mat, __: PETSc.Mat) -> None:
+        matrix.getDenseArray()[:] = self.problem.tangent(self._displacement(x)) * self.scale
+        matrix.assemble()
+
+    def destroy(self) -> None:
+        """Free PETSc's objects."""
+        self.jacobian.destroy()
+        if self.elastic is not None:
+            self.elastic.destroy()
+
+
+def _direct(matrix: PETSc.Mat, kind: str) -> PETSc.KSP:
+    """A solver with the "lu" or "cholesky" factor of a dense matrix."""
+    matrix.assemble()
+    ksp = PETSc.KSP().create(PETSc.COMM_SELF)
+    ksp.setOperators(matrix)
+    ksp.setType("preonly")
+    ksp.getPC().setType(kind)
+    return ksp

@@ -1,0 +1,121 @@
+"""The elastic equations of a model: what every way to solve them begins with.
+
+Symbols: K elastic stiffness with the supports [force/length]; D diagonal stiffness that glues the contact nodes to the
+foundations, ``D_i = 10 E k^2/h |F|/m`` summed over facets.
+"""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+import ufl
+from dolfinx import fem, la
+from dolfinx.fem import petsc as fp
+from petsc4py import PETSc
+
+from erc_contact.model.model import Model
+
+GLUE = 10.0
+"""gamma_0 of the glue [-]."""
+
+
+class ElasticSolver(Protocol):
+    """What later stages ask of the solver that a contact solve leaves behind.
+
+    Attributes:
+        factorised: Whether a factor or a hierarchy is in memory.
+    """
+
+    @property
+    def factorised(self) -> bool: ...  # noqa: D102
+
+    def load_vector(self) -> fem.Function:
+        """Nodal forces of the loads of the scene [force], not yet summed over ranks."""
+
+    def solve(self, b: fem.Function, *, supports: bool = True) -> fem.Function:
+        """Displacement u of ``K u = b`` [length]; collective."""
+
+    def free(self) -> None:
+        """Free the memory; a later solve makes it again."""
+
+
+class Elastic:
+    """The elastic equations of a model with its supports.
+
+    Args:
+        model: The scene on a mesh.
+
+    Attributes:
+        form: The compiled form of K.
+        glue: D at the free degrees of freedom of the contact nodes, zero elsewhere [force/length], a Function of V;
+            without contact it is zero.
+        owned: Number of degrees of freedom of this rank.
+    """
+
+    def __init__(self, model: Model) -> None:
+        self.model = model
+        self.form = fem.form(model.stiffness(ufl.TrialFunction(model.V), ufl.TestFunction(model.V)))
+        self.glue = _glue(model)
+        self.owned = model.V.dofmap.index_map.size_local * model.d
+
+    def load_vector(self) -> fem.Function:
+        """Assemble the loads of the scene as a Function of nodal forces (not yet summed over ranks)."""
+        b = fem.Function(self.model.V)
+        loads = self.model.loads(ufl.TestFunction(self.model.V))
+        if loads is not None:
+            fem.assemble_vector(b.x.array, fem.form(loads))
+        return b
+
+    def stiffness(self) -> PETSc.Mat:
+        """K, where supports fix a component the row and column of the identity."""
+        matrix = fp.assemble_matrix(self.form, bcs=self.model.bcs)
+        matrix.assemble()
+        return matrix
+
+    def right_side(self, b: fem.Function, *, supports: bool) -> PETSc.Vec:
+        """The right side for nodal forces b, whose ghost contributions are added up here.
+
+        Args:
+            b: Nodal forces [force].
+            supports: Whether fixed components take the values of the supports, else zero.
+        """
+        model = self.model
+        vector = fp.create_vector(model.V)
+        with vector.localForm() as local:
+            local.array[:] = b.x.array
+        if supports:
+            fp.apply_lifting(vector, [self.form], bcs=[model.bcs])
+        vector.ghostUpdate(PETSc.InsertMode.ADD, PETSc.ScatterMode.REVERSE)
+        fixed = np.flatnonzero(model.fixed.ravel()[: self.owned])
+        vector.array[fixed] = model.prescribed.x.array[fixed] if supports else 0.0
+        return vector
+
+    def displacement(self, x: PETSc.Vec) -> fem.Function:
+        """A vector of nodal values as a Function."""
+        u = fem.Function(self.model.V)
+        u.x.array[: self.owned] = x.array_r
+        u.x.scatter_forward()
+        return u
+
+    def add_glue(self, matrix: PETSc.Mat, share: float = 1.0) -> None:
+        """Add a share of D to the diagonal of a matrix, in place."""
+        diagonal = matrix.createVecRight()
+        diagonal.array[:] = share * self.glue.x.array[: self.owned]
+        matrix.setDiagonal(diagonal, addv=PETSc.InsertMode.ADD)
+        diagonal.destroy()
+
+
+def _glue(model: Model) -> fem.Function:
+    glue = fem.Function(model.V)
+    if not model.contacts:
+        return glue
+    ones = ufl.as_vector([1.0] * model.d)
+    v = ufl.TestFunction(model.V)
+    gamma = model.stiffness_per_area(fem.Constant(model.mesh, GLUE))
+    terms = [gamma * ufl.inner(ones, v) * c.ds(metadata=model.nodal_rule) for c in model.contacts]
+    fem.assemble_vector(glue.x.array, fem.form(sum(terms[1:], start=terms[0])))
+    glue.x.scatter_reverse(la.InsertMode.add)
+    glue.x.scatter_forward()
+    glue.x.array[model.fixed.ravel()] = 0.0
+    return glue
