@@ -204,12 +204,12 @@ def test_adaptive_run_saves_steps(tighten, accuracy, share):
 
 def test_warm_start_of_a_refined_mesh_is_exact_at_old_nodes():
     old = ec.solve(common_block(), block(8))
-    model = Model(common_block(), old.domain.refined())
-    stiffness = Stiffness(model)
-    given = start.from_mesh(old.model, old.u, stiffness)
-    itself = start.from_mesh(old.model, old.u, Stiffness(old.model))
+    given, itself = (
+        Stiffness(model).gather(start.from_mesh(old.model, old.u, model))
+        for model in (Model(common_block(), old.domain.refined()), old.model)
+    )
     if COMM.rank == 0:
-        assert len(given) > len(itself)
+        assert np.count_nonzero(given) > np.count_nonzero(itself) > 0
         assert np.isin(np.round(itself, 10), np.round(given, 10)).all()
 
 

@@ -23,16 +23,12 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-import ufl
 from dolfinx import fem
 from petsc4py import PETSc
 
-from erc_contact.base.checks import told
-from erc_contact.base.exceptions import InputError, raise_together, together
-from erc_contact.mesh.simplex import rule
-from erc_contact.model.foundation import BoundContact
+from erc_contact.base.exceptions import raise_together, together
 from erc_contact.model.model import Model
-from erc_contact.model.users import linear
+from erc_contact.newton.forms import ContactForms
 from erc_contact.newton.methods import Method
 from erc_contact.newton.multipliers import Places, contact_edges, multiplier_rows
 from erc_contact.newton.stiffness import Stiffness
@@ -50,7 +46,7 @@ class Condensed:
         w: Its glued displacement under the loads [length].
 
     Attributes:
-        contacts: The contacts of the model, with the share of friction that :meth:`raise_friction` sets.
+        forms: The equations of the method, with the share of friction that :meth:`raise_friction` sets.
         u: Displacement, up to date in the cells at the contact only [length]; for a method with multiplier its nodal
             values at the contact are the Bernstein coefficients.
         multipliers: Multiplier of each contact [force/area], or () for a method without.
@@ -65,16 +61,15 @@ class Condensed:
 
     def __init__(self, model: Model, method: Method, stiffness: Stiffness, w: fem.Function) -> None:
         self.model, self.method, self.stiffness = model, method, stiffness
-        self.share = fem.Constant(model.mesh, 1.0)
-        self.contacts = [c.with_share(self.share) for c in model.contacts]
+        self.forms = ContactForms(model, method)
+        self.u, self.multipliers = self.forms.u, self.forms.multipliers
         self._at: np.ndarray | None = None
         self.size = len(stiffness.numbers) if method.in_layer else stiffness.contact_size
-        self.u = fem.Function(model.V)
         self.u.x.array[:] = w.x.array
         if method.multiplier:
             model.to_coefficients(self.u.x.array.reshape(-1, model.d), model.contacts)
-        self.multipliers = tuple(fem.Function(model.V) for _ in model.contacts) if method.multiplier else ()
-        self._compile()
+        self.residual_vector = fem.Function(model.V)
+        self.tangents = [fem.create_matrix(form) for form in self.forms.tangents]
         self.w, known = stiffness.gather(w), stiffness.gather(self.u)
         self.edges = contact_edges(model, stiffness.numbers[: self.size]) if method.multiplier else None
         self.length = max(model.comm.allgather(float(abs(w.x.array).max(initial=0.0)))) or 1.0
@@ -169,7 +164,7 @@ class Condensed:
     def _residual(self) -> np.ndarray | None:
         vector = self.residual_vector.x.array
         vector[:] = 0.0
-        fem.assemble_vector(vector, self.residual_form)
+        fem.assemble_vector(vector, self.forms.residual)
         parts = self.model.comm.gather(vector[self.rows])
         if parts is None:
             return None
@@ -177,7 +172,7 @@ class Condensed:
 
     def _tangent(self) -> np.ndarray | None:
         values = []
-        for matrix, form, pick in zip(self.tangents, self.tangent_forms, self.picks, strict=True):
+        for matrix, form, pick in zip(self.tangents, self.forms.tangents, self.picks, strict=True):
             matrix.set_value(0.0)
             fem.assemble_matrix(matrix, form)
             values.append(matrix.data[pick])
@@ -185,13 +180,11 @@ class Condensed:
         return None if parts is None else np.concatenate(parts)
 
     def _status(self) -> np.ndarray | None:
-        mesh = self.model.mesh
-        local = [e.eval(mesh, facets).ravel().astype(np.int8) for e, facets in self.status_expressions]
-        parts = self.model.comm.gather(np.concatenate(local))
+        parts = self.model.comm.gather(self.forms.status())
         return None if parts is None else np.concatenate(parts)
 
     def _share(self, share: float) -> None:
-        self.share.value = share
+        self.forms.share.value = share
 
     def _condense(self, known: np.ndarray) -> None:
         """Make the dense matrices, on rank 0."""
@@ -207,35 +200,6 @@ class Condensed:
         self.affine = np.hstack([lift, (known - lift @ self.w[:a])[:, None]])
 
     # -- set up ---------------------------------------------------------------------------------------------
-
-    def _equations(self, contact: BoundContact, multiplier: Any, v: Any) -> Any:
-        """The equations of the method on a contact, a form linear in v."""
-        what = f"The equations of {type(self.method).__name__}"
-        form = self.method.equations(self.model, contact, self.u, v, multiplier)
-        if not isinstance(form, ufl.Form):
-            raise InputError(f"{what} are {told(form)}; return a UFL form, e.g. -ufl.inner(r, v) * contact.ds.")
-        for integral in form.integrals():
-            linear(what, integral.integrand(), v)
-        return form
-
-    def _compile(self) -> None:
-        model, method = self.model, self.method
-        fields: tuple[Any, ...] = self.multipliers or (None,) * len(self.contacts)
-        v, du = ufl.TestFunction(model.V), ufl.TrialFunction(model.V)
-        pairs = list(zip(self.contacts, fields, strict=True))
-        parts = together(model.comm, lambda: [self._equations(c, f, v) for c, f in pairs])
-        shown = together(model.comm, lambda: [c.status(method.projected(model, c, self.u, f)) for c, f in pairs])
-        together(model.comm, lambda: [method.traction(model, c, self.u, f) for c, f in pairs])
-        residual = sum(parts[1:], start=parts[0])
-        self.residual_form = fem.form(residual)
-        self.residual_vector = fem.Function(model.V)
-        self.tangent_forms = [fem.form(ufl.derivative(residual, f, du)) for f in (self.u, *self.multipliers)]
-        self.tangents = [fem.create_matrix(form) for form in self.tangent_forms]
-        points, _ = rule(model.d - 1, 2 * model.degree)
-        self.status_expressions = []
-        for contact, status in zip(self.contacts, shown, strict=True):
-            own = contact.facets[model.owned(contact.facets)]
-            self.status_expressions.append((fem.Expression(status, points, comm=model.comm), own))
 
     def _add_multipliers(self, columns: list[np.ndarray]) -> None:
         """Add the multipliers to z.

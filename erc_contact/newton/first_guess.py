@@ -21,6 +21,18 @@ CHUNK = 1_000_000
 """Number of pairs (node, facet) that are worked on at once, to bound the memory."""
 
 
+def across_gap(model: Model) -> fem.Function:
+    """The displacement of the contact nodes that closes their gaps [length], zero elsewhere."""
+    across = fem.Function(model.V)
+    values = across.x.array.reshape(-1, model.d)
+    for contact in model.contacts:
+        if contact.gap is not None:
+            gap = model.gap_at_nodes(contact)
+            values[model.facet_nodes(contact.facets)] = gap[..., None] * contact.direction[:, None, :]
+    across.x.scatter_forward()
+    return across
+
+
 def glued(stiffness: Stiffness, w: fem.Function) -> np.ndarray | None:
     """Displacement of the contact nodes glued to the foundations, where a gap is closed.
 
@@ -31,14 +43,8 @@ def glued(stiffness: Stiffness, w: fem.Function) -> np.ndarray | None:
     Returns:
         The free components on rank 0, None on other ranks; collective.
     """
-    model, a = stiffness.model, stiffness.contact_size
-    across_gap = fem.Function(model.V)
-    values = across_gap.x.array.reshape(-1, model.d)
-    for contact in model.contacts:
-        if contact.gap is not None:
-            gap = model.gap_at_nodes(contact)
-            values[model.facet_nodes(contact.facets)] = gap[..., None] * contact.direction[:, None, :]
-    given, start = stiffness.gather(across_gap)[:a], stiffness.gather(w)[:a]
+    a = stiffness.contact_size
+    given, start = stiffness.gather(across_gap(stiffness.model))[:a], stiffness.gather(w)[:a]
 
     def across() -> np.ndarray | None:
         if stiffness.schur is None:
@@ -47,28 +53,26 @@ def glued(stiffness: Stiffness, w: fem.Function) -> np.ndarray | None:
             return start
         return start + np.linalg.solve(stiffness.reduced(a)[0], stiffness.glued_by[:a] * given)
 
-    return together(model.comm, across)
+    return together(stiffness.model.comm, across)
 
 
-def from_mesh(model: Model, u: fem.Function, stiffness: Stiffness) -> np.ndarray | None:
-    """Displacement of the contact nodes of a new mesh from that on another one.
+def from_mesh(model: Model, u: fem.Function, new: Model) -> fem.Function:
+    """Displacement of the contact nodes of a new mesh from that on another one; collective.
 
     Args:
         model: The scene on the old mesh.
         u: The displacement there [length].
-        stiffness: The condensed elastic stiffness on the new mesh.
+        new: The scene on the new mesh.
 
     Returns:
-        The free components on rank 0, None on other ranks; collective.
+        The displacement at the contact nodes of this rank [length], zero elsewhere.
     """
-    new = stiffness.model
     corners, values = _contact_facets(model, u)
     nodes = np.unique(np.concatenate([new.facet_nodes(c.facets).ravel() for c in new.contacts]))
     x = new.V.tabulate_dof_coordinates()[nodes, : new.d]
     field = fem.Function(new.V)
     field.x.array.reshape(-1, new.d)[nodes] = interpolate(x, corners, values, model.degree)
-    given = stiffness.gather(field)[: stiffness.contact_size]
-    return None if stiffness.schur is None else given
+    return field
 
 
 def interpolate(x: np.ndarray, corners: np.ndarray, values: np.ndarray, degree: int = 1) -> np.ndarray:

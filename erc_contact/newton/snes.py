@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
+from dolfinx import fem
 from petsc4py import PETSc
 
 PREFIX = "erc_contact_"
@@ -43,6 +44,23 @@ class Outcome:
     def __str__(self) -> str:
         status = "{} open, {} slip, {} stick".format(*self.status)
         return f"{self.reason}, residual {self.residual:.1e}, {self.steps} steps ({status})"
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """What a final attempt has found.
+
+    Attributes:
+        u: Displacement [length].
+        multipliers: Multiplier of each contact [force/area], nodal values, or () for a method without.
+        remaining: Energy norm of the distance to the solution of the discrete problem [sqrt(force length)].
+        regularity: Least singular value of the tangents at the solution [-].
+    """
+
+    u: fem.Function
+    multipliers: tuple[fem.Function, ...]
+    remaining: float
+    regularity: float
 
 
 class Equations(Protocol):

@@ -12,8 +12,8 @@ from erc_contact.mesh.domain import Domain
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.model import Model
 from erc_contact.model.points import at_points, elastic_stress_at, in_space
+from erc_contact.newton.elastic import ElasticSolver
 from erc_contact.newton.methods import Method
-from erc_contact.newton.stiffness import Stiffness
 from erc_contact.scene.scene import Scene
 
 
@@ -60,7 +60,7 @@ class Solution:
     reason: str
     remaining: float
     regularity: float
-    stiffness: Stiffness
+    stiffness: ElasticSolver
     seconds: float
 
     @property

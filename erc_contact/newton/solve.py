@@ -24,20 +24,20 @@ from erc_contact.base.logs import log_of
 from erc_contact.mesh.domain import Domain
 from erc_contact.model.model import Model
 from erc_contact.model.promises import bind
-from erc_contact.newton import first_guess as starts
-from erc_contact.newton.condensed import Condensed
-from erc_contact.newton.dense import Dense
-from erc_contact.newton.ladder import Attempt, attempts
+from erc_contact.newton.direct import Direct
+from erc_contact.newton.iterative import Iterative
+from erc_contact.newton.ladder import attempts
 from erc_contact.newton.methods import Method, Nitsche
-from erc_contact.newton.snes import Outcome
+from erc_contact.newton.snes import Found
 from erc_contact.newton.solution import SINGULAR, Solution
-from erc_contact.newton.stiffness import Stiffness
 from erc_contact.scene.scene import Scene
 
 METHOD = ("multiplier", "in_layer", "equations", "traction", "projected")
 """What a method has."""
 DEFAULT = Nitsche()
 """The method where none is given."""
+SOLVERS: dict[str, type[Direct | Iterative]] = {"direct": Direct, "iterative": Iterative}
+"""The solvers by name."""
 
 
 def solve(
@@ -48,6 +48,7 @@ def solve(
     degree: int = 1,
     start: Solution | None = None,
     accuracy: float | None = None,
+    solver: str = "direct",
 ) -> Solution:
     """Solve a scene on a domain; collective.
 
@@ -77,14 +78,12 @@ def solve(
     accuracy = None if accuracy is None else checks.positive("accuracy", accuracy, "an energy norm > 0, or None")
     raise_together(domain.mesh.comm, None)
     model = bind(scene, domain, int(degree))
-    stiffness = Stiffness(model)
-    b = stiffness.load_vector()
-    w = stiffness.glued(b)
-    _check_size(model, b, w)
-    if stiffness.contact_size:
-        solution = _ContactSolve(model, method, stiffness, w, accuracy).solve(start)
+    made = SOLVERS[solver](model)
+    _check_size(model, made.elastic.load_vector(), made.guess)
+    if made.elastic.contact_size:
+        solution = _ContactSolve(made, method, accuracy).solve(start)
     else:
-        solution = Solution(model, method or DEFAULT, w, (), 0, "linear solve", 0.0, 1.0, stiffness, 0.0)
+        solution = Solution(model, method or DEFAULT, made.guess, (), 0, "linear solve", 0.0, 1.0, made.elastic, 0.0)
     seconds = model.comm.allreduce(perf_counter() - began, MPI.MAX)
     log_of(model.comm).debug(
         "%d cells: %s; %d Newton steps, %.2f s", domain.cells, solution.reason, solution.newton_steps, seconds
@@ -135,29 +134,29 @@ def _check_size(model: Model, b: fem.Function, w: fem.Function) -> None:
 class _ContactSolve:
     """The contact solve of one model: it makes the attempts of the ladder until one converges; collective."""
 
-    def __init__(
-        self, model: Model, method: Method | None, stiffness: Stiffness, w: fem.Function, accuracy: float | None
-    ) -> None:
-        self.model, self.stiffness, self.w = model, stiffness, w
+    def __init__(self, solver: Direct | Iterative, method: Method | None, accuracy: float | None) -> None:
+        self.solver, self.model = solver, solver.model
         self.method, self.fallback = method or DEFAULT, method is None
-        self.accuracy, self.log = accuracy, log_of(model.comm)
-        self.problems: dict[Method, Condensed] = {}
+        self.accuracy, self.log = accuracy, log_of(self.model.comm)
         self.tried: list[str] = []
         self.steps = 0
 
     def solve(self, start: Solution | None) -> Solution:
         """Make the attempts one after the other until one of the wanted method converges."""
-        states = {"glued": starts.glued(self.stiffness, self.w)}
+        states = {"glued": self.solver.glued()}
         if start is not None and start.model.contacts:
-            states["warm"] = starts.from_mesh(start.model, start.u, self.stiffness)
+            states["warm"] = self.solver.warm(start.model, start.u)
         friction = any(c.friction is not None for c in self.model.contacts)
         for attempt in attempts(self.method, states, friction=friction, fallback=self.fallback):
             if attempt.start not in states:
                 continue
-            converged, state, results = self._attempt(attempt, states[attempt.start])
-            if converged and attempt.final:
-                return self._solution(attempt.method, results)
-            if converged:
+            outcome, state, found = self.solver.attempt(attempt, states[attempt.start], self.accuracy)
+            self.steps += outcome.steps
+            self.tried.append(f"{attempt}: {outcome}")
+            self.log.debug(self.tried[-1])
+            if found is not None:
+                return self._solution(attempt.method, found)
+            if outcome.converged:
                 states[attempt.gives] = state
         also, try_other = " or the augmented Lagrangian", "the other method (method=None tries both), "
         raise NotConverged(
@@ -168,47 +167,13 @@ class _ContactSolve:
             tuple(self.tried),
         )
 
-    def _attempt(self, attempt: Attempt, contact: Any) -> tuple[bool, Any, Any]:
-        """Make one attempt; return whether it converged, u at the contact nodes, and the data for a solution."""
-        if attempt.method not in self.problems:
-            self.problems[attempt.method] = Condensed(self.model, attempt.method, self.stiffness, self.w)
-        problem = self.problems[attempt.method]
-
-        def work() -> tuple[Outcome, Any, Any]:
-            newton = Dense(problem, self.accuracy)
-            start, steps = problem.from_contact(contact), 0
-            for share in attempt.friction_shares:
-                problem.raise_friction(share)
-                state, outcome = newton.solve(start, attempt.line_search)
-                start, steps = state.displacement, steps + outcome.steps
-                if not outcome.converged:
-                    break
-            problem.raise_friction(1.0)
-            results = None
-            if attempt.final and outcome.converged:
-                remaining, regularity = newton.remaining_of(state.residual), newton.regularity(start)
-                results = remaining, regularity, start, problem.matrix @ start - problem.loads
-            newton.destroy()
-            return replace(outcome, steps=steps), start[: self.stiffness.contact_size], results
-
-        outcome, state, results = problem.run(work)
-        self.steps += outcome.steps
-        self.tried.append(f"{attempt}: {outcome}")
-        self.log.debug(self.tried[-1])
-        return outcome.converged, state, results
-
-    def _solution(self, method: Method, results: tuple[float, float, np.ndarray, np.ndarray]) -> Solution:
-        remaining, regularity, u_A, force = results
-        cells = self.model.domain.cells
-        u = self.stiffness.expand(self.w, u_A, force)
-        reason = self.tried[-1]
+    def _solution(self, method: Method, found: Found) -> Solution:
+        cells, reason = self.model.domain.cells, self.tried[-1]
         if method != self.method:
             reason = f"{self.method} did not converge: {reason}"
             self.log.info("%d cells: %s did not converge, the solution is that of %s.", cells, self.method, method)
-        if regularity < SINGULAR:
-            reason += f"; the tangent is singular ({regularity:.0e}), the solution may be one of many"
+        if found.regularity < SINGULAR:
+            reason += f"; the tangent is singular ({found.regularity:.0e}), the solution may be one of many"
             self.log.warning("The tangent of the contact problem is singular at its solution: it may be one of many.")
-        multipliers = self.problems[method].multipliers_at(u_A)
-        return Solution(
-            self.model, method, u, multipliers, self.steps, reason, remaining, regularity, self.stiffness, 0.0
-        )
+        numbers = self.steps, reason, found.remaining, found.regularity
+        return Solution(self.model, method, found.u, found.multipliers, *numbers, self.solver.elastic, 0.0)

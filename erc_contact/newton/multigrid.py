@@ -1,0 +1,212 @@
+"""The elastic equations solved iteratively: conjugate gradients with algebraic multigrid, on any number of ranks.
+
+The hierarchy is PETSc's GAMG: smoothed aggregation with the rigid motions as near null space. The aggregates and the
+interpolation are made once, for K + D. Where a matrix differs from it at the contact only, as every tangent of a
+contact problem does, the coarse matrices are computed anew with the same interpolation; this is half of a set-up. A
+hierarchy that is kept while the contact opens is slow: (K + D)^-1 K has eigenvalues that fall with the mesh size.
+
+Symbols: K and D as in :mod:`erc_contact.newton.elastic`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from dolfinx import fem
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from erc_contact.base.exceptions import InputError, NotConverged
+from erc_contact.model.model import Model
+from erc_contact.newton.elastic import Elastic
+
+PREFIX = "erc_contact_elastic_"
+"""Prefix of PETSc options of the solver of elastic equations, as in ``-erc_contact_elastic_pc_type hypre``."""
+OPTIONS = {
+    "pc_type": "gamg",
+    "pc_gamg_threshold": 0.02,
+    "pc_gamg_coarse_eq_limit": 500,
+    "pc_gamg_reuse_interpolation": True,
+}
+"""Options that the user's override."""
+GUESS, EXACT = 1e-3, 1e-12
+"""Tolerances of linear solves: of one where Newton's method starts, and of one that must balance the loads [-]."""
+LIMIT = 500
+"""Limit of the iterations of one linear solve; 15 to 60 are usual."""
+
+
+class Multigrid(Elastic):
+    """The elastic stiffness of a model with its supports, and a multigrid hierarchy.
+
+    Attributes:
+        contact_size: Number of free degrees of freedom at contact nodes, over all ranks; 0 without contact.
+        matrix: K, see :meth:`Elastic.stiffness`.
+    """
+
+    def __init__(self, model: Model) -> None:
+        super().__init__(model)
+        glued = int(np.count_nonzero(self.glue.x.array[: self.owned]))
+        self.contact_size = int(model.comm.allreduce(glued, MPI.SUM))
+        self.matrix = self.stiffness()
+        self._fine: PETSc.Mat | None = None
+        self._pc: PETSc.PC | None = None
+        self._share: float | None = None
+        """Share of the glue in the matrix of the hierarchy; None after :meth:`renew` with a tangent."""
+
+    def glued(self, b: fem.Function, *, supports: bool = True, tolerance: float = GUESS) -> fem.Function:
+        """``w = (K + D)^-1 b`` [length] under nodal forces b [force], whose ghost contributions are added up here.
+
+        Args:
+            b: Nodal forces.
+            supports: Whether fixed components take the values of the supports, else zero.
+            tolerance: Residual over the right side [-].
+        """
+        self._set_up(1.0)
+        return self._solved(self._fine, self.right_side(b, supports=supports), tolerance)
+
+    def solve(self, b: fem.Function, *, supports: bool = True) -> fem.Function:
+        """Displacement u of ``K u = b`` [length] under nodal forces b [force]; see :meth:`glued`.
+
+        The loads must do no work on rigid motions that no support holds; u has no part in these motions.
+        """
+        loose = self.model.free_motions
+        self._set_up(self._weak_share() if loose else 0.0)
+        if loose:
+            self.matrix.setNullSpace(self._motions())
+        return self._solved(self.matrix, self.right_side(b, supports=supports), EXACT)
+
+    def renew(self, change: PETSc.Mat) -> None:
+        """Let the hierarchy be that of K plus a change at the contact [force/length]."""
+        if self._pc is None:
+            self._set_up(1.0)
+        self._fine = self._copied()
+        self._fine.axpy(1.0, change, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
+        self._fine.setOption(PETSc.Mat.Option.SPD, False)
+        self._make(None)
+
+    def cycle(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
+        """Set y to the hierarchy's approximation of the inverse times x."""
+        self._pc.apply(x, y)
+
+    @property
+    def factorised(self) -> bool:
+        """Whether a hierarchy is in memory."""
+        return self._pc is not None
+
+    def free(self) -> None:
+        """Free the hierarchy; a later solve makes it again."""
+        for made in (self._pc, self._fine):
+            if made is not None:
+                made.destroy()
+        self._pc = self._fine = self._share = None
+
+    def _set_up(self, share: float) -> None:
+        """Let the hierarchy be that of K plus a share of D."""
+        if self._pc is not None and self._share == share:
+            return
+        self._fine = self._copied()
+        if share and self.contact_size:
+            self.add_glue(self._fine, share)
+        self._fine.setOption(PETSc.Mat.Option.SPD, True)
+        self._make(share)
+
+    def _copied(self) -> PETSc.Mat:
+        """A copy of K, in the matrix of the hierarchy if there is one."""
+        if self._fine is None:
+            fine = self.matrix.copy()
+            fine.setNearNullSpace(_rigid(self.model, fine))
+            return fine
+        self.matrix.copy(self._fine, PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
+        return self._fine
+
+    def _make(self, share: float | None) -> None:
+        if self._pc is None:
+            self._pc = PETSc.PC().create(self._fine.comm)
+            self._pc.setOptionsPrefix(PREFIX)
+            self._pc.setOperators(self._fine)
+            with_defaults(self._pc)
+        self._pc.setOperators(self._fine)
+        self._pc.setUp()
+        self._share = share
+
+    def _solved(self, matrix: PETSc.Mat, b: PETSc.Vec, tolerance: float) -> fem.Function:
+        """The solution for a right side, which is destroyed."""
+        size = b.norm(PETSc.NormType.NORM_INFINITY)
+        if not np.isfinite(size):
+            raise InputError(
+                "The loads are no numbers of double precision. Choose units in which they are nearer to 1."
+            )
+        x = b.duplicate()
+        if size > 0:
+            b.scale(1 / size)
+            ksp = PETSc.KSP().create(matrix.comm)
+            ksp.setOptionsPrefix(PREFIX)
+            ksp.setOperators(matrix)
+            ksp.setPC(self._pc)
+            ksp.setType("cg")
+            ksp.setNormType(PETSc.KSP.NormType.UNPRECONDITIONED)
+            ksp.setTolerances(rtol=tolerance, atol=0.0, max_it=LIMIT)
+            ksp.solve(b, x)
+            reason, steps, rest = ksp.getConvergedReason(), ksp.getIterationNumber(), ksp.getResidualNorm() / b.norm()
+            ksp.destroy()
+            if reason < 0 and not rest <= 1e3 * tolerance:
+                raise NotConverged(
+                    f"Conjugate gradients with multigrid left {rest:.0e} of the loads after {steps} iterations. "
+                    'Take solver="direct": nearly incompressible or slender bodies and jumps of the moduli are hard '
+                    "for multigrid.",
+                    (),
+                )
+            x.scale(size)
+        u = self.displacement(x)
+        x.destroy()
+        b.destroy()
+        return u
+
+    def _weak_share(self) -> float:
+        """Share of D that holds a loose body about as softly as its own stiffness, ``h/(10 L)`` [-]."""
+        return 0.1 * self.model.domain.cells ** (-1 / self.model.d)
+
+    def _motions(self) -> PETSc.NullSpace:
+        """The rigid motions that no support holds."""
+        vectors = []
+        for motion in self.model.free_motions:
+            x = self.matrix.createVecRight()
+            x.array[:] = motion.x.array[: self.owned]
+            vectors.append(x)
+        return PETSc.NullSpace().create(vectors=_orthonormal(vectors), comm=self.matrix.comm)
+
+
+def with_defaults(pc: PETSc.PC) -> None:
+    """Set a preconditioner from PETSc's options, and from :data:`OPTIONS` where the user gives none."""
+    options, prefix = PETSc.Options(), pc.getOptionsPrefix()
+    ours = {prefix + name: value for name, value in OPTIONS.items() if not options.hasName(prefix + name)}
+    for name, value in ours.items():
+        options[name] = value
+    pc.setFromOptions()
+    for name in ours:
+        options.delValue(name)
+
+
+def _rigid(model: Model, matrix: PETSc.Mat) -> PETSc.NullSpace:
+    """The rigid motions of the plane or of space at the nodes: the near null space of the aggregates."""
+    x = model.V.tabulate_dof_coordinates()[: model.V.dofmap.index_map.size_local, : model.d]
+    x = x - model.comm.allreduce(x.sum(axis=0), MPI.SUM) / model.V.dofmap.index_map.size_global
+    vectors = []
+    for k in range(model.d):
+        vectors.append(matrix.createVecRight())
+        vectors[-1].array[k :: model.d] = 1.0
+    for i in range(model.d):
+        for j in range(i):
+            vectors.append(matrix.createVecRight())
+            vectors[-1].array[i :: model.d] = x[:, j]
+            vectors[-1].array[j :: model.d] = -x[:, i]
+    return PETSc.NullSpace().create(vectors=_orthonormal(vectors), comm=matrix.comm)
+
+
+def _orthonormal(vectors: list[PETSc.Vec]) -> list[PETSc.Vec]:
+    """The vectors orthonormalised, in place."""
+    for k, vector in enumerate(vectors):
+        for _ in range(2):  # once loses digits
+            for before in vectors[:k]:
+                vector.axpy(-vector.dot(before), before)
+            vector.normalize()
+    return vectors
