@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from dolfinx import fem
@@ -28,6 +28,8 @@ class Direct:
         elastic: Its elastic equations.
         guess: The displacement with the contact glued [length].
     """
+
+    nodal_first: ClassVar[bool] = True
 
     def __init__(self, model: Model) -> None:
         self.model, self.elastic = model, Stiffness(model)

@@ -46,7 +46,7 @@ LIMIT, RESTART = 200, 50
 """Limit of the cycles of one linear solve, and vectors that it keeps."""
 FRESH = 0.35
 """Contraction of the residual by one cycle that a hierarchy of the tangent at hand is expected to have [-]."""
-RENEWAL = 8.0
+RENEWAL = 14.0
 """Number of cycles that cost as much as a new hierarchy."""
 
 
@@ -79,7 +79,9 @@ class FullSpace:
             self._springs = _Springs(model, elastic, self._reactions)
         else:
             self._rows = ~model.fixed.ravel()[:own]
-        self._work = [elastic.matrix.createVecRight() for _ in range(2)]
+        self._work = [self.vector() for _ in range(2)]
+        self._rest = self.vector()
+        self._at: PETSc.Vec | None = None
         local, everywhere = elastic.matrix.getSizes()[0]
         shape = ((local, everywhere), (local, everywhere))
         self._tangent = PETSc.Mat().createPython(shape, context=self, comm=elastic.matrix.comm)
@@ -95,7 +97,8 @@ class FullSpace:
 
     def function(self, _: Any, x: PETSc.Vec, f: PETSc.Vec) -> None:
         """Set f to the scaled residual."""
-        self._set(x, f)
+        self._set(x)
+        self._rest.copy(f)
         values = self._equations.x.array
         values[:] = 0.0
         fem.assemble_vector(values, self.forms.residual)
@@ -113,7 +116,7 @@ class FullSpace:
         ksp = snes.getKSP()
         ksp.setType("fgmres")
         ksp.setGMRESRestart(RESTART)
-        ksp.setTolerances(max_it=LIMIT)
+        ksp.setTolerances(atol=0.3 * TOLERANCE, max_it=LIMIT)
         ksp.setMonitor(self._watch)
         pc = ksp.getPC()
         pc.setType("python")
@@ -140,9 +143,7 @@ class FullSpace:
 
     def status(self, x: PETSc.Vec) -> tuple[bytes, tuple[int, int, int]]:
         """A key of the contact status of all points, and the numbers of open, slipping and sticking points."""
-        rest = self.vector()
-        self._set(x, rest)
-        rest.destroy()
+        self._set(x)
         found, comm = self.forms.status(), self.model.comm
         key = b"".join(comm.allgather(sha256(found.tobytes()).digest()))
         open_, slip, stick = (int(n) for n in comm.allreduce(np.bincount(found, minlength=3), MPI.SUM))
@@ -187,9 +188,7 @@ class FullSpace:
 
     def _renewed(self, _: Any, x: PETSc.Vec, *__: PETSc.Mat) -> None:
         """Assemble the terms of the contact in the tangent at x, and renew the hierarchy where that pays."""
-        rest = self.vector()
-        self._set(x, rest)
-        rest.destroy()
+        self._set(x)
         for tangent, form in zip(self._tangents, self.forms.tangents, strict=True):
             tangent.zeroEntries()
             fp.assemble_matrix(tangent, form, bcs=self._bcs, diag=0.0)
@@ -217,16 +216,16 @@ class FullSpace:
 
     def found(self, x: PETSc.Vec) -> tuple[fem.Function, tuple[fem.Function, ...]]:
         """Displacement and multipliers at x, new Functions of nodal values."""
-        rest = self.vector()
-        self._set(x, rest)
-        rest.destroy()
+        self._set(x)
         u = self.elastic.displacement(x)
         u.x.array[:] *= self.length
         return u, self.forms.found_multipliers()
 
-    def _set(self, x: PETSc.Vec, rest: PETSc.Vec) -> None:
-        """Set the fields of the forms to x, and rest to ``K u - b`` [force]."""
-        model, u = self.model, self.forms.u.x
+    def _set(self, x: PETSc.Vec) -> None:
+        """Set the fields of the forms to x, and with them ``K u - b`` [force]."""
+        if self._at is not None and self._at.equal(x):
+            return
+        model, u, rest = self.model, self.forms.u.x, self._rest
         u.array[: len(self._rows)] = x.array_r * self.length
         u.scatter_forward()
         self.elastic.matrix.mult(x, rest)
@@ -239,10 +238,14 @@ class FullSpace:
             force.ravel()[: len(self._rows)] = rest.array_r
             for multiplier, values in zip(self.forms.multipliers, self._reactions.multipliers(force), strict=True):
                 multiplier.x.array[:] = values.ravel()
+        if self._at is None:
+            self._at = x.copy()
+        else:
+            x.copy(self._at)
 
     def destroy(self) -> None:
         """Free PETSc's objects."""
-        for made in (*self._tangents, *self._work, self._tangent):
+        for made in (*self._tangents, *self._work, self._rest, self._tangent):
             made.destroy()
         if self.forms.multipliers:
             self._springs.matrix.destroy()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import ClassVar
 
 import numpy as np
 from dolfinx import fem
@@ -27,6 +28,8 @@ class Iterative:
         elastic: Its elastic equations.
         guess: The displacement with the contact glued, where a gap is closed [length]; without contact the solution.
     """
+
+    nodal_first: ClassVar[bool] = False
 
     def __init__(self, model: Model) -> None:
         self.model, self.elastic = model, Multigrid(model)

@@ -52,7 +52,9 @@ class Attempt:
         return f"{self.start} start, {self.method}, {self.line_search}{steps}"
 
 
-def attempts(method: Method, known: Container[str], *, friction: bool, fallback: bool) -> Iterator[Attempt]:
+def attempts(
+    method: Method, known: Container[str], *, friction: bool, fallback: bool, nodal_first: bool
+) -> Iterator[Attempt]:
     """The attempts, cheapest first. The caller skips those whose start is not known.
 
     Without a gap the problem is positively homogeneous, so steps of the load would all be the same problem. Friction
@@ -63,10 +65,14 @@ def attempts(method: Method, known: Container[str], *, friction: bool, fallback:
         known: Names of the starts that are known; the caller adds to them between two attempts.
         friction: Whether the scene has friction.
         fallback: Whether a solution of the augmented Lagrangian is accepted instead.
+        nodal_first: Whether another method starts from the solution of the augmented Lagrangian. This takes less steps
+            at the end, and more in all: it pays where steps cost little.
     """
     nodal = method if method.multiplier else NODAL
     itself = nodal == method
     first = "warm" if "warm" in known else "glued"
+    if not itself and not nodal_first:
+        yield Attempt(method, first)
     yield Attempt(nodal, first, final=itself)
     if not itself:
         yield Attempt(method, "nodal")

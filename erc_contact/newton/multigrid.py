@@ -26,9 +26,12 @@ OPTIONS = {
     "pc_gamg_threshold": 0.02,
     "pc_gamg_coarse_eq_limit": 500,
     "pc_gamg_reuse_interpolation": True,
+    "mg_levels_ksp_type": "richardson",
+    "mg_levels_ksp_max_it": 1,
+    "mg_levels_pc_type": "sor",
 }
 """Options that the user's override."""
-GUESS, EXACT = 1e-3, 1e-12
+GUESS, EXACT = 1e-2, 1e-12
 """Tolerances of linear solves: of one where Newton's method starts, and of one that must balance the loads [-]."""
 LIMIT = 500
 """Limit of the iterations of one linear solve; 15 to 60 are usual."""
@@ -182,6 +185,7 @@ def with_defaults(pc: PETSc.PC) -> None:
     for name, value in ours.items():
         options[name] = value
     pc.setFromOptions()
+    pc.setUp()  # the levels read their options here
     for name in ours:
         options.delValue(name)
 

@@ -147,7 +147,8 @@ class _ContactSolve:
         if start is not None and start.model.contacts:
             states["warm"] = self.solver.warm(start.model, start.u)
         friction = any(c.friction is not None for c in self.model.contacts)
-        for attempt in attempts(self.method, states, friction=friction, fallback=self.fallback):
+        kind = {"friction": friction, "fallback": self.fallback, "nodal_first": self.solver.nodal_first}
+        for attempt in attempts(self.method, states, **kind):
             if attempt.start not in states:
                 continue
             outcome, state, found = self.solver.attempt(attempt, states[attempt.start], self.accuracy)
