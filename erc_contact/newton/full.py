@@ -14,7 +14,7 @@ The linear solver is FGMRES with the multigrid hierarchy of ``K + e_u``. With a 
 springs at the nodes: e_u after the equations are solved for the reaction, with some compliance where they do not
 determine it,
 
-    G = H e_u,    H = (e_lambda/a + D^-1 e_u)^-1 at each node, a the area.
+    G = C^T H e_u C,    H = (e_lambda/a + D^-1 e_u)^-1 at each node, a the area.
 
 So nodes that stick get the glue D, and open ones nothing.
 """
@@ -111,7 +111,7 @@ class FullSpace:
     def prepare(self, snes: PETSc.SNES) -> None:
         """Give SNES the tangent and FGMRES with multigrid."""
         snes.setJacobian(self._renewed, self._tangent)
-        snes.setUseEW(True, version=2, rtol_0=FORCING, rtol_max=FORCING)
+        snes.setUseEW(True, version=2, rtol_0=FORCING, rtol_max=FORCING, alpha=1.3, threshold=0.01)
         snes.setMaxLinearSolveFailures(2)
         ksp = snes.getKSP()
         ksp.setType("fgmres")
@@ -277,13 +277,16 @@ class _Springs:
         self.free = self.free[self.nodes]
         self.area = reactions.area[self.nodes]
         self.glue = elastic.glue.x.array.reshape(-1, d)[self.nodes].max(axis=1, initial=0.0)
-        dofs = (model.global_numbers(self.nodes)[:, None] * d + np.arange(d)).astype(PETSc.IntType)
+        dofs = model.global_numbers(self.nodes)[:, None] * d + np.arange(d)
         rows, cols = (np.broadcast_to(one, (len(dofs), d, d)).ravel() for one in (dofs[:, :, None], dofs[:, None, :]))
-        self.matrix = PETSc.Mat().create(comm=model.comm)
-        self.matrix.setSizes(elastic.matrix.getSizes())
-        self.matrix.setType("aij")
-        self.matrix.setPreallocationCOO(rows, cols)
+        self._nodal = _sparse(elastic.matrix, rows, cols)
         self._first = elastic.matrix.getOwnershipRange()[0]
+        self._coefficients: PETSc.Mat | None = None
+        if model.degree > 1:
+            row, col, value = reactions.coefficients()
+            self._coefficients = _sparse(elastic.matrix, row, col)
+            self._coefficients.setValuesCOO(value)
+        self.matrix = self._nodal
 
     def update(self, tangents: list[PETSc.Mat]) -> None:
         """Set G and H from the derivatives of e by u and by the multipliers."""
@@ -298,7 +301,10 @@ class _Springs:
         springs = np.matmul(self.h, by_u)
         springs[fixed] = 0.0
         springs.transpose(0, 2, 1)[fixed] = 0.0
-        self.matrix.setValuesCOO(springs.ravel())
+        self._nodal.setValuesCOO(springs.ravel())
+        if self._coefficients is not None:
+            known = None if self.matrix is self._nodal else self.matrix
+            self.matrix = self._nodal.ptap(self._coefficients, result=known)
 
     def right_side(self, x: np.ndarray) -> np.ndarray:
         """Nodal forces from the residual x of the equations: ``C^T H x`` at A and x elsewhere."""
@@ -320,3 +326,12 @@ class _Springs:
         place = row[own] * d + column[own] % d
         blocks = np.bincount(place, value[own], (len(begin) - 1) * d).reshape(-1, d, d)
         return blocks[self.nodes]
+
+
+def _sparse(like: PETSc.Mat, rows: np.ndarray, cols: np.ndarray) -> PETSc.Mat:
+    """A matrix of the size of another one, with entries at the given places."""
+    matrix = PETSc.Mat().create(comm=like.comm)
+    matrix.setSizes(like.getSizes())
+    matrix.setType("aij")
+    matrix.setPreallocationCOO(rows.astype(PETSc.IntType), cols.astype(PETSc.IntType))
+    return matrix

@@ -34,7 +34,7 @@ class Reactions:
     """
 
     def __init__(self, model: Model) -> None:
-        add_up = _Sums(model)
+        self._model, add_up = model, _Sums(model)
         self.free = np.zeros(model.fixed.shape, dtype=bool)
         self.area = np.ones(len(model.fixed))
         self._parts = []
@@ -69,6 +69,18 @@ class Reactions:
     def back(self, force: np.ndarray) -> np.ndarray:
         """Forces at the nodes from those on the Bernstein coefficients ``c = C u``: ``C^T`` times them, (nodes, d)."""
         return force if self._edges is None else self._edges.spread(force, 2.0, -0.5)
+
+    def coefficients(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """C of the degrees of freedom in A, for degree 2: global rows, global columns and values that add up."""
+        edges, model, d = self._edges, self._model, self._model.d
+        owned = model.V.dofmap.index_map.size_local
+        node = np.flatnonzero(self.free[:owned].any(axis=1))
+        row = np.concatenate([node, edges.edge])
+        col = np.concatenate([node, edges.end])
+        value = np.concatenate([np.where(edges.inside[node], 2.0, 1.0), -0.5 * edges.share[:, 0]])
+        pair, component = np.nonzero(self.free[row] & self.free[col])
+        rows, cols = (model.global_numbers(of[pair]) * d + component for of in (row, col))
+        return rows, cols, value[pair]
 
 
 class _Sums:
@@ -153,7 +165,14 @@ def _pairs(model: Model, facets: np.ndarray, passive: np.ndarray) -> tuple[np.nd
 
 
 class _Edges:
-    """The edges of all contacts: nodes between two vertices, each once over all ranks."""
+    """The edges of all contacts: nodes between two vertices.
+
+    Attributes:
+        inside: Which nodes are on an edge, shape (nodes,).
+        edge: Edge of each pair of an edge and its end, from the facets of this rank, shape (p,).
+        end: The end, shape (p,).
+        share: One over the number of facets with the edge, shape (p, 1).
+    """
 
     def __init__(self, model: Model, add_up: _Sums) -> None:
         self._add_up, d = add_up, model.d
@@ -162,14 +181,14 @@ class _Edges:
         count = np.zeros((len(model.fixed), 1))
         np.add.at(count[:, 0], nodes[:, d:], 1.0)
         count = add_up(count)[:, 0]
-        self._is = count > 0
-        self._edge = np.repeat(nodes[:, d:].ravel(), 2)
-        self._end = nodes[:, edges(d - 1)].reshape(-1)
-        self._share = 1 / count[self._edge][:, None]
+        self.inside = count > 0
+        self.edge = np.repeat(nodes[:, d:].ravel(), 2)
+        self.end = nodes[:, edges(d - 1)].reshape(-1)
+        self.share = 1 / count[self.edge][:, None]
 
     def spread(self, force: np.ndarray, of_edge: float, to_end: float) -> np.ndarray:
         """Forces with those at edges times one factor, and times another one added at both ends, shape (nodes, d)."""
         force = self._add_up.of_owners(force)
         added = np.zeros(force.shape)
-        np.add.at(added, self._end, to_end * self._share * force[self._edge])
-        return force * np.where(self._is, of_edge, 1.0)[:, None] + self._add_up(added)
+        np.add.at(added, self.end, to_end * self.share * force[self.edge])
+        return force * np.where(self.inside, of_edge, 1.0)[:, None] + self._add_up(added)
