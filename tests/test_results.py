@@ -27,7 +27,7 @@ def test_forces_balance(case):
     forces = error.reactions()
     size = max(np.linalg.norm(f.force) for f in forces.values())
     assert np.linalg.norm(forces["balance"].force) < 1e-11 * size
-    assert np.linalg.norm(forces["balance"].moment) < 1e-11 * size * error.domain.size
+    assert np.linalg.norm(forces["balance"].moment) < 1e-11 * size * error.domain.extent
     (traction,) = error.admissible.tractions
     name = traction.contact.name
     assert np.allclose(error.force(name).force, resultant(traction), rtol=0, atol=1e-12 * size)
@@ -47,10 +47,10 @@ def test_profile_of_a_line(degree):
     assert np.trapezoid(profile["shear"], profile["s"]) == pytest.approx(force.force[0], rel=4 * tolerance)
     assert np.trapezoid(profile["pressure"] * profile["x"], profile["s"]) == pytest.approx(force.moment[0], rel=0.02)
     assert profile["gap"].min() >= -1e-12
-    assert np.all(abs(profile["shear"]) <= profile["bound"] + 1e-14)
-    assert np.allclose(profile["bound"], 0.3 * profile["pressure"], rtol=0, atol=1e-14)
+    assert np.all(abs(profile["shear"]) <= profile["friction_bound"] + 1e-14)
+    assert np.allclose(profile["friction_bound"], 0.3 * profile["pressure"], rtol=0, atol=1e-14)
     slips = profile["status"] == 1
-    assert np.allclose(abs(profile["shear"])[slips], profile["bound"][slips], rtol=0, atol=1e-6)
+    assert np.allclose(abs(profile["shear"])[slips], profile["friction_bound"][slips], rtol=0, atol=1e-6)
     assert set(profile["status"]) == {0, 1, 2} if degree == 1 else set(profile["status"]) >= {1, 2}
 
 

@@ -153,7 +153,8 @@ def _limited(
         new = []
         for t, v, a in zip(raw, values, allowed, strict=True):
             pressure = pressures(v, a.n)
-            new.append(replace(t, values=v, bound=replace(a, factor=np.ones(len(v)), sharp=True).bound(pressure)))
+            limit = replace(a, factor=np.ones(len(v)), sharp=True)
+            new.append(replace(t, values=v, friction_bound=limit.bound(pressure)))
         return new
 
     for _ in range(PASSES):
@@ -233,8 +234,8 @@ def _friction(model: Model, traction: ContactTraction) -> tuple[np.ndarray, np.n
     at = samples(model.d)
     shape = bernstein(model.d - 1, model.degree, at)
     parameters = model.friction_parameters(traction.contact, at)
-    most = traction.contact.friction_bound(np.maximum(-traction.normal @ shape.T, 0.0), parameters)
-    return most, np.linalg.norm(np.einsum("qm,fmi->fqi", shape, traction.tangential), axis=-1)
+    most = traction.contact.friction_bound(np.maximum(-traction.normal_component @ shape.T, 0.0), parameters)
+    return most, np.linalg.norm(np.einsum("qm,fmi->fqi", shape, traction.tangential_part), axis=-1)
 
 
 def _shrink(model: Model, traction: ContactTraction) -> np.ndarray:

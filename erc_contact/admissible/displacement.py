@@ -66,9 +66,9 @@ def admissible_displacement(model: Model, u: fem.Function, tractions: list[Conta
     for t, limit in zip(tractions, limits, strict=True):
         weight = 2 * t.area[:, None] / t.nodes.shape[1]
         stiffness = _nodal_stiffness(model, t)[limit.nodes]
-        closing = _sum(limit, -weight * t.normal)
-        friction = _sum(limit, weight * t.bound)
-        shear = np.column_stack([_sum(limit, weight * t.tangential[..., i]) for i in range(model.d)])
+        closing = _sum(limit, -weight * t.normal_component)
+        friction = _sum(limit, weight * t.friction_bound)
+        shear = np.column_stack([_sum(limit, weight * t.tangential_part[..., i]) for i in range(model.d)])
         for group in limit.groups:
             nodes, n = limit.nodes[group], limit.normal[group]
             open_by = limit.bound[group] - (values[nodes] * n).sum(axis=1)

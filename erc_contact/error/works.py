@@ -58,7 +58,7 @@ class Number:
 
 def elastic_work(pair: Admissible, v: fem.Function, w: fem.Function) -> Number:
     """``a(v, w)`` [force length]; collective."""
-    model, cells = pair.solution.model, pair.cells
+    model, cells = pair.solution.model, pair.cell_geometry
     if not model.varying_moduli:
         return Number(assembled(model, model.stiffness(v, w)))
     owned, k = model.domain.owned_cells, model.degree
@@ -76,7 +76,7 @@ def elastic_work(pair: Admissible, v: fem.Function, w: fem.Function) -> Number:
 
 def stress_work(pair: Admissible, v: fem.Function) -> Number:
     """``(sigma^, eps(v))`` [force length], exact; collective. It is the work of r^ and of the projected loads."""
-    model, cells, k = pair.solution.model, pair.cells, pair.cells.degree
+    model, cells, k = pair.solution.model, pair.cell_geometry, pair.cell_geometry.degree
     owned = model.domain.owned_cells
     shape, points, weights = macro_points(model.d, k)
     sigma = np.matmul(shape, pair.stress).reshape(owned, len(points), pair.stress.shape[3])

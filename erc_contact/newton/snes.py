@@ -72,11 +72,11 @@ class Newton:
 
     Args:
         problem: The condensed problem.
-        accuracy: Newton's method may stop when :meth:`remaining` is below it [sqrt(force length)]; None for round-off.
+        tolerance: Newton's method may stop when :meth:`remaining` is below it [sqrt(force length)]; None for round-off.
     """
 
-    def __init__(self, problem: Condensed, accuracy: float | None = None) -> None:
-        self.problem, self.accuracy = problem, accuracy
+    def __init__(self, problem: Condensed, tolerance: float | None = None) -> None:
+        self.problem, self.tolerance = problem, tolerance
         self.scale = problem.length / problem.force
         size = problem.size
         self.jacobian = PETSc.Mat().createDense((size, size), comm=PETSc.COMM_SELF)
@@ -217,7 +217,7 @@ class _StoppingTest:
         if np.linalg.norm(residual) <= TOLERANCE * newton.forces(u):
             self.reason = "converged to round-off"
             return reasons.CONVERGED_ITS
-        if newton.accuracy is not None and newton.remaining(residual) <= newton.accuracy:
+        if newton.tolerance is not None and newton.remaining(residual) <= newton.tolerance:
             self.reason = "accurate enough"
             return reasons.CONVERGED_ITS
         status = problem.status(u).tobytes()

@@ -46,7 +46,7 @@ def solve(
     *,
     degree: int = 1,
     start: Solution | None = None,
-    accuracy: float | None = None,
+    tolerance: float | None = None,
 ) -> Solution:
     """Solve a scene on a domain; collective.
 
@@ -61,7 +61,7 @@ def solve(
             ``Solution.method`` and ``reason`` then say. If a method is given, only its solution is taken.
         degree: Degree of the displacement, 1 or 2.
         start: A solution on another mesh of the same body; Newton starts from its displacement on the contacts.
-        accuracy: Newton may stop at this distance to the solution of the discrete problem, in the energy norm
+        tolerance: Newton may stop at this distance to the solution of the discrete problem, in the energy norm
             [sqrt(force length)], e.g. a tenth of the discretisation error; None goes to round-off.
 
     Returns:
@@ -73,7 +73,7 @@ def solve(
     """
     began = perf_counter()
     check_arguments(scene, domain, method, degree, start)
-    accuracy = None if accuracy is None else checks.positive("accuracy", accuracy, "an energy norm > 0, or None")
+    tolerance = None if tolerance is None else checks.positive("tolerance", tolerance, "an energy norm > 0, or None")
     raise_together(domain.mesh.comm, None)
     model = bind(scene, domain, int(degree))
     stiffness = Stiffness(model)
@@ -81,7 +81,7 @@ def solve(
     w = stiffness.glued(b)
     _check_size(model, b, w)
     if stiffness.contact_size:
-        solution = _ContactSolve(model, method, stiffness, w, accuracy).solve(start)
+        solution = _ContactSolve(model, method, stiffness, w, tolerance).solve(start)
     else:
         solution = Solution(model, method or DEFAULT, w, (), 0, "linear solve", 0.0, 1.0, stiffness, 0.0)
     seconds = model.comm.allreduce(perf_counter() - began, MPI.MAX)
@@ -120,7 +120,7 @@ def _check_size(model: Model, b: fem.Function, w: fem.Function) -> None:
     local = [float(abs(f.x.array).max(initial=0.0)) for f in (b, w)] + [float(np.isnan(w.x.array).any())]
     force, length, nan = np.max(model.comm.allgather(local), axis=0)
     least, most = 1e-290, 1e290
-    stiffest = model.stiffest() * model.domain.size ** (model.d - 2)
+    stiffest = model.stiffest() * model.domain.extent ** (model.d - 2)
     with np.errstate(over="ignore", under="ignore"):
         energies = np.array([force * length, stiffest * length * length])
     energies = energies[np.array([force > 0, length > 0 or force > 0])]
@@ -135,11 +135,11 @@ class _ContactSolve:
     """The contact solve of one model: it makes the attempts of the ladder until one converges; collective."""
 
     def __init__(
-        self, model: Model, method: Method | None, stiffness: Stiffness, w: fem.Function, accuracy: float | None
+        self, model: Model, method: Method | None, stiffness: Stiffness, w: fem.Function, tolerance: float | None
     ) -> None:
         self.model, self.stiffness, self.w = model, stiffness, w
         self.method, self.fallback = method or DEFAULT, method is None
-        self.accuracy, self.log = accuracy, log_of(model.comm)
+        self.tolerance, self.log = tolerance, log_of(model.comm)
         self.problems: dict[Method, Condensed] = {}
         self.tried: list[str] = []
         self.steps = 0
@@ -174,7 +174,7 @@ class _ContactSolve:
         problem = self.problems[attempt.method]
 
         def work() -> tuple[Outcome, Any, Any]:
-            newton = Newton(problem, self.accuracy)
+            newton = Newton(problem, self.tolerance)
             start, steps = problem.from_contact(contact), 0
             for share in attempt.friction_shares:
                 problem.raise_friction(share)

@@ -47,7 +47,7 @@ def write_fields(error: ConstitutiveError, folder: str | Path) -> None:
     fe = _spatial(model, admissible.fe_stress[: model.domain.owned_cells].mean(axis=1))
     mises = "von_mises" if tells_out_of_plane(model) else "von_mises_in_plane"
     values = {"stress": stress.reshape(-1, 9), "stress_fe": fe.reshape(-1, 9), mises: von_mises(stress)}
-    cells = gathered(model.comm, **values, eps_E=error.cells)
+    cells = gathered(model.comm, **values, eps_E=error.indicators)
     contacts = [whole_contact(admissible, t) for t in admissible.tractions]
 
     def write() -> None:
@@ -63,8 +63,8 @@ def write_fields(error: ConstitutiveError, folder: str | Path) -> None:
             surface = grid_of(x.reshape(-1, 3), np.arange(x[..., 0].size).reshape(x.shape[:2]), model.d - 1)
             values = np.matmul(shape, traction.values)
             surface.point_data["traction"] = _padded(values.reshape(-1, model.d))
-            surface.point_data["pressure"] = (-traction.normal @ shape.T).ravel()
-            surface.point_data["friction_bound"] = (traction.bound @ shape.T).ravel()
+            surface.point_data["pressure"] = (-traction.normal_component @ shape.T).ravel()
+            surface.point_data["friction_bound"] = (traction.friction_bound @ shape.T).ravel()
             surface.cell_data["mean_traction"] = _padded(traction.values.mean(axis=1))
             surface.cell_data["status"] = contact_status(traction)
             save_grid(surface, Path(folder) / f"contact_{traction.contact.name}.vtkhdf")

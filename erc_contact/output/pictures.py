@@ -105,7 +105,7 @@ def draw_error(error: ConstitutiveError, path: str | Path) -> None:
         low = min(max(float(np.percentile(eps, 1)), 1e-4 * top), 0.5 * top)
         return Scale(LogNorm(low, top) if top > 0 else Normalize(0, 1), "min", "eps_E [-]")
 
-    draw_cells(error.admissible, error.cells, scale, path)
+    draw_cells(error.admissible, error.indicators, scale, path)
 
 
 def draw_deformed(error: ConstitutiveError, path: str | Path, factor: float | None = None) -> None:
@@ -123,9 +123,9 @@ def draw_deformed(error: ConstitutiveError, path: str | Path, factor: float | No
             as it is where it is larger than 5%.
     """
     admissible, model = error.admissible, error.solution.model
-    comm, size, d = model.comm, model.domain.size, model.d
+    comm, size, d = model.comm, model.domain.extent, model.d
     body = gathered(comm, **body_nodes(model), u=nodal_displacement(admissible))
-    volume = admissible.cells.volume[: model.domain.owned_cells]
+    volume = admissible.cell_geometry.volume[: model.domain.owned_cells]
     cells = gathered(comm, mises=von_mises(mean_stress(admissible)), volume=volume)
     contacts = [whole_contact(admissible, t) for t in admissible.tractions]
     up = _up(admissible)

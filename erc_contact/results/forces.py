@@ -65,7 +65,7 @@ def reactions(pair: Admissible) -> dict[str, Force]:
     if loaded:
         forces = [force(pair, name) for name in loaded]
         result["tractions"] = sum(forces[1:], start=forces[0])
-    if pair.force is not None:
+    if pair.cell_forces is not None:
         result["body force"] = _body_force(pair)
     parts = list(result.values())
     result["balance"] = sum(parts[1:], start=parts[0])
@@ -74,20 +74,20 @@ def reactions(pair: Admissible) -> dict[str, Force]:
 
 def _force(pair: Admissible, sides: np.ndarray) -> Force:
     """Of facets of owned cells on the boundary, (n, 2)."""
-    model, cells = pair.solution.model, pair.cells
+    model, cells = pair.solution.model, pair.cell_geometry
     d, k = model.d, model.degree
     facets = model.facet_numbers(sides)
     cell, i = np.divmod(cells.side[0][facets], d + 1)
     corners = np.take_along_axis(cells.vertices[cell], facet_vertices(d)[i], axis=1)
     linear = bernstein(d - 1, 1, nodes(d - 1, k)).T @ coefficients(d - 1, k).T
-    return _summed(model, corners, np.matmul(linear, pair.moment[facets]))
+    return _summed(model, corners, np.matmul(linear, pair.facet_moments[facets]))
 
 
 def _body_force(pair: Admissible) -> Force:
     """Of the body force in all cells."""
-    model, cells, owned = pair.solution.model, pair.cells, pair.solution.domain.owned_cells
-    assert pair.force is not None
-    moment = np.matmul(mass(model.d, 1, model.degree - 1), pair.force[:owned])
+    model, cells, owned = pair.solution.model, pair.cell_geometry, pair.solution.domain.owned_cells
+    assert pair.cell_forces is not None
+    moment = np.matmul(mass(model.d, 1, model.degree - 1), pair.cell_forces[:owned])
     return _summed(model, cells.vertices[:owned], moment)
 
 

@@ -67,5 +67,5 @@ def maximum(pair: Admissible, quantity: str) -> Maximum:
     top = model.comm.allreduce(float(values.max(initial=-np.inf)), MPI.MAX)
     near = x[values >= top - TIE * abs(top)]
     every = np.concatenate(model.comm.allgather(near))
-    first = np.lexsort((every / model.domain.size).round(9).T[::-1])[0]
+    first = np.lexsort((every / model.domain.extent).round(9).T[::-1])[0]
     return Maximum(top, every[first] + 0.0)

@@ -47,7 +47,7 @@ def profile(pair: Admissible, name: str) -> np.ndarray:
 
     Returns:
         A structured array for numpy and pandas, the same on all ranks: ``x`` (and ``y``, ``z``) position, ``gap`` left,
-        ``slip`` (length of u^_t) [length]; ``pressure``, ``shear`` (length of r^_t), ``bound`` of the shear
+        ``slip`` (length of u^_t) [length]; ``pressure``, ``shear`` (length of r^_t), ``friction_bound``
         [force/area]; ``status`` of the facet, 0 open, 1 slip, 2 stick. In 2D the points come in order along the
         contact, with their arc length ``s`` [length], and slip and shear have the sign of their direction in this
         order. Each facet has points of its own, as r^ jumps from one to the next.
@@ -69,9 +69,9 @@ def profile(pair: Admissible, name: str) -> np.ndarray:
     if d == 2:
         tangent = np.stack([-n[..., 1], n[..., 0]], axis=-1)
         slip, shear = (w_t * tangent).sum(axis=-1), (r_t * tangent).sum(axis=-1)
-    peak = comm.allreduce(float(-traction.normal.min(initial=0.0)), MPI.MAX)
+    peak = comm.allreduce(float(-traction.normal_component.min(initial=0.0)), MPI.MAX)
     status = np.broadcast_to(contact_status(traction, peak)[:, None], r_n.shape)
-    columns = [*np.moveaxis(x, 2, 0), gap - w_n, slip, 0.0 - r_n, shear, traction.bound @ shape.T, status]
+    columns = [*np.moveaxis(x, 2, 0), gap - w_n, slip, 0.0 - r_n, shear, traction.friction_bound @ shape.T, status]
     table = np.stack(np.broadcast_arrays(*columns), axis=2)
     if d == 2:  # all facets in the direction of the tangent
         back = ((x[:, -1] - x[:, 0]) * tangent[:, 0]).sum(axis=1) < 0
@@ -79,9 +79,9 @@ def profile(pair: Admissible, name: str) -> np.ndarray:
     own = model.owned(contact.facets)
     parts = comm.allgather((table[own], numbers[own]))
     table, numbers = (np.concatenate(part) for part in zip(*parts, strict=True))
-    names = [*"xyz"[:d], "gap", "slip", "pressure", "shear", "bound", "status"]
+    names = [*"xyz"[:d], "gap", "slip", "pressure", "shear", "friction_bound", "status"]
     if d == 3:
-        place = np.round(table[..., :3] / model.domain.size, 9)
+        place = np.round(table[..., :3] / model.domain.extent, 9)
         facet = np.argsort(np.lexsort(place.mean(axis=1).round(8).T))
         within = np.lexsort([*place.reshape(-1, 3).T, np.repeat(facet, place.shape[1])])
         table = table.reshape(-1, table.shape[2])[within][:, None]
@@ -114,13 +114,13 @@ def contact_status(traction: ContactTraction, peak: float | None = None) -> np.n
     Returns:
         OPEN, SLIP or STICK for each facet of ``traction.contact.facets``, shape (n,).
     """
-    pressure = -traction.normal
-    bound = traction.bound.sum(axis=1)
-    slope = np.divide(traction.bound, pressure, out=np.zeros_like(pressure), where=pressure > 0)
+    pressure = -traction.normal_component
+    bound = traction.friction_bound.sum(axis=1)
+    slope = np.divide(traction.friction_bound, pressure, out=np.zeros_like(pressure), where=pressure > 0)
     most = slope.max(axis=1, initial=0.0)
     variation = np.divide(np.ptp(slope, axis=1), most, out=np.zeros_like(most), where=most > 0)
     variation = np.where(traction.contact.sampled, variation, 0.0)
-    shear = np.linalg.norm(traction.tangential, axis=-1).sum(axis=1)
+    shear = np.linalg.norm(traction.tangential_part, axis=-1).sum(axis=1)
     slips = shear >= (1 - 1e-6 - (1 + MARGIN) * variation) * bound
     opens = pressure.max(axis=1, initial=0.0) <= 1e-10 * (pressure.max(initial=0.0) if peak is None else peak)
     opens &= not traction.contact.bilateral

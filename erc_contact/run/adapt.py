@@ -98,12 +98,12 @@ def adapt(
     solution: Solution | None = None
     error: ConstitutiveError | None = None
     mesh_seconds = 0.0
-    log_of(comm).info(HEADER if domain.marks is None else CURVED)
+    log_of(comm).info(HEADER if domain.curved_facets is None else CURVED)
     with Interrupts(comm) as interrupts:
         try:
             while not run.outcome:
                 allowed = SHARE * error.absolute / 2**degree if stop == "certified" and error is not None else None
-                solution = solve(scene, domain, method, degree=degree, start=solution, accuracy=allowed)
+                solution = solve(scene, domain, method, degree=degree, start=solution, tolerance=allowed)
                 interrupts.check()
                 admissible = equilibrate(solution, tighten=tighten)
                 interrupts.check()
@@ -163,23 +163,23 @@ class _Run:
             cells=domain.cells,
             vertices=domain.vertices,
             dofs=solution.model.V.dofmap.index_map.size_global * domain.dim,
-            newton=solution.newton_steps,
+            newton_steps=solution.newton_steps,
             method=type(solution.method).__name__,
             eps=error.relative,
-            bulk=error.bulk / scale,
-            contact=error.contact / scale,
-            geometry=error.geometry / scale,
-            solve=solution.seconds,
-            equilibrate=admissible.seconds,
-            error=error.seconds,
-            mesh=mesh_seconds,
+            eps_bulk=error.bulk_error / scale,
+            eps_contact=error.contact_error / scale,
+            eps_geometry=error.geometry_error / scale,
+            solve_seconds=solution.seconds,
+            equilibrate_seconds=admissible.seconds,
+            error_seconds=error.seconds,
+            mesh_seconds=mesh_seconds,
             seconds=self.comm.allreduce(perf_counter() - self.began, MPI.MAX),
         )
         self.steps.append(step)
-        self.meshes.append((domain, error.cells))
+        self.meshes.append((domain, error.indicators))
         if self.best is None or error.total < self.best.total:
             self.best = error
-        log_of(self.comm).info(line(step, curved=domain.marks is not None))
+        log_of(self.comm).info(line(step, curved=domain.curved_facets is not None))
         return step
 
     def end(self, failure: BaseException, interrupts: Interrupts) -> None:
@@ -218,7 +218,7 @@ class _Run:
 
 def _warn(error: ConstitutiveError, accuracy: float, max_cells: int) -> None:
     """Say before the time is spent that even the optimal mesh has too many cells, if the first mesh can know it."""
-    cells = size_map(error, accuracy).cells if error.total <= KNOWN else 0.0
+    cells = size_map(error, accuracy).predicted_cells if error.total <= KNOWN else 0.0
     if cells > max_cells:
         log_of(error.domain.mesh.comm).warning(
             f"{percent(accuracy)} takes some {cells:.2g} cells, it seems; max_cells = {max_cells} will end the run."
