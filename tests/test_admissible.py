@@ -21,7 +21,6 @@ from scenes import greco, mostly_serial, random_scene, resultant, sliding_block
 
 import erc_contact as ec
 from erc_contact.admissible.cells import facet_order, force_coefficients, signed
-from erc_contact.admissible.cones import split
 from erc_contact.admissible.contact import _shrink
 from erc_contact.admissible.macro import bubbles, macro_points, macro_stress, mandel, reference_map, tensors
 from erc_contact.admissible.pair import Admissible
@@ -37,6 +36,7 @@ from erc_contact.mesh.simplex import (
     nodes,
 )
 from erc_contact.model.expressions import evaluate
+from erc_contact.model.foundation import split
 from erc_contact.scene.material import mandel_basis
 
 PAIRS = [*((seed, 1) for seed in range(8)), *((seed, 2) for seed in (2, 3, 6, 7))]

@@ -18,7 +18,7 @@ from test_remesh import MESHES
 import erc_contact as ec
 from erc_contact.error.sizes import GROW, RATIO, _Mesh
 from erc_contact.output.gathered import whole_contact
-from erc_contact.results.profile import OPEN, SLIP, STICK, contact_status
+from erc_contact.results import OPEN, SLIP, STICK, contact_status
 
 
 def measured(scene, domain, tighten=0):

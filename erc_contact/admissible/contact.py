@@ -19,12 +19,12 @@ from mpi4py import MPI
 from erc_contact.admissible.allowed import Allowed, samples
 from erc_contact.admissible.balance import Part, balanced
 from erc_contact.admissible.cells import moments
-from erc_contact.admissible.cones import Cones, pressures, split
+from erc_contact.admissible.cones import Cones
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.base.exceptions import NotHeldError
 from erc_contact.mesh.simplex import averages, bernstein, lagrange, projection, rule
 from erc_contact.model.expressions import evaluate
-from erc_contact.model.foundation import CONSTANT, BoundContact
+from erc_contact.model.foundation import CONSTANT, BoundContact, pressures, split
 from erc_contact.model.model import Model
 
 PASSES = 10

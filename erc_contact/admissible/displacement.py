@@ -17,11 +17,11 @@ from dataclasses import dataclass
 import numpy as np
 from dolfinx import fem
 
-from erc_contact.admissible.cones import split
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.mesh.quadrature import facet_pieces, integrate, polynomials
 from erc_contact.mesh.simplex import coefficients
 from erc_contact.model.expressions import Everywhere, varies_in_cells
+from erc_contact.model.foundation import split
 from erc_contact.model.model import Model
 
 BETWEEN = 0.1

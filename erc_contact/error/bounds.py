@@ -106,14 +106,11 @@ def resultant(error: ConstitutiveError, contact: str, direction: Sequence[float]
     """
     pair = error.admissible
     model = pair.solution.model
-    names = [c.name for c in model.contacts]
-    if contact not in names:
-        known = ", ".join(sorted(names)) or "none"
-        raise InputError(f"No contact is called {contact!r}; this scene has {known}.")
+    which = model.contacts.index(model.contact(contact))
     a = np.asarray(direction, dtype=float)
     if a.shape != (model.d,) or not np.isfinite(a).all():
         raise InputError(f"The direction is {direction!r}; give {model.d} finite numbers.")
-    phi, weighted = lifting(model, names.index(contact), a)
+    phi, weighted = lifting(model, which, a)
     both = elastic_work(pair, pair.displacement, phi) + stress_work(pair, phi)
     middle = 0.5 * both - load_work(model, phi)
     square = elastic_work(pair, phi, phi)

@@ -34,9 +34,11 @@ from erc_contact.error.contact import contact_squares
 from erc_contact.error.oscillation import UNKNOWN, Oscillations, of_loads, of_supports
 from erc_contact.error.rigid import NOISE, moves_rigidly, round_off
 from erc_contact.mesh.domain import Domain
+from erc_contact.model.forces import Force
+from erc_contact.model.maximum import Maximum
 from erc_contact.newton.solution import Solution
-from erc_contact.results.forces import Force, force, reactions
-from erc_contact.results.maximum import Maximum, maximum
+from erc_contact.results.forces import force, reactions
+from erc_contact.results.maximum import maximum
 from erc_contact.results.points import Values, at
 from erc_contact.results.profile import profile
 

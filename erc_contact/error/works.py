@@ -14,7 +14,6 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from erc_contact.admissible.cells import cell_geometry, sorted_corners
-from erc_contact.admissible.cones import pressures, split
 from erc_contact.admissible.elastic import act, strains
 from erc_contact.admissible.macro import macro_points
 from erc_contact.admissible.pair import Admissible
@@ -22,7 +21,7 @@ from erc_contact.admissible.traction import ContactTraction
 from erc_contact.mesh.quadrature import Integral, Integrand, cell_pieces, facet_pieces, integrate, polynomials
 from erc_contact.mesh.simplex import bernstein, coefficients
 from erc_contact.model.expressions import Everywhere, varies_in_cells
-from erc_contact.model.foundation import ContactData
+from erc_contact.model.foundation import ContactData, pressures, split
 from erc_contact.model.model import Model
 
 

@@ -22,6 +22,18 @@ CONSTANT, PROPORTIONAL, CONCAVE = "constant", "proportional", "concave"
 """How a friction bound depends on the pressure: not at all, as a multiple of it, or in another concave way."""
 
 
+def split(z: np.ndarray, n: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Normal component, tangential part and length of this part, for vectors (..., d) and unit normals n."""
+    z_n = (z * n).sum(axis=-1)
+    z_t = z - z_n[..., None] * n
+    return z_n, z_t, np.linalg.norm(z_t, axis=-1)
+
+
+def pressures(r: np.ndarray, n: np.ndarray) -> np.ndarray:
+    """Pressures ``max(-r_n, 0)`` of tractions (..., d) on foundations with normals n [force/area]."""
+    return np.maximum(-(r * n).sum(axis=-1), 0.0)
+
+
 @dataclass(frozen=True, eq=False)
 class Friction:
     """A friction law on a mesh.

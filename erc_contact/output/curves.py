@@ -21,10 +21,11 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.base.percent import percent
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.mesh.simplex import bernstein
+from erc_contact.model.profile import OPEN, SLIP, STICK
 from erc_contact.output.drawing import coordinate, new_figure, save_figure, tangents, weighted_level, words
 from erc_contact.output.files import PARTS, on_root, subdivided
 from erc_contact.output.gathered import AXIS, Surface, mean_normal, whole_contact
-from erc_contact.results.profile import OPEN, SLIP, STICK, contact_status
+from erc_contact.results.profile import contact_status
 
 STATUS = ("open", "slip", "stick")
 COLOURS = ("#ececec", "#fdeacc", "#d9ecd6")

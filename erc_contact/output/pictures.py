@@ -25,11 +25,12 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.base.percent import percent
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.mesh.domain import Domain
+from erc_contact.model.stress import tells_out_of_plane, von_mises
 from erc_contact.output.bodies import Skin, foundation, ground, rendered, show, skin_of, views_of
 from erc_contact.output.drawing import new_figure, save_figure, weighted_level
 from erc_contact.output.files import gathered, grid_of, on_root
 from erc_contact.output.gathered import body_mesh, body_nodes, nodal_displacement, whole_contact
-from erc_contact.results.stress import mean_stress, tells_out_of_plane, von_mises
+from erc_contact.results.maximum import mean_stress
 
 WORDS = 1.4
 """What the labels of a view in 3D take in a figure [inches]."""
