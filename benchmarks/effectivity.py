@@ -243,12 +243,12 @@ def measured(name: str, degree: int, sequence: str, domain: ec.Domain) -> tuple[
                 tighten,
                 pair.tightening,
                 error.relative,
-                error.bulk / true.of_u,
+                error.bulk_error / true.of_u,
                 error.absolute / true.of_u,
                 error.absolute / true.of_both,
                 true.friction / error.absolute**2,
-                rank_correlation(error.cells, true.displacement),
-                rank_correlation(error.cells, true.both),
+                rank_correlation(error.indicators, true.displacement),
+                rank_correlation(error.indicators, true.both),
                 exact.model.domain.cells,
             )
         )

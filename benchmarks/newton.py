@@ -61,8 +61,8 @@ def forces(solution: ec.Solution) -> tuple[np.ndarray, list[int]]:
     force = np.array([fem.assemble_scalar(fem.form(traction[i] * ds)) for i in range(2)])
     nodal = ec.equilibrate(solution).tractions[0]
     nodes = nodal.nodes.ravel()
-    pressure = np.bincount(nodes, -nodal.normal.ravel())[np.unique(nodes)]
-    shear = abs(np.bincount(nodes, nodal.tangential[..., 0].ravel()))[np.unique(nodes)]
+    pressure = np.bincount(nodes, -nodal.normal_component.ravel())[np.unique(nodes)]
+    shear = abs(np.bincount(nodes, nodal.tangential_part[..., 0].ravel()))[np.unique(nodes)]
     is_open = pressure <= 1e-9 * pressure.max()
     slips = ~is_open & (shear >= 0.3 * pressure * (1 - 1e-6))
     return force, [int(is_open.sum()), int((~is_open & ~slips).sum()), int(slips.sum())]

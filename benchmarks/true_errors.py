@@ -158,7 +158,7 @@ def _displacement_on(pair: Admissible, exact: Reference) -> fem.Function:
 
 def stress_at(pair: Admissible, parent: np.ndarray, x: np.ndarray) -> np.ndarray:
     """sigma^ in Mandel components at points x (n, q, d) of fine cells within cells ``parent``, shape (n, q, s)."""
-    cells, d, every = pair.cells, pair.cells.d, np.arange(len(parent))
+    cells, d, every = pair.cell_geometry, pair.cell_geometry.d, np.arange(len(parent))
     origin = pair.solution.model.V.tabulate_dof_coordinates()[:, :d][cells.vertices[parent, 0]]
     local = np.einsum("nij,nqj->nqi", cells.inverse[parent], x - origin[:, None])
     local = np.concatenate([1 - local.sum(axis=2, keepdims=True), local], axis=2)
@@ -179,7 +179,7 @@ def bound_at(pair: Admissible, which: int, cell: np.ndarray, x: np.ndarray) -> n
     edges = (corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1)
     local = np.einsum("fij,fqj->fqi", np.linalg.pinv(edges), x - corners[:, :1])
     shape = bernstein(model.d - 1, model.degree, local.reshape(-1, model.d - 1)).reshape(*local.shape[:2], -1)
-    return np.einsum("fqm,fm->fq", shape, traction.bound[facet[cell]])
+    return np.einsum("fqm,fm->fq", shape, traction.friction_bound[facet[cell]])
 
 
 def _third_term(pair: Admissible, exact: Reference, hat: fem.Function) -> float:

@@ -30,10 +30,10 @@ history.save("results/block")
 # What must hold: the accuracy is reached, the certified traction obeys contact and friction, all forces balance, and
 # the force of the foundation is that of several independent codes on a fine mesh.
 error = history.error
-contact = error.profile("bottom")  # position, gap, slip, pressure, shear, its bound, status
+contact = error.profile("bottom")  # position, gap, slip, pressure, shear, friction bound, status
 force, balance = error.force("bottom").force, error.reactions()["balance"].force
 assert history.reached
 assert np.all(contact["pressure"] >= 0.0)
-assert np.all(abs(contact["shear"]) <= contact["bound"] * (1 + 1e-12))
+assert np.all(abs(contact["shear"]) <= contact["friction_bound"] * (1 + 1e-12))
 assert np.allclose(balance, 0.0, atol=1e-12)
 assert np.allclose(force, (-0.001346, 0.015993), rtol=5e-3)

@@ -23,7 +23,7 @@ class Saturating:
     def __init__(self, mu, tau):
         self.mu, self.tau = mu, tau
 
-    def bound(self, pressure, mu, tau):
+    def friction_bound(self, pressure, mu, tau):
         """The most that the shear may be [force/area]."""
         return tau * ufl.tanh(mu * pressure / tau)
 

@@ -19,7 +19,7 @@ from erc_contact.base.compiled import remember_forms
 from erc_contact.base.exceptions import ErcContactError, InputError, NotConverged, NotHeldError
 from erc_contact.base.interpreter import free_forms
 from erc_contact.base.logs import log_to_console
-from erc_contact.error.bounds import Bounds, energy, resultant, work_of_loads
+from erc_contact.error.bounds import Bounds, potential_energy, resultant, work_of_loads
 from erc_contact.error.constitutive import ConstitutiveError, constitutive_error
 from erc_contact.error.oscillation import Oscillations
 from erc_contact.error.sizes import Sizes, size_map
@@ -76,11 +76,11 @@ __all__ = [
     "adapt",
     "box",
     "constitutive_error",
-    "energy",
     "equilibrate",
     "from_gmsh",
     "log_to_console",
     "mark",
+    "potential_energy",
     "read_mesh",
     "rectangle",
     "resultant",

@@ -43,13 +43,13 @@ def true_errors(pair: Admissible, fine: ec.Solution) -> TrueErrors:
     """
     model, d = fine.model, fine.model.d
     cells = cell_geometry(model)
-    k = max(model.degree, pair.cells.degree)
+    k = max(model.degree, pair.cell_geometry.degree)
     points, weights = rule(d, 2 * k)
     x = model.V.tabulate_dof_coordinates()[:, :d][cells.vertices]
     at = np.matmul(barycentric(points), x).reshape(-1, d)
     parent, local = _locate(pair, at)
 
-    coarse = pair.cells
+    coarse = pair.cell_geometry
     stress = _sigma(pair, parent, local)
     lower = bernstein(d, coarse.degree - 1, local[:, 1:])
     strain = np.einsum("nb,nbs->ns", lower, strains(coarse, pair.displacement)[parent])
@@ -86,25 +86,25 @@ def nested(domain: ec.Domain, levels: int) -> ec.Domain:
 
 def _locate(pair: Admissible, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The coarse cell of each point and the point's barycentric coordinates there."""
-    mesh, d = pair.solution.domain.mesh, pair.cells.d
+    mesh, d = pair.solution.domain.mesh, pair.cell_geometry.d
     tree = geometry.bb_tree(mesh, d, padding=1e-10)
     three = np.zeros((len(at), 3))
     three[:, :d] = at
     found = geometry.compute_colliding_cells(mesh, geometry.compute_collisions_points(tree, three), three)
     parent = found.array[found.offsets[:-1]]
-    origin = pair.solution.model.V.tabulate_dof_coordinates()[:, :d][pair.cells.vertices[parent, 0]]
-    local = np.einsum("nij,nj->ni", pair.cells.inverse[parent], at - origin)
+    origin = pair.solution.model.V.tabulate_dof_coordinates()[:, :d][pair.cell_geometry.vertices[parent, 0]]
+    local = np.einsum("nij,nj->ni", pair.cell_geometry.inverse[parent], at - origin)
     return parent, np.column_stack([1 - local.sum(axis=1), local])
 
 
 def _sigma(pair: Admissible, parent: np.ndarray, local: np.ndarray) -> np.ndarray:
     """sigma^ at points, in Mandel components."""
-    d, every = pair.cells.d, np.arange(len(parent))
+    d, every = pair.cell_geometry.d, np.arange(len(parent))
     k = local.argmin(axis=1)
     least = local[every, k]
     sub = local - least[:, None]
     sub[every, k] = (d + 1) * least
-    shape = bernstein(d, pair.cells.degree, sub[:, 1:])
+    shape = bernstein(d, pair.cell_geometry.degree, sub[:, 1:])
     return np.einsum("nm,nms->ns", shape, pair.stress[parent, k])
 
 
@@ -124,12 +124,14 @@ def _third_term(pair: Admissible, fine: ec.Solution) -> float:
         inside = (s[:, None] >= low.min(axis=1) - 1e-12) & (s[:, None] <= low.max(axis=1) + 1e-12)
         facet = inside.argmax(axis=1)
         t = (s - low[facet, 0]) / (low[facet, 1] - low[facet, 0])
-        k = pair.cells.degree
+        k = pair.cell_geometry.degree
         nodal = pair.displacement.x.array.reshape(-1, 2)[coarse.nodes[facet]]
         hat_w = np.einsum("fm,fmi->fi", lagrange(1, k, t[:, None]), nodal)
-        hat_bound = np.einsum("fm,fm->f", bernstein(1, k, t[:, None]), coarse.bound[facet])
+        hat_bound = np.einsum("fm,fm->f", bernstein(1, k, t[:, None]), coarse.friction_bound[facet])
         slip = abs(w @ along) - abs(hat_w @ along)
         total += float(
-            np.sum(2 * exact.area * (exact.bound @ bernstein(1, fine.model.degree, middle)[0] - hat_bound) * slip)
+            np.sum(
+                2 * exact.area * (exact.friction_bound @ bernstein(1, fine.model.degree, middle)[0] - hat_bound) * slip
+            )
         )
     return total

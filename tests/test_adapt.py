@@ -48,14 +48,14 @@ def test_marking_carries_the_fraction_with_the_fewest(fraction):
     error = ec.constitutive_error(ec.equilibrate(ec.solve(prototype_block(), block(4))))
     comm = error.domain.mesh.comm
     marked = ec.mark(error, fraction)
-    carried = comm.allreduce(float(np.sum(error.cells[marked] ** 2)), MPI.SUM)
+    carried = comm.allreduce(float(np.sum(error.indicators[marked] ** 2)), MPI.SUM)
     assert carried >= fraction * error.relative**2 * (1 - 1e-5)
-    rest = np.delete(error.cells, marked)
-    least = comm.allreduce(float(error.cells[marked].min(initial=np.inf)), MPI.MIN)
+    rest = np.delete(error.indicators, marked)
+    least = comm.allreduce(float(error.indicators[marked].min(initial=np.inf)), MPI.MIN)
     assert comm.allreduce(float(rest.max(initial=0.0)), MPI.MAX) <= least * (1 + 1e-5)
     if fraction < 1:
         without = carried - least**2
-        number = comm.allreduce(int(np.sum(abs(error.cells[marked] - least) < 1e-5 * least)), MPI.SUM)
+        number = comm.allreduce(int(np.sum(abs(error.indicators[marked] - least) < 1e-5 * least)), MPI.SUM)
         assert without < fraction * error.relative**2 or number > 1  # ties are marked together
 
 
@@ -268,7 +268,7 @@ def test_interrupt_before_there_is_anything_to_keep_is_raised():
 def test_history_rows_and_csv(shared_tmp_path):
     history = ec.adapt(common_block(), block(4), accuracy=0.2)
     assert np.all(np.diff(history.column("seconds")) > 0)
-    assert np.allclose(history.column("eps") ** 2, history.column("bulk") ** 2 + history.column("contact") ** 2)
+    assert np.allclose(history.column("eps") ** 2, history.column("eps_bulk") ** 2 + history.column("eps_contact") ** 2)
     history.to_csv(shared_tmp_path / "history.csv")
     MPI.COMM_WORLD.barrier()
     with (shared_tmp_path / "history.csv").open() as file:

@@ -21,7 +21,6 @@ from scenes import greco, mostly_serial, random_scene, resultant, sliding_block
 
 import erc_contact as ec
 from erc_contact.admissible.cells import facet_order, force_coefficients, signed
-from erc_contact.admissible.cones import split
 from erc_contact.admissible.contact import _shrink
 from erc_contact.admissible.macro import bubbles, macro_points, macro_stress, mandel, reference_map, tensors
 from erc_contact.admissible.pair import Admissible
@@ -37,6 +36,7 @@ from erc_contact.mesh.simplex import (
     nodes,
 )
 from erc_contact.model.expressions import evaluate
+from erc_contact.model.foundation import split
 from erc_contact.scene.material import mandel_basis
 
 PAIRS = [*((seed, 1) for seed in range(8)), *((seed, 2) for seed in (2, 3, 6, 7))]
@@ -56,23 +56,23 @@ def worst(pair: Admissible, values: np.ndarray) -> float:
 
 
 def owned_moments(pair: Admissible) -> np.ndarray:
-    return signed(pair.cells, pair.moment)[: pair.solution.domain.owned_cells]
+    return signed(pair.cell_geometry, pair.facet_moments)[: pair.solution.domain.owned_cells]
 
 
 def test_elements_balance_forces(pair):
     moment = owned_moments(pair)
-    force = moment.sum(axis=(1, 2)) + pair.force[: len(moment)].mean(axis=1)
+    force = moment.sum(axis=(1, 2)) + pair.cell_forces[: len(moment)].mean(axis=1)
     assert worst(pair, force) < BALANCE * worst(pair, moment)
 
 
 def test_elements_balance_moments(pair):
-    moment, cells, d = owned_moments(pair), pair.cells, pair.cells.d
+    moment, cells, d = owned_moments(pair), pair.cell_geometry, pair.cell_geometry.d
     x = pair.solution.model.V.tabulate_dof_coordinates()[:, :d][cells.nodes[: len(moment)]]
     arm = x - x.mean(axis=1, keepdims=True)  # nodal values of a linear function are its coefficients, too
     on_facets = local_facet_nodes(d, cells.degree)
     dyad = sum(np.einsum("nmi,nmj->nij", arm[:, v], moment[:, i]) for i, v in enumerate(on_facets))
     body = mass(d, 1, cells.degree - 1)
-    dyad += np.einsum("nvi,vb,nbj->nij", arm[:, : d + 1], body, pair.force[: len(moment)])
+    dyad += np.einsum("nvi,vb,nbj->nij", arm[:, : d + 1], body, pair.cell_forces[: len(moment)])
     assert worst(pair, dyad - dyad.transpose(0, 2, 1)) < BALANCE * worst(pair, moment) * worst(pair, arm)
 
 
@@ -80,9 +80,9 @@ def test_opposite_tractions_between_ranks(pair):
     """Both ranks that see a facet compute its traction themselves; the values must agree."""
     model = pair.solution.model
     facets = model.mesh.topology.index_map(model.d - 1)
-    size = np.linalg.norm(pair.moment.sum(axis=1), axis=1)
+    size = np.linalg.norm(pair.facet_moments.sum(axis=1), axis=1)
     complete = np.zeros(len(size), dtype=bool)
-    complete[pair.cells.facets[: model.domain.owned_cells]] = True
+    complete[pair.cell_geometry.facets[: model.domain.owned_cells]] = True
     vector = la.vector(facets, dtype=np.float64)
     vector.array[:] = np.where(complete, size, 0.0)
     vector.scatter_forward()
@@ -92,7 +92,7 @@ def test_opposite_tractions_between_ranks(pair):
 
 
 def test_stress_has_the_facet_tractions(pair):
-    moment, cells, d = owned_moments(pair), pair.cells, pair.cells.d
+    moment, cells, d = owned_moments(pair), pair.cell_geometry, pair.cell_geometry.d
     stress, force = tensors(pair.stress, d), force_coefficients(moment, cells.degree)
     for i, on_facet in enumerate(local_facet_nodes(d, cells.degree)):
         found = np.einsum("nmij,nj->nmi", stress[:, i, on_facet], cells.area[: len(moment), i])
@@ -100,7 +100,7 @@ def test_stress_has_the_facet_tractions(pair):
 
 
 def test_stress_is_in_equilibrium_inside(pair):
-    cells, d, k, count = pair.cells, pair.cells.d, pair.cells.degree, len(pair.stress)
+    cells, d, k, count = pair.cell_geometry, pair.cell_geometry.d, pair.cell_geometry.degree, len(pair.stress)
     stress = tensors(pair.stress, d)
     corners = np.vstack([np.zeros(d), np.eye(d)])
     gradient = -cells.area[:count] / (d * cells.volume[:count, None, None])  # of the cell's barycentrics
@@ -112,7 +112,7 @@ def test_stress_is_in_equilibrium_inside(pair):
         sub = gradient - gradient[:, i : i + 1]
         sub[:, i] = (d + 1) * gradient[:, i]
         divergence = np.einsum("ckm,nmij,nkj->nci", gradients(d, k), stress[:, i], sub, optimize=True)
-        f = np.matmul(bernstein(d, k - 1, barycentric(nodes(d, k - 1)) @ subs[i]), pair.force[:count])
+        f = np.matmul(bernstein(d, k - 1, barycentric(nodes(d, k - 1)) @ subs[i]), pair.cell_forces[:count])
         assert worst(pair, divergence + f / cells.volume[:count, None, None]) < BALANCE * scale
         for other in range(i + 1, d + 1):
             normal = gradient[:, i] - gradient[:, other]
@@ -128,10 +128,10 @@ def test_stress_is_in_equilibrium_inside(pair):
 
 
 def test_facets_carry_loads_and_contact_tractions(pair):
-    model, d = pair.solution.model, pair.cells.d
+    model, d = pair.solution.model, pair.cell_geometry.d
     of_cell = model.mesh.topology.connectivity(d, d - 1).array.reshape(-1, d + 1)
     k = model.degree
-    found = force_coefficients(pair.moment, k)
+    found = force_coefficients(pair.facet_moments, k)
     for load in model.surface_loads:
         facets = model.domain.facets(load.facets)
         facets = facets[facets[:, 0] < model.domain.owned_cells]
@@ -155,7 +155,7 @@ def points_on_facets(d: int) -> np.ndarray:
 
 
 def test_traction_in_the_cone(pair):
-    model, d = pair.solution.model, pair.cells.d
+    model, d = pair.solution.model, pair.cell_geometry.d
     points = points_on_facets(d)
     shape = bernstein(d - 1, model.degree, points)
     for t in pair.tractions:
@@ -169,7 +169,7 @@ def test_traction_in_the_cone(pair):
 
 
 def test_displacement_outside_the_foundation(pair):
-    model, d = pair.solution.model, pair.cells.d
+    model, d = pair.solution.model, pair.cell_geometry.d
     points = points_on_facets(d)
     shape = lagrange(d - 1, model.degree, points)
     values = pair.displacement.x.array.reshape(-1, d)
@@ -210,7 +210,7 @@ def test_balance_with_data_that_no_rule_integrates(contact):
     scene = ec.Scene(material=material, loads=loads, **held)
     pair = ec.equilibrate(ec.solve(scene, ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(6, 6))))
     moment = owned_moments(pair)
-    assert worst(pair, moment.sum(axis=(1, 2)) + pair.force[: len(moment), 0]) < BALANCE * worst(pair, moment)
+    assert worst(pair, moment.sum(axis=(1, 2)) + pair.cell_forces[: len(moment), 0]) < BALANCE * worst(pair, moment)
 
 
 @pytest.mark.serial
@@ -250,7 +250,7 @@ def test_elements_balance_where_the_body_slides_far(d, degree):
     scene, domain = sliding_block(10.0, d, n=2 if d == 2 else 1)
     pair = ec.equilibrate(ec.solve(scene, domain, degree=degree))
     moment = owned_moments(pair)
-    force = moment.sum(axis=(1, 2)) + pair.force[: len(moment)].mean(axis=1)
+    force = moment.sum(axis=(1, 2)) + pair.cell_forces[: len(moment)].mean(axis=1)
     assert worst(pair, force) < BALANCE * worst(pair, moment)
 
 

@@ -218,7 +218,7 @@ class Law:
     def __init__(self, bound, a=1.0):
         self.function, self.a = bound, a
 
-    def bound(self, pressure, a):
+    def friction_bound(self, pressure, a):
         return self.function(pressure, a)
 
 
@@ -741,7 +741,10 @@ def test_load_that_is_not_ufl(load, block):
         (lambda b: ec.Contact(["bottom"], friction=0.3), ("['bottom']", "one boundary part")),
         (lambda b: ec.Displacement(1, (0.0, 0.0)), ("for 1", "one boundary part")),
         (lambda b: ec.Contact("bottom", friction=ec.Tresca), ("friction is <class", "Tresca(0.1)")),
-        (lambda b: ec.Contact("bottom", friction=type("L", (), {"bound": abs})()), ("parameters", "bound")),
+        (
+            lambda b: ec.Contact("bottom", friction=type("L", (), {"friction_bound": abs})()),
+            ("parameters", "friction_bound"),
+        ),
         (lambda b: ec.solve(SCENE, b, degree=1.0), ("degree is 1.0", "1 and 2")),
         (lambda b: ec.solve(SCENE, b, degree=True), ("degree is True", "1 and 2")),
         (lambda b: ec.solve(SCENE, b, degree="2"), ("degree is '2'", "1 and 2")),
@@ -750,7 +753,7 @@ def test_load_that_is_not_ufl(load, block):
         (lambda b: ec.solve(SCENE, b.mesh), ("domain is", "give a Domain")),
         (lambda b: ec.solve(b, SCENE), ("scene is an object of type Domain", "give a Scene")),
         (lambda b: ec.solve(SCENE, b, start="last"), ("start is 'last'", "give a Solution")),
-        (lambda b: ec.solve(SCENE, b, accuracy="fine"), ("accuracy is 'fine'", "> 0")),
+        (lambda b: ec.solve(SCENE, b, tolerance="fine"), ("tolerance is 'fine'", "> 0")),
         (lambda b: ec.adapt(SCENE, b, 0.1, method="nitsche"), ("method is 'nitsche'", "Nitsche()")),
         (lambda b: ec.adapt(SCENE, b, 0.1, strategy=ec.SizeMap), ("strategy is <class", "SizeMap()")),
         (lambda b: ec.adapt(SCENE, b, 0.1, strategy="sizemap"), ("strategy is 'sizemap'", "SizeMap()")),
@@ -784,7 +787,7 @@ class Flat:
 
     parameters = ()
 
-    def bound(self, pressure):
+    def friction_bound(self, pressure):
         return 0.002
 
 
@@ -906,7 +909,7 @@ class OwnLaw:
     def __init__(self, bound):
         self.limit, self._bound = 0.1, bound
 
-    def bound(self, pressure, limit):
+    def friction_bound(self, pressure, limit):
         return self._bound(pressure, limit)
 
 
@@ -1130,7 +1133,7 @@ class NamesTooMuch:
 
     parameters = ("limit",)
 
-    def bound(self, pressure, limit):
+    def friction_bound(self, pressure, limit):
         return limit
 
 

@@ -85,7 +85,7 @@ def test_rectangle_and_box_have_exact_named_sides(brick, measures):
         assert close(measures.part(domain, name), area)
     assert close(measures.region(domain), volume)
     corners = np.array(RECTANGLE if domain.dim == 2 else BOX)
-    assert close(domain.size, np.linalg.norm(corners[1] - corners[0]))
+    assert close(domain.extent, np.linalg.norm(corners[1] - corners[0]))
     assert_closed(domain)
     assert_distributed_well(domain)
 
@@ -510,7 +510,7 @@ def test_refined_meshes_do_not_depend_on_the_number_of_ranks(brick):
         shared, alone = (d.refined(near(d, corner, 1.5 / 2**step)) for d in (shared, alone))
         assert shared.cells == alone.cells
         assert shared.vertices == alone.vertices
-        assert abs(sorted_midpoints(shared) - sorted_midpoints(alone)).max() < 1e-12 * shared.size
+        assert abs(sorted_midpoints(shared) - sorted_midpoints(alone)).max() < 1e-12 * shared.extent
 
 
 # -- distribution --------------------------------------------------------------------------------------------

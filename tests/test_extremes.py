@@ -10,10 +10,10 @@ from extremes import BEYOND, SOLVABLE, UNITS, UNSOLVABLE, block
 
 import erc_contact as ec
 from erc_contact.admissible.cells import cell_geometry
-from erc_contact.admissible.cones import split
 from erc_contact.admissible.elastic import cell_stress
 from erc_contact.mesh.simplex import rule
 from erc_contact.model.expressions import evaluate
+from erc_contact.model.foundation import split
 
 pytestmark = pytest.mark.serial
 METHODS = [ec.Nitsche(), ec.AugmentedLagrangian()]

@@ -98,7 +98,7 @@ def test_resultants_hold_those_of_a_fine_mesh(case):
 @pytest.mark.parametrize("case", CASES)
 def test_energy_holds_that_of_a_fine_mesh(case):
     coarse, fine = errors(case)
-    true, bounds = ec.energy(fine), [ec.energy(error) for error in coarse]
+    true, bounds = ec.potential_energy(fine), [ec.potential_energy(error) for error in coarse]
     for b in bounds:
         assert b.guaranteed
         assert b.low <= true.high <= b.high == b.value  # J of the fine mesh is above the least, but below all coarser
@@ -114,7 +114,7 @@ def test_middle_is_that_of_both_stresses(case, degree):
     scene, mesh, name, (n, _), _ = CASES[case]
     error = error_of(scene, mesh(n), tighten=2, degree=degree)
     pair = error.admissible
-    model, cells, count = pair.solution.model, pair.cells, pair.solution.domain.owned_cells
+    model, cells, count = pair.solution.model, pair.cell_geometry, pair.solution.domain.owned_cells
     d = model.d
     shape, points, weights = macro_points(d, degree)
     sigma = np.matmul(shape, pair.stress).reshape(count, len(points), -1)
@@ -141,7 +141,7 @@ def test_equilibrium_dictates_a_resultant():
     assert friction.low < -1405.4 < friction.high < 0
     assert friction.weighted  # the symmetry line holds the last node of the contact
     assert not friction.guaranteed
-    assert not ec.energy(error).guaranteed
+    assert not ec.potential_energy(error).guaranteed
 
 
 @pytest.mark.serial
@@ -210,7 +210,7 @@ def test_oscillation_ends_the_guarantee():
     error = error_of(replace(opening(0.0), loads=loads), block(2))
     assert error.oscillation > 0
     assert not ec.resultant(error, "bottom", (0.0, 1.0)).guaranteed
-    assert not ec.energy(error).guaranteed
+    assert not ec.potential_energy(error).guaranteed
 
 
 @pytest.mark.serial
@@ -254,7 +254,7 @@ def test_rank_independence(make):
     for comm in (MPI.COMM_SELF, MPI.COMM_WORLD):
         error = make(comm)
         model = error.solution.model
-        bounds = [ec.energy(error)]
+        bounds = [ec.potential_energy(error)]
         for contact in model.contacts:
             bounds += [ec.resultant(error, contact.name, a) for a in np.eye(model.d)]
         results.append(bounds)

@@ -92,7 +92,7 @@ def test_a_dictated_resultant_is_that_of_the_load(load, degree, friction):
     assert holds(b, true)
     assert b.high - b.low < 1e-6
     assert (error.oscillations.loads == 0.0) == (load == "linear")
-    assert ec.energy(error).guaranteed == (load == "linear" and not friction)
+    assert ec.potential_energy(error).guaranteed == (load == "linear" and not friction)
 
 
 def test_a_dictated_resultant_in_space():
@@ -155,7 +155,7 @@ def test_energy_of_moduli_that_vary_in_cells(case, degree):
     along = case.endswith("along")
     scene = (pressed_along if along else pressed_across)(given(axis=int(along), **coefficients))
     error = error_of(scene, square(4), degree)
-    b = ec.energy(error)
+    b = ec.potential_energy(error)
     print(f"\n{case}: {true:.6g} in [{b.low:.6g}, {b.high:.6g}], {error.oscillations}")
     assert holds(b, true)
     assert b.guaranteed == resolved
@@ -171,10 +171,10 @@ def test_moduli_of_a_function():
     domain = square(4)
     field = fem.Function(fem.functionspace(domain.mesh, ("Lagrange", 1)))
     field.interpolate(lambda x: 1 + x[1])
-    b = ec.energy(error_of(pressed_along(lambda x: field), domain))
+    b = ec.potential_energy(error_of(pressed_along(lambda x: field), domain))
     assert b.guaranteed
     assert holds(b, -0.5 * np.log(2))
-    same = ec.energy(error_of(pressed_along(given(axis=1, one=1.0, t=1.0)), domain))
+    same = ec.potential_energy(error_of(pressed_along(given(axis=1, one=1.0, t=1.0)), domain))
     assert b.value == pytest.approx(same.value, rel=1e-9)
     assert b.low == pytest.approx(same.low, rel=1e-6)
 
@@ -196,7 +196,7 @@ def pressed(gap=0.0, sink=-0.02, **options) -> ec.Scene:
 def test_bilateral_gap_that_varies(power, carried, degree):
     """u^ meets the gap where it is a polynomial of its degree on each facet, else nowhere but at the nodes."""
     error = error_of(pressed(given(**{power: 0.01}), bilateral=True), square(4), degree)
-    assert ec.energy(error).guaranteed == carried[degree - 1]
+    assert ec.potential_energy(error).guaranteed == carried[degree - 1]
     assert ec.resultant(error, "bottom", (0.0, 1.0)).guaranteed == carried[degree - 1]
     assert (error.oscillations.gaps == 0.0) == carried[degree - 1]
 
@@ -214,7 +214,7 @@ def test_asperity_between_the_nodes(width, degree):
     down = -np.matmul(lagrange(1, degree, t), pair.displacement.x.array.reshape(-1, 2)[traction.nodes])[..., 1]
     gap = 0.01 - 0.009 * np.exp(-(((x[..., 0] - 0.53) / width) ** 2))
     assert (down - gap).max(initial=-np.inf) <= 1e-15
-    assert ec.energy(error).guaranteed
+    assert ec.potential_energy(error).guaranteed
 
 
 @pytest.mark.serial
@@ -222,7 +222,7 @@ def test_asperity_between_the_nodes(width, degree):
 @pytest.mark.parametrize(("power", "carried"), [("t", (True, True)), ("t2", (False, True))])
 def test_supports_that_vary(power, carried, degree):
     error = error_of(pressed(sink=given(one=-0.02, **{power: 0.01})), square(4), degree)
-    assert ec.energy(error).guaranteed == carried[degree - 1]
+    assert ec.potential_energy(error).guaranteed == carried[degree - 1]
     assert (error.oscillations.supports == 0.0) == carried[degree - 1]
 
 
@@ -231,7 +231,7 @@ def test_supports_that_vary(power, carried, degree):
 def test_normal_that_varies(tilt):
     """A normal that is constant though given as a callable is carried; one that turns along a facet is not."""
     error = error_of(pressed(normal=lambda x: (given(t=tilt)(x), -1.0)), square(4))
-    assert ec.energy(error).guaranteed == (tilt == 0.0)
+    assert ec.potential_energy(error).guaranteed == (tilt == 0.0)
     assert (error.oscillations.gaps == 0.0) == (tilt == 0.0)
 
 
@@ -252,7 +252,7 @@ def test_what_the_mesh_carries_stays_guaranteed(degree):
     error = error_of(scene, domain, degree)
     assert error.oscillations == ec.Oscillations()
     assert error.oscillation == 0.0
-    assert ec.energy(error).guaranteed
+    assert ec.potential_energy(error).guaranteed
     assert ec.resultant(error, "bottom", (0.0, 1.0)).guaranteed
     assert ec.resultant(error, "bottom", (1.0, 0.0)).guaranteed
 
@@ -273,7 +273,7 @@ def test_rank_independence(degree):
     results = []
     for comm in (MPI.COMM_SELF, MPI.COMM_WORLD):
         error = error_of(scene, square(5, comm), degree)
-        b, force = ec.energy(error), ec.resultant(error, "bottom", (0.0, 1.0))
+        b, force = ec.potential_energy(error), ec.resultant(error, "bottom", (0.0, 1.0))
         parts = vars(error.oscillations).values()
         results.append([error.relative, *parts, b.low, b.high, force.low, force.high])
     assert results[0] == pytest.approx(results[1], rel=1e-5, abs=1e-9)
@@ -332,7 +332,7 @@ def test_what_is_guaranteed_is_true(seed):
     scene, carried = a_scene(seed, degree)
     error = error_of(scene, square(4), degree)
     rough, true = (by_brute_force(scene, n) for n in (9, 18))
-    bounds = ec.energy(error), ec.resultant(error, "bottom", (0.0, 1.0))
+    bounds = ec.potential_energy(error), ec.resultant(error, "bottom", (0.0, 1.0))
     for b, t, unsure in zip(bounds, true, abs(true - rough), strict=True):
         print(f"{seed}: {t:.5g} in [{b.low:.5g}, {b.high:.5g}] {b.guaranteed} {error.oscillations}")
         assert b.low - unsure <= t <= b.high + unsure

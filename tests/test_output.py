@@ -145,7 +145,7 @@ def test_body_file_holds_the_fields(error, shared_tmp_path):
     d, owned = domain.dim, domain.owned_cells
     u = admissible.displacement.x.array.reshape(-1, d)
     largest = COMM.allreduce(float(np.linalg.norm(u, axis=1).max()), MPI.MAX)
-    volume = admissible.cells.volume[:owned]
+    volume = admissible.cell_geometry.volume[:owned]
     means = {
         "stress": results.mean_stress(admissible)[:, :d, :d],
         "stress_fe": admissible.fe_stress[:owned].mean(axis=1),
@@ -249,9 +249,9 @@ def test_status_of_tractions():
     traction = ContactTraction(contact, np.zeros((5, 2), dtype=int), np.ones(5), values, 0.3 * values[..., 1])
     O, L, S = results.OPEN, results.SLIP, results.STICK  # noqa: E741
     assert results.contact_status(traction).tolist() == [O, L, S, L, O]
-    frictionless = replace(traction, values=values * [0, 1], bound=np.zeros((5, 2)))
+    frictionless = replace(traction, values=values * [0, 1], friction_bound=np.zeros((5, 2)))
     assert results.contact_status(frictionless).tolist() == [O, L, L, L, O]
-    nothing = replace(traction, values=0 * values, bound=np.zeros((5, 2)))
+    nothing = replace(traction, values=0 * values, friction_bound=np.zeros((5, 2)))
     assert results.contact_status(nothing).tolist() == [O] * 5
 
 
@@ -274,7 +274,9 @@ def test_pictures_show_something(error, shared_tmp_path):
     before = PLOTTING & set(sys.modules)
     domain = error.domain
     names = ["new/meshes", "sizes", "deformed", "contact"]
-    output.draw_meshes([(domain, error.cells)] * (7 if domain.dim == 2 else 2), shared_tmp_path / "new" / "meshes.png")
+    output.draw_meshes(
+        [(domain, error.indicators)] * (7 if domain.dim == 2 else 2), shared_tmp_path / "new" / "meshes.png"
+    )
     output.draw_sizes(ec.size_map(error, 0.5 * error.relative), shared_tmp_path / "sizes.png")
     output.draw_deformed(error, shared_tmp_path / "deformed.png")
     output.plot_contact(error.admissible, "bottom", shared_tmp_path / "contact.png")
@@ -355,7 +357,7 @@ def test_small_errors_are_told():
     header, row, outcome = str(history).splitlines()
     assert 0 < step.eps < 2.5e-6
     told = [word for word in row.split() if word.endswith("%")]
-    assert [number(word) for word in told] == pytest.approx([step.eps, step.bulk, step.contact], rel=0.5)
+    assert [number(word) for word in told] == pytest.approx([step.eps, step.eps_bulk, step.eps_contact], rel=0.5)
     assert len(row) == len(header)
     reached, _, accuracy = outcome.removeprefix("Reached: ").removesuffix(".").split()
     assert number(reached) == pytest.approx(step.eps, rel=0.05)
@@ -567,7 +569,7 @@ def test_contact_in_space_is_seen(axis, shared_tmp_path, seen):
     error = error_of(scene, ec.box((0.0,) * 3, (1.0, 1.0, 1.0), cells=(2, 2, 2)))
     output.draw_error(error, shared_tmp_path / "error.png")
     output.draw_deformed(error, shared_tmp_path / "deformed.png")
-    output.draw_meshes([(error.domain, error.cells)], shared_tmp_path / "meshes.png")
+    output.draw_meshes([(error.domain, error.indicators)], shared_tmp_path / "meshes.png")
     if COMM.rank == 0:
         along = np.array(seen.views)[:4, axis]
         assert along[::2] == pytest.approx([-0.4, -0.4], abs=0.1)
@@ -696,8 +698,8 @@ def test_colours_of_any_range_are_told(shared_tmp_path, seen):
     """Each colour bar has some ticks, with plain numbers, however narrow or wide its range is."""
     error = error_of(*punch(2))
     for ratio in (1.0, 1.5, 2.0, 8.0, 1e3, 1e6):
-        cells = np.geomspace(2.1e-3 / ratio, 2.1e-3, len(error.cells))
-        output.draw_error(replace(error, cells=cells), shared_tmp_path / "error.png")
+        indicators = np.geomspace(2.1e-3 / ratio, 2.1e-3, len(error.indicators))
+        output.draw_error(replace(error, indicators=indicators), shared_tmp_path / "error.png")
         if COMM.rank == 0:
             (bar,) = [axes for axes in seen.figures[-1].axes if axes.get_label() == "<colorbar>"]
             axis = bar.xaxis if len(bar.get_xticks()) else bar.yaxis

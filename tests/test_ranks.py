@@ -50,9 +50,9 @@ def test_rank_independence(run):
     alone, together = run(MPI.COMM_SELF), run(MPI.COMM_WORLD)
     assert len(alone.steps) == len(together.steps) >= 3
     for a, b in zip(alone.steps, together.steps, strict=True):
-        assert (a.cells, a.vertices, a.newton) == (b.cells, b.vertices, b.newton)
+        assert (a.cells, a.vertices, a.newton_steps) == (b.cells, b.vertices, b.newton_steps)
         assert a.eps == pytest.approx(b.eps, rel=1e-8)
-        assert a.contact == pytest.approx(b.contact, abs=1e-8 * a.eps)
+        assert a.eps_contact == pytest.approx(b.eps_contact, abs=1e-8 * a.eps)
     mid = []
     for history in (alone, together):
         domain = history.meshes[-1][0]

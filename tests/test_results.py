@@ -2,7 +2,8 @@
 
 Properties: all forces on a body balance, with their moments; the force of a contact is the integral of its profile and
 of r^; the profile is in order along open and closed curves; values at points are those of the fields, and do not depend
-on the ranks, also between cells; points outside and unknown names are errors.
+on the ranks, also between cells; points outside and unknown names are errors. A solution answers as an error does, by
+its own fields: its forces are those of the discrete equations.
 """
 
 import numpy as np
@@ -11,27 +12,94 @@ from mpi4py import MPI
 from scenes import block, common_block, mostly_serial, random_scene, resultant
 
 import erc_contact as ec
-from erc_contact.results.profile import _in_order
+from erc_contact.model.profile import _in_order
 
 COMM = MPI.COMM_WORLD
 
 
-def error_of(scene, domain, degree=1):
-    return ec.constitutive_error(ec.equilibrate(ec.solve(scene, domain, degree=degree)))
+def error_of(scene, domain, degree=1, method=None):
+    return ec.constitutive_error(ec.equilibrate(ec.solve(scene, domain, method, degree=degree)))
 
 
 @pytest.mark.parametrize("case", mostly_serial([(2, 1), (2, 2), (3, 1), (3, 2)], [(2, 1), (3, 2)]))
 def test_forces_balance(case):
     seed, degree = case
     error = error_of(*random_scene(seed), degree)
-    forces = error.reactions()
-    size = max(np.linalg.norm(f.force) for f in forces.values())
-    assert np.linalg.norm(forces["balance"].force) < 1e-11 * size
-    assert np.linalg.norm(forces["balance"].moment) < 1e-11 * size * error.domain.size
     (traction,) = error.admissible.tractions
     name = traction.contact.name
+    for result, tolerance in ((error, 1e-11), (error.solution, 1e-12)):
+        forces = result.reactions()
+        size = max(np.linalg.norm(f.force) for f in forces.values())
+        assert np.linalg.norm(forces["balance"].force) < tolerance * size
+        assert np.linalg.norm(forces["balance"].moment) < tolerance * size * error.domain.extent
+        assert np.allclose(forces[name].force, result.force(name).force, rtol=0, atol=1e-14 * size)
     assert np.allclose(error.force(name).force, resultant(traction), rtol=0, atol=1e-12 * size)
-    assert np.allclose(forces[name].force, error.force(name).force, rtol=0, atol=1e-14 * size)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("degree", [1, 2])
+def test_reactions_of_a_linear_solution(dim, degree):
+    """A bar in uniaxial strain between rollers: the stress is the same everywhere, and the elements hold it."""
+    lam, G = 0.3 / (1.3 * 0.4), 1 / 2.6
+    stress = 0.01 * np.array([lam + 2 * G, lam, lam][:dim])
+    size = np.array([2.0, 1.0, 0.5][:dim])
+    make = ec.rectangle if dim == 2 else ec.box
+    domain = make((0.0,) * dim, tuple(size), cells=(2,) * dim)
+    sides = {"left": (0, 0), "right": (0, 1), "bottom": (dim - 1, 0), "top": (dim - 1, 1)}
+    sides |= {"front": (1, 0), "back": (1, 1)} if dim == 3 else {}
+    held = [
+        ec.Displacement(side, tuple((0.02 if side == "right" else 0.0) if i == axis else None for i in range(dim)))
+        for side, (axis, _) in sides.items()
+    ]
+    reactions = ec.solve(ec.Scene(ec.Elastic(1.0, 0.3), held), domain, degree=degree).reactions()
+    assert set(reactions) == {*sides, "balance"}
+    for side, (axis, end) in sides.items():
+        force = np.zeros(3)
+        force[axis] = (2 * end - 1) * stress[axis] * size.prod() / size[axis]
+        middle = np.pad(size / 2, (0, 3 - dim))
+        middle[axis] = end * size[axis]
+        moment = np.cross(middle, force)
+        assert np.allclose(reactions[side].force, force[:dim], rtol=0, atol=1e-14)
+        assert np.allclose(reactions[side].moment, moment[2:] if dim == 2 else moment, rtol=0, atol=1e-14)
+
+
+def test_force_of_a_solution_is_the_integral_of_its_profile():
+    """Forces at nodes are the multiplier times the share of the area: the trapezes of the profile, exactly."""
+    solution = ec.solve(common_block(), block(4), ec.AugmentedLagrangian())
+    profile, force = solution.profile("bottom"), solution.force("bottom")
+    assert np.trapezoid(profile["pressure"], profile["s"]) == pytest.approx(force.force[1], rel=1e-12)
+    assert np.trapezoid(profile["shear"], profile["s"]) == pytest.approx(force.force[0], rel=1e-12)
+    assert np.trapezoid(profile["pressure"] * profile["x"], profile["s"]) == pytest.approx(force.moment[0], rel=1e-12)
+
+
+def test_solution_and_error_agree():
+    """The multiplier of degree 1 is allowed and is r^, u does not penetrate and is u^; forces meet on fine meshes."""
+    gaps = []
+    for n in (4, 16):
+        error = error_of(common_block(), block(n), method=ec.AugmentedLagrangian())
+        solution = error.solution
+        own, other = solution.profile("bottom"), error.profile("bottom")
+        for column in own.dtype.names:
+            assert np.allclose(own[column], other[column], rtol=0, atol=1e-12), column
+        own, other = solution.force("bottom"), error.force("bottom")
+        assert np.allclose(own.force, other.force, rtol=0, atol=1e-12)
+        gaps.append(abs(own.moment - other.moment)[0] / abs(other.moment)[0])
+    assert gaps[1] < 0.1 * gaps[0]  # nodal forces are lumped: second order, but for the singular corners
+    assert gaps[1] < 0.005
+
+
+@pytest.mark.parametrize("method", [ec.Nitsche(), ec.AugmentedLagrangian()])
+def test_contacts_that_meet_have_their_own_forces(method):
+    """A square pressed into a corner without friction: each wall pushes along its normal, also at the common node."""
+    scene = ec.Scene(
+        ec.Elastic(1.0, 0.3),
+        loads=[ec.Traction("right", (-0.03, 0.0)), ec.Traction("top", (0.0, -0.02))],
+        contacts=[ec.Contact("bottom"), ec.Contact("left")],
+    )
+    reactions = ec.solve(scene, ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(4, 4)), method).reactions()
+    for name, force, moment in (("bottom", (0.0, 0.02), 0.01), ("left", (0.03, 0.0), -0.015)):
+        assert np.allclose(reactions[name].force, force, rtol=0, atol=1e-14)
+        assert np.allclose(reactions[name].moment, moment, rtol=0, atol=1e-14)
 
 
 @pytest.mark.parametrize("degree", [1, 2])
@@ -47,10 +115,10 @@ def test_profile_of_a_line(degree):
     assert np.trapezoid(profile["shear"], profile["s"]) == pytest.approx(force.force[0], rel=4 * tolerance)
     assert np.trapezoid(profile["pressure"] * profile["x"], profile["s"]) == pytest.approx(force.moment[0], rel=0.02)
     assert profile["gap"].min() >= -1e-12
-    assert np.all(abs(profile["shear"]) <= profile["bound"] + 1e-14)
-    assert np.allclose(profile["bound"], 0.3 * profile["pressure"], rtol=0, atol=1e-14)
+    assert np.all(abs(profile["shear"]) <= profile["friction_bound"] + 1e-14)
+    assert np.allclose(profile["friction_bound"], 0.3 * profile["pressure"], rtol=0, atol=1e-14)
     slips = profile["status"] == 1
-    assert np.allclose(abs(profile["shear"])[slips], profile["bound"][slips], rtol=0, atol=1e-6)
+    assert np.allclose(abs(profile["shear"])[slips], profile["friction_bound"][slips], rtol=0, atol=1e-6)
     assert set(profile["status"]) == {0, 1, 2} if degree == 1 else set(profile["status"]) >= {1, 2}
 
 
@@ -114,10 +182,13 @@ def test_errors_say_what_is_wrong():
         error.at([(1.0, 1.0), (3.0, 0.0)])
     with pytest.raises(ec.InputError, match=r"shape \(n, 2\)"):
         error.at((1.0, 1.0, 1.0))
-    with pytest.raises(ec.InputError, match="No contact is called 'top'; this scene has bottom"):
-        error.profile("top")
-    with pytest.raises(ec.InputError, match="No boundary part is called 'foot'"):
-        error.force("foot")
+    for result in (error, error.solution):
+        with pytest.raises(ec.InputError, match="No contact is called 'top'; this scene has bottom"):
+            result.profile("top")
+        with pytest.raises(ec.InputError, match="No boundary part is called 'foot'"):
+            result.force("foot")
+        with pytest.raises(ec.InputError, match="'von Mises'"):
+            result.maximum("mises")
 
 
 @pytest.mark.ranks
@@ -130,16 +201,17 @@ def test_ranks_agree(seed):
         name = error.admissible.tractions[0].contact.name
         if points is None:  # one inside a cell, one at a vertex
             points = COMM.bcast(np.array([np.full(domain.dim, 0.37), domain.mesh.geometry.x[0, : domain.dim]]))
-        found.append((error.profile(name), error.at(points), error.force(name)))
-    (profile, at, force), (profile_2, at_2, force_2) = found
-    for column in profile.dtype.names:
-        assert np.allclose(
-            profile[column], profile_2[column], rtol=0, atol=1e-9 * max(abs(profile[column]).max(), 1e-3)
-        )
-    assert np.allclose(at.stress, at_2.stress, rtol=0, atol=1e-9)
-    assert np.allclose(at.displacement, at_2.displacement, rtol=0, atol=1e-11)
-    assert np.allclose(force.force, force_2.force, rtol=0, atol=1e-12)
-    assert np.allclose(force.moment, force_2.moment, rtol=0, atol=1e-12)
+        found.append([(one.profile(name), one.at(points), one.reactions()) for one in (error, error.solution)])
+    for (profile, at, forces), (profile_2, at_2, forces_2) in zip(*found, strict=True):
+        for column in profile.dtype.names:
+            size = max(abs(profile[column]).max(), 1e-3)
+            assert np.allclose(profile[column], profile_2[column], rtol=0, atol=1e-9 * size)
+        assert np.allclose(at.elastic_stress, at_2.elastic_stress, rtol=0, atol=1e-9)
+        assert np.allclose(at.displacement, at_2.displacement, rtol=0, atol=1e-11)
+        for name in forces:
+            assert np.allclose(forces[name].force, forces_2[name].force, rtol=0, atol=1e-12)
+            assert np.allclose(forces[name].moment, forces_2[name].moment, rtol=0, atol=1e-12)
+    assert np.allclose(found[0][0][1].stress, found[1][0][1].stress, rtol=0, atol=1e-9)
 
 
 @pytest.mark.parametrize("dim", [2, 3])
@@ -153,15 +225,14 @@ def test_maxima_and_their_places(dim):
         ec.Elastic(1.0, 0.0), rollers, [ec.Traction("top", pressure=0.01)], [ec.Contact("bottom", friction=0.3)]
     )
     error = error_of(scene, domain)
-    assert error.maximum("von Mises").value == pytest.approx(0.01, rel=1e-9)
-    deepest = error.maximum("displacement")
-    assert deepest.value == pytest.approx(0.02, rel=1e-9)
-    assert deepest.place[-1] == 2.0
-    pressure = error.maximum("pressure")
-    assert pressure.value == pytest.approx(0.01, rel=1e-9)
-    assert pressure.place[-1] == 0.0
-    with pytest.raises(ec.InputError, match="'von Mises'"):
-        error.maximum("mises")
+    for result in (error, error.solution):
+        assert result.maximum("von Mises").value == pytest.approx(0.01, rel=1e-9)
+        deepest = result.maximum("displacement")
+        assert deepest.value == pytest.approx(0.02, rel=1e-9)
+        assert deepest.place[-1] == 2.0
+        pressure = result.maximum("pressure")
+        assert pressure.value == pytest.approx(0.01, rel=1e-9)
+        assert pressure.place[-1] == 0.0
 
 
 def test_history_answers_for_its_best_result():

@@ -18,7 +18,7 @@ from test_remesh import MESHES
 import erc_contact as ec
 from erc_contact.error.sizes import GROW, RATIO, _Mesh
 from erc_contact.output.gathered import whole_contact
-from erc_contact.results.profile import OPEN, SLIP, STICK, contact_status
+from erc_contact.results import OPEN, SLIP, STICK, contact_status
 
 
 def measured(scene, domain, tighten=0):
@@ -67,13 +67,13 @@ def test_ratio_is_the_paper_s_where_rates_are_one():
     accuracy = 0.5 * error.relative
     sizes = ec.size_map(error, accuracy)
     comm, regular = MPI.COMM_WORLD, sizes.rates == 1.0
-    assert comm.allreduce(float(np.sum(error.cells[~regular] ** 2))) < 0.02 * error.relative**2
-    total = comm.allreduce(float(error.cells.sum()))
-    paper = accuracy / np.sqrt(error.cells * total)
+    assert comm.allreduce(float(np.sum(error.indicators[~regular] ** 2))) < 0.02 * error.relative**2
+    total = comm.allreduce(float(error.indicators.sum()))
+    paper = accuracy / np.sqrt(error.indicators * total)
     inner = regular & (paper < 0.9 * RATIO[1])
     assert np.median(sizes.ratio[inner] / paper[inner]) == pytest.approx(1.0, abs=0.02)
     assert np.std(sizes.ratio[inner] / paper[inner]) < 0.01
-    assert sizes.cells == pytest.approx((total / accuracy) ** 2, rel=0.15)
+    assert sizes.predicted_cells == pytest.approx((total / accuracy) ** 2, rel=0.15)
 
 
 @pytest.mark.parametrize("accuracy", [0.2, 0.02])
@@ -83,12 +83,12 @@ def test_ratio_satisfies_the_condition_of_least_number(accuracy):
     sizes = ec.size_map(error, accuracy)
     r, q = sizes.ratio, sizes.rates
     inner = (r > RATIO[0] * 1.001) & (r < RATIO[1] * 0.999)
-    multiplier = 2 / (2 * q * error.cells**2 * r ** (2 * q + 2))[inner]
+    multiplier = 2 / (2 * q * error.indicators**2 * r ** (2 * q + 2))[inner]
     lowest = MPI.COMM_WORLD.allreduce(float(multiplier.min(initial=np.inf)), MPI.MIN)
     highest = MPI.COMM_WORLD.allreduce(float(multiplier.max(initial=0.0)), MPI.MAX)
     assert highest == pytest.approx(lowest, rel=1e-6)
-    assert sizes.eps == pytest.approx(accuracy, rel=1e-6)
-    predicted = MPI.COMM_WORLD.allreduce(float(np.sum(error.cells**2 * r ** (2 * q))))
+    assert sizes.predicted_eps == pytest.approx(accuracy, rel=1e-6)
+    predicted = MPI.COMM_WORLD.allreduce(float(np.sum(error.indicators**2 * r ** (2 * q))))
     assert predicted == pytest.approx(accuracy**2, rel=1e-6)
 
 
@@ -134,7 +134,7 @@ def test_predictions(name):
         sizes = ec.size_map(error, accuracy)
         domain = error.domain.remeshed(sizes)
         error = measured(scene, domain, tighten)
-        rows.append((domain.cells / sizes.cells, error.relative / sizes.eps))
+        rows.append((domain.cells / sizes.predicted_cells, error.relative / sizes.predicted_eps))
     print(f"\n{name}: cells and eps over predicted {np.round(rows, 3).tolist()}")
     three = domain.dim == 3
     assert np.all(np.abs(np.array(rows)[:, 0] - 1) < (0.15 if three else 0.05))
@@ -230,7 +230,7 @@ def test_strategy_of_the_user():
 @pytest.mark.ranks
 def test_sizes_do_not_depend_on_the_number_of_ranks():
     sizes = [ec.size_map(measured(prototype_block(), block(8, c)), 0.02) for c in (MPI.COMM_SELF, MPI.COMM_WORLD)]
-    assert sizes[0].cells == pytest.approx(sizes[1].cells, rel=1e-6)
-    assert sizes[0].eps == pytest.approx(sizes[1].eps, rel=1e-6)
+    assert sizes[0].predicted_cells == pytest.approx(sizes[1].predicted_cells, rel=1e-6)
+    assert sizes[0].predicted_eps == pytest.approx(sizes[1].predicted_eps, rel=1e-6)
     everywhere = [np.sort(np.concatenate(s.error.solution.model.comm.allgather(s.ratio))) for s in sizes]
     assert np.allclose(everywhere[0], everywhere[1], rtol=1e-5)

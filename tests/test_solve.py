@@ -25,9 +25,9 @@ GRECO_ENERGY, GRECO_FRICTION = 108.258, -1405.4  # N mm and N, per mm of thickne
 def ends(traction: ContactTraction, solution: ec.Solution) -> tuple[np.ndarray, np.ndarray]:
     """Facets of a contact sorted along x: their ends, and their status (0 open, 1 slip, 2 stick)."""
     x = np.sort(solution.model.V.tabulate_dof_coordinates()[traction.nodes][:, :, 0], axis=1)
-    pressure = -traction.normal.mean(axis=1)
-    shear = np.linalg.norm(traction.tangential.mean(axis=1), axis=1)
-    bound = traction.bound.mean(axis=1)
+    pressure = -traction.normal_component.mean(axis=1)
+    shear = np.linalg.norm(traction.tangential_part.mean(axis=1), axis=1)
+    bound = traction.friction_bound.mean(axis=1)
     status = np.where(pressure <= 1e-9 * pressure.max(), 0, np.where(shear >= (1 - 1e-6) * bound, 1, 2))
     order = np.argsort(x[:, 0])
     return x[order], status[order]
@@ -81,8 +81,8 @@ def test_common_block_forces_and_zones():
     assert model.comm.allreduce(fem.assemble_scalar(shear)) == pytest.approx(-0.001350, abs=0.6e-6)
     if model.comm.size == 1:
         nodes = np.unique(traction.nodes)
-        pressure = np.bincount(traction.nodes.ravel(), -traction.normal.ravel())[nodes]
-        slide = np.bincount(traction.nodes.ravel(), traction.tangential[..., 0].ravel())[nodes]
+        pressure = np.bincount(traction.nodes.ravel(), -traction.normal_component.ravel())[nodes]
+        slide = np.bincount(traction.nodes.ravel(), traction.tangential_part[..., 0].ravel())[nodes]
         is_open = pressure <= 1e-12
         slips = ~is_open & (abs(slide) >= 0.3 * pressure * (1 - 1e-6))
         counts = np.array([is_open.sum(), (~is_open & ~slips).sum(), slips.sum()])
@@ -96,8 +96,8 @@ def test_scene_without_contact_is_a_linear_solve():
     assert solution.newton_steps == 0
     pair = ec.equilibrate(solution)
     assert pair.tractions == []
-    assert pair.force is None
-    assert ec.constitutive_error(pair).contact == 0.0
+    assert pair.cell_forces is None
+    assert ec.constitutive_error(pair).contact_error == 0.0
 
 
 @pytest.mark.serial
@@ -110,7 +110,7 @@ def test_frictionless_scene_has_no_friction_term():
     assert model.contacts[0].gap is None
     assert not ufl.algorithms.extract_type(form, ufl.classes.Sqrt)
     pair = ec.equilibrate(solution)
-    assert np.abs(pair.tractions[0].tangential).max(initial=0.0) == 0.0
+    assert np.abs(pair.tractions[0].tangential_part).max(initial=0.0) == 0.0
 
 
 @pytest.mark.serial

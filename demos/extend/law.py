@@ -18,7 +18,7 @@ class Limited:
     def __init__(self, mu, s):
         self.mu, self.s = mu, s
 
-    def bound(self, pressure, mu, s):
+    def friction_bound(self, pressure, mu, s):
         """The most that the shear traction may be [force/area]."""
         return ufl.min_value(mu * pressure, s)
 

@@ -14,9 +14,9 @@ from functools import cached_property
 
 import numpy as np
 
-from erc_contact.admissible.cones import Cones, clip, pressures, split
+from erc_contact.admissible.cones import Cones, clip
 from erc_contact.mesh.simplex import at_nodes, coefficients, lattice
-from erc_contact.model.foundation import PROPORTIONAL, BoundContact
+from erc_contact.model.foundation import PROPORTIONAL, BoundContact, pressures, split
 from erc_contact.model.model import Model
 
 SAMPLES = 12

@@ -1,7 +1,5 @@
 """Convex sets of contact tractions, cones and cylinders, and the Euclidean projection on them.
 
-The module also splits vectors into normal and tangential parts.
-
 Symbols: n normal of the foundation, p = -r_n pressure, f facets, m nodes of a facet, d dimension, K directions.
 """
 
@@ -11,17 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-
-def split(z: np.ndarray, n: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Normal component, tangential part and length of this part, for vectors (..., d) and unit normals n."""
-    z_n = (z * n).sum(axis=-1)
-    z_t = z - z_n[..., None] * n
-    return z_n, z_t, np.linalg.norm(z_t, axis=-1)
-
-
-def pressures(r: np.ndarray, n: np.ndarray) -> np.ndarray:
-    """Pressures ``max(-r_n, 0)`` of tractions (..., d) on foundations with normals n [force/area]."""
-    return np.maximum(-(r * n).sum(axis=-1), 0.0)
+from erc_contact.model.foundation import split
 
 
 def clip(z_t: np.ndarray, size: np.ndarray, bound: np.ndarray) -> np.ndarray:

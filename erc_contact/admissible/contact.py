@@ -19,12 +19,12 @@ from mpi4py import MPI
 from erc_contact.admissible.allowed import Allowed, samples
 from erc_contact.admissible.balance import Part, balanced
 from erc_contact.admissible.cells import moments
-from erc_contact.admissible.cones import Cones, pressures, split
+from erc_contact.admissible.cones import Cones
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.base.exceptions import NotHeldError
 from erc_contact.mesh.simplex import averages, bernstein, lagrange, projection, rule
 from erc_contact.model.expressions import evaluate
-from erc_contact.model.foundation import CONSTANT, BoundContact
+from erc_contact.model.foundation import CONSTANT, BoundContact, pressures, split
 from erc_contact.model.model import Model
 
 PASSES = 10
@@ -153,7 +153,8 @@ def _limited(
         new = []
         for t, v, a in zip(raw, values, allowed, strict=True):
             pressure = pressures(v, a.n)
-            new.append(replace(t, values=v, bound=replace(a, factor=np.ones(len(v)), sharp=True).bound(pressure)))
+            limit = replace(a, factor=np.ones(len(v)), sharp=True)
+            new.append(replace(t, values=v, friction_bound=limit.bound(pressure)))
         return new
 
     for _ in range(PASSES):
@@ -233,8 +234,8 @@ def _friction(model: Model, traction: ContactTraction) -> tuple[np.ndarray, np.n
     at = samples(model.d)
     shape = bernstein(model.d - 1, model.degree, at)
     parameters = model.friction_parameters(traction.contact, at)
-    most = traction.contact.friction_bound(np.maximum(-traction.normal @ shape.T, 0.0), parameters)
-    return most, np.linalg.norm(np.einsum("qm,fmi->fqi", shape, traction.tangential), axis=-1)
+    most = traction.contact.friction_bound(np.maximum(-traction.normal_component @ shape.T, 0.0), parameters)
+    return most, np.linalg.norm(np.einsum("qm,fmi->fqi", shape, traction.tangential_part), axis=-1)
 
 
 def _shrink(model: Model, traction: ContactTraction) -> np.ndarray:

@@ -17,11 +17,11 @@ from dataclasses import dataclass
 import numpy as np
 from dolfinx import fem
 
-from erc_contact.admissible.cones import split
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.mesh.quadrature import facet_pieces, integrate, polynomials
 from erc_contact.mesh.simplex import coefficients
 from erc_contact.model.expressions import Everywhere, varies_in_cells
+from erc_contact.model.foundation import split
 from erc_contact.model.model import Model
 
 BETWEEN = 0.1
@@ -66,9 +66,9 @@ def admissible_displacement(model: Model, u: fem.Function, tractions: list[Conta
     for t, limit in zip(tractions, limits, strict=True):
         weight = 2 * t.area[:, None] / t.nodes.shape[1]
         stiffness = _nodal_stiffness(model, t)[limit.nodes]
-        closing = _sum(limit, -weight * t.normal)
-        friction = _sum(limit, weight * t.bound)
-        shear = np.column_stack([_sum(limit, weight * t.tangential[..., i]) for i in range(model.d)])
+        closing = _sum(limit, -weight * t.normal_component)
+        friction = _sum(limit, weight * t.friction_bound)
+        shear = np.column_stack([_sum(limit, weight * t.tangential_part[..., i]) for i in range(model.d)])
         for group in limit.groups:
             nodes, n = limit.nodes[group], limit.normal[group]
             open_by = limit.bound[group] - (values[nodes] * n).sum(axis=1)

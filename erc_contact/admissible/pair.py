@@ -55,14 +55,14 @@ class Admissible:
         solution: The solution that it was reconstructed from.
         displacement: u^ [length], a continuous Function of degree k.
         tractions: r^ on each contact.
-        cells: Geometry of the cells.
+        cell_geometry: Vertices, facets and volumes of the cells.
         fe_stress: The rebalanced finite element stress, projected on polynomials of degree k-1 in each cell
             [force/area], shape (n, N_(k-1), d, d).
         stress: sigma^ of the owned cells in Mandel components, of degree k in the sub-simplices [force/area],
             shape (owned, d+1, N_k, s).
-        moment: Moments of the facet tractions on the first side of each facet [force], shape (facets, m, d).
-        force: Body force times volume of each cell, projected on degree k-1 [force], shape (n, N_(k-1), d), or None
-            without body force.
+        facet_moments: Moments of the facet tractions on the first side of each facet [force], shape (facets, m, d).
+        cell_forces: Body force times volume of each cell, projected on degree k-1 [force], shape (n, N_(k-1), d), or
+            None without body force.
         tightening: Iterations done to tighten sigma^.
         seconds: Wall time, the largest over the ranks [s].
     """
@@ -70,11 +70,11 @@ class Admissible:
     solution: Solution
     displacement: fem.Function
     tractions: list[ContactTraction]
-    cells: CellGeometry
+    cell_geometry: CellGeometry
     fe_stress: np.ndarray
     stress: np.ndarray
-    moment: np.ndarray
-    force: np.ndarray | None
+    facet_moments: np.ndarray
+    cell_forces: np.ndarray | None
     tightening: int
     seconds: float
 

@@ -21,21 +21,21 @@ class ContactTraction:
         nodes: Nodes of each facet (cell, local facet) of ``contact.facets``, ghosts included, shape (n, m).
         area: Facet areas [length^(d-1)], shape (n,).
         values: Bernstein coefficients of r^ at these nodes [force/area], values at the vertices, shape (n, m, d).
-        bound: The friction bound b(p) of these [force/area], shape (n, m).
+        friction_bound: The friction bound b(p) of these [force/area], shape (n, m).
     """
 
     contact: BoundContact
     nodes: np.ndarray
     area: np.ndarray
     values: np.ndarray
-    bound: np.ndarray
+    friction_bound: np.ndarray
 
     @property
-    def normal(self) -> np.ndarray:
+    def normal_component(self) -> np.ndarray:
         """Normal component r^_n, coefficients [force/area], shape (n, m)."""
         return np.einsum("fmi,fi->fm", self.values, self.contact.direction)
 
     @property
-    def tangential(self) -> np.ndarray:
+    def tangential_part(self) -> np.ndarray:
         """Tangential part r^_t, coefficients [force/area], shape (n, m, d)."""
-        return self.values - self.normal[..., None] * self.contact.direction[:, None, :]
+        return self.values - self.normal_component[..., None] * self.contact.direction[:, None, :]

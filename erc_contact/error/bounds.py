@@ -106,27 +106,24 @@ def resultant(error: ConstitutiveError, contact: str, direction: Sequence[float]
     """
     pair = error.admissible
     model = pair.solution.model
-    names = [c.name for c in model.contacts]
-    if contact not in names:
-        known = ", ".join(sorted(names)) or "none"
-        raise InputError(f"No contact is called {contact!r}; this scene has {known}.")
+    which = model.contacts.index(model.contact(contact))
     a = np.asarray(direction, dtype=float)
     if a.shape != (model.d,) or not np.isfinite(a).all():
         raise InputError(f"The direction is {direction!r}; give {model.d} finite numbers.")
-    phi, weighted = lifting(model, names.index(contact), a)
+    phi, weighted = lifting(model, which, a)
     both = elastic_work(pair, pair.displacement, phi) + stress_work(pair, phi)
     middle = 0.5 * both - load_work(model, phi)
     square = elastic_work(pair, phi, phi)
     size = float(np.sqrt(max(square.value + square.rest, 0.0)))
-    stiffest = model.stiffest() * model.domain.size ** (model.d - 2)
+    stiffest = model.stiffest() * model.domain.extent ** (model.d - 2)
     rigid = size <= RIGID * np.linalg.norm(a) * np.sqrt(stiffest)  # then (b) is the balance of forces
-    from_loads = bool(rigid) and error.geometry <= ROUND_OFF * error.scale
+    from_loads = bool(rigid) and error.geometry_error <= ROUND_OFF * error.scale
     guaranteed = middle.known and square.known and (from_loads or _guaranteed(error))
-    radius = float(np.sqrt(_square(error) / 2 - error.bulk**2 / 4) * size) + middle.rest
+    radius = float(np.sqrt(_square(error) / 2 - error.bulk_error**2 / 4) * size) + middle.rest
     return Bounds(middle.value, middle.value - radius, middle.value + radius, guaranteed, weighted)
 
 
-def energy(error: ConstitutiveError) -> Bounds:
+def potential_energy(error: ConstitutiveError) -> Bounds:
     """Bounds on the potential energy J(u), in ``[J(u^) - e^2/2, J(u^)]``; collective.
 
     With loads only (supports and gaps zero) the strain energy ``a(u, u)/2`` is -J(u); with supports only (no loads, no
@@ -144,7 +141,7 @@ def energy(error: ConstitutiveError) -> Bounds:
     J = 0.5 * strain - load_work(model, u)
     for traction in pair.tractions:
         J += friction_work(model, traction, u, ROUND_OFF * strain.value)
-    high, facets = J.value + J.rest, error.geometry**2 / 2
+    high, facets = J.value + J.rest, error.geometry_error**2 / 2
     low = J.value - J.rest - error.absolute**2 / 2 - facets
     return Bounds(high, low, high + facets, J.known and _guaranteed(error))
 
@@ -169,9 +166,10 @@ def work_of_loads(error: ConstitutiveError) -> Bounds:
     for what, where in (("a support that is not zero", moved), ("a gap", gaps), ("friction", rough)):
         if where:
             raise InputError(
-                f"The work of the loads has no certified bounds with {what} ({', '.join(where)}); ask for energy()."
+                f"The work of the loads has no certified bounds with {what} ({', '.join(where)}); ask for "
+                "potential_energy()."
             )
-    J = energy(error)
+    J = potential_energy(error)
     return Bounds(-2 * J.value, -2 * J.high, -2 * J.low, J.guaranteed)
 
 
@@ -262,10 +260,10 @@ def _nodes(model: Model, contact: BoundContact) -> np.ndarray:
 
 def _square(error: ConstitutiveError) -> float:
     """``e^2`` with the estimate for the flat facets of a curved body."""
-    return error.absolute**2 + error.geometry**2
+    return error.absolute**2 + error.geometry_error**2
 
 
 def _guaranteed(error: ConstitutiveError) -> bool:
     """Whether the data and the friction law allow proved bounds."""
-    exact = max(error.oscillation, error.geometry) <= ROUND_OFF * error.scale
+    exact = max(error.oscillation, error.geometry_error) <= ROUND_OFF * error.scale
     return exact and all(c.friction is None or c.friction.dependence == CONSTANT for c in error.solution.model.contacts)

@@ -25,7 +25,7 @@ def bulk_squares(admissible: Admissible) -> tuple[np.ndarray, np.ndarray, float]
     Where the moduli vary inside cells, the first contains what its integral leaves unknown. The third number is the sum
     of this on the rank if it is more than the tolerance, else 0.
     """
-    model, cells = admissible.solution.model, admissible.cells
+    model, cells = admissible.solution.model, admissible.cell_geometry
     owned, k = model.domain.owned_cells, model.degree
     shape, _, weights = macro_points(model.d, k)
     compliance = macro_moduli(model, cells, owned, inverse=True)
@@ -60,18 +60,20 @@ def bulk_squares(admissible: Admissible) -> tuple[np.ndarray, np.ndarray, float]
 
 
 def geometry_squares(admissible: Admissible, both: np.ndarray) -> np.ndarray:
-    """The square of ``ConstitutiveError.geometry`` by cells, from ``|sigma^ + C eps(u^)|^2 = 4 |sigma_m|^2`` of each.
+    """The square of ``ConstitutiveError.geometry_error`` by cells.
+
+    ``both`` is ``|sigma^ + C eps(u^)|^2 = 4 |sigma_m|^2`` of each cell.
 
     A facet on the boundary of the body counts for its cell. A facet between two cells counts half for each.
     """
-    model, cells = admissible.solution.model, admissible.cells
+    model, cells = admissible.solution.model, admissible.cell_geometry
     result = np.zeros(len(both))
-    if model.offset is None or model.domain.marks is None:
+    if model.offset is None or model.domain.curved_facets is None:
         return result
     density = fem.Function(fem.functionspace(model.mesh, ("DG", 0)))
     density.x.array[: len(both)] = both / (4 * cells.volume[: len(both)])
     density.x.scatter_forward()
-    sides = pairs(model.mesh, model.domain.marks.indices)
+    sides = pairs(model.mesh, model.domain.curved_facets.indices)
     sides = sides[model.owned(sides)]
     facets = model.facet_numbers(sides)
     beyond = cells.side[:, facets] // (model.d + 1)

@@ -34,9 +34,11 @@ from erc_contact.error.contact import contact_squares
 from erc_contact.error.oscillation import UNKNOWN, Oscillations, of_loads, of_supports
 from erc_contact.error.rigid import NOISE, moves_rigidly, round_off
 from erc_contact.mesh.domain import Domain
+from erc_contact.model.forces import Force
+from erc_contact.model.maximum import Maximum
 from erc_contact.newton.solution import Solution
-from erc_contact.results.forces import Force, force, reactions
-from erc_contact.results.maximum import Maximum, maximum
+from erc_contact.results.forces import force, reactions
+from erc_contact.results.maximum import maximum
 from erc_contact.results.points import Values, at
 from erc_contact.results.profile import profile
 
@@ -49,29 +51,30 @@ class ConstitutiveError:
         admissible: The pair.
         absolute: e (16) [sqrt(force length)].
         scale: ``|sigma^ + C eps(u^)|`` [sqrt(force length)].
-        bulk: Bulk part of e.
-        contact: Contact part of e; ``bulk^2 + contact^2 = e^2``.
-        geometry: Estimate of the error by the flat facets of a curved body [sqrt(force length)], not part of e. It is
-            the energy norm of the stress between the facets and the true surface: its square is
+        bulk_error: Bulk part of e.
+        contact_error: Contact part of e; ``bulk_error^2 + contact_error^2 = e^2``.
+        geometry_error: Estimate of the error by the flat facets of a curved body [sqrt(force length)], not part of e.
+            It is the energy norm of the stress between the facets and the true surface: its square is
             ``int |offset| |sigma|^2``, at an interface with the difference of ``|sigma|^2``. Half of its square is
             about the change of the potential energy by the facets (0.78 to 0.94 of it on a pressed ring of 5 to 30
             facets). It is zero if all facets are exact, and if only a mesh is known: the body is then the mesh.
         oscillations: Parts of the data that the mesh cannot represent, estimates without constants of Korn and Poincare
             type, not part of e.
-        cells: eps_E (18) of the owned cells; the squares sum to eps^2 over all ranks.
-        indicators: eps_E together with the share of the geometry, which refinement uses; the squares sum to total^2.
+        indicators: The local error indicators eps_E (18) of the owned cells [-]; the squares sum to eps^2 over all
+            ranks.
+        total_indicators: The same with the share of the geometry, which refinement uses; the squares sum to total^2.
         seconds: Wall time, the largest over the ranks [s].
     """
 
     admissible: Admissible
     absolute: float
     scale: float
-    bulk: float
-    contact: float
-    geometry: float
+    bulk_error: float
+    contact_error: float
+    geometry_error: float
     oscillations: Oscillations
-    cells: np.ndarray
     indicators: np.ndarray
+    total_indicators: np.ndarray
     seconds: float
 
     @property
@@ -82,7 +85,7 @@ class ConstitutiveError:
     @property
     def total(self) -> float:
         """Eps with the estimate of the geometry [-], which a run lowers to its accuracy; eps for straight bodies."""
-        return float(np.hypot(self.absolute, self.geometry)) / self.scale if self.scale > 0 else 0.0
+        return float(np.hypot(self.absolute, self.geometry_error)) / self.scale if self.scale > 0 else 0.0
 
     @property
     def solution(self) -> Solution:
@@ -138,7 +141,7 @@ def constitutive_error(admissible: Admissible) -> ConstitutiveError:
     geometry = geometry_squares(admissible, both)
     bulk_2, scale_2, geometry_2 = model.comm.allreduce(np.array([per_cell.sum(), both.sum(), geometry.sum()]), MPI.SUM)
     squares = np.array(
-        [0.0, of_loads(model, admissible.cells, admissible.force), of_supports(model), moduli_2, 0.0, 0.0]
+        [0.0, of_loads(model, admissible.cell_geometry, admissible.cell_forces), of_supports(model), moduli_2, 0.0, 0.0]
     )
     for traction in admissible.tractions:
         parts, gaps_2, friction_2 = contact_squares(model, admissible.displacement, traction, UNKNOWN * float(bulk_2))
@@ -157,7 +160,7 @@ def constitutive_error(admissible: Admissible) -> ConstitutiveError:
         per_cell[:] = geometry[:] = bulk_2 = contact_2 = scale_2 = geometry_2 = 0.0
     e = float(np.sqrt(bulk_2 + contact_2))
     norm = float(np.sqrt(scale_2))
-    cells, indicators = (np.sqrt(square) / (norm or 1.0) for square in (per_cell, per_cell + geometry))
+    indicators, total_indicators = (np.sqrt(square) / (norm or 1.0) for square in (per_cell, per_cell + geometry))
     seconds = model.comm.allreduce(perf_counter() - began, MPI.MAX)
     return ConstitutiveError(
         admissible,
@@ -167,7 +170,7 @@ def constitutive_error(admissible: Admissible) -> ConstitutiveError:
         float(np.sqrt(contact_2)),
         float(np.sqrt(geometry_2)),
         Oscillations(*(float(np.sqrt(part)) for part in parts_2)),
-        cells,
         indicators,
+        total_indicators,
         seconds,
     )

@@ -13,13 +13,12 @@ import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
 
-from erc_contact.admissible.cones import pressures, split
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.error.oscillation import COARSE, EXACT, UNKNOWN, facet_sizes
 from erc_contact.mesh.quadrature import facet_pieces, integrate, polynomials
 from erc_contact.mesh.simplex import bernstein, coefficients, lagrange, rule
 from erc_contact.model.expressions import evaluate, varies_in_cells
-from erc_contact.model.foundation import CONSTANT, BoundContact, ContactData
+from erc_contact.model.foundation import CONSTANT, BoundContact, ContactData, pressures, split
 from erc_contact.model.model import Model
 
 CONTACT_DEGREE = 21

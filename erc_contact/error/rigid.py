@@ -26,7 +26,7 @@ def round_off(admissible: Admissible) -> tuple[float, bool]:
     The accuracy of a displacement of size |u| is ``RESOLUTION |u|``, so that of its strain in a cell of size h is
     ``RESOLUTION |u|/h``.
     """
-    model, cells = admissible.solution.model, admissible.cells
+    model, cells = admissible.solution.model, admissible.cell_geometry
     comm, owned = model.comm, model.domain.owned_cells
     size = comm.allreduce(float(abs(admissible.displacement.x.array).max(initial=0.0)), MPI.MAX)
     stiffness = moduli(model, cells, nodes(model.d, 0), owned)[:, 0].max(axis=(1, 2))

@@ -52,16 +52,16 @@ class Sizes:
         values: h at the nodes ``domain.mesh.geometry.x`` of this rank [length], smoothed, linear between.
         ratio: r_E of the owned cells by the formula, before smoothing.
         rates: q_E of the owned cells.
-        cells: Predicted number of elements N* for the smoothed sizes.
-        eps: Predicted relative error.
+        predicted_cells: Predicted number of elements N* for the smoothed sizes.
+        predicted_eps: Predicted relative error.
     """
 
     error: ConstitutiveError
     values: np.ndarray
     ratio: np.ndarray
     rates: np.ndarray
-    cells: float
-    eps: float
+    predicted_cells: float
+    predicted_eps: float
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
         """The sizes at the nodes, for numpy."""
@@ -90,9 +90,9 @@ def size_map(error: ConstitutiveError, accuracy: float) -> Sizes:
     accuracy = checks.accuracy("size_map: accuracy", accuracy)
     raise_together(error.domain.mesh.comm, None)
     mesh = _Mesh(error.domain)
-    d, square = mesh.domain.dim, error.indicators**2
-    q = _rates(mesh, error.cells**2, error.solution.model.degree)
-    share = np.divide(error.cells**2, square, out=np.ones_like(square), where=square > 0)
+    d, square = mesh.domain.dim, error.total_indicators**2
+    q = _rates(mesh, error.indicators**2, error.solution.model.degree)
+    share = np.divide(error.indicators**2, square, out=np.ones_like(square), where=square > 0)
     q = share * q + (1 - share) * FACETS
 
     def ratio(multiplier: float) -> np.ndarray:

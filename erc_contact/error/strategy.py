@@ -41,13 +41,14 @@ class Strategy(Protocol):
     def next(self, error: ConstitutiveError, accuracy: float, max_cells: int) -> Domain:
         """The next domain; collective: it is called on all ranks, and all must come to the same decision.
 
-        ``error.domain.refined(cells)`` refines cells of each rank, given by their numbers, ``error.domain.remeshed(h)``
-        makes a mesh with sizes h. A domain equal to the last one is not refused: the run goes on until ``max_steps``.
+        ``error.domain.refined(marked)`` refines cells of each rank, given by their numbers.
+        ``error.domain.remeshed(h)`` makes a mesh with sizes h. A domain equal to the last one is not refused: the run
+        goes on until ``max_steps``.
 
         Args:
-            error: The error of the last mesh, above the accuracy. ``error.indicators`` has the errors of the cells that
-                this rank owns: a rank may have none. Greatest values and sums are to be reduced over all ranks, by
-                ``error.domain.mesh.comm``.
+            error: The error of the last mesh, above the accuracy. ``error.total_indicators`` has the errors of
+                the cells that this rank owns: a rank may have none. Greatest values and sums are to be reduced over all
+                ranks, by ``error.domain.mesh.comm``.
             accuracy: Prescribed relative error of the run.
             max_cells: No mesh of more cells will be solved; not to be met by the domain, but worth knowing.
 
@@ -122,12 +123,12 @@ class SizeMap:
         end, way = size_map(error, aim), error.total / aim
         leaps = ceil(log(way) / log(self.leap))
         sizes = end if leaps == 1 else size_map(error, error.total / way ** (1 / leaps))
-        while sizes.cells > max_cells and way ** (1 / leaps) > CLOSE:  # a smaller leap may know better
+        while sizes.predicted_cells > max_cells and way ** (1 / leaps) > CLOSE:  # a smaller leap may know better
             leaps += 1
             sizes = size_map(error, error.total / way ** (1 / leaps))
-        if sizes.cells > max_cells or (error.total <= KNOWN and end.cells > DOUBT * max_cells):
+        if sizes.predicted_cells > max_cells or (error.total <= KNOWN and end.predicted_cells > DOUBT * max_cells):
             raise InputError(
-                f"{percent(accuracy)} takes about {end.cells:.0f} cells, more than max_cells = {max_cells}; "
+                f"{percent(accuracy)} takes about {end.predicted_cells:.0f} cells, more than max_cells = {max_cells}; "
                 "allow more, or a larger error."
             )
         return domain.remeshed(sizes)
@@ -145,8 +146,8 @@ def mark(error: ConstitutiveError, fraction: float = 0.5) -> np.ndarray:
     """
     fraction, comm = checks.fraction("mark: fraction", fraction), error.domain.mesh.comm
     raise_together(comm, None)
-    everywhere = np.sort(np.concatenate(comm.allgather(error.indicators)))[::-1]
+    everywhere = np.sort(np.concatenate(comm.allgather(error.total_indicators)))[::-1]
     carried = np.cumsum(everywhere**2)
     enough = int(np.searchsorted(carried, fraction * carried[-1] * (1 - TIE)))
     threshold = everywhere[min(enough, len(everywhere) - 1)]
-    return np.flatnonzero(error.indicators >= threshold * (1 - TIE)).astype(np.int32)
+    return np.flatnonzero(error.total_indicators >= threshold * (1 - TIE)).astype(np.int32)

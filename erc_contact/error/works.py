@@ -14,7 +14,6 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from erc_contact.admissible.cells import cell_geometry, sorted_corners
-from erc_contact.admissible.cones import pressures, split
 from erc_contact.admissible.elastic import act, strains
 from erc_contact.admissible.macro import macro_points
 from erc_contact.admissible.pair import Admissible
@@ -22,7 +21,7 @@ from erc_contact.admissible.traction import ContactTraction
 from erc_contact.mesh.quadrature import Integral, Integrand, cell_pieces, facet_pieces, integrate, polynomials
 from erc_contact.mesh.simplex import bernstein, coefficients
 from erc_contact.model.expressions import Everywhere, varies_in_cells
-from erc_contact.model.foundation import ContactData
+from erc_contact.model.foundation import ContactData, pressures, split
 from erc_contact.model.model import Model
 
 
@@ -58,7 +57,7 @@ class Number:
 
 def elastic_work(pair: Admissible, v: fem.Function, w: fem.Function) -> Number:
     """``a(v, w)`` [force length]; collective."""
-    model, cells = pair.solution.model, pair.cells
+    model, cells = pair.solution.model, pair.cell_geometry
     if not model.varying_moduli:
         return Number(assembled(model, model.stiffness(v, w)))
     owned, k = model.domain.owned_cells, model.degree
@@ -76,7 +75,7 @@ def elastic_work(pair: Admissible, v: fem.Function, w: fem.Function) -> Number:
 
 def stress_work(pair: Admissible, v: fem.Function) -> Number:
     """``(sigma^, eps(v))`` [force length], exact; collective. It is the work of r^ and of the projected loads."""
-    model, cells, k = pair.solution.model, pair.cells, pair.cells.degree
+    model, cells, k = pair.solution.model, pair.cell_geometry, pair.cell_geometry.degree
     owned = model.domain.owned_cells
     shape, points, weights = macro_points(model.d, k)
     sigma = np.matmul(shape, pair.stress).reshape(owned, len(points), pair.stress.shape[3])

@@ -49,8 +49,8 @@ class Domain:
         cell_tags: Tags of cells, or None.
         regions: Name of each cell region -> its tag.
         geometry: The true shape, None where only the mesh is known: the body is then the mesh, with its flat facets.
-        marks: Where the true shape is curved, for each facet on its boundary or on an interface the number of its curve
-            or surface in the geometry.
+        curved_facets: Where the true shape is curved, for each facet on its boundary or on an interface the number of
+            its curve or surface in the geometry.
 
     Raises:
         InputError: If the mesh is not of straight-sided simplices, or no facet carries a name's tag. A part that
@@ -63,7 +63,7 @@ class Domain:
     cell_tags: dmesh.MeshTags | None = None
     regions: Mapping[str, int] = field(default_factory=dict)
     geometry: Geometry | None = field(default=None, repr=False)
-    marks: dmesh.MeshTags | None = field(default=None, repr=False)
+    curved_facets: dmesh.MeshTags | None = field(default=None, repr=False)
     _inside: set[str] = field(init=False, repr=False, default_factory=set)
 
     def __post_init__(self) -> None:
@@ -92,8 +92,8 @@ class Domain:
             error = InputError(f"The regions {_listed(self.regions)} need cell tags of dimension {tdim}.")
         raise_together(self.mesh.comm, error)
         if self.mesh.comm.size > 1 and not patches_complete(self.mesh):
-            mesh, moved = _redistributed(self.mesh, self.facet_tags, self.cell_tags, self.marks)
-            for name, value in zip(("mesh", "facet_tags", "cell_tags", "marks"), (mesh, *moved), strict=True):
+            mesh, moved = _redistributed(self.mesh, self.facet_tags, self.cell_tags, self.curved_facets)
+            for name, value in zip(("mesh", "facet_tags", "cell_tags", "curved_facets"), (mesh, *moved), strict=True):
                 object.__setattr__(self, name, value)
         owned = self.mesh.topology.index_map(tdim - 1).size_local
         outer = dmesh.exterior_facet_indices(self.mesh.topology)
@@ -127,7 +127,7 @@ class Domain:
         return self.mesh.topology.index_map(0).size_global
 
     @cached_property
-    def size(self) -> float:
+    def extent(self) -> float:
         """Length of the diagonal of the bounding box [length]."""
         x = self.mesh.geometry.x
         low, high = np.full(3, np.inf), np.full(3, -np.inf)
@@ -175,14 +175,14 @@ class Domain:
             raise InputError(f"No cell region is called {name!r}; this domain has {_listed(self.regions)}.")
         return self.cell_tags.find(self.regions[name])
 
-    def refined(self, cells: np.ndarray | None = None) -> Domain:
+    def refined(self, marked: np.ndarray | None = None) -> Domain:
         """Refine by bisection of longest edges (DOLFINx), conforming; collective.
 
         Names are kept, the new mesh is balanced over the ranks, and every rank has complete vertex patches. Where the
         true shape is known and curved, new vertices of its boundary and interfaces are put on it.
 
         Args:
-            cells: Cells of this rank to refine; None refines all.
+            marked: Cells of this rank to refine; None refines all.
 
         Returns:
             The refined domain.
@@ -195,7 +195,7 @@ class Domain:
             ends of its edge, so that a side at y = 0 stays at y = 0.
         """
         mesh, tdim = self.mesh, self.dim
-        cells = together(mesh.comm, self._marked, cells)
+        cells = together(mesh.comm, self._marked, marked)
         mesh.topology.create_entities(1)
         mesh.topology.create_connectivity(tdim, 1)
         mesh.topology.create_connectivity(1, tdim)
@@ -232,12 +232,12 @@ class Domain:
             return _tags(fine, tags.dim, children[values >= 0], values[values >= 0])
 
         cell_tags = inherited(self.cell_tags, parent_cell, np.arange(len(parent_cell)))
-        facet_tags, marks = inherited(self.facet_tags, old, new), inherited(self.marks, old, new)
+        facet_tags, curved = inherited(self.facet_tags, old, new), inherited(self.curved_facets, old, new)
         if mesh.comm.size > 1:
-            fine, (facet_tags, cell_tags, marks) = _redistributed(fine, facet_tags, cell_tags, marks)
-        if marks is not None and self.geometry is not None:
-            snap(fine, marks, self.geometry.nearest)
-        return Domain(fine, facet_tags, self.names, cell_tags, self.regions, self.geometry, marks)
+            fine, (facet_tags, cell_tags, curved) = _redistributed(fine, facet_tags, cell_tags, curved)
+        if curved is not None and self.geometry is not None:
+            snap(fine, curved, self.geometry.nearest)
+        return Domain(fine, facet_tags, self.names, cell_tags, self.regions, self.geometry, curved)
 
     def _marked(self, cells: npt.ArrayLike | None) -> np.ndarray:
         """Cells of this rank to refine, checked."""

@@ -292,7 +292,7 @@ def _meshed(geometry: Brick | Drawing, domain: Domain, sizes: np.ndarray) -> Dom
 
     with session(comm, build, "The geometry, meshed again,") as model:
         data = dgmsh.model_to_mesh(model, comm, 0, gdim=dim, partitioner=partitioner(comm))
-        marks = marked_facets(model, comm, 0, data.mesh, tags) if domain.marks is not None else None
+        marks = marked_facets(model, comm, 0, data.mesh, tags) if domain.curved_facets is not None else None
     regions = data.cell_tags if domain.regions else None
     return Domain(data.mesh, data.facet_tags, domain.names, regions, domain.regions, geometry, marks)
 

@@ -22,6 +22,18 @@ CONSTANT, PROPORTIONAL, CONCAVE = "constant", "proportional", "concave"
 """How a friction bound depends on the pressure: not at all, as a multiple of it, or in another concave way."""
 
 
+def split(z: np.ndarray, n: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Normal component, tangential part and length of this part, for vectors (..., d) and unit normals n."""
+    z_n = (z * n).sum(axis=-1)
+    z_t = z - z_n[..., None] * n
+    return z_n, z_t, np.linalg.norm(z_t, axis=-1)
+
+
+def pressures(r: np.ndarray, n: np.ndarray) -> np.ndarray:
+    """Pressures ``max(-r_n, 0)`` of tractions (..., d) on foundations with normals n [force/area]."""
+    return np.maximum(-(r * n).sum(axis=-1), 0.0)
+
+
 @dataclass(frozen=True, eq=False)
 class Friction:
     """A friction law on a mesh.
@@ -47,14 +59,14 @@ class Friction:
 
     def bound(self, pressure: Any) -> Any:
         """The friction bound b(p) [force/area], UFL."""
-        bound = self.law.bound(pressure, **self.parameters)
+        bound = self.law.friction_bound(pressure, **self.parameters)
         return bound if self.share is None else self.share * bound
 
     def numbers(self, pressure: np.ndarray, values: Mapping[str, np.ndarray]) -> np.ndarray:
         """The friction bound at points, for pressures and values of the parameters there [force/area]."""
         if self.arithmetic:
-            return np.broadcast_to(self.law.bound(pressure, **values), pressure.shape)
-        return pointwise(self.law.bound, pressure, values)
+            return np.broadcast_to(self.law.friction_bound(pressure, **values), pressure.shape)
+        return pointwise(self.law.friction_bound, pressure, values)
 
 
 def bind_friction(mesh: dmesh.Mesh, what: str, law: Law, parameters: dict[str, Any]) -> Friction:
@@ -71,7 +83,7 @@ def bind_friction(mesh: dmesh.Mesh, what: str, law: Law, parameters: dict[str, A
     """
 
     def bound(pressure: Any) -> Any:
-        return scalar(what, law.bound(pressure, **parameters))
+        return scalar(what, law.friction_bound(pressure, **parameters))
 
     def attempt() -> str:
         pressure = ufl.variable(fem.Constant(mesh, 1.0))
@@ -84,7 +96,7 @@ def bind_friction(mesh: dmesh.Mesh, what: str, law: Law, parameters: dict[str, A
     def of_numbers() -> bool:
         ones = {name: np.ones((1, 1)) for name in parameters}
         try:
-            found = law.bound(np.ones((1, 1)), **ones)
+            found = law.friction_bound(np.ones((1, 1)), **ones)
         except Exception:  # UFL that numpy does not understand, or not
             return False
         return isinstance(found, Real | np.ndarray)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -124,12 +124,19 @@ class Model(Space):
         dx = self.dx(metadata={"quadrature_degree": DATA_DEGREE}) if varies else self.dx
         return ufl.inner(self.stress(u), strain(v)) * dx
 
-    def loads(self, v: Any, *, varying: bool = True) -> Any | None:
-        """``f(v) + F(v)``, a UFL form, or None without loads; ``varying=False`` leaves out what varies in cells."""
-        terms = [ufl.inner(t.density, v) * t.ds for t in self.surface_loads if varying or not t.varies]
-        if self.body_force is not None and (varying or not varies_in_cells(self.body_force)):
-            terms.append(ufl.inner(self.body_force, v) * self.dx)
-        return _sum(terms)
+    def loads(self, v: Any, *, varying: bool = True, on: Collection[str | None] | None = None) -> Any | None:
+        """``f(v) + F(v)``, a UFL form, or None without loads.
+
+        Args:
+            v: Test function, or a displacement.
+            varying: Whether to take loads that vary inside cells, too.
+            on: Names of the boundary parts whose loads are taken, None for those in the body; all loads by default.
+        """
+        loads: list[tuple[str | None, Any, Any]] = [(one.facets, one.density, one.ds) for one in self.surface_loads]
+        if self.body_force is not None:
+            loads.append((None, self.body_force, self.dx))
+        taken = [(density, measure) for part, density, measure in loads if on is None or part in on]
+        return _sum([ufl.inner(f, v) * measure for f, measure in taken if varying or not varies_in_cells(f)])
 
     def stiffness_per_area(self, gamma: Any) -> Any:
         """``gamma E k^2/h`` [force/volume] with E the modulus and h the height of a cell over its facet, UFL there."""
@@ -141,6 +148,17 @@ class Model(Space):
         return self.extremes(self.at_middles(self.modulus, self.owned_cells))[1]
 
     # -- data on contacts ------------------------------------------------------------------------------
+
+    def contact(self, name: str) -> BoundContact:
+        """The contact of a name.
+
+        Raises:
+            InputError: If no contact has this name.
+        """
+        found = {contact.name: contact for contact in self.contacts}
+        if name not in found:
+            raise InputError(f"No contact is called {name!r}; this scene has {', '.join(sorted(found)) or 'none'}.")
+        return found[name]
 
     def friction_parameters(self, contact: BoundContact, points: np.ndarray) -> dict[str, np.ndarray]:
         """The law's parameters at reference points (q, d-1) of the facets of a contact, each of shape (f, q)."""

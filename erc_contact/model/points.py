@@ -39,7 +39,7 @@ def at_points(model: Model, points: Any, values: Callable[[np.ndarray, np.ndarra
     if x.ndim != 2 or x.shape[1] != d or not np.isfinite(x).all():
         raise InputError(f"The points have shape {np.shape(points)}; give finite numbers of shape (n, {d}).")
     three = in_space(x)
-    tree = geometry.bb_tree(mesh, d, padding=1e-10 * model.domain.size)
+    tree = geometry.bb_tree(mesh, d, padding=1e-10 * model.domain.extent)
     near = geometry.compute_colliding_cells(mesh, geometry.compute_collisions_points(tree, three), three)
     point, own = np.repeat(np.arange(len(x)), np.diff(near.offsets)), near.array < model.domain.owned_cells
     point, cell = point[own], near.array[own]

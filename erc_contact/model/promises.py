@@ -203,7 +203,7 @@ def _check_supports_in_gap(model: Model) -> None:
         excess = np.where(known, abs(beyond) if contact.bilateral else beyond, -np.inf).max(initial=-np.inf)
         worst = model.comm.allreduce(float(excess), MPI.MAX)
         largest = model.comm.allreduce(float(abs(values).max(initial=0)), MPI.MAX)
-        if worst > max(1e-12 * model.domain.size, 1e-9 * largest):
+        if worst > max(1e-12 * model.domain.extent, 1e-9 * largest):
             raise InputError(
                 f"A support pushes {contact.name!r} into the foundation by {worst:g} [length] beyond the gap; "
                 "no displacement is admissible. Change the support or the gap."

@@ -167,9 +167,9 @@ class Space:
     @cached_property
     def offset(self) -> fem.Function | None:
         """From the facets to the true surface where that is known and curved [length]; None elsewhere; collective."""
-        if self.domain.marks is None or self.domain.geometry is None:
+        if self.domain.curved_facets is None or self.domain.geometry is None:
             return None
-        return offset(self.mesh, self.domain.marks, self.domain.geometry.nearest)
+        return offset(self.mesh, self.domain.curved_facets, self.domain.geometry.nearest)
 
     def _ordered_vertices(self) -> np.ndarray:
         """Local vertices of the named facets in the order of the reference facet, shape (cells, d+1, d)."""

@@ -40,11 +40,11 @@ class Dense:
 
     Args:
         problem: The condensed problem.
-        accuracy: Newton's method may stop when :meth:`remaining` is below it [sqrt(force length)]; None for round-off.
+        tolerance: Newton's method may stop when :meth:`remaining` is below it [sqrt(force length)]; None for round-off.
     """
 
-    def __init__(self, problem: Condensed, accuracy: float | None = None) -> None:
-        self.problem, self.accuracy = problem, accuracy
+    def __init__(self, problem: Condensed, tolerance: float | None = None) -> None:
+        self.problem, self.tolerance = problem, tolerance
         self.scale = problem.length / problem.force
         size = problem.size
         self.jacobian = PETSc.Mat().createDense((size, size), comm=PETSc.COMM_SELF)
@@ -55,7 +55,7 @@ class Dense:
         """Make one attempt from the displacement start; return the last state and how the attempt ended."""
         x = self.vector()
         x.array[:] = start / self.problem.length
-        outcome = attempt(self, x, line_search, self.accuracy)
+        outcome = attempt(self, x, line_search, self.tolerance)
         u = self._displacement(x)
         x.destroy()
         return State(u, self.problem.residual(u)), outcome
@@ -75,7 +75,7 @@ class Dense:
         ksp.setType("preonly")
         ksp.getPC().setType("lu")
 
-    def tolerance(self, x: PETSc.Vec) -> float:
+    def round_off(self, x: PETSc.Vec) -> float:
         """The norm of the scaled residual that counts as round-off [-].
 
         The forces that cancel in it are bounded: a body that nothing holds moves so far that any residual would be

@@ -46,14 +46,14 @@ class Direct:
         given = self.elastic.gather(field)[: self.elastic.contact_size]
         return None if self.elastic.schur is None else given
 
-    def attempt(self, attempt: Attempt, state: Any, accuracy: float | None) -> tuple[Outcome, Any, Found | None]:
+    def attempt(self, attempt: Attempt, state: Any, tolerance: float | None) -> tuple[Outcome, Any, Found | None]:
         """Make one attempt from a state; return how it ended, its last state, and what it found if that is final."""
         if attempt.method not in self._problems:
             self._problems[attempt.method] = Condensed(self.model, attempt.method, self.elastic, self.guess)
         problem = self._problems[attempt.method]
 
         def work() -> tuple[Outcome, Any, Any]:
-            dense = Dense(problem, accuracy)
+            dense = Dense(problem, tolerance)
             start, steps = problem.from_contact(state), 0
             for share in attempt.friction_shares:
                 problem.raise_friction(share)
@@ -77,3 +77,6 @@ class Direct:
     ) -> Found:
         u = self.elastic.expand(self.guess, u_A, force)
         return Found(u, problem.multipliers_at(u_A), remaining, regularity)
+
+    def destroy(self) -> None:
+        """Nothing is left to free: the factor belongs to the solution."""

@@ -42,6 +42,8 @@ ROUND_OFF = 1e-15
 """It stops, too, below this fraction of the forces that cancel in the elastic equations [-]."""
 FORCING = 0.1
 """Tolerance of the first linear solves, which Eisenstat and Walker's rule lowers [-]."""
+REGULAR = 1e-5
+"""Tolerance of the linear solve that shows whether the tangent has an inverse [-]."""
 LIMIT, RESTART = 200, 50
 """Limit of the cycles of one linear solve, and vectors that it keeps."""
 FRESH = 0.35
@@ -73,18 +75,19 @@ class FullSpace:
         bcs = [] if method.multiplier else model.bcs
         self._bcs = bcs
         self._tangents = [fp.create_matrix(form) for form in self.forms.tangents]
+        self._fixed = model.fixed.ravel()[:own]
         if method.multiplier:
             self._reactions = Reactions(model)
             self._rows = self._reactions.free.ravel()[:own]
             self._springs = _Springs(model, elastic, self._reactions)
         else:
-            self._rows = ~model.fixed.ravel()[:own]
+            self._rows = ~self._fixed
         self._work = [self.vector() for _ in range(2)]
         self._rest = self.vector()
         self._at: PETSc.Vec | None = None
         local, everywhere = elastic.matrix.getSizes()[0]
         shape = ((local, everywhere), (local, everywhere))
-        self._tangent = PETSc.Mat().createPython(shape, context=self, comm=elastic.matrix.comm)
+        self._tangent = PETSc.Mat().createPython(shape, context=_Tangent(self), comm=elastic.matrix.comm)
         self._tangent.setUp()
         self._last = (0, 1.0)  # cycles of the last linear solve, and its reduction of the residual
         self._excess = 0.0
@@ -123,10 +126,11 @@ class FullSpace:
         pc.setPythonContext(_Cycle(self))
         self._last, self._excess = (0, 1.0), 0.0
 
-    def tolerance(self, x: PETSc.Vec) -> float:
+    def round_off(self, x: PETSc.Vec) -> float:
         """The norm of the scaled residual that counts as solved [-]."""
         diagonal = self.elastic.matrix.getDiagonal()
         diagonal.pointwiseMult(diagonal, x)
+        diagonal.array[self._fixed] = 0.0
         forces = diagonal.norm() * self.length / self.force
         diagonal.destroy()
         return max(TOLERANCE, ROUND_OFF * forces)
@@ -141,6 +145,38 @@ class FullSpace:
         u.destroy()
         return float(np.sqrt(max(energy, 0.0)))
 
+    def regularity(self, x: PETSc.Vec) -> float:
+        """About the least eigenvalue of the tangent at x, scaled by the elastic diagonal [-]; zero without an inverse.
+
+        It is the ratio of a force to the displacement that it causes, after one step of inverse iteration. It is one
+        without friction, where solutions are unique as far as the body is held.
+        """
+        if all(contact.friction is None for contact in self.model.contacts):
+            return 1.0
+        diagonal, force, u = self.elastic.matrix.getDiagonal(), self.vector(), self.vector()
+        diagonal.sqrtabs()
+        first, _ = force.getOwnershipRange()
+        force.array[:] = np.sin(1.0 + np.arange(first, first + len(self._rows)) ** 2)
+        force.array[self._fixed] = 0.0
+        size = force.norm()
+        force.pointwiseMult(force, diagonal)
+        self._renewed(None, x)
+        ksp = PETSc.KSP().create(force.comm)
+        ksp.setOperators(self._tangent)
+        ksp.setType("fgmres")
+        ksp.setTolerances(rtol=REGULAR, max_it=LIMIT)
+        ksp.setGMRESRestart(RESTART)
+        ksp.getPC().setType("python")
+        ksp.getPC().setPythonContext(_Cycle(self))
+        ksp.solve(force, u)
+        solved = ksp.getConvergedReason() > 0
+        u.pointwiseMult(u, diagonal)
+        u.array[self._fixed] = 0.0
+        found = size / u.norm() * self.force / self.length if solved and u.norm() > 0 else 0.0
+        for made in (ksp, diagonal, force, u):
+            made.destroy()
+        return float(found)
+
     def status(self, x: PETSc.Vec) -> tuple[bytes, tuple[int, int, int]]:
         """A key of the contact status of all points, and the numbers of open, slipping and sticking points."""
         self._set(x)
@@ -151,7 +187,7 @@ class FullSpace:
 
     # -- the tangent ----------------------------------------------------------------------------------------
 
-    def mult(self, _: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
+    def mult(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
         """Set y to the scaled tangent times x."""
         self.elastic.matrix.mult(x, y)
         if self.forms.multipliers:
@@ -243,12 +279,23 @@ class FullSpace:
         else:
             x.copy(self._at)
 
-    def destroy(self) -> None:
-        """Free PETSc's objects."""
+    def free(self) -> None:
+        """Free PETSc's objects, which know this one: without it neither would be freed."""
         for made in (*self._tangents, *self._work, self._rest, self._tangent):
             made.destroy()
         if self.forms.multipliers:
             self._springs.matrix.destroy()
+
+
+class _Tangent:
+    """The tangent of a problem, for PETSc."""
+
+    def __init__(self, problem: FullSpace) -> None:
+        self.problem = problem
+
+    def mult(self, _: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
+        """Set y to the tangent times x."""
+        self.problem.mult(x, y)
 
 
 class _Cycle:

@@ -50,7 +50,7 @@ class Iterative:
         return self._sprung(starts.from_mesh(old, u, self.model))
 
     def attempt(
-        self, step: Attempt, state: fem.Function, accuracy: float | None
+        self, step: Attempt, state: fem.Function, tolerance: float | None
     ) -> tuple[Outcome, fem.Function, Found | None]:
         """Make one attempt from a state; return how it ended, its last state, and what it found if that is final."""
         if step.method not in self._problems:
@@ -62,7 +62,7 @@ class Iterative:
         x.array[:] = state.x.array[: self.elastic.owned] / problem.length
         for share in step.friction_shares:
             problem.raise_friction(share)
-            outcome = attempt(problem, x, step.line_search, accuracy)
+            outcome = attempt(problem, x, step.line_search, tolerance)
             steps += outcome.steps
             if not outcome.converged:
                 break
@@ -70,9 +70,15 @@ class Iterative:
         u, multipliers = problem.found(x)
         found = None
         if step.final and outcome.converged:
-            found = Found(u, multipliers, problem.remaining(x), 1.0)
+            found = Found(u, multipliers, problem.remaining(x), problem.regularity(x))
         x.destroy()
         return replace(outcome, steps=steps), u, found
+
+    def destroy(self) -> None:
+        """Free what only the contact solve needs; the hierarchy belongs to the solution."""
+        for problem in self._problems.values():
+            problem.free()
+        self._loads.destroy()
 
     def _sprung(self, given: fem.Function) -> fem.Function:
         """The displacement under the loads, with the contact drawn to a given displacement by the glue."""

@@ -10,6 +10,8 @@ Symbols: K and D as in :mod:`erc_contact.newton.elastic`.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
@@ -18,6 +20,7 @@ from petsc4py import PETSc
 from erc_contact.base.exceptions import InputError, NotConverged
 from erc_contact.model.model import Model
 from erc_contact.newton.elastic import Elastic
+from erc_contact.newton.snes import LIBRARY
 
 PREFIX = "erc_contact_elastic_"
 """Prefix of PETSc options of the solver of elastic equations, as in ``-erc_contact_elastic_pc_type hypre``."""
@@ -33,6 +36,10 @@ OPTIONS = {
 """Options that the user's override."""
 GUESS, EXACT = 1e-2, 1e-12
 """Tolerances of linear solves: of one where Newton's method starts, and of one that must balance the loads [-]."""
+DIRECT = (
+    'Take solver="direct": nearly incompressible bodies, slender ones and jumps of the moduli are hard for multigrid.'
+)
+"""What a user can do where multigrid fails."""
 LIMIT = 500
 """Limit of the iterations of one linear solve; 15 to 60 are usual."""
 
@@ -42,18 +49,24 @@ class Multigrid(Elastic):
 
     Attributes:
         contact_size: Number of free degrees of freedom at contact nodes, over all ranks; 0 without contact.
-        matrix: K, see :meth:`Elastic.stiffness`.
     """
 
     def __init__(self, model: Model) -> None:
         super().__init__(model)
         glued = int(np.count_nonzero(self.glue.x.array[: self.owned]))
         self.contact_size = int(model.comm.allreduce(glued, MPI.SUM))
-        self.matrix = self.stiffness()
-        self._fine: PETSc.Mat | None = None
-        self._pc: PETSc.PC | None = None
+        self._matrix: PETSc.Mat | None = None
+        self._fine: Any = None
+        self._pc: Any = None
         self._share: float | None = None
         """Share of the glue in the matrix of the hierarchy; None after :meth:`renew` with a tangent."""
+
+    @property
+    def matrix(self) -> PETSc.Mat:
+        """K, see :meth:`Elastic.stiffness`; it is assembled when it is needed."""
+        if self._matrix is None:
+            self._matrix = self.stiffness()
+        return self._matrix
 
     def glued(self, b: fem.Function, *, supports: bool = True, tolerance: float = GUESS) -> fem.Function:
         """``w = (K + D)^-1 b`` [length] under nodal forces b [force], whose ghost contributions are added up here.
@@ -96,11 +109,11 @@ class Multigrid(Elastic):
         return self._pc is not None
 
     def free(self) -> None:
-        """Free the hierarchy; a later solve makes it again."""
-        for made in (self._pc, self._fine):
+        """Free K and the hierarchy; a later solve makes them again."""
+        for made in (self._pc, self._fine, self._matrix):
             if made is not None:
                 made.destroy()
-        self._pc = self._fine = self._share = None
+        self._pc = self._fine = self._matrix = self._share = None
 
     def _set_up(self, share: float) -> None:
         """Let the hierarchy be that of K plus a share of D."""
@@ -148,15 +161,17 @@ class Multigrid(Elastic):
             ksp.setType("cg")
             ksp.setNormType(PETSc.KSP.NormType.UNPRECONDITIONED)
             ksp.setTolerances(rtol=tolerance, atol=0.0, max_it=LIMIT)
-            ksp.solve(b, x)
+            try:
+                ksp.solve(b, x)
+            except PETSc.Error as failure:
+                if failure.ierr != LIBRARY:
+                    raise
+                raise NotConverged(f"Multigrid failed: {failure}. {DIRECT}", ()) from None
             reason, steps, rest = ksp.getConvergedReason(), ksp.getIterationNumber(), ksp.getResidualNorm() / b.norm()
             ksp.destroy()
             if reason < 0 and not rest <= 1e3 * tolerance:
                 raise NotConverged(
-                    f"Conjugate gradients with multigrid left {rest:.0e} of the loads after {steps} iterations. "
-                    'Take solver="direct": nearly incompressible or slender bodies and jumps of the moduli are hard '
-                    "for multigrid.",
-                    (),
+                    f"Conjugate gradients with multigrid left {rest:.0e} of the loads after {steps} steps. {DIRECT}", ()
                 )
             x.scale(size)
         u = self.displacement(x)

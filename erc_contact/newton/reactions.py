@@ -72,6 +72,7 @@ class Reactions:
 
     def coefficients(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """C of the degrees of freedom in A, for degree 2: global rows, global columns and values that add up."""
+        assert self._edges is not None
         edges, model, d = self._edges, self._model, self._model.d
         owned = model.V.dofmap.index_map.size_local
         node = np.flatnonzero(self.free[:owned].any(axis=1))

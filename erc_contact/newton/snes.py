@@ -19,8 +19,8 @@ STEPS = 100
 """Limit of Newton steps of one attempt."""
 CYCLE = 0.9
 """A contact status that comes back is a cycle unless the residual has fallen below this fraction meanwhile [-]."""
-ZERO_PIVOT = 71
-"""PETSc's code of a matrix that cannot be factorised, PETSC_ERR_MAT_LU_ZRPVT."""
+ZERO_PIVOT, LIBRARY = 71, 76
+"""PETSc's codes of a matrix that cannot be factorised, PETSC_ERR_MAT_LU_ZRPVT, and of a failure in LAPACK."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ class Equations(Protocol):
     def prepare(self, snes: PETSc.SNES) -> None:
         """Give SNES the tangent and a linear solver."""
 
-    def tolerance(self, x: PETSc.Vec) -> float:
+    def round_off(self, x: PETSc.Vec) -> float:
         """The norm of F that counts as round-off at x [-]."""
 
     def remaining(self, x: PETSc.Vec) -> float:
@@ -85,14 +85,14 @@ class Equations(Protocol):
         """A key of the contact status of all points, and the numbers of open, slipping and sticking points."""
 
 
-def attempt(problem: Equations, x: PETSc.Vec, line_search: str, accuracy: float | None = None) -> Outcome:
+def attempt(problem: Equations, x: PETSc.Vec, line_search: str, tolerance: float | None = None) -> Outcome:
     """Make one attempt from x, which becomes the last state, in place.
 
     Args:
         problem: The contact problem.
         x: Where Newton's method starts.
         line_search: Name of PETSc's line search.
-        accuracy: It may stop when :meth:`Equations.remaining` is below it [sqrt(force length)]; None for round-off.
+        tolerance: It may stop when :meth:`Equations.remaining` is below it [sqrt(force length)]; None for round-off.
     """
     snes = PETSc.SNES().create(x.comm)
     snes.setOptionsPrefix(PREFIX)
@@ -102,14 +102,14 @@ def attempt(problem: Equations, x: PETSc.Vec, line_search: str, accuracy: float 
     snes.setTolerances(rtol=0.0, atol=0.0, stol=0.0, max_it=STEPS)
     problem.prepare(snes)
     snes.getLineSearch().setType(line_search)
-    test = _StoppingTest(problem, accuracy)
+    test = _StoppingTest(problem, tolerance)
     snes.setConvergenceTest(test)
     snes.setFromOptions()
     try:
         snes.solve(None, x)
         reason, norm = snes.getConvergedReason(), snes.getFunctionNorm()
     except PETSc.Error as failure:
-        if failure.ierr != ZERO_PIVOT:
+        if failure.ierr not in (ZERO_PIVOT, LIBRARY):
             raise
         text, reason, norm = "singular tangent", -1, np.inf
     converged = reason > 0 and bool(np.isfinite(norm))
@@ -129,8 +129,8 @@ class _StoppingTest:
         reason: Why it ended, or "" if PETSc's reason says it.
     """
 
-    def __init__(self, problem: Equations, accuracy: float | None) -> None:
-        self.problem, self.accuracy, self.reason = problem, accuracy, ""
+    def __init__(self, problem: Equations, tolerance: float | None) -> None:
+        self.problem, self.tolerance, self.reason = problem, tolerance, ""
         self._before: dict[bytes, tuple[int, float]] = {}  # last step and least residual of each status
 
     def __call__(self, snes: PETSc.SNES, step: int, norms: tuple[float, float, float]) -> PETSc.SNES.ConvergedReason:
@@ -139,10 +139,10 @@ class _StoppingTest:
         if not np.isfinite(norm):
             return reasons.DIVERGED_FUNCTION_NANORINF
         x, atol = snes.getSolution(), snes.getTolerances()[1]
-        if norm <= max(atol, self.problem.tolerance(x)):
+        if norm <= max(atol, self.problem.round_off(x)):
             self.reason = "converged to round-off"
             return reasons.CONVERGED_ITS
-        if self.accuracy is not None and self.problem.remaining(x) <= self.accuracy:
+        if self.tolerance is not None and self.problem.remaining(x) <= self.tolerance:
             self.reason = "accurate enough"
             return reasons.CONVERGED_ITS
         key, _ = self.problem.status(x)

@@ -9,9 +9,14 @@ import numpy as np
 from dolfinx import fem
 
 from erc_contact.mesh.domain import Domain
-from erc_contact.model.foundation import BoundContact
+from erc_contact.model.expressions import evaluate
+from erc_contact.model.forces import Force, body_force, by_cause, nodal_reactions, part_force
+from erc_contact.model.foundation import BoundContact, split
+from erc_contact.model.maximum import Maximum, greatest
 from erc_contact.model.model import Model
 from erc_contact.model.points import at_points, elastic_stress_at, in_space
+from erc_contact.model.profile import facet_status, greatest_pressure, profile_points, profile_table
+from erc_contact.model.stress import stress_in_space, von_mises
 from erc_contact.newton.elastic import ElasticSolver
 from erc_contact.newton.methods import Method
 from erc_contact.scene.scene import Scene
@@ -83,6 +88,49 @@ class Solution:
         """Whether the tangent is singular: there may be other solutions arbitrarily near."""
         return self.regularity < SINGULAR
 
+    def force(self, part: str) -> Force:
+        """Resultant and moment of the consistent nodal forces on a boundary part; collective.
+
+        On a contact it is what the foundation exerts on the body, on a support the reaction with the loads on the
+        components that it leaves free, elsewhere the load. See :mod:`erc_contact.model.forces`.
+
+        Raises:
+            InputError: If no boundary part has this name.
+        """
+        return part_force(self.model, part, self._nodal_reactions())
+
+    def reactions(self) -> dict[str, Force]:
+        """Forces of supports, contacts and loads, and their balance, zero up to round-off; collective.
+
+        See :func:`erc_contact.model.forces.by_cause`.
+        """
+        nodal = self._nodal_reactions()
+        return by_cause(self.model, lambda part: part_force(self.model, part, nodal), lambda: body_force(self.model))
+
+    def profile(self, contact: str) -> np.ndarray:
+        """Gap, slip and the tractions of the method along a contact; collective.
+
+        The columns are those of :func:`erc_contact.model.profile.profile_table`.
+
+        Raises:
+            InputError: If no contact has this name.
+        """
+        model, where = self.model, self.model.contact(contact)
+        points = profile_points(model)
+        r = evaluate(self.traction(where), model.mesh, points, where.facets)
+        r_n, _, shear = split(r, where.direction[:, None, :])
+        bound = where.friction_bound(np.maximum(-r_n, 0.0), model.friction_parameters(where, points))
+        status = facet_status(where, -r_n, shear, bound, greatest_pressure(model, -r_n))
+        return profile_table(model, where, self.u, r, bound, status)
+
+    def maximum(self, quantity: str) -> Maximum:
+        """Greatest "von Mises" stress, "pressure", ... and its place; collective.
+
+        "displacement" is that of u, "von Mises" that of the elastic stress at the middle of a cell, and the profiles
+        are those of :meth:`profile`. See :func:`erc_contact.model.maximum.greatest`.
+        """
+        return greatest(self.model, quantity, self.u, self._von_mises, self.profile)
+
     def at(self, points: Any) -> ElasticValues:
         """Displacement and elastic stress at points; a point between several cells has the mean; collective.
 
@@ -108,3 +156,12 @@ class Solution:
         place = self.model.contacts.index(contact)
         multiplier = self.multipliers[place] if self.multipliers else None
         return self.method.traction(self.model, contact, self.u, multiplier)
+
+    def _nodal_reactions(self) -> dict[str, np.ndarray]:
+        return nodal_reactions(self.model, self.u, self.traction, in_layer=self.method.in_layer)
+
+    def _von_mises(self) -> np.ndarray:
+        """The von Mises stress of the elastic stress at the middle of each owned cell [force/area]; collective."""
+        cells = self.model.owned_cells
+        middles = self.model.cell_corners()[cells].mean(axis=1)
+        return von_mises(stress_in_space(self.model, elastic_stress_at(self.model, self.u, cells, middles)))

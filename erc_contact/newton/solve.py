@@ -36,8 +36,10 @@ METHOD = ("multiplier", "in_layer", "equations", "traction", "projected")
 """What a method has."""
 DEFAULT = Nitsche()
 """The method where none is given."""
-SOLVERS: dict[str, type[Direct | Iterative]] = {"direct": Direct, "iterative": Iterative}
+SOLVERS = ("auto", "direct", "iterative")
 """The solvers by name."""
+LARGE = {2: (2_000_000, 8_000), 3: (15_000, 2_500)}
+"""Numbers of degrees of freedom, of the body and about of the contact, beyond which multigrid is faster."""
 
 
 def solve(
@@ -47,8 +49,8 @@ def solve(
     *,
     degree: int = 1,
     start: Solution | None = None,
-    accuracy: float | None = None,
-    solver: str = "direct",
+    tolerance: float | None = None,
+    solver: str = "auto",
 ) -> Solution:
     """Solve a scene on a domain; collective.
 
@@ -63,8 +65,11 @@ def solve(
             ``Solution.method`` and ``reason`` then say. If a method is given, only its solution is taken.
         degree: Degree of the displacement, 1 or 2.
         start: A solution on another mesh of the same body; Newton starts from its displacement on the contacts.
-        accuracy: Newton may stop at this distance to the solution of the discrete problem, in the energy norm
+        tolerance: Newton may stop at this distance to the solution of the discrete problem, in the energy norm
             [sqrt(force length)], e.g. a tenth of the discretisation error; None goes to round-off.
+        solver: "direct" factorises the elastic stiffness with MUMPS and solves a dense problem of the contact on one
+            rank. "iterative" solves for the whole body in parallel, with algebraic multigrid, to 1e-10 of the contact
+            forces. "auto" takes multigrid for large bodies in space, and the direct solver where multigrid fails.
 
     Returns:
         The solution. ``singular`` tells that it may be one of many; a warning is logged.
@@ -74,16 +79,18 @@ def solve(
         NotConverged: If no attempt converged.
     """
     began = perf_counter()
-    check_arguments(scene, domain, method, degree, start)
-    accuracy = None if accuracy is None else checks.positive("accuracy", accuracy, "an energy norm > 0, or None")
+    check_arguments(scene, domain, method, degree, solver, start)
+    tolerance = None if tolerance is None else checks.positive("tolerance", tolerance, "an energy norm > 0, or None")
     raise_together(domain.mesh.comm, None)
     model = bind(scene, domain, int(degree))
-    made = SOLVERS[solver](model)
-    _check_size(model, made.elastic.load_vector(), made.guess)
-    if made.elastic.contact_size:
-        solution = _ContactSolve(made, method, accuracy).solve(start)
-    else:
-        solution = Solution(model, method or DEFAULT, made.guess, (), 0, "linear solve", 0.0, 1.0, made.elastic, 0.0)
+    iterative = solver == "iterative" or (solver == "auto" and large(model))
+    try:
+        solution = _solution(Iterative if iterative else Direct, model, method, start, tolerance)
+    except NotConverged as failure:
+        if solver != "auto" or not iterative:
+            raise
+        log_of(model.comm).info("%d cells: the direct solver takes over from multigrid. %s", domain.cells, failure)
+        solution = _solution(Direct, model, method, start, tolerance)
     seconds = model.comm.allreduce(perf_counter() - began, MPI.MAX)
     log_of(model.comm).debug(
         "%d cells: %s; %d Newton steps, %.2f s", domain.cells, solution.reason, solution.newton_steps, seconds
@@ -91,7 +98,34 @@ def solve(
     return replace(solution, seconds=seconds)
 
 
-def check_arguments(scene: Any, domain: Any, method: Any, degree: Any, start: Any = None) -> None:
+def _solution(
+    kind: type[Direct | Iterative], model: Model, method: Method | None, start: Solution | None, tolerance: float | None
+) -> Solution:
+    solver = kind(model)
+    try:
+        _check_size(model, solver.elastic.load_vector(), solver.guess)
+        if solver.elastic.contact_size:
+            return _ContactSolve(solver, method, tolerance).solve(start)
+        return Solution(model, method or DEFAULT, solver.guess, (), 0, "linear solve", 0.0, 1.0, solver.elastic, 0.0)
+    finally:
+        solver.destroy()
+
+
+def large(model: Model) -> bool:
+    """Whether multigrid is the faster solver for a model, as measured; collective.
+
+    In the plane a factor and a dense matrix of the contact are faster up to some million degrees of freedom. In space
+    the factor grows like n^(4/3) and the matrix of the contact like n^(4/3) or, on meshes that are fine there, n^2.
+    """
+    nodes = model.V.dofmap.index_map.size_global
+    own = sum(int(np.count_nonzero(model.owned(c.facets))) for c in model.contacts)
+    facets = model.comm.allreduce(own, MPI.SUM)
+    unknowns, contact = nodes * model.d, facets * model.degree ** (model.d - 1) * model.d
+    limits = LARGE[model.d]
+    return unknowns > limits[0] or contact > limits[1]
+
+
+def check_arguments(scene: Any, domain: Any, method: Any, degree: Any, solver: Any, start: Any = None) -> None:
     """Check the types of the arguments of :func:`solve`, so that no message of UFL or PETSc is needed.
 
     Raises:
@@ -105,6 +139,8 @@ def check_arguments(scene: Any, domain: Any, method: Any, degree: Any, start: An
         )
     if isinstance(degree, bool) or not isinstance(degree, Integral) or degree not in (1, 2):
         raise InputError(f"degree is {degree!r}; allowed are the whole numbers 1 and 2.")
+    if solver not in SOLVERS:
+        raise InputError(f"solver is {solver!r}; allowed are {', '.join(map(repr, SOLVERS))}.")
     missing = [] if method is None else [member for member in METHOD if not hasattr(method, member)]
     if isinstance(method, type) or "equations" in missing:
         raise InputError(f"method is {method!r}; give an object: Nitsche(), AugmentedLagrangian(), or None.")
@@ -120,7 +156,7 @@ def _check_size(model: Model, b: fem.Function, w: fem.Function) -> None:
     local = [float(abs(f.x.array).max(initial=0.0)) for f in (b, w)] + [float(np.isnan(w.x.array).any())]
     force, length, nan = np.max(model.comm.allgather(local), axis=0)
     least, most = 1e-290, 1e290
-    stiffest = model.stiffest() * model.domain.size ** (model.d - 2)
+    stiffest = model.stiffest() * model.domain.extent ** (model.d - 2)
     with np.errstate(over="ignore", under="ignore"):
         energies = np.array([force * length, stiffest * length * length])
     energies = energies[np.array([force > 0, length > 0 or force > 0])]
@@ -134,10 +170,10 @@ def _check_size(model: Model, b: fem.Function, w: fem.Function) -> None:
 class _ContactSolve:
     """The contact solve of one model: it makes the attempts of the ladder until one converges; collective."""
 
-    def __init__(self, solver: Direct | Iterative, method: Method | None, accuracy: float | None) -> None:
+    def __init__(self, solver: Direct | Iterative, method: Method | None, tolerance: float | None) -> None:
         self.solver, self.model = solver, solver.model
         self.method, self.fallback = method or DEFAULT, method is None
-        self.accuracy, self.log = accuracy, log_of(self.model.comm)
+        self.tolerance, self.log = tolerance, log_of(self.model.comm)
         self.tried: list[str] = []
         self.steps = 0
 
@@ -151,7 +187,7 @@ class _ContactSolve:
         for attempt in attempts(self.method, states, **kind):
             if attempt.start not in states:
                 continue
-            outcome, state, found = self.solver.attempt(attempt, states[attempt.start], self.accuracy)
+            outcome, state, found = self.solver.attempt(attempt, states[attempt.start], self.tolerance)
             self.steps += outcome.steps
             self.tried.append(f"{attempt}: {outcome}")
             self.log.debug(self.tried[-1])

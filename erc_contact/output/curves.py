@@ -21,10 +21,11 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.base.percent import percent
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.mesh.simplex import bernstein
+from erc_contact.model.profile import OPEN, SLIP, STICK
 from erc_contact.output.drawing import coordinate, new_figure, save_figure, tangents, weighted_level, words
 from erc_contact.output.files import PARTS, on_root, subdivided
 from erc_contact.output.gathered import AXIS, Surface, mean_normal, whole_contact
-from erc_contact.results.profile import OPEN, SLIP, STICK, contact_status
+from erc_contact.results.profile import contact_status
 
 STATUS = ("open", "slip", "stick")
 COLOURS = ("#ececec", "#fdeacc", "#d9ecd6")
@@ -156,8 +157,8 @@ def contact_curves(surface: Any) -> Any:
         return np.insert(sampled, parts, np.nan, axis=0).ravel()
 
     t = np.column_stack([-n[:, 1], n[:, 0]])
-    bound, pressure = values(traction.bound), values(-traction.normal)
-    shear = values(np.einsum("fmi,fi->fm", traction.tangential, t))
+    bound, pressure = values(traction.friction_bound), values(-traction.normal_component)
+    shear = values(np.einsum("fmi,fi->fm", traction.tangential_part, t))
     figure = new_figure(7.2, 4.0)
     axes = figure.subplots()
     status = contact_status(traction)
@@ -199,11 +200,11 @@ def contact_maps(surface: Any) -> Any:
     plane = tangents(mean_normal(surface))
     s, t = plane @ np.matmul(corners, surface.x[:, :3]).reshape(-1, 3).T
     triangles = (np.arange(len(surface.x))[:, None, None] * len(points) + parts).reshape(-1, 3)
-    shear = np.linalg.norm(np.matmul(shape, traction.tangential), axis=-1)
+    shear = np.linalg.norm(np.matmul(shape, traction.tangential_part), axis=-1)
     figure = new_figure(10.0, max(2.6, 1.2 + 3.0 * float(np.ptp(t) / np.ptp(s))))
     panels = figure.subplots(1, 3, sharex=True, sharey=True)
     for panel, title, values in zip(
-        panels, ("pressure $-r_n$", "shear $|r_t|$"), (-traction.normal @ shape.T, shear), strict=False
+        panels, ("pressure $-r_n$", "shear $|r_t|$"), (-traction.normal_component @ shape.T, shear), strict=False
     ):
         known = {"vmin": min(values.min(), 0.0), "vmax": values.max() or 1.0}
         drawn = panel.tripcolor(s, t, triangles, values.ravel(), shading="gouraud", **known)
@@ -240,7 +241,7 @@ def _arc_length(surface: Surface) -> tuple[np.ndarray, str]:
     n, area, many = traction.contact.direction, traction.area, len(traction.area)
     forward = np.einsum("fi,fi->f", ends[:, 1] - ends[:, 0], np.column_stack([-n[:, 1], n[:, 0]])) > 0
     first, last = np.where(forward, surface.vertices.T, surface.vertices.T[::-1])
-    force = area * np.maximum(-traction.normal, 0).mean(axis=1)
+    force = area * np.maximum(-traction.normal_component, 0).mean(axis=1)
     centre = np.average(ends.mean(axis=1), axis=0, weights=force if force.any() else area)
     order = np.argsort(first)
     found = order[np.minimum(np.searchsorted(first, last, sorter=order), many - 1)]

@@ -65,7 +65,7 @@ def whole_contact(admissible: Admissible, traction: ContactTraction) -> Surface 
         model.comm,
         area=traction.area[own],
         values=traction.values[own],
-        bound=traction.bound[own],
+        friction_bound=traction.friction_bound[own],
         direction=contact.direction[own],
         nodes=model.global_numbers(traction.nodes[own]),
         x=model.V.tabulate_dof_coordinates()[traction.nodes[own]],

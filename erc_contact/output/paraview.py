@@ -15,10 +15,11 @@ import numpy as np
 
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.mesh.simplex import bernstein, lagrange, nodes
+from erc_contact.model.stress import stress_in_space, tells_out_of_plane, von_mises
 from erc_contact.output.files import PARTS, gathered, grid_of, on_root, save_grid, subdivided
 from erc_contact.output.gathered import Surface, _padded, body_nodes, nodal_displacement, whole_contact
+from erc_contact.results.maximum import mean_stress
 from erc_contact.results.profile import contact_status
-from erc_contact.results.stress import _spatial, mean_stress, tells_out_of_plane, von_mises
 
 
 def write_fields(error: ConstitutiveError, folder: str | Path) -> None:
@@ -44,10 +45,10 @@ def write_fields(error: ConstitutiveError, folder: str | Path) -> None:
     admissible, model = error.admissible, error.solution.model
     body = gathered(model.comm, **body_nodes(model), displacement=nodal_displacement(admissible))
     stress = mean_stress(admissible)
-    fe = _spatial(model, admissible.fe_stress[: model.domain.owned_cells].mean(axis=1))
+    fe = stress_in_space(model, admissible.fe_stress[: model.domain.owned_cells].mean(axis=1))
     mises = "von_mises" if tells_out_of_plane(model) else "von_mises_in_plane"
     values = {"stress": stress.reshape(-1, 9), "stress_fe": fe.reshape(-1, 9), mises: von_mises(stress)}
-    cells = gathered(model.comm, **values, eps_E=error.cells)
+    cells = gathered(model.comm, **values, eps_E=error.indicators)
     contacts = [whole_contact(admissible, t) for t in admissible.tractions]
 
     def write() -> None:
@@ -63,8 +64,8 @@ def write_fields(error: ConstitutiveError, folder: str | Path) -> None:
             surface = grid_of(x.reshape(-1, 3), np.arange(x[..., 0].size).reshape(x.shape[:2]), model.d - 1)
             values = np.matmul(shape, traction.values)
             surface.point_data["traction"] = _padded(values.reshape(-1, model.d))
-            surface.point_data["pressure"] = (-traction.normal @ shape.T).ravel()
-            surface.point_data["friction_bound"] = (traction.bound @ shape.T).ravel()
+            surface.point_data["pressure"] = (-traction.normal_component @ shape.T).ravel()
+            surface.point_data["friction_bound"] = (traction.friction_bound @ shape.T).ravel()
             surface.cell_data["mean_traction"] = _padded(traction.values.mean(axis=1))
             surface.cell_data["status"] = contact_status(traction)
             save_grid(surface, Path(folder) / f"contact_{traction.contact.name}.vtkhdf")

@@ -25,11 +25,12 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.base.percent import percent
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.mesh.domain import Domain
+from erc_contact.model.stress import tells_out_of_plane, von_mises
 from erc_contact.output.bodies import Skin, foundation, ground, rendered, show, skin_of, views_of
 from erc_contact.output.drawing import new_figure, save_figure, weighted_level
 from erc_contact.output.files import gathered, grid_of, on_root
 from erc_contact.output.gathered import body_mesh, body_nodes, nodal_displacement, whole_contact
-from erc_contact.results.stress import mean_stress, tells_out_of_plane, von_mises
+from erc_contact.results.maximum import mean_stress
 
 WORDS = 1.4
 """What the labels of a view in 3D take in a figure [inches]."""
@@ -105,7 +106,7 @@ def draw_error(error: ConstitutiveError, path: str | Path) -> None:
         low = min(max(float(np.percentile(eps, 1)), 1e-4 * top), 0.5 * top)
         return Scale(LogNorm(low, top) if top > 0 else Normalize(0, 1), "min", "eps_E [-]")
 
-    draw_cells(error.admissible, error.cells, scale, path)
+    draw_cells(error.admissible, error.indicators, scale, path)
 
 
 def draw_deformed(error: ConstitutiveError, path: str | Path, factor: float | None = None) -> None:
@@ -123,9 +124,9 @@ def draw_deformed(error: ConstitutiveError, path: str | Path, factor: float | No
             as it is where it is larger than 5%.
     """
     admissible, model = error.admissible, error.solution.model
-    comm, size, d = model.comm, model.domain.size, model.d
+    comm, size, d = model.comm, model.domain.extent, model.d
     body = gathered(comm, **body_nodes(model), u=nodal_displacement(admissible))
-    volume = admissible.cells.volume[: model.domain.owned_cells]
+    volume = admissible.cell_geometry.volume[: model.domain.owned_cells]
     cells = gathered(comm, mises=von_mises(mean_stress(admissible)), volume=volume)
     contacts = [whole_contact(admissible, t) for t in admissible.tractions]
     up = _up(admissible)

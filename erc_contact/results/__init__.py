@@ -1,14 +1,17 @@
-"""Questions that a user asks of a result: forces, profiles of contacts, values at points, maxima.
+"""Questions that a user asks of an admissible pair: forces, profiles of contacts, values at points, maxima.
 
-The answers are the same on all ranks. They are read off an admissible pair, so forces balance to round-off and contact
-tractions lie in the cone.
+The answers are the same on all ranks. Forces balance to round-off, and contact tractions lie in the cone. A solution
+answers the same questions by itself (:class:`erc_contact.Solution`).
 """
 
-from erc_contact.results.forces import Force, force, reactions
-from erc_contact.results.maximum import Maximum, maximum
+from erc_contact.model.forces import Force
+from erc_contact.model.maximum import Maximum
+from erc_contact.model.profile import OPEN, SLIP, STICK
+from erc_contact.model.stress import von_mises
+from erc_contact.results.forces import force, reactions
+from erc_contact.results.maximum import maximum, mean_stress
 from erc_contact.results.points import Values, at
-from erc_contact.results.profile import OPEN, SLIP, STICK, contact_status, profile
-from erc_contact.results.stress import mean_stress, von_mises
+from erc_contact.results.profile import contact_status, profile
 
 __all__ = [
     "OPEN",

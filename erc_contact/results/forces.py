@@ -1,31 +1,12 @@
-"""Forces on the body with their moments: of supports, contacts and loads."""
+"""Forces of admissible pairs on the body, with their moments: of supports, contacts and loads."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
-from mpi4py import MPI
 
 from erc_contact.admissible.pair import Admissible
 from erc_contact.mesh.simplex import bernstein, coefficients, facet_vertices, mass, nodes
-from erc_contact.model.model import Model
-
-
-@dataclass(frozen=True, eq=False)
-class Force:
-    """A force on the body with its moment.
-
-    Attributes:
-        force: Resultant [force], shape (d,).
-        moment: Moment about the origin [force length], shape (1,) in 2D, (3,) in 3D.
-    """
-
-    force: np.ndarray
-    moment: np.ndarray
-
-    def __add__(self, other: Force) -> Force:
-        return Force(self.force + other.force, self.moment + other.moment)
+from erc_contact.model.forces import Force, by_cause, total_force
 
 
 def force(pair: Admissible, part: str) -> Force:
@@ -41,61 +22,24 @@ def force(pair: Admissible, part: str) -> Force:
     Raises:
         InputError: If no boundary part has this name.
     """
-    model = pair.solution.model
+    model, cells = pair.solution.model, pair.cell_geometry
     sides = model.domain.facets(part)
-    sides = sides[model.owned(sides)]
-    return _force(pair, sides)
-
-
-def reactions(pair: Admissible) -> dict[str, Force]:
-    """The forces on the body by their cause; collective.
-
-    Args:
-        pair: An admissible pair.
-
-    Returns:
-        The forces of all supports and contacts by the names of their parts, of all tractions on parts without support
-        as "tractions" and of the body force as "body force" where the scene has them; as "balance" the sum of all, zero
-        up to round-off.
-    """
-    scene = pair.solution.scene
-    held = dict.fromkeys([s.facets for s in scene.supports] + [c.facets for c in scene.contacts])
-    result = {name: force(pair, name) for name in held}
-    loaded = dict.fromkeys(t.facets for t in pair.solution.model.surface_loads if t.facets not in held)
-    if loaded:
-        forces = [force(pair, name) for name in loaded]
-        result["tractions"] = sum(forces[1:], start=forces[0])
-    if pair.force is not None:
-        result["body force"] = _body_force(pair)
-    parts = list(result.values())
-    result["balance"] = sum(parts[1:], start=parts[0])
-    return result
-
-
-def _force(pair: Admissible, sides: np.ndarray) -> Force:
-    """Of facets of owned cells on the boundary, (n, 2)."""
-    model, cells = pair.solution.model, pair.cells
+    facets = model.facet_numbers(sides[model.owned(sides)])
     d, k = model.d, model.degree
-    facets = model.facet_numbers(sides)
     cell, i = np.divmod(cells.side[0][facets], d + 1)
     corners = np.take_along_axis(cells.vertices[cell], facet_vertices(d)[i], axis=1)
     linear = bernstein(d - 1, 1, nodes(d - 1, k)).T @ coefficients(d - 1, k).T
-    return _summed(model, corners, np.matmul(linear, pair.moment[facets]))
+    return total_force(model, corners.ravel(), np.matmul(linear, pair.facet_moments[facets]).reshape(-1, d))
+
+
+def reactions(pair: Admissible) -> dict[str, Force]:
+    """The forces on the body by their cause, see :func:`erc_contact.model.forces.by_cause`; collective."""
+    return by_cause(pair.solution.model, lambda part: force(pair, part), lambda: _body_force(pair))
 
 
 def _body_force(pair: Admissible) -> Force:
     """Of the body force in all cells."""
-    model, cells, owned = pair.solution.model, pair.cells, pair.solution.domain.owned_cells
-    assert pair.force is not None
-    moment = np.matmul(mass(model.d, 1, model.degree - 1), pair.force[:owned])
-    return _summed(model, cells.vertices[:owned], moment)
-
-
-def _summed(model: Model, corners: np.ndarray, forces: np.ndarray) -> Force:
-    """Sum over all ranks of forces (n, v, d) at nodes (n, v)."""
-    x = model.V.tabulate_dof_coordinates()[corners]
-    f = np.pad(forces, ((0, 0), (0, 0), (0, 3 - model.d)))
-    moment = np.cross(x, f).sum(axis=(0, 1))
-    local = np.concatenate([forces.sum(axis=(0, 1)), moment[[2]] if model.d == 2 else moment])
-    total = model.comm.allreduce(local, MPI.SUM)
-    return Force(total[: model.d], total[model.d :])
+    model, cells, owned = pair.solution.model, pair.cell_geometry, pair.solution.domain.owned_cells
+    assert pair.cell_forces is not None
+    forces = np.matmul(mass(model.d, 1, model.degree - 1), pair.cell_forces[:owned])
+    return total_force(model, cells.vertices[:owned].ravel(), forces.reshape(-1, model.d))

@@ -1,71 +1,40 @@
-"""The greatest value of a quantity in the body or on its contacts, and where it is.
-
-Symbols: u^ and sigma^ admissible displacement and stress.
-"""
+"""Mean stresses of an admissible pair in the cells, and the greatest values of its fields."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
-from mpi4py import MPI
 
+from erc_contact.admissible.macro import tensors
 from erc_contact.admissible.pair import Admissible
-from erc_contact.base.exceptions import InputError
+from erc_contact.model.maximum import Maximum, greatest
+from erc_contact.model.stress import stress_in_space, von_mises
 from erc_contact.results.profile import profile
-from erc_contact.results.stress import mean_stress, von_mises
-
-IN_BODY = ("displacement", "von Mises")
-"""Quantities of the body."""
-ON_CONTACT = ("pressure", "shear", "slip", "gap")
-"""Quantities of contacts."""
-TIE = 1e-9
-"""Values that differ by less are equal, over the greatest; of their places the one of least coordinates counts [-]."""
 
 
-@dataclass(frozen=True, eq=False)
-class Maximum:
-    """The greatest value of a quantity.
+def mean_stress(admissible: Admissible) -> np.ndarray:
+    """Mean of sigma^ in each owned cell [force/area], shape (owned, 3, 3); collective.
 
-    Attributes:
-        value: The value, in the dimension of the quantity.
-        place: Where it is [length], shape (d,).
+    The stress out of plane is that of the material's ``out_of_plane``, and nan where it has none.
     """
-
-    value: float
-    place: np.ndarray
+    model = admissible.solution.model
+    return stress_in_space(model, tensors(admissible.stress.mean(axis=(1, 2)), model.d))
 
 
 def maximum(pair: Admissible, quantity: str) -> Maximum:
-    """The greatest value of a quantity, and where it is; the same on all ranks, however many; collective.
+    """The greatest value of a quantity, and where it is; collective.
 
     Args:
-        pair: An admissible pair.
-        quantity: "displacement", the length of u^ at the nodes [length]; "von Mises", the von Mises stress of the mean
-            of sigma^ in a cell [force/area], at the middle of the cell; or of all contacts, at the points of
-            :func:`profile`, "pressure", "shear" [force/area], "slip" or "gap" [length], each by its size.
+        pair: An admissible pair. "displacement" is that of u^, "von Mises" that of the mean of sigma^ in a cell, and
+            the profiles are those of u^ and r^.
+        quantity: One of those of :func:`erc_contact.model.maximum.greatest`.
 
     Raises:
         InputError: If the quantity is another one, or the scene has no contact.
     """
-    model = pair.solution.model
-    if quantity not in (*IN_BODY, *ON_CONTACT):
-        allowed = ", ".join(map(repr, (*IN_BODY, *ON_CONTACT)))
-        raise InputError(f"maximum: the quantity is {quantity!r}; allowed are {allowed}.")
-    if quantity in ON_CONTACT:
-        if not pair.tractions:
-            raise InputError(f"maximum: {quantity!r} is of contacts, and this scene has none.")
-        along = [profile(pair, traction.contact.name) for traction in pair.tractions]
-        values = np.concatenate([abs(one[quantity]) for one in along])
-        x = np.concatenate([np.column_stack([one[axis] for axis in "xyz"[: model.d]]) for one in along])
-    elif quantity == "displacement":
-        owned = model.V.dofmap.index_map.size_local
-        values = np.linalg.norm(pair.displacement.x.array.reshape(-1, model.d)[:owned], axis=1)
-        x = model.V.tabulate_dof_coordinates()[:owned, : model.d]
-    else:
-        values, x = von_mises(mean_stress(pair)), model.cell_corners()[: model.domain.owned_cells].mean(axis=1)
-    top = model.comm.allreduce(float(values.max(initial=-np.inf)), MPI.MAX)
-    near = x[values >= top - TIE * abs(top)]
-    every = np.concatenate(model.comm.allgather(near))
-    first = np.lexsort((every / model.domain.size).round(9).T[::-1])[0]
-    return Maximum(top, every[first] + 0.0)
+    return greatest(
+        pair.solution.model,
+        quantity,
+        pair.displacement,
+        lambda: von_mises(mean_stress(pair)),
+        lambda name: profile(pair, name),
+    )

@@ -54,7 +54,7 @@ def at(pair: Admissible, points: Any) -> Values:
 
 def _values(pair: Admissible, cell: np.ndarray, x: np.ndarray) -> np.ndarray:
     """u^, sigma^ and C eps(u^) at points (n, d) of owned cells (n,), row by row."""
-    model, cells = pair.solution.model, pair.cells
+    model, cells = pair.solution.model, pair.cell_geometry
     d, k = model.d, model.degree
     corner = model.V.tabulate_dof_coordinates()[cells.vertices[cell, 0], :d]
     local = barycentric(np.einsum("nij,nj->ni", cells.inverse[cell], x - corner))

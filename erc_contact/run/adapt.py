@@ -47,6 +47,7 @@ def adapt(
     strategy: Strategy | None = None,
     degree: int = 1,
     stop: str = "converged",
+    solver: str = "auto",
     tighten: int = TIGHTEN,
     max_cells: int = 1_000_000,
     max_steps: int = 40,
@@ -65,6 +66,7 @@ def adapt(
         degree: Degree of the displacement, 1 or 2.
         stop: "converged" ends Newton at round-off; "certified" as soon as the rest is at most a tenth of the error of
             the mesh (:data:`SHARE`): it is part of e, which bounds the error of any state.
+        solver: "direct", "iterative" or "auto", as in :func:`solve`.
         tighten: Iterations that tighten the admissible stress, as in :func:`equilibrate`.
         max_cells: The run ends before a mesh of more cells is solved.
         max_steps: The run ends after so many meshes.
@@ -87,7 +89,7 @@ def adapt(
     max_steps, tighten = checks.whole("max_steps", max_steps, 1), checks.whole("tighten", tighten, 0)
     if stop not in ("converged", "certified"):
         raise InputError(f'stop is {stop!r}; allowed are "converged" and "certified".')
-    check_arguments(scene, domain, method, degree)
+    check_arguments(scene, domain, method, degree, solver)
     strategy = Mark() if strategy is None else strategy
     if isinstance(strategy, type) or not callable(getattr(strategy, "next", None)):
         raise InputError(f"strategy is {strategy!r}; give an object, e.g. Mark(), SizeMap(), Uniform().")
@@ -98,12 +100,12 @@ def adapt(
     solution: Solution | None = None
     error: ConstitutiveError | None = None
     mesh_seconds = 0.0
-    log_of(comm).info(HEADER if domain.marks is None else CURVED)
+    log_of(comm).info(HEADER if domain.curved_facets is None else CURVED)
     with Interrupts(comm) as interrupts:
         try:
             while not run.outcome:
                 allowed = SHARE * error.absolute / 2**degree if stop == "certified" and error is not None else None
-                solution = solve(scene, domain, method, degree=degree, start=solution, accuracy=allowed)
+                solution = solve(scene, domain, method, degree=degree, start=solution, tolerance=allowed, solver=solver)
                 interrupts.check()
                 admissible = equilibrate(solution, tighten=tighten)
                 interrupts.check()
@@ -163,23 +165,23 @@ class _Run:
             cells=domain.cells,
             vertices=domain.vertices,
             dofs=solution.model.V.dofmap.index_map.size_global * domain.dim,
-            newton=solution.newton_steps,
+            newton_steps=solution.newton_steps,
             method=type(solution.method).__name__,
             eps=error.relative,
-            bulk=error.bulk / scale,
-            contact=error.contact / scale,
-            geometry=error.geometry / scale,
-            solve=solution.seconds,
-            equilibrate=admissible.seconds,
-            error=error.seconds,
-            mesh=mesh_seconds,
+            eps_bulk=error.bulk_error / scale,
+            eps_contact=error.contact_error / scale,
+            eps_geometry=error.geometry_error / scale,
+            solve_seconds=solution.seconds,
+            equilibrate_seconds=admissible.seconds,
+            error_seconds=error.seconds,
+            mesh_seconds=mesh_seconds,
             seconds=self.comm.allreduce(perf_counter() - self.began, MPI.MAX),
         )
         self.steps.append(step)
-        self.meshes.append((domain, error.cells))
+        self.meshes.append((domain, error.indicators))
         if self.best is None or error.total < self.best.total:
             self.best = error
-        log_of(self.comm).info(line(step, curved=domain.marks is not None))
+        log_of(self.comm).info(line(step, curved=domain.curved_facets is not None))
         return step
 
     def end(self, failure: BaseException, interrupts: Interrupts) -> None:
@@ -218,7 +220,7 @@ class _Run:
 
 def _warn(error: ConstitutiveError, accuracy: float, max_cells: int) -> None:
     """Say before the time is spent that even the optimal mesh has too many cells, if the first mesh can know it."""
-    cells = size_map(error, accuracy).cells if error.total <= KNOWN else 0.0
+    cells = size_map(error, accuracy).predicted_cells if error.total <= KNOWN else 0.0
     if cells > max_cells:
         log_of(error.domain.mesh.comm).warning(
             f"{percent(accuracy)} takes some {cells:.2g} cells, it seems; max_cells = {max_cells} will end the run."

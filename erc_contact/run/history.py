@@ -29,32 +29,32 @@ class Step:
         cells: Number of elements.
         vertices: Number of vertices.
         dofs: Degrees of freedom.
-        newton: Newton steps.
+        newton_steps: Newton steps.
         method: Name of the contact method whose solution it is.
         eps: Relative error (17).
-        bulk: Bulk part of eps.
-        contact: Contact part of eps.
-        geometry: What flat facets of a curved body cost beside eps.
-        solve: Seconds of the contact solve.
-        equilibrate: Seconds of the admissible pair.
-        error: Seconds of the error.
-        mesh: Seconds of making this mesh.
+        eps_bulk: Bulk part of eps.
+        eps_contact: Contact part of eps.
+        eps_geometry: What flat facets of a curved body cost beside eps.
+        solve_seconds: Seconds of the contact solve.
+        equilibrate_seconds: Seconds of the admissible pair.
+        error_seconds: Seconds of the error.
+        mesh_seconds: Seconds of making this mesh.
         seconds: Seconds from the start of the run to this error, all stages of all meshes.
     """
 
     cells: int
     vertices: int
     dofs: int
-    newton: int
+    newton_steps: int
     method: str
     eps: float
-    bulk: float
-    contact: float
-    geometry: float
-    solve: float
-    equilibrate: float
-    error: float
-    mesh: float
+    eps_bulk: float
+    eps_contact: float
+    eps_geometry: float
+    solve_seconds: float
+    equilibrate_seconds: float
+    error_seconds: float
+    mesh_seconds: float
     seconds: float
 
 
@@ -67,13 +67,13 @@ CURVED = "  cells  verts    dofs  N     eps    bulk    cont    geom solve equil 
 def line(step: Step, *, curved: bool) -> str:
     """The row of a step below :data:`HEADER` or :data:`CURVED`."""
     facts = (
-        f"{step.cells:7d} {step.vertices:6d} {step.dofs:7d} {step.newton:2d} {percent(step.eps, 3):>7} "
-        f"{percent(step.bulk, 3):>7} {percent(step.contact, 3):>7}"
+        f"{step.cells:7d} {step.vertices:6d} {step.dofs:7d} {step.newton_steps:2d} {percent(step.eps, 3):>7} "
+        f"{percent(step.eps_bulk, 3):>7} {percent(step.eps_contact, 3):>7}"
     )
-    times = f"{step.solve:5.2f} {step.equilibrate:5.2f}"
+    times = f"{step.solve_seconds:5.2f} {step.equilibrate_seconds:5.2f}"
     if curved:
-        return f"{facts} {percent(step.geometry, 3):>7} {times} {step.seconds:6.1f}"
-    return f"{facts} {times} {step.error:5.2f} {step.mesh:5.2f} {step.seconds:6.1f}"
+        return f"{facts} {percent(step.eps_geometry, 3):>7} {times} {step.seconds:6.1f}"
+    return f"{facts} {times} {step.error_seconds:5.2f} {step.mesh_seconds:5.2f} {step.seconds:6.1f}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +97,7 @@ class History:
     meshes: tuple[tuple[Domain, np.ndarray], ...] = field(repr=False)
 
     def __str__(self) -> str:
-        curved = self.best.domain.marks is not None
+        curved = self.best.domain.curved_facets is not None
         rows = [line(step, curved=curved) for step in self.steps]
         return "\n".join([CURVED if curved else HEADER, *rows, self.outcome])
 

@@ -42,13 +42,13 @@ class Contact:
         what = f"Contact({self.facets!r})"
         law: Any = self.friction
         if isinstance(law, type) or (
-            hasattr(law, "bound") and not isinstance(getattr(law, "parameters", None), tuple | list)
+            hasattr(law, "friction_bound") and not isinstance(getattr(law, "parameters", None), tuple | list)
         ):
             raise InputError(
                 f"{what}: friction is {law!r}; give a number, a callable of x, or an object with parameters (a tuple "
-                "of names) and bound, e.g. Tresca(0.1)."
+                "of names) and friction_bound, e.g. Tresca(0.1)."
             )
-        if not hasattr(law, "bound"):
+        if not hasattr(law, "friction_bound"):
             check_value(f"{what}: friction", law, 0.0)
         check_value(f"{what}: gap", self.gap, unit=" [length]")
         if self.bilateral and isinstance(self.law, Coulomb):
@@ -74,5 +74,5 @@ class Contact:
     @property
     def law(self) -> Law | None:
         """The friction law; None without friction."""
-        law: Any = self.friction if hasattr(self.friction, "bound") else Coulomb(self.friction)
+        law: Any = self.friction if hasattr(self.friction, "friction_bound") else Coulomb(self.friction)
         return None if isinstance(law, Coulomb) and law.friction == 0 else law

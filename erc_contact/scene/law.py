@@ -7,10 +7,10 @@ r_n = r.n, r_t = r - r_n n, pressure p = -r_n [force/area]; g the initial gap [l
 
 The conditions with a gap: w_n <= g, r_n <= 0, r_n (w_n - g) = 0, |r_t| <= b(p), and r_t = -b(p) w_t/|w_t| where w_t
 is not zero. A law is its friction bound: Coulomb b = mu p (12)-(15), Tresca b = s; a frictionless contact has none.
-A law of the user's own is a class with the same members, ``parameters`` and ``bound``. Its b must be finite, not
-negative, never decrease and be concave in p: the tractions that it allows are then a convex set, and the error in the
-constitutive relation is what it is for Coulomb. A bilateral contact can pull: its b must not know the pressure. This is
-checked at samples when the scene meets its mesh (:mod:`erc_contact.model.promises`).
+A law of the user's own is a class with the same members, ``parameters`` and ``friction_bound``. Its b must be finite,
+not negative, never decrease and be concave in p: the tractions that it allows are then a convex set, and the error in
+the constitutive relation is what it is for Coulomb. A bilateral contact can pull: its b must not know the pressure.
+This is checked at samples when the scene meets its mesh (:mod:`erc_contact.model.promises`).
 
 Source: Coorevits, Hild, Hjiaj, equations (5)-(8), (12)-(16); the gap and the general bound are ours.
 """
@@ -41,7 +41,7 @@ class Law(Protocol):
     @property
     def parameters(self) -> tuple[str, ...]: ...  # noqa: D102
 
-    def bound(self, pressure: Any, *values: Any, **parameters: Any) -> Any:
+    def friction_bound(self, pressure: Any, *values: Any, **parameters: Any) -> Any:
         """The friction bound b(p) [force/area], UFL, a scalar.
 
         It is >= 0, never decreases and is concave in p. Of a bilateral contact it does not depend on p.
@@ -75,7 +75,7 @@ class Coulomb:
     def __post_init__(self) -> None:
         _check("Coulomb: friction", self.friction)
 
-    def bound(self, pressure: Any, friction: Any) -> Any:
+    def friction_bound(self, pressure: Any, friction: Any) -> Any:
         """``b(p) = mu p`` [force/area]."""
         return friction * pressure
 
@@ -97,7 +97,7 @@ class Tresca:
     def __post_init__(self) -> None:
         _check("Tresca: limit", self.limit)
 
-    def bound(self, pressure: Any, limit: Any) -> Any:
+    def friction_bound(self, pressure: Any, limit: Any) -> Any:
         """``b(p) = s`` [force/area]."""
         return limit
 

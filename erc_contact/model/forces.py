@@ -1,0 +1,151 @@
+"""Forces on the body with their moments, by their cause: supports, contacts and loads.
+
+The residual ``R(v) = a(u, v) - f(v) - F(v)`` of elasticity, tested with the basis function of a node, is the force that
+supports and contacts exert on this node. For a rigid motion v it is ``-f(v) - F(v)``: so these consistent nodal forces
+balance the loads to round-off, with their moments, whatever the contact method and however far Newton's method went.
+
+Symbols: u displacement, r contact traction of the method, d dimension, k degree, m nodes of a facet.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import ufl
+from dolfinx import fem, la
+from mpi4py import MPI
+
+from erc_contact.mesh.simplex import lagrange, rule
+from erc_contact.model.expressions import evaluate
+from erc_contact.model.foundation import BoundContact
+from erc_contact.model.model import Model
+
+
+@dataclass(frozen=True, eq=False)
+class Force:
+    """A force on the body with its moment.
+
+    Attributes:
+        force: Resultant [force], shape (d,).
+        moment: Moment about the origin [force length], shape (1,) in 2D, (3,) in 3D.
+    """
+
+    force: np.ndarray
+    moment: np.ndarray
+
+    def __add__(self, other: Force) -> Force:
+        return Force(self.force + other.force, self.moment + other.moment)
+
+
+def total_force(model: Model, nodes: np.ndarray, forces: np.ndarray) -> Force:
+    """Sum over all ranks of forces (n, d) [force] at nodes (n,); collective."""
+    x = model.V.tabulate_dof_coordinates()[nodes]
+    f = np.pad(forces, ((0, 0), (0, 3 - model.d)))
+    moment = np.cross(x, f).sum(axis=0)
+    local = np.concatenate([forces.sum(axis=0), moment[[2]] if model.d == 2 else moment])
+    total = model.comm.allreduce(local, MPI.SUM)
+    return Force(total[: model.d], total[model.d :])
+
+
+def by_cause(model: Model, force: Callable[[str], Force], body_force: Callable[[], Force]) -> dict[str, Force]:
+    """The forces on the body by their cause; collective.
+
+    Args:
+        model: The scene on a mesh.
+        force: The force on a boundary part.
+        body_force: The force of the loads in the body; asked for if there are any.
+
+    Returns:
+        The forces of all supports and contacts by the names of their parts, of all tractions on parts without support
+        as "tractions" and of the body force as "body force" where the scene has them; as "balance" the sum of all, zero
+        up to round-off.
+    """
+    held = dict.fromkeys([s.facets for s in model.scene.supports] + [c.facets for c in model.scene.contacts])
+    result = {name: force(name) for name in held}
+    loaded = dict.fromkeys(load.facets for load in model.surface_loads if load.facets not in held)
+    if loaded:
+        forces = [force(name) for name in loaded]
+        result["tractions"] = sum(forces[1:], start=forces[0])
+    if model.body_force is not None:
+        result["body force"] = body_force()
+    parts = list(result.values())
+    result["balance"] = sum(parts[1:], start=parts[0])
+    return result
+
+
+def nodal_reactions(
+    model: Model, u: fem.Function, traction: Callable[[BoundContact], Any], *, in_layer: bool
+) -> dict[str, np.ndarray]:
+    """Nodal forces of each support and each contact; collective.
+
+    A contact has the integral of its traction against the basis function of each of its nodes. What this leaves of the
+    residual goes to the supports that fix the component at the node, else to the contacts of the node, in equal shares.
+
+    Args:
+        model: The scene on a mesh.
+        u: Displacement [length].
+        traction: The traction of the method on a contact [force/area], UFL, shape (d,).
+        in_layer: Whether the equations of the method act on all nodes of the cells at the contact.
+
+    Returns:
+        Forces by the names of the parts [force], shape (nodes, d), right at the nodes that this rank owns.
+    """
+    v = ufl.TestFunction(model.V)
+    rest = _assembled(model, model.stiffness(u, v)) - _assembled(model, model.loads(v))
+    forces, claims = {}, {}
+    for contact in model.contacts:
+        forces[contact.name] = _of_traction(model, contact, traction(contact))
+        rest -= forces[contact.name]
+        nodes = model.nodes[contact.facets[:, 0]] if in_layer else model.facet_nodes(contact.facets)
+        claims[contact.name] = np.zeros(rest.shape, dtype=bool)
+        claims[contact.name][nodes] = True
+        claims[contact.name] &= ~model.fixed
+    for support, (facets, components) in zip(model.scene.supports, model.fixed_facets, strict=True):
+        claims.setdefault(support.facets, np.zeros(rest.shape, dtype=bool))[model.facet_nodes(facets)] |= components
+    share = rest / np.maximum(sum(claims.values(), start=np.zeros(rest.shape)), 1.0)
+    return {name: forces.get(name, 0.0) + np.where(claim, share, 0.0) for name, claim in claims.items()}
+
+
+def part_force(model: Model, part: str, nodal: dict[str, np.ndarray]) -> Force:
+    """Resultant and moment of the forces on a part of the boundary, of :func:`nodal_reactions` and loads; collective.
+
+    Raises:
+        InputError: If no boundary part has this name.
+    """
+    model.domain.tag(part)
+    loads = _assembled(model, model.loads(ufl.TestFunction(model.V), on=[part]))
+    return _of_nodes(model, loads + nodal.get(part, 0.0))
+
+
+def body_force(model: Model) -> Force:
+    """Resultant and moment of the loads in the body; collective."""
+    return _of_nodes(model, _assembled(model, model.loads(ufl.TestFunction(model.V), on=[None])))
+
+
+def _of_nodes(model: Model, forces: np.ndarray) -> Force:
+    """Resultant and moment of nodal forces (nodes, d), each taken from the rank that owns the node; collective."""
+    owned = np.arange(model.V.dofmap.index_map.size_local)
+    return total_force(model, owned, forces[owned])
+
+
+def _assembled(model: Model, form: Any | None) -> np.ndarray:
+    """A linear form, or none, at the nodes [force], shape (nodes, d), right at owned nodes; collective."""
+    b = fem.Function(model.V)
+    if form is not None:
+        fem.assemble_vector(b.x.array, fem.form(form))
+        b.x.scatter_reverse(la.InsertMode.add)
+    return b.x.array.reshape(-1, model.d)
+
+
+def _of_traction(model: Model, contact: BoundContact, traction: Any) -> np.ndarray:
+    """The integrals of a traction against the basis functions, at all nodes [force], shape (nodes, d); collective."""
+    points, weights = rule(model.d - 1, model.contact_degree)
+    weighted = weights[:, None] * lagrange(model.d - 1, model.degree, points)
+    values = evaluate(traction, model.mesh, points, contact.facets)
+    at = np.einsum("qm,fqi->fmi", weighted, values) * model.facet_areas(contact.facets)[:, None, None]
+    forces = np.zeros((model.node_count, model.d))
+    np.add.at(forces, model.facet_nodes(contact.facets), at)
+    return forces
