@@ -85,9 +85,9 @@ class Dense:
         forces = abs(problem.matrix) @ abs(self._displacement(x)) + abs(problem.loads)
         return TOLERANCE * min(max(1.0, float(forces.max(initial=0.0)) / problem.force), FAR)
 
-    def remaining(self, x: PETSc.Vec) -> float:
-        """Energy norm of the distance to the solution [sqrt(force length)]; see :meth:`remaining_of`."""
-        return self.remaining_of(self.problem.residual(self._displacement(x)))
+    def accurate(self, x: PETSc.Vec, tolerance: float) -> bool:
+        """Whether the energy norm of the distance to the solution is below a tolerance [sqrt(force length)]."""
+        return self.remaining(self.problem.residual(self._displacement(x))) <= tolerance
 
     def status(self, x: PETSc.Vec) -> tuple[bytes, tuple[int, int, int]]:
         """A key of the contact status of all points, and the numbers of open, slipping and sticking points."""
@@ -95,7 +95,7 @@ class Dense:
         open_, slip, stick = (int(n) for n in np.bincount(found, minlength=3))
         return found.tobytes(), (open_, slip, stick)
 
-    def remaining_of(self, residual: np.ndarray) -> float:
+    def remaining(self, residual: np.ndarray) -> float:
         """Energy norm of the distance to the solution, ``sqrt(R.K^-1 R)`` [sqrt(force length)].
 
         If r^ is the traction of the method, the rebalance of the last state adds this to the error in the constitutive

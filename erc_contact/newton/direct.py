@@ -64,7 +64,7 @@ class Direct:
             problem.raise_friction(1.0)
             results = None
             if attempt.final and outcome.converged:
-                numbers = dense.remaining_of(last.residual), dense.regularity(start)
+                numbers = dense.remaining(last.residual), dense.regularity(start)
                 results = *numbers, start, problem.matrix @ start - problem.loads
             dense.destroy()
             return replace(outcome, steps=steps), start[: self.elastic.contact_size], results

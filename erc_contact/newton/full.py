@@ -10,13 +10,8 @@ contact nodes give (:mod:`erc_contact.newton.reactions`). The tangent ``S K + e_
 not assembled: only the terms of the contact are assembled anew. Newton's iterates are those of the condensed problem
 (:mod:`erc_contact.newton.condensed`), up to the tolerance of the linear solver.
 
-The linear solver is FGMRES with the multigrid hierarchy of ``K + e_u``. With a multiplier it is that of K + G. G are
-springs at the nodes: e_u after the equations are solved for the reaction, with some compliance where they do not
-determine it,
-
-    G = C^T H e_u C,    H = (e_lambda/a + D^-1 e_u)^-1 at each node, a the area.
-
-So nodes that stick get the glue D, and open ones nothing.
+The linear solver is FGMRES with the multigrid hierarchy of ``K + e_u``; with a multiplier it is that of K with springs
+(:mod:`erc_contact.newton.springs`).
 """
 
 from __future__ import annotations
@@ -32,9 +27,11 @@ from petsc4py import PETSc
 
 from erc_contact.model.model import Model
 from erc_contact.newton.forms import ContactForms
+from erc_contact.newton.krylov import fgmres, set_up, shell
 from erc_contact.newton.methods import Method
 from erc_contact.newton.multigrid import Multigrid
 from erc_contact.newton.reactions import Reactions
+from erc_contact.newton.springs import Springs
 
 TOLERANCE = 1e-10
 """Newton's method stops when the residual is below this fraction of the contact forces of the first guess [-]."""
@@ -46,8 +43,8 @@ FORCING = 0.1
 """Tolerance of the first linear solves, which Eisenstat and Walker's rule lowers [-]."""
 REGULAR = 1e-5
 """Tolerance of the linear solve that shows whether the tangent has an inverse [-]."""
-LIMIT, RESTART = 200, 50
-"""Limit of the cycles of one linear solve, and vectors that it keeps."""
+ROUGH = 0.1
+"""Tolerance of the linear solve that measures the distance to the solution [-]."""
 FRESH = 0.35
 """Contraction of the residual by one cycle that a hierarchy of the tangent at hand is expected to have [-]."""
 RENEWAL = 14.0
@@ -81,16 +78,13 @@ class FullSpace:
         if method.multiplier:
             self._reactions = Reactions(model)
             self._rows = self._reactions.free.ravel()[:own]
-            self._springs = _Springs(model, elastic, self._reactions)
+            self._springs = Springs(model, elastic, self._reactions)
         else:
             self._rows = ~self._fixed
         self._work = [self.vector() for _ in range(2)]
         self._rest = self.vector()
         self._at: PETSc.Vec | None = None
-        local, everywhere = elastic.matrix.getSizes()[0]
-        shape = ((local, everywhere), (local, everywhere))
-        self._tangent = PETSc.Mat().createPython(shape, context=_Tangent(self), comm=elastic.matrix.comm)
-        self._tangent.setUp()
+        self._tangent = shell(self.mult, self._work[0])
         self._last = (0, 1.0)  # cycles of the last linear solve, and its reduction of the residual
         self._excess = 0.0
 
@@ -119,13 +113,9 @@ class FullSpace:
         snes.setUseEW(True, version=2, rtol_0=FORCING, rtol_max=FORCING, alpha=1.3, threshold=0.01)
         snes.setMaxLinearSolveFailures(2)
         ksp = snes.getKSP()
-        ksp.setType("fgmres")
-        ksp.setGMRESRestart(RESTART)
-        ksp.setTolerances(atol=0.3 * TOLERANCE, max_it=LIMIT)
+        set_up(ksp, self.precondition)
+        ksp.setTolerances(atol=0.3 * TOLERANCE)
         ksp.setMonitor(self._watch)
-        pc = ksp.getPC()
-        pc.setType("python")
-        pc.setPythonContext(_Cycle(self))
         self._last, self._excess = (0, 1.0), 0.0
 
     def round_off(self, x: PETSc.Vec) -> float:
@@ -140,15 +130,38 @@ class FullSpace:
         diagonal.destroy()
         return max(TOLERANCE, min(ROUND_OFF * forces, FAR))
 
+    def accurate(self, x: PETSc.Vec, tolerance: float) -> bool:
+        """Whether the energy norm of the distance to the solution is below a tolerance [sqrt(force length)].
+
+        The estimate by one cycle is too small where the contact is closed. If it is below the tolerance, a rough solve
+        without the contact decides, where a weak glue holds a loose body.
+        """
+        if self.remaining(x) > tolerance:
+            return False
+        weak, force, u = self.elastic.weak_glue(), self.vector(), self.vector()
+        product = self.vector()
+        self.function(None, x, force)
+
+        def held(of: PETSc.Vec, y: PETSc.Vec) -> None:
+            self.elastic.matrix.mult(of, y)
+            product.pointwiseMult(weak, of)
+            y.axpy(1.0, product)
+
+        fgmres(held, self.elastic.cycle, force, u, ROUGH)
+        energy = force.dot(u) * self.force**2
+        for made in (weak, force, u, product):
+            made.destroy()
+        return energy <= tolerance**2
+
     def remaining(self, x: PETSc.Vec) -> float:
         """Energy norm of the distance to the solution, about ``sqrt(R.K^-1 R)`` [sqrt(force length)]."""
         force, u = self.vector(), self.vector()
         self.function(None, x, force)
         self.elastic.cycle(force, u)
-        energy = force.dot(u) * self.force**2
+        energy = force.dot(u)
         force.destroy()
         u.destroy()
-        return float(np.sqrt(max(energy, 0.0)))
+        return float(np.sqrt(max(energy, 0.0))) * self.force
 
     def regularity(self, x: PETSc.Vec) -> float:
         """About the least eigenvalue of the tangent at x, scaled by the elastic diagonal [-]; zero without an inverse.
@@ -166,18 +179,11 @@ class FullSpace:
         size = force.norm()
         force.pointwiseMult(force, diagonal)
         self._renewed(None, x)
-        ksp = PETSc.KSP().create(force.comm)
-        ksp.setOperators(self._tangent)
-        ksp.setType("fgmres")
-        ksp.setTolerances(rtol=REGULAR, max_it=LIMIT)
-        ksp.setGMRESRestart(RESTART)
-        ksp.getPC().setType("python")
-        ksp.getPC().setPythonContext(_Cycle(self))
-        ksp.solve(force, u)
+        fgmres(self.mult, self.precondition, force, u, REGULAR)
         u.pointwiseMult(u, diagonal)
         u.array[self._fixed] = 0.0
         found = size / u.norm() * self.force / self.length if u.norm() > 0 else 1.0
-        for made in (ksp, diagonal, force, u):
+        for made in (diagonal, force, u):
             made.destroy()
         return float(found)
 
@@ -289,100 +295,3 @@ class FullSpace:
             made.destroy()
         if self.forms.multipliers:
             self._springs.matrix.destroy()
-
-
-class _Tangent:
-    """The tangent of a problem, for PETSc."""
-
-    def __init__(self, problem: FullSpace) -> None:
-        self.problem = problem
-
-    def mult(self, _: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
-        """Set y to the tangent times x."""
-        self.problem.mult(x, y)
-
-
-class _Cycle:
-    """The preconditioner of a problem, for PETSc."""
-
-    def __init__(self, problem: FullSpace) -> None:
-        self.problem = problem
-
-    def apply(self, _: PETSc.PC, x: PETSc.Vec, y: PETSc.Vec) -> None:
-        """Set y to the preconditioned x."""
-        self.problem.precondition(x, y)
-
-
-class _Springs:
-    """G and H of a method with multiplier, at the contact nodes of this rank.
-
-    Attributes:
-        matrix: G [force/length].
-    """
-
-    def __init__(self, model: Model, elastic: Multigrid, reactions: Reactions) -> None:
-        d, count = model.d, elastic.owned // model.d
-        self.model, self.reactions, self.shape = model, reactions, model.fixed.shape
-        self.free = reactions.free[:count]
-        self.nodes = np.flatnonzero(self.free.any(axis=1))
-        self.free = self.free[self.nodes]
-        self.area = reactions.area[self.nodes]
-        self.glue = elastic.glue.x.array.reshape(-1, d)[self.nodes].max(axis=1, initial=0.0)
-        dofs = model.global_numbers(self.nodes)[:, None] * d + np.arange(d)
-        rows, cols = (np.broadcast_to(one, (len(dofs), d, d)).ravel() for one in (dofs[:, :, None], dofs[:, None, :]))
-        self._nodal = _sparse(elastic.matrix, rows, cols)
-        self._first = elastic.matrix.getOwnershipRange()[0]
-        self._coefficients: PETSc.Mat | None = None
-        if model.degree > 1:
-            row, col, value = reactions.coefficients()
-            self._coefficients = _sparse(elastic.matrix, row, col)
-            self._coefficients.setValuesCOO(value)
-        self.matrix = self._nodal
-
-    def update(self, tangents: list[PETSc.Mat]) -> None:
-        """Set G and H from the derivatives of e by u and by the multipliers."""
-        by_u, *by_multipliers = (self._blocks(tangent) for tangent in tangents)
-        fixed = ~self.free
-        inverse = sum(by_multipliers) / self.area[:, None, None] + by_u / self.glue[:, None, None]
-        inverse[fixed] = 0.0
-        inverse.transpose(0, 2, 1)[fixed] = 0.0
-        node, i = np.nonzero(fixed)
-        inverse[node, i, i] = 1.0
-        self.h = np.linalg.inv(inverse)
-        springs = np.matmul(self.h, by_u)
-        springs[fixed] = 0.0
-        springs.transpose(0, 2, 1)[fixed] = 0.0
-        self._nodal.setValuesCOO(springs.ravel())
-        if self._coefficients is not None:
-            known = None if self.matrix is self._nodal else self.matrix
-            self.matrix = self._nodal.ptap(self._coefficients, result=known)
-
-    def right_side(self, x: np.ndarray) -> np.ndarray:
-        """Nodal forces from the residual x of the equations: ``C^T H x`` at A and x elsewhere."""
-        force, at_contact = np.zeros(self.shape), np.zeros(self.shape)
-        force.ravel()[: len(x)] = x
-        values = np.matmul(self.h, np.where(self.free, force[self.nodes], 0.0)[..., None])[..., 0]
-        at_contact[self.nodes] = values
-        force[self.nodes] = np.where(self.free, 0.0, force[self.nodes])
-        force += np.where(self.reactions.free, self.reactions.back(at_contact), 0.0)
-        return force.ravel()[: len(x)]
-
-    def _blocks(self, tangent: PETSc.Mat) -> np.ndarray:
-        """The block of each node in a matrix, shape (nodes, d, d)."""
-        d = self.shape[1]
-        begin, column, value = tangent.getValuesCSR()
-        row = np.repeat(np.arange(len(begin) - 1), np.diff(begin))
-        column = column - self._first
-        own = row // d == column // d
-        place = row[own] * d + column[own] % d
-        blocks = np.bincount(place, value[own], (len(begin) - 1) * d).reshape(-1, d, d)
-        return blocks[self.nodes]
-
-
-def _sparse(like: PETSc.Mat, rows: np.ndarray, cols: np.ndarray) -> PETSc.Mat:
-    """A matrix of the size of another one, with entries at the given places."""
-    matrix = PETSc.Mat().create(comm=like.comm)
-    matrix.setSizes(like.getSizes())
-    matrix.setType("aij")
-    matrix.setPreallocationCOO(rows.astype(PETSc.IntType), cols.astype(PETSc.IntType))
-    return matrix

@@ -84,9 +84,8 @@ class Multigrid(Elastic):
 
         The loads must do no work on rigid motions that no support holds; u has no part in these motions.
         """
-        loose = self.model.free_motions
-        self._set_up(self._weak_share() if loose else 0.0)
-        if loose:
+        self._set_up(self._weak_share())
+        if self.model.free_motions:
             self.matrix.setNullSpace(self._motions())
         return self._solved(self.matrix, self.right_side(b, supports=supports), EXACT)
 
@@ -179,9 +178,15 @@ class Multigrid(Elastic):
         b.destroy()
         return u
 
+    def weak_glue(self) -> PETSc.Vec:
+        """The glue that holds a loose body, zero for a held one [force/length]."""
+        weak = self.matrix.createVecRight()
+        weak.array[:] = self._weak_share() * self.glue.x.array[: self.owned]
+        return weak
+
     def _weak_share(self) -> float:
-        """Share of D that holds a loose body about as softly as its own stiffness, ``h/(10 L)`` [-]."""
-        return 0.1 * self.model.domain.cells ** (-1 / self.model.d)
+        """Share of D that holds a loose body about as softly as its own stiffness, ``h/(10 L)`` [-], else zero."""
+        return 0.1 * self.model.domain.cells ** (-1 / self.model.d) if self.model.free_motions else 0.0
 
     def _motions(self) -> PETSc.NullSpace:
         """The rigid motions that no support holds."""

@@ -78,8 +78,8 @@ class Equations(Protocol):
     def round_off(self, x: PETSc.Vec) -> float:
         """The norm of F that counts as round-off at x [-]."""
 
-    def remaining(self, x: PETSc.Vec) -> float:
-        """Energy norm of the distance to the solution [sqrt(force length)]."""
+    def accurate(self, x: PETSc.Vec, tolerance: float) -> bool:
+        """Whether the energy norm of the distance to the solution is below a tolerance [sqrt(force length)]."""
 
     def status(self, x: PETSc.Vec) -> tuple[bytes, tuple[int, int, int]]:
         """A key of the contact status of all points, and the numbers of open, slipping and sticking points."""
@@ -92,7 +92,7 @@ def attempt(problem: Equations, x: PETSc.Vec, line_search: str, tolerance: float
         problem: The contact problem.
         x: Where Newton's method starts.
         line_search: Name of PETSc's line search.
-        tolerance: It may stop when :meth:`Equations.remaining` is below it [sqrt(force length)]; None for round-off.
+        tolerance: It may stop when :meth:`Equations.accurate` holds for it [sqrt(force length)]; None for round-off.
     """
     snes = PETSc.SNES().create(x.comm)
     snes.setOptionsPrefix(PREFIX)
@@ -142,7 +142,7 @@ class _StoppingTest:
         if norm <= max(atol, self.problem.round_off(x)):
             self.reason = "converged to round-off"
             return reasons.CONVERGED_ITS
-        if self.tolerance is not None and self.problem.remaining(x) <= self.tolerance:
+        if self.tolerance is not None and self.problem.accurate(x, self.tolerance):
             self.reason = "accurate enough"
             return reasons.CONVERGED_ITS
         key, _ = self.problem.status(x)
