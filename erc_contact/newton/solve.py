@@ -28,6 +28,7 @@ from erc_contact.newton.direct import Direct
 from erc_contact.newton.iterative import Iterative
 from erc_contact.newton.ladder import attempts
 from erc_contact.newton.methods import Method, Nitsche
+from erc_contact.newton.multigrid import DIRECT
 from erc_contact.newton.snes import Found
 from erc_contact.newton.solution import SINGULAR, Solution
 from erc_contact.scene.scene import Scene
@@ -38,6 +39,8 @@ DEFAULT = Nitsche()
 """The method where none is given."""
 SOLVERS = ("auto", "direct", "iterative")
 """The solvers by name."""
+SLOW = 5
+"""Number of attempts whose linear solver does not converge after which multigrid is given up."""
 LARGE = {2: (2_000_000, 8_000), 3: (15_000, 2_500)}
 """Numbers of degrees of freedom, of the body and about of the contact, beyond which multigrid is faster."""
 
@@ -179,7 +182,7 @@ class _ContactSolve:
 
     def solve(self, start: Solution | None) -> Solution:
         """Make the attempts one after the other until one of the wanted method converges."""
-        states = {"glued": self.solver.glued()}
+        states, slow = {"glued": self.solver.glued()}, 0
         if start is not None and start.model.contacts:
             states["warm"] = self.solver.warm(start.model, start.u)
         friction = any(c.friction is not None for c in self.model.contacts)
@@ -195,6 +198,9 @@ class _ContactSolve:
                 return self._solution(attempt.method, found)
             if outcome.converged:
                 states[attempt.gives] = state
+            slow += outcome.reason == "diverged_linear_solve"
+            if slow == SLOW:
+                raise NotConverged(f"The linear solver did not converge: {self.tried[-1]}. {DIRECT}", tuple(self.tried))
         also, try_other = " or the augmented Lagrangian", "the other method (method=None tries both), "
         raise NotConverged(
             f"The contact solve did not converge on {self.model.domain.cells} cells with {self.method}"

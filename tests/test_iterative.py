@@ -1,0 +1,176 @@
+"""The iterative contact solve: the same answer as the direct one, on any scene, in any units, on any ranks.
+
+Properties: eps of both solvers agree to 1e-8 for both methods and degrees, all laws, gaps and supports; a scene without
+a solution is refused by both; "auto" falls back where multigrid fails; an adaptive run makes the same meshes.
+"""
+
+import pytest
+from mpi4py import MPI
+from scenes import block, common_block, greco, mostly_serial, opening, random_scene
+from test_newton import Saturating, triangle
+
+import erc_contact as ec
+from erc_contact.newton import krylov, multigrid
+from erc_contact.newton import solve as solving
+
+METHODS = {"Nitsche": ec.Nitsche(), "symmetric": ec.Nitsche(theta=1), "AL": ec.AugmentedLagrangian()}
+SAME = 1e-8
+"""Relative difference of eps between two solvers that counts as none [-]."""
+
+
+def cube(comm: MPI.Comm = MPI.COMM_WORLD, n: int = 3) -> ec.Domain:
+    return ec.box((0.0, 0.0, 0.0), (1.0, 1.0, 1.0), cells=(n, n, n), comm=comm)
+
+
+def pressed_cube(**contact: object) -> tuple[ec.Scene, ec.Domain]:
+    """A cube pressed and sheared at its top."""
+    top = ec.Displacement("top", (0.02, 0.01, -0.05))
+    return ec.Scene(ec.Elastic(E=1.0, nu=0.3), [top], contacts=[ec.Contact("bottom", **contact)]), cube()
+
+
+def wedge() -> tuple[ec.Scene, ec.Domain]:
+    """A square on two contacts that share a corner; nothing else holds it."""
+    scene = ec.Scene(
+        material=ec.Elastic(E=1.0, nu=0.3),
+        loads=[ec.BodyForce((-0.001, -0.002))],
+        contacts=[ec.Contact("bottom", friction=0.3), ec.Contact("left", friction=0.2)],
+    )
+    return scene, ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(6, 6))
+
+
+SCENES = {
+    "block": lambda: (common_block(), block(4)),
+    "held by the contact and a roller": lambda: (greco(), ec.rectangle((0.0, 0.0), (40.0, 40.0), cells=(8, 8))),
+    "held by two contacts": wedge,
+    "a support at nodes of the contact": lambda: (
+        ec.Scene(
+            ec.Elastic(E=1.0, nu=0.3),
+            [ec.Displacement("top", (lambda x: 0.02 * x[0], -0.05)), ec.Displacement("left", (0.0, None))],
+            contacts=[ec.Contact("bottom", friction=0.3, gap=0.02)],
+        ),
+        ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(6, 6)),
+    ),
+    "opening": lambda: (opening(0.3), ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(6, 6))),
+    "nonlinear law": lambda: (opening(Saturating(0.3, 0.01)), ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(6, 6))),
+    "cube": lambda: pressed_cube(friction=0.3),
+    "cube without friction": pressed_cube,
+    "cube on a sphere": lambda: pressed_cube(friction=0.3, gap=lambda x: 0.1 * ((x[0] - 0.4) ** 2 + (x[1] - 0.5) ** 2)),
+    "cube glued by a bilateral contact": lambda: pressed_cube(friction=ec.Tresca(0.004), bilateral=True),
+}
+
+
+def eps(solution: ec.Solution) -> float:
+    return ec.constitutive_error(ec.equilibrate(solution)).relative
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("name", mostly_serial(list(SCENES), ["held by two contacts", "cube on a sphere"]))
+def test_same_as_the_direct_solver(name, method):
+    scene, domain = SCENES[name]()
+    direct, iterative = (ec.solve(scene, domain, METHODS[method], solver=s) for s in ("direct", "iterative"))
+    assert eps(iterative) == pytest.approx(eps(direct), rel=SAME)
+
+
+@pytest.mark.parametrize("method", ["Nitsche", "AL"])
+@pytest.mark.parametrize(
+    "name", mostly_serial(["block", "a support at nodes of the contact", "cube on a sphere"], ["cube on a sphere"])
+)
+def test_same_as_the_direct_solver_for_degree_2(name, method):
+    scene, domain = SCENES[name]()
+    direct, iterative = (ec.solve(scene, domain, METHODS[method], degree=2, solver=s) for s in ("direct", "iterative"))
+    assert eps(iterative) == pytest.approx(eps(direct), rel=SAME)
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("seed", range(8))
+def test_same_on_random_scenes(seed):
+    scene, domain = random_scene(seed)
+    direct, iterative = (ec.solve(scene, domain, solver=s) for s in ("direct", "iterative"))
+    assert eps(iterative) == pytest.approx(eps(direct), rel=SAME)
+
+
+def test_units_do_not_change_the_error():
+    scene, domain = SCENES["cube on a sphere"]()
+    found = []
+    for E in (1e-9, 1.0, 1e12):
+        material = ec.Elastic(E=E, nu=0.3)
+        found.append(
+            eps(ec.solve(ec.Scene(material, scene.supports, contacts=scene.contacts), domain, solver="iterative"))
+        )
+    assert found == pytest.approx([found[1]] * 3, rel=SAME)
+
+
+@pytest.mark.serial
+def test_scene_without_contact():
+    scene = ec.Scene(ec.Elastic(E=1.0, nu=0.3), [ec.Displacement("top", (0.0, 0.0))], [ec.BodyForce((0.1, -1.0))])
+    domain = ec.rectangle((0.0, 0.0), (1.0, 2.0), cells=(4, 8))
+    direct, iterative = (ec.solve(scene, domain, solver=s) for s in ("direct", "iterative"))
+    scale = abs(direct.u.x.array).max()
+    assert abs(iterative.u.x.array - direct.u.x.array).max() < 1e-9 * scale
+
+
+@pytest.mark.serial
+def test_body_that_flies_away_is_refused():
+    scene = ec.Scene(
+        material=ec.Elastic(E=1.0, nu=0.3),
+        loads=[ec.BodyForce((0.0, 0.001))],
+        contacts=[ec.Contact("bottom", friction=0.3)],
+    )
+    with pytest.raises(ec.NotConverged):
+        ec.solve(scene, ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(4, 4)), solver="iterative")
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("method", ["Nitsche", "AL"])
+def test_many_solutions_are_reported(method):
+    assert ec.solve(*triangle(2.0), METHODS[method], solver="iterative").singular
+    assert not ec.solve(*triangle(1.9), METHODS[method], solver="iterative").singular
+
+
+def test_auto_falls_back_where_multigrid_fails(monkeypatch):
+    scene, domain = SCENES["cube"]()
+    expected = eps(ec.solve(scene, domain, solver="direct"))
+    monkeypatch.setattr(solving, "LARGE", {3: (0, 0)})
+    assert isinstance(ec.solve(scene, domain).stiffness, multigrid.Multigrid)
+    monkeypatch.setattr(krylov, "LIMIT", 1)
+    with pytest.raises(ec.NotConverged, match="multigrid"):
+        ec.solve(scene, domain, solver="iterative")
+    solution = ec.solve(scene, domain)
+    assert not isinstance(solution.stiffness, multigrid.Multigrid)
+    assert eps(solution) == pytest.approx(expected, rel=SAME)
+
+
+def test_rebalance_falls_back_where_multigrid_is_slow(monkeypatch):
+    scene, domain = SCENES["cube"]()
+    solution = ec.solve(scene, domain, solver="iterative")
+    expected = eps(solution)
+    monkeypatch.setattr(multigrid, "LIMIT", 8)
+    assert eps(solution) == pytest.approx(expected, rel=SAME)
+
+
+def test_adaptive_run_makes_the_same_meshes():
+    scene, domain = SCENES["cube on a sphere"]()
+    runs = [ec.adapt(scene, domain, accuracy=1e-6, max_steps=3, solver=s) for s in ("direct", "iterative")]
+    cells = [[step.cells for step in run.steps] for run in runs]
+    assert cells[0] == cells[1]
+    assert runs[1].steps[-1].eps == pytest.approx(runs[0].steps[-1].eps, rel=SAME)
+
+
+@pytest.mark.ranks
+@pytest.mark.parametrize(("degree", "method"), [(1, "Nitsche"), (1, "AL"), (2, "AL")])
+def test_rank_independence(degree, method):
+    """A column of cubes, so that a rank has no facet of the contact."""
+    found = []
+    for comm in (MPI.COMM_SELF, MPI.COMM_WORLD):
+        domain = ec.box((0.0, 0.0, 0.0), (1.0, 1.0, 4.0), cells=(2, 2, 8), comm=comm)
+        top = ec.Displacement("top", (0.02, 0.01, -0.05))
+        gap = {"friction": 0.3, "gap": lambda x: 0.02 * x[0] ** 2}
+        scene = ec.Scene(ec.Elastic(E=1.0, nu=0.3), [top], contacts=[ec.Contact("bottom", **gap)])
+        found.append(eps(ec.solve(scene, domain, METHODS[method], degree=degree, solver="iterative")))
+    assert found[0] == pytest.approx(found[1], rel=SAME)
+
+
+def test_bad_solver_is_refused():
+    scene, domain = SCENES["block"]()
+    with pytest.raises(ec.InputError, match="solver is 'multigrid'; allowed are 'auto', 'direct', 'iterative'"):
+        ec.solve(scene, domain, solver="multigrid")
