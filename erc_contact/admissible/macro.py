@@ -14,6 +14,7 @@ i replaced by the barycentre.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import cache
 from math import factorial
 
@@ -36,8 +37,13 @@ from erc_contact.mesh.simplex import (
 )
 from erc_contact.scene.material import mandel_basis
 
-CHUNK = 2048
-"""Number of cells that are worked on at once, so that their arrays stay in the cache."""
+CHUNK = 1024
+"""Number of cells that numpy works on at once, so that their arrays stay in the cache."""
+
+
+def chunks(count: int) -> Iterator[slice]:
+    """Slices of ``range(count)`` of this size."""
+    return (slice(i, min(i + CHUNK, count)) for i in range(0, count, CHUNK))
 
 
 @cache
@@ -154,7 +160,7 @@ def macro_stress(
     of_subs, of_facets = _elevation(d, k)
     of_subs = of_subs.reshape(-1, b)
     sigma = np.empty((count, (d + 1) * N, s))
-    for some in (slice(i, min(i + CHUNK, count)) for i in range(0, count, CHUNK)):
+    for some in chunks(count):
         base = stress[some]
         inverse = -cells.area[some, 1:] / (d * cells.volume[some, None, None])
         inputs = np.empty((len(base), matrix.shape[3], d))
@@ -194,6 +200,13 @@ def piola(cells: CellGeometry, some: slice) -> np.ndarray:
     ]
     symmetric = np.einsum("aij,bkl->ikjlba", basis, basis).reshape(d**4, -1)
     return (products.reshape(-1, d**4) @ symmetric).reshape(-1, len(basis), len(basis))
+
+
+def reference_metric(cells: CellGeometry, some: slice, compliance: np.ndarray) -> np.ndarray:
+    """``|T| P C^-1 P^T`` with P the Piola transform: the compliance for reference stresses, (c, Q or 1, s, s)."""
+    P = piola(cells, some)[:, None] * np.sqrt(cells.volume[some])[:, None, None, None]
+    local = compliance[some] if len(compliance) > 1 else compliance
+    return np.matmul(np.matmul(P, local), P.transpose(0, 1, 3, 2))
 
 
 @cache

@@ -1,0 +1,19 @@
+/* The kernels. Python reads these lines, too. Arrays are C-contiguous, their shapes are in the callers' docstrings. */
+
+long long find_rings(int d, long long pairs, const double *edges, const int *facets, const long long *side,
+                     _Bool *mine, int *ring, int *size);
+
+int factor_patches(int d, long long patches, const int *ring, const int *size, const double *edges,
+                   const int *facets, const long long *side, long long F, const _Bool *unknown, const double *compliance, int varies,
+                   const double *table, int *factor, float *unit, double *scale);
+
+int apply_patches(int d, int m, long long patches, const int *ring, const int *size, const double *edges,
+                  const long long *side, const int *factor, const float *unit, const double *scale, const double *r, double *z);
+
+double macro_energy(int d, int m, long long begin, long long end, const double *edges, const int *facets,
+                    const long long *side, const double *compliance, int varies, int points,
+                    const double *facet_map, int Q, const int *start, const int *column, const double *value,
+                    const int *back_start, const int *back_column, const double *back_value,
+                    const int *weight_start, const int *weight_column, const double *weight, int count,
+                    const double *bubbles, const double *products, const double *x, const double *mean,
+                    const double *offset, double *y);
