@@ -219,4 +219,4 @@ def macro_points(d: int, k: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """
     points, weights = rule(d, 2 * k)
     places = np.matmul(barycentric(points), cell_pieces(d)).reshape(-1, d + 1)[:, 1:]
-    return bernstein(d, k, points), places, np.tile(weights / (d + 1), d + 1)
+    return np.ascontiguousarray(bernstein(d, k, points)), places, np.tile(weights / (d + 1), d + 1)

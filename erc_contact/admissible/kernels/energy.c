@@ -211,3 +211,45 @@ double macro_energy(int d, int m, long long begin, long long end, const double *
     products, x, mean, offset, y)
   return d == 2 ? ENERGY(2) : ENERGY(3);
 }
+
+INLINE void squared(const int s, long long cells, int subs, int N, int q, const double *shape, const double *weight,
+                    const double *volume, const double *stress, int elastic_points, const double *elastic, int varies,
+                    int points, const double *compliance, double *difference, double *both)
+{
+  for (long long n = 0; n < cells; ++n) {
+    double square[2] = {0};
+    for (int at = 0; at < subs * q; ++at) {
+      const double *C = compliance + ((varies ? n * points : 0) + (points > 1 ? at : 0)) * s * s;
+      const double *given = elastic + (n * elastic_points + (elastic_points > 1 ? at : 0)) * s;
+      double tau[2][6], dual[2][6] = {{0}}, value[6] = {0};
+      for (int v = 0; v < N; ++v)
+        for (int a = 0; a < s; ++a)
+          value[a] += shape[at % q * N + v] * stress[((n * subs + at / q) * N + v) * s + a];
+      for (int a = 0; a < s; ++a) {
+        tau[0][a] = value[a] - given[a];
+        tau[1][a] = value[a] + given[a];
+      }
+      for (int k = 0; k < 2; ++k) {
+        for (int a = 0; a < s; ++a)
+          for (int b = 0; b < s; ++b)
+            dual[k][b] += tau[k][a] * C[a * s + b];
+        for (int b = 0; b < s; ++b)
+          square[k] += weight[at] * tau[k][b] * dual[k][b];
+      }
+    }
+    difference[n] = volume[n] * square[0];
+    both[n] = volume[n] * square[1];
+  }
+}
+
+void stress_squares(long long cells, int s, int subs, int N, int q, const double *shape, const double *weight,
+                    const double *volume, const double *stress, int elastic_points, const double *elastic,
+                    int varies, int points, const double *compliance, double *difference, double *both)
+{
+#define SQUARED(s) squared(s, cells, subs, N, q, shape, weight, volume, stress, elastic_points, elastic, varies, \
+    points, compliance, difference, both)
+  if (s == 3)
+    SQUARED(3);
+  else
+    SQUARED(6);
+}

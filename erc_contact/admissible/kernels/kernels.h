@@ -17,3 +17,11 @@ double macro_energy(int d, int m, long long begin, long long end, const double *
                     const int *weight_start, const int *weight_column, const double *weight, int count,
                     const double *bubbles, const double *products, const double *x, const double *mean,
                     const double *offset, double *y);
+
+int patch_jumps(int d, int N, int m, long long cells, long long nodes, long long F, const int *node,
+                const int *facets, const long long *side, const int *on_facet, const double *weight,
+                const _Bool *fixed, const _Bool *complete, int *start, int *member, int *place, double *lambda);
+
+void stress_squares(long long cells, int s, int subs, int N, int q, const double *shape, const double *weight,
+                    const double *volume, const double *stress, int elastic_points, const double *elastic,
+                    int varies, int points, const double *compliance, double *difference, double *both);
