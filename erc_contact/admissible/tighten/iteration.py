@@ -44,7 +44,7 @@ def tightened(
     Args:
         space: The mesh.
         cells: Geometry, n cells.
-        moment: Moments on the first side of each facet [force], shape (F, m, d).
+        moment: Moments on the first side of each facet [force], shape (F, m, d). The result may take their place.
         force: Body force times volume of each cell [force], shape (n, N_(k-1), d), or None.
         free: Components of facets whose traction is not given, shape (F, d).
         elastic: ``C eps(u^)`` of the owned cells [force/area], shape (owned, Q or 1, s).
@@ -55,10 +55,10 @@ def tightened(
         The moments, and the number of iterations.
     """
     comm, d, m = space.comm, cells.d, moment.shape[1]
-    shared = _SharedMoments(space, cells, m)
+    shared = _SharedMoments(space, cells)
     energy = ComplementaryEnergy(cells, space.domain.owned_cells, compliance)
     to_hierarchical = hierarchical(d, cells.degree)
-    square, r = energy.start(np.matmul(to_hierarchical, moment), force, elastic)
+    square, r = energy.start(moment if m == d else np.matmul(to_hierarchical, moment), force, elastic)
     square = comm.allreduce(square, MPI.SUM)
     patches = Patches(space, cells, compliance, free)
     blocks = Blocks(cells, compliance, free, shared.mine) if m > d else None
@@ -71,7 +71,8 @@ def tightened(
 
     r = shared.total(r)
     np.negative(r, out=r)
-    x, p, rz, done = np.zeros_like(r), np.zeros_like(r), 1.0, 0
+    x = moment if m == d else np.zeros_like(r)  # linear moments are their own hierarchical ones
+    p, rz, done = np.zeros_like(r), 1.0, 0
     while done < iterations:
         z = precondition(r)
         new = shared.dot(r, z)
@@ -79,17 +80,19 @@ def tightened(
             break
         p *= new / rz if done else 0.0
         p += z
+        del z  # at most four vectors at a time
         rz = new
         curvature, image = energy(p)
         image = shared.total(image)
         step = rz / comm.allreduce(curvature, MPI.SUM)
-        x += step * p
         image *= step
         r -= image
+        x += np.multiply(p, step, out=image)
+        del image
         before, square, done = square, square - step * rz, done + 1
         if square > (1 - GAIN) ** 2 * before:
             break
-    return moment + np.matmul(np.linalg.inv(to_hierarchical), x), done
+    return x if m == d else moment + np.matmul(np.linalg.inv(to_hierarchical), x), done
 
 
 class _SharedMoments:
@@ -98,32 +101,32 @@ class _SharedMoments:
     Args:
         space: The mesh.
         cells: Geometry.
-        m: Number of moments of a facet and component.
 
     Attributes:
         mine: Facets whose node of least global number this rank owns, shape (F,).
     """
 
-    def __init__(self, space: Space, cells: CellGeometry, m: int) -> None:
+    def __init__(self, space: Space, cells: CellGeometry) -> None:
         self.comm = space.comm
-        facets = space.mesh.topology.index_map(cells.d - 1)
-        self.owned = facets.size_local
-        self.vector = la.vector(facets, cells.d * m)
+        self.facets = space.mesh.topology.index_map(cells.d - 1)
         vertices = cells.vertices_of_facets
-        self.order = facet_order(space.global_numbers(vertices), cells.degree)  # ranks sort the nodes differently
-        least = np.take_along_axis(vertices, self.order[:, :1], axis=1)[:, 0]
+        order = facet_order(space.global_numbers(vertices), cells.degree)  # ranks sort the nodes differently
+        least = np.take_along_axis(vertices, order[:, :1], axis=1)[:, 0]
         self.mine = least < space.V.dofmap.index_map.size_local
+        self.order = order[:, :, None].astype(np.int8) if self.comm.size > 1 else None
 
     def total(self, values: np.ndarray) -> np.ndarray:
         """Sum of the values of all ranks for each facet, in place; collective."""
-        if self.comm.size > 1:
-            order, shared = self.order[:, :, None], self.vector.array.reshape(values.shape)
-            shared[:] = np.take_along_axis(values, order, axis=1)
-            self.vector.scatter_reverse(la.InsertMode.add)
-            self.vector.scatter_forward()
-            np.put_along_axis(values, order, shared, axis=1)
+        if self.order is not None:
+            vector = la.vector(self.facets, int(np.prod(values.shape[1:])))
+            shared = vector.array.reshape(values.shape)
+            shared[:] = np.take_along_axis(values, self.order, axis=1)
+            vector.scatter_reverse(la.InsertMode.add)
+            vector.scatter_forward()
+            np.put_along_axis(values, self.order, shared, axis=1)
         return values
 
     def dot(self, a: np.ndarray, b: np.ndarray) -> float:
         """Scalar product over the owned facets of all ranks; collective."""
-        return self.comm.allreduce(float(np.vdot(a[: self.owned], b[: self.owned])), MPI.SUM)
+        owned = self.facets.size_local
+        return self.comm.allreduce(float(np.vdot(a[:owned], b[:owned])), MPI.SUM)
