@@ -48,7 +48,7 @@ def test_no_folder_to_write_to(folders):
 def test_compiler_fails(folders):
     sources, cache = folders
     (sources / "total.c").write_text("not C")
-    with pytest.raises(ErcContactError, match=r"(?s)The C compiler failed.*CC"):
+    with pytest.raises(ErcContactError, match=r"(?s)The C compiler .* failed.*CC"):
         Library(sources)
     assert not list(cache.glob("*.so"))
 

@@ -27,7 +27,7 @@ from dolfinx.jit import get_options
 
 from erc_contact.base.exceptions import ErcContactError
 
-FLAGS = ("-std=gnu11", "-O3", "-march=native", "-fno-math-errno", "-Wno-psabi", "-fPIC", "-shared")
+FLAGS = ("-std=gnu11", "-O3", "-march=native", "-fno-math-errno", "-Wno-psabi", "-fPIC")
 """Options of the compiler; none of them changes the order of operations."""
 NAMES = {"float64": "double", "float32": "float", "int64": "long long", "int32": "int", "bool": "_Bool"}
 """C's names of numpy's types."""
@@ -78,7 +78,6 @@ def library(folder: Path) -> Library:
 def _compiled(folder: Path) -> Path:
     """Path of the compiled library."""
     texts = [path.read_text() for path in sorted(folder.glob("*.[ch]"))]
-    command = [*_compiler(), *FLAGS, *map(str, sorted(folder.glob("*.c"))), "-lm"]
     key = sha256("\0".join([*texts, *_compiler(), *FLAGS, _processor()]).encode()).hexdigest()[:20]
     name = f"liberc_contact_{key}.so"
     cache_folder = Path(get_options()["cache_dir"]).expanduser()
@@ -88,22 +87,32 @@ def _compiled(folder: Path) -> Path:
         cache_folder.mkdir(parents=True, exist_ok=True)
         lock = (cache_folder / f"{name}.lock").open("w")
     except OSError:
-        return _compile(command, Path(tempfile.mkdtemp(prefix="erc_contact_")) / name)
+        return _compile(folder, Path(tempfile.mkdtemp(prefix="erc_contact_")) / name)
     with lock:
         flock(lock, LOCK_EX)  # the others wait, and find it
-        return cache_folder / name if (cache_folder / name).exists() else _compile(command, cache_folder / name)
+        return cache_folder / name if (cache_folder / name).exists() else _compile(folder, cache_folder / name)
 
 
-def _compile(command: list[str], path: Path) -> Path:
-    """Compile to a path; the library appears there when it is complete."""
-    part = path.with_suffix(f".{os.getpid()}")
-    run = subprocess.run([*command, "-o", str(part)], capture_output=True, text=True, check=False)
-    if run.returncode:
-        raise ErcContactError(
-            f"The C compiler failed:\n{shlex.join(command)}\n{run.stderr}\nDOLFINx needs one, too; set the environment "
-            "variable CC to a compiler that works, GCC or Clang."
-        )
-    part.replace(path)
+def _compile(folder: Path, path: Path) -> Path:
+    """Compile all sources at the same time; the library appears at its path when it is complete."""
+    with tempfile.TemporaryDirectory(dir=path.parent) as made:
+        runs = [
+            subprocess.Popen(
+                [*_compiler(), *FLAGS, "-c", str(source), "-o", f"{made}/{source.stem}.o"],
+                stderr=subprocess.PIPE,
+                text=True,
+            )
+            for source in sorted(folder.glob("*.c"))
+        ]
+        said = "".join(run.communicate()[1] for run in runs)
+        part, objects = Path(made) / path.name, [f"{made}/{source.stem}.o" for source in folder.glob("*.c")]
+        link = [*_compiler(), "-shared", *objects, "-lm", "-o", str(part)]
+        if any(run.returncode for run in runs) or subprocess.run(link, check=False).returncode:
+            raise ErcContactError(
+                f"The C compiler {shlex.join(_compiler())} failed:\n{said}\nDOLFINx needs one, too; set the "
+                "environment variable CC to a compiler that works, GCC or Clang."
+            )
+        part.replace(path)
     return path
 
 

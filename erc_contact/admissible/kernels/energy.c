@@ -4,17 +4,16 @@
 
 enum { INPUTS = 72, VALUES = 336, MOMENTS = 6, BUBBLES = 18 };
 
-/* y = A x for a sparse matrix A of these rows; each entry acts on blocks of components. */
-INLINE void sparse(const int block, int rows, const int *start, const int *column, const double *value,
-                   const lanes *x, lanes *y)
+/* y += A x for a sparse matrix A, or a full one, of these rows and columns. */
+INLINE void sparse(int rows, int columns, const int *start, const int *column, const double *value, const lanes *x,
+                   lanes *y)
 {
-  for (int i = 0; i < rows; ++i)
-    for (int a = 0; a < block; ++a) {
-      lanes sum = {0};
+  if (start[rows] == rows * columns)
+    matrix_times(rows, columns, value, x, y);
+  else
+    for (int i = 0; i < rows; ++i)
       for (int k = start[i]; k < start[i + 1]; ++k)
-        sum += value[k] * x[column[k] * block + a];
-      y[i * block + a] = sum;
-    }
+        y[i] += value[k] * x[column[k]];
 }
 
 /* Product of a metric, entries a <= b one after the other, and a vector (s,). */
@@ -60,9 +59,8 @@ INLINE void bubble_energy(const int s, int Q, int varies, int count, const doubl
                           const lanes *metric, lanes *A)
 {
   const int t = s * (s + 1) / 2;
-  if (varies)
-    memset(A, 0, count * (count + 1) / 2 * sizeof(lanes));
-  else
+  memset(A, 0, count * (count + 1) / 2 * sizeof(lanes));
+  if (!varies)
     matrix_times(count * (count + 1) / 2, t, products, metric, A);
   for (int q = 0; q < Q && varies; ++q)
     for (int x = 0; x < count; ++x) {
@@ -83,7 +81,13 @@ INLINE void duals(const int s, int Q, int varies, const lanes *metric, const int
   lanes strain[VALUES];
   for (int q = 0; q < Q; ++q)
     metric_times(s, metric + (varies ? q * s * (s + 1) / 2 : 0), stress + q * s, strain + q * s);
-  sparse(s, Q, weight_start, weight_column, weight, strain, dual);
+  for (int q = 0; q < Q; ++q)
+    for (int a = 0; a < s; ++a) {
+      lanes sum = {0};
+      for (int k = weight_start[q]; k < weight_start[q + 1]; ++k)
+        sum += weight[k] * strain[weight_column[k] * s + a];
+      dual[q * s + a] = sum;
+    }
 }
 
 INLINE double energy(const int d, int m, long long begin, long long end, const double *edges,
@@ -147,24 +151,18 @@ INLINE double energy(const int d, int m, long long begin, long long end, const d
           coefficient[(f * m + j) * d + i] = sum;
         }
     }
-    for (int i = 0; i < Q * s; ++i)
-      for (int k = start[i]; k < start[i + 1]; ++k)
-        stress[i] += value[k] * coefficient[column[k]];
+    sparse(Q * s, inputs, start, column, value, coefficient, stress);
     duals(s, Q, points > 1, metric, weight_start, weight_column, weight, stress, dual);
     if (count) {
       lanes A[BUBBLES * (BUBBLES + 1) / 2], amount[BUBBLES], added[VALUES], strain[VALUES];
       bubble_energy(s, Q, points > 1, count, bubbles, products, metric, A);
-      for (int b = 0; b < count; ++b) {
-        amount[b] = (lanes){0};
-        for (int i = 0; i < Q * s; ++i)
-          amount[b] += bubbles[i * count + b] * dual[i];
-      }
-      solve_definite(count, A, amount);
-      for (int i = 0; i < Q * s; ++i) {
-        added[i] = (lanes){0};
+      memset(amount, 0, sizeof(amount));
+      for (int i = 0; i < Q * s; ++i)
         for (int b = 0; b < count; ++b)
-          added[i] += bubbles[i * count + b] * amount[b];
-      }
+          amount[b] += bubbles[i * count + b] * dual[i];
+      solve_definite(count, A, amount);
+      memset(added, 0, sizeof(added));
+      matrix_times(Q * s, count, bubbles, amount, added);
       duals(s, Q, points > 1, metric, weight_start, weight_column, weight, added, strain);
       for (int i = 0; i < Q * s; ++i)
         dual[i] -= strain[i];
@@ -172,7 +170,8 @@ INLINE double energy(const int d, int m, long long begin, long long end, const d
     const lanes square = dot(Q * s, stress, dual);
     for (int l = 0; l < here; ++l)
       result += square[l];
-    sparse(1, inputs, back_start, back_column, back_value, dual, coefficient);
+    memset(coefficient, 0, sizeof(coefficient));
+    sparse(inputs, Q * s, back_start, back_column, back_value, dual, coefficient);
     for (int f = 0; f <= d; ++f) {
       lanes reference[MOMENTS][3];
       for (int k = 0; k < m; ++k)

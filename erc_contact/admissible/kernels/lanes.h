@@ -38,8 +38,8 @@ INLINE lanes dot(const int d, const lanes *a, const lanes *b)
   return sum;
 }
 
-/* y = A x for a matrix (rows, columns) that is the same in all lanes; the number of rows is a multiple of 3. */
-INLINE void matrix_times(int rows, const int columns, const double *A, const lanes *x, lanes *y)
+/* y += A x for a matrix (rows, columns) that is the same in all lanes; the number of rows is a multiple of 3. */
+INLINE void matrix_times(int rows, int columns, const double *A, const lanes *x, lanes *y)
 {
   for (int i = 0; i < rows; i += 3, A += 3 * columns) {
     lanes a = {0}, b = {0}, c = {0};
@@ -48,9 +48,9 @@ INLINE void matrix_times(int rows, const int columns, const double *A, const lan
       b += A[columns + k] * x[k];
       c += A[2 * columns + k] * x[k];
     }
-    y[i] = a;
-    y[i + 1] = b;
-    y[i + 2] = c;
+    y[i] += a;
+    y[i + 1] += b;
+    y[i + 2] += c;
   }
 }
 

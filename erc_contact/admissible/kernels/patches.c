@@ -112,12 +112,12 @@ INLINE actions acting(const int d, const lanes *base, const lanes *apex, lanes s
   return it;
 }
 
-/* Edges of a cell from its node[0] to the other nodes. */
-INLINE void gather_edges(const int d, const double *edges, const int *node, int lane, lanes (*x)[3])
+/* Edges of a cell from its node[0] to the next nodes. */
+INLINE void gather_edges(const int d, int count, const double *edges, const int *node, int lane, lanes (*x)[3])
 {
   static const double zero[3] = {0, 0, 0};
   const double *from = node[0] ? edges + d * (node[0] - 1) : zero;
-  for (int v = 1; v <= d; ++v)
+  for (int v = 1; v <= count; ++v)
     for (int i = 0; i < d; ++i)
       x[v - 1][i][lane] = (node[v] ? edges[d * (node[v] - 1) + i] : 0.0) - from[i];
 }
@@ -171,6 +171,7 @@ INLINE void cell_energies(const int d, lanes (*x)[3], const lanes *compliance, c
   lanes inverse[3][3], metric[21], energy[18][18], column[13][6][3], product[13][18];
   const lanes determinant = inverted(d, x, inverse);
   reference_metric(d, x, determinant, compliance, metric);
+  memset(product, 0, sizeof(product));
   matrix_times(raw * (raw + 1) / 2, s * (s + 1) / 2, table, metric, product[0]);
   const lanes *entry = product[0];
   for (int p = 0; p < raw; ++p)
@@ -257,7 +258,7 @@ INLINE void assemble(const int d, int count, int m, const int *ring, const doubl
       const long long place = side[beyond && !missing ? F + facet : facet], cell = place / (d + 1);
       int node[4];
       in_order(d, place % (d + 1), code / 2 % d, node);
-      gather_edges(d, edges + cell * d * d, node, l, x);
+      gather_edges(d, d, edges + cell * d * d, node, l, x);
       const long long next = cell * (d + 1) + node[d - 1];
       sign_f[l] = beyond ? -1.0 : 1.0;
       sign_g[l] = side[facets[next]] == next ? 1.0 : -1.0;
@@ -283,19 +284,23 @@ INLINE void assemble(const int d, int count, int m, const int *ring, const doubl
     allowed(d, ring + (l < count ? l : 0) * m, m, l, on, unknown, keep);
 }
 
-/* Write a factor with 31 binary digits for each entry, counted from the largest one of its row. */
-INLINE void shorten(int N, const lanes *A, int *factor, float *unit)
+/* Write a factor with 30 binary digits for each entry, counted from the largest one of its row. */
+INLINE void shorten(int N, lanes *A, int *factor, float *unit)
 {
-  for (int i = 0; i < N; ++i, A += i, factor += i * LANES, unit += LANES)
+  for (int i = 0; i < N; ++i, A += i, factor += i * LANES, unit += LANES) {
+    lanes largest = {0}, share;
+    for (int l = 0; l < LANES; ++l)
+      A[i][l] = A[i][l] > 0 ? 1 / A[i][l] : 0.0;
+    for (int j = 0; j <= i; ++j)
+      for (int l = 0; l < LANES; ++l)
+        largest[l] = fmax(largest[l], fabs(A[j][l]));
     for (int l = 0; l < LANES; ++l) {
-      const double diagonal = A[i][l] > 0 ? 1 / A[i][l] : 0.0;
-      double largest = diagonal;
-      for (int j = 0; j < i; ++j)
-        largest = fmax(largest, fabs(A[j][l]));
-      unit[l] = largest > 0 ? (float)(largest * 0x1p-30) : 1.0f;
-      for (int j = 0; j <= i; ++j)
-        factor[j * LANES + l] = (int)rint((j < i ? A[j][l] : diagonal) / unit[l]);
+      unit[l] = largest[l] > 0 ? (float)(largest[l] * 0x1p-30) : 1.0f;
+      share[l] = 1 / (double)unit[l];
     }
+    for (int j = 0; j <= i; ++j)
+      *(digits *)(factor + j * LANES) = __builtin_convertvector(A[j] * share, digits);
+  }
 }
 
 /* Solve with such a factor, in place. */
@@ -384,7 +389,7 @@ INLINE int applied(const int d, int m_moments, long long patches, const int *rin
         const double *from = r + (size_t)facet * m_moments * d;
         int node[4];
         in_order(d, place % (d + 1), code / 2 % d, node);
-        gather_edges(d, edges + cell * d * d, node, l, x);
+        gather_edges(d, d - 1, edges + cell * d * d, node, l, x);
         sense[l] = code % 2 ? 1.0 : -1.0;
         in_order(d, d, code / 2 % d, node);
         for (int v = 0; v < d; ++v)
