@@ -57,7 +57,7 @@ def equilibrated_moments(
         Moments ``int_F t B_m`` [force] of the traction on the first side of each facet, shape (facets, m, d).
     """
     d, k = cells.d, cells.degree
-    inside, (on_facets, of_force) = divergence(d, k), _tests(d, k)
+    inside, (on_facets, of_force), at_nodes = divergence(d, k), _tests(d, k), _incidence(d, k)
     push = facet_forces(cells.area, stress)
     inner = cells.has_second
     first = cells.side[0]
@@ -70,9 +70,7 @@ def equilibrated_moments(
     residual = np.matmul(inside, by_cell)  # (f, B_v) - (sigma_h, grad B_v) + int_dT t B_v
     if force is not None:
         residual += np.matmul(of_force, force)
-    on_cells = signed(cells, moment)
-    for i, on_facet in enumerate(local_facet_nodes(d, k)):
-        residual[:, on_facet] += on_cells[:, i]
+    residual += np.matmul(at_nodes, signed(cells, moment).reshape(len(push), -1, d))
     area = np.linalg.norm(cells.area, axis=2).ravel()[first]
     weight = np.where(first >= 0, area ** ((d - 2) / (d - 1)), 0.0)  # |F|/h_F with h_F = |F|^(1/(d-1))
     return moment - _patch_jumps(cells, residual, weight, inner, fixed, complete)
@@ -98,6 +96,12 @@ def _tests(d: int, k: int) -> tuple[np.ndarray, np.ndarray]:
         lower = bernstein(d, k - 1, barycentric(points) @ nodes(d, 1)[vertices])
         on_facets.append(bernstein(d - 1, k, points).T @ (weights[:, None] * lower))
     return np.array(on_facets), mass(d, k, k - 1)
+
+
+@cache
+def _incidence(d: int, k: int) -> np.ndarray:
+    """Sum of what the nodes of the facets have, for each node of a cell, shape (N_k, (d+1) m)."""
+    return (np.arange(len(nodes(d, k)))[:, None] == local_facet_nodes(d, k).ravel()).astype(float)
 
 
 def _patch_jumps(

@@ -1,8 +1,6 @@
-/* Graph Laplacians of the cells around each node, see admissible/facets.py. */
+/* Graph Laplacians of the cells around each node, see admissible/facets.py, and strains. */
 #include "kernels.h"
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
+#include "lanes.h"
 
 /* Solve A x = b for a symmetric positive definite (N, N) matrix and the chosen columns of b, shape (N, d), in place.
    Only the lower triangle of A is read; it is lost. */
@@ -127,3 +125,37 @@ int patch_jumps(int d, int N, int m, long long cells, long long nodes, long long
   return 0;
 }
 
+
+INLINE void strains(const int d, int N, int b, long long cells, const int *node, const double *area,
+                    const double *volume, const double *slopes, const double *u, double *strain)
+{
+  for (long long n = 0; n < cells; ++n)
+    for (int c = 0; c < b; ++c) {
+      double slope[4][3] = {{0}}, gradient[3][3] = {{0}};
+      for (int j = 0; j <= d; ++j)
+        for (int v = 0; v < N; ++v) {
+          const double factor = slopes[(c * (d + 1) + j) * N + v];
+          for (int i = 0; i < d && factor != 0.0; ++i)
+            slope[j][i] += factor * u[(long long)node[n * N + v] * d + i];
+        }
+      const double share = -1 / (d * volume[n]); /* of an area that is the gradient of a barycentric coordinate */
+      for (int j = 1; j <= d; ++j)
+        for (int i = 0; i < d; ++i)
+          for (int e = 0; e < d; ++e)
+            gradient[i][e] += (slope[j][i] - slope[0][i]) * (share * area[(n * (d + 1) + j) * d + e]);
+      for (int i = 0; i < d; ++i)
+        *strain++ = gradient[i][i];
+      for (int i = 0; i < d; ++i)
+        for (int e = i + 1; e < d; ++e)
+          *strain++ = (gradient[i][e] + gradient[e][i]) * M_SQRT1_2;
+    }
+}
+
+void cell_strains(int d, int N, int b, long long cells, const int *node, const double *area, const double *volume,
+                  const double *slopes, const double *u, double *strain)
+{
+  if (d == 2)
+    strains(2, N, b, cells, node, area, volume, slopes, u, strain);
+  else
+    strains(3, N, b, cells, node, area, volume, slopes, u, strain);
+}

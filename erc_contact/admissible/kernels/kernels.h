@@ -25,3 +25,6 @@ int patch_jumps(int d, int N, int m, long long cells, long long nodes, long long
 void stress_squares(long long cells, int s, int subs, int N, int q, const double *shape, const double *weight,
                     const double *volume, const double *stress, int elastic_points, const double *elastic,
                     int varies, int points, const double *compliance, double *difference, double *both);
+
+void cell_strains(int d, int N, int b, long long cells, const int *node, const double *area, const double *volume,
+                  const double *slopes, const double *u, double *strain);

@@ -284,7 +284,8 @@ INLINE void assemble(const int d, int count, int m, const int *ring, const doubl
     allowed(d, ring + (l < count ? l : 0) * m, m, l, on, unknown, keep);
 }
 
-/* Write a factor with 30 binary digits for each entry, counted from the largest one of its row. */
+/* Write a factor with 31 binary digits for each entry, counted from the largest one of its row. The sum with 1.5 * 2^52
+   has no digits after the point. */
 INLINE void shorten(int N, lanes *A, int *factor, float *unit)
 {
   for (int i = 0; i < N; ++i, A += i, factor += i * LANES, unit += LANES) {
@@ -299,7 +300,7 @@ INLINE void shorten(int N, lanes *A, int *factor, float *unit)
       share[l] = 1 / (double)unit[l];
     }
     for (int j = 0; j <= i; ++j)
-      *(digits *)(factor + j * LANES) = __builtin_convertvector(A[j] * share, digits);
+      *(digits *)(factor + j * LANES) = __builtin_convertvector((A[j] * share + 0x1.8p52) - 0x1.8p52, digits);
   }
 }
 

@@ -103,19 +103,17 @@ class ComplementaryEnergy:
         """
         cells, d, square = self.cells, self.cells.d, 0.0
         weights = macro_points(d, cells.degree)[2]
-        varies = elastic.shape[1] > 1
         half = np.zeros_like(moment)
+        if elastic.shape[1] == 1:
+            return self._add(slice(0, self.owned), moment, tensors(elastic[:, 0], d), None, half), half
         for some in chunks(self.owned):
-            means = weights @ elastic[some] if varies else elastic[some, 0]
-            offset = None
-            if varies:
-                rest = np.matmul(self.table.from_points, means[:, None] - elastic[some])
-                offset = np.linalg.solve(piola(cells, some).transpose(0, 2, 1), rest.transpose(0, 2, 1))
-                offset = np.ascontiguousarray(offset.transpose(0, 2, 1))
-                if force is not None:
-                    inside = np.matmul(force[some], cells.inverse[some].transpose(0, 2, 1))
-                    offset += np.tensordot(inside, self.table.body, axes=((1, 2), (2, 3)))
-            square += self._add(some, moment, tensors(means, d), offset, half)
+            means = weights @ elastic[some]
+            rest = np.matmul(self.table.from_points, means[:, None] - elastic[some])
+            offset = np.linalg.solve(piola(cells, some).transpose(0, 2, 1), rest.transpose(0, 2, 1)).transpose(0, 2, 1)
+            if force is not None:
+                inside = np.matmul(force[some], cells.inverse[some].transpose(0, 2, 1))
+                offset = offset + np.tensordot(inside, self.table.body, axes=((1, 2), (2, 3)))
+            square += self._add(some, moment, tensors(means, d), np.ascontiguousarray(offset), half)
         return square, half
 
     def _add(

@@ -9,7 +9,7 @@ The centre of a patch is a vertex in 2D and an edge in 3D; the patch is the ring
 - opposite forces at the two ends of an edge of one facet, as a bar of a truss carries them.
 
 So equilibrium holds by construction, to round-off. In 2D these are the degrees of freedom of Airy's function in the
-space of Hsieh, Clough and Tocher. The factors of the matrices of the patches are kept with 30 binary digits counted
+space of Hsieh, Clough and Tocher. The factors of the matrices of the patches are kept with 31 binary digits counted
 from the largest entry of a row: in half the memory of double precision, and 100 times nearer to it than single
 precision, so that the error does not depend on the number of ranks in more than its last digits.
 
