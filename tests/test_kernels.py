@@ -2,6 +2,7 @@
 
 - patches: the sum of small inverses, in any units;
 - energy: that of the macro-element stresses with the bubbles of least energy, with moduli that vary inside cells, too;
+- stresses of macro-elements: the matrix of the reference simplex between Piola's transforms;
 - graph Laplacians: the solutions of least norm of the patches of all nodes;
 - squares: the integrals of the energies of two stresses.
 """
@@ -17,7 +18,7 @@ import erc_contact as ec
 from erc_contact.admissible.cells import CellGeometry, cell_geometry, force_coefficients, signed
 from erc_contact.admissible.elastic import act, elastic_stress, macro_moduli
 from erc_contact.admissible.facets import _patch_jumps
-from erc_contact.admissible.macro import macro_points, macro_stress
+from erc_contact.admissible.macro import _elevation, macro_points, macro_stress, mandel, piola, reference_map
 from erc_contact.admissible.tighten.complementary import ComplementaryEnergy, relaxed
 from erc_contact.admissible.tighten.patches import Patches
 from erc_contact.admissible.tighten.tables import hierarchical
@@ -155,7 +156,7 @@ def test_graph_laplacians_against_numpy(d, degree):
 @degrees
 def test_squares_against_numpy(d, degree):
     pair = ec.equilibrate(ec.solve(*random_scene(d), degree=degree))
-    model, cells = pair.solution.model, pair.cells
+    model, cells = pair.solution.model, pair.cell_geometry
     near, _, weights = macro_points(d, degree)
     sigma = np.matmul(near, pair.stress).reshape(len(pair.stress), len(weights), -1)
     elastic = elastic_stress(model, cells, pair.displacement, len(sigma))
@@ -163,3 +164,24 @@ def test_squares_against_numpy(d, degree):
     for found, tau in zip(bulk_squares(pair)[:2], (sigma - elastic, sigma + elastic), strict=True):
         square = cells.volume * ((act(compliance, tau) * tau).sum(axis=2) @ weights)
         assert np.allclose(found, square, rtol=1e-12, atol=0)
+
+
+@dimensions
+@degrees
+def test_macro_stress_against_numpy(d, degree):
+    """``sigma_h + map(F^ - sigma_h n, f + div sigma_h)``."""
+    model, _ = small(d, degree)
+    cells, rng = cell_geometry(model), np.random.default_rng(3)
+    n, b, m = len(cells.nodes), len(nodes(d, degree - 1)), len(model.facet_points)
+    stress = rng.standard_normal((n, b, d, d))
+    stress = stress + stress.transpose(0, 1, 3, 2)
+    forces, force = rng.standard_normal((n, d + 1, m, d)), rng.standard_normal((n, b, d))
+    of_subs, of_facets = _elevation(d, degree)
+    push = np.einsum("nfj,nbij->nfbi", cells.area, stress)
+    inside = force - (np.einsum("nffi->ni", push)[:, None] / d if degree > 1 else 0.0)
+    inputs = np.concatenate([(forces - of_facets @ push).reshape(n, -1, d), inside], axis=1)
+    reference = np.einsum("vmsci,nij,ncj->nvms", reference_map(d, degree), cells.inverse, inputs)
+    expected = np.einsum("nvms,nst->nvmt", reference, piola(cells, slice(n)))
+    expected += np.einsum("vmb,nbs->nvms", of_subs, mandel(stress))
+    found = macro_stress(cells, n, stress, forces, force)
+    assert abs(found - expected).max() < 1e-13 * abs(expected).max()

@@ -1,4 +1,4 @@
-/* Graph Laplacians of the cells around each node, see admissible/facets.py, and strains. */
+/* Graph Laplacians of the cells around each node, see admissible/facets.py, strains and stresses of cells. */
 #include "kernels.h"
 #include "lanes.h"
 
@@ -158,4 +158,72 @@ void cell_strains(int d, int N, int b, long long cells, const int *node, const d
     strains(2, N, b, cells, node, area, volume, slopes, u, strain);
   else
     strains(3, N, b, cells, node, area, volume, slopes, u, strain);
+}
+
+/* Tensors from Mandel components and back. */
+static const int COLUMN[2][6] = {{0, 1, 1}, {0, 1, 2, 1, 2, 2}}, ROW[2][6] = {{0, 1, 0}, {0, 1, 2, 0, 0, 1}};
+
+INLINE void macro(const int d, int N, int m, int b, long long cells, const double *edges, const double *stress,
+                  const double *forces, const double *force, const double *map, const double *of_facets,
+                  const double *of_subs, double *sigma)
+{
+  const int s = d * (d + 1) / 2, inputs = ((d + 1) * m + b) * d;
+  for (long long first = 0; first < cells; first += LANES) {
+    const int here = cells - first < LANES ? (int)(cells - first) : LANES;
+    lanes x[3][3], inverse[3][3], base[4][9], given[84], reference[84], nodal[240], P[6][6];
+    for (int l = 0; l < LANES; ++l) {
+      const long long n = first + (l < here ? l : 0);
+      for (int i = 0; i < d * d; ++i)
+        x[i / d][i % d][l] = edges[n * d * d + i];
+      for (int i = 0; i < b * d * d; ++i)
+        base[i / (d * d)][i % (d * d)][l] = stress[n * b * d * d + i];
+      for (int i = 0; i < (d + 1) * m * d; ++i)
+        given[i][l] = forces[n * (d + 1) * m * d + i];
+      for (int i = 0; i < b * d; ++i)
+        given[(d + 1) * m * d + i][l] = force ? force[n * b * d + i] : 0.0;
+    }
+    const lanes determinant = inverted(d, x, inverse), volume = absolute(determinant) / (d == 2 ? 2.0 : 6.0);
+    for (int f = 0; f <= d; ++f) {
+      lanes area[3], push[4][3];
+      for (int i = 0; i < d; ++i) {
+        area[i] = f ? inverse[f - 1][i] : -inverse[0][i] - inverse[1][i] - (d == 3 ? inverse[2][i] : (lanes){0});
+        area[i] *= -volume * (double)d;
+      }
+      for (int c = 0; c < b; ++c)
+        for (int i = 0; i < d; ++i) {
+          push[c][i] = dot(d, base[c] + i * d, area);
+          for (int j = 0; j < m; ++j)
+            given[(f * m + j) * d + i] -= of_facets[(f * m + j) * b + c] * push[c][i];
+        }
+      for (int c = 0; c < b && b > 1; ++c) /* the divergence of a linear stress: vertex f has the slope of facet f */
+        for (int i = 0; i < d; ++i)
+          given[((d + 1) * m + c) * d + i] -= push[f][i] / (double)d;
+    }
+    for (int i = 0; i < inputs; ++i)
+      reference[i] = dot(d, inverse[i % d], given + i / d * d);
+    memset(nodal, 0, sizeof(nodal));
+    matrix_times((d + 1) * N * s, inputs, map, reference, nodal);
+    images(d, x, P);
+    for (int q = 0; q < (d + 1) * N; ++q)
+      for (int a = 0; a < s; ++a) {
+        lanes value = {0}, added = {0};
+        for (int k = 0; k < s; ++k)
+          value += nodal[q * s + k] * P[k][a];
+        for (int c = 0; c < b; ++c)
+          added += of_subs[q * b + c] * base[c][ROW[d - 2][a] * d + COLUMN[d - 2][a]];
+        value = value / absolute(determinant) + (a < d ? 1.0 : M_SQRT2) * added;
+        for (int l = 0; l < here; ++l)
+          sigma[((first + l) * (d + 1) * N + q) * s + a] = value[l];
+      }
+  }
+}
+
+void macro_stresses(int d, int N, int m, int b, long long cells, const double *edges, const double *stress,
+                    const double *forces, const double *force, const double *map, const double *of_facets,
+                    const double *of_subs, double *sigma)
+{
+  if (d == 2)
+    macro(2, N, m, b, cells, edges, stress, forces, force, map, of_facets, of_subs, sigma);
+  else
+    macro(3, N, m, b, cells, edges, stress, forces, force, map, of_facets, of_subs, sigma);
 }

@@ -28,3 +28,7 @@ void stress_squares(long long cells, int s, int subs, int N, int q, const double
 
 void cell_strains(int d, int N, int b, long long cells, const int *node, const double *area, const double *volume,
                   const double *slopes, const double *u, double *strain);
+
+void macro_stresses(int d, int N, int m, int b, long long cells, const double *edges, const double *stress,
+                    const double *forces, const double *force, const double *map, const double *of_facets,
+                    const double *of_subs, double *sigma);
