@@ -90,6 +90,78 @@ INLINE void duals(const int s, int Q, int varies, const lanes *metric, const int
     }
 }
 
+/* Coefficients of the reference tractions of a cell from their moments, less those of a constant stress. */
+INLINE void reference_coefficients(const int d, int m, const lanes *sign, lanes (*inverse)[3], lanes volume,
+                                   const double *facet_map, int has_mean, lanes (*push)[3], const lanes *input,
+                                   lanes *coefficient)
+{
+  for (int f = 0; f <= d; ++f) {
+    lanes gradient[3], reference[MOMENTS][3];
+    for (int i = 0; i < d; ++i)
+      gradient[i] = f ? inverse[f - 1][i] : d == 2 ? -inverse[0][i] - inverse[1][i]
+                                                   : -inverse[0][i] - inverse[1][i] - inverse[2][i];
+    for (int j = 0; j < m; ++j) {
+      lanes moment[3];
+      for (int i = 0; i < d; ++i) {
+        moment[i] = sign[f] * input[(f * m + j) * d + i];
+        if (has_mean && j < d)
+          moment[i] += volume * dot(d, push[i], gradient);
+      }
+      for (int i = 0; i < d; ++i)
+        reference[j][i] = dot(d, inverse[i], moment);
+    }
+    for (int j = 0; j < m; ++j)
+      for (int i = 0; i < d; ++i) {
+        lanes sum = {0};
+        for (int k = 0; k < m; ++k)
+          sum += facet_map[j * m + k] * reference[k][i];
+        coefficient[(f * m + j) * d + i] = sum;
+      }
+  }
+}
+
+/* The transpose of reference_coefficients. */
+INLINE void moments_back(const int d, int m, const lanes *sign, lanes (*inverse)[3], const double *facet_map,
+                         const lanes *coefficient, lanes *input)
+{
+  for (int f = 0; f <= d; ++f) {
+    lanes reference[MOMENTS][3];
+    for (int k = 0; k < m; ++k)
+      for (int i = 0; i < d; ++i) {
+        lanes sum = {0};
+        for (int j = 0; j < m; ++j)
+          sum += facet_map[j * m + k] * coefficient[(f * m + j) * d + i];
+        reference[k][i] = sum;
+      }
+    for (int k = 0; k < m; ++k)
+      for (int i = 0; i < d; ++i) {
+        lanes sum = {0};
+        for (int r = 0; r < d; ++r)
+          sum += inverse[r][i] * reference[k][r];
+        input[(f * m + k) * d + i] = sign[f] * sum;
+      }
+  }
+}
+
+/* Take from the strains those of the bubbles of least energy. */
+INLINE void relieve(const int s, int Q, int varies, int count, const double *bubbles, const double *products,
+                    const lanes *metric, const int *weight_start, const int *weight_column, const double *weight,
+                    lanes *dual)
+{
+  lanes A[BUBBLES * (BUBBLES + 1) / 2], amount[BUBBLES], added[VALUES], strain[VALUES];
+  bubble_energy(s, Q, varies, count, bubbles, products, metric, A);
+  memset(amount, 0, sizeof(amount));
+  for (int i = 0; i < Q * s; ++i)
+    for (int b = 0; b < count; ++b)
+      amount[b] += bubbles[i * count + b] * dual[i];
+  solve_definite(count, A, amount);
+  memset(added, 0, sizeof(added));
+  matrix_times(Q * s, count, bubbles, amount, added);
+  duals(s, Q, varies, metric, weight_start, weight_column, weight, added, strain);
+  for (int i = 0; i < Q * s; ++i)
+    dual[i] -= strain[i];
+}
+
 INLINE double energy(const int d, int m, long long begin, long long end, const double *edges,
                      const int *facets, const long long *side, const double *compliance, int varies, int points,
                      const double *facet_map, int Q, const int *start, const int *column, const double *value,
@@ -128,67 +200,17 @@ INLINE double energy(const int d, int m, long long begin, long long end, const d
       }
       reference_metric(d, corner, determinant, C, metric + q * t);
     }
-    for (int f = 0; f <= d; ++f) {
-      lanes gradient[3], reference[MOMENTS][3];
-      for (int i = 0; i < d; ++i)
-        gradient[i] = f ? inverse[f - 1][i] : d == 2 ? -inverse[0][i] - inverse[1][i]
-                                                     : -inverse[0][i] - inverse[1][i] - inverse[2][i];
-      for (int j = 0; j < m; ++j) {
-        lanes moment[3];
-        for (int i = 0; i < d; ++i) {
-          moment[i] = sign[f] * input[(f * m + j) * d + i];
-          if (mean && j < d)
-            moment[i] += volume * dot(d, push[i], gradient);
-        }
-        for (int i = 0; i < d; ++i)
-          reference[j][i] = dot(d, inverse[i], moment);
-      }
-      for (int j = 0; j < m; ++j)
-        for (int i = 0; i < d; ++i) {
-          lanes sum = {0};
-          for (int k = 0; k < m; ++k)
-            sum += facet_map[j * m + k] * reference[k][i];
-          coefficient[(f * m + j) * d + i] = sum;
-        }
-    }
+    reference_coefficients(d, m, sign, inverse, volume, facet_map, mean != NULL, push, input, coefficient);
     sparse(Q * s, inputs, start, column, value, coefficient, stress);
     duals(s, Q, points > 1, metric, weight_start, weight_column, weight, stress, dual);
-    if (count) {
-      lanes A[BUBBLES * (BUBBLES + 1) / 2], amount[BUBBLES], added[VALUES], strain[VALUES];
-      bubble_energy(s, Q, points > 1, count, bubbles, products, metric, A);
-      memset(amount, 0, sizeof(amount));
-      for (int i = 0; i < Q * s; ++i)
-        for (int b = 0; b < count; ++b)
-          amount[b] += bubbles[i * count + b] * dual[i];
-      solve_definite(count, A, amount);
-      memset(added, 0, sizeof(added));
-      matrix_times(Q * s, count, bubbles, amount, added);
-      duals(s, Q, points > 1, metric, weight_start, weight_column, weight, added, strain);
-      for (int i = 0; i < Q * s; ++i)
-        dual[i] -= strain[i];
-    }
+    if (count)
+      relieve(s, Q, points > 1, count, bubbles, products, metric, weight_start, weight_column, weight, dual);
     const lanes square = dot(Q * s, stress, dual);
     for (int l = 0; l < here; ++l)
       result += square[l];
     memset(coefficient, 0, sizeof(coefficient));
     sparse(inputs, Q * s, back_start, back_column, back_value, dual, coefficient);
-    for (int f = 0; f <= d; ++f) {
-      lanes reference[MOMENTS][3];
-      for (int k = 0; k < m; ++k)
-        for (int i = 0; i < d; ++i) {
-          lanes sum = {0};
-          for (int j = 0; j < m; ++j)
-            sum += facet_map[j * m + k] * coefficient[(f * m + j) * d + i];
-          reference[k][i] = sum;
-        }
-      for (int k = 0; k < m; ++k)
-        for (int i = 0; i < d; ++i) {
-          lanes sum = {0};
-          for (int r = 0; r < d; ++r)
-            sum += inverse[r][i] * reference[k][r];
-          input[(f * m + k) * d + i] = sign[f] * sum;
-        }
-    }
+    moments_back(d, m, sign, inverse, facet_map, coefficient, input);
     for (int l = 0; l < here; ++l)
       for (int f = 0; f <= d; ++f)
         for (int i = 0; i < m * d; ++i)
@@ -209,46 +231,4 @@ double macro_energy(int d, int m, long long begin, long long end, const double *
     column, value, back_start, back_column, back_value, weight_start, weight_column, weight, count, bubbles, \
     products, x, mean, offset, y)
   return d == 2 ? ENERGY(2) : ENERGY(3);
-}
-
-INLINE void squared(const int s, long long cells, int subs, int N, int q, const double *shape, const double *weight,
-                    const double *volume, const double *stress, int elastic_points, const double *elastic, int varies,
-                    int points, const double *compliance, double *difference, double *both)
-{
-  for (long long n = 0; n < cells; ++n) {
-    double square[2] = {0};
-    for (int at = 0; at < subs * q; ++at) {
-      const double *C = compliance + ((varies ? n * points : 0) + (points > 1 ? at : 0)) * s * s;
-      const double *given = elastic + (n * elastic_points + (elastic_points > 1 ? at : 0)) * s;
-      double tau[2][6], dual[2][6] = {{0}}, value[6] = {0};
-      for (int v = 0; v < N; ++v)
-        for (int a = 0; a < s; ++a)
-          value[a] += shape[at % q * N + v] * stress[((n * subs + at / q) * N + v) * s + a];
-      for (int a = 0; a < s; ++a) {
-        tau[0][a] = value[a] - given[a];
-        tau[1][a] = value[a] + given[a];
-      }
-      for (int k = 0; k < 2; ++k) {
-        for (int a = 0; a < s; ++a)
-          for (int b = 0; b < s; ++b)
-            dual[k][b] += tau[k][a] * C[a * s + b];
-        for (int b = 0; b < s; ++b)
-          square[k] += weight[at] * tau[k][b] * dual[k][b];
-      }
-    }
-    difference[n] = volume[n] * square[0];
-    both[n] = volume[n] * square[1];
-  }
-}
-
-void stress_squares(long long cells, int s, int subs, int N, int q, const double *shape, const double *weight,
-                    const double *volume, const double *stress, int elastic_points, const double *elastic,
-                    int varies, int points, const double *compliance, double *difference, double *both)
-{
-#define SQUARED(s) squared(s, cells, subs, N, q, shape, weight, volume, stress, elastic_points, elastic, varies, \
-    points, compliance, difference, both)
-  if (s == 3)
-    SQUARED(3);
-  else
-    SQUARED(6);
 }

@@ -1,4 +1,4 @@
-/* Values of LANES cells or patches side by side. They are written like one value; the compiler makes vectors of them. */
+/* Values of LANES cells or patches side by side, written like one value; the compiler makes vectors of them. */
 #ifndef LANES_H
 #define LANES_H
 
@@ -8,8 +8,8 @@
 
 enum { LANES = 8 };
 typedef double lanes __attribute__((vector_size(8 * LANES)));
-typedef int digits __attribute__((vector_size(4 * LANES), aligned(4)));
-typedef float units __attribute__((vector_size(4 * LANES), aligned(4)));
+typedef int digits __attribute__((vector_size(4 * LANES), aligned(4), may_alias));
+typedef float units __attribute__((vector_size(4 * LANES), aligned(4), may_alias));
 
 #define ONE (1.0 - (lanes){0})
 #define INLINE static inline __attribute__((always_inline))

@@ -31,9 +31,6 @@ from erc_contact.admissible.tighten.rings import rings
 from erc_contact.admissible.tighten.tables import stress_map
 from erc_contact.model.space import Space
 
-LANES = 8
-"""Number of patches with rings of one size that the kernels work on side by side."""
-
 
 class Patches:
     """Solves the minimisation on each patch of this rank, and adds up the results.
@@ -49,8 +46,8 @@ class Patches:
     Attributes:
         ring: Steps of all rings, see :func:`rings`.
         size: Number of facets of each ring, ascending, shape (H,).
-        factor: Cholesky factors L of the scaled matrices of the patches, row by row, in whole numbers; LANES patches
-            of one size side by side.
+        factor: Cholesky factors L of the scaled matrices of the patches, row by row, in whole numbers; some patches of
+            one size side by side.
         unit: What 1 stands for in each row of the factors.
         scale: Factors of the inverses ``L^-T L^-1`` [force/length].
     """
@@ -59,10 +56,11 @@ class Patches:
         self.cells, d = cells, cells.d
         self.ring, self.size = rings(space, cells)
         sizes, counts = np.unique(self.size, return_counts=True)
-        unknowns, batches = (d - 1) * d + 1 + d * (d - 1) // 2 * sizes, -(-counts // LANES)
-        self.factor = np.empty(LANES * int(batches @ (unknowns * (unknowns + 1) // 2)), dtype=np.int32)
-        self.unit = np.empty(LANES * int(batches @ unknowns), dtype=np.float32)
-        self.scale = np.empty(LANES * int(batches.sum()))
+        lanes = kernels()("lane_count")
+        unknowns, batches = (d - 1) * d + 1 + d * (d - 1) // 2 * sizes, -(-counts // lanes)
+        self.factor = np.empty(lanes * int(batches @ (unknowns * (unknowns + 1) // 2)), dtype=np.int32)
+        self.unit = np.empty(lanes * int(batches @ unknowns), dtype=np.float32)
+        self.scale = np.empty(lanes * int(batches.sum()))
         kernels()(
             "factor_patches",
             *(d, len(self.size), self.ring, self.size, cells.edges, cells.facets, cells.side, len(free), free),
