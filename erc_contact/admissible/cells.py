@@ -64,6 +64,11 @@ class CellGeometry:
         return self.vertices[cell[:, None], facet_vertices(self.d)[i]]
 
     @property
+    def edges(self) -> np.ndarray:
+        """Edges from the first vertex of each cell to the others [length], contiguous, shape (n, d, d)."""
+        return np.ascontiguousarray(self.J.transpose(0, 2, 1))
+
+    @property
     def inverse(self) -> np.ndarray:
         """Inverse Jacobians [1/length], shape (n, d, d); row i-1 is the gradient of barycentric i."""
         return -self.area[:, 1:] / (self.d * self.volume[:, None, None])

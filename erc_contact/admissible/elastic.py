@@ -6,7 +6,8 @@ import numpy as np
 from dolfinx import fem
 
 from erc_contact.admissible.cells import CellGeometry, evaluate_sorted
-from erc_contact.admissible.macro import macro_points, mandel, tensors
+from erc_contact.admissible.kernels import kernels
+from erc_contact.admissible.macro import macro_points, tensors
 from erc_contact.mesh.simplex import bernstein, coefficients, gradients, projection, rule
 from erc_contact.model.expressions import evaluate, varies_in_cells
 from erc_contact.model.model import Model
@@ -15,15 +16,14 @@ from erc_contact.model.values import DATA_DEGREE
 
 def strains(cells: CellGeometry, u: fem.Function) -> np.ndarray:
     """Strain of a displacement in Mandel components, coefficients of degree k-1, shape (n, N_(k-1), s)."""
-    d, k = cells.d, cells.degree
-    values = u.x.array.reshape(-1, d)[cells.nodes]
-    if k == 1:
-        gradient = np.matmul((values[:, 1:] - values[:, :1]).transpose(0, 2, 1), cells.inverse)[:, None]
-    else:
-        table = np.einsum("cjv,vw->cjw", gradients(d, k), coefficients(d, k))
-        slopes = np.matmul(table.reshape(-1, table.shape[2]), values).reshape(len(values), len(table), d + 1, d)
-        gradient = np.matmul((slopes[:, :, 1:] - slopes[:, :, :1]).transpose(0, 1, 3, 2), cells.inverse[:, None])
-    return mandel(0.5 * (gradient + gradient.swapaxes(2, 3)))
+    d, k, n = cells.d, cells.degree, len(cells.nodes)
+    slopes = np.ascontiguousarray(gradients(d, k) @ coefficients(d, k))  # by the barycentric coordinates
+    strain = np.empty((n, len(slopes), d * (d + 1) // 2))
+    nodes = np.ascontiguousarray(cells.nodes)
+    kernels()(
+        "cell_strains", d, nodes.shape[1], len(slopes), n, nodes, cells.area, cells.volume, slopes, u.x.array, strain
+    )
+    return strain
 
 
 def elastic_stress(model: Model, cells: CellGeometry, u: fem.Function, count: int) -> np.ndarray:

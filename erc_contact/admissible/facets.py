@@ -22,6 +22,7 @@ from functools import cache
 import numpy as np
 
 from erc_contact.admissible.cells import CellGeometry, facet_forces, signed
+from erc_contact.admissible.kernels import kernels
 from erc_contact.mesh.simplex import (
     barycentric,
     bernstein,
@@ -56,7 +57,7 @@ def equilibrated_moments(
         Moments ``int_F t B_m`` [force] of the traction on the first side of each facet, shape (facets, m, d).
     """
     d, k = cells.d, cells.degree
-    inside, (on_facets, of_force) = divergence(d, k), _tests(d, k)
+    inside, (on_facets, of_force), at_nodes = divergence(d, k), _tests(d, k), _incidence(d, k)
     push = facet_forces(cells.area, stress)
     inner = cells.has_second
     first = cells.side[0]
@@ -69,9 +70,7 @@ def equilibrated_moments(
     residual = np.matmul(inside, by_cell)  # (f, B_v) - (sigma_h, grad B_v) + int_dT t B_v
     if force is not None:
         residual += np.matmul(of_force, force)
-    on_cells = signed(cells, moment)
-    for i, on_facet in enumerate(local_facet_nodes(d, k)):
-        residual[:, on_facet] += on_cells[:, i]
+    residual += np.matmul(at_nodes, signed(cells, moment).reshape(len(push), -1, d))
     area = np.linalg.norm(cells.area, axis=2).ravel()[first]
     weight = np.where(first >= 0, area ** ((d - 2) / (d - 1)), 0.0)  # |F|/h_F with h_F = |F|^(1/(d-1))
     return moment - _patch_jumps(cells, residual, weight, inner, fixed, complete)
@@ -99,6 +98,12 @@ def _tests(d: int, k: int) -> tuple[np.ndarray, np.ndarray]:
     return np.array(on_facets), mass(d, k, k - 1)
 
 
+@cache
+def _incidence(d: int, k: int) -> np.ndarray:
+    """Sum of what the nodes of the facets have, for each node of a cell, shape (N_k, (d+1) m)."""
+    return (np.arange(len(nodes(d, k)))[:, None] == local_facet_nodes(d, k).ravel()).astype(float)
+
+
 def _patch_jumps(
     cells: CellGeometry,
     residual: np.ndarray,
@@ -109,104 +114,36 @@ def _patch_jumps(
 ) -> np.ndarray:
     """Solve the graph Laplacians of all patches; return ``w_F [lambda]`` at facet nodes, (facets, m, d).
 
-    If a patch has no facet of Gamma_D, lambda is determined up to a constant, and its mean is set to zero. This also
-    distributes the round-off of an incompatible right side evenly, in the same way on any number of ranks.
+    Each node of a facet between two cells is an edge of weight w_F between them, in the graph of the patch of this
+    node. Each node of a facet of Gamma_D adds w_F to the diagonal. If a patch has no facet of Gamma_D, lambda is
+    determined up to a constant, and its mean is set to zero. This also distributes the round-off of an incompatible
+    right side evenly, in the same way on any number of ranks.
     """
-    d, node, count = cells.d, cells.nodes.ravel(), len(complete)
-    order, sizes, place = _patch_places(node, complete)
-    starts = np.cumsum(sizes) - sizes
+    d, nodes = cells.d, np.ascontiguousarray(cells.nodes)
+    on_facet = np.ascontiguousarray(local_facet_nodes(d, cells.degree), dtype=np.int32)
+    start = np.empty(len(complete) + 1, dtype=np.int32)
+    member, place = np.empty((2, *nodes.shape), dtype=np.int32)
+    solution = residual
+    kernels()(
+        "patch_jumps",
+        *(d, nodes.shape[1], on_facet.shape[1], len(nodes), len(complete), len(weight), nodes, cells.facets),
+        *(cells.side, on_facet, weight, fixed & ~inner[:, None], complete, start, member, place, solution),
+    )
     used = np.flatnonzero(cells.side[0] >= 0)
     a, b = _graph_edges(cells, used)
-    keep = place[a] >= 0
-    between = inner[used]
-
-    solution = np.zeros((cells.nodes.size, d))
-    grounded = np.zeros((cells.nodes.size, d))
-    for c in range(d):
-        held = keep & (fixed[used, c] & ~between)[:, None]
-        np.add.at(grounded[:, c], a[held], np.broadcast_to(weight[used, None], a.shape)[held])
-    is_grounded = np.stack([np.bincount(node, grounded[:, c], count) > 0 for c in range(d)], axis=1)
-
-    joined = keep & between[:, None]
-    ea, eb = a[joined], b[joined]
-    ew = np.broadcast_to(weight[used, None], a.shape)[joined]
-    for c in range(d):
-        # the matrix of the first component serves all components; others solve only where their grounding differs
-        todo = sizes > 0 if c == 0 else (sizes > 0) & _differs(node, grounded, c, count)
-        columns = np.arange(d) if c == 0 else np.array([c])
-        edge_todo = todo[node[ea]]
-        for size in np.unique(sizes[todo]):
-            patches = np.flatnonzero(todo & (sizes == size))
-            number = np.full(count, -1)
-            number[patches] = np.arange(len(patches))
-            pick = edge_todo & (sizes[node[ea]] == size)
-            row, i, j = number[node[ea[pick]]], place[ea[pick]], place[eb[pick]]
-            matrix = _laplacians(len(patches), size, row, i, j, ew[pick])
-            members = order[starts[patches][:, None] + np.arange(size)]
-            diagonal = np.einsum("nii->ni", matrix)
-            mean = np.where(size > 1, diagonal.mean(axis=1) / size, 1.0)  # a corner of a single cell has no edge
-            diagonal += grounded[members, c]
-            matrix += np.where(is_grounded[patches, c], 0.0, mean)[:, None, None]
-            rhs = residual.reshape(-1, d)[members][:, :, columns]
-            solution[members[:, :, None], columns] = np.linalg.solve(matrix, rhs)
-
-    jump = np.zeros((len(weight), a.shape[1], d))
-    difference = solution[a] - np.where(between[:, None, None], solution[b], 0.0)
-    difference *= between[:, None, None] | fixed[used][:, None, :]
-    jump[used] = weight[used, None, None] * difference * keep[:, :, None]
+    between = inner[used, None, None]
+    difference = solution.reshape(-1, d)[a] - np.where(between, solution.reshape(-1, d)[b], 0.0)
+    difference *= (between | fixed[used, None]) & (place.ravel()[a] >= 0)[:, :, None]
+    jump = np.zeros((len(weight), *a.shape[1:], d))
+    jump[used] = weight[used, None, None] * difference
     return jump
 
 
-def _patch_places(node: np.ndarray, complete: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The members (cell, node) of all complete patches, patch by patch, as flat indices.
-
-    Args:
-        node: Node of each flat index, shape (n N,).
-        complete: Nodes whose patch is complete on this rank, shape (nodes,).
-
-    Returns:
-        The members; the size of each patch, shape (nodes,); the place of each flat index in its patch or -1, (n N,).
-    """
-    order = np.argsort(node, kind="stable")
-    order = order[complete[node[order]]]
-    sizes = np.bincount(node[order], minlength=len(complete))
-    starts = np.cumsum(sizes) - sizes
-    place = np.full(len(node), -1)
-    place[order] = np.arange(len(order)) - starts[node[order]]
-    return order, sizes, place
-
-
 def _graph_edges(cells: CellGeometry, used: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Ends of the edges of the graphs, flat indices of (cell, node), each of shape (facets used, m).
-
-    Each node of a facet is an edge between the two cells of the facet, in the graph of the patch of this node.
-    """
+    """Ends of the edges of the graphs, flat indices of (cell, node), each of shape (facets used, m)."""
     nodes_of = local_facet_nodes(cells.d, cells.degree)
     ends = []
     for side in cells.side[:, used]:
         cell, i = np.divmod(side, cells.d + 1)
         ends.append(cell[:, None] * cells.nodes.shape[1] + nodes_of[i])
     return ends[0], ends[1]
-
-
-def _laplacians(count: int, size: int, row: np.ndarray, i: np.ndarray, j: np.ndarray, w: np.ndarray) -> np.ndarray:
-    """Weighted graph Laplacians of graphs of one size, shape (count, size, size).
-
-    Args:
-        count: Number of graphs.
-        size: Number of vertices of each.
-        row: Graph of each edge.
-        i: One end of each edge.
-        j: The other end.
-        w: Weight of each edge.
-    """
-    matrix = np.zeros(count * size * size)
-    at = row * size * size
-    for p, q, s in ((i, i, w), (j, j, w), (i, j, -w), (j, i, -w)):
-        matrix += np.bincount(at + p * size + q, s, len(matrix))
-    return matrix.reshape(-1, size, size)
-
-
-def _differs(node: np.ndarray, grounded: np.ndarray, c: int, count: int) -> np.ndarray:
-    """Patches whose grounding of component c is not that of component 0."""
-    return np.bincount(node, abs(grounded[:, c] - grounded[:, 0]), count) > 0

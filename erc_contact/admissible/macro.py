@@ -14,12 +14,14 @@ i replaced by the barycentre.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import cache
 from math import factorial
 
 import numpy as np
 
-from erc_contact.admissible.cells import CellGeometry, facet_forces
+from erc_contact.admissible.cells import CellGeometry
+from erc_contact.admissible.kernels import kernels
 from erc_contact.mesh.quadrature import cell_pieces, polynomials
 from erc_contact.mesh.simplex import (
     barycentric,
@@ -36,8 +38,13 @@ from erc_contact.mesh.simplex import (
 )
 from erc_contact.scene.material import mandel_basis
 
-CHUNK = 2048
-"""Number of cells that are worked on at once, so that their arrays stay in the cache."""
+CHUNK = 1024
+"""Number of cells that numpy works on at once, so that their arrays stay in the cache."""
+
+
+def chunks(count: int) -> Iterator[slice]:
+    """Slices of ``range(count)`` of this size."""
+    return (slice(i, min(i + CHUNK, count)) for i in range(0, count, CHUNK))
 
 
 @cache
@@ -147,27 +154,16 @@ def macro_stress(
     Returns:
         sigma^ in Mandel components [force/area], of degree k, shape (count, d+1, N_k, s).
     """
-    d, s, k = cells.d, len(mandel_basis(cells.d)), cells.degree
-    matrix = reference_map(d, k)
-    N, b = matrix.shape[1], stress.shape[1]
-    columns = np.ascontiguousarray(matrix.reshape((d + 1) * N * s, -1).T)
-    of_subs, of_facets = _elevation(d, k)
-    of_subs = of_subs.reshape(-1, b)
-    sigma = np.empty((count, (d + 1) * N, s))
-    for some in (slice(i, min(i + CHUNK, count)) for i in range(0, count, CHUNK)):
-        base = stress[some]
-        inverse = -cells.area[some, 1:] / (d * cells.volume[some, None, None])
-        inputs = np.empty((len(base), matrix.shape[3], d))
-        push = facet_forces(cells.area[some], base)
-        np.subtract(forces[some], np.matmul(of_facets, push), out=inputs[:, :-b].reshape(len(base), d + 1, -1, d))
-        inputs[:, -b:] = 0.0 if force is None else force[some]
-        if k > 1:
-            inputs[:, -b:] -= np.einsum("nffi->ni", push)[:, None] / d
-        reference = np.matmul(inputs, inverse.transpose(0, 2, 1))
-        nodal = reference.reshape(len(base), -1) @ columns
-        np.matmul(nodal.reshape(len(base), -1, s), piola(cells, some), out=sigma[some])
-        sigma[some] += np.matmul(of_subs, mandel(base))
-    return sigma.reshape(count, d + 1, N, s)
+    d, k = cells.d, cells.degree
+    matrix = np.ascontiguousarray(reference_map(d, k))
+    of_subs, of_facets = (np.ascontiguousarray(table) for table in _elevation(d, k))
+    sigma = np.empty((count, *matrix.shape[:3]))
+    kernels()(
+        "macro_stresses",
+        *(d, matrix.shape[1], forces.shape[2], stress.shape[1], count, cells.edges, np.ascontiguousarray(stress)),
+        *(np.ascontiguousarray(forces), force, matrix, of_facets, of_subs, sigma),
+    )
+    return sigma
 
 
 def macro_values(stress: np.ndarray, k: int, of: np.ndarray, at: np.ndarray) -> np.ndarray:
@@ -196,6 +192,13 @@ def piola(cells: CellGeometry, some: slice) -> np.ndarray:
     return (products.reshape(-1, d**4) @ symmetric).reshape(-1, len(basis), len(basis))
 
 
+def reference_metric(cells: CellGeometry, some: slice, compliance: np.ndarray) -> np.ndarray:
+    """``|T| P C^-1 P^T`` with P the Piola transform: the compliance for reference stresses, (c, Q or 1, s, s)."""
+    P = piola(cells, some)[:, None] * np.sqrt(cells.volume[some])[:, None, None, None]
+    local = compliance[some] if len(compliance) > 1 else compliance
+    return np.matmul(np.matmul(P, local), P.transpose(0, 1, 3, 2))
+
+
 @cache
 def macro_points(d: int, k: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Quadrature on the sub-simplices, exact for the square of a polynomial of degree k.
@@ -206,4 +209,4 @@ def macro_points(d: int, k: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """
     points, weights = rule(d, 2 * k)
     places = np.matmul(barycentric(points), cell_pieces(d)).reshape(-1, d + 1)[:, 1:]
-    return bernstein(d, k, points), places, np.tile(weights / (d + 1), d + 1)
+    return np.ascontiguousarray(bernstein(d, k, points)), places, np.tile(weights / (d + 1), d + 1)

@@ -97,15 +97,7 @@ def equilibrate(solution: Solution, tighten: int = TIGHTEN) -> Admissible:
     model = solution.model
     cells = cell_geometry(model)
     force = cell_forces(model, cells)
-    given, fixed = _loads(model, cells)
-    tractions = admissible_tractions(model, solution, *_work(model, _nodal(model, cells, given, force)))
-    hat = admissible_displacement(model, solution.u, tractions) if tractions else solution.u
-    for t in tractions:
-        _add(model, given, t.contact.facets, moments(t.area, t.values, model.degree))
-    stress = _rebalanced(solution, cells, _nodal(model, cells, given, force))
-    complete = np.zeros(len(model.fixed), dtype=bool)
-    complete[model.nodes[: model.domain.owned_cells]] = True
-    moment = equilibrated_moments(cells, stress, force, given, fixed, complete)
+    hat, tractions, stress, moment, fixed = _loose(solution, cells, force)
     count, iterations = model.domain.owned_cells, 0
     inner = model.degree > 1  # the bubbles are still to be chosen
     if tighten > 0 or inner:
@@ -120,6 +112,27 @@ def equilibrate(solution: Solution, tighten: int = TIGHTEN) -> Admissible:
         macro = relaxed(cells, macro, elastic, compliance)
     seconds = model.comm.allreduce(perf_counter() - began, MPI.MAX)
     return Admissible(solution, hat, tractions, cells, stress, macro, moment, force, iterations, seconds)
+
+
+def _loose(
+    solution: Solution, cells: CellGeometry, force: np.ndarray | None
+) -> tuple[fem.Function, list[ContactTraction], np.ndarray, np.ndarray, np.ndarray]:
+    """What an admissible pair begins with; collective.
+
+    Returns:
+        u^; r^ on each contact; the rebalanced stress, shape (n, N_(k-1), d, d); moments of facet tractions that balance
+        every cell [force], shape (facets, m, d); components of facets whose traction is that of a support, (facets, d).
+    """
+    model = solution.model
+    given, fixed = _loads(model, cells)
+    tractions = admissible_tractions(model, solution, *_work(model, _nodal(model, cells, given, force)))
+    hat = admissible_displacement(model, solution.u, tractions) if tractions else solution.u
+    for t in tractions:
+        _add(model, given, t.contact.facets, moments(t.area, t.values, model.degree))
+    stress = _rebalanced(solution, cells, _nodal(model, cells, given, force))
+    complete = np.zeros(len(model.fixed), dtype=bool)
+    complete[model.nodes[: model.domain.owned_cells]] = True
+    return hat, tractions, stress, equilibrated_moments(cells, stress, force, given, fixed, complete), fixed
 
 
 def _loads(model: Model, cells: CellGeometry) -> tuple[np.ndarray, np.ndarray]:

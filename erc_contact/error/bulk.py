@@ -11,6 +11,7 @@ from mpi4py import MPI
 
 from erc_contact.admissible.cells import sorted_corners
 from erc_contact.admissible.elastic import act, elastic_stress, macro_moduli, strains
+from erc_contact.admissible.kernels import kernels
 from erc_contact.admissible.macro import macro_points, macro_values
 from erc_contact.admissible.pair import Admissible
 from erc_contact.error.oscillation import EXACT, UNKNOWN
@@ -29,13 +30,14 @@ def bulk_squares(admissible: Admissible) -> tuple[np.ndarray, np.ndarray, float]
     owned, k = model.domain.owned_cells, model.degree
     shape, _, weights = macro_points(model.d, k)
     compliance = macro_moduli(model, cells, owned, inverse=True)
-    sigma = np.matmul(shape, admissible.stress).reshape(owned, len(weights), admissible.stress.shape[3])
     elastic = elastic_stress(model, cells, admissible.displacement, owned)
-
-    def square(tau: np.ndarray) -> np.ndarray:  # energy norm
-        return cells.volume[:owned] * np.einsum("nqa,nqa,q->n", act(compliance, tau), tau, weights)
-
-    difference, both = square(sigma - elastic), square(sigma + elastic)
+    difference, both = np.empty((2, owned))
+    kernels()(
+        "stress_squares",
+        *(owned, elastic.shape[2], *admissible.stress.shape[1:3], len(shape), shape, weights, cells.volume),
+        *(admissible.stress, elastic.shape[1], np.ascontiguousarray(elastic)),
+        *(len(compliance) > 1, compliance.shape[1], np.ascontiguousarray(compliance), difference, both),
+    )
     if not model.varying_moduli:
         return difference, both, 0.0
     stiffness_at, compliance_at = (

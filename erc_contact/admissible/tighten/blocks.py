@@ -11,43 +11,44 @@ from __future__ import annotations
 
 import numpy as np
 
-from erc_contact.admissible.tighten.complementary import ComplementaryEnergy, chunks, stress_map, times
+from erc_contact.admissible.cells import CellGeometry
+from erc_contact.admissible.macro import chunks, reference_metric
+from erc_contact.admissible.tighten.tables import stress_map
 
 
 class Blocks:
     """Solves the minimisation for the quadratic moments of every facet of this rank.
 
     Args:
-        energy: The complementary energy.
+        cells: Geometry, n cells.
+        compliance: C^-1 [area/force], shape (n or 1, Q or 1, s, s).
         free: Components of facets whose traction is not given, shape (F, d).
         mine: Facets that this rank solves for; it has both cells of each. Shape (F,).
 
     Attributes:
-        inverse: Inverse of the matrix of each facet, zero where nothing is free, shape (F, d j, d j).
+        inverse: Inverse of the matrix of each facet, zero where nothing is free, shape (F, j d, j d).
     """
 
-    def __init__(self, energy: ComplementaryEnergy, free: np.ndarray, mine: np.ndarray) -> None:
-        cells, d, m = energy.cells, energy.cells.d, energy.m
-        size = d * (m - d)
-        matrices = np.zeros((len(free), size, size))
-        quadratic = stress_map(d, cells.degree)[:, :, :, d:]  # (s, Q, d, j, d+1)
-        s = len(quadratic)
-        for f in range(d + 1):
-            unit = quadratic[..., f].reshape(s, -1, size)
-            products = np.einsum("aQx,bQy->xyab", unit, unit).reshape(size * size, s * s)
-            for some in chunks(len(cells.nodes), d):
-                metric = energy.metric[..., some].mean(axis=2).reshape(s * s, -1)
-                back = energy.inverse[..., some].transpose(1, 0, 2, 3)
-                local = (products @ metric).reshape(d, m - d, size, -1)
-                local = times(back, local).reshape(size, d, m - d, -1).transpose(1, 2, 0, 3)
-                local = times(back, local).reshape(size, size, -1)
-                np.add.at(matrices, energy.facets[f, some], local.transpose(2, 1, 0))
-        keep = np.repeat(free, m - d, axis=1) & mine[:, None]
+    def __init__(self, cells: CellGeometry, compliance: np.ndarray, free: np.ndarray, mine: np.ndarray) -> None:
+        d = cells.d
+        quadratic = stress_map(d, cells.degree)[:, :, :, d:]  # (s, Q, d+1, j, d)
+        s, j = len(quadratic), quadratic.shape[3]
+        matrices = np.zeros((len(free), j * d, j * d))
+        units = [quadratic[:, :, f].reshape(s, -1, j * d) for f in range(d + 1)]
+        products = np.array([np.einsum("aQx,bQy->abxy", unit, unit).reshape(s * s, -1) for unit in units])
+        for some in chunks(len(cells.nodes)):
+            metric = reference_metric(cells, some, compliance.mean(axis=1, keepdims=True))
+            inverse = cells.inverse[some]
+            for f in range(d + 1):
+                local = (metric.reshape(-1, s * s) @ products[f]).reshape(-1, j * d * j, d)
+                local = np.matmul(local, inverse).reshape(-1, j, d, j * d).transpose(0, 1, 3, 2)
+                local = np.matmul(local.reshape(len(local), -1, d), inverse).reshape(-1, j, j * d, d)
+                np.add.at(matrices, cells.facets[some, f], local.transpose(0, 1, 3, 2).reshape(-1, j * d, j * d))
+        keep = np.tile(free, j) & mine[:, None]
         keep &= np.einsum("nii->ni", matrices) > 0
         both = keep[:, :, None] & keep[:, None, :]
-        self.inverse = np.where(both, np.linalg.inv(np.where(both, matrices, np.eye(size))), 0.0)
+        self.inverse = np.where(both, np.linalg.inv(np.where(both, matrices, np.eye(j * d))), 0.0)
 
     def __call__(self, r: np.ndarray) -> np.ndarray:
-        """Corrections for the residual r of the quadratic moments [length], shape (d, j, F)."""
-        flat = r.reshape(self.inverse.shape[1], r.shape[-1])
-        return np.matmul(self.inverse, flat.T[:, :, None])[..., 0].T.reshape(r.shape)
+        """Corrections for the residual r of the quadratic moments [length], shape (F, j, d)."""
+        return np.matmul(self.inverse, r.reshape(*self.inverse.shape[:2], 1)).reshape(r.shape)

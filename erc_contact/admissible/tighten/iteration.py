@@ -17,8 +17,9 @@ from mpi4py import MPI
 
 from erc_contact.admissible.cells import CellGeometry, facet_order
 from erc_contact.admissible.tighten.blocks import Blocks
-from erc_contact.admissible.tighten.complementary import ComplementaryEnergy, hierarchical
+from erc_contact.admissible.tighten.complementary import ComplementaryEnergy
 from erc_contact.admissible.tighten.patches import Patches
+from erc_contact.admissible.tighten.tables import hierarchical
 from erc_contact.model.space import Space
 
 TIGHTEN = 10
@@ -43,7 +44,7 @@ def tightened(
     Args:
         space: The mesh.
         cells: Geometry, n cells.
-        moment: Moments on the first side of each facet [force], shape (F, m, d).
+        moment: Moments on the first side of each facet [force], shape (F, m, d). The result may take their place.
         force: Body force times volume of each cell [force], shape (n, N_(k-1), d), or None.
         free: Components of facets whose traction is not given, shape (F, d).
         elastic: ``C eps(u^)`` of the owned cells [force/area], shape (owned, Q or 1, s).
@@ -54,76 +55,78 @@ def tightened(
         The moments, and the number of iterations.
     """
     comm, d, m = space.comm, cells.d, moment.shape[1]
-    shared = _SharedMoments(space, cells, m)
+    shared = _SharedMoments(space, cells)
     energy = ComplementaryEnergy(cells, space.domain.owned_cells, compliance)
     to_hierarchical = hierarchical(d, cells.degree)
-    square, r = energy.start(
-        np.ascontiguousarray(np.matmul(to_hierarchical, moment).transpose(2, 1, 0)), force, elastic
-    )
+    square, r = energy.start(moment if m == d else np.matmul(to_hierarchical, moment), force, elastic)
     square = comm.allreduce(square, MPI.SUM)
-    patches = Patches(space, energy, free)
-    blocks = Blocks(energy, free, shared.mine) if m > d else None
+    patches = Patches(space, cells, compliance, free)
+    blocks = Blocks(cells, compliance, free, shared.mine) if m > d else None
 
     def precondition(r: np.ndarray) -> np.ndarray:
-        z = patches(r[:, :d])
-        return z if blocks is None else np.concatenate([z, blocks(r[:, d:])], axis=1)
+        z = patches(r)
+        if blocks is not None:
+            z[:, d:] = blocks(r[:, d:])
+        return shared.total(z)
 
-    r = -shared.total(r)
-    x, p, rz, done = np.zeros_like(r), np.zeros_like(r), 1.0, 0
+    r = shared.total(r)
+    np.negative(r, out=r)
+    x = moment if m == d else np.zeros_like(r)  # linear moments are their own hierarchical ones
+    p, rz, done = np.zeros_like(r), 1.0, 0
     while done < iterations:
-        z = shared.total(precondition(r))
+        z = precondition(r)
         new = shared.dot(r, z)
         if not new > np.finfo(float).eps ** 2 * square:  # at the minimum, or nothing is free
             break
         p *= new / rz if done else 0.0
         p += z
+        del z  # at most four vectors at a time
         rz = new
-        image = shared.total(energy(p))
-        step = rz / shared.dot(p, image)
-        x += step * p
-        r -= step * image
+        curvature, image = energy(p)
+        image = shared.total(image)
+        step = rz / comm.allreduce(curvature, MPI.SUM)
+        image *= step
+        r -= image
+        x += np.multiply(p, step, out=image)
+        del image
         before, square, done = square, square - step * rz, done + 1
         if square > (1 - GAIN) ** 2 * before:
             break
-    return moment + np.matmul(np.linalg.inv(to_hierarchical), x.transpose(2, 1, 0)), done
+    return x if m == d else moment + np.matmul(np.linalg.inv(to_hierarchical), x), done
 
 
 class _SharedMoments:
-    """Sums and products over the ranks of values for the moments of facets, shape (d, m, F).
+    """Sums and products over the ranks of values for the moments of facets, shape (F, m, d).
 
     Args:
         space: The mesh.
         cells: Geometry.
-        m: Number of moments of a facet and component.
 
     Attributes:
         mine: Facets whose node of least global number this rank owns, shape (F,).
     """
 
-    def __init__(self, space: Space, cells: CellGeometry, m: int) -> None:
-        self.comm, self.size = space.comm, cells.d * m
-        facets = space.mesh.topology.index_map(cells.d - 1)
-        self.owned = facets.size_local
-        self.vector = la.vector(facets, self.size)
+    def __init__(self, space: Space, cells: CellGeometry) -> None:
+        self.comm = space.comm
+        self.facets = space.mesh.topology.index_map(cells.d - 1)
         vertices = cells.vertices_of_facets
-        self.order = facet_order(space.global_numbers(vertices), cells.degree).T  # ranks sort the nodes differently
-        self.back = np.argsort(self.order, axis=0)
-        least = np.take_along_axis(vertices, self.order[:1].T, axis=1)[:, 0]
+        order = facet_order(space.global_numbers(vertices), cells.degree)  # ranks sort the nodes differently
+        least = np.take_along_axis(vertices, order[:, :1], axis=1)[:, 0]
         self.mine = least < space.V.dofmap.index_map.size_local
+        self.order = order[:, :, None].astype(np.int8) if self.comm.size > 1 else None
 
     def total(self, values: np.ndarray) -> np.ndarray:
-        """Sum of the values of all ranks for each facet; collective."""
-        if self.comm.size > 1:
-            sent = np.take_along_axis(values, self.order[None], axis=1)
-            self.vector.array[:] = sent.reshape(self.size, -1).T.ravel()
-            self.vector.scatter_reverse(la.InsertMode.add)
-            self.vector.scatter_forward()
-            sent = self.vector.array.reshape(-1, self.size).T.reshape(values.shape)
-            values[:] = np.take_along_axis(sent, self.back[None], axis=1)
+        """Sum of the values of all ranks for each facet, in place; collective."""
+        if self.order is not None:
+            vector = la.vector(self.facets, int(np.prod(values.shape[1:])))
+            shared = vector.array.reshape(values.shape)
+            shared[:] = np.take_along_axis(values, self.order, axis=1)
+            vector.scatter_reverse(la.InsertMode.add)
+            vector.scatter_forward()
+            np.put_along_axis(values, self.order, shared, axis=1)
         return values
 
     def dot(self, a: np.ndarray, b: np.ndarray) -> float:
         """Scalar product over the owned facets of all ranks; collective."""
-        rows = zip(a.reshape(self.size, -1), b.reshape(self.size, -1), strict=True)
-        local = float(sum(np.vdot(x[: self.owned], y[: self.owned]) for x, y in rows))
-        return self.comm.allreduce(local, MPI.SUM)
+        owned = self.facets.size_local
+        return self.comm.allreduce(float(np.vdot(a[:owned], b[:owned])), MPI.SUM)

@@ -1,0 +1,48 @@
+/* The kernels, each with the place of its meaning. Python reads these lines, too. Arrays are contiguous. Arguments
+   edges, facets, side, area and volume are of CellGeometry; varies tells whether a compliance differs from cell to
+   cell. What returns int returns -1 if there is too little memory. */
+
+/* Number of patches with rings of one size that are worked on side by side. */
+int lane_count(void);
+
+/* tighten/rings.py: the way along all rings; returns their number. mine (F, d) is lost. */
+long long find_rings(int d, long long pairs, const double *edges, const int *facets, const long long *side,
+                     _Bool *mine, int *ring, int *size);
+
+/* tighten/patches.py: the factors of all patches. unknown (F, d): components of facets whose traction is not given. */
+int factor_patches(int d, long long patches, const int *ring, const int *size, const double *edges,
+                   const int *facets, const long long *side, long long F, const _Bool *unknown,
+                   const double *compliance, int varies, const double *table, int *factor, float *unit, double *scale);
+
+/* tighten/patches.py: adds to z (F, m, d) the corrections for the residual r. */
+int apply_patches(int d, int m, long long patches, const int *ring, const int *size, const double *edges,
+                  const long long *side, const int *factor, const float *unit, const double *scale, const double *r,
+                  double *z);
+
+/* tighten/complementary.py: returns the energy of the cells from begin to end, and adds half its derivative to y. */
+double macro_energy(int d, int m, long long begin, long long end, const double *edges, const int *facets,
+                    const long long *side, const double *compliance, int varies, int points,
+                    const double *facet_map, int Q, const int *start, const int *column, const double *value,
+                    const int *back_start, const int *back_column, const double *back_value,
+                    const int *weight_start, const int *weight_column, const double *weight, int count,
+                    const double *bubbles, const double *products, const double *x, const double *mean,
+                    const double *offset, double *y);
+
+/* facets.py: replaces the right sides lambda (cells, N, d) of the patches of all nodes by their solutions. */
+int patch_jumps(int d, int N, int m, long long cells, long long nodes, long long F, const int *node,
+                const int *facets, const long long *side, const int *on_facet, const double *weight,
+                const _Bool *fixed, const _Bool *complete, int *start, int *member, int *place, double *lambda);
+
+/* elastic.py: strains (cells, b, s) of a displacement u in Mandel components. */
+void cell_strains(int d, int N, int b, long long cells, const int *node, const double *area, const double *volume,
+                  const double *slopes, const double *u, double *strain);
+
+/* macro.py: sigma^ (cells, d+1, N, s) from the tractions and the body force of each cell. */
+void macro_stresses(int d, int N, int m, int b, long long cells, const double *edges, const double *stress,
+                    const double *forces, const double *force, const double *map, const double *of_facets,
+                    const double *of_subs, double *sigma);
+
+/* error/bulk.py: |stress - elastic|^2 and |stress + elastic|^2 of each cell, at q points of each sub-simplex. */
+void stress_squares(long long cells, int s, int subs, int N, int q, const double *shape, const double *weight,
+                    const double *volume, const double *stress, int elastic_points, const double *elastic,
+                    int varies, int points, const double *compliance, double *difference, double *both);

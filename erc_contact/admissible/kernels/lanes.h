@@ -1,0 +1,116 @@
+/* Values of LANES cells or patches side by side, written like one value; the compiler makes vectors of them. */
+#ifndef LANES_H
+#define LANES_H
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { LANES = 8 };
+typedef double lanes __attribute__((vector_size(8 * LANES)));
+typedef int digits __attribute__((vector_size(4 * LANES), aligned(4), may_alias));
+typedef float units __attribute__((vector_size(4 * LANES), aligned(4), may_alias));
+
+#define ONE (1.0 - (lanes){0})
+#define INLINE static inline __attribute__((always_inline))
+
+#define WIDE(x) __builtin_convertvector(x, lanes)
+
+INLINE lanes root(lanes x)
+{
+  for (int l = 0; l < LANES; ++l)
+    x[l] = sqrt(x[l]);
+  return x;
+}
+
+INLINE lanes absolute(lanes x)
+{
+  for (int l = 0; l < LANES; ++l)
+    x[l] = fabs(x[l]);
+  return x;
+}
+
+INLINE lanes dot(const int d, const lanes *a, const lanes *b)
+{
+  lanes sum = a[0] * b[0];
+  for (int i = 1; i < d; ++i)
+    sum += a[i] * b[i];
+  return sum;
+}
+
+/* y += A x for a matrix (rows, columns) that is the same in all lanes; the number of rows is a multiple of 3. */
+INLINE void matrix_times(int rows, int columns, const double *A, const lanes *x, lanes *y)
+{
+  for (int i = 0; i < rows; i += 3, A += 3 * columns) {
+    lanes a = {0}, b = {0}, c = {0};
+    for (int k = 0; k < columns; ++k) {
+      a += A[k] * x[k];
+      b += A[columns + k] * x[k];
+      c += A[2 * columns + k] * x[k];
+    }
+    y[i] += a;
+    y[i + 1] += b;
+    y[i + 2] += c;
+  }
+}
+
+/* Normal to d - 1 vectors, in the sense in which they follow each other; as long as their parallelotope is large. */
+INLINE void across(const int d, const lanes *a, const lanes *b, lanes *n)
+{
+  if (d == 2) {
+    n[0] = -a[1];
+    n[1] = a[0];
+  } else
+    for (int i = 0; i < 3; ++i)
+      n[i] = a[(i + 1) % 3] * b[(i + 2) % 3] - a[(i + 2) % 3] * b[(i + 1) % 3];
+}
+
+/* Inverse Jacobian, shape (d, d), and determinant, from the edges x of a cell, shape (d, d): edge, component. */
+INLINE lanes inverted(const int d, lanes (*x)[3], lanes (*inverse)[3])
+{
+  if (d == 2) {
+    across(2, x[1], NULL, inverse[0]);
+    across(2, x[0], NULL, inverse[1]);
+    for (int j = 0; j < 2; ++j)
+      inverse[0][j] = -inverse[0][j];
+  } else
+    for (int i = 0; i < 3; ++i)
+      across(3, x[(i + 1) % 3], x[(i + 2) % 3], inverse[i]);
+  const lanes determinant = dot(d, x[0], inverse[0]);
+  for (int i = 0; i < d; ++i)
+    for (int j = 0; j < d; ++j)
+      inverse[i][j] /= determinant;
+  return determinant;
+}
+
+/* Images J b J^T of the tensors b of Mandel's basis in Mandel components, row by row, shape (s, s). */
+INLINE void images(const int d, lanes (*x)[3], lanes (*P)[6])
+{
+  static const int first[2][6] = {{0, 1, 0}, {0, 1, 2, 0, 0, 1}}, second[2][6] = {{0, 1, 1}, {0, 1, 2, 1, 2, 2}};
+  const int s = d * (d + 1) / 2, *one = first[d - 2], *two = second[d - 2];
+  for (int a = 0; a < s; ++a)
+    for (int b = 0; b < s; ++b) {
+      const lanes *k = x[one[a]], *l = x[two[a]];
+      const int i = one[b], j = two[b];
+      if (a < d)
+        P[a][b] = (b < d ? 1.0 : M_SQRT2) * k[i] * k[j];
+      else
+        P[a][b] = (b < d ? M_SQRT1_2 : 1.0) * (k[i] * l[j] + k[j] * l[i]);
+    }
+}
+
+/* |T| P C^-1 P^T, the compliance for reference stresses, entries a <= b one after the other. */
+INLINE void reference_metric(const int d, lanes (*x)[3], lanes determinant, const lanes *compliance, lanes *metric)
+{
+  const int s = d * (d + 1) / 2;
+  lanes P[6][6], row[6];
+  images(d, x, P);
+  const lanes weight = 1.0 / (absolute(determinant) * (d == 2 ? 2.0 : 6.0));
+  for (int a = 0; a < s; ++a) {
+    for (int k = 0; k < s; ++k)
+      row[k] = weight * dot(s, P[a], compliance + k * s);
+    for (int b = a; b < s; ++b)
+      *metric++ = dot(s, row, P[b]);
+  }
+}
+#endif

@@ -1,0 +1,147 @@
+/* Strains and stresses of cells, and their energies, see admissible/elastic.py, macro.py and error/bulk.py. */
+#include "kernels.h"
+#include "lanes.h"
+
+INLINE void strains(const int d, int N, int b, long long cells, const int *node, const double *area,
+                    const double *volume, const double *slopes, const double *u, double *strain)
+{
+  for (long long n = 0; n < cells; ++n)
+    for (int c = 0; c < b; ++c) {
+      double slope[4][3] = {{0}}, gradient[3][3] = {{0}};
+      for (int j = 0; j <= d; ++j)
+        for (int v = 0; v < N; ++v) {
+          const double factor = slopes[(c * (d + 1) + j) * N + v];
+          for (int i = 0; i < d && factor != 0.0; ++i)
+            slope[j][i] += factor * u[(long long)node[n * N + v] * d + i];
+        }
+      const double share = -1 / (d * volume[n]); /* of an area that is the gradient of a barycentric coordinate */
+      for (int j = 1; j <= d; ++j)
+        for (int i = 0; i < d; ++i)
+          for (int e = 0; e < d; ++e)
+            gradient[i][e] += (slope[j][i] - slope[0][i]) * (share * area[(n * (d + 1) + j) * d + e]);
+      for (int i = 0; i < d; ++i)
+        *strain++ = gradient[i][i];
+      for (int i = 0; i < d; ++i)
+        for (int e = i + 1; e < d; ++e)
+          *strain++ = (gradient[i][e] + gradient[e][i]) * M_SQRT1_2;
+    }
+}
+
+void cell_strains(int d, int N, int b, long long cells, const int *node, const double *area, const double *volume,
+                  const double *slopes, const double *u, double *strain)
+{
+  if (d == 2)
+    strains(2, N, b, cells, node, area, volume, slopes, u, strain);
+  else
+    strains(3, N, b, cells, node, area, volume, slopes, u, strain);
+}
+
+/* Tensors from Mandel components and back. */
+static const int COLUMN[2][6] = {{0, 1, 1}, {0, 1, 2, 1, 2, 2}}, ROW[2][6] = {{0, 1, 0}, {0, 1, 2, 0, 0, 1}};
+
+INLINE void macro(const int d, int N, int m, int b, long long cells, const double *edges, const double *stress,
+                  const double *forces, const double *force, const double *map, const double *of_facets,
+                  const double *of_subs, double *sigma)
+{
+  const int s = d * (d + 1) / 2, inputs = ((d + 1) * m + b) * d;
+  for (long long first = 0; first < cells; first += LANES) {
+    const int here = cells - first < LANES ? (int)(cells - first) : LANES;
+    lanes x[3][3], inverse[3][3], base[4][9], given[84], reference[84], nodal[240], P[6][6];
+    for (int l = 0; l < LANES; ++l) {
+      const long long n = first + (l < here ? l : 0);
+      for (int i = 0; i < d * d; ++i)
+        x[i / d][i % d][l] = edges[n * d * d + i];
+      for (int i = 0; i < b * d * d; ++i)
+        base[i / (d * d)][i % (d * d)][l] = stress[n * b * d * d + i];
+      for (int i = 0; i < (d + 1) * m * d; ++i)
+        given[i][l] = forces[n * (d + 1) * m * d + i];
+      for (int i = 0; i < b * d; ++i)
+        given[(d + 1) * m * d + i][l] = force ? force[n * b * d + i] : 0.0;
+    }
+    const lanes determinant = inverted(d, x, inverse), volume = absolute(determinant) / (d == 2 ? 2.0 : 6.0);
+    for (int f = 0; f <= d; ++f) {
+      lanes area[3], push[4][3];
+      for (int i = 0; i < d; ++i) {
+        area[i] = f ? inverse[f - 1][i] : -inverse[0][i] - inverse[1][i] - (d == 3 ? inverse[2][i] : (lanes){0});
+        area[i] *= -volume * (double)d;
+      }
+      for (int c = 0; c < b; ++c)
+        for (int i = 0; i < d; ++i) {
+          push[c][i] = dot(d, base[c] + i * d, area);
+          for (int j = 0; j < m; ++j)
+            given[(f * m + j) * d + i] -= of_facets[(f * m + j) * b + c] * push[c][i];
+        }
+      for (int c = 0; c < b && b > 1; ++c) /* the divergence of a linear stress: vertex f has the slope of facet f */
+        for (int i = 0; i < d; ++i)
+          given[((d + 1) * m + c) * d + i] -= push[f][i] / (double)d;
+    }
+    for (int i = 0; i < inputs; ++i)
+      reference[i] = dot(d, inverse[i % d], given + i / d * d);
+    memset(nodal, 0, sizeof(nodal));
+    matrix_times((d + 1) * N * s, inputs, map, reference, nodal);
+    images(d, x, P);
+    for (int q = 0; q < (d + 1) * N; ++q)
+      for (int a = 0; a < s; ++a) {
+        lanes value = {0}, added = {0};
+        for (int k = 0; k < s; ++k)
+          value += nodal[q * s + k] * P[k][a];
+        for (int c = 0; c < b; ++c)
+          added += of_subs[q * b + c] * base[c][ROW[d - 2][a] * d + COLUMN[d - 2][a]];
+        value = value / absolute(determinant) + (a < d ? 1.0 : M_SQRT2) * added;
+        for (int l = 0; l < here; ++l)
+          sigma[((first + l) * (d + 1) * N + q) * s + a] = value[l];
+      }
+  }
+}
+
+void macro_stresses(int d, int N, int m, int b, long long cells, const double *edges, const double *stress,
+                    const double *forces, const double *force, const double *map, const double *of_facets,
+                    const double *of_subs, double *sigma)
+{
+  if (d == 2)
+    macro(2, N, m, b, cells, edges, stress, forces, force, map, of_facets, of_subs, sigma);
+  else
+    macro(3, N, m, b, cells, edges, stress, forces, force, map, of_facets, of_subs, sigma);
+}
+
+INLINE void squared(const int s, long long cells, int subs, int N, int q, const double *shape, const double *weight,
+                    const double *volume, const double *stress, int elastic_points, const double *elastic, int varies,
+                    int points, const double *compliance, double *difference, double *both)
+{
+  for (long long n = 0; n < cells; ++n) {
+    double square[2] = {0};
+    for (int at = 0; at < subs * q; ++at) {
+      const double *C = compliance + ((varies ? n * points : 0) + (points > 1 ? at : 0)) * s * s;
+      const double *given = elastic + (n * elastic_points + (elastic_points > 1 ? at : 0)) * s;
+      double tau[2][6], dual[2][6] = {{0}}, value[6] = {0};
+      for (int v = 0; v < N; ++v)
+        for (int a = 0; a < s; ++a)
+          value[a] += shape[at % q * N + v] * stress[((n * subs + at / q) * N + v) * s + a];
+      for (int a = 0; a < s; ++a) {
+        tau[0][a] = value[a] - given[a];
+        tau[1][a] = value[a] + given[a];
+      }
+      for (int k = 0; k < 2; ++k) {
+        for (int a = 0; a < s; ++a)
+          for (int b = 0; b < s; ++b)
+            dual[k][b] += tau[k][a] * C[a * s + b];
+        for (int b = 0; b < s; ++b)
+          square[k] += weight[at] * tau[k][b] * dual[k][b];
+      }
+    }
+    difference[n] = volume[n] * square[0];
+    both[n] = volume[n] * square[1];
+  }
+}
+
+void stress_squares(long long cells, int s, int subs, int N, int q, const double *shape, const double *weight,
+                    const double *volume, const double *stress, int elastic_points, const double *elastic,
+                    int varies, int points, const double *compliance, double *difference, double *both)
+{
+#define SQUARED(s) squared(s, cells, subs, N, q, shape, weight, volume, stress, elastic_points, elastic, varies, \
+    points, compliance, difference, both)
+  if (s == 3)
+    SQUARED(3);
+  else
+    SQUARED(6);
+}

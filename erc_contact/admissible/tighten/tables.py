@@ -1,0 +1,175 @@
+"""Tables of the reference simplex for the energy of macro-element stresses.
+
+The stress of a macro-element is given at nodes of its sub-simplices by a matrix that acts on the moments of the facet
+tractions. For balanced tractions there are many such matrices of degree k = 1, because what they give for unbalanced
+ones does not matter. Here it is the sparse one: the stresses at a vertex are determined by the tractions at this vertex
+alone, and the stress at the barycentre by the mean stress, which is the dyad of tractions and positions.
+
+Symbols: d dimension, k degree, s = d(d+1)/2, m moments of a facet and component, Q nodes or points of a macro-element.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from typing import NamedTuple, Self
+
+import numpy as np
+
+from erc_contact.admissible.macro import bubbles, macro_points, reference_map
+from erc_contact.mesh.simplex import bernstein, coefficients, facet_vertices, from_means, mass, nodes
+from erc_contact.scene.material import mandel_basis
+
+
+class Sparse(NamedTuple):
+    """A sparse matrix by rows: entries start[i] to start[i+1] are of row i."""
+
+    start: np.ndarray
+    column: np.ndarray
+    value: np.ndarray
+
+    @classmethod
+    def of(cls, matrix: np.ndarray) -> Self:
+        """The entries of a matrix that are not round-off."""
+        row, column = np.nonzero(abs(matrix) > 1e-12 * abs(matrix).max(initial=0.0))
+        start = np.searchsorted(row, np.arange(len(matrix) + 1)).astype(np.int32)
+        return cls(start, column.astype(np.int32), matrix[row, column])
+
+
+@dataclass(frozen=True, eq=False)
+class MacroTable:
+    """How facet moments make reference stresses, and these an energy.
+
+    Attributes:
+        count: Q.
+        to_coefficients: From hierarchical moments of a facet to coefficients of its traction, shape (m, m).
+        stress: From these, (d+1, m, d) in one, to stresses, (Q, s) in one.
+        back: Its transpose.
+        weights: Products of the nodal functions, shape (Q, Q).
+        body: From the coefficients of the body force to stresses, shape (Q, s, N_(k-1), d).
+        bubbles: Stresses without tractions and divergence, shape (Q s, number).
+        products: Their energies for each entry a <= b of a metric, shape (number (number + 1)/2, s (s + 1)/2).
+        from_points: From values at the points of :func:`macro_points` to values at the nodes.
+    """
+
+    count: int
+    to_coefficients: np.ndarray
+    stress: Sparse
+    back: Sparse
+    weights: Sparse
+    body: np.ndarray
+    bubbles: np.ndarray
+    products: np.ndarray
+    from_points: np.ndarray
+
+
+@cache
+def hierarchical(d: int, k: int) -> np.ndarray:
+    """Matrix (m, m) from moments against Bernstein polynomials on a facet to the hierarchical moments."""
+    linear = (coefficients(d - 1, k) @ bernstein(d - 1, 1, nodes(d - 1, k))).T  # hat functions in Bernstein polynomials
+    if k == 1:
+        return linear
+    on_linear = from_means(d - 1, 1, mass(d - 1, 1, k))[:, d:]  # P B_e
+    return np.vstack([linear, np.eye(linear.shape[1])[d:] - on_linear.T @ linear])
+
+
+def _to_coefficients(d: int, k: int) -> np.ndarray:
+    """Matrix (m, m) from hierarchical moments to Bernstein coefficients of the area times the traction."""
+    return from_means(d - 1, k, np.linalg.inv(hierarchical(d, k)))
+
+
+@cache
+def macro_table(d: int, k: int, at_points: bool) -> MacroTable:
+    """The table of a degree.
+
+    Args:
+        d: Dimension.
+        k: Degree.
+        at_points: Whether stresses are taken at the points of :func:`macro_points`, times the roots of the weights,
+            because the moduli vary between them; else at the nodes.
+    """
+    s = d * (d + 1) // 2
+    near, _, point_weights = macro_points(d, k)
+    stress, body, bubble, spread = _vertex_stresses(d) if k == 1 else _nodal_stresses(d, k)
+    values = np.kron(np.eye(d + 1), near) @ spread  # at the points, from the nodes
+    weights = values.T * point_weights @ values
+    from_points = np.linalg.pinv(values)
+    if at_points:
+        values *= np.sqrt(point_weights)[:, None]
+        stress, body, bubble = (np.tensordot(values, table, axes=1) for table in (stress, body, bubble))
+        weights, from_points = np.eye(len(values)), np.diag(np.sqrt(point_weights))
+    matrix = stress.reshape(len(stress) * s, -1)
+    a, b = np.triu_indices(s)
+    products = np.einsum("qax,qr,rby->xyab", bubble, weights, bubble, optimize=True)
+    products = (products + products.transpose(0, 1, 3, 2))[..., a, b] / np.where(a == b, 2, 1)
+    return MacroTable(
+        len(stress),
+        _to_coefficients(d, k),
+        Sparse.of(matrix),
+        Sparse.of(matrix.T),
+        Sparse.of(weights),
+        body,
+        np.ascontiguousarray(bubble.reshape(len(matrix), -1)),
+        np.ascontiguousarray(products[np.tril_indices(bubble.shape[2])]),
+        from_points,
+    )
+
+
+@cache
+def stress_map(d: int, k: int) -> np.ndarray:
+    """Matrix from hierarchical moments on the reference simplex to stresses at points times the roots of the weights.
+
+    Returns:
+        Shape (s, Q, d+1, m, d): component, point, facet, number of the moment, its component.
+    """
+    near, _, weights = macro_points(d, k)
+    m = len(nodes(d - 1, k))
+    at_points = np.einsum("qn,insfc->siqfc", near, reference_map(d, k)[:, :, :, : (d + 1) * m])
+    at_points = at_points.reshape(len(at_points), -1, d + 1, m, d) * np.sqrt(weights)[:, None, None, None]
+    return np.einsum("sQfmc,ml->sQflc", at_points, _to_coefficients(d, k))
+
+
+def _nodal_stresses(d: int, k: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Stresses at the nodes of all sub-simplices from coefficients of tractions and body force, and the bubbles.
+
+    The last matrix gives the coefficients in the sub-simplices from those at the nodes, here the identity.
+    """
+    m = len(nodes(d - 1, k))
+    table = reference_map(d, k).reshape(-1, *reference_map(d, k).shape[2:])
+    bubble = bubbles(d, k).reshape(len(table), table.shape[1], -1)
+    return table[:, :, : (d + 1) * m], table[:, :, (d + 1) * m :], bubble, np.eye(len(table))
+
+
+def _vertex_stresses(d: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """The same for degree 1, with one stress for each vertex of each sub-simplex, and one at the barycentre.
+
+    A constant body force changes nothing: its work on linear displacements about the barycentre is zero.
+    """
+    basis, vertices, n = mandel_basis(d), facet_vertices(d), d + 1
+    s, volume = len(basis), 1 / (2, 6)[d - 2]
+    slopes = np.vstack([-np.ones(d), np.eye(d)])  # of the barycentric coordinates; -d volume slopes[i] is area i
+    number = {(i, v): q for q, (i, v) in enumerate((i, v) for i in range(n) for v in vertices[i])}
+    inputs = np.eye(n * d * d).reshape(n, d, d, -1)  # facet, node, component
+    rows, data = [], []
+
+    def equation(factors: dict[int, float], act: np.ndarray, right: np.ndarray) -> None:
+        row = np.zeros((len(act), n * d + 1, s))
+        row[:, list(factors)] = np.multiply.outer(list(factors.values()), act).transpose(1, 0, 2)
+        rows.append(row.reshape(len(act), -1))
+        data.append(right)
+
+    for (i, v), q in number.items():
+        equation({q: -d * volume}, (basis @ slopes[i]).T, inputs[i, list(vertices[i]).index(v)])
+        for other in set(range(i)) - {v}:  # the traction between two sub-simplices is continuous
+            normal = slopes[i] - slopes[other]
+            equation({q: 1.0, number[other, v]: -1.0}, (basis @ normal).T, np.zeros_like(inputs[0, 0]))
+    moments = np.einsum("lm,fmcz->flcz", mass(d - 1, 1, 1), inputs)
+    mean = np.einsum("flcz,fle->cez", moments, (nodes(d, 1) - 1 / n)[vertices]) / volume
+    shares = dict.fromkeys(number.values(), 1 / n**2) | {n * d: 1 / n}
+    equation(shares, np.eye(s), np.einsum("aij,ijz->az", basis, mean))
+    stress = np.linalg.solve(np.vstack(rows), np.vstack(data)).reshape(n * d + 1, s, n * d, d)
+    spread = np.zeros((n, n, n * d + 1))
+    for (i, v), q in number.items():
+        spread[i, v, q] = 1.0
+    spread[range(n), range(n), -1] = 1.0  # vertex i of sub-simplex i is the barycentre
+    return stress, np.zeros((n * d + 1, s, 1, d)), np.zeros((n * d + 1, s, 0)), spread.reshape(n * n, -1)
