@@ -41,7 +41,7 @@ SOLVERS = ("auto", "direct", "iterative")
 """The solvers by name."""
 SLOW = 5
 """Number of attempts whose linear solver does not converge after which multigrid is given up."""
-LARGE = {2: (2_000_000, 8_000), 3: (15_000, 2_500)}
+LARGE = {2: (2_000_000, 8_000), 3: (5_000, 1_000)}
 """Numbers of degrees of freedom, of the body and about of the contact, beyond which multigrid is faster."""
 
 

@@ -1,0 +1,138 @@
+"""How seconds and memory of each stage grow with the mesh, on one rank and on several.
+
+The scene is that of benchmarks/cost.py: a cube (or a block in the plane) pressed and sheared at its top, friction 0.3.
+Each size runs in processes of its own, a small mesh first, which loads the compiled forms. The unit U is one elastic
+solve of the same body, the contact glued, by conjugate gradients with multigrid to 1e-8, assembly and set-up included.
+Seconds are the largest over the ranks, memory is the sum of their peaks, mesh included. The exponents are those of a
+straight line through the logarithms of seconds and unknowns.
+
+    OMP_NUM_THREADS=1 python benchmarks/scaling.py [--dim 3] [--sizes 11 18 26 36 52] [--ranks 1 2] [--solver auto]
+        [--degree 1] [--method Nitsche]
+
+writes results/scaling.csv and results/scaling.png.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import json
+import resource
+import subprocess
+import sys
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+from cost import problem
+
+import erc_contact as ec
+
+from erc_contact.model.model import Model  # isort: skip - after erc_contact, which loads MPI first
+from erc_contact.newton.multigrid import Multigrid  # isort: skip
+
+STAGES = ("unit", "contact solve", "admissible pair", "error")
+RESULTS = Path(__file__).parent / "results"
+
+
+def unit(scene: ec.Scene, domain: ec.Domain, degree: int) -> float:
+    """Seconds of one elastic solve by conjugate gradients with multigrid to 1e-8."""
+    model = Model(scene, domain, degree)
+    domain.mesh.comm.barrier()
+    began = perf_counter()
+    elastic = Multigrid(model)
+    elastic.glued(elastic.load_vector(), tolerance=1e-8)
+    domain.mesh.comm.barrier()
+    seconds = perf_counter() - began
+    elastic.free()
+    return seconds
+
+
+def measure(options: argparse.Namespace) -> dict[str, Any] | None:
+    """Run one size on the ranks of this program; the numbers on rank 0."""
+    method = getattr(ec, options.method)()
+    for n in (4, options.n):
+        scene, domain = problem(options.dim, n)
+        comm = domain.mesh.comm
+        elastic = unit(scene, domain, options.degree)
+        solution = ec.solve(scene, domain, method, degree=options.degree, solver=options.solver)
+        admissible = ec.equilibrate(solution)
+        error = ec.constitutive_error(admissible)
+    memory = comm.reduce(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
+    if comm.rank > 0:
+        return None
+    seconds = (elastic, solution.seconds, admissible.seconds, error.seconds)
+    return {
+        "ranks": comm.size,
+        "unknowns": solution.model.V.dofmap.index_map.size_global * domain.dim,
+        "cells": domain.cells,
+        "newton": solution.newton_steps,
+        "eps": error.relative,
+        **dict(zip(STAGES, seconds, strict=True)),
+        "megabytes": memory,
+    }
+
+
+def show(rows: list[dict[str, Any]], path: Path) -> None:
+    """Print seconds in units and growth exponents, and draw seconds against unknowns."""
+    print(
+        f"{'ranks':>5}{'unknowns':>10}{'unit s':>8}" + "".join(f"{s + ' U':>18}" for s in STAGES[1:]) + "   kB a cell"
+    )
+    for row in rows:
+        units = "".join(f"{row[stage] / row['unit']:18.2f}" for stage in STAGES[1:])
+        print(
+            f"{row['ranks']:5d}{row['unknowns']:10d}{row['unit']:8.2f}{units}{row['megabytes'] * 1e3 / row['cells']:12.1f}"
+        )
+    figure, axes = plt.subplots(figsize=(6, 4.5), layout="constrained")
+    for ranks in sorted({row["ranks"] for row in rows}):
+        of = [row for row in rows if row["ranks"] == ranks]
+        x = [row["unknowns"] for row in of]
+        for number, stage in enumerate(STAGES):
+            y = [row[stage] for row in of]
+            label = f"{stage}, {ranks} rank{'s' * (ranks > 1)}"
+            if len(of) > 1:
+                exponent = np.polyfit(np.log(x), np.log(y), 1)[0]
+                print(f"{label}: seconds grow with unknowns to the {exponent:.2f}")
+            axes.loglog(x, y, "o-" if ranks == 1 else "s--", color=f"C{number}", label=label)
+    axes.set(xlabel="unknowns", ylabel="seconds")
+    axes.legend(fontsize="small")
+    axes.grid(alpha=0.3)
+    figure.savefig(path, dpi=150)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--dim", type=int, default=3)
+    parser.add_argument("--degree", type=int, default=1)
+    parser.add_argument("--sizes", type=int, nargs="+", default=[11, 18, 26, 36, 52])
+    parser.add_argument("--ranks", type=int, nargs="+", default=[1, 2])
+    parser.add_argument("--solver", default="auto")
+    parser.add_argument("--method", default="Nitsche")
+    parser.add_argument("--n", type=int, help="measure one size on the ranks of this program")
+    options = parser.parse_args()
+    if options.n is not None:
+        found = measure(options)
+        if found is not None:
+            print(json.dumps(found))
+        return
+    rows = []
+    for ranks in options.ranks:
+        for n in options.sizes:
+            command = ["mpiexec", "-n", str(ranks), sys.executable, __file__, "--n", str(n)]
+            for name in ("dim", "degree", "solver", "method"):
+                command += [f"--{name}", str(getattr(options, name))]
+            said = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout
+            rows.append(json.loads(said.splitlines()[-1]))
+            print(rows[-1], flush=True)
+    RESULTS.mkdir(exist_ok=True)
+    with (RESULTS / "scaling.csv").open("w", newline="") as file:
+        writer = csv.DictWriter(file, rows[0])
+        writer.writeheader()
+        writer.writerows(rows)
+    show(rows, RESULTS / "scaling.png")
+
+
+if __name__ == "__main__":
+    main()
