@@ -70,7 +70,7 @@ def equilibrated_moments(
     residual = np.matmul(inside, by_cell)  # (f, B_v) - (sigma_h, grad B_v) + int_dT t B_v
     if force is not None:
         residual += np.matmul(of_force, force)
-    residual += np.matmul(at_nodes, signed(cells, moment).reshape(len(push), -1, d))
+    residual += np.matmul(at_nodes, signed(cells, moment).reshape(len(push), at_nodes.shape[1], d))
     area = np.linalg.norm(cells.area, axis=2).ravel()[first]
     weight = np.where(first >= 0, area ** ((d - 2) / (d - 1)), 0.0)  # |F|/h_F with h_F = |F|^(1/(d-1))
     return moment - _patch_jumps(cells, residual, weight, inner, fixed, complete)

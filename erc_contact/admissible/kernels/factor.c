@@ -165,7 +165,7 @@ INLINE void shorten(int N, lanes *A, int *factor, float *unit)
       A[i][l] = A[i][l] > 0 ? 1 / A[i][l] : 0.0;
     for (int j = 0; j <= i; ++j)
       for (int l = 0; l < LANES; ++l)
-        largest[l] = fmax(largest[l], fabs(A[j][l]));
+        largest[l] = fabs(A[j][l]) > largest[l] ? fabs(A[j][l]) : largest[l];
     for (int l = 0; l < LANES; ++l) {
       unit[l] = largest[l] > 0 ? (float)(largest[l] * 0x1p-30) : 1.0f;
       share[l] = 1 / (double)unit[l];
@@ -197,7 +197,7 @@ INLINE int factored(const int d, long long patches, const int *ring, const int *
     lanes whole = {0};
     for (int i = 0; i < N; ++i)
       for (int l = 0; l < LANES; ++l)
-        whole[l] = fmax(whole[l], A[i * (i + 1) / 2 + i][l]);
+        whole[l] = A[i * (i + 1) / 2 + i][l] > whole[l] ? A[i * (i + 1) / 2 + i][l] : whole[l];
     for (int i = 0; i < N * (N + 1) / 2; ++i)
       A[i] /= whole;
     factorise(N, keep, A);
