@@ -6,12 +6,17 @@ not on another aborts the run. Tests marked ``serial`` are left out; on one rank
 
 Under pytest-xdist each worker is a process of one rank. Workers share the cache of compiled forms: one may wait for a
 form that another compiles.
+
+In the first run some thousand forms are compiled. setuptools, which calls the C compiler, looks for plug-ins of all
+installed packages six times for each of them, a sixth of the time; here it does so once.
 """
 
+import importlib.metadata
 import os
 import shutil
 import sys
 import tempfile
+from functools import cache
 from pathlib import Path
 from time import monotonic, sleep
 
@@ -26,6 +31,7 @@ from mpi4py import MPI
 
 COMM = MPI.COMM_WORLD
 jit.DOLFINX_DEFAULT_JIT_OPTIONS["timeout"] = (30, "seconds that one process waits for a form that another compiles")
+importlib.metadata.entry_points = cache(importlib.metadata.entry_points)
 
 
 PATIENCE = 60.0

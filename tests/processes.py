@@ -1,11 +1,16 @@
-"""Scripts in processes of their own, alone or under mpiexec: for signals, deadlocks and whole lives of a process."""
+"""Scripts in processes of their own, alone or under mpiexec: for demos, signals, deadlocks, whole lives."""
 
 from __future__ import annotations
 
+import logging
 import os
+import runpy
 import subprocess
 import sys
 from pathlib import Path
+
+import pytest
+from mpi4py import MPI
 
 ROOT = Path(__file__).parent.parent
 
@@ -40,6 +45,23 @@ def launched(path: Path, ranks: int, folder: Path) -> subprocess.Popen:
         stderr=subprocess.STDOUT,
         text=True,
     )
+
+
+def run_as_user(path: Path, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Run a script in a folder: on one rank as a process of its own, on several by all ranks of this one.
+
+    Its handlers of log messages are removed afterwards.
+    """
+    if MPI.COMM_WORLD.size == 1:
+        output(launched(path, 1, folder), 300)
+        return
+    log = logging.getLogger("erc_contact")
+    monkeypatch.setattr(log, "handlers", [])
+    monkeypatch.setattr(log, "propagate", True)
+    level = log.level
+    monkeypatch.chdir(folder)
+    runpy.run_path(str(path), run_name="__main__")
+    log.setLevel(level)
 
 
 def output(process: subprocess.Popen, seconds: float) -> str:

@@ -1,17 +1,19 @@
-"""Every demo runs as a user would run it, and leaves the files that it says; under mpiexec those that say so too."""
+"""Every demo runs as a user would run it, and leaves the files that it says; under mpiexec those that say so."""
 
 import pytest
-from processes import ROOT, launched, output
+from mpi4py import MPI
+from processes import ROOT, run_as_user
+from scenes import mostly_serial
 
-pytestmark = pytest.mark.serial
 DEMOS = sorted((ROOT / "demos").glob("*.py"))
-RUNS = [(1, demo) for demo in DEMOS] + [(2, demo) for demo in DEMOS if "mpirun -n 2" in demo.read_text()]
+ON_RANKS = [demo for demo in DEMOS if "mpirun -n 2" in demo.read_text()]
 
 
-@pytest.mark.parametrize(("ranks", "demo"), RUNS, ids=lambda run: getattr(run, "stem", run))
-def test_demo(ranks, demo, tmp_path):
-    output(launched(demo, ranks, tmp_path), 300)
+@pytest.mark.parametrize("demo", mostly_serial(DEMOS, ON_RANKS), ids=lambda demo: demo.stem)
+def test_demo(demo, shared_tmp_path, monkeypatch):
+    run_as_user(demo, shared_tmp_path, monkeypatch)
+    MPI.COMM_WORLD.barrier()
     if "history.save" not in demo.read_text():
         return
-    written = {path.name for path in (tmp_path / "results" / demo.stem).iterdir()}
+    written = {path.name for path in (shared_tmp_path / "results" / demo.stem).iterdir()}
     assert {"history.csv", "error.png", "meshes.png", "error_map.png", "deformed.png"} <= written

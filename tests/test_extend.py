@@ -5,9 +5,8 @@ import runpy
 from pathlib import Path
 
 import pytest
-from processes import ROOT, launched, output
+from processes import ROOT, run_as_user
 
-pytestmark = pytest.mark.serial
 FOLDER = ROOT / "demos" / "extend"
 SCRIPTS = sorted(FOLDER.glob("*.py"))
 MOST = 30
@@ -33,10 +32,12 @@ def code_lines(tree):
     return lines
 
 
+@pytest.mark.serial
 def test_an_example_for_each_kind():
     assert {script.stem for script in SCRIPTS} == {"gap", "law", "load", "material", "method", "strategy"}
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda script: script.stem)
 def test_example_is_short_and_public(script):
     lines = code_lines(ast.parse(script.read_text()))
@@ -48,11 +49,10 @@ def test_example_is_short_and_public(script):
     assert own == ["import erc_contact as ec"]
 
 
-@pytest.mark.parametrize("ranks", [1, 2])
-def test_examples_run(ranks, tmp_path):
+def test_examples_run(shared_tmp_path, monkeypatch):
     """All in one process of each rank, which is this file as a script."""
-    output(launched(Path(__file__), ranks, tmp_path), 300)
-    assert not list(tmp_path.iterdir())
+    run_as_user(Path(__file__), shared_tmp_path, monkeypatch)
+    assert not list(shared_tmp_path.iterdir())
 
 
 if __name__ == "__main__":

@@ -48,8 +48,22 @@ def evaluate(expression: Any, mesh: dmesh.Mesh, points: np.ndarray, entities: np
     expression = ufl.algorithms.expand_derivatives(ufl.as_ufl(expression))
     if not varies(expression):  # a number, constants, derivatives that became constant: nothing to compile
         return np.broadcast_to(_constant(expression), (len(entities), len(points), *expression.ufl_shape))
+    position = ufl.SpatialCoordinate(mesh)
+    few = len(points) == 1 or entities.ndim == 2
+    if few and expression != position and _is_data(expression):  # compiled once for all points; slower for many
+        return Everywhere(expression, mesh)(evaluate(position, mesh, points, entities), entities)
     compiled = fem.Expression(expression, points, comm=mesh.comm, dtype=np.float64)
     return compiled.eval(mesh, entities)
+
+
+def _is_data(expression: Any) -> bool:
+    """Whether a UFL expression knows only the position, constants, and functions that are constant in cells."""
+    return all(
+        isinstance(node, ufl.classes.SpatialCoordinate | ufl.classes.ConstantValue | fem.Constant)
+        or (isinstance(node, ufl.classes.Coefficient) and not varies_in_cells(node))
+        for node in traverse_unique_terminals(expression)
+        if not isinstance(node, ufl.classes.MultiIndex | ufl.classes.Label)
+    )
 
 
 def _constant(expression: Any) -> np.ndarray:
@@ -63,8 +77,8 @@ def _constant(expression: Any) -> np.ndarray:
 class Everywhere:
     """A UFL expression at points that differ from cell to cell.
 
-    The points that :func:`evaluate` takes are the same in all cells, and are compiled. Here x, the functions and the
-    facet normals in the expression become numbers of each point, so that it is compiled once for all points.
+    Here x, the functions and the facet normals in the expression become numbers of each point, so that it is compiled
+    once for all points.
 
     Args:
         expression: UFL expression of shape s; functions in it without derivatives.
@@ -156,7 +170,10 @@ def _number(shape: tuple[int, ...]) -> fem.Function:
 
 
 def _compiled(expression: Any, comm: MPI.Comm) -> fem.Expression:
-    return fem.Expression(expression, np.array([[0.5]]), comm=comm, dtype=np.float64)
+    """An expression of numbers, compiled once for all that differ in plain numbers only."""
+    plain = [t for t in traverse_unique_terminals(expression) if isinstance(t, ufl.classes.FloatValue)]
+    lifted = ufl.replace(expression, {number: fem.Constant(_line(), float(number)) for number in plain})
+    return fem.Expression(lifted, np.array([[0.5]]), comm=comm, dtype=np.float64)
 
 
 def _tabulated(compiled: fem.Expression, numbers: Mapping[fem.Function, np.ndarray], count: int) -> np.ndarray:
