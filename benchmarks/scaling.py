@@ -83,7 +83,8 @@ def show(rows: list[dict[str, Any]], path: Path) -> None:
     for row in rows:
         units = "".join(f"{row[stage] / row['unit']:18.2f}" for stage in STAGES[1:])
         print(
-            f"{row['ranks']:5d}{row['unknowns']:10d}{row['unit']:8.2f}{units}{row['megabytes'] * 1e3 / row['cells']:12.1f}"
+            f"{row['ranks']:5d}{row['unknowns']:10d}{row['unit']:8.2f}{units}"
+            f"{row['megabytes'] * 1e3 / row['cells']:12.1f}"
         )
     figure, axes = plt.subplots(figsize=(6, 4.5), layout="constrained")
     for ranks in sorted({row["ranks"] for row in rows}):

@@ -53,6 +53,14 @@ SCENES = {
     "opening": lambda: (opening(0.3), ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(6, 6))),
     "nonlinear law": lambda: (opening(Saturating(0.3, 0.01)), ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(6, 6))),
     "cube": lambda: pressed_cube(friction=0.3),
+    "cube on rollers": lambda: (
+        ec.Scene(
+            ec.Elastic(E=1.0, nu=0.3),
+            [ec.Displacement("top", (0.0, None, -0.05)), ec.Displacement("left", (0.0, None, None))],
+            contacts=[ec.Contact("bottom", friction=0.3)],
+        ),
+        cube(),
+    ),
     "cube without friction": pressed_cube,
     "cube on a sphere": lambda: pressed_cube(friction=0.3, gap=lambda x: 0.1 * ((x[0] - 0.4) ** 2 + (x[1] - 0.5) ** 2)),
     "cube glued by a bilateral contact": lambda: pressed_cube(friction=ec.Tresca(0.004), bilateral=True),

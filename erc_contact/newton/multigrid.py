@@ -90,9 +90,12 @@ class Multigrid(Elastic):
         The loads must do no work on rigid motions that no support holds; u has no part in these motions.
         """
         self._set_up(self._weak_share())
+        right = self.right_side(b, supports=supports)
         if self.model.free_motions:
-            self.matrix.setNullSpace(self._motions())
-        return self._solved(self.matrix, self.right_side(b, supports=supports), EXACT)
+            motions = self._motions()
+            self.matrix.setNullSpace(motions)
+            motions.remove(right)  # round-off
+        return self._solved(self.matrix, right, EXACT)
 
     def renew(self, change: PETSc.Mat) -> None:
         """Let the hierarchy be that of K plus a change at the contact [force/length]."""
