@@ -48,7 +48,8 @@ CONE = 1e-12
 @pytest.fixture(scope="module", params=mostly_serial(PAIRS, [(2, 1), (3, 1), (2, 2), (3, 2)]))
 def pair(request: pytest.FixtureRequest) -> Admissible:
     seed, degree = request.param
-    return ec.equilibrate(ec.solve(*random_scene(seed), degree=degree))
+    method = ec.AugmentedLagrangian() if seed in (0, 1, 4, 5) else None
+    return ec.equilibrate(ec.solve(*random_scene(seed), method, degree=degree))
 
 
 def worst(pair: Admissible, values: np.ndarray) -> float:

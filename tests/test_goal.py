@@ -48,7 +48,8 @@ def cubes(n: int, comm: MPI.Comm = MPI.COMM_WORLD) -> ec.Domain:
 
 
 def error_of(scene: ec.Scene, domain: ec.Domain, tighten: int = 10, degree: int = 1) -> ec.ConstitutiveError:
-    return ec.constitutive_error(ec.equilibrate(ec.solve(scene, domain, degree=degree), tighten=tighten))
+    solution = ec.solve(scene, domain, ec.AugmentedLagrangian(), degree=degree)
+    return ec.constitutive_error(ec.equilibrate(solution, tighten=tighten))
 
 
 CASES = {

@@ -51,7 +51,7 @@ def given(axis: int = 0, **coefficients: float) -> Callable:
 
 
 def error_of(scene: ec.Scene, domain: ec.Domain, degree: int = 1) -> ec.ConstitutiveError:
-    return ec.constitutive_error(ec.equilibrate(ec.solve(scene, domain, degree=degree)))
+    return ec.constitutive_error(ec.equilibrate(ec.solve(scene, domain, ec.AugmentedLagrangian(), degree=degree)))
 
 
 def square(n: int, comm: MPI.Comm = MPI.COMM_WORLD) -> ec.Domain:

@@ -51,7 +51,7 @@ def punch(d: int) -> tuple[ec.Scene, ec.Domain]:
 
 
 def error_of(scene: ec.Scene, domain: ec.Domain, degree: int = 1) -> ec.ConstitutiveError:
-    return ec.constitutive_error(ec.equilibrate(ec.solve(scene, domain, degree=degree)))
+    return ec.constitutive_error(ec.equilibrate(ec.solve(scene, domain, ec.AugmentedLagrangian(), degree=degree)))
 
 
 @pytest.fixture(scope="module", params=[2, 3])
