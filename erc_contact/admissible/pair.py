@@ -189,7 +189,7 @@ def _rebalanced(solution: Solution, cells: CellGeometry, b: fem.Function) -> np.
     model = solution.model
     loads = model.loads(ufl.TestFunction(model.V))
     varies = loads is not None and any(varies_in_cells(integral.integrand()) for integral in loads.integrals())
-    u = solution.stiffness.solve(b) if model.contacts or varies else solution.u
+    u = solution.stiffness.solve(b, near=solution.u) if model.contacts or varies else solution.u
     stress = cell_stress(model, cells, u)
     for _ in range(REFINEMENTS):
         rest, size = _residual(model, cells, b, stress)

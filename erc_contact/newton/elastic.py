@@ -33,8 +33,14 @@ class ElasticSolver(Protocol):
     def load_vector(self) -> fem.Function:
         """Nodal forces of the loads of the scene [force], not yet summed over ranks."""
 
-    def solve(self, b: fem.Function, *, supports: bool = True) -> fem.Function:
-        """Displacement u of ``K u = b`` [length]; collective."""
+    def solve(self, b: fem.Function, *, supports: bool = True, near: fem.Function | None = None) -> fem.Function:
+        """Displacement u of ``K u = b`` [length]; collective.
+
+        Args:
+            b: Nodal forces [force].
+            supports: Whether fixed components take the values of the supports; without, u is a correction.
+            near: A displacement that may be near [length].
+        """
 
     def free(self) -> None:
         """Free the memory; a later solve makes it again."""

@@ -200,7 +200,7 @@ class FullSpace:
         force.array[self._fixed] = 0.0
         size = force.norm()
         force.pointwiseMult(force, diagonal)
-        self._renewed(None, x)
+        self._assemble(x)
         fgmres(self.mult, self.precondition, force, u, REGULAR)
         u.pointwiseMult(u, diagonal)
         u.array[self._fixed] = 0.0
@@ -255,7 +255,17 @@ class FullSpace:
         y.array[self._rows] = total[self._rows]
 
     def _renewed(self, _: Any, x: PETSc.Vec, *__: PETSc.Mat) -> None:
-        """Assemble the terms of the contact in the tangent at x, and renew the hierarchy where that pays."""
+        """Assemble the tangent at x, and renew the hierarchy where that pays."""
+        self._assemble(x)
+        cycles, reduction = self._last
+        if cycles:
+            self._excess += cycles - np.log(reduction) / np.log(FRESH)
+        if self._excess > RENEWAL:
+            self.elastic.renew(self._springs.matrix if self.forms.multipliers else self._tangents[0])
+            self._excess = 0.0
+
+    def _assemble(self, x: PETSc.Vec) -> None:
+        """Assemble the terms of the contact in the tangent at x."""
         self._set(x)
         for tangent, form in zip(self._tangents, self.forms.tangents, strict=True):
             tangent.zeroEntries()
@@ -263,12 +273,6 @@ class FullSpace:
             tangent.assemble()
         if self.forms.multipliers:
             self._springs.update(self._tangents)
-        cycles, reduction = self._last
-        if cycles:
-            self._excess += cycles - np.log(reduction) / np.log(FRESH)
-        if self._excess > RENEWAL:
-            self.elastic.renew(self._springs.matrix if self.forms.multipliers else self._tangents[0])
-            self._excess = 0.0
 
     def _watch(self, _: PETSc.KSP, cycle: int, norm: float) -> None:
         """Remember the cycles of a linear solve and its reduction of the residual."""

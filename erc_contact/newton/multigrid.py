@@ -36,8 +36,8 @@ OPTIONS = {
     "mg_levels_pc_type": "sor",
 }
 """Options that the user's override."""
-GUESS, EXACT = 1e-2, 1e-12
-"""Tolerances of linear solves: of one where Newton's method starts, and of one that must balance the loads [-]."""
+GUESS, CORRECTION, EXACT = 1e-2, 1e-4, 1e-12
+"""Tolerances of linear solves: where Newton's method starts, of corrections, and of what must balance the loads [-]."""
 DIRECT = (
     'Take solver="direct": nearly incompressible bodies, slender ones and jumps of the moduli are hard for multigrid.'
 )
@@ -84,10 +84,16 @@ class Multigrid(Elastic):
         self._set_up(1.0)
         return self._solved(self._fine, self.right_side(b, supports=supports), tolerance)
 
-    def solve(self, b: fem.Function, *, supports: bool = True) -> fem.Function:
+    def solve(self, b: fem.Function, *, supports: bool = True, near: fem.Function | None = None) -> fem.Function:
         """Displacement u of ``K u = b`` [length] under nodal forces b [force]; see :meth:`glued`.
 
-        The loads must do no work on rigid motions that no support holds; u has no part in these motions.
+        The loads must do no work on rigid motions that no support holds; u has no part in these motions. Without
+        supports it is a correction, of which four digits are right.
+
+        Args:
+            b: Nodal forces.
+            supports: Whether fixed components take the values of the supports, else zero.
+            near: A displacement that may be near, where the iteration starts [length].
         """
         self._set_up(self._weak_share())
         right = self.right_side(b, supports=supports)
@@ -95,7 +101,8 @@ class Multigrid(Elastic):
             motions = self._motions()
             self.matrix.setNullSpace(motions)
             motions.remove(right)  # round-off
-        return self._solved(self.matrix, right, EXACT)
+            near = None  # it has a part in the motions
+        return self._solved(self.matrix, right, EXACT if supports else CORRECTION, near)
 
     def renew(self, change: PETSc.Mat) -> None:
         """Let the hierarchy be that of K plus a change at the contact [force/length]."""
@@ -151,7 +158,9 @@ class Multigrid(Elastic):
         self._pc.setUp()
         self._share = share
 
-    def _solved(self, matrix: PETSc.Mat, b: PETSc.Vec, tolerance: float) -> fem.Function:
+    def _solved(
+        self, matrix: PETSc.Mat, b: PETSc.Vec, tolerance: float, near: fem.Function | None = None
+    ) -> fem.Function:
         """The solution for a right side, which is destroyed."""
         size = b.norm(PETSc.NormType.NORM_INFINITY)
         if not np.isfinite(size):
@@ -161,8 +170,10 @@ class Multigrid(Elastic):
         x = b.duplicate()
         if size > 0:
             b.scale(1 / size)
+            if near is not None:
+                x.array[:] = near.x.array[: self.owned] / size
             rest = self._conjugate_gradients(matrix, b, x, tolerance)
-            if rest > NEAR * tolerance and tolerance == EXACT:
+            if rest > NEAR * tolerance and tolerance < GUESS:
                 log_of(self.model.comm).info("Multigrid left %.0e of the loads: a direct solver takes over.", rest)
                 self._exact = factorised(self._fine)
                 self._pc = self._exact.getPC()
@@ -184,6 +195,7 @@ class Multigrid(Elastic):
         ksp.setType("cg")
         ksp.setNormType(PETSc.KSP.NormType.UNPRECONDITIONED)
         ksp.setTolerances(rtol=tolerance, atol=0.0, max_it=LIMIT)
+        ksp.setInitialGuessNonzero(True)
         try:
             ksp.solve(b, x)
             rest = ksp.getResidualNorm() / b.norm()
