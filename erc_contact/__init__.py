@@ -15,7 +15,7 @@ if importlib.util.find_spec("dolfinx_solver"):  # the wheel of DOLFINx must load
     import dolfinx_solver  # noqa: F401
 
 from erc_contact.admissible.pair import Admissible, equilibrate
-from erc_contact.base.compiled import remember_forms
+from erc_contact.base.compiled import number_constants_alike, remember_forms
 from erc_contact.base.exceptions import ErcContactError, InputError, NotConverged, NotHeldError
 from erc_contact.base.interpreter import free_forms
 from erc_contact.base.logs import log_to_console
@@ -40,6 +40,7 @@ from erc_contact.scene.support import Displacement
 
 free_forms()
 remember_forms()
+number_constants_alike()
 
 __all__ = [
     "Admissible",

@@ -1,4 +1,4 @@
-"""Forms are looked up once in a process: the folder of compiled forms is not read again for a form that is known."""
+"""A form that is known is not compiled again, and the folder of compiled forms is not read again for it."""
 
 import os
 
@@ -7,6 +7,7 @@ from dolfinx import fem
 from scenes import block
 
 import erc_contact as ec
+from erc_contact.base.compiled import FIRST
 
 
 def area(domain: ec.Domain) -> fem.Form:
@@ -20,3 +21,9 @@ def test_known_forms_are_not_searched(monkeypatch):
     again = area(block(3))
     assert again.module is first.module
     assert fem.assemble_scalar(again) > 0
+
+
+def test_numbers_of_constants_have_as_many_digits():
+    """UFL sorts factors by the text of these numbers: "10" comes before "9", but "11" after "10"."""
+    mesh = block(2).mesh
+    assert FIRST < fem.Constant(mesh, 1.0).count() < 10 * FIRST
