@@ -7,9 +7,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 import pytest
 import ufl
-from dolfinx import fem
 from mpi4py import MPI
-from ufl.domain import extract_unique_domain
 
 import erc_contact as ec
 from erc_contact.admissible.traction import ContactTraction
@@ -18,11 +16,6 @@ from erc_contact.admissible.traction import ContactTraction
 def mostly_serial(cases: Iterable, on_ranks: Sequence) -> list:
     """Parameters of a test: all of them in serial, some also on several ranks."""
     return [case if case in on_ranks else pytest.param(case, marks=pytest.mark.serial) for case in cases]
-
-
-def number(x: object, value: float) -> fem.Constant:
-    """A number of a callable of x that is not compiled: scenes that differ in it only share their forms."""
-    return fem.Constant(extract_unique_domain(x), float(value))
 
 
 def prototype_block() -> ec.Scene:
@@ -65,7 +58,7 @@ def patch_test(friction: float, nu: float, E: float = 1.7) -> tuple[ec.Scene, np
     c, e = 0.03, -0.01
     b = -friction * (lam + 2 * G) * e / G
     sigma = np.array([[lam * e, G * b], [G * b, (lam + 2 * G) * e]])
-    u = (lambda x: number(x, c) + number(x, b) * x[1], lambda x: number(x, e) * x[1])
+    u = (lambda x: c + b * x[1], lambda x: e * x[1])
     scene = ec.Scene(
         material=ec.Elastic(E, nu),
         supports=[ec.Displacement("top", u)],
@@ -133,7 +126,7 @@ def random_scene(seed: int, comm: MPI.Comm = MPI.COMM_WORLD) -> tuple[ec.Scene, 
         push[0] = 0.0
     loads = [
         ec.Traction(side, pressure=lambda x: 0.01 * (1 + x[last])),
-        ec.BodyForce(tuple(lambda x, k=k: number(x, slope[k]) * (1 + x[0] * x[last]) for k in range(d))),
+        ec.BodyForce(tuple(lambda x, k=k: float(slope[k]) * (1 + x[0] * x[last]) for k in range(d))),
     ]
     scene = ec.Scene(
         material=ec.Elastic(E={"lower": 1.0, "upper": float(rng.uniform(2, 20))}, nu={"lower": 0.3, "upper": 0.1}),

@@ -33,6 +33,12 @@ def varies_in_cells(expression: Any) -> bool:
     )
 
 
+def without_plain_numbers(expression: Any, mesh: dmesh.Mesh) -> Any:
+    """A UFL expression with Constants for its plain numbers: those that differ in them only are compiled once."""
+    plain = [t for t in traverse_unique_terminals(expression) if isinstance(t, ufl.classes.FloatValue)]
+    return ufl.replace(expression, {number: fem.Constant(mesh, float(number)) for number in plain})
+
+
 def evaluate(expression: Any, mesh: dmesh.Mesh, points: np.ndarray, entities: np.ndarray) -> np.ndarray:
     """Values of a UFL expression at reference points of cells or of facets.
 
@@ -170,10 +176,7 @@ def _number(shape: tuple[int, ...]) -> fem.Function:
 
 
 def _compiled(expression: Any, comm: MPI.Comm) -> fem.Expression:
-    """An expression of numbers, compiled once for all that differ in plain numbers only."""
-    plain = [t for t in traverse_unique_terminals(expression) if isinstance(t, ufl.classes.FloatValue)]
-    lifted = ufl.replace(expression, {number: fem.Constant(_line(), float(number)) for number in plain})
-    return fem.Expression(lifted, np.array([[0.5]]), comm=comm, dtype=np.float64)
+    return fem.Expression(without_plain_numbers(expression, _line()), np.array([[0.5]]), comm=comm, dtype=np.float64)
 
 
 def _tabulated(compiled: fem.Expression, numbers: Mapping[fem.Function, np.ndarray], count: int) -> np.ndarray:

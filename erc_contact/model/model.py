@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -15,7 +15,7 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.simplex import nodes, rule
 from erc_contact.model.contacts import bind_contact
-from erc_contact.model.expressions import evaluate, varies, varies_in_cells
+from erc_contact.model.expressions import evaluate, varies, varies_in_cells, without_plain_numbers
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.motions import free_motions
 from erc_contact.model.space import Space
@@ -171,14 +171,28 @@ class Model(Space):
             return np.zeros((len(contact.facets), len(self.facet_points)))
         return evaluate(contact.gap, self.mesh, self.facet_points, contact.facets)
 
-    def gap_coefficients(self, contact: BoundContact) -> Any | None:
-        """UFL whose values at the nodes of the contact are the Bernstein coefficients of the gap, or None."""
-        if self.degree == 1 or not contact.gap_varies:
-            return contact.gap
+    def at_nodes(self, contact: BoundContact) -> BoundContact:
+        """The contact with gap and friction as functions of values at its nodes, for quadrature at these; collective.
+
+        Forms then do not know the callables of the user. The nodal values of the gap are its Bernstein coefficients.
+        """
+        gap, friction = contact.gap, contact.friction
+        if contact.gap_varies:
+            gap = self._nodal(contact, self.gap_at_nodes(contact), coefficients=True)
+        if friction is not None:
+            varying = {name: value for name, value in friction.parameters.items() if varies_in_cells(value)}
+            at = {name: evaluate(v, self.mesh, self.facet_points, contact.facets) for name, v in varying.items()}
+            nodal = {name: self._nodal(contact, values) for name, values in at.items()}
+            friction = replace(friction, parameters={**friction.parameters, **nodal})
+        return replace(contact, gap=gap, friction=friction)
+
+    def _nodal(self, contact: BoundContact, values: np.ndarray, *, coefficients: bool = False) -> Any:
+        """A scalar with these values (facets, m) at the nodes of a contact, or with their Bernstein coefficients."""
         nodal = fem.Function(self.V)
-        values = nodal.x.array.reshape(-1, self.d)
-        values[self.facet_nodes(contact.facets), 0] = self.gap_at_nodes(contact)
-        self.to_coefficients(values, [contact])
+        at = nodal.x.array.reshape(-1, self.d)
+        at[self.facet_nodes(contact.facets), 0] = values
+        if coefficients:
+            self.to_coefficients(at, [contact])
         return nodal[0]
 
     # -- loads -----------------------------------------------------------------------------------------
@@ -193,6 +207,7 @@ class Model(Space):
         }
         normal = self.n if on_boundary else None
         density = called(self.comm, what, lambda: vector(load.density(self.x, normal, **parameters)))
+        density = without_plain_numbers(density, self.mesh)
         if density.ufl_shape != (self.d,):
             raise InputError(f"{what} has shape {density.ufl_shape}; the mesh needs ({self.d},). {IN_UFL}")
         if varies_in_cells(density):

@@ -1,6 +1,7 @@
 """Values of a scene on a mesh: a number becomes a Constant, a callable becomes UFL of the position.
 
-Everything that one may sweep is a ``fem.Constant``: no form is compiled anew because a number changed.
+Everything that one may sweep is a ``fem.Constant``, plain numbers in callables, too: no form is compiled anew because a
+number changed.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from mpi4py import MPI
 from erc_contact.base.checks import told
 from erc_contact.base.exceptions import InputError
 from erc_contact.mesh.simplex import lattice
-from erc_contact.model.expressions import evaluate
+from erc_contact.model.expressions import evaluate, without_plain_numbers
 from erc_contact.model.space import Space
 from erc_contact.model.users import called, scalar, vector
 from erc_contact.scene.material import Material
@@ -49,7 +50,8 @@ def number(space: Space, value: Any, what: str, x: Any = None) -> Any:
         if not isinstance(value, Real):
             raise InputError(f"{what} is {told(value)}; give a number, or a callable of x.")
         return fem.Constant(space.mesh, float(value))
-    return called(space.comm, what, lambda: scalar(what, value(space.x if x is None else x)))
+    found = called(space.comm, what, lambda: scalar(what, value(space.x if x is None else x)))
+    return without_plain_numbers(found, space.mesh)
 
 
 def components(space: Space, value: Any, what: str, x: Any = None) -> Any:
@@ -61,7 +63,8 @@ def components(space: Space, value: Any, what: str, x: Any = None) -> Any:
     if not callable(value):
         bound = ufl.as_vector([number(space, component, what) for component in value])
     else:
-        bound = called(space.comm, what, lambda: vector(value(space.x if x is None else x)))
+        found = called(space.comm, what, lambda: vector(value(space.x if x is None else x)))
+        bound = without_plain_numbers(found, space.mesh)
     if bound.ufl_shape != (space.d,):
         raise InputError(f"{what} has shape {bound.ufl_shape}; the mesh needs ({space.d},).")
     return bound
@@ -81,7 +84,7 @@ def value_of(space: Space, value: Any, what: str) -> Any:
         shape = found.ufl_shape if isinstance(found, ufl.core.expr.Expr) else np.shape(found)
         return vector(found) if shape else scalar(what, found)
 
-    return called(space.comm, what, attempt)
+    return without_plain_numbers(called(space.comm, what, attempt), space.mesh)
 
 
 def moduli(space: Space, material: Material) -> dict[str, Any]:

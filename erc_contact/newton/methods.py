@@ -34,10 +34,10 @@ class Method(Protocol):
 
     Of a model it may use ``stress(u)`` [force/area], the outward normal ``n`` of the body, ``modulus`` [force/area],
     ``stiffness_per_area(gamma)`` [force/volume], the quadrature degree ``contact_degree``, the quadrature at nodes
-    ``nodal_rule``, and ``gap_coefficients(contact)`` [length] for a multiplier; of a contact ``ds``, ``normal`` (of the
-    foundation), ``gap`` [length], None where it is zero, and ``project(z)``, the traction that the law allows for a
-    trial traction z. Write a parameter as ``fem.Constant(model.mesh, value)``: a plain number is compiled into the
-    forms. (With the wheel of DOLFINx, import ``erc_contact`` before ``dolfinx``.)
+    ``nodal_rule``, and ``at_nodes(contact)``, the contact with its data at the nodes, for a multiplier; of a contact
+    ``ds``, ``normal`` (of the foundation), ``gap`` [length], None where it is zero, and ``project(z)``, the traction
+    that the law allows for a trial traction z. Write a parameter as ``fem.Constant(model.mesh, value)``: a plain number
+    is compiled into the forms. (With the wheel of DOLFINx, import ``erc_contact`` before ``dolfinx``.)
 
     Example: ``demos/extend/method.py``.
 
@@ -78,9 +78,9 @@ class Method(Protocol):
         """
 
 
-def _beyond(contact: BoundContact, u: Any, gap: Any) -> Any:
+def _beyond(contact: BoundContact, u: Any) -> Any:
     """``u - g n``: the displacement beyond first touch [length]."""
-    return u if gap is None else u - gap * contact.normal
+    return u if contact.gap is None else u - contact.gap * contact.normal
 
 
 @dataclass(frozen=True)
@@ -134,9 +134,7 @@ class Nitsche:
 
     def traction(self, model: Model, contact: BoundContact, u: Any, multiplier: Any = None) -> Any:
         """The contact traction ``r(u) = P(sigma(u)n - gamma (u - g n))`` [force/area], UFL, shape (d,)."""
-        return contact.project(
-            ufl.dot(model.stress(u), model.n) - self._gamma(model) * _beyond(contact, u, contact.gap)
-        )
+        return contact.project(ufl.dot(model.stress(u), model.n) - self._gamma(model) * _beyond(contact, u))
 
     projected = traction
 
@@ -196,4 +194,5 @@ class AugmentedLagrangian:
     def projected(self, model: Model, contact: BoundContact, u: Any, multiplier: Any = None) -> Any:
         """``P(lambda - gamma (u - g n))`` [force/area] at the nodes, UFL, shape (d,)."""
         gamma = model.stiffness_per_area(fem.Constant(model.mesh, float(self.gamma)))
-        return contact.project(multiplier - gamma * _beyond(contact, u, model.gap_coefficients(contact)))
+        nodal = model.at_nodes(contact)
+        return nodal.project(multiplier - gamma * _beyond(nodal, u))
