@@ -11,13 +11,10 @@ displacements are given by Bernstein coefficients, see :mod:`erc_contact.mesh.si
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import permutations
-from typing import Any
 
 import numpy as np
 
-from erc_contact.mesh.simplex import barycentric, facet_vertices, from_means, mass, node_between, node_vertices
-from erc_contact.model.expressions import evaluate
+from erc_contact.mesh.simplex import facet_vertices, from_means, mass, node_between, node_vertices
 from erc_contact.model.space import Space
 
 
@@ -127,32 +124,6 @@ def facet_order(vertices: np.ndarray, degree: int) -> np.ndarray:
     d = vertices.shape[1]
     ends = np.argsort(vertices, axis=1)[:, node_vertices(d - 1, degree)]
     return node_between(d - 1, degree)[ends[..., 0], ends[..., 1]]
-
-
-def evaluate_sorted(expression: Any, space: Space, cells: CellGeometry, points: np.ndarray, count: int) -> np.ndarray:
-    """Values of a UFL expression at reference points of the first cells, for the sorted vertices.
-
-    Args:
-        expression: UFL expression of shape s.
-        space: The mesh.
-        cells: Geometry.
-        points: Reference points (q, d) that a permutation of the vertices permutes.
-        count: Number of cells.
-
-    Returns:
-        Values, shape (count, q, *s).
-    """
-    values = evaluate(expression, space.mesh, points, np.arange(count, dtype=np.int32))
-    at = barycentric(points)
-    every = np.array(list(permutations(range(cells.d + 1))))
-    theirs = np.empty((len(every), len(points), cells.d + 1))
-    np.put_along_axis(theirs, np.broadcast_to(every[:, None], theirs.shape), at[None], axis=2)
-    place = np.linalg.norm(theirs[:, :, None] - at, axis=3).argmin(axis=2)
-    digits = (cells.d + 1) ** np.arange(cells.d + 1)
-    number = np.empty((cells.d + 1) ** (cells.d + 1), dtype=int)
-    number[every @ digits] = np.arange(len(every))
-    chosen = place[number[cells.order[:count] @ digits]]
-    return np.take_along_axis(values, chosen.reshape(*chosen.shape, *[1] * (values.ndim - 2)), axis=1)
 
 
 def facet_forces(area: np.ndarray, stress: np.ndarray) -> np.ndarray:

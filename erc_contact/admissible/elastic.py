@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 from dolfinx import fem
 
-from erc_contact.admissible.cells import CellGeometry, evaluate_sorted
+from erc_contact.admissible.cells import CellGeometry, sorted_corners
 from erc_contact.admissible.kernels import kernels
 from erc_contact.admissible.macro import macro_points, tensors
-from erc_contact.mesh.simplex import bernstein, coefficients, gradients, projection, rule
-from erc_contact.model.expressions import evaluate, varies_in_cells
+from erc_contact.mesh.simplex import barycentric, bernstein, coefficients, gradients, projection, rule
 from erc_contact.model.model import Model
 from erc_contact.model.values import DATA_DEGREE
 
@@ -50,19 +49,18 @@ def moduli(model: Model, cells: CellGeometry, points: np.ndarray, count: int, *,
     Args:
         model: The scene on a mesh.
         cells: Geometry.
-        points: Reference points (q, d) for the sorted vertices; a permutation of the vertices permutes the points.
+        points: Reference points (q, d) for the sorted vertices.
         count: Number of cells, the first ones.
         inverse: Compliance C^-1 [area/force] instead of stiffness C [force/area].
 
     Returns:
         Shape (count, q, s, s), with 1 in place of count or q where the material does not vary.
     """
-    matrix = model.compliance_matrix if inverse else model.stiffness_matrix
-    if isinstance(matrix, np.ndarray):
-        return matrix[None, None]
-    if varies_in_cells(matrix):
-        return evaluate_sorted(matrix, model, cells, points, count)
-    return evaluate(matrix, model.mesh, points[:1], np.arange(count, dtype=np.int32))
+    matrix = model.compliance if inverse else model.elasticity
+    if matrix.plain is not None:
+        return matrix.plain[None, None]
+    places = barycentric(points) if matrix.varies_in_cells else np.full((1, model.d + 1), 1 / (model.d + 1))
+    return matrix(np.matmul(places, sorted_corners(model, cells)[:count]), np.arange(count, dtype=np.int32))
 
 
 def macro_moduli(model: Model, cells: CellGeometry, count: int, *, inverse: bool = False) -> np.ndarray:

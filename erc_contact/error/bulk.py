@@ -17,7 +17,6 @@ from erc_contact.admissible.pair import Admissible
 from erc_contact.error.oscillation import EXACT, UNKNOWN
 from erc_contact.mesh.quadrature import cell_pieces, integrate, polynomials
 from erc_contact.mesh.surface import pairs, swept
-from erc_contact.model.expressions import Everywhere
 
 
 def bulk_squares(admissible: Admissible) -> tuple[np.ndarray, np.ndarray, float]:
@@ -38,17 +37,14 @@ def bulk_squares(admissible: Admissible) -> tuple[np.ndarray, np.ndarray, float]
         *(admissible.stress, elastic.shape[1], np.ascontiguousarray(elastic)),
         *(len(compliance) > 1, compliance.shape[1], np.ascontiguousarray(compliance), difference, both),
     )
-    if not model.varying_moduli:
+    if not model.elasticity.varies_in_cells:
         return difference, both, 0.0
-    stiffness_at, compliance_at = (
-        Everywhere(matrix, model.mesh) for matrix in (model.stiffness_matrix, model.compliance_matrix)
-    )
     of_cells = model.owned_cells
     strain = strains(cells, admissible.displacement)[:owned]
 
     def squares(of: np.ndarray, at: np.ndarray, x: np.ndarray) -> np.ndarray:
-        S = compliance_at(x, of_cells[of])
-        elastic = act(stiffness_at(x, of_cells[of]), np.matmul(polynomials(k - 1, at), strain[of]))
+        S = model.compliance(x, of_cells[of])
+        elastic = act(model.elasticity(x, of_cells[of]), np.matmul(polynomials(k - 1, at), strain[of]))
         sigma = macro_values(admissible.stress, k, of, at)
         return np.stack([(act(S, tau) * tau).sum(axis=-1) for tau in (sigma - elastic, sigma + elastic)], axis=-1)
 

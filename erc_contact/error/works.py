@@ -58,15 +58,14 @@ class Number:
 def elastic_work(pair: Admissible, v: fem.Function, w: fem.Function) -> Number:
     """``a(v, w)`` [force length]; collective."""
     model, cells = pair.solution.model, pair.cell_geometry
-    if not model.varying_moduli:
+    if not model.elasticity.varies_in_cells:
         return Number(assembled(model, model.stiffness(v, w)))
     owned, k = model.domain.owned_cells, model.degree
     of_cells, of_v, of_w = model.owned_cells, strains(cells, v), strains(cells, w)
-    stiffness = Everywhere(model.stiffness_matrix, model.mesh)
 
     def density(of: np.ndarray, at: np.ndarray, x: np.ndarray) -> np.ndarray:
         shape = polynomials(k - 1, at)
-        image = act(stiffness(x, of_cells[of]), np.matmul(shape, of_v[of]))
+        image = act(model.elasticity(x, of_cells[of]), np.matmul(shape, of_v[of]))
         return (image * np.matmul(shape, of_w[of])).sum(axis=-1, keepdims=True)
 
     corners, volume = sorted_corners(model, cells)[:owned], cells.volume[:owned]

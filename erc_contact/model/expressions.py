@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Mapping
 from functools import cache
 from typing import Any
@@ -11,7 +12,8 @@ import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
-from ufl.corealg.traversal import traverse_unique_terminals
+from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
+from ufl.corealg.traversal import traverse_unique_terminals, unique_pre_traversal
 from ufl.utils.stacks import StackDict
 
 CHUNK = 4096
@@ -51,15 +53,24 @@ def evaluate(expression: Any, mesh: dmesh.Mesh, points: np.ndarray, entities: np
     Returns:
         Values, shape (n, q, *s).
     """
-    expression = ufl.algorithms.expand_derivatives(ufl.as_ufl(expression))
+    expression = _without_derivatives(expression)
     if not varies(expression):  # a number, constants, derivatives that became constant: nothing to compile
-        return np.broadcast_to(_constant(expression), (len(entities), len(points), *expression.ufl_shape))
+        return np.broadcast_to(constant_value(expression), (len(entities), len(points), *expression.ufl_shape))
     position = ufl.SpatialCoordinate(mesh)
+    if expression == position:
+        return _geometric(ufl.SpatialCoordinate, mesh, points).eval(mesh, entities)
     few = len(points) == 1 or entities.ndim == 2
-    if few and expression != position and _is_data(expression):  # compiled once for all points; slower for many
+    if few and _is_data(expression):  # compiled once for all points; slower for many
         return Everywhere(expression, mesh)(evaluate(position, mesh, points, entities), entities)
     compiled = fem.Expression(expression, points, comm=mesh.comm, dtype=np.float64)
     return compiled.eval(mesh, entities)
+
+
+def _without_derivatives(expression: Any) -> Any:
+    """UFL with its derivatives carried out, or as it is where it has none."""
+    expression = ufl.as_ufl(expression)
+    has = any(isinstance(node, ufl.classes.Derivative) for node in unique_pre_traversal(expression))
+    return ufl.algorithms.expand_derivatives(expression) if has else expression
 
 
 def _is_data(expression: Any) -> bool:
@@ -72,8 +83,9 @@ def _is_data(expression: Any) -> bool:
     )
 
 
-def _constant(expression: Any) -> np.ndarray:
+def constant_value(expression: Any) -> np.ndarray:
     """The value of an expression that does not vary."""
+    expression = apply_algebra_lowering(expression)
     shape, constants = expression.ufl_shape, ufl.algorithms.analysis.extract_constants(expression)
     known = {c: c.value if c.ufl_shape else float(c.value) for c in constants}
     plain = [expression.evaluate((), known, index, StackDict()) for index in np.ndindex(shape)]
@@ -92,21 +104,15 @@ class Everywhere:
     """
 
     def __init__(self, expression: Any, mesh: dmesh.Mesh) -> None:
-        expression = ufl.algorithms.expand_derivatives(ufl.as_ufl(expression))
+        expression = _without_derivatives(expression)
         self.shape, self.mesh = expression.ufl_shape, mesh
-        self.functions: dict[Any, fem.Function] = {}
-        self.plain = None if varies(expression) else _constant(expression)
+        self.plain = None if varies(expression) else constant_value(expression)
         if self.plain is not None:
             return
-        new = {}
-        for terminal in traverse_unique_terminals(expression):
-            if isinstance(terminal, ufl.classes.Coefficient | ufl.classes.GeometricQuantity):
-                self.functions[terminal] = new[terminal] = _number(terminal.ufl_shape)
-            elif isinstance(terminal, fem.Constant):
-                new[terminal] = fem.Constant(_line(), terminal.value)
-        self.compiled = _compiled(ufl.replace(expression, new), mesh.comm)
-        normal, middle = ufl.FacetNormal(mesh), np.full((1, mesh.geometry.dim - 1), 1 / mesh.geometry.dim)
-        self.normal: Any = fem.Expression(normal, middle, comm=mesh.comm) if normal in self.functions else None
+        self.values = OfNumbers(expression, mesh.comm)
+        middle = np.full((1, mesh.geometry.dim - 1), 1 / mesh.geometry.dim)
+        needed = ufl.FacetNormal(mesh) in self.values.numbers
+        self.normal: Any = _geometric(ufl.FacetNormal, mesh, middle) if needed else None
 
     def __call__(self, x: np.ndarray, entities: np.ndarray) -> np.ndarray:
         """Values at points.
@@ -125,19 +131,19 @@ class Everywhere:
         places[:, :d] = x.reshape(-1, d)
         cells = np.repeat(entities if entities.ndim == 1 else entities[:, 0], q).astype(np.int32)
         numbers = {}
-        for terminal, function in self.functions.items():
+        for terminal in self.values.numbers:
+            size = int(np.prod(terminal.ufl_shape))
             if isinstance(terminal, ufl.classes.SpatialCoordinate):
-                numbers[function] = places[:, :d]
+                numbers[terminal] = places[:, :d]
             elif isinstance(terminal, ufl.classes.FacetNormal):
                 normals = self.normal.eval(self.mesh, entities) if n else np.zeros((0, 1, d))
-                numbers[function] = np.repeat(normals.reshape(n, d), q, axis=0)
+                numbers[terminal] = np.repeat(normals.reshape(n, d), q, axis=0)
             elif not varies_in_cells(terminal):
-                blocks = terminal.x.array.reshape(-1, function.function_space.dofmap.bs)
-                numbers[function] = blocks[terminal.function_space.dofmap.list[cells, 0]]
+                blocks = terminal.x.array.reshape(-1, size)
+                numbers[terminal] = blocks[terminal.function_space.dofmap.list[cells, 0]]
             else:
-                size = function.function_space.dofmap.bs
-                numbers[function] = terminal.eval(places, cells).reshape(n * q, size) if n else np.empty((0, size))
-        return _tabulated(self.compiled, numbers, n * q).reshape(n, q, *self.shape)
+                numbers[terminal] = terminal.eval(places, cells).reshape(n * q, size) if n else np.empty((0, size))
+        return self.values(numbers, n * q).reshape(n, q, *self.shape)
 
 
 def pointwise(function: Callable[..., Any], first: np.ndarray, named: Mapping[str, np.ndarray]) -> np.ndarray:
@@ -150,13 +156,58 @@ def pointwise(function: Callable[..., Any], first: np.ndarray, named: Mapping[st
     """
     shape = np.broadcast_shapes(first.shape, *(a.shape for a in named.values()))
     size = int(np.prod(shape))
-    number, names = _number(()), {name: _number(()) for name in named}
-    expression = ufl.as_ufl(function(number, **names))
+    number, *others = (stand_in((), i) for i in range(1 + len(named)))
+    expression = ufl.as_ufl(function(number, **dict(zip(named, others, strict=True))))
     if not varies(expression):
-        return np.broadcast_to(_constant(expression), shape)
-    numbers = {number: first, **{names[name]: array for name, array in named.items()}}
-    numbers = {one: np.broadcast_to(array, shape).reshape(size, 1) for one, array in numbers.items()}
-    return _tabulated(_compiled(expression, MPI.COMM_SELF), numbers, size).reshape(shape)
+        return np.broadcast_to(constant_value(expression), shape)
+    arrays = dict(zip((number, *others), (first, *named.values()), strict=True))
+    numbers = {one: np.broadcast_to(array, shape).reshape(size, 1) for one, array in arrays.items()}
+    return OfNumbers(expression, MPI.COMM_SELF)(numbers, size).reshape(shape)
+
+
+class OfNumbers:
+    """A UFL expression whose terminals are numbers of each point.
+
+    Fields and constants are replaced by those of a common mesh. So expressions that differ only in what they stand for
+    are compiled once, on all meshes of a process.
+
+    Args:
+        expression: UFL expression without derivatives.
+        comm: The ranks that compile it together.
+
+    Attributes:
+        numbers: What stands for each terminal that varies.
+    """
+
+    def __init__(self, expression: Any, comm: MPI.Comm) -> None:
+        self.numbers: dict[Any, fem.Function] = {}
+        self._constants: dict[Any, fem.Constant] = {}
+        used: Counter[Any] = Counter()
+        for terminal in traverse_unique_terminals(expression):
+            for kinds, make, known in (
+                ((ufl.classes.Coefficient, ufl.classes.GeometricQuantity), stand_in, self.numbers),
+                ((fem.Constant, ufl.classes.FloatValue), _parameter, self._constants),
+            ):
+                if isinstance(terminal, kinds):
+                    known[terminal] = make(terminal.ufl_shape, used[make, terminal.ufl_shape])
+                    used[make, terminal.ufl_shape] += 1
+        replaced = ufl.replace(expression, {**self.numbers, **self._constants})
+        self._compiled = _compiled(replaced, np.array([[0.5]]), comm)
+
+    def __call__(self, numbers: Mapping[Any, np.ndarray], count: int) -> np.ndarray:
+        """Values for numbers of the terminals, arrays (count, size of the terminal); shape (count, size)."""
+        for terminal, constant in self._constants.items():
+            constant.value = terminal.value if isinstance(terminal, fem.Constant) else float(terminal)
+        values = np.empty((count, self._compiled.value_size))
+        for start in range(0, count, CHUNK):
+            some = slice(start, min(start + CHUNK, count))
+            cells = np.arange(some.stop - start, dtype=np.int32)
+            for terminal, array in numbers.items():
+                if terminal in self.numbers:
+                    function = self.numbers[terminal]
+                    function.x.array.reshape(CHUNK, -1)[function.function_space.dofmap.list[cells, 0]] = array[some]
+            values[some] = self._compiled.eval(_line(), cells).reshape(len(cells), self._compiled.value_size)
+        return values
 
 
 @cache
@@ -170,22 +221,39 @@ def _numbers(shape: tuple[int, ...]) -> fem.FunctionSpace:
     return fem.functionspace(_line(), ("DG", 0, shape))
 
 
-def _number(shape: tuple[int, ...]) -> fem.Function:
+@cache
+def stand_in(shape: tuple[int, ...], which: int) -> fem.Function:
     """What stands in an expression for numbers of this shape, one for each point."""
     return fem.Function(_numbers(shape))
 
 
-def _compiled(expression: Any, comm: MPI.Comm) -> fem.Expression:
-    return fem.Expression(without_plain_numbers(expression, _line()), np.array([[0.5]]), comm=comm, dtype=np.float64)
+@cache
+def _parameter(shape: tuple[int, ...], which: int) -> fem.Constant:
+    """What stands in an expression for a constant of this shape."""
+    return fem.Constant(_line(), np.zeros(shape))
 
 
-def _tabulated(compiled: fem.Expression, numbers: Mapping[fem.Function, np.ndarray], count: int) -> np.ndarray:
-    """Values of an expression of numbers, given as arrays (count, ...)."""
-    values = np.empty((count, compiled.value_size))
-    for start in range(0, count, CHUNK):
-        some = slice(start, min(start + CHUNK, count))
-        cells = np.arange(some.stop - start, dtype=np.int32)
-        for function, array in numbers.items():
-            function.x.array.reshape(CHUNK, -1)[function.function_space.dofmap.list[cells, 0]] = array[some]
-        values[some] = compiled.eval(_line(), cells).reshape(len(cells), compiled.value_size)
-    return values
+@cache
+def _cell(element: Any) -> dmesh.Mesh:
+    """One cell with this coordinate element, for expressions that know nothing but the geometry of any mesh."""
+    (d,) = element.reference_value_shape
+    corners = np.vstack([np.zeros(d), np.eye(d)])
+    return dmesh.create_mesh(MPI.COMM_SELF, np.arange(d + 1)[None], ufl.Mesh(element), corners)
+
+
+def _geometric(quantity: Callable[[dmesh.Mesh], Any], mesh: dmesh.Mesh, points: np.ndarray) -> fem.Expression:
+    """A geometric quantity at reference points of the entities of any mesh, compiled; collective."""
+    return _compiled(quantity(_cell(mesh.ufl_domain().ufl_coordinate_element())), points, mesh.comm)
+
+
+_known: dict[Any, fem.Expression] = {}
+"""The expressions that know no mesh of the user's, as this process has compiled them."""
+
+
+def _compiled(expression: Any, points: np.ndarray, comm: MPI.Comm) -> fem.Expression:
+    """The compiled expression at reference points; collective."""
+    key = expression, points.shape, points.tobytes()
+    known = key in _known
+    if not (known if comm.size == 1 else comm.allreduce(known, MPI.LAND)):
+        _known[key] = fem.Expression(expression, points, comm=comm, dtype=np.float64)
+    return _known[key]

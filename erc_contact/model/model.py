@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -13,9 +13,10 @@ from dolfinx import fem
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.mesh.domain import Domain
-from erc_contact.mesh.simplex import nodes, rule
+from erc_contact.mesh.simplex import rule
 from erc_contact.model.contacts import bind_contact
-from erc_contact.model.expressions import evaluate, varies, varies_in_cells, without_plain_numbers
+from erc_contact.model.elasticity import ElasticMatrix
+from erc_contact.model.expressions import evaluate, varies_in_cells, without_plain_numbers
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.motions import free_motions
 from erc_contact.model.space import Space
@@ -23,7 +24,7 @@ from erc_contact.model.supports import bind_supports
 from erc_contact.model.users import IN_UFL, called, try_material, vector
 from erc_contact.model.values import DATA_DEGREE, moduli, parameter, value_of
 from erc_contact.scene.load import Load
-from erc_contact.scene.material import Elastic, mandel_matrix, strain
+from erc_contact.scene.material import Elastic, strain
 from erc_contact.scene.scene import Scene
 
 
@@ -99,24 +100,14 @@ class Model(Space):
         return self.scene.material.modulus(**self.parameters)
 
     @cached_property
-    def stiffness_matrix(self) -> Any:
-        """C in Mandel components [force/area]: numbers (s, s) where the material does not vary, else UFL."""
-        return self._matrix(self.scene.material.stress)
+    def elasticity(self) -> ElasticMatrix:
+        """C in Mandel components [force/area] at points; collective."""
+        return ElasticMatrix(self.scene.material, self.parameters, self.mesh)
 
     @cached_property
-    def compliance_matrix(self) -> Any:
-        """C^-1 in Mandel components [area/force]: numbers (s, s) where the material does not vary, else UFL."""
-        return self._matrix(self.scene.material.compliance)
-
-    @property
-    def varying_moduli(self) -> bool:
-        """Whether the moduli vary inside cells."""
-        matrices = self.stiffness_matrix, self.compliance_matrix
-        return any(not isinstance(matrix, np.ndarray) and varies_in_cells(matrix) for matrix in matrices)
-
-    def _matrix(self, act: Callable[..., Any]) -> Any:
-        matrix = mandel_matrix(act, self.d, **self.parameters)
-        return matrix if varies(matrix) else evaluate(matrix, self.mesh, nodes(self.d, 0), np.zeros(1))[0, 0]
+    def compliance(self) -> ElasticMatrix:
+        """C^-1 in Mandel components [area/force] at points; collective."""
+        return ElasticMatrix(self.scene.material, self.parameters, self.mesh, inverse=True)
 
     def stiffness(self, u: Any, v: Any) -> Any:
         """``a(u, v) = int sigma(u) : eps(v)``, a UFL form."""

@@ -1,4 +1,4 @@
-"""Values at points of the user's: which cells hold them, displacement, strain and stiffness there.
+"""Values at points of the user's: which cells hold them, and the stress there.
 
 Symbols: d dimension, k degree of the displacement, s = d(d+1)/2 Mandel components.
 """
@@ -9,13 +9,10 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-import ufl
 from dolfinx import fem, geometry
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.mesh.simplex import nodes
-from erc_contact.model.expressions import evaluate
 from erc_contact.model.model import Model
 from erc_contact.scene.material import mandel_basis, strain
 
@@ -69,23 +66,5 @@ def elastic_stress_at(model: Model, u: fem.Function, cell: np.ndarray, x: np.nda
     eps.interpolate(fem.Expression(strain(u), W.element.interpolation_points, comm=model.comm))
     local = eps.eval(in_space(x), cell.astype(np.int32)).reshape(len(x), d, d) if len(x) else np.zeros((0, d, d))
     basis = mandel_basis(d)
-    stress = np.einsum("nab,nb->na", _stiffness_at(model, cell, x), np.einsum("bij,nij->nb", basis, local))
+    stress = np.einsum("nab,nb->na", model.elasticity(x[:, None], cell)[:, 0], np.einsum("bij,nij->nb", basis, local))
     return np.einsum("na,aij->nij", stress, basis)
-
-
-def _stiffness_at(model: Model, cell: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """C in Mandel components at points (n, d) of cells (n,), shape (n, s, s); collective."""
-    matrix = model.stiffness_matrix
-    if isinstance(matrix, np.ndarray):
-        return np.broadcast_to(matrix, (len(x), *matrix.shape))
-    point = fem.Function(fem.functionspace(model.mesh, ("DG", 0, (model.d,))))
-    there = ufl.replace(matrix, {model.x: point})
-    result = np.empty((len(x), *matrix.ufl_shape))
-    order = np.argsort(cell, kind="stable")
-    turn = np.empty(len(x), dtype=int)
-    turn[order] = np.arange(len(x)) - np.searchsorted(cell[order], cell[order])  # each round takes one point of a cell
-    for k in range(model.comm.allreduce(int(turn.max(initial=-1)), MPI.MAX) + 1):
-        some = turn == k
-        point.x.array.reshape(-1, model.d)[cell[some]] = x[some]
-        result[some] = evaluate(there, model.mesh, nodes(model.d, 0), cell[some].astype(np.int32))[:, 0]
-    return result

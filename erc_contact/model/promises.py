@@ -64,11 +64,8 @@ def _check_material(model: Model) -> None:
     name = type(model.scene.material).__name__
     points, owned = rule(model.d, 4)[0], model.owned_cells
 
-    def at_points(value: Any) -> np.ndarray:
-        values = value if isinstance(value, np.ndarray) else evaluate(value, model.mesh, points, owned)
-        return values.reshape(-1, *values.shape[-2:])
-
-    C, S = at_points(model.stiffness_matrix), at_points(model.compliance_matrix)
+    x = np.matmul(barycentric(points), model.cell_corners()[owned])
+    C, S = (matrix(x, owned).reshape(-1, matrix.size, matrix.size) for matrix in (model.elasticity, model.compliance))
     modulus = evaluate(model.modulus, model.mesh, points, owned)
     finite = np.isfinite(C).all() and np.isfinite(S).all() and np.isfinite(modulus).all()
     least, skew, other = np.inf, 0.0, 0.0

@@ -14,7 +14,7 @@ from erc_contact.mesh.simplex import rule
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.model import Model
 from erc_contact.model.users import linear
-from erc_contact.newton.methods import Method
+from erc_contact.newton.methods import OURS, Method
 
 
 class ContactForms:
@@ -48,7 +48,6 @@ class ContactForms:
         pairs = list(zip(self.contacts, fields, strict=True))
         parts = together(model.comm, lambda: [self._equations(c, f, v) for c, f in pairs])
         shown = together(model.comm, lambda: [c.status(method.projected(model, c, self.u, f)) for c, f in pairs])
-        together(model.comm, lambda: [method.traction(model, c, self.u, f) for c, f in pairs])
         equations = sum(parts[1:], start=parts[0])
         self.residual = fem.form(equations)
         self.tangents = [fem.form(ufl.derivative(equations, f, du)) for f in (self.u, *self.multipliers)]
@@ -72,7 +71,10 @@ class ContactForms:
         return tuple(found)
 
     def _equations(self, contact: BoundContact, multiplier: Any, v: Any) -> Any:
-        """The equations of the method on a contact, a form linear in v."""
+        """The equations of the method on a contact, a form linear in v; a method of the user's is tried."""
+        if type(self.method) in OURS:
+            return self.method.equations(self.model, contact, self.u, v, multiplier)
+        self.method.traction(self.model, contact, self.u, multiplier)
         what = f"The equations of {type(self.method).__name__}"
         form = self.method.equations(self.model, contact, self.u, v, multiplier)
         if not isinstance(form, ufl.Form):

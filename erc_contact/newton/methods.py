@@ -196,3 +196,7 @@ class AugmentedLagrangian:
         gamma = model.stiffness_per_area(fem.Constant(model.mesh, float(self.gamma)))
         nodal = model.at_nodes(contact)
         return nodal.project(multiplier - gamma * _beyond(nodal, u))
+
+
+OURS = Nitsche, AugmentedLagrangian
+"""Methods whose equations are known to be linear in the test function."""
