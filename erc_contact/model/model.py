@@ -129,10 +129,25 @@ class Model(Space):
         taken = [(density, measure) for part, density, measure in loads if on is None or part in on]
         return _sum([ufl.inner(f, v) * measure for f, measure in taken if varying or not varies_in_cells(f)])
 
-    def stiffness_per_area(self, gamma: Any) -> Any:
-        """``gamma E k^2/h`` [force/volume] with E the modulus and h the height of a cell over its facet, UFL there."""
+    @cached_property
+    def cell_modulus(self) -> fem.Function:
+        """The modulus at the middle of each cell [force/area]: forms that need only its size are the same for all."""
+        modulus = fem.Function(fem.functionspace(self.mesh, ("DG", 0)))
+        cells = np.arange(len(modulus.x.array), dtype=np.int32)
+        modulus.x.array[:] = self.at_middles(self.modulus, cells)
+        return modulus
+
+    def stiffness_per_area(self, gamma: Any, modulus: Any = None) -> Any:
+        """``gamma E k^2/h`` [force/volume], UFL on facets.
+
+        Args:
+            gamma: Factor [-].
+            modulus: E [force/area], the modulus of the material by default.
+
+        Here h is the height of a cell over its facet.
+        """
         h = self.d * ufl.CellVolume(self.mesh) / ufl.FacetArea(self.mesh)
-        return gamma * self.degree**2 * self.modulus / h
+        return gamma * self.degree**2 * (self.modulus if modulus is None else modulus) / h
 
     def stiffest(self) -> float:
         """Greatest modulus at the middle of the cells of all ranks [force/area]; collective."""

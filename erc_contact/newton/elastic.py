@@ -118,7 +118,7 @@ def _glue(model: Model) -> fem.Function:
         return glue
     ones = ufl.as_vector([1.0] * model.d)
     v = ufl.TestFunction(model.V)
-    gamma = model.stiffness_per_area(fem.Constant(model.mesh, GLUE))
+    gamma = model.stiffness_per_area(fem.Constant(model.mesh, GLUE), model.cell_modulus)
     terms = [gamma * ufl.inner(ones, v) * c.ds(metadata=model.nodal_rule) for c in model.contacts]
     fem.assemble_vector(glue.x.array, fem.form(sum(terms[1:], start=terms[0])))
     glue.x.scatter_reverse(la.InsertMode.add)

@@ -193,7 +193,7 @@ class AugmentedLagrangian:
 
     def projected(self, model: Model, contact: BoundContact, u: Any, multiplier: Any = None) -> Any:
         """``P(lambda - gamma (u - g n))`` [force/area] at the nodes, UFL, shape (d,)."""
-        gamma = model.stiffness_per_area(fem.Constant(model.mesh, float(self.gamma)))
+        gamma = model.stiffness_per_area(fem.Constant(model.mesh, float(self.gamma)), model.cell_modulus)
         nodal = model.at_nodes(contact)
         return nodal.project(multiplier - gamma * _beyond(nodal, u))
 
