@@ -24,7 +24,7 @@ from test_domain import (
 )
 
 import erc_contact as ec
-from erc_contact.mesh.shape import count
+from erc_contact.mesh.remeshing import count
 
 MESHES = Path(__file__).parents[1] / "meshes"
 BRICKS = {

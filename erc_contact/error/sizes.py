@@ -29,7 +29,7 @@ from erc_contact.base import checks
 from erc_contact.base.exceptions import raise_together
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.mesh.domain import Domain
-from erc_contact.mesh.shape import FILL, count
+from erc_contact.mesh.remeshing import FILL, count
 from erc_contact.mesh.simplex import barycentric, measures, rule
 
 RATIO = (0.02, 3.0)

@@ -1,7 +1,7 @@
 """Distribution of meshes over ranks: every rank holds all cells around the vertices of its own cells.
 
-The reconstruction of admissible stresses works on vertex patches. With complete patches on every rank it
-needs no communication at all; the ghosts that DOLFINx offers (cells that share a facet) do not give that.
+The reconstruction of admissible stresses works on the cells around a vertex, its patch. If all patches are complete on
+their ranks, it needs no communication. The ghosts that DOLFINx offers, cells that share a facet, do not give that.
 """
 
 from __future__ import annotations
@@ -9,9 +9,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+import basix.ufl
 import numpy as np
-from dolfinx import graph, la
+import ufl
+from dolfinx import cpp, graph, la
 from dolfinx import mesh as dmesh
+from dolfinx.io.utils import distribute_entity_data
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError, raise_together
@@ -46,8 +49,8 @@ def exchange(comm: MPI.Comm, destination: np.ndarray, rows: np.ndarray) -> tuple
 def vertex_patch_partitioner(comm: MPI.Comm, parts: int, cell_types: Sequence[Any], cells: Sequence[np.ndarray]) -> Any:
     """Partition cells with the stock graph partitioner and ghost every cell by shared vertices.
 
-    A cell goes to its owner and to every rank that owns a cell with a common vertex. The pairs
-    (vertex, owner) meet on a rendezvous rank, vertex mod size.
+    A cell goes to its owner and to every rank that owns a cell with a common vertex. To find these, the pairs
+    (vertex, owner) of all ranks are sent to the rank "vertex mod size".
 
     Args:
         comm: Communicator.
@@ -93,7 +96,7 @@ def vertex_patch_partitioner(comm: MPI.Comm, parts: int, cell_types: Sequence[An
 
 
 def partitioner(comm: MPI.Comm) -> Any:
-    """The partitioner to create a mesh with on ``comm`` (None in serial: nothing to distribute)."""
+    """The partitioner with which a mesh is created on ``comm``; None in serial, where nothing is distributed."""
     return vertex_patch_partitioner if comm.size > 1 else None
 
 
@@ -113,8 +116,42 @@ def patches_complete(mesh: dmesh.Mesh) -> bool:
     return bool(mesh.comm.allreduce(complete, MPI.LAND))
 
 
+def redistributed(mesh: dmesh.Mesh, *every: dmesh.MeshTags | None) -> tuple[dmesh.Mesh, list[Any]]:
+    """The same mesh balanced anew over the ranks with complete vertex patches; collective.
+
+    Args:
+        mesh: The mesh.
+        every: Tags of its cells or facets; None stays None.
+
+    Returns:
+        The new mesh, and the tags on it in the order in which they were given.
+    """
+    tdim = mesh.topology.dim
+    nodes = mesh.geometry.index_map()
+    x = mesh.geometry.x[: nodes.size_local, : mesh.geometry.dim]
+    owned = mesh.topology.index_map(tdim).size_local
+    cells = nodes.local_to_global(mesh.geometry.dofmaps[0][:owned].ravel()).reshape(owned, tdim + 1)
+    element = basix.ufl.element("Lagrange", mesh.basix_cell(), 1, shape=(mesh.geometry.dim,))
+    new = dmesh.create_mesh(mesh.comm, cells, ufl.Mesh(element), x, partitioner(mesh.comm))
+
+    def moved(tags: dmesh.MeshTags | None) -> Any:
+        if tags is None:
+            return None
+        dim = tags.dim
+        keep = tags.indices < mesh.topology.index_map(dim).size_local
+        mesh.topology.create_connectivity(dim, tdim)
+        entities = cpp.mesh.entities_to_geometry(mesh._cpp_object, dim, tags.indices[keep], False)
+        entities = nodes.local_to_global(entities.ravel()).reshape(-1, dim + 1)
+        new.topology.create_connectivity(dim, 0)
+        new.topology.create_connectivity(dim, tdim)
+        found, values = distribute_entity_data(new, dim, entities, tags.values[keep])
+        return dmesh.meshtags_from_entities(new, dim, graph.adjacencylist(found), values)
+
+    return new, [moved(tags) for tags in every]
+
+
 def check_mesh(mesh: dmesh.Mesh) -> None:
-    """Check that a mesh is one the package works with; collective.
+    """Check that a mesh has cells that the package works with; collective.
 
     Raises:
         InputError: If cells are not straight-sided triangles in the plane or tetrahedra in space.
@@ -137,13 +174,13 @@ def check_mesh(mesh: dmesh.Mesh) -> None:
 def check_shape(mesh: dmesh.Mesh) -> None:
     """Check that coordinates are finite and that no cell is turned over its neighbours; collective.
 
-    The volumes of the cells add up to that within the boundary, ``int x.n dS / d``, only if none is turned over.
+    The volumes of the cells add up to the volume within the boundary, ``int x.n dS / d``, only if none is turned over.
 
     Args:
-        mesh: With facets connected to cells.
+        mesh: A mesh whose facets are connected to its cells.
 
     Raises:
-        InputError: If not.
+        InputError: If a coordinate is not finite, or a cell is turned over.
     """
     tdim, comm = mesh.topology.dim, mesh.comm
     x = mesh.geometry.x[:, :tdim]
@@ -175,5 +212,5 @@ def check_shape(mesh: dmesh.Mesh) -> None:
 
 
 def _towers(corners: np.ndarray, apex: np.ndarray) -> np.ndarray:
-    """Signed volumes, times d!, of the simplices on facets with corners (n, d, d) that meet at an apex."""
+    """Signed volumes, times d!, of the simplices between an apex and facets with corners (n, d, d)."""
     return np.linalg.det(corners - apex.reshape(-1, 1, apex.shape[-1]))

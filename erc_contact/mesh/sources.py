@@ -1,7 +1,7 @@
 """Where domains come from: rectangles, boxes, gmsh models and mesh files.
 
-gmsh runs on rank 0; every rank receives its part. The names of gmsh's physical groups become the names of
-boundary parts and cell regions.
+gmsh runs on one rank, and every rank receives its part of the mesh. The names of gmsh's physical groups become the
+names of boundary parts and cell regions.
 """
 
 from __future__ import annotations
@@ -23,8 +23,9 @@ from mpi4py import MPI
 from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError, raise_together
 from erc_contact.mesh.domain import Domain
+from erc_contact.mesh.gmsh_model import as_input_error, marked_facets, renumber, session
 from erc_contact.mesh.partition import partitioner
-from erc_contact.mesh.shape import Brick, Drawing, as_input_error, drawing_of, marked_facets, renumber, session
+from erc_contact.mesh.shape import Brick, Drawing, drawing_of
 
 
 def rectangle(
@@ -125,11 +126,11 @@ def _brick(
 def from_gmsh(model: Any, comm: MPI.Comm = MPI.COMM_WORLD, rank: int = 0) -> Domain:
     """A domain from a gmsh model in memory; collective.
 
-    The model is meshed if it has no mesh yet. Physical groups of the boundary name its parts; physical groups
-    of cells name regions (without any, the whole body is one region).
+    The model is meshed if it has no mesh yet. A physical group on the boundary becomes a part with the same name, and a
+    physical group of cells becomes a region. Without groups of cells the whole body is one region.
 
     Args:
-        model: ``gmsh.model`` on ``rank``; ignored elsewhere (None will do).
+        model: ``gmsh.model`` on ``rank``; elsewhere it may be None.
         comm: Communicator that shares the mesh.
         rank: Rank that holds the model.
 
@@ -258,7 +259,7 @@ def _prepared(model: Any) -> tuple[int, dict[str, int], dict[str, int]]:
 
 
 def _from_model(model: Any, comm: MPI.Comm, rank: int, geometry: Brick | None = None) -> Domain:
-    """The domain of a gmsh model on a rank, which remembers the geometry given, else that of the model."""
+    """The domain of a gmsh model on a rank. It keeps the geometry that is given, else that of the model."""
     error: Exception | None = None
     prepared = None
     if comm.rank == rank:
