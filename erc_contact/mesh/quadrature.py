@@ -1,12 +1,12 @@
 """Integrals over cells and facets of data that are not polynomials, with bounds of their errors.
 
-Each simplex (a cell or a facet) is cut into a few pieces. A piece is bisected, again and again, while the integrand at
-its points, also on its boundary, is not near a polynomial of degree 4 (3 in tetrahedra). So there are few pieces where
-the integrand is smooth, and many at a kink or a jump. The distances from a polynomial that remain bound the error if
-the integrand is resolved. If it is not resolved, which the result tells, they are an estimate.
+Each simplex (a cell or a facet) is cut into a few pieces. The integrand is evaluated at points inside a piece and near
+its boundary, and compared with a polynomial of degree 4 (3 in tetrahedra). If it is not near one, the piece is
+bisected. So there are few pieces where the integrand is smooth, and many at a kink or a jump. The result tells whether
+the integrand is resolved. If it is, the distances from the polynomials bound the error; otherwise they estimate it.
 
-The integrand is known at the points only. Before any bisection there are 72 on a facet in 2D, 352 in 3D, and 66 in a
-cell in 2D, 136 in 3D. A feature between them that changes no value at the points is missed.
+Only the values at the points are known. Before any bisection there are 72 points on a facet in 2D and 352 in 3D, and 66
+points in a cell in 2D and 136 in 3D. A feature that changes no value at these points is missed.
 
 Symbols: d' dimension of the simplices, P = d'+1 number of their vertices, n pieces, q points, m integrands.
 """
@@ -25,27 +25,30 @@ from mpi4py import MPI
 from erc_contact.mesh.simplex import CELLS, barycentric, bernstein, lattice, rule
 
 SHARE = 1e-8
-"""Share of itself that an integral may leave unknown if nothing else is asked for [-]."""
+"""Share of an integral that may stay unknown by default [-]."""
 SMOOTH = (0, 4, 4, 3)
-"""Degree of the polynomials that the integrand is compared with, for each d'."""
+"""Degree of the polynomials with which the integrand is compared, for each d'."""
 LATTICE = (0, 4, 3, 2)
-"""Subdivisions of an edge of a piece for the points near its boundary, for each d'."""
+"""Number of parts of an edge of a piece between the points near its boundary, for each d'."""
 INSIDE = 1e-6
-"""Distance of these points from the boundary [-], because data may jump from cell to cell."""
+"""Distance of these points from the boundary [-]. They do not lie on it, as data may jump from cell to cell."""
 DEGREE = 6
 """Degree of the quadrature, whose points are inside a piece."""
 ROUNDS = (0, 40, 20, 15)
 """Limit of the bisections of a piece, for each d'."""
 PATIENCE = 6
-"""After so many bisections, they end if the last two left more than GAIN of what was unknown; for jumps, d' > 1."""
+"""From this bisection on they end as soon as the last two left more than GAIN of what was unknown. This is for jumps
+in d' > 1 dimensions, which cannot be resolved."""
 GAIN = 0.4
+"""See PATIENCE [-]."""
 BUDGET = (0, 50_000, 50_000, 20_000)
-"""Number of pieces of all ranks that may be bisected in one round in addition to the first ones, for each d'."""
+"""Number of pieces on all ranks that may be bisected in one round, beyond the number of first pieces, for each d'."""
 CHUNK = 1024
-"""Number of pieces that are worked on at once, so that their arrays stay in the cache."""
+"""Number of pieces that are worked on at once. Their arrays stay in the cache."""
 
 Integrand = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
-"""Values (n, q, m) from the simplex of each piece (n,) and points in barycentric (n, q, P) and true coordinates."""
+"""A function that returns values (n, q, m). It gets the number of the simplex of each piece (n,), and points in
+barycentric coordinates (n, q, P) and in true coordinates (n, q, d)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,9 +56,9 @@ class Integral:
     """Integrals over simplices.
 
     Attributes:
-        value: For each simplex and integrand, shape (simplices, m).
-        rest: Bound of their errors if resolved, else an estimate, of the same shape.
-        resolved: Whether the sum of ``rest`` over all ranks is below what was asked for, shape (m,).
+        value: The integrals, shape (simplices, m).
+        rest: Bounds of their errors if the integrand is resolved, else estimates, of the same shape.
+        resolved: Whether the sum of ``rest`` over all ranks is as small as was asked for, shape (m,).
     """
 
     value: np.ndarray
@@ -79,11 +82,12 @@ def integrate(
         comm: Communicator.
         f: The integrands.
         vertices: Vertices of the simplices [length], shape (simplices, P, d).
-        measure: Their lengths, areas or volumes, shape (simplices,); those of measure 0 are left out.
+        measure: Their lengths, areas or volumes, shape (simplices,). Simplices of measure 0 are left out.
         pieces: The first pieces of each simplex, of equal size, from :func:`facet_pieces` or :func:`cell_pieces`:
             barycentric coordinates of their corners, shape (c, P, P).
-        share: Share of each integral that may be left unknown, of the sum of the absolute values of all pieces [-].
-        floor: Amount of each integral that may always be left unknown.
+        share: Share of each integral that may stay unknown, relative to the sum of the absolute values of the integrals
+            over all pieces [-].
+        floor: Amount of each integral that may always stay unknown.
 
     Returns:
         The integrals.
@@ -119,10 +123,11 @@ def integrate(
 def _on_pieces(
     f: Integrand, vertices: np.ndarray, of: np.ndarray, corners: np.ndarray, part: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The integrals over pieces, and twice the mean distances from a polynomial times the size, each of shape (n, m).
+    """The integrals over pieces, and what is unknown of them, each of shape (n, m).
 
-    For 3000 random jumps, at points, lines and planes, the latter were on average 3 to 10 times the error. They were
-    below it in one of a hundred pieces; their sums over the pieces were above it.
+    Unknown is twice the mean distance from a polynomial times the size of the piece. For 3000 random jumps at points,
+    lines and planes this was on average 3 to 10 times the error. It was below the error in one of a hundred pieces, but
+    its sum over the pieces was above.
     """
     points, weights, residual = _points(vertices.shape[1] - 1)
     parts = []
@@ -186,7 +191,10 @@ def facet_pieces(size: int) -> np.ndarray:
 
 @cache
 def cell_pieces(size: int) -> np.ndarray:
-    """The first pieces of a cell, the sub-simplices of sigma^: vertex i is replaced by the barycentre, (P, P, P)."""
+    """The first pieces of a cell, the sub-simplices of sigma^, shape (P, P, P).
+
+    In piece i the barycentre of the cell replaces vertex i.
+    """
     corners = np.repeat(np.eye(size + 1)[None], size + 1, axis=0)
     corners[np.arange(size + 1), np.arange(size + 1)] = 1 / (size + 1)
     return corners

@@ -1,12 +1,13 @@
 """Tables of the reference simplex, for any dimension and degree.
 
 The order of the nodes is DOLFINx's: the vertices, then the edges. Polynomials are given by their Bernstein
-coefficients, one for each node, equal to the value at a vertex. The values of a polynomial are in the convex hull of
-its coefficients: if these have a sign, lie in a cone or do not exceed a gap, so do the values at every point. All
-Bernstein polynomials of a degree have the same integral. For degree 1, coefficients and values at nodes are the same.
+coefficients. There is one for each node; at a vertex it is the value of the polynomial. The values lie in the convex
+hull of the coefficients. So if all coefficients have a sign, lie in a cone or do not exceed a gap, the same holds for
+the values at every point. All Bernstein polynomials of a degree have the same integral. For degree 1 coefficients are
+the values at the nodes.
 
-Symbols: d dimension, k degree, N number of nodes of a cell, m of a facet, q of points. A facet is a simplex of
-dimension d-1, so tables of facets are those of d-1.
+Symbols: d dimension, k degree, N number of nodes of a cell, m number of nodes of a facet, q number of points. A facet
+is a simplex of dimension d-1, so tables of facets are those of d-1.
 """
 
 from __future__ import annotations
@@ -49,7 +50,7 @@ def node_between(d: int, k: int) -> np.ndarray:
 
 @cache
 def node_vertices(d: int, k: int) -> np.ndarray:
-    """The pair of vertices of each node, twice the same vertex for a vertex, shape (N, 2)."""
+    """The two vertices of the edge of each node, shape (N, 2); for a node at a vertex, this vertex twice."""
     own = np.repeat(np.arange(d + 1)[:, None], 2, axis=1)
     return own if k == 1 else np.vstack([own, edges(d)])
 
@@ -95,7 +96,7 @@ def lagrange(d: int, k: int, points: np.ndarray) -> np.ndarray:
 
 @cache
 def rule(d: int, degree: int) -> tuple[np.ndarray, np.ndarray]:
-    """Points (q, d) of a quadrature, which a permutation of vertices permutes, and weights (q,) with sum 1."""
+    """Points (q, d) and weights (q,) of a quadrature. The weights have sum 1; permuted vertices permute the points."""
     points, weights = basix.make_quadrature(CELLS[d], degree)
     return points, weights / weights.sum()
 

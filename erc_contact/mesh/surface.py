@@ -1,12 +1,12 @@
-"""Between the flat facets of a mesh and the curved surface that they stand for.
+"""The distance between the flat facets of a mesh and the curved surface of the body.
 
-A mesh of a curved body has its boundary vertices on the true surface (or near it) and flat facets between them. Where
-the true surface is known, each facet of it carries a mark, the number of its curve or surface in the drawing. The
-nearest point of the true surface tells where a new vertex belongs, what the gap to a foundation truly is, and how much
-of the body the facets cut off or add.
+A mesh of a curved body has its boundary vertices on the true surface, or near it, and flat facets between them. If the
+true surface is known, each of these facets has a mark: the number of its curve or surface in the drawing. The nearest
+point of the true surface gives the place of a new vertex and the true gap to a foundation. It also gives the volume
+that facets cut off or add.
 
-Symbols: d dimension, h size of a facet, offset: from a point of a facet to the nearest point of the true surface, of
-size h^2/(8 R) where the radius of curvature is R.
+Symbols: d dimension, h size of a facet. The offset is the vector from a point of a facet to the nearest point of the
+true surface. Its length is at most h^2/(8 R) where the radius of curvature is R.
 """
 
 from __future__ import annotations
@@ -21,11 +21,12 @@ from mpi4py import MPI
 from erc_contact.mesh.simplex import facet_vertices, lagrange, rule
 
 Nearest = Callable[[MPI.Comm, np.ndarray, np.ndarray], np.ndarray]
-"""Nearest points of the true surface: (comm, points (n, d), marks (n, 2)) -> points (n, d); collective. A point of
-facets of one mark has it and -1; one between two marks has both and goes to their common edge."""
+"""A function that returns the nearest points (n, d) of the true surface; collective. It gets the communicator, points
+(n, d) and their marks (n, 2). A point of facets of one mark has this mark and -1. A point where two marks meet has
+both, and goes to their common edge."""
 LEAST_VOLUME = 0.3
-"""A vertex stays off the true surface where a cell would keep less than this of its volume [-]: on a mesh that is too
-coarse for its curves."""
+"""A vertex does not move to the true surface if a cell would keep less than this share of its volume [-]. This happens
+on a mesh that is too coarse for its curves."""
 OFFSET_DEGREE = 6
 """Quadrature degree for the length of the offset, a square root of a polynomial of degree 4."""
 
@@ -40,9 +41,9 @@ def pairs(mesh: dmesh.Mesh, facets: np.ndarray) -> np.ndarray:
 
 
 def offset(mesh: dmesh.Mesh, marks: dmesh.MeshTags, nearest: Nearest) -> fem.Function:
-    """From the marked facets to the true surface [length], a continuous P2 Function, zero elsewhere; collective.
+    """The offset of the marked facets [length], a continuous P2 Function that is zero elsewhere; collective.
 
-    On a facet it interpolates the offset at the vertices and at the middles of the edges: up to O(h^4/R^3) in 2D.
+    On a facet it interpolates the offset of the vertices and of the middles of the edges, up to O(h^4/R^3) in 2D.
 
     Args:
         mesh: Straight-sided simplices.
@@ -67,7 +68,7 @@ def snap(mesh: dmesh.Mesh, marks: dmesh.MeshTags, nearest: Nearest) -> None:
     """Move the vertices of marked facets to the true surface, in place; collective.
 
     Args:
-        mesh: A fresh mesh that nothing else uses yet, with complete vertex patches on every rank.
+        mesh: A new mesh that no other object uses yet, with complete vertex patches on every rank.
         marks: Marks of facets.
         nearest: Nearest points of the true surface.
     """
@@ -98,10 +99,10 @@ def snap(mesh: dmesh.Mesh, marks: dmesh.MeshTags, nearest: Nearest) -> None:
 
 
 def swept(offset: fem.Function, sides: np.ndarray, areas: np.ndarray) -> np.ndarray:
-    """What lies between facets and the true surface, ``int_F |offset|`` [length^d].
+    """The volume between each facet and the true surface, ``int_F |offset|`` [length^d].
 
     Args:
-        offset: Of :func:`offset`.
+        offset: The offset from :func:`offset` [length].
         sides: Facets as (cell, local facet), shape (n, 2).
         areas: Their areas [length^(d-1)], shape (n,).
 
@@ -126,9 +127,9 @@ def _moves(
     x: np.ndarray,
     nearest: Nearest,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Owned nodes of marked facets, and from there to the true surface; collective.
+    """Owned nodes (n,) of marked facets, and the vectors (n, d) from there to the true surface [length]; collective.
 
-    A node where more than two marks meet is a corner of the drawing, and in 2D one where two meet: it stays.
+    A node where two marks meet in 2D, or three in 3D, is a corner of the drawing. It is left out and stays in place.
     """
     d = mesh.topology.dim
     of_cell = mesh.topology.connectivity(d, d - 1).array.reshape(-1, d + 1)

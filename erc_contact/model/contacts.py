@@ -63,13 +63,19 @@ def _friction(space: Space, contact: Contact, facets: np.ndarray) -> Friction | 
 
 
 def _true_surface(space: Space, contact: Contact) -> Any:
-    """The position on the true surface, where gap and normal are taken: those of the polygon are O(h^2) off."""
+    """The position at which gap and normal are taken, UFL.
+
+    It is the nearest point of the true surface where that is known: at the flat facets they would be wrong by O(h^2).
+    """
     varies = callable(contact.gap) or callable(contact.normal)
     return space.x if not varies or space.offset is None else space.x + space.offset
 
 
 def _normal(space: Space, contact: Contact, facets: np.ndarray, surface: Any) -> tuple[Any, np.ndarray, Any]:
-    """The normal of the foundation: UFL, on each facet (f, d), and as given where it varies (of any length)."""
+    """The normal of the foundation in three ways: as UFL, on each facet (f, d), and as the scene gives it.
+
+    The last one has any length; it is None where the normal does not vary.
+    """
     centre = np.full((1, space.d - 1), 1.0 / space.d)
     if contact.normal is None:
         normals = evaluate(space.n, space.mesh, centre, facets)[:, 0]
@@ -92,7 +98,10 @@ def _normal(space: Space, contact: Contact, facets: np.ndarray, surface: Any) ->
 def _varying_normal(
     space: Space, contact: Contact, facets: np.ndarray, centre: np.ndarray, surface: Any
 ) -> tuple[Any, np.ndarray, Any]:
-    """One normal for each cell at the contact, the mean of its facets."""
+    """A normal that varies, in the three ways of :func:`_normal`.
+
+    Each cell at the contact has one normal, the mean of the normals at the middles of its contact facets.
+    """
     what = f"Contact({contact.facets!r})"
     if contact.normal == "gap":
         slope = ufl.algorithms.expand_derivatives(-ufl.grad(number(space, contact.gap, f"{what}: gap")))

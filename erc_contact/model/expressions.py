@@ -21,13 +21,13 @@ CHUNK = 4096
 
 
 def varies(expression: Any) -> bool:
-    """Whether a UFL expression varies in space: it knows more than constants."""
+    """Whether a UFL expression varies in space: it contains more than constants."""
     in_space = (ufl.classes.GeometricQuantity, ufl.classes.Coefficient)
     return any(isinstance(terminal, in_space) for terminal in traverse_unique_terminals(expression))
 
 
 def varies_in_cells(expression: Any) -> bool:
-    """Whether a UFL expression varies inside straight cells and facets: it knows x, or a function that does."""
+    """Whether a UFL expression varies inside straight cells and facets: it contains x, or a function that does."""
     return any(
         isinstance(terminal, ufl.classes.SpatialCoordinate)
         or (isinstance(terminal, ufl.classes.Coefficient) and terminal.ufl_element().embedded_superdegree > 0)
@@ -36,7 +36,10 @@ def varies_in_cells(expression: Any) -> bool:
 
 
 def without_plain_numbers(expression: Any, mesh: dmesh.Mesh) -> Any:
-    """A UFL expression with Constants for its plain numbers: those that differ in them only are compiled once."""
+    """A UFL expression whose plain numbers are replaced by Constants.
+
+    Expressions that differ only in these numbers are then compiled once.
+    """
     plain = [t for t in traverse_unique_terminals(expression) if isinstance(t, ufl.classes.FloatValue)]
     return ufl.replace(expression, {number: fem.Constant(mesh, float(number)) for number in plain})
 
@@ -74,7 +77,7 @@ def _without_derivatives(expression: Any) -> Any:
 
 
 def _is_data(expression: Any) -> bool:
-    """Whether a UFL expression knows only the position, constants, and functions that are constant in cells."""
+    """Whether a UFL expression contains only the position, constants, and functions that are constant in cells."""
     return all(
         isinstance(node, ufl.classes.SpatialCoordinate | ufl.classes.ConstantValue | fem.Constant)
         or (isinstance(node, ufl.classes.Coefficient) and not varies_in_cells(node))
@@ -95,8 +98,8 @@ def constant_value(expression: Any) -> np.ndarray:
 class Everywhere:
     """A UFL expression at points that differ from cell to cell.
 
-    Here x, the functions and the facet normals in the expression become numbers of each point, so that it is compiled
-    once for all points.
+    The position, the functions and the facet normals in the expression are replaced by their values at each point. So
+    the expression is compiled once for all points.
 
     Args:
         expression: UFL expression of shape s; functions in it without derivatives.
@@ -147,7 +150,7 @@ class Everywhere:
 
 
 def pointwise(function: Callable[..., Any], first: np.ndarray, named: Mapping[str, np.ndarray]) -> np.ndarray:
-    """Evaluate a UFL function of numbers at every entry of arrays, so that it is written once, in UFL.
+    """Evaluate a function of numbers that is written in UFL at every entry of arrays.
 
     Args:
         function: Takes the first number by position, the others by name.
@@ -212,7 +215,7 @@ class OfNumbers:
 
 @cache
 def _line() -> dmesh.Mesh:
-    """Cells without meaning that carry the numbers of CHUNK points."""
+    """A mesh whose CHUNK cells carry the values of as many points; it has no other meaning."""
     return dmesh.create_interval(MPI.COMM_SELF, CHUNK, (0.0, 1.0))
 
 
@@ -223,7 +226,7 @@ def _numbers(shape: tuple[int, ...]) -> fem.FunctionSpace:
 
 @cache
 def stand_in(shape: tuple[int, ...], which: int) -> fem.Function:
-    """What stands in an expression for numbers of this shape, one for each point."""
+    """A function that stands for values of this shape in an expression, one for each point."""
     return fem.Function(_numbers(shape))
 
 

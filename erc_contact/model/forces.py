@@ -59,9 +59,9 @@ def by_cause(model: Model, force: Callable[[str], Force], body_force: Callable[[
         body_force: The force of the loads in the body; asked for if there are any.
 
     Returns:
-        The forces of all supports and contacts by the names of their parts, of all tractions on parts without support
-        as "tractions" and of the body force as "body force" where the scene has them; as "balance" the sum of all, zero
-        up to round-off.
+        The forces of supports and contacts by the names of their parts. "tractions" is the force of all tractions on
+        parts without support, and "body force" that of the loads in the body, where the scene has them. "balance" is
+        the sum of all, which is zero up to round-off.
     """
     held = dict.fromkeys([s.facets for s in model.scene.supports] + [c.facets for c in model.scene.contacts])
     result = {name: force(name) for name in held}
@@ -81,8 +81,9 @@ def nodal_reactions(
 ) -> dict[str, np.ndarray]:
     """Nodal forces of each support and each contact; collective.
 
-    A contact has the integral of its traction against the basis function of each of its nodes. What this leaves of the
-    residual goes to the supports that fix the component at the node, else to the contacts of the node, in equal shares.
+    A contact first gets the integrals of its traction against the basis functions of its nodes. The rest of the
+    residual goes to the supports that fix the component at the node. If there is none, it goes to the contacts of the
+    node. Several of them get equal shares.
 
     Args:
         model: The scene on a mesh.
@@ -91,7 +92,7 @@ def nodal_reactions(
         in_layer: Whether the equations of the method act on all nodes of the cells at the contact.
 
     Returns:
-        Forces by the names of the parts [force], shape (nodes, d), right at the nodes that this rank owns.
+        Forces by the names of the parts [force], shape (nodes, d). At ghost nodes they are not complete.
     """
     v = ufl.TestFunction(model.V)
     rest = _assembled(model, model.stiffness(u, v)) - _assembled(model, model.loads(v))
@@ -132,7 +133,10 @@ def _of_nodes(model: Model, forces: np.ndarray) -> Force:
 
 
 def _assembled(model: Model, form: Any | None) -> np.ndarray:
-    """A linear form, or none, at the nodes [force], shape (nodes, d), right at owned nodes; collective."""
+    """The values of a linear form at the nodes [force], shape (nodes, d), zero for None; collective.
+
+    At ghost nodes they are not complete.
+    """
     b = fem.Function(model.V)
     if form is not None:
         fem.assemble_vector(b.x.array, fem.form(form))
@@ -141,7 +145,7 @@ def _assembled(model: Model, form: Any | None) -> np.ndarray:
 
 
 def _of_traction(model: Model, contact: BoundContact, traction: Any) -> np.ndarray:
-    """The integrals of a traction against the basis functions, at all nodes [force], shape (nodes, d); collective."""
+    """The integrals of a traction against the basis function of each node [force], shape (nodes, d); collective."""
     points, weights = rule(model.d - 1, model.contact_degree)
     weighted = weights[:, None] * lagrange(model.d - 1, model.degree, points)
     values = evaluate(traction, model.mesh, points, contact.facets)

@@ -23,7 +23,7 @@ CONSTANT, PROPORTIONAL, CONCAVE = "constant", "proportional", "concave"
 
 
 def split(z: np.ndarray, n: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Normal component, tangential part and length of this part, for vectors (..., d) and unit normals n."""
+    """The normal component, the tangential part and its length, of vectors (..., d) for unit normals n."""
     z_n = (z * n).sum(axis=-1)
     z_t = z - z_n[..., None] * n
     return z_n, z_t, np.linalg.norm(z_t, axis=-1)
@@ -42,8 +42,8 @@ class Friction:
         law: The law.
         parameters: Values of its parameters, UFL.
         dependence: How its bound depends on the pressure: CONSTANT, PROPORTIONAL or CONCAVE.
-        arithmetic: Whether its bound is arithmetic that numpy understands, too, and not only UFL.
-        share: Factor of the bound while a solver raises friction in steps, UFL; None outside a solver.
+        arithmetic: Whether its bound takes numpy arrays as well as UFL.
+        share: Factor of the bound, UFL, with which a solver raises friction in steps; None outside a solver.
     """
 
     law: Law
@@ -54,7 +54,7 @@ class Friction:
 
     @property
     def convex(self) -> bool:
-        """Whether tractions are allowed everywhere on a facet where their Bernstein coefficients are."""
+        """Whether a traction is allowed everywhere on a facet as soon as its Bernstein coefficients are."""
         return self.dependence != CONCAVE and not any(varies_in_cells(value) for value in self.parameters.values())
 
     def bound(self, pressure: Any) -> Any:
@@ -70,7 +70,7 @@ class Friction:
 
 
 def bind_friction(mesh: dmesh.Mesh, what: str, law: Law, parameters: dict[str, Any]) -> Friction:
-    """A law with its parameters; its bound is tried as solver and error will call it; collective.
+    """A friction law on a mesh; collective. The bound is called once as solver and error will call it.
 
     Args:
         mesh: The mesh.
@@ -109,7 +109,7 @@ def bind_friction(mesh: dmesh.Mesh, what: str, law: Law, parameters: dict[str, A
 
 @dataclass(frozen=True, eq=False)
 class BoundContact:
-    """A contact on a mesh: its measure and its values as UFL (None: the scene has no such term).
+    """A contact on a mesh: its measure, and its values as UFL, which are None where the scene has none.
 
     Attributes:
         name: Name of the boundary part.
@@ -143,11 +143,11 @@ class BoundContact:
 
     @property
     def sampled(self) -> bool:
-        """Whether the friction bound must be sampled: nodes in the cone do not tell that the facet lies there."""
+        """Whether the friction bound must be sampled on a facet, because it may be exceeded between the nodes only."""
         return self.friction is not None and not self.friction.convex
 
     def with_share(self, share: Any) -> BoundContact:
-        """The same contact with a factor of its friction bound, UFL: a solver may raise friction in steps."""
+        """The same contact with a factor of its friction bound, UFL, with which a solver raises friction in steps."""
         return self if self.friction is None else replace(self, friction=replace(self.friction, share=share))
 
     def project(self, z: Any) -> Any:

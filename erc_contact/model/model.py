@@ -62,10 +62,10 @@ class Model(Space):
         body_force: Sum of the loads in the body [force/volume], UFL of shape (d,), or None.
         fixed: Which components are prescribed at each node, shape (nodes, d).
         prescribed: Prescribed displacement, a Function of V, zero elsewhere [length].
-        bcs: The same as Dirichlet conditions.
+        bcs: The prescribed displacement as Dirichlet conditions.
         fixed_facets: Facets (cell, local facet) and prescribed components of each support.
         contacts: The scene's contacts.
-        free_motions: Rigid motions that no support holds, a list of Functions of V (orthonormal combinations).
+        free_motions: Rigid motions that no support holds, Functions of V, see :func:`free_motions`.
 
     Raises:
         InputError: If a name is unknown, a value or the degree is out of range, or supports contradict each other.
@@ -121,7 +121,7 @@ class Model(Space):
         Args:
             v: Test function, or a displacement.
             varying: Whether to take loads that vary inside cells, too.
-            on: Names of the boundary parts whose loads are taken, None for those in the body; all loads by default.
+            on: Names of the boundary parts whose loads are taken; the name None stands for the body. By default all.
         """
         loads: list[tuple[str | None, Any, Any]] = [(one.facets, one.density, one.ds) for one in self.surface_loads]
         if self.body_force is not None:
@@ -131,20 +131,21 @@ class Model(Space):
 
     @cached_property
     def cell_modulus(self) -> fem.Function:
-        """The modulus at the middle of each cell [force/area]: forms that need only its size are the same for all."""
+        """The modulus at the middle of each cell [force/area], constant in cells; collective.
+
+        Forms that need only the size of the modulus contain this. They are then the same for all materials.
+        """
         modulus = fem.Function(fem.functionspace(self.mesh, ("DG", 0)))
         cells = np.arange(len(modulus.x.array), dtype=np.int32)
         modulus.x.array[:] = self.at_middles(self.modulus, cells)
         return modulus
 
     def stiffness_per_area(self, gamma: Any, modulus: Any = None) -> Any:
-        """``gamma E k^2/h`` [force/volume], UFL on facets.
+        """``gamma E k^2/h`` [force/volume] with h the height of a cell over its facet, UFL on facets.
 
         Args:
-            gamma: Factor [-].
-            modulus: E [force/area], the modulus of the material by default.
-
-        Here h is the height of a cell over its facet.
+            gamma: Factor gamma_0 [-].
+            modulus: E [force/area], by default the modulus of the material.
         """
         h = self.d * ufl.CellVolume(self.mesh) / ufl.FacetArea(self.mesh)
         return gamma * self.degree**2 * (self.modulus if modulus is None else modulus) / h
@@ -178,9 +179,9 @@ class Model(Space):
         return evaluate(contact.gap, self.mesh, self.facet_points, contact.facets)
 
     def at_nodes(self, contact: BoundContact) -> BoundContact:
-        """The contact with gap and friction as functions of values at its nodes, for quadrature at these; collective.
+        """The contact for quadrature at its nodes: gap and friction are functions of their values there; collective.
 
-        Forms then do not know the callables of the user. The nodal values of the gap are its Bernstein coefficients.
+        So the forms do not contain the callables of the user. The values of the gap are its Bernstein coefficients.
         """
         gap, friction = contact.gap, contact.friction
         if contact.gap_varies:
@@ -193,7 +194,7 @@ class Model(Space):
         return replace(contact, gap=gap, friction=friction)
 
     def _nodal(self, contact: BoundContact, values: np.ndarray, *, coefficients: bool = False) -> Any:
-        """A scalar with these values (facets, m) at the nodes of a contact, or with their Bernstein coefficients."""
+        """A function with these values (facets, m), or their Bernstein coefficients, at the nodes of a contact, UFL."""
         nodal = fem.Function(self.V)
         at = nodal.x.array.reshape(-1, self.d)
         at[self.facet_nodes(contact.facets), 0] = values

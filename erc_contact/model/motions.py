@@ -1,6 +1,6 @@
 """Rigid motions of the bodies of a mesh, and which of them their supports and contacts leave free.
 
-A mesh may have several bodies: parts of it that share no node. Each has rigid motions of its own, each must be held.
+A mesh may have several bodies, which share no node. Each has rigid motions of its own, and each must be held.
 """
 
 from __future__ import annotations
@@ -20,7 +20,9 @@ SMALL = 1e-10
 
 
 def free_motions(space: Space, fixed: np.ndarray, contacts: Sequence[BoundContact]) -> list[fem.Function]:
-    """Rigid motions that no support holds, Functions of V, each of one body (orthonormal combinations); collective.
+    """Rigid motions that no support holds, Functions of V, each of one body; collective.
+
+    The motions of a body are orthonormal combinations of its translations and of its rotations over its size.
 
     Args:
         space: The mesh.
@@ -72,7 +74,7 @@ def rigid_motions(space: Space) -> np.ndarray:
 def bodies_of_nodes(space: Space) -> tuple[np.ndarray, int]:
     """The body of each node of this rank, ghosts included, and the number of bodies of all ranks; collective.
 
-    Bodies are found on each rank; a node that two ranks see makes one body of two.
+    Each rank finds its bodies. Bodies of two ranks that have a node in common are one.
     """
     V, comm = space.V, space.comm
     cells = space.nodes
@@ -90,10 +92,10 @@ def bodies_of_nodes(space: Space) -> tuple[np.ndarray, int]:
 
 
 def components(number: int, pairs: np.ndarray) -> np.ndarray:
-    """The least member of the connected component of each vertex of a graph.
+    """The least vertex of the connected component of each vertex of a graph.
 
     Args:
-        number: Of vertices.
+        number: Number of vertices.
         pairs: Edges, shape (n, 2).
     """
     label = np.arange(number)
@@ -108,7 +110,7 @@ def components(number: int, pairs: np.ndarray) -> np.ndarray:
 
 
 def _summed(space: Space, body: np.ndarray, bodies: int, held: np.ndarray) -> np.ndarray:
-    """Squares of what is held of the motions of each body, shape (bodies, m, m); of nodes, shape (n, components, m)."""
+    """Sums of squares of held components of the motions, by bodies: (n, components, m) -> (bodies, m, m)."""
     total = np.zeros((bodies, held.shape[2], held.shape[2]))
     for number in np.unique(body):
         some = held[body == number]
@@ -131,7 +133,10 @@ def _parts(space: Space, inside: np.ndarray) -> str:
 
 
 def _rigid_motions(space: Space, body: np.ndarray, bodies: int) -> tuple[np.ndarray, list[str]]:
-    """Rigid motions at the nodes, rotations about the centre of the body over its size: (nodes, d, m), and names."""
+    """Rigid motions at the nodes, shape (nodes, d, m), and their names.
+
+    Rotations are about the centre of the body, and divided by its size.
+    """
     x = space.V.tabulate_dof_coordinates()[:, : space.d]
     owned = space.V.dofmap.index_map.size_local
     sums = np.zeros((bodies, space.d + 1))

@@ -1,4 +1,4 @@
-"""Values at points of the user's: which cells hold them, and the stress there.
+"""Values at points that a user gives: the cells that hold them, and the elastic stress there.
 
 Symbols: d dimension, k degree of the displacement, s = d(d+1)/2 Mandel components.
 """
@@ -18,7 +18,7 @@ from erc_contact.scene.material import mandel_basis, strain
 
 
 def at_points(model: Model, points: Any, values: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> np.ndarray:
-    """Values at points of the body, the same on all ranks; a point between several cells has the mean; collective.
+    """Values at points of the body, the same on all ranks; collective. A point between several cells has the mean.
 
     Args:
         model: The scene on a mesh.

@@ -38,9 +38,9 @@ def facet_status(
 ) -> np.ndarray:
     """Which facets of a contact are open, slip or stick.
 
-    A facet without pressure is ``OPEN``, but in a bilateral contact. One whose shear is that of the friction bound, up
-    to 1e-6, is ``SLIP``: so is every pressed facet of a contact without friction. The others are ``STICK``. Where the
-    bound must be sampled on a facet, slip may have less shear, by the variation of the ratio of bound and pressure.
+    A facet without pressure is ``OPEN``, except in a bilateral contact. A facet whose shear reaches the friction bound,
+    up to 1e-6, is ``SLIP``; without friction this is every pressed facet. All others are ``STICK``. Where the bound
+    must be sampled, less shear counts as ``SLIP``: less by the variation of bound over pressure on the facet.
 
     Args:
         contact: The contact.
@@ -48,7 +48,7 @@ def facet_status(
         shear: Length of r_t [force/area], shape (f, q).
         bound: Friction bound [force/area], shape (f, q).
         peak: Greatest pressure of the contact, which tells pressure from round-off [force/area].
-        margin: Share of the variation by which slip may have still less shear [-].
+        margin: Share of this variation that is added to it [-].
 
     Returns:
         OPEN, SLIP or STICK, shape (f,).
@@ -126,7 +126,9 @@ def greatest_pressure(model: Model, pressure: np.ndarray) -> float:
 
 
 def _in_order(start: np.ndarray, end: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """The facets of curves one after the other: open and closed ones, those with the lowest first point first.
+    """The order of facets along the open and closed curves that they form, one curve after the other.
+
+    The curve with the lowest first point comes first.
 
     Args:
         start: Number of the first vertex of each facet, shape (f,).
@@ -134,7 +136,7 @@ def _in_order(start: np.ndarray, end: np.ndarray, x: np.ndarray) -> np.ndarray:
         x: Position of the first vertex, shape (f, 2).
 
     Returns:
-        The order, by pointer doubling.
+        Numbers of the facets in order, shape (f,); found by pointer doubling.
     """
     f = len(start)
     key = np.empty(f, dtype=int)

@@ -1,8 +1,8 @@
-"""What a scene promises, checked where it meets its mesh: that materials, laws and foundations are what they say.
+"""What a scene promises of its materials, laws and foundations, checked where the scene meets its mesh.
 
-The bound of the error uses them: a compliance that inverts the stress, a friction bound that is concave and never
-decreases, a bilateral contact whose bound does not know the pressure, a normal that points into the foundation. Data
-that break one of these give numbers that look right and are not.
+The bound of the error relies on this: the compliance inverts the stress, the friction bound is concave and never
+decreases, that of a bilateral contact does not depend on the pressure, normals point into the foundation. Data that
+break one of these promises give numbers that look right and are wrong.
 
 All checks are numerical, at samples, and say the same on all ranks.
 """
@@ -158,7 +158,7 @@ def _check_law(model: Model, contact: BoundContact) -> None:
     bound = contact.friction_bound(np.broadcast_to(pressure, (len(some), len(pressure))), tried)
 
     def refuse(wrong: np.ndarray, message: str) -> None:
-        """Raise on all ranks where one has an entry that is wrong; the last axis belongs to the pressures."""
+        """Raise on all ranks if an entry of one rank is wrong; the last axis is that of the pressures."""
         example = None
         if wrong.any():
             i, j = np.argwhere(wrong)[0]

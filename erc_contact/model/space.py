@@ -48,14 +48,14 @@ class Space:
     Attributes:
         V: Continuous vector P_k space.
         nodes: Block degrees of freedom of each cell, vertices first, ghosts included, shape (cells, N).
-        vertices: Those of the vertices, shape (cells, d+1).
+        vertices: The first ones of these, at the vertices, shape (cells, d+1).
         x: Position, UFL.
         n: Outward normal of the boundary, UFL.
         dx: Measure of the cells.
         ds: Measure of the boundary with the tags of its parts.
 
     Raises:
-        InputError: If the degree is another, or cells are flat or folded.
+        InputError: If the degree is not 1 or 2, or cells are flat or folded.
     """
 
     def __init__(self, domain: Domain, degree: int) -> None:
@@ -81,7 +81,7 @@ class Space:
         return np.arange(self.domain.owned_cells, dtype=np.int32)
 
     def owned(self, facets: np.ndarray) -> np.ndarray:
-        """Which facets (n, 2) are of cells of this rank, shape (n,): each facet of the boundary is on one rank."""
+        """Which boundary facets (n, 2) this rank owns, shape (n,): the facets of the cells that it owns."""
         return facets[:, 0] < self.domain.owned_cells
 
     @property
@@ -96,12 +96,12 @@ class Space:
 
     @property
     def contact_degree(self) -> int:
-        """Quadrature degree on contact facets: the traction has kinks, a polynomial rule is never exact there."""
+        """Quadrature degree on contact facets. The traction has kinks there, so no rule is exact."""
         return 2 * self.degree + 2
 
     @property
     def nodal_rule(self) -> dict[str, Any]:
-        """Metadata of a measure: quadrature at the nodes of a facet with equal weights, which decouples the nodes."""
+        """Metadata of a measure for quadrature at the nodes of a facet with equal weights. It decouples the nodes."""
         points = self.facet_points
         weights = np.full(len(points), 1 / (len(points) * factorial(self.d - 1)))
         return {"quadrature_rule": "custom", "quadrature_points": points, "quadrature_weights": weights}
@@ -109,8 +109,8 @@ class Space:
     def facet_nodes(self, facets: np.ndarray) -> np.ndarray:
         """Nodes of facets given as (cell, local facet), in the order of a facet's reference nodes, shape (n, m).
 
-        DOLFINx turns the reference facet by the global numbers of its vertices. The places of the reference vertices
-        in each facet tell the order, so that nodal values and :func:`evaluate` agree.
+        DOLFINx turns the reference facet by the global numbers of its vertices. The order here is found from the places
+        of the reference vertices in each facet. So nodal values and :func:`evaluate` agree.
         """
         ends = self._facet_vertices[facets[:, 0], facets[:, 1]][:, node_vertices(self.d - 1, self.degree)]
         number = node_between(self.d, self.degree)[ends[..., 0], ends[..., 1]]
@@ -151,12 +151,12 @@ class Space:
         return float(np.min(lows)), float(np.max(highs))
 
     def to_coefficients(self, values: np.ndarray, parts: Sequence[OnFacets], *, back: bool = False) -> None:
-        """Turn nodal values into Bernstein coefficients on facets, or back, in place.
+        """Replace nodal values on facets by Bernstein coefficients, or back, in place.
 
         Args:
-            values: Of all nodes, shape (nodes, ...).
-            parts: Contacts, whose facets are taken.
-            back: From coefficients to values.
+            values: Values at all nodes, shape (nodes, ...).
+            parts: Contacts; the nodes of their facets are changed.
+            back: Whether coefficients are replaced by values.
         """
         if self.degree == 1:
             return
@@ -166,7 +166,7 @@ class Space:
 
     @cached_property
     def offset(self) -> fem.Function | None:
-        """From the facets to the true surface where that is known and curved [length]; None elsewhere; collective."""
+        """The vector from a facet to the true surface [length]; None if this is flat or not known; collective."""
         if self.domain.curved_facets is None or self.domain.geometry is None:
             return None
         return offset(self.mesh, self.domain.curved_facets, self.domain.geometry.nearest)

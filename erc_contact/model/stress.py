@@ -1,4 +1,4 @@
-"""Stresses of cells as a user wants them: in space, and their von Mises stress."""
+"""Stresses of cells in space, and their von Mises stress."""
 
 from __future__ import annotations
 
@@ -14,7 +14,10 @@ from erc_contact.scene.material import mandel_basis
 
 
 def stress_in_space(model: Model, stress: np.ndarray) -> np.ndarray:
-    """Stresses of owned cells as tensors of space, that out of plane at the middle of cells, shape (owned, 3, 3)."""
+    """Stresses of owned cells (owned, d, d) as tensors in space [force/area], shape (owned, 3, 3).
+
+    In 2D the material gives the stress out of plane, at the middle of each cell; nan stands for one that is not known.
+    """
     d = model.d
     full = np.zeros((len(stress), 3, 3))
     full[:, :d, :d] = stress
@@ -33,7 +36,8 @@ def stress_in_space(model: Model, stress: np.ndarray) -> np.ndarray:
 def von_mises(stress: np.ndarray) -> np.ndarray:
     """Von Mises stress ``sqrt(3/2) |dev sigma|`` of tensors (n, 3, 3) [force/area], shape (n,).
 
-    Where the stress out of plane is not known (nan) it counts as 0: this is the von Mises stress of the part in plane.
+    A stress out of plane that is not known (nan) counts as 0. The result is then the von Mises stress of the part in
+    plane.
     """
     known = np.nan_to_num(stress)
     deviator = known - np.trace(known, axis1=1, axis2=2)[:, None, None] / 3 * np.eye(3)

@@ -27,7 +27,7 @@ class Supports:
     Attributes:
         fixed: Which components are prescribed at each node, shape (nodes, d).
         prescribed: Prescribed displacement, a Function of V, zero elsewhere [length].
-        bcs: The same as Dirichlet conditions.
+        bcs: The prescribed displacement as Dirichlet conditions.
         facets: Facets (cell, local facet) and prescribed components of each support.
     """
 
@@ -78,7 +78,7 @@ def bind_supports(space: Space, supports: Sequence[Displacement]) -> Supports:
 
 
 def _conditions(space: Space, fixed: np.ndarray, prescribed: fem.Function) -> list[Any]:
-    """Dirichlet conditions of DOLFINx, one for each component that is prescribed anywhere; collective."""
+    """Dirichlet conditions of DOLFINx, one for each component that is prescribed at some node; collective."""
     conditions = []
     for i in range(space.d):
         if space.comm.allreduce(bool(fixed[:, i].any()), MPI.LOR):

@@ -1,6 +1,6 @@
-"""What users bring as code: callables, laws and materials in UFL, tried when a scene and a mesh meet.
+"""Code of the user's: callables, laws and materials in UFL, which are tried when a scene meets its mesh.
 
-What they raise, on whatever rank, becomes an :class:`InputError` on all of them.
+An exception that they raise on one rank becomes an :class:`InputError` on all ranks.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ def called(comm: MPI.Comm, what: str, function: Callable[..., Any], *arguments: 
 
     Args:
         comm: Communicator; every rank must call.
-        what: Whose function it is, for the message.
+        what: Owner of the function, in words for the message.
         function: The function.
         arguments: Its arguments.
         named: Its arguments by name.
@@ -88,7 +88,7 @@ def linear(what: str, integrand: Any, *arguments: Any) -> None:
 
 
 def try_material(V: fem.FunctionSpace, material: Material, parameters: Mapping[str, Any]) -> None:
-    """Call the functions of a material of the user's; collective. What they return is checked with the scene.
+    """Call the functions of a material of the user's, to see that they work; collective.
 
     Args:
         V: Space of the displacement.

@@ -1,7 +1,6 @@
 """Values of a scene on a mesh: a number becomes a Constant, a callable becomes UFL of the position.
 
-Everything that one may sweep is a ``fem.Constant``, plain numbers in callables, too: no form is compiled anew because a
-number changed.
+Plain numbers in callables become Constants, too. So no form is compiled anew because a number has changed.
 """
 
 from __future__ import annotations
@@ -41,7 +40,9 @@ def parameter(owner: Any, name: str) -> Any:
 
 
 def number(space: Space, value: Any, what: str, x: Any = None) -> Any:
-    """A number as a Constant, a callable as UFL of the position, x unless another one is given; collective.
+    """A number as a Constant, or a callable as UFL of the position; collective.
+
+    The position is that of the mesh, unless another x is given.
 
     Raises:
         InputError: If the callable fails or returns no scalar.
@@ -55,7 +56,7 @@ def number(space: Space, value: Any, what: str, x: Any = None) -> Any:
 
 
 def components(space: Space, value: Any, what: str, x: Any = None) -> Any:
-    """The same for a vector, a sequence of d values or one callable.
+    """A vector as UFL, from a sequence of d values or one callable; collective. See :func:`number`.
 
     Raises:
         InputError: If it has not d components.
@@ -105,7 +106,7 @@ def moduli(space: Space, material: Material) -> dict[str, Any]:
 
 
 def _by_region(space: Space, name: str, value: Mapping[str, Any]) -> Any:
-    """Sum over regions of indicator times value; numbers share one piecewise constant function."""
+    """A value that is given region by region, as UFL. Numbers share one function that is constant in cells."""
     W = fem.functionspace(space.mesh, ("DG", 0))
     numbers, terms = fem.Function(W), []
     covered = np.zeros(len(numbers.x.array), dtype=int)
