@@ -1,17 +1,14 @@
-"""The contact problem for all degrees of freedom of the body, in parallel: residual, tangent, status, multipliers.
+"""The contact problem for all degrees of freedom of the body, in parallel: residual, status, multipliers.
 
 With S the identity, for a method with multiplier without the rows of A, the problem is
 
     R(u) = S (K u - b) + e(C u, lambda(K u - b)) = 0.
 
-Here e are the equations of the method and A the free degrees of freedom of the contact nodes; C turns nodal values of
-degree 2 at the contact into Bernstein coefficients; lambda are the multipliers, which the reactions ``K u - b`` of the
-contact nodes give (:mod:`erc_contact.newton.reactions`). The tangent ``S K + e_u C + e_lambda lambda' K`` is applied,
-not assembled: only the terms of the contact are assembled anew. Newton's iterates are those of the condensed problem
-(:mod:`erc_contact.newton.condensed`), up to the tolerance of the linear solver.
-
-The linear solver is FGMRES with the multigrid hierarchy of ``K + e_u``; with a multiplier it is that of K with springs
-(:mod:`erc_contact.newton.springs`).
+Here e are the equations of the method and A the free degrees of freedom of the contact nodes. C turns nodal values of
+degree 2 at the contact into Bernstein coefficients. The reactions ``K u - b`` of the contact nodes give the multipliers
+lambda (:mod:`erc_contact.newton.reactions`). Newton's iterates are those of the condensed problem
+(:mod:`erc_contact.newton.condensed`), up to the tolerance of the linear solver. The tangent and its preconditioner are
+in :mod:`erc_contact.newton.tangent`.
 """
 
 from __future__ import annotations
@@ -21,17 +18,16 @@ from typing import Any
 
 import numpy as np
 from dolfinx import fem, la
-from dolfinx.fem import petsc as fp
 from mpi4py import MPI
 from petsc4py import PETSc
 
 from erc_contact.model.model import Model
 from erc_contact.newton.forms import ContactForms
-from erc_contact.newton.krylov import fgmres, set_up, shell
+from erc_contact.newton.krylov import fgmres
 from erc_contact.newton.methods import Method
 from erc_contact.newton.multigrid import Multigrid
 from erc_contact.newton.reactions import Reactions
-from erc_contact.newton.springs import Springs
+from erc_contact.newton.tangent import Tangent
 
 TOLERANCE = 1e-10
 """Newton's method stops when the residual is below this fraction of the contact forces of the first guess [-]."""
@@ -43,16 +39,8 @@ FORCING = 0.1
 """Tolerance of the first linear solves, which Eisenstat and Walker's rule lowers [-]."""
 PRESS = 1e-5
 """How far a state is pressed into the foundation for another tangent, over the size of the displacement [-]."""
-REGULAR, NO_INVERSE = 1e-4, 1e-9
-"""Tolerance of the linear solve that shows whether the tangent has an inverse, and the ratio that counts as none [-].
-
-Beside the branch of demos/many_solutions.py the ratio is 1e-4 to 1e-1, on it 1e-15 to 1e-10."""
 ROUGH = 0.1
 """Tolerance of the linear solve that measures the distance to the solution [-]."""
-FRESH = 0.35
-"""Contraction of the residual by one cycle that a hierarchy of the tangent at hand is expected to have [-]."""
-RENEWAL = 14.0
-"""Number of cycles that cost as much as a new hierarchy."""
 
 
 class FullSpace:
@@ -74,23 +62,12 @@ class FullSpace:
         self.length, self.force = length, force
         self.forms = ContactForms(model, method)
         self._equations = fem.Function(model.V)
-        own = elastic.owned
-        bcs = [] if method.multiplier else model.bcs
-        self._bcs = bcs
-        self._tangents = [fp.create_matrix(form) for form in self.forms.tangents]
-        self._fixed = model.fixed.ravel()[:own]
-        if method.multiplier:
-            self._reactions = Reactions(model)
-            self._rows = self._reactions.free.ravel()[:own]
-            self._springs = Springs(model, elastic, self._reactions)
-        else:
-            self._rows = ~self._fixed
-        self._work = [self.vector() for _ in range(2)]
+        self._fixed = model.fixed.ravel()[: elastic.owned]
+        self._reactions = Reactions(model) if method.multiplier else None
+        self._rows = ~self._fixed if self._reactions is None else self._reactions.free.ravel()[: elastic.owned]
+        self._tangent = Tangent(self.forms, elastic, self._reactions, length, force)
         self._rest = self.vector()
         self._at: PETSc.Vec | None = None
-        self._tangent = shell(self.mult, self._work[0])
-        self._last = (0, 1.0)  # cycles of the last linear solve, and its reduction of the residual
-        self._excess = 0.0
 
     # -- as SNES needs it -----------------------------------------------------------------------------------
 
@@ -113,14 +90,11 @@ class FullSpace:
 
     def prepare(self, snes: PETSc.SNES) -> None:
         """Give SNES the tangent and FGMRES with multigrid."""
-        snes.setJacobian(self._renewed, self._tangent)
+        snes.setJacobian(self._renewed, self._tangent.matrix)
         snes.setUseEW(True, version=2, rtol_0=FORCING, rtol_max=FORCING, alpha=1.3, threshold=0.01)
         snes.setMaxLinearSolveFailures(2)
-        ksp = snes.getKSP()
-        set_up(ksp, self.precondition)
-        ksp.setTolerances(atol=0.3 * TOLERANCE)
-        ksp.setMonitor(self._watch)
-        self._last, self._excess = (0, 1.0), 0.0
+        self._tangent.prepare(snes.getKSP())
+        snes.getKSP().setTolerances(atol=0.3 * TOLERANCE)
 
     def round_off(self, x: PETSc.Vec) -> float:
         """The norm of the scaled residual that counts as solved [-].
@@ -182,32 +156,13 @@ class FullSpace:
             at = self.model.facet_nodes(contact.facets)
             normals.x.array.reshape(-1, self.model.d)[at] = contact.direction[:, None, :]
         pressed.array[self._rows] += PRESS * normals.x.array[: len(self._rows)][self._rows]
-        states = [x] if self.status(pressed)[0] == before else [x, pressed]
-        found = min(self._regularity(state) for state in states)
+        found = []
+        for state in [x] if self.status(pressed)[0] == before else [x, pressed]:
+            self._set(state)
+            self._tangent.assemble()
+            found.append(self._tangent.regularity())
         pressed.destroy()
-        return found
-
-    def _regularity(self, x: PETSc.Vec) -> float:
-        """The ratio of a force without structure to the displacement that it causes, as far as FGMRES solves for it.
-
-        Without an inverse FGMRES does not converge, and the displacement grows to the inverse of round-off; where
-        multigrid is only slow it does not.
-        """
-        diagonal, force, u = self.elastic.matrix.getDiagonal(), self.vector(), self.vector()
-        diagonal.sqrtabs()
-        first, _ = force.getOwnershipRange()
-        force.array[:] = np.sin(1.0 + np.arange(first, first + len(self._rows)) ** 2)
-        force.array[self._fixed] = 0.0
-        size = force.norm()
-        force.pointwiseMult(force, diagonal)
-        self._assemble(x)
-        fgmres(self.mult, self.precondition, force, u, REGULAR)
-        u.pointwiseMult(u, diagonal)
-        u.array[self._fixed] = 0.0
-        found = size / u.norm() * self.force / self.length if u.norm() > 0 else 1.0
-        for made in (diagonal, force, u):
-            made.destroy()
-        return float(found) if found > NO_INVERSE else 0.0
+        return min(found)
 
     def status(self, x: PETSc.Vec) -> tuple[bytes, tuple[int, int, int]]:
         """A key of the contact status of all points, and the numbers of open, slipping and sticking points."""
@@ -217,68 +172,11 @@ class FullSpace:
         open_, slip, stick = (int(n) for n in comm.allreduce(np.bincount(found, minlength=3), MPI.SUM))
         return key, (open_, slip, stick)
 
-    # -- the tangent ----------------------------------------------------------------------------------------
-
-    def mult(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
-        """Set y to the scaled tangent times x."""
-        self.elastic.matrix.mult(x, y)
-        if self.forms.multipliers:
-            self._mult_equations(x, y)
-        else:
-            self._tangents[0].multAdd(x, y, y)
-        y.scale(self.length / self.force)
-
-    def precondition(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
-        """Set y to about the inverse of the scaled tangent times x."""
-        if self.forms.multipliers:
-            right, _ = self._work
-            right.array[:] = self._springs.right_side(x.array_r)
-            self.elastic.cycle(right, y)
-        else:
-            self.elastic.cycle(x, y)
-        y.scale(self.force / self.length)
-
-    def _mult_equations(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
-        """Replace the rows of A in ``y = K x`` by those of the equations."""
-        model, (given, found) = self.model, self._work
-        shape = model.fixed.shape
-        force, u = np.zeros(shape), fem.Function(model.V)
-        force.ravel()[: len(self._rows)] = y.array_r
-        u.x.array[: len(self._rows)] = x.array_r
-        u.x.scatter_forward()
-        model.to_coefficients(u.x.array.reshape(shape), model.contacts)
-        total = np.zeros(len(self._rows))
-        for tangent, values in zip(self._tangents, (u.x.array, *self._reactions.multipliers(force)), strict=True):
-            given.array[:] = values.ravel()[: len(self._rows)]
-            tangent.mult(given, found)
-            total += found.array_r
-        y.array[self._rows] = total[self._rows]
-
     def _renewed(self, _: Any, x: PETSc.Vec, *__: PETSc.Mat) -> None:
-        """Assemble the tangent at x, and renew the hierarchy where that pays."""
-        self._assemble(x)
-        cycles, reduction = self._last
-        if cycles:
-            self._excess += cycles - np.log(reduction) / np.log(FRESH)
-        if self._excess > RENEWAL:
-            self.elastic.renew(self._springs.matrix if self.forms.multipliers else self._tangents[0])
-            self._excess = 0.0
-
-    def _assemble(self, x: PETSc.Vec) -> None:
-        """Assemble the terms of the contact in the tangent at x."""
+        """Assemble the tangent at x, and renew its hierarchy where that pays."""
         self._set(x)
-        for tangent, form in zip(self._tangents, self.forms.tangents, strict=True):
-            tangent.zeroEntries()
-            fp.assemble_matrix(tangent, form, bcs=self._bcs, diag=0.0)
-            tangent.assemble()
-        if self.forms.multipliers:
-            self._springs.update(self._tangents)
-
-    def _watch(self, _: PETSc.KSP, cycle: int, norm: float) -> None:
-        """Remember the cycles of a linear solve and its reduction of the residual."""
-        if cycle == 0:
-            self._first = norm
-        self._last = cycle, max(norm / self._first, 1e-16) if self._first > 0 else 1.0
+        self._tangent.assemble()
+        self._tangent.renew()
 
     # -- states ---------------------------------------------------------------------------------------------
 
@@ -303,7 +201,7 @@ class FullSpace:
         self.elastic.matrix.mult(x, rest)
         rest.scale(self.length)
         rest.axpy(-1.0, self.loads)
-        if self.forms.multipliers:
+        if self._reactions is not None:
             shape = model.fixed.shape
             model.to_coefficients(u.array.reshape(shape), model.contacts)
             force = np.zeros(shape)
@@ -317,7 +215,5 @@ class FullSpace:
 
     def free(self) -> None:
         """Free PETSc's objects, which know this one: without it neither would be freed."""
-        for made in (*self._tangents, *self._work, self._rest, self._tangent):
-            made.destroy()
-        if self.forms.multipliers:
-            self._springs.matrix.destroy()
+        self._tangent.free()
+        self._rest.destroy()

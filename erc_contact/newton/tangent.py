@@ -1,0 +1,158 @@
+"""The tangent of the contact problem for all degrees of freedom, and its preconditioner.
+
+The tangent is ``K + e_u``; with a multiplier it is ``S K + e_u C + e_lambda lambda' K``, with the symbols of
+:mod:`erc_contact.newton.full`. It is applied, not assembled: only the terms of the contact are assembled anew.
+
+The preconditioner is a cycle of the multigrid hierarchy of ``K + e_u``. With a multiplier the hierarchy is that of K
+with springs (:mod:`erc_contact.newton.springs`).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from dolfinx import fem
+from dolfinx.fem import petsc as fp
+from petsc4py import PETSc
+
+from erc_contact.newton.forms import ContactForms
+from erc_contact.newton.krylov import fgmres, set_up, shell
+from erc_contact.newton.multigrid import Multigrid
+from erc_contact.newton.reactions import Reactions
+from erc_contact.newton.springs import Springs
+
+REGULAR, NO_INVERSE = 1e-4, 1e-9
+"""Tolerance of the linear solve that shows whether the tangent has an inverse, and the ratio that counts as none [-].
+
+Beside the branch of demos/many_solutions.py the ratio is 1e-4 to 1e-1, on it 1e-15 to 1e-10."""
+FRESH = 0.35
+"""Contraction of the residual by one cycle that a hierarchy of the tangent at hand is expected to have [-]."""
+RENEWAL = 14.0
+"""Number of cycles that cost as much as a new hierarchy."""
+
+
+class Tangent:
+    """The tangent at the state that the forms read, scaled by ``length/force``; members are collective.
+
+    Args:
+        forms: The equations of the method.
+        elastic: The elastic equations.
+        reactions: The map from reactions to multipliers; None for a method without multiplier.
+        length: Size of the displacements [length].
+        force: Size of the contact forces [force].
+
+    Attributes:
+        matrix: The tangent, as PETSc wants a matrix.
+    """
+
+    def __init__(
+        self, forms: ContactForms, elastic: Multigrid, reactions: Reactions | None, length: float, force: float
+    ) -> None:
+        self.model, self.forms, self.elastic = elastic.model, forms, elastic
+        self.length, self.force = length, force
+        self._reactions = reactions
+        self._springs = None if reactions is None else Springs(self.model, elastic, reactions)
+        self._bcs = self.model.bcs if reactions is None else []
+        self._terms = [fp.create_matrix(form) for form in forms.tangents]
+        self._work = [elastic.matrix.createVecRight() for _ in range(2)]
+        self.matrix = shell(self.mult, self._work[0])
+        self._last = (0, 1.0)  # cycles of the last linear solve, and its reduction of the residual
+        self._excess = 0.0
+
+    def assemble(self) -> None:
+        """Assemble the terms of the contact."""
+        for term, form in zip(self._terms, self.forms.tangents, strict=True):
+            term.zeroEntries()
+            fp.assemble_matrix(term, form, bcs=self._bcs, diag=0.0)
+            term.assemble()
+        if self._springs is not None:
+            self._springs.update(self._terms)
+
+    def mult(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
+        """Set y to the scaled tangent times x."""
+        self.elastic.matrix.mult(x, y)
+        if self._reactions is None:
+            self._terms[0].multAdd(x, y, y)
+        else:
+            self._mult_equations(self._reactions, x, y)
+        y.scale(self.length / self.force)
+
+    def precondition(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
+        """Set y to about the inverse of the scaled tangent times x."""
+        if self._springs is None:
+            self.elastic.cycle(x, y)
+        else:
+            right, _ = self._work
+            right.array[:] = self._springs.right_side(x.array_r)
+            self.elastic.cycle(right, y)
+        y.scale(self.force / self.length)
+
+    def prepare(self, ksp: PETSc.KSP) -> None:
+        """Let a linear solver be FGMRES with the preconditioner, and watch its cycles from now on."""
+        set_up(ksp, self.precondition)
+        ksp.setMonitor(self._watch)
+        self._last, self._excess = (0, 1.0), 0.0
+
+    def renew(self) -> None:
+        """Renew the hierarchy where this pays.
+
+        It pays when the solves since the last renewal have taken :data:`RENEWAL` more cycles than a new one would take.
+        """
+        cycles, reduction = self._last
+        if cycles:
+            self._excess += cycles - np.log(reduction) / np.log(FRESH)
+        if self._excess > RENEWAL:
+            self.elastic.renew(self._terms[0] if self._springs is None else self._springs.matrix)
+            self._excess = 0.0
+
+    def regularity(self) -> float:
+        """About the least eigenvalue of the tangent, scaled by the elastic diagonal [-]; zero if it has no inverse.
+
+        It is the ratio of a force without structure to the displacement that this causes, as far as FGMRES solves for
+        it. Without an inverse FGMRES does not converge, and the displacement grows to the inverse of round-off; where
+        multigrid is only slow it does not.
+        """
+        diagonal, force, u = self.elastic.matrix.getDiagonal(), *(self._work[0].duplicate() for _ in range(2))
+        fixed = self.model.fixed.ravel()[: self.elastic.owned]
+        diagonal.sqrtabs()
+        force.array[:] = np.sin(1.0 + np.arange(*force.getOwnershipRange()) ** 2)
+        force.array[fixed] = 0.0
+        size = force.norm()
+        force.pointwiseMult(force, diagonal)
+        fgmres(self.mult, self.precondition, force, u, REGULAR)
+        u.pointwiseMult(u, diagonal)
+        u.array[fixed] = 0.0
+        found = size / u.norm() * self.force / self.length if u.norm() > 0 else 1.0
+        for made in (diagonal, force, u):
+            made.destroy()
+        return float(found) if found > NO_INVERSE else 0.0
+
+    def free(self) -> None:
+        """Free PETSc's objects; the matrix and this object know each other, and neither would be freed."""
+        for made in (*self._terms, *self._work, self.matrix):
+            made.destroy()
+        if self._springs is not None:
+            self._springs.matrix.destroy()
+
+    def _mult_equations(self, reactions: Reactions, x: PETSc.Vec, y: PETSc.Vec) -> None:
+        """Replace the rows of A in ``y = K x`` by those of the equations."""
+        model, (given, found), own = self.model, self._work, self.elastic.owned
+        shape, rows = model.fixed.shape, reactions.free.ravel()[:own]
+        force, u = np.zeros(shape), fem.Function(model.V)
+        force.ravel()[:own] = y.array_r
+        u.x.array[:own] = x.array_r
+        u.x.scatter_forward()
+        model.to_coefficients(u.x.array.reshape(shape), model.contacts)
+        total = np.zeros(own)
+        for term, values in zip(self._terms, (u.x.array, *reactions.multipliers(force)), strict=True):
+            given.array[:] = values.ravel()[:own]
+            term.mult(given, found)
+            total += found.array_r
+        y.array[rows] = total[rows]
+
+    def _watch(self, _: Any, cycle: int, norm: float) -> None:
+        """Remember the cycles of a linear solve and its reduction of the residual."""
+        if cycle == 0:
+            self._first = norm
+        self._last = cycle, max(norm / self._first, 1e-16) if self._first > 0 else 1.0
