@@ -21,9 +21,9 @@ from scenes import greco, mostly_serial, random_scene, resultant, sliding_block
 
 import erc_contact as ec
 from erc_contact.admissible.cells import facet_order, force_coefficients, signed
-from erc_contact.admissible.contact import _shrink
 from erc_contact.admissible.macro import bubbles, macro_points, macro_stress, mandel, reference_map, tensors
 from erc_contact.admissible.pair import Admissible
+from erc_contact.admissible.sampled import lowering
 from erc_contact.mesh.simplex import (
     at_nodes,
     barycentric,
@@ -269,11 +269,11 @@ def test_round_off_does_not_shrink_the_friction_of_a_facet():
     values[..., 1] = 0.01  # n points down: a pressure
     x = solution.model.V.tabulate_dof_coordinates()[traction.nodes, 0]
     values[..., 0] = 0.25 * 0.01 * x
-    assert np.all(_shrink(solution.model, replace(traction, values=values)) == 1.0)
+    assert np.all(lowering(solution.model, replace(traction, values=values)) == 1.0)
     values[..., 0] += np.where(x < 1e-12, 1e-18, 0.0)  # friction is zero there
-    assert np.all(_shrink(solution.model, replace(traction, values=values)) == 1.0)
+    assert np.all(lowering(solution.model, replace(traction, values=values)) == 1.0)
     values[..., 0] *= 3.0
-    assert np.all(_shrink(solution.model, replace(traction, values=values)) < 1.0)
+    assert np.all(lowering(solution.model, replace(traction, values=values)) < 1.0)
 
 
 @pytest.mark.serial

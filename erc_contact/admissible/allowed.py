@@ -15,12 +15,10 @@ from functools import cached_property
 import numpy as np
 
 from erc_contact.admissible.cones import Cones, clip
-from erc_contact.mesh.simplex import at_nodes, coefficients, lattice
+from erc_contact.mesh.simplex import at_nodes, coefficients
 from erc_contact.model.foundation import PROPORTIONAL, BoundContact, pressures, split
 from erc_contact.model.model import Model
 
-SAMPLES = 12
-"""Subdivisions of a facet's edge when a bound that varies along it is sampled."""
 LIMITER_STEPS = 20
 """Number of bisections of the limiter."""
 LIMITER_TOLERANCE = 1e-3
@@ -28,11 +26,6 @@ LIMITER_TOLERANCE = 1e-3
 changes every traction that slips by a little."""
 DIFFERENCE = 1e-6
 """Step of the pressure for the slope of a law's bound, over the largest pressure [-]."""
-
-
-def samples(d: int) -> np.ndarray:
-    """Reference points of a fine sampling of a facet, its edges included, shape (q, d-1)."""
-    return lattice(d - 1, SAMPLES)
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +53,7 @@ class Allowed:
     @cached_property
     def parameters(self) -> dict[str, np.ndarray]:
         """The law's parameters at the nodes, or at the samples of each facet."""
-        points = self.model.facet_points if self.sharp else samples(self.model.d)
+        points = self.model.facet_points if self.sharp else self.model.facet_samples
         return self.model.friction_parameters(self.contact, points)
 
     def bound(self, pressure: np.ndarray) -> np.ndarray:
@@ -69,7 +62,7 @@ class Allowed:
             d, k = self.model.d, self.model.degree
             bound = self.contact.friction_bound(pressure @ at_nodes(d - 1, k).T, self.parameters)
             return self.factor[:, None] * np.maximum(bound @ coefficients(d - 1, k).T, 0.0)
-        many = len(pressure), len(samples(self.model.d))
+        many = len(pressure), len(self.model.facet_samples)
         spread = [np.broadcast_to(p[:, None], many) for p in pressure.T]
         least = [self.contact.friction_bound(p, self.parameters).min(axis=1) for p in spread]
         return np.column_stack(least)
@@ -113,6 +106,26 @@ class Allowed:
             _, fits = at(middle)
             low, high = np.where(fits, middle, low), np.where(fits, high, middle)
         return at(low)[0]
+
+    def level(self, values: np.ndarray, slip: np.ndarray) -> np.ndarray:
+        """Tractions with the mean pressure of each facet, which oppose the slip with all the friction that this allows.
+
+        If the pressure varies, so may the friction bound, which then is no polynomial, and r^ stays below it. The
+        contact part of e^2 contains the difference times the slip. If the pressure is level, r^ follows the bound:
+        exactly where the parameters of the law are polynomials on the facet.
+
+        Args:
+            values: Tractions whose pressure is levelled [force/area], shape (f, m, d).
+            slip: Vectors along the slip, of any length, shape (f, m, d).
+
+        Returns:
+            The tractions [force/area], shape (f, m, d).
+        """
+        pressure = np.maximum(-(values * self.n).sum(axis=2).mean(axis=1), 0.0)
+        bound = self.bound(np.broadcast_to(pressure[:, None], values.shape[:2]))
+        length = np.linalg.norm(slip, axis=2, keepdims=True)
+        against = np.divide(slip, length, out=np.zeros_like(slip), where=length > 0)
+        return -pressure[:, None, None] * self.n - bound[..., None] * against
 
     def near(self, start: np.ndarray, peak: float) -> Cones:
         """A convex set whose friction bound is the tangent of b at the pressures of ``start``.

@@ -16,7 +16,7 @@ from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.mesh.domain import Domain
-from erc_contact.mesh.simplex import barycentric, lattice, rule
+from erc_contact.mesh.simplex import barycentric, rule
 from erc_contact.model.expressions import Everywhere, evaluate
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.model import Model
@@ -29,8 +29,6 @@ AWAY = -0.1
 """Least cosine of the angle between the normal of the foundation and that of a facet in contact [-]."""
 DECADES = 12
 """Pressures from the modulus down by so many powers of ten are tried, and 0."""
-SAMPLES = 12
-"""Subdivisions of a facet's edge when what is given on a contact is sampled."""
 LAW_SAMPLES = 50
 """At most so many values of the parameters of a law are tried on each rank."""
 
@@ -105,7 +103,7 @@ def _check_material(model: Model) -> None:
 def _check_data(model: Model, contact: BoundContact) -> None:
     """Gap and parameters of the law between the nodes, where :class:`Model` has not looked."""
     what = f"Contact({contact.name!r})"
-    x = np.matmul(barycentric(lattice(model.d - 1, SAMPLES)), model.facet_corners(contact.facets))
+    x = np.matmul(barycentric(model.facet_samples), model.facet_corners(contact.facets))
     for name, value in (contact.friction.parameters if contact.friction else {}).items():
         values = Everywhere(value, model.mesh)(x, contact.facets)
         local = float(np.where(values < np.inf, values, -np.inf).min(initial=np.inf))
@@ -148,7 +146,7 @@ def _check_law(model: Model, contact: BoundContact) -> None:
     what = f"Contact({contact.name!r}): the friction bound of {type(law).__name__}"
     modulus = model.stiffest()
     pressure = np.concatenate([[0.0], modulus * np.logspace(-DECADES, 0, 4 * DECADES + 1)])
-    at = lattice(model.d - 1, SAMPLES)
+    at = model.facet_samples
     parameters = {name: values.ravel() for name, values in model.friction_parameters(contact, at).items()}
     count = len(contact.facets) * len(at)
     some = np.linspace(0, max(count - 1, 0), min(count, LAW_SAMPLES)).astype(int)

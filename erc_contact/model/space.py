@@ -21,6 +21,7 @@ from erc_contact.mesh.simplex import (
     at_nodes,
     coefficients,
     facet_vertices,
+    lattice,
     measures,
     node_between,
     node_vertices,
@@ -28,6 +29,9 @@ from erc_contact.mesh.simplex import (
 )
 from erc_contact.mesh.surface import offset
 from erc_contact.model.expressions import evaluate
+
+SAMPLES = 12
+"""Number of parts of a facet's edge between the samples of data that vary along it."""
 
 
 class OnFacets(Protocol):
@@ -93,6 +97,11 @@ class Space:
     def facet_points(self) -> np.ndarray:
         """Reference points of the nodes of a facet, shape (m, d-1)."""
         return nodes(self.d - 1, self.degree)
+
+    @property
+    def facet_samples(self) -> np.ndarray:
+        """Reference points of a fine sampling of a facet, its edges included, shape (q, d-1)."""
+        return lattice(self.d - 1, SAMPLES)
 
     @property
     def contact_degree(self) -> int:

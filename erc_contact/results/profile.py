@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from erc_contact.admissible.contact import MARGIN
 from erc_contact.admissible.pair import Admissible
+from erc_contact.admissible.sampled import MARGIN
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.mesh.simplex import bernstein
 from erc_contact.model.profile import facet_status, greatest_pressure, profile_points, profile_table
