@@ -54,7 +54,7 @@ def at_points(model: Model, points: Any, values: Callable[[np.ndarray, np.ndarra
 
 
 def in_space(x: np.ndarray) -> np.ndarray:
-    """Points (n, d) with three coordinates, as DOLFINx wants them."""
+    """Points or vectors (n, d) with three components, as DOLFINx and VTK want them, shape (n, 3)."""
     return np.pad(x, ((0, 0), (0, 3 - x.shape[1])))
 
 

@@ -1,8 +1,8 @@
 """Files, plots and pictures of a run: curves and maps by matplotlib, bodies by pyvista, files for ParaView.
 
-All functions are collective: data are gathered to rank 0 of the mesh's communicator, which draws; the other ranks
-import neither matplotlib nor pyvista. What fails on rank 0 is raised on all ranks. No display is needed. The folder
-of a path is made if it is missing; the suffix of a picture chooses its format (png, pdf, svg).
+All functions are collective. Data are gathered on rank 0 of the mesh's communicator, which draws and writes. The other
+ranks import neither matplotlib nor pyvista. An exception on rank 0 is raised on all ranks. No display is needed. The
+folder of a path is made if it is missing. The suffix of a picture's path gives the format: png, pdf or svg.
 """
 
 from erc_contact.output.curves import plot_contact, plot_history

@@ -1,8 +1,9 @@
-"""Bodies and their foundations as triangles and lines for pyvista, and views of them. On rank 0.
+"""Bodies and their foundations as triangles and lines for pyvista, and images of them. On rank 0.
 
-Bodies of degree 2 are cut into straight parts, so that their edges are seen to be curved.
+Triangles and lines of degree 2 are cut into straight parts, so that curved edges look curved.
 
-Symbols: X place before the deformation, g gap, n normal of the foundation, d dimension, k degree, m nodes of a simplex.
+Symbols: X position before the deformation, g gap, n normal of the foundation, d dimension, k degree, m number of nodes
+of a simplex.
 """
 
 from __future__ import annotations
@@ -14,31 +15,33 @@ from typing import Any
 import numpy as np
 
 from erc_contact.mesh.simplex import edges, lagrange, node_between, node_vertices
+from erc_contact.model.points import in_space
 from erc_contact.output.drawing import tangents
 from erc_contact.output.files import degree_of, grid_of, subdivided
 from erc_contact.output.gathered import Surface, mean_normal
 
 DIVISIONS = 6
-"""Straight parts of a curved edge at most."""
+"""Greatest number of straight parts of a curved edge."""
 TRIANGLES = 200_000
-"""Curved triangles are drawn by about so many straight ones in all, and fewer parts of an edge if need be."""
+"""Greatest number of straight triangles, about, in which curved ones are cut. Edges have fewer parts if need be."""
 REACH = 0.15
-"""The foundation is drawn where its magnified gap is below this share of the body's size."""
+"""The foundation is drawn where its magnified gap is below this share of the body's size [-]."""
 PIXELS = 1800
-"""Longer side of the image of a body."""
+"""Number of pixels of the longer side of the image of a body."""
 BAND, EXCESS = 0.03, 0.06
-"""Width of the band of a foundation, and what a flat one is longer than its contact, as shares of the size."""
+"""Width of the band of a foundation in 2D, and length by which a flat foundation extends beyond each end of its
+contact, as shares of the body's size [-]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Skin:
-    """What is seen of a body: triangles of degree k, and the edges of elements.
+    """The visible part of a body: triangles of degree k, and their edges. In 2D the triangles are the elements.
 
     Attributes:
         points: Nodes of the body [length], shape (n, 3).
-        triangles: Nodes of the triangles, shape (f, 3 or 6).
-        cell: The element of each, shape (f,).
-        lines: Nodes of the edges, shape (e, 2 or 3).
+        triangles: Numbers of the nodes of each triangle, shape (f, 3 or 6).
+        cell: Number of the element that each triangle belongs to, shape (f,).
+        lines: Numbers of the nodes of each edge, shape (e, 2 or 3).
     """
 
     points: np.ndarray
@@ -48,24 +51,33 @@ class Skin:
 
     @property
     def divisions(self) -> int:
-        """Parts of an edge that are drawn straight."""
+        """Number of straight parts in which an edge is drawn."""
         many = int(np.sqrt(TRIANGLES / len(self.triangles)))
         return 1 if degree_of(self.lines, 1) == 1 else min(max(many, 1), DIVISIONS)
 
     def faces(self, x: np.ndarray, **look: Any) -> tuple[Any, dict[str, Any]]:
-        """The triangles with nodes at x, and how they look; colours of elements are those in ``scalars``."""
+        """The triangles with the nodes at x (n, 3) for pyvista, and the options with which they are drawn.
+
+        The option ``scalars`` has one colour for each element.
+        """
         points, parts = sampled(x[self.triangles], 2, self.divisions)
         if "scalars" in look:
             look["scalars"] = np.repeat(look["scalars"][self.cell], len(parts) // len(self.cell), axis=0)
         return straight(points, parts), look
 
     def edges(self, x: np.ndarray, **look: Any) -> tuple[Any, dict[str, Any]]:
-        """The edges with nodes at x, and how they look."""
+        """The edges with the nodes at x (n, 3) for pyvista, and the options with which they are drawn."""
         return straight(*sampled(x[self.lines], 1, self.divisions)), look
 
 
 def skin_of(points: np.ndarray, cells: np.ndarray, d: int) -> Skin:
-    """The skin of a body of elements (m, N) of dimension d: these themselves in 2D."""
+    """The skin of a body.
+
+    Args:
+        points: Nodes [length], shape (n, 3).
+        cells: Numbers of the nodes of each element, shape (e, N).
+        d: Dimension.
+    """
     k = degree_of(cells, d)
     surface = grid_of(points, cells[:, : d + 1], d).extract_surface(algorithm="dataset_surface")
     cell = surface.cell_data["vtkOriginalCellIds"]
@@ -73,7 +85,7 @@ def skin_of(points: np.ndarray, cells: np.ndarray, d: int) -> Skin:
     local = (cells[cell, None, : d + 1] == corners[:, :, None]).argmax(axis=2)
 
     def between(pairs: np.ndarray) -> np.ndarray:
-        """Nodes between pairs of vertices of the triangles, shape (f, pairs)."""
+        """Nodes between pairs of vertices of each triangle, shape (f, pairs)."""
         first, second = local[:, pairs.reshape(-1, 2).T].swapaxes(0, 1)
         return np.take_along_axis(cells[cell], node_between(d, k)[first, second], axis=1)
 
@@ -84,14 +96,23 @@ def skin_of(points: np.ndarray, cells: np.ndarray, d: int) -> Skin:
 
 
 def sampled(x: np.ndarray, d: int, divisions: int) -> tuple[np.ndarray, np.ndarray]:
-    """Lines or triangles with nodes (n, m, 3) cut into straight ones: points (p, 3), and these by these points."""
+    """Values at the nodes of lines or triangles, interpolated at the points of smaller straight ones.
+
+    Args:
+        x: Values at the nodes, shape (n, m, c), for instance their positions with c = 3.
+        d: Dimension of the lines or triangles, 1 or 2.
+        divisions: Number of parts of an edge.
+
+    Returns:
+        Values at the points, shape (p, c), and the numbers of the points of each straight one, shape (s, d+1).
+    """
     points, parts = subdivided(d, divisions)
     at = np.matmul(lagrange(d, degree_of(x, d), points), x)
     return at.reshape(-1, x.shape[-1]), (np.arange(len(x))[:, None, None] * len(points) + parts).reshape(-1, d + 1)
 
 
 def straight(points: np.ndarray, parts: np.ndarray) -> Any:
-    """Straight lines (n, 2) or triangles (n, 3) between points (p, 3) for pyvista."""
+    """Straight lines or triangles for pyvista, from points (p, 3) and numbers of points (n, 2) or (n, 3)."""
     import pyvista  # noqa: PLC0415
 
     if parts.shape[1] == 3:
@@ -100,9 +121,9 @@ def straight(points: np.ndarray, parts: np.ndarray) -> Any:
 
 
 def foundation(surface: Surface, factor: float, size: float) -> Any:
-    """A foundation at X + factor g n, in straight parts, as far as it is near the body.
+    """The part of a foundation that is near the body, at X + factor g n.
 
-    A plane with a constant gap is drawn somewhat larger than the contact, others opposite to the contact.
+    A plane with a constant gap is drawn somewhat larger than the contact. Other foundations end with the contact.
 
     Args:
         surface: The contact.
@@ -110,10 +131,11 @@ def foundation(surface: Surface, factor: float, size: float) -> Any:
         size: Size of the body [length].
 
     Returns:
-        Lines in 2D, triangles in 3D for pyvista; at their points ``normal``, the normal of the foundation.
+        Straight lines in 2D or triangles in 3D for pyvista. At their points the data ``normal`` is the normal of the
+        foundation, and ``lift`` the magnified gap.
     """
     d, contact = surface.d, surface.traction.contact
-    direction = np.pad(contact.direction, ((0, 0), (0, 3 - d)))
+    direction = in_space(contact.direction)
     points, parts = sampled(surface.x + factor * surface.gap[..., None] * direction[:, None], d - 1, DIVISIONS)
     lift = sampled(factor * surface.gap[..., None], d - 1, DIVISIONS)[0][:, 0]
     normal, n = np.repeat(direction, len(points) // len(direction), axis=0), mean_normal(surface)
@@ -122,7 +144,7 @@ def foundation(surface: Surface, factor: float, size: float) -> Any:
         along, height = points[:, :d] @ plane.T, float((points[:, :d] @ n).mean())
         ends = along.min(axis=0) - EXCESS * size, along.max(axis=0) + EXCESS * size
         corners = np.stack(np.meshgrid(*np.transpose(ends), indexing="ij"), axis=-1).reshape(-1, d - 1)
-        points = np.pad(corners @ plane + height * n, ((0, 0), (0, 3 - d)))
+        points = in_space(corners @ plane + height * n)
         parts = np.array([[0, 1]] if d == 2 else [[0, 1, 2], [1, 2, 3]])
         lift, normal = lift[: len(points)], normal[: len(points)]
     drawn = straight(points, parts)
@@ -131,7 +153,10 @@ def foundation(surface: Surface, factor: float, size: float) -> Any:
 
 
 def ground(surface: Any, size: float) -> list[tuple[Any, dict[str, Any]]]:
-    """How a :func:`foundation` looks in a picture of this size [length]: in 2D a line with a band beyond it."""
+    """The parts of a :func:`foundation` with the options with which they are drawn, in a body of a size [length].
+
+    In 2D the foundation is a line with a band beyond it, in 3D a grey surface. Nothing is drawn of an empty one.
+    """
     import pyvista  # noqa: PLC0415
 
     if surface.n_lines == 0:
@@ -144,7 +169,11 @@ def ground(surface: Any, size: float) -> list[tuple[Any, dict[str, Any]]]:
 
 
 def views_of(d: int, up: np.ndarray) -> dict[str, np.ndarray]:
-    """Names and axes (across, upward, towards the eye; 3 x 3) of views: one in 2D; two in 3D, from opposite sides."""
+    """Names and axes of the views of a body: one view in 2D, two from opposite sides in 3D.
+
+    The rows of the axes, shape (3, 3), point to the right, upward, and towards the eye. ``up`` is the coordinate axis
+    that points upward in 3D, shape (3,).
+    """
     if d == 2:
         return {"": np.eye(3)}
     aside = 0.75 * np.roll(abs(up), 1) + 0.55 * np.roll(abs(up), 2)
@@ -157,7 +186,15 @@ def views_of(d: int, up: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def rendered(parts: Sequence[tuple[Any, dict[str, Any]]], view: np.ndarray) -> tuple[np.ndarray, tuple[float, ...]]:
-    """Image of (data, look) in parallel projection, and its extent in the plane of the view [length]."""
+    """The image of some parts in parallel projection, and its extent in the plane of the view.
+
+    Args:
+        parts: Data of pyvista, and options with which they are drawn.
+        view: Axes of the view, shape (3, 3).
+
+    Returns:
+        The pixels, shape (height, width, 3), and left, right, low and high end of the image [length].
+    """
     import pyvista  # noqa: PLC0415
 
     seen = np.concatenate([data.points for data, _ in parts]) @ view.T
@@ -183,7 +220,14 @@ def rendered(parts: Sequence[tuple[Any, dict[str, Any]]], view: np.ndarray) -> t
 
 
 def show(axes: Any, drawn: tuple[np.ndarray, tuple[float, ...]], view: np.ndarray, points: np.ndarray) -> None:
-    """Put the image of these points in axes, with coordinates; in 3D along three edges of a box around them."""
+    """Show an image in axes of matplotlib, with coordinates; in 3D along three edges of a box around the points.
+
+    Args:
+        axes: Axes of matplotlib.
+        drawn: Image and extent, from :func:`rendered`.
+        view: Axes of the view, shape (3, 3).
+        points: Points of the body and its foundations [length], shape (n, 3).
+    """
     from matplotlib.ticker import MaxNLocator  # noqa: PLC0415
 
     axes.imshow(drawn[0], extent=drawn[1])

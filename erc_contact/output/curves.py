@@ -1,10 +1,7 @@
-"""Curves and maps by matplotlib: the error of a run, the traction of a contact.
+"""Plots by matplotlib: the error of adaptive runs, and the traction on a contact.
 
-All functions are collective: data are gathered to rank 0 of the mesh's communicator, which draws; the other ranks do
-not import matplotlib. What fails on rank 0 is raised on all ranks.
-
-Symbols: r^ admissible contact traction, r_n and r_t its normal and tangential parts, mu friction coefficient,
-n normal of the foundation, t tangent of the contact, s coordinate along it, eps relative error.
+Symbols: r^ admissible contact traction, r_n and r_t its normal and tangential parts, b friction bound, n normal of the
+foundation, t tangent of the contact, s coordinate along t, eps relative error, d dimension, k degree.
 """
 
 from __future__ import annotations
@@ -28,12 +25,13 @@ from erc_contact.output.gathered import AXIS, Surface, mean_normal, whole_contac
 from erc_contact.results.profile import contact_status
 
 STATUS = ("open", "slip", "stick")
+"""Names of the codes OPEN, SLIP and STICK."""
 COLOURS = ("#ececec", "#fdeacc", "#d9ecd6")
 """Colours of open, slip and stick."""
 
 
 class Run(Protocol):
-    """What is drawn of an adaptive run: a History, or anything with these members."""
+    """An adaptive run, as far as it is drawn. A ``History`` has these members."""
 
     @property
     def accuracy(self) -> float:
@@ -44,20 +42,20 @@ class Run(Protocol):
         """The best result."""
 
     def column(self, name: str) -> np.ndarray:
-        """One value a mesh: dofs, eps or seconds."""
+        """One value for each mesh: "dofs", "eps" or "seconds"."""
 
     def slope(self, against: str) -> float:
-        """Slope of log(eps) against the log of a column."""
+        """Slope of log(eps) against the logarithm of a column; nan if there is none."""
 
 
 def plot_history(histories: Mapping[str, Run], path: str | Path) -> None:
-    """Draw the relative error against run time and against degrees of freedom, log-log; collective.
+    """Draw the relative error against run time and against degrees of freedom, with logarithmic axes; collective.
 
-    One curve a history, with its measured slope against the degrees of freedom, the prescribed accuracies, and the
-    slope -k/d, the best that elements of degree k can do.
+    Each history has one curve, and its label has the measured slope against the degrees of freedom. Dotted lines show
+    the prescribed accuracies. A dashed line shows the slope -k/d, the best one for elements of degree k.
 
     Args:
-        histories: Name -> history, e.g. ``{"adaptive": history, "uniform": other}``.
+        histories: The histories by their names, e.g. ``{"adaptive": history, "uniform": other}``.
         path: Picture file.
 
     Raises:
@@ -105,16 +103,18 @@ def plot_history(histories: Mapping[str, Run], path: str | Path) -> None:
 
 
 def plot_contact(admissible: Admissible, name: str, path: str | Path) -> None:
-    """Draw r^ and the state of a contact; collective.
+    """Draw the traction r^ on a contact and its status; collective.
 
-    In 2D: pressure, shear along t = (-n_2, n_1) and the cone +-mu |r_n|, over strips coloured by
-    :func:`contact_status`, as the polynomials that they are on each facet; they jump from one to the next. The area
-    under the curve of the pressure is the normal force: s is the coordinate along a straight contact, the arc length of
-    another. A singular peak is cut off and its height told. In 3D: pressure, size of the shear and status on the
-    facets, in the tangent plane.
+    In 2D curves show the pressure, the shear along t = (-n_2, n_1), and the band from -b to b. On each facet they are
+    polynomials, and they jump from one facet to the next. Strips in the background have the colours of the status of
+    the facets (:func:`erc_contact.results.contact_status`). The abscissa s is the coordinate along a straight contact,
+    or the arc length of a curved one. So the area under the curve of the pressure is the normal force. A singular peak
+    is cut off, and the label gives its height.
+
+    In 3D maps in the tangent plane show the pressure, the length of the shear, and the status of the facets.
 
     Args:
-        admissible: The pair with its tractions.
+        admissible: The admissible pair.
         name: Name of the contact.
         path: Picture file.
 
@@ -133,7 +133,7 @@ def plot_contact(admissible: Admissible, name: str, path: str | Path) -> None:
 
 
 def contact_curves(surface: Any) -> Any:
-    """Figure of a contact in 2D; on rank 0."""
+    """The figure of :func:`plot_contact` in 2D; on rank 0."""
     from matplotlib.collections import LineCollection  # noqa: PLC0415
     from matplotlib.patches import Patch  # noqa: PLC0415
 
@@ -148,12 +148,12 @@ def contact_curves(surface: Any) -> Any:
     parts = np.flatnonzero(at[1:, 0] - at[:-1, -1] > AXIS * np.ptp(at)) + 1
 
     def values(coefficients: np.ndarray) -> np.ndarray:
-        """Values at the samples, facet by facet along the contact."""
+        """Values at points of the facets, in their order along the contact, shape (n, q)."""
         sampled = coefficients @ shape.T
         return np.where(turned, sampled[:, ::-1], sampled)[order]
 
     def path(sampled: np.ndarray) -> np.ndarray:
-        """The same in a row, with nan between parts that do not touch."""
+        """Values (n, q) in one row, with nan between parts of the contact that do not touch."""
         return np.insert(sampled, parts, np.nan, axis=0).ravel()
 
     t = np.column_stack([-n[:, 1], n[:, 0]])
@@ -191,7 +191,7 @@ def contact_curves(surface: Any) -> Any:
 
 
 def contact_maps(surface: Any) -> Any:
-    """Figure of a contact in 3D; on rank 0."""
+    """The figure of :func:`plot_contact` in 3D; on rank 0."""
     from matplotlib.colors import BoundaryNorm, ListedColormap  # noqa: PLC0415
 
     traction = surface.traction
@@ -224,7 +224,7 @@ def contact_maps(surface: Any) -> Any:
 
 
 def _along(surface: Surface) -> tuple[np.ndarray, str]:
-    """Coordinate along a contact in 2D of the vertices of each facet [length], shape (n, 2), and its label."""
+    """The coordinate s of the vertices of each facet in 2D [length], shape (n, 2), and its label."""
     (tangent,) = tangents(mean_normal(surface))
     s = surface.x[:, :2, :2] @ tangent
     if np.allclose(np.ptp(s, axis=1), surface.traction.area, rtol=10 * AXIS, atol=0.0):
@@ -233,9 +233,11 @@ def _along(surface: Surface) -> tuple[np.ndarray, str]:
 
 
 def _arc_length(surface: Surface) -> tuple[np.ndarray, str]:
-    """The same along a curved contact, which may have several parts, or be closed.
+    """The arc length s along a curved contact, which may have several parts or be closed, and its label.
 
-    Facets are strung together by pointer jumping: each knows its successor, then that of 2, 4, ... facets further on.
+    Each facet first knows its successor, then the facet 2, 4, ... places further on, until it knows the end of its part
+    and the length to it (pointer jumping). A closed part is cut far from the mean place of the pressure, where s is
+    zero.
     """
     traction, ends = surface.traction, surface.x[:, :2, :2]
     n, area, many = traction.contact.direction, traction.area, len(traction.area)
@@ -266,7 +268,10 @@ def _arc_length(surface: Surface) -> tuple[np.ndarray, str]:
 
 
 def _log_scale(axis: Any, low: float, high: float) -> None:
-    """Logarithmic axis between two of 1, 2, 5, 10, ... with plain numbers at the ticks; linear if low is 0."""
+    """Make an axis logarithmic, with plain numbers at its ticks and ends of the form 1, 2 or 5 times a power of 10.
+
+    It stays linear if the least value is not positive.
+    """
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter  # noqa: PLC0415
 
     if not low > 0:

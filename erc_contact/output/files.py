@@ -1,9 +1,6 @@
-"""Arrays of all ranks on rank 0, and from there into files for ParaView.
+"""Arrays of all ranks gathered on rank 0, and grids and files for ParaView that are made of them.
 
-Rank 0 of the mesh's communicator draws and writes; the other ranks do not import pyvista. What fails on rank 0 is
-raised on all ranks. The folder of a path is made if it is missing.
-
-Symbols: d dimension of simplices, N number of nodes of one.
+Symbols: d dimension of simplices, N number of nodes of a simplex.
 """
 
 from __future__ import annotations
@@ -20,17 +17,25 @@ from erc_contact.base.exceptions import raise_together
 from erc_contact.mesh.simplex import lattice, node_between
 
 FONTS = {"font.family": "STIXGeneral", "mathtext.fontset": "stix", "font.size": 11.0}
+"""matplotlib's settings for all plots and pictures."""
 VTK_EDGES = np.array([(0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3)])
-"""Vertices of the edges of a tetrahedron, in the order of VTK's nodes; the first are those of a line, of a triangle."""
+"""Vertices of the edges of a tetrahedron, in the order of VTK's nodes. The first one is the edge of a line, and the
+first three are those of a triangle."""
 PARTS = 24
-"""Straight parts of a facet in 2D where what it carries is quadratic."""
+"""Number of straight parts in which a facet in 2D is drawn or written if its fields are quadratic."""
 CHUNK, COMPRESSION = 1000, 4
-"""Rows of a block of a file, and its level of compression: VTK's own blocks of 25 000 rows, which are full in the file
-even if a mesh is small, take 5.7 MB for 133 triangles."""
+"""Number of rows in a block of a file, and its level of compression. VTK's default is blocks of 25 000 rows, which are
+written in full even if a mesh is small: 133 triangles then take 5.7 MB."""
 
 
 def on_root(comm: MPI.Comm, path: str | Path, draw: Callable[[], None]) -> None:
-    """Draw on rank 0 with the folder made; what fails is raised on all ranks; collective."""
+    """Draw or write on rank 0; collective. An exception there is raised on all ranks.
+
+    Args:
+        comm: Communicator.
+        path: File whose folder is made if it is missing.
+        draw: Draws and writes the file.
+    """
     error: Exception | None = None
     if comm.rank == 0:
         try:
@@ -45,19 +50,23 @@ def on_root(comm: MPI.Comm, path: str | Path, draw: Callable[[], None]) -> None:
 
 
 def gathered(comm: MPI.Comm, **arrays: np.ndarray) -> dict[str, np.ndarray]:
-    """Arrays of all ranks one after the other, on rank 0; nothing elsewhere; collective."""
+    """The arrays of all ranks, one after the other, on rank 0; an empty dictionary on other ranks; collective."""
     parts = comm.gather(arrays)
     return {name: np.concatenate([part[name] for part in parts]) for name in arrays} if parts else {}
 
 
 def degree_of(cells: np.ndarray, d: int) -> int:
-    """Degree of simplices of dimension d that are given by their nodes (n, N)."""
+    """Degree, 1 or 2, of simplices of dimension d that are given by their nodes (n, N)."""
     return 1 if cells.shape[1] == d + 1 else 2
 
 
 @cache
 def subdivided(d: int, divisions: int) -> tuple[np.ndarray, np.ndarray]:
-    """A line or a triangle cut into smaller ones: reference points (q, d), and these by their points (n, d+1)."""
+    """The reference line or triangle cut into smaller ones.
+
+    Returns:
+        Reference points, shape (q, d), and the numbers of the points of each smaller one, shape (n, d+1).
+    """
     points = lattice(d, divisions)
     number = {tuple(p): i for i, p in enumerate((points * divisions).round().astype(int).tolist())}
     if d == 1:
@@ -68,7 +77,14 @@ def subdivided(d: int, divisions: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def grid_of(points: np.ndarray, cells: np.ndarray, d: int) -> Any:
-    """Lines, triangles or tetrahedra of degree 1 or 2 for pyvista, from cells by their nodes (n, N); or polylines."""
+    """A grid of pyvista of lines, triangles or tetrahedra of degree 1 or 2, or of polylines.
+
+    Args:
+        points: Nodes [length], shape (p, 3).
+        cells: Numbers of the nodes of each cell, in DOLFINx's order, shape (n, N). Lines with more than 3 nodes are
+            polylines.
+        d: Dimension of the cells.
+    """
     import pyvista  # noqa: PLC0415
 
     if d == 1 and cells.shape[1] > 3:
@@ -81,7 +97,11 @@ def grid_of(points: np.ndarray, cells: np.ndarray, d: int) -> Any:
 
 
 def save_grid(grid: Any, path: Path) -> None:
-    """Write a VTKHDF file; what stands in the way raises an OSError, where VTK would write nothing and be silent."""
+    """Write a VTKHDF file.
+
+    Raises:
+        OSError: If the file cannot be written. VTK alone would write nothing and say nothing.
+    """
     import pyvista  # noqa: PLC0415
 
     path.parent.mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,4 @@
-"""Bodies and contacts of all ranks, gathered on rank 0 for pictures and files.
+"""Meshes and contacts of all ranks, gathered on rank 0 for pictures and files.
 
 Symbols: r^ admissible contact traction, u^ admissible displacement.
 """
@@ -15,21 +15,22 @@ from erc_contact.admissible.traction import ContactTraction
 from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.simplex import node_between, node_vertices
 from erc_contact.model.model import Model
+from erc_contact.model.points import in_space
 from erc_contact.output.files import degree_of, gathered
 
 AXIS = 1e-6
-"""A direction whose cosine with a coordinate axis misses 1 by less is that axis."""
+"""A direction counts as a coordinate axis if 1 less its cosine with the axis is below this [-]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """A contact of all ranks, facet by facet; on rank 0.
+    """The n facets of a contact on all ranks; on rank 0.
 
     Attributes:
-        traction: r^; its ``contact`` has no values but the direction of these facets.
-        x: Places of the nodes [length], shape (n, m, 3).
-        vertices: Global numbers of the vertices, shape (n, d).
-        gap: The gap at the nodes [length], shape (n, m).
+        traction: r^ on these facets. Of ``traction.contact`` only ``direction`` belongs to them.
+        x: Positions of the nodes of each facet [length], shape (n, m, 3).
+        vertices: Global numbers of the vertices of each facet, shape (n, d).
+        gap: The gap at the nodes of each facet [length], shape (n, m).
     """
 
     traction: ContactTraction
@@ -49,7 +50,10 @@ class Surface:
 
 
 def mean_normal(surface: Surface) -> np.ndarray:
-    """The normal of the foundation, its mean direction where it varies, shape (d,); zero around a closed contact."""
+    """The normal of the foundation, shape (d,). If it varies, this is the unit vector of its mean.
+
+    It is zero if the mean is zero, as around a closed contact.
+    """
     n = surface.traction.area @ surface.traction.contact.direction
     length = np.linalg.norm(n)
     n = n / length if length > AXIS * surface.traction.area.sum() else 0 * n
@@ -58,7 +62,7 @@ def mean_normal(surface: Surface) -> np.ndarray:
 
 
 def whole_contact(admissible: Admissible, traction: ContactTraction) -> Surface | None:
-    """A contact of all ranks on rank 0, None elsewhere; collective."""
+    """The facets of a contact on all ranks, on rank 0; None on other ranks; collective."""
     model, contact = admissible.solution.model, traction.contact
     own = model.owned(contact.facets)
     parts = gathered(
@@ -79,13 +83,18 @@ def whole_contact(admissible: Admissible, traction: ContactTraction) -> Surface 
 
 
 def body_mesh(domain: Domain) -> dict[str, np.ndarray]:
-    """Owned vertices (n, 3) as points, owned cells (m, d+1) by global numbers of these, positively oriented."""
+    """The part of a mesh that this rank owns, with the arguments of :func:`erc_contact.output.bodies.skin_of`.
+
+    Returns:
+        "points", the vertices [length], shape (n, 3), and "cells", the global numbers of the vertices of each cell,
+        shape (m, d+1). All cells are positively oriented.
+    """
     geometry = domain.mesh.geometry
     return _numbered(geometry.x, geometry.dofmaps[0][: domain.owned_cells], geometry.index_map(), domain.dim)
 
 
 def body_nodes(model: Model) -> dict[str, np.ndarray]:
-    """The same with all nodes of the displacement: points (n, 3), cells (m, N)."""
+    """As :func:`body_mesh`, with all nodes of the displacement: "points" (n, 3) and "cells" (m, N)."""
     cells, x = model.nodes[: model.domain.owned_cells], model.V.tabulate_dof_coordinates()
     return _numbered(x, cells, model.V.dofmap.index_map, model.d)
 
@@ -93,15 +102,18 @@ def body_nodes(model: Model) -> dict[str, np.ndarray]:
 def nodal_displacement(admissible: Admissible) -> np.ndarray:
     """u^ at the points of :func:`body_nodes` of this rank [length], shape (n, 3)."""
     model = admissible.solution.model
-    return _padded(admissible.displacement.x.array.reshape(-1, model.d)[: model.V.dofmap.index_map.size_local])
-
-
-def _padded(vectors: np.ndarray) -> np.ndarray:
-    """Vectors (n, d) in space, (n, 3)."""
-    return np.pad(vectors, ((0, 0), (0, 3 - vectors.shape[1])))
+    return in_space(admissible.displacement.x.array.reshape(-1, model.d)[: model.V.dofmap.index_map.size_local])
 
 
 def _numbered(x: np.ndarray, cells: np.ndarray, nodes: Any, d: int) -> dict[str, np.ndarray]:
+    """Owned nodes, and cells by global numbers, positively oriented.
+
+    Args:
+        x: Positions of the nodes of this rank [length], shape (n, 3).
+        cells: Local numbers of the nodes of each cell, shape (m, N).
+        nodes: Index map of the nodes.
+        d: Dimension.
+    """
     k = degree_of(cells, d)
     ends = x[cells[:, : d + 1], :d]
     turned = np.linalg.det(ends[:, 1:] - ends[:, :1]) < 0

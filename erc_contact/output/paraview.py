@@ -1,10 +1,7 @@
-"""Fields of a result: means of stresses, and files for ParaView.
+"""Files for ParaView with the fields of an admissible pair: u^, sigma^, r^, and the error of each element.
 
-All functions but :func:`von_mises` are collective: data are gathered to rank 0 of the mesh's
-communicator, which writes.
-
-Symbols: r^ admissible contact traction, r_n and r_t its normal and tangential parts, mu friction coefficient,
-u^ and sigma^ admissible displacement and stress, eps_E relative error of one element.
+Symbols: u^ and sigma^ admissible displacement and stress, r^ admissible contact traction, r_n and r_t its normal and
+tangential parts, b friction bound, eps_E share of one element of the relative error.
 """
 
 from __future__ import annotations
@@ -15,32 +12,54 @@ import numpy as np
 
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.mesh.simplex import bernstein, lagrange, nodes
+from erc_contact.model.points import in_space
 from erc_contact.model.stress import stress_in_space, tells_out_of_plane, von_mises
 from erc_contact.output.files import PARTS, gathered, grid_of, on_root, save_grid, subdivided
-from erc_contact.output.gathered import Surface, _padded, body_nodes, nodal_displacement, whole_contact
+from erc_contact.output.gathered import Surface, body_nodes, nodal_displacement, whole_contact
 from erc_contact.results.maximum import mean_stress
 from erc_contact.results.profile import contact_status
 
 
 def write_fields(error: ConstitutiveError, folder: str | Path) -> None:
-    """Write the fields for ParaView; collective.
+    """Write the fields for ParaView as VTKHDF files; collective.
 
-    ``body.vtkhdf``: at the nodes ``displacement`` (u^); in the cells ``eps_E`` and means of stresses, ``stress``
-    (sigma^), ``stress_fe`` (rebalanced finite element stress; both 3x3, row by row) and ``von_mises`` (of sigma^).
-    Where the material does not tell the stress out of plane (:func:`tells_out_of_plane`), that component is nan, and
-    ``von_mises_in_plane`` stands in place of ``von_mises``: the von Mises stress of the part in plane.
-    ``contact_<name>.vtkhdf`` for each contact, each facet with points of its own: at the points ``traction`` (r^),
-    ``pressure`` (-r_n) and ``friction_bound`` (b, the most that |r_t| may be), in the cells ``mean_traction`` and
-    ``status`` (0 open, 1 slip, 2 stick).
-    Degree 2 is written by quadratic cells, with values at all nodes. VTK integrates these by straight parts, and lines
-    not at all: so the facets in 2D are polylines, and the integral of ``mean_traction`` is the force, exactly.
+    ``body.vtkhdf`` has at the nodes
+
+    - ``displacement``: u^ [length],
+
+    and in the cells
+
+    - ``eps_E``: share of the relative error [-],
+    - ``stress``: mean of sigma^ in the cell [force/area], 3x3, row by row,
+    - ``stress_fe``: mean of the rebalanced finite element stress [force/area], 3x3, row by row,
+    - ``von_mises``: von Mises stress of ``stress`` [force/area]. If the material does not tell the stress out of plane,
+      this component of the stresses is nan, and the von Mises stress of the part in plane is written instead, with the
+      name ``von_mises_in_plane``.
+
+    ``contact_<name>.vtkhdf`` is written for each contact. Each facet has points of its own. The file has at the points
+
+    - ``traction``: r^ [force/area],
+    - ``pressure``: -r_n [force/area],
+    - ``friction_bound``: b [force/area], the greatest |r_t| that the law allows,
+
+    and in the cells
+
+    - ``mean_traction``: mean of r^ on the facet [force/area],
+    - ``status``: 0 open, 1 slip, 2 stick.
+
+    For degree 2 the cells are quadratic, with values at all nodes, and facets in 2D are polylines. ParaView integrates
+    quadratic cells by straight parts, and quadratic lines not at all. Its integral of ``mean_traction`` is exactly the
+    contact force.
 
     Args:
-        error: What is written, with its admissible pair.
-        folder: Where; it is made if it is missing.
+        error: The error, with its admissible pair.
+        folder: Folder of the files, which is made if it is missing.
+
+    Raises:
+        OSError: If a file cannot be written.
 
     Note:
-        VTKHDF files, written by rank 0 through pyvista: DOLFINx 0.11 itself writes one array a file only.
+        Rank 0 writes the files through pyvista, because DOLFINx 0.11 writes only one array to a file.
     """
     admissible, model = error.admissible, error.solution.model
     body = gathered(model.comm, **body_nodes(model), displacement=nodal_displacement(admissible))
@@ -63,20 +82,17 @@ def write_fields(error: ConstitutiveError, folder: str | Path) -> None:
             x = np.matmul(lagrange(model.d - 1, contact.degree, points), contact.x)
             surface = grid_of(x.reshape(-1, 3), np.arange(x[..., 0].size).reshape(x.shape[:2]), model.d - 1)
             values = np.matmul(shape, traction.values)
-            surface.point_data["traction"] = _padded(values.reshape(-1, model.d))
+            surface.point_data["traction"] = in_space(values.reshape(-1, model.d))
             surface.point_data["pressure"] = (-traction.normal_component @ shape.T).ravel()
             surface.point_data["friction_bound"] = (traction.friction_bound @ shape.T).ravel()
-            surface.cell_data["mean_traction"] = _padded(traction.values.mean(axis=1))
+            surface.cell_data["mean_traction"] = in_space(traction.values.mean(axis=1))
             surface.cell_data["status"] = contact_status(traction)
             save_grid(surface, Path(folder) / f"contact_{traction.contact.name}.vtkhdf")
 
     on_root(model.comm, Path(folder) / "body.vtkhdf", write)
 
 
-# -- all ranks together -----------------------------------------------------------------------------------------------
-
-
 def _written(surface: Surface) -> np.ndarray:
-    """Reference points at which a facet is written: its nodes, or those of a polyline."""
+    """Reference points of the values that are written on a facet, shape (q, d-1): its nodes, or those of a polyline."""
     d, k = surface.d - 1, surface.degree
     return subdivided(d, PARTS)[0] if (d, k) == (1, 2) else nodes(d, k)

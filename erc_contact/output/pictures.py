@@ -1,13 +1,10 @@
-"""Pictures of bodies by pyvista, in frames by matplotlib.
+"""Pictures of bodies: images by pyvista, in figures by matplotlib.
 
-All functions are collective: data are gathered to rank 0 of the mesh's communicator, which draws; the other ranks
-import neither. What fails on rank 0 is raised on all ranks. No display is needed.
+Bodies of degree 2 are drawn with curved edges. A body in space is seen twice: from above with the foundation, and from
+the other side and below without it, to show the contact.
 
-Bodies of degree 2 are drawn with their curved edges. A body in space is seen twice: from above, with the foundation
-below it, and from the other side and below, where the contact is.
-
-Symbols: u^ and sigma^ admissible displacement and stress, g gap, n normal of the foundation, eps relative error, eps_E
-its share of one element, X place before the deformation.
+Symbols: u^ and sigma^ admissible displacement and stress, g gap, n normal of the foundation, X position before the
+deformation, eps relative error, eps_E share of one element of eps.
 """
 
 from __future__ import annotations
@@ -33,18 +30,20 @@ from erc_contact.output.gathered import body_mesh, body_nodes, nodal_displacemen
 from erc_contact.results.maximum import mean_stress
 
 WORDS = 1.4
-"""What the labels of a view in 3D take in a figure [inches]."""
+"""Width in a figure of the labels of a view in 3D [inches]."""
 WIDE = 1.6
-"""A body that is so much wider than high has its colour bar below."""
+"""A body whose width over its height is larger than this has its colour bar below [-]."""
 FEW = 15_000
-"""Maps of more elements show no edges, which would hide the colours."""
+"""Greatest number of elements whose edges are shown in a map. More edges would hide the colours."""
 
 
 def draw_meshes(meshes: Sequence[tuple[Domain, np.ndarray]], path: str | Path) -> None:
-    """Draw a sequence of meshes side by side with the first and the last, at most six, in 3D four; collective.
+    """Draw meshes of a sequence side by side: the first, the last and some between; collective.
+
+    There are at most six of them in 2D, and four in 3D.
 
     Args:
-        meshes: Domain and eps_E of its owned cells, as in ``History.meshes``.
+        meshes: Pairs of a domain and eps_E of its owned cells, as in ``History.meshes``.
         path: Picture file.
 
     Raises:
@@ -95,7 +94,7 @@ def draw_error(error: ConstitutiveError, path: str | Path) -> None:
     """Draw eps_E of each element on a logarithmic colour scale; collective.
 
     Args:
-        error: Its ``cells`` are drawn.
+        error: The error, whose ``indicators`` are drawn.
         path: Picture file.
     """
 
@@ -112,16 +111,16 @@ def draw_error(error: ConstitutiveError, path: str | Path) -> None:
 def draw_deformed(error: ConstitutiveError, path: str | Path, factor: float | None = None) -> None:
     """Draw the deformed body on its foundation, coloured by the von Mises stress of sigma^; collective.
 
-    Points are drawn at X + factor u^, those of the foundation at X + factor g n, so that a closed gap looks closed and
-    an open one open; the foundation is left out where it would lie far away. Lines show the body before. The stress is
-    the mean of each element; out of plane it is what the material says (``out_of_plane``), and if it does not say, the
-    von Mises stress is that of the part in plane.
+    Points of the body are drawn at X + factor u^, and points of the foundation at X + factor g n. So a closed gap looks
+    closed, and an open one looks open. The foundation is left out where it would be far from the body. Black lines show
+    the outline of the body before the deformation. The von Mises stress is that of the mean of sigma^ in each element.
+    If the material does not tell the stress out of plane (``out_of_plane``), it is that of the part in plane.
 
     Args:
-        error: Its admissible pair is drawn.
+        error: The error, whose admissible pair is drawn.
         path: Picture file.
-        factor: Magnification of u^ and of the gap [-]; by default the largest u^ appears as 6% of the body's size, or
-            as it is where it is larger than 5%.
+        factor: Magnification of u^ and of the gap [-]. By default the largest u^ is drawn with 6% of the body's size;
+            if it is larger than 5%, it is not magnified.
     """
     admissible, model = error.admissible, error.solution.model
     comm, size, d = model.comm, model.domain.extent, model.d
@@ -154,7 +153,14 @@ def draw_deformed(error: ConstitutiveError, path: str | Path, factor: float | No
 
 
 def draw_cells(admissible: Admissible, values: np.ndarray, scale: Callable[..., Scale], path: str | Path) -> None:
-    """Draw values of owned cells on the body as it was; collective."""
+    """Draw a value in each element on the body before the deformation; collective.
+
+    Args:
+        admissible: A pair on the mesh of the body.
+        values: Values of the owned cells, shape (owned,).
+        scale: Gives the colours for the values of all cells; called on rank 0.
+        path: Picture file.
+    """
     domain = admissible.solution.domain
     comm, up = domain.mesh.comm, _up(admissible)
     body, cells = gathered(comm, **body_mesh(domain)), gathered(comm, values=values)
@@ -168,7 +174,13 @@ def draw_cells(admissible: Admissible, values: np.ndarray, scale: Callable[..., 
 
 @dataclass(frozen=True)
 class Scale:
-    """Colours of values: their norm, the ends of the bar that are exceeded ("min", "max", "neither"), its label."""
+    """The colours of values.
+
+    Attributes:
+        norm: matplotlib's norm, from values to colours.
+        extend: Ends of the colour bar beyond which there are values: "min", "max" or "neither".
+        label: Label of the colour bar.
+    """
 
     norm: Any
     extend: str
@@ -179,7 +191,10 @@ class Scale:
 
 
 def _up(admissible: Admissible) -> np.ndarray:
-    """The coordinate axis that points away from the first foundation, the upward direction of a picture; collective."""
+    """The upward direction of a picture, shape (3,); collective.
+
+    It is the coordinate axis, with its sign, that points away from the first foundation.
+    """
     total, model = np.zeros(3), admissible.solution.model
     for traction in admissible.tractions[:1]:
         own = model.owned(traction.contact.facets)
@@ -190,7 +205,7 @@ def _up(admissible: Admissible) -> np.ndarray:
 
 
 def _ticks(bar: Any, norm: Any, *, known: bool) -> None:
-    """Plain numbers at a colour bar; where nothing is known to show but zeros, only that."""
+    """Write plain numbers at a colour bar, or only 0 if no value other than zero is known."""
     from matplotlib.colors import LogNorm  # noqa: PLC0415
     from matplotlib.ticker import MaxNLocator  # noqa: PLC0415
 
@@ -218,12 +233,13 @@ def _map(
 
     Args:
         skin: The body.
-        x: Where its nodes are drawn [length], shape (n, 3).
+        x: Positions at which its nodes are drawn [length], shape (n, 3).
         values: Values of the elements, shape (m,).
         scale: Their colours.
-        views: Of :func:`views_of`.
-        before: Lines that show the body as it was.
-        foundations: Results of :func:`foundation`; in 3D they are drawn from above only, as they hide the contact.
+        views: The views, from :func:`views_of`.
+        before: Lines of pyvista that show the body before the deformation.
+        foundations: Foundations, from :func:`foundation`. In 3D only the view from above has them, because they hide
+            the contact.
     """
     from matplotlib.cm import ScalarMappable  # noqa: PLC0415
 

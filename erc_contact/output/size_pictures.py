@@ -1,4 +1,4 @@
-"""A picture of the sizes of the mesh to come, by pyvista and matplotlib."""
+"""A picture of the sizes of the next mesh."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from erc_contact.output.pictures import Scale, draw_cells
 
 
 def draw_sizes(sizes: Sizes, path: str | Path) -> None:
-    """Draw r_E of each element, the ratio of its new size to its old, on a logarithmic colour scale; collective.
+    """Draw r_E of each element, the ratio of its new size to its old size, on a logarithmic colour scale; collective.
 
     Args:
-        sizes: Its ``ratio`` is drawn, on the mesh that it was made from.
+        sizes: The sizes, whose ``ratio`` is drawn on the mesh from which they follow.
         path: Picture file.
     """
 
