@@ -1,8 +1,8 @@
-"""Forces on the body with their moments, by their cause: supports, contacts and loads.
+"""Forces of supports, contacts and loads on the body, with their moments.
 
 The residual ``R(v) = a(u, v) - f(v) - F(v)`` of elasticity, tested with the basis function of a node, is the force that
-supports and contacts exert on this node. For a rigid motion v it is ``-f(v) - F(v)``: so these consistent nodal forces
-balance the loads to round-off, with their moments, whatever the contact method and however far Newton's method went.
+supports and contacts exert on this node. For a rigid motion v it is ``-f(v) - F(v)``. So these nodal forces and their
+moments balance the loads to round-off, for any contact method and after any number of Newton steps.
 
 Symbols: u displacement, r contact traction of the method, d dimension, k degree, m nodes of a facet.
 """
@@ -41,7 +41,7 @@ class Force:
 
 
 def total_force(model: Model, nodes: np.ndarray, forces: np.ndarray) -> Force:
-    """Sum over all ranks of forces (n, d) [force] at nodes (n,); collective."""
+    """Resultant and moment of forces (n, d) [force] at nodes (n,), summed over all ranks; collective."""
     x = model.V.tabulate_dof_coordinates()[nodes]
     f = np.pad(forces, ((0, 0), (0, 3 - model.d)))
     moment = np.cross(x, f).sum(axis=0)
@@ -56,7 +56,7 @@ def by_cause(model: Model, force: Callable[[str], Force], body_force: Callable[[
     Args:
         model: The scene on a mesh.
         force: The force on a boundary part.
-        body_force: The force of the loads in the body; asked for if there are any.
+        body_force: The force of the loads in the body. It is called only if the scene has such loads.
 
     Returns:
         The forces of supports and contacts by the names of their parts. "tractions" is the force of all tractions on
@@ -111,7 +111,12 @@ def nodal_reactions(
 
 
 def part_force(model: Model, part: str, nodal: dict[str, np.ndarray]) -> Force:
-    """Resultant and moment of the forces on a part of the boundary, of :func:`nodal_reactions` and loads; collective.
+    """Resultant and moment of reactions and loads on a part of the boundary; collective.
+
+    Args:
+        model: The scene on a mesh.
+        part: Name of the part.
+        nodal: The reactions, from :func:`nodal_reactions`.
 
     Raises:
         InputError: If no boundary part has this name.
@@ -127,7 +132,7 @@ def body_force(model: Model) -> Force:
 
 
 def _of_nodes(model: Model, forces: np.ndarray) -> Force:
-    """Resultant and moment of nodal forces (nodes, d), each taken from the rank that owns the node; collective."""
+    """Resultant and moment of nodal forces (nodes, d), with the force of each node from its owner; collective."""
     owned = np.arange(model.V.dofmap.index_map.size_local)
     return total_force(model, owned, forces[owned])
 

@@ -23,7 +23,11 @@ CONSTANT, PROPORTIONAL, CONCAVE = "constant", "proportional", "concave"
 
 
 def split(z: np.ndarray, n: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The normal component, the tangential part and its length, of vectors (..., d) for unit normals n."""
+    """Vectors (..., d) split by unit normals n.
+
+    Returns:
+        The normal component (...), the tangential part (..., d), and the length of this part (...).
+    """
     z_n = (z * n).sum(axis=-1)
     z_t = z - z_n[..., None] * n
     return z_n, z_t, np.linalg.norm(z_t, axis=-1)
@@ -54,7 +58,7 @@ class Friction:
 
     @property
     def convex(self) -> bool:
-        """Whether a traction is allowed everywhere on a facet as soon as its Bernstein coefficients are."""
+        """Whether the law allows a traction at every point of a facet if it allows its Bernstein coefficients."""
         return self.dependence != CONCAVE and not any(varies_in_cells(value) for value in self.parameters.values())
 
     def bound(self, pressure: Any) -> Any:
@@ -63,7 +67,7 @@ class Friction:
         return bound if self.share is None else self.share * bound
 
     def numbers(self, pressure: np.ndarray, values: Mapping[str, np.ndarray]) -> np.ndarray:
-        """The friction bound at points, for pressures and values of the parameters there [force/area]."""
+        """The friction bound as numbers [force/area], from pressures and values of the parameters at some points."""
         if self.arithmetic:
             return np.broadcast_to(self.law.friction_bound(pressure, **values), pressure.shape)
         return pointwise(self.law.friction_bound, pressure, values)
@@ -109,17 +113,17 @@ def bind_friction(mesh: dmesh.Mesh, what: str, law: Law, parameters: dict[str, A
 
 @dataclass(frozen=True, eq=False)
 class BoundContact:
-    """A contact on a mesh: its measure, and its values as UFL, which are None where the scene has none.
+    """A contact on a mesh: the measure of its boundary part, and the data of the scene as UFL.
 
     Attributes:
         name: Name of the boundary part.
         facets: Pairs (cell, local facet) with ghosts, shape (f, 2).
         ds: Measure of the part.
         normal: Unit normal of the foundation, UFL.
-        direction: The same on each facet, shape (f, d).
+        direction: Unit normal of the foundation on each facet [-], shape (f, d).
         given_normal: The normal as the scene gives it, of any length, UFL; None where it does not vary.
         friction: Friction law, or None without friction.
-        gap: Gap, UFL, or None.
+        gap: Gap [length], UFL; None where it is zero.
         gap_varies: Whether the gap is a callable.
         bilateral: Whether the contact cannot open.
     """
@@ -143,7 +147,7 @@ class BoundContact:
 
     @property
     def sampled(self) -> bool:
-        """Whether the friction bound must be sampled on a facet, because it may be exceeded between the nodes only."""
+        """Whether the friction bound must be sampled on facets: a traction may exceed it between the nodes alone."""
         return self.friction is not None and not self.friction.convex
 
     def with_share(self, share: Any) -> BoundContact:
@@ -169,16 +173,20 @@ class BoundContact:
 
         Args:
             pressure: p >= 0 at the points [force/area], shape (f, q).
-            values: The law's parameters there, of :meth:`Model.friction_parameters`.
+            values: The law's parameters there, from :meth:`Model.friction_parameters`.
 
         Returns:
-            Shape (f, q); zero without friction.
+            The bound, shape (f, q); zero without friction.
         """
         return np.zeros(pressure.shape) if self.friction is None else self.friction.numbers(pressure, values)
 
 
 class ContactData:
-    """Gap, normal and friction bound of a contact at any points of its facets; construction is collective."""
+    """Gap, normal and friction bound of a contact at any points of its facets. Construction is collective.
+
+    The members get ``of``, the number in the contact of each of n facets, and ``x``, q points of each [length], shape
+    (n, q, d).
+    """
 
     def __init__(self, contact: BoundContact, mesh: dmesh.Mesh) -> None:
         self.contact = contact
@@ -189,17 +197,17 @@ class ContactData:
         self._parameters = {name: Everywhere(value, mesh) for name, value in parameters.items()}
 
     def gap(self, of: np.ndarray, x: np.ndarray) -> np.ndarray:
-        """The gap [length] at points x (n, q, d) of facets of given numbers (n,), shape (n, q)."""
+        """The gap at the points [length], shape (n, q)."""
         return np.zeros(x.shape[:2]) if self._gap is None else self._gap(x, self.contact.facets[of])
 
     def normal(self, of: np.ndarray, x: np.ndarray) -> np.ndarray:
-        """The unit normal of the foundation there, shape (n, q, d), or (n, 1, d) where it does not vary."""
+        """The unit normal of the foundation at the points, shape (n, q, d), or (n, 1, d) where it does not vary."""
         if self._normal is None:
             return self.contact.direction[of][:, None, :]
         normal = self._normal(x, self.contact.facets[of])
         return normal / np.linalg.norm(normal, axis=-1, keepdims=True)
 
     def bound(self, of: np.ndarray, x: np.ndarray, pressure: np.ndarray) -> np.ndarray:
-        """The friction bound there for pressures (n, q) [force/area], shape (n, q)."""
+        """The friction bound at the points for pressures (n, q) [force/area], shape (n, q)."""
         parameters = {name: value(x, self.contact.facets[of]) for name, value in self._parameters.items()}
         return self.contact.friction_bound(pressure, parameters)

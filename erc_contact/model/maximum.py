@@ -17,7 +17,8 @@ IN_BODY = ("displacement", "von Mises")
 ON_CONTACT = ("pressure", "shear", "slip", "gap")
 """Quantities of contacts."""
 TIE = 1e-9
-"""Values that differ by less are equal, over the greatest; of their places the one of least coordinates counts [-]."""
+"""Values that differ by less, relative to the greatest, count as equal [-]. Of their places the one with the least
+coordinates is taken."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,13 +41,16 @@ def greatest(
     von_mises: Callable[[], np.ndarray],
     profile: Callable[[str], np.ndarray],
 ) -> Maximum:
-    """The greatest value of a quantity, and where it is; the same on all ranks, however many; collective.
+    """The greatest value of a quantity, and where it is; collective. All ranks get the same, for any number of ranks.
 
     Args:
         model: The scene on a mesh.
-        quantity: "displacement", the length of the displacement at the nodes [length]; "von Mises", the von Mises
-            stress of each cell [force/area], at the middle of the cell; or of all contacts, at the points of their
-            profiles, "pressure", "shear" [force/area], "slip" or "gap" [length], each by its size.
+        quantity: One of
+
+            - "displacement": length of the displacement at the nodes [length],
+            - "von Mises": von Mises stress of a cell, at its middle [force/area],
+            - "pressure", "shear" [force/area], "slip" or "gap" [length]: absolute value at the points of the profiles
+              of all contacts.
         displacement: Displacement [length].
         von_mises: Gives the von Mises stress of each owned cell [force/area], shape (owned,).
         profile: Gives the profile of a contact by its name.

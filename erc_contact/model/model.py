@@ -33,7 +33,7 @@ class SurfaceLoad:
     """A load on a part of the boundary of a mesh.
 
     Attributes:
-        facets: Name of the part.
+        facets: Name of the boundary part.
         ds: Measure of the part.
         density: Force per area [force/area], UFL, shape (d,).
     """
@@ -44,15 +44,15 @@ class SurfaceLoad:
 
     @property
     def varies(self) -> bool:
-        """Whether it varies inside facets."""
+        """Whether the load varies inside facets."""
         return varies_in_cells(self.density)
 
 
 class Model(Space):
-    """A scene on a domain.
+    """A scene on a domain: its data as UFL and nodal values, and the forms of elasticity. Construction is collective.
 
     Args:
-        scene: What the user declared.
+        scene: The scene.
         domain: The mesh with names.
         degree: Degree k of the displacement, 1 or 2.
 
@@ -120,8 +120,9 @@ class Model(Space):
 
         Args:
             v: Test function, or a displacement.
-            varying: Whether to take loads that vary inside cells, too.
-            on: Names of the boundary parts whose loads are taken; the name None stands for the body. By default all.
+            varying: Whether loads that vary inside cells are included.
+            on: Names of the boundary parts whose loads are included; None among them stands for the body. By default
+                all loads are included.
         """
         loads: list[tuple[str | None, Any, Any]] = [(one.facets, one.density, one.ds) for one in self.surface_loads]
         if self.body_force is not None:
@@ -179,9 +180,10 @@ class Model(Space):
         return evaluate(contact.gap, self.mesh, self.facet_points, contact.facets)
 
     def at_nodes(self, contact: BoundContact) -> BoundContact:
-        """The contact for quadrature at its nodes: gap and friction are functions of their values there; collective.
+        """The contact with gap and friction parameters as Functions, for quadrature at its nodes; collective.
 
-        So the forms do not contain the callables of the user. The values of the gap are its Bernstein coefficients.
+        So the forms do not contain the callables of the user. The nodal values of the Functions are the values of the
+        friction parameters, and the Bernstein coefficients of the gap.
         """
         gap, friction = contact.gap, contact.friction
         if contact.gap_varies:
@@ -194,7 +196,10 @@ class Model(Space):
         return replace(contact, gap=gap, friction=friction)
 
     def _nodal(self, contact: BoundContact, values: np.ndarray, *, coefficients: bool = False) -> Any:
-        """A function with these values (facets, m), or their Bernstein coefficients, at the nodes of a contact, UFL."""
+        """A scalar, UFL, from its values (facets, m) at the nodes of a contact.
+
+        Its nodal values are these values, or their Bernstein coefficients.
+        """
         nodal = fem.Function(self.V)
         at = nodal.x.array.reshape(-1, self.d)
         at[self.facet_nodes(contact.facets), 0] = values
@@ -205,7 +210,11 @@ class Model(Space):
     # -- loads -----------------------------------------------------------------------------------------
 
     def _density(self, load: Load) -> Any:
-        """A load per area or volume, UFL, shape (d,); collective."""
+        """The density of a load [force/area] or [force/volume], UFL, shape (d,); collective.
+
+        Raises:
+            InputError: If it has another shape, is not finite, or the code of the user raises.
+        """
         on_boundary = load.facets is not None
         what = type(load).__name__ + (f"({load.facets!r})" if on_boundary else "")
         parameters = {
@@ -230,7 +239,7 @@ def _sum(terms: list[Any]) -> Any | None:
 
 
 def _check_dimension(scene: Scene, d: int) -> None:
-    """Vectors of the scene have as many components as the mesh."""
+    """Check that the vectors of the scene have as many components as the mesh has dimensions."""
     vectors: list[Any] = [s.value for s in scene.supports]
     vectors += [c.normal for c in scene.contacts if isinstance(c.normal, tuple)]
     vectors += [v for load in scene.loads for name in load.parameters if isinstance(v := parameter(load, name), tuple)]

@@ -1,6 +1,6 @@
-"""Rigid motions of the bodies of a mesh, and which of them their supports and contacts leave free.
+"""Rigid motions of the bodies of a mesh, and which of them are held by supports and contacts.
 
-A mesh may have several bodies, which share no node. Each has rigid motions of its own, and each must be held.
+A mesh may have several bodies, which share no node. Each body has its own rigid motions, and each must be held.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ def free_motions(space: Space, fixed: np.ndarray, contacts: Sequence[BoundContac
         contacts: The contacts, which may hold a motion, too.
 
     Raises:
-        NotHeldError: If contact does not hold one of them either.
+        NotHeldError: If contacts do not hold one of them either.
     """
     body, bodies = bodies_of_nodes(space)
     motions, names = _rigid_motions(space, body, bodies)
@@ -110,7 +110,17 @@ def components(number: int, pairs: np.ndarray) -> np.ndarray:
 
 
 def _summed(space: Space, body: np.ndarray, bodies: int, held: np.ndarray) -> np.ndarray:
-    """Sums of squares of held components of the motions, by bodies: (n, components, m) -> (bodies, m, m)."""
+    """Products of the held components of motions, summed over the nodes of each body; collective.
+
+    Args:
+        space: The mesh.
+        body: Body of each node, shape (n,).
+        bodies: Number of bodies.
+        held: Held components of the m motions at the nodes, shape (n, components, m).
+
+    Returns:
+        The sums over all ranks, shape (bodies, m, m).
+    """
     total = np.zeros((bodies, held.shape[2], held.shape[2]))
     for number in np.unique(body):
         some = held[body == number]
@@ -119,13 +129,13 @@ def _summed(space: Space, body: np.ndarray, bodies: int, held: np.ndarray) -> np
 
 
 def _kernel(squares: np.ndarray) -> np.ndarray:
-    """Combinations of motions that are not held, shape (m, free)."""
+    """The combinations of m motions that are not held, from a matrix of :func:`_summed` (m, m), shape (m, free)."""
     values, vectors = np.linalg.eigh(squares)
     return vectors[:, values <= SMALL * max(values[-1], 1.0)]
 
 
 def _parts(space: Space, inside: np.ndarray) -> str:
-    """The boundary parts of a body, whose nodes are given, in words; collective."""
+    """The names of the boundary parts of a body, for a message; collective. ``inside`` tells its nodes."""
     nodes = {name: space.nodes[space.domain.facets(name)[:, 0]] for name in space.domain.outer}
     here = {name for name, some in nodes.items() if inside[some].any()}
     every = set().union(*space.comm.allgather(here))

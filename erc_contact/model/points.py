@@ -18,15 +18,18 @@ from erc_contact.scene.material import mandel_basis, strain
 
 
 def at_points(model: Model, points: Any, values: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> np.ndarray:
-    """Values at points of the body, the same on all ranks; collective. A point between several cells has the mean.
+    """Values at points of the body, the same on all ranks; collective.
+
+    At a point between several cells it is the mean of their values.
 
     Args:
         model: The scene on a mesh.
-        points: The same on all ranks [length], shape (n, d) or (d,).
-        values: Values at points (m, d) of owned cells (m,), shape (m, c); called once on every rank.
+        points: Points, the same on all ranks [length], shape (n, d) or (d,).
+        values: Gets owned cells (m,) and a point in each (m, d); returns values, shape (m, c). It is called once on
+            every rank.
 
     Returns:
-        Shape (n, c).
+        Values, shape (n, c).
 
     Raises:
         InputError: If the points have another shape or are not finite, or one lies outside the mesh.

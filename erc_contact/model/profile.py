@@ -24,7 +24,7 @@ FACET_POINTS = {1: 1, 2: 4}
 
 
 def profile_points(model: Model) -> np.ndarray:
-    """The reference points of a facet that a profile shows, shape (q, d-1)."""
+    """The reference points of a facet at which a profile has values, shape (q, d-1)."""
     return lattice(model.d - 1, FACET_POINTS[model.degree])
 
 
@@ -39,8 +39,9 @@ def facet_status(
     """Which facets of a contact are open, slip or stick.
 
     A facet without pressure is ``OPEN``, except in a bilateral contact. A facet whose shear reaches the friction bound,
-    up to 1e-6, is ``SLIP``; without friction this is every pressed facet. All others are ``STICK``. Where the bound
-    must be sampled, less shear counts as ``SLIP``: less by the variation of bound over pressure on the facet.
+    up to 1e-6, is ``SLIP``; without friction this is every pressed facet. All others are ``STICK``. If the friction
+    bound must be sampled, less shear counts as ``SLIP``: its share of the bound may be below 1 by the relative
+    variation of bound over pressure on the facet.
 
     Args:
         contact: The contact.
@@ -48,7 +49,7 @@ def facet_status(
         shear: Length of r_t [force/area], shape (f, q).
         bound: Friction bound [force/area], shape (f, q).
         peak: Greatest pressure of the contact, which tells pressure from round-off [force/area].
-        margin: Share of this variation that is added to it [-].
+        margin: Share of the variation that is added to the variation [-].
 
     Returns:
         OPEN, SLIP or STICK, shape (f,).
@@ -65,7 +66,7 @@ def facet_status(
 def profile_table(
     model: Model, contact: BoundContact, u: fem.Function, r: np.ndarray, bound: np.ndarray, status: np.ndarray
 ) -> np.ndarray:
-    """What happens along a contact, point by point; collective.
+    """Gap, slip, tractions and status along a contact, point by point; collective.
 
     Args:
         model: The scene on a mesh.
@@ -76,11 +77,17 @@ def profile_table(
         status: OPEN, SLIP or STICK of the facets, shape (f,).
 
     Returns:
-        A structured array for numpy and pandas, the same on all ranks: ``x`` (and ``y``, ``z``) position, ``gap`` left,
-        ``slip`` (length of u_t) [length]; ``pressure``, ``shear`` (length of r_t), ``friction_bound`` [force/area];
-        ``status`` of the facet, 0 open, 1 slip, 2 stick. In 2D the points come in order along the contact, with their
-        arc length ``s`` [length], and slip and shear have the sign of their direction in this order. Each facet has
-        points of its own, as tractions jump from one to the next.
+        A structured array for numpy and pandas, the same on all ranks, with the columns
+
+        - ``x``, ``y`` and in 3D ``z``: position [length],
+        - ``gap``: the gap that is left, g - u_n [length],
+        - ``slip``: length of u_t [length],
+        - ``pressure``: -r_n, ``shear``: length of r_t, and ``friction_bound`` [force/area],
+        - ``status``: status of the facet, 0 open, 1 slip, 2 stick.
+
+        In 2D the points are in order along the contact, and the first column ``s`` is their arc length [length]. There
+        ``slip`` and ``shear`` have a sign, which is positive in this order. Each facet has points of its own, because
+        tractions jump from one facet to the next.
     """
     d, k, comm = model.d, model.degree, model.comm
     points, nodes = profile_points(model), model.facet_nodes(contact.facets)

@@ -1,10 +1,13 @@
-"""What a scene promises of its materials, laws and foundations, checked where the scene meets its mesh.
+"""Checks of the properties of a scene that the bound of the error needs, made when the scene meets its mesh.
 
-The bound of the error relies on this: the compliance inverts the stress, the friction bound is concave and never
-decreases, that of a bilateral contact does not depend on the pressure, normals point into the foundation. Data that
-break one of these promises give numbers that look right and are wrong.
+The bound needs that
 
-All checks are numerical, at samples, and say the same on all ranks.
+- the compliance of the material inverts its stiffness, which is symmetric and positive definite,
+- a friction bound is concave in the pressure and never decreases; in a bilateral contact it is independent of it,
+- the normals of foundations point out of the body.
+
+Data without these properties would give numbers that look right and are wrong. All checks are numerical, at samples.
+They have the same result on all ranks.
 """
 
 from __future__ import annotations
@@ -28,13 +31,13 @@ EXACT = 1e-8
 AWAY = -0.1
 """Least cosine of the angle between the normal of the foundation and that of a facet in contact [-]."""
 DECADES = 12
-"""Pressures from the modulus down by so many powers of ten are tried, and 0."""
+"""A law is tried with pressures from the modulus down to this many powers of ten below it, and with 0."""
 LAW_SAMPLES = 50
-"""At most so many values of the parameters of a law are tried on each rank."""
+"""Greatest number of values of the parameters with which a law is tried on each rank, beside their extremes."""
 
 
 def bind(scene: Scene, domain: Domain, degree: int = 1) -> Model:
-    """A scene on a mesh, whose promises are kept; collective.
+    """A scene on a mesh, after all checks; collective.
 
     Args:
         scene: What the user declared.
@@ -42,7 +45,7 @@ def bind(scene: Scene, domain: Domain, degree: int = 1) -> Model:
         degree: Degree of the displacement, 1 or 2.
 
     Raises:
-        InputError: If scene and mesh do not fit, or a promise is broken.
+        InputError: If scene and mesh do not fit, or a check fails.
         NotHeldError: If neither supports nor contacts hold a rigid motion.
     """
     model = Model(scene, domain, degree)
@@ -58,7 +61,10 @@ def bind(scene: Scene, domain: Domain, degree: int = 1) -> Model:
 
 
 def _check_material(model: Model) -> None:
-    """A material of the user's: stiffness symmetric and positive, the compliance its inverse, the modulus positive."""
+    """Check a material of the user's: the stiffness is symmetric and positive definite, and its modulus is > 0.
+
+    The compliance must invert the stiffness.
+    """
     name = type(model.scene.material).__name__
     points, owned = rule(model.d, 4)[0], model.owned_cells
 
@@ -101,7 +107,7 @@ def _check_material(model: Model) -> None:
 
 
 def _check_data(model: Model, contact: BoundContact) -> None:
-    """Gap and parameters of the law between the nodes, where :class:`Model` has not looked."""
+    """Check gap and parameters of the law between the nodes: they are finite, and the parameters are >= 0."""
     what = f"Contact({contact.name!r})"
     x = np.matmul(barycentric(model.facet_samples), model.facet_corners(contact.facets))
     for name, value in (contact.friction.parameters if contact.friction else {}).items():
@@ -117,7 +123,7 @@ def _check_data(model: Model, contact: BoundContact) -> None:
 
 
 def _check_normal(model: Model, contact: BoundContact) -> None:
-    """The normal of the foundation points out of the body."""
+    """Check that the normal of the foundation points out of the body."""
     facets, comm = contact.facets, model.comm
     middle = np.full((1, model.d - 1), 1 / model.d)
     outward = evaluate(model.n, model.mesh, middle, facets)[:, 0]
@@ -141,7 +147,10 @@ def _check_normal(model: Model, contact: BoundContact) -> None:
 
 
 def _check_law(model: Model, contact: BoundContact) -> None:
-    """A law of the user's: its bound is finite, not negative, never decreases, is concave; constant where bilateral."""
+    """Check a law: its bound is finite, >= 0 and concave in the pressure, and never decreases.
+
+    In a bilateral contact it does not depend on the pressure.
+    """
     law = contact.friction.law if contact.friction else None
     what = f"Contact({contact.name!r}): the friction bound of {type(law).__name__}"
     modulus = model.stiffest()
@@ -187,7 +196,7 @@ def _check_law(model: Model, contact: BoundContact) -> None:
 
 
 def _check_supports_in_gap(model: Model) -> None:
-    """Supports do not push a contact into its foundation."""
+    """Check that supports do not push a contact into its foundation."""
     values = model.prescribed.x.array.reshape(-1, model.d)
     for contact in model.contacts:
         nodes = model.facet_nodes(contact.facets)

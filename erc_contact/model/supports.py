@@ -22,7 +22,7 @@ AGREE = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Supports:
-    """What is prescribed of the displacement.
+    """The prescribed components of the displacement.
 
     Attributes:
         fixed: Which components are prescribed at each node, shape (nodes, d).

@@ -1,6 +1,6 @@
-"""Code of the user's: callables, laws and materials in UFL, which are tried when a scene meets its mesh.
+"""Calls of the user's code: callables, laws and materials in UFL, tried when a scene meets its mesh.
 
-An exception that they raise on one rank becomes an :class:`InputError` on all ranks.
+An exception that the code raises on one rank becomes an :class:`InputError` on all ranks.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ IN_UFL = (
 
 
 def called(comm: MPI.Comm, what: str, function: Callable[..., Any], *arguments: Any, **named: Any) -> Any:
-    """What a function of the user's returns for UFL arguments; collective.
+    """Call a function of the user's with UFL arguments and return its result; collective.
 
     Args:
         comm: Communicator; every rank must call.
@@ -38,7 +38,7 @@ def called(comm: MPI.Comm, what: str, function: Callable[..., Any], *arguments: 
         named: Its arguments by name.
 
     Raises:
-        InputError: On all ranks, if it fails on one.
+        InputError: On all ranks, if the function raises on one.
     """
 
     def attempt() -> Any:
@@ -53,10 +53,10 @@ def called(comm: MPI.Comm, what: str, function: Callable[..., Any], *arguments: 
 
 
 def scalar(what: str, value: Any) -> Any:
-    """A number or scalar UFL expression as UFL.
+    """A number or a scalar UFL expression, as UFL.
 
     Raises:
-        InputError: If it is neither.
+        InputError: If the value is neither.
     """
     value = float(value) if isinstance(value, Real) else value
     if (
@@ -69,15 +69,15 @@ def scalar(what: str, value: Any) -> Any:
 
 
 def vector(value: Any) -> Any:
-    """UFL, or a sequence of numbers and scalar UFL expressions, as UFL."""
+    """A UFL expression, or a sequence of numbers and scalar UFL expressions, as UFL."""
     return value if isinstance(value, ufl.core.expr.Expr) else ufl.as_vector([scalar("A component", c) for c in value])
 
 
 def linear(what: str, integrand: Any, *arguments: Any) -> None:
-    """Refuse an integrand that is not linear in each of its arguments, before a compiler sees it.
+    """Check that an integrand is linear in each of its arguments, before it is compiled.
 
     Raises:
-        InputError: If it is not.
+        InputError: If it is not linear.
     """
     real = remove_complex_nodes(apply_algebra_lowering(integrand))
     lowered = apply_derivatives(real)
@@ -88,7 +88,7 @@ def linear(what: str, integrand: Any, *arguments: Any) -> None:
 
 
 def try_material(V: fem.FunctionSpace, material: Material, parameters: Mapping[str, Any]) -> None:
-    """Call the functions of a material of the user's, to see that they work; collective.
+    """Call the functions of a material of the user's to see that they work; collective.
 
     Args:
         V: Space of the displacement.

@@ -1,6 +1,6 @@
 """Values of a scene on a mesh: a number becomes a Constant, a callable becomes UFL of the position.
 
-Plain numbers in callables become Constants, too. So no form is compiled anew because a number has changed.
+Plain numbers in the results of callables become Constants, too. So a form is not compiled anew if a number changes.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from erc_contact.model.users import called, scalar, vector
 from erc_contact.scene.material import Material
 
 DATA_DEGREE = 4
-"""Quadrature degree for moduli and loads that vary in space, the same in the solver and in what reads its stress."""
+"""Quadrature degree for moduli and loads that vary in space. The solver and the reconstruction of stresses share it."""
 
 
 def parameter(owner: Any, name: str) -> Any:
@@ -59,7 +59,7 @@ def components(space: Space, value: Any, what: str, x: Any = None) -> Any:
     """A vector as UFL, from a sequence of d values or one callable; collective. See :func:`number`.
 
     Raises:
-        InputError: If it has not d components.
+        InputError: If the vector does not have d components.
     """
     if not callable(value):
         bound = ufl.as_vector([number(space, component, what) for component in value])
@@ -75,7 +75,7 @@ def value_of(space: Space, value: Any, what: str) -> Any:
     """A number, a vector of d values, or a callable that returns one of the two, as UFL; collective.
 
     Raises:
-        InputError: If it is none of these.
+        InputError: If the value is none of these.
     """
     if not callable(value):
         return components(space, value, what) if isinstance(value, tuple) else number(space, value, what)
@@ -106,7 +106,13 @@ def moduli(space: Space, material: Material) -> dict[str, Any]:
 
 
 def _by_region(space: Space, name: str, value: Mapping[str, Any]) -> Any:
-    """A value that is given region by region, as UFL. Numbers share one function that is constant in cells."""
+    """A parameter that is given region by region, as UFL; collective.
+
+    All numbers are values of one function that is constant in cells.
+
+    Raises:
+        InputError: If a cell is in no region of the mapping, or in two.
+    """
     W = fem.functionspace(space.mesh, ("DG", 0))
     numbers, terms = fem.Function(W), []
     covered = np.zeros(len(numbers.x.array), dtype=int)
