@@ -4,8 +4,8 @@ The vertices of each cell are sorted by node number. Then the nodes of a facet h
 and values on facets need no permutation.
 
 Symbols: d dimension, k degree, T cell, F facet, facet i of T is opposite to vertex i, J Jacobian (columns x_i - x_0),
-N nodes of a cell, m of a facet. Arrays are of all cells of the rank, ghosts included. Tractions on facets and
-displacements are given by Bernstein coefficients, see :mod:`erc_contact.mesh.simplex`.
+N number of nodes of a cell, m number of nodes of a facet. Arrays have all cells of the rank, ghosts included. Tractions
+on facets and displacements are given by Bernstein coefficients, see :mod:`erc_contact.mesh.simplex`.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ class CellGeometry:
     """Geometry and connectivity of the cells of a rank, ghosts included, with sorted vertices.
 
     Attributes:
-        degree: k.
+        degree: Degree k.
         order: Place of each sorted vertex in DOLFINx's order, shape (n, d+1).
-        nodes: Nodes (block degrees of freedom) of each cell: of the vertices, ascending, then of the edges between
-            them, shape (n, N).
+        nodes: Nodes (block degrees of freedom) of each cell: those at the vertices, ascending, then those on the edges
+            between them, shape (n, N).
         facets: Facet opposite to each of these vertices, shape (n, d+1).
-        side: First and second place of each facet as flat index cell * (d+1) + i, the cell of smaller global number
-            first; equal on the boundary of the rank's cells, -1 for facets of no cell, shape (2, facets).
+        side: The two places of each facet, as flat index cell * (d+1) + i, shape (2, facets). The cell of smaller
+            global number is first. Both are equal on the boundary of the rank's cells, and -1 for facets of no cell.
         J: Jacobians [length], shape (n, d, d).
         volume: Volumes [length^d], shape (n,).
         area: Outward normals times facet areas [length^(d-1)], shape (n, d+1, d).
@@ -134,7 +134,7 @@ def facet_forces(area: np.ndarray, stress: np.ndarray) -> np.ndarray:
         stress: Coefficients, shape (n, b, d, d).
 
     Returns:
-        Shape (n, d+1, b, d).
+        The forces, shape (n, d+1, b, d).
     """
     n, b, d, _ = stress.shape
     return np.matmul(area, stress.reshape(n, b * d, d).transpose(0, 2, 1)).reshape(n, d + 1, b, d)

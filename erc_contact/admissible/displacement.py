@@ -1,8 +1,8 @@
 """Displacements that do not enter the foundation, with the status (open, slip, stick) of the admissible traction.
 
-They do not enter it at any point, not only at the nodes: if the Bernstein coefficients of a normal displacement are
-below those of a bound, the displacement is below the bound. Where the gap varies along a facet, the bounds are lowered
-until they are below the gap at samples of the facet. There are more samples where the gap is less like a polynomial
+This holds at every point, not only at nodes: if the Bernstein coefficients of a normal displacement are below those of
+a bound, the displacement is below the bound. If the gap varies along a facet, the bounds are lowered until they are
+below the gap at samples of the facet. There are more samples where the gap is less like a polynomial
 (:mod:`erc_contact.mesh.quadrature`). An asperity is found if it changes the gap at one of the first samples, 72 on a
 facet in 2D and 352 in 3D.
 
@@ -25,19 +25,19 @@ from erc_contact.model.foundation import split
 from erc_contact.model.model import Model
 
 BETWEEN = 0.1
-"""Share of the range of a gap at the samples of a piece of a facet that it may vary between the samples [-]."""
+"""The gap may be lower between the samples of a piece of a facet by this share of its range at the samples [-]."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Limits:
-    """Non-penetration at the nodes of a contact: one limit for each node and each normal that it has there.
+    """Limits of the normal displacement at the nodes of a contact: one for each node and each of its normals.
 
     Attributes:
         nodes: Node of each limit, shape (c,).
         normal: Normal of each limit, shape (c, d).
         bound: Limit of u_n [length], shape (c,).
         of_facet: Number of the limit of each node of each facet, shape (f, m).
-        groups: Numbers of limits; no node is twice in one group.
+        groups: Groups of limits, each by their numbers. No node is twice in one group.
     """
 
     nodes: np.ndarray
@@ -48,13 +48,19 @@ class _Limits:
 
 
 def admissible_displacement(model: Model, u: fem.Function, tractions: list[ContactTraction]) -> fem.Function:
-    """u^: u limited by the gap, and set to the status of r^ where that lowers the error.
+    """u^: the displacement u limited by the gap, and set to the status of r^ where this lowers the error; collective.
 
     The contact part of e^2 is of first order in ``g - u_n`` where r^_n < 0, and in u_t where r^_t is inside the cone
     or does not oppose u_t. The bulk part is of second order in a change of u^. So a node is set to ``u_n = g``, or to
-    ``u_t = 0``, where this lowers the contact part by more, ``2 sum |F|/m (...)`` over the facets of the node, than it
-    may raise the bulk part, about ``E h^(d-2)`` times the square of the change. (If r^ had to be strictly inside the
-    cone on all facets of a node instead, nodes at the stick-slip transition would slip along the traction.)
+    ``u_t = 0``, if this lowers the contact part by more than it may raise the bulk part. The contact part changes by
+    ``2 sum |F|/m (...)`` over the facets of the node, the bulk part by about ``E h^(d-2)`` times the square of the
+    change. (If r^ had to be strictly inside the cone on all facets of a node instead, nodes at the stick-slip
+    transition would slip along the traction.)
+
+    Args:
+        model: The scene on a mesh.
+        u: Displacement of the solution [length].
+        tractions: r^ on each contact.
     """
     hat = fem.Function(model.V, name="displacement")
     hat.x.array[:] = u.x.array
@@ -95,7 +101,10 @@ def admissible_displacement(model: Model, u: fem.Function, tractions: list[Conta
 
 
 def _move_normal(values: np.ndarray, mobile: np.ndarray, limit: _Limits, which: np.ndarray) -> None:
-    """Set ``u_n`` to the bound of some limits by a change of the components that no support fixes."""
+    """Set ``u_n`` to the bound of some limits, in place.
+
+    Only ``mobile`` components change, which no support fixes.
+    """
     nodes, n = limit.nodes[which], limit.normal[which]
     along = mobile[nodes] * n
     reach = (along * n).sum(axis=1)
@@ -109,7 +118,7 @@ def _sum(limit: _Limits, of_facets: np.ndarray) -> np.ndarray:
 
 
 def _nodal_stiffness(model: Model, traction: ContactTraction) -> np.ndarray:
-    """About the elastic stiffness of a node of the contact, ``E h^(d-2)`` [force/length]; zero elsewhere."""
+    """The approximate stiffness of a node, ``E h^(d-2)`` on the contact [force/length], else 0, shape (nodes,)."""
     modulus = model.at_middles(model.modulus, traction.contact.facets[:, 0])
     of_facet = modulus * traction.area ** ((model.d - 2) / (model.d - 1))
     stiffness = np.zeros(len(model.fixed))
@@ -118,7 +127,11 @@ def _nodal_stiffness(model: Model, traction: ContactTraction) -> np.ndarray:
 
 
 def _limits(model: Model, traction: ContactTraction) -> _Limits:
-    """Limits whose bounds are coefficients of polynomials below the gap, or equal to it at the nodes if bilateral."""
+    """The limits of a contact; collective.
+
+    Their bounds are Bernstein coefficients of polynomials below the gap. In a bilateral contact these equal the gap at
+    the nodes.
+    """
     contact, d = traction.contact, model.d
     at_nodes = model.gap_at_nodes(contact) @ coefficients(d - 1, model.degree).T
     if contact.gap is not None and varies_in_cells(contact.gap) and not contact.bilateral:
@@ -129,15 +142,13 @@ def _limits(model: Model, traction: ContactTraction) -> _Limits:
     bound = np.full(len(first), np.inf)
     np.minimum.at(bound, of_facet.ravel(), at_nodes.ravel())
     nodes = traction.nodes.ravel()[first]
-    times = np.arange(len(nodes)) - np.searchsorted(
-        nodes, nodes
-    )  # nodes are sorted: number of limits of the node before
+    times = np.arange(len(nodes)) - np.searchsorted(nodes, nodes)  # number of limits of the node before this one
     groups = [np.flatnonzero(times == k) for k in range(int(times.max(initial=0)) + 1)]
     return _Limits(nodes, normals[first], bound, of_facet.reshape(traction.nodes.shape), groups)
 
 
 def _excess(model: Model, traction: ContactTraction, at_nodes: np.ndarray) -> np.ndarray:
-    """The most by which polynomials with coefficients (f, m) exceed the gap on each facet [length], shape (f,)."""
+    """The greatest excess over the gap of polynomials with coefficients (f, m), on each facet [length], shape (f,)."""
     facets = traction.contact.facets
     gap = Everywhere(traction.contact.gap, model.mesh)
     highest, size = np.zeros(len(facets)), np.zeros(len(facets))

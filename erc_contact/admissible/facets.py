@@ -1,9 +1,9 @@
 """Facet tractions in equilibrium with the loads on every cell.
 
-Given is a stress sigma_h of degree k-1 in each cell, in equilibrium with the data against all continuous P_k fields.
-The tractions to be found are of degree k on facets, opposite on the two sides, and equal F on Gamma_N and r^ on
-Gamma_C. On every cell they do the same work on P_k fields as sigma_h and f, so they balance forces and moments there.
-The unknowns are discontinuous P_k multipliers lambda with
+A stress sigma_h of degree k-1 in each cell is given, which is in equilibrium with the data against all continuous P_k
+fields. The unknown tractions have degree k on facets. They are opposite on the two sides of a facet, and equal to F on
+Gamma_N and to r^ on Gamma_C. On every cell they do the same work on P_k fields as sigma_h and f. So they balance forces
+and moments there. They follow from discontinuous P_k multipliers lambda with
 
     sum_F w_F <[lambda], [mu]> = residual of the averaged tractions against mu,
 
@@ -100,7 +100,7 @@ def _tests(d: int, k: int) -> tuple[np.ndarray, np.ndarray]:
 
 @cache
 def _incidence(d: int, k: int) -> np.ndarray:
-    """Sum of what the nodes of the facets have, for each node of a cell, shape (N_k, (d+1) m)."""
+    """Matrix from values at the nodes of the facets of a cell to their sums at its nodes, shape (N_k, (d+1) m)."""
     return (np.arange(len(nodes(d, k)))[:, None] == local_facet_nodes(d, k).ravel()).astype(float)
 
 

@@ -1,7 +1,7 @@
-"""Projections of the loads, on degree k on each facet and degree k-1 in each cell: the loads that sigma^ balances.
+"""Projections of the loads on degree k on facets and degree k-1 in cells: the loads that sigma^ balances.
 
-Where a load varies in space, the integrals are adapted to it, so that each facet and each cell has the resultant of the
-load, even with a jump or a peak inside. The difference of load and projection is the oscillation of the loads.
+If a load varies in space, the integrals are adapted to it. So each facet and each cell has the resultant of the load,
+even with a jump or a peak inside. The difference of load and projection is the oscillation of the loads.
 
 Symbols: k degree, m nodes of a facet, N_(k-1) coefficients of a polynomial of degree k-1 in a cell.
 """
@@ -21,14 +21,15 @@ from erc_contact.model.values import DATA_DEGREE
 
 
 def traction_moments(model: Model, facets: np.ndarray, traction: Any) -> np.ndarray:
-    """Moments ``int_F t B_m`` of a traction [force], shape (facets, m, d), in the order of :meth:`Model.facet_nodes`.
-
-    Collective.
+    """Moments ``int_F t B_m`` of a traction on facets; collective.
 
     Args:
         model: The scene on a mesh.
         facets: Pairs (cell, local facet), shape (facets, 2).
-        traction: UFL [force/area], shape (d,).
+        traction: The traction, UFL [force/area], shape (d,).
+
+    Returns:
+        The moments [force], shape (facets, m, d), in the order of :meth:`Model.facet_nodes`.
     """
     d, k = model.d, model.degree
     area = model.facet_areas(facets)

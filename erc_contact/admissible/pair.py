@@ -1,8 +1,9 @@
-"""From a solution to an admissible pair: a displacement and a stress with all properties but the constitutive law.
+"""From a solution to an admissible pair: a displacement and a stress that satisfy all equations but Hooke's law.
 
-The pair is (u^, sigma^) with the contact traction r^. u^ = U on Gamma_D and u^_n <= g on Gamma_C. sigma^ is symmetric
-and in exact equilibrium with the projections of the data, and sigma^ n = r^ on Gamma_C with r^ in the Coulomb cone.
-For any result of the contact solver, e (16) of this pair bounds its error.
+The pair is (u^, sigma^) with the contact traction r^. The displacement satisfies u^ = U on Gamma_D and u^_n <= g on
+Gamma_C. The stress is symmetric and in exact equilibrium with the projections of the loads. On Gamma_C it satisfies
+sigma^ n = r^, and the friction law allows r^. The error e (16) of this pair bounds its distance to the exact solution,
+for any result of the contact solver.
 
 Source: Coorevits, Hild, Hjiaj, equations (9), (10); Ladeveze, Leguillon (1983).
 """
@@ -44,15 +45,15 @@ from erc_contact.newton.solution import Solution
 BALANCED = 1e-12
 """Unbalanced nodal forces that count as round-off, over the forces of the stress [-]."""
 REFINEMENTS = 3
-"""Limit of the solves for unbalanced forces; where any is needed, one is usual."""
+"""Greatest number of solves for unbalanced forces. Mostly none is needed, otherwise one."""
 
 
 @dataclass(frozen=True, eq=False)
 class Admissible:
-    """An admissible pair. Polynomials are given by Bernstein coefficients, for degree 1 the values at the vertices.
+    """An admissible pair. Polynomials are given by Bernstein coefficients; for degree 1 these are the nodal values.
 
     Attributes:
-        solution: The solution that it was reconstructed from.
+        solution: The solution from which it was reconstructed.
         displacement: u^ [length], a continuous Function of degree k.
         tractions: r^ on each contact.
         cell_geometry: Vertices, facets and volumes of the cells.
@@ -63,7 +64,7 @@ class Admissible:
         facet_moments: Moments of the facet tractions on the first side of each facet [force], shape (facets, m, d).
         cell_forces: Body force times volume of each cell, projected on degree k-1 [force], shape (n, N_(k-1), d), or
             None without body force.
-        tightening: Iterations done to tighten sigma^.
+        tightening: Number of iterations that tightened sigma^.
         seconds: Wall time, the largest over the ranks [s].
     """
 
@@ -84,14 +85,14 @@ def equilibrate(solution: Solution, tighten: int = TIGHTEN) -> Admissible:
 
     Args:
         solution: Any state of the contact solver; the bound does not depend on its quality.
-        tighten: Limit of the iterations that tighten sigma^, 0 for none. They end when one lowers e by less than 2%; 4
-            to 8 are usual.
+        tighten: Greatest number of iterations that tighten sigma^, 0 for none. They end when one lowers the bulk part
+            of e by less than 2%; 4 to 8 are usual.
 
     Returns:
         The admissible pair.
 
     Raises:
-        NotHeldError: If no traction in the friction cone balances the loads on a free rigid motion.
+        NotHeldError: If no contact traction that the law allows balances the loads on a free rigid motion.
     """
     began = perf_counter()
     model = solution.model
@@ -117,11 +118,12 @@ def equilibrate(solution: Solution, tighten: int = TIGHTEN) -> Admissible:
 def _loose(
     solution: Solution, cells: CellGeometry, force: np.ndarray | None
 ) -> tuple[fem.Function, list[ContactTraction], np.ndarray, np.ndarray, np.ndarray]:
-    """What an admissible pair begins with; collective.
+    """The admissible pair before sigma^ is tightened, as facet tractions; collective.
 
     Returns:
-        u^; r^ on each contact; the rebalanced stress, shape (n, N_(k-1), d, d); moments of facet tractions that balance
-        every cell [force], shape (facets, m, d); components of facets whose traction is that of a support, (facets, d).
+        u^; r^ on each contact; the rebalanced stress [force/area], shape (n, N_(k-1), d, d); moments of facet tractions
+        that balance every cell [force], shape (facets, m, d); which components of a facet a support fixes, shape
+        (facets, d).
     """
     model = solution.model
     given, fixed = _loads(model, cells)
@@ -136,7 +138,12 @@ def _loose(
 
 
 def _loads(model: Model, cells: CellGeometry) -> tuple[np.ndarray, np.ndarray]:
-    """Moments of the loads on each facet, projected on degree k, and the components of facets that supports fix."""
+    """The given tractions and the supports on facets; collective.
+
+    Returns:
+        Moments of the loads, projected on degree k [force], shape (facets, m, d), and which components of a facet a
+        support fixes, shape (facets, d).
+    """
     d = cells.d
     given = np.zeros((cells.side.shape[1], len(model.facet_points), d))
     fixed = np.zeros((cells.side.shape[1], d), dtype=bool)
@@ -150,13 +157,13 @@ def _loads(model: Model, cells: CellGeometry) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _add(model: Model, given: np.ndarray, facets: np.ndarray, moment: np.ndarray) -> None:
-    """Add moments of facets (cell, local facet), whose nodes are in the order of DOLFINx, to the given ones."""
+    """Add moments of facets (cell, local facet) in place; their nodes are in the order of DOLFINx, not sorted."""
     order = facet_order(model.facet_nodes(facets)[:, : model.d], model.degree)
     given[model.facet_numbers(facets)] += np.take_along_axis(moment, order[:, :, None], axis=1)
 
 
 def _nodal(model: Model, cells: CellGeometry, given: np.ndarray, force: np.ndarray | None) -> fem.Function:
-    """Nodal forces of moments on facets and of cell forces, not yet summed over ranks [force]."""
+    """Nodal forces from moments on facets and cell forces [force], not yet summed over ranks."""
     d, k, owned = model.d, model.degree, model.domain.owned_cells
     b = fem.Function(model.V)
     nodal: Any = b.x.array.reshape(-1, d)
@@ -171,20 +178,22 @@ def _nodal(model: Model, cells: CellGeometry, given: np.ndarray, force: np.ndarr
 
 
 def _work(model: Model, b: fem.Function) -> tuple[np.ndarray, float]:
-    """Work of nodal forces on the free motions, all ranks [force], shape (motions,), and the sum of their sizes."""
+    """Work of nodal forces on the free motions [force], shape (motions,), and the sum of their sizes; collective."""
     local = np.array([b.x.array @ motion.x.array for motion in model.free_motions] + [abs(b.x.array).sum()])
     total = model.comm.allreduce(local, MPI.SUM)
     return total[:-1], float(total[-1])
 
 
 def _rebalanced(solution: Solution, cells: CellGeometry, b: fem.Function) -> np.ndarray:
-    """The finite element stress in exact discrete equilibrium with nodal forces b, shape (n, N_(k-1), d, d).
+    """The finite element stress in exact discrete equilibrium with nodal forces b; collective.
 
-    It is solved for with the factor of the contact solve. Where displacements are large compared to the strains, as in
-    a body that slides far, their round-off is not small compared to the forces. The unbalanced forces are then solved
-    for again.
+    One elastic solve gives it, with the factor or hierarchy of the contact solve. If displacements are large compared
+    to the strains, as in a body that slides far, their round-off is not small compared to the forces. Then another
+    solve for the unbalanced forces follows. The solution of a scene without contact, whose loads do not vary in space,
+    is already in equilibrium.
 
-    The solution of a scene without contact, whose loads do not vary in space, is already in equilibrium.
+    Returns:
+        Coefficients [force/area], shape (n, N_(k-1), d, d).
     """
     model = solution.model
     loads = model.loads(ufl.TestFunction(model.V))
@@ -219,7 +228,10 @@ def _of_owners(model: Model, cells: CellGeometry, stress: np.ndarray) -> np.ndar
 
 
 def _residual(model: Model, cells: CellGeometry, b: fem.Function, stress: np.ndarray) -> tuple[fem.Function, float]:
-    """Nodal forces b less those of a stress, not yet summed over ranks [force], and their size over those of it."""
+    """Nodal forces b less those of a stress [force], not yet summed over ranks; collective.
+
+    The second result is their greatest size over that of the forces of the stress on facets [-].
+    """
     d, owned = model.d, model.domain.owned_cells
     rest, inside, push = (
         fem.Function(model.V),

@@ -17,11 +17,11 @@ class ContactTraction:
     """The admissible traction r^ on one contact, of degree k on each facet.
 
     Attributes:
-        contact: Where.
+        contact: The contact.
         nodes: Nodes of each facet (cell, local facet) of ``contact.facets``, ghosts included, shape (n, m).
         area: Facet areas [length^(d-1)], shape (n,).
-        values: Bernstein coefficients of r^ at these nodes [force/area], values at the vertices, shape (n, m, d).
-        friction_bound: The friction bound b(p) of these [force/area], shape (n, m).
+        values: Bernstein coefficients of r^ [force/area], shape (n, m, d). At a vertex the coefficient is the value.
+        friction_bound: Bernstein coefficients of the friction bound b(p) of r^ [force/area], shape (n, m).
     """
 
     contact: BoundContact

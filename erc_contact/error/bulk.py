@@ -22,8 +22,8 @@ from erc_contact.mesh.surface import pairs, swept
 def bulk_squares(admissible: Admissible) -> tuple[np.ndarray, np.ndarray, float]:
     """``|sigma^ - C eps(u^)|^2`` and ``|sigma^ + C eps(u^)|^2`` of each owned cell; collective.
 
-    Where the moduli vary inside cells, the first contains what its integral leaves unknown. The third number is the sum
-    of this on the rank if it is more than the tolerance, else 0.
+    If the moduli vary inside cells, the first result contains what its integral leaves unknown. The third result is the
+    sum of this over the cells of the rank if it is more than the tolerance, else 0.
     """
     model, cells = admissible.solution.model, admissible.cell_geometry
     owned, k = model.domain.owned_cells, model.degree
@@ -58,11 +58,13 @@ def bulk_squares(admissible: Admissible) -> tuple[np.ndarray, np.ndarray, float]
 
 
 def geometry_squares(admissible: Admissible, both: np.ndarray) -> np.ndarray:
-    """The square of ``ConstitutiveError.geometry_error`` by cells.
-
-    ``both`` is ``|sigma^ + C eps(u^)|^2 = 4 |sigma_m|^2`` of each cell.
+    """The share of each owned cell in the square of ``ConstitutiveError.geometry_error`` [force length].
 
     A facet on the boundary of the body counts for its cell. A facet between two cells counts half for each.
+
+    Args:
+        admissible: The pair.
+        both: ``|sigma^ + C eps(u^)|^2 = 4 |sigma_m|^2`` of each owned cell [force length].
     """
     model, cells = admissible.solution.model, admissible.cell_geometry
     result = np.zeros(len(both))

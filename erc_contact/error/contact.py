@@ -48,7 +48,7 @@ def contact_density(
 
 
 def contact_parts(model: Model, hat: fem.Function, traction: ContactTraction) -> np.ndarray:
-    """Twice the integral of the contact term over each facet of an owned cell; ghosts get 0. Collective."""
+    """Twice the integral of the contact term over each facet [force length]; collective. Facets of ghosts get 0."""
     return contact_squares(model, hat, traction, 0.0)[0]
 
 
@@ -57,8 +57,8 @@ def contact_squares(
 ) -> tuple[np.ndarray, float, float]:
     """:func:`contact_parts`, and the squares of the oscillations of gap and friction bound on this rank.
 
-    Where the data of the contact vary, or where friction is given and the slip may change its direction, the integrals
-    are adapted. They leave unknown at most ``floor`` or the fraction UNKNOWN of themselves, and contain what they leave
+    The integrals are adapted if the data of the contact vary, or if friction is given and the slip may change its
+    direction. They may leave ``floor`` or the share UNKNOWN of their values unknown, and contain what they leave
     unknown.
 
     Args:

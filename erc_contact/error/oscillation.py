@@ -41,11 +41,11 @@ class Oscillations:
     """Estimates of the part of the data that the mesh cannot represent [sqrt(force length)].
 
     Attributes:
-        loads: Of tractions and body forces.
-        supports: Of prescribed displacements.
-        moduli: Of moduli: what the integrals of the energies leave unknown if it is more than their tolerance.
-        gaps: Of gaps and of normals of foundations.
-        friction: Of friction bounds.
+        loads: Part of tractions and body forces.
+        supports: Part of prescribed displacements.
+        moduli: Part of moduli: what the integrals of the energies leave unknown, if it is more than their tolerance.
+        gaps: Part of gaps, and of normals of foundations.
+        friction: Part of friction bounds.
     """
 
     loads: float = 0.0
@@ -127,6 +127,6 @@ def facet_sizes(model: Model, facets: np.ndarray) -> np.ndarray:
 
 
 def _owned(model: Model, name: str) -> np.ndarray:
-    """Facets of a boundary part that are of cells of this rank, shape (n, 2)."""
+    """The facets of a boundary part that this rank owns, shape (n, 2)."""
     facets = model.domain.facets(name)
     return facets[model.owned(facets)]

@@ -33,7 +33,7 @@ from erc_contact.mesh.remeshing import FILL, count
 from erc_contact.mesh.simplex import barycentric, measures, rule
 
 RATIO = (0.02, 3.0)
-"""Least and largest r_E; a mesh predicts nothing for sizes beyond them."""
+"""Least and largest r_E [-]. A mesh predicts nothing for sizes beyond them."""
 FACETS = 1.0
 """Rate q_E of the error by flat facets."""
 LEAST = 0.3
@@ -48,8 +48,8 @@ class Sizes:
     """Sizes of the next mesh, an argument of ``domain.remeshed``.
 
     Attributes:
-        error: The error that they follow from.
-        values: h at the nodes ``domain.mesh.geometry.x`` of this rank [length], smoothed, linear between.
+        error: The error from which they follow.
+        values: Smoothed sizes h at the nodes ``domain.mesh.geometry.x`` of this rank [length], linear between them.
         ratio: r_E of the owned cells by the formula, before smoothing.
         rates: q_E of the owned cells.
         predicted_cells: Predicted number of elements N* for the smoothed sizes.

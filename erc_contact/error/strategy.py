@@ -21,19 +21,20 @@ from erc_contact.error.sizes import size_map
 from erc_contact.mesh.domain import Domain
 
 CLOSE = 1.2
-"""An error below this multiple of the accuracy is closed by marking: a new mesh of nearly the same sizes, with the
-same 5 to 10% that the prediction may miss, might stay above for ever."""
+"""If the error is below this multiple of the accuracy, marked elements are refined instead. A new mesh of nearly the
+same sizes might miss the accuracy again and again, because the prediction is right to 5 or 10% only."""
 KNOWN = 0.25
-"""Relative error from which on a mesh knows how many cells an accuracy takes: of a half disc pressed on a plane a first
-mesh of 79% predicted 7 million where 2200 were enough, one of 11% twice as many."""
+"""Relative error below which a mesh can predict the number of cells for an accuracy. For a half disc pressed on a plane
+a first mesh with an error of 79% predicted 7 million cells where 2200 were enough. A mesh with 11% predicted twice as
+many as needed."""
 DOUBT = 4.0
-"""Factor by which such a prediction may be too large and is still believed [-]."""
+"""Factor by which such a prediction may be too large [-]. A run ends if it exceeds ``max_cells`` by more."""
 TIE = 1e-6
-"""Elements whose errors differ by less than this fraction are marked together: round-off must not choose."""
+"""Elements whose errors differ by less than this fraction are marked together, so that round-off does not choose."""
 
 
 class Strategy(Protocol):
-    """How the next mesh follows from an error.
+    """A way to choose the next mesh from an error.
 
     Example: ``demos/extend/strategy.py``.
     """
@@ -50,7 +51,7 @@ class Strategy(Protocol):
                 the cells that this rank owns: a rank may have none. Greatest values and sums are to be reduced over all
                 ranks, by ``error.domain.mesh.comm``.
             accuracy: Prescribed relative error of the run.
-            max_cells: No mesh of more cells will be solved; not to be met by the domain, but worth knowing.
+            max_cells: Greatest number of cells of a mesh that will be solved. A domain with more cells ends the run.
 
         Raises:
             InputError: If there is no next domain; the run then ends with its best result and the words given here.
@@ -80,7 +81,7 @@ class Mark:
 
 @dataclass(frozen=True)
 class Uniform:
-    """Refine all elements; for comparison."""
+    """Refine all elements, for comparison."""
 
     def next(self, error: ConstitutiveError, accuracy: float, max_cells: int) -> Domain:
         """The domain with all elements refined; collective."""
@@ -89,13 +90,14 @@ class Uniform:
 
 @dataclass(frozen=True)
 class SizeMap:
-    """Mesh the true geometry again with the optimal sizes; coarsens where it may.
+    """Mesh the true geometry again with the optimal sizes, which may be larger than before.
 
     Args:
-        aim: The sizes are those of the accuracy times this, below 1: a mesh that just misses the accuracy costs one
-            more, a mesh 5% below it 10% more elements (degree 1, 2D).
-        leap: The error is asked to fall by at most this factor from one mesh to the next, a longer way is cut in
-            equal leaps: a coarse mesh does not know enough of a fine one.
+        aim: Factor of the accuracy for which the sizes are optimal. It is below 1, because a mesh that just misses the
+            accuracy costs another mesh. A mesh that is 5% below the accuracy costs only 10% more elements (degree 1,
+            2D).
+        leap: Greatest factor by which the error is to fall from one mesh to the next. A larger fall takes several equal
+            steps, because a coarse mesh predicts the sizes of a much finer one badly.
 
     Raises:
         InputError: If aim is outside (0, 1], or leap is not > 1.
@@ -113,7 +115,7 @@ class SizeMap:
         """The domain meshed again, or marked elements refined where the error is near the accuracy; collective.
 
         Raises:
-            InputError: If the accuracy asks for more cells than allowed, as far as this mesh can know, or the geometry
+            InputError: If the accuracy takes more cells than allowed, as far as this mesh can predict, or the geometry
                 is not known or cannot be meshed.
         """
         aim, domain = self.aim * accuracy, error.domain
@@ -138,7 +140,7 @@ def mark(error: ConstitutiveError, fraction: float = 0.5) -> np.ndarray:
     """Doerfler marking: the fewest elements over all ranks that carry a fraction of the squared error; collective.
 
     Args:
-        error: Its indicators, eps_E with the share of the geometry, are compared over all ranks.
+        error: The error, whose ``total_indicators`` are compared over all ranks.
         fraction: Share of the sum of their squares, in (0, 1].
 
     Returns:

@@ -31,8 +31,8 @@ class Number:
 
     Attributes:
         value: Its value.
-        rest: What is left unknown of it.
-        known: Whether this is within the tolerance.
+        rest: Bound or estimate of its error, see :class:`erc_contact.mesh.quadrature.Integral`.
+        known: Whether ``rest`` is within the tolerance.
     """
 
     value: float

@@ -1,7 +1,7 @@
-"""Questions that a user asks of an admissible pair: forces, profiles of contacts, values at points, maxima.
+"""Results of an admissible pair: forces, profiles of contacts, values at points, maxima.
 
-The answers are the same on all ranks. Forces balance to round-off, and contact tractions lie in the cone. A solution
-answers the same questions by itself (:class:`erc_contact.Solution`).
+They are the same on all ranks. Forces balance to round-off, and the friction law allows the contact tractions. A
+:class:`erc_contact.Solution` has the same results of its own fields as members.
 """
 
 from erc_contact.model.forces import Force

@@ -1,4 +1,4 @@
-"""Forces of admissible pairs on the body, with their moments: of supports, contacts and loads."""
+"""Forces of supports, contacts and loads on the body, with their moments, from an admissible pair."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from erc_contact.model.forces import Force, by_cause, total_force
 def force(pair: Admissible, part: str) -> Force:
     """Resultant and moment of the tractions sigma^ n on a part of the boundary; collective.
 
-    On a contact it is what the foundation exerts on the body, on a support the reaction with the loads on the
-    components that it leaves free, elsewhere the load.
+    On a contact it is the force of the foundation on the body. On a support it is the reaction, together with the loads
+    on the components that the support leaves free. On other parts it is the load.
 
     Args:
         pair: An admissible pair.
@@ -38,7 +38,7 @@ def reactions(pair: Admissible) -> dict[str, Force]:
 
 
 def _body_force(pair: Admissible) -> Force:
-    """Of the body force in all cells."""
+    """Resultant and moment of the loads in the body; collective."""
     model, cells, owned = pair.solution.model, pair.cell_geometry, pair.solution.domain.owned_cells
     assert pair.cell_forces is not None
     forces = np.matmul(mass(model.d, 1, model.degree - 1), pair.cell_forces[:owned])

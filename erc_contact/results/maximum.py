@@ -14,7 +14,7 @@ from erc_contact.results.profile import profile
 def mean_stress(admissible: Admissible) -> np.ndarray:
     """Mean of sigma^ in each owned cell [force/area], shape (owned, 3, 3); collective.
 
-    The stress out of plane is that of the material's ``out_of_plane``, and nan where it has none.
+    In 2D the stress out of plane is that of the material's ``out_of_plane``, or nan if the material has none.
     """
     model = admissible.solution.model
     return stress_in_space(model, tensors(admissible.stress.mean(axis=(1, 2)), model.d))
@@ -24,9 +24,9 @@ def maximum(pair: Admissible, quantity: str) -> Maximum:
     """The greatest value of a quantity, and where it is; collective.
 
     Args:
-        pair: An admissible pair. "displacement" is that of u^, "von Mises" that of the mean of sigma^ in a cell, and
-            the profiles are those of u^ and r^.
-        quantity: One of those of :func:`erc_contact.model.maximum.greatest`.
+        pair: An admissible pair. The displacement is u^, the von Mises stress is that of the mean of sigma^ in a cell,
+            and the profiles are those of u^ and r^.
+        quantity: A quantity of :func:`erc_contact.model.maximum.greatest`.
 
     Raises:
         InputError: If the quantity is another one, or the scene has no contact.

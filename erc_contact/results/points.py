@@ -1,4 +1,4 @@
-"""Displacement and stresses at points of the user's.
+"""Displacement and stresses of an admissible pair at points that a user gives.
 
 Symbols: u^ and sigma^ admissible displacement and stress, d dimension, k degree.
 """
@@ -26,7 +26,7 @@ class Values:
     Attributes:
         displacement: u^ [length], shape (n, d).
         stress: sigma^ [force/area], shape (n, d, d).
-        elastic_stress: C eps(u^) [force/area], shape (n, d, d): its distance from sigma^ is the local error.
+        elastic_stress: C eps(u^) [force/area], shape (n, d, d). Its difference from sigma^ is the local error.
     """
 
     displacement: np.ndarray
@@ -37,11 +37,12 @@ class Values:
 def at(pair: Admissible, points: Any) -> Values:
     """Displacement and stresses at points of the body; collective.
 
-    Stresses jump between cells, and sigma^ between its sub-simplices: a point between several has the mean.
+    Stresses jump between cells, and sigma^ jumps between its sub-simplices. At a point between several of them the
+    result is their mean.
 
     Args:
         pair: An admissible pair.
-        points: The same on all ranks [length], shape (n, d) or (d,).
+        points: Points, the same on all ranks [length], shape (n, d) or (d,).
 
     Raises:
         InputError: If the points have another shape or are not finite, or one lies outside the mesh.
@@ -53,7 +54,7 @@ def at(pair: Admissible, points: Any) -> Values:
 
 
 def _values(pair: Admissible, cell: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """u^, sigma^ and C eps(u^) at points (n, d) of owned cells (n,), row by row."""
+    """u^, sigma^ and C eps(u^) at points (n, d) of owned cells (n,), each row by row, shape (n, d + 2 d^2)."""
     model, cells = pair.solution.model, pair.cell_geometry
     d, k = model.d, model.degree
     corner = model.V.tabulate_dof_coordinates()[cells.vertices[cell, 0], :d]

@@ -1,4 +1,4 @@
-"""Profiles of contacts of admissible pairs: gap, slip and tractions along a contact, open, slip or stick.
+"""Profiles of contacts from an admissible pair: gap, slip, tractions and status along a contact.
 
 Symbols: u^ admissible displacement, r^ admissible contact traction.
 """
@@ -25,14 +25,14 @@ def contact_of(pair: Admissible, name: str) -> ContactTraction:
 
 
 def profile(pair: Admissible, name: str) -> np.ndarray:
-    """What happens along a contact, point by point, by u^ and r^; collective.
+    """Gap, slip, tractions and status along a contact, point by point, from u^ and r^; collective.
 
     Args:
         pair: An admissible pair.
         name: Name of the contact.
 
     Returns:
-        The columns of :func:`erc_contact.model.profile.profile_table`.
+        The table of :func:`erc_contact.model.profile.profile_table`.
 
     Raises:
         InputError: If no contact has this name.
@@ -45,15 +45,16 @@ def profile(pair: Admissible, name: str) -> np.ndarray:
 
 
 def contact_status(traction: ContactTraction, peak: float | None = None) -> np.ndarray:
-    """Which facets of a contact are open, slip or stick, by their coefficients of r^.
+    """Which facets of a contact are open, slip or stick, from the coefficients of r^ on each facet.
 
-    See :func:`erc_contact.model.profile.facet_status`. Where the friction bound must be sampled on a facet, r^ is
-    shrunk to be allowed between the nodes, too: that much less is slip.
+    See :func:`erc_contact.model.profile.facet_status`. If the friction bound must be sampled on a facet, the friction
+    of r^ is lowered there, so that r^ is allowed between the nodes, too. A facet with friction that is lower by this
+    amount still counts as slipping.
 
     Args:
         traction: r^ on a contact.
-        peak: Greatest pressure of the contact, which tells pressure from round-off [force/area]; that of the facets at
-            hand by default.
+        peak: Greatest pressure of the contact, which tells pressure from round-off [force/area]. By default it is the
+            greatest pressure of the facets of ``traction``.
 
     Returns:
         OPEN, SLIP or STICK for each facet of ``traction.contact.facets``, shape (n,).
