@@ -25,7 +25,7 @@ from erc_contact.mesh.surface import snap
 
 
 class Geometry(Protocol):
-    """The true shape of a body, with what it takes to mesh it again."""
+    """The true shape of a body: it can be meshed again, and it knows its surface."""
 
     def meshed(self, domain: Domain, sizes: np.ndarray) -> Domain:
         """See :meth:`Domain.remeshed`; collective."""
@@ -45,14 +45,14 @@ class Domain:
         names: Name of each boundary part -> its tag.
         cell_tags: Tags of cells, or None.
         regions: Name of each cell region -> its tag.
-        geometry: The true shape of the body. It is None where only the mesh is known: the body is then the mesh, with
-            its flat facets.
-        curved_facets: The number of its curve or surface in the geometry for each facet on the boundary or on an
-            interface, if the true shape is curved.
+        geometry: The true shape of the body. It is None if only the mesh is known. The body is then the mesh with its
+            flat facets.
+        curved_facets: Tags of the facets on the boundary and on interfaces of a curved body: the number of the curve
+            or surface of the geometry on which a facet lies. None if the body is not curved, or not known.
 
     Raises:
-        InputError: If the mesh is not of straight-sided simplices, or no facet has the tag of a name. A part may have
-            facets inside the body, as an interface has; but a scene cannot use it.
+        InputError: If the mesh is not of straight-sided simplices, names and tags do not fit, or no facet has the tag
+            of a name. A part may have facets inside the body, as an interface has, but a scene cannot use it.
     """
 
     mesh: dmesh.Mesh
@@ -139,7 +139,7 @@ class Domain:
         return [name for name in self.names if name not in self._inside]
 
     def tag(self, name: str) -> int:
-        """The tag of a boundary part in the measures of DOLFINx.
+        """The tag of a boundary part, for measures of DOLFINx.
 
         Raises:
             InputError: If no part has this name, or it has facets inside the body.
@@ -154,7 +154,7 @@ class Domain:
         """The facets of a boundary part as pairs (cell, local facet), ghosts included, shape (n, 2).
 
         Raises:
-            InputError: If no part has this name.
+            InputError: If no part has this name, or it has facets inside the body.
         """
         facets = self.facet_tags.find(self.tag(name))
         topology = self.mesh.topology
@@ -180,10 +180,13 @@ class Domain:
         shape is known and curved, new vertices on its boundary and on interfaces are moved onto it.
 
         Args:
-            marked: Cells of this rank to refine; None refines all.
+            marked: Numbers of cells of this rank, shape (n,); None refines all cells.
 
         Returns:
             The refined domain.
+
+        Raises:
+            InputError: If ``marked`` are not numbers of cells of this rank.
         """
         refinement = refine(self.mesh, together(self.mesh.comm, self._marked, marked))
         fine = refinement.mesh

@@ -1,4 +1,4 @@
-"""gmsh on rank 0: sessions that leave no trace, and numbers of a meshed model for DOLFINx."""
+"""Sessions of gmsh on rank 0, and nodes and facets of a meshed model as DOLFINx needs them."""
 
 from __future__ import annotations
 
@@ -36,7 +36,19 @@ def as_input_error(reason: Exception, what: str) -> InputError:
 
 @contextmanager
 def session(comm: MPI.Comm, build: Callable[[Any], None], what: str) -> Iterator[Any]:
-    """A silent gmsh session on rank 0 with a model of its own; None on the other ranks; collective."""
+    """A silent gmsh session on rank 0 with a new model; collective. Afterwards a user's session is as it was.
+
+    Args:
+        comm: Communicator.
+        build: Function that makes the model, called with the module gmsh on rank 0.
+        what: Subject of the message if it raises.
+
+    Yields:
+        ``gmsh.model`` on rank 0, None on other ranks.
+
+    Raises:
+        InputError: On all ranks, if gmsh cannot be loaded or ``build`` raises.
+    """
     error: Exception | None = None
     if comm.rank != 0:
         raise_together(comm, None)
@@ -94,7 +106,7 @@ def marked_facets(
         model: gmsh's current model on ``rank``.
         comm: Communicator.
         rank: Rank that holds the model.
-        mesh: The mesh made of it.
+        mesh: The mesh of DOLFINx that was made from it.
         tags: gmsh's tag of each mark on ``rank``; None where the marks are the tags.
     """
     d = mesh.topology.dim

@@ -47,8 +47,9 @@ CHUNK = 1024
 """Number of pieces that are worked on at once. Their arrays stay in the cache."""
 
 Integrand = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
-"""A function that returns values (n, q, m). It gets the number of the simplex of each piece (n,), and points in
-barycentric coordinates (n, q, P) and in true coordinates (n, q, d)."""
+"""A function that returns the values of m integrands at q points of n pieces, shape (n, q, m). It gets the number of
+the simplex of each piece, shape (n,), and the points in barycentric coordinates, shape (n, q, P), and in true
+coordinates [length], shape (n, q, d)."""
 
 
 @dataclass(frozen=True, eq=False)

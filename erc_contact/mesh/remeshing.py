@@ -30,7 +30,8 @@ ROUND = 1e-3
 COUNT_TOLERANCE = {2: 0.02, 3: 0.05}
 """A mesh is made again with scaled sizes if its number of cells misses the count by more than this share [-]."""
 ATTEMPTS = 4
-"""Greatest number of meshes that are made to come near the count."""
+"""Greatest number of meshes that are made to come near the count. If the last one is not the best, the best one is made
+again."""
 
 
 def count(domain: Domain, sizes: np.ndarray) -> float:
@@ -55,9 +56,16 @@ def meshed(
 
     Args:
         geometry: The geometry, which the new domain keeps.
-        build: Makes it in gmsh's current model on rank 0; returns gmsh's tag of each mark, or None.
+        build: Function that makes the geometry in gmsh's current model on rank 0, and returns gmsh's tag of each mark,
+            or None.
         domain: The domain on the mesh that carries the sizes.
         sizes: h at the nodes of this rank [length], shape (n,), or one number.
+
+    Returns:
+        The domain on the new mesh, with the same names.
+
+    Raises:
+        InputError: If a size is not > 0 and finite, the sizes have another shape, or gmsh fails.
     """
     mesh, comm, dim = domain.mesh, domain.mesh.comm, domain.dim
     error, h = None, np.asarray(sizes, dtype=float)

@@ -60,7 +60,7 @@ class Brick:
             gmsh.model.addPhysicalGroup(dim - 1, [min(distance, key=distance.__getitem__)], tag=number, name=name)
 
     def sides(self) -> Iterator[tuple[str, int, float]]:
-        """Name, axis and coordinate of each side; its tag is its number, from 1."""
+        """Name, axis and coordinate [length] of each side. The tags of the sides are 1, 2, ... in this order."""
         for axis, pair in enumerate(SIDES[len(self.low)]):
             for name, at in zip(pair, (self.low[axis], self.high[axis]), strict=True):
                 yield name, axis, at
@@ -90,7 +90,8 @@ class Drawing:
     """The geometry of a gmsh model, as the text of a file of gmsh's.
 
     Args:
-        suffix: ".xao" (OpenCASCADE's shapes) or ".geo_unrolled" (gmsh's own), both with the physical groups.
+        suffix: Suffix of the file: ".xao" (shapes of OpenCASCADE) or ".geo_unrolled" (shapes of gmsh's own kernel).
+            Both formats have the physical groups.
         text: Contents of the file on rank 0, empty elsewhere.
         curved: Marks of the curves (in 2D) or surfaces (in 3D) that are curved, the same on all ranks.
     """
