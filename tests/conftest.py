@@ -28,8 +28,10 @@ import numpy as np
 import pytest
 from dolfinx import jit
 from mpi4py import MPI
+from processes import COMPILER
 
 COMM = MPI.COMM_WORLD
+jit.DOLFINX_DEFAULT_JIT_OPTIONS["cffi_extra_compile_args"] = (COMPILER, "options of the C compiler")
 jit.DOLFINX_DEFAULT_JIT_OPTIONS["timeout"] = (30, "seconds that one process waits for a form that another compiles")
 importlib.metadata.entry_points = cache(importlib.metadata.entry_points)
 

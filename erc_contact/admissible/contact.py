@@ -82,9 +82,7 @@ class _Trial:
         """
         friction = self.allowed.contact.friction
         values, path = traction.values, self.shift.path.mean(axis=1)
-        if (
-            friction is None or friction.convex or friction.dependence == CONSTANT
-        ):  # no product of friction and pressure
+        if friction is None or friction.convex or friction.dependence == CONSTANT:  # no friction that pressure changes
             return np.zeros(len(values), dtype=bool)
         most, used = friction_at_samples(self.allowed.model, traction)
         saved = 2 * np.maximum(most - used, 0.0).mean(axis=1) * path

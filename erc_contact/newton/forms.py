@@ -9,6 +9,7 @@ import ufl
 from dolfinx import fem
 
 from erc_contact.base.checks import told
+from erc_contact.base.compiled import compile_together
 from erc_contact.base.exceptions import InputError, together
 from erc_contact.mesh.simplex import rule
 from erc_contact.model.foundation import BoundContact
@@ -49,8 +50,9 @@ class ContactForms:
         parts = together(model.comm, lambda: [self._equations(c, f, v) for c, f in pairs])
         shown = together(model.comm, lambda: [c.status(method.projected(model, c, self.u, f)) for c, f in pairs])
         equations = sum(parts[1:], start=parts[0])
-        self.residual = fem.form(equations)
-        self.tangents = [fem.form(ufl.derivative(equations, f, du)) for f in (self.u, *self.multipliers)]
+        tangents = [ufl.derivative(equations, f, du) for f in (self.u, *self.multipliers)]
+        compile_together(model.comm, [equations, *tangents])
+        self.residual, self.tangents = fem.form(equations), [fem.form(tangent) for tangent in tangents]
         points, _ = rule(model.d - 1, 2 * model.degree)
         self._shown = []
         for contact, status in zip(self.contacts, shown, strict=True):
