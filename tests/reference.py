@@ -47,7 +47,8 @@ def true_errors(pair: Admissible, fine: ec.Solution) -> TrueErrors:
     points, weights = rule(d, 2 * k)
     x = model.V.tabulate_dof_coordinates()[:, :d][cells.vertices]
     at = np.matmul(barycentric(points), x).reshape(-1, d)
-    parent, local = _locate(pair, at)
+    parent = np.repeat(_parents(pair, x.mean(axis=1)), len(points))
+    local = _barycentric(pair, parent, at)
 
     coarse = pair.cell_geometry
     stress = _sigma(pair, parent, local)
@@ -84,17 +85,21 @@ def nested(domain: ec.Domain, levels: int) -> ec.Domain:
     return result
 
 
-def _locate(pair: Admissible, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The coarse cell of each point and the point's barycentric coordinates there."""
-    mesh, d = pair.solution.domain.mesh, pair.cell_geometry.d
-    tree = geometry.bb_tree(mesh, d, padding=1e-10)
-    three = np.zeros((len(at), 3))
-    three[:, :d] = at
-    found = geometry.compute_colliding_cells(mesh, geometry.compute_collisions_points(tree, three), three)
-    parent = found.array[found.offsets[:-1]]
-    origin = pair.solution.model.V.tabulate_dof_coordinates()[:, :d][pair.cell_geometry.vertices[parent, 0]]
-    local = np.einsum("nij,nj->ni", pair.cell_geometry.inverse[parent], at - origin)
-    return parent, np.column_stack([1 - local.sum(axis=1), local])
+def _parents(pair: Admissible, middles: np.ndarray) -> np.ndarray:
+    """The coarse cell that holds each fine one, whose middles are given."""
+    mesh, three = pair.solution.domain.mesh, np.pad(middles, ((0, 0), (0, 3 - middles.shape[1])))
+    near = geometry.compute_collisions_points(geometry.bb_tree(mesh, mesh.topology.dim, padding=1e-10), three)
+    fine, cell = np.repeat(np.arange(len(middles)), np.diff(near.offsets)), near.array
+    inside = _barycentric(pair, cell, middles[fine]).min(axis=1)
+    assert np.bincount(fine[inside > 0], minlength=len(middles)).tolist() == [1] * len(middles)
+    return cell[inside > 0]
+
+
+def _barycentric(pair: Admissible, cells: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """Barycentric coordinates of points (n, d) in coarse cells (n,)."""
+    origin = pair.solution.model.V.tabulate_dof_coordinates()[:, : x.shape[1]][pair.cell_geometry.vertices[cells, 0]]
+    local = np.einsum("nij,nj->ni", pair.cell_geometry.inverse[cells], x - origin)
+    return np.column_stack([1 - local.sum(axis=1), local])
 
 
 def _sigma(pair: Admissible, parent: np.ndarray, local: np.ndarray) -> np.ndarray:
