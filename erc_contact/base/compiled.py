@@ -14,7 +14,7 @@ therefore compiled together.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import count
 from typing import Any
 
@@ -22,6 +22,7 @@ import ffcx
 import numpy as np
 import ufl
 from dolfinx import jit as dolfinx_jit
+from ffcx import naming
 from ffcx.codegeneration import jit
 
 FIRST = 10**9
@@ -34,32 +35,28 @@ def number_constants_alike() -> None:
         ufl.Constant._counter = count(FIRST)
 
 
-_made_together: dict[Any, tuple[list[Any], Any, Any]] = {}
-"""What :func:`compile_together` has compiled: FFCx's result for each form alone."""
+_known: dict[Any, tuple[list[Any], Any, Any]] = {}
+"""FFCx's result for each form and each expression that this process has compiled or loaded."""
 
 
 def remember_forms() -> None:
-    """Let FFCx load each compiled form once in a process, and find what was compiled together."""
-    load, compile_forms = jit.get_cached_module, jit.compile_forms
-    if getattr(load, "remembers", False):
-        return
-    known: dict[tuple[str, tuple[str, ...], str], Any] = {}
+    """Let FFCx compile or load each form and each expression once in a process."""
+    if not getattr(jit.compile_forms, "remembers", False):
+        jit.compile_forms, jit.compile_expressions = map(_remembering, (jit.compile_forms, jit.compile_expressions))
 
-    def remembered(module_name: str, object_names: Any, cache_dir: Any, timeout: Any) -> Any:
-        key = module_name, tuple(object_names), str(cache_dir)
-        if key not in known:
-            found = load(module_name, object_names, cache_dir, timeout)
-            if found[1] is None:  # to be compiled now
-                return found
-            known[key] = found
-        return known[key]
 
-    def compiled(forms: list[ufl.Form], options: Any = None, **settings: Any) -> Any:
-        found = _made_together.get(_key(forms[0], options, settings)) if len(forms) == 1 else None
-        return found or compile_forms(forms, options, **settings)
+def _remembering(compile_all: Callable[..., Any]) -> Callable[..., Any]:
+    def compiled(objects: list[Any], options: Any = None, **settings: Any) -> Any:
+        key = _key(objects[0], options, settings) if len(objects) == 1 else None
+        if key in _known:
+            return _known[key]
+        result = compile_all(objects, options or {}, **settings)
+        if key is not None:
+            _known[key] = *result[:2], (None, None)
+        return result
 
-    remembered.remembers = True  # type: ignore[attr-defined]
-    jit.get_cached_module, jit.compile_forms = remembered, compiled  # type: ignore[assignment]
+    compiled.remembers = True  # type: ignore[attr-defined]
+    return compiled
 
 
 @dolfinx_jit.mpi_jit_decorator
@@ -67,11 +64,12 @@ def compile_together(forms: Sequence[ufl.Form]) -> None:
     """Compile forms in one module, which ``fem.form`` of each then finds; collective over the ranks given first."""
     options, settings = ffcx.get_options({"scalar_type": np.float64}), dolfinx_jit.get_options()
     keys = [_key(form, options, settings) for form in forms]
-    if all(key in _made_together for key in keys):
+    if all(key in _known for key in keys):
         return
-    objects, module, code = jit.compile_forms(list(forms), options=options, **settings)
-    _made_together.update({key: ([one], module, code) for key, one in zip(keys, objects, strict=True)})
+    made, module, _ = jit.compile_forms(list(forms), options=options, **settings)
+    _known.update({key: ([one], module, (None, None)) for key, one in zip(keys, made, strict=True)})
 
 
-def _key(form: ufl.Form, options: Any, settings: Any) -> Any:
-    return form.signature(), repr(sorted((options or {}).items(), key=str)), repr(sorted(settings.items(), key=str))
+def _key(one: Any, options: Any, settings: Any) -> Any:
+    signature = one.signature() if isinstance(one, ufl.Form) else naming.compute_signature([one], "")
+    return signature, repr(options), repr(settings)
