@@ -736,6 +736,8 @@ def test_load_that_is_not_ufl(load, block):
         (lambda b: ec.Scene("steel", [TOP]), ("material is 'steel'", "Elastic(E, nu)")),
         (lambda b: ec.Scene(ec.Elastic, [TOP]), ("material is <class", "Elastic(E, nu)")),
         (lambda b: ec.Scene((1.0, 0.3), [TOP]), ("material is (1.0, 0.3)", "Elastic(E, nu)")),
+        (lambda b: ec.Scene(STEEL, ec.Displacement("balance", (0, 0))), ("'balance'", "reactions()", "rename")),
+        (lambda b: ec.Scene(STEEL, [TOP], [], ec.Contact("tractions")), ("'tractions'", "reactions()", "rename")),
         (lambda b: ec.Scene(STEEL, None), ("supports is None", "list of Displacement")),
         (lambda b: ec.Scene(STEEL, [TOP], contacts={"bottom": 0.3}), ("contacts is {", "list of Contact")),
         (lambda b: ec.Contact(["bottom"], friction=0.3), ("['bottom']", "one boundary part")),

@@ -22,6 +22,7 @@ from erc_contact.mesh.simplex import lagrange, rule
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.model import Model
+from erc_contact.scene.scene import BALANCE, BODY_FORCE, TRACTIONS
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,11 +69,11 @@ def by_cause(model: Model, force: Callable[[str], Force], body_force: Callable[[
     loaded = dict.fromkeys(load.facets for load in model.surface_loads if load.facets not in held)
     if loaded:
         forces = [force(name) for name in loaded]
-        result["tractions"] = sum(forces[1:], start=forces[0])
+        result[TRACTIONS] = sum(forces[1:], start=forces[0])
     if model.body_force is not None:
-        result["body force"] = body_force()
+        result[BODY_FORCE] = body_force()
     parts = list(result.values())
-    result["balance"] = sum(parts[1:], start=parts[0])
+    result[BALANCE] = sum(parts[1:], start=parts[0])
     return result
 
 

@@ -22,6 +22,8 @@ MATERIAL = ("parameters", "check", "stress", "compliance", "modulus")
 """What a material has."""
 LOAD = ("facets", "parameters", "density")
 """What a load has."""
+CAUSES = TRACTIONS, BODY_FORCE, BALANCE = "tractions", "body force", "balance"
+"""Names of forces in the result ``reactions()``, beside those of supports and contacts."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +39,8 @@ class Scene:
     A single support, load or contact needs no list around it.
 
     Raises:
-        InputError: If a boundary part is in two conditions that conflict, or an entry is of another type.
+        InputError: If a boundary part is in two conditions that conflict, or an entry is of another type, or a part
+            with a support or a contact has the name of another force (:data:`CAUSES`).
     """
 
     material: Material
@@ -66,6 +69,12 @@ class Scene:
                     own = f", and objects with {', '.join(LOAD)}" if name == "loads" else ""
                     raise InputError(f"Scene: {name} holds {entry!r}; allowed are {what}{own}.")
             object.__setattr__(self, name, entries)
+        for facets in (*(s.facets for s in self.supports), *(c.facets for c in self.contacts)):
+            if facets in CAUSES:
+                raise InputError(
+                    f"Scene: the boundary part {facets!r} has a name that reactions() uses for another force; rename it, "
+                    f"and avoid {', '.join(map(repr, CAUSES))}."
+                )
         self._check_conflicts()
 
     def _check_conflicts(self) -> None:
