@@ -72,8 +72,8 @@ class Scene:
         for facets in (*(s.facets for s in self.supports), *(c.facets for c in self.contacts)):
             if facets in CAUSES:
                 raise InputError(
-                    f"Scene: the boundary part {facets!r} has a name that reactions() uses for another force; rename it, "
-                    f"and avoid {', '.join(map(repr, CAUSES))}."
+                    f"Scene: the boundary part {facets!r} has a name that reactions() has for another force; rename "
+                    f"it, and avoid {', '.join(map(repr, CAUSES))}."
                 )
         self._check_conflicts()
 
