@@ -33,8 +33,7 @@ def factorised(matrix: PETSc.Mat, schur_on: np.ndarray | None = None) -> PETSc.K
     ksp.setOperators(matrix)
     ksp.setType("preonly")
     pc = ksp.getPC()
-    # on several ranks MUMPS leaves stray entries beside the triangle of a Cholesky factor
-    pc.setType("lu" if schur_on is not None and comm.size > 1 else "cholesky")
+    pc.setType("cholesky")
     pc.setFactorSolverType("mumps")
     pc.setFactorSetUpSolverType()
     pc.getFactorMatrix().setMumpsIcntl(14, WORKSPACE)
@@ -67,7 +66,10 @@ def _call(name: str, *arguments: Any) -> None:
 
 
 def schur_complement(ksp: PETSc.KSP, size: int) -> np.ndarray:
-    """The Schur complement that MUMPS made with a factor, on rank 0; of a Cholesky factor it is one triangle."""
+    """The Schur complement that MUMPS made with a factor, on rank 0.
+
+    MUMPS gives one triangle of it, on several ranks the other one than on one, with stray entries beside it.
+    """
     schur, status = ctypes.c_void_p(), ctypes.c_int()
     data = ctypes.POINTER(ctypes.c_double)()
     factor = ksp.getPC().getFactorMatrix().handle
@@ -76,6 +78,5 @@ def schur_complement(ksp: PETSc.KSP, size: int) -> np.ndarray:
     values = np.ctypeslib.as_array(data, (size, size)).copy()
     _call("MatDenseRestoreArrayRead", schur.value, ctypes.addressof(data))
     _call("MatFactorRestoreSchurComplement", factor, ctypes.addressof(schur), status.value)
-    if ksp.getPC().getType() == "lu":
-        return 0.5 * (values + values.T)
-    return values + values.T - np.diag(values.diagonal())
+    triangle = np.triu(values) if ksp.comm.size == 1 else np.tril(values)
+    return triangle + triangle.T - np.diag(values.diagonal())
