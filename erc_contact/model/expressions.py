@@ -56,15 +56,14 @@ def evaluate(expression: Any, mesh: dmesh.Mesh, points: np.ndarray, entities: np
     Returns:
         Values, shape (n, q, *s).
     """
+    if isinstance(expression, ufl.classes.SpatialCoordinate):
+        return _geometric(ufl.SpatialCoordinate, mesh, points).eval(mesh, entities)
     expression = _without_derivatives(expression)
     if not varies(expression):  # a number, constants, derivatives that became constant: nothing to compile
         return np.broadcast_to(constant_value(expression), (len(entities), len(points), *expression.ufl_shape))
-    position = ufl.SpatialCoordinate(mesh)
-    if expression == position:
-        return _geometric(ufl.SpatialCoordinate, mesh, points).eval(mesh, entities)
     few = len(points) == 1 or entities.ndim == 2
     if few and _is_data(expression):  # compiled once for all points; slower for many
-        return Everywhere(expression, mesh)(evaluate(position, mesh, points, entities), entities)
+        return Everywhere(expression, mesh)(evaluate(ufl.SpatialCoordinate(mesh), mesh, points, entities), entities)
     compiled = fem.Expression(expression, points, comm=mesh.comm, dtype=np.float64)
     return compiled.eval(mesh, entities)
 
