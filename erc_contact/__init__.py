@@ -30,7 +30,9 @@ from erc_contact.newton.methods import AugmentedLagrangian, Method, Nitsche
 from erc_contact.newton.solution import Solution
 from erc_contact.newton.solve import solve
 from erc_contact.run.adapt import adapt
-from erc_contact.run.history import History, Step
+from erc_contact.run.history import History
+from erc_contact.run.saved import read_history
+from erc_contact.run.step import Step
 from erc_contact.scene.contact import Contact
 from erc_contact.scene.law import Coulomb, Law, Tresca
 from erc_contact.scene.load import BodyForce, Load, Traction
@@ -82,6 +84,7 @@ __all__ = [
     "log_to_console",
     "mark",
     "potential_energy",
+    "read_history",
     "read_mesh",
     "rectangle",
     "resultant",

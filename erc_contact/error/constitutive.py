@@ -97,6 +97,11 @@ class ConstitutiveError:
         """The mesh with names."""
         return self.solution.domain
 
+    @property
+    def degree(self) -> int:
+        """Degree of the displacement."""
+        return self.solution.model.degree
+
     def force(self, part: str) -> Force:
         """Resultant and moment on a boundary part, see :func:`erc_contact.results.force`; collective."""
         return force(self.admissible, part)

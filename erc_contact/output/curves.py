@@ -84,7 +84,7 @@ def plot_history(histories: Mapping[str, Run], path: str | Path) -> None:
             left.text(0.02, 100 * accuracy, f"accuracy {percent(accuracy, 3)}", **place)
         dofs, eps = (np.concatenate([h.column(c) for h in histories.values()]) for c in ("dofs", "eps"))
         ends = np.array([np.sqrt(dofs.max() * dofs.min()), dofs.max()])
-        degree = max(h.error.solution.model.degree for h in histories.values())
+        degree = max(h.error.degree for h in histories.values())
         order = Fraction(degree, domain.dim)
         below = 75 * float(np.min((eps * dofs ** float(order))[dofs >= ends[0]], initial=np.inf))
         if 0 < below < np.inf and dofs.max() > dofs.min():

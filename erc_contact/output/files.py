@@ -21,6 +21,8 @@ FONTS = {"font.family": "STIXGeneral", "mathtext.fontset": "stix", "font.size": 
 VTK_EDGES = np.array([(0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3)])
 """Vertices of the edges of a tetrahedron, in the order of VTK's nodes. The first one is the edge of a line, and the
 first three are those of a triangle."""
+VTK_KINDS = {1: (3, 5, 10), 2: (21, 22, 24)}
+"""VTK's numbers of line, triangle and tetrahedron, by degree."""
 PARTS = 24
 """Number of straight parts in which a facet in 2D is drawn or written if its fields are quadratic."""
 CHUNK, COMPRESSION = 1000, 4
@@ -51,7 +53,7 @@ def on_root(comm: MPI.Comm, path: str | Path, draw: Callable[[], None]) -> None:
 
 def gathered(comm: MPI.Comm, **arrays: np.ndarray) -> dict[str, np.ndarray]:
     """The arrays of all ranks, one after the other, on rank 0; an empty dictionary on other ranks; collective."""
-    parts = comm.gather(arrays)
+    parts = comm.gather(arrays) if comm.size > 1 else [arrays]
     return {name: np.concatenate([part[name] for part in parts]) for name in arrays} if parts else {}
 
 
@@ -76,6 +78,13 @@ def subdivided(d: int, divisions: int) -> tuple[np.ndarray, np.ndarray]:
     return points, np.array([[number[corner] for corner in corners] for corners in upward + downward])
 
 
+def vtk_cells(cells: np.ndarray, d: int) -> tuple[int, np.ndarray]:
+    """VTK's number of the kind of simplices of dimension d by their nodes (n, N), and these in its order."""
+    k = degree_of(cells, d)
+    order = node_between(d, k)[*VTK_EDGES[: d * (d + 1) // 2].T] if k == 2 else []
+    return VTK_KINDS[k][d - 1], cells[:, [*range(d + 1), *order]]
+
+
 def grid_of(points: np.ndarray, cells: np.ndarray, d: int) -> Any:
     """A grid of pyvista of lines, triangles or tetrahedra of degree 1 or 2, or of polylines.
 
@@ -89,11 +98,8 @@ def grid_of(points: np.ndarray, cells: np.ndarray, d: int) -> Any:
 
     if d == 1 and cells.shape[1] > 3:
         return pyvista.UnstructuredGrid({pyvista.CellType.POLY_LINE: cells}, points)
-    kinds = {1: ("LINE", "TRIANGLE", "TETRA"), 2: ("QUADRATIC_EDGE", "QUADRATIC_TRIANGLE", "QUADRATIC_TETRA")}
-    k = degree_of(cells, d)
-    order = node_between(d, k)[*VTK_EDGES[: d * (d + 1) // 2].T] if k == 2 else []
-    kind = pyvista.CellType[kinds[k][d - 1]]
-    return pyvista.UnstructuredGrid({kind: cells[:, [*range(d + 1), *order]]}, points)
+    kind, nodes = vtk_cells(cells, d)
+    return pyvista.UnstructuredGrid({kind: nodes}, points)
 
 
 def save_grid(grid: Any, path: Path) -> None:

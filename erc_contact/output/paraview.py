@@ -13,10 +13,9 @@ import numpy as np
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.mesh.simplex import bernstein, lagrange, nodes
 from erc_contact.model.points import in_space
-from erc_contact.model.stress import stress_in_space, tells_out_of_plane, von_mises
 from erc_contact.output.files import PARTS, gathered, grid_of, on_root, save_grid, subdivided
 from erc_contact.output.gathered import Surface, body_nodes, nodal_displacement, whole_contact
-from erc_contact.results.maximum import mean_stress
+from erc_contact.results.maximum import cell_stresses
 from erc_contact.results.profile import contact_status
 
 
@@ -63,11 +62,7 @@ def write_fields(error: ConstitutiveError, folder: str | Path) -> None:
     """
     admissible, model = error.admissible, error.solution.model
     body = gathered(model.comm, **body_nodes(model), displacement=nodal_displacement(admissible))
-    stress = mean_stress(admissible)
-    fe = stress_in_space(model, admissible.fe_stress[: model.domain.owned_cells].mean(axis=1))
-    mises = "von_mises" if tells_out_of_plane(model) else "von_mises_in_plane"
-    values = {"stress": stress.reshape(-1, 9), "stress_fe": fe.reshape(-1, 9), mises: von_mises(stress)}
-    cells = gathered(model.comm, **values, eps_E=error.indicators)
+    cells = gathered(model.comm, **cell_stresses(admissible), eps_E=error.indicators)
     contacts = [whole_contact(admissible, t) for t in admissible.tractions]
 
     def write() -> None:

@@ -7,7 +7,7 @@ import numpy as np
 from erc_contact.admissible.macro import tensors
 from erc_contact.admissible.pair import Admissible
 from erc_contact.model.maximum import Maximum, greatest
-from erc_contact.model.stress import stress_in_space, von_mises
+from erc_contact.model.stress import stress_in_space, tells_out_of_plane, von_mises
 from erc_contact.results.profile import profile
 
 
@@ -38,3 +38,12 @@ def maximum(pair: Admissible, quantity: str) -> Maximum:
         lambda: von_mises(mean_stress(pair)),
         lambda name: profile(pair, name),
     )
+
+
+def cell_stresses(admissible: Admissible) -> dict[str, np.ndarray]:
+    """Means of stresses in the cells of this rank, by their names in files for ParaView."""
+    model = admissible.solution.model
+    stress = mean_stress(admissible)
+    fe = stress_in_space(model, admissible.fe_stress[: model.domain.owned_cells].mean(axis=1))
+    mises = "von_mises" if tells_out_of_plane(model) else "von_mises_in_plane"
+    return {"stress": stress.reshape(-1, 9), "stress_fe": fe.reshape(-1, 9), mises: von_mises(stress)}

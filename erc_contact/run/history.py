@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import csv
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from mpi4py import MPI
 
-from erc_contact.base.percent import percent
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.mesh.domain import Domain
 from erc_contact.newton.solution import Solution
@@ -19,61 +18,7 @@ from erc_contact.output.files import on_root
 from erc_contact.output.paraview import write_fields
 from erc_contact.output.pictures import draw_deformed, draw_error, draw_meshes
 from erc_contact.results import Force, Maximum, Values
-
-
-@dataclass(frozen=True)
-class Step:
-    """One mesh of an adaptive run; times are wall times, the largest over the ranks [s].
-
-    Attributes:
-        cells: Number of elements.
-        vertices: Number of vertices.
-        dofs: Degrees of freedom.
-        newton_steps: Newton steps.
-        method: Name of the contact method whose solution it is.
-        eps: Relative error (17).
-        eps_bulk: Bulk part of eps.
-        eps_contact: Contact part of eps.
-        eps_geometry: What flat facets of a curved body cost beside eps.
-        solve_seconds: Seconds of the contact solve.
-        equilibrate_seconds: Seconds of the admissible pair.
-        error_seconds: Seconds of the error.
-        mesh_seconds: Seconds of making this mesh.
-        seconds: Seconds from the start of the run to this error, all stages of all meshes.
-    """
-
-    cells: int
-    vertices: int
-    dofs: int
-    newton_steps: int
-    method: str
-    eps: float
-    eps_bulk: float
-    eps_contact: float
-    eps_geometry: float
-    solve_seconds: float
-    equilibrate_seconds: float
-    error_seconds: float
-    mesh_seconds: float
-    seconds: float
-
-
-COLUMNS = tuple(f.name for f in fields(Step))
-HEADER = "  cells  verts    dofs  N     eps    bulk    cont solve equil error  mesh  total"
-CURVED = "  cells  verts    dofs  N     eps    bulk    cont    geom solve equil  total"
-"""The header for a body with curved parts, whose flat facets cost something."""
-
-
-def line(step: Step, *, curved: bool) -> str:
-    """The row of a step below :data:`HEADER` or :data:`CURVED`."""
-    facts = (
-        f"{step.cells:7d} {step.vertices:6d} {step.dofs:7d} {step.newton_steps:2d} {percent(step.eps, 3):>7} "
-        f"{percent(step.eps_bulk, 3):>7} {percent(step.eps_contact, 3):>7}"
-    )
-    times = f"{step.solve_seconds:5.2f} {step.equilibrate_seconds:5.2f}"
-    if curved:
-        return f"{facts} {percent(step.eps_geometry, 3):>7} {times} {step.seconds:6.1f}"
-    return f"{facts} {times} {step.error_seconds:5.2f} {step.mesh_seconds:5.2f} {step.seconds:6.1f}"
+from erc_contact.run.step import COLUMNS, CURVED, HEADER, Step, line
 
 
 @dataclass(frozen=True, eq=False)

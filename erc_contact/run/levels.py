@@ -1,0 +1,199 @@
+"""A folder of files, one for each mesh of a run: what is in it is whole, or is known to be damaged.
+
+A file is HDF5, made in memory by h5py and written by rank 0. In front of HDF5's part is a block of 512 bytes, which
+HDF5 leaves to its users: format and SHA-256 of all the rest. It is written beside, flushed to the disk, and gets its
+name at the end. So a file with its name is whole unless the disk has failed, and any byte that changed is found. It is
+not compressed: that makes it a quarter smaller and takes twice the time.
+
+HDF5 through h5py and not adios4dolfinx or its successor io4dolfinx: these cannot be installed beside the wheel of
+DOLFINx (they ask for a package fenics-dolfinx, which has none), on several ranks they need an ADIOS2 or an h5py with
+MPI, which have no wheels either, and they keep no names, rows or geometry.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import hashlib
+import io
+import json
+import os
+import re
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from erc_contact.base.exceptions import InputError
+
+FORMAT = 1
+"""Number of the format of the files."""
+BLOCK = 512
+"""Length of the block in front [bytes]."""
+TITLE = "erc_contact level, format "
+"""Beginning of a file; the number of the format follows."""
+NAME, UNFINISHED, ASIDE = "level_{:04d}.vtkhdf", ".part", ".damaged"
+"""Name of a file, and what is added to it while it is written, and when a better one takes the place of a damaged."""
+FILE = re.compile(r"level_(\d{4,})\.vtkhdf")
+"""The same as a pattern."""
+
+
+class Damaged(ValueError):
+    """A file is not what was written."""
+
+
+@dataclass(frozen=True, eq=False)
+class Level:
+    """What a file holds.
+
+    Attributes:
+        about: Plain data, as JSON has them; "rows" are those of the run up to this mesh.
+        tables: Arrays by their names in the file.
+    """
+
+    about: dict[str, Any]
+    tables: dict[str, np.ndarray]
+
+
+def packed(level: Level) -> tuple[bytes, memoryview]:
+    """The contents of a file: the block in front, and HDF5's part."""
+    import h5py  # noqa: PLC0415 - only runs that are kept need it
+
+    buffer = io.BytesIO()
+    with h5py.File(buffer, "w", userblock_size=BLOCK) as file:
+        for name, table in level.tables.items():
+            file.create_dataset(name, data=table)
+        vtk = file.require_group("VTKHDF")
+        vtk.attrs["Version"], vtk.attrs["Type"] = (2, 0), np.bytes_("UnstructuredGrid")
+        file["about"] = json.dumps(level.about)
+    content = buffer.getbuffer()[BLOCK:]
+    return _block(FORMAT, content), content
+
+
+def unpacked(whole: bytes) -> Level:
+    """What the contents of a file hold.
+
+    Raises:
+        Damaged: If they are not what was written.
+        InputError: If the format is newer than this version of the package.
+    """
+    import h5py  # noqa: PLC0415
+
+    title = whole[: whole.find(b"\n")].decode(errors="replace")
+    number = title.removeprefix(TITLE)
+    if not title.startswith(TITLE) or not number.isdecimal() or whole[:BLOCK] != _block(int(number), whole[BLOCK:]):
+        raise Damaged("it is damaged, or no level of a run")
+    if int(number) != FORMAT:
+        raise InputError(
+            f"it has format {number}, and this version of erc_contact knows format {FORMAT}: take the version that "
+            "wrote it, or another folder"
+        )
+    tables: dict[str, np.ndarray] = {}
+    with h5py.File(io.BytesIO(whole), "r") as file:
+        about = json.loads(file["about"][()])
+        file.visititems(lambda name, item: tables.update({name: item[()]}) if isinstance(item, h5py.Dataset) else None)
+    del tables["about"]
+    return Level(about, tables)
+
+
+def _block(number: int, content: bytes | memoryview) -> bytes:
+    title = f"{TITLE}{number}\n".encode()
+    digest = hashlib.sha256(title)
+    digest.update(content)
+    return (title + digest.hexdigest().encode() + b"\n").ljust(BLOCK, b"\0")
+
+
+class Folder:
+    """The folder of a run, as rank 0 sees it.
+
+    Args:
+        path: The folder.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._lock: int | None = None
+
+    def numbers(self) -> list[int]:
+        """Numbers of the files, in order."""
+        found = [FILE.fullmatch(path.name) for path in self.path.iterdir()] if self.path.is_dir() else []
+        return sorted(int(one[1]) for one in found if one)
+
+    def file(self, number: int) -> Path:
+        """The file of a number."""
+        return self.path / NAME.format(number)
+
+    def read(self, number: int) -> Level:
+        """What a file holds.
+
+        Raises:
+            Damaged: If it cannot be read, or is not what was written.
+            InputError: If its format is newer.
+        """
+        try:
+            level = unpacked(self.file(number).read_bytes())
+            if len(level.about["rows"]) != number:
+                raise Damaged("it is that of another mesh")
+            return level
+        except OSError as reason:
+            raise Damaged(f"it cannot be read ({reason.strerror})") from reason
+        except InputError as reason:
+            raise InputError(f"{self.file(number)}: {reason}.") from reason
+
+    def write(self, number: int, level: Level) -> None:
+        """Write a file; one of the same number that is damaged gets another name.
+
+        Raises:
+            OSError: If it cannot be written; nothing of it is left.
+        """
+        path = self.file(number)
+        unfinished = path.with_name(path.name + UNFINISHED)
+        try:
+            with unfinished.open("wb") as file:
+                file.writelines(packed(level))
+                file.flush()
+                os.fsync(file.fileno())
+            if path.exists():
+                path.replace(path.with_name(path.name + ASIDE))
+            unfinished.replace(path)
+            self._flush()
+        except OSError:
+            with suppress(OSError):
+                unfinished.unlink()
+            raise
+
+    def open(self) -> None:
+        """Make the folder and hold it for this run until :meth:`close`, or until the process ends however it does.
+
+        Raises:
+            InputError: If another run holds it.
+            OSError: If nothing can be written there.
+        """
+        self.path.mkdir(parents=True, exist_ok=True)
+        self._lock = os.open(self.path / "lock", os.O_CREAT | os.O_RDONLY, 0o666)
+        try:
+            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as reason:
+            self.close()
+            raise InputError(
+                f"The folder {str(self.path)!r} is that of a run that is going on; wait for it, or give another folder."
+            ) from reason
+        except OSError:  # a file system without locks
+            pass
+        for left in self.path.glob(f"*{UNFINISHED}"):
+            left.unlink()
+
+    def close(self) -> None:
+        """Let other runs have the folder."""
+        if self._lock is not None:
+            os.close(self._lock)
+            self._lock = None
+
+    def _flush(self) -> None:
+        """Flush the names of the files to the disk."""
+        descriptor = os.open(self.path, os.O_RDONLY)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)

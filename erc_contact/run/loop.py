@@ -1,0 +1,238 @@
+"""One adaptive run: solve, measure, refine; what it has so far, and how it ends."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from dataclasses import dataclass
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+
+from erc_contact.admissible.pair import equilibrate
+from erc_contact.base import checks
+from erc_contact.base.exceptions import InputError, NotConverged, together
+from erc_contact.base.interrupts import Interrupts
+from erc_contact.base.logs import log_of
+from erc_contact.base.percent import percent
+from erc_contact.error.constitutive import ConstitutiveError, constitutive_error
+from erc_contact.error.sizes import size_map
+from erc_contact.error.strategy import KNOWN, Strategy
+from erc_contact.mesh.domain import Domain
+from erc_contact.newton.methods import Method
+from erc_contact.newton.solve import DEFAULT, solve
+from erc_contact.run.checkpoint import Checkpoint
+from erc_contact.run.history import History
+from erc_contact.run.step import CURVED, HEADER, Step, line
+from erc_contact.scene.scene import Scene
+
+SHARE = 0.1
+"""Share of e that Newton may leave when it stops certified [-]; it adds 0.5% to e.
+
+The error of the mesh to come is taken as 2^-k of the last one: uniform refinement of degree k leaves no less.
+"""
+OUT_OF_MEMORY = 55
+"""PETSc's code of memory that could not be had, PETSC_ERR_MEM."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What :func:`erc_contact.run.adapt.adapt` was asked for, checked; see there."""
+
+    scene: Scene
+    accuracy: float
+    method: Method | None
+    strategy: Strategy
+    degree: int
+    stop: str
+    solver: str
+    tighten: int
+    max_cells: int
+    max_steps: int
+    callback: Callable[[ConstitutiveError, Step], object] | None
+
+
+class Loop:
+    """What a run has so far.
+
+    Args:
+        plan: What is asked for.
+        comm: Communicator of the run.
+        kept: Where the run is kept, or None.
+
+    Attributes:
+        last: The error that was measured last in this process.
+        best: The error of least ``total``.
+        outcome: Why it ended, in words; empty while it goes on.
+    """
+
+    def __init__(self, plan: Plan, comm: MPI.Comm, kept: Checkpoint | None) -> None:
+        self.plan, self.comm, self.kept = plan, comm, kept
+        self.began = comm.bcast(perf_counter() if comm.rank == 0 else None)
+        self.steps: list[Step] = []
+        self.meshes: list[tuple[Domain, np.ndarray]] = []
+        self.last: ConstitutiveError | None = None
+        self.best: ConstitutiveError | None = None
+        self.outcome = ""
+
+    def go(self, domain: Domain) -> History:
+        """Run from a first mesh, or from what is kept, to the end; collective."""
+        log_of(self.comm).info(HEADER if domain.curved_facets is None else CURVED)
+        with Interrupts(self.comm) as interrupts:
+            try:
+                error = self._resumed() or self._level(domain, None, 0.0, interrupts)
+                while not self._ends(error):
+                    domain, seconds = self._next(error, interrupts)
+                    if domain.cells > self.plan.max_cells:
+                        too_many = f"{domain.cells} cells, more than max_cells = {self.plan.max_cells}"
+                        self.outcome = f"Stopped{self.above}: the next mesh has {too_many}."
+                        break
+                    error = self._level(domain, error, seconds, interrupts)
+            except (Exception, KeyboardInterrupt) as failure:
+                self._end(failure, interrupts)
+            if self.kept is not None and self.last is not None:
+                self.kept.add(self.last, self.steps, last=True)
+        return self._history(fallback=self.plan.method is None)
+
+    @property
+    def above(self) -> str:
+        """How far the run came, in words."""
+        assert self.best is not None
+        return f" at {percent(self.best.total)}, above {percent(self.plan.accuracy)}"
+
+    def _resumed(self) -> ConstitutiveError | None:
+        """The error of the last mesh that is kept, None if there is none; what is kept becomes that of this run."""
+        kept, plan = self.kept, self.plan
+        if kept is None or not kept.numbers:
+            return None
+        last = kept.read(kept.numbers[-1])
+        self.steps = list(last.steps)
+        self.began -= self.steps[-1].seconds
+        least = min(kept.numbers, key=lambda number: self.steps[number - 1].total)
+        for number in kept.numbers:
+            level = last if number == kept.numbers[-1] else kept.read(number)
+            self.meshes.append((level.domain, level.indicators))
+            if number in (least, kept.numbers[-1]):
+                error = level.error(plan.scene, plan.method, plan.tighten)
+                self.best = error if number == least else self.best
+        for step in self.steps:
+            self._tell(step, error.domain)
+        log_of(self.comm).info("Read from %s; the run goes on from here.", kept.folder.path)
+        return error
+
+    def _level(
+        self, domain: Domain, last: ConstitutiveError | None, mesh_seconds: float, interrupts: Interrupts
+    ) -> ConstitutiveError:
+        """Solve on a mesh, measure, add the row, keep it."""
+        plan, allowed = self.plan, None
+        if plan.stop == "certified" and last is not None:
+            allowed = SHARE * last.absolute / 2**plan.degree
+        wanted: dict[str, Any] = {"degree": plan.degree, "tolerance": allowed, "solver": plan.solver}
+        solution = solve(plan.scene, domain, plan.method, start=last.solution if last else None, **wanted)
+        interrupts.check()
+        admissible = equilibrate(solution, tighten=plan.tighten)
+        interrupts.check()
+        self.last = error = constitutive_error(admissible)
+        step = self._add(error, mesh_seconds)
+        if self.kept is not None:
+            self.kept.add(error, self.steps)
+        if plan.callback is not None:
+            together(self.comm, plan.callback, error, step)
+        interrupts.check()
+        return error
+
+    def _add(self, error: ConstitutiveError, mesh_seconds: float) -> Step:
+        """Add a row; collective."""
+        admissible, scale = error.admissible, error.scale or 1.0
+        solution, domain = admissible.solution, admissible.solution.domain
+        step = Step(
+            cells=domain.cells,
+            vertices=domain.vertices,
+            dofs=solution.model.V.dofmap.index_map.size_global * domain.dim,
+            newton_steps=solution.newton_steps,
+            method=type(solution.method).__name__,
+            eps=error.relative,
+            eps_bulk=error.bulk_error / scale,
+            eps_contact=error.contact_error / scale,
+            eps_geometry=error.geometry_error / scale,
+            solve_seconds=solution.seconds,
+            equilibrate_seconds=admissible.seconds,
+            error_seconds=error.seconds,
+            mesh_seconds=mesh_seconds,
+            seconds=self.comm.allreduce(perf_counter() - self.began, MPI.MAX),
+        )
+        self.steps.append(step)
+        self.meshes.append((domain, error.indicators))
+        if self.best is None or error.total < self.best.total:
+            self.best = error
+        self._tell(step, domain)
+        return step
+
+    def _tell(self, step: Step, domain: Domain) -> None:
+        log_of(self.comm).info(line(step, curved=domain.curved_facets is not None))
+
+    def _ends(self, error: ConstitutiveError) -> bool:
+        """Whether the run ends with this error; then the outcome says why."""
+        plan, best = self.plan, self.best
+        assert best is not None
+        if best.total <= plan.accuracy:
+            self.outcome = f"Reached: {percent(best.total)} <= {percent(plan.accuracy)}."
+        elif len(self.steps) >= plan.max_steps:
+            self.outcome = f"Stopped after max_steps = {plan.max_steps} meshes{self.above}."
+        elif len(self.steps) == 1:
+            _warn(error, plan.accuracy, plan.max_cells)
+        return bool(self.outcome)
+
+    def _next(self, error: ConstitutiveError, interrupts: Interrupts) -> tuple[Domain, float]:
+        """The next mesh, and the seconds of making it."""
+        started = perf_counter()
+        domain = together(self.comm, self.plan.strategy.next, error, self.plan.accuracy, self.plan.max_cells)
+        interrupts.check()
+        seconds = self.comm.allreduce(perf_counter() - started, MPI.MAX)
+        if not isinstance(domain, Domain):
+            raise InputError(f"The strategy gave {checks.told(domain)}; its next() must return a Domain.")
+        return domain, seconds
+
+    def _end(self, failure: BaseException, interrupts: Interrupts) -> None:
+        """End the run with what it has, or raise: where it has nothing, or for a failure that it does not know."""
+        if self.best is None:
+            raise failure
+        memory = isinstance(failure, MemoryError) or getattr(failure, "ierr", None) == OUT_OF_MEMORY
+        if isinstance(failure, (InputError, NotConverged)):
+            self.outcome = f"Stopped{self.above}: {failure}"
+        elif memory:
+            self.outcome = f"Stopped{self.above}: the memory does not suffice for the next mesh ({failure})."
+        elif isinstance(failure, StopIteration):
+            self.outcome = f"Stopped{self.above}: by the callback. {failure}".rstrip()
+        elif interrupts.ended(failure):
+            self.outcome = f"Interrupted{self.above}."
+        else:
+            self.outcome = f"Stopped{self.above}: {type(failure).__name__}: {failure}"
+            failure.history = self._history(fallback=False)  # type: ignore[attr-defined]
+            failure.add_note("The history of the run so far is the attribute `history` of this exception.")
+            raise failure
+
+    def _history(self, *, fallback: bool) -> History:
+        """The history; ``fallback`` tells that the method was the default one."""
+        assert self.best is not None
+        other = [step for step in self.steps if fallback and step.method != type(DEFAULT).__name__]
+        if other:
+            self.outcome += (
+                f" {other[0].method} on {len(other)} of {len(self.steps)} meshes, where {DEFAULT} did not converge."
+            )
+        if self.best.domain.geometry is None:
+            self.outcome += " The body is that of the mesh given, with its flat facets: no true shape of it is known."
+        reached = self.best.total <= self.plan.accuracy
+        log_of(self.comm).log(logging.INFO if reached else logging.WARNING, self.outcome)
+        return History(tuple(self.steps), self.plan.accuracy, reached, self.outcome, self.best, tuple(self.meshes))
+
+
+def _warn(error: ConstitutiveError, accuracy: float, max_cells: int) -> None:
+    """Say before the time is spent that even the optimal mesh has too many cells, if the first mesh can know it."""
+    cells = size_map(error, accuracy).predicted_cells if error.total <= KNOWN else 0.0
+    if cells > max_cells:
+        log_of(error.domain.mesh.comm).warning(
+            f"{percent(accuracy)} takes some {cells:.2g} cells, it seems; max_cells = {max_cells} will end the run."
+        )

@@ -1,0 +1,69 @@
+"""One row of the table of an adaptive run."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from erc_contact.base.percent import percent
+
+
+@dataclass(frozen=True)
+class Step:
+    """One mesh of an adaptive run; times are wall times, the largest over the ranks [s].
+
+    Attributes:
+        cells: Number of elements.
+        vertices: Number of vertices.
+        dofs: Degrees of freedom.
+        newton_steps: Newton steps.
+        method: Name of the contact method whose solution it is.
+        eps: Relative error (17).
+        eps_bulk: Bulk part of eps.
+        eps_contact: Contact part of eps.
+        eps_geometry: What flat facets of a curved body cost beside eps.
+        solve_seconds: Seconds of the contact solve.
+        equilibrate_seconds: Seconds of the admissible pair.
+        error_seconds: Seconds of the error.
+        mesh_seconds: Seconds of making this mesh.
+        seconds: Seconds from the start of the run to this error, all stages of all meshes.
+    """
+
+    cells: int
+    vertices: int
+    dofs: int
+    newton_steps: int
+    method: str
+    eps: float
+    eps_bulk: float
+    eps_contact: float
+    eps_geometry: float
+    solve_seconds: float
+    equilibrate_seconds: float
+    error_seconds: float
+    mesh_seconds: float
+    seconds: float
+
+    @property
+    def total(self) -> float:
+        """Eps with the estimate of the geometry [-], which a run lowers to its accuracy."""
+        return float(np.hypot(self.eps, self.eps_geometry))
+
+
+COLUMNS = tuple(f.name for f in fields(Step))
+HEADER = "  cells  verts    dofs  N     eps    bulk    cont solve equil error  mesh  total"
+CURVED = "  cells  verts    dofs  N     eps    bulk    cont    geom solve equil  total"
+"""The header for a body with curved parts, whose flat facets cost something."""
+
+
+def line(step: Step, *, curved: bool) -> str:
+    """The row of a step below :data:`HEADER` or :data:`CURVED`."""
+    facts = (
+        f"{step.cells:7d} {step.vertices:6d} {step.dofs:7d} {step.newton_steps:2d} {percent(step.eps, 3):>7} "
+        f"{percent(step.eps_bulk, 3):>7} {percent(step.eps_contact, 3):>7}"
+    )
+    times = f"{step.solve_seconds:5.2f} {step.equilibrate_seconds:5.2f}"
+    if curved:
+        return f"{facts} {percent(step.eps_geometry, 3):>7} {times} {step.seconds:6.1f}"
+    return f"{facts} {times} {step.error_seconds:5.2f} {step.mesh_seconds:5.2f} {step.seconds:6.1f}"

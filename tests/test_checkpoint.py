@@ -1,0 +1,426 @@
+"""A run that ends before its time goes on as if nothing had happened, and never goes on from what is wrong.
+
+- The same call goes on from the folder: same meshes, Newton steps of the new meshes, eps to 1e-8, on any ranks.
+- Mesh, names, regions, true geometry, displacement and multipliers are those that were written.
+- Another scene, mesh, method, strategy or a newer format is refused, and the message says what differs.
+- Any byte that is changed or missing is found; the run goes on from the last good level.
+- A disk that is full, a folder that is gone: a warning, and the result of the run.
+- Real signals to real processes: SIGKILL, SIGTERM. ``benchmarks/survive.py`` has many more of them.
+"""
+
+import dataclasses
+import os
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from time import monotonic, sleep
+
+import numpy as np
+import pytest
+import ufl
+from mpi4py import MPI
+from processes import environment, output, started
+from scenes import block, prototype_block, random_scene
+
+import erc_contact as ec
+from erc_contact.mesh.tables import NO_TAG, CellRows, described, geometry_of, tag_tables
+from erc_contact.output.paraview import write_fields
+from erc_contact.run import levels
+from erc_contact.run.fingerprint import fingerprint
+from erc_contact.run.levels import BLOCK, Damaged, Folder, packed, unpacked
+
+COMM = MPI.COMM_WORLD
+MESHES = Path(__file__).parent.parent / "meshes"
+
+
+def same(history, other, *, solved=0):
+    """The same rows: cells, Newton steps, eps to 1e-8; those that were not solved again to the last digit."""
+    assert len(history.steps) == len(other.steps)
+    for a, b in zip(history.steps, other.steps, strict=True):
+        assert (a.cells, a.vertices, a.dofs, a.newton_steps, a.method) == (
+            b.cells,
+            b.vertices,
+            b.dofs,
+            b.newton_steps,
+            b.method,
+        )
+        assert a.eps == pytest.approx(b.eps, rel=1e-8)
+    assert history.best.total == pytest.approx(other.best.total, rel=1e-8)
+    assert [d.cells for d, _ in history.meshes] == [d.cells for d, _ in other.meshes]
+    assert history.steps[:solved] == other.steps[:solved]
+
+
+def of_flat_body(comm=COMM):
+    return prototype_block(), block(2, comm), {"method": ec.Nitsche()}
+
+
+def of_regions(comm=COMM):
+    """Degree 2 with multipliers and two regions, on a mesh of gmsh's."""
+    return *random_scene(2, comm), {"degree": 2, "method": ec.AugmentedLagrangian(), "stop": "certified"}
+
+
+def of_space(comm=COMM):
+    scene = ec.Scene(
+        ec.Elastic(1.0, 0.3),
+        [ec.Displacement("top", (0.02, 0.01, -0.05))],
+        contacts=[ec.Contact("bottom", friction=0.3)],
+    )
+    domain = ec.box((0.0, 0.0, 0.0), (1.0, 1.0, 1.0), cells=(2, 2, 2), comm=comm)
+    return scene, domain, {"strategy": ec.Mark(0.2), "method": ec.Nitsche()}
+
+
+def of_curves(comm=COMM):
+    """Meshed again by gmsh from a drawing: the half disc."""
+    scene = ec.Scene(
+        ec.Elastic(1.0, 0.3),
+        [ec.Displacement("top", (0.0, -0.02))],
+        contacts=[ec.Contact("arc", friction=0.3, gap=lambda x: x[1], normal=(0.0, -1.0))],
+    )
+    return scene, ec.read_mesh(MESHES / "half_disc.geo", comm), {"strategy": ec.SizeMap(), "method": ec.Nitsche()}
+
+
+RUNS = [of_flat_body, of_regions, of_space, of_curves]
+
+
+def run(problem, meshes, folder=None, comm=COMM, **more):
+    scene, domain, settings = problem(comm)
+    return ec.adapt(scene, domain, 0.01, max_steps=meshes, checkpoint=folder, **settings, **more)
+
+
+@pytest.mark.parametrize("problem", RUNS)
+def test_the_same_call_goes_on(problem, shared_tmp_path):
+    undisturbed = run(problem, 3)
+    first = run(problem, 2, shared_tmp_path)
+    again = run(problem, 3, shared_tmp_path)
+    same(again, undisturbed)
+    assert again.steps[:2] == first.steps  # not solved again: seconds, too
+    assert np.all(np.diff(again.column("seconds")) > 0)
+    ended = run(problem, 3, shared_tmp_path)
+    assert ended.steps == again.steps
+    assert ended.outcome == again.outcome
+    assert ended.best.relative == pytest.approx(again.best.relative, rel=1e-8)
+
+
+@pytest.mark.ranks
+@pytest.mark.parametrize("problem", RUNS)
+def test_other_ranks_go_on(problem, shared_tmp_path):
+    """One rank and all of them in turn."""
+    undisturbed = run(problem, 4)
+    if COMM.rank == 0:
+        run(problem, 1, shared_tmp_path, MPI.COMM_SELF)
+    COMM.barrier()
+    run(problem, 2, shared_tmp_path)
+    last = [run(problem, 3, shared_tmp_path, MPI.COMM_SELF).steps] if COMM.rank == 0 else []
+    assert len(COMM.bcast(last)[0]) == min(3, len(undisturbed.steps))
+    same(run(problem, 4, shared_tmp_path), undisturbed)
+
+
+def test_a_domain_comes_back_from_its_tables(measures, shared_tmp_path):
+    """Coordinates to the last digit; parts, regions and the true shape; meshed again as the first one."""
+    for problem in (of_regions, of_curves):
+        domain = problem()[1].refined()
+        x, cells = domain.mesh.geometry.x, domain.mesh.geometry.dofmaps[0][: domain.owned_cells]
+        numbers = domain.mesh.geometry.index_map().local_to_global(cells.ravel()).reshape(cells.shape)
+        own = x[: domain.mesh.geometry.index_map().size_local]
+        tables = {"x": own, "cells": numbers} | tag_tables(domain)
+        whole = {name: COMM.gather(table) for name, table in tables.items()}
+        get = {name: np.concatenate(parts) for name, parts in whole.items()} if COMM.rank == 0 else dict.fromkeys(whole)
+        rows = CellRows(COMM, get["x"], get["cells"], domain.dim)
+        tags = rows.cell_tags(get["regions"])
+        curved = rows.facet_tags(get["curved"]) if "curved" in tables else None
+        geometry = geometry_of(described(domain.geometry))
+        back = ec.Domain(
+            rows.mesh, rows.facet_tags(get["facets"]), domain.names, tags, domain.regions, geometry, curved
+        )
+        assert (back.cells, back.vertices) == (domain.cells, domain.vertices)
+        every = [np.concatenate(COMM.allgather(d.mesh.geometry.x[: len(c)])) for d, c in ((domain, own), (back, own))]
+        for part in domain.names:
+            assert measures.part(back, part) == pytest.approx(measures.part(domain, part), rel=1e-14)
+        for region in domain.regions:
+            assert measures.region(back, region) == pytest.approx(measures.region(domain, region), rel=1e-14)
+        if COMM.size == 1:
+            order = [np.lexsort(x.T) for x in every]
+            assert np.array_equal(*(x[o] for x, o in zip(every, order, strict=True)))
+        if geometry is not None:
+            assert back.refined().cells == domain.refined().cells
+            assert back.remeshed(0.1).cells == domain.remeshed(0.1).cells
+    assert NO_TAG < 0
+
+
+# -- other runs are refused ------------------------------------------------------------------------------------------
+
+
+def changed(**changes):
+    """The scene of a run that knows all kinds of data, with changes."""
+    scene = ec.Scene(
+        ec.Elastic(lambda x: 1.0 + 0.1 * x[0], 0.3),
+        [ec.Displacement("top", (0.02, lambda x: -0.05 - 0.01 * x[0] ** 2))],
+        [ec.Traction("right", lambda x: ufl.as_vector([0.0, 1e-3 * ufl.sin(x[1])])), ec.BodyForce((0.0, -1e-3))],
+        [ec.Contact("bottom", friction=lambda x: 0.3 + 0.1 * x[0], gap=lambda x: 0.01 * x[0] ** 2)],
+    )
+    return dataclasses.replace(scene, **changes)
+
+
+class Steeper:
+    """A friction law of the user's."""
+
+    parameters = ("limit",)
+
+    def __init__(self, limit, factor):
+        self.limit, self.friction_bound = limit, lambda pressure, limit: factor * limit + 0.0 * pressure
+
+
+OTHER = {
+    "modulus": {"material": ec.Elastic(lambda x: 1.0 + 0.2 * x[0], 0.3)},
+    "hypothesis": {"material": ec.Elastic(lambda x: 1.0 + 0.1 * x[0], 0.3, "plane stress")},
+    "support": {"supports": [ec.Displacement("top", (0.02, lambda x: -0.05 - 0.01 * x[0] ** 3))]},
+    "side": {"supports": [ec.Displacement("left", (0.02, lambda x: -0.05 - 0.01 * x[0] ** 2))]},
+    "loads": {"loads": [ec.BodyForce((0.0, -1e-3))]},
+    "friction": {"contacts": [ec.Contact("bottom", lambda x: 0.3 + 0.1 * x[0], lambda x: 0.010000001 * x[0] ** 2)]},
+    "law": {"contacts": [ec.Contact("bottom", ec.Tresca(lambda x: 0.3 + 0.1 * x[0]), lambda x: 0.01 * x[0] ** 2)]},
+}
+
+
+def test_fingerprint_knows_what_decides():
+    """Made twice it is the same; each change changes it; numbers in formulas of classes of the user's, too."""
+    first = fingerprint(changed(), block(2), {"strategy": ec.Mark(0.5)})
+    assert first == fingerprint(changed(), block(2), {"strategy": ec.Mark(0.5)})
+    others = [(changed(**change), block(2), {"strategy": ec.Mark(0.5)}) for change in OTHER.values()]
+    others += [(changed(), block(3), {"strategy": ec.Mark(0.5)}), (changed(), block(2), {"strategy": ec.Mark(0.4)})]
+    laws = [Steeper(0.1, 1.0), Steeper(0.1, 1.1), Steeper(0.2, 1.0)]
+    others += [(changed(contacts=[ec.Contact("bottom", law)]), block(2), {}) for law in laws]
+    found = [COMM.bcast(fingerprint(*other)) for other in others]
+    assert all(a != b for i, a in enumerate([first, *found]) for b in found[i:])
+
+
+FINGERPRINT = """
+import sys; sys.path.insert(0, {tests!r})
+import erc_contact as ec, test_checkpoint as t
+from mpi4py import MPI
+f = t.fingerprint(t.changed(), t.block(2), {{"strategy": ec.Mark(0.5)}})
+if MPI.COMM_WORLD.rank == 0:
+    print(f)
+"""
+
+
+@pytest.mark.serial
+def test_fingerprint_does_not_depend_on_process_or_ranks(tmp_path):
+    (tmp_path / "script.py").write_text(FINGERPRINT.format(tests=str(Path(__file__).parent)))
+    launch = [str(Path(sys.executable).parent / "mpiexec"), "-n", "2", sys.executable, "script.py"]
+    own = environment() | {"PYTHONHASHSEED": "7"}
+    there = subprocess.run(launch, cwd=tmp_path, env=own, capture_output=True, text=True, timeout=60, check=True)
+    assert there.stdout.strip() == str(fingerprint(changed(), block(2), {"strategy": ec.Mark(0.5)}))
+
+
+def test_another_run_is_refused_with_what_differs(shared_tmp_path):
+    ec.adapt(changed(), block(2), 0.5, checkpoint=shared_tmp_path)
+    with pytest.raises(ec.InputError, match=r"gap is 0.010000001 \* .*in the folder 0.01 \* .*another folder"):
+        ec.adapt(changed(**OTHER["friction"]), block(2), 0.5, checkpoint=shared_tmp_path)
+    with pytest.raises(ec.InputError, match=r"degree is 2, in the folder 1"):
+        ec.adapt(changed(), block(2), 0.5, degree=2, checkpoint=shared_tmp_path)
+    with pytest.raises(ec.InputError, match=r"first mesh is .*in the folder 28 cells"):
+        ec.adapt(changed(), block(3), 0.5, checkpoint=shared_tmp_path)
+
+
+def test_geometry_of_the_users_is_refused_before_anything_is_solved(shared_tmp_path):
+    class Sphere:
+        pass
+
+    domain = block(2)
+    own = ec.Domain(domain.mesh, domain.facet_tags, domain.names, geometry=Sphere())
+    with pytest.raises(ec.InputError, match=r"cannot keep .* type Sphere"):
+        ec.adapt(prototype_block(), own, 0.5, checkpoint=shared_tmp_path / "kept")
+    assert not (shared_tmp_path / "kept").exists()
+    with pytest.raises(ec.InputError, match="name of a folder"):
+        ec.adapt(prototype_block(), domain, 0.5, checkpoint=3)
+
+
+def test_a_folder_is_that_of_one_run_at_a_time(shared_tmp_path):
+    def again(error, step):
+        run(of_flat_body, 1, shared_tmp_path)
+
+    assert "that of a run that is going on" in run(of_flat_body, 1, shared_tmp_path, callback=again).outcome
+    again(None, None)
+
+
+# -- damage ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """The folder of a run of three meshes, and its history."""
+    folder = tmp_path_factory.mktemp("kept")
+    return folder, run(of_flat_body, 3, folder)
+
+
+@pytest.mark.serial
+def test_every_changed_byte_is_found(whole):
+    """All bytes of the block in front and 300 others, each with one bit changed; lengths that are missing."""
+    good = Folder(whole[0]).file(1).read_bytes()
+    rng = np.random.default_rng(0)
+    assert unpacked(good).about["dim"] == 2
+    for place in [*range(BLOCK), *rng.integers(BLOCK, len(good), 300)]:
+        wrong = bytearray(good)
+        wrong[place] ^= 1 << int(rng.integers(8))
+        with pytest.raises(Damaged):
+            unpacked(bytes(wrong))
+    for length in [0, 1, BLOCK, *rng.integers(0, len(good), 100)]:
+        with pytest.raises(Damaged):
+            unpacked(good[:length])
+    with pytest.raises(Damaged):
+        unpacked(good + b"\0")
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("number", [1, 2, 3])
+@pytest.mark.parametrize("damage", ["truncated", "emptied", "removed", "one byte"])
+def test_a_damaged_run_goes_on_from_its_last_good_level(number, damage, whole, tmp_path, caplog):
+    folder = shutil.copytree(whole[0], tmp_path / "kept")
+    path = Folder(folder).file(number)
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2] ^= 4
+    text = {"truncated": content[:-9], "emptied": b"", "one byte": content}
+    path.unlink() if damage == "removed" else path.write_bytes(text[damage])
+    again = run(of_flat_body, 3, folder)
+    assert [s.cells for s in again.steps] == [s.cells for s in whole[1].steps]
+    assert again.column("eps") == pytest.approx(whole[1].column("eps"), rel=1e-8)
+    told = [record.getMessage() for record in caplog.records if "left out" in record.getMessage()]
+    assert [str(path) in text for text in told] == ([] if damage == "removed" else [True])
+    assert path.with_name(path.name + ".damaged").exists() == (number == 3 and damage != "removed")
+    assert Folder(folder).read(3).about["rows"][:2] == Folder(whole[0]).read(3).about["rows"][:2]
+
+
+@pytest.mark.serial
+def test_a_newer_format_is_refused(whole, tmp_path, monkeypatch):
+    folder = shutil.copytree(whole[0], tmp_path / "kept")
+    level = Folder(folder).read(2)
+    monkeypatch.setattr(levels, "FORMAT", 2)
+    Folder(folder).file(2).write_bytes(b"".join(packed(level)))
+    monkeypatch.undo()
+    for call in (lambda: run(of_flat_body, 3, folder), lambda: ec.read_history(folder)):
+        with pytest.raises(ec.InputError, match=r"level_0002.*format 2.*knows format 1"):
+            call()
+
+
+# -- what ends a run, and what stops it from being kept --------------------------------------------------------------
+
+
+def test_every_third_mesh_and_the_last_one(shared_tmp_path):
+    history = run(of_flat_body, 5, shared_tmp_path, every=3)
+    assert Folder(shared_tmp_path).numbers() == [1, 4, 5]
+    again = run(of_flat_body, 6, shared_tmp_path, every=3)
+    assert again.steps[:5] == history.steps
+    assert len(again.meshes) == 4
+
+
+@pytest.mark.parametrize("fault", ["full disk", "folder removed"])
+def test_a_run_that_cannot_be_kept_returns_its_result(fault, shared_tmp_path, caplog):
+    folder, before = shared_tmp_path / "kept", resource.getrlimit(resource.RLIMIT_FSIZE)
+
+    def happens(error, step):
+        if step.cells > 28 and COMM.rank == 0:
+            if fault == "full disk":
+                resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, before[1]))
+            else:
+                shutil.rmtree(folder, ignore_errors=True)
+
+    try:
+        history = run(of_flat_body, 4, folder, callback=happens)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    same(history, run(of_flat_body, 4))
+    told = [record.getMessage() for record in caplog.records if "is not kept" in record.getMessage()]
+    assert len(told) == (2 if COMM.rank == 0 else 0)
+    if fault == "full disk":
+        assert Folder(folder).numbers() == [1, 2]
+        assert not list(folder.glob("*.part"))
+        same(run(of_flat_body, 4, folder), history)
+
+
+KEPT = """
+import sys; sys.path.insert(0, {tests!r})
+import os
+import test_checkpoint as t
+from mpi4py import MPI
+
+def tell(error, step):
+    pids = MPI.COMM_WORLD.gather(os.getpid())
+    if pids:
+        print("mesh", *pids, flush=True)
+
+history = t.run(t.of_flat_body, {meshes}, "kept", callback=tell)
+if MPI.COMM_WORLD.rank == 0:
+    print("ended", len(history.steps), history.outcome)
+"""
+
+
+def kept_by(ranks, folder, meshes=40):
+    """A process that runs and tells of each mesh."""
+    return started(KEPT.format(tests=str(Path(__file__).parent), meshes=meshes), ranks, folder)
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_killed_runs_go_on(ranks, tmp_path):
+    """SIGKILL at a moment of its own; on one rank it goes on."""
+    process = kept_by(ranks, tmp_path)
+    for _ in range(2 + ranks):
+        pids = [int(word) for word in process.stdout.readline().split()[1:]]
+    sleep(float(np.random.default_rng(ranks).uniform(0.0, 0.1)))
+    for pid in pids:
+        os.kill(pid, signal.SIGKILL)
+    process.communicate(timeout=20)
+    there = len(Folder(tmp_path / "kept").numbers())
+    assert there >= 2 + ranks
+    same(run(of_flat_body, there + 2, tmp_path / "kept"), run(of_flat_body, there + 2))
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_terminated_runs_keep_all_and_say_so(ranks, tmp_path):
+    """SIGTERM, as a batch system sends it: to the last rank."""
+    process = kept_by(ranks, tmp_path)
+    for _ in range(2):
+        pids = [int(word) for word in process.stdout.readline().split()[1:]]
+    began = monotonic()
+    os.kill(pids[-1], signal.SIGTERM)
+    ended = [line for line in output(process, 20).splitlines() if line.startswith("ended")]
+    assert monotonic() - began < 5.0
+    assert "Interrupted at" in ended[0]
+    assert len(Folder(tmp_path / "kept").numbers()) == int(ended[0].split()[1]) >= 2
+
+
+# -- the history without a solve -------------------------------------------------------------------------------------
+
+
+def test_history_is_read_without_the_scene(shared_tmp_path):
+    history = run(of_regions, 2, shared_tmp_path / "kept")
+    read = ec.read_history(shared_tmp_path / "kept")
+    assert read.steps == history.steps
+    assert str(read).splitlines()[:-1] == str(history).splitlines()[:-1]
+    assert (read.error.relative, read.accuracy, read.reached) == (history.error.relative, 0.01, False)
+    total = COMM.allreduce(float(np.sum(read.error.indicators**2)), MPI.SUM)
+    assert total == pytest.approx(history.error.relative**2, rel=1e-12)
+    assert [d.cells for d, _ in read.meshes] == [d.cells for d, _ in history.meshes]
+    with pytest.raises(ec.InputError, match=r"'force' .*needs the scene: call adapt"):
+        read.force("bottom")
+    read.save(shared_tmp_path / "read")
+    write_fields(history.best, shared_tmp_path / "saved")
+    COMM.barrier()
+    if COMM.rank == 0:
+        import pyvista
+
+        names = {path.name for path in (shared_tmp_path / "read").iterdir()}
+        assert names == {"history.csv", "error.png", "meshes.png", "body.vtkhdf"}
+        a, b = (pyvista.read(shared_tmp_path / name / "body.vtkhdf") for name in ("read", "saved"))
+        assert np.allclose(a.points, b.points, rtol=0, atol=1e-15)
+        for name, values in [*b.point_data.items(), *b.cell_data.items()]:
+            assert np.allclose({**a.point_data, **a.cell_data}[name], values, rtol=1e-6, atol=0), name
+        assert np.array_equal(a.cell_connectivity, b.cell_connectivity)
+    with pytest.raises(ec.InputError, match="no folder"):
+        ec.read_history(shared_tmp_path / "nowhere")
+    with pytest.raises(ec.InputError, match="no mesh of a run"):
+        ec.read_history(shared_tmp_path / "read")
