@@ -21,6 +21,7 @@ from erc_contact.error.constitutive import ConstitutiveError, constitutive_error
 from erc_contact.error.sizes import size_map
 from erc_contact.error.strategy import KNOWN, Strategy
 from erc_contact.mesh.domain import Domain
+from erc_contact.newton.ladder import NODAL
 from erc_contact.newton.methods import Method
 from erc_contact.newton.solve import DEFAULT, solve
 from erc_contact.run.checkpoint import Checkpoint
@@ -111,11 +112,12 @@ class Loop:
         self.steps = list(last.steps)
         self.began -= self.steps[-1].seconds
         least = min(kept.numbers, key=lambda number: self.steps[number - 1].total)
+        methods = (DEFAULT, NODAL) if plan.method is None else (plan.method,)
         for number in kept.numbers:
             level = last if number == kept.numbers[-1] else kept.read(number)
             self.meshes.append((level.domain, level.indicators))
             if number in (least, kept.numbers[-1]):
-                error = level.error(plan.scene, plan.method, plan.tighten)
+                error = level.error(plan.scene, methods, plan.tighten)
                 self.best = error if number == least else self.best
         for step in self.steps:
             self._tell(step, error.domain)

@@ -24,11 +24,9 @@ from erc_contact.error.constitutive import ConstitutiveError, constitutive_error
 from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.tables import CellRows, described, geometry_of, tag_tables
 from erc_contact.model.promises import bind
-from erc_contact.newton.ladder import NODAL
 from erc_contact.newton.methods import Method
 from erc_contact.newton.multigrid import Multigrid
 from erc_contact.newton.solution import Solution
-from erc_contact.newton.solve import DEFAULT
 from erc_contact.newton.stiffness import Stiffness
 from erc_contact.output.files import gathered, vtk_cells
 from erc_contact.output.gathered import body_nodes, nodal_displacement
@@ -144,12 +142,12 @@ class Restored:
         """The numbers of the error, by their names."""
         return dict(self.about["error"])
 
-    def error(self, scene: Scene, method: Method | None, tighten: int) -> ConstitutiveError:
+    def error(self, scene: Scene, methods: Sequence[Method], tighten: int) -> ConstitutiveError:
         """The error of this level, measured anew without a contact solve.
 
         Args:
             scene: The problem.
-            method: The method that was asked for.
+            methods: The methods that it can be the solution of.
             tighten: As in :func:`equilibrate`.
 
         Raises:
@@ -158,9 +156,9 @@ class Restored:
         about, model = self.about, bind(scene, self.domain, self.about["degree"])
         fields = [self._function(model, "u")]
         fields += [self._function(model, f"multipliers/{i}") for i in range(about["multipliers"])]
-        found = next((m for m in (DEFAULT, NODAL) if repr(m) == about["method"]), DEFAULT) if method is None else method
+        method = next((one for one in methods if repr(one) == about["method"]), methods[0])
         stiffness = (Multigrid if about["iterative"] else Stiffness)(model)
-        solution = Solution(model, found, fields[0], tuple(fields[1:]), stiffness=stiffness, **about["solution"])
+        solution = Solution(model, method, fields[0], tuple(fields[1:]), stiffness=stiffness, **about["solution"])
         error = constitutive_error(equilibrate(solution, tighten=tighten))
         if abs(error.relative - about["error"]["relative"]) > SAME * (about["error"]["relative"] + SAME):
             raise InputError(
