@@ -54,7 +54,7 @@ class Checkpoint:
             try:
                 self._open()
                 found = self._good()
-            except InputError as reason:
+            except Exception as reason:
                 self.folder.close()
                 error = reason
         raise_together(comm, error)
@@ -78,7 +78,7 @@ class Checkpoint:
         number = len(steps)
         if number <= self._written or not (last or (number - 1) % self.every == 0):
             return
-        self._written = number
+        self._written, failure = number, None
         try:
             level = level_of(error, steps)
             if self.comm.rank == 0:
@@ -89,7 +89,9 @@ class Checkpoint:
                 "The mesh of %d cells is not kept: %s. The run goes on; what %s has stays as it is.",
                 *(steps[-1].cells, reason, self.folder.path),
             )
-        self.comm.barrier()  # what this rank goes on with is on the disk
+        except Exception as reason:  # every rank must learn of it
+            failure = reason
+        raise_together(self.comm, failure)  # when a rank goes on, the file is on the disk
 
     def close(self) -> None:
         """Let other runs have the folder."""

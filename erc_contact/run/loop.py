@@ -136,7 +136,7 @@ class Loop:
         interrupts.check()
         admissible = equilibrate(solution, tighten=plan.tighten)
         interrupts.check()
-        self.last = error = constitutive_error(admissible)
+        error = constitutive_error(admissible)
         step = self._add(error, mesh_seconds)
         if self.kept is not None:
             self.kept.add(error, self.steps)
@@ -166,6 +166,7 @@ class Loop:
             seconds=self.comm.allreduce(perf_counter() - self.began, MPI.MAX),
         )
         self.steps.append(step)
+        self.last = error
         self.meshes.append((domain, error.indicators))
         if self.best is None or error.total < self.best.total:
             self.best = error
