@@ -1,7 +1,8 @@
 """A process that solves for days: mesh, solve, pair, error, refine, save, again and again.
 
-Each cycle meshes a square anew with gmsh, runs `adapt` through two meshes and saves the fields and the table; every
-hundredth cycle saves the pictures, too. Every hundredth cycle it measures what a process may run out of:
+Each cycle meshes a square anew with gmsh, runs `adapt` through two meshes in a new checkpoint, and saves the fields and
+the table; every hundredth cycle saves the pictures, too, and of the first hundred every twentieth, so that what is made
+once is made there. Every hundredth cycle it measures what a process may run out of:
 
 - resident memory of all ranks [MB];
 - open files of all ranks;
@@ -33,6 +34,8 @@ from erc_contact.output.paraview import write_fields
 
 EVERY = 100
 """Cycles between two measurements."""
+WARM = 20
+"""Cycles between two pictures in the beginning."""
 GROWTH = 1.05
 """What may be left at the end, over what there was after the first measurement."""
 MANY = 100_000
@@ -50,7 +53,10 @@ def problem(dim: int) -> ec.Scene:
 def cycle(scene: ec.Scene, dim: int, folder: Path, *, pictures: bool) -> None:
     make, size = (ec.rectangle, 0.3) if dim == 2 else (ec.box, 0.6)
     domain = make((0.0,) * dim, (1.0,) * dim, size=size)
-    history = ec.adapt(scene, domain, accuracy=1e-6, max_steps=2)
+    with tempfile.TemporaryDirectory() as kept:
+        path = domain.mesh.comm.bcast(kept)
+        history = ec.adapt(scene, domain, accuracy=1e-6, max_steps=2, checkpoint=path)
+        domain.mesh.comm.barrier()
     if pictures:
         history.save(folder)
     write_fields(history.best, folder)
@@ -99,7 +105,7 @@ def main() -> None:
     scene, first, last = problem(options.dim), {}, {}
     began = perf_counter()
     for number in range(1, options.cycles + 1):
-        cycle(scene, options.dim, folder, pictures=number % EVERY == 0)
+        cycle(scene, options.dim, folder, pictures=number % (EVERY if number > EVERY else WARM) == 0)
         if number % EVERY == 0 or number == options.cycles:
             last = measured(comm)
             first = first or last
