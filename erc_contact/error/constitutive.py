@@ -35,12 +35,13 @@ from erc_contact.error.oscillation import UNKNOWN, Oscillations, of_loads, of_su
 from erc_contact.error.rigid import NOISE, moves_rigidly, round_off
 from erc_contact.mesh.domain import Domain
 from erc_contact.model.forces import Force
-from erc_contact.model.maximum import Maximum
+from erc_contact.model.maximum import Maximum, greatest
+from erc_contact.model.stress import von_mises
 from erc_contact.newton.solution import Solution
 from erc_contact.results.forces import force, reactions
-from erc_contact.results.maximum import maximum
 from erc_contact.results.points import Values, at
 from erc_contact.results.profile import profile
+from erc_contact.results.stresses import mean_stress
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,8 +120,21 @@ class ConstitutiveError:
         return at(self.admissible, points)
 
     def maximum(self, quantity: str) -> Maximum:
-        """Greatest "von Mises" stress, "pressure", ... and its place, see :func:`erc_contact.results.maximum`."""
-        return maximum(self.admissible, quantity)
+        """Greatest value of a quantity and its place; collective.
+
+        The displacement is u^, the von Mises stress is that of the mean of sigma^ in a cell, and "pressure", "shear",
+        "slip" and "gap" are those of :meth:`profile`.
+
+        Args:
+            quantity: A quantity of :func:`erc_contact.model.maximum.greatest`.
+
+        Raises:
+            InputError: If the quantity is another one, or the scene has no contact.
+        """
+        pair = self.admissible
+        return greatest(
+            self.solution.model, quantity, pair.displacement, lambda: von_mises(mean_stress(pair)), self.profile
+        )
 
     @property
     def oscillation(self) -> float:

@@ -15,8 +15,8 @@ from erc_contact.mesh.simplex import bernstein, lagrange, nodes
 from erc_contact.model.points import in_space
 from erc_contact.output.files import PARTS, gathered, grid_of, on_root, save_grid, subdivided
 from erc_contact.output.gathered import Surface, body_nodes, nodal_displacement, whole_contact
-from erc_contact.results.maximum import cell_stresses
 from erc_contact.results.profile import contact_status
+from erc_contact.results.stresses import cell_stresses
 
 
 def write_fields(error: ConstitutiveError, folder: str | Path) -> None:

@@ -27,7 +27,7 @@ from erc_contact.output.bodies import Skin, foundation, ground, rendered, show, 
 from erc_contact.output.drawing import new_figure, save_figure, weighted_level
 from erc_contact.output.files import gathered, grid_of, on_root
 from erc_contact.output.gathered import body_mesh, body_nodes, nodal_displacement, whole_contact
-from erc_contact.results.maximum import mean_stress
+from erc_contact.results.stresses import mean_stress
 
 WORDS = 1.4
 """Width in a figure of the labels of a view in 3D [inches]."""

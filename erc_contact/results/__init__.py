@@ -1,4 +1,4 @@
-"""Results of an admissible pair: forces, profiles of contacts, values at points, maxima.
+"""Results of an admissible pair: forces, profiles of contacts, values at points, mean stresses.
 
 They are the same on all ranks. Forces balance to round-off, and the friction law allows the contact tractions. A
 :class:`erc_contact.Solution` has the same results of its own fields as members.
@@ -9,9 +9,9 @@ from erc_contact.model.maximum import Maximum
 from erc_contact.model.profile import OPEN, SLIP, STICK
 from erc_contact.model.stress import von_mises
 from erc_contact.results.forces import force, reactions
-from erc_contact.results.maximum import maximum, mean_stress
 from erc_contact.results.points import Values, at
 from erc_contact.results.profile import contact_status, profile
+from erc_contact.results.stresses import mean_stress
 
 __all__ = [
     "OPEN",
@@ -23,7 +23,6 @@ __all__ = [
     "at",
     "contact_status",
     "force",
-    "maximum",
     "mean_stress",
     "profile",
     "reactions",

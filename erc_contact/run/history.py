@@ -73,7 +73,7 @@ class History:
         return self.best.at(points)
 
     def maximum(self, quantity: str) -> Maximum:
-        """Greatest "von Mises" stress, "pressure", ... and its place; see :func:`erc_contact.results.maximum`."""
+        """Greatest "von Mises" stress, "pressure", ... and its place; see :meth:`ConstitutiveError.maximum`."""
         return self.best.maximum(quantity)
 
     def column(self, name: str) -> np.ndarray:

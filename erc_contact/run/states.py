@@ -30,7 +30,7 @@ from erc_contact.newton.solution import Solution
 from erc_contact.newton.stiffness import Stiffness
 from erc_contact.output.files import gathered, vtk_cells
 from erc_contact.output.gathered import body_nodes, nodal_displacement
-from erc_contact.results.maximum import cell_stresses
+from erc_contact.results.stresses import cell_stresses
 from erc_contact.run.levels import Level
 from erc_contact.run.step import Step
 from erc_contact.scene.scene import Scene

@@ -1,4 +1,4 @@
-"""Mean stresses of an admissible pair in the cells, and the greatest values of its fields."""
+"""Mean stresses of an admissible pair in the cells."""
 
 from __future__ import annotations
 
@@ -6,9 +6,7 @@ import numpy as np
 
 from erc_contact.admissible.macro import tensors
 from erc_contact.admissible.pair import Admissible
-from erc_contact.model.maximum import Maximum, greatest
 from erc_contact.model.stress import stress_in_space, tells_out_of_plane, von_mises
-from erc_contact.results.profile import profile
 
 
 def mean_stress(admissible: Admissible) -> np.ndarray:
@@ -18,26 +16,6 @@ def mean_stress(admissible: Admissible) -> np.ndarray:
     """
     model = admissible.solution.model
     return stress_in_space(model, tensors(admissible.stress.mean(axis=(1, 2)), model.d))
-
-
-def maximum(pair: Admissible, quantity: str) -> Maximum:
-    """The greatest value of a quantity, and where it is; collective.
-
-    Args:
-        pair: An admissible pair. The displacement is u^, the von Mises stress is that of the mean of sigma^ in a cell,
-            and the profiles are those of u^ and r^.
-        quantity: A quantity of :func:`erc_contact.model.maximum.greatest`.
-
-    Raises:
-        InputError: If the quantity is another one, or the scene has no contact.
-    """
-    return greatest(
-        pair.solution.model,
-        quantity,
-        pair.displacement,
-        lambda: von_mises(mean_stress(pair)),
-        lambda name: profile(pair, name),
-    )
 
 
 def cell_stresses(admissible: Admissible) -> dict[str, np.ndarray]:
