@@ -30,6 +30,8 @@ from dolfinx import jit
 from mpi4py import MPI
 from processes import COMPILER
 
+from erc_contact.output import bodies
+
 COMM = MPI.COMM_WORLD
 jit.DOLFINX_DEFAULT_JIT_OPTIONS["cffi_extra_compile_args"] = (COMPILER, "options of the C compiler")
 jit.DOLFINX_DEFAULT_JIT_OPTIONS["timeout"] = (30, "seconds that one process waits for a form that another compiles")
@@ -141,6 +143,12 @@ class Measures:
         cells = np.arange(domain.owned_cells) if name is None else domain.region(name)
         cells = cells[cells < domain.owned_cells]
         return domain.mesh.comm.allreduce(self.simplices(self.vertices(domain)[cells]).sum())
+
+
+@pytest.fixture(autouse=True)
+def few_pixels(monkeypatch):
+    """Bodies are drawn with a quarter of the pixels on a side: VTK takes half a second for each view otherwise."""
+    monkeypatch.setattr(bodies, "PIXELS", bodies.PIXELS // 4)
 
 
 @pytest.fixture(scope="session")

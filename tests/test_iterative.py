@@ -71,9 +71,20 @@ def eps(solution: ec.Solution) -> float:
     return ec.constitutive_error(ec.equilibrate(solution)).relative
 
 
-@pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("name", mostly_serial(list(SCENES), ["held by two contacts", "cube on a sphere"]))
-def test_same_as_the_direct_solver(name, method):
+CASES = [
+    (name, method)
+    for name in SCENES
+    for method in METHODS
+    if method != "symmetric" or name in ("opening", "cube", "held by two contacts", "cube on a sphere")
+]
+
+
+ON_RANKS = [case for case in CASES if case[0] in ("held by two contacts", "cube on a sphere")]
+
+
+@pytest.mark.parametrize("case", mostly_serial(CASES, ON_RANKS), ids=" ".join)
+def test_same_as_the_direct_solver(case):
+    name, method = case
     scene, domain = SCENES[name]()
     direct, iterative = (ec.solve(scene, domain, METHODS[method], solver=s) for s in ("direct", "iterative"))
     assert eps(iterative) == pytest.approx(eps(direct), rel=SAME)
@@ -90,7 +101,7 @@ def test_same_as_the_direct_solver_for_degree_2(name, method):
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", range(6))
 def test_same_on_random_scenes(seed):
     scene, domain = random_scene(seed)
     direct, iterative = (ec.solve(scene, domain, solver=s) for s in ("direct", "iterative"))

@@ -28,7 +28,7 @@ import erc_contact as ec
 from erc_contact import output, results
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.base.percent import percent
-from erc_contact.output import bodies, gathered
+from erc_contact.output import gathered
 from erc_contact.run.history import COLUMNS
 
 COMM = MPI.COMM_WORLD
@@ -89,12 +89,6 @@ def check_picture(path):
         assert counts.max() < 0.98 * counts.sum()
         assert np.mean(image[:3] == 255) > 0.95
         assert min(image.shape[:2]) > 300
-
-
-@pytest.fixture(autouse=True)
-def few_pixels(monkeypatch):
-    """Bodies are drawn with a quarter of the pixels on a side: VTK takes a second for each view otherwise."""
-    monkeypatch.setattr(bodies, "PIXELS", bodies.PIXELS // 4)
 
 
 @pytest.fixture
