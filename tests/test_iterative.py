@@ -75,7 +75,7 @@ CASES = [
     (name, method)
     for name in SCENES
     for method in METHODS
-    if method != "symmetric" or name in ("opening", "cube", "held by two contacts", "cube on a sphere")
+    if method == "Nitsche" or name in ("opening", "nonlinear law", "cube", "held by two contacts", "cube on a sphere")
 ]
 
 
@@ -90,18 +90,20 @@ def test_same_as_the_direct_solver(case):
     assert eps(iterative) == pytest.approx(eps(direct), rel=SAME)
 
 
-@pytest.mark.parametrize("method", ["Nitsche", "AL"])
-@pytest.mark.parametrize(
-    "name", mostly_serial(["block", "a support at nodes of the contact", "cube on a sphere"], ["cube on a sphere"])
-)
-def test_same_as_the_direct_solver_for_degree_2(name, method):
+ON_A_SPHERE = [("cube on a sphere", "Nitsche"), ("cube on a sphere", "AL")]
+DEGREE_2 = [("block", "AL"), ("a support at nodes of the contact", "Nitsche"), *ON_A_SPHERE]
+
+
+@pytest.mark.parametrize("case", mostly_serial(DEGREE_2, ON_A_SPHERE), ids=" ".join)
+def test_same_as_the_direct_solver_for_degree_2(case):
+    name, method = case
     scene, domain = SCENES[name]()
     direct, iterative = (ec.solve(scene, domain, METHODS[method], degree=2, solver=s) for s in ("direct", "iterative"))
     assert eps(iterative) == pytest.approx(eps(direct), rel=SAME)
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(4))
 def test_same_on_random_scenes(seed):
     scene, domain = random_scene(seed)
     direct, iterative = (ec.solve(scene, domain, solver=s) for s in ("direct", "iterative"))
