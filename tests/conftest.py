@@ -8,8 +8,8 @@ Under pytest-xdist each worker is a process of one rank. Workers share the cache
 form that another compiles.
 
 In the first run some thousand forms are compiled. setuptools, which calls the C compiler, looks for plug-ins of all
-installed packages six times for each of them, a sixth of the time; here it does so once. UFL makes millions of small objects:
-Python looks for cycles among them less often here, which takes a twentieth less.
+installed packages six times for each of them, a sixth of the time; here it does so once. UFL makes millions
+of small objects; Python looks for cycles among them less often here, which takes a twentieth less.
 """
 
 import gc
