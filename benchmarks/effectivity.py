@@ -302,7 +302,7 @@ def figure(name: str) -> None:
             warm_up(scene, start, degree, tighten)
             for strategy in (ec.Uniform(), ec.Mark()):
                 label = f"k = {degree}, {'uniform' if strategy == ec.Uniform() else 'adaptive'}, tighten {tighten}"
-                options = {"strategy": strategy, "tighten": tighten, "max_cells": case.max_cells}
+                options: dict[str, Any] = {"strategy": strategy, "tighten": tighten, "max_cells": case.max_cells}
                 history = ec.adapt(scene, start, 1e-6, degree=degree, **options)
                 histories[label] = replace(history, accuracy=LINE, meshes=())
                 print(
@@ -335,7 +335,7 @@ def race(accuracy: float = 0.01) -> None:
             for fraction in (0.5, 0.8):
                 warm_up(scene, start, degree, tighten)
                 began = process_time()
-                options = {"tighten": tighten, "stop": "certified", "strategy": ec.Mark(fraction)}
+                options: dict[str, Any] = {"tighten": tighten, "stop": "certified", "strategy": ec.Mark(fraction)}
                 last = ec.adapt(scene, start, accuracy, degree=degree, **options).steps[-1]
                 label = f"adaptive, k = {degree}, tighten {tighten}, marking {fraction}"
                 times[label] = process_time() - began

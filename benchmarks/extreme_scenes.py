@@ -20,6 +20,9 @@ import erc_contact as ec
 
 import basix.ufl  # isort: skip - after erc_contact, which loads MPI first
 import ufl  # isort: skip
+
+from erc_contact.scene.material import Value
+
 from dolfinx import mesh as dmesh  # isort: skip
 from mpi4py import MPI  # isort: skip
 
@@ -160,8 +163,8 @@ def block(
     *,
     E: float = 1.0,
     nu: float = 0.3,
-    friction: ec.scene.Value = 0.3,
-    gap: ec.scene.Value = 0.0,
+    friction: Value = 0.3,
+    gap: Value = 0.0,
     size: float = 1.0,
     n: int = 4,
 ) -> Pair:

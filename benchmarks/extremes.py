@@ -39,7 +39,7 @@ from erc_contact.model.foundation import split  # isort: skip
 from erc_contact.model.expressions import evaluate  # isort: skip
 from erc_contact.mesh.simplex import lagrange, rule  # isort: skip
 
-METHODS = (ec.Nitsche(), ec.AugmentedLagrangian())
+METHODS: tuple[Any, ...] = (ec.Nitsche(), ec.AugmentedLagrangian())
 SAME = 1e-6
 """Relative difference of eps between systems of units that counts as none [-]."""
 

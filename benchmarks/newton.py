@@ -19,7 +19,7 @@ import numpy as np
 
 import erc_contact as ec
 
-from cost import scene  # isort: skip - after erc_contact, which loads MPI first
+from cost import problem  # isort: skip - after erc_contact, which loads MPI first
 from dolfinx import fem  # isort: skip
 from dolfinx.fem import petsc  # isort: skip
 from petsc4py import PETSc  # isort: skip
@@ -27,9 +27,9 @@ import ufl  # isort: skip
 from erc_contact.model.model import Model  # isort: skip
 
 
-def linear_solves(domain: ec.Domain) -> tuple[float, float]:
+def linear_solves(scene: ec.Scene, domain: ec.Domain) -> tuple[float, float]:
     """Seconds of a first linear elastic solve, and of a second one on the same pattern."""
-    model = Model(scene(), domain)
+    model = Model(scene, domain)
     began = perf_counter()
     form = fem.form(model.stiffness(ufl.TrialFunction(model.V), ufl.TestFunction(model.V)))
     matrix = petsc.create_matrix(form)
@@ -70,12 +70,12 @@ def forces(solution: ec.Solution) -> tuple[np.ndarray, list[int]]:
 
 def main() -> None:
     n, rounds = (int(a) for a in (sys.argv[1:] + ["128", "5"][len(sys.argv) - 1 :]))
-    domain = ec.rectangle((0.0, 0.0), (2.0, 7.0), cells=(n, 7 * n // 2))
+    scene, domain = problem(2, n)
     methods = (ec.Nitsche(), ec.AugmentedLagrangian())
     rows = []
     for number in range(rounds + 1):
-        linear = linear_solves(domain)
-        solutions = [ec.solve(scene(), domain, method) for method in methods]
+        linear = linear_solves(scene, domain)
+        solutions = [ec.solve(scene, domain, method) for method in methods]
         for solution in solutions:
             solution.stiffness.free()
         if number > 0:  # the first round compiles forms

@@ -65,7 +65,7 @@ def cycle(scene: ec.Scene, dim: int, folder: Path, *, pictures: bool) -> None:
 
 def free_communicators(comm: MPI.Comm) -> int:
     """How many communicators MPI can still make."""
-    made = []
+    made: list[MPI.Comm] = []
     try:
         while len(made) < MANY:
             made.append(comm.Dup())
@@ -102,7 +102,7 @@ def main() -> None:
     comm = MPI.COMM_WORLD
     own = comm.bcast(tempfile.mkdtemp(prefix="soak_") if comm.rank == 0 else None)
     tempfile.tempdir, folder = own, Path(own) / "results"
-    scene, first, last = problem(options.dim), {}, {}
+    scene, first = problem(options.dim), dict[str, float]()
     began = perf_counter()
     for number in range(1, options.cycles + 1):
         cycle(scene, options.dim, folder, pictures=number % (EVERY if number > EVERY else WARM) == 0)

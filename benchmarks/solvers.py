@@ -14,6 +14,7 @@ from __future__ import annotations
 import argparse
 from collections import Counter
 from collections.abc import Callable
+from math import isclose
 from typing import Any
 
 from extreme_scenes import cube, halved, mapped, on_a_sphere, standing
@@ -107,8 +108,8 @@ def main() -> None:
             for solver, eps in found.items():
                 solved[type(method).__name__, solver] += isinstance(eps, float)
             direct, iterative = found.values()
-            agree = isinstance(direct, float) and isinstance(iterative, float)
-            if not agree or abs(direct - iterative) > max(SAME * direct, NOTHING):
+            both = isinstance(direct, float) and isinstance(iterative, float)
+            if not both or not isclose(float(direct), float(iterative), rel_tol=SAME, abs_tol=NOTHING):
                 print(f"{name}, {type(method).__name__}: {found}", flush=True)
     for (method_name, solver), count in solved.items():
         print(f"{method_name}, {solver}: {count} of {len(grid)} solved")

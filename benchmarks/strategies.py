@@ -11,6 +11,7 @@ which does not depend on what else the machine does.
 import sys
 from pathlib import Path
 from time import process_time
+from typing import Any
 
 import effectivity
 
@@ -18,7 +19,7 @@ import erc_contact as ec
 from erc_contact.output import plot_history
 
 MESHES = Path(__file__).parents[1] / "meshes"
-STRATEGIES = {
+STRATEGIES: dict[str, Any] = {
     "Uniform": ec.Uniform(),
     "Mark(0.5)": ec.Mark(0.5),
     "Mark(0.8)": ec.Mark(0.8),
@@ -93,7 +94,7 @@ def main() -> None:
     )
     for name in names:
         for degree, tighten in variants:
-            options = {"degree": degree, "tighten": tighten, "max_cells": LIMIT[SCENES[name]()[1].dim]}
+            options: dict[str, Any] = {"degree": degree, "tighten": tighten, "max_cells": LIMIT[SCENES[name]()[1].dim]}
             scene, domain, accuracy = SCENES[name]()
             if domain.dim == 3 and not tighten:
                 accuracy *= 5  # the untightened error of this scene needs millions of elements to 10%

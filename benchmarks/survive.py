@@ -28,6 +28,7 @@ from collections import Counter
 from contextlib import suppress
 from pathlib import Path
 from time import monotonic, perf_counter, process_time, sleep
+from typing import Any
 
 import erc_contact as ec
 
@@ -117,6 +118,7 @@ def started(name: str, folder: Path | str, ranks: int) -> subprocess.Popen:
 
 def after_death(process: subprocess.Popen, moment: float) -> str:
     """Kill all ranks some seconds after they began, unless they are through; what they have told."""
+    assert process.stdout is not None
     pids = [int(word) for word in process.stdout.readline().split()[1:]]
     ends = monotonic() + moment
     while process.poll() is None and monotonic() < ends:
@@ -134,7 +136,7 @@ def told_rows(text: str) -> list | None:
 
 def kills(count: int, seed: int) -> Counter:
     """Kill each run so many times in all."""
-    rng, result = np.random.default_rng(seed), Counter()
+    rng, result = np.random.default_rng(seed), Counter[str]()
     for name in PROBLEMS:
         began = perf_counter()
         undisturbed = rows(run(name, None))
@@ -163,7 +165,7 @@ def kills(count: int, seed: int) -> Counter:
 
 def damage(seed: int) -> Counter:
     """Damage the files of a checkpoint in all ways."""
-    rng, result = np.random.default_rng(seed), Counter()
+    rng, result = np.random.default_rng(seed), Counter[str]()
     with tempfile.TemporaryDirectory() as own:
         kept = Path(own) / "kept"
         undisturbed = rows(run("flat", kept, max_steps=4))
@@ -212,12 +214,12 @@ def damaged(path: Path, kind: str, content: bytes, rng: np.random.Generator, oth
     wrong = bytearray(content)
     wrong[int(rng.integers(len(wrong)))] ^= 1 << int(rng.integers(8))
     half = content[: len(content) // 2]
-    path.write_bytes({"truncated": half, "emptied": b"", "one byte": wrong, "of another level": other}[kind])
+    path.write_bytes({"truncated": half, "emptied": b"", "one byte": bytes(wrong), "of another level": other}[kind])
 
 
 def faults() -> Counter:
     """What stops a run from being kept; and a rank that dies."""
-    result, undisturbed = Counter(), rows(run("flat", None, max_steps=6))
+    result, undisturbed = Counter[str](), rows(run("flat", None, max_steps=6))
     for kind in ("full disk", "read-only", "removed"):
         with tempfile.TemporaryDirectory() as own:
             folder = Path(own) / "kept"
@@ -251,29 +253,30 @@ def faults() -> Counter:
             result["failures"] += not good
     with tempfile.TemporaryDirectory() as own:
         process = started("space", Path(own) / "kept", 2)
+        assert process.stdout is not None
         pids = [process.stdout.readline().split()[1:] for _ in range(3)][-1]
         began = monotonic()
         os.kill(int(pids[1]), signal.SIGKILL)
         process.communicate(timeout=60)
-        seconds, there = monotonic() - began, len(Folder(Path(own) / "kept").numbers())
-        good = seconds < SOON and there >= 2
-        result[f"rank that dies: {'ended' if good else 'FAILED'} in {seconds:.2f} s with {there} levels"] += 1
+        seconds, levels = monotonic() - began, len(Folder(Path(own) / "kept").numbers())
+        good = seconds < SOON and levels >= 2
+        result[f"rank that dies: {'ended' if good else 'FAILED'} in {seconds:.2f} s with {levels} levels"] += 1
         result["failures"] += not good
     return result
 
 
 def cost() -> Counter:
     """Seconds of writing over those of the run, of the processor: what waits for the disk depends on the disk."""
-    result, add = Counter(), checkpoint.Checkpoint.add
+    result, add = Counter[str](), checkpoint.Checkpoint.add
     spent = 0.0
 
-    def timed(*arguments: object, **named: object) -> None:
+    def timed(*arguments: Any, **named: Any) -> None:
         nonlocal spent
         began = process_time()
         add(*arguments, **named)
         spent += process_time() - began
 
-    checkpoint.Checkpoint.add = timed
+    checkpoint.Checkpoint.add = timed  # type: ignore[method-assign]
     for name, changes in (("flat", {"max_steps": 20}), ("curved", {}), ("space", {})):
         run(name, None, **changes | {"max_steps": 3})  # compiles
         with tempfile.TemporaryDirectory() as own:
@@ -283,7 +286,7 @@ def cost() -> Counter:
             size = sum(path.stat().st_size for path in Path(own).iterdir()) / 1e6
         print(f"{name}: {history.steps[-1].cells} cells, {whole:.2f} s, writing {spent / whole:.1%}, {size:.1f} MB")
         result["failures"] += spent > 0.1 * whole
-    checkpoint.Checkpoint.add = add
+    checkpoint.Checkpoint.add = add  # type: ignore[method-assign]
     return result
 
 

@@ -28,8 +28,8 @@ from dolfinx.io.utils import distribute_entity_data
 from erc_contact.admissible.pair import Admissible
 from erc_contact.mesh.simplex import bernstein, rule
 from erc_contact.model.expressions import evaluate
+from erc_contact.model.foundation import CONSTANT
 from erc_contact.model.model import Model
-from erc_contact.scene.law import Coulomb
 from erc_contact.scene.material import mandel_basis, strain
 
 FACET_DEGREE = 4
@@ -84,8 +84,8 @@ class TrueErrors:
         return np.hypot(self.displacement, self.stress)
 
 
-def nested(domain: ec.Domain, levels: int) -> ec.Domain:
-    """The mesh cut at the barycentres of its cells and refined uniformly; cell tags tell the cell they came from."""
+def nested(domain: ec.Domain, levels: int) -> tuple[ec.Domain, np.ndarray]:
+    """The mesh cut at the barycentres of its cells and refined uniformly, and the old cell of each of its cells."""
     mesh, d = domain.mesh, domain.dim
     x, cells = mesh.geometry.x[:, :d], mesh.geometry.dofmaps[0]
     points = np.vstack([x, x[cells].mean(axis=1)])
@@ -104,22 +104,23 @@ def nested(domain: ec.Domain, levels: int) -> ec.Domain:
     result = ec.Domain(fine, facet_tags, domain.names, cell_tags)
     for _ in range(levels):
         result = result.refined()
-    return result
+    assert result.cell_tags is not None
+    return result, result.cell_tags.values
 
 
 def reference(solution: ec.Solution, levels: int, **options: Any) -> Reference:
     """The solution on the nested mesh, ``levels`` uniform refinements finer than the cut one."""
-    fine = nested(solution.domain, levels)
+    fine, origin = nested(solution.domain, levels)
     degree = solution.model.degree
     found = ec.solve(solution.scene, fine, ec.AugmentedLagrangian(), degree=degree, start=solution, **options)
-    return Reference(found.model, fine.cell_tags.values, found.u, found)
+    return Reference(found.model, origin, found.u, found)
 
 
 def known(solution: ec.Solution, u: Any) -> Reference:
     """A known displacement, a callable of x, to be integrated on the cut mesh."""
-    fine = nested(solution.domain, 0)
+    fine, origin = nested(solution.domain, 0)
     model = Model(solution.scene, fine, solution.model.degree)
-    return Reference(model, fine.cell_tags.values, u(model.x))
+    return Reference(model, origin, u(model.x))
 
 
 def true_errors(pair: Admissible, exact: Reference) -> TrueErrors:
@@ -186,7 +187,7 @@ def _third_term(pair: Admissible, exact: Reference, hat: fem.Function) -> float:
     total, model = 0.0, exact.model
     points, weights = rule(model.d - 1, FACET_DEGREE)
     for which, contact in enumerate(model.contacts):
-        if not isinstance(contact.law, Coulomb):
+        if contact.friction is None or contact.friction.dependence == CONSTANT:
             continue
         assert exact.solution is not None, "a known solution with Coulomb friction"
         n, facets = contact.direction[:, None, :], contact.facets

@@ -26,7 +26,8 @@ from processes import environment, output, started
 from scenes import block, prototype_block, random_scene
 
 import erc_contact as ec
-from erc_contact.mesh.tables import NO_TAG, CellRows, described, geometry_of, tag_tables
+from erc_contact.mesh.tables import CellRows, described, geometry_of, tag_tables
+from erc_contact.mesh.tags import NO_TAG
 from erc_contact.output.paraview import write_fields
 from erc_contact.run import levels
 from erc_contact.run.fingerprint import fingerprint

@@ -100,6 +100,19 @@ def partitioner(comm: MPI.Comm) -> Any:
     return vertex_patch_partitioner if comm.size > 1 else None
 
 
+def distributed(comm: MPI.Comm, cells: np.ndarray, x: np.ndarray) -> dmesh.Mesh:
+    """A mesh of simplices shared by the ranks with complete vertex patches; collective.
+
+    Args:
+        comm: Communicator.
+        cells: Numbers of the vertices of cells of this rank, in the order of all ranks' points, shape (m, d+1).
+        x: Points of this rank [length], shape (n, d).
+    """
+    d = x.shape[1]
+    element = basix.ufl.element("Lagrange", ("triangle", "tetrahedron")[d - 2], 1, shape=(d,))
+    return dmesh.create_mesh(comm, cells, ufl.Mesh(element), x, partitioner(comm))
+
+
 def patches_complete(mesh: dmesh.Mesh) -> bool:
     """Whether every rank holds all cells around each vertex of its own cells; collective."""
     tdim = mesh.topology.dim
@@ -131,8 +144,7 @@ def redistributed(mesh: dmesh.Mesh, *every: dmesh.MeshTags | None) -> tuple[dmes
     x = mesh.geometry.x[: nodes.size_local, : mesh.geometry.dim]
     owned = mesh.topology.index_map(tdim).size_local
     cells = nodes.local_to_global(mesh.geometry.dofmaps[0][:owned].ravel()).reshape(owned, tdim + 1)
-    element = basix.ufl.element("Lagrange", mesh.basix_cell(), 1, shape=(mesh.geometry.dim,))
-    new = dmesh.create_mesh(mesh.comm, cells, ufl.Mesh(element), x, partitioner(mesh.comm))
+    new = distributed(mesh.comm, cells, x)
 
     def moved(tags: dmesh.MeshTags | None) -> Any:
         if tags is None:

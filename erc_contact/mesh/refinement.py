@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from dolfinx import mesh as dmesh
 
+from erc_contact.mesh.tags import tag_table, tags_of
+
 
 @dataclass(frozen=True, eq=False)
 class Refinement:
@@ -33,8 +35,7 @@ class Refinement:
         of_cells = tags.dim == self.mesh.topology.dim
         parents = self.parent_cell if of_cells else self.parent_facet
         children = np.arange(len(parents)) if of_cells else self.facets
-        values = _dense(tags, self.old)[parents]
-        return _tags(self.mesh, tags.dim, children[values >= 0], values[values >= 0])
+        return tags_of(self.mesh, tags.dim, children, tag_table(tags)[parents])
 
 
 def refine(mesh: dmesh.Mesh, cells: np.ndarray) -> Refinement:
@@ -79,20 +80,6 @@ def refine(mesh: dmesh.Mesh, cells: np.ndarray) -> Refinement:
     old = mesh.topology.connectivity(tdim, tdim - 1).array.reshape(-1, tdim + 1)
     new = fine.topology.connectivity(tdim, tdim - 1).array.reshape(-1, tdim + 1)
     return Refinement(mesh, fine, parent_cell, new[child, local], old[parent_cell[child], parent_facet[child, local]])
-
-
-def _tags(mesh: dmesh.Mesh, dim: int, entities: np.ndarray, values: np.ndarray) -> dmesh.MeshTags:
-    """Mesh tags from unsorted entities."""
-    entities, first = np.unique(entities, return_index=True)
-    return dmesh.meshtags(mesh, dim, entities.astype(np.int32), values[first].astype(np.int32))
-
-
-def _dense(tags: dmesh.MeshTags, mesh: dmesh.Mesh) -> np.ndarray:
-    """The tag of each local entity, -1 where there is none."""
-    index_map = mesh.topology.index_map(tags.dim)
-    dense = np.full(index_map.size_local + index_map.num_ghosts, -1, dtype=np.int32)
-    dense[tags.indices] = tags.values
-    return dense
 
 
 def _parent_ends(mesh: dmesh.Mesh, fine: dmesh.Mesh, parent_cell: np.ndarray, x: np.ndarray) -> np.ndarray:

@@ -22,6 +22,7 @@ from mpi4py import MPI
 from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.gmsh_model import session
 from erc_contact.mesh.remeshing import meshed
+from erc_contact.mesh.simplex import in_space
 
 SIDES = {
     2: (("left", "right"), ("bottom", "top")),
@@ -175,7 +176,7 @@ def _nearest(model: Any, tags: Mapping[int, int], x: np.ndarray, marks: np.ndarr
         if pair[1] >= 0:
             below = [set(map(int, model.getAdjacencies(d - 1, tags[m])[1])) for m in pair]
             places = [(d - 2, tag) for tag in below[0] & below[1]]
-        flat = np.pad(x[here], ((0, 0), (0, 3 - d))).ravel()
+        flat = in_space(x[here]).ravel()
         found = np.array([np.reshape(model.getClosestPoint(*place, flat)[0], (-1, 3))[:, :d] for place in places])
         if len(found):
             best = np.linalg.norm(found - x[here], axis=2).argmin(axis=0)

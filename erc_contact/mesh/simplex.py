@@ -27,6 +27,11 @@ def facet_vertices(d: int) -> np.ndarray:
     return np.array([[j for j in range(d + 1) if j != i] for i in range(d + 1)])
 
 
+def in_space(x: np.ndarray) -> np.ndarray:
+    """Points or vectors (n, d) with three components, as gmsh, DOLFINx and VTK want them, shape (n, 3)."""
+    return np.pad(x, ((0, 0), (0, 3 - x.shape[1])))
+
+
 def barycentric(points: np.ndarray) -> np.ndarray:
     """Barycentric coordinates of reference points, shape (q, d) -> (q, d+1)."""
     return np.column_stack([1 - points.sum(axis=1), points])

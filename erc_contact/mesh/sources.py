@@ -26,6 +26,7 @@ from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.gmsh_model import as_input_error, marked_facets, renumber, session
 from erc_contact.mesh.partition import partitioner
 from erc_contact.mesh.shape import Brick, Drawing, drawing_of
+from erc_contact.mesh.tags import tags_of
 
 
 def rectangle(
@@ -118,8 +119,7 @@ def _brick(
         found = dmesh.locate_entities(mesh, dim - 1, lambda x, a=axis, v=at, t=near: abs(x[a] - v) < t)
         facets.append(found)
         values.append(np.full(len(found), number, dtype=np.int32))
-    order = np.argsort(np.concatenate(facets))
-    tags = dmesh.meshtags(mesh, dim - 1, np.concatenate(facets)[order], np.concatenate(values)[order])
+    tags = tags_of(mesh, dim - 1, np.concatenate(facets), np.concatenate(values))
     return brick.exact(Domain(mesh, tags, names, geometry=brick))
 
 

@@ -13,20 +13,16 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
-import basix.ufl
 import numpy as np
-import ufl
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.mesh.domain import Domain, Geometry
-from erc_contact.mesh.partition import partitioner
+from erc_contact.mesh.partition import distributed
 from erc_contact.mesh.shape import Brick, Drawing
 from erc_contact.mesh.simplex import node_between, node_vertices
-
-NO_TAG = -1
-"""Stands in a table where a cell or facet has no tag."""
+from erc_contact.mesh.tags import tag_table, tags_of
 
 
 def tag_tables(domain: Domain) -> dict[str, np.ndarray]:
@@ -35,14 +31,7 @@ def tag_tables(domain: Domain) -> dict[str, np.ndarray]:
     facets = topology.connectivity(d, d - 1).array.reshape(-1, d + 1)[:owned]
     every = {"facets": (domain.facet_tags, facets), "curved": (domain.curved_facets, facets)}
     every["regions"] = (domain.cell_tags, np.arange(owned))
-    return {name: _dense(tags, topology)[of] for name, (tags, of) in every.items() if tags is not None}
-
-
-def _dense(tags: dmesh.MeshTags, topology: Any) -> np.ndarray:
-    index_map = topology.index_map(tags.dim)
-    dense = np.full(index_map.size_local + index_map.num_ghosts, NO_TAG, dtype=np.int32)
-    dense[tags.indices] = tags.values
-    return dense
+    return {name: tag_table(tags)[of] for name, (tags, of) in every.items() if tags is not None}
 
 
 def described(geometry: Geometry | None) -> dict[str, Any] | None:
@@ -89,9 +78,7 @@ class CellRows:
         if points is not None and cells is not None:
             used, vertices = np.unique(cells[:, : d + 1], return_inverse=True)
             vertices, x = vertices.reshape(-1, d + 1).astype(np.int64), points[used, :d]
-        kind = ("triangle", "tetrahedron")[d - 2]
-        element = basix.ufl.element("Lagrange", kind, 1, shape=(d,))
-        self.mesh = dmesh.create_mesh(comm, vertices, ufl.Mesh(element), np.ascontiguousarray(x), partitioner(comm))
+        self.mesh = distributed(comm, vertices, np.ascontiguousarray(x))
         self._wanted = comm.gather(self.mesh.topology.original_cell_index)
         number = self.mesh.geometry.input_global_indices[self.mesh.geometry.dofmaps[0]]
         self.order = np.argmax(self.of_cells(vertices)[:, None, :] == number[:, :, None], axis=2)
@@ -114,7 +101,7 @@ class CellRows:
     def cell_tags(self, table: np.ndarray | None) -> dmesh.MeshTags:
         """Tags of cells from a table of tags."""
         values = self.of_cells(table)
-        return self._tags(self.d, np.arange(len(values)), values)
+        return tags_of(self.mesh, self.d, np.arange(len(values)), values)
 
     def facet_tags(self, table: np.ndarray | None) -> dmesh.MeshTags:
         """Tags of facets from a table of tags."""
@@ -123,9 +110,4 @@ class CellRows:
         topology.create_connectivity(self.d, self.d - 1)
         topology.create_connectivity(self.d - 1, self.d)
         facets = topology.connectivity(self.d, self.d - 1).array.reshape(-1, self.d + 1)
-        return self._tags(self.d - 1, facets, self.of_facets(table))
-
-    def _tags(self, dim: int, entities: np.ndarray, values: np.ndarray) -> dmesh.MeshTags:
-        tagged = values != NO_TAG
-        entities, first = np.unique(entities[tagged], return_index=True)
-        return dmesh.meshtags(self.mesh, dim, entities.astype(np.int32), values[tagged][first].astype(np.int32))
+        return tags_of(self.mesh, self.d - 1, facets, self.of_facets(table))

@@ -18,7 +18,7 @@ import ufl
 from dolfinx import fem, la
 from mpi4py import MPI
 
-from erc_contact.mesh.simplex import lagrange, rule
+from erc_contact.mesh.simplex import in_space, lagrange, rule
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.model import Model
@@ -44,7 +44,7 @@ class Force:
 def total_force(model: Model, nodes: np.ndarray, forces: np.ndarray) -> Force:
     """Resultant and moment of forces (n, d) [force] at nodes (n,), summed over all ranks; collective."""
     x = model.V.tabulate_dof_coordinates()[nodes]
-    f = np.pad(forces, ((0, 0), (0, 3 - model.d)))
+    f = in_space(forces)
     moment = np.cross(x, f).sum(axis=0)
     local = np.concatenate([forces.sum(axis=0), moment[[2]] if model.d == 2 else moment])
     total = model.comm.allreduce(local, MPI.SUM)

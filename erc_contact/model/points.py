@@ -13,6 +13,7 @@ from dolfinx import fem, geometry
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
+from erc_contact.mesh.simplex import in_space
 from erc_contact.model.model import Model
 from erc_contact.scene.material import mandel_basis, strain
 
@@ -54,11 +55,6 @@ def at_points(model: Model, points: Any, values: Callable[[np.ndarray, np.ndarra
             f"{tuple(map(float, x[outside[0]]))}; give points of the body (facets cut off a little of a curved one)."
         )
     return total / count
-
-
-def in_space(x: np.ndarray) -> np.ndarray:
-    """Points or vectors (n, d) with three components, as DOLFINx and VTK want them, shape (n, 3)."""
-    return np.pad(x, ((0, 0), (0, 3 - x.shape[1])))
 
 
 def elastic_stress_at(model: Model, u: fem.Function, cell: np.ndarray, x: np.ndarray) -> np.ndarray:

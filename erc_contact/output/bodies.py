@@ -14,8 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from erc_contact.mesh.simplex import edges, lagrange, node_between, node_vertices
-from erc_contact.model.points import in_space
+from erc_contact.mesh.simplex import edges, in_space, lagrange, node_between, node_vertices
 from erc_contact.output.drawing import tangents
 from erc_contact.output.files import degree_of, grid_of, subdivided
 from erc_contact.output.gathered import Surface, mean_normal

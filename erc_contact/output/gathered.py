@@ -13,9 +13,8 @@ import numpy as np
 from erc_contact.admissible.pair import Admissible
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.mesh.domain import Domain
-from erc_contact.mesh.simplex import node_between, node_vertices
+from erc_contact.mesh.simplex import in_space, node_between, node_vertices
 from erc_contact.model.model import Model
-from erc_contact.model.points import in_space
 from erc_contact.output.files import degree_of, gathered
 
 AXIS = 1e-6

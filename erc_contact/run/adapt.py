@@ -57,7 +57,7 @@ def adapt(
         strategy: How the next mesh is made; ``Mark()`` by default, which needs no geometry but the mesh.
         degree: Degree of the displacement, 1 or 2.
         stop: "converged" ends Newton at round-off; "certified" as soon as the rest is at most a tenth of the error of
-            the mesh (:data:`SHARE`): it is part of e, which bounds the error of any state.
+            the mesh: it is part of e, which bounds the error of any state.
         solver: "direct", "iterative" or "auto", as in :func:`solve`.
         tighten: Iterations that tighten the admissible stress, as in :func:`equilibrate`.
         max_cells: The run ends before a mesh of more cells is solved.
@@ -94,8 +94,16 @@ def adapt(
         raise InputError(f"strategy is {strategy!r}; give an object, e.g. Mark(), SizeMap(), Uniform().")
     if callback is not None and not callable(callback):
         raise InputError(f"callback is {callback!r}; give a function of (error, step), or None.")
-    limits = max_cells, max_steps
-    plan = Plan(scene, accuracy, method, strategy, degree, stop, solver, tighten, *limits, callback)
+    plan = Plan(
+        *(scene, accuracy, method, strategy),
+        degree=degree,
+        stop=stop,
+        solver=solver,
+        tighten=tighten,
+        max_cells=max_cells,
+        max_steps=max_steps,
+        callback=callback,
+    )
     kept = None
     if checkpoint is not None:
         if not isinstance(checkpoint, str | Path):

@@ -6,7 +6,6 @@ import logging
 from collections.abc import Callable
 from dataclasses import dataclass
 from time import perf_counter
-from typing import Any
 
 import numpy as np
 from mpi4py import MPI
@@ -131,8 +130,10 @@ class Loop:
         plan, allowed = self.plan, None
         if plan.stop == "certified" and last is not None:
             allowed = SHARE * last.absolute / 2**plan.degree
-        wanted: dict[str, Any] = {"degree": plan.degree, "tolerance": allowed, "solver": plan.solver}
-        solution = solve(plan.scene, domain, plan.method, start=last.solution if last else None, **wanted)
+        start = last.solution if last else None
+        solution = solve(
+            *(plan.scene, domain, plan.method), degree=plan.degree, start=start, tolerance=allowed, solver=plan.solver
+        )
         interrupts.check()
         admissible = equilibrate(solution, tighten=plan.tighten)
         interrupts.check()
