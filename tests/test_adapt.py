@@ -20,6 +20,7 @@ from processes import output, started
 from scenes import block, common_block, prototype_block
 
 import erc_contact as ec
+from erc_contact.base.interrupts import Interrupts
 from erc_contact.base.percent import percent
 
 CORNER = 0.7112
@@ -263,6 +264,24 @@ def test_interrupt_before_there_is_anything_to_keep_is_raised():
     with pytest.raises(KeyboardInterrupt):
         ec.adapt(scene, ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(2, 2)), accuracy=1e-3)
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+@pytest.mark.parametrize("stage", ["direct", "iterative", "tightening"])
+def test_long_stages_end_within_an_iteration(stage):
+    """One rank gets the signal, and no stage goes on to its end on any; outside of a run nothing is asked."""
+    comm, domain = MPI.COMM_WORLD, block(4)
+    solver = "iterative" if stage == "iterative" else "direct"
+    solution = ec.solve(common_block(), domain, solver=solver)
+
+    def work():
+        return ec.equilibrate(solution) if stage == "tightening" else ec.solve(common_block(), domain, solver=solver)
+
+    with Interrupts(comm):
+        if comm.rank == comm.size - 1:
+            os.kill(os.getpid(), signal.SIGINT)
+        with pytest.raises(KeyboardInterrupt):
+            work()
+    work()
 
 
 def test_history_rows_and_csv(shared_tmp_path):

@@ -1,14 +1,16 @@
-"""Ctrl-C and SIGTERM during a run: put off until the stage that is under way has ended, on all ranks together.
+"""Ctrl-C and SIGTERM during a run: put off until a place is reached that all ranks share, the end of a stage at most.
 
-An exception in the middle of a stage would leave a half-written form in the compiler's cache, and under MPI it would
-come at another place of every rank, or on one rank only, and the others would wait for it for ever. Batch systems send
-SIGTERM some time before they end a process.
+An exception in the middle of anything would leave a half-written form in the compiler's cache, and under MPI it would
+come at another place of every rank, or on one rank only, and the others would wait for it for ever. So stages that may
+take long ask themselves, once in an iteration (:func:`check_interrupts`). Batch systems send SIGTERM some time before
+they end a process.
 """
 
 from __future__ import annotations
 
 import signal
 import threading
+from contextvars import ContextVar
 from time import monotonic
 from types import FrameType, TracebackType
 from typing import Any
@@ -21,6 +23,15 @@ SAME = 1.0
 """Signals within this time are one Ctrl-C: a terminal and mpiexec may both send it [s]."""
 USUAL: dict[int, Any] = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL}
 """The signals, and what handles them where nobody has asked for anything else."""
+_running: ContextVar[tuple[Interrupts, ...]] = ContextVar("_running", default=())
+"""The runs that are under way, the innermost last."""
+
+
+def check_interrupts(comm: MPI.Comm) -> None:
+    """Raise KeyboardInterrupt on all ranks if the run that is under way on them was interrupted; collective."""
+    for run in _running.get():
+        if MPI.Comm.Compare(comm, run.comm) in (MPI.IDENT, MPI.CONGRUENT):
+            run.check()
 
 
 class Interrupts:
@@ -43,9 +54,11 @@ class Interrupts:
             self.ours = [number for number, usual in USUAL.items() if signal.getsignal(number) == usual]
         for number in self.ours:
             signal.signal(number, self._note)
+        self._token = _running.set((*_running.get(), self))
         return self
 
     def __exit__(self, *_: type[BaseException] | BaseException | TracebackType | None) -> None:
+        _running.reset(self._token)
         for number in self.ours:
             signal.signal(number, USUAL[number])
 
@@ -68,7 +81,9 @@ class Interrupts:
         now = monotonic()
         if self.first is None:
             self.first = now
-            log_of(self.comm).warning("Interrupted: the run ends with this stage. The signal again ends it at once.")
+            log_of(self.comm).warning(
+                "Interrupted: the run will end with what it has. The signal again ends it at once."
+            )
         elif now - self.first > SAME:
             signal.signal(number, USUAL[number])
             signal.raise_signal(number)

@@ -13,6 +13,8 @@ import numpy as np
 from dolfinx import fem
 from petsc4py import PETSc
 
+from erc_contact.base.interrupts import check_interrupts
+
 PREFIX = "erc_contact_"
 """Prefix of PETSc options, as in ``-erc_contact_snes_monitor``; they override our settings."""
 STEPS = 100
@@ -139,6 +141,7 @@ class _StoppingTest:
         if not np.isfinite(norm):
             return reasons.DIVERGED_FUNCTION_NANORINF
         x, atol = snes.getSolution(), snes.getTolerances()[1]
+        check_interrupts(x.comm.tompi4py())
         if norm <= max(atol, self.problem.round_off(x)):
             self.reason = "converged to round-off"
             return reasons.CONVERGED_ITS

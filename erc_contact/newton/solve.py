@@ -20,6 +20,7 @@ from mpi4py import MPI
 
 from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError, NotConverged, raise_together
+from erc_contact.base.interrupts import check_interrupts
 from erc_contact.base.logs import log_of
 from erc_contact.mesh.domain import Domain
 from erc_contact.model.model import Model
@@ -190,6 +191,7 @@ class _ContactSolve:
         for attempt in attempts(self.method, states, **kind):
             if attempt.start not in states:
                 continue
+            check_interrupts(self.model.comm)
             outcome, state, found = self.solver.attempt(attempt, states[attempt.start], self.tolerance)
             self.steps += outcome.steps
             self.tried.append(f"{attempt}: {outcome}")

@@ -20,6 +20,7 @@ from erc_contact.admissible.tighten.blocks import Blocks
 from erc_contact.admissible.tighten.complementary import ComplementaryEnergy
 from erc_contact.admissible.tighten.patches import Patches
 from erc_contact.admissible.tighten.tables import hierarchical
+from erc_contact.base.interrupts import check_interrupts
 from erc_contact.model.space import Space
 
 TIGHTEN = 10
@@ -74,6 +75,7 @@ def tightened(
     x = moment if m == d else np.zeros_like(r)  # linear moments are their own hierarchical ones
     p, rz, done = np.zeros_like(r), 1.0, 0
     while done < iterations:
+        check_interrupts(comm)
         z = precondition(r)
         new = shared.dot(r, z)
         if not new > np.finfo(float).eps ** 2 * square:  # at the minimum, or nothing is free
