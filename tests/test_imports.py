@@ -17,7 +17,7 @@ import pytest
 import erc_contact as ec
 
 PACKAGE = Path(ec.__file__).parent
-ORDER = ["base", "scene", "mesh", "model", "newton", "admissible", "results", "error", "output", "run", ""]
+ORDER = ["base", "scene", "mesh", "model", "newton", "admissible", "results", "error", "output", "run", "__main__", ""]
 """The way of the data; the last one is the package itself."""
 FLOORS = 17
 """Modules in the longest chain of imports."""

@@ -12,12 +12,10 @@ import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import fields, is_dataclass
 from functools import partial
-from importlib import metadata
 from numbers import Integral, Real
 from typing import Any
 
 import basix.ufl
-import dolfinx
 import numpy as np
 import ufl
 from dolfinx import fem
@@ -26,6 +24,7 @@ from ufl.algorithms.analysis import extract_coefficients, extract_constants
 from ufl.algorithms.signature import compute_expression_signature
 from ufl.domain import extract_domains, extract_unique_domain
 
+from erc_contact.base.versions import versions
 from erc_contact.mesh.domain import Domain
 from erc_contact.model.users import vector
 from erc_contact.model.values import parameter
@@ -67,7 +66,8 @@ def fingerprint(scene: Scene, domain: Domain, numbers: Mapping[str, Any]) -> Fin
             entries += _formulas(f"contacts[{number}]: its friction law", contact.law, x, domain.dim)
     for name, value in numbers.items():
         entries += _of_object(name, value, x)
-    return mesh | dict(entries) | {"version of DOLFINx": dolfinx.__version__, "version of erc_contact": _version()}
+    made_by = versions()
+    return mesh | dict(entries) | {f"version of {name}": made_by[name] for name in ("DOLFINx", "erc_contact")}
 
 
 def differences(given: Fingerprint, kept: Fingerprint) -> list[str]:
@@ -165,10 +165,3 @@ def _in_ufl(make: Callable[[], Any]) -> str:
         return ""
     told = str(expression)
     return f"{told if len(told) <= SHORT and not COUNTED.search(told) else 'UFL'} [{signature[:16]}]"
-
-
-def _version() -> str:
-    try:
-        return metadata.version("erc-contact")
-    except metadata.PackageNotFoundError:  # a checkout on the path
-        return "unknown"

@@ -1,0 +1,26 @@
+"""``python -m erc_contact``: it tells what is installed, and its check passes here and can fail."""
+
+from importlib import metadata
+
+import dolfinx
+from mpi4py import MPI
+
+from erc_contact import __main__ as command
+
+
+def test_tells_versions_and_passes(capsys):
+    assert command.main() == 0
+    told = capsys.readouterr().out
+    if MPI.COMM_WORLD.rank == 0:
+        assert f"DOLFINx     {dolfinx.__version__}" in told
+        assert metadata.version("numpy") in told
+        assert "Self-check passed" in told
+    else:
+        assert not told
+
+
+def test_a_property_that_fails_is_told(capsys, monkeypatch):
+    monkeypatch.setattr(command, "BALANCE", 0.0)
+    assert command.main() == 1
+    if MPI.COMM_WORLD.rank == 0:
+        assert "FAILED: the forces are in balance" in capsys.readouterr().out
