@@ -60,8 +60,8 @@ class TrueErrors:
     Attributes:
         displacement: |u - u^| of each cell [sqrt(force length)].
         stress: |sigma - sigma^| of each cell.
-        friction: The third term, ``2 int (b - b^)(|u_t| - |u^_t|)`` over contacts whose bound depends on the pressure
-            [force length]; 0 without.
+        friction: The third term, ``2 int (b - b^)(|u_t - s| - |u^_t - s|)`` over contacts whose bound depends on the
+            pressure [force length]; 0 without.
     """
 
     displacement: np.ndarray
@@ -189,7 +189,7 @@ def _third_term(pair: Admissible, exact: Reference, hat: fem.Function) -> float:
     for which, contact in enumerate(model.contacts):
         if contact.friction is None or contact.friction.dependence == CONSTANT:
             continue
-        assert exact.solution is not None, "a known solution with Coulomb friction"
+        assert exact.solution is not None, "a known solution whose friction depends on the pressure"
         n, facets = contact.direction[:, None, :], contact.facets
         r = evaluate(exact.solution.traction(contact), model.mesh, points, facets)
         x = evaluate(model.x, model.mesh, points, facets)
@@ -198,7 +198,7 @@ def _third_term(pair: Admissible, exact: Reference, hat: fem.Function) -> float:
         bound = bound - bound_at(pair, which, exact.parent[facets[:, 0]], x)
         slips = []
         for u in (exact.u, hat):
-            w = evaluate(u, model.mesh, points, facets)
+            w = evaluate(contact.since(u), model.mesh, points, facets)
             slips.append(np.linalg.norm(w - (w * n).sum(axis=-1, keepdims=True) * n, axis=-1))
         total += 2 * float(model.facet_areas(facets) @ ((bound * (slips[0] - slips[1])) @ weights))
     return total

@@ -7,13 +7,14 @@ from dataclasses import dataclass
 import basix.ufl
 import numpy as np
 import ufl
-from dolfinx import geometry
+from dolfinx import fem, geometry
 from dolfinx import mesh as dmesh
 
 import erc_contact as ec
 from erc_contact.admissible.cells import cell_geometry
 from erc_contact.admissible.elastic import moduli, strains
 from erc_contact.admissible.pair import Admissible
+from erc_contact.admissible.traction import ContactTraction
 from erc_contact.mesh.simplex import barycentric, bernstein, lagrange, rule
 
 
@@ -114,7 +115,11 @@ def _sigma(pair: Admissible, parent: np.ndarray, local: np.ndarray) -> np.ndarra
 
 
 def _third_term(pair: Admissible, fine: ec.Solution) -> float:
-    """``2 int (b - b^)(|w_t| - |w^_t|)`` over the contacts, by the fine facets' middles (2D)."""
+    """``2 int (b - b^)(|w_t - s| - |w^_t - s|)`` over the contacts, by the fine facets' middles (2D)."""
+
+    def since(solution: ec.Solution, u: fem.Function, traction: ContactTraction) -> np.ndarray:
+        return u.x.array.reshape(-1, 2)[traction.nodes] - solution.model.slip_before(traction.contact)
+
     total, middle = 0.0, np.array([[0.5]])
     reference = ec.equilibrate(fine, tighten=0)
     for coarse, exact in zip(pair.tractions, reference.tractions, strict=True):
@@ -122,7 +127,7 @@ def _third_term(pair: Admissible, fine: ec.Solution) -> float:
             continue
         n = exact.contact.direction[0]
         x = fine.model.V.tabulate_dof_coordinates()[:, :2][exact.nodes].mean(axis=1)
-        w = (lagrange(1, fine.model.degree, middle) @ fine.u.x.array.reshape(-1, 2)[exact.nodes])[:, 0]
+        w = (lagrange(1, fine.model.degree, middle) @ since(fine, fine.u, exact))[:, 0]
         ends = pair.solution.model.V.tabulate_dof_coordinates()[:, :2][coarse.nodes]
         along = np.array([-n[1], n[0]])
         s, low = x @ along, (ends @ along)
@@ -130,7 +135,7 @@ def _third_term(pair: Admissible, fine: ec.Solution) -> float:
         facet = inside.argmax(axis=1)
         t = (s - low[facet, 0]) / (low[facet, 1] - low[facet, 0])
         k = pair.cell_geometry.degree
-        nodal = pair.displacement.x.array.reshape(-1, 2)[coarse.nodes[facet]]
+        nodal = since(pair.solution, pair.displacement, coarse)[facet]
         hat_w = np.einsum("fm,fmi->fi", lagrange(1, k, t[:, None]), nodal)
         hat_bound = np.einsum("fm,fm->f", bernstein(1, k, t[:, None]), coarse.friction_bound[facet])
         slip = abs(w @ along) - abs(hat_w @ along)

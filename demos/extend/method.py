@@ -37,7 +37,8 @@ class Penalty:
     def traction(self, model, contact, u, multiplier=None):
         """The contact traction on the body [force/area]."""
         gamma = model.stiffness_per_area(fem.Constant(model.mesh, self.gamma))  # a Constant: one form for all gammas
-        beyond = u if contact.gap is None else u - contact.gap * contact.normal
+        w = contact.since(u)  # in a history friction acts on what has changed since the last step
+        beyond = w if contact.gap is None else w - contact.gap * contact.normal
         return contact.project(-gamma * beyond)
 
     projected = traction

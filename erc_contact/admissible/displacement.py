@@ -6,8 +6,8 @@ below the gap at samples of the facet. There are more samples where the gap is l
 (:mod:`erc_contact.mesh.quadrature`). An asperity is found if it changes the gap at one of the first samples, 72 on a
 facet in 2D and 352 in 3D.
 
-Symbols: n normal of the foundation, r^ admissible contact traction, g gap, u^ displacement, m number of coefficients of
-a facet, which belong to its nodes.
+Symbols: n normal of the foundation, r^ admissible contact traction, g gap, u^ displacement, s tangential displacement
+at the end of the last step of a history (zero without), m number of coefficients of a facet, which belong to its nodes.
 """
 
 from __future__ import annotations
@@ -50,9 +50,9 @@ class _Limits:
 def admissible_displacement(model: Model, u: fem.Function, tractions: list[ContactTraction]) -> fem.Function:
     """u^: the displacement u limited by the gap, and set to the status of r^ where this lowers the error; collective.
 
-    The contact part of e^2 is of first order in ``g - u_n`` where r^_n < 0, and in u_t where r^_t is inside the cone
-    or does not oppose u_t. The bulk part is of second order in a change of u^. So a node is set to ``u_n = g``, or to
-    ``u_t = 0``, if this lowers the contact part by more than it may raise the bulk part. The contact part changes by
+    The contact part of e^2 is of first order in ``g - u_n`` where r^_n < 0, and in ``u_t - s`` where r^_t is inside the
+    cone or does not oppose it. The bulk part is of second order in a change of u^. So a node is set to ``u_n = g``, or
+    to ``u_t = s``, if this lowers the contact part by more than it may raise the bulk part. The contact part changes by
     ``2 sum |F|/m (...)`` over the facets of the node, the bulk part by about ``E h^(d-2)`` times the square of the
     change. (If r^ had to be strictly inside the cone on all facets of a node instead, nodes at the stick-slip
     transition would slip along the traction.)
@@ -74,13 +74,14 @@ def admissible_displacement(model: Model, u: fem.Function, tractions: list[Conta
         stiffness = _nodal_stiffness(model, t)[limit.nodes]
         closing = _sum(limit, -weight * t.normal_component)
         friction = _sum(limit, weight * t.friction_bound)
+        before = _slip_before(model, t, limit)
         shear = np.column_stack([_sum(limit, weight * t.tangential_part[..., i]) for i in range(model.d)])
         for group in limit.groups:
             nodes, n = limit.nodes[group], limit.normal[group]
             open_by = limit.bound[group] - (values[nodes] * n).sum(axis=1)
             snaps = closing[group] * open_by > stiffness[group] * open_by**2
             _move_normal(values, mobile, limit, group[snaps | t.contact.bilateral])
-            _, slip, size = split(values[nodes], n)
+            _, slip, size = split(values[nodes] - before[group], n)
             gain = friction[group] * size + (shear[group] * slip).sum(axis=1)
             sticks = gain > stiffness[group] * size**2
             values[nodes[sticks]] -= (mobile[nodes] * slip)[sticks]
@@ -110,6 +111,14 @@ def _move_normal(values: np.ndarray, mobile: np.ndarray, limit: _Limits, which: 
     reach = (along * n).sum(axis=1)
     missing = limit.bound[which] - (values[nodes] * n).sum(axis=1)
     values[nodes] += np.divide(missing, reach, out=np.zeros_like(reach), where=reach > 1e-12)[:, None] * along
+
+
+def _slip_before(model: Model, traction: ContactTraction, limit: _Limits) -> np.ndarray:
+    """The tangential displacement of the last step as coefficients, for each limit [length], shape (c, d)."""
+    of_facets = np.matmul(coefficients(model.d - 1, model.degree), model.slip_before(traction.contact))
+    before = np.zeros(limit.normal.shape)
+    before[limit.of_facet] = of_facets
+    return before
 
 
 def _sum(limit: _Limits, of_facets: np.ndarray) -> np.ndarray:

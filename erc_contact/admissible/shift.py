@@ -1,8 +1,8 @@
 """Shifts of contact tractions in the direction that lowers the contact part of the error.
 
-Symbols: n normal of the foundation, w displacement, g gap, r contact traction on the body; index n normal component,
-index t tangential part; b friction bound, mu its slope, E modulus, h size of a facet, f facets, m number of
-coefficients of a facet, d dimension.
+Symbols: n normal of the foundation, w displacement, tangentially since the last step of a history, g gap, r contact
+traction on the body; index n normal component, index t tangential part; b friction bound, mu its slope, E modulus, h
+size of a facet, f facets, m number of coefficients of a facet, d dimension.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ def shift_by_slip(model: Model, contact: BoundContact, u: np.ndarray, area: np.n
     Args:
         model: The scene on a mesh.
         contact: The contact.
-        u: Displacements at the nodes of its facets [length], shape (f, m, d).
+        u: Displacements at the nodes of its facets, tangentially since the last step [length], shape (f, m, d).
         area: Areas of its facets [length^(d-1)], shape (f,).
     """
     n, d, k = contact.direction[:, None, :], model.d, model.degree

@@ -1,6 +1,6 @@
 """Certified bounds on single numbers: the resultant of a contact traction, the energy, the work of the loads.
 
-The error of an admissible pair bounds the distance to both of its fields (no friction, or a given bound b = s):
+The error of an admissible pair bounds the distance to both of its fields (no friction, or a given bound b):
 
     |sigma - sigma^|^2 + |sigma - C eps(u^)|^2 <= e^2,  so with the middle  sigma_m = (sigma^ + C eps(u^))/2
     |sigma - sigma_m|^2 <= rho^2 = e^2/2 - bulk^2/4                                                     (a)
@@ -36,7 +36,9 @@ loads.
 Nothing is guaranteed for a curved body whose flat facets change the energy; an estimate of this change is then added to
 e^2. If a body is known only as a mesh, the bounds are those of the body with flat facets.
 
-Symbols: V continuous P_k displacements, J(v) = a(v, v)/2 - f(v) - F(v) + int s |v_t|.
+Symbols: V continuous P_k displacements, J(v) = a(v, v)/2 - f(v) - F(v) + int b |v_t - s|
+with the given friction bound b; s is the tangential displacement at the end of the last step of a history, which is
+zero without history.
 
 Source: Prager, Synge, Quart. Appl. Math. 5 (1947), for (a) without contact; Coorevits, Hild, Hjiaj, (16), for e.
 """

@@ -1,13 +1,15 @@
 """The error in the constitutive relation of an admissible pair: global, in parts, and per element.
 
-    e^2 = |sigma^ - C eps(u^)|^2 + 2 int_GammaC ( b(p^) |w_t| + r^_t.w_t + r^_n (w_n - g) ),  p^ = -r^_n   (16)
+    e^2 = |sigma^ - C eps(u^)|^2
+          + 2 int_GammaC ( b(p^) |w_t - s| + r^_t.(w_t - s) + r^_n (w_n - g) ),  p^ = -r^_n              (16)
     eps = e / |sigma^ + C eps(u^)|                                                                       (17)
 
-in energy norms ``|sigma|^2 = int C^-1 sigma : sigma``, with b the friction bound of the law: mu p for Coulomb, s for
-Tresca. Both terms are never negative, and e = 0 only for the solution. For frictionless contact and given friction
-(Tresca) e bounds the errors of u^ and of sigma^ with constant 1:
+in energy norms ``|sigma|^2 = int C^-1 sigma : sigma``, with b the friction bound of the law: mu p for Coulomb,
+given for Tresca. In a step of a history, s is the tangential displacement at the end of the last step, and e bounds the
+error of this step given its history; without history s is zero. Both terms are never negative, and e = 0 only for the
+solution. For frictionless contact and given friction (Tresca) e bounds the errors of u^ and of sigma^ with constant 1:
 
-    |u - u^|^2 + |sigma - sigma^|^2 + 2 int_GammaC (b(p) - b(p^))(|w_t| - |w^_t|)  <=  e^2.
+    |u - u^|^2 + |sigma - sigma^|^2 + 2 int_GammaC (b(p) - b(p^))(|w_t - s| - |w^_t - s|)  <=  e^2.
 
 If the bound depends on the pressure, as Coulomb's does, the third term is a product of two errors and has no sign. Then
 e is a bound up to a term of higher order, not a guarantee. On a bilateral contact ``w_n = g``, as on a support.
@@ -15,7 +17,7 @@ e is a bound up to a term of higher order, not a guarantee. On a bilateral conta
 Where moduli, gap or friction bound vary inside cells, the integrals are adapted to them, and e contains what they leave
 unknown. The part of the data that the mesh cannot represent is the oscillation. It is reported in addition to e.
 
-Source: Coorevits, Hild, Hjiaj, equations (16)-(18); the gap g is ours.
+Source: Coorevits, Hild, Hjiaj, equations (16)-(18); the gap g and s are ours.
 """
 
 from __future__ import annotations
@@ -31,7 +33,7 @@ from erc_contact.admissible.pair import Admissible
 from erc_contact.base.exceptions import InputError
 from erc_contact.error.bulk import bulk_squares, geometry_squares
 from erc_contact.error.contact import contact_squares
-from erc_contact.error.oscillation import UNKNOWN, Oscillations, of_loads, of_supports
+from erc_contact.error.oscillation import UNKNOWN, Oscillations, of_history, of_loads, of_supports
 from erc_contact.error.rigid import NOISE, moves_rigidly, round_off
 from erc_contact.mesh.domain import Domain
 from erc_contact.model.forces import Force
@@ -159,15 +161,14 @@ def constitutive_error(admissible: Admissible) -> ConstitutiveError:
     per_cell, both, moduli_2 = bulk_squares(admissible)
     geometry = geometry_squares(admissible, both)
     bulk_2, scale_2, geometry_2 = model.comm.allreduce(np.array([per_cell.sum(), both.sum(), geometry.sum()]), MPI.SUM)
-    squares = np.array(
-        [0.0, of_loads(model, admissible.cell_geometry, admissible.cell_forces), of_supports(model), moduli_2, 0.0, 0.0]
-    )
+    loads_2 = of_loads(model, admissible.cell_geometry, admissible.cell_forces)
+    squares = np.array([0.0, loads_2, of_supports(model), moduli_2, 0.0, 0.0, of_history(model)])
     for traction in admissible.tractions:
         parts, gaps_2, friction_2 = contact_squares(model, admissible.displacement, traction, UNKNOWN * float(bulk_2))
         parts = np.maximum(parts, 0.0)  # negative by round-off only
         own = model.owned(traction.contact.facets)
         np.add.at(per_cell, traction.contact.facets[own, 0], parts[own])
-        squares += float(parts.sum()), 0.0, 0.0, 0.0, gaps_2, friction_2
+        squares += float(parts.sum()), 0.0, 0.0, 0.0, gaps_2, friction_2, 0.0
     contact_2, *parts_2 = model.comm.allreduce(squares, MPI.SUM)
     floor_2, lost = round_off(admissible)
     if lost or not np.isfinite([bulk_2, scale_2, contact_2, *parts_2]).all():

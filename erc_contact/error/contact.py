@@ -1,8 +1,9 @@
 """The contact part of the error in the constitutive relation.
 
-Symbols: r^ and w admissible traction and displacement on the contact, n normal, g gap, b friction bound.
+Symbols: r^ and w admissible traction and displacement on the contact, n normal, g gap, b friction bound, s tangential
+displacement at the end of the last step of a history, which is zero without history.
 
-Source: Coorevits, Hild, Hjiaj, equation (16); the gap g and the general bound are ours.
+Source: Coorevits, Hild, Hjiaj, equation (16); the gap g, the general bound and s are ours.
 """
 
 from __future__ import annotations
@@ -26,24 +27,26 @@ CONTACT_DEGREE = 21
 
 
 def contact_density(
-    contact: BoundContact, n: np.ndarray, r: np.ndarray, w: np.ndarray, gap: Any, bound: np.ndarray
+    contact: BoundContact, n: np.ndarray, r: np.ndarray, w: np.ndarray, s: Any, gap: Any, bound: np.ndarray
 ) -> np.ndarray:
-    """Twice the contact term of (16), ``2 (b(p^) |w_t| + r^_t.w_t + r^_n (w_n - g))``, at points, shape (n, q).
+    """Twice the contact term, ``2 (b(p^) |w_t - s| + r^_t.(w_t - s) + r^_n (w_n - g))``, at points, shape (n, q).
 
     Args:
         contact: The contact.
         n: Normal of the foundation, shape (n, 1, d).
         r: r^ at the points [force/area], shape (n, q, d).
         w: u^ there [length], shape (n, q, d).
+        s: The tangential displacement of the last step there [length], shape (n, q, d), or 0 without history.
         gap: The gap there [length], shape (n, q), or a number.
         bound: The friction bound there [force/area], shape (n, q).
     """
-    (r_n, r_t, _), (w_n, w_t, slip) = split(r, n), split(w, n)
+    (r_n, r_t, _), (w_n, w_t, slip) = split(r, n), split(w - s, n)
     density = np.zeros(r_n.shape) if contact.bilateral else r_n * (w_n - gap)
     if contact.friction is not None:
         density += bound * slip + (r_t * w_t).sum(axis=-1)
     # a difference of two works that are equal up to round-off is no error; otherwise e would stop at 1e-8 of the norm
-    resolution = 16 * np.finfo(float).eps * np.linalg.norm(r, axis=-1) * (np.linalg.norm(w, axis=-1) + abs(gap))
+    size = np.linalg.norm(w, axis=-1) + np.linalg.norm(np.broadcast_to(s, w.shape), axis=-1)
+    resolution = 16 * np.finfo(float).eps * np.linalg.norm(r, axis=-1) * (size + abs(gap))
     return 2 * np.where(abs(density) <= resolution, 0.0, density)
 
 
@@ -74,11 +77,12 @@ def contact_squares(
     if not (contact.varies or (contact.friction is not None and contact.friction.dependence == CONSTANT)):
         points, weights = rule(d - 1, CONTACT_DEGREE)
         r = np.matmul(bernstein(d - 1, model.degree, points), traction.values)
-        w = np.matmul(lagrange(d - 1, model.degree, points), nodal)
+        shape = lagrange(d - 1, model.degree, points)
+        w, s = np.matmul(shape, nodal), np.matmul(shape, model.slip_before(contact))
         n = contact.direction[:, None, :]
         gap = 0.0 if contact.gap is None else evaluate(contact.gap, model.mesh, points, facets)
         bound = contact.friction_bound(pressures(r, n), model.friction_parameters(contact, points))
-        return area * (contact_density(contact, n, r, w, gap, bound) @ weights), 0.0, 0.0
+        return area * (contact_density(contact, n, r, w, s, gap, bound) @ weights), 0.0, 0.0
     return _adapted_squares(model, traction, np.matmul(coefficients(d - 1, model.degree), nodal), area, floor)
 
 
@@ -96,6 +100,7 @@ def _adapted_squares(
     """
     contact = traction.contact
     facets, given = contact.facets, ContactData(contact, model.mesh)
+    of_s = np.matmul(coefficients(model.d - 1, model.degree), model.slip_before(contact))
     size, stiffness = facet_sizes(model, facets), model.at_middles(model.modulus, facets[:, 0])
     least = [
         EXACT * model.comm.allreduce(float(abs(v).max(initial=0.0)), MPI.MAX) for v in (of_w, *[traction.values] * 2)
@@ -114,7 +119,7 @@ def _adapted_squares(
             np.where(v <= most, 0.0, v) for v, most in zip((beyond, turned, excess), least, strict=True)
         )
         soft = (size / stiffness)[of][:, None]
-        density = contact_density(contact, n, r, w, gap, bound)
+        density = contact_density(contact, n, r, w, np.matmul(shape, of_s[of]), gap, bound)
         return np.stack([density, beyond**2 / soft + turned**2 * soft, excess**2 * soft], axis=-1)
 
     corners, share = model.facet_corners(facets), np.array([UNKNOWN, COARSE, COARSE])

@@ -46,6 +46,8 @@ class Oscillations:
         moduli: Part of moduli: what the integrals of the energies leave unknown, if it is more than their tolerance.
         gaps: Part of gaps, and of normals of foundations.
         friction: Part of friction bounds.
+        history: Part of the tangential displacement at the end of the last step, which a mesh that does not refine that
+            of the last step interpolates.
     """
 
     loads: float = 0.0
@@ -53,6 +55,7 @@ class Oscillations:
     moduli: float = 0.0
     gaps: float = 0.0
     friction: float = 0.0
+    history: float = 0.0
 
     @property
     def total(self) -> float:
@@ -98,6 +101,17 @@ def of_supports(model: Model) -> float:
             given = Everywhere(component(model.x), model.mesh)
             square = _on_facets(model, given, facets, (nodal @ coefficients(model.d - 1, model.degree).T)[..., None])
             total += float(np.sum(square * model.at_middles(model.modulus, facets[:, 0]) / facet_sizes(model, facets)))
+    return total
+
+
+def of_history(model: Model) -> float:
+    """Square of the oscillation of the tangential displacement of the last step on this rank: that of a support."""
+    total = 0.0
+    for contact in model.contacts:
+        if contact.lost is not None:
+            own = model.owned(contact.facets)
+            facets, lost = contact.facets[own], contact.lost[own]
+            total += float(np.sum(lost * model.at_middles(model.modulus, facets[:, 0]) / facet_sizes(model, facets)))
     return total
 
 

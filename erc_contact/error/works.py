@@ -84,13 +84,14 @@ def stress_work(pair: Admissible, v: fem.Function) -> Number:
 
 
 def friction_work(model: Model, traction: ContactTraction, u: fem.Function, floor: float) -> Number:
-    """``int b(p^) |u_t|`` [force length], which may leave its share or ``floor`` unknown; collective."""
+    """``int b(p^) |u_t - s|`` [force length], s of the last step, which may leave its share or ``floor`` unknown."""
     contact, d, k = traction.contact, model.d, model.degree
     if contact.friction is None:
         return Number(0.0)
     given = ContactData(contact, model.mesh)
     area = np.where(model.owned(contact.facets), traction.area, 0.0)
-    hat = np.matmul(coefficients(d - 1, k), u.x.array.reshape(-1, d)[traction.nodes])
+    since = u.x.array.reshape(-1, d)[traction.nodes] - model.slip_before(contact)
+    hat = np.matmul(coefficients(d - 1, k), since)
 
     def density(of: np.ndarray, at: np.ndarray, x: np.ndarray) -> np.ndarray:
         shape, n = polynomials(k, at), contact.direction[of][:, None, :]

@@ -11,6 +11,7 @@ from dolfinx import fem
 from erc_contact.base.exceptions import InputError, raise_together
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import BoundContact, Friction, bind_friction
+from erc_contact.model.last_step import LastStep
 from erc_contact.model.space import Space
 from erc_contact.model.values import components, number, parameter
 from erc_contact.scene.contact import Contact
@@ -19,11 +20,17 @@ FLAT = 1e-8
 """Largest deviation of the facet normals of a contact that counts as flat [-]."""
 
 
-def bind_contact(space: Space, contact: Contact) -> BoundContact:
+def bind_contact(space: Space, contact: Contact, last: LastStep | None = None) -> BoundContact:
     """A contact on a mesh; collective.
 
+    Args:
+        space: The mesh.
+        contact: What the scene declares.
+        last: The last step of a history, or None without history.
+
     Raises:
-        InputError: If gap, normal or friction are no numbers, or cannot be worked with.
+        InputError: If gap, normal or friction are no numbers, or cannot be worked with, or the last step was one of
+            another body.
     """
     facets, what = space.domain.facets(contact.facets), f"Contact({contact.facets!r})"
     surface = _true_surface(space, contact)
@@ -33,6 +40,8 @@ def bind_contact(space: Space, contact: Contact) -> BoundContact:
         if not np.isfinite(space.extremes(values)).all():
             raise InputError(f"{what}: the gap is not finite everywhere; look at it.")
     normal, direction, given_normal = _normal(space, contact, facets, surface)
+    friction = _friction(space, contact, facets)
+    before, lost = (None, None) if last is None or friction is None else last.on(space, contact.facets, direction)
     return BoundContact(
         name=contact.facets,
         facets=facets,
@@ -40,10 +49,12 @@ def bind_contact(space: Space, contact: Contact) -> BoundContact:
         normal=normal,
         direction=direction,
         given_normal=given_normal,
-        friction=_friction(space, contact, facets),
+        friction=friction,
         gap=gap,
         gap_varies=callable(contact.gap),
         bilateral=contact.bilateral,
+        before=before,
+        lost=lost,
     )
 
 

@@ -126,6 +126,10 @@ class BoundContact:
         gap: Gap [length], UFL; None where it is zero.
         gap_varies: Whether the gap is a callable.
         bilateral: Whether the contact cannot open.
+        before: Displacement at the end of the last step of a history, from which friction counts the tangential
+            displacement [length], a Function of V; None without history or without friction.
+        lost: What this mesh does not carry of it, ``int_F |s - I s|^2`` of its tangential part s on each facet
+            [length^(d+1)], shape (f,); None where it carries all.
     """
 
     name: str
@@ -138,6 +142,8 @@ class BoundContact:
     gap: Any | None
     gap_varies: bool
     bilateral: bool
+    before: Any | None = None
+    lost: np.ndarray | None = None
 
     @property
     def varies(self) -> bool:
@@ -153,6 +159,16 @@ class BoundContact:
     def with_share(self, share: Any) -> BoundContact:
         """The same contact with a factor of its friction bound, UFL, with which a solver raises friction in steps."""
         return self if self.friction is None else replace(self, friction=replace(self.friction, share=share))
+
+    def since(self, u: Any) -> Any:
+        """The displacement that the law of the contact is about [length], UFL: ``u - s``.
+
+        It has the normal component of u, and its tangential part is that since the last step of a history, which ended
+        with the tangential displacement s. Without a history it is u.
+        """
+        if self.before is None:
+            return u
+        return u - (self.before - ufl.dot(self.before, self.normal) * self.normal)
 
     def project(self, z: Any) -> Any:
         """The traction that the law allows for a trial traction z [force/area], UFL."""

@@ -81,7 +81,7 @@ def profile_table(
 
         - ``x``, ``y`` and in 3D ``z``: position [length],
         - ``gap``: the gap that is left, g - u_n [length],
-        - ``slip``: length of u_t [length],
+        - ``slip``: length of u_t, or of its change since the last step of a history [length],
         - ``pressure``: -r_n, ``shear``: length of r_t, and ``friction_bound`` [force/area],
         - ``status``: status of the facet, 0 open, 1 slip, 2 stick.
 
@@ -92,7 +92,7 @@ def profile_table(
     d, k, comm = model.d, model.degree, model.comm
     points, nodes = profile_points(model), model.facet_nodes(contact.facets)
     n = contact.direction[:, None, :]
-    w = np.matmul(lagrange(d - 1, k, points), u.x.array.reshape(-1, d)[nodes])
+    w = np.matmul(lagrange(d - 1, k, points), u.x.array.reshape(-1, d)[nodes] - model.slip_before(contact))
     (w_n, w_t, slip), (r_n, r_t, shear) = split(w, n), split(r, n)
     gap: Any = 0.0 if contact.gap is None else evaluate(contact.gap, model.mesh, points, contact.facets)
     x = evaluate(model.x, model.mesh, points, contact.facets)

@@ -22,6 +22,7 @@ from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.simplex import barycentric, rule
 from erc_contact.model.expressions import Everywhere, evaluate
 from erc_contact.model.foundation import BoundContact
+from erc_contact.model.last_step import LastStep
 from erc_contact.model.model import Model
 from erc_contact.scene.material import Elastic
 from erc_contact.scene.scene import Scene
@@ -36,19 +37,20 @@ LAW_SAMPLES = 50
 """Greatest number of values of the parameters with which a law is tried on each rank, beside their extremes."""
 
 
-def bind(scene: Scene, domain: Domain, degree: int = 1) -> Model:
+def bind(scene: Scene, domain: Domain, degree: int = 1, last: LastStep | None = None) -> Model:
     """A scene on a mesh, after all checks; collective.
 
     Args:
         scene: What the user declared.
         domain: The mesh with names.
         degree: Degree of the displacement, 1 or 2.
+        last: The last step of a history, or None without history.
 
     Raises:
-        InputError: If scene and mesh do not fit, or a check fails.
+        InputError: If scene and mesh do not fit, a check fails, or the last step was one of another body.
         NotHeldError: If neither supports nor contacts hold a rigid motion.
     """
-    model = Model(scene, domain, degree)
+    model = Model(scene, domain, degree, last)
     if type(model.scene.material) is not Elastic:
         _check_material(model)
     for contact in model.contacts:

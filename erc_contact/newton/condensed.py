@@ -55,8 +55,8 @@ class Condensed:
         matrix: K on rank 0 [force/length], shape (A, A).
         loads: s on rank 0 [force].
         normals: Normals of the foundation at the contact nodes of A, on rank 0 [-].
-        length: Largest component of the glued displacement, over all ranks [length].
-        force: Size of the forces that cancel in the residual with the contact glued, on rank 0 [force].
+        length: Largest component of the glued displacement and of that before the step, over all ranks [length].
+        force: Size of the forces that cancel in the residual with these displacements, on rank 0 [force].
     """
 
     def __init__(self, model: Model, method: Method, stiffness: Stiffness, w: fem.Function) -> None:
@@ -72,8 +72,10 @@ class Condensed:
         self.tangents = [fem.create_matrix(form) for form in self.forms.tangents]
         self.w, known = stiffness.gather(w), stiffness.gather(self.u)
         self.edges = contact_edges(model, stiffness.numbers[: self.size]) if method.multiplier else None
-        self.length = max(model.comm.allgather(float(abs(w.x.array).max(initial=0.0)))) or 1.0
-        together(model.comm, self._condense, known)
+        held = _slip_before(model)
+        largest = max(float(abs(of.x.array).max(initial=0.0)) for of in (w, held))
+        self.length = max(model.comm.allgather(largest)) or 1.0
+        together(model.comm, self._condense, known, stiffness.gather(held)[: self.size])
         normals = fem.Function(model.V)
         for contact in model.contacts:
             normals.x.array.reshape(-1, model.d)[model.facet_nodes(contact.facets)] = contact.direction[:, None, :]
@@ -186,7 +188,7 @@ class Condensed:
     def _share(self, share: float) -> None:
         self.forms.share.value = share
 
-    def _condense(self, known: np.ndarray) -> None:
+    def _condense(self, known: np.ndarray, held: np.ndarray) -> None:
         """Make the dense matrices, on rank 0."""
         if self.stiffness.schur is None:
             return
@@ -194,7 +196,7 @@ class Condensed:
         self.schur, lift = self.stiffness.reduced(a)
         self.matrix = self.schur - np.diag(self.stiffness.glued_by[:a])
         self.loads = self.schur @ self.w[:a]
-        self.force = float((abs(self.matrix) @ abs(self.w[:a])).max()) or 1.0
+        self.force = float((abs(self.matrix) @ np.maximum(abs(self.w[:a]), abs(held))).max()) or 1.0
         if self.edges:
             lift = self.edges.coefficients(lift)
         self.affine = np.hstack([lift, (known - lift @ self.w[:a])[:, None]])
@@ -266,6 +268,15 @@ class Condensed:
             self.product.setUp()
 
         together(comm, allocate)
+
+
+def _slip_before(model: Model) -> fem.Function:
+    """The tangential displacement of the contacts at the end of the last step [length]; zero without history."""
+    before = fem.Function(model.V)
+    for contact in model.contacts:
+        if contact.before is not None:
+            before.x.array.reshape(-1, model.d)[model.facet_nodes(contact.facets)] = model.slip_before(contact)
+    return before
 
 
 def _entries(matrix: Any) -> tuple[np.ndarray, np.ndarray]:

@@ -4,7 +4,8 @@ A method is two things, its equations and its traction; every later stage reads 
 what one contact adds to elasticity ``a(u, v) - f(v) - F(v)``, which is the same for all methods.
 
 Symbols: u displacement, v test function, lambda multiplier [force/area], q its test function, n normal of the
-foundation, g gap, r contact traction on the body, P the projection of the law, gamma = gamma_0 E k^2/h
+foundation, g gap, s tangential displacement at the end of the last step of a history, which is zero without history,
+r contact traction on the body, P the projection of the law, gamma = gamma_0 E k^2/h
 [force/volume] with h = d |cell|/|facet| the height of the cell over its facet and k the degree.
 """
 
@@ -35,9 +36,10 @@ class Method(Protocol):
     Of a model it may use ``stress(u)`` [force/area], the outward normal ``n`` of the body, ``modulus`` [force/area],
     ``stiffness_per_area(gamma)`` [force/volume], the quadrature degree ``contact_degree``, the quadrature at nodes
     ``nodal_rule``, and ``at_nodes(contact)``, the contact with its data at the nodes, for a multiplier; of a contact
-    ``ds``, ``normal`` (of the foundation), ``gap`` [length], None where it is zero, and ``project(z)``, the traction
-    that the law allows for a trial traction z. Write a parameter as ``fem.Constant(model.mesh, value)``: a plain number
-    is compiled into the forms. (With the wheel of DOLFINx, import ``erc_contact`` before ``dolfinx``.)
+    ``ds``, ``normal`` (of the foundation), ``gap`` [length], None where it is zero, ``since(u)``, the displacement
+    since the last step of a history, which the law is about, and ``project(z)``, the traction that the law allows for a
+    trial traction z. Write a parameter as ``fem.Constant(model.mesh, value)``: a plain number is compiled into the
+    forms. (With the wheel of DOLFINx, import ``erc_contact`` before ``dolfinx``.)
 
     Example: ``demos/extend/method.py``.
 
@@ -79,8 +81,9 @@ class Method(Protocol):
 
 
 def _beyond(contact: BoundContact, u: Any) -> Any:
-    """``u - g n``: the displacement beyond first touch [length]."""
-    return u if contact.gap is None else u - contact.gap * contact.normal
+    """``u - s - g n``: the displacement beyond first touch, tangentially since the last step [length]."""
+    w = contact.since(u)
+    return w if contact.gap is None else w - contact.gap * contact.normal
 
 
 @dataclass(frozen=True)
@@ -133,7 +136,7 @@ class Nitsche:
         return residual
 
     def traction(self, model: Model, contact: BoundContact, u: Any, multiplier: Any = None) -> Any:
-        """The contact traction ``r(u) = P(sigma(u)n - gamma (u - g n))`` [force/area], UFL, shape (d,)."""
+        """The contact traction ``r(u) = P(sigma(u)n - gamma (u - s - g n))`` [force/area], UFL, shape (d,)."""
         return contact.project(ufl.dot(model.stress(u), model.n) - self._gamma(model) * _beyond(contact, u))
 
     projected = traction
@@ -148,8 +151,8 @@ class AugmentedLagrangian:
 
     The multiplier lives in the trace of the displacement's space on the contact facets: the space that elements on a
     submesh of these facets give, without a second mesh. Its equations hold at each node, between the Bernstein
-    coefficients of u, g and lambda (for degree 1 their nodal values); lambda there is the force on the coefficient of
-    u over its share of the area. So at the solution u does not penetrate at any point, friction holds for the force
+    coefficients of u, s, g and lambda (for degree 1 their nodal values); lambda there is the force on the coefficient
+    of u over its share of the area. So at the solution u does not penetrate at any point, friction holds for the force
     on every Bernstein polynomial, and no weight of a node is zero or negative, as nodal quadrature of degree 2 has it
     on triangles. (This smooths its traction of degree 2: on a smooth contact e is 1.05 to 1.2 times the true error of
     u^, where that of Nitsche's is 1.01 to 1.07. The traction that does the work of the forces was better there, and
@@ -174,7 +177,7 @@ class AugmentedLagrangian:
         checks.positive("AugmentedLagrangian: gamma", self.gamma, GAMMA)
 
     def equations(self, model: Model, contact: BoundContact, u: Any, v: Any, multiplier: Any = None) -> Any:
-        """``int_C (lambda - P(lambda - gamma (u - g n))).q`` by quadrature at the nodes, a UFL form linear in q.
+        """``int_C (lambda - P(lambda - gamma (u - s - g n))).q`` by quadrature at the nodes, a UFL form linear in q.
 
         Args:
             model: The scene on a mesh.
@@ -192,7 +195,7 @@ class AugmentedLagrangian:
         return multiplier
 
     def projected(self, model: Model, contact: BoundContact, u: Any, multiplier: Any = None) -> Any:
-        """``P(lambda - gamma (u - g n))`` [force/area] at the nodes, UFL, shape (d,)."""
+        """``P(lambda - gamma (u - s - g n))`` [force/area] at the nodes, UFL, shape (d,)."""
         gamma = model.stiffness_per_area(fem.Constant(model.mesh, float(self.gamma)), model.cell_modulus)
         nodal = model.at_nodes(contact)
         return nodal.project(multiplier - gamma * _beyond(nodal, u))

@@ -25,9 +25,10 @@ from erc_contact.base.logs import log_of
 from erc_contact.mesh.domain import Domain
 from erc_contact.model.model import Model
 from erc_contact.model.promises import bind
+from erc_contact.newton.after import check_after, last_step
 from erc_contact.newton.direct import Direct
 from erc_contact.newton.iterative import Iterative
-from erc_contact.newton.ladder import attempts
+from erc_contact.newton.ladder import NODAL, attempts
 from erc_contact.newton.methods import Method, Nitsche
 from erc_contact.newton.multigrid import DIRECT
 from erc_contact.newton.snes import Found
@@ -52,6 +53,7 @@ def solve(
     method: Method | None = None,
     *,
     degree: int = 1,
+    after: Solution | None = None,
     start: Solution | None = None,
     tolerance: float | None = None,
     solver: str = "auto",
@@ -66,9 +68,15 @@ def solve(
         scene: The problem.
         domain: The mesh.
         method: Contact method. With None it is Nitsche's, or the augmented Lagrangian where only that one converges, as
-            ``Solution.method`` and ``reason`` then say. If a method is given, only its solution is taken.
+            ``Solution.method`` and ``reason`` then say; in a history it is the augmented Lagrangian, which keeps a
+            sticking point exactly where it is. If a method is given, only its solution is taken.
         degree: Degree of the displacement, 1 or 2.
-        start: A solution on another mesh of the same body; Newton starts from its displacement on the contacts.
+        after: The solution of the last step of a loading history, of the same body with the same contacts, on this mesh
+            or on any other. Friction then acts on the tangential displacement since that solution (backward Euler). So
+            does all that follows: r^, u^, e and its bounds, slip in profiles. A refined mesh carries it without loss;
+            what another mesh loses is ``error.oscillations.history``. Without it the body comes from rest, once.
+        start: A solution on another mesh of the same body; Newton starts from its displacement on the contacts. By
+            default it is ``after``.
         tolerance: Newton may stop at this distance to the solution of the discrete problem, in the energy norm
             [sqrt(force length)], e.g. a tenth of the discretisation error; None goes to round-off.
         solver: "direct" factorises the elastic stiffness with MUMPS and solves a dense problem of the contact on one
@@ -84,9 +92,13 @@ def solve(
     """
     began = perf_counter()
     check_arguments(scene, domain, method, degree, solver, start)
+    if after is not None:
+        check_after(scene, domain, after)
     tolerance = None if tolerance is None else checks.positive("tolerance", tolerance, "an energy norm > 0, or None")
     raise_together(domain.mesh.comm, None)
-    model = bind(scene, domain, int(degree))
+    model = bind(scene, domain, int(degree), None if after is None else last_step(after))
+    if after is not None:
+        method, start = method or NODAL, start or after
     iterative = solver == "iterative" or (solver == "auto" and large(model))
     try:
         solution = _solution(Iterative if iterative else Direct, model, method, start, tolerance)
