@@ -273,6 +273,7 @@ def test_sliding_far_with_friction_that_varies(name, dim, degree):
         error = ec.constitutive_error(ec.equilibrate(ec.solve(scene, domain, degree=degree)))
         eps.append(error.relative)
         profile = error.profile("bottom")
-        assert np.all(abs(profile["shear"]) <= profile["friction_bound"] * (1 + 1e-9))
+        bound = profile["friction_bound"]
+        assert np.all(abs(profile["shear"]) <= bound * (1 + 1e-9) + 1e-14 * bound.max())
     assert eps[1] < 2.0 * eps[0]
     assert np.all(profile["status"] != 2)  # open or in slip, nothing sticks
