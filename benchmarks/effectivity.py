@@ -368,8 +368,10 @@ def one_mesh(scene: ec.Scene, n: int) -> tuple[float, float]:
 
 
 def main() -> None:
-    what, part = [*sys.argv[1:], "all", ""][:2] if len(sys.argv) < 3 else sys.argv[1:3]
+    what, part = [*sys.argv[1:], *("all", "")[len(sys.argv) - 1 :]]
     names = [name for name in CASES if part in name]
+    if not names:
+        sys.exit(f"No scene has {part!r} in its name; there are {', '.join(CASES)}.")
     FOLDER.mkdir(parents=True, exist_ok=True)
     if what in ("table", "all"):
         print(HEADER)
