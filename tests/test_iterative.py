@@ -4,14 +4,18 @@ Properties: eps of both solvers agree to 1e-8 for both methods and degrees, all 
 a solution is refused by both; "auto" falls back where multigrid fails; an adaptive run makes the same meshes.
 """
 
+import numpy as np
 import pytest
+from dolfinx.fem.petsc import assemble_matrix
 from mpi4py import MPI
 from scenes import block, common_block, greco, mostly_serial, opening, random_scene
 from test_newton import Saturating, triangle
 
 import erc_contact as ec
+from erc_contact.model.promises import bind
 from erc_contact.newton import krylov, multigrid
 from erc_contact.newton import solve as solving
+from erc_contact.newton.forms import ContactForms
 
 METHODS = {"Nitsche": ec.Nitsche(), "symmetric": ec.Nitsche(theta=1), "AL": ec.AugmentedLagrangian()}
 SAME = 1e-8
@@ -108,6 +112,33 @@ def test_same_on_random_scenes(seed):
     scene, domain = random_scene(seed)
     direct, iterative = (ec.solve(scene, domain, solver=s) for s in ("direct", "iterative"))
     assert eps(iterative) == pytest.approx(eps(direct), rel=SAME)
+
+
+@pytest.mark.parametrize("method", ["Nitsche", "symmetric"])
+def test_the_hierarchy_follows_the_tangent(method, monkeypatch):
+    """A cycle is that of the matrices that PETSc computes anew with the same interpolation, on three levels."""
+    monkeypatch.setitem(multigrid.OPTIONS, "pc_gamg_coarse_eq_limit", 20)
+    scene, _ = pressed_cube(friction=0.3)
+    model = bind(scene, cube(n=7), 1)
+    elastic = multigrid.Multigrid(model)
+    guess = elastic.glued(elastic.load_vector())
+    forms = ContactForms(model, METHODS[method])
+    x, followed, anew = (elastic.matrix.createVecRight() for _ in range(3))
+    x.array[:] = np.cos(np.arange(*x.getOwnershipRange()) ** 2)
+    for stretch in (1.0, -1.0):  # pressed, and open
+        forms.u.x.array[:] = stretch * guess.x.array
+        tangent = assemble_matrix(forms.tangents[0], bcs=model.bcs, diag=0.0)
+        tangent.assemble()
+        elastic.renew(tangent)
+        elastic.cycle(x, followed)
+    pc = elastic._pc
+    assert pc.getMGLevels() > 2
+    pc.setReusePreconditioner(False)
+    pc.setOperators(elastic._fine)
+    pc.setUp()
+    elastic.cycle(x, anew)
+    followed.axpy(-1.0, anew)
+    assert followed.norm() <= 1e-10 * anew.norm()
 
 
 def test_units_do_not_change_the_error():

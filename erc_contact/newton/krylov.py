@@ -45,11 +45,12 @@ def set_up(ksp: Any, precondition: Apply) -> None:
 
 
 def fgmres(apply: Apply, precondition: Apply, b: PETSc.Vec, x: PETSc.Vec, tolerance: float) -> None:
-    """Solve for x until the residual is a tolerance of b [-], or as far as it goes."""
+    """Solve for x, from x on, until the residual is a tolerance of b [-], or as far as it goes."""
     matrix, ksp = shell(apply, b), PETSc.KSP().create(b.comm)
     ksp.setOperators(matrix)
     set_up(ksp, precondition)
     ksp.setTolerances(rtol=tolerance)
+    ksp.setInitialGuessNonzero(True)
     ksp.solve(b, x)
     ksp.destroy()
     matrix.destroy()

@@ -2,10 +2,11 @@
 
 The hierarchy is PETSc's GAMG: smoothed aggregation with the rigid motions as near null space. The aggregates and the
 interpolation are made once, for K + D. Where a matrix differs from it at the contact only, as every tangent of a
-contact problem does, the coarse matrices are computed anew with the same interpolation; this is half of a set-up. A
+contact problem does, the coarse matrices follow with the same interpolation (:mod:`erc_contact.newton.galerkin`). A
 hierarchy that is kept while the contact opens is slow: (K + D)^-1 K has eigenvalues that fall with the mesh size.
+Another preconditioner that PETSc's options ask for is set up anew for each matrix.
 
-Symbols: K and D as in :mod:`erc_contact.newton.elastic`.
+Symbols: K and D as in :mod:`erc_contact.newton.elastic`; C a matrix that is zero away from the contact.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from dolfinx import fem
+from dolfinx import fem, la
 from mpi4py import MPI
 from petsc4py import PETSc
 
@@ -21,6 +22,7 @@ from erc_contact.base.exceptions import InputError, NotConverged
 from erc_contact.base.logs import log_of
 from erc_contact.model.model import Model
 from erc_contact.newton.elastic import Elastic
+from erc_contact.newton.galerkin import SAME, SUBSET, Follower
 from erc_contact.newton.mumps import factorised
 from erc_contact.newton.snes import LIBRARY
 
@@ -30,7 +32,6 @@ OPTIONS = {
     "pc_type": "gamg",
     "pc_gamg_threshold": 0.02,
     "pc_gamg_coarse_eq_limit": 500,
-    "pc_gamg_reuse_interpolation": True,
     "mg_levels_ksp_type": "richardson",
     "mg_levels_ksp_max_it": 1,
     "mg_levels_pc_type": "sor",
@@ -63,6 +64,7 @@ class Multigrid(Elastic):
         self._fine: Any = None
         self._pc: Any = None
         self._exact: Any = None
+        self._follower: Follower | None = None
         self._share: float | None = None
         """Share of the glue in the matrix of the hierarchy; None after :meth:`renew` with a tangent."""
 
@@ -105,13 +107,17 @@ class Multigrid(Elastic):
         return self._solved(self.matrix, right, EXACT if supports else CORRECTION, near)
 
     def renew(self, change: PETSc.Mat) -> None:
-        """Let the hierarchy be that of K plus a change at the contact [force/length]."""
+        """Let the hierarchy be that of K plus a change C at the contact [force/length]."""
         if self._pc is None:
             self._set_up(1.0)
-        self._fine = self._copied()
-        self._fine.axpy(1.0, change, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
+        self._share = None
         self._fine.setOption(PETSc.Mat.Option.SPD, False)
-        self._make(None)
+        self.matrix.copy(self._fine, SAME)
+        self._fine.axpy(1.0, change, SUBSET)
+        if self._follower is None:
+            self._pc.setUp()
+        else:
+            self._follower.follow(change)
 
     def cycle(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
         """Set y to the hierarchy's approximation of the inverse times x."""
@@ -127,36 +133,44 @@ class Multigrid(Elastic):
         for made in (self._pc, self._fine, self._matrix, self._exact):
             if made is not None:
                 made.destroy()
-        self._pc = self._fine = self._matrix = self._exact = self._share = None
+        self._pc = self._fine = self._matrix = self._exact = self._follower = self._share = None
 
     def _set_up(self, share: float) -> None:
         """Let the hierarchy be that of K plus a share of D."""
         if self._pc is not None and self._share == share:
             return
-        self._fine = self._copied()
-        if share and self.contact_size:
-            self.add_glue(self._fine, share)
-        self._fine.setOption(PETSc.Mat.Option.SPD, True)
-        self._make(share)
-
-    def _copied(self) -> PETSc.Mat:
-        """A copy of K, in the matrix of the hierarchy if there is one."""
-        if self._fine is None:
-            fine = self.matrix.copy()
-            fine.setNearNullSpace(_rigid(self.model, fine))
-            return fine
-        self.matrix.copy(self._fine, PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
-        return self._fine
-
-    def _make(self, share: float | None) -> None:
+        glue = PETSc.Mat().createAIJ(self.matrix.getSizes(), nnz=1, comm=self.matrix.comm)
+        self.add_glue(glue, share)
+        glue.assemble()
         if self._pc is None:
-            self._pc = PETSc.PC().create(self._fine.comm)
-            self._pc.setOptionsPrefix(PREFIX)
-            self._pc.setOperators(self._fine)
-            with_defaults(self._pc)
-        self._pc.setOperators(self._fine)
-        self._pc.setUp()
+            self._make(glue)
+        else:
+            self.renew(glue)
+        self._fine.setOption(PETSc.Mat.Option.SPD, True)
         self._share = share
+        glue.destroy()
+
+    def _make(self, change: PETSc.Mat) -> None:
+        """Make the hierarchy of K plus a change C."""
+        self._fine = self.matrix.copy()
+        self._fine.setNearNullSpace(_rigid(self.model, self._fine))
+        self._fine.axpy(1.0, change, SUBSET)
+        self._pc = PETSc.PC().create(self._fine.comm)
+        self._pc.setOptionsPrefix(PREFIX)
+        self._pc.setOperators(self._fine)
+        with_defaults(self._pc)
+        if self._pc.getType() == PETSc.PC.Type.GAMG and self.contact_size:
+            self._pc.setReusePreconditioner(True)  # the follower changes its matrices
+            self._follower = Follower(self._pc, self.matrix, self._layer(), change)
+
+    def _layer(self) -> PETSc.IS:
+        """The degrees of freedom of this rank in cells at the contact, ghost cells included."""
+        near = fem.Function(self.model.V)
+        cells = np.concatenate([contact.facets[:, 0] for contact in self.model.contacts])
+        near.x.array.reshape(-1, self.model.d)[self.model.nodes[cells]] = 1.0
+        near.x.scatter_reverse(la.InsertMode.add)
+        own = np.flatnonzero(near.x.array[: self.owned]) + self.matrix.getOwnershipRange()[0]
+        return PETSc.IS().createGeneral(own.astype(PETSc.IntType), comm=self.matrix.comm)
 
     def _solved(
         self, matrix: PETSc.Mat, b: PETSc.Vec, tolerance: float, near: fem.Function | None = None
@@ -176,7 +190,7 @@ class Multigrid(Elastic):
             if rest > NEAR * tolerance and tolerance < GUESS:
                 log_of(self.model.comm).info("Multigrid left %.0e of the loads: a direct solver takes over.", rest)
                 self._exact = factorised(self._fine)
-                self._pc = self._exact.getPC()
+                self._pc, self._follower = self._exact.getPC(), None
                 rest = self._conjugate_gradients(matrix, b, x, tolerance)
             if not rest <= NEAR * tolerance:
                 raise NotConverged(f"Conjugate gradients with multigrid left {rest:.0e} of the loads. {DIRECT}", ())

@@ -9,8 +9,6 @@ with springs (:mod:`erc_contact.newton.springs`).
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from dolfinx import fem
 from dolfinx.fem import petsc as fp
@@ -26,10 +24,6 @@ REGULAR, NO_INVERSE = 1e-4, 1e-9
 """Tolerance of the linear solve that shows whether the tangent has an inverse, and the ratio that counts as none [-].
 
 Beside the branch of demos/many_solutions.py the ratio is 1e-4 to 1e-1, on it 1e-15 to 1e-10."""
-FRESH = 0.35
-"""Contraction of the residual by one cycle that a hierarchy of the tangent at hand is expected to have [-]."""
-RENEWAL = 14.0
-"""Number of cycles that cost as much as a new hierarchy."""
 
 
 class Tangent:
@@ -57,8 +51,6 @@ class Tangent:
         self._terms = [fp.create_matrix(form) for form in forms.tangents]
         self._work = [elastic.matrix.createVecRight() for _ in range(2)]
         self.matrix = shell(self.mult, self._work[0])
-        self._last = (0, 1.0)  # cycles of the last linear solve, and its reduction of the residual
-        self._excess = 0.0
 
     def assemble(self) -> None:
         """Assemble the terms of the contact."""
@@ -89,31 +81,24 @@ class Tangent:
         y.scale(self.force / self.length)
 
     def prepare(self, ksp: PETSc.KSP) -> None:
-        """Let a linear solver be FGMRES with the preconditioner, and watch its cycles from now on."""
+        """Let a linear solver be FGMRES with the preconditioner."""
         set_up(ksp, self.precondition)
-        ksp.setMonitor(self._watch)
-        self._last, self._excess = (0, 1.0), 0.0
 
     def renew(self) -> None:
-        """Renew the hierarchy where this pays.
+        """Let the hierarchy be that of the tangent."""
+        self.elastic.renew(self._terms[0] if self._springs is None else self._springs.matrix)
 
-        It pays when the solves since the last renewal have taken :data:`RENEWAL` more cycles than a new one would take.
-        """
-        cycles, reduction = self._last
-        if cycles:
-            self._excess += cycles - np.log(reduction) / np.log(FRESH)
-        if self._excess > RENEWAL:
-            self.elastic.renew(self._terms[0] if self._springs is None else self._springs.matrix)
-            self._excess = 0.0
-
-    def regularity(self) -> float:
+    def regularity(self, u: PETSc.Vec) -> float:
         """About the least eigenvalue of the tangent, scaled by the elastic diagonal [-]; zero if it has no inverse.
 
         It is the ratio of a force without structure to the displacement that this causes, as far as FGMRES solves for
         it. Without an inverse FGMRES does not converge, and the displacement grows to the inverse of round-off; where
         multigrid is only slow it does not.
+
+        Args:
+            u: A displacement that may be near [-], e.g. that of another tangent; it becomes the one of this tangent.
         """
-        diagonal, force, u = self.elastic.matrix.getDiagonal(), *(self._work[0].duplicate() for _ in range(2))
+        diagonal, force = self.elastic.matrix.getDiagonal(), u.duplicate()
         fixed = self.model.fixed.ravel()[: self.elastic.owned]
         diagonal.sqrtabs()
         force.array[:] = np.sin(1.0 + np.arange(*force.getOwnershipRange()) ** 2)
@@ -121,11 +106,12 @@ class Tangent:
         size = force.norm()
         force.pointwiseMult(force, diagonal)
         fgmres(self.mult, self.precondition, force, u, REGULAR)
-        u.pointwiseMult(u, diagonal)
-        u.array[fixed] = 0.0
-        found = size / u.norm() * self.force / self.length if u.norm() > 0 else 1.0
-        for made in (diagonal, force, u):
-            made.destroy()
+        diagonal.pointwiseMult(diagonal, u)
+        diagonal.array[fixed] = 0.0
+        length = diagonal.norm()
+        diagonal.destroy()
+        force.destroy()
+        found = size / length * self.force / self.length if length > 0 else 1.0
         return float(found) if found > NO_INVERSE else 0.0
 
     def free(self) -> None:
@@ -150,9 +136,3 @@ class Tangent:
             term.mult(given, found)
             total += found.array_r
         y.array[rows] = total[rows]
-
-    def _watch(self, _: Any, cycle: int, norm: float) -> None:
-        """Remember the cycles of a linear solve and its reduction of the residual."""
-        if cycle == 0:
-            self._first = norm
-        self._last = cycle, max(norm / self._first, 1e-16) if self._first > 0 else 1.0

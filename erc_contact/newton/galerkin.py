@@ -1,0 +1,50 @@
+"""A multigrid hierarchy of K + C that follows a change of C, which is zero away from the contact.
+
+The coarse matrices of algebraic multigrid are ``A_coarse = P^T A P`` with the interpolation P. If C changes to C', each
+level gets ``P^T (C' - C) P`` added. This is a product of the rows of P at the contact. It costs about as much as two
+cycles, a new hierarchy about forty. The interpolation stays.
+"""
+
+from __future__ import annotations
+
+from petsc4py import PETSc
+
+SAME, SUBSET = PETSc.Mat.Structure.SAME_NONZERO_PATTERN, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN
+
+
+class Follower:
+    """The coarse matrices of a hierarchy, which follow C; members are collective.
+
+    Args:
+        pc: PETSc's GAMG, set up for K + C.
+        stiffness: K [force/length]. No C may have entries where it has none.
+        layer: The degrees of freedom at which a C may have entries, those of this rank.
+        start: C [force/length].
+    """
+
+    def __init__(self, pc: PETSc.PC, stiffness: PETSc.Mat, layer: PETSc.IS, start: PETSc.Mat) -> None:
+        top = pc.getMGLevels() - 1
+        self._layer = layer
+        self._change = stiffness.createSubMatrix(layer, layer)
+        self._difference = self._change.duplicate()
+        self._set(start)
+        self._interpolations = [pc.getMGInterpolation(level) for level in range(top, 0, -1)]
+        if top:
+            self._interpolations[0] = self._interpolations[0].createSubMatrix(layer, None)
+        self._coarse = [pc.getMGSmoother(level).getOperators()[0] for level in range(top - 1, -1, -1)]
+        self._products: list[PETSc.Mat | None] = [None] * top
+
+    def follow(self, change: PETSc.Mat) -> None:
+        """Let the coarse matrices be those of K plus a change [force/length]."""
+        difference = self._difference
+        self._change.copy(difference, SAME)
+        self._set(change)
+        difference.aypx(-1.0, self._change, SAME)
+        for k, (interpolation, coarse) in enumerate(zip(self._interpolations, self._coarse, strict=True)):
+            self._products[k] = difference = difference.ptap(interpolation, result=self._products[k])
+            coarse.axpy(1.0, difference, SUBSET)
+
+    def _set(self, change: PETSc.Mat) -> None:
+        """Let C be a change."""
+        self._change.zeroEntries()
+        self._change.axpy(1.0, change.createSubMatrix(self._layer, self._layer), SUBSET)
