@@ -32,6 +32,7 @@ OPTIONS = {
     "pc_type": "gamg",
     "pc_gamg_threshold": 0.02,
     "pc_gamg_coarse_eq_limit": 500,
+    "pc_gamg_aggressive_coarsening": 2,
     "mg_levels_ksp_type": "richardson",
     "mg_levels_ksp_max_it": 1,
     "mg_levels_pc_type": "sor",
