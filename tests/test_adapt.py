@@ -11,6 +11,7 @@ import csv
 import dataclasses
 import os
 import signal
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -22,6 +23,7 @@ from scenes import block, common_block, prototype_block
 import erc_contact as ec
 from erc_contact.base.interrupts import Interrupts
 from erc_contact.base.percent import percent
+from erc_contact.error.strategy import TIE
 
 CORNER = 0.7112
 """Singular exponent of a clamped-free corner of 90 degrees, nu = 0.3."""
@@ -58,6 +60,27 @@ def test_marking_carries_the_fraction_with_the_fewest(fraction):
         without = carried - least**2
         number = comm.allreduce(int(np.sum(abs(error.indicators[marked] - least) < 1e-5 * least)), MPI.SUM)
         assert without < fraction * error.relative**2 or number > 1  # ties are marked together
+
+
+@pytest.mark.parametrize("family", ["random", "steps", "equal", "nearly equal", "zero", "tiny", "on the last rank"])
+def test_marking_is_that_of_all_errors_in_one_place(family):
+    """As if all errors were sorted on one rank, and the largest ones taken until they carry the fraction."""
+    comm, random = MPI.COMM_WORLD, np.random.default_rng(len(family))
+    for fraction in (1e-3, 0.25, 0.5, 0.75, 1.0):
+        every = {
+            "steps": np.round(4 * random.random(40)) / 4,
+            "equal": np.full(24, 0.1),
+            "nearly equal": np.repeat(random.random(9), 5) * (1 + 1e-9 * random.random(45)),
+            "zero": np.zeros(7),
+            "tiny": 10.0 ** random.uniform(-120, -100, 50),
+        }.get(family, random.random(53))
+        rank = np.full(len(every), comm.size - 1) if family == "on the last rank" else np.arange(len(every)) % comm.size
+        domain = SimpleNamespace(mesh=SimpleNamespace(comm=comm))
+        mine = ec.mark(SimpleNamespace(domain=domain, total_indicators=every[rank == comm.rank]), fraction)
+        sizes = np.sort(every)[::-1]
+        last = np.searchsorted(np.cumsum(sizes**2), fraction * np.sum(sizes**2) * (1 - TIE))
+        wanted = every >= sizes[min(int(last), len(sizes) - 1)] * (1 - TIE)
+        assert np.array_equal(mine, np.flatnonzero(wanted[rank == comm.rank]))
 
 
 @pytest.mark.serial
@@ -156,6 +179,7 @@ MEMORY = """
 import resource
 import erc_contact as ec
 from erc_contact.base.percent import percent
+from erc_contact.error.strategy import TIE
 from mpi4py import MPI
 
 scene = ec.Scene(
@@ -214,8 +238,10 @@ def test_error_of_a_callback_comes_to_all_ranks_and_carries_the_history(rank):
 
 INTERRUPTED = """
 import signal
+from types import SimpleNamespace
 import erc_contact as ec
 from erc_contact.base.percent import percent
+from erc_contact.error.strategy import TIE
 from mpi4py import MPI
 
 scene = ec.Scene(

@@ -22,6 +22,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from dolfinx import la
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
@@ -113,62 +114,72 @@ def size_map(error: ConstitutiveError, accuracy: float) -> Sizes:
         return mesh.total(square * ((scale * smooth) ** (2 * q[:, None]) @ weights))
 
     scale = _root(lambda s: predicted(s) - accuracy**2, 0.1, 10.0) if error.total > 0 else 1.0
-    values = scale * h[mesh.numbers]
+    values = scale * h
     return Sizes(error, values, r, q, count(mesh.domain, values), predicted(scale) ** 0.5)
 
 
 class _Mesh:
-    """Owned cells and edges of a domain, with global numbers of nodes and values at all nodes on every rank."""
+    """Cells, edges and nodes of a domain on this rank.
+
+    Values at nodes are those of all nodes of this rank, ghosts included, shape (n,).
+    """
 
     def __init__(self, domain: Domain) -> None:
         mesh, self.domain, self.comm = domain.mesh, domain, domain.mesh.comm
-        geometry, dim = mesh.geometry, domain.dim
-        index_map = geometry.index_map()
-        self.number, x = index_map.size_global, geometry.x[:, :dim]
-        self.numbers = index_map.local_to_global(np.arange(len(x), dtype=np.int32))
-        local = geometry.dofmaps[0][: domain.owned_cells]
-        self.nodes = self.numbers[local]
-        self.volume = measures(x[local])
+        dim, x = domain.dim, mesh.geometry.x[:, : domain.dim]
+        self._at = la.vector(mesh.geometry.index_map(), dtype=np.float64)
+        self.nodes = mesh.geometry.dofmaps[0][: domain.owned_cells]
+        self.volume = measures(x[self.nodes])
         self.size = (FILL[dim] * self.volume) ** (1 / dim)
         mesh.topology.create_entities(1)
         mesh.topology.create_connectivity(1, dim)
         mesh.topology.create_connectivity(dim, 1)
-        owned = np.arange(mesh.topology.index_map(1).size_local, dtype=np.int32)
-        local = dmesh.entities_to_geometry(mesh, 1, owned).reshape(-1, 2)
-        self.edges = self.numbers[local]
-        self.length = np.linalg.norm(x[local[:, 0]] - x[local[:, 1]], axis=1)
+        edges = mesh.topology.index_map(1)
+        every = np.arange(edges.size_local + edges.num_ghosts, dtype=np.int32)
+        self.edges = dmesh.entities_to_geometry(mesh, 1, every).reshape(-1, 2)
+        self.own = slice(0, edges.size_local)
+        self.length = np.linalg.norm(x[self.edges[:, 0]] - x[self.edges[:, 1]], axis=1)
 
     def total(self, values: np.ndarray) -> float:
         """Sum over the cells of all ranks."""
         return float(self.comm.allreduce(float(values.sum()), MPI.SUM))
 
-    def _at_nodes(self, nodes: np.ndarray, values: np.ndarray) -> np.ndarray:
-        total = np.bincount(nodes.ravel(), np.broadcast_to(values, nodes.shape).ravel(), self.number)
-        self.comm.Allreduce(MPI.IN_PLACE, total, MPI.SUM)
-        return total
+    def _added(self, nodes: np.ndarray, values: np.ndarray) -> np.ndarray:
+        """Sums over all ranks at nodes (m, c) of values that each rank has for its own cells or edges."""
+        at = self._at.array
+        at[:] = np.bincount(nodes.ravel(), np.broadcast_to(values, nodes.shape).ravel(), len(at))
+        self._at.scatter_reverse(la.InsertMode.add)
+        self._at.scatter_forward()
+        return at.copy()
 
     def around(self, values: np.ndarray) -> np.ndarray:
-        """Sum of values of cells over the cells around each node, shape (number,)."""
-        return self._at_nodes(self.nodes, values[:, None])
+        """Sum of values of cells over the cells around each node."""
+        return self._added(self.nodes, values[:, None])
 
     def beside(self, values: np.ndarray) -> np.ndarray:
-        """Sum of values of nodes over the neighbours of each node, shape (number,)."""
-        return self._at_nodes(self.edges, values[self.edges[:, ::-1]])
+        """Sum of values of nodes over the neighbours of each node."""
+        edges = self.edges[self.own]
+        return self._added(edges, values[edges[:, ::-1]])
 
     def edge_length(self) -> np.ndarray:
         """Mean length of the edges at each node."""
-        return self._at_nodes(self.edges, self.length[:, None]) / self.beside(np.ones(self.number))
+        of_edges = self._added(self.edges[self.own], self.length[self.own, None])
+        return of_edges / self.beside(np.ones(len(self._at.array)))
 
     def limited(self, h: np.ndarray) -> np.ndarray:
-        """The largest sizes below h whose growth over a length is at most GROW."""
-        h, (a, b) = h.copy(), self.edges.T
+        """The largest sizes below h whose growth over a length is at most GROW.
+
+        A rank has all edges at the nodes that it owns, because it has all cells around them.
+        """
+        at, (a, b) = self._at.array, self.edges.T
+        at[:] = h
         while True:
-            before = h.copy()
-            np.minimum.at(h, a, before[b] + GROW * self.length)
-            np.minimum.at(h, b, before[a] + GROW * self.length)
-            self.comm.Allreduce(MPI.IN_PLACE, h, MPI.MIN)
-            if np.all(h >= before * (1 - 1e-9)):
-                return h
+            before = at.copy()
+            np.minimum.at(at, a, before[b] + GROW * self.length)
+            np.minimum.at(at, b, before[a] + GROW * self.length)
+            self._at.scatter_forward()
+            if self.comm.allreduce(bool(np.all(at >= before * (1 - 1e-9))), MPI.LAND):
+                return at.copy()
 
 
 def _rates(mesh: _Mesh, square: np.ndarray, degree: int) -> np.ndarray:
@@ -184,7 +195,7 @@ def _rates(mesh: _Mesh, square: np.ndarray, degree: int) -> np.ndarray:
     near, near_volume = mesh.around(square * mesh.size ** (-2 * degree)), mesh.around(mesh.volume)
     ring, ring_volume = (mesh.beside(v) - d * v for v in (near, near_volume))  # cells around have d other nodes here
     edge = mesh.edge_length()
-    next_edge = mesh.beside(edge) / mesh.beside(np.ones(mesh.number))
+    next_edge = mesh.beside(edge) / mesh.beside(np.ones_like(edge))
     with np.errstate(divide="ignore", invalid="ignore"):
         fall = np.log((near / near_volume) / (ring / ring_volume))
         lam = degree + 1 - fall / (2 * np.log((edge + next_edge / 2) / (2 / 3 * edge)))

@@ -12,6 +12,7 @@ from math import ceil, log
 from typing import Protocol
 
 import numpy as np
+from mpi4py import MPI
 
 from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError, raise_together
@@ -139,6 +140,8 @@ class SizeMap:
 def mark(error: ConstitutiveError, fraction: float = 0.5) -> np.ndarray:
     """Doerfler marking: the fewest elements over all ranks that carry a fraction of the squared error; collective.
 
+    Elements whose errors differ by less than 1e-6 from that of the last marked element are marked, too.
+
     Args:
         error: The error, whose ``total_indicators`` are compared over all ranks.
         fraction: Share of the sum of their squares, in (0, 1].
@@ -148,8 +151,26 @@ def mark(error: ConstitutiveError, fraction: float = 0.5) -> np.ndarray:
     """
     fraction, comm = checks.fraction("mark: fraction", fraction), error.domain.mesh.comm
     raise_together(comm, None)
-    everywhere = np.sort(np.concatenate(comm.allgather(error.total_indicators)))[::-1]
-    carried = np.cumsum(everywhere**2)
-    enough = int(np.searchsorted(carried, fraction * carried[-1] * (1 - TIE)))
-    threshold = everywhere[min(enough, len(everywhere) - 1)]
+    threshold = _threshold(comm, error.total_indicators, fraction)
     return np.flatnonzero(error.total_indicators >= threshold * (1 - TIE)).astype(np.int32)
+
+
+def _threshold(comm: MPI.Comm, values: np.ndarray, fraction: float) -> float:
+    """The greatest number such that the values of all ranks from it on carry a fraction of their squares; collective.
+
+    It is one of the values, which are >= 0. Bisection finds it among all numbers of double precision, as these have the
+    order of their binary digits; each step adds up one number over the ranks.
+    """
+    ascending = np.sort(values)
+    carried = np.append(np.cumsum(ascending[::-1] ** 2)[::-1], 0.0)
+    enough = fraction * comm.allreduce(float(carried[0]), MPI.SUM) * (1 - TIE)
+
+    def carries(digits: int) -> bool:
+        first = np.searchsorted(ascending, np.int64(digits).view(np.float64))
+        return comm.allreduce(float(carried[first]), MPI.SUM) >= enough
+
+    low, high = 0, int(np.float64(comm.allreduce(float(ascending.max(initial=0.0)), MPI.MAX)).view(np.int64))
+    while low < high:
+        middle = (low + high + 1) // 2
+        low, high = (middle, high) if carries(middle) else (low, middle - 1)
+    return float(np.int64(low).view(np.float64))
