@@ -54,14 +54,13 @@ import ufl
 from dolfinx import fem
 from dolfinx.fem import petsc as fp
 from mpi4py import MPI
-from petsc4py import PETSc
 
 from erc_contact.base.exceptions import InputError, raise_together
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.works import elastic_work, friction_work, load_work, stress_work
 from erc_contact.model.foundation import CONSTANT, BoundContact
 from erc_contact.model.model import Model
-from erc_contact.newton.mumps import factorised
+from erc_contact.newton.elastic import ElasticSolver
 
 GLUE = 1e6
 """gamma_0 of the springs that hold phi on the contacts [-]; afterwards its values there are set exactly."""
@@ -112,7 +111,7 @@ def resultant(error: ConstitutiveError, contact: str, direction: Sequence[float]
     a = np.asarray(direction, dtype=float)
     if a.shape != (model.d,) or not np.isfinite(a).all():
         raise InputError(f"The direction is {direction!r}; give {model.d} finite numbers.")
-    phi, weighted = lifting(model, which, a)
+    phi, weighted = lifting(model, pair.solution.stiffness, which, a)
     both = elastic_work(pair, pair.displacement, phi) + stress_work(pair, phi)
     middle = 0.5 * both - load_work(model, phi)
     square = elastic_work(pair, phi, phi)
@@ -175,7 +174,7 @@ def work_of_loads(error: ConstitutiveError) -> Bounds:
     return Bounds(-2 * J.value, -2 * J.high, -2 * J.low, J.guaranteed)
 
 
-def lifting(model: Model, which: int, a: np.ndarray) -> tuple[fem.Function, bool]:
+def lifting(model: Model, elastic: ElasticSolver, which: int, a: np.ndarray) -> tuple[fem.Function, bool]:
     """The phi of least energy that equals a direction on one contact and does no work elsewhere; collective.
 
     On the contact all components are a, or only the normal one where the contact is flat and frictionless; on the
@@ -183,13 +182,14 @@ def lifting(model: Model, which: int, a: np.ndarray) -> tuple[fem.Function, bool
 
     Args:
         model: The scene on a mesh.
+        elastic: The solver of its elastic equations; its memory is freed.
         which: Place of the contact among the model's.
         a: Direction, shape (d,).
 
     Returns:
         phi [-], and whether it differs from a on the contact because a support or another contact fixes it there.
     """
-    phi = _least_energy(model, which, a)
+    phi = _least_energy(model, elastic, which, a)
     values = phi.x.array.reshape(-1, model.d)
     own = _nodes(model, model.contacts[which])
     held = np.zeros(values.shape, dtype=bool)
@@ -210,28 +210,21 @@ def lifting(model: Model, which: int, a: np.ndarray) -> tuple[fem.Function, bool
     return phi, bool(model.comm.allreduce(bool(missing), MPI.LOR))
 
 
-def _least_energy(model: Model, which: int, a: np.ndarray) -> fem.Function:
+def _least_energy(model: Model, elastic: ElasticSolver, which: int, a: np.ndarray) -> fem.Function:
     """An approximation of phi, whose values on the contacts are held by stiff springs."""
-    u, v = ufl.TrialFunction(model.V), ufl.TestFunction(model.V)
+    u, v, contact = ufl.TrialFunction(model.V), ufl.TestFunction(model.V), model.contacts[which]
     gamma = model.stiffness_per_area(fem.Constant(model.mesh, GLUE))
-    target = fem.Constant(model.mesh, a)
     springs = [gamma * ufl.inner(_working_part_ufl(c, u), v) * c.ds for c in model.contacts]
-    pull = gamma * ufl.inner(_working_part_ufl(model.contacts[which], target), v) * model.contacts[which].ds
-    matrix = fp.assemble_matrix(fem.form(sum(springs, start=model.stiffness(u, v))), bcs=model.bcs)
+    pull = gamma * ufl.inner(_working_part_ufl(contact, fem.Constant(model.mesh, a)), v) * contact.ds
+    matrix = fp.assemble_matrix(fem.form(sum(springs[1:], start=springs[0])), bcs=model.bcs, diag=0.0)
     matrix.assemble()
-    b = fp.assemble_vector(fem.form(pull))
-    b.ghostUpdate(PETSc.InsertMode.ADD, PETSc.ScatterMode.REVERSE)
-    for bc in model.bcs:
-        dofs, ghosts = bc.dof_indices()
-        b.array[dofs[:ghosts]] = 0.0
-    ksp = factorised(matrix)
-    phi = fem.Function(model.V)
-    x = b.duplicate()
-    ksp.solve(b, x)
-    phi.x.array[: x.getLocalSize()] = x.array
-    phi.x.scatter_forward()
-    for made in (ksp, matrix, b, x):
-        made.destroy()
+    b, near = fem.Function(model.V), fem.Function(model.V)
+    fem.assemble_vector(b.x.array, fem.form(pull))
+    near.x.array.reshape(-1, model.d)[:] = _working_part(contact, a[None])
+    near.x.array[model.fixed.ravel()] = 0.0  # a rigid motion, if the body is free to make it
+    phi = elastic.on_springs(matrix, b, near)
+    elastic.free()
+    matrix.destroy()
     error = None if np.isfinite(phi.x.array).all() else InputError("The body cannot be factorised; look at its moduli.")
     raise_together(model.comm, error)
     return phi

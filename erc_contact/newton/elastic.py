@@ -42,6 +42,15 @@ class ElasticSolver(Protocol):
             near: A displacement that may be near [length].
         """
 
+    def on_springs(self, springs: PETSc.Mat, b: fem.Function, near: fem.Function) -> fem.Function:
+        """Displacement u of ``(K + C) u = b`` [length], zero where supports fix it; collective.
+
+        Args:
+            springs: C, stiffness at the contact [force/length]; without rows and columns of fixed components.
+            b: Nodal forces [force].
+            near: A displacement that may be near [length].
+        """
+
     def free(self) -> None:
         """Free the memory; a later solve makes it again."""
 

@@ -111,6 +111,11 @@ class Multigrid(Elastic):
             near = None  # it has a part in the motions
         return self._solved(self.matrix, right, EXACT if supports else ROUGH, near)
 
+    def on_springs(self, springs: PETSc.Mat, b: fem.Function, near: fem.Function) -> fem.Function:
+        """Displacement u of ``(K + C) u = b`` [length], see :class:`ElasticSolver`."""
+        self.renew(springs)
+        return self._solved(self._fine, self.right_side(b, supports=False), EXACT, near)
+
     def renew(self, change: PETSc.Mat) -> None:
         """Let the hierarchy be that of K plus a change C at the contact [force/length]."""
         if self._pc is None:

@@ -86,6 +86,18 @@ class Stiffness(Elastic):
         u_A = together(self.model.comm, lambda: None if self.schur is None else self._unglued(a, w_A))
         return self.expand(w, u_A, None)
 
+    def on_springs(self, springs: PETSc.Mat, b: fem.Function, near: fem.Function) -> fem.Function:
+        """Displacement u of ``(K + C) u = b`` [length] by a factor of its own, see :class:`ElasticSolver`."""
+        matrix = self.stiffness()
+        matrix.axpy(1.0, springs, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
+        ksp, vector = factorised(matrix), self.right_side(b, supports=False)
+        x = vector.duplicate()
+        ksp.solve(vector, x)
+        u = self.displacement(x)
+        for made in (ksp, matrix, vector, x):
+            made.destroy()
+        return u
+
     def _unglued(self, a: int, w_A: np.ndarray) -> np.ndarray:
         """Displacement of the contact nodes without the glue, from that with it, on rank 0."""
         return np.linalg.solve(self.definite(a), self.reduced(a)[0] @ w_A)
