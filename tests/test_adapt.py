@@ -179,7 +179,6 @@ MEMORY = """
 import resource
 import erc_contact as ec
 from erc_contact.base.percent import percent
-from erc_contact.error.strategy import TIE
 from mpi4py import MPI
 
 scene = ec.Scene(
@@ -238,10 +237,8 @@ def test_error_of_a_callback_comes_to_all_ranks_and_carries_the_history(rank):
 
 INTERRUPTED = """
 import signal
-from types import SimpleNamespace
 import erc_contact as ec
 from erc_contact.base.percent import percent
-from erc_contact.error.strategy import TIE
 from mpi4py import MPI
 
 scene = ec.Scene(

@@ -20,6 +20,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from erc_contact.base.exceptions import InputError, NotConverged
+from erc_contact.base.garbage import free_dropped
 from erc_contact.base.logs import log_of
 from erc_contact.model.model import Model
 from erc_contact.newton.elastic import Elastic
@@ -144,6 +145,7 @@ class Multigrid(Elastic):
             if made is not None:
                 made.destroy()
         self._pc = self._fine = self._matrix = self._exact = self._follower = self._share = None
+        free_dropped(self.model.comm)
 
     def _set_up(self, share: float) -> None:
         """Let the hierarchy be that of K plus a share of D."""

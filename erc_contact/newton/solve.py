@@ -20,6 +20,7 @@ from mpi4py import MPI
 
 from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError, NotConverged, raise_together
+from erc_contact.base.garbage import free_dropped, watch
 from erc_contact.base.interrupts import check_interrupts
 from erc_contact.base.logs import log_of
 from erc_contact.mesh.domain import Domain
@@ -125,6 +126,8 @@ def _solution(
         return Solution(model, method or DEFAULT, solver.guess, (), 0, "linear solve", 0.0, 1.0, solver.elastic, 0.0)
     finally:
         solver.destroy()
+        watch(model.domain, model.comm)
+        free_dropped(model.comm)
 
 
 def large(model: Model) -> bool:
