@@ -30,6 +30,8 @@ from erc_contact.newton.methods import AugmentedLagrangian, Method, Nitsche
 from erc_contact.newton.solution import Solution
 from erc_contact.newton.solve import solve
 from erc_contact.run.adapt import adapt
+from erc_contact.run.evolution import Evolution, TimeStep
+from erc_contact.run.evolve import evolve
 from erc_contact.run.history import History
 from erc_contact.run.saved import read_history
 from erc_contact.run.step import Step
@@ -56,6 +58,7 @@ __all__ = [
     "Domain",
     "Elastic",
     "ErcContactError",
+    "Evolution",
     "History",
     "InputError",
     "Law",
@@ -73,6 +76,7 @@ __all__ = [
     "Solution",
     "Step",
     "Strategy",
+    "TimeStep",
     "Traction",
     "Tresca",
     "Uniform",
@@ -80,6 +84,7 @@ __all__ = [
     "box",
     "constitutive_error",
     "equilibrate",
+    "evolve",
     "from_gmsh",
     "log_to_console",
     "mark",

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from itertools import pairwise
 from math import isfinite
 from numbers import Integral, Real
 from typing import Any
@@ -64,3 +66,19 @@ def accuracy(what: str, value: Any) -> float:
         InputError: If it is none.
     """
     return positive(what, value, "a relative error > 0, e.g. 0.02 for 2%")
+
+
+def increasing(what: str, values: Any) -> list[float]:
+    """Finite numbers that increase.
+
+    Raises:
+        InputError: If they are none, or there is none.
+    """
+    given = list(values) if isinstance(values, Iterable) and not isinstance(values, str) else []
+    if not given or not all(isinstance(v, Real) and isfinite(v) for v in given):
+        raise InputError(f"{what} is {told(values)}; give finite numbers that increase, e.g. np.linspace(0, 1, 21).")
+    numbers = [float(v) for v in given]
+    for one, following in pairwise(numbers):
+        if not following > one:
+            raise InputError(f"{what} must increase; {following:g} comes after {one:g}.")
+    return numbers

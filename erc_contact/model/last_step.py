@@ -100,11 +100,11 @@ def interpolate(x: np.ndarray, corners: np.ndarray, values: np.ndarray, degree: 
     Returns:
         Values at the points, shape (n, d).
     """
-    nearest, local, _ = _nearest(x, corners)
-    return np.einsum("nm,nmi->ni", lagrange(x.shape[1] - 1, degree, local[:, 1:]), values[nearest])
+    facet, local, _ = nearest(x, corners)
+    return np.einsum("nm,nmi->ni", lagrange(x.shape[1] - 1, degree, local[:, 1:]), values[facet])
 
 
-def _nearest(x: np.ndarray, corners: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def nearest(x: np.ndarray, corners: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The nearest facets (f, d, d) of points (n, d).
 
     Returns:
@@ -122,10 +122,10 @@ def _nearest(x: np.ndarray, corners: np.ndarray) -> tuple[np.ndarray, np.ndarray
         shape = np.maximum(np.concatenate([1 - local.sum(axis=2, keepdims=True), local], axis=2), 0.0)
         shape /= shape.sum(axis=2, keepdims=True)
         distance = np.linalg.norm(np.einsum("nfm,fmi->nfi", shape, corners) - some[:, None], axis=2)
-        nearest, every = distance.argmin(axis=1), np.arange(len(some))
-        facet[first : first + step] = nearest
-        at[first : first + step] = shape[every, nearest]
-        far[first : first + step] = distance[every, nearest]
+        number, every = distance.argmin(axis=1), np.arange(len(some))
+        facet[first : first + step] = number
+        at[first : first + step] = shape[every, number]
+        far[first : first + step] = distance[every, number]
     return facet, at, far
 
 
@@ -139,7 +139,7 @@ def _check_place(space: Space, name: str, x: np.ndarray, corners: np.ndarray) ->
     space.comm.Allreduce(MPI.IN_PLACE, low, MPI.MIN)
     space.comm.Allreduce(MPI.IN_PLACE, high, MPI.MAX)
     ends = corners.reshape(-1, space.d)
-    away = float(_nearest(x, corners)[2].max(initial=0.0))
+    away = float(nearest(x, corners)[2].max(initial=0.0))
     away = max(away, abs(low - ends.min(axis=0)).max(), abs(high - ends.max(axis=0)).max())
     away = space.comm.allreduce(float(away), MPI.MAX)
     if away > reach:

@@ -20,12 +20,9 @@ from erc_contact.newton.solve import check_arguments
 from erc_contact.run.checkpoint import Checkpoint
 from erc_contact.run.fingerprint import fingerprint
 from erc_contact.run.history import History
-from erc_contact.run.loop import Loop, Plan
+from erc_contact.run.loop import DECISIVE, Loop, Plan
 from erc_contact.run.step import Step
 from erc_contact.scene.scene import Scene
-
-DECISIVE = ("method", "strategy", "degree", "stop", "tighten")
-"""Arguments that decide on the meshes of a run and on their errors."""
 
 
 def adapt(

@@ -20,7 +20,6 @@ from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.run.fingerprint import Fingerprint, differences
 from erc_contact.run.levels import Damaged, Folder, Level
 from erc_contact.run.states import Restored, level_of
-from erc_contact.run.step import Step
 
 TOLD = 3
 """Differences between two runs that a message names."""
@@ -73,7 +72,7 @@ class Checkpoint:
         about = self.comm.bcast(level.about if level else None)
         return Restored(self.comm, level or Level(about, {}))
 
-    def add(self, error: ConstitutiveError, steps: Sequence[Step], *, last: bool = False) -> None:
+    def add(self, error: ConstitutiveError, steps: Sequence[Any], *, last: bool = False) -> None:
         """Write the level that was measured last, if its turn has come or it is the last; failures are warnings."""
         number = len(steps)
         if number <= self._written or not (last or (number - 1) % self.every == 0):

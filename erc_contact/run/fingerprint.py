@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from functools import partial
 from numbers import Integral, Real
@@ -24,6 +24,7 @@ from ufl.algorithms.analysis import extract_coefficients, extract_constants
 from ufl.algorithms.signature import compute_expression_signature
 from ufl.domain import extract_domains, extract_unique_domain
 
+from erc_contact.base.exceptions import together
 from erc_contact.base.versions import versions
 from erc_contact.mesh.domain import Domain
 from erc_contact.model.users import vector
@@ -35,6 +36,8 @@ DIGITS = 9
 """Digits of the coordinates that make a first mesh the same [-], of the extent of the body."""
 SHORT = 60
 """Longest expression that is told in full."""
+NOTHING = "nothing of the kind"
+"""Told where one of two runs has something that the other one lacks."""
 COUNTED = re.compile(r"_\{?\d")
 """A name with a number in an expression, which is another one in each process."""
 
@@ -70,12 +73,24 @@ def fingerprint(scene: Scene, domain: Domain, numbers: Mapping[str, Any]) -> Fin
     return mesh | dict(entries) | {f"version of {name}": made_by[name] for name in ("DOLFINx", "erc_contact")}
 
 
+def of_history(
+    scene_at: Callable[[float], Scene], domain: Domain, times: Sequence[float], numbers: Mapping[str, Any]
+) -> Fingerprint:
+    """The fingerprint of a loading history: that of its first time, and what differs from it later; collective."""
+    every = [fingerprint(together(domain.mesh.comm, scene_at, t), domain, numbers) for t in times]
+    found = dict(every[0])
+    for t, later in zip(times, every, strict=True):
+        for name in sorted(every[0].keys() | later.keys()):
+            if later.get(name) != every[0].get(name):
+                found[f"{name} at t = {t!r}"] = later.get(name, NOTHING)
+    return found
+
+
 def differences(given: Fingerprint, kept: Fingerprint) -> list[str]:
     """What differs between this call and a folder, in words."""
-    nothing = "nothing of the kind"
     names = [*given, *(name for name in kept if name not in given)]
     return [
-        f"{name} is {given.get(name, nothing)}, in the folder {kept.get(name, nothing)}"
+        f"{name} is {given.get(name, NOTHING)}, in the folder {kept.get(name, NOTHING)}"
         for name in names
         if given.get(name) != kept.get(name)
     ]

@@ -22,6 +22,7 @@ from erc_contact.error.strategy import KNOWN, Strategy
 from erc_contact.mesh.domain import Domain
 from erc_contact.newton.ladder import NODAL
 from erc_contact.newton.methods import Method
+from erc_contact.newton.solution import Solution
 from erc_contact.newton.solve import DEFAULT, solve
 from erc_contact.run.checkpoint import Checkpoint
 from erc_contact.run.history import History
@@ -33,6 +34,8 @@ SHARE = 0.1
 
 The error of the mesh to come is taken as 2^-k of the last one: uniform refinement of degree k leaves no less.
 """
+DECISIVE = ("method", "strategy", "degree", "stop", "tighten")
+"""Arguments that decide on the meshes of a run and on their errors."""
 OUT_OF_MEMORY = 55
 """PETSc's code of memory that could not be had, PETSC_ERR_MEM."""
 
@@ -52,6 +55,7 @@ class Plan:
     max_cells: int
     max_steps: int
     callback: Callable[[ConstitutiveError, Step], object] | None
+    after: Solution | None = None
 
 
 class Loop:
@@ -61,6 +65,7 @@ class Loop:
         plan: What is asked for.
         comm: Communicator of the run.
         kept: Where the run is kept, or None.
+        quiet: Whether its rows are for debugging only, as in a step of a loading history.
 
     Attributes:
         last: The error that was measured last in this process.
@@ -68,8 +73,8 @@ class Loop:
         outcome: Why it ended, in words; empty while it goes on.
     """
 
-    def __init__(self, plan: Plan, comm: MPI.Comm, kept: Checkpoint | None) -> None:
-        self.plan, self.comm, self.kept = plan, comm, kept
+    def __init__(self, plan: Plan, comm: MPI.Comm, kept: Checkpoint | None, *, quiet: bool = False) -> None:
+        self.plan, self.comm, self.kept, self.quiet = plan, comm, kept, quiet
         self.began = comm.bcast(perf_counter() if comm.rank == 0 else None)
         self.steps: list[Step] = []
         self.meshes: list[tuple[Domain, np.ndarray]] = []
@@ -79,7 +84,7 @@ class Loop:
 
     def go(self, domain: Domain) -> History:
         """Run from a first mesh, or from what is kept, to the end; collective."""
-        log_of(self.comm).info(HEADER if domain.curved_facets is None else CURVED)
+        self._log(HEADER if domain.curved_facets is None else CURVED)
         with Interrupts(self.comm) as interrupts:
             try:
                 error = self._resumed() or self._level(domain, None, 0.0, interrupts)
@@ -131,9 +136,8 @@ class Loop:
         if plan.stop == "certified" and last is not None:
             allowed = SHARE * last.absolute / 2**plan.degree
         start = last.solution if last else None
-        solution = solve(
-            *(plan.scene, domain, plan.method), degree=plan.degree, start=start, tolerance=allowed, solver=plan.solver
-        )
+        options: dict[str, Any] = {"degree": plan.degree, "tolerance": allowed, "solver": plan.solver}
+        solution = solve(plan.scene, domain, plan.method, after=plan.after, start=start, **options)
         interrupts.check()
         admissible = equilibrate(solution, tighten=plan.tighten)
         interrupts.check()
@@ -175,7 +179,10 @@ class Loop:
         return step
 
     def _tell(self, step: Step, domain: Domain) -> None:
-        log_of(self.comm).info(line(step, curved=domain.curved_facets is not None))
+        self._log(line(step, curved=domain.curved_facets is not None))
+
+    def _log(self, text: str, level: int = logging.INFO) -> None:
+        log_of(self.comm).log(logging.DEBUG if self.quiet else level, text)
 
     def _ends(self, error: ConstitutiveError) -> bool:
         """Whether the run ends with this error; then the outcome says why."""
@@ -229,7 +236,7 @@ class Loop:
         if self.best.domain.geometry is None:
             self.outcome += " The body is that of the mesh given, with its flat facets: no true shape of it is known."
         reached = self.best.total <= self.plan.accuracy
-        log_of(self.comm).log(logging.INFO if reached else logging.WARNING, self.outcome)
+        self._log(self.outcome, logging.INFO if reached else logging.WARNING)
         return History(tuple(self.steps), self.plan.accuracy, reached, self.outcome, self.best, tuple(self.meshes))
 
 

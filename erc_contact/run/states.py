@@ -24,6 +24,7 @@ from erc_contact.error.constitutive import ConstitutiveError, constitutive_error
 from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.tables import CellRows, described, geometry_of, tag_tables
 from erc_contact.model.promises import bind
+from erc_contact.newton.after import last_step
 from erc_contact.newton.methods import Method
 from erc_contact.newton.multigrid import Multigrid
 from erc_contact.newton.solution import Solution
@@ -43,7 +44,7 @@ SAME = 1e-8
 """Difference of eps that round-off explains, of eps and [-]."""
 
 
-def level_of(error: ConstitutiveError, steps: Sequence[Step]) -> Level:
+def level_of(error: ConstitutiveError, steps: Sequence[Any]) -> Level:
     """What a file holds of an error, with the rows of the run so far; the tables are on rank 0; collective.
 
     Raises:
@@ -142,18 +143,22 @@ class Restored:
         """The numbers of the error, by their names."""
         return dict(self.about["error"])
 
-    def error(self, scene: Scene, methods: Sequence[Method], tighten: int) -> ConstitutiveError:
+    def error(
+        self, scene: Scene, methods: Sequence[Method], tighten: int, after: Solution | None = None
+    ) -> ConstitutiveError:
         """The error of this level, measured anew without a contact solve.
 
         Args:
             scene: The problem.
             methods: The methods that it can be the solution of.
             tighten: As in :func:`equilibrate`.
+            after: The solution of the last step of a history, or None.
 
         Raises:
             InputError: If it is not the error that was written.
         """
-        about, model = self.about, bind(scene, self.domain, self.about["degree"])
+        about = self.about
+        model = bind(scene, self.domain, about["degree"], None if after is None else last_step(after))
         fields = [self._function(model, "u")]
         fields += [self._function(model, f"multipliers/{i}") for i in range(about["multipliers"])]
         method = next((one for one in methods if repr(one) == about["method"]), methods[0])
@@ -166,7 +171,7 @@ class Restored:
                 f"{about['error']['relative']:.10g}: the software is not the one that wrote it. Take that, or another "
                 "folder."
             )
-        return replace(error, admissible=replace(error.admissible, seconds=self.steps[-1].equilibrate_seconds))
+        return replace(error, admissible=replace(error.admissible, seconds=about["rows"][-1]["equilibrate_seconds"]))
 
     def _function(self, model: Any, name: str) -> fem.Function:
         function = fem.Function(model.V)

@@ -1,0 +1,226 @@
+"""What a loading history did: one row a step, the results at the ends of the steps, the balance of energy."""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from erc_contact.base.exceptions import InputError
+from erc_contact.base.percent import percent
+from erc_contact.error.constitutive import ConstitutiveError
+from erc_contact.newton.solution import Solution
+from erc_contact.output.evolutions import animate, plot_energies, plot_loop, plot_zones, write_series
+from erc_contact.output.files import on_root
+from erc_contact.run.energy import energies
+from erc_contact.run.history import History
+
+HEADER = "        t   cells meshes  N     eps    cont  shear/pressure  dissipated    balance  total"
+
+
+@dataclass(frozen=True)
+class TimeStep:
+    """One step of a history; energies are sums from the first time on, from rest.
+
+    Attributes:
+        time: Its end.
+        cells: Number of elements of the mesh on which it ends.
+        meshes: Number of meshes.
+        newton_steps: Newton steps on all of them.
+        eps: Relative error (17) of the step, given its history.
+        eps_contact: Contact part of eps.
+        total: Eps with the estimate of the geometry.
+        reached: Whether the accuracy was reached.
+        force: Resultant on each contact by its name [force], d components.
+        moment: Moment about the origin on each contact by its name [force length].
+        work: Work of loads and supports [force length].
+        contact_work: Work of the contacts on the body [force length].
+        dissipated: What friction took [force length]; each step of it is backward Euler's.
+        stored: Strain energy of u^ [force length].
+        scale: ``|sigma^ + C eps(u^)|``, the norm that eps is relative to [sqrt(force length)].
+        solve_seconds: Seconds of the contact solves of the step.
+        equilibrate_seconds: Seconds of the admissible pairs of the step.
+        seconds: Seconds from the start of the run.
+    """
+
+    time: float
+    cells: int
+    meshes: int
+    newton_steps: int
+    eps: float
+    eps_contact: float
+    total: float
+    reached: bool
+    force: dict[str, list[float]]
+    moment: dict[str, list[float]]
+    work: float
+    contact_work: float
+    dissipated: float
+    stored: float
+    scale: float
+    solve_seconds: float
+    equilibrate_seconds: float
+    seconds: float
+
+    @property
+    def imbalance(self) -> float:
+        """``work + contact_work - stored`` [force length]: zero for the exact solution of all steps.
+
+        Both fields of the pair are in it, so it is of the order of their errors.
+        """
+        return self.work + self.contact_work - self.stored
+
+    @property
+    def in_time(self) -> float:
+        """``-contact_work - dissipated`` [force length]: what the length of the steps costs, less for shorter ones."""
+        return -self.contact_work - self.dissipated
+
+
+def row_of(time: float, history: History, last: ConstitutiveError | None, before: TimeStep | None) -> TimeStep:
+    """The row of a step; collective. Its seconds are not known yet.
+
+    Args:
+        time: Its end.
+        history: The adaptive run at its end.
+        last: The error at the end of the last step; None at the first time.
+        before: The row of the last step.
+    """
+    error = history.best
+    energy = energies(error, last)
+    done = (before.work, before.contact_work, before.dissipated) if before else (0.0, 0.0, 0.0)
+    forces = {contact.name: error.force(contact.name) for contact in error.solution.model.contacts}
+    return TimeStep(
+        time=time,
+        cells=error.domain.cells,
+        meshes=len(history.steps),
+        newton_steps=sum(step.newton_steps for step in history.steps),
+        eps=error.relative,
+        eps_contact=error.contact_error / (error.scale or 1.0),
+        total=error.total,
+        reached=history.reached,
+        force={name: of.force.tolist() for name, of in forces.items()},
+        moment={name: of.moment.tolist() for name, of in forces.items()},
+        work=done[0] + energy.work,
+        contact_work=done[1] + energy.contact,
+        dissipated=done[2] + energy.dissipated,
+        stored=energy.stored,
+        scale=error.scale,
+        solve_seconds=sum(step.solve_seconds for step in history.steps),
+        equilibrate_seconds=sum(step.equilibrate_seconds for step in history.steps),
+        seconds=0.0,
+    )
+
+
+NUMBERS = ("time", "cells", "meshes", "newton_steps", "eps", "eps_contact", "total", "reached")
+ENERGIES = ("work", "contact_work", "dissipated", "stored", "imbalance", "in_time")
+SECONDS = ("solve_seconds", "equilibrate_seconds", "seconds")
+
+
+def line(row: TimeStep) -> str:
+    """The row of a step below :data:`HEADER`; shear over pressure is that of the first contact."""
+    size = max(row.stored, row.dissipated, 1e-300)
+    ratio = "-"
+    if row.force:
+        force = np.array(next(iter(row.force.values())))
+        axis = int(abs(force).argmax())
+        rest = np.delete(force, axis)
+        ratio = f"{np.linalg.norm(rest) / abs(force[axis]):.4f}" if force[axis] else "-"
+    return (
+        f"{row.time:9.4g} {row.cells:7d} {row.meshes:6d} {row.newton_steps:2d} {percent(row.eps, 3):>7} "
+        f"{percent(row.eps_contact, 3):>7} {ratio:>15} {row.dissipated:11.4g} {row.imbalance / size:10.1e} "
+        f"{row.seconds:6.1f}"
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Evolution:
+    """What a loading history did, one row a step.
+
+    Attributes:
+        steps: The rows.
+        accuracy: The prescribed relative error of each step.
+        reached: Whether the last time was reached, and the accuracy in every step.
+        outcome: Why the run ended, in words.
+        errors: The error at the end of each step, with admissible pair and solution.
+    """
+
+    steps: tuple[TimeStep, ...]
+    accuracy: float
+    reached: bool
+    outcome: str
+    errors: tuple[ConstitutiveError, ...] = field(repr=False)
+
+    def __str__(self) -> str:
+        return "\n".join([HEADER, *map(line, self.steps), self.outcome])
+
+    @property
+    def error(self) -> ConstitutiveError:
+        """The error at the end of the last step."""
+        return self.errors[-1]
+
+    @property
+    def solution(self) -> Solution:
+        """The solution at the end of the last step."""
+        return self.errors[-1].solution
+
+    def column(self, name: str) -> np.ndarray:
+        """One number of each step, e.g. "time", "eps", "dissipated", "imbalance"."""
+        return np.array([getattr(step, name) for step in self.steps])
+
+    def force(self, contact: str) -> np.ndarray:
+        """The resultant on a contact at the end of each step [force], shape (steps, d).
+
+        Raises:
+            InputError: If no contact has this name.
+        """
+        known = self.steps[0].force
+        if contact not in known:
+            raise InputError(
+                f"No contact is called {contact!r}; this history has {', '.join(sorted(known)) or 'none'}."
+            )
+        return np.array([step.force[contact] for step in self.steps])
+
+    def profile(self, contact: str) -> list[np.ndarray]:
+        """The profile of a contact at the end of each step; see :func:`erc_contact.results.profile`; collective."""
+        return [error.profile(contact) for error in self.errors]
+
+    def to_csv(self, path: str | Path) -> None:
+        """Write the rows as CSV; every rank may call, rank 0 writes."""
+        if self.error.domain.mesh.comm.rank != 0:
+            return
+        with Path(path).open("w", newline="") as file:
+            writer = csv.writer(file)
+            vectors: list[tuple[str, dict[str, list[float]]]] = []
+            for number, step in enumerate(self.steps):
+                vectors = [("force", step.force), ("moment", step.moment)]
+                if number == 0:
+                    named = [
+                        f"{what}_{name}_{axis}"
+                        for what, of in vectors
+                        for name, v in of.items()
+                        for axis in range(len(v))
+                    ]
+                    writer.writerow([*NUMBERS, *named, *ENERGIES, *SECONDS])
+                numbers: list[Any] = [getattr(step, name) for name in NUMBERS]
+                numbers += [c for _, of in vectors for v in of.values() for c in v]
+                writer.writerow(numbers + [getattr(step, name) for name in (*ENERGIES, *SECONDS)])
+
+    def save(self, folder: str | Path) -> None:
+        """Write table, figures, animation and ParaView files to a folder; collective.
+
+        ``evolution.csv``, ``energies.png`` (balance and dissipation), ``evolution.gif`` (the deformed body),
+        ``body.vtkhdf`` with all times, which opens in ParaView as it is, and for each contact ``loop_<name>.png``
+        (force against displacement) and, in 2D, ``zones_<name>.png`` (open, slip and stick along the contact in time).
+        """
+        folder, comm = Path(folder), self.error.domain.mesh.comm
+        on_root(comm, folder / "evolution.csv", lambda: self.to_csv(folder / "evolution.csv"))
+        plot_energies(self, folder / "energies.png")
+        for name in self.steps[0].force:
+            plot_loop(self, name, folder / f"loop_{name}.png")
+            if self.error.domain.dim == 2:
+                plot_zones(self, name, folder / f"zones_{name}.png")
+        write_series(self, folder / "body.vtkhdf")
+        animate(self, folder / "evolution.gif")

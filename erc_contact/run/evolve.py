@@ -1,0 +1,317 @@
+"""A loading history: one adaptive contact solve after the other, each from where the last one ended.
+
+Friction is about slip rates. In each step it acts on the tangential displacement since the last one (backward Euler),
+so what a body does depends on the way its loads came.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+from mpi4py import MPI
+
+from erc_contact.admissible.tighten.iteration import TIGHTEN
+from erc_contact.base import checks
+from erc_contact.base.exceptions import InputError, NotConverged, together
+from erc_contact.base.interrupts import Interrupts
+from erc_contact.base.logs import log_of
+from erc_contact.base.percent import percent
+from erc_contact.error.constitutive import ConstitutiveError
+from erc_contact.error.strategy import Mark, Strategy
+from erc_contact.error.works import assembled
+from erc_contact.mesh.domain import Domain
+from erc_contact.mesh.tables import described
+from erc_contact.newton.after import check_after
+from erc_contact.newton.ladder import NODAL
+from erc_contact.newton.methods import Method
+from erc_contact.newton.solution import Solution
+from erc_contact.newton.solve import check_arguments, solve
+from erc_contact.run.checkpoint import Checkpoint
+from erc_contact.run.evolution import HEADER, Evolution, TimeStep, line, row_of
+from erc_contact.run.fingerprint import of_history
+from erc_contact.run.history import History
+from erc_contact.run.loop import DECISIVE, OUT_OF_MEMORY, Loop, Plan
+from erc_contact.scene.scene import Scene
+
+HALVINGS = 8
+"""How often a step is halved at most, one after the other."""
+LONGER = 0.25
+"""A step twice as long is tried where its difference from its halves is below this share of what is allowed [-]."""
+
+
+def evolve(
+    scene_at: Callable[[float], Scene],
+    domain: Domain,
+    times: Sequence[float],
+    accuracy: float,
+    *,
+    method: Method | None = None,
+    strategy: Strategy | None = None,
+    degree: int = 1,
+    stop: str = "converged",
+    solver: str = "auto",
+    tighten: int = TIGHTEN,
+    path: float | None = None,
+    max_cells: int = 1_000_000,
+    max_steps: int = 40,
+    callback: Callable[[ConstitutiveError, TimeStep], object] | None = None,
+    checkpoint: str | Path | None = None,
+) -> Evolution:
+    """Solve a loading history, each step to a prescribed accuracy; collective.
+
+    At the first time the body comes from rest, in one step. Each further step goes on with the mesh of the last one,
+    which is refined or made anew as its error asks. A refined mesh carries the slip so far without loss. A step that
+    does not converge is halved, up to :data:`HALVINGS` times.
+
+    Args:
+        scene_at: Gives the scene at a time t. All scenes have contacts of the same names. Callables of x may contain t:
+            ``lambda t: Scene(..., loads=[Traction("top", lambda x: t * x[0])])``. Nothing is compiled anew for another
+            time where scenes differ in numbers only.
+        domain: The first mesh, coarse.
+        times: Ends of the steps, increasing, e.g. ``np.linspace(0, 1, 21)`` for 20 steps after the first state.
+        accuracy: Prescribed relative error eps (17) of each step, given its history, > 0.
+        method: Contact method; by default the augmented Lagrangian, which keeps a sticking point exactly where it is.
+        strategy: How the next mesh is made, as in :func:`adapt`.
+        degree: Degree of the displacement, 1 or 2.
+        stop: "converged" or "certified", as in :func:`adapt`.
+        solver: "direct", "iterative" or "auto", as in :func:`solve`.
+        tighten: Iterations that tighten the admissible stress, as in :func:`equilibrate`.
+        path: Prescribed accuracy of the steps in time [-], or None to take the times as they are. Each step is then
+            compared with its two halves: the difference of the displacements at its end, in the energy norm, relative
+            to them, is at most this. Times between the given ones are added as needed; the result has the halves.
+        max_cells: No step goes on to a mesh of more cells.
+        max_steps: Greatest number of meshes of a step.
+        callback: ``callback(error, row)`` is called after each step on every rank. It ends the run by raising
+            StopIteration.
+        checkpoint: Folder that keeps each step. The same call goes on from what the folder holds, on any number of
+            ranks, and solves no step again. Each file opens in ParaView.
+
+    Returns:
+        The history of all steps. What ends it before the last time is named in ``outcome``, with a warning. The results
+        at the ends of all steps stay in memory.
+
+    Raises:
+        InputError: If the input cannot be worked with, or the folder is that of another run.
+        NotConverged: If the contact solve fails at the first time.
+        Exception: What else is raised later, by ``scene_at`` say, has the history so far in its attribute ``history``.
+    """
+    wanted = checks.increasing("times", times)
+    accuracy, max_cells = checks.accuracy("accuracy", accuracy), checks.whole("max_cells", max_cells, 1)
+    max_steps, tighten = checks.whole("max_steps", max_steps, 1), checks.whole("tighten", tighten, 0)
+    path = None if path is None else checks.accuracy("path", path)
+    if not callable(scene_at):
+        raise InputError(f"scene_at is {checks.told(scene_at)}; give a function of the time that returns a Scene.")
+    if not isinstance(domain, Domain):
+        raise InputError(f"domain is {checks.told(domain)}; give a Domain: rectangle(...), read_mesh(...).")
+    if stop not in ("converged", "certified"):
+        raise InputError(f'stop is {stop!r}; allowed are "converged" and "certified".')
+    if callback is not None and not callable(callback):
+        raise InputError(f"callback is {callback!r}; give a function of (error, row), or None.")
+    method, strategy = NODAL if method is None else method, Mark() if strategy is None else strategy
+    if isinstance(strategy, type) or not callable(getattr(strategy, "next", None)):
+        raise InputError(f"strategy is {strategy!r}; give an object, e.g. Mark(), SizeMap(), Uniform().")
+    comm = domain.mesh.comm
+    first = together(comm, scene_at, wanted[0])
+    check_arguments(first, domain, method, degree, solver)
+    plan = Plan(first, accuracy, method, strategy, degree, stop, solver, tighten, max_cells, max_steps, None)
+    kept = None
+    if checkpoint is not None:
+        if not isinstance(checkpoint, str | Path):
+            raise InputError(f"checkpoint is {checkpoint!r}; give the name of a folder, or None.")
+        described(domain.geometry)  # refuses one that cannot be kept before anything is solved
+        numbers = {name: getattr(plan, name) for name in (*DECISIVE, "accuracy", "max_cells", "max_steps")}
+        given = of_history(scene_at, domain, wanted, numbers | {"times": wanted, "path": path})
+        kept = Checkpoint(comm, checkpoint, given, accuracy)
+    try:
+        return _Walk(plan, scene_at, wanted, path, callback, kept).go(domain)
+    finally:
+        if kept is not None:
+            kept.close()
+
+
+class _Walk:
+    """A history on its way.
+
+    Args:
+        plan: What each step is asked for; its scene is that of the first time.
+        scene_at: The scene of each time.
+        times: The times that are asked for, increasing.
+        path: Accuracy of the steps in time, or None.
+        callback: Called after each step.
+        kept: Where the run is kept, or None.
+    """
+
+    def __init__(
+        self,
+        plan: Plan,
+        scene_at: Callable[[float], Scene],
+        times: list[float],
+        path: float | None,
+        callback: Callable[[ConstitutiveError, TimeStep], object] | None,
+        kept: Checkpoint | None,
+    ) -> None:
+        self.plan, self.scene_at, self.times, self.path = plan, scene_at, times, path
+        self.callback, self.kept = callback, kept
+        self.rows: list[TimeStep] = []
+        self.errors: list[ConstitutiveError] = []
+        self.length = np.inf
+        self.outcome = ""
+
+    def go(self, domain: Domain) -> Evolution:
+        """Walk from the first time, or from what is kept, to the last; collective."""
+        self.domain, self.comm = domain, domain.mesh.comm
+        self.log = log_of(self.comm)
+        self.began = self.comm.bcast(perf_counter() if self.comm.rank == 0 else None)
+        self.log.info(HEADER)
+        with Interrupts(self.comm) as interrupts:
+            try:
+                self._resume()
+                if not self.rows:
+                    self._accept(self.times[0], self._step(self.times[0], None))
+                    interrupts.check()
+                for end in self.times[1:]:
+                    self._to(end, interrupts)
+            except (Exception, KeyboardInterrupt) as failure:
+                self._end(failure, interrupts)
+        return self._evolution()
+
+    @property
+    def time(self) -> float:
+        """Where the history is."""
+        return self.rows[-1].time
+
+    def _resume(self) -> None:
+        """What is kept becomes that of this run."""
+        kept, plan = self.kept, self.plan
+        if kept is None or not kept.numbers:
+            return
+        for number in kept.numbers:
+            if number != len(self.rows) + 1:  # one before it is damaged
+                break
+            level = kept.read(number)
+            row = TimeStep(**level.about["rows"][-1])
+            assert plan.method is not None
+            after = self.errors[-1].solution if self.errors else None
+            error = level.error(self._scene(row.time, after), (plan.method, NODAL), plan.tighten, after)
+            self.rows.append(row)
+            self.errors.append(error)
+            self.log.info(line(row))
+        self.began -= self.rows[-1].seconds if self.rows else 0.0
+        self.log.info("Read from %s; the run goes on from here.", kept.folder.path)
+
+    def _to(self, end: float, interrupts: Interrupts) -> None:
+        """Make steps to a time, each of which is halved where it does not converge or where the path asks for it."""
+        halved = 0
+        while self.time < end:
+            begin, to = self.time, _until(self.time, self.length, end)
+            difference = 0.0
+            try:
+                found = self._attempt(to)
+                difference, words = self._difference(found, to), "differs from its halves"
+            except NotConverged as reason:
+                failure, found, words = reason, None, "does not converge"
+            if found is None or (self.path is not None and difference > self.path):
+                halved += 1
+                self.length = 0.5 * (to - begin)
+                if halved > HALVINGS or not begin < begin + 0.5 * self.length < begin + self.length:
+                    rungs = failure.rungs if found is None else ()
+                    raise NotConverged(f"The step from t = {begin:g} to {to:g} {words}, halved {halved} times.", rungs)
+                self.log.info("The step to t = %g %s: the next one is half as long.", to, words)
+                continue
+            for time, history in found:
+                self._accept(time, history)
+                interrupts.check()
+            short = self.path is not None and difference > LONGER * self.path
+            self.length = (1.0 if short else 2.0) * (to - begin)
+            halved = 0
+
+    def _attempt(self, to: float) -> list[tuple[float, History]]:
+        """The ends of a step, or of its two halves where the path has an accuracy, not accepted yet."""
+        last = self.errors[-1]
+        if self.path is None:
+            return [(to, self._step(to, last))]
+        middle = 0.5 * (self.time + to)
+        first = self._step(middle, last)
+        return [(middle, first), (to, self._step(to, first.best))]
+
+    def _difference(self, found: list[tuple[float, History]], to: float) -> float:
+        """The difference of one step from its halves, on the mesh of their end, relative in the energy norm."""
+        if len(found) < 2:
+            return 0.0
+        plan, last, halves = self.plan, self.errors[-1].solution, found[-1][1].solution
+        scene, degree, solver = self._scene(to, last), plan.degree, plan.solver
+        whole = solve(scene, halves.domain, plan.method, degree=degree, solver=solver, after=last, start=halves)
+        rest = halves.u.copy()
+        rest.x.array[:] -= whole.u.x.array
+        square = assembled(halves.model, halves.model.stiffness(rest, rest))
+        size = assembled(halves.model, halves.model.stiffness(halves.u, halves.u))
+        return float(np.sqrt(square / size)) if size > 0 else 0.0
+
+    def _step(self, to: float, last: ConstitutiveError | None) -> History:
+        """The adaptive run at the end of a step, from the mesh where the last one ended."""
+        after = None if last is None else last.solution
+        plan = replace(self.plan, scene=self._scene(to, after), after=after)
+        domain = self.domain if last is None else last.domain
+        return Loop(plan, self.comm, None, quiet=True).go(domain)
+
+    def _scene(self, time: float, after: Solution | None) -> Scene:
+        """The scene of a time; collective."""
+        scene = together(self.comm, self.scene_at, time)
+        if not isinstance(scene, Scene):
+            raise InputError(f"scene_at({time:g}) is {checks.told(scene)}; it must return a Scene.")
+        if after is not None:
+            check_after(scene, after.domain, after)
+        return scene
+
+    def _accept(self, time: float, history: History) -> None:
+        """Add a step; collective."""
+        last, before = (self.errors[-1], self.rows[-1]) if self.rows else (None, None)
+        error, row = history.best, row_of(time, history, last, before)
+        row = replace(row, seconds=self.comm.allreduce(perf_counter() - self.began, MPI.MAX))
+        self.rows.append(row)
+        self.errors.append(error)
+        self.log.info(line(row))
+        if self.kept is not None:
+            self.kept.add(error, self.rows)
+        if self.callback is not None:
+            together(self.comm, self.callback, error, row)
+
+    def _end(self, failure: BaseException, interrupts: Interrupts) -> None:
+        """End the run with what it has, or raise: where it has nothing, or for a failure that it does not know."""
+        if not self.rows:
+            raise failure
+        memory = isinstance(failure, MemoryError) or getattr(failure, "ierr", None) == OUT_OF_MEMORY
+        at = f"at t = {self.time:g}, before {self.times[-1]:g}"
+        if isinstance(failure, (InputError, NotConverged)):
+            self.outcome = f"Stopped {at}: {failure}"
+        elif memory:
+            self.outcome = f"Stopped {at}: the memory does not suffice ({failure})."
+        elif isinstance(failure, StopIteration):
+            self.outcome = f"Stopped {at}: by the callback. {failure}".rstrip()
+        elif interrupts.ended(failure):
+            self.outcome = f"Interrupted {at}."
+        else:
+            self.outcome = f"Stopped {at}: {type(failure).__name__}: {failure}"
+            failure.history = self._evolution()  # type: ignore[attr-defined]
+            failure.add_note("The history so far is the attribute `history` of this exception.")
+            raise failure
+
+    def _evolution(self) -> Evolution:
+        missed = sum(not row.reached for row in self.rows)
+        complete = not self.outcome
+        above = f"{missed} of {len(self.rows)} steps are above {percent(self.plan.accuracy)}." if missed else ""
+        done = f"All {len(self.rows)} steps to t = {self.time:g} are done."
+        outcome = f"{self.outcome or done} {above}".rstrip()
+        self.log.log(logging.INFO if complete and not missed else logging.WARNING, outcome)
+        return Evolution(tuple(self.rows), self.plan.accuracy, complete and not missed, outcome, tuple(self.errors))
+
+
+def _until(begin: float, length: float, end: float) -> float:
+    """Where a step of about this length ends, so that no short one remains before the end."""
+    count = np.ceil((end - begin) / length * (1 - 1e-9)) if length < end - begin else 1.0
+    return end if count <= 1 else begin + (end - begin) / count
