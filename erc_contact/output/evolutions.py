@@ -118,8 +118,8 @@ def plot_zones(history: History, contact: str, path: str | Path) -> None:
         time, longest = history.column("time"), max(profile["s"].max() for profile in profiles)
         at = (np.arange(ALONG) + 0.5) / ALONG
         status = np.array([_status_at(profile, at) for profile in profiles])
-        step = np.diff(time, prepend=2 * time[0] - time[1] if len(time) > 1 else time[0] - 1.0)
-        edges = np.append(time[0] - step[0], time)
+        first = np.diff(time).min(initial=np.ptp(time) or 1.0)  # the first state has no length of its own
+        edges = np.append(time[0] - first, time)
         figure = new_figure(6.4, 4.0)
         axes = figure.subplots()
         colours = ListedColormap(COLOURS)

@@ -59,7 +59,7 @@ def energies(error: ConstitutiveError, last: ConstitutiveError | None) -> Energi
     model = error.solution.model
     contacts = {contact.name for contact in model.contacts}
     work, contact = _work_in_body(pair, before), 0.0
-    for part in _working(pair) | (set() if before is None else _working(before)):
+    for part in sorted(_working(pair) | (set() if before is None else _working(before))):  # the same on all ranks
         of_part = _work(pair, before, part)
         work, contact = (work, contact + of_part) if part in contacts else (work + of_part, contact)
     stored = 0.5 * elastic_work(pair, pair.displacement, pair.displacement).value

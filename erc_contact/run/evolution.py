@@ -209,11 +209,11 @@ class Evolution:
                 writer.writerow(numbers + [getattr(step, name) for name in (*ENERGIES, *SECONDS)])
 
     def save(self, folder: str | Path) -> None:
-        """Write table, figures, animation and ParaView files to a folder; collective.
+        """Write table, figures and a ParaView file to a folder; collective.
 
-        ``evolution.csv``, ``energies.png`` (balance and dissipation), ``evolution.gif`` (the deformed body),
-        ``body.vtkhdf`` with all times, which opens in ParaView as it is, and for each contact ``loop_<name>.png``
-        (force against displacement) and, in 2D, ``zones_<name>.png`` (open, slip and stick along the contact in time).
+        ``evolution.csv``, ``energies.png`` (work, strain energy, dissipation and their balance), ``body.vtkhdf`` with
+        all times, which opens in ParaView as it is, and for each contact ``loop_<name>.png`` (force against
+        displacement) and, in 2D, ``zones_<name>.png`` (open, slip and stick along the contact in time).
         """
         folder, comm = Path(folder), self.error.domain.mesh.comm
         on_root(comm, folder / "evolution.csv", lambda: self.to_csv(folder / "evolution.csv"))
@@ -223,4 +223,7 @@ class Evolution:
             if self.error.domain.dim == 2:
                 plot_zones(self, name, folder / f"zones_{name}.png")
         write_series(self, folder / "body.vtkhdf")
-        animate(self, folder / "evolution.gif")
+
+    def animate(self, path: str | Path, seconds: float = 0.15) -> None:
+        """Write a gif of the deformed body in time, each frame for some seconds; collective. It takes 2 s a frame."""
+        animate(self, path, seconds)

@@ -1,0 +1,255 @@
+"""A loading history: adaptive steps, one after the other.
+
+- Each step is that of ``solve(after=...)``; all are the same on any number of ranks.
+- Energy: work of loads and supports is what is stored and dissipated, up to the error of the meshes; what the steps in
+  time cost goes down with their length. Friction never gives energy.
+- No step after the first with a history compiles anything.
+- A step that does not converge is halved; what ends a run leaves what it has; a folder goes on.
+- Steps in time are as short as the accuracy of the path asks.
+"""
+
+import csv
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from scenes import moved_box
+from test_bad_input import refused
+
+import erc_contact as ec
+from erc_contact.base import compiled
+from erc_contact.run import evolve as module
+from erc_contact.run.energy import friction_works
+
+COMM = MPI.COMM_WORLD
+PRESS, MU = 0.05, 0.3
+CYCLE = [0.0, *np.linspace(1.0, 2.0, 9)]
+
+
+def scene_at(t, d=2, amplitude=0.03):
+    """Pressed until t = 1, then a cycle of shear until t = 2."""
+    shear = amplitude * np.sin(2 * np.pi * max(t - 1.0, 0.0))
+    return moved_box(d, shear, PRESS * min(t, 1.0), MU)[0]
+
+
+def box(d=2, comm=COMM):
+    if d == 2:
+        return ec.rectangle((0.0, 0.0), (1.0, 0.7), cells=(4, 3), comm=comm)
+    return ec.box((0.0,) * 3, (1.0, 0.8, 0.7), cells=(2, 2, 2), comm=comm)
+
+
+def cycle(accuracy=0.12, times=CYCLE, **options):
+    return ec.evolve(scene_at, options.pop("domain", None) or box(), times, accuracy, **options)
+
+
+@pytest.fixture(scope="module")
+def whole():
+    return cycle()
+
+
+def test_steps_are_those_by_hand(whole):
+    """Without refinement; the accuracy of these steps is that of the first mesh."""
+    coarse = cycle(accuracy=0.9)
+    assert coarse.reached
+    solution = None
+    for t, error in zip(CYCLE, coarse.errors, strict=True):
+        solution = ec.solve(scene_at(t), box(), ec.AugmentedLagrangian(), after=solution)
+        assert np.allclose(
+            error.force("bottom").force,
+            ec.constitutive_error(ec.equilibrate(solution)).force("bottom").force,
+            rtol=0,
+            atol=1e-12,
+        )
+    assert whole.column("cells")[-1] > coarse.column("cells")[-1]
+    assert np.all(whole.column("eps") <= 0.12)
+    assert np.array_equal(whole.column("time"), CYCLE)
+    assert np.all(np.diff(whole.column("cells")) >= 0)
+    assert whole.force("bottom").shape == (len(CYCLE), 2)
+    assert whole.outcome in str(whole)
+
+
+def test_energy(whole):
+    """What the balance leaves on fixed meshes is below the square of the error of the pairs; see the formulas."""
+    for times in (np.linspace(0.0, 2.0, 9), np.linspace(0.0, 2.0, 33)):
+        history = cycle(accuracy=0.9, times=times)
+        scale = (history.column("scale") * history.column("eps")).max() ** 2
+        assert abs(history.column("imbalance")).max() <= scale
+        assert np.all(np.diff(history.column("dissipated")) >= -1e-12 * history.column("stored").max())
+        if len(times) == 9:
+            before = abs(history.column("in_time")[-1])
+    assert abs(history.column("in_time")[-1]) < 0.4 * before
+    assert history.steps[-1].dissipated > 0
+    for error in whole.errors:
+        of_facets = np.concatenate(list(friction_works(error.admissible).values()))
+        most = max(COMM.allgather(float(abs(of_facets).max(initial=0.0))))
+        assert of_facets.min(initial=0.0) >= -1e-12 * most
+    refined = whole.column("imbalance")
+    assert abs(refined).max() <= 2 * (whole.column("scale") * whole.column("eps")).max() ** 2
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_energy_of_loads(d):
+    """Loads instead of supports, and a weight that changes in time."""
+
+    def weighted(t):
+        down = (0.0,) * (d - 1)
+        loads = [ec.Traction("top", (0.004 * t, *down[1:], -0.02)), ec.BodyForce((*down, -0.02 * (1 + t)))]
+        sides = ec.Displacement("left", (None, *down[1:], None)) if d == 3 else []
+        return ec.Scene(ec.Elastic(1.0, 0.3), sides, loads, [ec.Contact("bottom", friction=MU)])
+
+    history = ec.evolve(weighted, box(d), [0.0, 0.5, 1.0], 0.9, strategy=ec.Uniform())
+    row = history.steps[-1]
+    assert row.work > 0
+    assert abs(row.imbalance) <= (row.eps * row.scale) ** 2
+    again = ec.evolve(weighted, box(d), [0.0, 1.0], 0.25 if d == 2 else 0.5, strategy=ec.Uniform())
+    assert again.steps[-1].work == pytest.approx(row.work, rel=0.1)
+
+
+def test_nothing_is_compiled_after_the_first_steps():
+    seen = []
+    times = [0.0, *np.linspace(1.0, 1.5, 7)]
+    history = cycle(times=times, callback=lambda *_: seen.append(len(compiled._known)))
+    assert history.steps[-1].cells > history.steps[2].cells  # later meshes are new
+    assert len(set(seen[2:])) == 1
+
+
+@pytest.mark.ranks
+def test_ranks_have_the_same_history(shared_tmp_path):
+    alone = cycle(domain=box(comm=MPI.COMM_SELF))
+    together = cycle(checkpoint=shared_tmp_path / "run")
+    again = cycle(checkpoint=shared_tmp_path / "run")
+    for other in (together, again):
+        assert len(alone.steps) == len(other.steps)
+        for a, b in zip(alone.steps, other.steps, strict=True):
+            assert (a.time, a.cells, a.newton_steps) == (b.time, b.cells, b.newton_steps)
+            assert a.eps == pytest.approx(b.eps, rel=1e-8)
+            assert np.allclose(a.force["bottom"], b.force["bottom"], rtol=0, atol=1e-10)
+            for energy in ("work", "contact_work", "dissipated", "stored"):
+                assert getattr(a, energy) == pytest.approx(getattr(b, energy), rel=1e-8, abs=1e-14)
+
+
+def test_a_folder_goes_on(whole, shared_tmp_path, monkeypatch):
+    """The same call after an end in the middle; no step is solved again, and the rest is the same."""
+
+    def end(error, row):
+        if row.time > 1.3:
+            raise StopIteration("enough")
+
+    folder = shared_tmp_path / "run"
+    first = cycle(checkpoint=folder, callback=end)
+    assert not first.reached
+    assert "enough" in first.outcome
+    solved = []
+    usual = module._Walk._step
+    monkeypatch.setattr(module._Walk, "_step", lambda *a: solved.append(1) or usual(*a))
+    rest = cycle(checkpoint=folder)
+    assert len(solved) == len(whole.steps) - len(first.steps)
+    for a, b in zip(rest.steps, whole.steps, strict=True):
+        assert (a.time, a.cells, a.newton_steps) == (b.time, b.cells, b.newton_steps)
+        assert a.eps == pytest.approx(b.eps, rel=1e-8)
+        assert a.dissipated == pytest.approx(b.dissipated, rel=1e-8, abs=1e-15)
+    refused(lambda: cycle(checkpoint=folder, times=[0.0, 1.0]), "times", "another run")
+
+
+@pytest.mark.parametrize("longest", [0.3, 1e-9])
+def test_steps_that_do_not_converge_are_halved(monkeypatch, longest):
+    usual = module._Walk._step
+
+    def step(self, to, last):
+        if last is not None and to - (self.times[0] if not self.rows else self.time) > longest:
+            raise ec.NotConverged("too long", ())
+        return usual(self, to, last)
+
+    monkeypatch.setattr(module._Walk, "_step", step)
+    history = cycle(accuracy=0.9, times=[0.0, 1.0])
+    if longest > 0.1:
+        assert history.reached
+        assert history.steps[-1].time == 1.0
+        assert np.diff(history.column("time")).max() <= longest
+    else:
+        assert not history.reached
+        assert len(history.steps) == 1
+        assert "halved" in history.outcome
+        assert "t = 0" in history.outcome
+
+
+def test_steps_as_short_as_the_path_asks():
+    """Pressed and sheared in proportion is a straight path without gap: one step and its half. Cycles are not."""
+    straight = ec.evolve(lambda t: moved_box(2, 0.02 * t, PRESS * t)[0], box(), [0.0, 1.0], 0.9, path=1e-6)
+    rough, fine = (cycle(accuracy=0.9, times=[1.0, 1.5], path=path) for path in (0.1, 0.02))
+    assert len(rough.steps) == 3
+    assert len(fine.steps) >= 2 * len(rough.steps) - 1
+    assert rough.reached
+    assert fine.reached
+    assert fine.column("time")[-1] == 1.5
+    assert straight.column("time").tolist() == [0.0, 0.5, 1.0]
+
+
+def test_what_is_written(whole, shared_tmp_path):
+    whole.save(shared_tmp_path)
+    if COMM.rank > 0:
+        return
+    rows = list(csv.DictReader((shared_tmp_path / "evolution.csv").read_text().splitlines()))
+    assert [float(row["time"]) for row in rows] == CYCLE
+    assert float(rows[-1]["force_bottom_1"]) == whole.steps[-1].force["bottom"][1]
+    for name in ("energies.png", "loop_bottom.png", "zones_bottom.png"):
+        assert (shared_tmp_path / name).stat().st_size > 5000
+    from vtkmodules.vtkIOHDF import vtkHDFReader
+
+    reader = vtkHDFReader()
+    reader.SetFileName(str(shared_tmp_path / "body.vtkhdf"))
+    reader.UpdateInformation()
+    assert reader.GetNumberOfSteps() == len(whole.steps)
+    for number, step in enumerate(whole.steps):
+        reader.SetStep(number)
+        reader.Update()
+        assert reader.GetOutput().GetNumberOfCells() == step.cells
+        assert reader.GetTimeValue() == step.time
+        assert reader.GetOutput().GetCellData().GetArray("eps_E").GetRange()[1] <= step.eps
+
+
+@pytest.mark.serial
+def test_animation(whole, tmp_path):
+    from PIL import Image
+
+    short = module.Evolution(whole.steps[2:4], whole.accuracy, True, "", whole.errors[2:4])
+    short.animate(tmp_path / "cycle.gif")
+    with Image.open(tmp_path / "cycle.gif") as image:
+        assert image.n_frames == 2
+
+
+def test_what_is_no_history():
+    domain = box()
+
+    def run(at=scene_at, times=(0.0, 1.0), accuracy=0.9, **options):
+        return lambda: ec.evolve(at, domain, times, accuracy, **options)
+
+    refused(run(times=[0.0, 1.0, 0.5]), "times", "0.5", "after 1")
+    refused(run(times=[0.0, 0.0]), "times", "increase")
+    refused(run(times=[]), "times")
+    refused(run(times=[0.0, np.nan]), "times")
+    refused(run(at=scene_at(1.0)), "scene_at", "function of the time")
+    refused(run(at=lambda t: "scene"), "scene is 'scene'")
+    refused(run(path=0.0), "path")
+    refused(run(accuracy=-1.0), "accuracy")
+
+    def other(t):
+        contact = ec.Contact("bottom" if t < 0.5 else "right", friction=MU, normal=None)
+        return ec.Scene(ec.Elastic(1.0, 0.3), [ec.Displacement("top", (0.0, -0.01 * t))], [], [contact])
+
+    history = run(at=other)()
+    assert not history.reached
+    assert "same contacts" in history.outcome
+    assert len(history.steps) == 1
+    tiny = 1.0 + 2 * np.finfo(float).eps
+    short = ec.evolve(scene_at, domain, [0.0, 1.0, tiny], 0.9, path=1e-12)
+    assert short.steps[-1].time >= 1.0  # a step that cannot be halved: told, or made
+
+    def fails(t):
+        if t > 0.5:
+            raise ZeroDivisionError("of the user")
+        return scene_at(t)
+
+    with pytest.raises(ZeroDivisionError) as failure:
+        run(at=fails)()
+    assert len(failure.value.history.steps) == 1
