@@ -18,7 +18,8 @@ from erc_contact.output.files import on_root
 from erc_contact.run.energy import energies
 from erc_contact.run.history import History
 
-HEADER = "        t   cells meshes  N     eps    cont  shear/pressure  dissipated    balance  total"
+HEADER = "       t  cells meshes  N     eps    cont  shear  dissipated  balance  total"
+"""``shear`` is that of the first contact over its pressure, ``balance`` the imbalance over the larger energy."""
 
 
 @dataclass(frozen=True)
@@ -120,7 +121,7 @@ SECONDS = ("solve_seconds", "equilibrate_seconds", "seconds")
 
 
 def line(row: TimeStep) -> str:
-    """The row of a step below :data:`HEADER`; shear over pressure is that of the first contact."""
+    """The row of a step below :data:`HEADER`."""
     size = max(row.stored, row.dissipated, 1e-300)
     ratio = "-"
     if row.force:
@@ -129,8 +130,8 @@ def line(row: TimeStep) -> str:
         rest = np.delete(force, axis)
         ratio = f"{np.linalg.norm(rest) / abs(force[axis]):.4f}" if force[axis] else "-"
     return (
-        f"{row.time:9.4g} {row.cells:7d} {row.meshes:6d} {row.newton_steps:2d} {percent(row.eps, 3):>7} "
-        f"{percent(row.eps_contact, 3):>7} {ratio:>15} {row.dissipated:11.4g} {row.imbalance / size:10.1e} "
+        f"{row.time:8.4g} {row.cells:6d} {row.meshes:6d} {row.newton_steps:2d} {percent(row.eps, 3):>7} "
+        f"{percent(row.eps_contact, 3):>7} {ratio:>6} {row.dissipated:11.4g} {row.imbalance / size:8.0e} "
         f"{row.seconds:6.1f}"
     )
 

@@ -1,0 +1,102 @@
+"""Cattaneo and Mindlin: a cylinder that is pressed, then sheared forward, back, and forward again.
+
+A half-plane, incompressible, is pressed on a rigid cylinder of radius R by the force P. Hertz: the contact has the
+half-width a = sqrt(4 P R/(pi E*)) and the pressure p0 sqrt(1 - x^2/a^2), p0 = 2 P/(pi a), E* = E/(1 - nu^2). Then a
+shear force Q < mu P comes. Slip begins at the edges and goes inwards; in the middle |x| < c the contact sticks:
+
+    c = a sqrt(1 - Q/(mu P)),     q = mu p0 ( sqrt(1 - x^2/a^2) - c/a sqrt(1 - x^2/c^2) ).
+
+When Q goes back from Q1, everything sticks at first; then slip in the other direction begins at the edges again, with
+c' = a sqrt(1 - (Q1 - Q)/(2 mu P)): the shear is that of Q1 less twice the same formula with c'. So the shear at a force
+depends on the way to it: friction remembers. At -Q1 all is reversed, at Q1 again the loop is closed. In a cycle friction
+takes
+
+    8 mu^2/R int_c^a p(x) I(x) dx,     I = ( x sqrt(x^2 - c^2) - c^2 arccosh(x/c) )/2.
+
+Pressing comes without friction here, as in the closed form; contacts may change their law between two steps. The body is
+a square of 40 half-widths; its bending moves the contact a little, so x counts from the centre of pressure.
+
+Source: C. Cattaneo (1938); R. D. Mindlin (1949); K. L. Johnson, "Contact Mechanics", section 7.2.
+"""
+
+import numpy as np
+
+import erc_contact as ec
+
+E, NU, MU, R = 1.0, 0.4999, 0.3, 10.0
+
+
+def scene_at(t):
+    """Pressed at t = 0; sheared until 1, back until 3, forward until 5."""
+    push = 0.032 * np.interp(t, [0.0, 1.0, 3.0, 5.0], [0.0, 1.0, -1.0, 1.0])
+    contact = ec.Contact("bottom", friction=MU if t > 0 else 0.0, gap=lambda x: x[0] ** 2 / (2 * R))
+    return ec.Scene(ec.Elastic(E, NU), ec.Displacement("top", (push, -0.05)), contacts=contact)
+
+
+def finer_at_the_contact(domain, size):
+    """The mesh refined towards the contact, until its cells there have this size."""
+    now = 2.0
+    while now > size:
+        x = domain.mesh.geometry.x[domain.mesh.geometry.dofmaps[0][: domain.owned_cells]].mean(axis=1)
+        near = (abs(x[:, 0]) < max(0.55, 3 * now)) & (x[:, 1] < 3 * now)
+        domain, now = domain.refined(np.flatnonzero(near).astype(np.int32)), now / 2
+    return domain
+
+
+def ellipse(x, half):
+    return np.sqrt(np.maximum(1 - (x / half) ** 2, 0.0)) if half > 0 else 0.0 * x
+
+
+def closed_form(x, P, Q, Q1, a, t):
+    """Shear over mu p0, and half-width of the stick zone."""
+
+    def loaded(force):
+        c = a * np.sqrt(max(1 - force / (MU * P), 0.0))
+        return ellipse(x, a) - c / a * ellipse(x, c), c
+
+    if t <= 1:
+        return loaded(Q)
+    back, c = loaded((Q1 - Q) / 2 if t <= 3 else (Q1 + Q) / 2)
+    return (loaded(Q1)[0] - 2 * back, c) if t <= 3 else (2 * back - loaded(Q1)[0], c)
+
+
+ec.log_to_console()
+body = finer_at_the_contact(ec.rectangle((-10.0, 0.0), (10.0, 20.0), cells=(10, 10)), 0.02)
+evolution = ec.evolve(scene_at, body, [0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 5.0], accuracy=0.02, degree=2)
+root = evolution.error.domain.mesh.comm.rank == 0
+assert evolution.reached
+
+Q1 = -evolution.force("bottom")[2, 0]
+for step, profile in zip(evolution.steps[1:], evolution.profile("bottom")[1:], strict=True):
+    (Q, P), centre = (-step.force["bottom"][0], step.force["bottom"][1]), step.moment["bottom"][0]
+    a = np.sqrt(4 * P * R * (1 - NU**2) / (np.pi * E))
+    p0 = 2 * P / (np.pi * a)
+    x = profile["x"] - centre / P
+    shear, c = closed_form(x, P, Q, Q1, a, step.time)
+    pressed = profile["pressure"] > 1e-6 * p0
+    sticks = pressed & (abs(profile["shear"]) < 0.98 * profile["friction_bound"])
+    width = np.ptp(x[sticks]) / 2
+    apart = abs(-profile["shear"] / (MU * p0) - shear)[pressed].mean()
+    if root:
+        print(
+            f"t = {step.time:g}: Q/(mu P) = {Q / (MU * P):7.4f}, stick {width:.4f} for {c:.4f}, shear within {apart:.4f}"
+        )
+    assert abs(width / c - 1) < 0.015  # a fourth of a facet
+    assert apart < 0.02
+    assert abs(profile["pressure"].max() / p0 - 1) < 0.01
+
+taken = np.diff(evolution.column("dissipated"))
+assert np.all(taken >= 0)
+forces = -evolution.force("bottom")[:, 0] / (MU * P)
+assert abs(forces[-1] - forces[2]) < 0.01 * forces[2]  # the loop closes
+assert abs(forces[-1] + forces[5]) < 0.01 * forces[2]
+
+c = a * np.sqrt(1 - Q1 / (MU * P))
+x = np.linspace(c, a, 2001)
+slip = (x * np.sqrt(x**2 - c**2) - c**2 * np.arccosh(x / c)) / 2
+of_cycle = (
+    8 * MU**2 / R * np.sum((p0 * ellipse(x, a) * slip)[:-1] + (p0 * ellipse(x, a) * slip)[1:]) / 2 * (x[1] - x[0])
+)
+if root:
+    print(f"dissipated in the cycle: {taken[2:].sum():.4e} for {of_cycle:.4e}")
+assert abs(taken[2:].sum() / of_cycle - 1) < 0.03

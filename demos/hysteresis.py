@@ -1,0 +1,60 @@
+"""Hysteresis: a pressed block that is sheared back and forth.
+
+Small amplitudes: only the edges slip. In the first cycle they slip to where they can stay, and then they stick: the
+block shakes down, and further cycles cost nothing. Large amplitudes: the whole block slides back and forth, and each
+half of a cycle costs mu P times the path of slip, again and again.
+
+The block is moved by its top. ``save`` writes the loop of force against displacement, the zones of slip in time, the
+energies, and one file for ParaView with all times.
+"""
+
+import numpy as np
+
+import erc_contact as ec
+
+MU = 0.3
+TURNS = [1.0, 1.5, 2.5, 3.5, 4.5]
+
+
+def cycles(amplitude):
+    """Two cycles after the press, which ends at t = 1; the first half of a cycle comes at t = 1.5."""
+
+    def scene_at(t):
+        push = amplitude * np.interp(t, TURNS, [0.0, 1.0, -1.0, 1.0, -1.0])
+        support = ec.Displacement("top", (push, -0.05 * min(t, 1.0)))
+        return ec.Scene(ec.Elastic(1.0, 0.3), support, contacts=ec.Contact("bottom", friction=MU))
+
+    block = ec.rectangle((0.0, 0.0), (2.0, 1.0), cells=(8, 4))
+    return ec.evolve(scene_at, block, [0.0, 1.0, *np.arange(1.25, 4.6, 0.25)], accuracy=0.025)
+
+
+def halves(evolution):
+    """Energy that friction takes from one turn to the next."""
+    return np.diff(np.interp(TURNS[1:], evolution.column("time"), evolution.column("dissipated")))
+
+
+ec.log_to_console()
+small, large = cycles(0.03), cycles(0.15)
+small.save("results/hysteresis")
+root = small.error.domain.mesh.comm.rank == 0
+for name, evolution in (("small", small), ("large", large)):
+    taken, left = halves(evolution), abs(evolution.column("imbalance")).max() / evolution.column("stored").max()
+    if root:
+        print(f"{name}: {', '.join(f'{of:.3e}' for of in taken)} in halves of cycles; the balance leaves {left:.1e}")
+    assert evolution.reached
+    assert np.all(np.diff(evolution.column("dissipated")) >= -1e-12 * evolution.column("stored").max())
+    assert left < 0.025**2 + 0.01 * (name == "large")
+
+first, *_, last = halves(small)
+assert last < 0.02 * first  # shakedown
+
+back, forth, again = halves(large)
+assert abs(again / forth - 1) < 0.01
+assert abs(again / back - 1) < 0.01
+force = large.force("bottom")
+moved = [profile["slip"].mean() for profile in large.profile("bottom")[-4:]]  # in the last half of a cycle
+P, path = force[-1, 1], abs(np.sum(moved))
+if root:
+    print(f"slides {path:.4f}: takes {again:.4e} for {MU * P * path:.4e}")
+assert abs(force[-1, 0] / (MU * P) - 1) < 1e-3  # pushed to the left at the end: friction to the right
+assert abs(again / (MU * P * path) - 1) < 0.05
