@@ -8,13 +8,13 @@ shear force Q < mu P comes. Slip begins at the edges and goes inwards; in the mi
 
 When Q goes back from Q1, everything sticks at first; then slip in the other direction begins at the edges again, with
 c' = a sqrt(1 - (Q1 - Q)/(2 mu P)): the shear is that of Q1 less twice the same formula with c'. So the shear at a force
-depends on the way to it: friction remembers. At -Q1 all is reversed, at Q1 again the loop is closed. In a cycle friction
-takes
+depends on the way to it: friction remembers. At -Q1 all is reversed, at Q1 again the loop is closed. In a cycle
+friction takes
 
     8 mu^2/R int_c^a p(x) I(x) dx,     I = ( x sqrt(x^2 - c^2) - c^2 arccosh(x/c) )/2.
 
-Pressing comes without friction here, as in the closed form; contacts may change their law between two steps. The body is
-a square of 40 half-widths; its bending moves the contact a little, so x counts from the centre of pressure.
+Pressing comes without friction here, as in the closed form; contacts may change their law between two steps. The body
+is a square of 40 half-widths; its bending moves the contact a little, so x counts from the centre of pressure.
 
 Source: C. Cattaneo (1938); R. D. Mindlin (1949); K. L. Johnson, "Contact Mechanics", section 7.2.
 """
@@ -78,9 +78,8 @@ for step, profile in zip(evolution.steps[1:], evolution.profile("bottom")[1:], s
     width = np.ptp(x[sticks]) / 2
     apart = abs(-profile["shear"] / (MU * p0) - shear)[pressed].mean()
     if root:
-        print(
-            f"t = {step.time:g}: Q/(mu P) = {Q / (MU * P):7.4f}, stick {width:.4f} for {c:.4f}, shear within {apart:.4f}"
-        )
+        found = f"stick {width:.4f} for {c:.4f}, shear within {apart:.4f}"
+        print(f"t = {step.time:g}: Q/(mu P) = {Q / (MU * P):7.4f}, {found}")
     assert abs(width / c - 1) < 0.015  # a fourth of a facet
     assert apart < 0.02
     assert abs(profile["pressure"].max() / p0 - 1) < 0.01
