@@ -35,7 +35,7 @@ def halves(evolution):
 
 ec.log_to_console()
 small, large = cycles(0.03), cycles(0.15)
-small.save("results/hysteresis")
+large.save("results/hysteresis")
 root = small.error.domain.mesh.comm.rank == 0
 for name, evolution in (("small", small), ("large", large)):
     taken, left = halves(evolution), abs(evolution.column("imbalance")).max() / evolution.column("stored").max()

@@ -149,6 +149,7 @@ def test_a_folder_goes_on(whole, shared_tmp_path, monkeypatch):
         assert a.eps == pytest.approx(b.eps, rel=1e-8)
         assert a.dissipated == pytest.approx(b.dissipated, rel=1e-8, abs=1e-15)
     refused(lambda: cycle(checkpoint=folder, times=[0.0, 1.0]), "times", "another run")
+    refused(lambda: ec.read_history(folder), "loading history", "evolve")
 
 
 @pytest.mark.parametrize("longest", [0.3, 1e-9])

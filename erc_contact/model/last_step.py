@@ -10,7 +10,7 @@ Symbols: d dimension, f facets, m nodes of a facet, n points.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,8 +21,8 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.mesh.simplex import barycentric, lagrange, rule
 from erc_contact.model.space import Space
 
-CHUNK = 1_000_000
-"""Number of pairs (point, facet) that are worked on at once, to bound the memory."""
+CLUSTER = 64
+"""Number of points for which the nearest facets are found together."""
 EXACT = 1e-12
 """Difference of interpolants that counts as round-off, over the greatest displacement [-]."""
 NEAR = 0.5
@@ -107,6 +107,8 @@ def interpolate(x: np.ndarray, corners: np.ndarray, values: np.ndarray, degree: 
 def nearest(x: np.ndarray, corners: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The nearest facets (f, d, d) of points (n, d).
 
+    Points that are near to each other are worked on together, with the facets that may be the nearest of one of them.
+
     Returns:
         The numbers of the facets, shape (n,); barycentric coordinates of the nearest points on them, shape (n, d); the
         distances, shape (n,).
@@ -114,19 +116,35 @@ def nearest(x: np.ndarray, corners: np.ndarray) -> tuple[np.ndarray, np.ndarray,
     edges = corners[:, 1:] - corners[:, :1]
     # of each facet: from a point to its barycentric coordinates
     to_barycentric = np.linalg.inv(edges @ edges.transpose(0, 2, 1)) @ edges
+    middle = corners.mean(axis=1)
+    radius = np.linalg.norm(corners - middle[:, None], axis=2).max(axis=1, initial=0.0)
     facet, at, far = np.empty(len(x), dtype=int), np.empty_like(x), np.empty(len(x))
-    step = max(1, CHUNK // max(len(corners), 1))
-    for first in range(0, len(x), step):
-        some = x[first : first + step]
-        local = np.einsum("fki,nfi->nfk", to_barycentric, some[:, None] - corners[None, :, 0])
+    for some in _clusters(x):
+        centre = x[some].mean(axis=0)
+        spread = np.linalg.norm(x[some] - centre, axis=1).max()
+        away = np.linalg.norm(middle - centre, axis=1)
+        near = np.flatnonzero(away - radius <= (away + radius).min() + 2 * spread)
+        local = np.einsum("fki,nfi->nfk", to_barycentric[near], x[some][:, None] - corners[near, 0])
         shape = np.maximum(np.concatenate([1 - local.sum(axis=2, keepdims=True), local], axis=2), 0.0)
         shape /= shape.sum(axis=2, keepdims=True)
-        distance = np.linalg.norm(np.einsum("nfm,fmi->nfi", shape, corners) - some[:, None], axis=2)
+        distance = np.linalg.norm(np.einsum("nfm,fmi->nfi", shape, corners[near]) - x[some][:, None], axis=2)
         number, every = distance.argmin(axis=1), np.arange(len(some))
-        facet[first : first + step] = number
-        at[first : first + step] = shape[every, number]
-        far[first : first + step] = distance[every, number]
+        facet[some], at[some], far[some] = near[number], shape[every, number], distance[every, number]
     return facet, at, far
+
+
+def _clusters(x: np.ndarray) -> Iterator[np.ndarray]:
+    """Numbers of points (n, d) that are near to each other, at most :data:`CLUSTER` at once."""
+    waiting = [np.arange(len(x))] if len(x) else []
+    while waiting:
+        some = waiting.pop()
+        if len(some) <= CLUSTER:
+            yield some
+            continue
+        axis = np.ptp(x[some], axis=0).argmax()
+        half = len(some) // 2
+        order = np.argpartition(x[some, axis], half)
+        waiting += [some[order[:half]], some[order[half:]]]
 
 
 def _check_place(space: Space, name: str, x: np.ndarray, corners: np.ndarray) -> None:

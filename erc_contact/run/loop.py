@@ -135,9 +135,14 @@ class Loop:
         plan, allowed = self.plan, None
         if plan.stop == "certified" and last is not None:
             allowed = SHARE * last.absolute / 2**plan.degree
-        start = last.solution if last else None
-        options: dict[str, Any] = {"degree": plan.degree, "tolerance": allowed, "solver": plan.solver}
-        solution = solve(plan.scene, domain, plan.method, after=plan.after, start=start, **options)
+        solution = solve(
+            *(plan.scene, domain, plan.method),
+            degree=plan.degree,
+            after=plan.after,
+            start=last.solution if last else None,
+            tolerance=allowed,
+            solver=plan.solver,
+        )
         interrupts.check()
         admissible = equilibrate(solution, tighten=plan.tighten)
         interrupts.check()

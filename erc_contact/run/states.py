@@ -130,7 +130,13 @@ class Restored:
 
     @property
     def steps(self) -> tuple[Step, ...]:
-        """The rows of the run up to this level."""
+        """The rows of the run up to this level.
+
+        Raises:
+            InputError: If they are those of a loading history.
+        """
+        if "time" in self.about["rows"][-1]:
+            raise InputError("The folder holds a loading history: call evolve(..., checkpoint=folder) as for the run.")
         return tuple(Step(**row) for row in self.about["rows"])
 
     @property
