@@ -31,21 +31,21 @@ TIMES = [0.0, *np.linspace(1.0, 2.0, 21)[1:]]
 def block(press: float, shear: float) -> ec.Scene:
     """The pressed and sheared block."""
     support = ec.Displacement("top", (shear, -0.05 * press))
-    return ec.Scene(ec.Elastic(1.0, 0.3), support, contacts=ec.Contact("bottom", friction=0.3))
+    return ec.Scene(ec.Elastic(1.0, 0.3), [support], contacts=[ec.Contact("bottom", friction=0.3)])
 
 
 def pushed(press: float, shear: float) -> ec.Scene:
     """A block under loads, held by a wall."""
     loads = [ec.Traction("top", pressure=0.05 * press), ec.Traction("left", (10 * shear, 0.0))]
     contact = ec.Contact("bottom", friction=0.3)
-    return ec.Scene(ec.Elastic(1.0, 0.2), ec.Displacement("right", (0.0, None)), loads, contact)
+    return ec.Scene(ec.Elastic(1.0, 0.2), [ec.Displacement("right", (0.0, None))], loads, [contact])
 
 
 def cylinder(press: float, shear: float) -> ec.Scene:
     """A block pressed on a cylinder: contact, slip and stick are small."""
     support = ec.Displacement("top", (0.3 * shear, -0.05 * press))
     contact = ec.Contact("bottom", friction=0.3, gap=lambda x: (x[0] - 1.0) ** 2 / 4)
-    return ec.Scene(ec.Elastic(1.0, 0.3), support, contacts=contact)
+    return ec.Scene(ec.Elastic(1.0, 0.3), [support], contacts=[contact])
 
 
 CASES: dict[str, tuple[Callable[[float, float], ec.Scene], float]] = {
@@ -103,9 +103,10 @@ def steps() -> None:
     for method in METHODS:
         static = ec.solve(block(1.0, 0.03), domain, method)
         for count in (5, 20):
-            last = None
+            last: ec.Solution | None = None
             for t in np.linspace(0.0, 1.0, count + 1)[1:]:
                 last = ec.solve(block(t, 0.03 * t), domain, method, after=last)
+            assert last is not None
             u = abs(last.u.x.array - static.u.x.array).max() / abs(static.u.x.array).max()
             force, same = (of.force("bottom").force for of in (last, static))
             zones = np.count_nonzero(last.profile("bottom")["status"] != static.profile("bottom")["status"])

@@ -21,9 +21,10 @@ from erc_contact.base.interpreter import free_forms
 from erc_contact.base.logs import log_to_console
 from erc_contact.error.bounds import Bounds, potential_energy, resultant, work_of_loads
 from erc_contact.error.constitutive import ConstitutiveError, constitutive_error
+from erc_contact.error.optimal import SizeMap
 from erc_contact.error.oscillation import Oscillations
 from erc_contact.error.sizes import Sizes, size_map
-from erc_contact.error.strategy import Mark, SizeMap, Strategy, Uniform, mark
+from erc_contact.error.strategy import Mark, Strategy, Uniform, mark
 from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.sources import box, from_gmsh, read_mesh, rectangle
 from erc_contact.newton.methods import AugmentedLagrangian, Method, Nitsche

@@ -9,6 +9,8 @@
 """
 
 import csv
+import os
+import signal
 
 import numpy as np
 import pytest
@@ -18,8 +20,8 @@ from test_bad_input import refused
 
 import erc_contact as ec
 from erc_contact.base import compiled
-from erc_contact.run import evolve as module
 from erc_contact.run.energy import friction_works
+from erc_contact.run.evolve import Walk
 
 COMM = MPI.COMM_WORLD
 PRESS, MU = 0.05, 0.3
@@ -128,6 +130,49 @@ def test_ranks_have_the_same_history(shared_tmp_path):
                 assert getattr(a, energy) == pytest.approx(getattr(b, energy), rel=1e-8, abs=1e-14)
 
 
+@pytest.mark.parametrize("where", ["in a step", "between steps"])
+def test_an_interrupt_ends_a_history_with_whole_steps(where):
+    """A signal to one rank: the step that it hits is given up."""
+
+    def interrupt(*_):
+        if COMM.rank == COMM.size - 1:
+            os.kill(os.getpid(), signal.SIGTERM)
+
+    def at(t):
+        if where == "in a step" and t > 1.2:
+            interrupt()
+        return scene_at(t)
+
+    between = {"callback": interrupt} if where == "between steps" else {}
+    history = ec.evolve(at, box(), CYCLE[:4], 0.12, **between)
+    assert not history.reached
+    assert "Interrupted" in history.outcome
+    assert all(row.reached for row in history.steps)
+    assert len(history.steps) == (1 if where == "between steps" else 3)
+    assert history.column("time")[-1] == CYCLE[len(history.steps) - 1]
+
+
+def test_a_damaged_step_is_made_again(shared_tmp_path):
+    """All steps after it, too: they depend on it."""
+    folder = shared_tmp_path / "run"
+    times = CYCLE[:4]
+    first = cycle(accuracy=0.9, times=times, checkpoint=folder)
+    if COMM.rank == 0:
+        damaged = sorted(path for path in folder.iterdir() if path.suffix == ".vtkhdf")[1]
+        content = bytearray(damaged.read_bytes())
+        content[len(content) // 2] ^= 1
+        damaged.write_bytes(content)
+    COMM.barrier()
+    made = []
+    for expected in (3, 0):
+        made.clear()
+        again = cycle(accuracy=0.9, times=times, checkpoint=folder, callback=lambda *_: made.append(1))
+        assert len(made) == expected
+        assert np.array_equal(again.column("eps"), first.column("eps")) or np.allclose(
+            again.column("eps"), first.column("eps"), rtol=1e-8, atol=0
+        )
+
+
 def test_a_folder_goes_on(whole, shared_tmp_path, monkeypatch):
     """The same call after an end in the middle; no step is solved again, and the rest is the same."""
 
@@ -140,8 +185,8 @@ def test_a_folder_goes_on(whole, shared_tmp_path, monkeypatch):
     assert not first.reached
     assert "enough" in first.outcome
     solved = []
-    usual = module._Walk._step
-    monkeypatch.setattr(module._Walk, "_step", lambda *a: solved.append(1) or usual(*a))
+    usual = Walk._step
+    monkeypatch.setattr(Walk, "_step", lambda *a: solved.append(1) or usual(*a))
     rest = cycle(checkpoint=folder)
     assert len(solved) == len(whole.steps) - len(first.steps)
     for a, b in zip(rest.steps, whole.steps, strict=True):
@@ -154,14 +199,14 @@ def test_a_folder_goes_on(whole, shared_tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("longest", [0.3, 1e-9])
 def test_steps_that_do_not_converge_are_halved(monkeypatch, longest):
-    usual = module._Walk._step
+    usual = Walk._step
 
     def step(self, to, last):
         if last is not None and to - (self.times[0] if not self.rows else self.time) > longest:
             raise ec.NotConverged("too long", ())
         return usual(self, to, last)
 
-    monkeypatch.setattr(module._Walk, "_step", step)
+    monkeypatch.setattr(Walk, "_step", step)
     history = cycle(accuracy=0.9, times=[0.0, 1.0])
     if longest > 0.1:
         assert history.reached
@@ -213,7 +258,7 @@ def test_what_is_written(whole, shared_tmp_path):
 def test_animation(whole, tmp_path):
     from PIL import Image
 
-    short = module.Evolution(whole.steps[2:4], whole.accuracy, True, "", whole.errors[2:4])
+    short = ec.Evolution(whole.steps[2:4], whole.accuracy, True, "", whole.errors[2:4])
     short.animate(tmp_path / "cycle.gif")
     with Image.open(tmp_path / "cycle.gif") as image:
         assert image.n_frames == 2

@@ -69,10 +69,13 @@ class Interrupts:
             raise KeyboardInterrupt
 
     def ended(self, failure: BaseException) -> bool:
-        """Whether an interrupt is the cause of a failure, and all ranks have it.
+        """Whether an interrupt is the cause of a failure, all ranks have it, and it is this run that it ends.
 
-        A compiler that is killed by the same signal ends in an error of another type.
+        A run within another one, as a step of a loading history, leaves it to that one. A compiler that is killed by
+        the same signal ends in an error of another type.
         """
+        if _running.get()[0] is not self:
+            return False
         if isinstance(failure, KeyboardInterrupt):
             return self.shared or self.comm.size == 1
         return self.first is not None

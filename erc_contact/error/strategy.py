@@ -1,35 +1,23 @@
-"""How the next mesh follows from an error: uniform refinement, marking, or the optimal mesh.
+"""How the next mesh follows from an error by refinement: of all elements, or of those that carry most of it.
 
 A strategy is any object with ``next``; write your own in the same few lines.
 
-Source: Doerfler, SIAM J. Numer. Anal. 33 (1996), for marking; Coorevits, Hild, Hjiaj for the optimal mesh.
+Source: Doerfler, SIAM J. Numer. Anal. 33 (1996), for marking.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import ceil, log
 from typing import Protocol
 
 import numpy as np
 from mpi4py import MPI
 
 from erc_contact.base import checks
-from erc_contact.base.exceptions import InputError, raise_together
-from erc_contact.base.percent import percent
+from erc_contact.base.exceptions import raise_together
 from erc_contact.error.constitutive import ConstitutiveError
-from erc_contact.error.sizes import size_map
 from erc_contact.mesh.domain import Domain
 
-CLOSE = 1.2
-"""If the error is below this multiple of the accuracy, marked elements are refined instead. A new mesh of nearly the
-same sizes might miss the accuracy again and again, because the prediction is right to 5 or 10% only."""
-KNOWN = 0.25
-"""Relative error below which a mesh can predict the number of cells for an accuracy. For a half disc pressed on a plane
-a first mesh with an error of 79% predicted 7 million cells where 2200 were enough. A mesh with 11% predicted twice as
-many as needed."""
-DOUBT = 4.0
-"""Factor by which such a prediction may be too large [-]. A run ends if it exceeds ``max_cells`` by more."""
 TIE = 1e-6
 """Elements whose errors differ by less than this fraction are marked together, so that round-off does not choose."""
 
@@ -87,54 +75,6 @@ class Uniform:
     def next(self, error: ConstitutiveError, accuracy: float, max_cells: int) -> Domain:
         """The domain with all elements refined; collective."""
         return error.domain.refined()
-
-
-@dataclass(frozen=True)
-class SizeMap:
-    """Mesh the true geometry again with the optimal sizes, which may be larger than before.
-
-    Args:
-        aim: Factor of the accuracy for which the sizes are optimal. It is below 1, because a mesh that just misses the
-            accuracy costs another mesh. A mesh that is 5% below the accuracy costs only 10% more elements (degree 1,
-            2D).
-        leap: Greatest factor by which the error is to fall from one mesh to the next. A larger fall takes several equal
-            steps, because a coarse mesh predicts the sizes of a much finer one badly.
-
-    Raises:
-        InputError: If aim is outside (0, 1], or leap is not > 1.
-    """
-
-    aim: float = 0.95
-    leap: float = 4.0
-
-    def __post_init__(self) -> None:
-        checks.fraction("SizeMap: aim", self.aim)
-        if checks.positive("SizeMap: leap", self.leap, "> 1") <= 1:
-            raise InputError(f"SizeMap: leap is {self.leap!r}; it must be > 1.")
-
-    def next(self, error: ConstitutiveError, accuracy: float, max_cells: int) -> Domain:
-        """The domain meshed again, or marked elements refined where the error is near the accuracy; collective.
-
-        Raises:
-            InputError: If the accuracy takes more cells than allowed, as far as this mesh can predict, or the geometry
-                is not known or cannot be meshed.
-        """
-        aim, domain = self.aim * accuracy, error.domain
-        if error.total <= CLOSE * accuracy:
-            gain = 1 - 4.0**-error.solution.model.degree  # of the square, where an element is halved
-            return domain.refined(mark(error, min((1 - (aim / error.total) ** 2) / gain, 1.0)))
-        end, way = size_map(error, aim), error.total / aim
-        leaps = ceil(log(way) / log(self.leap))
-        sizes = end if leaps == 1 else size_map(error, error.total / way ** (1 / leaps))
-        while sizes.predicted_cells > max_cells and way ** (1 / leaps) > CLOSE:  # a smaller leap may know better
-            leaps += 1
-            sizes = size_map(error, error.total / way ** (1 / leaps))
-        if sizes.predicted_cells > max_cells or (error.total <= KNOWN and end.predicted_cells > DOUBT * max_cells):
-            raise InputError(
-                f"{percent(accuracy)} takes about {end.predicted_cells:.0f} cells, more than max_cells = {max_cells}; "
-                "allow more, or a larger error."
-            )
-        return domain.remeshed(sizes)
 
 
 def mark(error: ConstitutiveError, fraction: float = 0.5) -> np.ndarray:

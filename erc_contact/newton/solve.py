@@ -8,11 +8,8 @@ this takes fewer steps (GRECO, 256 x 256 squares: 11 and 2, against 22 from the 
 
 from __future__ import annotations
 
-from collections.abc import Hashable
 from dataclasses import replace
-from numbers import Integral
 from time import perf_counter
-from typing import Any
 
 import numpy as np
 from dolfinx import fem
@@ -27,6 +24,7 @@ from erc_contact.mesh.domain import Domain
 from erc_contact.model.model import Model
 from erc_contact.model.promises import bind
 from erc_contact.newton.after import check_after, last_step
+from erc_contact.newton.arguments import check_arguments
 from erc_contact.newton.direct import Direct
 from erc_contact.newton.iterative import Iterative
 from erc_contact.newton.ladder import NODAL, attempts
@@ -36,12 +34,8 @@ from erc_contact.newton.snes import Found
 from erc_contact.newton.solution import SINGULAR, Solution
 from erc_contact.scene.scene import Scene
 
-METHOD = ("multiplier", "in_layer", "equations", "traction", "projected")
-"""What a method has."""
 DEFAULT = Nitsche()
 """The method where none is given."""
-SOLVERS = ("auto", "direct", "iterative")
-"""The solvers by name."""
 SLOW = 5
 """Number of attempts whose linear solver does not converge after which multigrid is given up."""
 LARGE = {2: (2_000_000, 8_000), 3: (5_000, 1_000)}
@@ -142,32 +136,6 @@ def large(model: Model) -> bool:
     unknowns, contact = nodes * model.d, facets * model.degree ** (model.d - 1) * model.d
     limits = LARGE[model.d]
     return unknowns > limits[0] or contact > limits[1]
-
-
-def check_arguments(scene: Any, domain: Any, method: Any, degree: Any, solver: Any, start: Any = None) -> None:
-    """Check the types of the arguments of :func:`solve`, so that no message of UFL or PETSc is needed.
-
-    Raises:
-        InputError: If an argument has another type.
-    """
-    if not isinstance(scene, Scene):
-        raise InputError(f"scene is {checks.told(scene)}; give a Scene: Scene(material, supports=[...], ...).")
-    if not isinstance(domain, Domain):
-        raise InputError(
-            f"domain is {checks.told(domain)}; give a Domain: rectangle(...), read_mesh(...), Domain(mesh, ...)."
-        )
-    if isinstance(degree, bool) or not isinstance(degree, Integral) or degree not in (1, 2):
-        raise InputError(f"degree is {degree!r}; allowed are the whole numbers 1 and 2.")
-    if solver not in SOLVERS:
-        raise InputError(f"solver is {solver!r}; allowed are {', '.join(map(repr, SOLVERS))}.")
-    missing = [] if method is None else [member for member in METHOD if not hasattr(method, member)]
-    if isinstance(method, type) or "equations" in missing:
-        raise InputError(f"method is {method!r}; give an object: Nitsche(), AugmentedLagrangian(), or None.")
-    if missing or not isinstance(method, Hashable):
-        wrong = f"has no {', '.join(missing)}" if missing else "is not hashable; make it a frozen dataclass"
-        raise InputError(f"method is {checks.told(method)}, which {wrong}. A method has {', '.join(METHOD)}.")
-    if start is not None and not isinstance(start, Solution):
-        raise InputError(f"start is {checks.told(start)}; give a Solution, e.g. of solve() on another mesh, or None.")
 
 
 def _check_size(model: Model, b: fem.Function, w: fem.Function) -> None:

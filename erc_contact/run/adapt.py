@@ -10,17 +10,15 @@ from pathlib import Path
 
 from erc_contact.admissible.tighten.iteration import TIGHTEN
 from erc_contact.base import checks
-from erc_contact.base.exceptions import InputError
 from erc_contact.error.constitutive import ConstitutiveError
-from erc_contact.error.strategy import Mark, Strategy
+from erc_contact.error.strategy import Strategy
 from erc_contact.mesh.domain import Domain
-from erc_contact.mesh.tables import described
 from erc_contact.newton.methods import Method
-from erc_contact.newton.solve import check_arguments
 from erc_contact.run.checkpoint import Checkpoint
 from erc_contact.run.fingerprint import fingerprint
 from erc_contact.run.history import History
-from erc_contact.run.loop import DECISIVE, Loop, Plan
+from erc_contact.run.loop import Loop
+from erc_contact.run.plan import DECISIVE, check_folder, checked_plan
 from erc_contact.run.step import Step
 from erc_contact.scene.scene import Scene
 
@@ -80,34 +78,26 @@ def adapt(
         Exception: What else is raised on a later mesh, by a strategy or callback of the user's say, has the history so
             far in its attribute ``history``.
     """
-    accuracy, max_cells = checks.accuracy("accuracy", accuracy), checks.whole("max_cells", max_cells, 1)
-    max_steps, tighten = checks.whole("max_steps", max_steps, 1), checks.whole("tighten", tighten, 0)
     every = checks.whole("every", every, 1)
-    if stop not in ("converged", "certified"):
-        raise InputError(f'stop is {stop!r}; allowed are "converged" and "certified".')
-    check_arguments(scene, domain, method, degree, solver)
-    strategy = Mark() if strategy is None else strategy
-    if isinstance(strategy, type) or not callable(getattr(strategy, "next", None)):
-        raise InputError(f"strategy is {strategy!r}; give an object, e.g. Mark(), SizeMap(), Uniform().")
-    if callback is not None and not callable(callback):
-        raise InputError(f"callback is {callback!r}; give a function of (error, step), or None.")
-    plan = Plan(
-        *(scene, accuracy, method, strategy),
+    plan = checked_plan(
+        scene,
+        domain,
+        strategy,
+        callback,
+        accuracy=accuracy,
+        method=method,
         degree=degree,
         stop=stop,
         solver=solver,
         tighten=tighten,
         max_cells=max_cells,
         max_steps=max_steps,
-        callback=callback,
     )
     kept = None
     if checkpoint is not None:
-        if not isinstance(checkpoint, str | Path):
-            raise InputError(f"checkpoint is {checkpoint!r}; give the name of a folder, or None.")
-        described(domain.geometry)  # refuses one that cannot be kept before anything is solved
+        check_folder(checkpoint, domain)
         given = fingerprint(scene, domain, {name: getattr(plan, name) for name in DECISIVE})
-        kept = Checkpoint(domain.mesh.comm, checkpoint, given, accuracy, every)
+        kept = Checkpoint(domain.mesh.comm, checkpoint, given, plan.accuracy, every)
     try:
         return Loop(plan, domain.mesh.comm, kept).go(domain)
     finally:

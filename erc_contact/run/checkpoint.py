@@ -92,6 +92,10 @@ class Checkpoint:
             failure = reason
         raise_together(self.comm, failure)  # when a rank goes on, the file is on the disk
 
+    def go_on_from(self, number: int) -> None:
+        """Let levels after this one be written again: the run makes them anew, since one of them is damaged."""
+        self._written = number
+
     def close(self) -> None:
         """Let other runs have the folder."""
         self.folder.close()

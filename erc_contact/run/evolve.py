@@ -22,26 +22,21 @@ from erc_contact.base.interrupts import Interrupts
 from erc_contact.base.logs import log_of
 from erc_contact.base.percent import percent
 from erc_contact.error.constitutive import ConstitutiveError
-from erc_contact.error.strategy import Mark, Strategy
-from erc_contact.error.works import assembled
+from erc_contact.error.strategy import Strategy
 from erc_contact.mesh.domain import Domain
-from erc_contact.mesh.tables import described
 from erc_contact.newton.after import check_after
 from erc_contact.newton.ladder import NODAL
 from erc_contact.newton.methods import Method
 from erc_contact.newton.solution import Solution
-from erc_contact.newton.solve import check_arguments, solve
 from erc_contact.run.checkpoint import Checkpoint
+from erc_contact.run.endings import ending
 from erc_contact.run.evolution import HEADER, Evolution, TimeStep, line, row_of
 from erc_contact.run.fingerprint import of_history
 from erc_contact.run.history import History
-from erc_contact.run.loop import DECISIVE, OUT_OF_MEMORY, Loop, Plan
+from erc_contact.run.loop import Loop
+from erc_contact.run.plan import DECISIVE, Plan, check_callback, check_folder, checked_plan
+from erc_contact.run.time_steps import HALVINGS, LONGER, difference_from_halves, until
 from erc_contact.scene.scene import Scene
-
-HALVINGS = 8
-"""How often a step is halved at most, one after the other."""
-LONGER = 0.25
-"""A step twice as long is tried where its difference from its halves is below this share of what is allowed [-]."""
 
 
 def evolve(
@@ -66,7 +61,7 @@ def evolve(
 
     At the first time the body comes from rest, in one step. Each further step goes on with the mesh of the last one,
     which is refined or made anew as its error asks. A refined mesh carries the slip so far without loss. A step that
-    does not converge is halved, up to :data:`HALVINGS` times.
+    does not converge is halved, up to 8 times.
 
     Args:
         scene_at: Gives the scene at a time t. All scenes have contacts of the same names. Callables of x may contain t:
@@ -100,41 +95,40 @@ def evolve(
         NotConverged: If the contact solve fails at the first time.
         Exception: What else is raised later, by ``scene_at`` say, has the history so far in its attribute ``history``.
     """
-    wanted = checks.increasing("times", times)
-    accuracy, max_cells = checks.accuracy("accuracy", accuracy), checks.whole("max_cells", max_cells, 1)
-    max_steps, tighten = checks.whole("max_steps", max_steps, 1), checks.whole("tighten", tighten, 0)
-    path = None if path is None else checks.accuracy("path", path)
+    wanted, path = checks.increasing("times", times), None if path is None else checks.accuracy("path", path)
     if not callable(scene_at):
         raise InputError(f"scene_at is {checks.told(scene_at)}; give a function of the time that returns a Scene.")
     if not isinstance(domain, Domain):
         raise InputError(f"domain is {checks.told(domain)}; give a Domain: rectangle(...), read_mesh(...).")
-    if stop not in ("converged", "certified"):
-        raise InputError(f'stop is {stop!r}; allowed are "converged" and "certified".')
-    if callback is not None and not callable(callback):
-        raise InputError(f"callback is {callback!r}; give a function of (error, row), or None.")
-    method, strategy = NODAL if method is None else method, Mark() if strategy is None else strategy
-    if isinstance(strategy, type) or not callable(getattr(strategy, "next", None)):
-        raise InputError(f"strategy is {strategy!r}; give an object, e.g. Mark(), SizeMap(), Uniform().")
+    check_callback(callback)
     comm = domain.mesh.comm
-    first = together(comm, scene_at, wanted[0])
-    check_arguments(first, domain, method, degree, solver)
-    plan = Plan(first, accuracy, method, strategy, degree, stop, solver, tighten, max_cells, max_steps, None)
+    plan = checked_plan(
+        together(comm, scene_at, wanted[0]),
+        domain,
+        strategy,
+        accuracy=accuracy,
+        method=NODAL if method is None else method,
+        degree=degree,
+        stop=stop,
+        solver=solver,
+        tighten=tighten,
+        max_cells=max_cells,
+        max_steps=max_steps,
+    )
     kept = None
     if checkpoint is not None:
-        if not isinstance(checkpoint, str | Path):
-            raise InputError(f"checkpoint is {checkpoint!r}; give the name of a folder, or None.")
-        described(domain.geometry)  # refuses one that cannot be kept before anything is solved
+        check_folder(checkpoint, domain)
         numbers = {name: getattr(plan, name) for name in (*DECISIVE, "accuracy", "max_cells", "max_steps")}
         given = of_history(scene_at, domain, wanted, numbers | {"times": wanted, "path": path})
-        kept = Checkpoint(comm, checkpoint, given, accuracy)
+        kept = Checkpoint(comm, checkpoint, given, plan.accuracy)
     try:
-        return _Walk(plan, scene_at, wanted, path, callback, kept).go(domain)
+        return Walk(plan, scene_at, wanted, path, callback, kept).go(domain)
     finally:
         if kept is not None:
             kept.close()
 
 
-class _Walk:
+class Walk:
     """A history on its way.
 
     Args:
@@ -201,6 +195,7 @@ class _Walk:
             self.rows.append(row)
             self.errors.append(error)
             self.log.info(line(row))
+        kept.go_on_from(len(self.rows))
         self.began -= self.rows[-1].seconds if self.rows else 0.0
         self.log.info("Read from %s; the run goes on from here.", kept.folder.path)
 
@@ -208,11 +203,14 @@ class _Walk:
         """Make steps to a time, each of which is halved where it does not converge or where the path asks for it."""
         halved = 0
         while self.time < end:
-            begin, to = self.time, _until(self.time, self.length, end)
+            begin, to = self.time, until(self.time, self.length, end)
             difference = 0.0
             try:
-                found = self._attempt(to)
-                difference, words = self._difference(found, to), "differs from its halves"
+                found, words = self._attempt(to), "differs from its halves"
+                if self.path is not None:
+                    last, halves = self.errors[-1].solution, found[-1][1].solution
+                    plan = replace(self.plan, scene=self._scene(to, last))
+                    difference = difference_from_halves(plan, last, halves)
             except NotConverged as reason:
                 failure, found, words = reason, None, "does not converge"
             if found is None or (self.path is not None and difference > self.path):
@@ -238,19 +236,6 @@ class _Walk:
         middle = 0.5 * (self.time + to)
         first = self._step(middle, last)
         return [(middle, first), (to, self._step(to, first.best))]
-
-    def _difference(self, found: list[tuple[float, History]], to: float) -> float:
-        """The difference of one step from its halves, on the mesh of their end, relative in the energy norm."""
-        if len(found) < 2:
-            return 0.0
-        plan, last, halves = self.plan, self.errors[-1].solution, found[-1][1].solution
-        scene, degree, solver = self._scene(to, last), plan.degree, plan.solver
-        whole = solve(scene, halves.domain, plan.method, degree=degree, solver=solver, after=last, start=halves)
-        rest = halves.u.copy()
-        rest.x.array[:] -= whole.u.x.array
-        square = assembled(halves.model, halves.model.stiffness(rest, rest))
-        size = assembled(halves.model, halves.model.stiffness(halves.u, halves.u))
-        return float(np.sqrt(square / size)) if size > 0 else 0.0
 
     def _step(self, to: float, last: ConstitutiveError | None) -> History:
         """The adaptive run at the end of a step, from the mesh where the last one ended."""
@@ -285,18 +270,10 @@ class _Walk:
         """End the run with what it has, or raise: where it has nothing, or for a failure that it does not know."""
         if not self.rows:
             raise failure
-        memory = isinstance(failure, MemoryError) or getattr(failure, "ierr", None) == OUT_OF_MEMORY
-        at = f"at t = {self.time:g}, before {self.times[-1]:g}"
-        if isinstance(failure, (InputError, NotConverged)):
-            self.outcome = f"Stopped {at}: {failure}"
-        elif memory:
-            self.outcome = f"Stopped {at}: the memory does not suffice ({failure})."
-        elif isinstance(failure, StopIteration):
-            self.outcome = f"Stopped {at}: by the callback. {failure}".rstrip()
-        elif interrupts.ended(failure):
-            self.outcome = f"Interrupted {at}."
-        else:
-            self.outcome = f"Stopped {at}: {type(failure).__name__}: {failure}"
+        at = f" at t = {self.time:g}, before {self.times[-1]:g}"
+        self.outcome = ending(failure, interrupts, at)
+        if not self.outcome:
+            self.outcome = f"Stopped{at}: {type(failure).__name__}: {failure}"
             failure.history = self._evolution()  # type: ignore[attr-defined]
             failure.add_note("The history so far is the attribute `history` of this exception.")
             raise failure
@@ -309,9 +286,3 @@ class _Walk:
         outcome = f"{self.outcome or done} {above}".rstrip()
         self.log.log(logging.INFO if complete and not missed else logging.WARNING, outcome)
         return Evolution(tuple(self.rows), self.plan.accuracy, complete and not missed, outcome, tuple(self.errors))
-
-
-def _until(begin: float, length: float, end: float) -> float:
-    """Where a step of about this length ends, so that no short one remains before the end."""
-    count = np.ceil((end - begin) / length * (1 - 1e-9)) if length < end - begin else 1.0
-    return end if count <= 1 else begin + (end - begin) / count

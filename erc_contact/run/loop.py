@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
-from dataclasses import dataclass
 from time import perf_counter
 
 import numpy as np
@@ -12,50 +10,26 @@ from mpi4py import MPI
 
 from erc_contact.admissible.pair import equilibrate
 from erc_contact.base import checks
-from erc_contact.base.exceptions import InputError, NotConverged, together
+from erc_contact.base.exceptions import InputError, together
 from erc_contact.base.interrupts import Interrupts
 from erc_contact.base.logs import log_of
 from erc_contact.base.percent import percent
 from erc_contact.error.constitutive import ConstitutiveError, constitutive_error
-from erc_contact.error.sizes import size_map
-from erc_contact.error.strategy import KNOWN, Strategy
+from erc_contact.error.sizes import KNOWN, size_map
 from erc_contact.mesh.domain import Domain
 from erc_contact.newton.ladder import NODAL
-from erc_contact.newton.methods import Method
-from erc_contact.newton.solution import Solution
 from erc_contact.newton.solve import DEFAULT, solve
 from erc_contact.run.checkpoint import Checkpoint
+from erc_contact.run.endings import ending
 from erc_contact.run.history import History
+from erc_contact.run.plan import Plan
 from erc_contact.run.step import CURVED, HEADER, Step, line
-from erc_contact.scene.scene import Scene
 
 SHARE = 0.1
 """Share of e that Newton may leave when it stops certified [-]; it adds 0.5% to e.
 
 The error of the mesh to come is taken as 2^-k of the last one: uniform refinement of degree k leaves no less.
 """
-DECISIVE = ("method", "strategy", "degree", "stop", "tighten")
-"""Arguments that decide on the meshes of a run and on their errors."""
-OUT_OF_MEMORY = 55
-"""PETSc's code of memory that could not be had, PETSC_ERR_MEM."""
-
-
-@dataclass(frozen=True)
-class Plan:
-    """What :func:`erc_contact.run.adapt.adapt` was asked for, checked; see there."""
-
-    scene: Scene
-    accuracy: float
-    method: Method | None
-    strategy: Strategy
-    degree: int
-    stop: str
-    solver: str
-    tighten: int
-    max_cells: int
-    max_steps: int
-    callback: Callable[[ConstitutiveError, Step], object] | None
-    after: Solution | None = None
 
 
 class Loop:
@@ -215,16 +189,8 @@ class Loop:
         """End the run with what it has, or raise: where it has nothing, or for a failure that it does not know."""
         if self.best is None:
             raise failure
-        memory = isinstance(failure, MemoryError) or getattr(failure, "ierr", None) == OUT_OF_MEMORY
-        if isinstance(failure, (InputError, NotConverged)):
-            self.outcome = f"Stopped{self.above}: {failure}"
-        elif memory:
-            self.outcome = f"Stopped{self.above}: the memory does not suffice for the next mesh ({failure})."
-        elif isinstance(failure, StopIteration):
-            self.outcome = f"Stopped{self.above}: by the callback. {failure}".rstrip()
-        elif interrupts.ended(failure):
-            self.outcome = f"Interrupted{self.above}."
-        else:
+        self.outcome = ending(failure, interrupts, self.above)
+        if not self.outcome:
             self.outcome = f"Stopped{self.above}: {type(failure).__name__}: {failure}"
             failure.history = self._history(fallback=False)  # type: ignore[attr-defined]
             failure.add_note("The history of the run so far is the attribute `history` of this exception.")

@@ -1,0 +1,71 @@
+"""The strategy that meshes the true geometry anew, with the sizes of the optimal mesh.
+
+Source: Coorevits, Hild, Hjiaj, the section on adaptivity; the leaps are ours.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import ceil, log
+
+from erc_contact.base import checks
+from erc_contact.base.exceptions import InputError
+from erc_contact.base.percent import percent
+from erc_contact.error.constitutive import ConstitutiveError
+from erc_contact.error.sizes import KNOWN, size_map
+from erc_contact.error.strategy import mark
+from erc_contact.mesh.domain import Domain
+
+CLOSE = 1.2
+"""If the error is below this multiple of the accuracy, marked elements are refined instead. A new mesh of nearly the
+same sizes might miss the accuracy again and again, because the prediction is right to 5 or 10% only."""
+DOUBT = 4.0
+"""Factor by which such a prediction may be too large [-]. A run ends if it exceeds ``max_cells`` by more."""
+
+
+@dataclass(frozen=True)
+class SizeMap:
+    """Mesh the true geometry again with the optimal sizes, which may be larger than before.
+
+    Args:
+        aim: Factor of the accuracy for which the sizes are optimal. It is below 1, because a mesh that just misses the
+            accuracy costs another mesh. A mesh that is 5% below the accuracy costs only 10% more elements (degree 1,
+            2D).
+        leap: Greatest factor by which the error is to fall from one mesh to the next. A larger fall takes several equal
+            steps, because a coarse mesh predicts the sizes of a much finer one badly.
+
+    Raises:
+        InputError: If aim is outside (0, 1], or leap is not > 1.
+    """
+
+    aim: float = 0.95
+    leap: float = 4.0
+
+    def __post_init__(self) -> None:
+        checks.fraction("SizeMap: aim", self.aim)
+        if checks.positive("SizeMap: leap", self.leap, "> 1") <= 1:
+            raise InputError(f"SizeMap: leap is {self.leap!r}; it must be > 1.")
+
+    def next(self, error: ConstitutiveError, accuracy: float, max_cells: int) -> Domain:
+        """The domain meshed again, or marked elements refined where the error is near the accuracy; collective.
+
+        Raises:
+            InputError: If the accuracy takes more cells than allowed, as far as this mesh can predict, or the geometry
+                is not known or cannot be meshed.
+        """
+        aim, domain = self.aim * accuracy, error.domain
+        if error.total <= CLOSE * accuracy:
+            gain = 1 - 4.0**-error.solution.model.degree  # of the square, where an element is halved
+            return domain.refined(mark(error, min((1 - (aim / error.total) ** 2) / gain, 1.0)))
+        end, way = size_map(error, aim), error.total / aim
+        leaps = ceil(log(way) / log(self.leap))
+        sizes = end if leaps == 1 else size_map(error, error.total / way ** (1 / leaps))
+        while sizes.predicted_cells > max_cells and way ** (1 / leaps) > CLOSE:  # a smaller leap may know better
+            leaps += 1
+            sizes = size_map(error, error.total / way ** (1 / leaps))
+        if sizes.predicted_cells > max_cells or (error.total <= KNOWN and end.predicted_cells > DOUBT * max_cells):
+            raise InputError(
+                f"{percent(accuracy)} takes about {end.predicted_cells:.0f} cells, more than max_cells = {max_cells}; "
+                "allow more, or a larger error."
+            )
+        return domain.remeshed(sizes)

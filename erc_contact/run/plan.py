@@ -1,0 +1,85 @@
+"""What a run was asked for, checked: an adaptive run, or each step of a loading history."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from erc_contact.base import checks
+from erc_contact.base.exceptions import InputError
+from erc_contact.error.constitutive import ConstitutiveError
+from erc_contact.error.strategy import Mark, Strategy
+from erc_contact.mesh.domain import Domain
+from erc_contact.mesh.tables import described
+from erc_contact.newton.arguments import check_arguments
+from erc_contact.newton.methods import Method
+from erc_contact.newton.solution import Solution
+from erc_contact.run.step import Step
+from erc_contact.scene.scene import Scene
+
+DECISIVE = ("method", "strategy", "degree", "stop", "tighten")
+"""Arguments that decide on the meshes of a run and on their errors."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    """What :func:`erc_contact.run.adapt.adapt` was asked for, see there.
+
+    Attributes:
+        after: The solution of the last step of a loading history, or None.
+    """
+
+    scene: Scene
+    accuracy: float
+    method: Method | None
+    strategy: Strategy
+    degree: int
+    stop: str
+    solver: str
+    tighten: int
+    max_cells: int
+    max_steps: int
+    callback: Callable[[ConstitutiveError, Step], object] | None = None
+    after: Solution | None = None
+
+
+def checked_plan(scene: Scene, domain: Domain, strategy: Any, callback: Any = None, **given: Any) -> Plan:
+    """The plan of a run from what the user gave.
+
+    Raises:
+        InputError: If an argument cannot be worked with.
+    """
+    accuracy, tighten = checks.accuracy("accuracy", given["accuracy"]), checks.whole("tighten", given["tighten"], 0)
+    limits = {name: checks.whole(name, given[name], 1) for name in ("max_cells", "max_steps")}
+    if given["stop"] not in ("converged", "certified"):
+        raise InputError(f'stop is {given["stop"]!r}; allowed are "converged" and "certified".')
+    check_arguments(scene, domain, given["method"], given["degree"], given["solver"])
+    strategy = Mark() if strategy is None else strategy
+    if isinstance(strategy, type) or not callable(getattr(strategy, "next", None)):
+        raise InputError(f"strategy is {strategy!r}; give an object, e.g. Mark(), SizeMap(), Uniform().")
+    check_callback(callback)
+    given |= {"accuracy": accuracy, "tighten": tighten, **limits}
+    return Plan(scene=scene, strategy=strategy, callback=callback, **given)
+
+
+def check_callback(callback: Any) -> None:
+    """Check what is called after each mesh or step.
+
+    Raises:
+        InputError: If it cannot be called.
+    """
+    if callback is not None and not callable(callback):
+        raise InputError(f"callback is {callback!r}; give a function of two arguments, the error and the row, or None.")
+
+
+def check_folder(checkpoint: Any, domain: Domain) -> None:
+    """Check that a run can be kept, before anything is solved.
+
+    Raises:
+        InputError: If this is no name of a folder, or the true shape of the body cannot be written.
+    """
+    if not isinstance(checkpoint, str | Path):
+        raise InputError(f"checkpoint is {checkpoint!r}; give the name of a folder, or None.")
+    described(domain.geometry)
