@@ -30,8 +30,10 @@ class Follower:
         self._set(start)
         self._interpolations = [pc.getMGInterpolation(level) for level in range(top, 0, -1)]
         if top:
-            self._interpolations[0] = self._interpolations[0].createSubMatrix(layer, None)
-        self._coarse = [pc.getMGSmoother(level).getOperators()[0] for level in range(top - 1, -1, -1)]
+            whole = self._interpolations[0]
+            self._interpolations[0] = whole.createSubMatrix(layer, None)
+            whole.destroy()
+        self._coarse = [_matrix_of(pc, level) for level in range(top - 1, -1, -1)]
         self._products: list[PETSc.Mat | None] = [None] * top
 
     def follow(self, change: PETSc.Mat) -> None:
@@ -44,7 +46,31 @@ class Follower:
             self._products[k] = difference = difference.ptap(interpolation, result=self._products[k])
             coarse.axpy(1.0, difference, SUBSET)
 
+    def free(self) -> None:
+        """Free PETSc's objects, which it would keep on several ranks."""
+        for made in (
+            self._layer,
+            self._change,
+            self._difference,
+            *self._interpolations,
+            *self._coarse,
+            *self._products,
+        ):
+            if made is not None:
+                made.destroy()
+
     def _set(self, change: PETSc.Mat) -> None:
         """Let C be a change."""
+        part = change.createSubMatrix(self._layer, self._layer)
         self._change.zeroEntries()
-        self._change.axpy(1.0, change.createSubMatrix(self._layer, self._layer), SUBSET)
+        self._change.axpy(1.0, part, SUBSET)
+        part.destroy()
+
+
+def _matrix_of(pc: PETSc.PC, level: int) -> PETSc.Mat:
+    """The matrix of a level of a hierarchy."""
+    smoother = pc.getMGSmoother(level)
+    matrix, preconditioner = smoother.getOperators()
+    preconditioner.destroy()
+    smoother.destroy()
+    return matrix

@@ -141,6 +141,8 @@ class Multigrid(Elastic):
 
     def free(self) -> None:
         """Free K and the hierarchy; a later solve makes them again."""
+        if self._follower is not None:
+            self._follower.free()
         for made in (self._pc, self._fine, self._matrix, self._exact):
             if made is not None:
                 made.destroy()
@@ -215,6 +217,8 @@ class Multigrid(Elastic):
             if rest > NEAR * tolerance and direct:
                 log_of(self.model.comm).info("Multigrid left %.0e of the loads: a direct solver takes over.", rest)
                 self._exact = factorised(self._fine)
+                if self._follower is not None:
+                    self._follower.free()
                 self._pc, self._follower = self._exact.getPC(), None
                 rest = self._conjugate_gradients(matrix, b, x, tolerance)
             if not rest <= NEAR * tolerance:
