@@ -38,7 +38,7 @@ FAR = 1e-8
 FORCING = 0.03
 """Tolerance of the first linear solves, which Eisenstat and Walker's rule lowers [-].
 
-With 0.1 there are a fifth fewer cycles, but high friction may lead to another solution than exact steps."""
+With 0.1 there are a tenth fewer cycles, but high friction may lead to another solution than exact steps."""
 PRESS = 1e-5
 """How far a state is pressed into the foundation for another tangent, over the size of the displacement [-]."""
 ROUGH = 0.1

@@ -1,8 +1,8 @@
 """A multigrid hierarchy of K + C that follows a change of C, which is zero away from the contact.
 
 The coarse matrices of algebraic multigrid are ``A_coarse = P^T A P`` with the interpolation P. If C changes to C', each
-level gets ``P^T (C' - C) P`` added. This is a product of the rows of P at the contact. It costs about as much as two
-cycles, a new hierarchy about forty. The interpolation stays.
+level gets ``P^T (C' - C) P`` added. This is a product of the rows of P at the contact. It costs about as much as one or
+two cycles, a new hierarchy about thirty. The interpolation stays.
 """
 
 from __future__ import annotations
