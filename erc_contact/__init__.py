@@ -21,6 +21,7 @@ from erc_contact.base.interpreter import free_forms
 from erc_contact.base.logs import log_to_console
 from erc_contact.error.bounds import Bounds, potential_energy, resultant, work_of_loads
 from erc_contact.error.constitutive import ConstitutiveError, constitutive_error
+from erc_contact.error.coulomb import CoulombCertificate, coulomb_certificate
 from erc_contact.error.optimal import SizeMap
 from erc_contact.error.oscillation import Oscillations
 from erc_contact.error.sizes import Sizes, size_map
@@ -55,6 +56,7 @@ __all__ = [
     "ConstitutiveError",
     "Contact",
     "Coulomb",
+    "CoulombCertificate",
     "Displacement",
     "Domain",
     "Elastic",
@@ -84,6 +86,7 @@ __all__ = [
     "adapt",
     "box",
     "constitutive_error",
+    "coulomb_certificate",
     "equilibrate",
     "evolve",
     "from_gmsh",

@@ -12,6 +12,7 @@ Symbols: K and D as in :mod:`erc_contact.newton.elastic`; C a matrix that is zer
 
 from __future__ import annotations
 
+from copy import copy
 from typing import Any
 
 import numpy as np
@@ -116,6 +117,42 @@ class Multigrid(Elastic):
         """Displacement u of ``(K + C) u = b`` [length], see :class:`ElasticSolver`."""
         self.renew(springs)
         return self._solved(self._fine, self.right_side(b, supports=False), EXACT, near)
+
+    def lifted(self, y: fem.Function) -> fem.Function:
+        """Forces that hold the contact nodes at given displacements, the other nodes being free of forces [force].
+
+        Two digits of the displacement between are right, four of the energy.
+
+        Args:
+            y: Displacement of the contact nodes that this rank owns [length], zero where supports fix it.
+        """
+        self._set_up(1.0)
+        held = np.flatnonzero(self.glue.x.array[: self.owned] > 0).astype(np.int32)
+        fixed = np.flatnonzero(self.model.fixed.ravel()[: self.owned])
+        u, b = self.matrix.createVecRight(), self.matrix.createVecRight()
+        u.array[:] = y.x.array[: self.owned]
+        self.matrix.mult(u, b)
+        b.scale(-1.0)
+        b.array[held] = b.array[fixed] = 0.0
+        inside = self.matrix.copy()
+        inside.zeroRowsColumnsLocal(held, diag=float(self.glue.x.array.max(initial=1.0)))
+        between = self._solved(inside, b, GUESS)
+        inside.destroy()
+        u.array[:] += between.x.array[: self.owned]
+        forces = self.matrix.createVecRight()
+        self.matrix.mult(u, forces)
+        forces.array[fixed] = 0.0
+        found = self.displacement(forces)
+        for vector in (u, forces):
+            vector.destroy()
+        return found
+
+    def beside(self) -> Multigrid:
+        """The same equations with a hierarchy of their own. The matrix K is shared: free both together."""
+        assert self.matrix is not None
+        other = copy(self)
+        other._pc = other._fine = other._exact = other._share = None
+        return other
 
     def renew(self, change: PETSc.Mat) -> None:
         """Let the hierarchy be that of K plus a change C at the contact [force/length]."""

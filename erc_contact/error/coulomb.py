@@ -1,0 +1,267 @@
+"""What is proved with Coulomb friction: a bound of all solutions without a term of unknown sign, and uniqueness.
+
+The derivation is in docs/coulomb.md. Symbols: u^, sigma^, r^ an admissible pair and its contact traction, w^ = u^ on
+the contact; v = u - u^ and tau = sigma - sigma^ the errors of any solution, in energy norms a = |v| and b = |tau|;
+e the error in the constitutive relation, beta = |sigma^ - C eps(u^)| its bulk part. For every tangential field t on the
+contact with |t| <= mu let
+
+    q = the norm of the map W from v to the displacement of least energy that equals (t.v) n on the contact,
+    A = the energy norm of the displacement of least energy that equals (mu |w^_t| - t.w^_t) n there,
+    B = the energy norm of the stress of least energy that balances the traction rho = r^_t + |r^_n| t,
+    e_t^2 = e^2 - 2 int rho.w^_t  >=  beta^2.
+
+W maps tangential displacements to normal ones, so W W = 0. With ``s = |C eps(v) + tau|/2``, ``a^2 + b^2 = 2 s^2 +
+beta^2/2``, this gives, without absolute values in the derivation,
+
+    a^2 + b^2  <=  e_t^2 + q (s + beta/2)^2 + 2 sqrt(A^2 + B^2) sqrt(a^2 + b^2),                                  (1)
+
+which bounds a and b if q < 2. Where the pair has slip and traction in the direction of t, A = B = 0 and e_t = e = beta:
+
+    sqrt(a^2 + b^2)  <=  e sqrt(4 + q^2)/(2 - q).                                                                 (2)
+
+An exact solution of direction t has e = 0: if q < 2 it is the only solution.
+
+q is computed with finite elements. It is an estimate: nothing here bounds what the mesh does not see of it. The change
+of q against a coarser space is added to it. A and B are estimates by finite elements, too; mostly they are small.
+
+Source: (1) and (2) are ours; Y. Renard, SIAM J. Math. Anal. 38 (2006), has a uniqueness criterion of this kind.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from dolfinx import fem, la
+
+from erc_contact.base.exceptions import ErcContactError, raise_together
+from erc_contact.error.constitutive import ConstitutiveError
+from erc_contact.error.coupling import STEPS, coupling
+from erc_contact.error.slip_direction import slip_fields
+from erc_contact.error.surface import PairOnSurface, Surface, coulomb_surface, has_coulomb, pair_on_surface
+from erc_contact.error.traces import Traces, traces_of
+from erc_contact.mesh.remeshing import FILL
+from erc_contact.mesh.simplex import measures
+from erc_contact.model.foundation import CONSTANT
+from erc_contact.model.model import Model
+from erc_contact.model.promises import bind
+from erc_contact.newton.stiffness import Stiffness
+
+UNKNOWN = 0.1
+"""Share of q that is added to it where there is no coarser space to compare with [-]."""
+LARGEST = 10.0
+"""A bound of more than this many e is not claimed: it would rest on the last digit of q."""
+SMOOTH = 1
+"""Which of the fields of :func:`slip_fields` is taken where trying all of them costs a linear solve each."""
+FEW = 2
+"""Steps of Lanczos' method from the result of a coarser mesh, where each costs two linear solves."""
+BALANCED = 1e-8
+"""Work of a traction on a rigid motion, over the works of its parts, that counts as none [-]."""
+COARSER, COARSEST = 3.0, 3000
+"""The coarser mesh has cells of this many times the size, but no more cells than this."""
+
+
+@dataclass(frozen=True)
+class CoulombCertificate:
+    """What is proved of the solutions of a scene with Coulomb friction, with the estimate of q.
+
+    Attributes:
+        friction: The greatest friction coefficient mu on the contacts [-].
+        q: Norm of the map W from tangential to normal displacements of the contact, with mu in it [-].
+        q_change: By how much q is larger or smaller on a coarser space; where there is none, a tenth of q.
+        unique: Whether ``q + q_change < 2``: at most one solution slips in the direction t of this pair.
+        bound: Every solution has ``sqrt(|u - u^|^2 + |sigma - sigma^|^2) <= bound`` [sqrt(force length)]; infinite
+            where none is claimed.
+        absolute: The error e in the constitutive relation [sqrt(force length)].
+        misaligned: A, the energy norm of what t misses of the slip [sqrt(force length)].
+        unbalanced: B, the energy norm of what t misses of the traction [sqrt(force length)].
+    """
+
+    friction: float
+    q: float
+    q_change: float
+    unique: bool
+    bound: float
+    absolute: float
+    misaligned: float
+    unbalanced: float
+
+    @property
+    def M(self) -> float:
+        """``q/mu``, the norm of the map from tangential to normal displacements [-]."""
+        return self.q / self.friction if self.friction > 0 else 0.0
+
+    @property
+    def M_change(self) -> float:
+        """``q_change/mu`` [-]."""
+        return self.q_change / self.friction if self.friction > 0 else 0.0
+
+    @property
+    def factor(self) -> float:
+        """The bound over e [-]."""
+        return self.bound / self.absolute if self.absolute > 0 else (1.0 if self.bound == 0 else np.inf)
+
+    def __str__(self) -> str:
+        if self.q == 0 and self.q_change == 0:
+            return f"No friction grows with the pressure: there is one solution, and e = {self.absolute:.3g} bounds it."
+        if not np.isfinite(self.q):
+            return (
+                "Nothing is proved of other solutions: the body moves rigidly along a contact, or the law is another."
+            )
+        q = f"q = {self.q:.3g} (+- {self.q_change:.1g})"
+        if self.bound < np.inf:
+            return (
+                f"With the estimate {q} < 2 every solution lies within {self.factor:.3g} e = {self.bound:.3g} of the "
+                "pair, and one at most has its direction of slip."
+            )
+        if self.unique:
+            return f"With the estimate {q} < 2 one solution at most has this direction of slip; a bound is not claimed."
+        return (
+            f"Nothing is proved of other solutions: {q} is not safely below 2. e bounds up to a term of higher order."
+        )
+
+
+def coulomb_certificate(error: ConstitutiveError) -> CoulombCertificate:
+    """What is proved of the solutions of a scene with Coulomb friction; collective.
+
+    Args:
+        error: The error of an admissible pair.
+
+    Returns:
+        q and the bound. Without friction that grows with the pressure q is 0 and the bound is e. If the friction bound
+        of a contact is another function of the pressure than a multiple, q is infinite and nothing is claimed.
+    """
+    pair = error.admissible
+    model = pair.solution.model
+    raise_together(model.comm, None)
+    contacts = [c for c in model.contacts if c.friction is not None and c.friction.dependence != CONSTANT]
+    if not all(has_coulomb(c) for c in contacts):
+        return CoulombCertificate(0.0, np.inf, np.inf, False, np.inf, error.absolute, np.inf, np.inf)
+    if not contacts:
+        return CoulombCertificate(0.0, 0.0, 0.0, True, error.absolute, error.absolute, 0.0, 0.0)
+    on_surface = pair_on_surface(pair)
+    traces = traces_of(model, pair.solution.stiffness, on_surface.surface)
+    try:
+        found = (_best if traces.cheap else _single)(error, on_surface, traces)
+    finally:
+        traces.free()
+    return found if found.factor <= LARGEST else replace(found, bound=np.inf)
+
+
+def _best(error: ConstitutiveError, pair: PairOnSurface, traces: Traces) -> CoulombCertificate:
+    """The certificate of the field with the least bound, or of the roughest where no bound is worth a claim."""
+    fields, model = slip_fields(pair), error.solution.model
+    tried = [_tried(error, pair, traces, t, coupling(pair.surface, traces, t)[0]) for t in fields]
+    for which in (int(np.argmin([one.bound for one in tried])), 0):
+        q, t = tried[which].q, fields[which]
+        found = _tried(error, pair, traces, t, q, _change(q, _coarser(model, pair.surface, t)))
+        if found.factor <= LARGEST or which == 0:
+            break
+    return found
+
+
+def _single(error: ConstitutiveError, pair: PairOnSurface, traces: Traces) -> CoulombCertificate:
+    """The certificate of one field, with the coupling of the coarser mesh to start from."""
+    t = slip_fields(pair)[SMOOTH]
+    coarse = _coarser(error.solution.model, pair.surface, t)
+    start, steps = (None, STEPS) if coarse is None else (coarse[1], FEW)
+    q, _ = coupling(pair.surface, traces, t, start, steps)
+    return _tried(error, pair, traces, t, q, _change(q, coarse))
+
+
+def _change(q: float, coarse: tuple[float, np.ndarray] | None) -> float:
+    """How far q is from its limit, as far as one can tell [-]."""
+    if coarse is None or not np.isfinite(q):
+        return UNKNOWN * q
+    return abs(q - coarse[0])
+
+
+def _tried(
+    error: ConstitutiveError, pair: PairOnSurface, traces: Traces, t: np.ndarray, q: float, change: float = 0.0
+) -> CoulombCertificate:
+    """The certificate with a field t (M, d) at the nodes of the surface; collective."""
+    surface = pair.surface
+    forces, work = pair.unbalanced(t)
+    eta = pair.unaligned(t)[:, None] * surface.normal
+    A, B = _energy(eta, traces.lifted(eta)), _energy(forces, traces.moved(forces))
+    sizes = abs(pair.unbalanced(np.zeros_like(t))[0]) + abs(forces)
+    if any(abs(np.sum(motion * forces)) > BALANCED * np.sum(abs(motion) * sizes) for motion in traces.motions):
+        B = np.inf
+    e_t = float(np.sqrt(max(error.absolute**2 - 2 * work, error.bulk_error**2)))
+    bound = bound_of_both(q + change, e_t, error.bulk_error, float(np.hypot(A, B)))
+    friction = float(pair.friction.max())
+    return CoulombCertificate(friction, q, change, q + change < 2, bound, error.absolute, A, B)
+
+
+def _energy(displacement: np.ndarray, forces: np.ndarray) -> float:
+    return float(np.sqrt(max(np.sum(displacement * forces), 0.0)))
+
+
+def bound_of_both(q: float, e_t: float, bulk: float, rest: float) -> float:
+    """The largest ``x = sqrt(a^2 + b^2)`` that satisfies (1) [sqrt(force length)]; infinite if q >= 2.
+
+    (1) is ``x^2 - e_t^2 - q (s + beta/2)^2 - 2 rest x <= 0`` with ``2 s^2 = x^2 - beta^2/2``. The left side is convex
+    in x. Newton's method falls to its largest root from a point above: the root with ``sqrt(2) (s + beta/2) >= x`` in
+    the place of x in the last term.
+
+    Args:
+        q: Norm of W [-].
+        e_t: e_t [sqrt(force length)].
+        bulk: beta, not above e_t.
+        rest: ``sqrt(A^2 + B^2)``.
+    """
+    if not (q < 2 and rest < np.inf):
+        return np.inf
+    half = bulk + np.sqrt(2.0) * rest
+    p = (half + np.sqrt(half**2 + (2 - q) * (e_t**2 - bulk**2))) / (2 - q)
+    x = np.sqrt(2 * p * p - 2 * p * bulk + bulk**2)
+    while x > 0:
+        s = np.sqrt(max(x * x / 2 - bulk**2 / 4, 0.0))
+        value = x * x - e_t**2 - q * (s + bulk / 2) ** 2 - 2 * rest * x
+        slope = 2 * (x - rest) - (q * (s + bulk / 2) * x / s if s > 0 else 0.0)
+        below = x - value / slope
+        if not below < x * (1 - 1e-14):
+            break
+        x = below
+    return float(x)
+
+
+def _coarser(model: Model, surface: Surface, t: np.ndarray) -> tuple[float, np.ndarray] | None:
+    """The norm q on a coarser space, of degree 1 instead of 2 or on a coarser mesh; collective.
+
+    Returns:
+        q and the normal displacements that go with it on this surface, (M,), or None where the body is known only as a
+        mesh, or cannot be meshed coarser.
+    """
+    domain = model.domain
+    if model.degree == 1 and domain.geometry is None:
+        return None
+    try:
+        if model.degree == 1:
+            domain = domain.remeshed(max(COARSER, (domain.cells / COARSEST) ** (1 / model.d)) * _sizes(model))
+        coarse = bind(model.scene, domain, 1)
+        stiffness = Stiffness(coarse)
+        stiffness.free()
+        there = coulomb_surface(coarse)
+        known = np.where(there.blocked[:, None], 0.0, surface.interpolated(t, there.positions()))
+        q, phi = coupling(there, traces_of(coarse, stiffness, there), known)
+        return q, there.interpolated(phi, surface.positions())
+    except ErcContactError:
+        return None
+
+
+def _sizes(model: Model) -> np.ndarray:
+    """The mean size of the cells at each node of the mesh [length], shape (n,); collective."""
+    geometry, owned = model.mesh.geometry, model.domain.owned_cells
+    cells = geometry.dofmaps[0]
+    size = (FILL[model.d] * measures(geometry.x[cells[:owned]][:, :, : model.d])) ** (1 / model.d)
+    sums = fem.Function(model.V)
+    nodal = sums.x.array.reshape(-1, model.d)
+    np.add.at(
+        nodal, model.vertices[:owned], np.stack([size, np.ones(owned), *[np.zeros(owned)] * (model.d - 2)], -1)[:, None]
+    )
+    sums.x.scatter_reverse(la.InsertMode.add)
+    sums.x.scatter_forward()
+    at = np.ones(len(geometry.x))
+    at[cells] = (nodal[:, 0] / np.maximum(nodal[:, 1], 1.0))[model.vertices]
+    return at

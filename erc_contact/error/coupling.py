@@ -1,0 +1,86 @@
+"""The norm of the map from tangential to normal displacements of a contact surface, by Lanczos' method.
+
+For a tangential field t on the surface, W v is the displacement of least energy in the body that equals (t.v) n on the
+contacts: its tangential part is zero there. In energy norms, over displacements v that vanish on the supports,
+
+    q = sup |W v| / |v|,        q^2 = largest eigenvalue of  F N,
+
+with N the stiffness of normal displacements of the surface whose tangential part is held, and F the tangential
+displacements, times t, under tangential forces t p of densities p. Both are symmetric. Lanczos' method works in the
+inner product of N, and needs one lifting and one displacement a step.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from erc_contact.error.surface import Surface
+from erc_contact.error.traces import Traces
+
+STEPS = 60
+"""Greatest number of Lanczos steps; 8 to 20 are usual."""
+NOISE = 1e-6
+"""Size of a next vector, over the eigenvalue, below which it is round-off [-]."""
+RIGID = 1e-6
+"""Force of W v over the sum of the stiffnesses, below which a rigid motion v is lifted to a rigid motion [-]."""
+
+
+def coupling(
+    surface: Surface, traces: Traces, t: np.ndarray, start: np.ndarray | None = None, steps: int = STEPS
+) -> tuple[float, np.ndarray]:
+    """The norm q for a field t at the nodes, and normal displacements that W makes of a v with this ratio; collective.
+
+    q is infinite if the body can move rigidly along the contact, and W does not make a rigid motion of that.
+
+    Args:
+        surface: The contacts.
+        traces: The body as they see it.
+        t: The field, shape (M, d).
+        start: Normal displacements to start from, shape (M,); random ones by default.
+        steps: Greatest number of steps.
+
+    Returns:
+        q [-] and normal displacements, shape (M,).
+    """
+    n = surface.normal
+
+    def stiffness(phi: np.ndarray) -> np.ndarray:
+        return (traces.lifted(phi[:, None] * n) * n).sum(axis=1)
+
+    if not np.any(t):
+        return 0.0, np.zeros(len(n))
+    rng = np.random.default_rng(0)
+    if len(traces.motions):
+        scale = rng.standard_normal(len(n))
+        stiff = np.linalg.norm(stiffness(scale)) / np.linalg.norm(scale)
+        for motion in traces.motions:
+            phi = (t * motion).sum(axis=1)
+            size = np.linalg.norm(phi)
+            if size > RIGID * np.linalg.norm(t) and np.linalg.norm(stiffness(phi)) > RIGID * stiff * size:
+                return np.inf, phi
+    phi = rng.standard_normal(len(n)) if start is None else start
+    basis: list[np.ndarray] = []
+    forces: list[np.ndarray] = []
+    diagonal: list[float] = []
+    beside: list[float] = []
+    found = 0.0
+    for _ in range(min(steps, len(n))):
+        p = stiffness(phi)
+        square = float(phi @ p)
+        if square <= (NOISE * max(diagonal, default=0.0)) ** 2:
+            break
+        size = np.sqrt(square)
+        if basis:
+            beside.append(size)
+        basis.append(phi / size)
+        forces.append(p / size)
+        phi = (traces.moved(forces[-1][:, None] * t) * t).sum(axis=1)
+        diagonal.append(float(phi @ forces[-1]))
+        for _ in range(2):
+            for one, force in zip(basis, forces, strict=True):
+                phi = phi - (phi @ force) * one
+        values, vectors = np.linalg.eigh(np.diag(diagonal) + np.diag(beside, 1) + np.diag(beside, -1))
+        before, found = found, float(np.sqrt(max(values[-1], 0.0)))
+        if found - before <= traces.tolerance * found:
+            break
+    return found, (vectors[:, -1] @ basis[: len(vectors)] if basis else phi)

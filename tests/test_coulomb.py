@@ -1,0 +1,291 @@
+"""The certificate of Coulomb friction: every inequality of docs/coulomb.md as a number.
+
+- the bound solves its inequality with equality, and has the closed form where the pair is aligned;
+- W W = 0 makes the numerical radius half of the norm, and the sharpest pair of fields attains the bound;
+- the norm of the map is that of independent dense algebra, and has the published digits on the triangle;
+- uniqueness is never claimed at the critical friction, where solutions are many;
+- every term is above the truth of nested references; a flipped direction of slip is noticed;
+- the bound is above the true error, and near e; it does not depend on units, on ranks only by round-off.
+"""
+
+import numpy as np
+import pytest
+import ufl
+from mpi4py import MPI
+from reference import nested, true_errors
+from scenes import greco, patch_test, prototype_block, sliding_block
+
+import erc_contact as ec
+from erc_contact.error.coulomb import bound_of_both
+from erc_contact.error.coupling import coupling
+from erc_contact.error.slip_direction import slip_fields
+from erc_contact.error.surface import pair_on_surface
+from erc_contact.error.traces import traces_of
+
+
+def certified(scene: ec.Scene, domain: ec.Domain, **options) -> tuple[ec.ConstitutiveError, ec.CoulombCertificate]:
+    error = ec.constitutive_error(ec.equilibrate(ec.solve(scene, domain, **options)))
+    return error, ec.coulomb_certificate(error)
+
+
+def square(n: int, size: float = 40.0, comm: MPI.Comm = MPI.COMM_WORLD) -> ec.Domain:
+    return ec.rectangle((0.0, 0.0), (size, size), cells=(n, n), comm=comm)
+
+
+def pressed(friction: object, d: int = 2, E: object = 1.0, gap: object = 0.0) -> ec.Scene:
+    """A compact body, pressed on its foundation and sheared."""
+    push = (0.02, -0.05) if d == 2 else (0.02, 0.01, -0.05)
+    return ec.Scene(ec.Elastic(E, 0.3), [ec.Displacement("top", push)], [], [ec.Contact("bottom", friction, gap=gap)])
+
+
+@pytest.mark.serial
+def test_the_bound_solves_its_inequality():
+    rng = np.random.default_rng(1)
+    for _ in range(200):
+        q, bulk, rest = rng.uniform(0, 1.9), rng.uniform(0, 2), rng.uniform(0, 1) * rng.integers(0, 2)
+        e_t = bulk * rng.uniform(1, 1.5)
+        x = bound_of_both(q, e_t, bulk, rest)
+        s = np.sqrt(x * x / 2 - bulk**2 / 4)
+        right = e_t**2 + q * (s + bulk / 2) ** 2 + 2 * rest * x
+        assert abs(x * x - right) < 1e-9 * right
+        assert x >= e_t
+        if rest == 0 and q < 1:
+            assert x <= e_t / np.sqrt(1 - q) * (1 + 1e-12)  # sharper than with |W v| <= q |v| alone
+    for q in (0.0, 0.3, 1.0, 1.9):
+        assert bound_of_both(q, 3.0, 3.0, 0.0) == pytest.approx(3 * np.sqrt(4 + q * q) / (2 - q), rel=1e-12)
+    assert bound_of_both(2.0, 1.0, 1.0, 0.0) == np.inf
+    assert bound_of_both(0.5, 0.0, 0.0, 0.0) == 0.0
+
+
+@pytest.mark.serial
+def test_a_map_whose_square_is_zero():
+    """``(tau, W x) <= q/2 (|x + tau|/2 + |x - tau|/2)^2``, attained."""
+    rng = np.random.default_rng(2)
+    for _ in range(50):
+        basis, _ = np.linalg.qr(rng.standard_normal((9, 9)))
+        W = np.zeros((9, 9))
+        W[5:, :5] = rng.standard_normal((4, 5))
+        W = basis @ W @ basis.T
+        assert abs(W @ W).max() < 1e-12
+        q = np.linalg.norm(W, 2)
+        for x, tau in rng.standard_normal((20, 2, 9)):
+            s, beta = np.linalg.norm(x + tau) / 2, np.linalg.norm(x - tau)
+            assert tau @ W @ x <= q / 2 * (s + beta / 2) ** 2
+        left, _, right = np.linalg.svd(W)
+        x = left[:, 0] + right[0]
+        assert x @ W @ x == pytest.approx(q / 2 * (x @ x))
+
+
+def triangle(nu: float, friction: float, size: float, comm: MPI.Comm = MPI.COMM_WORLD) -> tuple[ec.Scene, ec.Domain]:
+    """The triangle whose solutions are many at friction ``sqrt((l + 2)/l)``, l = 2 nu/(1 - 2 nu)."""
+    import gmsh
+
+    E = 1.2
+    G, ratio = E / 2 / (1 + nu), 2 * nu / (1 - 2 * nu)
+    slope = np.sqrt(ratio * (ratio + 2))
+    critical = slope / ratio
+    y = slope / (ratio + 1) / (ratio + 2)
+    shear = 0.1 * critical * (ratio + 2)
+    if comm.rank == 0:
+        gmsh.initialize()
+        gmsh.option.setNumber("General.Terminal", 0)
+        geo = gmsh.model.geo
+        points = [geo.addPoint(*x, 0.0, size) for x in ((0.0, 0.0), (1.0, 0.0), (slope * y, y))]
+        sides = [geo.addLine(points[i], points[(i + 1) % 3]) for i in range(3)]
+        surface = geo.addPlaneSurface([geo.addCurveLoop(sides)])
+        geo.synchronize()
+        for side, name in zip(sides, ("foot", "pulled", "held"), strict=True):
+            gmsh.model.addPhysicalGroup(1, [side], name=name)
+        gmsh.model.addPhysicalGroup(2, [surface], name="body")
+    domain = ec.from_gmsh(gmsh.model if comm.rank == 0 else None, comm=comm)
+    if comm.rank == 0:
+        gmsh.finalize()
+    sigma = G * np.array([[-0.1 * ratio, shear], [shear, -0.1 * (ratio + 2)]])
+    n = np.array([slope, ratio + 2]) / np.hypot(slope, ratio + 2)
+    scene = ec.Scene(
+        ec.Elastic(E, nu),
+        [ec.Displacement("held", (lambda x: 0.1 + shear * x[1], lambda x: -0.1 * x[1]))],
+        [ec.Traction("pulled", tuple(float(f) for f in sigma @ n))],
+        [ec.Contact("foot", friction=friction * critical)],
+    )
+    return scene, domain
+
+
+@pytest.mark.parametrize(("nu", "M"), [(0.2, 1.639), (0.3, 1.892)])
+def test_uniqueness_ends_below_many_solutions(nu, M):
+    scene, domain = triangle(nu, 0.55, 0.03)
+    _, found = certified(scene, domain)
+    assert pytest.approx(M, abs=2e-3) == found.M
+    assert found.unique
+    assert found.q < 2
+    many, _ = triangle(nu, 1.0, 0.03)
+    error, found = certified(many, domain)
+    assert error.solution.singular
+    assert error.relative < 1e-10  # exact, and one of many
+    assert pytest.approx(M, abs=2e-3) == found.M
+    assert not found.unique
+    assert found.bound == np.inf
+    assert "Nothing is proved" in str(found)
+
+
+CASES = {
+    "GRECO 0.3": (greco(0.3), square(8), 3, {}),
+    "GRECO 0.8": (greco(0.8), square(8), 3, {}),
+    "block": (pressed(0.3), ec.rectangle((0.0, 0.0), (2.0, 1.0), cells=(8, 4)), 3, {}),
+    "friction that varies": (pressed(lambda x: 0.1 + 0.2 * x[0]), square(4, 1.0), 3, {}),
+    "gap": (pressed(0.3, gap=lambda x: 0.03 * (x[0] - 0.4) ** 2), square(4, 1.0), 3, {}),
+    "degree 2": (greco(0.3), square(4), 2, {"degree": 2}),
+}
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("name", CASES)
+def test_every_term_is_above_the_truth(name):
+    scene, domain, levels, options = CASES[name]
+    error, found = certified(scene, domain, **options)
+    pair = error.admissible
+    fine = ec.solve(scene, nested(domain, levels), ec.AugmentedLagrangian(), start=pair.solution, **options)
+    true, e, bulk = true_errors(pair, fine), error.absolute, error.bulk_error
+    q = found.q + found.q_change
+    print(f"\n{name}: q {q:.3f}, bound/e {found.factor:.3f}, bound/true {found.bound / true.both:.3f}")
+    assert true.both <= found.bound
+    assert true.displacement <= found.bound
+    assert found.bound <= 1.15 / np.sqrt(1 - q) * e + 3 * np.hypot(found.misaligned, found.unbalanced)
+    s = np.sqrt(max(true.both**2 / 2 - bulk**2 / 4, 0.0))
+    rest = 2 * (found.misaligned * true.stress + found.unbalanced * true.displacement)
+    assert true.both**2 <= 1.1 * e**2 + q * (s + bulk / 2) ** 2 + rest
+    assert np.hypot(found.misaligned, found.unbalanced) < 0.2 * e
+
+
+def test_a_slipping_body_leaves_nothing(block):
+    """On the patch test slip and traction are opposite everywhere; the opposite field leaves twice the friction."""
+    scene, _ = patch_test(0.3, 0.25)
+    error, found = certified(scene, block)
+    assert max(found.misaligned, found.unbalanced) < 1e-6 * error.scale
+    assert found.unique
+    pair = pair_on_surface(error.admissible)
+    t = slip_fields(pair)[0]
+    forces, _ = pair.unbalanced(t)
+    opposite, _ = pair.unbalanced(-t)
+    friction = np.einsum("fqi->i", pair.traction)
+    assert abs(forces).max() < 1e-9 * abs(opposite).max()
+    assert opposite.sum(axis=0)[0] * friction[0] > 0
+    assert pair.unaligned(t).max() < 1e-9 * pair.unaligned(-t).max()
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_the_work_of_what_the_field_misses(degree):
+    """``e^2 - 2 int rho.w^_t = beta^2 + 2 int r^_n (w^_n - g) + 2 int |r^_n| (mu |w^_t| - t.w^_t)``, above beta^2."""
+    scene = pressed(0.4)
+    error = ec.constitutive_error(ec.equilibrate(ec.solve(scene, square(6, 1.0), degree=degree)))
+    pair = pair_on_surface(error.admissible)
+    for t in slip_fields(pair):
+        _, work = pair.unbalanced(t)
+        assert error.absolute**2 - 2 * work >= error.bulk_error**2 * (1 - 1e-9)
+    still = np.zeros_like(t)
+    forces, work = pair.unbalanced(still)
+    assert np.allclose(forces.sum(axis=0)[0], error.force("bottom").force[0], rtol=1e-9)
+    assert work < 0  # friction dissipates
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_both_solvers_see_the_same_body(d):
+    domain = square(6, 1.0) if d == 2 else ec.box((0.0,) * 3, (1.0,) * 3, cells=(3, 3, 3))
+    found, norms = [], []
+    for solver in ("direct", "iterative"):
+        error = ec.constitutive_error(ec.equilibrate(ec.solve(pressed(0.3, d), domain, solver=solver)))
+        pair = pair_on_surface(error.admissible)
+        traces = traces_of(error.solution.model, error.solution.stiffness, pair.surface)
+        y = pair.surface.normal * (1 + pair.surface.positions()[:, :1])
+        f = y[:, ::-1] * pair.surface.positions()[:, :1]
+        t = np.zeros_like(y)
+        t[:, 0] = 0.3
+        found.append([traces.lifted(y), traces.moved(f)])
+        norms.append(coupling(pair.surface, traces, t)[0])
+        if traces.cheap:
+            exact = _norm_by_columns(pair.surface, traces, t)
+        traces.free()
+    for one, other in zip(*found, strict=True):
+        assert np.linalg.norm(one - other) < 0.02 * np.linalg.norm(one)
+    assert norms[0] == pytest.approx(exact, rel=1e-5)
+    assert norms[1] == pytest.approx(exact, rel=0.03)
+
+
+def _norm_by_columns(surface, traces, t):
+    """The norm of W from whole matrices, column by column."""
+    n, unit = surface.normal, np.eye(len(t))
+    N = np.array([(traces.lifted(column[:, None] * n) * n).sum(axis=1) for column in unit])
+    F = np.array([(traces.moved(column[:, None] * t) * t).sum(axis=1) for column in unit])
+    return np.sqrt(np.linalg.eigvals(F @ N).real.max())
+
+
+@pytest.mark.serial
+def test_units_change_nothing():
+    _, one = certified(pressed(0.4), square(6, 1.0))
+    _, other = certified(pressed(0.4, E=210e9), square(6, 1.0))
+    assert other.q == pytest.approx(one.q, rel=1e-6)
+    assert other.factor == pytest.approx(one.factor, rel=1e-6)
+    assert other.bound == pytest.approx(one.bound * np.sqrt(210e9), rel=1e-6)
+
+
+def test_a_slender_body_gets_no_bound():
+    _, found = certified(prototype_block(), block_of(8))
+    assert found.q > 2
+    assert not found.unique
+    assert found.bound == np.inf
+
+
+def block_of(n: int) -> ec.Domain:
+    return ec.rectangle((0.0, 0.0), (2.0, 7.0), cells=(n, 7 * n // 2))
+
+
+def test_bodies_that_only_contact_holds_vertically():
+    """GRECO can move up, which costs nothing. A block in space can also tip about its top, and slides along then."""
+    _, held = certified(greco(0.3), square(8))
+    assert held.q == pytest.approx(0.3 * 1.0172, rel=1e-3)
+    _, loose = certified(*sliding_block(0.01, 3))
+    assert loose.q == np.inf
+    assert not loose.unique
+    assert loose.bound == np.inf
+    assert "rigidly" in str(loose)
+
+
+class Saturating:
+    """A friction bound that is concave in the pressure: the law of tests/test_newton.py, whose forms are compiled."""
+
+    parameters = ("mu", "limit")
+
+    def __init__(self, mu, limit):
+        self.mu, self.limit = mu, limit
+
+    def friction_bound(self, pressure, mu, limit):
+        return limit * ufl.tanh(mu * pressure / limit)
+
+
+def test_other_laws():
+    def scene(law):
+        return ec.Scene(
+            ec.Elastic(1.0, 0.3), [ec.Displacement("top", (0.02, -0.05))], [], [ec.Contact("bottom", friction=law)]
+        )
+
+    for law in (0.0, ec.Tresca(0.01)):
+        error, found = certified(scene(law), square(4, 1.0))
+        assert found.q == 0
+        assert found.bound == error.absolute
+        assert found.unique
+    _, found = certified(scene(Saturating(0.3, 0.01)), square(4, 1.0))
+    assert found.q == np.inf
+    assert not found.unique
+    assert found.bound == np.inf
+
+
+@pytest.mark.ranks
+@pytest.mark.parametrize(("d", "solver"), [(2, "direct"), (3, "direct"), (3, "iterative")])
+def test_ranks_change_nothing(d, solver):
+    found = []
+    for comm in (MPI.COMM_WORLD, MPI.COMM_SELF):
+        domain = square(6, 1.0, comm) if d == 2 else ec.box((0.0,) * 3, (1.0,) * 3, cells=(3, 3, 3), comm=comm)
+        found.append(certified(pressed(0.3, d), domain, solver=solver)[1])
+    digits = 1e-6 if solver == "direct" else 0.02
+    assert found[0].q == pytest.approx(found[1].q, rel=digits)
+    assert found[0].bound == pytest.approx(found[1].bound, rel=digits)
