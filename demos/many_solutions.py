@@ -7,8 +7,9 @@ and nu = 0.2 stands on its lower side; its left side is moved by (0.1 + 0.533333
     u = (0.1 + 0.533333 y + a (x - 4 y/3), -0.1 y),    -0.1 <= a <= 0.4,
 
 is a solution: the error in the constitutive relation vanishes for each of them, and which one a solver returns depends
-on where it starts. ``Solution.singular`` says so: the tangent of the contact problem has no inverse there. With
-mu = 1.9 there is one solution, a = 0.4.
+on where it starts. ``Solution.singular`` says so: the tangent of the contact problem has no inverse there.
+``other_solutions`` finds some of the others. With mu = 1.9 there is one solution, a = 0.4, but that there is no other is proved below
+about mu = 1.2 only, by ``coulomb_certificate``.
 
 Source of the case: P. Hild, "Non-unique slipping in the Coulomb friction model in two-dimensional linear elasticity",
 Q. J. Mech. Appl. Math. 57 (2004), has the construction.
@@ -40,7 +41,7 @@ def triangle():
 
 ec.log_to_console()
 domain = triangle()
-for friction in (1.9, 2.0):
+for friction in (0.9, 1.9, 2.0):
     scene = ec.Scene(
         material=ec.Elastic(E=1.2, nu=0.2),
         supports=[ec.Displacement("held", (lambda x: 0.1 + 0.533333 * x[1], lambda x: -0.1 * x[1]))],
@@ -54,8 +55,16 @@ for friction in (1.9, 2.0):
     if comm.rank == 0:
         verdict = "one of many" if solution.singular else "the only one near"
         print(f"friction {friction}: largest displacement {largest:.4f}, eps = {error.relative:.1e}, {verdict}")
+    certificate = ec.coulomb_certificate(error)
+    others = ec.other_solutions(solution)
+    if comm.rank == 0:
+        print(f"  {certificate}")
+        print(f"  {len(others)} other solutions found, eps = {', '.join(f'{one.relative:.1e}' for one in others)}")
 
     assert solution.singular == (friction == 2.0)
     assert error.relative < 1e-5
+    assert certificate.unique == (friction == 0.9)
+    assert (len(others) >= 2) == (friction == 2.0)
+    assert all(one.relative < 1e-5 for one in others)
     if friction < 2.0:
         assert abs(largest - 0.5) < 1e-4

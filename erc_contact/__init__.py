@@ -22,6 +22,7 @@ from erc_contact.base.logs import log_to_console
 from erc_contact.error.bounds import Bounds, potential_energy, resultant, work_of_loads
 from erc_contact.error.constitutive import ConstitutiveError, constitutive_error
 from erc_contact.error.coulomb import CoulombCertificate, coulomb_certificate
+from erc_contact.error.multiplicity import other_solutions
 from erc_contact.error.optimal import SizeMap
 from erc_contact.error.oscillation import Oscillations
 from erc_contact.error.sizes import Sizes, size_map
@@ -92,6 +93,7 @@ __all__ = [
     "from_gmsh",
     "log_to_console",
     "mark",
+    "other_solutions",
     "potential_energy",
     "read_history",
     "read_mesh",

@@ -126,6 +126,15 @@ def test_uniqueness_ends_below_many_solutions(nu, M):
     assert not found.unique
     assert found.bound == np.inf
     assert "Nothing is proved" in str(found)
+    others = ec.other_solutions(error.solution, most=2)
+    assert len(others) >= 2
+    states = [error.solution.u.x.array, *(other.solution.u.x.array for other in others)]
+    comm = domain.mesh.comm
+    for i, one in enumerate(states):
+        for other in states[:i]:
+            assert comm.allreduce(float(abs(one - other).max(initial=0.0)), MPI.MAX) > 1e-4
+    assert all(other.relative < 1e-9 for other in others)
+    assert ec.other_solutions(ec.solve(scene, domain)) == []
 
 
 CASES = {
@@ -155,6 +164,14 @@ def test_every_term_is_above_the_truth(name):
     rest = 2 * (found.misaligned * true.stress + found.unbalanced * true.displacement)
     assert true.both**2 <= 1.1 * e**2 + q * (s + bulk / 2) ** 2 + rest
     assert np.hypot(found.misaligned, found.unbalanced) < 0.2 * e
+
+
+def test_bad_input(block):
+    solution = ec.solve(pressed(0.3), block)
+    for wrong in (0, -1, 1.5, "many"):
+        with pytest.raises(ec.InputError, match="other_solutions: most"):
+            ec.other_solutions(solution, wrong)
+    assert ec.other_solutions(ec.solve(pressed(0.0), block)) == []
 
 
 def test_a_slipping_body_leaves_nothing(block):
@@ -201,7 +218,7 @@ def test_both_solvers_see_the_same_body(d):
         t = np.zeros_like(y)
         t[:, 0] = 0.3
         found.append([traces.lifted(y), traces.moved(f)])
-        norms.append(coupling(pair.surface, traces, t)[0])
+        norms.append(coupling(pair.surface.normal, traces, t)[0])
         if traces.cheap:
             exact = _norm_by_columns(pair.surface, traces, t)
         traces.free()

@@ -36,10 +36,10 @@ from dolfinx import fem, la
 
 from erc_contact.base.exceptions import ErcContactError, raise_together
 from erc_contact.error.constitutive import ConstitutiveError
-from erc_contact.error.coupling import STEPS, coupling
+from erc_contact.error.coupling import STEPS, Traces, coupling
 from erc_contact.error.slip_direction import slip_fields
 from erc_contact.error.surface import PairOnSurface, Surface, coulomb_surface, has_coulomb, pair_on_surface
-from erc_contact.error.traces import Traces, traces_of
+from erc_contact.error.traces import traces_of
 from erc_contact.mesh.remeshing import FILL
 from erc_contact.mesh.simplex import measures
 from erc_contact.model.foundation import CONSTANT
@@ -151,7 +151,7 @@ def coulomb_certificate(error: ConstitutiveError) -> CoulombCertificate:
 def _best(error: ConstitutiveError, pair: PairOnSurface, traces: Traces) -> CoulombCertificate:
     """The certificate of the field with the least bound, or of the roughest where no bound is worth a claim."""
     fields, model = slip_fields(pair), error.solution.model
-    tried = [_tried(error, pair, traces, t, coupling(pair.surface, traces, t)[0]) for t in fields]
+    tried = [_tried(error, pair, traces, t, coupling(pair.surface.normal, traces, t)[0]) for t in fields]
     for which in (int(np.argmin([one.bound for one in tried])), 0):
         q, t = tried[which].q, fields[which]
         found = _tried(error, pair, traces, t, q, _change(q, _coarser(model, pair.surface, t)))
@@ -165,7 +165,7 @@ def _single(error: ConstitutiveError, pair: PairOnSurface, traces: Traces) -> Co
     t = slip_fields(pair)[SMOOTH]
     coarse = _coarser(error.solution.model, pair.surface, t)
     start, steps = (None, STEPS) if coarse is None else (coarse[1], FEW)
-    q, _ = coupling(pair.surface, traces, t, start, steps)
+    q, _ = coupling(pair.surface.normal, traces, t, start, steps)
     return _tried(error, pair, traces, t, q, _change(q, coarse))
 
 
@@ -244,8 +244,9 @@ def _coarser(model: Model, surface: Surface, t: np.ndarray) -> tuple[float, np.n
         stiffness.free()
         there = coulomb_surface(coarse)
         known = np.where(there.blocked[:, None], 0.0, surface.interpolated(t, there.positions()))
-        q, phi = coupling(there, traces_of(coarse, stiffness, there), known)
-        return q, there.interpolated(phi, surface.positions())
+        q, phi = coupling(there.normal, traces_of(coarse, stiffness, there), known)
+        along = there.interpolated(phi[:, None] * there.normal, surface.positions())
+        return q, (along * surface.normal).sum(axis=1)
     except ErcContactError:
         return None
 

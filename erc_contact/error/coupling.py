@@ -12,10 +12,9 @@ inner product of N, and needs one lifting and one displacement a step.
 
 from __future__ import annotations
 
-import numpy as np
+from typing import ClassVar, Protocol
 
-from erc_contact.error.surface import Surface
-from erc_contact.error.traces import Traces
+import numpy as np
 
 STEPS = 60
 """Greatest number of Lanczos steps; 8 to 20 are usual."""
@@ -25,15 +24,38 @@ RIGID = 1e-6
 """Force of W v over the sum of the stiffnesses, below which a rigid motion v is lifted to a rigid motion [-]."""
 
 
+class Traces(Protocol):
+    """Forces and displacements of a surface, the same on all ranks.
+
+    Attributes:
+        motions: Rigid motions of the body that no support holds, at the nodes of the surface [-], shape (K, M, d).
+        tolerance: Relative accuracy that a norm may have [-].
+        cheap: Whether the members are cheap beside a linear solve.
+    """
+
+    motions: np.ndarray
+    tolerance: ClassVar[float]
+    cheap: ClassVar[bool]
+
+    def lifted(self, y: np.ndarray) -> np.ndarray:
+        """Forces that hold the displacement y (M, d) of the surface [force], shape (M, d); collective."""
+
+    def moved(self, f: np.ndarray) -> np.ndarray:
+        """Displacement of the surface under forces f (M, d) [length], shape (M, d); collective."""
+
+    def free(self) -> None:
+        """Free the memory; the traces are of no use afterwards."""
+
+
 def coupling(
-    surface: Surface, traces: Traces, t: np.ndarray, start: np.ndarray | None = None, steps: int = STEPS
+    n: np.ndarray, traces: Traces, t: np.ndarray, start: np.ndarray | None = None, steps: int = STEPS
 ) -> tuple[float, np.ndarray]:
     """The norm q for a field t at the nodes, and normal displacements that W makes of a v with this ratio; collective.
 
     q is infinite if the body can move rigidly along the contact, and W does not make a rigid motion of that.
 
     Args:
-        surface: The contacts.
+        n: Normals at the nodes of the surface, shape (M, d).
         traces: The body as they see it.
         t: The field, shape (M, d).
         start: Normal displacements to start from, shape (M,); random ones by default.
@@ -42,7 +64,6 @@ def coupling(
     Returns:
         q [-] and normal displacements, shape (M,).
     """
-    n = surface.normal
 
     def stiffness(phi: np.ndarray) -> np.ndarray:
         return (traces.lifted(phi[:, None] * n) * n).sum(axis=1)

@@ -16,11 +16,10 @@ from erc_contact.admissible.pair import Admissible
 from erc_contact.mesh.simplex import bernstein, lagrange, measures, node_between, nodes, rule
 from erc_contact.model.foundation import PROPORTIONAL, BoundContact, split
 from erc_contact.model.model import Model
+from erc_contact.newton.first_guess import interpolate
 
 EDGE = 0.87
 """Least cosine of the angle between the normal of a facet and the mean normal of a node of a smooth foundation [-]."""
-CHUNK = 1_000_000
-"""Number of pairs of a point and a piece that are compared at once."""
 ALONG = 1e-8
 """Component of a normal that counts as zero [-]."""
 
@@ -67,19 +66,8 @@ class Surface:
         return self.facets[:, cut].reshape(-1, cut.shape[1])
 
     def interpolated(self, values: np.ndarray, x: np.ndarray) -> np.ndarray:
-        """Values at the nodes (M, ...), linear between them, at the points nearest to x (n, d), shape (n, ...)."""
-        known, pieces = self.positions(), self.pieces
-        first = known[pieces[:, 0]]
-        inverse = np.linalg.pinv((known[pieces[:, 1:]] - first[:, None]).transpose(0, 2, 1))
-        found = []
-        for some in np.array_split(x, len(x) * len(pieces) // CHUNK + 1):
-            local = np.maximum(np.einsum("pij,npj->npi", inverse, some[:, None] - first), 0.0)
-            local /= np.maximum(local.sum(axis=2, keepdims=True), 1.0)
-            share = np.concatenate([1 - local.sum(axis=2, keepdims=True), local], axis=2)
-            away = np.linalg.norm(some[:, None] - np.einsum("npv,pvi->npi", share, known[pieces]), axis=2)
-            near, every = away.argmin(axis=1), np.arange(len(some))
-            found.append(np.einsum("nv,nv...->n...", share[every, near], values[pieces[near]]))
-        return np.concatenate(found)
+        """Vectors at the nodes (M, d), linear between them, at the points nearest to x (n, d), shape (n, d)."""
+        return interpolate(x, self.positions()[self.pieces], values[self.pieces])
 
     def summed(self, values: np.ndarray, places: np.ndarray) -> np.ndarray:
         """Sums at the nodes of values at the nodes of facets or pieces, (n, m, ...), shape (M, ...)."""

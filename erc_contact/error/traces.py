@@ -8,40 +8,18 @@ held in the first and free of forces in the second.
 
 from __future__ import annotations
 
-from typing import ClassVar, Protocol
+from typing import ClassVar
 
 import numpy as np
 from dolfinx import fem
 
 from erc_contact.base.exceptions import together
+from erc_contact.error.coupling import Traces
 from erc_contact.error.surface import Surface
 from erc_contact.model.model import Model
 from erc_contact.newton.elastic import ElasticSolver
 from erc_contact.newton.multigrid import Multigrid
 from erc_contact.newton.stiffness import Stiffness
-
-
-class Traces(Protocol):
-    """Forces and displacements of a surface, the same on all ranks.
-
-    Attributes:
-        motions: Rigid motions of the body that no support holds, at the nodes of the surface [-], shape (K, M, d).
-        tolerance: Relative accuracy that a norm may have [-].
-        cheap: Whether the members are cheap beside a linear solve.
-    """
-
-    motions: np.ndarray
-    tolerance: ClassVar[float]
-    cheap: ClassVar[bool]
-
-    def lifted(self, y: np.ndarray) -> np.ndarray:
-        """Forces that hold the displacement y (M, d) of the surface [force], shape (M, d); collective."""
-
-    def moved(self, f: np.ndarray) -> np.ndarray:
-        """Displacement of the surface under forces f (M, d) [length], shape (M, d); collective."""
-
-    def free(self) -> None:
-        """Free the memory; the traces are of no use afterwards."""
 
 
 class DenseTraces:

@@ -11,6 +11,7 @@ import numpy as np
 from mpi4py import MPI
 
 from erc_contact.error.constitutive import ConstitutiveError
+from erc_contact.error.coulomb import CoulombCertificate, coulomb_certificate
 from erc_contact.mesh.domain import Domain
 from erc_contact.newton.solution import Solution
 from erc_contact.output.curves import plot_contact, plot_history
@@ -75,6 +76,14 @@ class History:
     def maximum(self, quantity: str) -> Maximum:
         """Greatest "von Mises" stress, "pressure", ... and its place; see :meth:`ConstitutiveError.maximum`."""
         return self.best.maximum(quantity)
+
+    def coulomb_certificate(self) -> CoulombCertificate:
+        """What is proved with Coulomb friction, of the best result; see :func:`erc_contact.coulomb_certificate`.
+
+        ``factor`` is what the bound of all solutions has over e. A run does not compute it: it costs up to a linear
+        solve in the plane, and three in space.
+        """
+        return coulomb_certificate(self.best)
 
     def column(self, name: str) -> np.ndarray:
         """One column of the rows as an array."""

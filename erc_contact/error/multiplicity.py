@@ -1,0 +1,57 @@
+"""Other solutions of a scene with friction, each with its error."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from erc_contact.admissible.pair import equilibrate
+from erc_contact.base.checks import whole
+from erc_contact.base.exceptions import raise_together, together
+from erc_contact.error.constitutive import ConstitutiveError, constitutive_error
+from erc_contact.model.foundation import CONSTANT
+from erc_contact.newton.deflation import other_states
+from erc_contact.newton.solution import Solution
+from erc_contact.newton.stiffness import Stiffness
+
+
+def other_solutions(solution: Solution, most: int = 4) -> list[ConstitutiveError]:
+    """Look for other solutions of a scene on the same mesh; collective.
+
+    Newton's method, repelled by the solutions that it knows, starts from states with other friction and from moved
+    ones. It uses the direct solver, and costs some tens of Newton steps with dense algebra of the contact.
+
+    Args:
+        solution: A solution.
+        most: How many are looked for.
+
+    Returns:
+        The errors of other solutions of the discrete problem, with their solutions in ``error.solution``. The errors
+        tell which of them are near a solution of the scene. An empty list does not prove that there is no other one;
+        :func:`coulomb_certificate` may.
+
+    Raises:
+        InputError: If ``most`` is not a whole number > 0.
+    """
+    model, comm = solution.model, solution.model.comm
+    raise_together(comm, None)
+    most = together(comm, whole, "other_solutions: most", most, 1)
+    if not any(c.friction is not None and c.friction.dependence != CONSTANT for c in model.contacts):
+        return []
+    stiffness = solution.stiffness if isinstance(solution.stiffness, Stiffness) else Stiffness(model)
+    if not stiffness.contact_size:
+        return []
+    errors = []
+    for found in other_states(stiffness, solution.method, solution.u, most):
+        other = replace(
+            solution,
+            u=found.u,
+            multipliers=found.multipliers,
+            newton_steps=0,
+            reason="found beside another solution",
+            remaining=found.remaining,
+            regularity=found.regularity,
+            stiffness=stiffness,
+            seconds=0.0,
+        )
+        errors.append(constitutive_error(equilibrate(other)))
+    return errors
