@@ -8,8 +8,8 @@ and nu = 0.2 stands on its lower side; its left side is moved by (0.1 + 0.533333
 
 is a solution: the error in the constitutive relation vanishes for each of them, and which one a solver returns depends
 on where it starts. ``Solution.singular`` says so: the tangent of the contact problem has no inverse there.
-``other_solutions`` finds some of the others. With mu = 1.9 there is one solution, a = 0.4, but that there is no other is proved below
-about mu = 1.2 only, by ``coulomb_certificate``.
+``other_solutions`` finds some of the others. With mu = 1.9 there is one solution, a = 0.4, but ``coulomb_certificate``
+proves that there is no other one below about mu = 1.2 only.
 
 Source of the case: P. Hild, "Non-unique slipping in the Coulomb friction model in two-dimensional linear elasticity",
 Q. J. Mech. Appl. Math. 57 (2004), has the construction.
