@@ -38,7 +38,12 @@ DISTINCT = 1e-3
 """Largest difference of two solutions that count as one, over the largest displacement [-]."""
 REACH = 10.0
 """Bound of the factor of a step [-]."""
-RANK = 1e-10
+STILL = 1e-12
+"""A step of less than this, over the largest displacement, is the last one [-]."""
+NEARLY = 1e-4
+"""Residual of a state that counts as a solution where Newton's method stands still, over the forces that cancel in it.
+Data that are rounded have nearly a branch of solutions. The error of the state tells how near it is [-]."""
+RANK = 1e-6
 """Singular value of the scaled tangent, over the largest one, that counts as zero [-]."""
 
 
@@ -104,9 +109,9 @@ class _Search:
         return [(x, problem.matrix @ x - problem.loads, *two) for x, two in zip(self.known[1:], numbers, strict=True)]
 
     def newton(self, x: np.ndarray, *, deflated: bool = True) -> np.ndarray | None:
-        """The solution that Newton's method comes to from x, or None."""
+        """The solution, or nearly one, that Newton's method comes to from x, or None."""
         problem = self.problem
-        scale = 1 / np.sqrt(problem.schur.diagonal())
+        scale, step = 1 / np.sqrt(problem.schur.diagonal()), None
         for _ in range(STEPS):
             residual = problem.residual(x)
             vector = self.dense.vector()
@@ -117,10 +122,12 @@ class _Search:
                 return None
             if np.linalg.norm(residual) <= small * problem.force:
                 return x
+            if step is not None and abs(step).max() <= STILL * problem.length:
+                break
             tangent = scale[:, None] * problem.tangent(x) * scale
             step = scale * np.linalg.lstsq(tangent, -scale * residual, rcond=RANK)[0]
             x = x + (self._factor(x, step) if deflated else 1.0) * step
-        return None
+        return x if np.linalg.norm(problem.residual(x)) <= NEARLY * problem.force else None
 
     def _factor(self, x: np.ndarray, step: np.ndarray) -> float:
         """What the known solutions make of a step [-]."""
