@@ -166,6 +166,26 @@ def test_every_term_is_above_the_truth(name):
     assert np.hypot(found.misaligned, found.unbalanced) < 0.2 * e
 
 
+@pytest.mark.serial
+def test_a_step_of_a_history():
+    """The slip turns: t is along the slip since the last step, against the one from the start."""
+
+    def at(push):
+        return ec.Scene(
+            ec.Elastic(1.0, 0.3), [ec.Displacement("top", (push, -0.05))], [], [ec.Contact("bottom", friction=0.3)]
+        )
+
+    domain = ec.rectangle((0.0, 0.0), (2.0, 1.0), cells=(8, 4))
+    first = ec.solve(at(0.1), domain)
+    error = ec.constitutive_error(ec.equilibrate(ec.solve(at(-0.02), domain, after=first)))
+    found, pair = ec.coulomb_certificate(error), error.admissible
+    fine = ec.solve(at(-0.02), nested(domain, 3), ec.AugmentedLagrangian(), after=first)
+    assert pair.displacement.x.array.reshape(-1, 2)[pair.tractions[0].nodes, 0].min() > 0  # it has not come back
+    assert slip_fields(pair_on_surface(pair))[0][:, 0].max() < 0  # but it slips back
+    assert np.hypot(found.misaligned, found.unbalanced) < 0.2 * error.absolute
+    assert true_errors(pair, fine).both <= found.bound < 2.5 * error.absolute
+
+
 def test_bad_input(block):
     solution = ec.solve(pressed(0.3), block)
     for wrong in (0, -1, 1.5, "many"):

@@ -15,8 +15,8 @@ import numpy as np
 from erc_contact.admissible.pair import Admissible
 from erc_contact.mesh.simplex import bernstein, lagrange, measures, node_between, nodes, rule
 from erc_contact.model.foundation import PROPORTIONAL, BoundContact, split
+from erc_contact.model.last_step import interpolate
 from erc_contact.model.model import Model
-from erc_contact.newton.first_guess import interpolate
 
 EDGE = 0.87
 """Least cosine of the angle between the normal of a facet and the mean normal of a node of a smooth foundation [-]."""
@@ -83,7 +83,8 @@ class PairOnSurface:
     Attributes:
         surface: The surface.
         traction: Bernstein coefficients of r^ [force/area], shape (F, m, d).
-        displacement: w^ at the nodes of the facets [length], shape (F, m, d).
+        displacement: w^ at the nodes of the facets, its tangential part counted from the last step [length], shape
+            (F, m, d).
         friction: mu at the nodes of the facets [-], shape (F, m).
     """
 
@@ -190,7 +191,7 @@ def pair_on_surface(pair: Admissible) -> PairOnSurface:
     nodal = pair.displacement.x.array.reshape(-1, model.d)
     parts: tuple[list[np.ndarray], ...] = (
         [t.values[mine] for t, mine in zip(tractions, own, strict=True)],
-        [nodal[t.nodes[mine]] for t, mine in zip(tractions, own, strict=True)],
+        [(nodal[t.nodes] - model.slip_before(t.contact))[mine] for t, mine in zip(tractions, own, strict=True)],
         [_friction(model, t.contact)[mine] for t, mine in zip(tractions, own, strict=True)],
     )
     return PairOnSurface(coulomb_surface(model), *(_gathered(model, part) for part in parts))

@@ -73,12 +73,11 @@ class IterativeTraces:
 
     def __init__(self, model: Model, elastic: Multigrid, surface: Surface) -> None:
         self.model, self.elastic, self.surface = model, elastic, surface
-        self.held = elastic.beside()  # the hierarchy of a free body is slow where the contact is held
         self.motions = _motions(model, surface)
 
     def lifted(self, y: np.ndarray) -> np.ndarray:
         """``S y``."""
-        return of_owners(self.model, self.surface, self.held.lifted(self._nodal(y)).x.array)
+        return of_owners(self.model, self.surface, self.elastic.lifted(self._nodal(y)).x.array)
 
     def moved(self, f: np.ndarray) -> np.ndarray:
         """``S^+ f``, for forces that do no work on the free motions."""
@@ -86,7 +85,6 @@ class IterativeTraces:
 
     def free(self) -> None:
         """Free the memory."""
-        self.held.free()
         self.elastic.free()
 
     def _nodal(self, values: np.ndarray) -> fem.Function:
