@@ -184,7 +184,7 @@ def _fields(
     return (mu if number % 2 else friction), (0.0 if number % 3 else gap), top
 
 
-def random(count: int = 60) -> None:
+def random_scenes(count: int = 60) -> None:
     """Random scenes; the number of bounds that the truth exceeds."""
     print(TABLE)
     held = 0
@@ -231,7 +231,7 @@ def cost() -> None:
         print(f"| {name} | {domain.cells} | {unit:.2f} | {own / unit:.2f} | {contact / unit:.2f} |", flush=True)
 
 
-PARTS = {"triangles": triangles, "bounds": bounds, "random": random, "meshes": meshes, "cost": cost}
+PARTS = {"triangles": triangles, "bounds": bounds, "random": random_scenes, "meshes": meshes, "cost": cost}
 
 if __name__ == "__main__":
     for part in sys.argv[1:] or PARTS:

@@ -1,12 +1,15 @@
 """Fields t on a contact surface: mu times a direction of slip, continuous, at various smoothness.
 
 Where the body slips t should be mu times the direction of slip, where it sticks ``-r^_t/|r^_n|``; the two are one
-where slip and traction are opposite, as the law wants. Where slip or traction change from node to node, a smoother t
-makes the coupling smaller, at the price of terms that measure by how much t misses. A smoother t minimises
+where slip and traction are opposite, as the law wants. At each node t0 is the mean of both, with the squares of the
+pressure p and of ``E |slip|/h`` as weights: a slip that is less than ``p h/E`` is an error of the mesh. Where slip or
+traction change from node to node, a smoother t makes the coupling smaller, at the price of terms that measure by how
+much t misses. A smoother t minimises
 
     sum_i c_i |t_i - t0_i|^2 A_i + l^2 int |grad t|^2
 
-on the surface, with c_i the pressure and the slip at a node over their means, A_i its area and l a length.
+on the surface, with A_i the area of a node, l a length, and c_i its p and ``E |slip|/h``, not above the mean pressure,
+over the mean pressure.
 """
 
 from __future__ import annotations
@@ -43,15 +46,22 @@ def _rough(pair: PairOnSurface) -> tuple[np.ndarray, np.ndarray]:
         return s.summed(np.einsum("fcq...,qm->fcm...", values, hats).reshape(*shape, *values.shape[3:]), s.pieces)
 
     shear, pressure, of_nodes = moments(area[..., None] * shears), moments(area * pressures), moments(area)
+    pressure /= of_nodes
     _, w_t, _ = split(pair.displacement, s.direction[:, None, :])
-    slip = s.summed(w_t * s.area[:, None, None], s.facets)
-    length = np.linalg.norm(slip, axis=1)
-    by_traction = -shear / np.where(pressure > 0, pressure, 1.0)[:, None]
-    by_slip = pair.least_friction()[:, None] * slip / np.where(length > 0, length, 1.0)[:, None]
-    c = np.stack([one / (one.sum() or 1.0) for one in (pressure, length)])
-    both = c.sum(axis=0)
-    rough = (c[0][:, None] * by_traction + c[1][:, None] * by_slip) / np.where(both > 0, both, 1.0)[:, None]
-    return _limited(pair, rough), both * of_nodes.sum() + SMALLEST * of_nodes
+    share = np.broadcast_to(s.area[:, None], s.facets.shape)
+    size = s.area ** (1 / (s.normal.shape[1] - 1))
+    pull = s.summed(share[..., None] * (pair.modulus / size)[:, None, None] * w_t, s.facets)
+    pull /= s.summed(share, s.facets)[:, None]
+    length = np.linalg.norm(pull, axis=1)
+    by_traction = -shear / np.where(pressure > 0, pressure * of_nodes, 1.0)[:, None]
+    by_slip = pair.least_friction()[:, None] * pull / np.where(length > 0, length, 1.0)[:, None]
+    largest = max(float(pressure.max()), float(length.max())) or 1.0
+    square = (np.stack([pressure, length]) / largest) ** 2
+    both = square.sum(axis=0)
+    rough = (square[0][:, None] * by_traction + square[1][:, None] * by_slip) / np.where(both > 0, both, 1.0)[:, None]
+    mean = float(of_nodes @ pressure / of_nodes.sum()) or largest
+    c = (pressure + np.minimum(length, mean)) / mean
+    return _limited(pair, rough), (c + SMALLEST) * of_nodes
 
 
 def _smooth(surface: Surface, rough: np.ndarray, weight: np.ndarray, length: float) -> np.ndarray:

@@ -86,12 +86,14 @@ class PairOnSurface:
         displacement: w^ at the nodes of the facets, its tangential part counted from the last step [length], shape
             (F, m, d).
         friction: mu at the nodes of the facets [-], shape (F, m).
+        modulus: The modulus of the material at the facets [force/area], shape (F,).
     """
 
     surface: Surface
     traction: np.ndarray
     displacement: np.ndarray
     friction: np.ndarray
+    modulus: np.ndarray
 
     def least_friction(self) -> np.ndarray:
         """The least mu of the facets at each node, shape (M,)."""
@@ -193,6 +195,7 @@ def pair_on_surface(pair: Admissible) -> PairOnSurface:
         [t.values[mine] for t, mine in zip(tractions, own, strict=True)],
         [(nodal[t.nodes] - model.slip_before(t.contact))[mine] for t, mine in zip(tractions, own, strict=True)],
         [_friction(model, t.contact)[mine] for t, mine in zip(tractions, own, strict=True)],
+        [model.at_middles(model.modulus, t.contact.facets[:, 0])[mine] for t, mine in zip(tractions, own, strict=True)],
     )
     return PairOnSurface(coulomb_surface(model), *(_gathered(model, part) for part in parts))
 
