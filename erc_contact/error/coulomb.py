@@ -49,8 +49,9 @@ from erc_contact.newton.stiffness import Stiffness
 
 UNKNOWN = 0.1
 """Share of q that is added to it where there is no coarser space to compare with [-]."""
-LARGEST = 10.0
-"""A bound of more than this many e is not claimed: it would rest on the last digit of q."""
+LARGEST = 5.0
+"""A bound of more than this many e is not claimed. It would rest on the last digit of q, or on a field t that is so
+smooth that A and B do not fall with e."""
 SMOOTH = 1
 """Which of the fields of :func:`slip_fields` is taken where trying all of them costs a linear solve each."""
 FEW = 2
