@@ -234,3 +234,16 @@ def test_what_cannot_be_a_last_step():
     refused(step(on=ec.rectangle((0.0, 0.0), (0.5, 0.7), cells=(6, 4))), "'bottom'", "another body")
     if MPI.COMM_WORLD.size > 1:
         refused(step(on=box(2, True)), "ranks")
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("degree", [1, 2])
+def test_sliding_back_where_friction_varies(degree):
+    """The pressure of a facet is levelled along the slip of the step: the way back is as accurate as one from rest."""
+    back, rest = (
+        ec.constitutive_error(
+            ec.equilibrate(run(path, degree=degree, friction=lambda x: 0.2 + 0.2 * x[0])[-1])
+        ).relative
+        for path in ([(0.3, 1e-5), (0.1, 1e-5)], [(-0.2, 1e-5)])
+    )
+    assert back == pytest.approx(rest, rel=0.05)

@@ -237,7 +237,7 @@ def test_what_is_written(whole, shared_tmp_path):
         return
     rows = list(csv.DictReader((shared_tmp_path / "evolution.csv").read_text().splitlines()))
     assert [float(row["time"]) for row in rows] == CYCLE
-    assert float(rows[-1]["force_bottom_1"]) == whole.steps[-1].force["bottom"][1]
+    assert float(rows[-1]["force_bottom_y"]) == whole.steps[-1].force["bottom"][1]
     for name in ("energies.png", "loop_bottom.png", "zones_bottom.png"):
         assert (shared_tmp_path / name).stat().st_size > 5000
     from vtkmodules.vtkIOHDF import vtkHDFReader

@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -192,22 +191,16 @@ class Evolution:
         """Write the rows as CSV; every rank may call, rank 0 writes."""
         if self.error.domain.mesh.comm.rank != 0:
             return
+        first = self.steps[0]
+        named = [f"force_{name}_{axis}" for name, of in first.force.items() for axis in "xyz"[: len(of)]]
+        named += [f"moment_{name}_{axis}" for name, of in first.moment.items() for axis in "xyz"[-len(of) :]]
         with Path(path).open("w", newline="") as file:
             writer = csv.writer(file)
-            vectors: list[tuple[str, dict[str, list[float]]]] = []
-            for number, step in enumerate(self.steps):
-                vectors = [("force", step.force), ("moment", step.moment)]
-                if number == 0:
-                    named = [
-                        f"{what}_{name}_{axis}"
-                        for what, of in vectors
-                        for name, v in of.items()
-                        for axis in range(len(v))
-                    ]
-                    writer.writerow([*NUMBERS, *named, *ENERGIES, *SECONDS])
-                numbers: list[Any] = [getattr(step, name) for name in NUMBERS]
-                numbers += [c for _, of in vectors for v in of.values() for c in v]
-                writer.writerow(numbers + [getattr(step, name) for name in (*ENERGIES, *SECONDS)])
+            writer.writerow([*NUMBERS, *named, *ENERGIES, *SECONDS])
+            for step in self.steps:
+                vectors = [c for of in (step.force, step.moment) for v in of.values() for c in v]
+                before, after = ([getattr(step, name) for name in of] for of in (NUMBERS, (*ENERGIES, *SECONDS)))
+                writer.writerow([*before, *vectors, *after])
 
     def save(self, folder: str | Path) -> None:
         """Write table, figures and a ParaView file to a folder; collective.
