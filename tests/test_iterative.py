@@ -13,7 +13,7 @@ from test_newton import Saturating, triangle
 
 import erc_contact as ec
 from erc_contact.model.promises import bind
-from erc_contact.newton import krylov, multigrid
+from erc_contact.newton import amg, krylov, multigrid
 from erc_contact.newton import solve as solving
 from erc_contact.newton.forms import ContactForms
 
@@ -117,7 +117,7 @@ def test_same_on_random_scenes(seed):
 @pytest.mark.parametrize("method", ["Nitsche", "symmetric"])
 def test_the_hierarchy_follows_the_tangent(method, monkeypatch):
     """A cycle is that of the matrices that PETSc computes anew with the same interpolation, on three levels."""
-    monkeypatch.setitem(multigrid.OPTIONS, "pc_gamg_coarse_eq_limit", 20)
+    monkeypatch.setitem(amg.OPTIONS, "pc_gamg_coarse_eq_limit", 20)
     scene, _ = pressed_cube(friction=0.3)
     model = bind(scene, cube(n=7), 1)
     elastic = multigrid.Multigrid(model)
