@@ -103,7 +103,7 @@ class CoulombCertificate:
         return self.bound / self.absolute if self.absolute > 0 else (1.0 if self.bound == 0 else np.inf)
 
     def __str__(self) -> str:
-        if self.q == 0 and self.q_change == 0:
+        if self.friction == 0 and self.q == 0:
             return f"No friction grows with the pressure: there is one solution, and e = {self.absolute:.3g} bounds it."
         if not np.isfinite(self.q):
             return (
