@@ -111,14 +111,14 @@ def triangle(nu: float, friction: float, size: float, comm: MPI.Comm = MPI.COMM_
     return scene, domain
 
 
-@pytest.mark.parametrize(("nu", "M"), [(0.2, 1.639), (0.3, 1.892)])
+@pytest.mark.parametrize(("nu", "M"), [(0.2, 1.634), (0.3, 1.888)])
 def test_uniqueness_ends_below_many_solutions(nu, M):
-    scene, domain = triangle(nu, 0.55, 0.03)
+    scene, domain = triangle(nu, 0.55, 0.05)
     _, found = certified(scene, domain)
     assert pytest.approx(M, abs=2e-3) == found.M
     assert found.unique
     assert found.q < 2
-    many, _ = triangle(nu, 1.0, 0.03)
+    many, _ = triangle(nu, 1.0, 0.05)
     error, found = certified(many, domain)
     assert error.solution.singular
     assert error.relative < 1e-10  # exact, and one of many
@@ -138,12 +138,12 @@ def test_uniqueness_ends_below_many_solutions(nu, M):
 
 
 CASES = {
-    "GRECO 0.3": (greco(0.3), square(8), 3, {}),
-    "GRECO 0.8": (greco(0.8), square(8), 3, {}),
-    "block": (pressed(0.3), ec.rectangle((0.0, 0.0), (2.0, 1.0), cells=(8, 4)), 3, {}),
-    "friction that varies": (pressed(lambda x: 0.1 + 0.2 * x[0]), square(4, 1.0), 3, {}),
-    "gap": (pressed(0.3, gap=lambda x: 0.03 * (x[0] - 0.4) ** 2), square(4, 1.0), 3, {}),
-    "degree 2": (greco(0.3), square(4), 2, {"degree": 2}),
+    "GRECO 0.3": (greco(0.3), square(8), 2, {}),
+    "GRECO 0.8": (greco(0.8), square(8), 2, {}),
+    "block": (pressed(0.3), ec.rectangle((0.0, 0.0), (2.0, 1.0), cells=(8, 4)), 2, {}),
+    "friction that varies": (pressed(lambda x: 0.1 + 0.2 * x[0]), square(4, 1.0), 2, {}),
+    "gap": (pressed(0.3, gap=lambda x: 0.03 * (x[0] - 0.4) ** 2), square(4, 1.0), 2, {}),
+    "degree 2": (greco(0.3), square(4), 1, {"degree": 2}),
 }
 
 
@@ -179,7 +179,7 @@ def test_a_step_of_a_history():
     first = ec.solve(at(0.1), domain)
     error = ec.constitutive_error(ec.equilibrate(ec.solve(at(-0.02), domain, after=first)))
     found, pair = ec.coulomb_certificate(error), error.admissible
-    fine = ec.solve(at(-0.02), nested(domain, 3), ec.AugmentedLagrangian(), after=first)
+    fine = ec.solve(at(-0.02), nested(domain, 2), ec.AugmentedLagrangian(), after=first)
     assert pair.displacement.x.array.reshape(-1, 2)[pair.tractions[0].nodes, 0].min() > 0  # it has not come back
     assert slip_fields(pair_on_surface(pair))[0][:, 0].max() < 0  # but it slips back
     assert np.hypot(found.misaligned, found.unbalanced) < 0.2 * error.absolute
