@@ -27,11 +27,17 @@ _running: ContextVar[tuple[Interrupts, ...]] = ContextVar("_running", default=()
 """The runs that are under way, the innermost last."""
 
 
+def interrupted(comm: MPI.Comm) -> bool:
+    """Whether the run that is under way on these ranks was interrupted, on any of them; collective."""
+    same = [run for run in _running.get() if MPI.Comm.Compare(comm, run.comm) in (MPI.IDENT, MPI.CONGRUENT)]
+    found = [run.asked() for run in same]  # each of them, on all ranks
+    return any(found)
+
+
 def check_interrupts(comm: MPI.Comm) -> None:
     """Raise KeyboardInterrupt on all ranks if the run that is under way on them was interrupted; collective."""
-    for run in _running.get():
-        if MPI.Comm.Compare(comm, run.comm) in (MPI.IDENT, MPI.CONGRUENT):
-            run.check()
+    if interrupted(comm):
+        raise KeyboardInterrupt
 
 
 class Interrupts:
@@ -62,10 +68,14 @@ class Interrupts:
         for number in self.ours:
             signal.signal(number, USUAL[number])
 
+    def asked(self) -> bool:
+        """Whether any rank was interrupted; collective."""
+        self.shared = bool(self.comm.allreduce(self.first is not None, MPI.LOR))
+        return self.shared
+
     def check(self) -> None:
         """Raise KeyboardInterrupt on all ranks if any was interrupted; collective."""
-        if self.comm.allreduce(self.first is not None, MPI.LOR):
-            self.shared = True
+        if self.asked():
             raise KeyboardInterrupt
 
     def ended(self, failure: BaseException) -> bool:

@@ -13,7 +13,7 @@ import numpy as np
 from dolfinx import fem
 from petsc4py import PETSc
 
-from erc_contact.base.interrupts import check_interrupts
+from erc_contact.base.interrupts import check_interrupts, interrupted
 
 PREFIX = "erc_contact_"
 """Prefix of PETSc options, as in ``-erc_contact_snes_monitor``; they override our settings."""
@@ -110,6 +110,7 @@ def attempt(problem: Equations, x: PETSc.Vec, line_search: str, tolerance: float
     try:
         snes.solve(None, x)
         reason, norm = snes.getConvergedReason(), snes.getFunctionNorm()
+        check_interrupts(x.comm.tompi4py())
     except PETSc.Error as failure:
         if failure.ierr not in (ZERO_PIVOT, LIBRARY):
             raise
@@ -141,7 +142,8 @@ class _StoppingTest:
         if not np.isfinite(norm):
             return reasons.DIVERGED_FUNCTION_NANORINF
         x, atol = snes.getSolution(), snes.getTolerances()[1]
-        check_interrupts(x.comm.tompi4py())
+        if interrupted(x.comm.tompi4py()):  # raised when SNES has ended: it may lose what is raised within it
+            return reasons.DIVERGED_INNER
         if norm <= max(atol, self.problem.round_off(x)):
             self.reason = "converged to round-off"
             return reasons.CONVERGED_ITS
