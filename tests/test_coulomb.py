@@ -10,10 +10,10 @@
 
 import numpy as np
 import pytest
-import ufl
 from mpi4py import MPI
 from reference import nested, true_errors
 from scenes import greco, patch_test, prototype_block, sliding_block
+from test_newton import Saturating
 
 import erc_contact as ec
 from erc_contact.error.coulomb import bound_of_both
@@ -290,18 +290,6 @@ def test_bodies_that_only_contact_holds_vertically():
     assert not loose.unique
     assert loose.bound == np.inf
     assert "rigidly" in str(loose)
-
-
-class Saturating:
-    """A friction bound that is concave in the pressure: the law of tests/test_newton.py, whose forms are compiled."""
-
-    parameters = ("mu", "limit")
-
-    def __init__(self, mu, limit):
-        self.mu, self.limit = mu, limit
-
-    def friction_bound(self, pressure, mu, limit):
-        return limit * ufl.tanh(mu * pressure / limit)
 
 
 def test_other_laws():

@@ -16,7 +16,8 @@ from scenes import block, common_block, greco, mostly_serial, prototype_block
 from test_remesh import MESHES
 
 import erc_contact as ec
-from erc_contact.error.sizes import GROW, RATIO, _Mesh
+from erc_contact.error.sizes import RATIO
+from erc_contact.mesh.nodal import GROW, NodalMesh
 from erc_contact.output.gathered import whole_contact
 from erc_contact.results import OPEN, SLIP, STICK, contact_status
 
@@ -109,7 +110,7 @@ def test_rates_are_low_at_singular_points_only():
 
 def test_sizes_grow_slowly_and_are_numpy_s():
     sizes = ec.size_map(measured(prototype_block(), block(8)), 0.01)
-    mesh = _Mesh(sizes.error.domain)
+    mesh = NodalMesh(sizes.error.domain)
     steps = abs(np.diff(sizes.values[mesh.edges], axis=1)[:, 0]) / mesh.length
     assert steps.max(initial=0.0) < 1.1 * GROW
     assert np.array_equal(np.asarray(sizes), sizes.values)

@@ -32,7 +32,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from dolfinx import fem, la
 
 from erc_contact.base.exceptions import ErcContactError, raise_together
 from erc_contact.error.constitutive import ConstitutiveError
@@ -40,8 +39,7 @@ from erc_contact.error.coupling import STEPS, Traces, coupling
 from erc_contact.error.slip_direction import slip_fields
 from erc_contact.error.surface import PairOnSurface, Surface, coulomb_surface, has_coulomb, pair_on_surface
 from erc_contact.error.traces import traces_of
-from erc_contact.mesh.remeshing import FILL
-from erc_contact.mesh.simplex import measures
+from erc_contact.mesh.nodal import NodalMesh
 from erc_contact.model.foundation import CONSTANT
 from erc_contact.model.model import Model
 from erc_contact.model.promises import bind
@@ -239,7 +237,9 @@ def _coarser(model: Model, surface: Surface, t: np.ndarray) -> tuple[float, np.n
         return None
     try:
         if model.degree == 1:
-            domain = domain.remeshed(max(COARSER, (domain.cells / COARSEST) ** (1 / model.d)) * _sizes(model))
+            domain = domain.remeshed(
+                max(COARSER, (domain.cells / COARSEST) ** (1 / model.d)) * NodalMesh(domain).mean_size()
+            )
         coarse = bind(model.scene, domain, 1)
         stiffness = Stiffness(coarse)
         stiffness.free()
@@ -250,20 +250,3 @@ def _coarser(model: Model, surface: Surface, t: np.ndarray) -> tuple[float, np.n
         return q, (along * surface.normal).sum(axis=1)
     except ErcContactError:
         return None
-
-
-def _sizes(model: Model) -> np.ndarray:
-    """The mean size of the cells at each node of the mesh [length], shape (n,); collective."""
-    geometry, owned = model.mesh.geometry, model.domain.owned_cells
-    cells = geometry.dofmaps[0]
-    size = (FILL[model.d] * measures(geometry.x[cells[:owned]][:, :, : model.d])) ** (1 / model.d)
-    sums = fem.Function(model.V)
-    nodal = sums.x.array.reshape(-1, model.d)
-    np.add.at(
-        nodal, model.vertices[:owned], np.stack([size, np.ones(owned), *[np.zeros(owned)] * (model.d - 2)], -1)[:, None]
-    )
-    sums.x.scatter_reverse(la.InsertMode.add)
-    sums.x.scatter_forward()
-    at = np.ones(len(geometry.x))
-    at[cells] = (nodal[:, 0] / np.maximum(nodal[:, 1], 1.0))[model.vertices]
-    return at
