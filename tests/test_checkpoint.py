@@ -394,6 +394,40 @@ def test_terminated_runs_keep_all_and_say_so(ranks, tmp_path):
     assert len(Folder(tmp_path / "kept").numbers()) == int(ended[0].split()[1]) >= 2
 
 
+FACTORS = """
+import erc_contact as ec
+import os, signal
+from erc_contact.model.promises import bind
+from erc_contact.newton.mumps import factorised
+from erc_contact.newton.stiffness import Stiffness
+
+told = []
+signal.signal(signal.SIGTERM, lambda *_: told.append(1))
+scene = ec.Scene(ec.Elastic(1.0, 0.3), ec.Displacement("top", (0.0, 0.0, -0.1)), contacts=ec.Contact("bottom", 0.3))
+elastic = Stiffness(bind(scene, ec.box((0.0,) * 3, (1.0,) * 3, cells=(8, 8, 8)), 1))
+matrix = elastic.stiffness()
+elastic.add_glue(matrix)
+print("ready", flush=True)
+while len(told) < 200:
+    factorised(matrix, elastic.numbers).destroy()
+print("ended", flush=True)
+os._exit(0)  # at the usual end PETSc takes the handler away
+"""
+
+
+@pytest.mark.serial
+def test_signals_do_no_harm_to_a_factorisation(tmp_path):
+    """SIGTERM comes at any moment of it. An ordering by METIS would jump out of the middle of its work."""
+    process = started(FACTORS, 1, tmp_path)
+    while "ready" not in process.stdout.readline():
+        assert process.poll() is None
+    moments = np.random.default_rng(0)
+    while process.poll() is None:
+        process.send_signal(signal.SIGTERM)
+        sleep(float(moments.uniform(0.0, 0.02)))
+    assert "ended" in output(process, 20)
+
+
 # -- the history without a solve -------------------------------------------------------------------------------------
 
 

@@ -15,6 +15,14 @@ from erc_contact.base.exceptions import InputError
 
 WORKSPACE = 80
 """Workspace of MUMPS beyond its estimate [%]; its default of 20 was too small for 322 tetrahedra on three ranks."""
+AMD = 0
+"""MUMPS' number of the approximate minimum degree ordering.
+
+MUMPS would take METIS where it can, and METIS takes SIGTERM for an error of its own: it jumps out of the signal's handler
+and leaves a broken heap. With AMD no signal does harm. In the plane it is faster by 10 to 50%, with 20% more memory; in
+space a contact solve takes the same time up to 13 000 tetrahedra, and 1.3 times as long at 37 000, where multigrid is
+faster than both.
+"""
 
 
 def factorised(matrix: PETSc.Mat, schur_on: np.ndarray | None = None) -> PETSc.KSP:
@@ -37,6 +45,7 @@ def factorised(matrix: PETSc.Mat, schur_on: np.ndarray | None = None) -> PETSc.K
     pc.setFactorSolverType("mumps")
     pc.setFactorSetUpSolverType()
     pc.getFactorMatrix().setMumpsIcntl(14, WORKSPACE)
+    pc.getFactorMatrix().setMumpsIcntl(7, AMD)
     if schur_on is not None:
         mine = schur_on if comm.rank == 0 else schur_on[:0]
         indices = PETSc.IS().createGeneral(mine.astype(PETSc.IntType), comm=comm)
