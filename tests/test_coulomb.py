@@ -316,6 +316,5 @@ def test_ranks_change_nothing(d, solver):
     for comm in (MPI.COMM_WORLD, MPI.COMM_SELF):
         domain = square(6, 1.0, comm) if d == 2 else ec.box((0.0,) * 3, (1.0,) * 3, cells=(3, 3, 3), comm=comm)
         found.append(certified(pressed(0.3, d), domain, solver=solver)[1])
-    digits = 1e-6 if solver == "direct" else 0.02
-    assert found[0].q == pytest.approx(found[1].q, rel=digits)
-    assert found[0].bound == pytest.approx(found[1].bound, rel=digits)
+    assert found[0].q == pytest.approx(found[1].q, rel=1e-6)
+    assert found[0].bound == pytest.approx(found[1].bound, rel=1e-6)

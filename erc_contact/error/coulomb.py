@@ -56,8 +56,8 @@ FEW = 2
 """Steps of Lanczos' method from the result of a coarser mesh, where each costs two linear solves."""
 BALANCED = 1e-8
 """Work of a traction on a rigid motion, over the works of its parts, that counts as none [-]."""
-COARSER, COARSEST = 3.0, 3000
-"""The coarser mesh has cells of this many times the size, but no more cells than this."""
+COARSER, COARSEST = 3.0, {2: 1000, 3: 3000}
+"""The coarser mesh has cells of this many times the size, but no more cells than this, by dimension."""
 
 
 @dataclass(frozen=True)
@@ -182,7 +182,7 @@ def _tried(
     surface = pair.surface
     forces, work = pair.unbalanced(t)
     eta = pair.unaligned(t)[:, None] * surface.normal
-    A, B = _energy(eta, traces.lifted(eta)), _energy(forces, traces.moved(forces))
+    A, B = _energy(eta, traces.lifted(eta, rough=True)), _energy(forces, traces.moved(forces))
     sizes = abs(pair.unbalanced(np.zeros_like(t))[0]) + abs(forces)
     if any(abs(np.sum(motion * forces)) > BALANCED * np.sum(abs(motion) * sizes) for motion in traces.motions):
         B = np.inf
@@ -238,7 +238,7 @@ def _coarser(model: Model, surface: Surface, t: np.ndarray) -> tuple[float, np.n
     try:
         if model.degree == 1:
             domain = domain.remeshed(
-                max(COARSER, (domain.cells / COARSEST) ** (1 / model.d)) * NodalMesh(domain).mean_size()
+                max(COARSER, (domain.cells / COARSEST[model.d]) ** (1 / model.d)) * NodalMesh(domain).mean_size()
             )
         coarse = bind(model.scene, domain, 1)
         stiffness = Stiffness(coarse)

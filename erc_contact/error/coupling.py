@@ -37,8 +37,11 @@ class Traces(Protocol):
     tolerance: ClassVar[float]
     cheap: ClassVar[bool]
 
-    def lifted(self, y: np.ndarray) -> np.ndarray:
-        """Forces that hold the displacement y (M, d) of the surface [force], shape (M, d); collective."""
+    def lifted(self, y: np.ndarray, *, rough: bool = False) -> np.ndarray:
+        """Forces that hold the displacement y (M, d) of the surface [force], shape (M, d); collective.
+
+        Four digits of the energy are right if it may be rough, else ten.
+        """
 
     def moved(self, f: np.ndarray) -> np.ndarray:
         """Displacement of the surface under forces f (M, d) [length], shape (M, d); collective."""

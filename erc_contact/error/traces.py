@@ -22,6 +22,11 @@ from erc_contact.newton.multigrid import Multigrid
 from erc_contact.newton.stiffness import Stiffness
 
 
+ROUGH, FINE = 1e-2, 1e-5
+"""Tolerances of liftings: of one whose energy is asked for, to four digits, and else [-]. Norms of maps then have six
+digits on any number of ranks."""
+
+
 class DenseTraces:
     """:class:`Traces` from the dense Schur complement that a direct solve leaves behind; construction is collective."""
 
@@ -46,8 +51,8 @@ class DenseTraces:
         lifting = stiffness.reduced(self.count)[0] - np.diag(stiffness.glued_by[: self.count])
         return lifting[own], np.linalg.inv(stiffness.definite(self.count))[own]
 
-    def lifted(self, y: np.ndarray) -> np.ndarray:
-        """``S y``."""
+    def lifted(self, y: np.ndarray, *, rough: bool = False) -> np.ndarray:
+        """``S y``, to round-off."""
         return self._times(0, y)
 
     def moved(self, f: np.ndarray) -> np.ndarray:
@@ -75,9 +80,10 @@ class IterativeTraces:
         self.model, self.elastic, self.surface = model, elastic, surface
         self.motions = _motions(model, surface)
 
-    def lifted(self, y: np.ndarray) -> np.ndarray:
+    def lifted(self, y: np.ndarray, *, rough: bool = False) -> np.ndarray:
         """``S y``."""
-        return of_owners(self.model, self.surface, self.elastic.lifted(self._nodal(y)).x.array)
+        forces = self.elastic.lifted(self._nodal(y), ROUGH if rough else FINE)
+        return of_owners(self.model, self.surface, forces.x.array)
 
     def moved(self, f: np.ndarray) -> np.ndarray:
         """``S^+ f``, for forces that do no work on the free motions."""

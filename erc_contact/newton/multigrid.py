@@ -33,8 +33,6 @@ ROUGH, EXACT = 1e-4, 1e-12
 """Tolerances of linear solves: of first guesses and corrections, and of what must balance the loads [-].
 
 A first guess to 1e-2 costs four cycles less and up to four Newton steps more."""
-LIFTED = 1e-2
-"""Tolerance of displacements whose energy alone is asked for: it has twice the digits [-]."""
 DIRECT = (
     'Take solver="direct": nearly incompressible bodies, slender ones and jumps of the moduli are hard for multigrid.'
 )
@@ -108,13 +106,12 @@ class Multigrid(Elastic):
         self.renew(springs)
         return self._solved(self._fine, self.right_side(b, supports=False), EXACT, near)
 
-    def lifted(self, y: fem.Function) -> fem.Function:
+    def lifted(self, y: fem.Function, tolerance: float) -> fem.Function:
         """Forces that hold the contact nodes at given displacements, the other nodes being free of forces [force].
-
-        Two digits of the displacement between are right, four of the energy.
 
         Args:
             y: Displacement of the contact nodes that this rank owns [length], zero where supports fix it.
+            tolerance: Of the displacement between them [-]; the energy has twice the digits.
         """
         self._set_up(1.0)
         held = np.flatnonzero(self.glue.x.array[: self.owned] > 0).astype(np.int32)
@@ -126,7 +123,7 @@ class Multigrid(Elastic):
         b.array[held] = b.array[fixed] = 0.0
         inside = self.matrix.copy()
         inside.zeroRowsColumnsLocal(held, diag=float(self.glue.x.array.max(initial=1.0)))
-        between = self._solved(inside, b, LIFTED)
+        between = self._solved(inside, b, tolerance)
         inside.destroy()
         u.array[:] += between.x.array[: self.owned]
         forces = self.matrix.createVecRight()
