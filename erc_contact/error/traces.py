@@ -21,7 +21,6 @@ from erc_contact.newton.elastic import ElasticSolver
 from erc_contact.newton.multigrid import Multigrid
 from erc_contact.newton.stiffness import Stiffness
 
-
 ROUGH, FINE = 1e-2, 1e-5
 """Tolerances of liftings: of one whose energy is asked for, to four digits, and else [-]. Norms of maps then have six
 digits on any number of ranks."""

@@ -18,10 +18,10 @@ WORKSPACE = 80
 AMD = 0
 """MUMPS' number of the approximate minimum degree ordering.
 
-MUMPS would take METIS where it can, and METIS takes SIGTERM for an error of its own: it jumps out of the signal's handler
-and leaves a broken heap. With AMD no signal does harm. In the plane it is faster by 10 to 50%, with 20% more memory; in
-space a contact solve takes the same time up to 13 000 tetrahedra, and 1.3 times as long at 37 000, where multigrid is
-faster than both.
+MUMPS would take METIS where it can, and METIS takes SIGTERM for an error of its own: it jumps out of the signal's
+handler and leaves a broken heap. With AMD no signal does harm. In the plane it is faster by 10 to 50%, with 20% more
+memory; in space a contact solve takes the same time up to 13 000 tetrahedra, and 1.3 times as long at 37 000, where
+multigrid is faster than both.
 """
 
 
