@@ -1,29 +1,47 @@
-"""Cattaneo and Mindlin: a cylinder that is pressed, then sheared forward, back, and forward again.
+r"""
+Cattaneo and Mindlin: friction remembers
+========================================
 
-A half-plane, incompressible, is pressed on a rigid cylinder of radius R by the force P. Hertz: the contact has the
-half-width a = sqrt(4 P R/(pi E*)) and the pressure p0 sqrt(1 - x^2/a^2), p0 = 2 P/(pi a), E* = E/(1 - nu^2). Then a
-shear force Q < mu P comes. Slip begins at the edges and goes inwards; in the middle |x| < c the contact sticks:
+A body is pressed on a rigid cylinder of radius :math:`R` by the force :math:`P`, then sheared forward, back, and
+forward again. The body is an incompressible half-plane; so pressing and shearing do not disturb each other. Hertz: the
+contact has the half-width :math:`a = \sqrt{4 P R/\pi E^*}` and the pressure :math:`p_0 \sqrt{1 - x^2/a^2}`, :math:`p_0
+= 2 P/\pi a`, :math:`E^* = E/(1 - \nu^2)`.
 
-    c = a sqrt(1 - Q/(mu P)),     q = mu p0 ( sqrt(1 - x^2/a^2) - c/a sqrt(1 - x^2/c^2) ).
+A shear force :math:`Q < \mu P` comes. If all points stuck, the shear would be infinite at the edges. So slip begins
+there and goes inwards; in the middle :math:`|x| < c` the contact sticks:
 
-When Q goes back from Q1, everything sticks at first; then slip in the other direction begins at the edges again, with
-c' = a sqrt(1 - (Q1 - Q)/(2 mu P)): the shear is that of Q1 less twice the same formula with c'. So the shear at a force
-depends on the way to it: friction remembers. At -Q1 all is reversed, at Q1 again the loop is closed. In a cycle
-friction takes
+.. math::
 
-    8 mu^2/R int_c^a p(x) I(x) dx,     I = ( x sqrt(x^2 - c^2) - c^2 arccosh(x/c) )/2.
+    c = a \sqrt{1 - \frac{Q}{\mu P}}, \qquad
+    q = \mu p_0 \left( \sqrt{1 - x^2/a^2} - \frac{c}{a} \sqrt{1 - x^2/c^2} \right).
 
-Pressing comes without friction here, as in the closed form; contacts may change their law between two steps. The body
-is a square of 40 half-widths; its bending moves the contact a little, so x counts from the centre of pressure.
+When :math:`Q` goes back from :math:`Q_1`, everything sticks at first. Then slip in the other direction begins at the
+edges again, with :math:`c' = a \sqrt{1 - (Q_1 - Q)/2 \mu P}`: the shear is that of :math:`Q_1` less twice the same
+formula with :math:`c'`. So the shear at a force depends on the way to it. At :math:`Q = 0` on the way back there is
+shear in the contact and no shear force. At :math:`-Q_1` all is reversed, at :math:`Q_1` again the loop is closed. In a
+cycle friction takes
 
-Source: C. Cattaneo (1938); R. D. Mindlin (1949); K. L. Johnson, "Contact Mechanics", section 7.2.
+.. math::
+
+    \frac{8 \mu^2}{R} \int_c^a p(x) I(x)\, dx, \qquad
+    I = \tfrac12 \left( x \sqrt{x^2 - c^2} - c^2 \operatorname{arccosh}(x/c) \right).
+
+Sources: C. Cattaneo (1938); R. D. Mindlin (1949); K. L. Johnson, "Contact Mechanics", section 7.2.
 """
 
+from pathlib import Path
+
+import matplotlib.pyplot as plt
 import numpy as np
 
 import erc_contact as ec
 
+FOLDER = Path("results/cattaneo_mindlin")
 E, NU, MU, R = 1.0, 0.4999, 0.3, 10.0
+
+# %%
+# Pressing comes without friction, as in the closed form; contacts may change their law between two steps. The body is a
+# square of 40 half-widths, refined towards the contact. Degree 2 is needed near incompressibility.
 
 
 def scene_at(t):
@@ -43,6 +61,10 @@ def finer_at_the_contact(domain, size):
     return domain
 
 
+# %%
+# The closed form, for each part of the way.
+
+
 def ellipse(x, half):
     return np.sqrt(np.maximum(1 - (x / half) ** 2, 0.0)) if half > 0 else 0.0 * x
 
@@ -60,14 +82,23 @@ def closed_form(x, P, Q, Q1, a, t):
     return (loaded(Q1)[0] - 2 * back, c) if t <= 3 else (2 * back - loaded(Q1)[0], c)
 
 
+# %%
+# One row a step: mesh, error, energies.
+
 ec.log_to_console()
 body = finer_at_the_contact(ec.rectangle((-10.0, 0.0), (10.0, 20.0), cells=(10, 10)), 0.02)
 evolution = ec.evolve(scene_at, body, [0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 5.0], accuracy=0.02, degree=2)
 root = evolution.error.domain.mesh.comm.rank == 0
-assert evolution.reached
 
+# %%
+# Each step against the closed form for its forces. The bending of the square moves the contact a little, so x counts
+# from the centre of pressure.
+
+assert evolution.reached
 Q1 = -evolution.force("bottom")[2, 0]
-for step, profile in zip(evolution.steps[1:], evolution.profile("bottom")[1:], strict=True):
+if root:
+    figure, axes = plt.subplots(2, 4, figsize=(12.0, 5.2), sharex=True, sharey=True, layout="constrained")
+for number, (step, profile) in enumerate(zip(evolution.steps[1:], evolution.profile("bottom")[1:], strict=True)):
     (Q, P), centre = (-step.force["bottom"][0], step.force["bottom"][1]), step.moment["bottom"][0]
     a = np.sqrt(4 * P * R * (1 - NU**2) / (np.pi * E))
     p0 = 2 * P / (np.pi * a)
@@ -79,10 +110,25 @@ for step, profile in zip(evolution.steps[1:], evolution.profile("bottom")[1:], s
     apart = abs(-profile["shear"] / (MU * p0) - shear)[pressed].mean()
     if root:
         found = f"stick {width:.4f} for {c:.4f}, shear within {apart:.4f}"
+        axis, near = axes.flat[number], abs(x) < 1.3 * a
+        axis.plot(x[near] / a, (-profile["shear"] / (MU * p0))[near], "C0", lw=1.5, label="here")
+        axis.plot(x[near] / a, shear[near], "k--", lw=1, label="closed form")
+        axis.set(title=rf"$t = {step.time:g}$, $Q/\mu P = {Q / (MU * P):.2f}$")
         print(f"t = {step.time:g}: Q/(mu P) = {Q / (MU * P):7.4f}, {found}")
     assert abs(width / c - 1) < 0.015  # a fourth of a facet
     assert apart < 0.02
     assert abs(profile["pressure"].max() / p0 - 1) < 0.01
+
+if root:
+    axes[0, 0].legend(frameon=False, fontsize=8)
+    figure.supxlabel("$x/a$")
+    figure.supylabel(r"shear $q/\mu p_0$")
+    axes.flat[-1].axis("off")
+    FOLDER.mkdir(parents=True, exist_ok=True)
+    figure.savefig(FOLDER / "shear.png", dpi=150)
+
+# %%
+# The loop closes, it is symmetric, and its energy is that of the closed form.
 
 taken = np.diff(evolution.column("dissipated"))
 assert np.all(taken >= 0)

@@ -13,8 +13,9 @@ exact stress in it is the contact force and the work of the loads :math:`\ell(\v
 
 .. math:: F_a = \int r \cdot a \, ds = (\sigma, \varepsilon(\varphi)) - \ell(\varphi).
 
-So :math:`F_a` lies in an interval around the mean of the two forces. Its half-width is the radius times the energy norm of
-:math:`\varphi`. It is the narrowest for the :math:`\varphi` of least energy, which takes one elastic solve. The interval is proved without friction, and with given friction (Tresca's law: the shear is at most a given number). With
+So :math:`F_a` lies in an interval around the mean of the two forces. Its half-width is the radius times the energy norm
+of :math:`\varphi`. It is the narrowest for the :math:`\varphi` of least energy, which takes one elastic solve. The
+interval is proved without friction, and with given friction (Tresca's law: the shear is at most a given number). With
 Coulomb's friction it is an estimate, and says so.
 """
 
@@ -29,7 +30,8 @@ FOLDER = Path("results/force_bounds")
 LIMIT = 0.002  # of the shear [force/area]
 
 # %%
-# A block, tilted and pushed: it opens on the left, and slips and sticks elsewhere. A callback gets the error on each mesh.
+# A block, tilted and pushed: it opens on the left, and slips and sticks elsewhere. A callback gets the error on each
+# mesh.
 
 ec.log_to_console()
 scene = ec.Scene(
@@ -78,8 +80,8 @@ if block.mesh.comm.rank == 0:
     print(f"Coulomb: [{estimate.low:.5g}, {estimate.high:.5g}], guaranteed: {estimate.guaranteed}")
 
 # %%
-# What must hold: each interval is proved, and holds the number of the better solution; those of forces shrink like the error,
-# and those of the energy like its square. Coulomb's is an estimate.
+# What must hold: each interval is proved, and holds the number of the better solution; those of forces shrink like the
+# error, and those of the energy like its square. Coulomb's is an estimate.
 
 assert history.reached
 for number, of_meshes in zip(exact, zip(*bounds, strict=True), strict=True):

@@ -28,7 +28,9 @@ import erc_contact as ec
 
 FOLDER = Path("results/greco")
 X = np.array([0.0, 1.25, 5.0, 7.5, 11.25])  # mm from the left corner, on the contact
-PUBLISHED = np.array([2.86, 2.72, 2.28, 1.98, 1.50])  # displacement, mean of several codes, which differ by 5% [0.01 mm]
+PUBLISHED = np.array(
+    [2.86, 2.72, 2.28, 1.98, 1.50]
+)  # displacement, mean of several codes, which differ by 5% [0.01 mm]
 ASTER = np.array([2.859850, 2.720764, 2.282686, 1.979165, 1.540640])  # code_aster, 32 x 10 quadratic squares
 CONVERGED = np.array([2.8603, 2.7226, 2.2868, 1.9807, 1.5414])
 
@@ -63,7 +65,9 @@ if square.mesh.comm.rank == 0:
     print("    x [mm]  published  code_aster   converged        here   [0.01 mm]")
     for row in zip(X, PUBLISHED, ASTER, CONVERGED, moved, strict=True):
         print("{:10.2f}{:11.2f}{:12.4f}{:12.4f}{:12.4f}".format(*row))
-    print(f"friction {friction:.1f} N, pressure {pressure:.4f} N, opens to {opened.max():.2f}, slips to {slips.max():.2f}")
+    print(
+        f"friction {friction:.1f} N, pressure {pressure:.4f} N, opens to {opened.max():.2f}, slips to {slips.max():.2f}"
+    )
     figure, axes = plt.subplots(figsize=(6.4, 4.0), layout="constrained")
     axes.plot(along, curve, "k-", lw=1, label=f"here, certified {history.error.relative:.1%}")
     axes.errorbar(X, PUBLISHED, 0.05 * PUBLISHED, fmt="o", ms=4, capsize=3, label="published mean, spread 5%")

@@ -2,18 +2,18 @@ r"""
 Rubber: elements that lock, and how one sees it
 ===============================================
 
-Rubber keeps its volume: Poisson's ratio is almost 1/2. A thin pad of it between two rough plates cannot bulge but at its
-free sides. So it is far stiffer than its modulus says. For a long pad of width :math:`w` and thickness :math:`t`, Gent
-and Lindley found
+Rubber keeps its volume: Poisson's ratio is almost 1/2. A thin pad of it between two rough plates cannot bulge but at
+its free sides. So it is far stiffer than its modulus says. For a long pad of width :math:`w` and thickness :math:`t`,
+Gent and Lindley found
 
 .. math:: \frac{P}{w} \frac{t}{\delta} = E_a = \frac{4}{3} E \left(1 + S^2\right), \qquad S = \frac{w}{2t},
 
 with the shape factor :math:`S`, the loaded over the free area. It assumes that plane sections stay plane.
 
-Linear triangles have a hard time here. Each of them must keep its area, and a mesh then has hardly a motion left that is
-not zero: it *locks*, is far too stiff, and yet looks smooth. A user who knows no other value has no way to see it. Here
-the error in the constitutive relation tells: it stays large at any mesh that one can afford. Elements of degree 2 do
-not lock.
+Linear triangles have a hard time here. Each of them must keep its area, and a mesh then has hardly a motion left that
+is not zero: it *locks*, is far too stiff, and yet looks smooth. A user who knows no other value has no way to see it.
+Here the error in the constitutive relation tells: it stays large at any mesh that one can afford. Elements of degree 2
+do not lock.
 
 Source: A. N. Gent, P. B. Lindley, "The compression of bonded rubber blocks", Proc. Inst. Mech. Eng. 173 (1959).
 """
@@ -21,7 +21,6 @@ Source: A. N. Gent, P. B. Lindley, "The compression of bonded rubber blocks", Pr
 from pathlib import Path
 
 import matplotlib.pyplot as plt
-import numpy as np
 
 import erc_contact as ec
 from erc_contact.output import draw_deformed
@@ -31,8 +30,8 @@ E, WIDTH, THICKNESS, DOWN = 1.0, 4.0, 1.0, 0.01
 APPARENT = 4 / 3 * E * (1 + (WIDTH / (2 * THICKNESS)) ** 2)
 
 # %%
-# The pad is glued to a plate above and rests on a rough foundation below. Degree 2 gets meshes of half the fineness, so that
-# both have the same number of unknowns.
+# The pad is glued to a plate above and rests on a rough foundation below. Degree 2 gets meshes of half the fineness, so
+# that both have the same number of unknowns.
 
 
 def pad(nu, n, degree):
@@ -73,12 +72,12 @@ if last.domain.mesh.comm.rank == 0:
     figure.savefig(FOLDER / "locking.png", dpi=150)
 
 # %%
-# What must hold at nu = 0.4999: linear elements are many times too stiff, and their error says so, on all meshes; degree 2
-# is within 5% of the formula on its last mesh. At nu = 0.3 both degrees have the same stiffness, which is far below
-# the formula: this pad loses volume.
+# What must hold at nu = 0.4999: linear elements are many times too stiff, and their error says so, on all meshes;
+# degree 2 is within 5% of the formula on its last mesh. At nu = 0.3 both degrees have the same stiffness, which is far
+# below the formula: this pad loses volume.
 
 assert min(errors[0.4999, 1]) > 0.95
-assert stiffness[0.4999, 1][0] > 100 > 2 > stiffness[0.4999, 2][0]
+assert stiffness[0.4999, 1][0] > 100 * stiffness[0.4999, 2][0]
 assert stiffness[0.4999, 1][-1] > 2
 assert abs(stiffness[0.4999, 2][-1] - 1) < 0.05
 assert errors[0.4999, 2][-1] < errors[0.4999, 1][-1] / 4

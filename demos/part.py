@@ -11,8 +11,8 @@ says what the foundation has to carry, and where:
 
 .. math:: N = B - V, \qquad Q = -H, \qquad x_c = \frac{B x_B + H z_E - V x_E}{N}.
 
-The joint does not slip as a whole if :math:`|Q| < \mu N`, and does not tip if :math:`x_c` is under the plate. This is as
-far as statics goes. *How* the pressure is distributed is a contact problem. Under the head of the bolt the plate is
+The joint does not slip as a whole if :math:`|Q| < \mu N`, and does not tip if :math:`x_c` is under the plate. This is
+as far as statics goes. *How* the pressure is distributed is a contact problem. Under the head of the bolt the plate is
 pressed, and the load spreads in a cone through its thickness. Away from it the plate gapes, and where it gapes nothing
 holds it against slip. A designer asks that the plate stays closed around the bore.
 """
@@ -77,7 +77,7 @@ least, most = contact["x"][pressed].min(), contact["x"][pressed].max()
 if bracket.mesh.comm.rank == 0:
     print(f"bolt {B:.0f} N, pull {H:.0f} and {V:.0f} N; foundation {N:.0f} N, friction {Q:.0f} N of {MU * N:.0f} N")
     print(f"centre of pressure {centre.round(2)} mm, x by statics {statics:.2f}; pressed {least:.1f} to {most:.1f} mm")
-    print(f"most stressed: {peak.value:.0f} MPa at {peak.place.round(1)}; heel lifted by {1e3 * contact['gap'].max():.2f} um")
+    print(f"most stressed: {peak.value:.0f} MPa at {peak.place.round(1)}; heel lifts by {contact['gap'].max():.4f} mm")
 
 # %%
 # What must hold: forces and centre by statics; the joint holds; the heel below the eye lifts, and the plate is
@@ -89,5 +89,6 @@ assert abs(Q + H) < 1e-6 * N
 assert abs(Q) < MU * N
 assert abs(centre[0] / statics - 1) < 0.01
 assert abs(centre[1] / 20.0 - 1) < 0.01
-assert 15.0 < least < 34.0 < 46.0 < most <= 60.0
+assert 15.0 < least < 34.0
+assert 46.0 < most <= 60.0
 assert contact["gap"][contact["x"] < 5.0].min() > 0.0

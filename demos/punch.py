@@ -16,9 +16,9 @@ leading side: its centre is at
 .. math:: x_c = \frac{1}{P} \int p\, x\, ds = \frac{Q h}{P},
 
 whatever the materials are. With :math:`Q/P = 0.2` this is 3 mm, almost half-way to the end of the flat part at 7 mm.
-This is why brake pads wear unevenly. Here the trailing end of the flat part has even begun to lift. As :math:`Q < \mu P`,
-the pad sticks as a whole, and slips only near its edges. The lining is squeezed out under the leading edge, so the shear
-changes its sign there.
+This is why brake pads wear unevenly. Here the trailing end of the flat part has even begun to lift. As :math:`Q < \mu
+P`, the pad sticks as a whole, and slips only near its edges. The lining is squeezed out under the leading edge, so the
+shear changes its sign there.
 """
 
 from pathlib import Path
@@ -81,7 +81,9 @@ x, p, q = contact["x"], contact["pressure"], contact["shear"]
 centre = foot.moment[0] / foot.force[1]
 left, right = x[p > 0].min(), x[p > 0].max()
 if pad.mesh.comm.rank == 0:
-    print(f"force {foot.force} N/mm, centre {centre:.4f} mm, contact from {left:.2f} to {right:.2f} mm, peak {p.max():.1f} MPa")
+    print(
+        f"force {foot.force} N/mm, centre {centre:.4f} mm; contact {left:.2f} to {right:.2f} mm, peak {p.max():.1f} MPa"
+    )
     figure, axes = plt.subplots(figsize=(6.4, 4.0), layout="constrained")
     axes.plot(x, p, label="pressure $p$")
     axes.plot(x, -q, label="shear against the push $-q$")
@@ -93,8 +95,9 @@ if pad.mesh.comm.rank == 0:
     figure.savefig(FOLDER / "traction.png", dpi=150)
 
 # %%
-# What must hold: the forces and their couple, exactly; a contact that ends on the leading arc, where the pressure has its
-# peak, and before the trailing one; a pad that sticks in the middle, slips at its edges, and is squeezed out in front.
+# What must hold: the forces and their couple, exactly; a contact that ends on the leading arc, where the pressure has
+# its peak, and before the trailing one; a pad that sticks in the middle, slips at its edges, and is squeezed out in
+# front.
 
 assert history.reached
 assert np.allclose(foot.force, (-Q, P), rtol=1e-6)

@@ -10,15 +10,16 @@ admissible stress is tightened.
 stick the solution is not smooth, and a uniform mesh has a lower rate, whatever the degree. Adaptive meshes get the best
 rate back.
 
-*Next mesh.* ``Uniform`` refines all, ``Mark`` the elements that carry half of the squared error. ``SizeMap`` computes the
-sizes of the mesh that has the prescribed error with the fewest elements, and meshes anew.
+*Next mesh.* ``Uniform`` refines all, ``Mark`` the elements that carry half of the squared error. ``SizeMap`` computes
+the sizes of the mesh that has the prescribed error with the fewest elements, and meshes anew.
 
 *Tightening.* The error :math:`e` compares two fields, a displacement and a stress. The stress that is reconstructed
 element by element is in equilibrium, but is often the worse of the two. Some iterations that lower its
 complementary energy make it better, so :math:`e` falls, at no cost in proof.
 
-Times are of this machine and of the day; the order is not. Each run is made three times, and the fastest counts, so
-that what else the machine does matters less. A run before compiles the forms.
+Here degree 1 goes to 2%, and degree 2 to 0.4%. Times are of this machine and of the day; the order is not. Each run is
+made three times, and the fastest counts, so that what else the machine does matters less. A run before compiles the
+forms.
 """
 
 from pathlib import Path
@@ -51,8 +52,9 @@ RUNS = {
 
 def fastest(options):
     """The fastest of some equal runs, after one that is not counted; the same on all ranks."""
+    accuracy = {1: 0.02, 2: 0.004}[options.get("degree", 1)]
     ec.adapt(scene, block, 0.1, **options)
-    runs = [ec.adapt(scene, block, 0.02, **options) for _ in range(TIMES)]
+    runs = [ec.adapt(scene, block, accuracy, **options) for _ in range(TIMES)]
     seconds = block.mesh.comm.bcast([run.steps[-1].seconds for run in runs])
     return runs[seconds.index(min(seconds))]
 
@@ -71,13 +73,14 @@ if block.mesh.comm.rank == 0:
         print(f"{name:<34}{last.cells:8d} elements{last.dofs:8d} unknowns  eps {last.eps:.2%}{last.seconds:7.2f} s")
 
 # %%
-# What must hold: each choice saves elements, by the factors below; and the best run is faster than the worst.
+# What must hold: each choice saves elements, by the factors below, degree 2 also at a fifth of the error; and the best
+# run is faster than the worst.
 
 assert all(history.reached for history in histories.values())
 loose, uniform, marked, sized, quadratic, best = cells.values()
 assert loose > 5 * marked
 assert uniform > 1.5 * marked
 assert marked > 1.5 * sized
-assert sized > 4 * max(quadratic, best)
+assert sized > 2 * max(quadratic, best)
 worst, *_, quickest = seconds.values()
 assert block.mesh.comm.bcast(worst > quickest)

@@ -11,8 +11,8 @@ contact is a disc of radius :math:`a`, the pressure is a half ellipsoid:
     p = p_0 \sqrt{1 - r^2/a^2}, \qquad p_0 = \frac{3 P}{2 \pi a^2}, \qquad E^* = \frac{E}{1 - \nu^2}.
 
 A shear force :math:`Q < \mu P` does not move the contact as a whole. At the edge the pressure goes to zero and the
-shear would not, so there the contact slips, whatever :math:`\mu` is; a part in the middle sticks. Friction acts while the
-block is pressed, too. Points of the block that come to rest on the sphere would go on moving along it a little;
+shear would not, so there the contact slips, whatever :math:`\mu` is; a part in the middle sticks. Friction acts while
+the block is pressed, too. Points of the block that come to rest on the sphere would go on moving along it a little;
 friction holds them, and this raises the pressure in the middle by some 5% over Hertz's, which is without friction.
 
 The formulas are for a half-space. The block is four contact radii high, so they hold up to some percent. In space the
@@ -76,8 +76,9 @@ if block.mesh.comm.rank == 0:
     figure.savefig(FOLDER / "pressure.png", dpi=150)
 
 # %%
-# What must hold: radius and pressure near Hertz's, the pressure somewhat above; friction against the push and not across
-# it, below its limit as a whole; the peak in the middle; friction at its limit at the edge, and below it in the middle.
+# What must hold: radius and pressure near Hertz's, the pressure somewhat above; friction against the push and not
+# across it, below its limit as a whole; the peak in the middle; friction at its limit at the edge, and below it in the
+# middle.
 
 assert history.reached
 assert abs(radius / a - 1) < 0.05

@@ -2,7 +2,8 @@
 
 Under mpiexec every rank runs every test. Rank 0 reports; the other ranks are silent unless a test fails there, and
 then say so on stderr and end with an exit code of their own, so that mpiexec fails. A test that ends on one rank and
-not on another aborts the run. Tests marked ``serial`` are left out; on one rank those marked ``ranks`` are.
+not on another aborts the run. Tests marked ``serial`` are left out; on one rank those marked ``ranks`` are. Tests marked
+``gallery`` run only if asked for, by ``-m gallery``.
 
 Under pytest-xdist each worker is a process of one rank. Workers share the cache of compiled forms: one may wait for a
 form that another compiles.
@@ -84,9 +85,11 @@ def pytest_configure(config):
 
 
 def pytest_collection_modifyitems(config, items):
-    mark = "serial" if COMM.size > 1 else "ranks"
-    out = [item for item in items if item.get_closest_marker(mark)]
-    items[:] = [item for item in items if not item.get_closest_marker(mark)]
+    left_out = ["serial" if COMM.size > 1 else "ranks"]
+    if "gallery" not in config.option.markexpr:
+        left_out.append("gallery")
+    out = [item for item in items if any(item.get_closest_marker(mark) for mark in left_out)]
+    items[:] = [item for item in items if item not in out]
     config.hook.pytest_deselected(items=out)
 
 

@@ -1,14 +1,19 @@
-"""A new contact method: the penalty method, whose foundation is a bed of springs.
+r"""
+A contact method of your own: penalty in 12 lines
+=================================================
 
-Nitsche's contact traction is the projection P of sigma(u) n - gamma (u - g n) on what the law allows. Penalty leaves
-out the stress,
+A contact method says how the unknown contact traction enters the equations. Nitsche's traction is the projection
+:math:`P` of :math:`\sigma(u) n - \gamma (u - g n)` on what the law allows: no pull, and friction below its bound. The
+penalty method leaves out the stress,
 
-    r(u) = P(-gamma (u - g n)),
+.. math:: r(u) = P\left(-\gamma (u - g n)\right).
 
-so pressure needs penetration, at the solution, too. The error in the constitutive relation measures what this costs:
-its admissible displacement does not penetrate.
+So its foundation is a bed of springs of stiffness :math:`\gamma`: pressure needs penetration, at the solution, too.
+Soft springs are wrong, stiff ones make the equations hard to solve, and how stiff is stiff enough depends on the mesh.
 
-A method is hashable, as a frozen dataclass is: the solver looks its forms up by it.
+Which number does the error see? It measures a pair that does not penetrate, so what the springs give is part of it:
+with soft springs :math:`e` is large, with stiff ones it is that of Nitsche's method on the same mesh. The error needs
+nothing else of a method than the traction that it ends with.
 """
 
 from dataclasses import dataclass
@@ -20,14 +25,18 @@ import erc_contact as ec
 
 from dolfinx import fem  # isort: skip - the wheel of DOLFINx must be loaded by erc_contact
 
+# %%
+# A method is hashable, as a frozen dataclass is: the solver looks its forms up by it. gamma E/h is the stiffness of the
+# springs [force/volume]; as a Constant it is compiled once for all values. ``since`` is u, but in a loading history
+# friction acts on what has changed since the last step.
+
 
 @dataclass(frozen=True)
 class Penalty:
-    """The penalty method with the stiffness gamma E/h [force/volume] of its springs, gamma > 0 [-]."""
+    """The penalty method with springs of gamma E/h, gamma > 0 [-]."""
 
     gamma: float
-    multiplier = False  # no unknowns beside the displacement
-    in_layer = False  # the equations test displacements, not stresses
+    multiplier = in_layer = False  # no unknowns beside the displacement; the equations test displacements, not stresses
 
     def equations(self, model, contact, u, v, multiplier=None):
         """What the contact adds to the residual: minus the work of its traction."""
@@ -36,23 +45,31 @@ class Penalty:
 
     def traction(self, model, contact, u, multiplier=None):
         """The contact traction on the body [force/area]."""
-        gamma = model.stiffness_per_area(fem.Constant(model.mesh, self.gamma))  # a Constant: one form for all gammas
-        w = contact.since(u)  # in a history friction acts on what has changed since the last step
-        beyond = w if contact.gap is None else w - contact.gap * contact.normal
-        return contact.project(-gamma * beyond)
+        gap = 0.0 if contact.gap is None else contact.gap
+        gamma = model.stiffness_per_area(fem.Constant(model.mesh, self.gamma))
+        return contact.project(-gamma * (contact.since(u) - gap * contact.normal))
 
     projected = traction
 
 
+# %%
+# The method in place of the default one, soft and stiff, on one mesh; then adaptively.
+
 scene = ec.Scene(ec.Elastic(1.0, 0.3), ec.Displacement("top", (0.1, -0.05)), contacts=ec.Contact("bottom", 0.3))
 block = ec.rectangle((0.0, 0.0), (2.0, 7.0), cells=(4, 14))
-methods = ec.Nitsche(), Penalty(1.0), Penalty(1000.0)
-solutions = [ec.solve(scene, block, method) for method in methods]
-nitsche, soft, stiff = [ec.constitutive_error(ec.equilibrate(solution)).relative for solution in solutions]
+solutions = [ec.solve(scene, block, method) for method in (ec.Nitsche(), Penalty(1.0), Penalty(1000.0))]
+nitsche, soft, stiff = (ec.constitutive_error(ec.equilibrate(solution)).relative for solution in solutions)
+history = ec.adapt(scene, block, accuracy=0.05, method=Penalty(1000.0))
+history.save("results/method")
+
+# %%
+# What must hold: the soft method penetrates and its error says so; the stiff one is as good as Nitsche's; the run is
+# all of this method, and its forces balance.
+
+depths = [-solution.profile("bottom")["gap"].min() for solution in solutions]
+assert depths[1] > 100 * depths[2] > 0
 assert soft > 1.5 * stiff
 assert abs(stiff / nitsche - 1) < 0.05
-
-history = ec.adapt(scene, block, accuracy=0.05, method=Penalty(1000.0))
 assert history.reached
 assert {step.method for step in history.steps} == {"Penalty"}
-assert np.allclose(history.error.reactions()["balance"].force, 0.0, atol=1e-12)
+assert np.allclose(history.reactions()["balance"].force, 0.0, atol=1e-12)

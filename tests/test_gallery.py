@@ -1,0 +1,90 @@
+"""The gallery: every demo runs as a user runs it, alone and on several ranks, and draws what it says.
+
+The asserts on the physics are in the demos. The examples of how the package is extended are short, and use public names
+only.
+"""
+
+import ast
+
+import pytest
+from mpi4py import MPI
+from processes import ROOT, run_as_user
+
+DEMOS = sorted((ROOT / "demos").glob("*.py"))
+EXAMPLES = sorted((ROOT / "demos" / "extend").glob("*.py"))
+MOST = 30
+"""Lines of code that an example may have."""
+
+
+def stem(path):
+    return path.stem
+
+
+@pytest.mark.gallery
+@pytest.mark.parametrize("demo", [*DEMOS, *EXAMPLES], ids=stem)
+def test_demo(demo, shared_tmp_path, monkeypatch):
+    run_as_user(demo, shared_tmp_path, monkeypatch)
+    MPI.COMM_WORLD.barrier()
+    written = {path.name for path in (shared_tmp_path / "results" / demo.stem).iterdir()}
+    assert [name for name in written if name.endswith(".png")]
+    if "history.save" in demo.read_text():
+        assert {"history.csv", "error.png", "meshes.png", "error_map.png", "deformed.png", "body.vtkhdf"} <= written
+    left = {path.name for path in shared_tmp_path.iterdir()} | {
+        path.name for path in (shared_tmp_path / "results").iterdir()
+    }
+    assert left <= {"results", "dolfinx_jit_options.json", demo.stem}
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("demo", [*DEMOS, *EXAMPLES], ids=stem)
+def test_demo_is_a_page(demo):
+    """It begins with a title, has text between its code, and ends in asserts."""
+    tree = ast.parse(demo.read_text())
+    title, line, *text = ast.get_docstring(tree).splitlines()
+    assert line == "=" * len(title)
+    assert len(" ".join(text).split()) > 80
+    assert demo.read_text().count("\n# %%\n") >= 2
+    assert isinstance(tree.body[-1], ast.Assert)
+
+
+def without_docstrings(tree):
+    """The nodes of a script, without its docstrings."""
+    for node in ast.walk(tree):
+        body = getattr(node, "body", None)
+        if isinstance(body, list) and isinstance(body[0], ast.Expr) and isinstance(body[0].value, ast.Constant):
+            del body[0]
+    return ast.walk(tree)
+
+
+def code_lines(tree):
+    """Numbers of the lines with code."""
+    lines = set()
+    for node in without_docstrings(tree):
+        if hasattr(node, "lineno"):
+            last = node.lineno if hasattr(node, "body") else node.end_lineno
+            lines.update(range(node.lineno, last + 1))
+    return lines
+
+
+@pytest.mark.serial
+def test_an_example_for_each_kind():
+    assert {script.stem for script in EXAMPLES} == {"gap", "law", "load", "material", "method", "strategy"}
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("example", EXAMPLES, ids=stem)
+def test_example_is_short_and_public(example):
+    tree = ast.parse(example.read_text())
+    imported = [ast.unparse(node) for node in ast.walk(tree) if isinstance(node, ast.Import | ast.ImportFrom)]
+    own = {name for name in imported if "erc_contact" in name}
+    assert own <= {"import erc_contact as ec", "from erc_contact.output import plot_history"}
+    lines = code_lines(tree)
+    assert len(lines) <= MOST, f"{example.name} has {len(lines)} lines of code"
+
+
+@pytest.mark.serial
+def test_penalty_takes_twelve_lines():
+    tree = ast.parse((ROOT / "demos" / "extend" / "method.py").read_text())
+    (penalty,) = (node for node in tree.body if isinstance(node, ast.ClassDef))
+    decorators = {node.lineno for node in penalty.decorator_list}
+    assert len(code_lines(ast.Module([penalty], [])) | decorators) <= 12
