@@ -2,8 +2,8 @@
 
 Under mpiexec every rank runs every test. Rank 0 reports; the other ranks are silent unless a test fails there, and
 then say so on stderr and end with an exit code of their own, so that mpiexec fails. A test that ends on one rank and
-not on another aborts the run. Tests marked ``serial`` are left out; on one rank those marked ``ranks`` are. Tests marked
-``gallery`` run only if asked for, by ``-m gallery``.
+not on another aborts the run. Tests marked ``serial`` are left out; on one rank those marked ``ranks`` are. The demos,
+marked ``gallery``, run only if asked for, by ``-m gallery``.
 
 Under pytest-xdist each worker is a process of one rank. Workers share the cache of compiled forms: one may wait for a
 form that another compiles.
