@@ -2,8 +2,8 @@ r"""
 A published benchmark: the block of GRECO
 =========================================
 
-In the 1980s French groups compared their contact codes on one problem. It is now the case SSNV128 of code_aster, and
-its table of displacements is the first thing to compare with.
+The French research group GRECO compared contact codes on one problem. It is now the test case SSNV128 of code_aster,
+and its table of displacements is the first thing that a contact code can be compared with.
 
 A square of 40 mm (the right half is cut off by symmetry) lies on a rigid foundation with friction :math:`\mu = 1`. A
 pressure of 50 MPa acts on its top, and 150 MPa pushes its left side to the right. Nothing but the contact holds the
