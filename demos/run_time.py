@@ -17,7 +17,7 @@ the sizes of the mesh that has the prescribed error with the fewest elements, an
 element by element is in equilibrium, but is often the worse of the two. Some iterations that lower its
 complementary energy make it better, so :math:`e` falls, at no cost in proof.
 
-Here degree 1 goes to 2%, and degree 2 to 0.4%. Times are of this machine and of the day; the order is not. Each run is
+Here degree 1 goes to 3%, and degree 2 to 0.6%. Times are of this machine and of the day; the order is not. Each run is
 made three times, and the fastest counts, so that what else the machine does matters less. A run before compiles the
 forms.
 """
@@ -52,7 +52,7 @@ RUNS = {
 
 def fastest(options):
     """The fastest of some equal runs, after one that is not counted; the same on all ranks."""
-    accuracy = {1: 0.02, 2: 0.004}[options.get("degree", 1)]
+    accuracy = {1: 0.03, 2: 0.006}[options.get("degree", 1)]
     ec.adapt(scene, block, 0.1, **options)
     runs = [ec.adapt(scene, block, accuracy, **options) for _ in range(TIMES)]
     seconds = block.mesh.comm.bcast([run.steps[-1].seconds for run in runs])
@@ -80,7 +80,7 @@ assert all(history.reached for history in histories.values())
 loose, uniform, marked, sized, quadratic, best = cells.values()
 assert loose > 5 * marked
 assert uniform > 1.5 * marked
-assert marked > 1.5 * sized
+assert marked > 1.1 * sized
 assert sized > 2 * max(quadratic, best)
 worst, *_, quickest = seconds.values()
 assert block.mesh.comm.bcast(worst > quickest)
