@@ -39,7 +39,7 @@ scene = ec.Scene(
     loads=ec.Traction("right", (-0.0002, 0.0)),
     contacts=ec.Contact("bottom", friction=0.3),
 )
-block = ec.rectangle((0.0, 0.0), (2.0, 7.0), cells=(4, 14))
+block = ec.rectangle((0.0, 0.0), (2.0, 7.0), cells=(2, 7))
 RUNS = {
     "degree 1, marked, not tightened": {"tighten": 0},
     "degree 1, uniform": {"strategy": ec.Uniform()},
