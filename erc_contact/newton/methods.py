@@ -98,8 +98,8 @@ class Nitsche:
         InputError: If theta is not in {0, 1, -1} or gamma is not positive.
 
     Source: Chouly, Hild, Renard, "Symmetric and non-symmetric variants of Nitsche's method for contact problems in
-        elasticity", Math. Comp. 84 (2015); with Coulomb friction: Chouly et al., "An overview of recent results
-        on Nitsche's method for contact problems" (2017).
+    elasticity", Math. Comp. 84 (2015); with Coulomb friction: Chouly et al., "An overview of recent results
+    on Nitsche's method for contact problems" (2017).
     """
 
     theta: int = 0
@@ -166,7 +166,7 @@ class AugmentedLagrangian:
         InputError: If gamma is not positive.
 
     Source: Alart, Curnier, "A mixed formulation for frictional contact problems prone to Newton like solution
-        methods", Comput. Methods Appl. Mech. Engrg. 92 (1991).
+    methods", Comput. Methods Appl. Mech. Engrg. 92 (1991).
     """
 
     gamma: float = 1.0

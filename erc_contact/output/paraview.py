@@ -38,7 +38,7 @@ def write_fields(error: ConstitutiveError, folder: str | Path) -> None:
 
     - ``traction``: r^ [force/area],
     - ``pressure``: -r_n [force/area],
-    - ``friction_bound``: b [force/area], the greatest |r_t| that the law allows,
+    - ``friction_bound``: b [force/area], the greatest ``|r_t|`` that the law allows,
 
     and in the cells
 

@@ -1,0 +1,63 @@
+"""Sphinx: pages in Markdown, the demos as a gallery, the API from the docstrings; CONTRIBUTING.md has the commands."""
+
+import logging
+import sys
+from importlib import metadata, util
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent))
+logging.getLogger("erc_contact").propagate = False  # a style that furo needs makes the root logger repeat all rows
+
+project = "erc_contact"
+author = "The erc_contact authors"
+copyright = "2026, the erc_contact authors"
+release = metadata.version("erc-contact")
+
+extensions = [
+    "myst_parser",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.napoleon",
+    "sphinx.ext.viewcode",
+    "sphinx_gallery.gen_gallery",
+]
+nitpicky = True
+nitpick_ignore = [
+    ("py:class", f"erc_contact.{name}")  # types of members that no page is about
+    for name in (
+        "admissible.cells.CellGeometry",
+        "model.elasticity.ElasticMatrix",
+        "model.foundation.Friction",
+        "model.last_step.LastStep",
+        "newton.elastic.ElasticSolver",
+        "output.curves.Run",
+    )
+]
+nitpick_ignore_regex = [("py:.*", r"(?!erc_contact).*")]  # names of other packages, whose pages CI does not ask
+
+mathjax = str(Path(util.find_spec("sphinx-mathjax-offline").origin).parent / "static" / "mathjax" / "tex-svg.js")
+mathjax_path = Path(mathjax).name  # formulas without a foreign server and without fonts
+
+html_theme = "furo"
+html_title = "erc_contact"
+html_static_path = ["_static", mathjax]
+html_css_files = ["site.css"]
+
+myst_enable_extensions = ["dollarmath"]
+myst_heading_anchors = 3
+
+autodoc_preserve_defaults = True
+autodoc_default_options = {"members": True, "member-order": "bysource"}
+napoleon_use_ivar = True
+
+sphinx_gallery_conf = {
+    "examples_dirs": "../demos",
+    "gallery_dirs": "gallery",
+    "filename_pattern": r"\.py$",
+    "image_scrapers": ("gallery_hooks.pictures",),
+    "reset_modules": ("gallery_hooks.name_file",),
+    "abort_on_example_error": True,
+    "download_all_examples": False,
+    "notebook_extensions": set(),
+    "show_signature": False,
+    "write_computation_times": False,
+}

@@ -1,0 +1,40 @@
+"""The picture of README: two meshes of its run, and the contact at the end. Writes block.png beside itself.
+
+python docs/figures/block.py
+"""
+
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+import erc_contact as ec
+
+block = ec.rectangle((0.0, 0.0), (2.0, 7.0), size=0.5)
+scene = ec.Scene(
+    material=ec.Elastic(E=1.0, nu=0.3),
+    supports=[ec.Displacement("top", (0.1, -0.05))],
+    loads=[ec.Traction("right", (-0.0002, 0.0))],
+    contacts=[ec.Contact("bottom", friction=0.3)],
+)
+history = ec.adapt(scene, block, accuracy=0.01)
+contact = history.profile("bottom")
+
+fig = plt.figure(figsize=(8, 3.9), layout="constrained")
+*bodies, side = fig.subplots(1, 3, width_ratios=[1, 1, 2.6])
+for ax, number in zip(bodies, (0, 3), strict=True):
+    domain, eps = history.meshes[number]
+    x, cells = domain.mesh.geometry.x, domain.mesh.geometry.dofmaps[0]
+    ax.tripcolor(x[:, 0], x[:, 1], cells, np.log10(eps), cmap="viridis", edgecolors="k", lw=0.2)
+    ax.set(aspect="equal", title=f"{domain.cells} elements\nerror {100 * history.steps[number].eps:.2g}%")
+    ax.axis("off")
+side.plot(contact["x"], contact["pressure"], label="pressure", color="C0")
+side.plot(contact["x"], contact["shear"], label="shear", color="C3")
+side.plot(contact["x"], contact["friction_bound"], "--", color="gray", lw=0.8, label="friction bound")
+side.plot(contact["x"], -contact["friction_bound"], "--", color="gray", lw=0.8)
+side.set(
+    xlabel="x along the contact",
+    title=f"contact traction, {history.error.domain.cells} elements, error {100 * history.error.relative:.2g}%",
+)
+side.legend()
+fig.savefig(Path(__file__).with_suffix(".png"), dpi=110)

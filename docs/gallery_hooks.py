@@ -1,0 +1,23 @@
+"""What sphinx-gallery is told about the demos: where each is, and where its pictures are."""
+
+import builtins
+import shutil
+from pathlib import Path
+from typing import Any
+
+from sphinx_gallery.scrapers import figure_rst
+
+DEMOS = Path(__file__).parents[1] / "demos"
+
+
+def pictures(block: Any, block_vars: dict[str, Any], gallery_conf: dict[str, Any]) -> str:
+    """The pictures that a block of a demo has written to its folder in results, moved into the gallery."""
+    found = sorted(Path("results", Path(block_vars["src_file"]).stem).rglob("*.png"))
+    moved = [shutil.move(path, next(block_vars["image_path_iterator"])) for path in found]
+    return figure_rst(moved, gallery_conf["src_dir"])
+
+
+def name_file(gallery_conf: dict[str, Any], name: str | None) -> None:
+    """Define ``__file__`` for a demo, which finds its mesh by it: sphinx-gallery runs scripts without it."""
+    if name is not None:
+        builtins.__file__ = str(next(DEMOS.rglob(name)))

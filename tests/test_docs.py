@@ -1,0 +1,46 @@
+"""The pages that users read: their code runs, their pictures have scripts, and every public name is on a page."""
+
+import re
+from pathlib import Path
+
+import pytest
+from processes import ROOT, run_as_user
+
+import erc_contact as ec
+
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+CODE = re.compile(r"^```python\n(.*?)^```", re.MULTILINE | re.DOTALL)
+pytestmark = pytest.mark.serial
+
+
+def code(page):
+    """The code of a page: each block goes on where the last one ended."""
+    return "\n".join(CODE.findall(page.read_text()))
+
+
+@pytest.mark.gallery
+def test_code_of_pages_runs(shared_tmp_path, monkeypatch):
+    """All in one process, which is this file as a script; what they write stays in its folder."""
+    assert sum(bool(code(page)) for page in PAGES) >= 10
+    run_as_user(Path(__file__), shared_tmp_path, monkeypatch)
+    assert (shared_tmp_path / "results" / "first" / "error.png").is_file()
+
+
+def test_figures_have_scripts():
+    figures = [path for path in (ROOT / "docs" / "figures").iterdir() if path.suffix in (".png", ".svg")]
+    assert figures
+    assert all(path.with_suffix(".py").is_file() for path in figures)
+    assert sum(path.stat().st_size for path in figures) < 300_000
+
+
+def test_public_names_are_on_a_page():
+    api = "".join(page.read_text() for page in (ROOT / "docs" / "api").glob("*.md"))
+    shown = set(re.findall(r":: erc_contact\.([\w.]+)$", api, re.MULTILINE))
+    assert set(ec.__all__) <= shown
+    assert {f"results.{name}" for name in ec.results.__all__} <= shown
+    assert "output" in shown
+
+
+if __name__ == "__main__":
+    for each in PAGES:
+        exec(compile(code(each), str(each), "exec"), {})
