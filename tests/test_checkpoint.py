@@ -449,7 +449,16 @@ def test_history_is_read_without_the_scene(shared_tmp_path):
         import pyvista
 
         names = {path.name for path in (shared_tmp_path / "read").iterdir()}
-        assert names == {"history.csv", "error.png", "meshes.png", "body.vtkhdf"}
+        files = {
+            "report.html",
+            "history.csv",
+            "history.json",
+            "error.png",
+            "meshes.png",
+            "body.vtkhdf",
+            "meshes.vtkhdf",
+        }
+        assert names == files
         a, b = (pyvista.read(shared_tmp_path / name / "body.vtkhdf") for name in ("read", "saved"))
         assert np.allclose(a.points, b.points, rtol=0, atol=1e-15)
         for name, values in [*b.point_data.items(), *b.cell_data.items()]:

@@ -12,7 +12,6 @@ contact in space is seen; directions have clean names; a stress out of plane tha
 files are no larger than what they hold.
 """
 
-import csv
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -29,7 +28,6 @@ from erc_contact import output, results
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.base.percent import percent
 from erc_contact.output import gathered
-from erc_contact.run.history import COLUMNS
 
 COMM = MPI.COMM_WORLD
 PLOTTING = {"pyvista", "vtkmodules", "matplotlib"}
@@ -57,16 +55,6 @@ def error_of(scene: ec.Scene, domain: ec.Domain, degree: int = 1) -> ec.Constitu
 @pytest.fixture(scope="module", params=[2, 3])
 def error(request):
     return error_of(*punch(request.param))
-
-
-@pytest.fixture(scope="module")
-def history():
-    scene = ec.Scene(
-        material=ec.Elastic(E=1.0, nu=0.3),
-        supports=[ec.Displacement("top", (0.02, -0.05))],
-        contacts=[ec.Contact("bottom", friction=0.3)],
-    )
-    return ec.adapt(scene, block(2), accuracy=0.2, strategy=ec.Mark(0.3))
 
 
 def read(path):
@@ -307,28 +295,9 @@ def test_pictures_without_load(shared_tmp_path):
     history.save(shared_tmp_path)
     if COMM.rank == 0:
         names = {path.name for path in shared_tmp_path.iterdir()}
-        assert names == {"history.csv", "error.png", "meshes.png", "error_map.png", "deformed.png", "body.vtkhdf"}
+        pictures = {"error.png", "meshes.png", "error_map.png", "deformed.png"}
+        assert names == pictures | {"report.html", "history.csv", "history.json", "body.vtkhdf", "meshes.vtkhdf"}
         assert not read(shared_tmp_path / "body.vtkhdf")["von_mises"].any()
-
-
-def test_history_is_saved(history, shared_tmp_path):
-    assert history.reached
-    history.save(shared_tmp_path / "run")
-    other, profile = replace(history, accuracy=0.4), history.profile("bottom")
-    output.plot_history({"one": history, "other": other}, shared_tmp_path / "run" / "both.png")
-    for name in ("error", "meshes", "error_map", "deformed", "contact_bottom", "both"):
-        check_picture(shared_tmp_path / "run" / f"{name}.png")
-    if COMM.rank == 0:
-        with (shared_tmp_path / "run" / "history.csv").open() as file:
-            rows = list(csv.DictReader(file))
-        assert len(rows) == len(history.steps)
-        for name in COLUMNS:
-            given = history.column(name)
-            assert [given.dtype.type(row[name]) for row in rows] == given.tolist()
-        along = np.genfromtxt(shared_tmp_path / "run" / "contact_bottom.csv", delimiter=",", names=True)
-        assert np.all(along["pressure"] == profile["pressure"])
-        grid = read(shared_tmp_path / "run" / "body.vtkhdf")
-        assert np.sum(grid["eps_E"] ** 2) == pytest.approx(history.best.relative**2, rel=1e-12)
 
 
 def number(text: str) -> float:

@@ -1,7 +1,8 @@
-"""Versions of the package and of what it stands on."""
+"""Versions of the package and of what it stands on, and what is known of the machine."""
 
 from __future__ import annotations
 
+import os
 import platform
 from importlib import metadata
 
@@ -18,6 +19,11 @@ def versions() -> dict[str, str]:
     told["PETSc"] = ".".join(map(str, PETSc.Sys.getVersion()))
     told["Python"] = platform.python_version()
     return told | {name: _installed(name) for name in KNOWN}
+
+
+def machine() -> dict[str, str]:
+    """What a run time depends on, without a name of the machine."""
+    return {"system": f"{platform.system()} {platform.machine()}", "processors": str(os.cpu_count())}
 
 
 def _installed(name: str) -> str:

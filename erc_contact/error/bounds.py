@@ -56,16 +56,14 @@ from dolfinx.fem import petsc as fp
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError, raise_together
-from erc_contact.error.constitutive import ConstitutiveError
+from erc_contact.error.constitutive import ROUND_OFF, ConstitutiveError
 from erc_contact.error.works import elastic_work, friction_work, load_work, stress_work
-from erc_contact.model.foundation import CONSTANT, BoundContact
+from erc_contact.model.foundation import BoundContact
 from erc_contact.model.model import Model
 from erc_contact.newton.elastic import ElasticSolver
 
 GLUE = 1e6
 """gamma_0 of the springs that hold phi on the contacts [-]; afterwards its values there are set exactly."""
-ROUND_OFF = 1e-12
-"""Numbers below this, relative to their scale, count as zero [-]."""
 RIGID = 1e-8
 """Energy norm of phi below which it is a rigid motion, over that of strains of size one in the body [-]."""
 
@@ -119,9 +117,9 @@ def resultant(error: ConstitutiveError, contact: str, direction: Sequence[float]
     stiffest = model.stiffest() * model.domain.extent ** (model.d - 2)
     rigid = size <= RIGID * np.linalg.norm(a) * np.sqrt(stiffest)  # then (b) is the balance of forces
     from_loads = bool(rigid) and error.geometry_error <= ROUND_OFF * error.scale
-    guaranteed = middle.known and square.known and (from_loads or _guaranteed(error))
+    proved = middle.known and square.known and (from_loads or error.guaranteed)
     radius = float(np.sqrt(_square(error) / 2 - error.bulk_error**2 / 4) * size) + middle.rest
-    return Bounds(middle.value, middle.value - radius, middle.value + radius, guaranteed, weighted)
+    return Bounds(middle.value, middle.value - radius, middle.value + radius, proved, weighted)
 
 
 def potential_energy(error: ConstitutiveError) -> Bounds:
@@ -144,7 +142,7 @@ def potential_energy(error: ConstitutiveError) -> Bounds:
         J += friction_work(model, traction, u, ROUND_OFF * strain.value)
     high, facets = J.value + J.rest, error.geometry_error**2 / 2
     low = J.value - J.rest - error.absolute**2 / 2 - facets
-    return Bounds(high, low, high + facets, J.known and _guaranteed(error))
+    return Bounds(high, low, high + facets, J.known and error.guaranteed)
 
 
 def work_of_loads(error: ConstitutiveError) -> Bounds:
@@ -256,9 +254,3 @@ def _nodes(model: Model, contact: BoundContact) -> np.ndarray:
 def _square(error: ConstitutiveError) -> float:
     """``e^2`` with the estimate for the flat facets of a curved body."""
     return error.absolute**2 + error.geometry_error**2
-
-
-def _guaranteed(error: ConstitutiveError) -> bool:
-    """Whether the data and the friction law allow proved bounds."""
-    exact = max(error.oscillation, error.geometry_error) <= ROUND_OFF * error.scale
-    return exact and all(c.friction is None or c.friction.dependence == CONSTANT for c in error.solution.model.contacts)

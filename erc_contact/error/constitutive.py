@@ -31,12 +31,15 @@ from mpi4py import MPI
 
 from erc_contact.admissible.pair import Admissible
 from erc_contact.base.exceptions import InputError
+from erc_contact.base.html import table
+from erc_contact.base.percent import percent
 from erc_contact.error.bulk import bulk_squares, geometry_squares
 from erc_contact.error.contact import contact_squares
 from erc_contact.error.oscillation import UNKNOWN, Oscillations, of_history, of_loads, of_supports
 from erc_contact.error.rigid import NOISE, moves_rigidly, round_off
 from erc_contact.mesh.domain import Domain
 from erc_contact.model.forces import Force
+from erc_contact.model.foundation import CONSTANT
 from erc_contact.model.maximum import Maximum, greatest
 from erc_contact.model.stress import von_mises
 from erc_contact.newton.solution import Solution
@@ -44,6 +47,9 @@ from erc_contact.results.forces import force, reactions
 from erc_contact.results.points import Values, at
 from erc_contact.results.profile import profile
 from erc_contact.results.stresses import mean_stress
+
+ROUND_OFF = 1e-12
+"""Numbers below this, relative to their scale, count as zero [-]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,6 +86,20 @@ class ConstitutiveError:
     total_indicators: np.ndarray
     seconds: float
 
+    def _repr_html_(self) -> str:
+        """The error in a notebook; nothing is computed, so one rank alone may ask."""
+        scale = self.scale or 1.0
+        parts = {
+            "eps": self.absolute,
+            "bulk part": self.bulk_error,
+            "contact part": self.contact_error,
+            "geometry, an estimate beside eps": self.geometry_error,
+            "data the mesh does not carry, an estimate beside eps": self.oscillation,
+        }
+        rows: list[tuple[str, object]] = [(name, percent(part / scale)) for name, part in parts.items()]
+        rows += [("e", f"{self.absolute:.4g}"), ("cells", self.domain.cells), ("degree", self.degree)]
+        return table(rows, caption="Error in the constitutive relation")
+
     @property
     def relative(self) -> float:
         """Eps (17) [-]; 0 where nothing is loaded."""
@@ -89,6 +109,18 @@ class ConstitutiveError:
     def total(self) -> float:
         """Eps with the estimate of the geometry [-], which a run lowers to its accuracy; eps for straight bodies."""
         return float(np.hypot(self.absolute, self.geometry_error)) / self.scale if self.scale > 0 else 0.0
+
+    @property
+    def pressure_dependent(self) -> tuple[str, ...]:
+        """Names of the contacts whose friction bound depends on the pressure: e is a bound up to the third term."""
+        contacts = self.solution.model.contacts
+        return tuple(c.name for c in contacts if c.friction is not None and c.friction.dependence != CONSTANT)
+
+    @property
+    def guaranteed(self) -> bool:
+        """Whether friction law, data and shape allow proved bounds: see :mod:`erc_contact.error.bounds`."""
+        exact = max(self.oscillation, self.geometry_error) <= ROUND_OFF * self.scale
+        return exact and not self.pressure_dependent
 
     @property
     def solution(self) -> Solution:

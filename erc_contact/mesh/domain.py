@@ -19,6 +19,7 @@ from mpi4py import MPI
 
 from erc_contact.base.checks import told
 from erc_contact.base.exceptions import InputError, raise_together, together
+from erc_contact.base.html import table
 from erc_contact.mesh.partition import check_mesh, patches_complete, redistributed
 from erc_contact.mesh.refinement import refine
 from erc_contact.mesh.surface import snap
@@ -103,6 +104,12 @@ class Domain:
                 raise InputError(f"Boundary part {name!r} (tag {tag}) has no facet; remove it or tag its facets.")
             if counts[1] < counts[0]:
                 self._inside.add(name)
+
+    def _repr_html_(self) -> str:
+        """The domain in a notebook; nothing is computed, so one rank alone may ask."""
+        rows = [("cells", self.cells), ("vertices", self.vertices), ("boundary parts", ", ".join(self.names))]
+        regions = [("regions", ", ".join(self.regions))] * bool(self.regions)
+        return table([*rows, *regions, ("shape", shape_in_words(self))], caption=f"Domain in {self.dim}D")
 
     @property
     def dim(self) -> int:
@@ -240,6 +247,16 @@ class Domain:
                 "(strategy=Mark()), or make it by rectangle, box, from_gmsh, or read_mesh of a .geo file."
             )
         return self.geometry.meshed(self, h)
+
+
+def shape_in_words(domain: Domain) -> str:
+    """What is known of the true shape of a domain."""
+    if domain.geometry is None:
+        return "that of the mesh, with flat facets"
+    corners = [getattr(domain.geometry, name, None) for name in ("low", "high")]
+    if None not in corners:
+        return f"{('rectangle', 'box')[domain.dim - 2]} from {corners[0]} to {corners[1]}"
+    return "curved, its geometry is known" if domain.curved_facets is not None else "flat sides, its geometry is known"
 
 
 def _numbers(sizes: npt.ArrayLike) -> np.ndarray:

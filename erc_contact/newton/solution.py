@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from dolfinx import fem
 
+from erc_contact.base.html import table
 from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.simplex import in_space
 from erc_contact.model.expressions import evaluate
@@ -68,6 +69,20 @@ class Solution:
     regularity: float
     stiffness: ElasticSolver
     seconds: float
+
+    def _repr_html_(self) -> str:
+        """The solution in a notebook; nothing is computed, so one rank alone may ask."""
+        rows = [
+            ("method", self.method),
+            ("cells", self.domain.cells),
+            ("unknowns", self.model.V.dofmap.index_map.size_global * self.model.d),
+            ("degree", self.model.degree),
+            ("Newton steps", self.newton_steps),
+            ("converged", self.reason),
+            ("tangent", "singular" if self.singular else "regular"),
+            ("seconds", f"{self.seconds:.2f}"),
+        ]
+        return table(rows, caption="Solution")
 
     @property
     def domain(self) -> Domain:

@@ -8,6 +8,7 @@ folder of a path is made if it is missing. The suffix of a picture's path gives 
 from erc_contact.output.curves import plot_contact, plot_history
 from erc_contact.output.paraview import write_fields
 from erc_contact.output.pictures import draw_deformed, draw_error, draw_meshes
+from erc_contact.output.series import write_meshes
 from erc_contact.output.size_pictures import draw_sizes
 
 __all__ = [
@@ -18,4 +19,5 @@ __all__ = [
     "plot_contact",
     "plot_history",
     "write_fields",
+    "write_meshes",
 ]

@@ -1,11 +1,10 @@
-"""Figures, files and an animation of a loading history."""
+"""Figures and an animation of a loading history."""
 
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -14,10 +13,8 @@ from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.mesh.simplex import lagrange, rule
 from erc_contact.output.curves import COLOURS, STATUS
 from erc_contact.output.drawing import new_figure, save_figure, tangents
-from erc_contact.output.files import gathered, on_root, vtk_cells
-from erc_contact.output.gathered import body_nodes, nodal_displacement
+from erc_contact.output.files import on_root
 from erc_contact.output.pictures import draw_deformed
-from erc_contact.results.stresses import cell_stresses
 
 ALONG = 400
 """Number of points along a contact in the picture of its zones."""
@@ -132,39 +129,6 @@ def plot_zones(history: History, contact: str, path: str | Path) -> None:
     on_root(comm, path, draw)
 
 
-def write_series(history: History, path: str | Path) -> None:
-    """Write the fields of all steps to one VTKHDF file with times, which opens in ParaView as it is; collective.
-
-    It has the displacement u^ at the nodes; in the cells eps_E, the mean of sigma^, its von Mises stress, and that of
-    the finite elements, with the names of :func:`erc_contact.output.write_fields`. A mesh of several steps is written
-    once.
-
-    Args:
-        history: The history.
-        path: The file.
-
-    Raises:
-        OSError: If the file cannot be written.
-    """
-    comm = history.errors[0].domain.mesh.comm
-    meshes: list[dict[str, np.ndarray]] = []
-    which, points, cells = [], [], []
-    last: Any = None
-    for error in history.errors:
-        pair, model = error.admissible, error.solution.model
-        if error.domain is not last:
-            meshes.append(gathered(comm, **body_nodes(model)))
-        last = error.domain
-        which.append(len(meshes) - 1)
-        points.append(gathered(comm, displacement=nodal_displacement(pair)))
-        cells.append(gathered(comm, **cell_stresses(pair), eps_E=error.indicators))
-
-    def write() -> None:
-        _write_series(Path(path), history.column("time"), meshes, which, (points, cells), history.errors[0].domain.dim)
-
-    on_root(comm, path, write)
-
-
 def animate(history: History, path: str | Path, seconds: float = 0.15) -> None:
     """Write a gif of the deformed body, with the same magnification at all times; collective.
 
@@ -214,54 +178,3 @@ def _status_at(profile: np.ndarray, at: np.ndarray) -> np.ndarray:
     """The status at places along a contact, as shares of its length."""
     share = profile["s"] / profile["s"].max()
     return profile["status"][np.minimum(np.searchsorted(share, at), len(share) - 1)]
-
-
-def _write_series(
-    path: Path,
-    times: np.ndarray,
-    meshes: Sequence[dict[str, np.ndarray]],
-    which: Sequence[int],
-    data: tuple[Sequence[dict[str, np.ndarray]], Sequence[dict[str, np.ndarray]]],
-    d: int,
-) -> None:
-    """Write a VTKHDF file with several times.
-
-    Args:
-        path: The file.
-        times: Times of the steps.
-        meshes: Points and cells of each mesh.
-        which: Number of the mesh of each step.
-        data: Values at the points and in the cells of each step.
-        d: Dimension of the cells.
-    """
-    import h5py  # noqa: PLC0415
-
-    kinds = [vtk_cells(mesh["cells"], d) for mesh in meshes]
-    counts = {
-        "NumberOfPoints": np.array([len(mesh["points"]) for mesh in meshes]),
-        "NumberOfCells": np.array([len(cells) for _, cells in kinds]),
-        "NumberOfConnectivityIds": np.array([cells.size for _, cells in kinds]),
-    }
-    starts = {name: np.concatenate([[0], np.cumsum(of)[:-1]])[list(which)] for name, of in counts.items()}
-    with h5py.File(path, "w") as file:
-        vtk = file.create_group("VTKHDF")
-        vtk.attrs["Version"], vtk.attrs["Type"] = (2, 0), np.bytes_("UnstructuredGrid")
-        for name, of in counts.items():
-            vtk[name] = of
-        vtk["Points"] = np.concatenate([mesh["points"] for mesh in meshes])
-        vtk["Connectivity"] = np.concatenate([cells.ravel() for _, cells in kinds])
-        vtk["Offsets"] = np.concatenate([np.arange(0, cells.size + 1, cells.shape[1]) for _, cells in kinds])
-        vtk["Types"] = np.concatenate([np.full(len(cells), kind, dtype=np.uint8) for kind, cells in kinds])
-        steps = vtk.create_group("Steps")
-        steps.attrs["NSteps"] = len(times)
-        steps["Values"] = times
-        steps["PartOffsets"] = np.array(which)
-        steps["NumberOfParts"] = np.ones(len(times), dtype=int)
-        steps["PointOffsets"] = starts["NumberOfPoints"]
-        steps["CellOffsets"] = starts["NumberOfCells"][:, None]
-        steps["ConnectivityIdOffsets"] = starts["NumberOfConnectivityIds"][:, None]
-        for kind, values in zip(("PointData", "CellData"), data, strict=True):
-            lengths = np.array([len(next(iter(of.values()))) for of in values])
-            for name in values[0]:
-                vtk[f"{kind}/{name}"] = np.concatenate([of[name] for of in values])
-                steps[f"{kind}Offsets/{name}"] = np.concatenate([[0], np.cumsum(lengths)[:-1]])

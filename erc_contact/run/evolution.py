@@ -12,8 +12,9 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.base.percent import percent
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.newton.solution import Solution
-from erc_contact.output.evolutions import animate, plot_energies, plot_loop, plot_zones, write_series
+from erc_contact.output.evolutions import animate, plot_energies, plot_loop, plot_zones
 from erc_contact.output.files import on_root
+from erc_contact.output.series import write_series
 from erc_contact.run.energy import energies
 from erc_contact.run.history import History
 

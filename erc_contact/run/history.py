@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import csv
+import json
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -10,6 +12,8 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
+from erc_contact.base.html import table
+from erc_contact.base.percent import percent
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.coulomb import CoulombCertificate, coulomb_certificate
 from erc_contact.mesh.domain import Domain
@@ -18,7 +22,11 @@ from erc_contact.output.curves import plot_contact, plot_history
 from erc_contact.output.files import on_root
 from erc_contact.output.paraview import write_fields
 from erc_contact.output.pictures import draw_deformed, draw_error, draw_meshes
+from erc_contact.output.report import write_report
+from erc_contact.output.series import write_meshes
+from erc_contact.output.verdict import verdict
 from erc_contact.results import Force, Maximum, Values
+from erc_contact.run.record import record
 from erc_contact.run.step import COLUMNS, CURVED, HEADER, Step, line
 
 
@@ -33,6 +41,7 @@ class History:
         outcome: Why the run ended, in words.
         best: The error of least ``total``, with the admissible pair and the solution.
         meshes: Domain and eps_E of every step, for pictures.
+        settings: The other arguments of the run by their names.
     """
 
     steps: tuple[Step, ...]
@@ -41,11 +50,27 @@ class History:
     outcome: str
     best: ConstitutiveError
     meshes: tuple[tuple[Domain, np.ndarray], ...] = field(repr=False)
+    settings: Mapping[str, Any] = field(repr=False, default_factory=dict, kw_only=True)
 
     def __str__(self) -> str:
         curved = self.best.domain.curved_facets is not None
         rows = [line(step, curved=curved) for step in self.steps]
         return "\n".join([CURVED if curved else HEADER, *rows, self.outcome])
+
+    def _repr_html_(self) -> str:
+        """The table in a notebook; nothing is computed, so one rank alone may ask."""
+        header = ("mesh", "cells", "unknowns", "eps", "bulk", "contact", "geometry", "seconds")
+        rows = [
+            (
+                n,
+                s.cells,
+                s.dofs,
+                *(percent(e, 3) for e in (s.eps, s.eps_bulk, s.eps_contact, s.eps_geometry)),
+                s.seconds,
+            )
+            for n, s in enumerate(self.steps, start=1)
+        ]
+        return table(((*row[:-1], f"{row[-1]:.2f}") for row in rows), header, self.outcome)
 
     @property
     def error(self) -> ConstitutiveError:
@@ -113,25 +138,46 @@ class History:
                 writer.writeheader()
                 writer.writerows(asdict(step) for step in self.steps)
 
-    def save(self, folder: str | Path) -> None:
-        """Write table, figures, pictures and ParaView files to a folder; collective.
+    def to_json(self, path: str | Path) -> None:
+        """Write the rows, the best error, forces, settings and versions as JSON; collective."""
+        self._write_json(Path(path), self.reactions())
 
-        ``history.csv``, ``error.png`` (error against run time and degrees of freedom), ``meshes.png``,
-        ``error_map.png``, ``deformed.png``, ``body.vtkhdf``, and for each contact its profile ``contact_<name>.csv``,
-        ``contact_<name>.png`` and ``contact_<name>.vtkhdf``.
+    def save(self, folder: str | Path) -> None:
+        """Write table, report, figures, pictures and ParaView files to a folder; collective.
+
+        ``report.html`` (one page that holds all it shows: scene, what the error proves, pictures, forces, versions),
+        ``history.csv``, ``history.json``, ``error.png`` (error against run time and degrees of freedom),
+        ``meshes.png``, ``error_map.png``, ``deformed.png``, ``body.vtkhdf``, ``meshes.vtkhdf`` (all meshes with eps_E),
+        and for each contact its profile ``contact_<name>.csv``, ``contact_<name>.png`` and ``contact_<name>.vtkhdf``.
         """
-        folder = Path(folder)
-        comm = self.best.domain.mesh.comm
-        on_root(comm, folder / "history.csv", lambda: self.to_csv(folder / "history.csv"))
-        plot_history({"adaptive": self}, folder / "error.png")
-        draw_meshes(self.meshes, folder / "meshes.png")
+        folder, comm, forces = Path(folder), self.best.domain.mesh.comm, self.reactions()
+        pictures = self._save_table(folder, forces)
         draw_error(self.best, folder / "error_map.png")
         draw_deformed(self.best, folder / "deformed.png")
+        pictures |= {"error_map.png": "Share of each element in eps.", "deformed.png": "The deformed body."}
         for traction in self.best.admissible.tractions:
             name = traction.contact.name
             plot_contact(self.best.admissible, name, folder / f"contact_{name}.png")
             _write_profile(comm, self.profile(name), folder / f"contact_{name}.csv")
+            pictures[f"contact_{name}.png"] = f"Traction on the contact {name}, of the admissible stress."
         write_fields(self.best, folder)
+        write_report(self, folder / "report.html", verdict(self.best), forces, pictures)
+
+    def _save_table(self, folder: Path, forces: Mapping[str, Force]) -> dict[str, str]:
+        """Write what needs no scene; return the names of the pictures, and what they show; collective."""
+        comm = self.best.domain.mesh.comm
+        on_root(comm, folder / "history.csv", lambda: self.to_csv(folder / "history.csv"))
+        self._write_json(folder / "history.json", forces)
+        plot_history({"adaptive": self}, folder / "error.png")
+        draw_meshes(self.meshes, folder / "meshes.png")
+        write_meshes(self.meshes, folder / "meshes.vtkhdf")
+        return {"error.png": "Error against run time and against unknowns.", "meshes.png": "Meshes of the run."}
+
+    def _write_json(self, path: Path, forces: Mapping[str, Force]) -> None:
+        def write() -> None:
+            path.write_text(json.dumps(record(self, forces), indent=1, allow_nan=False))
+
+        on_root(self.best.domain.mesh.comm, path, write)
 
 
 def _write_profile(comm: MPI.Comm, profile: np.ndarray, path: Path) -> None:

@@ -22,7 +22,7 @@ from erc_contact.newton.solve import DEFAULT, solve
 from erc_contact.run.checkpoint import Checkpoint
 from erc_contact.run.endings import ending
 from erc_contact.run.history import History
-from erc_contact.run.plan import Plan
+from erc_contact.run.plan import SETTINGS, Plan
 from erc_contact.run.step import CURVED, HEADER, Step, line
 
 SHARE = 0.1
@@ -208,7 +208,9 @@ class Loop:
             self.outcome += " The body is that of the mesh given, with its flat facets: no true shape of it is known."
         reached = self.best.total <= self.plan.accuracy
         self._log(self.outcome, logging.INFO if reached else logging.WARNING)
-        return History(tuple(self.steps), self.plan.accuracy, reached, self.outcome, self.best, tuple(self.meshes))
+        settings = {name: getattr(self.plan, name) for name in SETTINGS}
+        steps, meshes = tuple(self.steps), tuple(self.meshes)
+        return History(steps, self.plan.accuracy, reached, self.outcome, self.best, meshes, settings=settings)
 
 
 def _warn(error: ConstitutiveError, accuracy: float, max_cells: int) -> None:

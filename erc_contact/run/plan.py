@@ -21,6 +21,8 @@ from erc_contact.scene.scene import Scene
 
 DECISIVE = ("method", "strategy", "degree", "stop", "tighten")
 """Arguments that decide on the meshes of a run and on their errors."""
+SETTINGS = (*DECISIVE, "solver", "max_cells", "max_steps")
+"""All arguments of a run beside scene, domain and accuracy, those that decide first."""
 
 
 @dataclass(frozen=True, kw_only=True)

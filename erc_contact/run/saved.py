@@ -14,9 +14,8 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.base.percent import percent
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.mesh.domain import Domain
-from erc_contact.output.curves import plot_history
 from erc_contact.output.files import on_root
-from erc_contact.output.pictures import draw_meshes
+from erc_contact.output.report import write_report
 from erc_contact.run.checkpoint import Checkpoint
 from erc_contact.run.history import History
 
@@ -59,11 +58,11 @@ class SavedHistory(History):
     file: Path
 
     def save(self, folder: str | Path) -> None:
-        """Write ``history.csv``, ``error.png``, ``meshes.png`` and ``body.vtkhdf`` to a folder; collective."""
+        """Write ``report.html`` (without the scene), ``history.csv``, ``history.json``, ``error.png``, ``meshes.png``,
+        ``meshes.vtkhdf`` and ``body.vtkhdf`` to a folder; collective.
+        """  # noqa: D205
         folder, comm = Path(folder), self.best.domain.mesh.comm
-        on_root(comm, folder / "history.csv", lambda: self.to_csv(folder / "history.csv"))
-        plot_history({"adaptive": self}, folder / "error.png")
-        draw_meshes(self.meshes, folder / "meshes.png")
+        write_report(self, folder / "report.html", (), {}, self._save_table(folder, {}))
 
         def copy() -> None:
             shutil.copyfile(self.file, folder / "body.vtkhdf")

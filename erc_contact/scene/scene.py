@@ -13,10 +13,12 @@ from itertools import pairwise
 from typing import Any
 
 from erc_contact.base.exceptions import InputError
+from erc_contact.base.html import table
 from erc_contact.scene.contact import Contact
 from erc_contact.scene.load import Load
 from erc_contact.scene.material import Material
 from erc_contact.scene.support import Displacement
+from erc_contact.scene.words import in_words
 
 MATERIAL = ("parameters", "check", "stress", "compliance", "modulus")
 """What a material has."""
@@ -76,6 +78,10 @@ class Scene:
                     f"it, and avoid {', '.join(map(repr, CAUSES))}."
                 )
         self._check_conflicts()
+
+    def _repr_html_(self) -> str:
+        """The scene in a notebook."""
+        return table(in_words(self), caption="Scene")
 
     def _check_conflicts(self) -> None:
         fixed = [(s.facets, i) for s in self.supports for i, value in enumerate(s.value) if value is not None]

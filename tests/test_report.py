@@ -1,0 +1,231 @@
+"""What a run leaves in its folder can be read by others, and says the same as the run.
+
+- The report is one page of HTML that needs nothing else: no link, no script, pictures inside; it has the numbers of the
+  history, the scene as code, the forces, and neither the name of the machine nor a path.
+- What it calls proved, estimated and not known follows from friction, data and shape.
+- CSV, JSON and the series of meshes hold the numbers of the history; pyvista and meshio read the meshes.
+- Notebooks show short tables; one rank alone may ask for them.
+"""
+
+import csv
+import json
+import platform
+import shutil
+import tempfile
+from dataclasses import replace
+from functools import partial
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from scenes import block
+from test_output import check_picture, read
+
+import erc_contact as ec
+from erc_contact import output
+from erc_contact.base.code import code_of, definitions
+from erc_contact.base.percent import percent
+from erc_contact.output.verdict import verdict
+from erc_contact.run.history import COLUMNS
+
+COMM = MPI.COMM_WORLD
+
+
+@pytest.fixture(scope="module")
+def history():
+    scene = ec.Scene(
+        material=ec.Elastic(E=1.0, nu=0.3),
+        supports=[ec.Displacement("top", (lambda x: 0.02 + 0.0 * x[0], -0.05))],
+        contacts=[ec.Contact("bottom", friction=0.3)],
+    )
+    return ec.adapt(scene, block(2), accuracy=0.07, strategy=ec.Mark(0.3))
+
+
+@pytest.fixture(scope="module")
+def folder(history):
+    """The folder of the history."""
+    path = Path(COMM.bcast(tempfile.mkdtemp(prefix="erc_contact_") if COMM.rank == 0 else None))
+    history.save(path / "run")
+    yield path / "run"
+    COMM.barrier()
+    if COMM.rank == 0:
+        shutil.rmtree(path)
+
+
+class Page(HTMLParser):
+    """A page as a browser meets it."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.links, self.images, self.words, self.depth, self.style = [], [], "", [], ""
+        self.feed(text)
+        self.close()
+
+    def handle_starttag(self, tag, attributes):
+        if tag not in ("meta", "img", "link", "br"):
+            self.depth.append(tag)
+        for name, value in attributes:
+            if name in ("src", "href", "srcset", "action", "data", "poster", "background"):
+                (self.images if value.startswith("data:image/png;base64,") else self.links).append(value)
+        assert tag not in ("script", "link", "iframe", "object", "embed")
+
+    def handle_endtag(self, tag):
+        assert self.depth.pop() == tag
+
+    def handle_data(self, data):
+        if self.depth and self.depth[-1] == "style":
+            self.style += data
+        else:
+            self.words += f"{data}\n"
+
+
+def test_report_needs_nothing_else(history, folder):
+    forces = history.reactions()
+    if COMM.rank > 0:
+        return
+    text = (folder / "report.html").read_text()
+    page = Page(text)
+    assert page.depth == []
+    assert page.links == []
+    assert "url(" not in page.style
+    assert "@import" not in page.style
+    assert "http" not in page.words
+    assert [len(image) > 10_000 for image in page.images] == [True] * 5
+    assert 'name="viewport"' in text
+    lines = page.words.splitlines()
+    for step in history.steps:
+        assert {str(step.cells), str(step.dofs), percent(step.eps, 3), f"{step.seconds:.2f}"} <= set(lines)
+    assert history.outcome in lines
+    assert f"{forces['bottom'].force[1]:.6g}" in lines
+    for code in ("ec.Elastic(E=1.0, nu=0.3)", "lambda x: 0.02 + 0.0 * x[0]", "strategy=ec.Mark(fraction=0.3)"):
+        assert code in page.words
+    assert platform.node() not in page.words.split()
+    assert str(Path.home()) not in text
+    assert str(folder) not in text
+
+
+def test_history_is_saved(history, folder):
+    assert history.reached
+    other, profile = replace(history, accuracy=0.4), history.profile("bottom")
+    output.plot_history({"one": history, "other": other}, folder / "both.png")
+    for name in ("error", "meshes", "error_map", "deformed", "contact_bottom", "both"):
+        check_picture(folder / f"{name}.png")
+    forces = history.reactions()
+    if COMM.rank == 0:
+        with (folder / "history.csv").open() as file:
+            rows = list(csv.DictReader(file))
+        told = json.loads((folder / "history.json").read_text())
+        assert len(rows) == len(told["steps"]) == len(history.steps)
+        for name in COLUMNS:
+            given = history.column(name)
+            assert [given.dtype.type(row[name]) for row in rows] == given.tolist()
+            assert [row[name] for row in told["steps"]] == given.tolist()
+        assert told["error"]["relative"] == history.best.relative
+        assert told["forces"]["bottom"]["force"] == forces["bottom"].force.tolist()
+        assert told["settings"]["strategy"] == "ec.Mark(fraction=0.3)"
+        along = np.genfromtxt(folder / "contact_bottom.csv", delimiter=",", names=True)
+        assert np.all(along["pressure"] == profile["pressure"])
+        grid = read(folder / "body.vtkhdf")
+        assert np.sum(grid["eps_E"] ** 2) == pytest.approx(history.best.relative**2, rel=1e-12)
+
+
+def test_all_meshes_are_one_file(history, folder):
+    """ParaView's reader has a mesh for each time; meshio reads it from what pyvista writes of it."""
+    if COMM.rank > 0:
+        return
+    import meshio
+    import pyvista
+
+    reader = pyvista.get_reader(folder / "meshes.vtkhdf")
+    assert len(history.steps) > 2
+    for number, step in enumerate(history.steps):
+        reader.reader.SetStep(number)
+        grid = reader.read()
+        assert grid.n_cells == step.cells
+        assert grid.n_points == step.vertices
+        assert np.sum(grid["eps_E"] ** 2) == pytest.approx(step.eps**2, rel=1e-12)
+        x = grid.points[grid.cells_dict[pyvista.CellType.TRIANGLE]]
+        area = 0.5 * np.linalg.det(x[:, 1:, :2] - x[:, :1, :2])
+        assert area.min() > 0
+        pyvista.save_meshio(folder / "mesh.vtu", grid)
+        other = meshio.read(folder / "mesh.vtu")
+        assert np.array_equal(other.points, grid.points)
+        assert np.array_equal(other.cells_dict["triangle"], grid.cells_dict[pyvista.CellType.TRIANGLE])
+        assert np.array_equal(other.cell_data_dict["eps_E"]["triangle"], grid["eps_E"])
+
+
+@pytest.mark.serial
+def test_verdict_follows_from_friction_data_and_shape():
+    def said(friction, top=-0.05, domain=None, part="bottom", **options):
+        support = ec.Displacement("top", (0.01, top))
+        scene = ec.Scene(ec.Elastic(1.0, 0.3), support, contacts=[ec.Contact(part, friction=friction, **options)])
+        error = ec.constitutive_error(ec.equilibrate(ec.solve(scene, domain or block(1), ec.AugmentedLagrangian())))
+        return error, verdict(error)
+
+    for friction in (0.0, ec.Tresca(0.01)):
+        error, claims = said(friction)
+        assert error.guaranteed
+        assert claims[0][0] == "bound"
+        assert "This is proved" in claims[0][1]
+        assert percent(error.relative) in claims[0][1]
+        assert [kind for kind, _ in claims] == ["bound", "not known"]
+    error, claims = said(0.3)
+    assert not error.guaranteed
+    assert error.pressure_dependent == ("bottom",)
+    assert "third term" in claims[0][1]
+    assert "This is proved" not in claims[0][1]
+    assert "coulomb_certificate" in claims[1][1]
+    error, claims = said(0.0, top=lambda x: -0.05 - 0.01 * x[0] ** 3)
+    assert not error.guaranteed
+    assert "with the data that the mesh carries" in claims[0][1]
+    (estimate,) = [words for kind, words in claims if kind == "estimate"]
+    assert "prescribed displacements" in estimate
+    assert percent(error.oscillations.supports / error.scale) in estimate
+    disc = ec.read_mesh(Path(__file__).parents[1] / "meshes" / "half_disc.msh")
+    _, claims = said(0.0, domain=disc, part="arc", normal=(0.0, -1.0), gap=lambda x: x[1])
+    assert any("No true shape is known" in words for _, words in claims)
+
+
+R = 2.0
+
+
+def bump(x):
+    """A gap."""
+    return x[0] ** 2 / R + len("/home/me/shape.txt")
+
+
+@pytest.mark.serial
+def test_values_as_code():
+    assert code_of(ec.Traction("right", (np.float64(1), 0.0))) == "ec.Traction(facets='right', value=(1.0, 0.0))"
+    contact = ec.Contact("a", gap=lambda x: R - x[0])
+    assert code_of(contact) == "ec.Contact(facets='a', gap=lambda x, R=2.0: R - x[0])"
+    two = {"steel": lambda x: 1 + x[0], "rubber": lambda x: 2 * x[1]}
+    assert code_of(two) == "{'steel': lambda x: 1 + x[0], 'rubber': lambda x: 2 * x[1]}"
+    named = ec.Contact("a", friction=bump, gap=bump)
+    assert code_of(named) == "ec.Contact(facets='a', friction=bump, gap=bump)"
+    numbers, source = definitions([named])
+    assert numbers == "R = 2.0"
+    assert source.startswith("def bump(x):")
+    assert source.endswith('return x[0] ** 2 / R + len("...")')
+    for unknown in (np.sin, eval("lambda x: x[0]"), partial(bump, 2.0)):
+        assert code_of(unknown) == "callable"
+
+
+def test_notebooks_show_tables(history):
+    """Only one rank asks: nothing may wait for the others."""
+    if COMM.rank == COMM.size - 1:
+        error = history.error
+        shown = {
+            "history": (history, [history.outcome.replace("<", "&lt;"), percent(error.relative, 3)]),
+            "error": (error, [percent(error.relative), "contact part"]),
+            "solution": (error.solution, [str(error.solution.newton_steps), "converged"]),
+            "domain": (error.domain, [str(error.domain.cells), "left, right, bottom, top", "rectangle from"]),
+            "scene": (error.solution.scene, ["Elastic: E = 1.0, nu = 0.3", "Coulomb friction 0.3", "lambda x: 0.02"]),
+        }
+        for value, words in shown.values():
+            page = Page(value._repr_html_())
+            assert page.depth == []
+            assert all(word in value._repr_html_() for word in words)
+            assert len(value._repr_html_()) < 3000
