@@ -27,7 +27,7 @@ import erc_contact as ec
 from erc_contact import output, results
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.base.percent import percent
-from erc_contact.output import gathered
+from erc_contact.output import contact_plots, flat, gathered
 
 COMM = MPI.COMM_WORLD
 PLOTTING = {"pyvista", "vtkmodules", "matplotlib"}
@@ -100,6 +100,12 @@ def seen(monkeypatch):
             record.views.append(np.array(plotter.camera.direction))
             return np.full((9, 9, 3), 255, dtype=np.uint8)
 
+        def add_flat(axes, data, look):
+            record.meshes.append((data.copy(), look))
+            draw_flat(axes, data, look)
+
+        draw_flat = flat.add_flat
+        monkeypatch.setattr(flat, "add_flat", add_flat)
         monkeypatch.setattr(Figure, "savefig", savefig)
         monkeypatch.setattr(pyvista.Plotter, "add_mesh", add_mesh)
         monkeypatch.setattr(pyvista.Plotter, "screenshot", screenshot)
@@ -113,15 +119,19 @@ def texts(figure) -> list[str]:
     return [text.get_text() for text in figure.findobj(Text) if text.get_text()]
 
 
-def areas(figure) -> list[float]:
-    """Areas under the curves of a contact, from left to right: of the pressure and of the shear."""
+def areas(axes, width: float) -> list[float]:
+    """Areas under the curves of a contact of some line width, from left to right: of the pressure and of the shear."""
     found = []
-    for colour in ("#1f3b73", "#b22222"):
-        (line,) = [line for line in figure.axes[0].lines if line.get_color() == colour]
+    for colour in (contact_plots.PRESSURE, contact_plots.SHEAR):
+        (line,) = [line for line in axes.lines if line.get_color() == colour and line.get_linewidth() == width]
         x, y = line.get_xdata(), line.get_ydata()
         assert np.all(np.diff(x[np.isfinite(x)]) >= -1e-12 * np.nanmax(abs(x)))
         found.append(float(np.nansum(0.5 * (y[1:] + y[:-1]) * np.diff(x))))
     return found
+
+
+CURVE, FACETS = 1.6, 0.5
+"""Widths of the curves of a traction, and of the lines that show it facet by facet."""
 
 
 def total(values) -> float:
@@ -422,7 +432,9 @@ def test_area_under_the_pressure_is_the_force(degree, body, shared_tmp_path, see
     force = resultant(error.admissible.tractions[0])
     if COMM.rank == 0:
         shear, pressure = force
-        assert areas(seen.figures[0]) == pytest.approx([pressure, shear], rel=1e-3, abs=1e-3 * pressure)
+        for width in (CURVE, FACETS)[: 3 - degree]:
+            found = areas(seen.figures[0].axes[0], width)
+            assert found == pytest.approx([pressure, shear], rel=1e-3, abs=1e-3 * pressure)
 
 
 @pytest.mark.serial
@@ -431,8 +443,6 @@ def test_area_under_the_pressure_of_any_contact(shape):
     """A ring is cut where nothing presses; facets come in any order and direction; parts may lie apart."""
     if COMM.rank > 0:
         return
-    from erc_contact.output.curves import contact_curves
-
     rng = np.random.default_rng(3)
     many = 40
     angle = np.linspace(0.0, 2 * np.pi if shape == "ring" else 2.5, many + 1)
@@ -454,15 +464,16 @@ def test_area_under_the_pressure_of_any_contact(shape):
     )
     contact = SimpleNamespace(direction=n, bilateral=False, sampled=False)
     traction = ContactTraction(contact, ends, area, values, 0.3 * pressure)
-    figure = contact_curves(gathered.Surface(traction, x, ends, np.zeros(ends.shape)))
+    axes = contact_plots.contact_curves(gathered.Surface(traction, x, ends, np.zeros(ends.shape)))
     force = float(area @ pressure.mean(axis=1))
-    assert areas(figure) == pytest.approx([force, 0.1 * force], rel=1e-9)
-    line = figure.axes[0].lines[0]
+    assert areas(axes, FACETS) == pytest.approx([force, 0.1 * force], rel=1e-9)
+    assert areas(axes, CURVE) == pytest.approx([force, 0.1 * force], rel=1e-3)
+    line = axes.lines[1]
     apart = {"two arcs": 0.05 * area.sum(), "two feet": 3e-3 * angle[1]}.get(shape, 0.0)
     assert np.ptp(line.get_xdata()[np.isfinite(line.get_xdata())]) == pytest.approx(area.sum() + apart, rel=1e-9)
     assert np.nanmax(abs(np.diff(line.get_ydata()))) < 0.3 * pressure.max()  # neighbours stand side by side
     expected = "$x$ [length]" if shape == "two feet" else "arc length from ("
-    assert figure.axes[0].get_xlabel().startswith(expected)
+    assert axes.get_xlabel().startswith(expected)
 
 
 @pytest.mark.parametrize("d", [2, 3])

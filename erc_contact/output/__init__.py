@@ -1,13 +1,18 @@
 """Files, plots and pictures of a run: curves and maps by matplotlib, bodies by pyvista, files for ParaView.
 
 All functions are collective. Data are gathered on rank 0 of the mesh's communicator, which draws and writes. The other
-ranks import neither matplotlib nor pyvista. An exception on rank 0 is raised on all ranks. No display is needed. The
-folder of a path is made if it is missing. The suffix of a picture's path gives the format: png, pdf or svg.
+ranks import neither matplotlib nor pyvista. An exception on rank 0 is raised on all ranks. No display is needed.
+
+Pictures and plots go to a file, whose suffix gives the format (png, pdf or svg), and whose folder is made if it is
+missing; or on axes of matplotlib that are given as ``ax``, in 2D; or without either in a new figure. They return the
+axes on rank 0. In pdf and svg files, bodies in the plane are lines and polygons, and bodies in space are images.
 """
 
-from erc_contact.output.curves import plot_contact, plot_history
+from erc_contact.output.contact_plots import plot_contact
+from erc_contact.output.curves import plot_history
+from erc_contact.output.mesh_pictures import draw_meshes
 from erc_contact.output.paraview import write_fields
-from erc_contact.output.pictures import draw_deformed, draw_error, draw_meshes
+from erc_contact.output.pictures import draw_deformed, draw_error
 from erc_contact.output.series import write_meshes
 from erc_contact.output.size_pictures import draw_sizes
 

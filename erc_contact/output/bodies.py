@@ -1,4 +1,4 @@
-"""Bodies and their foundations as triangles and lines for pyvista, and images of them. On rank 0.
+"""Bodies and their foundations as triangles and lines, and pictures of them: in 3D images by pyvista. On rank 0.
 
 Triangles and lines of degree 2 are cut into straight parts, so that curved edges look curved.
 
@@ -17,6 +17,7 @@ import numpy as np
 from erc_contact.mesh.simplex import edges, in_space, lagrange, node_between, node_vertices
 from erc_contact.output.drawing import tangents
 from erc_contact.output.files import degree_of, grid_of, subdivided
+from erc_contact.output.flat import draw_flat, limits
 from erc_contact.output.gathered import Surface, mean_normal
 
 DIVISIONS = 6
@@ -27,6 +28,8 @@ REACH = 0.15
 """The foundation is drawn where its magnified gap is below this share of the body's size [-]."""
 PIXELS = 1800
 """Number of pixels of the longer side of the image of a body."""
+WORDS = 1.4
+"""Width in a figure of the labels of a view in 3D [inches]."""
 BAND, EXCESS = 0.03, 0.06
 """Width of the band of a foundation in 2D, and length by which a flat foundation extends beyond each end of its
 contact, as shares of the body's size [-]."""
@@ -184,56 +187,63 @@ def views_of(d: int, up: np.ndarray) -> dict[str, np.ndarray]:
     return views
 
 
-def rendered(parts: Sequence[tuple[Any, dict[str, Any]]], view: np.ndarray) -> tuple[np.ndarray, tuple[float, ...]]:
-    """The image of some parts in parallel projection, and its extent in the plane of the view.
+def seen(parts: Sequence[tuple[Any, dict[str, Any]]], view: np.ndarray) -> np.ndarray:
+    """Low and high corner of some parts in the axes of a view, with a margin [length], shape (2, 3)."""
+    points = np.concatenate([data.points for data, _ in parts]) @ view.T
+    low, high = points.min(axis=0), points.max(axis=0)
+    margin = 0.01 * float(np.linalg.norm(high - low))
+    return np.array([low - margin, high + margin])
+
+
+def rendered(parts: Sequence[tuple[Any, dict[str, Any]]], view: np.ndarray) -> np.ndarray:
+    """The image of some parts in parallel projection; it ends where :func:`seen` says.
 
     Args:
         parts: Data of pyvista, and options with which they are drawn.
         view: Axes of the view, shape (3, 3).
 
     Returns:
-        The pixels, shape (height, width, 3), and left, right, low and high end of the image [length].
+        The pixels, shape (height, width, 3).
     """
     import pyvista  # noqa: PLC0415
 
-    seen = np.concatenate([data.points for data, _ in parts]) @ view.T
-    low, high = seen.min(axis=0), seen.max(axis=0)
-    size = float(np.linalg.norm(high - low))
-    low, high, middle = low - 0.01 * size, high + 0.01 * size, (low + high) / 2 @ view
+    low, high = seen(parts, view)
+    size, middle = float(np.linalg.norm(high - low)), (low + high) / 2 @ view
     pixels = np.maximum(PIXELS * (high - low)[:2] / (high - low)[:2].max(), 16).round().astype(int)
-    flat = abs(view[2, 2]) == 1.0
     with pyvista.vtk_verbosity("off"):  # without a display VTK complains before it finds another way
         plotter = pyvista.Plotter(off_screen=True, window_size=pixels.tolist())
         plotter.set_background("white")
         for data, look in parts:
             lines = data.n_lines > 0  # to be seen before the surface that they lie on
             shown = data.translate(1e-3 * size * view[2]) if lines else data
-            plotter.add_mesh(shown, show_scalar_bar=False, lighting=not flat, ambient=0.65, diffuse=0.4, **look)
+            plotter.add_mesh(shown, show_scalar_bar=False, ambient=0.65, diffuse=0.4, **look)
         plotter.enable_parallel_projection()
         plotter.camera_position = [tuple(middle + 2 * size * view[2]), tuple(middle), tuple(view[1])]
         plotter.camera.parallel_scale = (high - low)[1] / 2
         plotter.reset_camera_clipping_range()
         image = np.asarray(plotter.screenshot(return_img=True))
         plotter.close()
-    return image, (low[0], high[0], low[1], high[1])
+    return image
 
 
-def show(axes: Any, drawn: tuple[np.ndarray, tuple[float, ...]], view: np.ndarray, points: np.ndarray) -> None:
-    """Show an image in axes of matplotlib, with coordinates; in 3D along three edges of a box around the points.
+def show(axes: Any, parts: Sequence[tuple[Any, dict[str, Any]]], view: np.ndarray) -> None:
+    """Show parts of a body in axes of matplotlib, with coordinates; in 3D along three edges of a box around them.
 
     Args:
         axes: Axes of matplotlib.
-        drawn: Image and extent, from :func:`rendered`.
-        view: Axes of the view, shape (3, 3).
-        points: Points of the body and its foundations [length], shape (n, 3).
+        parts: Data of pyvista, and options with which they are drawn.
+        view: Axes of the view, shape (3, 3), the identity for a body in the plane.
     """
     from matplotlib.ticker import MaxNLocator  # noqa: PLC0415
 
-    axes.imshow(drawn[0], extent=drawn[1])
-    axes.spines[:].set_visible(False)
+    low, high = seen(parts, view)
     if view[2, 2] == 1.0:
-        axes.set(xlabel="$x$ [length]", ylabel="$y$ [length]")
+        draw_flat(axes, parts)
+        axes.set(**limits(low, high))
         return
+    axes.imshow(rendered(parts, view), extent=(low[0], high[0], low[1], high[1]))
+    axes.spines[:].set_visible(False)
+    points = np.concatenate([data.points for data, _ in parts])
     axes.set_axis_off()
     ends = np.array([points.min(axis=0), points.max(axis=0)])
     corners = np.stack(np.meshgrid(*ends.T, indexing="ij"), axis=-1).reshape(-1, 3)

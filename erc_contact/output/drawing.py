@@ -1,14 +1,53 @@
-"""Figures, directions and labels that plots and pictures share. All functions are called on rank 0.
+"""Figures, directions and labels that plots and pictures share.
 
 Symbols: n normal of the foundation.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from mpi4py import MPI
+
+from erc_contact.base.exceptions import InputError
+from erc_contact.output.files import STYLE, on_root
+
+CYCLE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#000000")
+"""Colours of curves that the colour-blind can tell apart. Source: Okabe, Ito, Color Universal Design (2008)."""
+
+
+def draw_figure(comm: MPI.Comm, path: str | Path | None, ax: Any, draw: Callable[[Any], Any]) -> Any:
+    """Draw on axes of the user's or in a new figure, and save it if there is a path; collective.
+
+    Args:
+        comm: Communicator.
+        path: Picture file, or None. Its suffix gives the format.
+        ax: Axes of the user's on rank 0, whose style stays as it is; None makes a figure.
+        draw: Gets ``ax``, draws, and returns the axes; it is called on rank 0.
+
+    Returns:
+        The axes on rank 0, None on the other ranks.
+    """
+    drawn = []
+
+    def make() -> None:
+        from matplotlib import rc_context  # noqa: PLC0415
+
+        with rc_context(STYLE) if ax is None else nullcontext():
+            axes = draw(ax)
+            figure = np.ravel(axes)[0].figure
+            if path is not None:
+                figure.savefig(path, dpi=200, bbox_inches="tight")
+            elif ax is None:
+                figure.draw_without_rendering()  # words get their font now
+        drawn.append(axes)
+
+    on_root(comm, path, make)
+    return drawn[0] if drawn else None
 
 
 def new_figure(width: float, height: float, layout: str = "constrained") -> Any:
@@ -21,12 +60,32 @@ def new_figure(width: float, height: float, layout: str = "constrained") -> Any:
     return Figure(figsize=(width, height), layout=layout)
 
 
-def save_figure(figure: Any, path: str | Path) -> None:
-    """Write a figure; the suffix of the path gives the format."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg  # noqa: PLC0415
+def panels_of(ax: Any, many: int, what: str) -> np.ndarray:
+    """The axes that a user gave, as an array.
 
-    FigureCanvasAgg(figure)
-    figure.savefig(path, dpi=200, bbox_inches="tight")
+    Raises:
+        InputError: If there are not so many.
+    """
+    axes = np.ravel(ax)
+    if len(axes) != many:
+        raise InputError(f"{what}: ax has {len(axes)} axes; it needs {many}.")
+    return axes
+
+
+def only_in_2d(what: str, ax: Any, d: int) -> None:
+    """Refuse axes for a body in space, whose pictures have several."""
+    if ax is not None and d == 3:
+        raise InputError(f"{what} in 3D makes a figure of its own; leave ax out, and take the axes that are returned.")
+
+
+def log_ticks(low: float, high: float) -> np.ndarray:
+    """Ticks of a logarithmic scale with plain numbers: powers of ten, or more of them if the range is narrow."""
+    from matplotlib.ticker import MaxNLocator  # noqa: PLC0415
+
+    powers = 10.0 ** np.arange(-30, 30)
+    series = [np.outer(powers, steps).ravel() for steps in ((1,), (1, 2, 5), (1, 2, 3, 4, 5, 6, 8))]
+    series = [s[(s >= low) & (s <= high)] for s in [*series, MaxNLocator(5).tick_values(low, high)]]
+    return next((s for s in series if len(s) > 2), series[-1])
 
 
 def tangents(n: np.ndarray) -> np.ndarray:

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import tempfile
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.mesh.simplex import lagrange, rule
-from erc_contact.output.curves import COLOURS, STATUS
-from erc_contact.output.drawing import new_figure, save_figure, tangents
+from erc_contact.output.contact_plots import COLOURS, STATUS
+from erc_contact.output.drawing import CYCLE, draw_figure, new_figure, panels_of, tangents
 from erc_contact.output.files import on_root
 from erc_contact.output.pictures import draw_deformed
 
@@ -36,28 +36,41 @@ class History(Protocol):
         """The resultant on a contact at the end of each step [force], shape (steps, d)."""
 
 
-def plot_energies(history: History, path: str | Path) -> None:
-    """Draw work, strain energy and dissipation against time, and what is left of their balance; collective."""
+def plot_energies(history: History, path: str | Path | None = None, *, ax: Any = None) -> Any:
+    """Draw work, strain energy and dissipation against time, and what is left of their balance; collective.
+
+    Args:
+        history: The history.
+        path: Picture file, or None.
+        ax: Two axes of matplotlib to draw on; by default those of a new figure.
+
+    Returns:
+        The axes on rank 0, None on the other ranks.
+    """
     comm = history.errors[0].domain.mesh.comm
 
-    def draw() -> None:
-        figure, time = new_figure(8.6, 3.9), history.column("time")
-        left, right = figure.subplots(1, 2)
+    def draw(ax: Any) -> np.ndarray:
+        time = history.column("time")
+        left, right = panels = panels_of(new_figure(8.6, 3.9).subplots(1, 2) if ax is None else ax, 2, "plot_energies")
+        for axes in panels:
+            axes.set_prop_cycle(color=CYCLE)
         for name, words in (("work", "work of loads and supports"), ("stored", "stored"), ("dissipated", "dissipated")):
             left.plot(time, history.column(name), "o-", ms=3, lw=1.2, label=words)
         right.plot(time, history.column("imbalance"), "o-", ms=3, lw=1.2, label="of the error on the meshes")
         right.plot(time, history.column("in_time"), "s-", ms=3, lw=1.2, label="of the steps in time")
         left.set(xlabel="t", ylabel="energy [force length]")
-        right.set(xlabel="t", title="what the balance leaves [force length]")
-        for axes in (left, right):
+        right.set(xlabel="t", ylabel="what the balance leaves [force length]")
+        for axes in panels:
             axes.legend(loc="best", frameon=False)
             axes.grid(color="0.9", lw=0.6)
-        save_figure(figure, path)
+        return panels
 
-    on_root(comm, path, draw)
+    return draw_figure(comm, path, ax, draw)
 
 
-def plot_loop(history: History, contact: str, path: str | Path, part: str | None = None) -> None:
+def plot_loop(
+    history: History, contact: str, path: str | Path | None = None, part: str | None = None, *, ax: Any = None
+) -> Any:
     """Draw the shear force of a contact against the displacement of a boundary part; collective.
 
     Both are taken in the tangential direction in which the force changes most.
@@ -65,8 +78,12 @@ def plot_loop(history: History, contact: str, path: str | Path, part: str | None
     Args:
         history: The history.
         contact: Name of the contact.
-        path: Picture file.
+        path: Picture file, or None.
         part: Name of the boundary part; by default the first one with a support or a load.
+        ax: Axes of matplotlib to draw on; by default those of a new figure.
+
+    Returns:
+        The axes on rank 0, None on the other ranks.
 
     Raises:
         InputError: If no contact or no part has this name, or there is neither support nor load on the boundary.
@@ -84,21 +101,29 @@ def plot_loop(history: History, contact: str, path: str | Path, part: str | None
     chosen = along[np.ptp(force @ along.T, axis=0).argmax()]
     moved = np.array([_mean_displacement(error, where) @ chosen for error in history.errors])
 
-    def draw() -> None:
-        figure = new_figure(5.2, 4.2)
-        axes = figure.subplots()
-        axes.plot(moved, -(force @ chosen), "o-", ms=3, lw=1.2)
+    def draw(ax: Any) -> Any:
+        axes = new_figure(5.2, 4.2).subplots() if ax is None else ax
+        axes.plot(moved, -(force @ chosen), "o-", ms=3, lw=1.2, color=CYCLE[0])
         axes.set(
             xlabel=f"mean displacement of {where} [length]", ylabel=f"shear on the foundation of {contact} [force]"
         )
         axes.grid(color="0.9", lw=0.6)
-        save_figure(figure, path)
+        return axes
 
-    on_root(model.comm, path, draw)
+    return draw_figure(model.comm, path, ax, draw)
 
 
-def plot_zones(history: History, contact: str, path: str | Path) -> None:
+def plot_zones(history: History, contact: str, path: str | Path | None = None, *, ax: Any = None) -> Any:
     """Draw which parts of a contact in 2D are open, slip or stick, along the contact and in time; collective.
+
+    Args:
+        history: The history.
+        contact: Name of the contact.
+        path: Picture file, or None.
+        ax: Axes of matplotlib to draw on; by default those of a new figure.
+
+    Returns:
+        The axes on rank 0, None on the other ranks.
 
     Raises:
         InputError: If no contact has this name, or the body is in 3D.
@@ -108,7 +133,7 @@ def plot_zones(history: History, contact: str, path: str | Path) -> None:
     comm = history.errors[0].domain.mesh.comm
     profiles = [error.profile(contact) for error in history.errors]
 
-    def draw() -> None:
+    def draw(ax: Any) -> Any:
         from matplotlib.colors import ListedColormap  # noqa: PLC0415
         from matplotlib.patches import Patch  # noqa: PLC0415
 
@@ -117,16 +142,16 @@ def plot_zones(history: History, contact: str, path: str | Path) -> None:
         status = np.array([_status_at(profile, at) for profile in profiles])
         first = np.diff(time).min(initial=np.ptp(time) or 1.0)  # the first state has no length of its own
         edges = np.append(time[0] - first, time)
-        figure = new_figure(6.4, 4.0)
-        axes = figure.subplots()
+        axes = new_figure(6.4, 4.0).subplots() if ax is None else ax
         colours = ListedColormap(COLOURS)
         axes.pcolormesh(edges, np.linspace(0, longest, ALONG + 1), status.T, cmap=colours, vmin=-0.5, vmax=2.5)
         axes.set(xlabel="t", ylabel=f"s along {contact} [length]")
-        patches = [Patch(color=c, label=name) for c, name in zip(COLOURS, STATUS, strict=True)]
-        figure.legend(handles=patches, loc="outside upper center", ncols=3, frameon=False)
-        save_figure(figure, path)
+        patches = [Patch(fc=c, ec="0.6", label=name) for c, name in zip(COLOURS, STATUS, strict=True)]
+        place = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0)}
+        axes.legend(handles=patches, ncols=3, frameon=False, **place)
+        return axes
 
-    on_root(comm, path, draw)
+    return draw_figure(comm, path, ax, draw)
 
 
 def animate(history: History, path: str | Path, seconds: float = 0.15) -> None:

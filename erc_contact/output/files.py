@@ -16,8 +16,8 @@ from mpi4py import MPI
 from erc_contact.base.exceptions import raise_together
 from erc_contact.mesh.simplex import lattice, node_between
 
-FONTS = {"font.family": "STIXGeneral", "mathtext.fontset": "stix", "font.size": 11.0}
-"""matplotlib's settings for all plots and pictures."""
+STYLE = {"font.family": "STIXGeneral", "mathtext.fontset": "stix", "font.size": 11.0, "pdf.fonttype": 42}
+"""matplotlib's settings for figures of ours; journals want fonts of type 42 in pdf files."""
 VTK_EDGES = np.array([(0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3)])
 """Vertices of the edges of a tetrahedron, in the order of VTK's nodes. The first one is the edge of a line, and the
 first three are those of a triangle."""
@@ -30,22 +30,20 @@ CHUNK, COMPRESSION = 1000, 4
 written in full even if a mesh is small: 133 triangles then take 5.7 MB."""
 
 
-def on_root(comm: MPI.Comm, path: str | Path, draw: Callable[[], None]) -> None:
+def on_root(comm: MPI.Comm, path: str | Path | None, draw: Callable[[], None]) -> None:
     """Draw or write on rank 0; collective. An exception there is raised on all ranks.
 
     Args:
         comm: Communicator.
-        path: File whose folder is made if it is missing.
+        path: File whose folder is made if it is missing; None if there is no file.
         draw: Draws and writes the file.
     """
     error: Exception | None = None
     if comm.rank == 0:
         try:
-            from matplotlib import rc_context  # noqa: PLC0415
-
-            Path(path).parent.mkdir(parents=True, exist_ok=True)
-            with rc_context(FONTS):
-                draw()
+            if path is not None:
+                Path(path).parent.mkdir(parents=True, exist_ok=True)
+            draw()
         except Exception as reason:
             error = reason
     raise_together(comm, error)

@@ -1,4 +1,4 @@
-"""Pictures of bodies: images by pyvista, in figures by matplotlib.
+"""Pictures of bodies: in the plane by matplotlib, in space images by pyvista in figures by matplotlib.
 
 Bodies of degree 2 are drawn with curved edges. A body in space is seen twice: from above with the foundation, and from
 the other side and below without it, to show the contact.
@@ -15,87 +15,32 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from mpi4py import MPI
 
 from erc_contact.admissible.pair import Admissible
-from erc_contact.base.exceptions import InputError
-from erc_contact.base.percent import percent
 from erc_contact.error.constitutive import ConstitutiveError
-from erc_contact.mesh.domain import Domain
 from erc_contact.model.stress import tells_out_of_plane, von_mises
-from erc_contact.output.bodies import Skin, foundation, ground, rendered, show, skin_of, views_of
-from erc_contact.output.drawing import new_figure, save_figure, weighted_level
-from erc_contact.output.files import gathered, grid_of, on_root
+from erc_contact.output.bodies import WORDS, Skin, foundation, ground, seen, show, skin_of, views_of
+from erc_contact.output.drawing import draw_figure, log_ticks, new_figure, only_in_2d, weighted_level
+from erc_contact.output.files import gathered, grid_of
 from erc_contact.output.gathered import body_mesh, body_nodes, nodal_displacement, whole_contact
 from erc_contact.results.stresses import mean_stress
 
-WORDS = 1.4
-"""Width in a figure of the labels of a view in 3D [inches]."""
 WIDE = 1.6
 """A body whose width over its height is larger than this has its colour bar below [-]."""
 FEW = 15_000
 """Greatest number of elements whose edges are shown in a map. More edges would hide the colours."""
 
 
-def draw_meshes(meshes: Sequence[tuple[Domain, np.ndarray]], path: str | Path) -> None:
-    """Draw meshes of a sequence side by side: the first, the last and some between; collective.
-
-    There are at most six of them in 2D, and four in 3D.
-
-    Args:
-        meshes: Pairs of a domain and eps_E of its owned cells, as in ``History.meshes``.
-        path: Picture file.
-
-    Raises:
-        InputError: If there is no mesh.
-    """
-    if not meshes:
-        raise InputError("draw_meshes: no mesh is given; give pairs (domain, eps_E), as in history.meshes.")
-    comm, dim = meshes[0][0].mesh.comm, meshes[0][0].dim
-    most = 6 if dim == 2 else 4
-    chosen = [meshes[i] for i in np.unique(np.linspace(0, len(meshes) - 1, most).round().astype(int))]
-    bodies = [(gathered(comm, **body_mesh(domain)), domain.cells) for domain, _ in chosen]
-    errors = [float(np.sqrt(comm.allreduce(float(np.sum(cells**2)), MPI.SUM))) for _, cells in chosen]
-
-    def draw() -> None:
-        widths = np.clip([45 / np.sqrt(cells) for _, cells in bodies], 0.5, 1.5)  # thin lines on fine meshes
-        skins = [skin_of(**body, d=dim) for body, _ in bodies]
-        shown = [
-            [skin.faces(skin.points, color="#dce6f0"), skin.edges(skin.points, color="#1f2d3d", line_width=width)]
-            for skin, width in zip(skins, widths, strict=True)
-        ]
-        views = list(views_of(dim, np.eye(3)[1]).values())
-        images = [rendered(parts, view) for view in views for parts in shown]
-        left, right, low, high = images[0][1]
-        ratio = (right - left) / (high - low)
-        many = len(chosen)
-        shapes = [(-(-many // columns), columns) for columns in range(1, many + 1)] if dim == 2 else [(2, many)]
-        rows, columns = min(shapes, key=lambda s: abs(np.log(ratio * s[1] / s[0] / 2)) + s[0] * s[1] - many)
-        height = min(5.5, 9.0 / (ratio * columns), 9.0 / rows)
-        wide, high = max(ratio * height, 1.2) + WORDS * (dim - 2), height + 0.5 * (dim - 1)
-        figure = new_figure(wide * columns + 0.6, high * rows + 0.5, "compressed")
-        figure.get_layout_engine().set(w_pad=0.12)
-        panels = figure.subplots(rows, columns, squeeze=False, sharex=dim == 2, sharey=dim == 2).ravel()
-        for number, (panel, image) in enumerate(zip(panels, images, strict=False)):
-            view, mesh = divmod(number, many)
-            show(panel, image, views[view], skins[mesh].points)
-            panel.label_outer(remove_inner_ticks=True)
-        for panel, (_, cells), eps in zip(panels, bodies, errors, strict=False):
-            between = ", " if ratio * height > 2 else "\n"
-            panel.set_title(f"{cells} cells{between}eps = {percent(eps, 3)}", fontsize=10)
-        for panel in panels[len(images) :]:
-            panel.set_axis_off()
-        save_figure(figure, path)
-
-    on_root(comm, path, draw)
-
-
-def draw_error(error: ConstitutiveError, path: str | Path) -> None:
+def draw_error(error: ConstitutiveError, path: str | Path | None = None, *, ax: Any = None) -> Any:
     """Draw eps_E of each element on a logarithmic colour scale; collective.
 
     Args:
         error: The error, whose ``indicators`` are drawn.
-        path: Picture file.
+        path: Picture file, or None.
+        ax: Axes of matplotlib to draw on, in 2D; by default those of a new figure.
+
+    Returns:
+        The axes on rank 0, None on the other ranks; in 3D an array of two.
     """
 
     def scale(eps: np.ndarray) -> Scale:
@@ -103,12 +48,14 @@ def draw_error(error: ConstitutiveError, path: str | Path) -> None:
 
         top = float(eps.max())
         low = min(max(float(np.percentile(eps, 1)), 1e-4 * top), 0.5 * top)
-        return Scale(LogNorm(low, top) if top > 0 else Normalize(0, 1), "min", "eps_E [-]")
+        return Scale(LogNorm(low, top) if top > 0 else Normalize(0, 1), "min", r"$\varepsilon_E$ [-]")
 
-    draw_cells(error.admissible, error.indicators, scale, path)
+    return draw_cells(error.admissible, error.indicators, scale, path, ax)
 
 
-def draw_deformed(error: ConstitutiveError, path: str | Path, factor: float | None = None) -> None:
+def draw_deformed(
+    error: ConstitutiveError, path: str | Path | None = None, factor: float | None = None, *, ax: Any = None
+) -> Any:
     """Draw the deformed body on its foundation, coloured by the von Mises stress of sigma^; collective.
 
     Points of the body are drawn at X + factor u^, and points of the foundation at X + factor g n. So a closed gap looks
@@ -118,9 +65,13 @@ def draw_deformed(error: ConstitutiveError, path: str | Path, factor: float | No
 
     Args:
         error: The error, whose admissible pair is drawn.
-        path: Picture file.
+        path: Picture file, or None.
         factor: Magnification of u^ and of the gap [-]. By default the largest u^ is drawn with 6% of the body's size;
             if it is larger than 5%, it is not magnified.
+        ax: Axes of matplotlib to draw on, in 2D; by default those of a new figure.
+
+    Returns:
+        The axes on rank 0, None on the other ranks; in 3D an array of two.
     """
     admissible, model = error.admissible, error.solution.model
     comm, size, d = model.comm, model.domain.extent, model.d
@@ -131,9 +82,10 @@ def draw_deformed(error: ConstitutiveError, path: str | Path, factor: float | No
     up = _up(admissible)
     label = f"von Mises stress{'' if tells_out_of_plane(model) else ' of the plane part'} [force/area]"
 
-    def draw() -> None:
+    def draw(ax: Any) -> Any:
         from matplotlib.colors import Normalize  # noqa: PLC0415
 
+        only_in_2d("draw_deformed", ax, d)
         u, mises = body.pop("u"), cells["mises"]
         largest = float(np.linalg.norm(u, axis=1).max())
         default = float(f"{0.06 * size / largest:.2g}") if 0 < largest < 0.05 * size else 1.0
@@ -144,32 +96,42 @@ def draw_deformed(error: ConstitutiveError, path: str | Path, factor: float | No
         foundations = [foundation(contact, times, size) for contact in shown]
         top = weighted_level(mises, cells["volume"], 0.998) or 1.0  # a singular corner must not take all colours
         scale, x = Scale(Normalize(0, top), "max", label), skin.points + times * u
-        figure = _map(skin, x, mises, scale, views_of(d, up), outline, foundations)
-        gaps = any(contact.gap.any() for contact in shown)
-        figure.suptitle(f"displacement {'and gap ' if gaps else ''}× {times:g}", fontsize=11)
-        save_figure(figure, path)
+        axes = _map(ax, skin, x, mises, scale, views_of(d, up), outline, foundations)
+        title = f"displacement {'and gap ' * any(contact.gap.any() for contact in shown)}× {times:g}"
+        if d == 2:
+            axes.set_title(title, fontsize=11)
+        else:
+            axes[0].figure.suptitle(title, fontsize=11)
+        return axes
 
-    on_root(comm, path, draw)
+    return draw_figure(comm, path, ax, draw)
 
 
-def draw_cells(admissible: Admissible, values: np.ndarray, scale: Callable[..., Scale], path: str | Path) -> None:
+def draw_cells(
+    admissible: Admissible, values: np.ndarray, scale: Callable[..., Scale], path: str | Path | None, ax: Any
+) -> Any:
     """Draw a value in each element on the body before the deformation; collective.
 
     Args:
         admissible: A pair on the mesh of the body.
         values: Values of the owned cells, shape (owned,).
         scale: Gives the colours for the values of all cells; called on rank 0.
-        path: Picture file.
+        path: Picture file, or None.
+        ax: Axes of matplotlib to draw on, in 2D, or None.
+
+    Returns:
+        The axes on rank 0, None on the other ranks.
     """
     domain = admissible.solution.domain
     comm, up = domain.mesh.comm, _up(admissible)
     body, cells = gathered(comm, **body_mesh(domain)), gathered(comm, values=values)
 
-    def draw() -> None:
+    def draw(ax: Any) -> Any:
+        only_in_2d("A picture of a body", ax, domain.dim)
         skin, values = skin_of(**body, d=domain.dim), cells["values"]
-        save_figure(_map(skin, skin.points, values, scale(values), views_of(domain.dim, up)), path)
+        return _map(ax, skin, skin.points, values, scale(values), views_of(domain.dim, up))
 
-    on_root(comm, path, draw)
+    return draw_figure(comm, path, ax, draw)
 
 
 @dataclass(frozen=True)
@@ -207,20 +169,17 @@ def _up(admissible: Admissible) -> np.ndarray:
 def _ticks(bar: Any, norm: Any, *, known: bool) -> None:
     """Write plain numbers at a colour bar, or only 0 if no value other than zero is known."""
     from matplotlib.colors import LogNorm  # noqa: PLC0415
-    from matplotlib.ticker import MaxNLocator  # noqa: PLC0415
 
     if not known:
         bar.set_ticks([0.0])
     elif isinstance(norm, LogNorm):
-        low, high, powers = norm.vmin, norm.vmax, 10.0 ** np.arange(-20, 20)
-        series = [np.outer(powers, steps).ravel() for steps in ((1,), (1, 2, 5))]
-        series = [s[(s >= low) & (s <= high)] for s in [*series, MaxNLocator(5).tick_values(low, high)]]
-        ticks = next((s for s in series if len(s) > 2), series[-1])
+        ticks = log_ticks(norm.vmin, norm.vmax)
         bar.set_ticks(ticks, labels=[f"{tick:.4g}" for tick in ticks], minor=False)
         bar.minorticks_off()
 
 
 def _map(
+    ax: Any,
     skin: Skin,
     x: np.ndarray,
     values: np.ndarray,
@@ -229,9 +188,10 @@ def _map(
     before: Any = None,
     foundations: Sequence[Any] = (),
 ) -> Any:
-    """Figure of a body with coloured elements and a colour bar.
+    """Axes with a body, with coloured elements and a colour bar.
 
     Args:
+        ax: Axes of the user's in 2D, or None.
         skin: The body.
         x: Positions at which its nodes are drawn [length], shape (n, 3).
         values: Values of the elements, shape (m,).
@@ -254,22 +214,24 @@ def _map(
     size = float(np.ptp(x, axis=0).max())
     grounds = [part for surface in foundations for part in ground(surface, size)]
     shown = {name: parts + grounds * (name != "from below") for name in views}
-    images = {name: rendered(shown[name], view) for name, view in views.items()}
-    sizes = np.array([[right - left, high - low] for _, (left, right, low, high) in images.values()])
+    sizes = np.array([np.ptp(seen(shown[name], view), axis=0)[:2] for name, view in views.items()])
     ratio = sizes[:, 0].sum() / sizes[:, 1].max()
     below = flat and ratio > WIDE
-    width = min(6.0, 6.0 * ratio) if flat else min(10.0, 5.0 * ratio)
-    words = (0.7 if below else 1.9) + (0.0 if flat else 2 * WORDS)
-    figure = new_figure(max(width, 1.5) + words, width / ratio + (1.6 if below else 0.9), "compressed")
-    panels = figure.subplots(1, len(views), width_ratios=sizes[:, 0], squeeze=False)[0]
+    if ax is None:
+        width = min(6.0, 6.0 * ratio) if flat else min(10.0, 5.0 * ratio)
+        words = (0.7 if below else 1.9) + (0.0 if flat else 2 * WORDS)
+        figure = new_figure(max(width, 1.5) + words, width / ratio + (1.6 if below else 0.9), "compressed")
+        ax = figure.subplots(1, len(views), width_ratios=sizes[:, 0])
+    panels = np.ravel(ax)
     for panel, (name, view) in zip(panels, views.items(), strict=True):
-        show(panel, images[name], view, np.concatenate([data.points for data, _ in shown[name]]))
-        panel.set_title(name, fontsize=11)
+        show(panel, shown[name], view)
+        if not flat:
+            panel.set_title(name, fontsize=11)
     place = {"location": "bottom", "shrink": 0.7, "aspect": 40} if below else {"shrink": 0.8, "aspect": 30}
-    bar = figure.colorbar(colours, ax=panels, extend=scale.extend, **place)
+    bar = panels[0].figure.colorbar(colours, ax=panels, extend=scale.extend, **place)
     _ticks(bar, scale.norm, known=bool(values.any()))
     if below:
         bar.set_label(scale.label)
     else:
         bar.ax.set_title(scale.label.replace(" [", "\n["), fontsize=11, loc="left")
-    return figure
+    return ax

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -10,17 +11,21 @@ from erc_contact.error.sizes import Sizes
 from erc_contact.output.pictures import Scale, draw_cells
 
 
-def draw_sizes(sizes: Sizes, path: str | Path) -> None:
+def draw_sizes(sizes: Sizes, path: str | Path | None = None, *, ax: Any = None) -> Any:
     """Draw r_E of each element, the ratio of its new size to its old size, on a logarithmic colour scale; collective.
 
     Args:
         sizes: The sizes, whose ``ratio`` is drawn on the mesh from which they follow.
-        path: Picture file.
+        path: Picture file, or None.
+        ax: Axes of matplotlib to draw on, in 2D; by default those of a new figure.
+
+    Returns:
+        The axes on rank 0, None on the other ranks; in 3D an array of two.
     """
 
     def scale(ratio: np.ndarray) -> Scale:
         from matplotlib.colors import LogNorm  # noqa: PLC0415
 
-        return Scale(LogNorm(float(ratio.min()) / 1.05, float(ratio.max()) * 1.05), "neither", "r_E [-]")
+        return Scale(LogNorm(float(ratio.min()) / 1.05, float(ratio.max()) * 1.05), "neither", "$r_E$ [-]")
 
-    draw_cells(sizes.error.admissible, sizes.ratio, scale, path)
+    return draw_cells(sizes.error.admissible, sizes.ratio, scale, path, ax)

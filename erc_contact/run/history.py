@@ -18,10 +18,12 @@ from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.coulomb import CoulombCertificate, coulomb_certificate
 from erc_contact.mesh.domain import Domain
 from erc_contact.newton.solution import Solution
-from erc_contact.output.curves import plot_contact, plot_history
+from erc_contact.output.contact_plots import plot_contact
+from erc_contact.output.curves import plot_history
 from erc_contact.output.files import on_root
+from erc_contact.output.mesh_pictures import draw_meshes
 from erc_contact.output.paraview import write_fields
-from erc_contact.output.pictures import draw_deformed, draw_error, draw_meshes
+from erc_contact.output.pictures import draw_deformed, draw_error
 from erc_contact.output.report import write_report
 from erc_contact.output.series import write_meshes
 from erc_contact.output.verdict import verdict

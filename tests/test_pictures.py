@@ -1,0 +1,130 @@
+"""Pictures for papers: vectors, axes of the user's, nothing cut off, nothing that was not computed.
+
+- Curves of degree 1 keep the mean of the traction on each facet, follow a line exactly, and do not change their sign.
+- A singular peak stays in the picture, and the rest can be read.
+- svg and pdf files of bodies in the plane hold no image; degree 2 is drawn with curved edges there, too.
+- Axes that are given are drawn on and returned, with the style of their figure; in 3D they are refused in words.
+- Maps of a contact in space are what an eye in the foundation sees.
+"""
+
+import re
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from test_output import error_of, punch
+
+import erc_contact as ec
+from erc_contact import output
+from erc_contact.output.along import through_means
+from erc_contact.output.contact_plots import PRESSURE, contact_curves
+from erc_contact.output.gathered import whole_contact
+
+COMM = MPI.COMM_WORLD
+
+
+@pytest.fixture(scope="module", params=[1, 2])
+def error(request):
+    return error_of(punch(2)[0], ec.rectangle((0.0, 0.0), (4.0, 1.0), cells=(16, 4)), degree=request.param)
+
+
+@pytest.mark.serial
+def test_curves_keep_means_lines_and_signs():
+    rng = np.random.default_rng(5)
+    lengths, points = rng.uniform(0.1, 1.0, 30), np.linspace(0.0, 1.0, 2001)
+    parts = np.array([7, 8, 20])
+    for means in (rng.uniform(0.0, 1.0, 30) * (rng.random(30) < 0.8), rng.normal(size=30), np.zeros(30)):
+        curve = through_means(means, lengths, parts, points)
+        assert np.trapezoid(curve, points, axis=1) == pytest.approx(means, abs=1e-6)
+        assert np.all(curve * means[:, None] >= -1e-12)
+        inside = np.setdiff1d(np.arange(1, 30), parts)
+        assert curve[inside, 0] == pytest.approx(curve[inside - 1, -1], abs=1e-12)
+    s = np.append(0.0, np.cumsum(lengths))
+    line = through_means(5.0 + 0.5 * (s[1:] + s[:-1]), lengths, parts[:0], points[::500])
+    assert line == pytest.approx(5.0 + s[:-1, None] + lengths[:, None] * points[::500], rel=1e-12)
+
+
+@pytest.mark.serial
+def test_peaks_stay_in_the_picture():
+    (traction,) = (pair := error_of(*punch(2)).admissible).tractions
+    surface = whole_contact(pair, traction)
+    linear = contact_curves(surface)
+    assert linear.get_yscale() == "linear"
+    facet = -traction.normal_component.mean(axis=1)
+    surface.traction.values[facet.argmax()] *= 1e4
+    peak = float((-surface.traction.normal_component).max())
+    axes = contact_curves(surface)
+    low, high = axes.get_ylim()
+    assert axes.get_yscale() == "symlog"
+    assert low < 0 < peak < high
+    for line in axes.lines:
+        y = line.get_ydata()
+        assert np.nanmax(y) <= high
+        assert np.nanmin(y) >= low
+    ticks = axes.yaxis.get_ticklocs()
+    places = np.sort(axes.transData.transform(np.column_stack([0 * ticks, ticks]))[:, 1])
+    assert len(ticks) > 4
+    assert np.diff(places).min() > 12  # pixels: numbers do not overlap
+    rest = np.nanquantile(np.concatenate([x.get_ydata() for x in axes.lines if x.get_color() == PRESSURE]), 0.6)
+    shown, zero = (axes.transData.transform((0.0, value))[1] for value in (rest, 0.0))
+    assert shown - zero > 0.1 * axes.bbox.height
+
+
+def test_vectors_hold_no_image(error, shared_tmp_path):
+    """Lines of elements of degree 2 have more points than their ends."""
+    output.draw_deformed(error, shared_tmp_path / "deformed.svg", factor=5.0)
+    output.draw_error(error, shared_tmp_path / "error.pdf")
+    output.plot_contact(error.admissible, "bottom", shared_tmp_path / "contact.svg")
+    output.draw_meshes([(error.domain, error.indicators)], shared_tmp_path / "meshes.svg")
+    if COMM.rank == 0:
+        for name in ("deformed", "contact", "meshes"):
+            text = (shared_tmp_path / f"{name}.svg").read_text()
+            images = re.findall("<image", text)
+            assert len(images) == (name == "deformed")  # its colour bar
+            assert text.count("<path") > (10 if name == "contact" else error.domain.cells)
+        text = (shared_tmp_path / "error.pdf").read_bytes()
+        assert b"/Type3" not in text
+        assert text.startswith(b"%PDF")
+
+
+def test_axes_are_drawn_on_and_returned(error):
+    given = dict.fromkeys(("one", "two", "few", "contact"))
+    if COMM.rank == 0:
+        from matplotlib.figure import Figure
+
+        figure = Figure(figsize=(12, 6))
+        axes = figure.subplots(2, 4).ravel()
+        given = {"one": axes[0], "two": axes[1:3], "few": axes[3:6], "contact": axes[6]}
+    run = {"run": ec.adapt(error.solution.scene, error.domain, 0.9, tighten=0)}
+    found = {
+        "one": output.draw_error(error, ax=given["one"]),
+        "two": output.plot_history(run, ax=given["two"]),
+        "few": output.draw_meshes([(error.domain, error.indicators)] * 5, ax=given["few"]),
+        "contact": output.plot_contact(error.admissible, "bottom", ax=given["contact"]),
+    }
+    new = output.draw_deformed(error)
+    with pytest.raises(ec.InputError, match="ax has 3 axes; it needs 2"):
+        output.plot_history(run, ax=np.arange(3))
+    if COMM.rank > 0:
+        assert new is None
+        assert list(found.values()) == [None] * 4
+        return
+    for name, axes in given.items():
+        assert np.all(np.ravel(found[name]) == np.ravel(axes))
+        assert all(one.has_data() for one in np.ravel(axes))
+    assert new.figure is not figure
+    assert new.get_title().startswith("displacement")
+    assert new.get_xlabel() == "$x$ [length]"
+
+
+def test_contact_in_space_is_seen_from_the_foundation():
+    error = error_of(*punch(3))
+    panels = output.plot_contact(error.admissible, "bottom")
+    with pytest.raises(ec.InputError, match="leave ax out"):
+        output.draw_error(error, ax=object())
+    if COMM.rank == 0:
+        assert len(panels) == 3
+        (left, right), (low, high) = panels[0].get_xlim(), panels[0].get_ylim()
+        assert left < right  # x to the right, y downward: z points away from the eye
+        assert low > high
+        assert panels[1].get_title() == "seen from the foundation"
