@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 import logging
+import sys
 
 from mpi4py import MPI
 
+from erc_contact.base.progress import show_on
+
+NAME = "erc_contact console"
+"""Name of the handler that shows progress."""
 _SILENT = logging.getLogger("erc_contact.other_ranks")
 _SILENT.disabled = True
 
@@ -16,19 +21,32 @@ def log_of(comm: MPI.Comm) -> logging.Logger:
 
 
 def log_to_console(level: int = logging.INFO, comm: MPI.Comm = MPI.COMM_WORLD) -> None:
-    """Show progress on the terminal, on rank 0 only.
+    """Show progress, on rank 0 only.
+
+    On a terminal a line below the rows tells what is under way: mesh, stage, iteration. Elsewhere, in the file of a
+    batch system or in a notebook, there are plain lines. Without this call the package is silent but for warnings.
 
     Args:
         level: ``logging.INFO`` shows a row a mesh, ``logging.DEBUG`` every attempt of the contact solve.
         comm: Its rank 0 writes.
     """
+    from rich.console import Console  # noqa: PLC0415 - only those who want progress pay for it
     from rich.highlighter import NullHighlighter  # noqa: PLC0415
-    from rich.logging import RichHandler  # noqa: PLC0415 - only those who want progress pay for it
+    from rich.logging import RichHandler  # noqa: PLC0415
 
     log = logging.getLogger("erc_contact")
     log.setLevel(level)
-    if comm.rank == 0 and not any(isinstance(handler, RichHandler) for handler in log.handlers):
-        log.addHandler(RichHandler(show_path=False, show_level=False, show_time=False, highlighter=NullHighlighter()))
-    elif comm.rank != 0:
+    if comm.rank != 0:
         log.addHandler(logging.NullHandler())
         log.propagate = False
+        return
+    for earlier in [one for one in log.handlers if one.name == NAME]:
+        log.removeHandler(earlier)
+    console = Console()
+    show_on(console if console.is_terminal else None)
+    handler: logging.Handler = logging.StreamHandler(sys.stdout)
+    if console.is_terminal:
+        plain = NullHighlighter()
+        handler = RichHandler(console=console, show_path=False, show_level=False, show_time=False, highlighter=plain)
+    handler.set_name(NAME)
+    log.addHandler(handler)

@@ -14,6 +14,7 @@ from dolfinx import fem
 from petsc4py import PETSc
 
 from erc_contact.base.interrupts import check_interrupts, interrupted
+from erc_contact.base.progress import at
 
 PREFIX = "erc_contact_"
 """Prefix of PETSc options, as in ``-erc_contact_snes_monitor``; they override our settings."""
@@ -142,7 +143,9 @@ class _StoppingTest:
         if not np.isfinite(norm):
             return reasons.DIVERGED_FUNCTION_NANORINF
         x, atol = snes.getSolution(), snes.getTolerances()[1]
-        if interrupted(x.comm.tompi4py()):  # raised when SNES has ended: it may lose what is raised within it
+        comm = x.comm.tompi4py()
+        at(comm, f"Newton step {step}")
+        if interrupted(comm):  # raised when SNES has ended: it may lose what is raised within it
             return reasons.DIVERGED_INNER
         if norm <= max(atol, self.problem.round_off(x)):
             self.reason = "converged to round-off"

@@ -20,6 +20,7 @@ from erc_contact.base.exceptions import InputError, NotConverged, raise_together
 from erc_contact.base.garbage import free_dropped, watch
 from erc_contact.base.interrupts import check_interrupts
 from erc_contact.base.logs import log_of
+from erc_contact.base.progress import stage
 from erc_contact.mesh.domain import Domain
 from erc_contact.model.model import Model
 from erc_contact.model.promises import bind
@@ -96,12 +97,14 @@ def solve(
         method, start = method or NODAL, start or after
     iterative = solver == "iterative" or (solver == "auto" and large(model))
     try:
-        solution = _solution(Iterative if iterative else Direct, model, method, start, tolerance)
+        with stage(model.comm, f"solving with {'multigrid' if iterative else 'the direct solver'}"):
+            solution = _solution(Iterative if iterative else Direct, model, method, start, tolerance)
     except NotConverged as failure:
         if solver != "auto" or not iterative:
             raise
         log_of(model.comm).info("%d cells: the direct solver takes over from multigrid. %s", domain.cells, failure)
-        solution = _solution(Direct, model, method, start, tolerance)
+        with stage(model.comm, "solving with the direct solver"):
+            solution = _solution(Direct, model, method, start, tolerance)
     seconds = model.comm.allreduce(perf_counter() - began, MPI.MAX)
     log_of(model.comm).debug(
         "%d cells: %s; %d Newton steps, %.2f s", domain.cells, solution.reason, solution.newton_steps, seconds

@@ -9,6 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from erc_contact.base.exceptions import InputError
+from erc_contact.base.progress import at, stage
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.mesh.simplex import lagrange, rule
 from erc_contact.output.contact_plots import COLOURS, STATUS
@@ -169,8 +170,10 @@ def animate(history: History, path: str | Path, seconds: float = 0.15) -> None:
     factor = float(f"{0.06 * size / largest:.2g}") if 0 < largest < 0.05 * size else 1.0
     folder = Path(comm.bcast(tempfile.mkdtemp() if comm.rank == 0 else None))
     frames = [folder / f"{number:04d}.png" for number in range(len(shown))]
-    for error, frame in zip(shown, frames, strict=True):
-        draw_deformed(error, frame, factor)
+    with stage(comm, "animation"):
+        for error, frame in zip(shown, frames, strict=True):
+            at(comm, f"frame {int(frame.stem) + 1} of {len(frames)}")
+            draw_deformed(error, frame, factor)
 
     def write() -> None:
         from PIL import Image  # noqa: PLC0415 - comes with matplotlib

@@ -21,6 +21,7 @@ from erc_contact.base.exceptions import InputError, NotConverged, together
 from erc_contact.base.interrupts import Interrupts
 from erc_contact.base.logs import log_of
 from erc_contact.base.percent import percent
+from erc_contact.base.progress import stage
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.strategy import Strategy
 from erc_contact.mesh.domain import Domain
@@ -242,7 +243,8 @@ class Walk:
         after = None if last is None else last.solution
         plan = replace(self.plan, scene=self._scene(to, after), after=after)
         domain = self.domain if last is None else last.domain
-        return Loop(plan, self.comm, None, quiet=True).go(domain)
+        with stage(self.comm, f"step to t = {to:g}"):
+            return Loop(plan, self.comm, None, quiet=True).go(domain)
 
     def _scene(self, time: float, after: Solution | None) -> Scene:
         """The scene of a time; collective."""

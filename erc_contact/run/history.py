@@ -14,6 +14,7 @@ from mpi4py import MPI
 
 from erc_contact.base.html import table
 from erc_contact.base.percent import percent
+from erc_contact.base.progress import at, stage
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.coulomb import CoulombCertificate, coulomb_certificate
 from erc_contact.mesh.domain import Domain
@@ -152,18 +153,22 @@ class History:
         ``meshes.png``, ``error_map.png``, ``deformed.png``, ``body.vtkhdf``, ``meshes.vtkhdf`` (all meshes with eps_E),
         and for each contact its profile ``contact_<name>.csv``, ``contact_<name>.png`` and ``contact_<name>.vtkhdf``.
         """
-        folder, comm, forces = Path(folder), self.best.domain.mesh.comm, self.reactions()
-        pictures = self._save_table(folder, forces)
-        draw_error(self.best, folder / "error_map.png")
-        draw_deformed(self.best, folder / "deformed.png")
-        pictures |= {"error_map.png": "Share of each element in eps.", "deformed.png": "The deformed body."}
-        for traction in self.best.admissible.tractions:
-            name = traction.contact.name
-            plot_contact(self.best.admissible, name, folder / f"contact_{name}.png")
-            _write_profile(comm, self.profile(name), folder / f"contact_{name}.csv")
-            pictures[f"contact_{name}.png"] = f"Traction on the contact {name}, of the admissible stress."
-        write_fields(self.best, folder)
-        write_report(self, folder / "report.html", verdict(self.best), forces, pictures)
+        folder, comm = Path(folder), self.best.domain.mesh.comm
+        with stage(comm, "saving"):
+            forces = self.reactions()
+            pictures = self._save_table(folder, forces)
+            at(comm, "pictures of the best mesh")
+            draw_error(self.best, folder / "error_map.png")
+            draw_deformed(self.best, folder / "deformed.png")
+            pictures |= {"error_map.png": "Share of each element in eps.", "deformed.png": "The deformed body."}
+            for traction in self.best.admissible.tractions:
+                name = traction.contact.name
+                plot_contact(self.best.admissible, name, folder / f"contact_{name}.png")
+                _write_profile(comm, self.profile(name), folder / f"contact_{name}.csv")
+                pictures[f"contact_{name}.png"] = f"Traction on the contact {name}, of the admissible stress."
+            at(comm, "fields")
+            write_fields(self.best, folder)
+            write_report(self, folder / "report.html", verdict(self.best), forces, pictures)
 
     def _save_table(self, folder: Path, forces: Mapping[str, Force]) -> dict[str, str]:
         """Write what needs no scene; return the names of the pictures, and what they show; collective."""

@@ -14,6 +14,7 @@ from erc_contact.base.exceptions import InputError, together
 from erc_contact.base.interrupts import Interrupts
 from erc_contact.base.logs import log_of
 from erc_contact.base.percent import percent
+from erc_contact.base.progress import stage
 from erc_contact.error.constitutive import ConstitutiveError, constitutive_error
 from erc_contact.error.sizes import KNOWN, size_map
 from erc_contact.mesh.domain import Domain
@@ -109,6 +110,22 @@ class Loop:
         plan, allowed = self.plan, None
         if plan.stop == "certified" and last is not None:
             allowed = SHARE * last.absolute / 2**plan.degree
+        with stage(self.comm, f"mesh {len(self.steps) + 1}, {domain.cells} cells"):
+            error = self._measured(domain, last, allowed, interrupts)
+        step = self._add(error, mesh_seconds)
+        if self.kept is not None:
+            with stage(self.comm, "keeping the mesh"):
+                self.kept.add(error, self.steps)
+        if plan.callback is not None:
+            together(self.comm, plan.callback, error, step)
+        interrupts.check()
+        return error
+
+    def _measured(
+        self, domain: Domain, last: ConstitutiveError | None, allowed: float | None, interrupts: Interrupts
+    ) -> ConstitutiveError:
+        """Solve on a mesh and measure, where Newton's method may leave an energy norm."""
+        plan = self.plan
         solution = solve(
             *(plan.scene, domain, plan.method),
             degree=plan.degree,
@@ -118,16 +135,11 @@ class Loop:
             solver=plan.solver,
         )
         interrupts.check()
-        admissible = equilibrate(solution, tighten=plan.tighten)
+        with stage(self.comm, "equilibrium"):
+            admissible = equilibrate(solution, tighten=plan.tighten)
         interrupts.check()
-        error = constitutive_error(admissible)
-        step = self._add(error, mesh_seconds)
-        if self.kept is not None:
-            self.kept.add(error, self.steps)
-        if plan.callback is not None:
-            together(self.comm, plan.callback, error, step)
-        interrupts.check()
-        return error
+        with stage(self.comm, "error"):
+            return constitutive_error(admissible)
 
     def _add(self, error: ConstitutiveError, mesh_seconds: float) -> Step:
         """Add a row; collective."""
@@ -178,7 +190,8 @@ class Loop:
     def _next(self, error: ConstitutiveError, interrupts: Interrupts) -> tuple[Domain, float]:
         """The next mesh, and the seconds of making it."""
         started = perf_counter()
-        domain = together(self.comm, self.plan.strategy.next, error, self.plan.accuracy, self.plan.max_cells)
+        with stage(self.comm, f"making mesh {len(self.steps) + 1}"):
+            domain = together(self.comm, self.plan.strategy.next, error, self.plan.accuracy, self.plan.max_cells)
         interrupts.check()
         seconds = self.comm.allreduce(perf_counter() - started, MPI.MAX)
         if not isinstance(domain, Domain):

@@ -21,6 +21,7 @@ from erc_contact.admissible.tighten.complementary import ComplementaryEnergy
 from erc_contact.admissible.tighten.patches import Patches
 from erc_contact.admissible.tighten.tables import hierarchical
 from erc_contact.base.interrupts import check_interrupts
+from erc_contact.base.progress import at
 from erc_contact.model.space import Space
 
 TIGHTEN = 10
@@ -76,6 +77,7 @@ def tightened(
     p, rz, done = np.zeros_like(r), 1.0, 0
     while done < iterations:
         check_interrupts(comm)
+        at(comm, f"tightening {done + 1} of at most {iterations}")
         z = precondition(r)
         new = shared.dot(r, z)
         if not new > np.finfo(float).eps ** 2 * square:  # at the minimum, or nothing is free

@@ -1,0 +1,87 @@
+"""Where a run is: one line on a terminal, below what the log tells; nothing elsewhere.
+
+A stage that may take long says what it is, and within it how far it is. Only rank 0 shows it, and only after
+:func:`erc_contact.log_to_console` on a terminal.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from time import monotonic
+from typing import Any
+
+from mpi4py import MPI
+
+OFTEN = 0.1
+"""Time between two tellings of how far a stage is [s]; one costs about a millisecond."""
+
+
+class _Line:
+    """The line of a terminal. It is state, as the terminal is.
+
+    Attributes:
+        console: Console of rich; None where nothing is shown.
+        stages: What is under way, the innermost last.
+    """
+
+    def __init__(self) -> None:
+        self.console: Any = None
+        self.stages: list[str] = []
+        self._live: Any = None
+        self._told = 0.0
+
+    def show(self) -> None:
+        """Show the stages, or leave the line if there is none."""
+        from rich.live import Live  # noqa: PLC0415 - whoever has a console has rich
+        from rich.text import Text  # noqa: PLC0415
+
+        if not self.stages:
+            if self._live is not None:
+                self._live.stop()
+            self._live = None
+            return
+        if self._live is None:
+            self._live = Live(console=self.console, auto_refresh=False, transient=True)
+            self._live.start()
+        words = Text(": ".join(self.stages), style="dim", no_wrap=True, overflow="ellipsis")
+        self._live.update(words, refresh=True)
+        self._told = monotonic()
+
+    @property
+    def may_tell(self) -> bool:
+        """Whether the last telling is long enough ago."""
+        return monotonic() - self._told > OFTEN
+
+
+_line = _Line()
+
+
+def show_on(console: Any) -> None:
+    """Show stages on a console of rich, or with None nowhere."""
+    _line.console = console
+
+
+@contextmanager
+def stage(comm: MPI.Comm, words: str) -> Iterator[None]:
+    """A stage of a run, which is shown while it lasts."""
+    if comm.rank != 0 or _line.console is None:
+        yield
+        return
+    place = len(_line.stages)
+    _line.stages.append(words)
+    _line.show()
+    try:
+        yield
+    finally:
+        del _line.stages[place:]
+        _line.show()
+
+
+def at(comm: MPI.Comm, words: str) -> None:
+    """Tell how far the innermost stage is."""
+    if comm.rank == 0 and _line.stages and _line.may_tell:
+        stages = list(_line.stages)
+        _line.stages[-1] += f", {words}"
+        _line.show()
+        _line.stages[:] = stages

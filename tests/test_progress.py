@@ -1,0 +1,107 @@
+"""What a run tells while it goes on.
+
+- Without ``log_to_console`` the package is silent.
+- In a file there are the rows as they are in the table, without escape codes and without line breaks of its own.
+- On a terminal a line tells mesh, stage and iteration, is gone at the end, and the rows stay as they are.
+- All is told once, by rank 0.
+"""
+
+import io
+import logging
+import re
+import sys
+
+import pytest
+from mpi4py import MPI
+from scenes import block, prototype_block
+
+import erc_contact as ec
+from erc_contact.base import progress
+
+COMM = MPI.COMM_WORLD
+CONTROL = re.compile(r"\x1b\[[0-9;?]*[a-zA-Z]")
+
+
+class Terminal(io.StringIO):
+    """A terminal that keeps what it gets."""
+
+    def isatty(self):
+        return True
+
+
+@pytest.fixture
+def console(monkeypatch):
+    """Starts telling to a stream, and ends it."""
+    log = logging.getLogger("erc_contact")
+    before = log.level, log.propagate, list(log.handlers)
+
+    def start(stream, **options):
+        monkeypatch.setattr(sys, "stdout", stream)
+        monkeypatch.setenv("TERM", "xterm")
+        monkeypatch.setenv("COLUMNS", "100")
+        ec.log_to_console(**options)
+        return stream
+
+    yield start
+    progress.show_on(None)
+    log.setLevel(before[0])
+    log.propagate, log.handlers[:] = before[1:]
+
+
+def run():
+    return ec.adapt(prototype_block(), block(2), accuracy=0.01, max_steps=3)
+
+
+def test_silent_as_a_library(capfd):
+    history = ec.adapt(prototype_block(), block(2), accuracy=0.9)
+    assert history.reached
+    assert capfd.readouterr() == ("", "")
+
+
+def test_plain_lines_in_a_file(console):
+    stream = console(io.StringIO())
+    console(stream)  # a second call does not double the lines
+    history = run()
+    assert stream.getvalue() == (f"{history}\n" if COMM.rank == 0 else "")
+
+
+def test_a_line_on_a_terminal(console):
+    text = console(Terminal())
+    history = run()
+    told = text.getvalue()
+    assert progress._line.stages == []
+    if COMM.rank > 0:
+        assert told == ""
+        return
+    for cells in history.column("cells"):
+        assert f", {cells} cells: solving with the direct solver" in told
+    assert "mesh 2" in told
+    assert "making mesh 3" in told
+    assert "equilibrium" in told
+    shown = [line.rstrip() for line in CONTROL.sub("", told.replace("\r", "\n")).splitlines()]
+    rows = str(history).splitlines()
+    assert [line for line in shown if line in rows] == rows  # each once
+    assert told.count("\x1b[?25l") == told.count("\x1b[?25h") > 0  # the cursor is there again
+    assert shown[-1] == rows[-1]
+
+
+def test_what_fails_leaves_no_line(console):
+    """A stage ends however it ends, and the next run starts with a clean line."""
+    console(Terminal())
+
+    def fail(error, step):
+        raise ValueError("mine")
+
+    with pytest.raises(ValueError, match="mine"):
+        ec.adapt(prototype_block(), block(2), accuracy=0.01, callback=fail)
+    assert progress._line.stages == []
+
+
+@pytest.mark.serial
+def test_iterations_are_told(console, monkeypatch):
+    monkeypatch.setattr(progress, "OFTEN", 0.0)
+    text = console(Terminal())
+    run()
+    told = text.getvalue()
+    assert "solving with the direct solver, Newton step 1" in told
+    assert "equilibrium, tightening 1 of at most 10" in told
