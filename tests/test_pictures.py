@@ -19,6 +19,7 @@ from erc_contact import output
 from erc_contact.output.along import through_means
 from erc_contact.output.contact_plots import PRESSURE, contact_curves
 from erc_contact.output.gathered import whole_contact
+from erc_contact.results.stresses import vertex_stress
 
 COMM = MPI.COMM_WORLD
 
@@ -115,6 +116,22 @@ def test_axes_are_drawn_on_and_returned(error):
     assert new.figure is not figure
     assert new.get_title().startswith("displacement")
     assert new.get_xlabel() == "$x$ [length]"
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_stress_of_degree_2_is_linear_in_elements(d):
+    """In pure bending sigma^ is linear: at the vertices of elements it is what it is there."""
+    bend, sides = 0.01, ("left", "right", "bottom", "top", "front", "back")[: 2 * d]
+    u = (lambda x: -bend * x[0] * x[1], lambda x: bend / 2 * x[0] ** 2, 0.0)[:d]
+    scene = ec.Scene(ec.Elastic(E=1.0, nu=0.0), supports=[ec.Displacement(name, u) for name in sides])
+    domain = (ec.rectangle if d == 2 else ec.box)((0.0,) * d, (2.0, 1.0, 1.0)[:d], cells=(2, 1, 1)[:d])
+    error = error_of(scene, domain, degree=2)
+    assert error.relative < 1e-8
+    stress, model = vertex_stress(error.admissible), error.solution.model
+    x = model.V.tabulate_dof_coordinates()[error.admissible.cell_geometry.vertices[: domain.owned_cells]]
+    expected = np.zeros((*x.shape[:2], 3, 3))
+    expected[..., 0, 0] = -bend * x[..., 1]
+    assert stress == pytest.approx(expected, abs=1e-9)
 
 
 def test_contact_in_space_is_seen_from_the_foundation():

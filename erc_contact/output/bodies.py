@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from erc_contact.mesh.simplex import edges, in_space, lagrange, node_between, node_vertices
+from erc_contact.mesh.simplex import bernstein, edges, in_space, lagrange, node_between, node_vertices
 from erc_contact.output.drawing import tangents
 from erc_contact.output.files import degree_of, grid_of, subdivided
 from erc_contact.output.flat import draw_flat, limits
@@ -22,7 +22,7 @@ from erc_contact.output.gathered import Surface, mean_normal
 
 DIVISIONS = 6
 """Greatest number of straight parts of a curved edge."""
-TRIANGLES = 200_000
+TRIANGLES = 40_000
 """Greatest number of straight triangles, about, in which curved ones are cut. Edges have fewer parts if need be."""
 REACH = 0.15
 """The foundation is drawn where its magnified gap is below this share of the body's size [-]."""
@@ -60,12 +60,20 @@ class Skin:
     def faces(self, x: np.ndarray, **look: Any) -> tuple[Any, dict[str, Any]]:
         """The triangles with the nodes at x (n, 3) for pyvista, and the options with which they are drawn.
 
-        The option ``scalars`` has one colour for each element.
+        The option ``scalars`` has one colour for each of their parts, in the order of :meth:`of_parts`.
         """
-        points, parts = sampled(x[self.triangles], 2, self.divisions)
-        if "scalars" in look:
-            look["scalars"] = np.repeat(look["scalars"][self.cell], len(parts) // len(self.cell), axis=0)
-        return straight(points, parts), look
+        return straight(*sampled(x[self.triangles], 2, self.divisions)), look
+
+    def of_parts(self, values: np.ndarray) -> np.ndarray:
+        """Values in the straight parts of the triangles, triangle by triangle.
+
+        Args:
+            values: One value for each element, shape (m,), or three at the corners of each triangle, shape (f, 3).
+        """
+        points, parts = subdivided(2, self.divisions)
+        if values.ndim == 1:
+            return np.repeat(values[self.cell], len(parts))
+        return (values @ bernstein(2, 1, points[parts].mean(axis=1)).T).ravel()
 
     def edges(self, x: np.ndarray, **look: Any) -> tuple[Any, dict[str, Any]]:
         """The edges with the nodes at x (n, 3) for pyvista, and the options with which they are drawn."""

@@ -23,7 +23,7 @@ from erc_contact.output.bodies import WORDS, Skin, foundation, ground, seen, sho
 from erc_contact.output.drawing import draw_figure, log_ticks, new_figure, only_in_2d, weighted_level
 from erc_contact.output.files import gathered, grid_of
 from erc_contact.output.gathered import body_mesh, body_nodes, nodal_displacement, whole_contact
-from erc_contact.results.stresses import mean_stress
+from erc_contact.results.stresses import mean_stress, vertex_stress
 
 WIDE = 1.6
 """A body whose width over its height is larger than this has its colour bar below [-]."""
@@ -60,8 +60,9 @@ def draw_deformed(
 
     Points of the body are drawn at X + factor u^, and points of the foundation at X + factor g n. So a closed gap looks
     closed, and an open one looks open. The foundation is left out where it would be far from the body. Black lines show
-    the outline of the body before the deformation. The von Mises stress is that of the mean of sigma^ in each element.
-    If the material does not tell the stress out of plane (``out_of_plane``), it is that of the part in plane.
+    the outline of the body before the deformation. The von Mises stress is that of the mean of sigma^ in each element;
+    for degree 2 it is linear there (:func:`erc_contact.results.stresses.vertex_stress`). If the material does not tell
+    the stress out of plane (``out_of_plane``), it is that of the part in plane.
 
     Args:
         error: The error, whose admissible pair is drawn.
@@ -77,7 +78,8 @@ def draw_deformed(
     comm, size, d = model.comm, model.domain.extent, model.d
     body = gathered(comm, **body_nodes(model), u=nodal_displacement(admissible))
     volume = admissible.cell_geometry.volume[: model.domain.owned_cells]
-    cells = gathered(comm, mises=von_mises(mean_stress(admissible)), volume=volume)
+    numbers = model.global_numbers(admissible.cell_geometry.vertices[: model.domain.owned_cells])
+    cells = gathered(comm, mises=_shown_stress(admissible), volume=volume, numbers=numbers)
     contacts = [whole_contact(admissible, t) for t in admissible.tractions]
     up = _up(admissible)
     label = f"von Mises stress{'' if tells_out_of_plane(model) else ' of the plane part'} [force/area]"
@@ -90,11 +92,17 @@ def draw_deformed(
         largest = float(np.linalg.norm(u, axis=1).max())
         default = float(f"{0.06 * size / largest:.2g}") if 0 < largest < 0.05 * size else 1.0
         times = default if factor is None else factor
-        skin, shown = skin_of(**body, d=d), [contact for contact in contacts if contact is not None and len(contact.x)]
+        skin, volume = skin_of(**body, d=d), cells["volume"]
+        shown = [contact for contact in contacts if contact is not None and len(contact.x)]
         outline = grid_of(body["points"], body["cells"][:, : d + 1], d)
         outline = outline.extract_feature_edges(feature_angle=30.0, manifold_edges=False)
         foundations = [foundation(contact, times, size) for contact in shown]
-        top = weighted_level(mises, cells["volume"], 0.998) or 1.0  # a singular corner must not take all colours
+        top = weighted_level(mises.max(axis=1), volume, 0.998) or 1.0  # a singular corner must not take all colours
+        if model.degree > 1:
+            corners = (cells["numbers"][skin.cell, None] == skin.triangles[:, :3, None]).argmax(axis=2)
+            mises = np.take_along_axis(mises[skin.cell], corners, axis=1)
+        else:
+            mises = mises[:, 0]
         scale, x = Scale(Normalize(0, top), "max", label), skin.points + times * u
         axes = _map(ax, skin, x, mises, scale, views_of(d, up), outline, foundations)
         title = f"displacement {'and gap ' * any(contact.gap.any() for contact in shown)}× {times:g}"
@@ -105,6 +113,14 @@ def draw_deformed(
         return axes
 
     return draw_figure(comm, path, ax, draw)
+
+
+def _shown_stress(admissible: Admissible) -> np.ndarray:
+    """Von Mises stress of sigma^ in each owned cell, for degree 2 at its vertices, shape (owned, 1 or d+1)."""
+    if admissible.solution.model.degree == 1:
+        return von_mises(mean_stress(admissible))[:, None]
+    stress = vertex_stress(admissible)
+    return np.stack([von_mises(stress[:, vertex]) for vertex in range(stress.shape[1])], axis=1)
 
 
 def draw_cells(
@@ -194,7 +210,7 @@ def _map(
         ax: Axes of the user's in 2D, or None.
         skin: The body.
         x: Positions at which its nodes are drawn [length], shape (n, 3).
-        values: Values of the elements, shape (m,).
+        values: Values of the elements, or at the corners of triangles of the skin, see :meth:`Skin.of_parts`.
         scale: Their colours.
         views: The views, from :func:`views_of`.
         before: Lines of pyvista that show the body before the deformation.
@@ -204,9 +220,10 @@ def _map(
     from matplotlib.cm import ScalarMappable  # noqa: PLC0415
 
     colours = ScalarMappable(scale.norm, "viridis")
-    rgb = colours.to_rgba(np.clip(values, scale.norm.vmin, scale.norm.vmax), bytes=True)[:, :3]
+    shades = np.clip(skin.of_parts(values), scale.norm.vmin, scale.norm.vmax)
+    rgb = colours.to_rgba(shades, bytes=True)[:, :3]
     parts = [skin.faces(x, scalars=rgb, rgb=True, preference="cell")]
-    if len(values) <= FEW:
+    if skin.cell.max() < FEW:
         parts.append(skin.edges(x, color="#404040", opacity=0.4, line_width=0.8))
     if before is not None and before.n_points > 0:  # a ball has no edges
         parts.append((before, {"color": "black", "line_width": 3.0}))

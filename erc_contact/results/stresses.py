@@ -6,6 +6,7 @@ import numpy as np
 
 from erc_contact.admissible.macro import tensors
 from erc_contact.admissible.pair import Admissible
+from erc_contact.mesh.simplex import from_means, mass
 from erc_contact.model.stress import stress_in_space, tells_out_of_plane, von_mises
 
 
@@ -16,6 +17,25 @@ def mean_stress(admissible: Admissible) -> np.ndarray:
     """
     model = admissible.solution.model
     return stress_in_space(model, tensors(admissible.stress.mean(axis=(1, 2)), model.d))
+
+
+def vertex_stress(admissible: Admissible) -> np.ndarray:
+    """The linear stress nearest to sigma^ in each owned cell, at its vertices [force/area]; collective.
+
+    It is the projection of sigma^ in the mean square. Cells do not share values at vertices, which are in the order of
+    ``cell_geometry.vertices``.
+
+    Returns:
+        Shape (owned, d+1, 3, 3). In 2D the stress out of plane is as in :func:`mean_stress`.
+    """
+    model, d = admissible.solution.model, admissible.solution.model.d
+    vertices = np.tile(np.eye(d + 1), (d + 1, 1, 1))  # their hat functions, by those of each sub-simplex
+    for sub in range(d + 1):
+        vertices[sub, :, sub] = 1 / (d + 1)
+    weights = np.matmul(vertices, mass(d, 1, model.degree)) / (d + 1)
+    means = np.einsum("svm,nsmc->nvc", weights, admissible.stress)
+    linear = tensors(from_means(d, 1, means), d)
+    return np.stack([stress_in_space(model, linear[:, vertex]) for vertex in range(d + 1)], axis=1)
 
 
 def cell_stresses(admissible: Admissible) -> dict[str, np.ndarray]:
