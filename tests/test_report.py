@@ -174,6 +174,7 @@ def test_verdict_follows_from_friction_data_and_shape():
     error, claims = said(0.3)
     assert not error.guaranteed
     assert error.pressure_dependent == ("bottom",)
+    assert claims[0][0] == "bound up to a term"
     assert "third term" in claims[0][1]
     assert "This is proved" not in claims[0][1]
     assert "coulomb_certificate" in claims[1][1]

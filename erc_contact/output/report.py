@@ -30,7 +30,7 @@ figcaption { font-size: 0.9rem; color: #444; } .wide { overflow-x: auto; }
 table { border-collapse: collapse; font-size: 0.9rem; font-variant-numeric: tabular-nums; }
 th, td { padding: 0.2rem 0.7rem 0.2rem 0; text-align: left; vertical-align: top; border-bottom: 1px solid #ddd; }
 th { font-weight: normal; } thead th { color: #555; } .numbers td, .numbers thead th + th { text-align: right; }
-.verdict th { font-weight: bold; white-space: nowrap; }
+.numbers td { white-space: nowrap; } .verdict th { font-weight: bold; min-width: 5rem; }
 pre { background: #f5f5f5; padding: 0.8rem; overflow-x: auto; font-size: 0.85rem; line-height: 1.35; }
 """
 COLUMNS = ("mesh", "cells", "unknowns", "Newton", "eps", "bulk", "contact", "geometry", "method", "seconds")

@@ -10,7 +10,7 @@ from dataclasses import asdict
 from erc_contact.base.percent import percent
 from erc_contact.error.constitutive import ROUND_OFF, ConstitutiveError
 
-BOUND, ESTIMATE, OPEN = "bound", "estimate", "not known"
+BOUND, UP_TO, ESTIMATE, OPEN = "bound", "bound up to a term", "estimate", "not known"
 """Kinds of statements."""
 MEANS = {
     "loads": "loads",
@@ -24,7 +24,7 @@ MEANS = {
 
 
 def verdict(error: ConstitutiveError) -> list[tuple[str, str]]:
-    """Statements about an error, each with its kind: :data:`BOUND`, :data:`ESTIMATE` or :data:`OPEN`."""
+    """Statements about an error, each with its kind: :data:`BOUND`, :data:`UP_TO`, :data:`ESTIMATE`, :data:`OPEN`."""
     return [*_of_the_bound(error), *_of_the_data(error), *_of_other_solutions(error), _of_points()]
 
 
@@ -49,7 +49,7 @@ def _of_the_bound(error: ConstitutiveError) -> list[tuple[str, str]]:
         "Whether more is proved with this friction: history.coulomb_certificate() computes it. A run does not, so "
         "nothing is said here."
     )
-    return [(BOUND, term), (OPEN, certificate)]
+    return [(UP_TO, term), (OPEN, certificate)]
 
 
 def _of_the_data(error: ConstitutiveError) -> list[tuple[str, str]]:
