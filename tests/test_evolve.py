@@ -11,6 +11,7 @@
 import csv
 import os
 import signal
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -24,6 +25,7 @@ from erc_contact.run.energy import friction_works
 from erc_contact.run.evolve import Walk
 
 COMM = MPI.COMM_WORLD
+MESHES = Path(__file__).parent.parent / "meshes"
 PRESS, MU = 0.05, 0.3
 CYCLE = [0.0, *np.linspace(1.0, 2.0, 9)]
 
@@ -47,6 +49,28 @@ def cycle(accuracy=0.12, times=CYCLE, **options):
 @pytest.fixture(scope="module")
 def whole():
     return cycle()
+
+
+@pytest.mark.parametrize("strategy", [ec.Mark(), ec.SizeMap()])
+def test_a_curved_body_from_rest(strategy):
+    """At rest every error is 100% on every mesh: there is nothing to refine for."""
+
+    def scene_at(t):
+        top = ec.Displacement("top", (0.004 * max(t - 1, 0), -0.02 * min(t, 1)))
+        contact = ec.Contact("arc", MU, gap=lambda x: x[1], normal=(0.0, -1.0))
+        return ec.Scene(ec.Elastic(1.0, 0.3), top, contacts=contact)
+
+    disc = ec.read_mesh(MESHES / "half_disc.geo")
+    evolution = ec.evolve(scene_at, disc, [0.0, 1.0, 2.0], accuracy=0.3, strategy=strategy)
+    assert evolution.reached
+    assert evolution.steps[0].cells == disc.cells
+    forces = evolution.force("arc")
+    assert np.allclose(forces[0], 0.0, atol=1e-15)
+    assert forces[1, 1] > 0
+    assert -MU * forces[2, 1] < forces[2, 0] < 0
+    rest = ec.adapt(scene_at(0.0), disc, accuracy=0.3, strategy=strategy)
+    assert len(rest.steps) == 1
+    assert "at rest" in rest.outcome
 
 
 def test_steps_are_those_by_hand(whole):
