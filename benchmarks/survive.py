@@ -227,7 +227,7 @@ def faults() -> Counter:
             if (
                 kind != "removed"
                 and subprocess.run(
-                    ["mount", "-t", "tmpfs", "-o", "size=160k", "tmpfs", str(folder)], check=False
+                    ["mount", "-t", "tmpfs", "-o", "size=120k", "tmpfs", str(folder)], check=False
                 ).returncode
             ):
                 result[f"{kind}: not tried, no mount"] += 1
