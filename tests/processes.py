@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import logging
 import os
@@ -66,6 +67,7 @@ def run_as_user(path: Path, folder: Path, monkeypatch: pytest.MonkeyPatch) -> No
     monkeypatch.chdir(folder)
     runpy.run_path(str(path), run_name="__main__")
     log.setLevel(level)
+    gc.collect()  # all demos in one process: what one leaves in cycles holds communicators
 
 
 def output(process: subprocess.Popen, seconds: float) -> str:
