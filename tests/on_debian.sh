@@ -15,13 +15,14 @@ if ! [ -x "$folder/usr/bin/apt-get" ]; then
 fi
 mount --bind /proc "$folder/proc"
 mount --bind /dev "$folder/dev"
-trap 'umount "$folder/proc" "$folder/dev"' EXIT
+mount --bind /sys "$folder/sys"
+trap 'umount "$folder/proc" "$folder/dev" "$folder/sys"' EXIT
 
 inside() { chroot "$folder" /usr/bin/env HOME=/root LC_ALL=C.UTF-8 DEBIAN_FRONTEND=noninteractive "$@"; }
 
 cp /etc/resolv.conf "$folder/etc/resolv.conf"
 inside apt-get -o Acquire::Check-Valid-Until=false update -qq
-inside apt-get install -y -qq --no-install-recommends python3-dolfinx python3-gmsh python3-pyvista python3-meshio \
+inside apt-get install -y -qq --no-install-recommends python3-dolfinx python3-gmsh python3-pyvista python3-meshio python3-h5py \
     python3-pytest python3-pytest-xdist python3-rich python3-matplotlib python3-hatchling python3-pip mpi-default-bin gcc g++ git
 
 rm -rf "$folder/root/erc_contact"
