@@ -1,11 +1,13 @@
-"""The report of a run: one page of HTML that holds all it shows, and links to nothing."""
+"""The report of a run: one page of HTML that holds all it shows, and links to nothing; and the run as plain data."""
 
 from __future__ import annotations
 
 import struct
 from base64 import b64encode
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from html import escape
+from math import isfinite
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -35,6 +37,8 @@ pre { background: #f5f5f5; padding: 0.8rem; overflow-x: auto; font-size: 0.85rem
 """
 COLUMNS = ("mesh", "cells", "unknowns", "Newton", "eps", "bulk", "contact", "geometry", "method", "seconds")
 """Columns of the table of meshes."""
+NUMBERS = ("relative", "total", "absolute", "scale", "bulk_error", "contact_error", "geometry_error", "degree")
+"""Numbers of the best error in the data."""
 BROAD = 1.3
 """Width over height of a picture that a narrow screen shows part by part [-]."""
 
@@ -49,6 +53,10 @@ class Run(Protocol):
     @property
     def accuracy(self) -> float:
         """The prescribed relative error."""
+
+    @property
+    def reached(self) -> bool:
+        """Whether it was reached."""
 
     @property
     def outcome(self) -> str:
@@ -175,3 +183,32 @@ def _script(run: Run, scene: Scene) -> str:
             f"history = ec.adapt(\n    scene,\n    domain,\n    accuracy={run.accuracy!r},\n{given})",
         ]
     )
+
+
+def record(run: Run, forces: Mapping[str, Force]) -> dict[str, Any]:
+    """The rows of a run, its best error, forces on the body, settings and software; numbers that are none are None."""
+    error = {name: getattr(run.best, name) for name in NUMBERS}
+    if isinstance(run.best, ConstitutiveError):  # one that is read from a folder has no more
+        error["oscillations"] = asdict(run.best.oscillations)
+    return _plain(
+        {
+            "outcome": run.outcome,
+            "reached": run.reached,
+            "accuracy": run.accuracy,
+            "error": error,
+            "forces": {name: {"force": of.force.tolist(), "moment": of.moment.tolist()} for name, of in forces.items()},
+            "steps": [asdict(step) for step in run.steps],
+            "settings": {name: code_of(one) for name, one in run.settings.items()},
+            "versions": versions(),
+            "machine": {**machine(), "ranks": run.best.domain.mesh.comm.size},
+        }
+    )
+
+
+def _plain(value: Any) -> Any:
+    """Data without nan and infinity, which JSON does not know."""
+    if isinstance(value, dict):
+        return {name: _plain(one) for name, one in value.items()}
+    if isinstance(value, list):
+        return [_plain(one) for one in value]
+    return None if isinstance(value, float) and not isfinite(value) else value

@@ -25,11 +25,10 @@ from erc_contact.output.files import on_root
 from erc_contact.output.mesh_pictures import draw_meshes
 from erc_contact.output.paraview import write_fields
 from erc_contact.output.pictures import draw_deformed, draw_error
-from erc_contact.output.report import write_report
+from erc_contact.output.report import record, write_report
 from erc_contact.output.series import write_meshes
 from erc_contact.output.verdict import verdict
 from erc_contact.results import Force, Maximum, Values
-from erc_contact.run.record import record
 from erc_contact.run.step import COLUMNS, CURVED, HEADER, Step, line
 
 
