@@ -22,8 +22,8 @@ from erc_contact.newton.multigrid import Multigrid
 from erc_contact.newton.stiffness import Stiffness
 
 ROUGH, FINE = 1e-2, 1e-5
-"""Tolerances of liftings: of one whose energy is asked for, to four digits, and else [-]. Norms of maps then have six
-digits on any number of ranks."""
+"""Tolerances of liftings: of one whose energy is asked for, to four digits, and else [-]. Norms of maps then
+differ between numbers of ranks by some 1e-6 of themselves."""
 
 
 class DenseTraces:
