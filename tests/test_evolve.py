@@ -68,6 +68,9 @@ def test_a_curved_body_from_rest(strategy):
     assert np.allclose(forces[0], 0.0, atol=1e-15)
     assert forces[1, 1] > 0
     assert -MU * forces[2, 1] < forces[2, 0] < 0
+    assert evolution.steps[0].stored == 0.0
+    for step in evolution.steps[1:]:  # from rest the rest is int (sigma^ - C eps(u^)) : eps(u^) / 2
+        assert abs(step.imbalance) <= 2.5 * step.eps * step.stored
     rest = ec.adapt(scene_at(0.0), disc, accuracy=0.3, strategy=strategy)
     assert len(rest.steps) == 1
     assert "at rest" in rest.outcome
@@ -213,6 +216,7 @@ def test_a_folder_goes_on(whole, shared_tmp_path, monkeypatch):
     monkeypatch.setattr(Walk, "_step", lambda *a: solved.append(1) or usual(*a))
     rest = cycle(checkpoint=folder)
     assert len(solved) == len(whole.steps) - len(first.steps)
+    assert len({error.domain for error in rest.errors}) == len({error.domain for error in whole.errors})
     for a, b in zip(rest.steps, whole.steps, strict=True):
         assert (a.time, a.cells, a.newton_steps) == (b.time, b.cells, b.newton_steps)
         assert a.eps == pytest.approx(b.eps, rel=1e-8)

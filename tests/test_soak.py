@@ -64,3 +64,22 @@ def test_solutions_that_are_dropped_are_freed_on_all_ranks(solver, used):
         gc.collect()
         left.append(communicators())
     assert np.ptp(left[1:]) <= 1, left  # the last mesh waits for the next solve
+
+
+@pytest.mark.parametrize("method", [ec.Nitsche(), ec.AugmentedLagrangian()])
+def test_steps_of_a_history_share_communicators(method):
+    """All steps are kept; those on one mesh need no communicator of their own."""
+
+    def scene_at(t):
+        top = ec.Displacement("top", (0.02 * np.sin(t), -0.05))
+        return ec.Scene(ec.Elastic(lambda x: 1.0 + x[0], 0.3), top, contacts=ec.Contact("bottom", friction=0.3))
+
+    def count(error, row):
+        gc.collect()
+        left.append(communicators())
+
+    left = []
+    domain = ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(3, 3))
+    ec.evolve(scene_at, domain, range(6), accuracy=1.0, method=method, callback=count)
+    assert len(left) == 6
+    assert np.ptp(left[1:]) <= 1, left

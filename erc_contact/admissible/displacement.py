@@ -62,7 +62,8 @@ def admissible_displacement(model: Model, u: fem.Function, tractions: list[Conta
         u: Displacement of the solution [length].
         tractions: r^ on each contact.
     """
-    hat = fem.Function(model.V, name="displacement")
+    hat = model.function()
+    hat.name = "displacement"
     hat.x.array[:] = u.x.array
     values = hat.x.array.reshape(-1, model.d)
     contacts = [t.contact for t in tractions]

@@ -165,7 +165,7 @@ def _add(model: Model, given: np.ndarray, facets: np.ndarray, moment: np.ndarray
 def _nodal(model: Model, cells: CellGeometry, given: np.ndarray, force: np.ndarray | None) -> fem.Function:
     """Nodal forces from moments on facets and cell forces [force], not yet summed over ranks."""
     d, k, owned = model.d, model.degree, model.domain.owned_cells
-    b = fem.Function(model.V)
+    b = model.function()
     nodal: Any = b.x.array.reshape(-1, d)
     first = cells.side[0]
     loaded = np.flatnonzero(given.any(axis=(1, 2)) & (first >= 0) & (first < owned * (d + 1)))
@@ -234,7 +234,7 @@ def _residual(model: Model, cells: CellGeometry, b: fem.Function, stress: np.nda
     """
     d, owned = model.d, model.domain.owned_cells
     rest, inside, push = (
-        fem.Function(model.V),
+        model.function(),
         divergence(d, model.degree),
         facet_forces(cells.area[:owned], stress[:owned]),
     )

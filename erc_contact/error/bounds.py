@@ -190,15 +190,12 @@ def lifting(model: Model, elastic: ElasticSolver, which: int, a: np.ndarray) -> 
     phi = _least_energy(model, elastic, which, a)
     values = phi.x.array.reshape(-1, model.d)
     own = _nodes(model, model.contacts[which])
-    held = np.zeros(values.shape, dtype=bool)
-    for bc in model.bcs:
-        held.ravel()[bc.dof_indices()[0]] = True
     places = [_nodes(model, c) for c in model.contacts]
     values[own] += _working_part(model.contacts[which], a - values[own])
     for contact, at in zip(model.contacts, places, strict=True):
         if contact is not model.contacts[which]:
             values[at] -= _working_part(contact, values[at])
-    values[held] = 0.0
+    values[model.fixed] = 0.0
     tolerance = ROUND_OFF * float(np.linalg.norm(a))
     for contact, at in zip(model.contacts, places, strict=True):
         if contact is not model.contacts[which]:  # phi is zero where several contacts hold it
@@ -216,7 +213,7 @@ def _least_energy(model: Model, elastic: ElasticSolver, which: int, a: np.ndarra
     pull = gamma * ufl.inner(_working_part_ufl(contact, fem.Constant(model.mesh, a)), v) * contact.ds
     matrix = fp.assemble_matrix(fem.form(sum(springs[1:], start=springs[0])), bcs=model.bcs, diag=0.0)
     matrix.assemble()
-    b, near = fem.Function(model.V), fem.Function(model.V)
+    b, near = model.function(), model.function()
     fem.assemble_vector(b.x.array, fem.form(pull))
     near.x.array.reshape(-1, model.d)[:] = _working_part(contact, a[None])
     near.x.array[model.fixed.ravel()] = 0.0  # a rigid motion, if the body is free to make it

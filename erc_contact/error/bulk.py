@@ -6,7 +6,6 @@ Source: Coorevits, Hild, Hjiaj, equations (16)-(18); the error of the geometry i
 from __future__ import annotations
 
 import numpy as np
-from dolfinx import fem
 from mpi4py import MPI
 
 from erc_contact.admissible.cells import sorted_corners
@@ -68,9 +67,9 @@ def geometry_squares(admissible: Admissible, both: np.ndarray) -> np.ndarray:
     """
     model, cells = admissible.solution.model, admissible.cell_geometry
     result = np.zeros(len(both))
-    if model.offset is None or model.domain.curved_facets is None:
+    if model.domain.offset is None or model.domain.curved_facets is None:
         return result
-    density = fem.Function(fem.functionspace(model.mesh, ("DG", 0)))
+    density = model.domain.function("DG", 0)
     density.x.array[: len(both)] = both / (4 * cells.volume[: len(both)])
     density.x.scatter_forward()
     sides = pairs(model.mesh, model.domain.curved_facets.indices)
@@ -80,6 +79,6 @@ def geometry_squares(admissible: Admissible, both: np.ndarray) -> np.ndarray:
     beyond = np.where(beyond[0] == sides[:, 0], beyond[1], beyond[0])
     inside = beyond != sides[:, 0]
     jump = density.x.array[sides[:, 0]] - np.where(inside, density.x.array[beyond], 0.0)
-    cost = abs(jump) * swept(model.offset, sides, model.facet_areas(sides))
+    cost = abs(jump) * swept(model.domain.offset, sides, model.facet_areas(sides))
     np.add.at(result, sides[:, 0], np.where(inside, 0.5, 1.0) * cost)
     return result

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from dolfinx import fem
 from mpi4py import MPI
 
 from erc_contact.admissible.elastic import moduli
@@ -57,7 +56,7 @@ def moves_rigidly(admissible: Admissible, floor_2: float) -> bool:
     rigid = held + free @ nearest(free, u - held)
     wrong = [abs(rigid - model.prescribed.x.array)[fixed].max(initial=0.0)]
     friction = 0.0
-    moved = fem.Function(model.V)
+    moved = model.function()
     moved.x.array[:] = rigid
     for t in admissible.tractions:
         beyond = np.einsum("fmi,fi->fm", rigid.reshape(-1, model.d)[t.nodes], t.contact.direction)

@@ -94,7 +94,7 @@ class IterativeTraces:
 
     def _nodal(self, values: np.ndarray) -> fem.Function:
         """A Function with these values (M, d) at the nodes of the surface that this rank owns, zero elsewhere."""
-        nodal = fem.Function(self.model.V)
+        nodal = self.model.function()
         index = self.model.V.dofmap.index_map
         low, high = index.local_range
         own = (self.surface.numbers >= low) & (self.surface.numbers < high)

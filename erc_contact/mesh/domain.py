@@ -14,6 +14,7 @@ from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
+from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
@@ -22,7 +23,7 @@ from erc_contact.base.exceptions import InputError, raise_together, together
 from erc_contact.base.html import table
 from erc_contact.mesh.partition import check_mesh, patches_complete, redistributed
 from erc_contact.mesh.refinement import refine
-from erc_contact.mesh.surface import snap
+from erc_contact.mesh.surface import offset, snap
 
 
 class Geometry(Protocol):
@@ -64,6 +65,7 @@ class Domain:
     geometry: Geometry | None = field(default=None, repr=False)
     curved_facets: dmesh.MeshTags | None = field(default=None, repr=False)
     _inside: set[str] = field(init=False, repr=False, default_factory=set)
+    _zeros: dict[tuple[str, int, tuple[int, ...]], fem.Function] = field(init=False, repr=False, default_factory=dict)
 
     def __post_init__(self) -> None:
         if not isinstance(self.mesh, dmesh.Mesh):
@@ -144,6 +146,29 @@ class Domain:
     def outer(self) -> list[str]:
         """Names of the parts without facets inside the body: a scene can use these."""
         return [name for name in self.names if name not in self._inside]
+
+    def function(self, family: str, degree: int, shape: tuple[int, ...] = ()) -> fem.Function:
+        """A new Function on the mesh, zero everywhere; collective.
+
+        All Functions of a kind have the same space, and the same communicators of MPI. A process has some 2000 of
+        these, and a loading history keeps several Functions for each step.
+
+        Args:
+            family: Family of the elements, "Lagrange" or "DG".
+            degree: Degree of the elements.
+            shape: Shape of the values.
+        """
+        kind = (family, degree, shape)
+        if kind not in self._zeros:
+            self._zeros[kind] = fem.Function(fem.functionspace(self.mesh, kind))
+        return self._zeros[kind].copy()
+
+    @cached_property
+    def offset(self) -> fem.Function | None:
+        """The vector from a facet to the true surface [length]; None if this is flat or not known; collective."""
+        if self.curved_facets is None or self.geometry is None:
+            return None
+        return offset(self.mesh, self.curved_facets, self.geometry.nearest)
 
     def tag(self, name: str) -> int:
         """The tag of a boundary part, for measures of DOLFINx.

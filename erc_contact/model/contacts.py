@@ -79,7 +79,7 @@ def _true_surface(space: Space, contact: Contact) -> Any:
     It is the nearest point of the true surface where that is known: at the flat facets they would be wrong by O(h^2).
     """
     varies = callable(contact.gap) or callable(contact.normal)
-    return space.x if not varies or space.offset is None else space.x + space.offset
+    return space.x if not varies or space.domain.offset is None else space.x + space.domain.offset
 
 
 def _normal(space: Space, contact: Contact, facets: np.ndarray, surface: Any) -> tuple[Any, np.ndarray, Any]:
@@ -128,7 +128,7 @@ def _varying_normal(
             f"{'the gap' if contact.normal == 'gap' else 'its callable'}."
         )
     raise_together(space.comm, error)
-    function = fem.Function(fem.functionspace(space.mesh, ("DG", 0, (space.d,))))
+    function = space.domain.function("DG", 0, (space.d,))
     of_cell = function.x.array.reshape(-1, space.d)
     np.add.at(of_cell, facets[:, 0], given / length[:, None])
     direction = of_cell[facets[:, 0]]

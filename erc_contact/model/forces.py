@@ -143,7 +143,7 @@ def _assembled(model: Model, form: Any | None) -> np.ndarray:
 
     At ghost nodes they are not complete.
     """
-    b = fem.Function(model.V)
+    b = model.function()
     if form is not None:
         fem.assemble_vector(b.x.array, fem.form(form))
         b.x.scatter_reverse(la.InsertMode.add)

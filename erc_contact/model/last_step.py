@@ -58,7 +58,7 @@ class LastStep:
             InputError: If the contact was elsewhere in the last step.
         """
         facets, old, d = space.domain.facets(name), self.space.domain.facets(name), space.d
-        nodes, before = space.facet_nodes(facets), fem.Function(space.V)
+        nodes, before = space.facet_nodes(facets), space.function()
         values = before.x.array.reshape(-1, d)
         if space.domain is self.space.domain and space.degree == self.space.degree:
             values[nodes] = self.displacement.x.array.reshape(-1, d)[self.space.facet_nodes(old)]

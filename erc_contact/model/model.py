@@ -138,7 +138,7 @@ class Model(Space):
 
         Forms that need only the size of the modulus contain this. They are then the same for all materials.
         """
-        modulus = fem.Function(fem.functionspace(self.mesh, ("DG", 0)))
+        modulus = self.domain.function("DG", 0)
         cells = np.arange(len(modulus.x.array), dtype=np.int32)
         modulus.x.array[:] = self.at_middles(self.modulus, cells)
         return modulus
@@ -216,7 +216,7 @@ class Model(Space):
 
         Its nodal values are these values, or their Bernstein coefficients.
         """
-        nodal = fem.Function(self.V)
+        nodal = self.function()
         at = nodal.x.array.reshape(-1, self.d)
         at[self.facet_nodes(contact.facets), 0] = values
         if coefficients:

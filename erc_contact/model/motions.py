@@ -58,7 +58,7 @@ def free_motions(space: Space, fixed: np.ndarray, contacts: Sequence[BoundContac
     functions = []
     for number, of_body in enumerate(by_supports):
         for column in _kernel(of_body).T:
-            motion = fem.Function(space.V)
+            motion = space.function()
             motion.x.array[:] = (motions @ column * (body == number)[:, None]).ravel()
             functions.append(motion)
     return functions

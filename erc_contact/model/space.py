@@ -6,7 +6,6 @@ Symbols: d dimension, k degree, V continuous vector P_k, N nodes of a cell, m no
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cached_property
 from math import factorial
 from typing import Any, Protocol
 
@@ -27,7 +26,6 @@ from erc_contact.mesh.simplex import (
     node_vertices,
     nodes,
 )
-from erc_contact.mesh.surface import offset
 from erc_contact.model.expressions import evaluate
 
 SAMPLES = 12
@@ -71,13 +69,17 @@ class Space:
         check_shape(self.mesh)
         self.x = ufl.SpatialCoordinate(self.mesh)
         self.n = ufl.FacetNormal(self.mesh)
-        self.V = fem.functionspace(self.mesh, ("Lagrange", degree, (self.d,)))
+        self.V = self.function().function_space
         self.nodes = self.V.dofmap.list
         self.vertices = self.nodes[:, : self.d + 1]
         self._local_facets = facet_vertices(self.d)
         self._facet_vertices = self._ordered_vertices()
         self.ds = ufl.Measure("ds", domain=self.mesh, subdomain_data=domain.facet_tags)
         self.dx = ufl.Measure("dx", domain=self.mesh)
+
+    def function(self) -> fem.Function:
+        """A new Function of V, zero everywhere."""
+        return self.domain.function("Lagrange", self.degree, (self.d,))
 
     @property
     def owned_cells(self) -> np.ndarray:
@@ -172,13 +174,6 @@ class Space:
         matrix = (at_nodes if back else coefficients)(self.d - 1, self.degree)
         facets = np.concatenate([self.facet_nodes(part.facets) for part in parts])
         values[facets] = np.matmul(matrix, values[facets])
-
-    @cached_property
-    def offset(self) -> fem.Function | None:
-        """The vector from a facet to the true surface [length]; None if this is flat or not known; collective."""
-        if self.domain.curved_facets is None or self.domain.geometry is None:
-            return None
-        return offset(self.mesh, self.domain.curved_facets, self.domain.geometry.nearest)
 
     def _ordered_vertices(self) -> np.ndarray:
         """Local vertices of the named facets in the order of the reference facet, shape (cells, d+1, d)."""

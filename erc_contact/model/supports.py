@@ -43,7 +43,7 @@ def bind_supports(space: Space, supports: Sequence[Displacement]) -> Supports:
     Raises:
         InputError: If two supports contradict each other at a node, or a value is not finite.
     """
-    prescribed = fem.Function(space.V)
+    prescribed = space.function()
     values = prescribed.x.array.reshape(-1, space.d)
     fixed = np.zeros(values.shape, dtype=bool)
     error, on_facets = None, []
@@ -69,7 +69,7 @@ def bind_supports(space: Space, supports: Sequence[Displacement]) -> Supports:
     if not np.isfinite(values).all():
         error = InputError("A prescribed displacement is not finite; look at the callables of the supports.")
     raise_together(space.comm, error)
-    marks = fem.Function(space.V)  # a rank may see a node without the facet that fixes it: its owner sees all
+    marks = space.function()  # a rank may see a node without the facet that fixes it: its owner sees all
     marks.x.array[:] = fixed.ravel()
     for function in (marks, prescribed):
         function.x.scatter_forward()
@@ -82,10 +82,6 @@ def _conditions(space: Space, fixed: np.ndarray, prescribed: fem.Function) -> li
     conditions = []
     for i in range(space.d):
         if space.comm.allreduce(bool(fixed[:, i].any()), MPI.LOR):
-            scalar, to_vector = space.V.sub(i).collapse()
-            to_vector = np.asarray(to_vector).ravel()
-            at = np.flatnonzero(fixed[to_vector // space.d, i]).astype(np.int32)
-            component = fem.Function(scalar)
-            component.x.array[:] = prescribed.x.array[to_vector]
-            conditions.append(fem.dirichletbc(component, [to_vector[at].astype(np.int32), at], space.V.sub(i)))
+            places = np.flatnonzero(fixed[:, i]) * space.d + i
+            conditions.append(fem.dirichletbc(prescribed.sub(i), places.astype(np.int32)))
     return conditions

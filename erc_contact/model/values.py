@@ -113,14 +113,13 @@ def _by_region(space: Space, name: str, value: Mapping[str, Any]) -> Any:
     Raises:
         InputError: If a cell is in no region of the mapping, or in two.
     """
-    W = fem.functionspace(space.mesh, ("DG", 0))
-    numbers, terms = fem.Function(W), []
+    numbers, terms = space.domain.function("DG", 0), []
     covered = np.zeros(len(numbers.x.array), dtype=int)
     for region, entry in value.items():
         cells = space.domain.region(region)
         covered[cells] += 1
         if callable(entry):
-            indicator = fem.Function(W)
+            indicator = space.domain.function("DG", 0)
             indicator.x.array[cells] = 1.0
             terms.append(indicator * number(space, entry, f"Material parameter {name} in {region!r}"))
         else:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from dolfinx import fem, la
+from dolfinx import la
 from mpi4py import MPI
 
 from erc_contact.base import checks
@@ -60,7 +60,7 @@ def last_step(solution: Solution) -> LastStep:
         nodes = model.facet_nodes(contact.facets)
         trial = solution.method.projected(model, contact, solution.u)
         status = evaluate(contact.status(trial), model.mesh, model.facet_points, contact.facets)
-        moves = fem.Function(model.V)
+        moves = model.function()
         own = model.owned(contact.facets)
         np.add.at(moves.x.array.reshape(-1, d), nodes[own], np.where(status[own] < STICK, 1.0, 0.0)[..., None])
         moves.x.scatter_reverse(la.InsertMode.add)

@@ -68,7 +68,7 @@ class Condensed:
         self.u.x.array[:] = w.x.array
         if method.multiplier:
             model.to_coefficients(self.u.x.array.reshape(-1, model.d), model.contacts)
-        self.residual_vector = fem.Function(model.V)
+        self.residual_vector = model.function()
         self.tangents = [fem.create_matrix(form) for form in self.forms.tangents]
         self.w, known = stiffness.gather(w), stiffness.gather(self.u)
         self.edges = contact_edges(model, stiffness.numbers[: self.size]) if method.multiplier else None
@@ -76,7 +76,7 @@ class Condensed:
         largest = max(float(abs(of.x.array).max(initial=0.0)) for of in (w, held))
         self.length = max(model.comm.allgather(largest)) or 1.0
         together(model.comm, self._condense, known, stiffness.gather(held)[: self.size])
-        normals = fem.Function(model.V)
+        normals = model.function()
         for contact in model.contacts:
             normals.x.array.reshape(-1, model.d)[model.facet_nodes(contact.facets)] = contact.direction[:, None, :]
         self.normals = stiffness.gather(normals)[: self.size]
@@ -138,7 +138,7 @@ class Condensed:
         z = comm.bcast(self._fields_at(u_A) if comm.rank == 0 and self.multipliers else None)
         found = []
         for contact, (dofs, places) in zip(model.contacts, self.readers[1:], strict=False):
-            multiplier = fem.Function(model.V)
+            multiplier = model.function()
             multiplier.x.array[dofs] = z[places]
             model.to_coefficients(multiplier.x.array.reshape(-1, model.d), [contact], back=True)
             found.append(multiplier)
@@ -272,7 +272,7 @@ class Condensed:
 
 def _slip_before(model: Model) -> fem.Function:
     """The tangential displacement of the contacts at the end of the last step [length]; zero without history."""
-    before = fem.Function(model.V)
+    before = model.function()
     for contact in model.contacts:
         if contact.before is not None:
             before.x.array.reshape(-1, model.d)[model.facet_nodes(contact.facets)] = model.slip_before(contact)

@@ -73,7 +73,7 @@ def _along(model: Model) -> list[fem.Function]:
     """For each axis the unit displacement of the contact nodes along it, without its normal part, zero elsewhere."""
     fields = []
     for axis in np.eye(model.d):
-        field = fem.Function(model.V)
+        field = model.function()
         for contact in model.contacts:
             n = contact.direction
             along = axis - (n @ axis)[:, None] * n

@@ -76,7 +76,7 @@ class Elastic:
 
     def load_vector(self) -> fem.Function:
         """Assemble the loads of the scene as a Function of nodal forces (not yet summed over ranks)."""
-        b = fem.Function(self.model.V)
+        b = self.model.function()
         loads = self.model.loads(ufl.TestFunction(self.model.V))
         if loads is not None:
             fem.assemble_vector(b.x.array, fem.form(loads))
@@ -108,7 +108,7 @@ class Elastic:
 
     def displacement(self, x: PETSc.Vec) -> fem.Function:
         """A vector of nodal values as a Function."""
-        u = fem.Function(self.model.V)
+        u = self.model.function()
         u.x.array[: self.owned] = x.array_r
         u.x.scatter_forward()
         return u
@@ -122,7 +122,7 @@ class Elastic:
 
 
 def _glue(model: Model) -> fem.Function:
-    glue = fem.Function(model.V)
+    glue = model.function()
     if not model.contacts:
         return glue
     ones = ufl.as_vector([1.0] * model.d)

@@ -20,7 +20,7 @@ from erc_contact.newton.stiffness import Stiffness
 
 def across_gap(model: Model) -> fem.Function:
     """The displacement of the contact nodes that closes their gaps and undoes slip [length], zero elsewhere."""
-    across = fem.Function(model.V)
+    across = model.function()
     values = across.x.array.reshape(-1, model.d)
     for contact in model.contacts:
         if contact.gap is not None or contact.before is not None:
@@ -67,6 +67,6 @@ def from_mesh(model: Model, u: fem.Function, new: Model) -> fem.Function:
     corners, values = gathered_facets(model, [c.facets for c in model.contacts], u)
     nodes = np.unique(np.concatenate([new.facet_nodes(c.facets).ravel() for c in new.contacts]))
     x = new.V.tabulate_dof_coordinates()[nodes, : new.d]
-    field = fem.Function(new.V)
+    field = new.function()
     field.x.array.reshape(-1, new.d)[nodes] = interpolate(x, corners, values, model.degree)
     return field

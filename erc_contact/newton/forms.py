@@ -42,8 +42,8 @@ class ContactForms:
         self.model, self.method = model, method
         self.share = fem.Constant(model.mesh, 1.0)
         self.contacts = [c.with_share(self.share) for c in model.contacts]
-        self.u = fem.Function(model.V)
-        self.multipliers = tuple(fem.Function(model.V) for _ in model.contacts) if method.multiplier else ()
+        self.u = model.function()
+        self.multipliers = tuple(model.function() for _ in model.contacts) if method.multiplier else ()
         fields: tuple[Any, ...] = self.multipliers or (None,) * len(self.contacts)
         v, du = ufl.TestFunction(model.V), ufl.TrialFunction(model.V)
         pairs = list(zip(self.contacts, fields, strict=True))

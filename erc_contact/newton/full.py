@@ -63,7 +63,7 @@ class FullSpace:
         self.model, self.method, self.elastic, self.loads = model, method, elastic, loads
         self.length, self.force = length, force
         self.forms = ContactForms(model, method)
-        self._equations = fem.Function(model.V)
+        self._equations = model.function()
         self._fixed = model.fixed.ravel()[: elastic.owned]
         self._reactions = Reactions(model) if method.multiplier else None
         self._rows = ~self._fixed if self._reactions is None else self._reactions.free.ravel()[: elastic.owned]
@@ -153,7 +153,7 @@ class FullSpace:
         if all(contact.friction is None for contact in self.model.contacts):
             return 1.0
         pressed, before = x.copy(), self.status(x)[0]
-        normals = fem.Function(self.model.V)
+        normals = self.model.function()
         for contact in self.model.contacts:
             at = self.model.facet_nodes(contact.facets)
             normals.x.array.reshape(-1, self.model.d)[at] = contact.direction[:, None, :]

@@ -203,7 +203,7 @@ class Multigrid(Elastic):
 
     def _layer(self) -> PETSc.IS:
         """The degrees of freedom of this rank in cells at the contact, ghost cells included."""
-        near = fem.Function(self.model.V)
+        near = self.model.function()
         cells = np.concatenate([contact.facets[:, 0] for contact in self.model.contacts])
         near.x.array.reshape(-1, self.model.d)[self.model.nodes[cells]] = 1.0
         near.x.scatter_reverse(la.InsertMode.add)

@@ -15,7 +15,7 @@ from __future__ import annotations
 from itertools import permutations
 
 import numpy as np
-from dolfinx import fem, la
+from dolfinx import la
 
 from erc_contact.mesh.simplex import edges
 from erc_contact.model.foundation import BoundContact
@@ -88,7 +88,7 @@ class _Sums:
     """Sums of nodal values over the ranks that share a node; collective."""
 
     def __init__(self, model: Model) -> None:
-        self._field, self._d = fem.Function(model.V), model.d
+        self._field, self._d = model.function(), model.d
 
     def __call__(self, values: np.ndarray) -> np.ndarray:
         """The sum for all nodes of this rank, shape (nodes, c) with c at most d."""

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from dolfinx import fem
+from mpi4py import MPI
 
 from erc_contact.base.html import table
 from erc_contact.mesh.domain import Domain
@@ -37,6 +39,8 @@ class ElasticValues:
     elastic_stress: np.ndarray
 
 
+REST = 1e-14
+"""Displacement over the size of a body that is round-off [-]."""
 SINGULAR = 1e-12
 """The tangent counts as singular below this least singular value, scaled by the elastic diagonal [-]."""
 
@@ -103,6 +107,19 @@ class Solution:
     def singular(self) -> bool:
         """Whether the tangent is singular: there may be other solutions arbitrarily near."""
         return self.regularity < SINGULAR
+
+    @cached_property
+    def at_rest(self) -> bool:
+        """Whether nothing moves the body: there are no loads, and u is round-off; collective.
+
+        Its relative error means nothing then. On a curved body, whose gaps the facets do not carry, it is 100% on any
+        mesh.
+        """
+        comm = self.domain.mesh.comm
+        moved = comm.allreduce(float(abs(self.u.x.array).max(initial=0.0)), MPI.MAX)
+        if moved > REST * self.domain.extent:
+            return False
+        return not comm.allreduce(bool(self.stiffness.load_vector().x.array.any()), MPI.LOR)
 
     def force(self, part: str) -> Force:
         """Resultant and moment of the consistent nodal forces on a boundary part; collective.

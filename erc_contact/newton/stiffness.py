@@ -107,7 +107,7 @@ class Stiffness(Elastic):
         added = None
         if u_A is not None and self.schur is not None:
             added = self.glued_by[: len(u_A)] * u_A + (0.0 if force is None else force)
-        b = fem.Function(self.model.V)
+        b = self.model.function()
         self.scatter(added, b)
         b.x.array[self.owned :] = 0.0  # the owner has the whole force
         u = self.glued(b, supports=False)

@@ -10,7 +10,6 @@ with springs (:mod:`erc_contact.newton.springs`).
 from __future__ import annotations
 
 import numpy as np
-from dolfinx import fem
 from dolfinx.fem import petsc as fp
 from petsc4py import PETSc
 
@@ -125,7 +124,7 @@ class Tangent:
         """Replace the rows of A in ``y = K x`` by those of the equations."""
         model, (given, found), own = self.model, self._work, self.elastic.owned
         shape, rows = model.fixed.shape, reactions.free.ravel()[:own]
-        force, u = np.zeros(shape), fem.Function(model.V)
+        force, u = np.zeros(shape), model.function()
         force.ravel()[:own] = y.array_r
         u.x.array[:own] = x.array_r
         u.x.scatter_forward()

@@ -60,8 +60,8 @@ class Checkpoint:
         self.numbers: list[int] = comm.bcast(found)
         self._written = max(self.numbers, default=0)
 
-    def read(self, number: int) -> Restored:
-        """A good level."""
+    def read(self, number: int, before: Restored | None = None) -> Restored:
+        """A good level; ``before`` is another one, read already, that may have the same mesh."""
         level, error = None, None
         if self.comm.rank == 0:
             try:
@@ -70,7 +70,7 @@ class Checkpoint:
                 error = InputError(f"{self.folder.file(number)} was good, and now {reason}.")
         raise_together(self.comm, error)
         about = self.comm.bcast(level.about if level else None)
-        return Restored(self.comm, level or Level(about, {}))
+        return Restored(self.comm, level or Level(about, {}), before)
 
     def add(self, error: ConstitutiveError, steps: Sequence[Any], *, last: bool = False) -> None:
         """Write the level that was measured last, if its turn has come or it is the last; failures are warnings."""

@@ -51,11 +51,16 @@ class Energies:
 def energies(error: ConstitutiveError, last: ConstitutiveError | None) -> Energies:
     """The energies of a step; collective.
 
+    A body at rest has none: all is known of it, and the pair of a curved one is only what its facets make of its gaps.
+
     Args:
         error: The error at its end.
         last: The error at the end of the last step; None starts from rest, without forces.
     """
-    pair, before = error.admissible, None if last is None else last.admissible
+    before = None if last is None or last.solution.at_rest else last.admissible
+    if before is None and error.solution.at_rest:
+        return Energies(0.0, 0.0, 0.0, 0.0)
+    pair = error.admissible
     model = error.solution.model
     contacts = {contact.name for contact in model.contacts}
     work, contact = _work_in_body(pair, before), 0.0

@@ -185,10 +185,11 @@ class Walk:
         kept, plan = self.kept, self.plan
         if kept is None or not kept.numbers:
             return
+        level = None
         for number in kept.numbers:
             if number != len(self.rows) + 1:  # one before it is damaged
                 break
-            level = kept.read(number)
+            level = kept.read(number, level)
             row = TimeStep(**level.about["rows"][-1])
             assert plan.method is not None
             after = self.errors[-1].solution if self.errors else None

@@ -21,7 +21,7 @@ from erc_contact.mesh.domain import Domain
 from erc_contact.newton.ladder import NODAL
 from erc_contact.newton.solve import DEFAULT, solve
 from erc_contact.run.checkpoint import Checkpoint
-from erc_contact.run.endings import at_rest, ending
+from erc_contact.run.endings import ending
 from erc_contact.run.history import History
 from erc_contact.run.plan import SETTINGS, Plan
 from erc_contact.run.step import CURVED, HEADER, Step, line
@@ -181,7 +181,7 @@ class Loop:
         assert best is not None
         if best.total <= plan.accuracy:
             self.outcome = f"Reached: {percent(best.total)} <= {percent(plan.accuracy)}."
-        elif at_rest(error.solution):
+        elif error.solution.at_rest:
             self.outcome = "The body is at rest: no error is left that is relative to its deformation."
         elif len(self.steps) >= plan.max_steps:
             self.outcome = f"Stopped after max_steps = {plan.max_steps} meshes{self.above}."
@@ -221,7 +221,7 @@ class Loop:
             )
         if self.best.domain.geometry is None:
             self.outcome += " The body is that of the mesh given, with its flat facets: no true shape of it is known."
-        reached = self.best.total <= self.plan.accuracy or at_rest(self.best.solution)
+        reached = self.best.total <= self.plan.accuracy or self.best.solution.at_rest
         self._log(self.outcome, logging.INFO if reached else logging.WARNING)
         settings = {name: getattr(self.plan, name) for name in SETTINGS}
         steps, meshes = tuple(self.steps), tuple(self.meshes)

@@ -40,6 +40,10 @@ NUMBERS = ("absolute", "scale", "bulk_error", "contact_error", "geometry_error",
 """Numbers of an error that are kept."""
 STATE = ("newton_steps", "reason", "remaining", "regularity", "seconds")
 """What is kept of a solution beside its fields."""
+MESH = ("degree", "names", "regions", "geometry", "tags")
+"""What a level tells of its mesh beside the tables."""
+TABLES = ("VTKHDF/Points", "cells", "facets", "regions", "curved")
+"""The tables of a mesh."""
 SAME = 1e-8
 """Difference of eps that round-off explains, of eps and [-]."""
 
@@ -111,21 +115,22 @@ class Restored:
     Args:
         comm: Communicator that shares the mesh.
         level: What the file holds; tables are needed on rank 0 only.
+        before: Another level of the run, whose domain this one shares if their meshes are the same.
 
     Attributes:
         domain: The mesh with names.
         indicators: eps_E of the owned cells [-].
     """
 
-    def __init__(self, comm: MPI.Comm, level: Level) -> None:
+    def __init__(self, comm: MPI.Comm, level: Level, before: Restored | None = None) -> None:
         self.about, self._tables = level.about, level.tables
         get, about = level.tables.get, level.about
-        self._rows = CellRows(comm, get("VTKHDF/Points"), get("cells"), about["dim"])
-        facets = self._rows.facet_tags(get("facets"))
-        curved = self._rows.facet_tags(get("curved")) if "curved" in about["tags"] else None
-        cells = self._rows.cell_tags(get("regions")) if "regions" in about["tags"] else None
-        geometry = geometry_of(about["geometry"])
-        self.domain = Domain(self._rows.mesh, facets, about["names"], cells, about["regions"], geometry, curved)
+        if before is not None and comm.bcast(_same_mesh(level, before)):
+            self._rows: CellRows = before._rows
+            self.domain: Domain = before.domain
+        else:
+            self._rows = CellRows(comm, get("VTKHDF/Points"), get("cells"), about["dim"])
+            self.domain = self._domain()
         self.indicators = self._rows.of_cells(get("VTKHDF/CellData/eps_E"))[: self.domain.owned_cells]
 
     @property
@@ -179,8 +184,24 @@ class Restored:
             )
         return replace(error, admissible=replace(error.admissible, seconds=about["rows"][-1]["equilibrate_seconds"]))
 
+    def _domain(self) -> Domain:
+        about, get = self.about, self._tables.get
+        facets = self._rows.facet_tags(get("facets"))
+        curved = self._rows.facet_tags(get("curved")) if "curved" in about["tags"] else None
+        cells = self._rows.cell_tags(get("regions")) if "regions" in about["tags"] else None
+        geometry = geometry_of(about["geometry"])
+        return Domain(self._rows.mesh, facets, about["names"], cells, about["regions"], geometry, curved)
+
     def _function(self, model: Any, name: str) -> fem.Function:
-        function = fem.Function(model.V)
+        function = model.function()
         values = self._rows.of_nodes(self._tables.get(name), self._tables.get("cells"), model.degree)
         function.x.array.reshape(-1, model.d)[model.nodes] = values
         return function
+
+
+def _same_mesh(level: Level, before: Restored) -> bool:
+    """Whether two levels have the same mesh with the same names; only rank 0 can tell."""
+    if any(level.about[name] != before.about[name] for name in MESH):
+        return False
+    tables, theirs = level.tables, before._tables
+    return all(bool(np.array_equal(tables[name], theirs[name])) for name in TABLES if name in tables)
