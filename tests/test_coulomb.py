@@ -238,7 +238,7 @@ def test_both_solvers_see_the_same_body(d):
         t = np.zeros_like(y)
         t[:, 0] = 0.3
         found.append([traces.lifted(y), traces.moved(f)])
-        norms.append(coupling(pair.surface.normal, traces, t)[0])
+        norms.append(coupling(pair.surface.normal, traces, t, pair.surface.positions())[0])
         if traces.cheap:
             exact = _norm_by_columns(pair.surface, traces, t)
         traces.free()
@@ -268,13 +268,20 @@ def test_units_change_nothing():
 def test_a_slender_body_gets_no_bound():
     error, found = certified(prototype_block(), block_of(8))
     pair = pair_on_surface(error.admissible)
-    one = np.zeros_like(pair.surface.normal)
-    one[:, 0] = 0.3
-    q, _ = coupling(pair.surface.normal, traces_of(error.solution.model, error.solution.stiffness, pair.surface), one)
+    t = np.zeros_like(pair.surface.normal)
+    t[:, 0] = 0.3
+    traces = traces_of(error.solution.model, error.solution.stiffness, pair.surface)
+    q, _, _ = coupling(pair.surface.normal, traces, t, pair.surface.positions())
     assert q == pytest.approx(0.3 * 7.053, rel=1e-3)  # of a body that slips to one side
-    assert found.q > 2
-    assert not found.unique
-    assert found.bound == np.inf
+    far = ec.Scene(
+        error.solution.scene.material, [ec.Displacement("top", (1.0, -0.05))], [], [ec.Contact("bottom", 0.3)]
+    )
+    slips = certified(far, block_of(8))[1]
+    assert slips.q == pytest.approx(2.2, abs=slips.q_change)  # pushed far, the block does slip to one side
+    for one in (found, slips):
+        assert one.q > 2
+        assert not one.unique
+        assert one.bound == np.inf
 
 
 def block_of(n: int) -> ec.Domain:
@@ -318,3 +325,25 @@ def test_ranks_change_nothing(d, solver):
         found.append(certified(pressed(0.3, d), domain, solver=solver)[1])
     assert found[0].q == pytest.approx(found[1].q, rel=1e-6)
     assert found[0].bound == pytest.approx(found[1].bound, rel=1e-6)
+
+
+@pytest.mark.ranks
+@pytest.mark.parametrize("seed", range(2))
+def test_ranks_change_nothing_where_data_vary(seed):
+    """A body that is held at a side, with moduli, friction and gap that vary; its map has several norms near q."""
+    rng = np.random.default_rng(seed)
+    size, (nu, least, more, stiffer, gap) = rng.uniform(0.5, 2.0, 3), rng.uniform(0.05, 0.4, 5)
+    scene = ec.Scene(
+        ec.Elastic(lambda x: 1 + 10 * stiffer * x[0], nu),
+        [ec.Displacement("left", (0.0, 0.0, 0.0))],
+        [ec.Traction("top", (0.01, 0.0, -0.05))],
+        [ec.Contact("bottom", lambda x: least + more * x[0] / size[0], gap=lambda x: 0.1 * gap * (x[0] - 0.3) ** 2)],
+    )
+    found = []
+    for comm in (MPI.COMM_WORLD, MPI.COMM_SELF):
+        domain = ec.box((0.0,) * 3, size, cells=(5, 4, 4), comm=comm)
+        found.append(certified(scene, domain, solver="iterative"))
+    (error, one), (alone, other) = found
+    assert error.absolute == pytest.approx(alone.absolute, rel=1e-8)
+    assert one.q == pytest.approx(other.q, rel=1e-6)
+    assert one.bound == pytest.approx(other.bound, rel=2e-6)

@@ -100,6 +100,28 @@ def test_zero_and_noise_end():
 
 
 @pytest.mark.serial
+@pytest.mark.parametrize("d", [2, 3])
+def test_the_order_of_vertices_changes_nothing(d):
+    """Simplices of squares and cubes have several longest edges: which of them is cut must not depend on numbers."""
+    rng = np.random.default_rng(4)
+    vertices = np.vstack([np.zeros(d), np.tril(np.ones((d, d)))]) @ rng.permutation(np.eye(d))
+    pieces, measure = cell_pieces(d), np.array([1 / (1, 1, 2, 6)[d]])
+    found = []
+    for _ in range(5):
+        integral = integrate(
+            MPI.COMM_SELF,
+            lambda of, at, x: 1 / (0.1 + (x**2).sum(axis=-1, keepdims=True)),
+            rng.permutation(vertices)[None],
+            measure,
+            pieces,
+            share=1e-3,
+        )
+        assert integral.resolved.all()
+        found.append(integral.value[0, 0])
+    assert np.ptp(found) <= 1e-14 * found[0], found
+
+
+@pytest.mark.serial
 @pytest.mark.parametrize("pieces", [facet_pieces(1), facet_pieces(2), cell_pieces(2), cell_pieces(3)])
 def test_pieces_fill_the_simplex(pieces):
     count, P, _ = pieces.shape

@@ -35,7 +35,7 @@ import numpy as np
 
 from erc_contact.base.exceptions import ErcContactError, raise_together
 from erc_contact.error.constitutive import ConstitutiveError
-from erc_contact.error.coupling import STEPS, Traces, coupling
+from erc_contact.error.coupling import Traces, coupling
 from erc_contact.error.slip_direction import slip_fields
 from erc_contact.error.surface import PairOnSurface, Surface, coulomb_surface, has_coulomb, pair_on_surface
 from erc_contact.error.traces import traces_of
@@ -52,8 +52,6 @@ LARGEST = 5.0
 smooth that A and B do not fall with e."""
 SMOOTH = 1
 """Which of the fields of :func:`slip_fields` is taken where trying all of them costs a linear solve each."""
-FEW = 2
-"""Steps of Lanczos' method from the result of a coarser mesh, where each costs two linear solves."""
 BALANCED = 1e-8
 """Work of a traction on a rigid motion, over the works of its parts, that counts as none [-]."""
 COARSER, COARSEST = 3.0, {2: 1000, 3: 3000}
@@ -150,7 +148,8 @@ def coulomb_certificate(error: ConstitutiveError) -> CoulombCertificate:
 def _best(error: ConstitutiveError, pair: PairOnSurface, traces: Traces) -> CoulombCertificate:
     """The certificate of the field with the least bound, or of the roughest where no bound is worth a claim."""
     fields, model = slip_fields(pair), error.solution.model
-    tried = [_tried(error, pair, traces, t, coupling(pair.surface.normal, traces, t)[0]) for t in fields]
+    normal, x = pair.surface.normal, pair.surface.positions()
+    tried = [_tried(error, pair, traces, t, coupling(normal, traces, t, x)[0]) for t in fields]
     for which in (int(np.argmin([one.bound for one in tried])), 0):
         q, t = tried[which].q, fields[which]
         found = _tried(error, pair, traces, t, q, _change(q, _coarser(model, pair.surface, t)))
@@ -163,9 +162,9 @@ def _single(error: ConstitutiveError, pair: PairOnSurface, traces: Traces) -> Co
     """The certificate of one field, with the coupling of the coarser mesh to start from."""
     t = slip_fields(pair)[SMOOTH]
     coarse = _coarser(error.solution.model, pair.surface, t)
-    start, steps = (None, STEPS) if coarse is None else (coarse[1], FEW)
-    q, _ = coupling(pair.surface.normal, traces, t, start, steps)
-    return _tried(error, pair, traces, t, q, _change(q, coarse))
+    start = None if coarse is None else coarse[1]
+    q, missing, _ = coupling(pair.surface.normal, traces, t, pair.surface.positions(), start)
+    return _tried(error, pair, traces, t, q, _change(q, coarse) + missing)
 
 
 def _change(q: float, coarse: tuple[float, np.ndarray] | None) -> float:
@@ -245,7 +244,7 @@ def _coarser(model: Model, surface: Surface, t: np.ndarray) -> tuple[float, np.n
         stiffness.free()
         there = coulomb_surface(coarse)
         known = np.where(there.blocked[:, None], 0.0, surface.interpolated(t, there.positions()))
-        q, phi = coupling(there.normal, traces_of(coarse, stiffness, there), known)
+        q, _, phi = coupling(there.normal, traces_of(coarse, stiffness, there), known, there.positions())
         along = there.interpolated(phi[:, None] * there.normal, surface.positions())
         return q, (along * surface.normal).sum(axis=1)
     except ErcContactError:

@@ -43,6 +43,8 @@ GAIN = 0.4
 """See PATIENCE [-]."""
 BUDGET = (0, 50_000, 50_000, 20_000)
 """Number of pieces on all ranks that may be bisected in one round, beyond the number of first pieces, for each d'."""
+ALONG = np.array([1.0, 1.618, 0.733])
+"""A direction in which the middles of the edges of a piece hardly ever lie at the same place."""
 CHUNK = 1024
 """Number of pieces that are worked on at once. Their arrays stay in the cache."""
 
@@ -157,6 +159,9 @@ def _points(size: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def bisected(corners: np.ndarray, vertices: np.ndarray) -> np.ndarray:
     """The two halves of each piece, cut at the middle of its longest edge, (n, P, P) -> (2n, P, P).
 
+    Of edges of equal length the one is cut whose middle comes last along :data:`ALONG`. So the order of the vertices,
+    which depends on the number of ranks, does not matter.
+
     Args:
         corners: Barycentric coordinates of the corners.
         vertices: Vertices of the simplices that they belong to, shape (n, P, d).
@@ -164,7 +169,9 @@ def bisected(corners: np.ndarray, vertices: np.ndarray) -> np.ndarray:
     pairs = np.array(list(combinations(range(corners.shape[1]), 2)))
     x = np.matmul(corners, vertices)
     lengths = np.linalg.norm(x[:, pairs[:, 0]] - x[:, pairs[:, 1]], axis=2)
-    a, b = pairs[(lengths > 0.999 * lengths.max(axis=1, initial=0.0)[:, None]).argmax(axis=1)].T
+    longest = lengths > 0.999 * lengths.max(axis=1, initial=0.0)[:, None]
+    place = (x[:, pairs[:, 0]] + x[:, pairs[:, 1]]) @ ALONG[: x.shape[2]]
+    a, b = pairs[np.where(longest, place, -np.inf).argmax(axis=1)].T
     every = np.arange(len(corners))
     middle = 0.5 * (corners[every, a] + corners[every, b])
     halves = np.repeat(corners, 2, axis=0)
