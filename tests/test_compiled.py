@@ -2,12 +2,13 @@
 
 import os
 
+import numpy as np
 import ufl
 from dolfinx import fem
 from scenes import block
 
 import erc_contact as ec
-from erc_contact.base.compiled import FIRST
+from erc_contact.base.compiled import FIRST, _key
 
 
 def area(domain: ec.Domain) -> fem.Form:
@@ -27,3 +28,50 @@ def test_numbers_of_constants_have_as_many_digits():
     """UFL sorts factors by the text of these numbers: "10" comes before "9", but "11" after "10"."""
     mesh = block(2).mesh
     assert FIRST < fem.Constant(mesh, 1.0).count() < 10 * FIRST
+
+
+def forms(domain: ec.Domain) -> list[ufl.Form]:
+    """Forms that differ from their neighbours in one thing that decides on their code."""
+    mesh = domain.mesh
+    V, W = (fem.functionspace(mesh, ("Lagrange", degree, (2,))) for degree in (1, 2))
+    f, g, h = fem.Function(V), fem.Function(V), fem.Function(W)
+    a, b, c = fem.Constant(mesh, 1.0), fem.Constant(mesh, 2.0), fem.Constant(mesh, (1.0, 2.0))
+    u, v, n, x = ufl.TrialFunction(V), ufl.TestFunction(V), ufl.FacetNormal(mesh), ufl.SpatialCoordinate(mesh)
+    i, j = ufl.indices(2)
+    label = ufl.variable(f[0])
+    dx, ds = ufl.dx(mesh), ufl.Measure("ds", mesh)
+    at = [np.array([[0.0], [end]]) for end in (1.0, 1.0 - 1e-7)]
+    rule = {"quadrature_rule": "custom", "quadrature_weights": np.array([0.5, 0.5])}
+    scalars = [
+        *(f[0] / g[1], g[0] / f[1], f[0] / f[1], f[1] / f[1], f[0] / h[1]),
+        *(a / b, b / a, a / c[0], c[0] / a, 2 / a, 2.0 / a, 3 / a),
+        *(f[i].dx(i), f[0].dx(0), ufl.grad(f)[i, j] * ufl.grad(f)[i, j], ufl.grad(f)[i, j] * ufl.grad(f)[j, i]),
+        *(ufl.exp(x[0]), ufl.sin(x[0]), ufl.diff(label**2, label)),
+        *(ufl.conditional(ufl.lt(f[0], a), f[0], 0), ufl.conditional(ufl.le(f[0], a), f[0], 0)),
+    ]
+    return [
+        *(scalar * dx for scalar in scalars),
+        *(u[0] * v[1] * dx, u[1] * v[0] * dx, ufl.derivative(ufl.inner(f, f) ** 2 * dx, f, v)),
+        *(n[0] * ds, n[0] * ds(1), n[0] * ds(2), n[0] * ds((1, 2)), x[0] * ds, x[0] * dx, x[0] * dx + x[0] * ds),
+        *(x[0] * ds(metadata={"quadrature_degree": degree}) for degree in (2, 3)),
+        *(x[0] * ds(metadata={**rule, "quadrature_points": points}) for points in at),
+    ]
+
+
+def test_forms_have_the_same_key_if_ufl_signs_them_alike():
+    """So they have on two meshes. Forms that differ have other keys, as they have other signatures."""
+    first, second = ([(_key(one, None, None), one.signature()) for one in forms(block(n))] for n in (2, 3))
+    assert first == second
+    for column in zip(*first, strict=True):
+        assert len(set(column)) == len(first)
+
+
+def test_keys_know_options_and_all_digits_of_points():
+    x, points = ufl.SpatialCoordinate(block(2).mesh), np.array([[0.25, 0.25]])
+    assert _key((x, points), {}, None) == _key((x, points.copy()), {}, None)
+    others = [
+        ((x, points + 1e-15), {}, None),
+        ((x, points), {"scalar_type": float}, None),
+        ((x, points), {}, {"timeout": 1}),
+    ]
+    assert len({_key(*other) for other in [((x, points), {}, None), *others]}) == 4

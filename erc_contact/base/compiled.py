@@ -1,8 +1,9 @@
 """Forms that were compiled once are found again, on later meshes and in later runs, and stay at hand in the process.
 
-A form is made anew on each mesh. FFCx then looks for it in the folder of compiled forms and reads the list of all files
-there. With some thousand files this takes 10 to 15 ms a form, half of the time of a small solve. Here FFCx remembers
-what it has loaded.
+A form is made anew on each mesh. DOLFINx then asks UFL for its signature, and FFCx looks for it in the folder of
+compiled forms, where it reads the list of all files. With some thousand files this takes 10 to 15 ms a form, half of
+the time of a small solve, and the signature takes more than to assemble the form on some hundred cells. Here DOLFINx
+remembers what it has compiled or loaded, by a key that costs a third of the signature.
 
 UFL sorts the factors of a product by the text of the numbers of its Constants, in which "9" comes after "10". So forms
 would be others, and would be compiled again, on the mesh on which the number of Constants made so far passes a power of
@@ -16,14 +17,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from itertools import count
+from operator import methodcaller
 from typing import Any
 
 import ffcx
 import numpy as np
 import ufl
 from dolfinx import jit as dolfinx_jit
-from ffcx import naming
 from ffcx.codegeneration import jit
+from mpi4py import MPI
 
 FIRST = 10**9
 """Number of the first Constant."""
@@ -35,41 +37,121 @@ def number_constants_alike() -> None:
         ufl.Constant._counter = count(FIRST)
 
 
-_known: dict[Any, tuple[list[Any], Any, Any]] = {}
-"""FFCx's result for each form and each expression that this process has compiled or loaded."""
+_known: dict[Any, tuple[Any, Any, Any]] = {}
+"""What DOLFINx needs of each form and each expression that this process has compiled or loaded: object and module."""
 
 
 def remember_forms() -> None:
-    """Let FFCx compile or load each form and each expression once in a process."""
-    if not getattr(jit.compile_forms, "remembers", False):
-        jit.compile_forms, jit.compile_expressions = map(_remembering, (jit.compile_forms, jit.compile_expressions))
+    """Let DOLFINx compile or load each form and each expression once in a process."""
+    if not getattr(dolfinx_jit.ffcx_jit, "remembers", False):
+        dolfinx_jit.ffcx_jit = _remembering(dolfinx_jit.ffcx_jit)
 
 
-def _remembering(compile_all: Callable[..., Any]) -> Callable[..., Any]:
-    def compiled(objects: list[Any], options: Any = None, **settings: Any) -> Any:
-        key = _key(objects[0], options, settings) if len(objects) == 1 else None
-        if key in _known:
-            return _known[key]
-        result = compile_all(objects, options or {}, **settings)
-        if key is not None:
-            _known[key] = *result[:2], (None, None)
-        return result
+def _remembering(compile_one: Callable[..., Any]) -> Callable[..., Any]:
+    def compiled(comm: MPI.Comm, one: Any, form_compiler_options: Any = None, jit_options: Any = None) -> Any:
+        key = _key(one, form_compiler_options, jit_options)
+        if not _all_known(comm, [key]):
+            _known[key] = *compile_one(comm, one, form_compiler_options, jit_options)[:2], (None, None)
+        return _known[key]
 
     compiled.remembers = True  # type: ignore[attr-defined]
     return compiled
 
 
+def compile_together(comm: MPI.Comm, forms: Sequence[ufl.Form]) -> None:
+    """Compile forms in one module, which ``fem.form`` of each then finds; collective."""
+    options = {"scalar_type": np.float64}
+    keys = [_key(form, options, None) for form in forms]
+    if not _all_known(comm, keys):
+        made, module = _compiled(comm, list(forms), options)
+        _known.update({key: (one, module, (None, None)) for key, one in zip(keys, made, strict=True)})
+
+
 @dolfinx_jit.mpi_jit_decorator
-def compile_together(forms: Sequence[ufl.Form]) -> None:
-    """Compile forms in one module, which ``fem.form`` of each then finds; collective over the ranks given first."""
-    options, settings = ffcx.get_options({"scalar_type": np.float64}), dolfinx_jit.get_options()
-    keys = [_key(form, options, settings) for form in forms]
-    if all(key in _known for key in keys):
-        return
-    made, module, _ = jit.compile_forms(list(forms), options=options, **settings)
-    _known.update({key: ([one], module, (None, None)) for key, one in zip(keys, made, strict=True)})
+def _compiled(forms: list[ufl.Form], options: dict[str, Any]) -> tuple[list[Any], Any]:
+    """FFCx's objects for forms and their module; the ranks, which come first in a call, make them together."""
+    return jit.compile_forms(forms, options=ffcx.get_options(options), **dolfinx_jit.get_options())[:2]
+
+
+def _all_known(comm: MPI.Comm, keys: list[Any]) -> bool:
+    """Whether all ranks know all of these keys; collective."""
+    known = all(key in _known for key in keys)
+    return known if comm.size == 1 else comm.allreduce(known, MPI.LAND)
+
+
+# -- the key --------------------------------------------------------------------------------------------------
 
 
 def _key(one: Any, options: Any, settings: Any) -> Any:
-    signature = one.signature() if isinstance(one, ufl.Form) else naming.compute_signature([one], "")
-    return signature, repr(options), repr(settings)
+    """What decides on the code of a form, or of an expression and its points, with these options."""
+    if isinstance(one, ufl.Form):
+        integrals = one.integrals()
+        return _structure([part.integrand() for part in integrals], integrals), repr(options), repr(settings)
+    expression, points = one
+    return _structure([expression], ()), points.shape, points.tobytes(), repr(options), repr(settings)
+
+
+def _structure(roots: Sequence[Any], integrals: Sequence[Any]) -> Any:
+    """Expressions, and how each is integrated, as tuples of numbers and words that are the same on all meshes.
+
+    They hold all that UFL's signature holds: the kind and the operands of each node, what UFL signs of a terminal, and
+    the data of the integrals. A node is known by its identity here, not by its content, which is quick. So a form that
+    is built in another way may have another structure with the same signature: it is looked for once more.
+    """
+    numbers = _Numbers()
+    places: dict[int, int] = {}
+    nodes: list[tuple[int, Any]] = []
+    todo = list(roots)
+    while todo:
+        node = todo[-1]
+        operands = node.ufl_operands
+        missing = [one for one in operands if id(one) not in places]
+        todo.extend(missing)
+        if not missing:
+            todo.pop()
+            if id(node) not in places:
+                places[id(node)] = len(nodes)
+                below = tuple([places[id(one)] for one in operands]) or numbers.signed(node)
+                nodes.append((node._ufl_typecode_, below))
+    measures = [
+        (
+            [(numbers[mesh], kind) for mesh, kind in one.extra_domain_integral_type_map().items()],
+            (numbers[one.ufl_domain()], one.integral_type(), one.subdomain_id()),
+            sorted((name, _told(value)) for name, value in one.metadata().items()),
+        )
+        for one in integrals
+    ]
+    return tuple(nodes), tuple(places[id(root)] for root in roots), repr(measures), numbers.in_order()
+
+
+class _Numbers(dict[Any, int]):
+    """Numbers of meshes, coefficients, constants, labels and free indices, in the order in which they are met."""
+
+    def __missing__(self, one: Any) -> int:
+        self[one] = len(self)
+        return self[one]
+
+    def signed(self, terminal: Any) -> Any:
+        """What UFL signs of a terminal; of an operator without operands it is nothing."""
+        if isinstance(terminal, ufl.classes.MultiIndex):
+            return tuple(int(i) if isinstance(i, ufl.classes.FixedIndex) else (self[i],) for i in terminal)
+        if isinstance(terminal, ufl.classes.Label):
+            return self[terminal]
+        if isinstance(terminal, ufl.classes.Zero):
+            free = tuple(self[ufl.Index(count)] for count in terminal.ufl_free_indices)
+            return terminal.ufl_shape, free, terminal.ufl_index_dimensions
+        return terminal._ufl_signature_data_(self) if terminal._ufl_is_terminal_ else ()
+
+    def in_order(self) -> tuple[Any, ...]:
+        """Numbers of coefficients, constants and meshes in the order in which these were made, as UFL numbers them."""
+        kinds = (ufl.Coefficient, "count"), (ufl.Constant, "count"), (ufl.AbstractDomain, "ufl_id")
+        some = ([one for one in self if isinstance(one, kind)] for kind, _ in kinds)
+        return tuple(
+            tuple(self[one] for one in sorted(of, key=methodcaller(age)))
+            for of, (_, age) in zip(some, kinds, strict=True)
+        )
+
+
+def _told(value: Any) -> str:
+    """A value of the metadata in full: UFL shortens the text of an array."""
+    return repr((value.shape, value.tolist()) if isinstance(value, np.ndarray) else value)
