@@ -58,12 +58,14 @@ def evaluate(expression: Any, mesh: dmesh.Mesh, points: np.ndarray, entities: np
     """
     if isinstance(expression, ufl.classes.SpatialCoordinate):
         return _geometric(ufl.SpatialCoordinate, mesh, points).eval(mesh, entities)
-    expression = _without_derivatives(expression)
-    if not varies(expression):  # a number, constants, derivatives that became constant: nothing to compile
-        return np.broadcast_to(constant_value(expression), (len(entities), len(points), *expression.ufl_shape))
-    few = len(points) == 1 or entities.ndim == 2
-    if few and _is_data(expression):  # compiled once for all points; slower for many
-        return Everywhere(expression, mesh)(evaluate(ufl.SpatialCoordinate(mesh), mesh, points, entities), entities)
+    expression = ufl.as_ufl(expression)
+    if not _has_fields(expression):
+        expression = _without_derivatives(expression)
+        if not varies(expression):  # a number, constants, derivatives that became constant: nothing to compile
+            return np.broadcast_to(constant_value(expression), (len(entities), len(points), *expression.ufl_shape))
+        few = len(points) == 1 or entities.ndim == 2
+        if few and _is_data(expression):  # compiled once for all points; slower for many
+            return Everywhere(expression, mesh)(evaluate(ufl.SpatialCoordinate(mesh), mesh, points, entities), entities)
     compiled = fem.Expression(expression, points, comm=mesh.comm, dtype=np.float64)
     return compiled.eval(mesh, entities)
 
@@ -73,6 +75,14 @@ def _without_derivatives(expression: Any) -> Any:
     expression = ufl.as_ufl(expression)
     has = any(isinstance(node, ufl.classes.Derivative) for node in unique_pre_traversal(expression))
     return ufl.algorithms.expand_derivatives(expression) if has else expression
+
+
+def _has_fields(expression: Any) -> bool:
+    """Whether a UFL expression contains functions that vary inside cells."""
+    return any(
+        isinstance(terminal, ufl.classes.Coefficient) and varies_in_cells(terminal)
+        for terminal in traverse_unique_terminals(expression)
+    )
 
 
 def _is_data(expression: Any) -> bool:
