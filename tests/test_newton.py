@@ -199,7 +199,8 @@ def test_adaptive_run_saves_steps(tighten, accuracy, share):
     for mesh, _ in runs["converged"].meshes:
         plain += ec.solve(common_block(), mesh).newton_steps
     assert runs["certified"].column("newton_steps").sum() <= share * plain
-    assert runs["certified"].steps[-1].eps == pytest.approx(runs["converged"].steps[-1].eps, rel=0.02)
+    converged, certified = (run.steps[-1].eps * run.steps[-1].cells ** 0.5 for run in runs.values())
+    assert certified == pytest.approx(converged, rel=0.02)  # eps falls like cells^(-1/2); one run may have a mesh less
 
 
 def test_warm_start_of_a_refined_mesh_is_exact_at_old_nodes():

@@ -65,19 +65,17 @@ def attempts(
         known: Names of the starts that are known; the caller adds to them between two attempts.
         friction: Whether the scene has friction.
         fallback: Whether a solution of the augmented Lagrangian is accepted instead.
-        nodal_first: Whether another method starts from the solution of the augmented Lagrangian. This takes less steps
-            at the end, and more in all: it pays where steps cost little.
+        nodal_first: Whether another method starts from the solution of the augmented Lagrangian where no solution on
+            another mesh is known. This takes less steps at the end, and more in all: it pays where steps cost little.
     """
     nodal = method if method.multiplier else NODAL
     itself = nodal == method
     first = "warm" if "warm" in known else "glued"
-    if not itself and not nodal_first:
+    if not itself and (first == "warm" or not nodal_first):
         yield Attempt(method, first)
     yield Attempt(nodal, first, final=itself)
     if not itself:
         yield Attempt(method, "nodal")
-        if first == "warm":
-            yield Attempt(method, "warm")
     if not itself or first == "warm":
         yield Attempt(method, "glued")
     for other in (NODAL, *OTHERS):
