@@ -29,8 +29,9 @@ from erc_contact.base.exceptions import ErcContactError
 
 FLAGS = ("-std=gnu11", "-O3", "-march=native", "-fno-math-errno", "-Wno-psabi", "-fPIC")
 """Options of the compiler; none of them changes the order of operations."""
-NAMES = {"float64": "double", "float32": "float", "int64": "long long", "int32": "int", "bool": "_Bool"}
-"""C's names of numpy's types."""
+TYPES = {"float64": "double", "float32": "float", "int64": "long long", "int32": "int", "bool": "_Bool"}
+ARRAYS = {np.dtype(name): f"{known}[]" for name, known in TYPES.items()}
+"""C's names of arrays of numpy's types."""
 
 
 class Library:
@@ -65,7 +66,7 @@ class Library:
         if argument is None:
             return self._ffi.NULL
         if isinstance(argument, np.ndarray):
-            return self._ffi.from_buffer(f"{NAMES[argument.dtype.name]}[]", argument)
+            return self._ffi.from_buffer(ARRAYS[argument.dtype], argument)
         return argument
 
 

@@ -97,6 +97,8 @@ def _is_data(expression: Any) -> bool:
 
 def constant_value(expression: Any) -> np.ndarray:
     """The value of an expression that does not vary."""
+    if isinstance(expression, fem.Constant):
+        return expression.value.astype(float)
     expression = apply_algebra_lowering(expression)
     shape, constants = expression.ufl_shape, ufl.algorithms.analysis.extract_constants(expression)
     known = {c: c.value if c.ufl_shape else float(c.value) for c in constants}

@@ -64,7 +64,7 @@ class Model(Space):
         body_force: Sum of the loads in the body [force/volume], UFL of shape (d,), or None.
         fixed: Which components are prescribed at each node, shape (nodes, d).
         prescribed: Prescribed displacement, a Function of V, zero elsewhere [length].
-        bcs: The prescribed displacement as Dirichlet conditions.
+        bcs: The prescribed displacement as a Dirichlet condition of DOLFINx, in a list.
         fixed_facets: Facets (cell, local facet) and prescribed components of each support.
         contacts: The scene's contacts.
         free_motions: Rigid motions that no support holds, Functions of V, see :func:`free_motions`.

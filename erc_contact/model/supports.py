@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 from dolfinx import fem
-from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError, raise_together
 from erc_contact.model.expressions import evaluate
@@ -27,7 +26,7 @@ class Supports:
     Attributes:
         fixed: Which components are prescribed at each node, shape (nodes, d).
         prescribed: Prescribed displacement, a Function of V, zero elsewhere [length].
-        bcs: The prescribed displacement as Dirichlet conditions.
+        bcs: The prescribed displacement as a Dirichlet condition of DOLFINx, in a list.
         facets: Facets (cell, local facet) and prescribed components of each support.
     """
 
@@ -74,14 +73,5 @@ def bind_supports(space: Space, supports: Sequence[Displacement]) -> Supports:
     for function in (marks, prescribed):
         function.x.scatter_forward()
     fixed = marks.x.array.reshape(-1, space.d) > 0.5
-    return Supports(fixed, prescribed, _conditions(space, fixed, prescribed), on_facets)
-
-
-def _conditions(space: Space, fixed: np.ndarray, prescribed: fem.Function) -> list[Any]:
-    """Dirichlet conditions of DOLFINx, one for each component that is prescribed at some node; collective."""
-    conditions = []
-    for i in range(space.d):
-        if space.comm.allreduce(bool(fixed[:, i].any()), MPI.LOR):
-            places = np.flatnonzero(fixed[:, i]) * space.d + i
-            conditions.append(fem.dirichletbc(prescribed.sub(i), places.astype(np.int32)))
-    return conditions
+    dofs = np.flatnonzero(fixed).astype(np.int32)
+    return Supports(fixed, prescribed, [fem.dirichletbc(prescribed, [dofs, dofs], space.V)], on_facets)

@@ -4,7 +4,10 @@ from pathlib import Path
 
 from erc_contact.base.library import Library, library
 
+FOLDER = Path(__file__).parent
+"""Where their sources are."""
+
 
 def kernels() -> Library:
     """The compiled kernels; they are compiled at the first call on a machine."""
-    return library(Path(__file__).parent)
+    return library(FOLDER)
