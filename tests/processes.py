@@ -7,8 +7,11 @@ import json
 import logging
 import os
 import runpy
+import signal
 import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import pytest
@@ -25,31 +28,46 @@ def environment() -> dict[str, str]:
     return {k: v for k, v in os.environ.items() if not k.startswith(("PMI", "MPI"))} | own
 
 
-def started(script: str, ranks: int, folder: Path) -> subprocess.Popen:
-    """Start a script; what it writes comes through pipes, errors with the rest.
+@contextmanager
+def started(script: str, ranks: int, folder: Path) -> Iterator[subprocess.Popen]:
+    """A running script; what it writes comes through a pipe, errors with the rest. At the end nothing of it is left.
 
     Args:
         script: Python source.
         ranks: Number of processes, 1 without mpiexec.
-        folder: Where it runs.
+        folder: Where it runs, and nothing else does.
     """
     path = folder / "script.py"
     path.write_text(script)
-    return launched(path, ranks, folder)
+    with launched(path, ranks, folder) as process:
+        yield process
 
 
-def launched(path: Path, ranks: int, folder: Path) -> subprocess.Popen:
+@contextmanager
+def launched(path: Path, ranks: int, folder: Path) -> Iterator[subprocess.Popen]:
     """The same for a script that is a file already; DOLFINx finds the options of the C compiler in the folder."""
     (folder / "dolfinx_jit_options.json").write_text(json.dumps({"cffi_extra_compile_args": COMPILER}))
     launch = [] if ranks == 1 else [str(Path(sys.executable).parent / "mpiexec"), "-n", str(ranks)]
-    return subprocess.Popen(
+    with subprocess.Popen(
         [*launch, sys.executable, "-u", str(path)],
         cwd=folder,
         env=environment(),
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
-    )
+    ) as process:
+        try:
+            yield process
+        finally:
+            kill_all_in(folder)
+
+
+def kill_all_in(folder: Path) -> None:
+    """Kill the processes that run in a folder: mpiexec gives each rank a group of its own, MPICH's a session, too."""
+    for cwd in Path("/proc").glob("[0-9]*/cwd"):
+        with suppress(OSError):  # it has ended meanwhile, or is that of another user
+            if cwd.readlink() == folder.resolve() and int(cwd.parent.name) != os.getpid():
+                os.kill(int(cwd.parent.name), signal.SIGKILL)
 
 
 def run_as_user(path: Path, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -58,7 +76,8 @@ def run_as_user(path: Path, folder: Path, monkeypatch: pytest.MonkeyPatch) -> No
     Its handlers of log messages are removed afterwards.
     """
     if MPI.COMM_WORLD.size == 1:
-        output(launched(path, 1, folder), 300)
+        with launched(path, 1, folder) as process:
+            output(process, 300)
         return
     log = logging.getLogger("erc_contact")
     monkeypatch.setattr(log, "handlers", [])
@@ -68,6 +87,16 @@ def run_as_user(path: Path, folder: Path, monkeypatch: pytest.MonkeyPatch) -> No
     runpy.run_path(str(path), run_name="__main__")
     log.setLevel(level)
     gc.collect()  # all demos in one process: what one leaves in cycles holds communicators
+
+
+def told(process: subprocess.Popen, word: str) -> list[str]:
+    """The other words of the next line that begins with this one; what mpiexec itself writes is passed over."""
+    lines = []
+    for line in iter(process.stdout.readline, ""):
+        lines.append(line)
+        if line.split()[:1] == [word]:
+            return line.split()[1:]
+    raise AssertionError(f"it ended without a word of {word!r}:\n{''.join(lines)}")
 
 
 def output(process: subprocess.Popen, seconds: float) -> str:

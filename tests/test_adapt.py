@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 import ufl
 from mpi4py import MPI
-from processes import output, started
+from processes import output, started, told
 from scenes import block, common_block, prototype_block
 
 import erc_contact as ec
@@ -202,7 +202,8 @@ if MPI.COMM_WORLD.rank == 0:
 
 @pytest.mark.serial
 def test_memory_that_really_ends(tmp_path):
-    text = output(started(MEMORY, 1, tmp_path), 60)
+    with started(MEMORY, 1, tmp_path) as process:
+        text = output(process, 60)
     assert "memory does not suffice" in text
     rows = (tmp_path / "history.csv").read_text().splitlines()
     assert 3 <= len(rows) <= 8
@@ -264,11 +265,12 @@ if comm.rank == 0:
 @pytest.mark.parametrize(("ranks", "to"), [(1, "all"), (2, "all"), (2, "last rank")])
 def test_interrupted_run_keeps_its_history(ranks, to, tmp_path):
     """A real SIGINT, to mpiexec as Ctrl-C sends it, or to one rank only."""
-    process = started(INTERRUPTED, ranks, tmp_path)
-    for _ in range(2):
-        pid = int(process.stdout.readline().split()[1])
-    os.kill(pid if to == "last rank" else process.pid, signal.SIGINT)
-    ended = [line for line in output(process, 60).splitlines() if line.startswith("ended")]
+    if (ranks, to) == (2, "all") and "Open MPI" in MPI.Get_library_version():
+        pytest.skip("mpiexec of Open MPI 6 kills its ranks at once")
+    with started(INTERRUPTED, ranks, tmp_path) as process:
+        pid = [int(told(process, "mesh")[0]) for _ in range(2)][-1]
+        os.kill(pid if to == "last rank" else process.pid, signal.SIGINT)
+        ended = [line for line in output(process, 60).splitlines() if line.startswith("ended")]
     assert len(ended) == 1
     steps = int(ended[0].split()[1])
     assert steps >= 2

@@ -1018,7 +1018,8 @@ def test_no_rank_waits_for_one_that_failed(tmp_path):
     names = "fails_on_one_rank and (gap or Traction or early) or wrong_on_one_rank or in_the_way and folder"
     arguments = [__file__, "-q", "-p", "no:cacheprovider", "-k", names, "--rootdir", str(Path(__file__).parent.parent)]
     script = f"import sys, pytest; sys.exit(pytest.main({arguments!r}))"
-    assert "[100%]" in output(started(script, 2, tmp_path), 120)
+    with started(script, 2, tmp_path) as process:
+        assert "[100%]" in output(process, 120)
 
 
 # -- the loop and the method ---------------------------------------------------------------------------------

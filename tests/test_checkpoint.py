@@ -22,7 +22,7 @@ import numpy as np
 import pytest
 import ufl
 from mpi4py import MPI
-from processes import environment, output, started
+from processes import environment, output, started, told
 from scenes import block, prototype_block, random_scene
 
 import erc_contact as ec
@@ -367,13 +367,12 @@ def kept_by(ranks, folder, meshes=40):
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_killed_runs_go_on(ranks, tmp_path):
     """SIGKILL at a moment of its own; on one rank it goes on."""
-    process = kept_by(ranks, tmp_path)
-    for _ in range(2 + ranks):
-        pids = [int(word) for word in process.stdout.readline().split()[1:]]
-    sleep(float(np.random.default_rng(ranks).uniform(0.0, 0.1)))
-    for pid in pids:
-        os.kill(pid, signal.SIGKILL)
-    process.communicate(timeout=20)
+    with kept_by(ranks, tmp_path) as process:
+        pids = [told(process, "mesh") for _ in range(2 + ranks)][-1]
+        sleep(float(np.random.default_rng(ranks).uniform(0.0, 0.1)))
+        for pid in pids:
+            os.kill(int(pid), signal.SIGKILL)
+        process.communicate(timeout=20)
     there = len(Folder(tmp_path / "kept").numbers())
     assert there >= 2 + ranks
     same(run(of_flat_body, there + 2, tmp_path / "kept"), run(of_flat_body, there + 2))
@@ -383,12 +382,11 @@ def test_killed_runs_go_on(ranks, tmp_path):
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_terminated_runs_keep_all_and_say_so(ranks, tmp_path):
     """SIGTERM, as a batch system sends it: to the last rank."""
-    process = kept_by(ranks, tmp_path)
-    for _ in range(2):
-        pids = [int(word) for word in process.stdout.readline().split()[1:]]
-    began = monotonic()
-    os.kill(pids[-1], signal.SIGTERM)
-    ended = [line for line in output(process, 20).splitlines() if line.startswith("ended")]
+    with kept_by(ranks, tmp_path) as process:
+        pids = [told(process, "mesh") for _ in range(2)][-1]
+        began = monotonic()
+        os.kill(int(pids[-1]), signal.SIGTERM)
+        ended = [line for line in output(process, 20).splitlines() if line.startswith("ended")]
     assert monotonic() - began < 5.0
     assert "Interrupted at" in ended[0]
     assert len(Folder(tmp_path / "kept").numbers()) == int(ended[0].split()[1]) >= 2
@@ -418,14 +416,13 @@ os._exit(0)  # at the usual end PETSc takes the handler away
 @pytest.mark.serial
 def test_signals_do_no_harm_to_a_factorisation(tmp_path):
     """SIGTERM comes at any moment of it. An ordering by METIS would jump out of the middle of its work."""
-    process = started(FACTORS, 1, tmp_path)
-    while "ready" not in process.stdout.readline():
-        assert process.poll() is None
-    moments = np.random.default_rng(0)
-    while process.poll() is None:
-        process.send_signal(signal.SIGTERM)
-        sleep(float(moments.uniform(0.0, 0.02)))
-    assert "ended" in output(process, 20)
+    with started(FACTORS, 1, tmp_path) as process:
+        told(process, "ready")
+        moments = np.random.default_rng(0)
+        while process.poll() is None:
+            process.send_signal(signal.SIGTERM)
+            sleep(float(moments.uniform(0.0, 0.02)))
+        assert "ended" in output(process, 20)
 
 
 # -- the history without a solve -------------------------------------------------------------------------------------
