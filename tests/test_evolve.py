@@ -9,8 +9,10 @@
 """
 
 import csv
+import json
 import os
 import signal
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,9 +20,11 @@ import pytest
 from mpi4py import MPI
 from scenes import moved_box
 from test_bad_input import refused
+from test_report import Page, page_alone
 
 import erc_contact as ec
 from erc_contact.base import compiled
+from erc_contact.base.percent import percent
 from erc_contact.run.energy import friction_works
 from erc_contact.run.evolve import Walk
 
@@ -261,8 +265,33 @@ def test_steps_as_short_as_the_path_asks():
 
 def test_what_is_written(whole, shared_tmp_path):
     whole.save(shared_tmp_path)
+    forces = whole.error.reactions()
     if COMM.rank > 0:
         return
+    page = page_alone(shared_tmp_path / "report.html", 4)
+    lines = page.words.splitlines()
+    for step in whole.steps:
+        assert {str(step.cells), percent(step.eps, 3), f"{step.dissipated:.4g}"} <= set(lines)
+    assert whole.outcome in lines
+    assert f"{forces['bottom'].force[1]:.6g}" in lines
+    for code in (
+        "def scene_at(t, d=2, amplitude=0.03):",
+        "PRESS = 0.05",
+        "strategy=ec.Mark()",
+        "times=[0.0, ",
+    ):
+        assert code in page.words
+    assert f"the first mesh has {box(comm=MPI.COMM_SELF).cells} cells" in page.words
+    assert "given the slip of the steps before" in page.words
+    told = json.loads((shared_tmp_path / "evolution.json").read_text())
+    assert [row["time"] for row in told["steps"]] == json.loads(told["settings"]["times"]) == CYCLE
+    assert told["steps"][-1]["force"] == whole.steps[-1].force
+    assert told["error"]["relative"] == whole.steps[-1].eps
+    assert told["forces"]["balance"]["force"] == forces["balance"].force.tolist()
+    notebook = Page(whole._repr_html_())
+    assert notebook.depth == []
+    assert whole.outcome in notebook.words
+    assert percent(whole.steps[-1].eps, 3) in notebook.words
     rows = list(csv.DictReader((shared_tmp_path / "evolution.csv").read_text().splitlines()))
     assert [float(row["time"]) for row in rows] == CYCLE
     assert float(rows[-1]["force_bottom_y"]) == whole.steps[-1].force["bottom"][1]
@@ -286,7 +315,7 @@ def test_what_is_written(whole, shared_tmp_path):
 def test_animation(whole, tmp_path):
     from PIL import Image
 
-    short = ec.Evolution(whole.steps[2:4], whole.accuracy, True, "", whole.errors[2:4])
+    short = replace(whole, steps=whole.steps[2:4], errors=whole.errors[2:4])
     short.animate(tmp_path / "cycle.gif")
     with Image.open(tmp_path / "cycle.gif") as image:
         assert image.n_frames == 2

@@ -1,7 +1,11 @@
-"""The report of a run: one page of HTML that holds all it shows, and links to nothing; and the run as plain data."""
+"""The report of a run: one page of HTML that holds all it shows, and links to nothing; and the run as plain data.
+
+The run is an adaptive one or a loading history.
+"""
 
 from __future__ import annotations
 
+import json
 import struct
 from base64 import b64encode
 from collections.abc import Mapping, Sequence
@@ -11,15 +15,12 @@ from math import isfinite
 from pathlib import Path
 from typing import Any, Protocol
 
-from erc_contact.base.code import code_of, definitions, without_paths
+from erc_contact.base.code import code_of, without_paths
 from erc_contact.base.html import table
-from erc_contact.base.percent import percent
 from erc_contact.base.versions import machine, versions
 from erc_contact.error.constitutive import ConstitutiveError
-from erc_contact.mesh.domain import Domain, shape_in_words
 from erc_contact.model.forces import Force
 from erc_contact.output.files import on_root
-from erc_contact.scene.scene import Scene
 from erc_contact.scene.words import in_words
 
 STYLE = """
@@ -35,16 +36,14 @@ th { font-weight: normal; } thead th { color: #555; } .numbers td, .numbers thea
 .numbers td { white-space: nowrap; } .verdict th { font-weight: bold; min-width: 5rem; }
 pre { background: #f5f5f5; padding: 0.8rem; overflow-x: auto; font-size: 0.85rem; line-height: 1.35; }
 """
-COLUMNS = ("mesh", "cells", "unknowns", "Newton", "eps", "bulk", "contact", "geometry", "method", "seconds")
-"""Columns of the table of meshes."""
 NUMBERS = ("relative", "total", "absolute", "scale", "bulk_error", "contact_error", "geometry_error", "degree")
-"""Numbers of the best error in the data."""
+"""Numbers of the error in the data."""
 BROAD = 1.3
 """Width over height of a picture that a narrow screen shows part by part [-]."""
 
 
 class Run(Protocol):
-    """An adaptive run, as far as it is reported. A ``History`` has these members."""
+    """An adaptive run or a loading history, as far as it is reported: a ``History``, an ``Evolution``."""
 
     @property
     def steps(self) -> Sequence[Any]:
@@ -63,24 +62,25 @@ class Run(Protocol):
         """Why it ended."""
 
     @property
-    def best(self) -> ConstitutiveError:
-        """The best result."""
-
-    @property
-    def meshes(self) -> tuple[tuple[Domain, Any], ...]:
-        """Domain and eps_E of its meshes."""
+    def error(self) -> ConstitutiveError:
+        """The best result, or that at the end of the history."""
 
     @property
     def settings(self) -> Mapping[str, Any]:
-        """The arguments of the run by their names."""
+        """The other arguments of the run by their names."""
 
 
 def write_report(
     run: Run,
     path: str | Path,
-    claims: Sequence[tuple[str, str]],
-    forces: Mapping[str, Force],
+    title: str,
+    tables: Mapping[str, str],
     pictures: Mapping[str, str],
+    *,
+    claims: Sequence[tuple[str, str]] = (),
+    forces: Mapping[str, Force] | None = None,
+    code: str = "",
+    note: str = "",
 ) -> None:
     """Write the report of a run; collective.
 
@@ -90,36 +90,38 @@ def write_report(
     Args:
         run: The run.
         path: The file, in the folder of the pictures.
+        title: Its heading.
+        tables: Tables of its rows in HTML, by their headings.
+        pictures: Names of the picture files in the folder, and what they show.
         claims: What the error proves and what not, see :func:`erc_contact.output.verdict.verdict`.
         forces: Forces on the body by their cause, see :func:`erc_contact.results.reactions`; the same on all ranks.
-        pictures: Names of the picture files in the folder, and what they show.
+        code: The run as code, see :mod:`erc_contact.output.as_code`.
+        note: What else has to be said of it, below the heading.
     """
-    file = Path(path)
+    file, comm = Path(path), run.error.domain.mesh.comm
 
     def write() -> None:
-        shown = "".join(_figure(file.parent / name, words) for name, words in pictures.items())
-        file.write_text(_page(run, claims, forces, shown))
+        sections = {"": _paragraph(without_paths(run.outcome)) + _paragraph(note) * bool(note)}
+        if claims:
+            sections["What the number means"] = _wide(table(claims), "verdict")
+        if isinstance(run.error, ConstitutiveError):  # one that is read from a folder has no scene
+            words = in_words(run.error.solution.scene)
+            sections["Scene"] = _wide(table(words, ("part", "what holds there")))
+        sections |= {heading: _wide(rows, "numbers") for heading, rows in tables.items()}
+        sections["Pictures"] = "".join(_figure(file.parent / name, words) for name, words in pictures.items())
+        if forces:
+            sections["Forces on the body"] = _forces(forces)
+        if code:
+            sections["How to reproduce it"] = f"<pre>{escape(code)}</pre>"
+        made = {**versions(), **machine(), "ranks": str(comm.size)}
+        sections["Software and machine"] = _wide(table(made.items()))
+        file.write_text(_page(title, sections))
 
-    on_root(run.best.domain.mesh.comm, path, write)
+    on_root(comm, path, write)
 
 
-def _page(run: Run, claims: Sequence[tuple[str, str]], forces: Mapping[str, Force], pictures: str) -> str:
-    """The page; ``pictures`` is HTML."""
-    title = f"Relative error {percent(run.best.total)}, asked for {percent(run.accuracy)}"
-    sections = {"": _paragraph(without_paths(run.outcome))}
-    scene = run.best.solution.scene if isinstance(run.best, ConstitutiveError) else None  # one that is read has none
-    if claims:
-        sections["What the number means"] = _wide(table(claims), "verdict")
-    if scene:
-        sections["Scene"] = _wide(table(in_words(scene), ("part", "what holds there")))
-    sections["Meshes"] = _wide(table(map(_row, enumerate(run.steps, start=1)), COLUMNS), "numbers")
-    sections["Pictures"] = pictures
-    if forces:
-        sections["Forces on the body"] = _forces(forces)
-    if scene:
-        sections["How to reproduce it"] = f"<pre>{escape(_script(run, scene))}</pre>"
-    made = {**versions(), **machine(), "ranks": str(run.best.domain.mesh.comm.size)}
-    sections["Software and machine"] = _wide(table(made.items()))
+def _page(title: str, sections: Mapping[str, str]) -> str:
+    """The page; sections are HTML by their headings."""
     body = "".join(f"<h2>{escape(name)}</h2>{text}" if name else text for name, text in sections.items())
     return (
         '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
@@ -136,14 +138,6 @@ def _paragraph(text: str) -> str:
 def _wide(text: str, kind: str = "") -> str:
     """Something that scrolls by itself where the screen is narrow."""
     return f'<div class="wide {kind}">{text}</div>'
-
-
-def _row(numbered: tuple[int, Any]) -> list[str]:
-    """A row of the table of meshes."""
-    number, step = numbered
-    errors = [percent(one, 3) for one in (step.eps, step.eps_bulk, step.eps_contact, step.eps_geometry)]
-    counts = [str(one) for one in (number, step.cells, step.dofs, step.newton_steps)]
-    return [*counts, *errors, step.method, f"{step.seconds:.2f}"]
 
 
 def _figure(file: Path, words: str) -> str:
@@ -164,32 +158,26 @@ def _forces(forces: Mapping[str, Force]) -> str:
     return _paragraph(words) + _wide(table(rows, header), "numbers")
 
 
-def _script(run: Run, scene: Scene) -> str:
-    """The scene and the run as code."""
-    lists = [f"    material={code_of(scene.material)},"]
-    for name in ("supports", "loads", "contacts"):
-        entries = "".join(f"        {code_of(one)},\n" for one in getattr(scene, name))
-        lists += [f"    {name}=[\n{entries}    ],"] if entries else []
-    domain, given = run.meshes[0][0], "".join(f"    {name}={code_of(one)},\n" for name, one in run.settings.items())
-    facts = f"{domain.cells} cells and {domain.vertices} vertices; parts {', '.join(domain.names)}"
-    return "\n".join(
-        [
-            "import ufl\n\nimport erc_contact as ec\n",
-            *definitions(scene),
-            "scene = ec.Scene(",
-            *lists,
-            ")",
-            f"# domain: {shape_in_words(domain)}; the first mesh has {facts}",
-            f"history = ec.adapt(\n    scene,\n    domain,\n    accuracy={run.accuracy!r},\n{given})",
-        ]
-    )
+def write_record(run: Run, path: str | Path, forces: Mapping[str, Force]) -> None:
+    """Write the rows of a run, its error, forces on the body, settings and software as JSON; collective.
+
+    Args:
+        run: The run.
+        path: The file.
+        forces: Forces on the body by their cause; the same on all ranks.
+    """
+
+    def write() -> None:
+        Path(path).write_text(json.dumps(_record(run, forces), indent=1, allow_nan=False))
+
+    on_root(run.error.domain.mesh.comm, path, write)
 
 
-def record(run: Run, forces: Mapping[str, Force]) -> dict[str, Any]:
-    """The rows of a run, its best error, forces on the body, settings and software; numbers that are none are None."""
-    error = {name: getattr(run.best, name) for name in NUMBERS}
-    if isinstance(run.best, ConstitutiveError):  # one that is read from a folder has no more
-        error["oscillations"] = asdict(run.best.oscillations)
+def _record(run: Run, forces: Mapping[str, Force]) -> dict[str, Any]:
+    """The data of a run; numbers that are none are None."""
+    error = {name: getattr(run.error, name) for name in NUMBERS}
+    if isinstance(run.error, ConstitutiveError):  # one that is read from a folder has no more
+        error["oscillations"] = asdict(run.error.oscillations)
     return _plain(
         {
             "outcome": run.outcome,
@@ -200,7 +188,7 @@ def record(run: Run, forces: Mapping[str, Force]) -> dict[str, Any]:
             "steps": [asdict(step) for step in run.steps],
             "settings": {name: code_of(one) for name, one in run.settings.items()},
             "versions": versions(),
-            "machine": {**machine(), "ranks": run.best.domain.mesh.comm.size},
+            "machine": {**machine(), "ranks": run.error.domain.mesh.comm.size},
         }
     )
 

@@ -25,7 +25,13 @@ MEANS = {
 
 def verdict(error: ConstitutiveError) -> list[tuple[str, str]]:
     """Statements about an error, each with its kind: :data:`BOUND`, :data:`UP_TO`, :data:`ESTIMATE`, :data:`OPEN`."""
-    return [*_of_the_bound(error), *_of_the_data(error), *_of_other_solutions(error), _of_points()]
+    return [
+        *_of_the_bound(error),
+        *_of_the_data(error),
+        *_of_the_steps_before(error),
+        *_of_other_solutions(error),
+        _of_points(),
+    ]
 
 
 def _of_the_bound(error: ConstitutiveError) -> list[tuple[str, str]]:
@@ -46,7 +52,7 @@ def _of_the_bound(error: ConstitutiveError) -> list[tuple[str, str]]:
         "is of higher order, and it is not proved to be harmless."
     )
     certificate = (
-        "Whether more is proved with this friction: history.coulomb_certificate() computes it. A run does not, so "
+        "Whether more is proved with this friction: ec.coulomb_certificate(error) computes it. A run does not, so "
         "nothing is said here."
     )
     return [(UP_TO, term), (OPEN, certificate)]
@@ -66,6 +72,17 @@ def _of_the_data(error: ConstitutiveError) -> list[tuple[str, str]]:
             words = f"What the mesh does not carry of the {MEANS[name]}: {percent(part / scale)} beside e"
             found.append((ESTIMATE, f"{words}, without constants of Korn and Poincare type."))
     return found
+
+
+def _of_the_steps_before(error: ConstitutiveError) -> list[tuple[str, str]]:
+    """What is left out of the error of a step of a loading history."""
+    if all(contact.before is None for contact in error.solution.model.contacts):
+        return []
+    words = (
+        "e is the error of this step given the slip of the steps before. Their errors are in that slip, and no proof "
+        "sums them up. What the length of the steps costs is not in e."
+    )
+    return [(OPEN, words)]
 
 
 def _of_other_solutions(error: ConstitutiveError) -> list[tuple[str, str]]:

@@ -3,23 +3,42 @@
 from __future__ import annotations
 
 import csv
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from erc_contact.base.exceptions import InputError
+from erc_contact.base.html import table
 from erc_contact.base.percent import percent
 from erc_contact.error.constitutive import ConstitutiveError
+from erc_contact.mesh.domain import Domain
 from erc_contact.newton.solution import Solution
+from erc_contact.output.as_code import evolution_as_code
 from erc_contact.output.evolutions import animate, plot_energies, plot_loop, plot_zones
 from erc_contact.output.files import on_root
+from erc_contact.output.pictures import draw_deformed
+from erc_contact.output.report import write_record, write_report
 from erc_contact.output.series import write_series
+from erc_contact.output.verdict import verdict
 from erc_contact.run.energy import energies
 from erc_contact.run.history import History
+from erc_contact.scene.scene import Scene
 
 HEADER = "       t  cells meshes  N     eps    cont  shear  dissipated  balance  total"
 """``shear`` is that of the first contact over its pressure, ``balance`` the imbalance over the larger energy."""
+WIDTHS = (8, 6, 6, 2, 7, 7, 6, 11, 8, 6)
+"""Widths of the columns below it."""
+SHOWN = ("t", "cells", "meshes", "Newton", "eps", "contact", "shear", "dissipated", "balance", "seconds")
+"""The same columns in notebooks and reports."""
+NOTE = (
+    "Error, scene, forces and body are those at the end of the last step. In the table of steps, shear is that of the "
+    "first contact over its pressure, dissipated is the energy that friction took so far, and balance is what work, "
+    "strain energy and work of the contacts leave, over the larger energy."
+)
+"""What the report says of the columns."""
 
 
 @dataclass(frozen=True)
@@ -120,8 +139,8 @@ ENERGIES = ("work", "contact_work", "dissipated", "stored", "imbalance", "in_tim
 SECONDS = ("solve_seconds", "equilibrate_seconds", "seconds")
 
 
-def line(row: TimeStep) -> str:
-    """The row of a step below :data:`HEADER`."""
+def shown(row: TimeStep) -> list[str]:
+    """The row of a step below :data:`SHOWN`."""
     size = max(row.stored, row.dissipated, 1e-300)
     ratio = "-"
     if row.force:
@@ -129,11 +148,15 @@ def line(row: TimeStep) -> str:
         axis = int(abs(force).argmax())
         rest = np.delete(force, axis)
         ratio = f"{np.linalg.norm(rest) / abs(force[axis]):.4f}" if force[axis] else "-"
-    return (
-        f"{row.time:8.4g} {row.cells:6d} {row.meshes:6d} {row.newton_steps:2d} {percent(row.eps, 3):>7} "
-        f"{percent(row.eps_contact, 3):>7} {ratio:>6} {row.dissipated:11.4g} {row.imbalance / size:8.0e} "
-        f"{row.seconds:6.1f}"
-    )
+    counts = [str(one) for one in (row.cells, row.meshes, row.newton_steps)]
+    energies = [f"{row.dissipated:.4g}", f"{row.imbalance / size:.0e}"]
+    errors = [percent(row.eps, 3), percent(row.eps_contact, 3)]
+    return [f"{row.time:.4g}", *counts, *errors, ratio, *energies, f"{row.seconds:.1f}"]
+
+
+def line(row: TimeStep) -> str:
+    """The row of a step below :data:`HEADER`."""
+    return " ".join(f"{entry:>{width}}" for entry, width in zip(shown(row), WIDTHS, strict=True))
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,6 +169,9 @@ class Evolution:
         reached: Whether the last time was reached, and the accuracy in every step.
         outcome: Why the run ended, in words.
         errors: The error at the end of each step, with admissible pair and solution.
+        scene_at: Gives the scene at a time.
+        domain: The first mesh.
+        settings: The other arguments of the run by their names.
     """
 
     steps: tuple[TimeStep, ...]
@@ -153,9 +179,16 @@ class Evolution:
     reached: bool
     outcome: str
     errors: tuple[ConstitutiveError, ...] = field(repr=False)
+    scene_at: Callable[[float], Scene] = field(repr=False, kw_only=True)
+    domain: Domain = field(repr=False, kw_only=True)
+    settings: Mapping[str, Any] = field(repr=False, kw_only=True)
 
     def __str__(self) -> str:
         return "\n".join([HEADER, *map(line, self.steps), self.outcome])
+
+    def _repr_html_(self) -> str:
+        """The table in a notebook; nothing is computed, so one rank alone may ask."""
+        return table(map(shown, self.steps), SHOWN, self.outcome)
 
     @property
     def error(self) -> ConstitutiveError:
@@ -204,20 +237,40 @@ class Evolution:
                 writer.writerow([*before, *vectors, *after])
 
     def save(self, folder: str | Path) -> None:
-        """Write table, figures and a ParaView file to a folder; collective.
+        """Write table, report, figures and a ParaView file to a folder; collective.
 
-        ``evolution.csv``, ``energies.png`` (work, strain energy, dissipation and their balance), ``body.vtkhdf`` with
-        all times, which opens in ParaView as it is, and for each contact ``loop_<name>.png`` (force against
-        displacement) and, in 2D, ``zones_<name>.png`` (open, slip and stick along the contact in time).
+        ``report.html`` (one page that holds all it shows, as that of :meth:`History.save`, with error, scene and forces
+        at the end of the last step), ``evolution.csv``, ``evolution.json``, ``energies.png`` (work, strain energy,
+        dissipation and their balance), ``deformed.png``, ``body.vtkhdf`` with all times, which opens in ParaView as it
+        is, and for each contact ``loop_<name>.png`` (force against displacement) and, in 2D, ``zones_<name>.png``
+        (open, slip and stick along the contact in time).
         """
-        folder, comm = Path(folder), self.error.domain.mesh.comm
+        folder, comm, forces = Path(folder), self.error.domain.mesh.comm, self.error.reactions()
         on_root(comm, folder / "evolution.csv", lambda: self.to_csv(folder / "evolution.csv"))
+        write_record(self, folder / "evolution.json", forces)
         plot_energies(self, folder / "energies.png")
+        pictures = {"energies.png": "Energies, and what their balance leaves."}
         for name in self.steps[0].force:
             plot_loop(self, name, folder / f"loop_{name}.png")
+            pictures[f"loop_{name}.png"] = f"Shear of the contact {name} against displacement."
             if self.error.domain.dim == 2:
                 plot_zones(self, name, folder / f"zones_{name}.png")
+                pictures[f"zones_{name}.png"] = f"Open, slip and stick along the contact {name} in time."
+        draw_deformed(self.error, folder / "deformed.png")
+        pictures["deformed.png"] = "The deformed body at the end."
         write_series(self, folder / "body.vtkhdf")
+        last = self.steps[-1].time
+        write_report(
+            self,
+            folder / "report.html",
+            f"Loading history to t = {last:g} in {len(self.steps)} steps, each asked for {percent(self.accuracy)}",
+            {"Steps": table(map(shown, self.steps), SHOWN)},
+            pictures,
+            claims=verdict(self.error),
+            forces=forces,
+            code=evolution_as_code(self.scene_at, self.domain, {"accuracy": self.accuracy, **self.settings}),
+            note=NOTE,
+        )
 
     def animate(self, path: str | Path, seconds: float = 0.15) -> None:
         """Write a gif of the deformed body in time, each frame for some seconds; collective. It takes 2 s a frame."""

@@ -35,7 +35,7 @@ from erc_contact.run.evolution import HEADER, Evolution, TimeStep, line, row_of
 from erc_contact.run.fingerprint import of_history
 from erc_contact.run.history import History
 from erc_contact.run.loop import Loop
-from erc_contact.run.plan import DECISIVE, Plan, check_callback, check_folder, checked_plan
+from erc_contact.run.plan import DECISIVE, SETTINGS, Plan, check_callback, check_folder, checked_plan
 from erc_contact.run.time_steps import HALVINGS, LONGER, difference_from_halves, until
 from erc_contact.scene.scene import Scene
 
@@ -288,4 +288,13 @@ class Walk:
         done = f"All {len(self.rows)} steps to t = {self.time:g} are done."
         outcome = f"{self.outcome or done} {above}".rstrip()
         self.log.log(logging.INFO if complete and not missed else logging.WARNING, outcome)
-        return Evolution(tuple(self.rows), self.plan.accuracy, complete and not missed, outcome, tuple(self.errors))
+        return Evolution(
+            tuple(self.rows),
+            self.plan.accuracy,
+            complete and not missed,
+            outcome,
+            tuple(self.errors),
+            scene_at=self.scene_at,
+            domain=self.domain,
+            settings={"times": self.times, "path": self.path} | {name: getattr(self.plan, name) for name in SETTINGS},
+        )

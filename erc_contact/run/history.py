@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -19,17 +18,18 @@ from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.coulomb import CoulombCertificate, coulomb_certificate
 from erc_contact.mesh.domain import Domain
 from erc_contact.newton.solution import Solution
+from erc_contact.output.as_code import run_as_code
 from erc_contact.output.contact_plots import plot_contact
 from erc_contact.output.curves import plot_history
 from erc_contact.output.files import on_root
 from erc_contact.output.mesh_pictures import draw_meshes
 from erc_contact.output.paraview import write_fields
 from erc_contact.output.pictures import draw_deformed, draw_error
-from erc_contact.output.report import record, write_report
+from erc_contact.output.report import write_record, write_report
 from erc_contact.output.series import write_meshes
 from erc_contact.output.verdict import verdict
 from erc_contact.results import Force, Maximum, Values
-from erc_contact.run.step import COLUMNS, CURVED, HEADER, Step, line
+from erc_contact.run.step import COLUMNS, CURVED, HEADER, SHOWN, Step, line, shown
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,18 +61,10 @@ class History:
 
     def _repr_html_(self) -> str:
         """The table in a notebook; nothing is computed, so one rank alone may ask."""
-        header = ("mesh", "cells", "unknowns", "eps", "bulk", "contact", "geometry", "seconds")
-        rows = [
-            (
-                n,
-                s.cells,
-                s.dofs,
-                *(percent(e, 3) for e in (s.eps, s.eps_bulk, s.eps_contact, s.eps_geometry)),
-                s.seconds,
-            )
-            for n, s in enumerate(self.steps, start=1)
-        ]
-        return table(((*row[:-1], f"{row[-1]:.2f}") for row in rows), header, self.outcome)
+        return self._table(self.outcome)
+
+    def _table(self, caption: str = "") -> str:
+        return table((shown(number, step) for number, step in enumerate(self.steps, start=1)), SHOWN, caption)
 
     @property
     def error(self) -> ConstitutiveError:
@@ -142,7 +134,7 @@ class History:
 
     def to_json(self, path: str | Path) -> None:
         """Write the rows, the best error, forces, settings and versions as JSON; collective."""
-        self._write_json(Path(path), self.reactions())
+        write_record(self, path, self.reactions())
 
     def save(self, folder: str | Path) -> None:
         """Write table, report, figures, pictures and ParaView files to a folder; collective.
@@ -167,23 +159,23 @@ class History:
                 pictures[f"contact_{name}.png"] = f"Traction on the contact {name}, of the admissible stress."
             at(comm, "fields")
             write_fields(self.best, folder)
-            write_report(self, folder / "report.html", verdict(self.best), forces, pictures)
+            given = {"accuracy": self.accuracy, **self.settings}
+            code = run_as_code(self.solution.scene, self.meshes[0][0], given)
+            self._write_report(folder, pictures, claims=verdict(self.best), forces=forces, code=code)
 
     def _save_table(self, folder: Path, forces: Mapping[str, Force]) -> dict[str, str]:
         """Write what needs no scene; return the names of the pictures, and what they show; collective."""
         comm = self.best.domain.mesh.comm
         on_root(comm, folder / "history.csv", lambda: self.to_csv(folder / "history.csv"))
-        self._write_json(folder / "history.json", forces)
+        write_record(self, folder / "history.json", forces)
         plot_history({"adaptive": self}, folder / "error.png")
         draw_meshes(self.meshes, folder / "meshes.png")
         write_meshes(self.meshes, folder / "meshes.vtkhdf")
         return {"error.png": "Error against run time and against unknowns.", "meshes.png": "Meshes of the run."}
 
-    def _write_json(self, path: Path, forces: Mapping[str, Force]) -> None:
-        def write() -> None:
-            path.write_text(json.dumps(record(self, forces), indent=1, allow_nan=False))
-
-        on_root(self.best.domain.mesh.comm, path, write)
+    def _write_report(self, folder: Path, pictures: Mapping[str, str], **more: Any) -> None:
+        title = f"Relative error {percent(self.best.total)}, asked for {percent(self.accuracy)}"
+        write_report(self, folder / "report.html", title, {"Meshes": self._table()}, pictures, **more)
 
 
 def _write_profile(comm: MPI.Comm, profile: np.ndarray, path: Path) -> None:

@@ -15,7 +15,6 @@ from erc_contact.base.percent import percent
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.mesh.domain import Domain
 from erc_contact.output.files import on_root
-from erc_contact.output.report import write_report
 from erc_contact.run.checkpoint import Checkpoint
 from erc_contact.run.history import History
 
@@ -62,7 +61,7 @@ class SavedHistory(History):
         ``meshes.vtkhdf`` and ``body.vtkhdf`` to a folder; collective.
         """  # noqa: D205
         folder, comm = Path(folder), self.best.domain.mesh.comm
-        write_report(self, folder / "report.html", (), {}, self._save_table(folder, {}))
+        self._write_report(folder, self._save_table(folder, {}))
 
         def copy() -> None:
             shutil.copyfile(self.file, folder / "body.vtkhdf")

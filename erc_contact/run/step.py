@@ -52,6 +52,8 @@ class Step:
 
 
 COLUMNS = tuple(f.name for f in fields(Step))
+SHOWN = ("mesh", "cells", "unknowns", "Newton", "eps", "bulk", "contact", "geometry", "method", "seconds")
+"""Columns of the table in notebooks and reports."""
 HEADER = "  cells  verts    dofs  N     eps    bulk    cont solve equil error  mesh  total"
 CURVED = "  cells  verts    dofs  N     eps    bulk    cont    geom solve equil  total"
 """The header for a body with curved parts, whose flat facets cost something."""
@@ -67,3 +69,10 @@ def line(step: Step, *, curved: bool) -> str:
     if curved:
         return f"{facts} {percent(step.eps_geometry, 3):>7} {times} {step.seconds:6.1f}"
     return f"{facts} {times} {step.error_seconds:5.2f} {step.mesh_seconds:5.2f} {step.seconds:6.1f}"
+
+
+def shown(number: int, step: Step) -> list[str]:
+    """The row of a step below :data:`SHOWN`."""
+    counts = [str(one) for one in (number, step.cells, step.dofs, step.newton_steps)]
+    errors = [percent(one, 3) for one in (step.eps, step.eps_bulk, step.eps_contact, step.eps_geometry)]
+    return [*counts, *errors, step.method, f"{step.seconds:.2f}"]
