@@ -203,6 +203,14 @@ def bump(x):
     return x[0] ** 2 / R + len("/home/me/shape.txt")
 
 
+MATERIAL = ec.Elastic(1.0, 0.3)
+
+
+def pressed(t):
+    """A scene that takes a module, a part of it and a function from around it."""
+    return ec.Scene(MATERIAL, ec.Displacement("top", (0.0, -np.sin(t))), contacts=ec.Contact("bottom", gap=bump))
+
+
 @pytest.mark.serial
 def test_values_as_code():
     assert code_of(ec.Traction("right", (np.float64(1), 0.0))) == "ec.Traction(facets='right', value=(1.0, 0.0))"
@@ -216,6 +224,10 @@ def test_values_as_code():
     assert numbers == "R = 2.0"
     assert source.startswith("def bump(x):")
     assert source.endswith('return x[0] ** 2 / R + len("...")')
+    names = {"ec": ec}
+    exec("\n".join(definitions(pressed)), names)
+    assert names["pressed"](1.0).supports == pressed(1.0).supports
+    assert names["bump"]([1.0]) == 0.5 + len("...")
     for unknown in (np.sin, eval("lambda x: x[0]"), partial(bump, 2.0)):
         assert code_of(unknown) == "callable"
 

@@ -14,6 +14,8 @@ from typing import Any
 
 import numpy as np
 
+IMPORTED = ("import ufl as ufl", "import erc_contact as ec")
+"""What code of ours imports anyhow."""
 UNKNOWN = "callable"
 """Told of a callable whose source cannot be had."""
 PATH = re.compile(r"""(["'])(?:/|~|[A-Za-z]:\\)[^"'\n]*\1""")
@@ -42,16 +44,34 @@ def code_of(value: Any) -> str:
     return f"{_name(value)}({', '.join(f'{name}={code_of(one)}' for name, one in given.items())})"
 
 
-def definitions(value: Any) -> list[str]:
-    """Sources of the functions in a value that have names, and of the numbers that these take from around them."""
+def definitions(value: Any, outer: tuple[Any, ...] = ()) -> list[str]:
+    """What the code of a value needs in front of it: imports, sources of named functions, and what these take.
+
+    A function takes numbers, parts of scenes and other functions from around it.
+
+    Args:
+        value: The value.
+        outer: Functions whose definitions are under way.
+    """
     if isinstance(value, Mapping | tuple | list):
         inside = list(value.values() if isinstance(value, Mapping) else value)
-    elif inspect.isfunction(value):
-        text, numbers = _source(value)
-        return [*(f"{name} = {code_of(one)}" for name, one in numbers.items()), text] if text[:4] == "def " else []
-    else:
-        inside = list(arguments(value).values())
-    return list(dict.fromkeys(source for one in inside for source in definitions(one)))
+        return list(dict.fromkeys(source for one in inside for source in definitions(one, outer)))
+    if not inspect.isfunction(value):
+        return definitions(list(arguments(value).values()), outer)
+    if value in outer:
+        return []
+    text, taken = _source(value)
+    found = [f"import {one.__name__} as {name}" for name, one in taken.items() if inspect.ismodule(one)]
+    found = [line for line in found if line not in IMPORTED]
+    if text[:4] != "def ":
+        return found
+    outer = (*outer, value)
+    for name, one in taken.items():
+        if inspect.isfunction(one) and one.__module__ == value.__module__:
+            found += definitions(one, outer)
+        elif isinstance(one, Real) or type(one).__module__.startswith("erc_contact.scene."):
+            found += [*definitions(one, outer), f"{name} = {code_of(one)}"]
+    return list(dict.fromkeys([*found, text]))
 
 
 def arguments(value: Any) -> dict[str, Any]:
@@ -68,15 +88,15 @@ def arguments(value: Any) -> dict[str, Any]:
 
 
 def _code_of_function(function: Any) -> str:
-    text, numbers = _source(function)
+    text, taken = _source(function)
     if text.startswith("lambda "):
-        defaults = "".join(f", {name}={code_of(one)}" for name, one in numbers.items())
+        defaults = "".join(f", {name}={code_of(one)}" for name, one in taken.items() if isinstance(one, Real))
         return text.replace(":", f"{defaults}:", 1)
     return getattr(function, "__name__", UNKNOWN) if text else UNKNOWN
 
 
 def _source(function: Any) -> tuple[str, dict[str, Any]]:
-    """The source of a function without paths of files, and the numbers that it takes from around it; empty if unknown.
+    """The source of a function without paths of files, and what it takes from around it; empty if unknown.
 
     A report must not fail for want of a source.
     """
@@ -87,8 +107,7 @@ def _source(function: Any) -> tuple[str, dict[str, Any]]:
         around = inspect.getclosurevars(function)
     except Exception:
         return "", {}
-    taken = {**around.globals, **around.nonlocals}
-    return without_paths(text), {name: one for name, one in taken.items() if isinstance(one, Real)}
+    return without_paths(text), {**around.globals, **around.nonlocals}
 
 
 def without_paths(text: str) -> str:
