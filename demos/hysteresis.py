@@ -49,8 +49,8 @@ def halves(evolution):
 
 
 # %%
-# ``save`` writes the loop of force against displacement, the zones of slip in time, the energies, and one file for
-# ParaView with all times.
+# ``save`` writes the loop of force against displacement, the zones of slip in time, the energies, one file for ParaView
+# with all times, and a report that has it all on one page.
 
 ec.log_to_console()
 small, large = cycles(0.03), cycles(0.15)

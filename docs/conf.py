@@ -56,6 +56,7 @@ sphinx_gallery_conf = {
     "image_scrapers": ("gallery_hooks.pictures",),
     "reset_modules": ("gallery_hooks.name_file",),
     "abort_on_example_error": True,
+    "capture_repr": (),
     "download_all_examples": False,
     "notebook_extensions": set(),
     "show_signature": False,

@@ -112,13 +112,13 @@ class ConstitutiveError:
 
     @property
     def pressure_dependent(self) -> tuple[str, ...]:
-        """Names of the contacts whose friction bound depends on the pressure: e is a bound up to the third term."""
+        """Names of the contacts whose friction bound depends on the pressure; e is a bound up to the third term."""
         contacts = self.solution.model.contacts
         return tuple(c.name for c in contacts if c.friction is not None and c.friction.dependence != CONSTANT)
 
     @property
     def guaranteed(self) -> bool:
-        """Whether friction law, data and shape allow proved bounds: see :class:`erc_contact.Bounds`."""
+        """Whether friction law, data and shape allow proved bounds, see :class:`erc_contact.Bounds`."""
         exact = max(self.oscillation, self.geometry_error) <= ROUND_OFF * self.scale
         return exact and not self.pressure_dependent
 

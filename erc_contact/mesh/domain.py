@@ -144,7 +144,7 @@ class Domain:
 
     @property
     def outer(self) -> list[str]:
-        """Names of the parts without facets inside the body: a scene can use these."""
+        """Names of the parts without facets inside the body, which a scene can use."""
         return [name for name in self.names if name not in self._inside]
 
     def function(self, family: str, degree: int, shape: tuple[int, ...] = ()) -> fem.Function:

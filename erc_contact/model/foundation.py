@@ -153,7 +153,7 @@ class BoundContact:
 
     @property
     def sampled(self) -> bool:
-        """Whether the friction bound must be sampled on facets: a traction may exceed it between the nodes alone."""
+        """Whether the friction bound must be sampled on facets, as a traction may exceed it between the nodes alone."""
         return self.friction is not None and not self.friction.convex
 
     def with_share(self, share: Any) -> BoundContact:

@@ -105,7 +105,7 @@ class Solution:
 
     @property
     def singular(self) -> bool:
-        """Whether the tangent is singular: there may be other solutions arbitrarily near."""
+        """Whether the tangent is singular; there may be other solutions arbitrarily near."""
         return self.regularity < SINGULAR
 
     @cached_property

@@ -52,7 +52,9 @@ def plot_contact(admissible: Admissible, name: str, path: str | Path | None = No
     logarithmic above a dotted line. No bound of r^ at single points is known, so none is drawn.
 
     In 3D maps in the tangent plane, as the foundation sees it, show the pressure, the length of the shear, and the
-    status of the facets.
+    status of the facets. The tractions are r^ itself, which jumps from one facet to the next as much as it is wrong, so
+    maps of degree 1 on coarse meshes look rough. They are not smoothed: a continuous map of degree 1 has one value at a
+    node, there are about twice as many facets as nodes, and so it cannot have the mean of r^ on each of them.
 
     Args:
         admissible: The admissible pair.

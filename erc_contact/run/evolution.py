@@ -87,7 +87,7 @@ class TimeStep:
 
     @property
     def imbalance(self) -> float:
-        """``work + contact_work - stored`` [force length]: zero for the exact solution of all steps.
+        """The sum ``work + contact_work - stored`` [force length], zero for the exact solution of all steps.
 
         Both fields of the pair are in it, so it is of the order of their errors.
         """
@@ -95,7 +95,7 @@ class TimeStep:
 
     @property
     def in_time(self) -> float:
-        """``-contact_work - dissipated`` [force length]: what the length of the steps costs, less for shorter ones."""
+        """``-contact_work - dissipated`` [force length], what the length of the steps costs, less for shorter ones."""
         return -self.contact_work - self.dissipated
 
 

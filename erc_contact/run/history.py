@@ -68,7 +68,7 @@ class History:
 
     @property
     def error(self) -> ConstitutiveError:
-        """The error of least ``total``, ``best`` by its kind: ``history.error.force("bottom")``."""
+        """The error of least ``total``, which is ``best``, as in ``history.error.force("bottom")``."""
         return self.best
 
     @property
