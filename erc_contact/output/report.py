@@ -101,7 +101,7 @@ def write_report(
     file, comm = Path(path), run.error.domain.mesh.comm
 
     def write() -> None:
-        sections = {"": _paragraph(without_paths(run.outcome)) + _paragraph(note) * bool(note)}
+        sections = {"": "".join(_paragraph(text) for text in (without_paths(run.outcome), note) if text)}
         if claims:
             sections["What the number means"] = _wide(table(claims), "verdict")
         if isinstance(run.error, ConstitutiveError):  # one that is read from a folder has no scene

@@ -259,11 +259,11 @@ class Evolution:
         draw_deformed(self.error, folder / "deformed.png")
         pictures["deformed.png"] = "The deformed body at the end."
         write_series(self, folder / "body.vtkhdf")
-        last = self.steps[-1].time
+        length = f"to t = {self.steps[-1].time:g} in {len(self.steps)} steps"
         write_report(
             self,
             folder / "report.html",
-            f"Loading history to t = {last:g} in {len(self.steps)} steps, each asked for {percent(self.accuracy)}",
+            f"Loading history {length}, each asked for {percent(self.accuracy)}",
             {"Steps": table(map(shown, self.steps), SHOWN)},
             pictures,
             claims=verdict(self.error),
