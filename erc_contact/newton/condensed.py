@@ -27,6 +27,7 @@ from dolfinx import fem
 from petsc4py import PETSc
 
 from erc_contact.base.exceptions import raise_together, together
+from erc_contact.base.ranks import from_first, gathered
 from erc_contact.model.model import Model
 from erc_contact.newton.forms import ContactForms
 from erc_contact.newton.methods import Method
@@ -96,12 +97,12 @@ class Condensed:
                 result = work()
             except Exception as failure:
                 error = failure
-            comm.bcast(None)
+            from_first(comm, None)
         else:
-            while (asked := comm.bcast(None)) is not None:
+            while (asked := from_first(comm, None)) is not None:
                 getattr(self, asked[0])(*asked[1:])
         raise_together(comm, error)
-        return comm.bcast(result)
+        return from_first(comm, result)
 
     def residual(self, u_A: np.ndarray) -> np.ndarray:
         """The residual R(u_A) [force], rank 0."""
@@ -135,7 +136,7 @@ class Condensed:
     def multipliers_at(self, u_A: np.ndarray) -> tuple[fem.Function, ...]:
         """The multipliers of all contacts for u_A, new Functions of nodal values [force/area]; collective."""
         comm, model = self.model.comm, self.model
-        z = comm.bcast(self._fields_at(u_A) if comm.rank == 0 and self.multipliers else None)
+        z = from_first(comm, self._fields_at(u_A) if comm.rank == 0 and self.multipliers else None)
         found = []
         for contact, (dofs, places) in zip(model.contacts, self.readers[1:], strict=False):
             multiplier = model.function()
@@ -156,7 +157,7 @@ class Condensed:
     # -- what every rank does -------------------------------------------------------------------------------
 
     def _ask(self, what: str, *arguments: Any) -> Any:
-        self.model.comm.bcast((what, *arguments))
+        from_first(self.model.comm, (what, *arguments))
         return getattr(self, what)(*arguments)
 
     def _set(self, z: np.ndarray) -> None:
@@ -167,7 +168,7 @@ class Condensed:
         vector = self.residual_vector.x.array
         vector[:] = 0.0
         fem.assemble_vector(vector, self.forms.residual)
-        parts = self.model.comm.gather(vector[self.rows])
+        parts = gathered(self.model.comm, vector[self.rows])
         if parts is None:
             return None
         return np.bincount(self.all_rows, np.concatenate(parts), self.size)
@@ -178,11 +179,11 @@ class Condensed:
             matrix.set_value(0.0)
             fem.assemble_matrix(matrix, form)
             values.append(matrix.data[pick])
-        parts = self.model.comm.gather(np.concatenate(values))
+        parts = gathered(self.model.comm, np.concatenate(values))
         return None if parts is None else np.concatenate(parts)
 
     def _status(self) -> np.ndarray | None:
-        parts = self.model.comm.gather(self.forms.status())
+        parts = gathered(self.model.comm, self.forms.status())
         return None if parts is None else np.concatenate(parts)
 
     def _share(self, share: float) -> None:
@@ -209,7 +210,7 @@ class Condensed:
         They follow from the reactions of the nodes, or are means of their neighbours where their own are redundant.
         """
         model, d = self.model, self.model.d
-        gathered = []
+        nodes_of = []
         for contact in model.contacts:
             own = model.owned(contact.facets)
             nodes = model.facet_nodes(contact.facets[own])
@@ -219,14 +220,14 @@ class Condensed:
             parts = model.comm.allgather((numbers, shares))
             every, place = np.unique(np.concatenate([p[0].ravel() for p in parts]), return_inverse=True)
             area = np.bincount(place, np.concatenate([p[1].ravel() for p in parts]))
-            gathered.append((every, place.reshape(-1, m), area))
+            nodes_of.append((every, place.reshape(-1, m), area))
             visible = np.unique(model.facet_nodes(contact.facets))
             found = np.searchsorted(every, model.global_numbers(visible))
             column = np.full((len(model.fixed), d), -1)
             column[visible] = self.field_size + found[:, None] * d + np.arange(d)
             columns.append(column.ravel())
             self.field_size += len(every) * d
-        together(model.comm, self._append, gathered)
+        together(model.comm, self._append, nodes_of)
 
     def _append(self, contacts: list[tuple[np.ndarray, np.ndarray, np.ndarray]]) -> None:
         """Add the rows of the multipliers to the affine functions, on rank 0; see :func:`multiplier_rows`."""
@@ -244,7 +245,7 @@ class Condensed:
         self.readers = [(np.flatnonzero(c >= 0), c[c >= 0]) for c in columns]
         row_of = np.where(columns[0] < a, columns[0], -1)
         self.rows = np.flatnonzero(row_of >= 0)
-        all_rows = comm.gather(row_of[self.rows])
+        all_rows = gathered(comm, row_of[self.rows])
         self.picks, rows, cols = [], [], []
         for matrix, column in zip(self.tangents, columns, strict=True):
             row, col = _entries(matrix)
@@ -253,7 +254,7 @@ class Condensed:
             self.picks.append(pick)
             rows.append(row[pick])
             cols.append(col[pick])
-        parts = comm.gather((np.concatenate(rows), np.concatenate(cols)))
+        parts = gathered(comm, (np.concatenate(rows), np.concatenate(cols)))
 
         def allocate() -> None:
             if parts is None:

@@ -22,6 +22,7 @@ from dolfinx import fem
 from petsc4py import PETSc
 
 from erc_contact.base.exceptions import InputError, together
+from erc_contact.base.ranks import from_first, gathered
 from erc_contact.mesh.simplex import local_facet_nodes
 from erc_contact.model.model import Model
 from erc_contact.newton.elastic import Elastic
@@ -129,7 +130,7 @@ class Stiffness(Elastic):
     def gather(self, u: fem.Function) -> np.ndarray:
         """Values at L on rank 0 (elsewhere an empty array), from the owners of the nodes; collective."""
         own = self.local < self.model.V.dofmap.index_map.size_local * self.model.d
-        parts = self.model.comm.gather((self.place[own], u.x.array[self.local[own]]))
+        parts = gathered(self.model.comm, (self.place[own], u.x.array[self.local[own]]))
         values = np.zeros(len(self.numbers) if parts else 0)
         for place, part in parts or ():
             values[place] = part
@@ -137,7 +138,7 @@ class Stiffness(Elastic):
 
     def scatter(self, values: np.ndarray | None, u: fem.Function) -> None:
         """Set u at L, or at the first ones of L, to the values on rank 0, and to zero elsewhere; collective."""
-        values = self.model.comm.bcast(values)
+        values = from_first(self.model.comm, values)
         known = self.place < len(values)
         u.x.array[:] = 0.0
         u.x.array[self.local[known]] = values[self.place[known]]
