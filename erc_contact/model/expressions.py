@@ -56,8 +56,8 @@ def evaluate(expression: Any, mesh: dmesh.Mesh, points: np.ndarray, entities: np
     Returns:
         Values, shape (n, q, *s).
     """
-    if isinstance(expression, ufl.classes.SpatialCoordinate):
-        return _geometric(ufl.SpatialCoordinate, mesh, points).eval(mesh, entities)
+    if isinstance(expression, ufl.SpatialCoordinate | ufl.FacetNormal):
+        return _geometric(type(expression), mesh, points).eval(mesh, entities)
     expression = ufl.as_ufl(expression)
     if not _has_fields(expression):
         expression = _without_derivatives(expression)

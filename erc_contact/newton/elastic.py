@@ -6,6 +6,7 @@ foundations, ``D_i = 10 E k^2/h |F|/m`` summed over facets.
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -75,7 +76,11 @@ class Elastic:
         self.owned = model.V.dofmap.index_map.size_local * model.d
 
     def load_vector(self) -> fem.Function:
-        """Assemble the loads of the scene as a Function of nodal forces (not yet summed over ranks)."""
+        """The loads of the scene as a new Function of nodal forces (not yet summed over ranks)."""
+        return self._loads.copy()
+
+    @cached_property
+    def _loads(self) -> fem.Function:
         b = self.model.function()
         loads = self.model.loads(ufl.TestFunction(self.model.V))
         if loads is not None:
