@@ -85,8 +85,10 @@ def _all_known(comm: MPI.Comm, keys: list[Any]) -> bool:
 def _key(one: Any, options: Any, settings: Any) -> Any:
     """What decides on the code of a form, or of an expression and its points, with these options."""
     if isinstance(one, ufl.Form):
-        integrals = one.integrals()
-        return _structure([part.integrand() for part in integrals], integrals), repr(options), repr(settings)
+        if "structure" not in one._cache:  # UFL keeps this dictionary with a form for such things
+            integrals = one.integrals()
+            one._cache["structure"] = _structure([part.integrand() for part in integrals], integrals)
+        return one._cache["structure"], repr(options), repr(settings)
     expression, points = one
     return _structure([expression], ()), points.shape, points.tobytes(), repr(options), repr(settings)
 
