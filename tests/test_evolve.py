@@ -311,6 +311,16 @@ def test_what_is_written(whole, shared_tmp_path):
         assert reader.GetOutput().GetCellData().GetArray("eps_E").GetRange()[1] <= step.eps
 
 
+def test_a_weight_alone_is_written(shared_tmp_path):
+    """No part of the boundary has a support or a load."""
+
+    def weighted(t):
+        return ec.Scene(ec.Elastic(1.0, 0.3), [], [ec.BodyForce((0.002 * t, -0.02))], [ec.Contact("bottom", MU)])
+
+    ec.evolve(weighted, box(), [0.0, 1.0], 0.9).save(shared_tmp_path)
+    assert (shared_tmp_path / "report.html").is_file()
+
+
 @pytest.mark.serial
 def test_animation(whole, tmp_path):
     from PIL import Image

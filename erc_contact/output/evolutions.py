@@ -80,21 +80,19 @@ def plot_loop(
         history: The history.
         contact: Name of the contact.
         path: Picture file, or None.
-        part: Name of the boundary part; by default the first one with a support or a load.
+        part: Name of the boundary part; by default the first one with a support or a load, or else the contact.
         ax: Axes of matplotlib to draw on; by default those of a new figure.
 
     Returns:
         The axes on rank 0, None on the other ranks.
 
     Raises:
-        InputError: If no contact or no part has this name, or there is neither support nor load on the boundary.
+        InputError: If no contact or no part has this name.
     """
     scene, model = history.errors[0].solution.scene, history.errors[0].solution.model
     parts = [support.facets for support in scene.supports]
     parts += [load.facets for load in scene.loads if load.facets is not None]
-    if part is None and not parts:
-        raise InputError("plot_loop: the scene has neither support nor load on its boundary; name a part.")
-    where = parts[0] if part is None else part
+    where = [*parts, contact][0] if part is None else part
     force = history.force(contact)
     n = model.contact(contact).direction
     total = model.comm.allreduce(n[model.owned(model.contact(contact).facets)].sum(axis=0))
