@@ -3,7 +3,7 @@
 A form is made anew on each mesh. DOLFINx then asks UFL for its signature, and FFCx looks for it in the folder of
 compiled forms, where it reads the list of all files. With some thousand files this takes 10 to 15 ms a form, half of
 the time of a small solve, and the signature takes more than to assemble the form on some hundred cells. Here DOLFINx
-remembers what it has compiled or loaded, by a key that costs a third of the signature.
+remembers what it has compiled or loaded, by a key that costs a fifth of the signature.
 
 UFL sorts the factors of a product by the text of the numbers of its Constants, in which "9" comes after "10". So forms
 would be others, and would be compiled again, on the mesh on which the number of Constants made so far passes a power of
@@ -97,24 +97,23 @@ def _structure(roots: Sequence[Any], integrals: Sequence[Any]) -> Any:
     """Expressions, and how each is integrated, as tuples of numbers and words that are the same on all meshes.
 
     They hold all that UFL's signature holds: the kind and the operands of each node, what UFL signs of a terminal, and
-    the data of the integrals. A node is known by its identity here, not by its content, which is quick. So a form that
-    is built in another way may have another structure with the same signature: it is looked for once more.
+    the data of the integrals. A node is followed by its operands; one that was met before is its place, below zero.
+    Nodes are known by their identity here, not by their content, which is quick. So a form that is built in another way
+    may have another structure with the same signature: it is looked for once more.
     """
     numbers = _Numbers()
+    nodes: list[Any] = []
     places: dict[int, int] = {}
-    nodes: list[tuple[int, Any]] = []
     todo = list(roots)
     while todo:
-        node = todo[-1]
+        node = todo.pop()
+        if id(node) in places:
+            nodes.append(~places[id(node)])
+            continue
+        places[id(node)] = len(places)
         operands = node.ufl_operands
-        missing = [one for one in operands if id(one) not in places]
-        todo.extend(missing)
-        if not missing:
-            todo.pop()
-            if id(node) not in places:
-                places[id(node)] = len(nodes)
-                below = tuple([places[id(one)] for one in operands]) or numbers.signed(node)
-                nodes.append((node._ufl_typecode_, below))
+        nodes += node._ufl_typecode_, len(operands) or numbers.signed(node)
+        todo += operands
     measures = [
         (
             [(numbers[mesh], kind) for mesh, kind in one.extra_domain_integral_type_map().items()],
@@ -123,7 +122,7 @@ def _structure(roots: Sequence[Any], integrals: Sequence[Any]) -> Any:
         )
         for one in integrals
     ]
-    return tuple(nodes), tuple(places[id(root)] for root in roots), repr(measures), numbers.in_order()
+    return tuple(nodes), repr(measures), numbers.in_order()
 
 
 class _Numbers(dict[Any, int]):
@@ -133,12 +132,12 @@ class _Numbers(dict[Any, int]):
         self[one] = len(self)
         return self[one]
 
-    def signed(self, terminal: Any) -> Any:
+    def signed(self, terminal: Any) -> tuple[Any, ...] | str:
         """What UFL signs of a terminal; of an operator without operands it is nothing."""
         if isinstance(terminal, ufl.classes.MultiIndex):
             return tuple(int(i) if isinstance(i, ufl.classes.FixedIndex) else (self[i],) for i in terminal)
         if isinstance(terminal, ufl.classes.Label):
-            return self[terminal]
+            return (self[terminal],)
         if isinstance(terminal, ufl.classes.Zero):
             free = tuple(self[ufl.Index(count)] for count in terminal.ufl_free_indices)
             return terminal.ufl_shape, free, terminal.ufl_index_dimensions
