@@ -3,6 +3,7 @@
 import os
 
 import numpy as np
+import pytest
 import ufl
 from dolfinx import fem
 from scenes import block
@@ -64,6 +65,14 @@ def test_forms_have_the_same_key_if_ufl_signs_them_alike():
     assert first == second
     for column in zip(*first, strict=True):
         assert len(set(column)) == len(first)
+
+
+def test_keys_know_the_element_of_the_mesh():
+    """Also where nothing in the form has it but the measure."""
+    meshes = [block(2).mesh, ec.box((0.0, 0.0, 0.0), (1.0, 1.0, 1.0), cells=(1, 1, 1)).mesh]
+    assert len({_key(ufl.as_ufl(1.0) * ufl.dx(mesh), {}, None) for mesh in meshes}) == 2
+    areas = [fem.assemble_scalar(fem.form(ufl.as_ufl(1.0) * ufl.dx(mesh))) for mesh in meshes]
+    assert [meshes[0].comm.allreduce(area) for area in areas] == [pytest.approx(14.0), pytest.approx(1.0)]
 
 
 def test_keys_know_options_and_all_digits_of_points():

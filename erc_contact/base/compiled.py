@@ -116,8 +116,8 @@ def _structure(roots: Sequence[Any], integrals: Sequence[Any]) -> Any:
         todo += operands
     measures = [
         (
-            [(numbers[mesh], kind) for mesh, kind in one.extra_domain_integral_type_map().items()],
-            (numbers[one.ufl_domain()], one.integral_type(), one.subdomain_id()),
+            [(mesh._ufl_signature_data_(numbers), kind) for mesh, kind in one.extra_domain_integral_type_map().items()],
+            (one.ufl_domain()._ufl_signature_data_(numbers), one.integral_type(), one.subdomain_id()),
             sorted((name, _told(value)) for name, value in one.metadata().items()),
         )
         for one in integrals
