@@ -67,23 +67,24 @@ def vertex_patch_partitioner(comm: MPI.Comm, parts: int, cell_types: Sequence[An
     vertex = np.asarray(cells[0], dtype=np.int64)
     cell = np.repeat(np.arange(len(owner)), per_cell)
 
-    pairs = np.unique(np.column_stack([vertex, owner[cell]]), axis=0)
+    pairs = _unique(comm, vertex, owner[cell])
     met, source = exchange(comm, pairs[:, 0] % comm.size, pairs)
-    known = np.unique(met, axis=0)
+    known = _unique(comm, *met.T)
     vertices, counts = np.unique(known[:, 0], return_counts=True)
     starts = np.cumsum(counts) - counts
-    asked = np.unique(np.column_stack([met[:, 0], source]), axis=0)
+    asked = _unique(comm, met[:, 0], source)
     at = np.searchsorted(vertices, asked[:, 0])
     repeat = np.where(counts[at] > 1, counts[at], 0)  # a vertex on one rank only needs no answer
     row = np.repeat(starts[at] - np.cumsum(repeat) + repeat, repeat) + np.arange(repeat.sum())
     shared, _ = exchange(comm, np.repeat(asked[:, 1], repeat), known[row])
 
-    shared = shared[np.lexsort((shared[:, 1], shared[:, 0]))]
+    shared = _unique(comm, *shared.T)
     first = np.searchsorted(shared[:, 0], vertex, side="left")
     times = np.searchsorted(shared[:, 0], vertex, side="right") - first
     row = np.repeat(first - np.cumsum(times) + times, times) + np.arange(times.sum())
-    ghost = np.column_stack([np.repeat(cell, times), shared[row, 1]])
-    ghost = np.unique(ghost[ghost[:, 1] != owner[ghost[:, 0]]], axis=0)
+    ghost, rank = np.repeat(cell, times), shared[row, 1]
+    other = rank != owner[ghost]
+    ghost = _unique(comm, ghost[other], rank[other])
 
     sizes = 1 + np.bincount(ghost[:, 0], minlength=len(owner))
     offsets = np.concatenate([[0], np.cumsum(sizes)])
@@ -93,6 +94,11 @@ def vertex_patch_partitioner(comm: MPI.Comm, parts: int, cell_types: Sequence[An
     others[offsets[:-1]] = False
     data[others] = ghost[:, 1]
     return graph.adjacencylist(data, offsets.astype(np.int32))._cpp_object
+
+
+def _unique(comm: MPI.Comm, numbers: np.ndarray, ranks: np.ndarray) -> np.ndarray:
+    """The different pairs (number, rank) in order, shape (n, 2); as one number each they are sorted faster."""
+    return np.column_stack(np.divmod(np.unique(numbers * comm.size + ranks), comm.size))
 
 
 def partitioner(comm: MPI.Comm) -> Any:
