@@ -7,11 +7,13 @@ Between two steps displacement and forces change along straight lines. So the wo
 and that of a body force f is alike. In equilibrium the works of all parts are the change of the strain energy, for any
 length of the step. Of an admissible pair, sigma^ gives t and u^ gives u, and what is left is of the order of its error.
 
-Friction in a step is that of its end on the slip of the step (backward Euler), ``- int r^_t . (u^_t - s)``. It differs
-from the work of the contacts by the error of the steps in time.
+What friction takes in a step is the dissipation function of its law at the end of the step, for the slip of the step
+(backward Euler), ``int b(r^) |u^_t - s|``. For the exact solution it is ``- int r_t . (u_t - s)``. For the pair that is
+less by the friction part of e^2/2, and may be below zero: on a facet with an open and a sticking node, say. It differs
+from the work of the contacts by this and by the error of the steps in time.
 
-Symbols: r^ and u^ admissible traction and displacement, s tangential displacement of the last step, d dimension, f
-facets, m coefficients of a facet, q points of a facet.
+Symbols: r^ and u^ admissible traction and displacement, b friction bound, s tangential displacement of the last step, d
+dimension, f facets, m coefficients of a facet, q points of a facet.
 """
 
 from __future__ import annotations
@@ -24,9 +26,10 @@ from mpi4py import MPI
 from erc_contact.admissible.cells import facet_order
 from erc_contact.admissible.pair import Admissible
 from erc_contact.error.constitutive import ConstitutiveError
+from erc_contact.error.contact import CONTACT_DEGREE
 from erc_contact.error.works import assembled, elastic_work
 from erc_contact.mesh.simplex import barycentric, bernstein, from_means, lagrange, rule
-from erc_contact.model.foundation import split
+from erc_contact.model.foundation import pressures, split
 from erc_contact.model.last_step import nearest
 from erc_contact.model.model import Model
 
@@ -68,24 +71,25 @@ def energies(error: ConstitutiveError, last: ConstitutiveError | None) -> Energi
         of_part = _work(pair, before, part)
         work, contact = (work, contact + of_part) if part in contacts else (work + of_part, contact)
     stored = 0.5 * elastic_work(pair, pair.displacement, pair.displacement).value
-    friction = sum(float(of_facets.sum()) for of_facets in friction_works(pair).values())
+    friction = sum(float(of_facets.sum()) for of_facets in dissipations(pair).values())
     return Energies(work, contact, model.comm.allreduce(friction, MPI.SUM), stored)
 
 
-def friction_works(pair: Admissible) -> dict[str, np.ndarray]:
+def dissipations(pair: Admissible) -> dict[str, np.ndarray]:
     """The energy that friction takes in a step on each facet of the contacts that this rank owns [force length], (f,).
 
-    The results are by the names of the contacts. The integrals are exact.
+    The results are by the names of the contacts. They are not below zero, whatever the pair.
     """
-    model, works = pair.solution.model, {}
-    points, weights = rule(model.d - 1, 2 * model.degree)
+    model, taken = pair.solution.model, {}
+    points, weights = rule(model.d - 1, CONTACT_DEGREE)
     for t in pair.tractions:
-        own = model.owned(t.contact.facets)
-        since = pair.displacement.x.array.reshape(-1, model.d)[t.nodes] - model.slip_before(t.contact)
-        slip = split(np.matmul(lagrange(model.d - 1, model.degree, points), since), t.contact.direction[:, None, :])[1]
-        r_t = np.matmul(bernstein(model.d - 1, model.degree, points), t.tangential_part)
-        works[t.contact.name] = -(t.area * ((r_t * slip).sum(axis=-1) @ weights))[own]
-    return works
+        contact, n = t.contact, t.contact.direction[:, None, :]
+        since = pair.displacement.x.array.reshape(-1, model.d)[t.nodes] - model.slip_before(contact)
+        slip = split(np.matmul(lagrange(model.d - 1, model.degree, points), since), n)[2]
+        r = np.matmul(bernstein(model.d - 1, model.degree, points), t.values)
+        bound = contact.friction_bound(pressures(r, n), model.friction_parameters(contact, points))
+        taken[contact.name] = (t.area * ((bound * slip) @ weights))[model.owned(contact.facets)]
+    return taken
 
 
 def _working(pair: Admissible) -> set[str]:

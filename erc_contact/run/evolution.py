@@ -95,7 +95,10 @@ class TimeStep:
 
     @property
     def in_time(self) -> float:
-        """``-contact_work - dissipated`` [force length], what the length of the steps costs, less for shorter ones."""
+        """``-contact_work - dissipated`` [force length], what the length of the steps costs, less for shorter ones.
+
+        The friction part of e^2/2 of the steps is in it, too.
+        """
         return -self.contact_work - self.dissipated
 
 
