@@ -407,7 +407,8 @@ matrix = elastic.stiffness()
 elastic.add_glue(matrix)
 print("ready", flush=True)
 while len(told) < 200:
-    factorised(matrix, elastic.numbers).destroy()
+    for schur_on in (elastic.numbers, None):
+        factorised(matrix, schur_on).destroy()
 print("ended", flush=True)
 os._exit(0)  # at the usual end PETSc takes the handler away
 """

@@ -15,13 +15,14 @@ from erc_contact.base.exceptions import InputError
 
 WORKSPACE = 80
 """Workspace of MUMPS beyond its estimate [%]; its default of 20 was too small for 322 tetrahedra on three ranks."""
-AMD = 0
-"""MUMPS' number of the approximate minimum degree ordering.
+AMD, AMF = 0, 2
+"""MUMPS' numbers of the orderings by approximate minimum degree and minimum fill.
 
 MUMPS would take METIS where it can, and METIS takes SIGTERM for an error of its own: it jumps out of the signal's
-handler and leaves a broken heap. With AMD no signal does harm. In the plane it is faster by 10 to 50%, with 20% more
-memory; in space a contact solve takes the same time up to 13 000 tetrahedra, and 1.3 times as long at 37 000, where
-multigrid is faster than both.
+handler and leaves a broken heap. With these no signal does harm. With a Schur complement MUMPS has AMD and METIS only.
+AMD is faster by 10 to 50% in the plane, with 20% more memory; in space a contact solve takes the same time up to 13 000
+tetrahedra, and 1.3 times as long at 37 000, where multigrid is faster than both. Plain factors by AMF take 0.9 of the
+time of AMD in the plane on two ranks, and 0.6 at 37 000 tetrahedra.
 """
 
 
@@ -45,7 +46,7 @@ def factorised(matrix: PETSc.Mat, schur_on: np.ndarray | None = None) -> PETSc.K
     pc.setFactorSolverType("mumps")
     pc.setFactorSetUpSolverType()
     pc.getFactorMatrix().setMumpsIcntl(14, WORKSPACE)
-    pc.getFactorMatrix().setMumpsIcntl(7, AMD)
+    pc.getFactorMatrix().setMumpsIcntl(7, AMF if schur_on is None else AMD)
     if schur_on is not None:
         mine = schur_on if comm.rank == 0 else schur_on[:0]
         indices = PETSc.IS().createGeneral(mine.astype(PETSc.IntType), comm=comm)
