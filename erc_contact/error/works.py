@@ -84,10 +84,18 @@ def stress_work(pair: Admissible, v: fem.Function) -> Number:
 
 
 def friction_work(model: Model, traction: ContactTraction, u: fem.Function, floor: float) -> Number:
-    """``int b(p^) |u_t - s|`` [force length], s of the last step, which may leave its share or ``floor`` unknown."""
-    contact, d, k = traction.contact, model.d, model.degree
-    if contact.friction is None:
+    """The sum of :func:`friction_works`; collective."""
+    if traction.contact.friction is None:
         return Number(0.0)
+    return Number.of(model.comm, friction_works(model, traction, u, floor))
+
+
+def friction_works(model: Model, traction: ContactTraction, u: fem.Function, floor: float) -> Integral:
+    """``int b(p^) |u_t - s|`` on each facet of a contact [force length], 0 for ghosts, s of the last step; collective.
+
+    It is never below zero. The integrals may leave their share or ``floor`` unknown.
+    """
+    contact, d, k = traction.contact, model.d, model.degree
     given = ContactData(contact, model.mesh)
     area = np.where(model.owned(contact.facets), traction.area, 0.0)
     since = u.x.array.reshape(-1, d)[traction.nodes] - model.slip_before(contact)
@@ -99,7 +107,7 @@ def friction_work(model: Model, traction: ContactTraction, u: fem.Function, floo
         return (given.bound(of, x, pressure) * split(np.matmul(shape, hat[of]), n)[2])[..., None]
 
     corners = model.facet_corners(contact.facets)
-    return Number.of(model.comm, integrate(model.comm, density, corners, area, facet_pieces(d - 1), floor=floor))
+    return integrate(model.comm, density, corners, area, facet_pieces(d - 1), floor=floor)
 
 
 def load_work(model: Model, v: fem.Function) -> Number:

@@ -76,17 +76,16 @@ def bodies_of_nodes(space: Space) -> tuple[np.ndarray, int]:
 
     Each rank finds its bodies. Bodies of two ranks that have a node in common are one.
     """
-    V, comm = space.V, space.comm
-    cells = space.nodes
+    comm, cells = space.comm, space.nodes
     pairs = np.column_stack([np.repeat(cells[:, 0], cells.shape[1] - 1), cells[:, 1:].ravel()])
     here, label = np.unique(components(space.node_count, pairs), return_inverse=True)
     counts = comm.allgather(len(here))
     label += sum(counts[: comm.rank])
-    at_owner = fem.Function(V)
+    at_owner = space.function()
     at_owner.x.array[:] = np.repeat(label, space.d)
     at_owner.x.scatter_forward()
-    pairs = np.column_stack([label, at_owner.x.array[:: space.d].astype(int)])
-    seen = np.unique(pairs[pairs[:, 0] != pairs[:, 1]], axis=0)
+    labels = np.column_stack([label, at_owner.x.array[:: space.d].astype(int)])
+    seen = np.unique(labels[labels[:, 0] != labels[:, 1]], axis=0)
     joined = components(sum(counts), np.concatenate(comm.allgather(seen)))
     bodies, number = np.unique(joined, return_inverse=True)
     return number[label], len(bodies)

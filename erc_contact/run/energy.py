@@ -25,11 +25,9 @@ from mpi4py import MPI
 
 from erc_contact.admissible.cells import facet_order
 from erc_contact.admissible.pair import Admissible
-from erc_contact.error.constitutive import ConstitutiveError
-from erc_contact.error.contact import CONTACT_DEGREE
-from erc_contact.error.works import assembled, elastic_work
+from erc_contact.error.constitutive import ROUND_OFF, ConstitutiveError
+from erc_contact.error.works import assembled, elastic_work, friction_work
 from erc_contact.mesh.simplex import barycentric, bernstein, from_means, lagrange, rule
-from erc_contact.model.foundation import pressures, split
 from erc_contact.model.last_step import nearest
 from erc_contact.model.model import Model
 
@@ -71,25 +69,9 @@ def energies(error: ConstitutiveError, last: ConstitutiveError | None) -> Energi
         of_part = _work(pair, before, part)
         work, contact = (work, contact + of_part) if part in contacts else (work + of_part, contact)
     stored = 0.5 * elastic_work(pair, pair.displacement, pair.displacement).value
-    friction = sum(float(of_facets.sum()) for of_facets in dissipations(pair).values())
-    return Energies(work, contact, model.comm.allreduce(friction, MPI.SUM), stored)
-
-
-def dissipations(pair: Admissible) -> dict[str, np.ndarray]:
-    """The energy that friction takes in a step on each facet of the contacts that this rank owns [force length], (f,).
-
-    The results are by the names of the contacts. They are not below zero, whatever the pair.
-    """
-    model, taken = pair.solution.model, {}
-    points, weights = rule(model.d - 1, CONTACT_DEGREE)
-    for t in pair.tractions:
-        contact, n = t.contact, t.contact.direction[:, None, :]
-        since = pair.displacement.x.array.reshape(-1, model.d)[t.nodes] - model.slip_before(contact)
-        slip = split(np.matmul(lagrange(model.d - 1, model.degree, points), since), n)[2]
-        r = np.matmul(bernstein(model.d - 1, model.degree, points), t.values)
-        bound = contact.friction_bound(pressures(r, n), model.friction_parameters(contact, points))
-        taken[contact.name] = (t.area * ((bound * slip) @ weights))[model.owned(contact.facets)]
-    return taken
+    floor = ROUND_OFF * stored
+    friction = sum(friction_work(model, t, pair.displacement, floor).value for t in pair.tractions)
+    return Energies(work, contact, friction, stored)
 
 
 def _working(pair: Admissible) -> set[str]:
