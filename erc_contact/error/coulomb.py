@@ -65,7 +65,8 @@ class CoulombCertificate:
     Attributes:
         friction: The greatest friction coefficient mu on the contacts [-].
         q: Norm of the map W from tangential to normal displacements of the contact, with mu in it [-].
-        q_change: By how much q is larger or smaller on a coarser space; where there is none, a tenth of q.
+        q_change: By how much q is larger or smaller on a coarser space; where there is none, a tenth of q. After
+            multigrid the last step of the iteration for q is added.
         unique: Whether ``q + q_change < 2``: at most one solution slips in the direction t of this pair.
         bound: Every solution has ``sqrt(|u - u^|^2 + |sigma - sigma^|^2) <= bound`` [sqrt(force length)]; infinite
             where none is claimed.
