@@ -24,6 +24,7 @@ import erc_contact as ec
 from erc_contact.base.interrupts import Interrupts
 from erc_contact.base.percent import percent
 from erc_contact.error.strategy import TIE
+from erc_contact.error.strategy import refined as refined_if_allowed
 
 CORNER = 0.7112
 """Singular exponent of a clamped-free corner of 90 degrees, nu = 0.3."""
@@ -93,6 +94,24 @@ def test_limits_end_with_the_best_result():
     small = ec.adapt(common_block(), block(4), accuracy=1e-3, max_cells=400)
     assert "max_cells = 400" in small.outcome
     assert max(small.column("cells")) <= 400
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_a_mesh_with_too_many_cells_is_not_made(dim, monkeypatch):
+    """Bisection makes 2^d cells or more of a marked one: exactly as many where all are marked."""
+    domain = block(4) if dim == 2 else ec.box((0.0,) * 3, (1.0, 1.0, 0.7), cells=(3, 3, 2))
+    made, refined = [], ec.Domain.refined
+    monkeypatch.setattr(ec.Domain, "refined", lambda *a: made.append(refined(*a)) or made[-1])
+    whole = 2**domain.dim * domain.cells
+    mine = np.arange(domain.owned_cells, dtype=np.int32)
+    for marked in (mine, mine[::3], mine[::17]):
+        every = domain.mesh.comm.allreduce(len(marked))
+        least = domain.cells + (2**domain.dim - 1) * every
+        assert refined_if_allowed(domain, marked, 10 * whole).cells >= least
+        assert every < domain.cells or made[-1].cells == whole == least
+        with pytest.raises(ec.InputError, match=f"at least {least} cells, more than max_cells = {least - 1}"):
+            refined_if_allowed(domain, marked, least - 1)
+    assert len(made) == 3
 
 
 def test_failure_on_a_later_mesh_keeps_what_there_is(monkeypatch):

@@ -13,7 +13,7 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.base.percent import percent
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.sizes import KNOWN, size_map
-from erc_contact.error.strategy import mark
+from erc_contact.error.strategy import mark, refined
 from erc_contact.mesh.domain import Domain
 
 CLOSE = 1.2
@@ -56,7 +56,7 @@ class SizeMap:
         aim, domain = self.aim * accuracy, error.domain
         if error.total <= CLOSE * accuracy:
             gain = 1 - 4.0**-error.solution.model.degree  # of the square, where an element is halved
-            return domain.refined(mark(error, min((1 - (aim / error.total) ** 2) / gain, 1.0)))
+            return refined(domain, mark(error, min((1 - (aim / error.total) ** 2) / gain, 1.0)), max_cells)
         end, way = size_map(error, aim), error.total / aim
         leaps = ceil(log(way) / log(self.leap))
         sizes = end if leaps == 1 else size_map(error, error.total / way ** (1 / leaps))

@@ -14,7 +14,7 @@ import numpy as np
 from mpi4py import MPI
 
 from erc_contact.base import checks
-from erc_contact.base.exceptions import raise_together
+from erc_contact.base.exceptions import InputError, raise_together
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.mesh.domain import Domain
 
@@ -64,8 +64,8 @@ class Mark:
         checks.fraction("Mark: fraction", self.fraction)
 
     def next(self, error: ConstitutiveError, accuracy: float, max_cells: int) -> Domain:
-        """The domain with the marked elements refined; collective."""
-        return error.domain.refined(mark(error, self.fraction))
+        """The domain with the marked elements refined; collective; see :func:`refined`."""
+        return refined(error.domain, mark(error, self.fraction), max_cells)
 
 
 @dataclass(frozen=True)
@@ -73,8 +73,22 @@ class Uniform:
     """Refine all elements, for comparison."""
 
     def next(self, error: ConstitutiveError, accuracy: float, max_cells: int) -> Domain:
-        """The domain with all elements refined; collective."""
-        return error.domain.refined()
+        """The domain with all elements refined; collective; see :func:`refined`."""
+        return refined(error.domain, np.arange(error.domain.owned_cells, dtype=np.int32), max_cells)
+
+
+def refined(domain: Domain, marked: np.ndarray, max_cells: int) -> Domain:
+    """The domain with marked cells of this rank refined, unless it would surely have too many cells; collective.
+
+    Of a marked cell bisection makes 2^d at least. So a mesh that no run would solve is mostly not made.
+
+    Raises:
+        InputError: If more than ``max_cells`` cells would come.
+    """
+    least = domain.cells + (2**domain.dim - 1) * domain.mesh.comm.allreduce(len(marked), MPI.SUM)
+    if least > max_cells:
+        raise InputError(f"the next mesh has at least {least} cells, more than max_cells = {max_cells}.")
+    return domain.refined(marked)
 
 
 def mark(error: ConstitutiveError, fraction: float = 0.5) -> np.ndarray:
