@@ -11,8 +11,12 @@ friction problem"; the same authors, SIAM J. Sci. Comput. 23 (2001).
 
 import importlib.util
 
-if importlib.util.find_spec("dolfinx_solver"):  # the wheel of DOLFINx must load MPI first
-    import dolfinx_solver  # noqa: F401
+from erc_contact.base.held import sigterm_held
+
+with sigterm_held():  # the threads that MPI starts block it, too
+    if importlib.util.find_spec("dolfinx_solver"):  # the wheel of DOLFINx must load MPI first
+        import dolfinx_solver  # noqa: F401
+    from mpi4py import MPI  # noqa: F401
 
 from erc_contact.admissible.pair import Admissible, equilibrate
 from erc_contact.base.compiled import number_constants_alike, remember_forms

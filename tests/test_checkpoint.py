@@ -426,6 +426,49 @@ def test_signals_do_no_harm_to_a_factorisation(tmp_path):
         assert "ended" in output(process, 20)
 
 
+LARGE_FACTORS = """
+import erc_contact as ec
+import os, signal
+from petsc4py import PETSc
+from erc_contact.base.held import sigterm_held
+from erc_contact.model.promises import bind
+from erc_contact.newton.mumps import LARGE, factorised, schur_complement
+from erc_contact.newton.stiffness import Stiffness
+
+told = []
+scene = ec.Scene(ec.Elastic(1.0, 0.3), ec.Displacement("top", (0.0, -0.1)), contacts=ec.Contact("bottom", 0.3))
+model = bind(scene, ec.rectangle((0.0,) * 2, (1.0,) * 2, cells=(230, 230)), 1)
+elastic = Stiffness(model)
+matrix = elastic.stiffness()
+elastic.add_glue(matrix)
+matrix.setOption(PETSc.Mat.Option.SPD, True)
+with sigterm_held() as held:
+    assert held and matrix.getSize()[0] > LARGE
+signal.signal(signal.SIGTERM, lambda *_: told.append(1))
+print("ready", flush=True)
+for _ in range(8):
+    factor = factorised(matrix, elastic.numbers)
+    schur = schur_complement(factor, len(elastic.numbers))
+    assert abs(schur - elastic.schur).max() < 1e-13 * abs(schur).max()
+    factor.destroy()
+assert len(told) >= 8
+print("ended", flush=True)
+os._exit(0)  # at the usual end PETSc takes the handler away
+"""
+
+
+@pytest.mark.serial
+def test_signals_do_no_harm_to_a_compressed_factor(tmp_path):
+    """There METIS groups the equations; it would jump out of its work."""
+    with started(LARGE_FACTORS, 1, tmp_path) as process:
+        told(process, "ready")
+        moments = np.random.default_rng(0)
+        while process.poll() is None:
+            process.send_signal(signal.SIGTERM)
+            sleep(float(moments.uniform(0.0, 0.005)))
+        assert "ended" in output(process, 20)
+
+
 # -- the history without a solve -------------------------------------------------------------------------------------
 
 

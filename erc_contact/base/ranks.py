@@ -1,4 +1,4 @@
-"""What goes to rank 0 and comes from there; collective.
+"""What goes to rank 0 and comes from there, and rows of tables that go from any rank to any other; collective.
 
 mpi4py turns each object into bytes and back, with a single rank, too. For arrays of some hundred numbers this takes
 longer than what is done with them. A single rank keeps its own object here.
@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 from mpi4py import MPI
 
 
@@ -19,3 +20,37 @@ def gathered(comm: MPI.Comm, value: Any) -> Any:
 def from_first(comm: MPI.Comm, value: Any) -> Any:
     """The value of rank 0, on all ranks."""
     return value if comm.size == 1 else comm.bcast(value)
+
+
+def exchange(comm: MPI.Comm, destination: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Send each row of a table to a rank; collective.
+
+    Args:
+        comm: Communicator.
+        destination: Rank that gets row i, shape (n,).
+        rows: Table of shape (n, m), any numeric type, the same on all ranks.
+
+    Returns:
+        The rows received, shape (n', m), and the rank each came from, shape (n',).
+    """
+    order = np.argsort(destination, kind="stable")
+    counts = np.bincount(destination, minlength=comm.size)
+    received = np.empty_like(counts)
+    comm.Alltoall(counts, received)
+    width = rows.shape[1]
+    out = np.empty((int(received.sum()), width), dtype=rows.dtype)
+    comm.Alltoallv([np.ascontiguousarray(rows[order]), counts * width], [out, received * width])
+    return out, np.repeat(np.arange(comm.size), received)
+
+
+def fetched(comm: MPI.Comm, rows: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    """Rows of a table that the ranks hold one after the other, by their numbers in it; collective."""
+    if comm.size == 1:
+        return rows[wanted]
+    ends = np.cumsum(comm.allgather(len(rows)))
+    owner = np.searchsorted(ends, wanted, side="right")
+    asked, source = exchange(comm, owner, wanted[:, None])
+    answer, _ = exchange(comm, source, rows[asked[:, 0] - (ends[comm.rank] - len(rows))])
+    found = np.empty_like(answer)
+    found[np.argsort(owner, kind="stable")] = answer
+    return found

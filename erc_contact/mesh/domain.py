@@ -21,7 +21,7 @@ from mpi4py import MPI
 from erc_contact.base.checks import told
 from erc_contact.base.exceptions import InputError, raise_together, together
 from erc_contact.base.html import table
-from erc_contact.mesh.partition import check_mesh, patches_complete, redistributed
+from erc_contact.mesh.partition import check_mesh, partitioner, patches_complete, redistributed
 from erc_contact.mesh.refinement import refine
 from erc_contact.mesh.surface import offset, snap
 
@@ -220,12 +220,11 @@ class Domain:
         Raises:
             InputError: If ``marked`` are not numbers of cells of this rank.
         """
-        refinement = refine(self.mesh, together(self.mesh.comm, self._marked, marked))
+        marked = together(self.mesh.comm, self._marked, marked)
+        refinement = refine(self.mesh, marked, partitioner(self.mesh.comm))
         fine = refinement.mesh
-        tags = [refinement.inherited(tags) for tags in (self.facet_tags, self.cell_tags, self.curved_facets)]
-        if fine.comm.size > 1:
-            fine, tags = redistributed(fine, *tags)
-        facet_tags, cell_tags, curved = tags
+        every = self.facet_tags, self.cell_tags, self.curved_facets
+        facet_tags, cell_tags, curved = (refinement.inherited(tags) for tags in every)
         if curved is not None and self.geometry is not None:
             snap(fine, curved, self.geometry.nearest)
         return Domain(fine, facet_tags, self.names, cell_tags, self.regions, self.geometry, curved)

@@ -18,32 +18,12 @@ from dolfinx.io.utils import distribute_entity_data
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError, raise_together
+from erc_contact.base.ranks import exchange
 
 HUGE = 1e100
 """Coordinates beyond have volumes that are no numbers of double precision [length]."""
 FOLDED = 1e-6
 """Difference of the volumes of the cells and that within the boundary that counts as round-off, relative [-]."""
-
-
-def exchange(comm: MPI.Comm, destination: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Send each row of a table to a rank; collective.
-
-    Args:
-        comm: Communicator.
-        destination: Rank that gets row i, shape (n,).
-        rows: Table of shape (n, m), any numeric type, the same on all ranks.
-
-    Returns:
-        The rows received, shape (n', m), and the rank each came from, shape (n',).
-    """
-    order = np.argsort(destination, kind="stable")
-    counts = np.bincount(destination, minlength=comm.size)
-    received = np.empty_like(counts)
-    comm.Alltoall(counts, received)
-    width = rows.shape[1]
-    out = np.empty((int(received.sum()), width), dtype=rows.dtype)
-    comm.Alltoallv([np.ascontiguousarray(rows[order]), counts * width], [out, received * width])
-    return out, np.repeat(np.arange(comm.size), received)
 
 
 def vertex_patch_partitioner(comm: MPI.Comm, parts: int, cell_types: Sequence[Any], cells: Sequence[np.ndarray]) -> Any:

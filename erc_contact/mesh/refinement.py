@@ -3,42 +3,53 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from dolfinx import mesh as dmesh
 
-from erc_contact.mesh.tags import tag_table, tags_of
+from erc_contact.base.ranks import fetched
+from erc_contact.mesh.tags import NO_TAG, tag_table, tags_of
+
+SHEAR = np.eye(3) + 1e-5 * np.array([[0, 0.83, 0.31], [-0.57, 0.44, 0.71], [0.13, -0.92, 0.22]])
+"""Which edge of a cell is the longest is decided after this shear."""
 
 
 @dataclass(frozen=True, eq=False)
 class Refinement:
     """A refined mesh, and the cells and facets of the old mesh in which its own lie.
 
+    A rank makes the children of its cells; the partitioner then gives them to any rank. Tables of children are on the
+    ranks that made them.
+
     Attributes:
-        old: The mesh before.
         mesh: The refined mesh.
-        parent_cell: The old cell of each cell of this rank, shape (cells,).
-        facets: The facets that lie in an old facet, shape (n,).
-        parent_facet: This old facet, shape (n,).
+        parent_cell: The old cell of each child made here, shape (children,).
+        parent_facet: The old facets in which the facets of these children lie, -1 inside, shape (children, d+1).
     """
 
-    old: dmesh.Mesh
     mesh: dmesh.Mesh
     parent_cell: np.ndarray
-    facets: np.ndarray
     parent_facet: np.ndarray
 
     def inherited(self, tags: dmesh.MeshTags | None) -> dmesh.MeshTags | None:
-        """Tags of the new mesh: each cell or facet gets the tag of the old cell or facet in which it lies."""
+        """Tags of the new mesh: each cell or facet gets the tag of the old one in which it lies; collective."""
         if tags is None:
             return None
-        of_cells = tags.dim == self.mesh.topology.dim
-        parents = self.parent_cell if of_cells else self.parent_facet
-        children = np.arange(len(parents)) if of_cells else self.facets
-        return tags_of(self.mesh, tags.dim, children, tag_table(tags)[parents])
+        table, topology, dim = tag_table(tags), self.mesh.topology, tags.dim
+        if dim == topology.dim:
+            rows, entities = table[self.parent_cell][:, None], np.arange(len(topology.original_cell_index))
+        else:
+            rows = np.where(self.parent_facet >= 0, table[self.parent_facet], NO_TAG)
+            entities = topology.connectivity(topology.dim, dim).array
+        return tags_of(self.mesh, dim, entities, self.of_cells(rows, slice(None)).ravel())
+
+    def of_cells(self, rows: np.ndarray, cells: np.ndarray | slice) -> np.ndarray:
+        """Rows of cells of the new mesh from a table of children, shape (children, m); collective."""
+        return fetched(self.mesh.comm, rows, self.mesh.topology.original_cell_index[cells])
 
 
-def refine(mesh: dmesh.Mesh, cells: np.ndarray) -> Refinement:
+def refine(mesh: dmesh.Mesh, cells: np.ndarray, partitioner: Any) -> Refinement:
     """Refine cells of this rank by bisection of longest edges (DOLFINx), conforming; collective.
 
     Which edge of a triangle is the longest must not depend on the numbers of the vertices: the mesh would depend on the
@@ -49,55 +60,52 @@ def refine(mesh: dmesh.Mesh, cells: np.ndarray) -> Refinement:
     Args:
         mesh: The mesh; it stays as it is.
         cells: Cells of this rank, shape (n,).
+        partitioner: What gives the new cells to ranks; None leaves them where they are.
 
     Returns:
-        The refined mesh, not yet balanced over the ranks, with its parents.
+        The refined mesh and its parents.
     """
     tdim = mesh.topology.dim
     mesh.topology.create_entities(1)
     mesh.topology.create_connectivity(tdim, 1)
     mesh.topology.create_connectivity(1, tdim)
     edges = dmesh.compute_incident_entities(mesh.topology, cells, tdim, 1)
-    shear = np.eye(3) + 1e-5 * np.array([[0, 0.83, 0.31], [-0.57, 0.44, 0.71], [0.13, -0.92, 0.22]])
+    shear = SHEAR.copy()
     if tdim == 2:
         shear[:2, 2] = shear[2, :2] = 0
     x = mesh.geometry.x.copy()
+    kind = dmesh.RefinementOption.parent_cell_and_facet
     try:
         mesh.geometry.x[:] = x @ shear
-        fine, parent_cell, parent_facet = dmesh.refine(mesh, edges, None, dmesh.RefinementOption.parent_cell_and_facet)
+        fine, parent_cell, parent_facet = dmesh.refine(mesh, edges, partitioner, kind)
     finally:
         mesh.geometry.x[:] = x
     fine.topology.create_entities(tdim - 1)
     fine.topology.create_connectivity(tdim, tdim - 1)
     fine.topology.create_connectivity(tdim - 1, tdim)
-    start = fine.topology.index_map(tdim).local_range[0]
-    original = fine.topology.original_cell_index - start
-    parent_cell = parent_cell[original]
-    ends = _parent_ends(mesh, fine, parent_cell, x @ shear)
-    fine.geometry.x[:] = 0.5 * (x[ends[:, 0]] + x[ends[:, 1]])
-    parent_facet = parent_facet.reshape(-1, tdim + 1)[original]
-    child, local = np.nonzero(parent_facet >= 0)
-    old = mesh.topology.connectivity(tdim, tdim - 1).array.reshape(-1, tdim + 1)
-    new = fine.topology.connectivity(tdim, tdim - 1).array.reshape(-1, tdim + 1)
-    return Refinement(mesh, fine, parent_cell, new[child, local], old[parent_cell[child], parent_facet[child, local]])
+    local = parent_facet.reshape(-1, tdim + 1)
+    facets = mesh.topology.connectivity(tdim, tdim - 1).array.reshape(-1, tdim + 1)[parent_cell]
+    facets = np.where(local >= 0, np.take_along_axis(facets, np.maximum(local, 0), axis=1), -1)
+    refinement = Refinement(fine, parent_cell, facets)
+    _set_coordinates(refinement, x[mesh.geometry.dofmaps[0][parent_cell]], shear)
+    return refinement
 
 
-def _parent_ends(mesh: dmesh.Mesh, fine: dmesh.Mesh, parent_cell: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """The two old nodes whose middle each node of a refined mesh is; for an old node they are the same.
+def _set_coordinates(refinement: Refinement, corners: np.ndarray, shear: np.ndarray) -> None:
+    """Set the nodes of a refined mesh: each is an old one, or the middle of two old ones; collective.
 
     Args:
-        mesh: The old mesh.
-        fine: The refined mesh, in the coordinates of ``x``.
-        parent_cell: Old cell of each cell of ``fine``.
-        x: Coordinates of the old nodes at the refinement [length], shape (old nodes, 3).
-
-    Returns:
-        Old nodes of this rank, shape (nodes of fine, 2).
+        refinement: The refined mesh, in sheared coordinates.
+        corners: Corners of the old cell of each child made here [length], shape (children, d+1, 3).
+        shear: The shear.
     """
-    nodes = fine.geometry.dofmaps[0]
+    geometry = refinement.mesh.geometry
+    nodes = geometry.dofmaps[0]
     _, first = np.unique(nodes, return_index=True)
-    old = mesh.geometry.dofmaps[0][parent_cell[first // nodes.shape[1]]]
-    candidates = np.stack([old[:, i] for i in np.array(np.triu_indices(nodes.shape[1])).T], axis=1)
-    middle = 0.5 * (x[candidates[..., 0]] + x[candidates[..., 1]])
-    nearest = np.linalg.norm(middle - fine.geometry.x[:, None], axis=2).argmin(axis=1)
-    return np.take_along_axis(candidates, nearest[:, None, None], axis=1)[:, 0]
+    shape = corners.shape[1:]
+    old = refinement.of_cells(corners.reshape(len(corners), shape[0] * shape[1]), first // nodes.shape[1])
+    old = old.reshape(len(old), *shape)
+    i, j = np.triu_indices(nodes.shape[1])
+    middle = 0.5 * (old[:, i] + old[:, j])
+    nearest = np.linalg.norm(middle @ shear - geometry.x[:, None], axis=2).argmin(axis=1)
+    geometry.x[:] = np.take_along_axis(middle, nearest[:, None, None], axis=1)[:, 0]

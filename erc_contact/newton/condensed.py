@@ -195,7 +195,7 @@ class Condensed:
             return
         a = self.size
         self.schur, lift = self.stiffness.reduced(a)
-        self.matrix = self.schur - np.diag(self.stiffness.glued_by[:a])
+        self.matrix = self.stiffness.unglued(a)
         self.loads = self.schur @ self.w[:a]
         self.force = float((abs(self.matrix) @ np.maximum(abs(self.w[:a]), abs(held))).max()) or 1.0
         if self.edges:

@@ -12,6 +12,7 @@ import numpy as np
 from petsc4py import PETSc
 
 from erc_contact.newton.condensed import Condensed
+from erc_contact.newton.mumps import dense_factor
 from erc_contact.newton.snes import ZERO_PIVOT, Outcome, attempt
 
 TOLERANCE = 1e-12
@@ -102,10 +103,7 @@ class Dense:
         relation.
         """
         if self.elastic is None:
-            elastic = self.problem.stiffness.definite(self.problem.size)
-            matrix = PETSc.Mat().createDense(elastic.shape, array=elastic, comm=PETSc.COMM_SELF)
-            matrix.setOption(PETSc.Mat.Option.SPD, True)
-            self.elastic = _direct(matrix, "cholesky")
+            self.elastic = dense_factor(self.problem.stiffness.definite(self.problem.size), "cholesky")
         force, u = self.jacobian.createVecs()
         force.array[:] = residual
         self.elastic.solve(force, u)
@@ -124,9 +122,8 @@ class Dense:
         """An estimate by inverse iteration on ``J^T J``."""
         diagonal = 1 / np.sqrt(self.problem.schur.diagonal())
         scaled = self.problem.tangent(u_A) * diagonal * diagonal[:, None]
-        matrix = PETSc.Mat().createDense(scaled.shape, array=scaled, comm=PETSc.COMM_SELF)
-        ksp = _direct(matrix, "lu")
-        x, y = matrix.createVecs()
+        ksp = dense_factor(scaled, "lu")
+        x, y = self.jacobian.createVecs()
         x.array[:] = np.random.default_rng(0).standard_normal(len(diagonal))
         norm = x.norm()
         try:
@@ -155,13 +152,3 @@ class Dense:
         self.jacobian.destroy()
         if self.elastic is not None:
             self.elastic.destroy()
-
-
-def _direct(matrix: PETSc.Mat, kind: str) -> PETSc.KSP:
-    """A solver with the "lu" or "cholesky" factor of a dense matrix."""
-    matrix.assemble()
-    ksp = PETSc.KSP().create(PETSc.COMM_SELF)
-    ksp.setOperators(matrix)
-    ksp.setType("preonly")
-    ksp.getPC().setType(kind)
-    return ksp

@@ -27,6 +27,7 @@ from erc_contact.mesh.simplex import local_facet_nodes
 from erc_contact.model.model import Model
 from erc_contact.newton.elastic import Elastic
 from erc_contact.newton.mumps import factorised, schur_complement
+from erc_contact.newton.substructures import Substructures
 
 
 class Stiffness(Elastic):
@@ -47,10 +48,10 @@ class Stiffness(Elastic):
 
     def __init__(self, model: Model) -> None:
         super().__init__(model)
-        self.contact_size = 0
+        self.contact_size, self.local = 0, np.zeros(0, dtype=np.int64)
         self.schur: np.ndarray | None = None
         self._reduced: tuple[np.ndarray, np.ndarray] | None = None
-        self._ksp: PETSc.KSP | None = None
+        self._factor: PETSc.KSP | Substructures | None = None
         self._matrix: PETSc.Mat | None = None
         if model.contacts:
             self.local, self.place, self.numbers = self._layer()
@@ -64,10 +65,9 @@ class Stiffness(Elastic):
             b: Nodal forces.
             supports: Whether fixed components take the values of the supports, else zero.
         """
-        ksp = self._solver()
         vector = self.right_side(b, supports=supports)
         x = vector.duplicate()
-        ksp.solve(vector, x)
+        self._solver().solve(vector, x)
         u = self.displacement(x)
         x.destroy()
         vector.destroy()
@@ -84,7 +84,7 @@ class Stiffness(Elastic):
             return w
         a = self.contact_size
         w_A = self.gather(w)[:a]
-        u_A = together(self.model.comm, lambda: None if self.schur is None else self._unglued(a, w_A))
+        u_A = together(self.model.comm, lambda: None if self.schur is None else self._freed(a, w_A))
         return self.expand(w, u_A, None)
 
     def on_springs(self, springs: PETSc.Mat, b: fem.Function, near: fem.Function) -> fem.Function:
@@ -99,7 +99,7 @@ class Stiffness(Elastic):
             made.destroy()
         return u
 
-    def _unglued(self, a: int, w_A: np.ndarray) -> np.ndarray:
+    def _freed(self, a: int, w_A: np.ndarray) -> np.ndarray:
         """Displacement of the contact nodes without the glue, from that with it, on rank 0."""
         return np.linalg.solve(self.definite(a), self.reduced(a)[0] @ w_A)
 
@@ -146,24 +146,29 @@ class Stiffness(Elastic):
     @property
     def factorised(self) -> bool:
         """Whether there is a factor to solve with."""
-        return self._ksp is not None
+        return self._factor is not None
 
     def free(self) -> None:
         """Free the factor; a later solve makes it again."""
-        if self._ksp is not None:
-            self._ksp.destroy()
-            self._ksp = None
+        if self._factor is not None:
+            self._factor.destroy()
+            self._factor = None
         if self._matrix is not None:
             self._matrix.destroy()
             self._matrix = None
 
     def definite(self, count: int) -> np.ndarray:
-        """``S_A - D_A``, the stiffness of u_A, made definite on rigid motions that no support holds; on rank 0."""
-        schur, _ = self.reduced(count)
-        matrix = schur - np.diag(self.glued_by[:count])
+        """The stiffness of u_A, see :meth:`unglued`, made definite on rigid motions that no support holds."""
+        matrix = self.unglued(count)
         if self.motions:
             kernel, _ = np.linalg.qr(np.column_stack(self.motions)[:count])
-            matrix += np.mean(schur.diagonal()) * kernel @ kernel.T
+            matrix += np.mean(self.reduced(count)[0].diagonal()) * kernel @ kernel.T
+        return matrix
+
+    def unglued(self, count: int) -> np.ndarray:
+        """``S_A - D_A`` for the first ``count`` of L, the stiffness of u_A, on rank 0."""
+        matrix = self.reduced(count)[0].copy()
+        matrix.flat[:: count + 1] -= self.glued_by[:count]
         return matrix
 
     def _layer(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -194,27 +199,29 @@ class Stiffness(Elastic):
         return matrix
 
     def _condense(self) -> None:
-        """Factorise with the Schur complement on L; on one rank the factor is also used for solves."""
-        comm = self.model.comm
-        self._matrix = self._assemble()
-        self._ksp = factorised(self._matrix, self.numbers)
+        """Factorise with the Schur complement on L."""
+        comm, solver = self.model.comm, self._solver()
         self.glued_by = self.gather(self.glue)
         self.motions = [self.gather(motion) for motion in self.model.free_motions]
-        self.schur = together(comm, lambda: self._schur_complement() if comm.rank == 0 else None)
-        if comm.size > 1:  # PETSc does not solve with a factor that has a Schur complement there
-            self._ksp.destroy()
-            self._ksp = None
+        self.schur = together(comm, lambda: self._schur_complement(solver) if comm.rank == 0 else None)
 
-    def _schur_complement(self) -> np.ndarray:
+    def _schur_complement(self, solver: PETSc.KSP | Substructures) -> np.ndarray:
         """S_L, on rank 0."""
-        schur = schur_complement(self._ksp, len(self.numbers))
+        if isinstance(solver, Substructures):
+            order = np.searchsorted(solver.interface.numbers, self.numbers)
+            schur = solver.interface.schur[np.ix_(order, order)]
+        else:
+            schur = schur_complement(solver, len(self.numbers))
         if not np.isfinite(schur).all():
             raise InputError("The elastic stiffness is not finite; look at the moduli and the mesh.")
         return schur
 
-    def _solver(self) -> PETSc.KSP:
-        if self._matrix is None:
-            self._matrix = self._assemble()
-        if self._ksp is None:
-            self._ksp = factorised(self._matrix)
-        return self._ksp
+    def _solver(self) -> PETSc.KSP | Substructures:
+        if self._factor is None:
+            if self.model.comm.size > 1:
+                self._factor = Substructures(self.model, self.form, self.glue, self.local)
+            else:
+                self._matrix = self._assemble()
+                wanted = self.contact_size > 0 and self.schur is None
+                self._factor = factorised(self._matrix, self.numbers if wanted else None)
+        return self._factor
