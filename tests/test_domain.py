@@ -10,9 +10,10 @@ user's survives, ours is closed.
 import numpy as np
 import pytest
 import ufl
-from dolfinx import fem
+from dolfinx import fem, la
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
+from scenes import two_materials
 
 import erc_contact as ec
 from erc_contact.mesh.partition import patches_complete
@@ -371,6 +372,33 @@ def test_mesh_of_the_user(dim, ghosts, measures):
         assert_distributed_well(domain)
         domain = domain.refined(near(domain, np.full(dim, 0.5), 0.3))
     assert COMM.size > 1 or ec.Domain(mesh, facet_tags, {"left": 3}).mesh is mesh
+
+
+def known(domain, tags, dim):
+    """The tags of all entities of this rank, ghosts included, by the places of their middles."""
+    domain.mesh.topology.create_connectivity(dim, domain.dim)
+    middle = dmesh.compute_midpoints(domain.mesh, dim, tags.indices)
+    return {tuple(np.round(x, 9)): tag for x, tag in zip(middle, tags.values, strict=True)}
+
+
+@pytest.mark.parametrize("side", ["owners", "others"])
+@pytest.mark.parametrize("dim", [2, 3])
+def test_tags_that_one_rank_gives_are_known_to_all_that_have_the_facet(dim, side):
+    """DOLFINx locates facets on the rank that owns them. Nodes of the contact were missing where ranks meet."""
+    whole = two_materials(np.full(dim, 1.0), 0.2, MPI.COMM_WORLD)
+    cut = []
+    for tags in (whole.facet_tags, whole.cell_tags):
+        index_map = whole.mesh.topology.index_map(tags.dim)
+        here = tags.indices < index_map.size_local
+        if side == "others":
+            ghosts = la.vector(index_map)
+            ghosts.array[index_map.size_local :] = 1.0
+            ghosts.scatter_reverse(la.InsertMode.add)
+            here = ~here | (ghosts.array[tags.indices] == 0)
+        cut.append(dmesh.meshtags(whole.mesh, tags.dim, tags.indices[here], tags.values[here]))
+    domain = ec.Domain(whole.mesh, cut[0], whole.names, cut[1], whole.regions)
+    assert known(domain, domain.facet_tags, dim - 1) == known(whole, whole.facet_tags, dim - 1)
+    assert known(domain, domain.cell_tags, dim) == known(whole, whole.cell_tags, dim)
 
 
 def test_parts_inside_the_body_are_kept_but_carry_no_condition(gmsh_session):

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from numbers import Integral
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -24,6 +24,7 @@ from erc_contact.base.html import table
 from erc_contact.mesh.partition import check_mesh, partitioner, patches_complete, redistributed
 from erc_contact.mesh.refinement import refine
 from erc_contact.mesh.surface import offset, snap
+from erc_contact.mesh.tags import shared
 
 
 class Geometry(Protocol):
@@ -92,10 +93,8 @@ class Domain:
         elif self.regions and (self.cell_tags is None or self.cell_tags.dim != tdim):
             error = InputError(f"The regions {_listed(self.regions)} need cell tags of dimension {tdim}.")
         raise_together(self.mesh.comm, error)
-        if self.mesh.comm.size > 1 and not patches_complete(self.mesh):
-            mesh, moved = redistributed(self.mesh, self.facet_tags, self.cell_tags, self.curved_facets)
-            for name, value in zip(("mesh", "facet_tags", "cell_tags", "curved_facets"), (mesh, *moved), strict=True):
-                object.__setattr__(self, name, value)
+        if self.mesh.comm.size > 1:
+            self._complete()
         owned = self.mesh.topology.index_map(tdim - 1).size_local
         outer = dmesh.exterior_facet_indices(self.mesh.topology)
         for name, tag in self.names.items():
@@ -106,6 +105,18 @@ class Domain:
                 raise InputError(f"Boundary part {name!r} (tag {tag}) has no facet; remove it or tag its facets.")
             if counts[1] < counts[0]:
                 self._inside.add(name)
+
+    def _complete(self) -> None:
+        """Give every rank complete vertex patches, and the tags of all facets and cells that it has; collective."""
+        mesh, every = self.mesh, [shared(self.mesh, tags) for tags in self._every_tags]
+        if not patches_complete(mesh):
+            mesh, every = redistributed(mesh, *every)
+        for name, value in zip(("mesh", "facet_tags", "cell_tags", "curved_facets"), (mesh, *every), strict=True):
+            object.__setattr__(self, name, value)
+
+    @property
+    def _every_tags(self) -> tuple[Any, dmesh.MeshTags | None, dmesh.MeshTags | None]:
+        return self.facet_tags, self.cell_tags, self.curved_facets
 
     def _repr_html_(self) -> str:
         """The domain in a notebook; nothing is computed, so one rank alone may ask."""
@@ -223,8 +234,7 @@ class Domain:
         marked = together(self.mesh.comm, self._marked, marked)
         refinement = refine(self.mesh, marked, partitioner(self.mesh.comm))
         fine = refinement.mesh
-        every = self.facet_tags, self.cell_tags, self.curved_facets
-        facet_tags, cell_tags, curved = (refinement.inherited(tags) for tags in every)
+        facet_tags, cell_tags, curved = (refinement.inherited(tags) for tags in self._every_tags)
         if curved is not None and self.geometry is not None:
             snap(fine, curved, self.geometry.nearest)
         return Domain(fine, facet_tags, self.names, cell_tags, self.regions, self.geometry, curved)

@@ -34,6 +34,13 @@ rectangle with 1 011 042 unknowns a factor then takes 4.3 s instead of 8.3 s and
 by column. MUMPS groups the equations by METIS here, so SIGTERM is held back; where it cannot be, nothing is compressed.
 """
 
+NOT_FACTORISED = (
+    "The elastic stiffness cannot be factorised: its numbers are too far apart for double precision. "
+    "Choose units in which moduli and lengths are nearer to 1; look for degenerate cells."
+)
+NOT_DEFINITE = 81
+"""PETSc's code of a matrix without a Cholesky factor."""
+
 
 def factorised(matrix: PETSc.Mat, schur_on: np.ndarray | None = None) -> PETSc.KSP:
     """A solver with MUMPS' factor of a symmetric matrix; collective.
@@ -71,10 +78,7 @@ def factorised(matrix: PETSc.Mat, schur_on: np.ndarray | None = None) -> PETSc.K
     if failed == reasons.FACTOR_OUTMEMORY:
         raise MemoryError(f"the factor of {matrix.getSize()[0]} elastic equations")
     if failed != reasons.NOERROR:
-        raise InputError(
-            "The elastic stiffness cannot be factorised: its numbers are too far apart for double precision. "
-            "Choose units in which moduli and lengths are nearer to 1; look for degenerate cells."
-        )
+        raise InputError(NOT_FACTORISED)
     return ksp
 
 
@@ -121,7 +125,15 @@ def interior_only(ksp: PETSc.KSP) -> None:
 
 
 def dense_factor(values: np.ndarray, kind: str) -> PETSc.KSP:
-    """A solver with the factor of a dense matrix of this rank: "lu", or "cholesky" of a positive definite one."""
+    """A solver for a dense matrix of this rank.
+
+    Args:
+        values: The matrix.
+        kind: "cholesky" for a positive definite one, whose factor is made here, or "lu", made when it is needed.
+
+    Raises:
+        InputError: If the matrix is not positive definite.
+    """
     matrix = PETSc.Mat().createDense(values.shape, array=np.asfortranarray(values), comm=PETSc.COMM_SELF)
     matrix.setOption(PETSc.Mat.Option.SPD, kind == "cholesky")
     matrix.assemble()
@@ -129,6 +141,13 @@ def dense_factor(values: np.ndarray, kind: str) -> PETSc.KSP:
     ksp.setOperators(matrix)
     ksp.setType("preonly")
     ksp.getPC().setType(kind)
+    try:
+        if kind == "cholesky":
+            ksp.setUp()
+    except PETSc.Error as failure:
+        if failure.ierr == NOT_DEFINITE:
+            raise InputError(NOT_FACTORISED) from failure
+        raise
     return ksp
 
 

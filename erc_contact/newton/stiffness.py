@@ -210,6 +210,7 @@ class Stiffness(Elastic):
         if isinstance(solver, Substructures):
             order = np.searchsorted(solver.interface.numbers, self.numbers)
             schur = solver.interface.schur[np.ix_(order, order)]
+            schur = 0.5 * (schur + schur.T)
         else:
             schur = schur_complement(solver, len(self.numbers))
         if not np.isfinite(schur).all():

@@ -29,8 +29,6 @@ TIGHTEN = 10
 GAIN = 0.02
 """The iteration ends after a step that lowers the bulk part of the error by less than this fraction of it. A step costs
 about 2% of the run time of a mesh; spent on a finer mesh, that lowers the error by 1%, and the next step gains less."""
-TAG = 1202
-"""Of the messages in which ranks find out who has which facets; DOLFINx asks for a number."""
 
 
 def tightened(
@@ -121,9 +119,10 @@ class _SharedMoments:
         least = np.take_along_axis(vertices, order[:, :1], axis=1)[:, 0]
         self.mine = least < space.V.dofmap.index_map.size_local
         if self.comm.size > 1:
-            ghosts = self.facets.size_local + np.arange(self.facets.num_ghosts)
-            sent = np.diff(self.facets.index_to_dest_ranks(TAG).offsets) > 0
-            self.shared = np.concatenate([np.flatnonzero(sent), ghosts])
+            ghosts = la.vector(self.facets)
+            ghosts.array[self.facets.size_local :] = 1.0
+            ghosts.scatter_reverse(la.InsertMode.add)
+            self.shared = np.flatnonzero(ghosts.array)
             self.order = order[self.shared, :, None]
             self.vector = la.vector(self.facets, order.shape[1] * cells.d)
 
