@@ -34,13 +34,13 @@ class ElasticSolver(Protocol):
     def load_vector(self) -> fem.Function:
         """Nodal forces of the loads of the scene [force], not yet summed over ranks."""
 
-    def solve(self, b: fem.Function, *, supports: bool = True, near: fem.Function | None = None) -> fem.Function:
+    def solve(self, b: fem.Function, *, supports: bool = True, tolerance: float | None = None) -> fem.Function:
         """Displacement u of ``K u = b`` [length]; collective.
 
         Args:
             b: Nodal forces [force].
             supports: Whether fixed components take the values of the supports; without, u is a correction.
-            near: A displacement that may be near [length].
+            tolerance: Residual over the right side that is enough [-]; a factor goes to round-off.
         """
 
     def on_springs(self, springs: PETSc.Mat, b: fem.Function, near: fem.Function) -> fem.Function:

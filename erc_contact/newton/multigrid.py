@@ -81,14 +81,7 @@ class Multigrid(Elastic):
         right = self.right_side(b, supports=supports)
         return self._solved(self._fine, right, tolerance, direct=self.contact_size == 0)
 
-    def solve(
-        self,
-        b: fem.Function,
-        *,
-        supports: bool = True,
-        near: fem.Function | None = None,
-        tolerance: float | None = None,
-    ) -> fem.Function:
+    def solve(self, b: fem.Function, *, supports: bool = True, tolerance: float | None = None) -> fem.Function:
         """Displacement u of ``K u = b`` [length] under nodal forces b [force]; see :meth:`glued`.
 
         The loads must do no work on rigid motions that no support holds; u has no part in these motions. Without
@@ -97,7 +90,6 @@ class Multigrid(Elastic):
         Args:
             b: Nodal forces.
             supports: Whether fixed components take the values of the supports, else zero.
-            near: A displacement that may be near, where the iteration starts [length].
             tolerance: Residual over the right side [-].
         """
         self._set_up(self._weak_share())
@@ -106,8 +98,7 @@ class Multigrid(Elastic):
             motions = self._motions()
             self.matrix.setNullSpace(motions)
             motions.remove(right)  # round-off
-            near = None  # it has a part in the motions
-        return self._solved(self.matrix, right, tolerance or (EXACT if supports else ROUGH), near)
+        return self._solved(self.matrix, right, tolerance or (EXACT if supports else ROUGH))
 
     def on_springs(self, springs: PETSc.Mat, b: fem.Function, near: fem.Function) -> fem.Function:
         """Displacement u of ``(K + C) u = b`` [length], see :class:`ElasticSolver`."""

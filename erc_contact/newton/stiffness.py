@@ -73,11 +73,11 @@ class Stiffness(Elastic):
         vector.destroy()
         return u
 
-    def solve(self, b: fem.Function, *, supports: bool = True, near: fem.Function | None = None) -> fem.Function:
+    def solve(self, b: fem.Function, *, supports: bool = True, tolerance: float | None = None) -> fem.Function:
         """Displacement u of ``K u = b`` [length] under nodal forces b [force]; see :meth:`glued`.
 
         The loads must do no work on rigid motions that no support holds. At the contact, u then has no part in these
-        motions. A factor needs no displacement that is near.
+        motions.
         """
         w = self.glued(b, supports=supports)
         if not self.contact_size:
