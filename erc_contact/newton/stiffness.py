@@ -208,6 +208,7 @@ class Stiffness(Elastic):
     def _schur_complement(self, solver: PETSc.KSP | Substructures) -> np.ndarray:
         """S_L, on rank 0."""
         if isinstance(solver, Substructures):
+            assert solver.interface is not None
             order = np.searchsorted(solver.interface.numbers, self.numbers)
             schur = solver.interface.schur[np.ix_(order, order)]
             schur = 0.5 * (schur + schur.T)

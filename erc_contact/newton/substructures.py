@@ -18,13 +18,12 @@ Source: George, SIAM J. Numer. Anal. 10 (1973), for nested dissection.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from dolfinx import fem, la
 from petsc4py import PETSc
 
-from erc_contact.base.exceptions import raise_together, together
+from erc_contact.base.exceptions import InputError, raise_together, together
 from erc_contact.model.model import Model
 from erc_contact.newton.mumps import dense_factor, dense_solve, factorised, interior_only, schur_complement
 
@@ -152,6 +151,10 @@ class Joint:
         u = np.concatenate([dense_solve(self._factor, b_I) - self._lift @ u_B, u_B])
         return [u[at] for at in self._places]
 
+    def destroy(self) -> None:
+        """Free PETSc's objects."""
+        self._factor.destroy()
+
 
 class Substructures:
     """K + D of a model factorised on several ranks; members are collective.
@@ -163,7 +166,7 @@ class Substructures:
         layer: Degrees of freedom of this rank (with ghosts) in L.
 
     Attributes:
-        interface: Rank 0: L and the Schur complement of K + D on it. Elsewhere what this rank and its children left.
+        interface: L and the Schur complement of K + D on it, on rank 0; None elsewhere.
 
     Raises:
         InputError: If the stiffness cannot be factorised.
@@ -183,10 +186,15 @@ class Substructures:
         self._part = together(self._comm, part)
         self._parent, self._children = _family(self._comm.rank, self._comm.size)
         self._joints: list[Joint] = []
-        self.interface = self._join()
+        self.interface, error = self._joined(), None
+        try:
+            self._root = None if self.interface is None else dense_factor(self.interface.schur, "cholesky")
+        except InputError as reason:
+            error = reason
+        raise_together(self._comm, error)
 
-    def _join(self) -> Interface:
-        """Join what is left of this rank with what its children send, and send it to the parent."""
+    def _joined(self) -> Interface | None:
+        """Join what is left of this rank with what its children send, and send it to the parent; collective."""
         interface: Interface | None = self._part.interface
         error: Exception | None = None
         for child in self._children:
@@ -200,12 +208,7 @@ class Substructures:
         if self._parent is not None:
             self._comm.send(interface, self._parent)
         raise_together(self._comm, error)
-        assert interface is not None
-        return interface
-
-    @cached_property
-    def _root(self) -> PETSc.KSP:
-        return dense_factor(self.interface.schur, "cholesky")
+        return interface if self._parent is None else None
 
     def solve(self, b: PETSc.Vec, x: PETSc.Vec) -> None:
         """Solve ``(K + D) x = b``; where supports fix a component x is b."""
@@ -216,7 +219,7 @@ class Substructures:
         for joint, child in joints:
             b_I, force = joint.up(force, comm.recv(source=child))
             inner.append(b_I)
-        if self._parent is None:
+        if self._root is not None:
             u = dense_solve(self._root, force)
         else:
             comm.send(force, self._parent)
@@ -229,8 +232,8 @@ class Substructures:
 
     def destroy(self) -> None:
         """Free the factors."""
-        self._part.destroy()
-        self._joints.clear()
+        for made in (self._part, *self._joints, *([] if self._root is None else [self._root])):
+            made.destroy()
 
 
 def _family(rank: int, size: int) -> tuple[int | None, list[int]]:
