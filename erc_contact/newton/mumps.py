@@ -28,12 +28,14 @@ time of AMD in the plane on two ranks, and 0.6 at 37 000 tetrahedra.
 LARGE = 100_000
 """Number of equations from which on blocks of the factor are compressed, by BLR [-].
 
-What is left out is below round-off (1e-16 of the least diagonal entry), so that the solution is the same. For a
-rectangle with 1 011 042 unknowns a factor then takes 4.3 s instead of 8.3 s and 84% of the memory, with 406 802 it is
-1.5 s instead of 2.3 s. Half of this comes from other kernels: MUMPS' usual ones call gemmt, which OpenBLAS does column
-by column. MUMPS groups the equations by METIS here, so SIGTERM is held back; where it cannot be, nothing is compressed.
+What is left out is below round-off, :data:`DROPPED` of the least diagonal entry, so that the solution is the same. A
+factor of 1 011 042 equations of a rectangle then takes 4.3 s instead of 8.3 s and 84% of the memory, one of 406 802
+takes 1.5 s instead of 2.3 s. Half of this comes from other kernels: MUMPS' usual ones call gemmt, which OpenBLAS does
+column by column. MUMPS groups the equations by METIS here, so SIGTERM is held back; where it cannot be, nothing is
+compressed.
 """
-
+DROPPED = 1e-16
+"""What compression may leave out [-]."""
 NOT_FACTORISED = (
     "The elastic stiffness cannot be factorised: its numbers are too far apart for double precision. "
     "Choose units in which moduli and lengths are nearer to 1; look for degenerate cells."
@@ -89,9 +91,9 @@ def _compress(factor: PETSc.Mat, matrix: PETSc.Mat) -> None:
     """
     diagonal = matrix.getDiagonal().array_r
     softest = diagonal[diagonal != 1.0].min(initial=np.inf)
-    factor.setMumpsIcntl(35, 2)
-    factor.setMumpsIcntl(36, 1)
-    factor.setMumpsCntl(7, 1e-16 * softest if np.isfinite(softest) else 0.0)
+    factor.setMumpsIcntl(35, 2)  # block low-rank, in solves, too
+    factor.setMumpsIcntl(36, 1)  # compressed after they have served: what is left out is not amplified
+    factor.setMumpsCntl(7, DROPPED * softest if np.isfinite(softest) else 0.0)
 
 
 _LIBRARY = ctypes.CDLL(PETSc.__file__)
