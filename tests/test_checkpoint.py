@@ -392,6 +392,17 @@ def test_terminated_runs_keep_all_and_say_so(ranks, tmp_path):
     assert len(Folder(tmp_path / "kept").numbers()) == int(ended[0].split()[1]) >= 2
 
 
+def in_a_storm(script, longest, folder):
+    """What a script writes that gets SIGTERM at random moments, at most so many seconds apart, once it is ready."""
+    with started(script, 1, folder) as process:
+        told(process, "ready")
+        moments = np.random.default_rng(0)
+        while process.poll() is None:
+            process.send_signal(signal.SIGTERM)
+            sleep(float(moments.uniform(0.0, longest)))
+        return output(process, 20)
+
+
 FACTORS = """
 import erc_contact as ec
 import os, signal
@@ -417,13 +428,7 @@ os._exit(0)  # at the usual end PETSc takes the handler away
 @pytest.mark.serial
 def test_signals_do_no_harm_to_a_factorisation(tmp_path):
     """SIGTERM comes at any moment of it. An ordering by METIS would jump out of the middle of its work."""
-    with started(FACTORS, 1, tmp_path) as process:
-        told(process, "ready")
-        moments = np.random.default_rng(0)
-        while process.poll() is None:
-            process.send_signal(signal.SIGTERM)
-            sleep(float(moments.uniform(0.0, 0.02)))
-        assert "ended" in output(process, 20)
+    assert "ended" in in_a_storm(FACTORS, 0.02, tmp_path)
 
 
 LARGE_FACTORS = """
@@ -460,13 +465,7 @@ os._exit(0)  # at the usual end PETSc takes the handler away
 @pytest.mark.serial
 def test_signals_do_no_harm_to_a_compressed_factor(tmp_path):
     """There METIS groups the equations; it would jump out of its work."""
-    with started(LARGE_FACTORS, 1, tmp_path) as process:
-        told(process, "ready")
-        moments = np.random.default_rng(0)
-        while process.poll() is None:
-            process.send_signal(signal.SIGTERM)
-            sleep(float(moments.uniform(0.0, 0.005)))
-        assert "ended" in output(process, 20)
+    assert "ended" in in_a_storm(LARGE_FACTORS, 0.005, tmp_path)
 
 
 # -- the history without a solve -------------------------------------------------------------------------------------

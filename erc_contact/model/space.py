@@ -131,6 +131,10 @@ class Space:
         """Global numbers of nodes of this rank."""
         return self.V.dofmap.index_map.local_to_global(nodes.ravel().astype(np.int32)).reshape(nodes.shape)
 
+    def global_dofs(self, dofs: np.ndarray) -> np.ndarray:
+        """Global numbers of degrees of freedom of this rank, shape (n,)."""
+        return self.global_numbers(dofs // self.d) * self.d + dofs % self.d
+
     def facet_numbers(self, facets: np.ndarray) -> np.ndarray:
         """Indices of facets given as (cell, local facet), shape (n,)."""
         of_cell = self.mesh.topology.connectivity(self.d, self.d - 1).array.reshape(-1, self.d + 1)

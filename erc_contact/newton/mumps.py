@@ -6,6 +6,7 @@ petsc4py has no names for Schur complements, so PETSc's own functions are called
 from __future__ import annotations
 
 import ctypes
+from contextlib import nullcontext
 from typing import Any
 
 import numpy as np
@@ -70,12 +71,11 @@ def factorised(matrix: PETSc.Mat, schur_on: np.ndarray | None = None) -> PETSc.K
         indices = PETSc.IS().createGeneral(schur_on.astype(PETSc.IntType), comm=comm)
         _call("MatFactorSetSchurIS", factor.handle, indices.handle)
         indices.destroy()
-    if comm.size == 1 and matrix.getSize()[0] >= LARGE:
-        with sigterm_held() as held:
-            if held:
-                _compress(factor, matrix)
-            ksp.setUp()
-    ksp.setUp()
+    large = comm.size == 1 and matrix.getSize()[0] >= LARGE
+    with sigterm_held() if large else nullcontext(False) as held:
+        if held:
+            _compress(factor, matrix)
+        ksp.setUp()
     reasons, failed = PETSc.PC.FailedReason, pc.getFailedReason()
     if failed == reasons.FACTOR_OUTMEMORY:
         raise MemoryError(f"the factor of {matrix.getSize()[0]} elastic equations")
@@ -89,7 +89,7 @@ def _compress(factor: PETSc.Mat, matrix: PETSc.Mat) -> None:
 
     An equation of a component that a support fixes is that of the identity, and does not count.
     """
-    diagonal = matrix.getDiagonal().array_r
+    diagonal = abs(matrix.getDiagonal().array_r)
     softest = diagonal[diagonal != 1.0].min(initial=np.inf)
     factor.setMumpsIcntl(35, 2)  # block low-rank, in solves, too
     factor.setMumpsIcntl(36, 1)  # compressed after they have served: what is left out is not amplified

@@ -182,8 +182,7 @@ class Stiffness(Elastic):
         layer[model.nodes[facets[:, 0]]] = True
         dofs = np.flatnonzero((layer[:, None] & ~model.fixed).ravel())
         at_contact = np.repeat(touching, d)[dofs]
-        blocks = model.V.dofmap.index_map.local_to_global((dofs // d).astype(np.int32))
-        numbers = blocks * d + dofs % d
+        numbers = model.global_dofs(dofs)
         contact = np.unique(np.concatenate(model.comm.allgather(numbers[at_contact])))
         rest = np.setdiff1d(np.concatenate(model.comm.allgather(numbers[~at_contact])), contact)
         every = np.concatenate([contact, rest])

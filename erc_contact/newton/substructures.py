@@ -23,7 +23,7 @@ import numpy as np
 from dolfinx import fem, la
 from petsc4py import PETSc
 
-from erc_contact.base.exceptions import InputError, raise_together, together
+from erc_contact.base.exceptions import raise_together, together
 from erc_contact.model.model import Model
 from erc_contact.newton.mumps import dense_factor, dense_solve, factorised, interior_only, schur_complement
 
@@ -53,9 +53,6 @@ class Part:
         numbers: Global numbers of its rows, shape (n,).
         total: How many ranks touch them; one more in L, shape (n,).
 
-    Attributes:
-        interface: What is left.
-
     Raises:
         InputError: If the matrix cannot be factorised.
     """
@@ -64,18 +61,24 @@ class Part:
         self._matrix, self._inner = matrix, total == 1
         outer = np.flatnonzero(~self._inner)
         self._outer = outer[np.argsort(numbers[outer])]
+        self._numbers, self._total = numbers[self._outer], total[self._outer]
         self._factor: PETSc.KSP | None = None
-        schur = np.zeros((len(outer), len(outer)))
         if self._inner.any():
             self._factor = factorised(matrix, self._outer if len(outer) else None)
             if len(outer):
-                schur = schur_complement(self._factor, len(outer))
                 interior_only(self._factor)
-        elif len(outer):
-            matrix.convert("dense")
-            schur = matrix.getDenseArray()[np.ix_(self._outer, self._outer)]
-        numbers, total = numbers[self._outer], total[self._outer]
-        self.interface = Interface(numbers, np.ones_like(total), total, schur)
+
+    def interface(self) -> Interface:
+        """What is left of the part."""
+        count = len(self._outer)
+        if count == 0:
+            schur = np.zeros((0, 0))
+        elif self._factor is not None:
+            schur = schur_complement(self._factor, count)
+        else:
+            whole = self._matrix.convert("dense", PETSc.Mat())
+            schur = whole.getDenseArray()[np.ix_(self._outer, self._outer)]
+        return Interface(self._numbers, np.ones_like(self._total), self._total, schur)
 
     def up(self, b: np.ndarray) -> np.ndarray:
         """Condensed forces [force], shape (B,), of forces b at all rows [force], shape (n,)."""
@@ -177,25 +180,23 @@ class Substructures:
         total = _touching(model)
         rows = np.flatnonzero((total > 0) & ~model.fixed.ravel())
         total[layer] += 1
-        numbers = model.global_numbers(np.arange(model.node_count))[:, None] * model.d + np.arange(model.d)
         self._rows, self._own = rows, rows < self._owned
 
         def part() -> Part:
-            return Part(_stiffness(form, glue, self._owned, rows), numbers.ravel()[rows], total[rows])
+            return Part(_stiffness(form, glue, self._owned, rows), model.global_dofs(rows), total[rows])
 
         self._part = together(self._comm, part)
         self._parent, self._children = _family(self._comm.rank, self._comm.size)
         self._joints: list[Joint] = []
-        self.interface, error = self._joined(), None
-        try:
-            self._root = None if self.interface is None else dense_factor(self.interface.schur, "cholesky")
-        except InputError as reason:
-            error = reason
-        raise_together(self._comm, error)
+        self.interface = self._joined()
+        self._root = together(self._comm, self._factor_of_root)
+
+    def _factor_of_root(self) -> PETSc.KSP | None:
+        return None if self.interface is None else dense_factor(self.interface.schur, "cholesky")
 
     def _joined(self) -> Interface | None:
         """Join what is left of this rank with what its children send, and send it to the parent; collective."""
-        interface: Interface | None = self._part.interface
+        interface: Interface | None = together(self._comm, self._part.interface)
         error: Exception | None = None
         for child in self._children:
             theirs = self._comm.recv(source=child)
