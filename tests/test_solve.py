@@ -295,3 +295,32 @@ def test_material_of_the_user():
     assert eps(same, 8) == pytest.approx(eps(base.material, 8), rel=1e-9)
     stiff = Orthotropic(5.0, lambda x: 1.0 + 0.1 * x[0], 0.3, 0.5)
     assert eps(stiff, 16) < 0.8 * eps(stiff, 8)
+
+
+NORMALS = {"left": (-1.0, 0.0), "right": (1.0, 0.0), "bottom": (0.0, -1.0), "top": (0.0, 1.0)}
+
+
+@pytest.mark.parametrize(
+    ("cells", "sides", "degree"),
+    [
+        ((5, 1), "bottom top", 1),
+        ((2, 1), "bottom top", 2),
+        ((1, 1), "bottom left", 1),
+        ((3, 3), "left right bottom top", 1),
+        ((1, 1), "bottom", 2),
+    ],
+)
+def test_contact_layer_that_is_the_whole_body(cells, sides, degree):
+    """All unknowns belong to cells at a contact, and no support fixes any: nothing is left to eliminate."""
+    sides = sides.split()
+    push = 0.01 * np.sum([NORMALS[side] for side in sides], axis=0)
+    loads = [ec.BodyForce(tuple(push))] if push.any() else []
+    contacts = [ec.Contact(side, friction=0.5, gap=-0.01) for side in sides]
+    scene = ec.Scene(ec.Elastic(1.0, 0.3), [], loads, contacts)
+    domain = ec.rectangle((0.0, 0.0), cells, cells=cells)
+    solution = ec.solve(scene, domain, ec.AugmentedLagrangian(), degree=degree, solver="direct")
+    error = ec.constitutive_error(ec.equilibrate(solution))
+    forces = [error.force(side).force for side in sides]
+    area = cells[0] * cells[1]
+    assert np.sum(forces, axis=0) == pytest.approx(-area * push, abs=1e-12)
+    assert 0 < error.relative < 1

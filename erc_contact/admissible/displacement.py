@@ -2,9 +2,8 @@
 
 This holds at every point, not only at nodes: if the Bernstein coefficients of a normal displacement are below those of
 a bound, the displacement is below the bound. If the gap varies along a facet, the bounds are lowered until they are
-below the gap at samples of the facet. There are more samples where the gap is less like a polynomial
-(:mod:`erc_contact.mesh.quadrature`). An asperity is found if it changes the gap at one of the first samples, 72 on a
-facet in 2D and 352 in 3D.
+below the gap on the whole facet, also at its kinks, cusps and jumps (:mod:`erc_contact.mesh.peaks`). An asperity is
+found if it changes the gap at one of the first samples, 72 on a facet in 2D and 352 in 3D.
 
 Symbols: n normal of the foundation, r^ admissible contact traction, g gap, u^ displacement, s tangential displacement
 at the end of the last step of a history (zero without), m number of coefficients of a facet, which belong to its nodes.
@@ -18,14 +17,12 @@ import numpy as np
 from dolfinx import fem
 
 from erc_contact.admissible.traction import ContactTraction
-from erc_contact.mesh.quadrature import facet_pieces, integrate, polynomials
+from erc_contact.mesh.peaks import upper_bounds
+from erc_contact.mesh.quadrature import facet_pieces, polynomials
 from erc_contact.mesh.simplex import coefficients
 from erc_contact.model.expressions import Everywhere, varies_in_cells
 from erc_contact.model.foundation import split
 from erc_contact.model.model import Model
-
-BETWEEN = 0.1
-"""The gap may be lower between the samples of a piece of a facet by this share of its range at the samples [-]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,18 +155,18 @@ def _limits(model: Model, traction: ContactTraction) -> _Limits:
 
 
 def _excess(model: Model, traction: ContactTraction, at_nodes: np.ndarray) -> np.ndarray:
-    """The greatest excess over the gap of polynomials with coefficients (f, m), on each facet [length], shape (f,)."""
+    """Bound the excess over the gap of polynomials with coefficients (f, m) on each facet [length], shape (f,)."""
     facets = traction.contact.facets
     gap = Everywhere(traction.contact.gap, model.mesh)
-    highest, size = np.zeros(len(facets)), np.zeros(len(facets))
+    size = np.zeros(len(facets))
 
-    def sample(of: np.ndarray, at: np.ndarray, x: np.ndarray) -> np.ndarray:
-        given = gap(x, facets[of])
-        above = np.matmul(polynomials(model.degree, at), at_nodes[of][..., None])[..., 0] - given
-        most = above.max(axis=1)
-        np.maximum.at(highest, of, most + BETWEEN * (most - above.min(axis=1)))
-        np.maximum.at(size, of, abs(above).max(axis=1))
-        return given[..., None]
+    def above(facet: np.ndarray, at: np.ndarray, x: np.ndarray) -> np.ndarray:
+        shape = polynomials(model.degree, at)
+        excess = np.matmul(shape, at_nodes[facet][..., None])[..., 0] - gap(x, facets[facet])
+        np.maximum.at(size, facet, abs(excess).max(axis=1))
+        return excess
 
-    integrate(model.comm, sample, model.facet_corners(facets), traction.area, facet_pieces(model.d - 1))
-    return np.where(size > 1e-14 * abs(at_nodes).max(axis=1, initial=0.0), highest, 0.0)
+    # A polynomial gap is met to round-off, which is no excess.
+    round_off = 1e-14 * abs(at_nodes).max(axis=1, initial=0.0)
+    highest = upper_bounds(above, model.facet_corners(facets), facet_pieces(model.d - 1), round_off)
+    return np.where(size > round_off, highest, 0.0)

@@ -17,13 +17,19 @@ from mpi4py import MPI
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.error.oscillation import COARSE, EXACT, UNKNOWN, facet_sizes
 from erc_contact.mesh.quadrature import facet_pieces, integrate, polynomials
-from erc_contact.mesh.simplex import bernstein, coefficients, lagrange, rule
+from erc_contact.mesh.simplex import barycentric, coefficients, rule
 from erc_contact.model.expressions import evaluate, varies_in_cells
-from erc_contact.model.foundation import CONSTANT, BoundContact, ContactData, pressures, split
+from erc_contact.model.foundation import CONCAVE, BoundContact, ContactData, pressures, split
 from erc_contact.model.model import Model
 
 CONTACT_DEGREE = 21
-"""Quadrature degree for the contact part; its integrand has kinks where the slip changes its direction."""
+"""Quadrature degree in space where the slip is far from zero, and its length smooth but no polynomial."""
+AWAY = 0.5
+"""Greatest distance of the slip from its mean on a facet, over that mean, where its length counts as smooth [-].
+
+The length ``sqrt(slip . slip)`` of a linear slip is then analytic on a facet 1.4 times as large, and the rule of degree
+CONTACT_DEGREE is exact to 1e-8.
+"""
 
 
 def contact_density(
@@ -60,9 +66,10 @@ def contact_squares(
 ) -> tuple[np.ndarray, float, float]:
     """:func:`contact_parts`, and the squares of the oscillations of gap and friction bound on this rank.
 
-    The integrals are adapted if the data of the contact vary, or if friction is given and the slip may change its
-    direction. They may leave ``floor`` or the share UNKNOWN of their values unknown, and contain what they leave
-    unknown.
+    The integrals are exact where the integrand is a polynomial or, in the plane, one on each side of the points where
+    the slip is zero. Else they are adapted: where the data of the contact vary, the friction bound is nonlinear in the
+    pressure, or, in space, the slip may vanish. Adapted integrals may leave ``floor`` or the share UNKNOWN of their
+    values unknown, and contain what they leave unknown.
 
     Args:
         model: The scene on a mesh.
@@ -71,23 +78,122 @@ def contact_squares(
         floor: What the integrals may leave unknown [force length].
     """
     contact = traction.contact
-    d, facets = model.d, contact.facets
-    area = np.where(model.owned(facets), traction.area, 0.0)
-    nodal = hat.x.array.reshape(-1, d)[traction.nodes]
-    if not (contact.varies or (contact.friction is not None and contact.friction.dependence == CONSTANT)):
-        points, weights = rule(d - 1, CONTACT_DEGREE)
-        r = np.matmul(bernstein(d - 1, model.degree, points), traction.values)
-        shape = lagrange(d - 1, model.degree, points)
-        w, s = np.matmul(shape, nodal), np.matmul(shape, model.slip_before(contact))
-        n = contact.direction[:, None, :]
-        gap = 0.0 if contact.gap is None else evaluate(contact.gap, model.mesh, points, facets)
-        bound = contact.friction_bound(pressures(r, n), model.friction_parameters(contact, points))
-        return area * (contact_density(contact, n, r, w, s, gap, bound) @ weights), 0.0, 0.0
-    return _adapted_squares(model, traction, np.matmul(coefficients(d - 1, model.degree), nodal), area, floor)
+    friction = contact.friction
+    area = np.where(model.owned(contact.facets), traction.area, 0.0)
+    to_coefficients = coefficients(model.d - 1, model.degree)
+    of_w = np.matmul(to_coefficients, hat.x.array.reshape(-1, model.d)[traction.nodes])
+    of_s = np.matmul(to_coefficients, model.slip_before(contact))
+    if contact.varies or (friction is not None and friction.dependence == CONCAVE):
+        return _adapted_squares(model, traction, of_w, of_s, area, floor)
+    if friction is None:
+        points, weights = _same_rule(model.d, 2 * model.degree)
+    elif model.d == 2:
+        points, weights = _rule_between_zeros(contact, of_w - of_s)
+    else:
+        points, weights = _same_rule(model.d, CONTACT_DEGREE)
+    parts = area * _means(model, traction, of_w, of_s, points, weights)
+    if friction is None or model.d == 2:
+        return parts, 0.0, 0.0
+    # In space the length of a slip that may vanish has a kink at a point that is no corner of a piece.
+    kinked = _slip_may_vanish(contact, of_w - of_s)
+    adapted, gaps, bounds = _adapted_squares(model, traction, of_w, of_s, np.where(kinked, area, 0.0), floor)
+    return np.where(kinked, adapted, parts), gaps, bounds
+
+
+def _means(
+    model: Model, traction: ContactTraction, of_w: np.ndarray, of_s: np.ndarray, points: np.ndarray, weights: np.ndarray
+) -> np.ndarray:
+    """Twice the mean of the contact term on each facet [force/length^(d-2)], shape (f,), by rules of the facets.
+
+    The data of the contact must not vary inside the facets.
+
+    Args:
+        model: The scene on a mesh.
+        traction: r^ on the contact.
+        of_w: Coefficients of u^ [length], shape (f, m, d).
+        of_s: Coefficients of s [length], shape (f, m, d).
+        points: Points of each facet in barycentric coordinates, shape (f, q, d) or (1, q, d).
+        weights: Their weights, of sum 1, shape (f, q) or (1, q).
+    """
+    contact = traction.contact
+    middle = np.full((1, model.d - 1), 1 / model.d)
+    shape = polynomials(model.degree, points)
+    r = np.matmul(shape, traction.values)
+    w = np.matmul(shape, of_w)
+    s = np.matmul(shape, of_s)
+    n = contact.direction[:, None, :]
+    gap = 0.0 if contact.gap is None else evaluate(contact.gap, model.mesh, middle, contact.facets)
+    parameters = model.friction_parameters(contact, middle)
+    bound = contact.friction_bound(pressures(r, n), parameters)
+    density = contact_density(contact, n, r, w, s, gap, bound)
+    return (density * weights).sum(axis=1)
+
+
+def _same_rule(d: int, degree: int) -> tuple[np.ndarray, np.ndarray]:
+    """Points (1, q, d), barycentric, and weights (1, q) of a rule that is the same on all facets."""
+    points, weights = rule(d - 1, degree)
+    return barycentric(points)[None], weights[None]
+
+
+def _rule_between_zeros(contact: BoundContact, slip: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Points (f, q, 2), barycentric, and weights (f, q) of rules that are exact between the zeros of the slip.
+
+    A facet in the plane is cut where the slip is zero. On each part the length of the slip is a polynomial of the
+    degree of the slip, so that its product with a pressure of the same degree is integrated exactly.
+
+    Args:
+        contact: The contact.
+        slip: Coefficients of ``w - s`` [length], shape (f, m, 2).
+    """
+    normal = contact.direction
+    tangent = np.column_stack([-normal[:, 1], normal[:, 0]])
+    along = np.einsum("fmi,fi->fm", slip, tangent)
+    degree = along.shape[1] - 1
+    if degree == 1:  # as a polynomial of degree 2
+        along = np.column_stack([along, along.mean(axis=1)])
+    zeros = _zeros(*along.T)
+    ends = np.column_stack([np.zeros(len(zeros)), np.sort(zeros, axis=1), np.ones(len(zeros))])
+    lengths = np.diff(ends, axis=1)
+    points, weights = rule(1, 2 * degree)
+    places = ends[:, :-1, None] + lengths[..., None] * points[:, 0]
+    places = places.reshape(len(zeros), -1)
+    weights = (lengths[..., None] * weights).reshape(len(zeros), -1)
+    return np.stack([1 - places, places], axis=-1), weights
+
+
+def _zeros(start: np.ndarray, end: np.ndarray, middle: np.ndarray) -> np.ndarray:
+    """The zeros in (0, 1) of quadratic polynomials with these Bernstein coefficients (n,), shape (n, 2).
+
+    A zero that does not exist is 0.
+    """
+    # a x^2 + b x + c, by the formula that does not cancel
+    a = start - 2 * middle + end
+    b = 2 * (middle - start)
+    c = start
+    root = np.sqrt(np.maximum(b**2 - 4 * a * c, 0.0))
+    sum_of_signs = -0.5 * (b + np.where(b < 0, -root, root))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        zeros = np.column_stack([sum_of_signs / a, c / sum_of_signs])
+    inside = (zeros > 0) & (zeros < 1)
+    return np.where(inside, zeros, 0.0)
+
+
+def _slip_may_vanish(contact: BoundContact, slip: np.ndarray) -> np.ndarray:
+    """Tell on which facets the slip may be zero, or so near to it that its length is not smooth, shape (f,).
+
+    Args:
+        contact: The contact.
+        slip: Coefficients of ``w - s`` [length], shape (f, m, d).
+    """
+    _, tangential, size = split(slip, contact.direction[:, None, :])
+    mean = tangential.mean(axis=1, keepdims=True)
+    farthest = np.linalg.norm(tangential - mean, axis=2).max(axis=1)
+    slides = size.max(axis=1) > 0
+    return slides & (farthest > AWAY * np.linalg.norm(mean[:, 0], axis=1))
 
 
 def _adapted_squares(
-    model: Model, traction: ContactTraction, of_w: np.ndarray, area: np.ndarray, floor: float
+    model: Model, traction: ContactTraction, of_w: np.ndarray, of_s: np.ndarray, area: np.ndarray, floor: float
 ) -> tuple[np.ndarray, float, float]:
     """The numbers of :func:`contact_squares` by adapted integrals; collective.
 
@@ -95,12 +201,12 @@ def _adapted_squares(
         model: The scene on a mesh.
         traction: r^ on the contact.
         of_w: Coefficients of u^ [length], shape (f, m, d).
-        area: Areas of the facets, 0 for those of other ranks, shape (f,).
+        of_s: Coefficients of s [length], shape (f, m, d).
+        area: Areas of the facets, 0 for those that are left out, shape (f,).
         floor: What the integrals may leave unknown [force length].
     """
     contact = traction.contact
     facets, given = contact.facets, ContactData(contact, model.mesh)
-    of_s = np.matmul(coefficients(model.d - 1, model.degree), model.slip_before(contact))
     size, stiffness = facet_sizes(model, facets), model.at_middles(model.modulus, facets[:, 0])
     least = [
         EXACT * model.comm.allreduce(float(abs(v).max(initial=0.0)), MPI.MAX) for v in (of_w, *[traction.values] * 2)

@@ -156,6 +156,12 @@ def _points(size: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return barycentric(points), np.concatenate([weights, np.zeros(len(outer))]), residual
 
 
+def piece_samples(size: int) -> tuple[np.ndarray, np.ndarray]:
+    """The samples of a piece, barycentric (q, P), and the matrix (q, q) from values to distances from polynomials."""
+    points, _, residual = _points(size)
+    return points, residual
+
+
 def bisected(corners: np.ndarray, vertices: np.ndarray) -> np.ndarray:
     """The two halves of each piece, cut at the middle of its longest edge, (n, P, P) -> (2n, P, P).
 

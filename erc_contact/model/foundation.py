@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from numbers import Real
 from typing import Any
@@ -11,7 +11,7 @@ import numpy as np
 import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
-from ufl.classes import Variable, Zero
+from ufl.classes import Division, Product, Sum, Variable, Zero
 from ufl.corealg.traversal import unique_pre_traversal
 
 from erc_contact.model.expressions import Everywhere, pointwise, varies_in_cells
@@ -89,14 +89,6 @@ def bind_friction(mesh: dmesh.Mesh, what: str, law: Law, parameters: dict[str, A
     def bound(pressure: Any) -> Any:
         return scalar(what, law.friction_bound(pressure, **parameters))
 
-    def attempt() -> str:
-        pressure = ufl.variable(fem.Constant(mesh, 1.0))
-        slope = ufl.algorithms.apply_derivatives.apply_derivatives(ufl.diff(bound(pressure), pressure))
-        if isinstance(slope, Zero):
-            return CONSTANT
-        straight = not any(isinstance(one, Variable) for one in unique_pre_traversal(slope))
-        return PROPORTIONAL if straight and isinstance(bound(ufl.as_ufl(0.0)), Zero) else CONCAVE
-
     def of_numbers() -> bool:
         ones = {name: np.ones((1, 1)) for name in parameters}
         try:
@@ -105,10 +97,37 @@ def bind_friction(mesh: dmesh.Mesh, what: str, law: Law, parameters: dict[str, A
             return False
         return isinstance(found, Real | np.ndarray)
 
-    dependence = called(mesh.comm, what, attempt)
+    dependence = called(mesh.comm, what, _dependence, mesh, bound)
     friction = Friction(law, parameters, dependence, of_numbers())
     called(mesh.comm, what, friction.numbers, np.ones((1, 1)), {name: np.ones((1, 1)) for name in parameters})
     return friction
+
+
+def _dependence(mesh: dmesh.Mesh, bound: Callable[[Any], Any]) -> str:
+    """Tell how a friction bound, UFL of the pressure, depends on the pressure.
+
+    The derivative alone does not tell: that of ``sign(p)``, or of a conditional between two numbers, is symbolically
+    zero, although the bound jumps. So a bound is CONSTANT only if the pressure is no operand of it, and PROPORTIONAL
+    only if sums, products and quotients alone join the pressure to the bound. All else counts as CONCAVE, of which
+    nothing is claimed that needs more.
+    """
+    pressure = ufl.variable(fem.Constant(mesh, 1.0))
+    expression = ufl.as_ufl(bound(pressure))
+    dependent = [node for node in unique_pre_traversal(expression) if _contains(node, pressure)]
+    if not dependent:
+        return CONSTANT
+    if not all(isinstance(node, Variable | Sum | Product | Division) for node in dependent):
+        return CONCAVE
+    slope = ufl.algorithms.apply_derivatives.apply_derivatives(ufl.diff(expression, pressure))
+    if _contains(slope, pressure):
+        return CONCAVE
+    through_zero = isinstance(bound(ufl.as_ufl(0.0)), Zero)
+    return PROPORTIONAL if through_zero else CONCAVE
+
+
+def _contains(expression: Any, part: Any) -> bool:
+    """Tell whether a UFL expression has another one as an operand, at any depth."""
+    return any(node == part for node in unique_pre_traversal(expression))
 
 
 @dataclass(frozen=True, eq=False)

@@ -190,6 +190,12 @@ class Stiffness(Elastic):
         order = np.argsort(every)
         return dofs, order[np.searchsorted(every, numbers, sorter=order)], every
 
+    def _free_components(self) -> int:
+        """The number of degrees of freedom of all ranks that no support fixes; collective."""
+        fixed = self.model.fixed.ravel()[: self.owned]
+        free = int(np.count_nonzero(~fixed))
+        return self.model.comm.allreduce(free)
+
     def _assemble(self) -> PETSc.Mat:
         matrix = self.stiffness()
         if self.contact_size:
@@ -219,7 +225,10 @@ class Stiffness(Elastic):
 
     def _solver(self) -> PETSc.KSP | Substructures:
         if self._factor is None:
-            if self.model.comm.size > 1:
+            # MUMPS makes no Schur complement on all rows: something must be left to eliminate.
+            # On coarse meshes L is the whole body; a tree of one rank then factorises densely.
+            layer_is_body = self.contact_size > 0 and len(self.numbers) == self._free_components()
+            if self.model.comm.size > 1 or layer_is_body:
                 self._factor = Substructures(self.model, self.form, self.glue, self.local)
             else:
                 self._matrix = self._assemble()

@@ -1,0 +1,212 @@
+"""Random scenes that the claims of the pages are measured on: none was chosen, and the seed is an argument.
+
+``coarse``: every mesh of 1 x 1 to 4 x 4 squares, degrees 1 and 2, every set of sides in contact, no support; the number
+of scenes that are solved. It may be run on several ranks.
+
+``kinks``: the contact part of e^2 of pushed blocks against a composite rule of 4000 points a facet. The length of the
+slip has a kink where the slip changes its direction.
+
+``pushed``: blocks pushed along their foundation with Coulomb friction. "both" is e over ``sqrt(|u - u^|^2 + |sigma -
+sigma^|^2)``, "third" the third term, a product of two errors, over e^2, "left" the sum of both squares and the third
+term over e^2, which the theorem says is at most 1; "index" is e over ``|u - u^|``. The reference is on a mesh that cuts
+the cells as sigma^ does and refines them three times. "covered": the bound of the Coulomb certificate, where it makes
+one, over the true error.
+
+``steps``: the same of steps of histories that turn the push back, given their history.
+
+``tightening``, ``certificates``: see ``attack_tightening.py`` and ``attack_certificates.py``.
+
+    OMP_NUM_THREADS=1 python benchmarks/attack.py [name|all] [seed] [number of scenes]
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from itertools import combinations, product
+
+from mpi4py import MPI
+
+import erc_contact as ec
+
+import numpy as np  # isort: skip - after erc_contact, which loads MPI first
+from true_errors import reference, true_errors  # isort: skip
+
+from erc_contact.admissible.traction import ContactTraction
+from erc_contact.error.contact import contact_density, contact_parts
+from erc_contact.mesh.quadrature import polynomials
+from erc_contact.mesh.simplex import coefficients
+from erc_contact.model.foundation import pressures
+
+QUANTILES = (0.0, 0.05, 0.5, 0.95, 1.0)
+SIDES = {"left": (-1.0, 0.0), "right": (1.0, 0.0), "bottom": (0.0, -1.0), "top": (0.0, 1.0)}
+"""Outward normals of the sides of a rectangle."""
+LEVELS = 3
+"""Refinements of the reference beyond the cut at the barycentres."""
+PANELS = 1000
+"""Parts of a facet in the composite rule, of four points each."""
+Case = tuple[ec.Scene, ec.Domain, int, ec.Solution | None]
+"""A scene, its mesh, the degree, and the last step of a history or None."""
+
+
+def coarse(_seed: int = 0, _count: int = 0) -> None:
+    """Print how many of the coarse scenes are solved; collective."""
+    solved = scenes = 0
+    for columns, rows in product(range(1, 5), repeat=2):
+        domain = ec.rectangle((0.0, 0.0), (columns, rows), cells=(columns, rows))
+        for sides in sides_in_contact():
+            for degree in (1, 2):
+                scenes += 1
+                try:
+                    eps = certified(closed_by(sides), domain, degree).relative
+                except ec.ErcContactError as reason:
+                    tell(f"{columns} x {rows}, degree {degree}, {sides}: {reason}")
+                    continue
+                solved += 0.0 <= eps < 1.0
+    tell(f"{solved} of {scenes} coarse scenes are solved and certified below 100%")
+
+
+def sides_in_contact() -> Iterator[tuple[str, ...]]:
+    """Give every set of sides of a rectangle that is not empty."""
+    for count in range(1, 5):
+        yield from combinations(SIDES, count)
+
+
+def closed_by(sides: tuple[str, ...]) -> ec.Scene:
+    """Make a scene without supports that contacts on these sides hold: they are too near, or pressed by a weight."""
+    push = 0.01 * np.sum([SIDES[side] for side in sides], axis=0)
+    loads = [ec.BodyForce(tuple(float(part) for part in push))] if push.any() else []
+    contacts = [ec.Contact(side, friction=0.5, gap=-0.01) for side in sides]
+    return ec.Scene(ec.Elastic(1.0, 0.3), [], loads, contacts)
+
+
+def certified(scene: ec.Scene, domain: ec.Domain, degree: int) -> ec.ConstitutiveError:
+    """Solve a scene and measure its error."""
+    return ec.constitutive_error(ec.equilibrate(ec.solve(scene, domain, degree=degree)))
+
+
+def pushed_block(rng: np.random.Generator) -> tuple[Callable[[float], ec.Scene], ec.Domain, int]:
+    """Make a block whose top is moved: its scene as a function of the share of the push, mesh and degree."""
+    columns, rows = (int(count) for count in rng.integers(1, 9, 2))
+    height = float(rng.uniform(0.3, 2.0))
+    friction = float(rng.uniform(0.2, 0.8))
+    nu = float(rng.uniform(-0.7, 0.49))
+    push = float(rng.uniform(-0.05, 0.05)) * height
+    press = float(rng.uniform(0.01, 0.05)) * height
+    degree = int(rng.integers(1, 3))
+
+    def scene(share: float) -> ec.Scene:
+        support = ec.Displacement("top", (share * push, -press))
+        return ec.Scene(ec.Elastic(1.0, nu), [support], [], [ec.Contact("bottom", friction=friction)])
+
+    return scene, ec.rectangle((0.0, 0.0), (1.0, height), cells=(columns, rows)), degree
+
+
+def kinks(seed: int = 0, count: int = 300) -> None:
+    """Print the quantiles of the contact part over that of a composite rule, minus 1."""
+    deviations = []
+    for number in range(count):
+        scene, domain, degree = pushed_block(np.random.default_rng([seed, number]))
+        pair = ec.equilibrate(ec.solve(scene(1.0), domain, degree=degree))
+        traction = pair.tractions[0]
+        part = contact_parts(pair.solution.model, pair.displacement, traction).sum()
+        composite = composite_contact_part(pair, traction)
+        if composite > 0:
+            deviations.append(part / composite - 1)
+    show({"contact part over that of a composite rule - 1": deviations}, "{:.1e}")
+
+
+def composite_contact_part(pair: ec.Admissible, traction: ContactTraction) -> float:
+    """Integrate the contact part of e^2 with many Gauss points on each facet of a contact without gap, in the plane."""
+    contact = traction.contact
+    model = pair.solution.model
+    points, weights = np.polynomial.legendre.leggauss(4)
+    starts = np.arange(PANELS)[:, None]
+    places = ((starts + 0.5 * (points + 1)) / PANELS).ravel()
+    shape = polynomials(model.degree, np.stack([1 - places, places], axis=-1)[None])
+    nodal = pair.displacement.x.array.reshape(-1, 2)[traction.nodes]
+    w = shape @ (coefficients(1, model.degree) @ nodal)
+    r = shape @ traction.values
+    normal = contact.direction[:, None, :]
+    parameters = model.friction_parameters(contact, np.array([[0.5]]))
+    bound = contact.friction_bound(pressures(r, normal), parameters)
+    density = contact_density(contact, normal, r, w, 0.0, 0.0, bound)
+    means = density @ np.tile(0.5 * weights / PANELS, PANELS)
+    return float(traction.area @ means)
+
+
+def pushed(seed: int = 0, count: int = 100) -> None:
+    """Print the quantiles of the third term and of the indices of pushed blocks."""
+    cases: list[Case] = []
+    for number in range(count):
+        scene, domain, degree = pushed_block(np.random.default_rng([seed, number]))
+        cases.append((scene(1.0), domain, degree, None))
+    compared(cases)
+
+
+def steps(seed: int = 0, count: int = 30) -> None:
+    """Print the same of steps that turn the push back by a random share, given their history."""
+    cases: list[Case] = []
+    for number in range(count):
+        rng = np.random.default_rng([seed, number])
+        scene, domain, degree = pushed_block(rng)
+        share = float(rng.uniform(-0.5, 0.9))
+        pressed = ec.solve(scene(0.0), domain, degree=degree)
+        sheared = ec.solve(scene(1.0), domain, degree=degree, after=pressed)
+        cases.append((scene(share), domain, degree, sheared))
+    compared(cases)
+
+
+def compared(cases: list[Case]) -> None:
+    """Print the quantiles of e against true errors."""
+    names = "both", "third", "left", "index, degree 1", "index, degree 2", "index, eps < 20%", "covered"
+    columns: dict[str, list[float]] = {name: [] for name in names}
+    for scene, domain, degree, last in cases:
+        solution = ec.solve(scene, domain, degree=degree, after=last)
+        error = ec.constitutive_error(ec.equilibrate(solution))
+        true = true_errors(error.admissible, reference(solution, LEVELS, after=last))
+        e = error.absolute
+        index = e / true.of_u
+        columns["both"].append(e / true.of_both)
+        columns["third"].append(true.friction / e**2)
+        columns["left"].append((true.of_both**2 + true.friction) / e**2)
+        columns[f"index, degree {degree}"].append(index)
+        if error.relative < 0.2:
+            columns["index, eps < 20%"].append(index)
+        bound = ec.coulomb_certificate(error).bound
+        if np.isfinite(bound):
+            columns["covered"].append(bound / true.of_both)
+    show(columns, "{:.3f}")
+
+
+def show(columns: dict[str, list[float]], form: str) -> None:
+    """Print the quantiles of columns of numbers as a table."""
+    print(f"| | scenes | {' | '.join(f'{share:.0%}' for share in QUANTILES)} |")
+    print("|---" * (2 + len(QUANTILES)) + "|")
+    for name, numbers in columns.items():
+        if numbers:
+            quantiles = " | ".join(form.format(value) for value in np.quantile(numbers, QUANTILES))
+            print(f"| {name} | {len(numbers)} | {quantiles} |", flush=True)
+
+
+def tell(line: str) -> None:
+    """Print a line on rank 0."""
+    if MPI.COMM_WORLD.rank == 0:
+        print(line, flush=True)
+
+
+TASKS: dict[str, Callable[..., None]] = {"coarse": coarse, "kinks": kinks, "pushed": pushed, "steps": steps}
+
+
+def main() -> None:
+    wanted, *numbers = sys.argv[1:] or ["all"]
+    if wanted not in (*TASKS, "all"):
+        sys.exit(f"No family is called {wanted!r}; there are {', '.join(TASKS)} and all.")
+    for name, task in TASKS.items():
+        if wanted in (name, "all"):
+            tell(f"\n{name}, seed {numbers[0] if numbers else 0}")
+            task(*(int(number) for number in numbers))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,102 @@
+"""Upper bounds of functions on simplices, such as the excess of a displacement over a gap.
+
+Each simplex (a facet) is cut into the pieces of :mod:`erc_contact.mesh.quadrature`, and the function is sampled on each
+of them. It may be greater between the samples of a piece than at them. Where it is smooth, a share of its range at the
+samples covers that; where it is not, as at a cusp like ``-sqrt|x|``, its distance from the polynomial that is nearest
+to the samples does. A piece whose bound may be the greatest of its simplex by more than a tolerance is bisected.
+
+A peak that changes no value at the samples of the first pieces (72 on a facet in 2D, 352 in 3D) is missed.
+
+Symbols: d' dimension of the simplices, P = d'+1 number of their vertices, n pieces, q samples of a piece.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from erc_contact.mesh.quadrature import bisected, piece_samples
+
+BETWEEN = 0.1
+"""Share of the range at the samples of a piece that the function may rise between them where it is smooth [-]."""
+CUSP = 20.0
+"""The same as a multiple of the greatest distance from the nearest polynomial, where it is not smooth [-].
+
+With it the bounds of cusps ``-|x - c|^a`` at 4000 random places c in a facet, a from 0.25 to 4, were all above the
+peak, also those of cusps that are three times as steep on one side.
+"""
+JUMP = 0.02
+"""A piece is one with a jump, and nothing hides between its samples, if each of its values is within this share of the
+range from the greatest or the least [-]."""
+SMOOTH_TOLERANCE, TOLERANCE = 1e-3, 1e-5
+"""The bound may be too large by these shares of the range on the simplex, in smooth and in other pieces [-]."""
+INHERITED = 0.5
+"""Share of the rise of a piece that is not smooth that its halves have at least [-]."""
+ROUNDS = 60
+"""Greatest number of bisections of a piece."""
+BUDGET = 20_000
+"""Number of pieces that may be bisected in one round, beyond the number of simplices."""
+
+Samples = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
+"""A function that returns values at q points of n pieces, shape (n, q). It gets the number of the simplex of each
+piece, shape (n,), and the points in barycentric coordinates, shape (n, q, P), and in true coordinates, (n, q, d)."""
+
+
+def upper_bounds(f: Samples, vertices: np.ndarray, pieces: np.ndarray, round_off: np.ndarray) -> np.ndarray:
+    """Bound a function from above on each simplex; the result is also at least its value at all samples.
+
+    Args:
+        f: The function.
+        vertices: Vertices of the simplices [length], shape (simplices, P, d).
+        pieces: The first pieces of each simplex, from :func:`erc_contact.mesh.quadrature.facet_pieces`, (c, P, P).
+        round_off: By how much the bound of each simplex may always be too large, shape (simplices,).
+
+    Returns:
+        The bounds, shape (simplices,).
+    """
+    count = len(vertices)
+    simplex = np.repeat(np.arange(count), len(pieces))
+    corners = np.tile(pieces, (count, 1, 1))
+    highest = np.full(count, -np.inf)
+    lowest = np.full(count, np.inf)
+    bound = np.full(count, -np.inf)
+    inherited = np.zeros(len(simplex))
+    for turn in range(ROUNDS + 1):
+        greatest, least, roughness = _on_pieces(f, vertices, simplex, corners, inherited)
+        share_of_range = BETWEEN * (greatest - least)
+        smooth = roughness <= share_of_range
+        peak = greatest + share_of_range + roughness
+        np.maximum.at(highest, simplex, greatest)
+        np.minimum.at(lowest, simplex, least)
+        share = np.where(smooth, SMOOTH_TOLERANCE, TOLERANCE)
+        tolerance = np.maximum(share * (highest - lowest)[simplex], round_off[simplex])
+        open_ = peak > highest[simplex] + tolerance
+        if turn == ROUNDS or np.count_nonzero(open_) > count + BUDGET:
+            open_[:] = False
+        np.maximum.at(bound, simplex[~open_], peak[~open_])
+        if not open_.any():
+            break
+        simplex = simplex[open_]
+        corners = bisected(corners[open_], vertices[simplex])
+        simplex = np.repeat(simplex, 2)
+        inherited = np.repeat(INHERITED * roughness[open_], 2)
+    return bound
+
+
+def _on_pieces(
+    f: Samples, vertices: np.ndarray, simplex: np.ndarray, corners: np.ndarray, inherited: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Greatest and least sample of each piece, and its rise where it is not smooth, shape (n,) each."""
+    points, residual = piece_samples(vertices.shape[1] - 1)
+    places = np.matmul(points, corners)
+    values = f(simplex, places, np.matmul(places, vertices[simplex]))
+    greatest = values.max(axis=1)
+    least = values.min(axis=1)
+    span = greatest - least
+    below = greatest[:, None] - values
+    jumps = (np.minimum(below, span[:, None] - below) <= JUMP * span[:, None]).all(axis=1)
+    roughness = CUSP * abs(values @ residual.T).max(axis=1)
+    # A cusp that happens to look smooth in a piece did not in the piece around it.
+    roughness = np.maximum(roughness, inherited)
+    return greatest, least, np.where(jumps, 0.0, roughness)

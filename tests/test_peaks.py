@@ -1,0 +1,84 @@
+"""Upper bounds of functions on facets: above the peak wherever it is, and near it.
+
+- smooth functions, kinks, cusps (also steeper on one side) and jumps on segments at random places;
+- kinks and cusps along a line in triangles;
+- a displacement under a gap with a cusp stays below it at the cusp.
+"""
+
+import numpy as np
+import pytest
+
+import erc_contact as ec
+from erc_contact.mesh.peaks import upper_bounds
+from erc_contact.mesh.quadrature import facet_pieces
+
+pytestmark = pytest.mark.serial
+COUNT = 300
+PLACES = np.random.default_rng(3).uniform(0.0, 1.0, COUNT)
+SEGMENTS = np.repeat(np.array([[[0.0, 0.0], [1.0, 0.0]]]), COUNT, axis=0)
+EXACT = np.full(COUNT, 1e-14)
+
+
+def on_segments(height):
+    """The least and the greatest bound of a function of the distance from a random place, of which 0 is the peak."""
+
+    def f(segment, at, x):
+        return height(x[..., 0] - PLACES[segment][:, None])
+
+    bounds = upper_bounds(f, SEGMENTS, facet_pieces(1), EXACT)
+    return bounds.min(), bounds.max()
+
+
+@pytest.mark.parametrize("power", [0.3, 0.5, 0.75, 1.0, 2.0, 4.0])
+def test_peak_is_not_missed(power):
+    least, greatest = on_segments(lambda s: -(abs(s) ** power))
+    assert least >= 0.0
+    assert greatest <= 2e-3
+
+
+@pytest.mark.parametrize("power", [0.3, 0.5, 1.0])
+def test_peak_that_is_steeper_on_one_side(power):
+    least, greatest = on_segments(lambda s: -np.where(s > 0, 1.0, 3.0) * abs(s) ** power)
+    assert least >= 0.0
+    assert greatest <= 1e-2
+
+
+def test_jump_costs_a_share_of_its_height():
+    least, greatest = on_segments(lambda s: np.where(s > 0, 0.0, -1.0))
+    assert least >= 0.0
+    assert greatest <= 0.1 + 1e-12
+
+
+@pytest.mark.parametrize(("power", "most"), [(0.5, 0.3), (1.0, 1e-2), (2.0, 1e-3)])
+def test_line_of_peaks_in_triangles(power, most):
+    n = 4
+    corners = [[[i, j], [i + 1, j], [i, j + 1]] for i in range(n) for j in range(n)]
+    triangles = np.pad(np.array(corners) / n, ((0, 0), (0, 0), (0, 1)))
+
+    def f(triangle, at, x):
+        return -(abs(x[..., 0] - 0.43) ** power)
+
+    bounds = upper_bounds(f, triangles, facet_pieces(2), np.full(n * n, 1e-14))
+    x = triangles[..., 0]
+    crossed = (x.min(axis=1) < 0.43) & (x.max(axis=1) > 0.43)
+    peaks = np.where(crossed, 0.0, (-(abs(x - 0.43) ** power)).max(axis=1))
+    ranges = np.ptp(-(abs(x - 0.43) ** power), axis=1)
+    assert (bounds >= peaks - 1e-9).all()  # the samples are 1e-6 of a piece inside
+    assert (bounds <= peaks + most * ranges).all()
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_displacement_is_below_a_cusp(degree):
+    place = 0.4321
+    scene = ec.Scene(
+        material=ec.Elastic(1.0, 0.3),
+        supports=[ec.Displacement("top", (0.01, -0.05))],
+        contacts=[ec.Contact("bottom", gap=lambda x: 0.03 * abs(x[0] - place) ** 0.5)],
+    )
+    block = ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(4, 4))
+    error = ec.constitutive_error(ec.equilibrate(ec.solve(scene, block, degree=degree)))
+    assert error.guaranteed
+    s = place + np.concatenate([[0.0], np.logspace(-12, -1, 100), -np.logspace(-12, -1, 100)])
+    u = error.at(np.column_stack([s, np.zeros_like(s)])).displacement
+    beyond = -u[:, 1] - 0.03 * abs(s - place) ** 0.5
+    assert beyond.max() <= 1e-15
