@@ -35,7 +35,7 @@ from true_errors import reference, true_errors  # isort: skip
 from erc_contact.admissible.elastic import cell_stress
 
 from erc_contact.admissible.cells import cell_geometry  # isort: skip
-from erc_contact.model.foundation import split  # isort: skip
+from erc_contact.model.trace import split  # isort: skip
 from erc_contact.model.expressions import evaluate  # isort: skip
 from erc_contact.mesh.simplex import lagrange, rule  # isort: skip
 

@@ -198,7 +198,7 @@ def _third_term(pair: Admissible, exact: Reference, hat: fem.Function) -> float:
         bound = bound - bound_at(pair, which, exact.parent[facets[:, 0]], x)
         slips = []
         for u in (exact.u, hat):
-            w = evaluate(contact.since(u), model.mesh, points, facets)
+            w = evaluate(contact.jump(u), model.mesh, points, facets)
             slips.append(np.linalg.norm(w - (w * n).sum(axis=-1, keepdims=True) * n, axis=-1))
         total += 2 * float(model.facet_areas(facets) @ ((bound * (slips[0] - slips[1])) @ weights))
     return total

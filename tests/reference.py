@@ -118,7 +118,7 @@ def _third_term(pair: Admissible, fine: ec.Solution) -> float:
     """``2 int (b - b^)(|w_t - s| - |w^_t - s|)`` over the contacts, by the fine facets' middles (2D)."""
 
     def since(solution: ec.Solution, u: fem.Function, traction: ContactTraction) -> np.ndarray:
-        return u.x.array.reshape(-1, 2)[traction.nodes] - solution.model.slip_before(traction.contact)
+        return traction.contact.trace.since(u.x.array)
 
     total, middle = 0.0, np.array([[0.5]])
     reference = ec.equilibrate(fine, tighten=0)

@@ -36,7 +36,7 @@ from erc_contact.mesh.simplex import (
     nodes,
 )
 from erc_contact.model.expressions import evaluate
-from erc_contact.model.foundation import split
+from erc_contact.model.trace import split
 from erc_contact.scene.material import mandel_basis
 
 PAIRS = [*((seed, 1) for seed in (0, 2, 3, 5, 6, 7)), *((seed, 2) for seed in (2, 3, 7))]

@@ -11,7 +11,7 @@ import pytest
 import erc_contact as ec
 from erc_contact.error.contact import contact_parts
 from erc_contact.mesh.simplex import bernstein, rule
-from erc_contact.model.foundation import split
+from erc_contact.model.trace import split
 
 pytestmark = pytest.mark.serial
 

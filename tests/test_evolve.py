@@ -145,7 +145,7 @@ def test_dissipation_where_a_contact_opens():
     pair = history.error.admissible
     (t,), model = pair.tractions, pair.solution.model
     points, weights = rule(1, 2)
-    since = pair.displacement.x.array.reshape(-1, 2)[t.nodes] - model.slip_before(t.contact)
+    since = t.contact.trace.since(pair.displacement.x.array)
     product = np.matmul(bernstein(1, 1, points), t.values)[..., 0] * np.matmul(lagrange(1, 1, points), since)[..., 0]
     own = model.owned(t.contact.facets)
     work, most = -(t.area * (product @ weights))[own], contact_parts(model, pair.displacement, t)[own] / 2

@@ -16,7 +16,7 @@ from erc_contact.admissible.cells import cell_geometry
 from erc_contact.admissible.elastic import cell_stress
 from erc_contact.mesh.simplex import rule
 from erc_contact.model.expressions import evaluate
-from erc_contact.model.foundation import split
+from erc_contact.model.trace import split
 
 pytestmark = pytest.mark.serial
 METHODS = [ec.Nitsche(), ec.AugmentedLagrangian()]

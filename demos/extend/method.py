@@ -47,7 +47,7 @@ class Penalty:
         """The contact traction on the body [force/area]."""
         gap = 0.0 if contact.gap is None else contact.gap
         gamma = model.stiffness_per_area(fem.Constant(model.mesh, self.gamma))
-        return contact.project(-gamma * (contact.since(u) - gap * contact.normal))
+        return contact.project(-gamma * (contact.jump(u) - gap * contact.normal))
 
     projected = traction
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from erc_contact.model.foundation import split
+from erc_contact.model.trace import split
 
 
 def clip(z_t: np.ndarray, size: np.ndarray, bound: np.ndarray) -> np.ndarray:

@@ -140,10 +140,9 @@ def _trial(model: Model, contact: BoundContact, solution: Any) -> _Trial:
     points, weights = rule(model.d - 1, model.contact_degree)
     project = projection(model.d - 1, model.degree, points, weights)
     average = averages(model.d - 1, model.degree, points, weights)
-    nodes = model.facet_nodes(contact.facets)
-    area = model.facet_areas(contact.facets)
-    since = solution.u.x.array.reshape(-1, model.d)[nodes] - model.slip_before(contact)
-    shift = shift_by_slip(model, contact, since, area)
+    nodes, area = contact.trace.here.nodes, contact.trace.here.areas
+    since = contact.trace.since(solution.u.x.array)
+    shift = shift_by_slip(model, contact, since)
     sampled = evaluate(solution.traction(contact), model.mesh, points, contact.facets)
     traction = ContactTraction(contact, nodes, area, np.matmul(project, sampled), np.zeros(nodes.shape))
     allowed = Allowed(model, contact, np.ones(len(nodes)))
@@ -224,10 +223,10 @@ def _weights_and_motions(model: Model, traction: ContactTraction) -> tuple[np.nd
     Returns:
         Shapes (f, 1) and (f, m, d, K), as :class:`Part` has them.
     """
-    of = [f.x.array.reshape(-1, model.d)[traction.nodes] for f in model.free_motions]  # linear: also the coefficients
+    of = [traction.contact.trace.of(f.x.array) for f in model.free_motions]  # linear: also the coefficients
     share = traction.area / traction.nodes.shape[1]
     moment = np.stack([moments(traction.area, values, model.degree) for values in of], axis=-1)
-    weight = np.where(model.owned(traction.contact.facets), share, 0.0)[:, None]
+    weight = np.where(traction.contact.trace.here.owned, share, 0.0)[:, None]
     return weight, moment / share[:, None, None, None]
 
 

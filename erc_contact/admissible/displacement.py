@@ -19,10 +19,9 @@ from dolfinx import fem
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.mesh.peaks import upper_bounds
 from erc_contact.mesh.quadrature import facet_pieces, polynomials
-from erc_contact.mesh.simplex import coefficients
 from erc_contact.model.expressions import Everywhere, varies_in_cells
-from erc_contact.model.foundation import split
 from erc_contact.model.model import Model
+from erc_contact.model.trace import split
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +71,7 @@ def admissible_displacement(model: Model, u: fem.Function, tractions: list[Conta
         stiffness = _nodal_stiffness(model, t)[limit.nodes]
         closing = _sum(limit, -weight * t.normal_component)
         friction = _sum(limit, weight * t.friction_bound)
-        before = _slip_before(model, t, limit)
+        before = _slip_before(t, limit)
         shear = np.column_stack([_sum(limit, weight * t.tangential_part[..., i]) for i in range(model.d)])
         for group in limit.groups:
             nodes, n = limit.nodes[group], limit.normal[group]
@@ -111,9 +110,9 @@ def _move_normal(values: np.ndarray, mobile: np.ndarray, limit: _Limits, which: 
     values[nodes] += np.divide(missing, reach, out=np.zeros_like(reach), where=reach > 1e-12)[:, None] * along
 
 
-def _slip_before(model: Model, traction: ContactTraction, limit: _Limits) -> np.ndarray:
+def _slip_before(traction: ContactTraction, limit: _Limits) -> np.ndarray:
     """The tangential displacement of the last step as coefficients, for each limit [length], shape (c, d)."""
-    of_facets = np.matmul(coefficients(model.d - 1, model.degree), model.slip_before(traction.contact))
+    of_facets = traction.contact.trace.coefficients(traction.contact.trace.slip_before)
     before = np.zeros(limit.normal.shape)
     before[limit.of_facet] = of_facets
     return before
@@ -126,8 +125,7 @@ def _sum(limit: _Limits, of_facets: np.ndarray) -> np.ndarray:
 
 def _nodal_stiffness(model: Model, traction: ContactTraction) -> np.ndarray:
     """The approximate stiffness of a node, ``E h^(d-2)`` on the contact [force/length], else 0, shape (nodes,)."""
-    modulus = model.at_middles(model.modulus, traction.contact.facets[:, 0])
-    of_facet = modulus * traction.area ** ((model.d - 2) / (model.d - 1))
+    of_facet = traction.contact.trace.stiffness * traction.area  # E/h h^(d-1)
     stiffness = np.zeros(len(model.fixed))
     np.maximum.at(stiffness, traction.nodes, of_facet[:, None])
     return stiffness
@@ -140,7 +138,7 @@ def _limits(model: Model, traction: ContactTraction) -> _Limits:
     the nodes.
     """
     contact, d = traction.contact, model.d
-    at_nodes = model.gap_at_nodes(contact) @ coefficients(d - 1, model.degree).T
+    at_nodes = contact.trace.coefficients(model.gap_at_nodes(contact))
     if contact.gap is not None and varies_in_cells(contact.gap) and not contact.bilateral:
         at_nodes = at_nodes - _excess(model, traction, at_nodes)[:, None]
     normals = np.broadcast_to(contact.direction[:, None, :], traction.values.shape).reshape(-1, d)
@@ -168,5 +166,5 @@ def _excess(model: Model, traction: ContactTraction, at_nodes: np.ndarray) -> np
 
     # A polynomial gap is met to round-off, which is no excess.
     round_off = 1e-14 * abs(at_nodes).max(axis=1, initial=0.0)
-    highest = upper_bounds(above, model.facet_corners(facets), facet_pieces(model.d - 1), round_off)
+    highest = upper_bounds(above, traction.contact.trace.here.corners, facet_pieces(model.d - 1), round_off)
     return np.where(size > round_off, highest, 0.0)

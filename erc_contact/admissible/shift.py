@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 
 from erc_contact.mesh.simplex import averages, lagrange, rule
-from erc_contact.model.foundation import BoundContact, split
+from erc_contact.model.foundation import BoundContact
 from erc_contact.model.model import Model
+from erc_contact.model.trace import split
 
 MOBILITY = 0.1
 """kappa of a :class:`Shift` where a traction must change for the balance [-]; 0.01 to 1 give the same e within 3%."""
@@ -66,14 +67,13 @@ class Shift:
         return kappa[..., None] * (self.opening[..., None] * self.n - self.slip)
 
 
-def shift_by_slip(model: Model, contact: BoundContact, u: np.ndarray, area: np.ndarray) -> Shift:
+def shift_by_slip(model: Model, contact: BoundContact, u: np.ndarray) -> Shift:
     """The shift of the traction of a contact; collective.
 
     Args:
         model: The scene on a mesh.
         contact: The contact.
         u: Displacements at the nodes of its facets, tangentially since the last step [length], shape (f, m, d).
-        area: Areas of its facets [length^(d-1)], shape (f,).
     """
     n, d, k = contact.direction[:, None, :], model.d, model.degree
     points, weights = rule(d - 1, model.contact_degree)
@@ -82,6 +82,6 @@ def shift_by_slip(model: Model, contact: BoundContact, u: np.ndarray, area: np.n
     opening = np.zeros_like(w_n)
     if not contact.bilateral:
         opening = np.maximum(model.gap_at_nodes(contact) @ shape.T - w_n, 0.0)
-    stiffness = (model.at_middles(model.modulus, contact.facets[:, 0]) / area ** (1 / (d - 1)))[:, None]
+    stiffness = contact.trace.stiffness[:, None]
     slip = stiffness[..., None] * np.matmul(average, w_t)
     return Shift(slip, stiffness * length @ average.T, stiffness * opening @ average.T, n)

@@ -198,8 +198,7 @@ def constitutive_error(admissible: Admissible) -> ConstitutiveError:
     for traction in admissible.tractions:
         parts, gaps_2, friction_2 = contact_squares(model, admissible.displacement, traction, UNKNOWN * float(bulk_2))
         parts = np.maximum(parts, 0.0)  # negative by round-off only
-        own = model.owned(traction.contact.facets)
-        np.add.at(per_cell, traction.contact.facets[own, 0], parts[own])
+        per_cell += traction.contact.trace.share(parts)
         squares += float(parts.sum()), 0.0, 0.0, 0.0, gaps_2, friction_2, 0.0
     contact_2, *parts_2 = model.comm.allreduce(squares, MPI.SUM)
     floor_2, lost = round_off(admissible)

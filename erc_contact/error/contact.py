@@ -15,12 +15,13 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from erc_contact.admissible.traction import ContactTraction
-from erc_contact.error.oscillation import COARSE, EXACT, UNKNOWN, facet_sizes
+from erc_contact.error.oscillation import COARSE, EXACT, UNKNOWN
 from erc_contact.mesh.quadrature import facet_pieces, integrate, polynomials
-from erc_contact.mesh.simplex import barycentric, coefficients, rule
+from erc_contact.mesh.simplex import barycentric, rule
 from erc_contact.model.expressions import evaluate, varies_in_cells
-from erc_contact.model.foundation import CONCAVE, BoundContact, ContactData, pressures, split
+from erc_contact.model.foundation import CONCAVE, BoundContact, ContactData, pressures
 from erc_contact.model.model import Model
+from erc_contact.model.trace import split
 
 CONTACT_DEGREE = 21
 """Quadrature degree in space where the slip is far from zero, and its length smooth but no polynomial."""
@@ -79,10 +80,10 @@ def contact_squares(
     """
     contact = traction.contact
     friction = contact.friction
-    area = np.where(model.owned(contact.facets), traction.area, 0.0)
-    to_coefficients = coefficients(model.d - 1, model.degree)
-    of_w = np.matmul(to_coefficients, hat.x.array.reshape(-1, model.d)[traction.nodes])
-    of_s = np.matmul(to_coefficients, model.slip_before(contact))
+    trace = contact.trace
+    area = trace.here.owned_areas
+    of_w = trace.coefficients(trace.of(hat.x.array))
+    of_s = trace.coefficients(trace.slip_before)
     if contact.varies or (friction is not None and friction.dependence == CONCAVE):
         return _adapted_squares(model, traction, of_w, of_s, area, floor)
     if friction is None:
@@ -206,8 +207,7 @@ def _adapted_squares(
         floor: What the integrals may leave unknown [force length].
     """
     contact = traction.contact
-    facets, given = contact.facets, ContactData(contact, model.mesh)
-    size, stiffness = facet_sizes(model, facets), model.at_middles(model.modulus, facets[:, 0])
+    given = ContactData(contact, model.mesh)
     least = [
         EXACT * model.comm.allreduce(float(abs(v).max(initial=0.0)), MPI.MAX) for v in (of_w, *[traction.values] * 2)
     ]
@@ -224,11 +224,11 @@ def _adapted_squares(
         beyond, turned, excess = (
             np.where(v <= most, 0.0, v) for v, most in zip((beyond, turned, excess), least, strict=True)
         )
-        soft = (size / stiffness)[of][:, None]
+        soft = (1 / contact.trace.stiffness)[of][:, None]
         density = contact_density(contact, n, r, w, np.matmul(shape, of_s[of]), gap, bound)
         return np.stack([density, beyond**2 / soft + turned**2 * soft, excess**2 * soft], axis=-1)
 
-    corners, share = model.facet_corners(facets), np.array([UNKNOWN, COARSE, COARSE])
+    corners, share = contact.trace.here.corners, np.array([UNKNOWN, COARSE, COARSE])
     floors = np.array([floor, 0.0, 0.0])
     total = integrate(model.comm, terms, corners, area, facet_pieces(model.d - 1), share=share, floor=floors)
     parts, gaps, friction = total.value.T

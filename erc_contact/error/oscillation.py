@@ -109,9 +109,8 @@ def of_history(model: Model) -> float:
     total = 0.0
     for contact in model.contacts:
         if contact.lost is not None:
-            own = model.owned(contact.facets)
-            facets, lost = contact.facets[own], contact.lost[own]
-            total += float(np.sum(lost * model.at_middles(model.modulus, facets[:, 0]) / facet_sizes(model, facets)))
+            trace = contact.trace
+            total += float(np.sum((contact.lost * trace.stiffness)[trace.here.owned]))
     return total
 
 

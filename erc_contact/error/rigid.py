@@ -59,7 +59,7 @@ def moves_rigidly(admissible: Admissible, floor_2: float) -> bool:
     moved = model.function()
     moved.x.array[:] = rigid
     for t in admissible.tractions:
-        beyond = np.einsum("fmi,fi->fm", rigid.reshape(-1, model.d)[t.nodes], t.contact.direction)
+        beyond = np.einsum("fmi,fi->fm", t.contact.trace.of(rigid), t.contact.direction)
         beyond -= model.gap_at_nodes(t.contact)
         wrong.append((abs(beyond) if t.contact.bilateral else beyond).max(initial=0.0))
         friction += float(contact_parts(model, moved, replace(t, values=np.zeros_like(t.values))).sum())

@@ -17,7 +17,7 @@ from __future__ import annotations
 import numpy as np
 
 from erc_contact.error.surface import PairOnSurface, Surface
-from erc_contact.model.foundation import split
+from erc_contact.model.trace import split
 
 LENGTHS = (0.0, 0.01, 0.03, 0.1, 0.3)
 """Lengths l over the size of the surface [-]."""
@@ -49,8 +49,7 @@ def _rough(pair: PairOnSurface) -> tuple[np.ndarray, np.ndarray]:
     pressure /= of_nodes
     _, w_t, _ = split(pair.displacement, s.direction[:, None, :])
     share = np.broadcast_to(s.area[:, None], s.facets.shape)
-    size = s.area ** (1 / (s.normal.shape[1] - 1))
-    pull = s.summed(share[..., None] * (pair.modulus / size)[:, None, None] * w_t, s.facets)
+    pull = s.summed(share[..., None] * pair.stiffness[:, None, None] * w_t, s.facets)
     pull /= s.summed(share, s.facets)[:, None]
     length = np.linalg.norm(pull, axis=1)
     by_traction = -shear / np.where(pressure > 0, pressure * of_nodes, 1.0)[:, None]

@@ -14,9 +14,10 @@ import numpy as np
 
 from erc_contact.admissible.pair import Admissible
 from erc_contact.mesh.simplex import bernstein, lagrange, measures, node_between, nodes, rule
-from erc_contact.model.foundation import PROPORTIONAL, BoundContact, split
+from erc_contact.model.foundation import PROPORTIONAL, BoundContact
 from erc_contact.model.last_step import interpolate
 from erc_contact.model.model import Model
+from erc_contact.model.trace import split
 
 EDGE = 0.87
 """Least cosine of the angle between the normal of a facet and the mean normal of a node of a smooth foundation [-]."""
@@ -86,14 +87,14 @@ class PairOnSurface:
         displacement: w^ at the nodes of the facets, its tangential part counted from the last step [length], shape
             (F, m, d).
         friction: mu at the nodes of the facets [-], shape (F, m).
-        modulus: The modulus of the material at the facets [force/area], shape (F,).
+        stiffness: The approximate stiffness of the body at the facets, E/h [force/length^3], shape (F,).
     """
 
     surface: Surface
     traction: np.ndarray
     displacement: np.ndarray
     friction: np.ndarray
-    modulus: np.ndarray
+    stiffness: np.ndarray
 
     def least_friction(self) -> np.ndarray:
         """The least mu of the facets at each node, shape (M,)."""
@@ -159,19 +160,19 @@ def has_coulomb(contact: BoundContact) -> bool:
 def coulomb_surface(model: Model) -> Surface:
     """The contacts of a model with Coulomb friction, of which there is one at least; collective."""
     contacts = [c for c in model.contacts if has_coulomb(c)]
-    own = [c.facets[model.owned(c.facets)] for c in contacts]
-    at = [model.facet_nodes(facets) for facets in own]
+    sides = [c.trace.here for c in contacts]
+    at = [side.nodes[side.owned] for side in sides]
     numbers, corners, direction, fixed = (
         _gathered(model, part)
         for part in (
             [model.global_numbers(nodes) for nodes in at],
-            [model.facet_corners(facets) for facets in own],
-            [c.direction[model.owned(c.facets)] for c in contacts],
+            [side.corners[side.owned] for side in sides],
+            [c.direction[c.trace.here.owned] for c in contacts],
             [model.fixed[nodes] for nodes in at],
         )
     )
-    others = [c.facets[model.owned(c.facets)] for c in model.contacts if not has_coulomb(c)]
-    others = [model.global_numbers(model.facet_nodes(facets)).ravel() for facets in others]
+    other_sides = [c.trace.here for c in model.contacts if not has_coulomb(c)]
+    others = [model.global_numbers(side.nodes[side.owned]).ravel() for side in other_sides]
     known, places = np.unique(numbers, return_inverse=True)
     facets = places.reshape(numbers.shape)
     normal = np.zeros((len(known), model.d))
@@ -189,13 +190,13 @@ def pair_on_surface(pair: Admissible) -> PairOnSurface:
     """An admissible pair on the contacts with Coulomb friction, of which there is one at least; collective."""
     model = pair.solution.model
     tractions = [t for t in pair.tractions if has_coulomb(t.contact)]
-    own = [model.owned(t.contact.facets) for t in tractions]
-    nodal = pair.displacement.x.array.reshape(-1, model.d)
+    own = [t.contact.trace.here.owned for t in tractions]
+    u = pair.displacement.x.array
     parts: tuple[list[np.ndarray], ...] = (
         [t.values[mine] for t, mine in zip(tractions, own, strict=True)],
-        [(nodal[t.nodes] - model.slip_before(t.contact))[mine] for t, mine in zip(tractions, own, strict=True)],
+        [t.contact.trace.since(u)[mine] for t, mine in zip(tractions, own, strict=True)],
         [_friction(model, t.contact)[mine] for t, mine in zip(tractions, own, strict=True)],
-        [model.at_middles(model.modulus, t.contact.facets[:, 0])[mine] for t, mine in zip(tractions, own, strict=True)],
+        [t.contact.trace.stiffness[mine] for t, mine in zip(tractions, own, strict=True)],
     )
     return PairOnSurface(coulomb_surface(model), *(_gathered(model, part) for part in parts))
 

@@ -21,8 +21,9 @@ from erc_contact.admissible.traction import ContactTraction
 from erc_contact.mesh.quadrature import Integral, Integrand, cell_pieces, facet_pieces, integrate, polynomials
 from erc_contact.mesh.simplex import bernstein, coefficients
 from erc_contact.model.expressions import Everywhere, varies_in_cells
-from erc_contact.model.foundation import ContactData, pressures, split
+from erc_contact.model.foundation import ContactData, pressures
 from erc_contact.model.model import Model
+from erc_contact.model.trace import split
 
 
 @dataclass(frozen=True)
@@ -97,16 +98,16 @@ def friction_works(model: Model, traction: ContactTraction, u: fem.Function, flo
     """
     contact, d, k = traction.contact, model.d, model.degree
     given = ContactData(contact, model.mesh)
-    area = np.where(model.owned(contact.facets), traction.area, 0.0)
-    since = u.x.array.reshape(-1, d)[traction.nodes] - model.slip_before(contact)
-    hat = np.matmul(coefficients(d - 1, k), since)
+    trace = contact.trace
+    area = trace.here.owned_areas
+    hat = trace.coefficients(trace.since(u.x.array))
 
     def density(of: np.ndarray, at: np.ndarray, x: np.ndarray) -> np.ndarray:
         shape, n = polynomials(k, at), contact.direction[of][:, None, :]
         pressure = pressures(np.matmul(shape, traction.values[of]), n)
         return (given.bound(of, x, pressure) * split(np.matmul(shape, hat[of]), n)[2])[..., None]
 
-    corners = model.facet_corners(contact.facets)
+    corners = contact.trace.here.corners
     return integrate(model.comm, density, corners, area, facet_pieces(d - 1), floor=floor)
 
 

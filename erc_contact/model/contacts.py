@@ -13,6 +13,7 @@ from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import BoundContact, Friction, bind_friction
 from erc_contact.model.last_step import LastStep
 from erc_contact.model.space import Space
+from erc_contact.model.trace import Side, Trace
 from erc_contact.model.values import components, number, parameter
 from erc_contact.scene.contact import Contact
 
@@ -20,12 +21,13 @@ FLAT = 1e-8
 """Largest deviation of the facet normals of a contact that counts as flat [-]."""
 
 
-def bind_contact(space: Space, contact: Contact, last: LastStep | None = None) -> BoundContact:
+def bind_contact(space: Space, contact: Contact, modulus: Any, last: LastStep | None = None) -> BoundContact:
     """A contact on a mesh; collective.
 
     Args:
         space: The mesh.
         contact: What the scene declares.
+        modulus: The modulus of the material [force/area], UFL.
         last: The last step of a history, or None without history.
 
     Raises:
@@ -44,16 +46,14 @@ def bind_contact(space: Space, contact: Contact, last: LastStep | None = None) -
     before, lost = (None, None) if last is None or friction is None else last.on(space, contact.facets, direction)
     return BoundContact(
         name=contact.facets,
-        facets=facets,
+        trace=Trace(Side(space, facets, modulus), direction, before),
         ds=space.ds(space.domain.tag(contact.facets)),
         normal=normal,
-        direction=direction,
         given_normal=given_normal,
         friction=friction,
         gap=gap,
         gap_varies=callable(contact.gap),
         bilateral=contact.bilateral,
-        before=before,
         lost=lost,
     )
 

@@ -101,7 +101,7 @@ def nodal_reactions(
     for contact in model.contacts:
         forces[contact.name] = _of_traction(model, contact, traction(contact))
         rest -= forces[contact.name]
-        nodes = model.nodes[contact.facets[:, 0]] if in_layer else model.facet_nodes(contact.facets)
+        nodes = model.nodes[contact.facets[:, 0]] if in_layer else contact.trace.here.nodes
         claims[contact.name] = np.zeros(rest.shape, dtype=bool)
         claims[contact.name][nodes] = True
         claims[contact.name] &= ~model.fixed
@@ -155,7 +155,5 @@ def _of_traction(model: Model, contact: BoundContact, traction: Any) -> np.ndarr
     points, weights = rule(model.d - 1, model.contact_degree)
     weighted = weights[:, None] * lagrange(model.d - 1, model.degree, points)
     values = evaluate(traction, model.mesh, points, contact.facets)
-    at = np.einsum("qm,fqi->fmi", weighted, values) * model.facet_areas(contact.facets)[:, None, None]
-    forces = np.zeros((model.node_count, model.d))
-    np.add.at(forces, model.facet_nodes(contact.facets), at)
-    return forces
+    at_nodes = np.einsum("qm,fqi->fmi", weighted, values) * contact.trace.here.areas[:, None, None]
+    return contact.trace.back(at_nodes)

@@ -15,22 +15,12 @@ from ufl.classes import Division, Product, Sum, Variable, Zero
 from ufl.corealg.traversal import unique_pre_traversal
 
 from erc_contact.model.expressions import Everywhere, pointwise, varies_in_cells
+from erc_contact.model.trace import Trace
 from erc_contact.model.users import called, scalar
 from erc_contact.scene.law import Law, project
 
 CONSTANT, PROPORTIONAL, CONCAVE = "constant", "proportional", "concave"
 """How a friction bound depends on the pressure: not at all, as a multiple of it, or in another concave way."""
-
-
-def split(z: np.ndarray, n: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Vectors (..., d) split by unit normals n.
-
-    Returns:
-        The normal component (...), the tangential part (..., d), and the length of this part (...).
-    """
-    z_n = (z * n).sum(axis=-1)
-    z_t = z - z_n[..., None] * n
-    return z_n, z_t, np.linalg.norm(z_t, axis=-1)
 
 
 def pressures(r: np.ndarray, n: np.ndarray) -> np.ndarray:
@@ -136,33 +126,38 @@ class BoundContact:
 
     Attributes:
         name: Name of the boundary part.
-        facets: Pairs (cell, local facet) with ghosts, shape (f, 2).
+        trace: The displacement of the contact, with the facets of the body.
         ds: Measure of the part.
         normal: Unit normal of the foundation, UFL.
-        direction: Unit normal of the foundation on each facet [-], shape (f, d).
         given_normal: The normal as the scene gives it, of any length, UFL; None where it does not vary.
         friction: Friction law, or None without friction.
         gap: Gap [length], UFL; None where it is zero.
         gap_varies: Whether the gap is a callable.
         bilateral: Whether the contact cannot open.
-        before: Displacement at the end of the last step of a history, from which friction counts the tangential
-            displacement [length], a Function of V; None without history or without friction.
         lost: What this mesh does not carry of it, ``int_F |s - I s|^2`` of its tangential part s on each facet
             [length^(d+1)], shape (f,); None where it carries all.
     """
 
     name: str
-    facets: np.ndarray
+    trace: Trace
     ds: Any
     normal: Any
-    direction: np.ndarray
     given_normal: Any | None
     friction: Friction | None
     gap: Any | None
     gap_varies: bool
     bilateral: bool
-    before: Any | None = None
     lost: np.ndarray | None = None
+
+    @property
+    def facets(self) -> np.ndarray:
+        """Pairs (cell, local facet) with ghosts, shape (f, 2)."""
+        return self.trace.here.facets
+
+    @property
+    def direction(self) -> np.ndarray:
+        """Unit normal of the foundation on each facet [-], shape (f, d)."""
+        return self.trace.direction
 
     @property
     def varies(self) -> bool:
@@ -179,15 +174,19 @@ class BoundContact:
         """The same contact with a factor of its friction bound, UFL, with which a solver raises friction in steps."""
         return self if self.friction is None else replace(self, friction=replace(self.friction, share=share))
 
-    def since(self, u: Any) -> Any:
-        """The displacement that the law of the contact is about [length], UFL: ``u - s``.
+    def jump(self, u: Any) -> Any:
+        """Give the displacement that the law of the contact is about [length], UFL.
 
-        It has the normal component of u, and its tangential part is that since the last step of a history, which ended
-        with the tangential displacement s. Without a history it is u.
+        On a foundation it is u; in a history its tangential part is counted from the end of the last step, of which
+        friction remembers the tangential displacement s: ``u - s``.
+
+        Args:
+            u: A displacement [length], a Function or UFL. A test or trial function has no history: use it as it is.
         """
-        if self.before is None:
+        before = self.trace.before
+        if before is None:
             return u
-        return u - (self.before - ufl.dot(self.before, self.normal) * self.normal)
+        return u - (before - ufl.dot(before, self.normal) * self.normal)
 
     def project(self, z: Any) -> Any:
         """The traction that the law allows for a trial traction z [force/area], UFL."""

@@ -17,7 +17,7 @@ from erc_contact.mesh.simplex import rule
 from erc_contact.model.contacts import bind_contact
 from erc_contact.model.elasticity import ElasticMatrix
 from erc_contact.model.expressions import evaluate, varies_in_cells, without_plain_numbers
-from erc_contact.model.foundation import BoundContact, split
+from erc_contact.model.foundation import BoundContact
 from erc_contact.model.last_step import LastStep
 from erc_contact.model.motions import free_motions
 from erc_contact.model.space import Space
@@ -87,7 +87,7 @@ class Model(Space):
         loads = [(load.facets, self._density(load)) for load in scene.loads]
         self.surface_loads = [SurfaceLoad(f, self.ds(domain.tag(f)), density) for f, density in loads if f is not None]
         self.body_force = _sum([density for facets, density in loads if facets is None])
-        self.contacts = [bind_contact(self, contact, last) for contact in scene.contacts]
+        self.contacts = [bind_contact(self, contact, self.modulus, last) for contact in scene.contacts]
         self.free_motions = free_motions(self, self.fixed, self.contacts)
 
     # -- forms -----------------------------------------------------------------------------------------
@@ -181,27 +181,17 @@ class Model(Space):
             return np.zeros((len(contact.facets), len(self.facet_points)))
         return evaluate(contact.gap, self.mesh, self.facet_points, contact.facets)
 
-    def slip_before(self, contact: BoundContact) -> np.ndarray:
-        """The tangential displacement s at the end of the last step, at the nodes of the facets of a contact.
-
-        Returns:
-            s [length], shape (facets, m, d); zero without history.
-        """
-        nodes = self.facet_nodes(contact.facets)
-        if contact.before is None:
-            return np.zeros((*nodes.shape, self.d))
-        return split(contact.before.x.array.reshape(-1, self.d)[nodes], contact.direction[:, None, :])[1]
-
     def at_nodes(self, contact: BoundContact) -> BoundContact:
         """The contact with gap and friction parameters as Functions, for quadrature at its nodes; collective.
 
         So the forms do not contain the callables of the user. The nodal values of the Functions are the values of the
         friction parameters, and the Bernstein coefficients of the gap and of the displacement of the last step.
         """
-        gap, friction, before = contact.gap, contact.friction, contact.before
-        if before is not None:
-            before = before.copy()
+        gap, friction, trace = contact.gap, contact.friction, contact.trace
+        if trace.before is not None:
+            before = trace.before.copy()
             self.to_coefficients(before.x.array.reshape(-1, self.d), [contact])
+            trace = replace(trace, before=before)
         if contact.gap_varies:
             gap = self._nodal(contact, self.gap_at_nodes(contact), coefficients=True)
         if friction is not None:
@@ -209,7 +199,7 @@ class Model(Space):
             at = {name: evaluate(v, self.mesh, self.facet_points, contact.facets) for name, v in varying.items()}
             nodal = {name: self._nodal(contact, values) for name, values in at.items()}
             friction = replace(friction, parameters={**friction.parameters, **nodal})
-        return replace(contact, gap=gap, friction=friction, before=before)
+        return replace(contact, gap=gap, friction=friction, trace=trace)
 
     def _nodal(self, contact: BoundContact, values: np.ndarray, *, coefficients: bool = False) -> Any:
         """A scalar, UFL, from its values (facets, m) at the nodes of a contact.
@@ -218,7 +208,7 @@ class Model(Space):
         """
         nodal = self.function()
         at = nodal.x.array.reshape(-1, self.d)
-        at[self.facet_nodes(contact.facets), 0] = values
+        at[contact.trace.here.nodes, 0] = values
         if coefficients:
             self.to_coefficients(at, [contact])
         return nodal[0]

@@ -39,7 +39,7 @@ def free_motions(space: Space, fixed: np.ndarray, contacts: Sequence[BoundContac
     by_supports = _summed(space, body[:owned], bodies, held)
     by_all = by_supports
     for contact in contacts:
-        nodes = space.facet_nodes(contact.facets)
+        nodes = contact.trace.here.nodes
         at = motions[nodes]
         along = np.einsum("fmdi,fd->fmi", at, contact.direction)[:, :, None, :]
         held = at if contact.friction is not None else along

@@ -14,8 +14,9 @@ from mpi4py import MPI
 
 from erc_contact.mesh.simplex import lagrange, lattice
 from erc_contact.model.expressions import evaluate
-from erc_contact.model.foundation import BoundContact, split
+from erc_contact.model.foundation import BoundContact
 from erc_contact.model.model import Model
+from erc_contact.model.trace import split
 
 OPEN, SLIP, STICK = 0, 1, 2
 """Codes of the status of a contact."""
@@ -90,9 +91,9 @@ def profile_table(
         tractions jump from one facet to the next.
     """
     d, k, comm = model.d, model.degree, model.comm
-    points, nodes = profile_points(model), model.facet_nodes(contact.facets)
+    points, nodes = profile_points(model), contact.trace.here.nodes
     n = contact.direction[:, None, :]
-    w = np.matmul(lagrange(d - 1, k, points), u.x.array.reshape(-1, d)[nodes] - model.slip_before(contact))
+    w = np.matmul(lagrange(d - 1, k, points), contact.trace.since(u.x.array))
     (w_n, w_t, slip), (r_n, r_t, shear) = split(w, n), split(r, n)
     gap: Any = 0.0 if contact.gap is None else evaluate(contact.gap, model.mesh, points, contact.facets)
     x = evaluate(model.x, model.mesh, points, contact.facets)
@@ -105,7 +106,7 @@ def profile_table(
     if d == 2:  # all facets in the direction of the tangent
         back = ((x[:, -1] - x[:, 0]) * tangent[:, 0]).sum(axis=1) < 0
         table[back], numbers[back] = table[back, ::-1], numbers[back, ::-1]
-    own = model.owned(contact.facets)
+    own = contact.trace.here.owned
     parts = comm.allgather((table[own], numbers[own]))
     table, numbers = (np.concatenate(part) for part in zip(*parts, strict=True))
     names = [*"xyz"[:d], "gap", "slip", "pressure", "shear", "friction_bound", "status"]

@@ -111,7 +111,7 @@ def _check_material(model: Model) -> None:
 def _check_data(model: Model, contact: BoundContact) -> None:
     """Check gap and parameters of the law between the nodes: they are finite, and the parameters are >= 0."""
     what = f"Contact({contact.name!r})"
-    x = np.matmul(barycentric(model.facet_samples), model.facet_corners(contact.facets))
+    x = np.matmul(barycentric(model.facet_samples), contact.trace.here.corners)
     for name, value in (contact.friction.parameters if contact.friction else {}).items():
         values = Everywhere(value, model.mesh)(x, contact.facets)
         local = float(np.where(values < np.inf, values, -np.inf).min(initial=np.inf))
@@ -130,7 +130,7 @@ def _check_normal(model: Model, contact: BoundContact) -> None:
     middle = np.full((1, model.d - 1), 1 / model.d)
     outward = evaluate(model.n, model.mesh, middle, facets)[:, 0]
     cosine = (outward * contact.direction).sum(axis=1)
-    area = np.where(model.owned(facets), model.facet_areas(facets), 0.0)
+    area = contact.trace.here.owned_areas
     total, whole = comm.allreduce(np.array([area @ cosine, area.sum()]), MPI.SUM)
     mine: Any = (np.inf, (), ())
     if len(facets):
@@ -201,7 +201,7 @@ def _check_supports_in_gap(model: Model) -> None:
     """Check that supports do not push a contact into its foundation."""
     values = model.prescribed.x.array.reshape(-1, model.d)
     for contact in model.contacts:
-        nodes = model.facet_nodes(contact.facets)
+        nodes = contact.trace.here.nodes
         gap = model.gap_at_nodes(contact)
         n = contact.direction[:, None, :]
         known = (model.fixed[nodes] | (abs(n) < 1e-12)).all(axis=-1)

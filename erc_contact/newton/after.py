@@ -57,16 +57,16 @@ def last_step(solution: Solution) -> LastStep:
     for contact in model.contacts:
         if contact.friction is None:
             continue
-        nodes = model.facet_nodes(contact.facets)
+        nodes = contact.trace.here.nodes
         trial = solution.method.projected(model, contact, solution.u)
         status = evaluate(contact.status(trial), model.mesh, model.facet_points, contact.facets)
         moves = model.function()
-        own = model.owned(contact.facets)
+        own = contact.trace.here.owned
         np.add.at(moves.x.array.reshape(-1, d), nodes[own], np.where(status[own] < STICK, 1.0, 0.0)[..., None])
         moves.x.scatter_reverse(la.InsertMode.add)
         moves.x.scatter_forward()
         stuck = moves.x.array.reshape(-1, d)[nodes] == 0.0
         n = contact.direction[:, None, :]
         along = (values[nodes] * n).sum(axis=-1, keepdims=True) * n
-        values[nodes] = np.where(stuck, along + model.slip_before(contact), values[nodes])
+        values[nodes] = np.where(stuck, along + contact.trace.slip_before, values[nodes])
     return LastStep(model, u)

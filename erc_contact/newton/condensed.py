@@ -79,7 +79,7 @@ class Condensed:
         together(model.comm, self._condense, known, stiffness.gather(held)[: self.size])
         normals = model.function()
         for contact in model.contacts:
-            normals.x.array.reshape(-1, model.d)[model.facet_nodes(contact.facets)] = contact.direction[:, None, :]
+            contact.trace.assign(normals.x.array, contact.direction[:, None, :])
         self.normals = stiffness.gather(normals)[: self.size]
         columns = [np.full(len(w.x.array), -1)]
         columns[0][stiffness.local] = stiffness.place
@@ -212,16 +212,17 @@ class Condensed:
         model, d = self.model, self.model.d
         nodes_of = []
         for contact in model.contacts:
-            own = model.owned(contact.facets)
-            nodes = model.facet_nodes(contact.facets[own])
+            side = contact.trace.here
+            own = side.owned
+            nodes = side.nodes[own]
             numbers = model.global_numbers(nodes)
             m = nodes.shape[1]
-            shares = np.repeat(model.facet_areas(contact.facets[own])[:, None] / m, m, axis=1)
+            shares = np.repeat(side.areas[own][:, None] / m, m, axis=1)
             parts = model.comm.allgather((numbers, shares))
             every, place = np.unique(np.concatenate([p[0].ravel() for p in parts]), return_inverse=True)
             area = np.bincount(place, np.concatenate([p[1].ravel() for p in parts]))
             nodes_of.append((every, place.reshape(-1, m), area))
-            visible = np.unique(model.facet_nodes(contact.facets))
+            visible = np.unique(side.nodes)
             found = np.searchsorted(every, model.global_numbers(visible))
             column = np.full((len(model.fixed), d), -1)
             column[visible] = self.field_size + found[:, None] * d + np.arange(d)
@@ -275,8 +276,9 @@ def _slip_before(model: Model) -> fem.Function:
     """The tangential displacement of the contacts at the end of the last step [length]; zero without history."""
     before = model.function()
     for contact in model.contacts:
-        if contact.before is not None:
-            before.x.array.reshape(-1, model.d)[model.facet_nodes(contact.facets)] = model.slip_before(contact)
+        trace = contact.trace
+        if trace.before is not None:
+            trace.assign(before.x.array, trace.slip_before)
     return before
 
 

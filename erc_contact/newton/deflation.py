@@ -77,7 +77,7 @@ def _along(model: Model) -> list[fem.Function]:
         for contact in model.contacts:
             n = contact.direction
             along = axis - (n @ axis)[:, None] * n
-            field.x.array.reshape(-1, model.d)[model.facet_nodes(contact.facets)] = along[:, None, :]
+            contact.trace.assign(field.x.array, along[:, None, :])
         fields.append(field)
     return fields
 

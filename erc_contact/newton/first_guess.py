@@ -21,11 +21,10 @@ from erc_contact.newton.stiffness import Stiffness
 def across_gap(model: Model) -> fem.Function:
     """The displacement of the contact nodes that closes their gaps and undoes slip [length], zero elsewhere."""
     across = model.function()
-    values = across.x.array.reshape(-1, model.d)
     for contact in model.contacts:
-        if contact.gap is not None or contact.before is not None:
+        if contact.gap is not None or contact.trace.before is not None:
             gap = model.gap_at_nodes(contact)[..., None] * contact.direction[:, None, :]
-            values[model.facet_nodes(contact.facets)] = gap + model.slip_before(contact)
+            contact.trace.assign(across.x.array, gap + contact.trace.slip_before)
     across.x.scatter_forward()
     return across
 
@@ -65,7 +64,7 @@ def from_mesh(model: Model, u: fem.Function, new: Model) -> fem.Function:
         The displacement at the contact nodes of this rank [length], zero elsewhere.
     """
     corners, values = gathered_facets(model, [c.facets for c in model.contacts], u)
-    nodes = np.unique(np.concatenate([new.facet_nodes(c.facets).ravel() for c in new.contacts]))
+    nodes = np.unique(np.concatenate([c.trace.here.nodes.ravel() for c in new.contacts]))
     x = new.V.tabulate_dof_coordinates()[nodes, : new.d]
     field = new.function()
     field.x.array.reshape(-1, new.d)[nodes] = interpolate(x, corners, values, model.degree)

@@ -56,7 +56,7 @@ class ContactForms:
         points, _ = rule(model.d - 1, 2 * model.degree)
         self._shown = []
         for contact, status in zip(self.contacts, shown, strict=True):
-            own = contact.facets[model.owned(contact.facets)]
+            own = contact.facets[contact.trace.here.owned]
             self._shown.append((fem.Expression(status, points, comm=model.comm), own))
 
     def status(self) -> np.ndarray:

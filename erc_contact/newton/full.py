@@ -155,8 +155,7 @@ class FullSpace:
         pressed, before = x.copy(), self.status(x)[0]
         normals = self.model.function()
         for contact in self.model.contacts:
-            at = self.model.facet_nodes(contact.facets)
-            normals.x.array.reshape(-1, self.model.d)[at] = contact.direction[:, None, :]
+            contact.trace.assign(normals.x.array, contact.direction[:, None, :])
         pressed.array[self._rows] += PRESS * normals.x.array[: len(self._rows)][self._rows]
         found, u = [], self.vector()
         for state in [x] if self.status(pressed)[0] == before else [x, pressed]:

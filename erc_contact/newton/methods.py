@@ -82,7 +82,7 @@ class Method(Protocol):
 
 def _beyond(contact: BoundContact, u: Any) -> Any:
     """``u - s - g n``: the displacement beyond first touch, tangentially since the last step [length]."""
-    w = contact.since(u)
+    w = contact.jump(u)
     return w if contact.gap is None else w - contact.gap * contact.normal
 
 

@@ -65,7 +65,7 @@ def contact_edges(model: Model, numbers: np.ndarray) -> Edges | None:
     d = model.d
     if model.degree == 1:
         return None
-    nodes = np.concatenate([model.facet_nodes(c.facets[model.owned(c.facets)]) for c in model.contacts])
+    nodes = np.concatenate([c.trace.here.nodes[c.trace.here.owned] for c in model.contacts])
     ends = nodes[:, edges(d - 1)]
     triples = np.concatenate([nodes[:, d:, None], ends], axis=2).reshape(-1, 3)
     triples = np.unique(np.concatenate(model.comm.allgather(model.global_numbers(triples))), axis=0)

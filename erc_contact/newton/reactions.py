@@ -118,10 +118,10 @@ class _Part:
 
     def __init__(self, model: Model, contact: BoundContact, taken: np.ndarray, add_up: _Sums) -> None:
         self._add_up = add_up
-        own = contact.facets[model.owned(contact.facets)]
-        facets = model.facet_nodes(own)
+        side = contact.trace.here
+        facets = side.nodes[side.owned]
         area = np.zeros((len(model.fixed), 1))
-        np.add.at(area[:, 0], facets, model.facet_areas(own)[:, None] / facets.shape[1])
+        np.add.at(area[:, 0], facets, side.areas[side.owned][:, None] / facets.shape[1])
         area = add_up(area)[:, 0]
         self.nodes = area > 0
         self.area = np.where(self.nodes, area, 1.0)
@@ -177,8 +177,8 @@ class _Edges:
 
     def __init__(self, model: Model, add_up: _Sums) -> None:
         self._add_up, d = add_up, model.d
-        own = np.vstack([c.facets[model.owned(c.facets)] for c in model.contacts])
-        nodes = model.facet_nodes(own)
+        sides = [c.trace.here for c in model.contacts]
+        nodes = np.concatenate([side.nodes[side.owned] for side in sides])
         count = np.zeros((len(model.fixed), 1))
         np.add.at(count[:, 0], nodes[:, d:], 1.0)
         count = add_up(count)[:, 0]

@@ -15,12 +15,13 @@ from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.simplex import in_space
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.forces import Force, body_force, by_cause, nodal_reactions, part_force
-from erc_contact.model.foundation import BoundContact, split
+from erc_contact.model.foundation import BoundContact
 from erc_contact.model.maximum import Maximum, greatest
 from erc_contact.model.model import Model
 from erc_contact.model.points import at_points, elastic_stress_at
 from erc_contact.model.profile import facet_status, greatest_pressure, profile_points, profile_table
 from erc_contact.model.stress import stress_in_space, von_mises
+from erc_contact.model.trace import split
 from erc_contact.newton.elastic import ElasticSolver
 from erc_contact.newton.methods import Method
 from erc_contact.scene.scene import Scene

@@ -135,7 +135,7 @@ def large(model: Model) -> bool:
     the factor grows like n^(4/3) and the matrix of the contact like n^(4/3) or, on meshes that are fine there, n^2.
     """
     nodes = model.V.dofmap.index_map.size_global
-    own = sum(int(np.count_nonzero(model.owned(c.facets))) for c in model.contacts)
+    own = sum(int(np.count_nonzero(c.trace.here.owned)) for c in model.contacts)
     facets = model.comm.allreduce(own, MPI.SUM)
     unknowns, contact = nodes * model.d, facets * model.degree ** (model.d - 1) * model.d
     limits = LARGE[model.d]

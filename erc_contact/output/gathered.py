@@ -77,7 +77,7 @@ def whole_contact(admissible: Admissible, traction: ContactTraction) -> Surface 
     if not parts:
         return None
     x, gap, vertices = parts.pop("x"), parts.pop("gap"), parts["nodes"][:, : model.d]
-    contact = replace(contact, direction=parts.pop("direction"))
+    contact = replace(contact, trace=replace(contact.trace, direction=parts.pop("direction")))
     return Surface(ContactTraction(contact, **parts), x, vertices, gap)
 
 
