@@ -25,81 +25,16 @@ from erc_contact.output.series import write_series
 from erc_contact.output.verdict import verdict
 from erc_contact.run.energy import energies
 from erc_contact.run.history import History
+from erc_contact.run.time_row import ENERGIES, HEADER, NUMBERS, SECONDS, SHOWN, SUMS, TimeStep, line, shown
 from erc_contact.scene.scene import Scene
 
-HEADER = "       t  cells meshes  N     eps    cont  shear  dissipated  balance  total"
-"""``shear`` is that of the first contact over its pressure, ``balance`` the imbalance over the larger energy."""
-WIDTHS = (8, 6, 6, 2, 7, 7, 6, 11, 8, 6)
-"""Widths of the columns below it."""
-SHOWN = ("t", "cells", "meshes", "Newton", "eps", "contact", "shear", "dissipated", "balance", "seconds")
-"""The same columns in notebooks and reports."""
 NOTE = (
     "Error, scene, forces and body are those at the end of the last step. In the table of steps, shear is that of the "
-    "first contact over its pressure, dissipated is the energy that friction took so far, and balance is what work, "
-    "strain energy and work of the contacts leave, over the larger energy."
+    "first contact over its pressure, dissipated is the energy that friction took so far, in_time is what the length "
+    "of the steps leaves unknown of it, and balance is what work, strain energy and work of the contacts leave, over "
+    "the larger energy."
 )
 """What the report says of the columns."""
-
-
-@dataclass(frozen=True)
-class TimeStep:
-    """One step of a history; energies are sums from the first time on, from rest.
-
-    Attributes:
-        time: Its end.
-        cells: Number of elements of the mesh on which it ends.
-        meshes: Number of meshes.
-        newton_steps: Newton steps on all of them.
-        eps: Relative error (17) of the step, given its history.
-        eps_contact: Contact part of eps.
-        total: Eps with the estimate of the geometry.
-        reached: Whether the accuracy was reached.
-        force: Resultant on each contact by its name [force], d components.
-        moment: Moment about the origin on each contact by its name [force length].
-        work: Work of loads and supports [force length].
-        contact_work: Work of the contacts on the body [force length].
-        dissipated: What friction took [force length]; each step of it is backward Euler's.
-        stored: Strain energy of u^ [force length].
-        scale: ``|sigma^ + C eps(u^)|``, the norm that eps is relative to [sqrt(force length)].
-        solve_seconds: Seconds of the contact solves of the step.
-        equilibrate_seconds: Seconds of the admissible pairs of the step.
-        seconds: Seconds from the start of the run.
-    """
-
-    time: float
-    cells: int
-    meshes: int
-    newton_steps: int
-    eps: float
-    eps_contact: float
-    total: float
-    reached: bool
-    force: dict[str, list[float]]
-    moment: dict[str, list[float]]
-    work: float
-    contact_work: float
-    dissipated: float
-    stored: float
-    scale: float
-    solve_seconds: float
-    equilibrate_seconds: float
-    seconds: float
-
-    @property
-    def imbalance(self) -> float:
-        """The sum ``work + contact_work - stored`` [force length], zero for the exact solution of all steps.
-
-        Both fields of the pair are in it, so it is of the order of their errors.
-        """
-        return self.work + self.contact_work - self.stored
-
-    @property
-    def in_time(self) -> float:
-        """``-contact_work - dissipated`` [force length], what the length of the steps costs, less for shorter ones.
-
-        The friction part of e^2/2 of the steps is in it, too.
-        """
-        return -self.contact_work - self.dissipated
 
 
 def row_of(time: float, history: History, last: ConstitutiveError | None, before: TimeStep | None) -> TimeStep:
@@ -113,7 +48,7 @@ def row_of(time: float, history: History, last: ConstitutiveError | None, before
     """
     error = history.best
     energy = energies(error, last)
-    done = (before.work, before.contact_work, before.dissipated) if before else (0.0, 0.0, 0.0)
+    sums = {name: getattr(before, name) if before else 0.0 for name in SUMS}
     forces = {contact.name: error.force(contact.name) for contact in error.solution.model.contacts}
     return TimeStep(
         time=time,
@@ -126,40 +61,16 @@ def row_of(time: float, history: History, last: ConstitutiveError | None, before
         reached=history.reached,
         force={name: of.force.tolist() for name, of in forces.items()},
         moment={name: of.moment.tolist() for name, of in forces.items()},
-        work=done[0] + energy.work,
-        contact_work=done[1] + energy.contact,
-        dissipated=done[2] + energy.dissipated,
+        work=sums["work"] + energy.work,
+        contact_work=sums["contact_work"] + energy.contact,
+        friction_work=sums["friction_work"] + energy.friction,
+        dissipated=sums["dissipated"] + energy.dissipated,
         stored=energy.stored,
         scale=error.scale,
         solve_seconds=sum(step.solve_seconds for step in history.steps),
         equilibrate_seconds=sum(step.equilibrate_seconds for step in history.steps),
         seconds=0.0,
     )
-
-
-NUMBERS = ("time", "cells", "meshes", "newton_steps", "eps", "eps_contact", "total", "reached")
-ENERGIES = ("work", "contact_work", "dissipated", "stored", "imbalance", "in_time")
-SECONDS = ("solve_seconds", "equilibrate_seconds", "seconds")
-
-
-def shown(row: TimeStep) -> list[str]:
-    """The row of a step below :data:`SHOWN`."""
-    size = max(row.stored, row.dissipated, 1e-300)
-    ratio = "-"
-    if row.force:
-        force = np.array(next(iter(row.force.values())))
-        axis = int(abs(force).argmax())
-        rest = np.delete(force, axis)
-        ratio = f"{np.linalg.norm(rest) / abs(force[axis]):.4f}" if force[axis] else "-"
-    counts = [str(one) for one in (row.cells, row.meshes, row.newton_steps)]
-    energies = [f"{row.dissipated:.4g}", f"{row.imbalance / size:.0e}"]
-    errors = [percent(row.eps, 3), percent(row.eps_contact, 3)]
-    return [f"{row.time:.4g}", *counts, *errors, ratio, *energies, f"{row.seconds:.1f}"]
-
-
-def line(row: TimeStep) -> str:
-    """The row of a step below :data:`HEADER`."""
-    return " ".join(f"{entry:>{width}}" for entry, width in zip(shown(row), WIDTHS, strict=True))
 
 
 @dataclass(frozen=True, eq=False)
