@@ -14,9 +14,10 @@ friction bounds at both ends of the step,
 
 It is never below zero, and of second order in the length of the step. The bound at the end alone is of first order: it
 is too small where a part opens while it slides. Minus the work of friction, the tangential part of the work above, is
-of second order, too. It is smaller, because a traction is never above its bound nor always against the slip. It may be
-below zero: on a facet with an open and a sticking node, say. So the two enclose what friction takes in many steps, and
-their difference tells what the length of the steps costs. The friction part of e^2/2 is in it, too.
+of second order, too. It is smaller, because a traction is never above its bound nor always against the slip; on a facet
+with an open and a sticking node it may be below zero. Their difference estimates what the length of the step costs
+where a point begins to slide, or turns. It has the friction part of e^2/2 in it. It does not see how loads vary within
+a step in which all slides.
 
 Symbols: r^ and u^ admissible traction and displacement, b friction bound, s tangential displacement of the last step, d
 dimension, f facets, m coefficients of a facet, q points of a facet.

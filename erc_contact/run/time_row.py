@@ -78,10 +78,10 @@ class TimeStep:
 
     @property
     def in_time(self) -> float:
-        """``dissipated + friction_work`` [force length], what the length of the steps leaves unknown of ``dissipated``.
+        """``dissipated + friction_work`` [force length], an estimate of what the length of the steps costs.
 
-        Both are of second order in the length of the steps; what friction takes in steps that are short enough lies
-        between them. The friction part of e^2/2 of the steps is in it, too.
+        Both are of second order in the length of the steps, and differ where a point begins to slide, or turns. The
+        friction part of e^2/2 of the steps is in it, too. See :mod:`erc_contact.run.energy`.
         """
         return self.dissipated + self.friction_work
 

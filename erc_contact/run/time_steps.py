@@ -56,9 +56,9 @@ def difference_from_halves(plan: Plan, last: Solution, halves: Solution) -> floa
 def unknown_of_dissipation(row: TimeStep, before: TimeStep, accuracy: float) -> float:
     """What the length of a step leaves unknown of the energy that friction takes in it, over what is allowed [-].
 
-    Half the square of the contact part of e is of the same kind and does not go down with the length of the step. So
-    a step is short enough where it leaves less than that. This also ends the halving after a turn of the load, where
-    friction takes little at first.
+    The friction part of e^2/2 is in both, and remains where a step is very short. So a step is short enough where it
+    leaves less than twice that, the contact part of e^2. This ends the halving after a turn of the load, where friction
+    takes little at first.
 
     Args:
         row: The row of the step.
@@ -66,6 +66,6 @@ def unknown_of_dissipation(row: TimeStep, before: TimeStep, accuracy: float) -> 
         accuracy: Share of the energy that may be unknown [-].
     """
     unknown = row.in_time - before.in_time
-    of_mesh = 0.5 * (row.eps_contact * row.scale) ** 2
+    of_mesh = (row.eps_contact * row.scale) ** 2
     allowed = max(accuracy * (row.dissipated - before.dissipated), of_mesh)
     return unknown / allowed if allowed > 0 else 0.0
