@@ -23,6 +23,7 @@ from erc_contact.model.profile import facet_status, greatest_pressure, profile_p
 from erc_contact.model.stress import stress_in_space, von_mises
 from erc_contact.newton.elastic import ElasticSolver
 from erc_contact.newton.methods import Method
+from erc_contact.newton.rest import displacement_at_rest
 from erc_contact.scene.scene import Scene
 
 
@@ -110,16 +111,12 @@ class Solution:
 
     @cached_property
     def at_rest(self) -> bool:
-        """Whether nothing moves the body: there are no loads, and u is round-off; collective.
-
-        Its relative error means nothing then. On a curved body, whose gaps the facets do not carry, it is 100% on any
-        mesh.
-        """
-        comm = self.domain.mesh.comm
-        moved = comm.allreduce(float(abs(self.u.x.array).max(initial=0.0)), MPI.MAX)
-        if moved > REST * self.domain.extent:
+        """Whether nothing loads or moves the body, and u is that of a body at rest up to round-off; collective."""
+        rest = displacement_at_rest(self.model, self.stiffness.load_vector())
+        if rest is None:
             return False
-        return not comm.allreduce(bool(self.stiffness.load_vector().x.array.any()), MPI.LOR)
+        moved = float(abs(self.u.x.array - rest.x.array).max(initial=0.0))
+        return bool(self.domain.mesh.comm.allreduce(moved, MPI.MAX) <= REST * self.domain.extent)
 
     def force(self, part: str) -> Force:
         """Resultant and moment of the consistent nodal forces on a boundary part; collective.

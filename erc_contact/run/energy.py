@@ -65,15 +65,11 @@ class Energies:
 def energies(error: ConstitutiveError, last: ConstitutiveError | None) -> Energies:
     """The energies of a step; collective.
 
-    A body at rest has none: all is known of it, and the pair of a curved one is only what its facets make of its gaps.
-
     Args:
         error: The error at its end.
         last: The error at the end of the last step; None starts from rest, without forces.
     """
-    before = None if last is None or last.solution.at_rest else last.admissible
-    if before is None and error.solution.at_rest:
-        return Energies(0.0, 0.0, 0.0, 0.0, 0.0)
+    before = None if last is None else last.admissible
     pair = error.admissible
     model = error.solution.model
     contacts = {contact.name: contact for contact in model.contacts}
