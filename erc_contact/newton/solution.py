@@ -181,8 +181,16 @@ class Solution:
         u, stress = np.split(at_points(model, points, values), [d], axis=1)
         return ElasticValues(u, stress.reshape(-1, d, d))
 
-    def traction(self, contact: BoundContact) -> Any:
-        """The contact traction of the method on a contact of the model [force/area], UFL, shape (d,)."""
+    def traction(self, contact: str | BoundContact) -> Any:
+        """The contact traction of the method on a contact [force/area], UFL, shape (d,).
+
+        Args:
+            contact: Its name, or the contact of the model.
+
+        Raises:
+            InputError: If no contact has this name.
+        """
+        contact = self.model.contact(contact) if isinstance(contact, str) else contact
         place = self.model.contacts.index(contact)
         multiplier = self.multipliers[place] if self.multipliers else None
         return self.method.traction(self.model, contact, self.u, multiplier)

@@ -13,16 +13,18 @@ import numpy as np
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.html import table
 from erc_contact.base.percent import percent
+from erc_contact.base.progress import at, stage
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.mesh.domain import Domain
 from erc_contact.newton.solution import Solution
 from erc_contact.output.as_code import evolution_as_code
 from erc_contact.output.evolutions import animate, plot_energies, plot_loop, plot_zones
-from erc_contact.output.files import on_root
+from erc_contact.output.files import made_folder, on_root
 from erc_contact.output.pictures import draw_deformed
 from erc_contact.output.report import write_record, write_report
 from erc_contact.output.series import write_series
 from erc_contact.output.verdict import verdict
+from erc_contact.results import Force, Maximum, Values
 from erc_contact.run.energy import energies
 from erc_contact.run.history import History
 from erc_contact.run.time_row import ENERGIES, HEADER, NUMBERS, SECONDS, SHOWN, SUMS, TimeStep, line, shown
@@ -135,6 +137,50 @@ class Evolution:
         """The profile of a contact at the end of each step; see :func:`erc_contact.results.profile`; collective."""
         return [error.profile(contact) for error in self.errors]
 
+    def at(self, points: Any) -> Values:
+        """Displacement and stresses at points at the end of each step; see :func:`erc_contact.results.at`; collective.
+
+        ``evolution.at((0.0, 7.0)).displacement[:, 0, 0]`` is the displacement along x of a point at all times.
+
+        Args:
+            points: Points, the same on all ranks [length], shape (n, d) or (d,).
+
+        Returns:
+            Values with one axis more, the steps, which comes first: displacement (steps, n, d), stresses
+            (steps, n, d, d).
+        """
+        values = [error.at(points) for error in self.errors]
+        return Values(
+            np.stack([of_step.displacement for of_step in values]),
+            np.stack([of_step.stress for of_step in values]),
+            np.stack([of_step.elastic_stress for of_step in values]),
+        )
+
+    def maximum(self, quantity: str) -> list[Maximum]:
+        """Greatest "von Mises" stress, "pressure", ... at the end of each step, and its place; collective.
+
+        See :meth:`ConstitutiveError.maximum`.
+        """
+        return [error.maximum(quantity) for error in self.errors]
+
+    def reactions(self) -> dict[str, Force]:
+        """Forces of supports, contacts and loads at the end of each step, and their balance; collective.
+
+        See :func:`erc_contact.results.reactions`. A cause that is missing at a time has the force zero.
+
+        Returns:
+            Forces by their causes, with one axis more, the steps: force (steps, d), moment (steps, 1 or 3).
+        """
+        of_steps = [error.reactions() for error in self.errors]
+        causes = list(dict.fromkeys(cause for forces in of_steps for cause in forces))
+        balance = of_steps[0]["balance"]
+        none = Force(np.zeros_like(balance.force), np.zeros_like(balance.moment))
+        found = {}
+        for cause in causes:
+            forces = [of_step.get(cause, none) for of_step in of_steps]
+            found[cause] = Force(np.stack([f.force for f in forces]), np.stack([f.moment for f in forces]))
+        return found
+
     def to_csv(self, path: str | Path) -> None:
         """Write the rows as CSV; every rank may call, rank 0 writes."""
         if self.error.domain.mesh.comm.rank != 0:
@@ -150,7 +196,7 @@ class Evolution:
                 before, after = ([getattr(step, name) for name in of] for of in (NUMBERS, (*ENERGIES, *SECONDS)))
                 writer.writerow([*before, *vectors, *after])
 
-    def save(self, folder: str | Path) -> None:
+    def save(self, folder: str | Path, *, pictures: bool = True) -> None:
         """Write table, report, figures and a ParaView file to a folder; collective.
 
         ``report.html`` (one page that holds all it shows, as that of :meth:`History.save`, with error, scene and forces
@@ -158,28 +204,52 @@ class Evolution:
         dissipation and their balance), ``deformed.png``, ``body.vtkhdf`` with all times, which opens in ParaView as it
         is, and for each contact ``loop_<name>.png`` (force against displacement) and, in 2D, ``zones_<name>.png``
         (open, slip and stick along the contact in time).
+
+        Args:
+            folder: The folder, made if it is missing.
+            pictures: Whether figures and pictures are drawn, which takes most of the time.
+
+        Raises:
+            InputError: If the folder cannot be written; nothing is drawn then.
         """
-        folder, comm, forces = Path(folder), self.error.domain.mesh.comm, self.error.reactions()
-        on_root(comm, folder / "evolution.csv", lambda: self.to_csv(folder / "evolution.csv"))
-        write_record(self, folder / "evolution.json", forces)
+        comm = self.error.domain.mesh.comm
+        folder = made_folder(comm, folder)
+        with stage(comm, "saving"):
+            self._save(folder, pictures=pictures)
+
+    def _draw(self, folder: Path) -> dict[str, str]:
+        """Draw all pictures; return their names, and what they show; collective."""
+        comm = self.error.domain.mesh.comm
+        at(comm, "energies")
         plot_energies(self, folder / "energies.png")
-        pictures = {"energies.png": "Energies, and what their balance leaves."}
+        drawn = {"energies.png": "Energies, and what their balance leaves."}
         for name in self.steps[0].force:
+            at(comm, f"contact {name}")
             plot_loop(self, name, folder / f"loop_{name}.png")
-            pictures[f"loop_{name}.png"] = f"Shear of the contact {name} against displacement."
+            drawn[f"loop_{name}.png"] = f"Shear of the contact {name} against displacement."
             if self.error.domain.dim == 2:
                 plot_zones(self, name, folder / f"zones_{name}.png")
-                pictures[f"zones_{name}.png"] = f"Open, slip and stick along the contact {name} in time."
+                drawn[f"zones_{name}.png"] = f"Open, slip and stick along the contact {name} in time."
+        at(comm, "deformed body")
         draw_deformed(self.error, folder / "deformed.png")
-        pictures["deformed.png"] = "The deformed body at the end."
+        drawn["deformed.png"] = "The deformed body at the end."
+        return drawn
+
+    def _save(self, folder: Path, *, pictures: bool) -> None:
+        """Write the files; collective."""
+        comm, forces = self.error.domain.mesh.comm, self.error.reactions()
+        on_root(comm, folder / "evolution.csv", lambda: self.to_csv(folder / "evolution.csv"))
+        write_record(self, folder / "evolution.json", forces)
+        at(comm, "fields at all times")
         write_series(self, folder / "body.vtkhdf")
+        drawn = self._draw(folder) if pictures else {}
         length = f"to t = {self.steps[-1].time:g} in {len(self.steps)} steps"
         write_report(
             self,
             folder / "report.html",
             f"Loading history {length}, each asked for {percent(self.accuracy)}",
             {"Steps": table(map(shown, self.steps), SHOWN)},
-            pictures,
+            drawn,
             claims=verdict(self.error),
             forces=forces,
             code=evolution_as_code(self.scene_at, self.domain, {"accuracy": self.accuracy, **self.settings}),
