@@ -37,11 +37,12 @@ from erc_contact.newton.methods import AugmentedLagrangian, Method, Nitsche
 from erc_contact.newton.solution import Solution
 from erc_contact.newton.solve import solve
 from erc_contact.run.adapt import adapt
-from erc_contact.run.evolution import Evolution, TimeStep
+from erc_contact.run.evolution import Evolution
 from erc_contact.run.evolve import evolve
 from erc_contact.run.history import History
 from erc_contact.run.saved import read_history
 from erc_contact.run.step import Step
+from erc_contact.run.time_row import TimeStep
 from erc_contact.scene.contact import Contact
 from erc_contact.scene.law import Coulomb, Law, Tresca
 from erc_contact.scene.load import BodyForce, Load, Traction

@@ -5,7 +5,8 @@
   time cost goes down with their length. Friction never gives energy.
 - No step after the first with a history compiles anything.
 - A step that does not converge is halved; what ends a run leaves what it has; a folder goes on.
-- Steps in time are as short as the accuracy of the path asks.
+- What friction takes is of second order in the length of the steps, and the work of friction is below it.
+- Steps in time are as short as the accuracy of the path, or that of the dissipated energy, asks.
 """
 
 import csv
@@ -13,6 +14,7 @@ import json
 import os
 import signal
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -28,6 +30,7 @@ from erc_contact.base.percent import percent
 from erc_contact.error.contact import contact_parts
 from erc_contact.error.works import friction_works
 from erc_contact.mesh.simplex import bernstein, lagrange, rule
+from erc_contact.run.energy import energies
 from erc_contact.run.evolve import Walk
 
 COMM = MPI.COMM_WORLD
@@ -131,6 +134,39 @@ def test_dissipation_of_a_body_that_slides(d):
     assert abs(in_time) <= tolerance * taken
 
 
+def lifted(t):
+    """A block that slides faster and faster while its pressure and its coefficient of friction go down."""
+    return moved_box(2, 0.1 + 0.3 * t**2, PRESS * (1.02 - t), MU * (2.0 - t))[0]
+
+
+def test_dissipation_is_of_second_order_in_time():
+    """Half as long steps have a quarter of the error."""
+    taken, in_time = {}, {}
+    for count in (4, 8, 32):
+        history = ec.evolve(lifted, box(), np.linspace(0.0, 1.0, count + 1), 0.9)
+        assert np.all(np.diff(history.column("dissipated")) >= 0)
+        taken[count] = np.ptp(history.column("dissipated"))
+        in_time[count] = np.diff(history.column("in_time"))
+    assert abs(taken[4] - taken[32]) < 0.06 * taken[32]
+    assert abs(taken[8] - taken[32]) < 0.3 * abs(taken[4] - taken[32])
+    assert all(unknown.min() >= -1e-12 * taken[32] for unknown in in_time.values())
+    header, *_, last, _ = str(history).splitlines()
+    assert header.split()[8] == "in_time"
+    assert last.split()[8] == f"{history.steps[-1].in_time:.1e}"
+
+
+def test_dissipation_on_another_mesh():
+    """The bound at the begin of a step is that of the law and the traction then, wherever they were computed."""
+    first = ec.solve(lifted(0.5), box(), ec.AugmentedLagrangian())
+    last = ec.constitutive_error(ec.equilibrate(first))
+    taken = []
+    for domain in (box(), box().refined(), ec.rectangle((0.0, 0.0), (1.0, 0.7), cells=(5, 4))):
+        second = ec.solve(lifted(0.75), domain, ec.AugmentedLagrangian(), after=first)
+        taken.append(energies(ec.constitutive_error(ec.equilibrate(second)), last).dissipated)
+    assert taken[1] == pytest.approx(taken[0], rel=0.03)
+    assert taken[2] == pytest.approx(taken[0], rel=0.03)
+
+
 def test_dissipation_where_a_contact_opens():
     """On a facet with an open and a sticking node the work of r^ gives energy, the dissipation does not.
 
@@ -193,7 +229,7 @@ def test_ranks_have_the_same_history(shared_tmp_path):
             assert (a.time, a.cells, a.newton_steps) == (b.time, b.cells, b.newton_steps)
             assert a.eps == pytest.approx(b.eps, rel=1e-8)
             assert np.allclose(a.force["bottom"], b.force["bottom"], rtol=0, atol=1e-10)
-            for energy in ("work", "contact_work", "dissipated", "stored"):
+            for energy in ("work", "contact_work", "friction_work", "dissipated", "stored"):
                 assert getattr(a, energy) == pytest.approx(getattr(b, energy), rel=1e-8, abs=1e-14)
 
 
@@ -260,7 +296,8 @@ def test_a_folder_goes_on(whole, shared_tmp_path, monkeypatch):
     for a, b in zip(rest.steps, whole.steps, strict=True):
         assert (a.time, a.cells, a.newton_steps) == (b.time, b.cells, b.newton_steps)
         assert a.eps == pytest.approx(b.eps, rel=1e-8)
-        assert a.dissipated == pytest.approx(b.dissipated, rel=1e-8, abs=1e-15)
+        for energy in ("dissipated", "friction_work"):
+            assert getattr(a, energy) == pytest.approx(getattr(b, energy), rel=1e-8, abs=1e-15)
     refused(lambda: cycle(checkpoint=folder, times=[0.0, 1.0]), "times", "another run")
     refused(lambda: ec.read_history(folder), "loading history", "evolve")
 
@@ -297,6 +334,19 @@ def test_steps_as_short_as_the_path_asks():
     assert fine.reached
     assert fine.column("time")[-1] == 1.5
     assert straight.column("time").tolist() == [0.0, 0.5, 1.0]
+
+
+def test_steps_as_short_as_the_accuracy_of_the_energy_asks():
+    """Each step leaves no more of its energy unknown than asked, or less than the mesh; turns end the halving."""
+    accuracies, times = (0.2, 0.02), [0.0, 1.0, 1.25, 1.75]
+    rough, fine = (cycle(accuracy=0.9, times=times, accuracy_in_time=share) for share in accuracies)
+    assert len(fine.steps) > len(rough.steps) >= len(times)
+    for history, share in zip((rough, fine), accuracies, strict=True):
+        assert history.reached
+        assert history.settings["accuracy_in_time"] == share
+        for before, row in pairwise(history.steps):
+            unknown, of_mesh = row.in_time - before.in_time, (row.eps_contact * row.scale) ** 2
+            assert unknown <= max(share * (row.dissipated - before.dissipated), of_mesh)
 
 
 def test_what_is_written(whole, shared_tmp_path):
@@ -380,6 +430,7 @@ def test_what_is_no_history():
     refused(run(at=scene_at(1.0)), "scene_at", "function of the time")
     refused(run(at=lambda t: "scene"), "scene is 'scene'")
     refused(run(path=0.0), "path")
+    refused(run(accuracy_in_time=-0.1), "accuracy_in_time")
     refused(run(accuracy=-1.0), "accuracy")
 
     def other(t):

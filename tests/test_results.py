@@ -9,9 +9,11 @@ its own fields: its forces are those of the discrete equations.
 import numpy as np
 import pytest
 from mpi4py import MPI
-from scenes import block, common_block, mostly_serial, random_scene, resultant
+from scenes import block, common_block, mostly_serial, moved_box, random_scene, resultant
+from test_bad_input import refused
 
 import erc_contact as ec
+from erc_contact import results
 from erc_contact.model.profile import _in_order
 
 COMM = MPI.COMM_WORLD
@@ -271,3 +273,65 @@ def test_the_place_of_equal_maxima_does_not_depend_on_the_ranks():
     for alone, together in zip(*found, strict=True):
         assert together.value == pytest.approx(alone.value, rel=1e-9)
         assert np.allclose(together.place, alone.place, rtol=0, atol=1e-12)
+
+
+def test_histories_where_a_result_is_asked_for():
+    """All that takes an error or a pair takes a run, too: its best result. A traction is had by its name."""
+    scene, domain = moved_box(2, 0.02, 0.05)
+    history = ec.adapt(scene, domain, accuracy=0.2, max_steps=2)
+    error = history.error
+    for question in (
+        lambda of: ec.resultant(of, "bottom", (0.0, 1.0)).value,
+        lambda of: ec.potential_energy(of).low,
+        lambda of: ec.coulomb_certificate(of).q,
+        lambda of: ec.size_map(of, 0.05).predicted_cells,
+        lambda of: ec.mark(of).sum(),
+        lambda of: results.force(of, "bottom").force,
+        lambda of: results.reactions(of)["balance"].moment,
+        lambda of: results.at(of, (0.3, 0.2)).stress,
+        lambda of: results.profile(of, "bottom")["pressure"],
+        results.mean_stress,
+    ):
+        assert np.array_equal(question(history), question(error))
+    assert len(ec.other_solutions(history)) == len(ec.other_solutions(history.solution))
+    by_name = history.solution.traction("bottom")
+    assert by_name.ufl_shape == history.solution.traction(history.solution.model.contact("bottom")).ufl_shape == (2,)
+    refused(lambda: history.solution.traction("foot"), "'foot'", "bottom")
+    refused(lambda: ec.resultant(scene, "bottom", (0.0, 1.0)), "history", "constitutive_error")
+    refused(lambda: results.force(history.solution, "bottom"), "history", "equilibrate")
+
+
+def test_results_of_all_steps():
+    """A history of loads has what a history of meshes has, with one axis more."""
+    history = ec.evolve(lambda t: moved_box(2, 0.02 * t, 0.05)[0], moved_box(2, 0.0, 0.05)[1], [0.0, 0.5, 1.0], 0.9)
+    at = history.at([(0.3, 0.2), (0.5, 0.5)])
+    assert at.displacement.shape == (3, 2, 2)
+    assert at.stress.shape == at.elastic_stress.shape == (3, 2, 2, 2)
+    assert np.array_equal(at.stress[2], history.error.at([(0.3, 0.2), (0.5, 0.5)]).stress)
+    greatest = history.maximum("von Mises")
+    assert [step.value for step in greatest] == [error.maximum("von Mises").value for error in history.errors]
+    forces = history.reactions()
+    assert np.array_equal(forces["bottom"].force, history.force("bottom"))
+    assert forces["top"].moment.shape == (3, 1)
+    assert abs(forces["balance"].force).max() <= 1e-12
+
+
+@pytest.mark.parametrize("kind", ["meshes", "loads"])
+def test_save_into_nowhere(kind, shared_tmp_path):
+    """It is refused before anything is drawn, and the results can be saved elsewhere; without pictures, too."""
+    scene, domain = moved_box(2, 0.02, 0.05)
+    if kind == "meshes":
+        history = ec.adapt(scene, domain, accuracy=0.9)
+    else:
+        history = ec.evolve(lambda t: moved_box(2, 0.02 * t, 0.05)[0], domain, [0.0, 1.0], 0.9)
+    file = shared_tmp_path / "file"
+    if domain.mesh.comm.rank == 0:
+        file.write_text("no folder")
+    domain.mesh.comm.barrier()
+    refused(lambda: history.save(file / "folder"), "file/folder", "Nothing can be saved", "save()")
+    history.save(shared_tmp_path / "saved", pictures=False)
+    if domain.mesh.comm.rank == 0:
+        names = {path.name for path in (shared_tmp_path / "saved").iterdir()}
+        assert {"report.html", "body.vtkhdf"} <= names
+        assert not [name for name in names if name.endswith(".png")]
+        assert "Pictures" not in (shared_tmp_path / "saved" / "report.html").read_text()

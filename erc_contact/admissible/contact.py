@@ -115,7 +115,7 @@ def admissible_tractions(model: Model, solution: Any, loads: np.ndarray, forces:
     the means ``int r B_m / int B_m``, which the law allows where it allows r.
 
     Where no support holds a rigid motion, r^ must balance the work of the loads on this motion exactly. The least
-    change within the allowed tractions gives the balance.
+    change within the allowed tractions gives the balance. A body at rest has none.
 
     Args:
         model: The scene on a mesh.
@@ -126,6 +126,8 @@ def admissible_tractions(model: Model, solution: Any, loads: np.ndarray, forces:
     Raises:
         NotHeldError: If no allowed traction balances the loads on a free motion.
     """
+    if solution.at_rest:
+        return [_no_traction(model, contact) for contact in model.contacts]
     trials = [_trial(model, contact, solution) for contact in model.contacts]
     if not any(contact.sampled for contact in model.contacts):
         return _limited(model, trials, loads, forces, levels=False)
@@ -133,6 +135,14 @@ def admissible_tractions(model: Model, solution: Any, loads: np.ndarray, forces:
         return _limited(model, trials, loads, forces, levels=True)
     except NotHeldError:  # on a coarse mesh level pressures may leave too little to balance with
         return _limited(model, trials, loads, forces, levels=False)
+
+
+def _no_traction(model: Model, contact: BoundContact) -> ContactTraction:
+    """The traction of a contact that transmits nothing, with the friction bound of no pressure; collective."""
+    nodes, area = model.facet_nodes(contact.facets), model.facet_areas(contact.facets)
+    values = np.zeros((*nodes.shape, model.d))
+    law = Allowed(model, contact, np.ones(len(nodes)))
+    return ContactTraction(contact, nodes, area, values, law.bound(pressures(values, law.n)))
 
 
 def _trial(model: Model, contact: BoundContact, solution: Any) -> _Trial:

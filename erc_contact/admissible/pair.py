@@ -36,6 +36,8 @@ from erc_contact.admissible.macro import macro_stress
 from erc_contact.admissible.tighten.complementary import relaxed
 from erc_contact.admissible.tighten.iteration import TIGHTEN, tightened
 from erc_contact.admissible.traction import ContactTraction
+from erc_contact.base import checks
+from erc_contact.base.exceptions import InputError
 from erc_contact.mesh.simplex import coefficients, local_facet_nodes, mass
 from erc_contact.model.model import Model
 from erc_contact.newton.solution import Solution
@@ -78,6 +80,21 @@ class Admissible:
     cell_forces: np.ndarray | None
     tightening: int
     seconds: float
+
+
+def pair_of(result: Any) -> Admissible:
+    """Return the pair itself, or that of an error, or that of the error of a history.
+
+    Raises:
+        InputError: If it is none of them.
+    """
+    error = getattr(result, "error", result)
+    pair = getattr(error, "admissible", error)
+    if not isinstance(pair, Admissible):
+        raise InputError(
+            f"The admissible pair is {checks.told(result)}; give a history, an error, or what equilibrate() returns."
+        )
+    return pair
 
 
 def equilibrate(solution: Solution, tighten: int = TIGHTEN) -> Admissible:
@@ -128,7 +145,8 @@ def _loose(
     model = solution.model
     given, fixed = _loads(model, cells)
     tractions = admissible_tractions(model, solution, *_work(model, _nodal(model, cells, given, force)))
-    hat = admissible_displacement(model, solution.u, tractions) if tractions else solution.u
+    as_it_is = not tractions or solution.at_rest  # the gap allows u at rest, also where facets do not carry it
+    hat = solution.u if as_it_is else admissible_displacement(model, solution.u, tractions)
     for t in tractions:
         _add(model, given, t.contact.facets, moments(t.area, t.values, model.degree))
     stress = _rebalanced(solution, cells, _nodal(model, cells, given, force))

@@ -1,11 +1,12 @@
-"""Where a run is: one line on a terminal, below what the log tells; nothing elsewhere.
+"""Where a run is: one line on a terminal, below what the log tells; elsewhere a line of the log now and then.
 
-A stage that may take long says what it is, and within it how far it is. Only rank 0 shows it, and only after
-:func:`erc_contact.log_to_console` on a terminal.
+A stage that may take long says what it is, and within it how far it is. Only rank 0 tells it, and only after
+:func:`erc_contact.log_to_console`. The file of a batch system gets it where nothing was told for some time.
 """
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator
 from contextlib import contextmanager
 from time import monotonic
@@ -17,11 +18,15 @@ OFTEN = 0.1
 """Time between two tellings of how far a stage is [s]; one costs about a millisecond."""
 
 
+SELDOM = 10.0
+"""Time without a line after which the log tells where a run is [s]."""
+
+
 class _Line:
-    """The line of a terminal. It is state, as the terminal is.
+    """The line of a terminal, or the last line of the log. It is state, as the terminal is.
 
     Attributes:
-        console: Console of rich; None where nothing is shown.
+        console: Console of rich; None without a terminal.
         stages: What is under way, the innermost last.
     """
 
@@ -33,6 +38,32 @@ class _Line:
 
     def show(self) -> None:
         """Show the stages, or leave the line if there is none."""
+        if self.console is None:
+            self._log()
+        else:
+            self._draw()
+
+    def begin(self, words: str) -> None:
+        """Add a stage. The log's silence counts from the outermost one on, before which a row was told."""
+        if not self.stages:
+            self._told = monotonic()
+        self.stages.append(words)
+        self.show()
+
+    def end(self, place: int) -> None:
+        """Take away the stages from a place on."""
+        del self.stages[place:]
+        if self.console is not None:
+            self._draw()
+
+    def _log(self) -> None:
+        """Write the stages to the log if it has been silent for long."""
+        if self.stages and monotonic() - self._told > SELDOM:
+            logging.getLogger("erc_contact").info("... %s", ": ".join(self.stages))
+            self._told = monotonic()
+
+    def _draw(self) -> None:
+        """Draw the stages on the terminal."""
         from rich.live import Live  # noqa: PLC0415 - whoever has a console has rich
         from rich.text import Text  # noqa: PLC0415
 
@@ -65,17 +96,15 @@ def show_on(console: Any) -> None:
 @contextmanager
 def stage(comm: MPI.Comm, words: str) -> Iterator[None]:
     """A stage of a run, which is shown while it lasts."""
-    if comm.rank != 0 or _line.console is None:
+    if comm.rank != 0:
         yield
         return
     place = len(_line.stages)
-    _line.stages.append(words)
-    _line.show()
+    _line.begin(words)
     try:
         yield
     finally:
-        del _line.stages[place:]
-        _line.show()
+        _line.end(place)
 
 
 def at(comm: MPI.Comm, words: str) -> None:

@@ -56,7 +56,7 @@ from dolfinx.fem import petsc as fp
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError, raise_together
-from erc_contact.error.constitutive import ROUND_OFF, ConstitutiveError
+from erc_contact.error.constitutive import ROUND_OFF, ConstitutiveError, Run, error_of
 from erc_contact.error.works import elastic_work, friction_work, load_work, stress_work
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.model import Model
@@ -89,11 +89,11 @@ class Bounds:
     weighted: bool = False
 
 
-def resultant(error: ConstitutiveError, contact: str, direction: Sequence[float]) -> Bounds:
+def resultant(error: ConstitutiveError | Run, contact: str, direction: Sequence[float]) -> Bounds:
     """Bounds (b) on the resultant ``int r.a`` of the traction that a foundation exerts on the body; collective.
 
     Args:
-        error: The error of an admissible pair.
+        error: The error of an admissible pair, or a history, whose error is taken.
         contact: Name of the boundary part in contact.
         direction: a [-], d numbers, of any length: the normal, a tangent, or any other direction.
 
@@ -103,6 +103,7 @@ def resultant(error: ConstitutiveError, contact: str, direction: Sequence[float]
     Raises:
         InputError: If no contact has this name, or the direction is not d finite numbers.
     """
+    error = error_of(error)
     pair = error.admissible
     model = pair.solution.model
     which = model.contacts.index(model.contact(contact))
@@ -122,18 +123,19 @@ def resultant(error: ConstitutiveError, contact: str, direction: Sequence[float]
     return Bounds(middle.value, middle.value - radius, middle.value + radius, proved, weighted)
 
 
-def potential_energy(error: ConstitutiveError) -> Bounds:
+def potential_energy(error: ConstitutiveError | Run) -> Bounds:
     """Bounds on the potential energy J(u), in ``[J(u^) - e^2/2, J(u^)]``; collective.
 
     With loads only (supports and gaps zero) the strain energy ``a(u, u)/2`` is -J(u); with supports only (no loads, no
     gap, no friction) it is J(u).
 
     Args:
-        error: The error of an admissible pair.
+        error: The error of an admissible pair, or a history, whose error is taken.
 
     Returns:
         An interval that ends in J(u^) [force length]. With Coulomb friction J is that of the bound of r^.
     """
+    error = error_of(error)
     pair = error.admissible
     model, u = pair.solution.model, pair.displacement
     strain = elastic_work(pair, u, u)
@@ -145,11 +147,11 @@ def potential_energy(error: ConstitutiveError) -> Bounds:
     return Bounds(high, low, high + facets, J.known and error.guaranteed)
 
 
-def work_of_loads(error: ConstitutiveError) -> Bounds:
+def work_of_loads(error: ConstitutiveError | Run) -> Bounds:
     """Bounds on ``f(u) + F(u) = -2 J(u)``, in ``[-2 J(u^), -2 J(u^) + e^2]``, the compliance; collective.
 
     Args:
-        error: The error of an admissible pair of a frictionless scene whose supports and gaps are zero: its admissible
+        error: The error, or a history, of a frictionless scene whose supports and gaps are zero: its admissible
             displacements are a cone.
 
     Returns:
@@ -158,6 +160,7 @@ def work_of_loads(error: ConstitutiveError) -> Bounds:
     Raises:
         InputError: If the scene has friction, a gap or a support that is not zero.
     """
+    error = error_of(error)
     scene = error.solution.scene
     moved = [s.facets for s in scene.supports if any(callable(v) or v for v in s.value)]
     gaps = [c.facets for c in scene.contacts if callable(c.gap) or c.gap]

@@ -24,12 +24,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from time import perf_counter
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from mpi4py import MPI
 
 from erc_contact.admissible.pair import Admissible
+from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.html import table
 from erc_contact.base.percent import percent
@@ -174,6 +175,28 @@ class ConstitutiveError:
     def oscillation(self) -> float:
         """Root of the sum of the squares of the oscillations [sqrt(force length)]."""
         return self.oscillations.total
+
+
+class Run(Protocol):
+    """A run with a result, as a :class:`erc_contact.History` and an :class:`erc_contact.Evolution` are."""
+
+    @property
+    def error(self) -> ConstitutiveError:
+        """Its error: the best of an adaptive run, the last of a loading history."""
+
+
+def error_of(measured: ConstitutiveError | Run) -> ConstitutiveError:
+    """Return the error itself, or that of a run.
+
+    Raises:
+        InputError: If it is neither.
+    """
+    error = measured if isinstance(measured, ConstitutiveError) else getattr(measured, "error", None)
+    if not isinstance(error, ConstitutiveError):
+        raise InputError(
+            f"The error is {checks.told(measured)}; give a history, or the error that constitutive_error() returns."
+        )
+    return error
 
 
 def constitutive_error(admissible: Admissible) -> ConstitutiveError:

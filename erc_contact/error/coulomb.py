@@ -34,7 +34,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from erc_contact.base.exceptions import ErcContactError, raise_together
-from erc_contact.error.constitutive import ConstitutiveError
+from erc_contact.error.constitutive import ConstitutiveError, Run, error_of
 from erc_contact.error.coupling import Traces, coupling
 from erc_contact.error.slip_direction import slip_fields
 from erc_contact.error.surface import PairOnSurface, Surface, coulomb_surface, has_coulomb, pair_on_surface
@@ -119,16 +119,17 @@ class CoulombCertificate:
         )
 
 
-def coulomb_certificate(error: ConstitutiveError) -> CoulombCertificate:
+def coulomb_certificate(error: ConstitutiveError | Run) -> CoulombCertificate:
     """What is proved of the solutions of a scene with Coulomb friction; collective.
 
     Args:
-        error: The error of an admissible pair.
+        error: The error of an admissible pair, or a history, whose error is taken.
 
     Returns:
         q and the bound. Without friction that grows with the pressure q is 0 and the bound is e. If the friction bound
         of a contact is another function of the pressure than a multiple, q is infinite and nothing is claimed.
     """
+    error = error_of(error)
     pair = error.admissible
     model = pair.solution.model
     raise_together(model.comm, None)

@@ -7,21 +7,21 @@ from dataclasses import replace
 from erc_contact.admissible.pair import equilibrate
 from erc_contact.base.checks import whole
 from erc_contact.base.exceptions import raise_together, together
-from erc_contact.error.constitutive import ConstitutiveError, constitutive_error
+from erc_contact.error.constitutive import ConstitutiveError, Run, constitutive_error, error_of
 from erc_contact.model.foundation import CONSTANT
 from erc_contact.newton.deflation import other_states
 from erc_contact.newton.solution import Solution
 from erc_contact.newton.stiffness import Stiffness
 
 
-def other_solutions(solution: Solution, most: int = 4) -> list[ConstitutiveError]:
+def other_solutions(solution: Solution | Run, most: int = 4) -> list[ConstitutiveError]:
     """Look for other solutions of a scene on the same mesh; collective.
 
     Newton's method, repelled by the solutions that it knows, starts from states with other friction and from moved
     ones. It uses the direct solver, and costs some tens of Newton steps with dense algebra of the contact.
 
     Args:
-        solution: A solution.
+        solution: A solution, or a history, whose solution is taken.
         most: How many are looked for.
 
     Returns:
@@ -32,6 +32,7 @@ def other_solutions(solution: Solution, most: int = 4) -> list[ConstitutiveError
     Raises:
         InputError: If ``most`` is not a whole number > 0.
     """
+    solution = solution if isinstance(solution, Solution) else error_of(solution).solution
     model, comm = solution.model, solution.model.comm
     raise_together(comm, None)
     most = together(comm, whole, "other_solutions: most", most, 1)

@@ -25,7 +25,7 @@ import numpy as np
 
 from erc_contact.base import checks
 from erc_contact.base.exceptions import raise_together
-from erc_contact.error.constitutive import ConstitutiveError
+from erc_contact.error.constitutive import ConstitutiveError, Run, error_of
 from erc_contact.mesh.nodal import NodalMesh
 from erc_contact.mesh.remeshing import FILL, count
 from erc_contact.mesh.simplex import barycentric, rule
@@ -67,7 +67,7 @@ class Sizes:
         return np.array(self.values, dtype=dtype, copy=copy)
 
 
-def size_map(error: ConstitutiveError, accuracy: float) -> Sizes:
+def size_map(error: ConstitutiveError | Run, accuracy: float) -> Sizes:
     """The sizes of the mesh with the fewest elements whose error is the one prescribed; collective.
 
     r_E follows from the formula of the module. The densities of elements are then averaged around each node, and the
@@ -75,7 +75,7 @@ def size_map(error: ConstitutiveError, accuracy: float) -> Sizes:
     ``sum eps_E^2 (h/h_E)^(2 q_E)`` is the prescribed one.
 
     Args:
-        error: The error of the last mesh, of any dimension and degree.
+        error: The error of the last mesh, of any dimension and degree, or a history, whose error is taken.
         accuracy: Prescribed relative error eps_0, > 0.
 
     Returns:
@@ -86,7 +86,7 @@ def size_map(error: ConstitutiveError, accuracy: float) -> Sizes:
 
     Source: Coorevits, Hild, Hjiaj, definition of the optimal mesh.
     """
-    accuracy = checks.accuracy("size_map: accuracy", accuracy)
+    error, accuracy = error_of(error), checks.accuracy("size_map: accuracy", accuracy)
     raise_together(error.domain.mesh.comm, None)
     mesh = NodalMesh(error.domain)
     d, square = mesh.domain.dim, error.total_indicators**2

@@ -15,7 +15,7 @@ from mpi4py import MPI
 
 from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError, raise_together
-from erc_contact.error.constitutive import ConstitutiveError
+from erc_contact.error.constitutive import ConstitutiveError, Run, error_of
 from erc_contact.mesh.domain import Domain
 
 TIE = 1e-6
@@ -91,18 +91,19 @@ def refined(domain: Domain, marked: np.ndarray, max_cells: int) -> Domain:
     return domain.refined(marked)
 
 
-def mark(error: ConstitutiveError, fraction: float = 0.5) -> np.ndarray:
+def mark(error: ConstitutiveError | Run, fraction: float = 0.5) -> np.ndarray:
     """Doerfler marking: the fewest elements over all ranks that carry a fraction of the squared error; collective.
 
     Elements whose errors differ by less than 1e-6 from that of the last marked element are marked, too.
 
     Args:
-        error: The error, whose ``total_indicators`` are compared over all ranks.
+        error: The error, whose ``total_indicators`` are compared over all ranks, or a history, whose error is taken.
         fraction: Share of the sum of their squares, in (0, 1].
 
     Returns:
         Marked cells of this rank.
     """
+    error = error_of(error)
     fraction, comm = checks.fraction("mark: fraction", fraction), error.domain.mesh.comm
     raise_together(comm, None)
     threshold = _threshold(comm, error.total_indicators, fraction)

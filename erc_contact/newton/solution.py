@@ -24,6 +24,7 @@ from erc_contact.model.stress import stress_in_space, von_mises
 from erc_contact.model.trace import split
 from erc_contact.newton.elastic import ElasticSolver
 from erc_contact.newton.methods import Method
+from erc_contact.newton.rest import displacement_at_rest
 from erc_contact.scene.scene import Scene
 
 
@@ -111,16 +112,12 @@ class Solution:
 
     @cached_property
     def at_rest(self) -> bool:
-        """Whether nothing moves the body: there are no loads, and u is round-off; collective.
-
-        Its relative error means nothing then. On a curved body, whose gaps the facets do not carry, it is 100% on any
-        mesh.
-        """
-        comm = self.domain.mesh.comm
-        moved = comm.allreduce(float(abs(self.u.x.array).max(initial=0.0)), MPI.MAX)
-        if moved > REST * self.domain.extent:
+        """Whether nothing loads or moves the body, and u is that of a body at rest up to round-off; collective."""
+        rest = displacement_at_rest(self.model, self.stiffness.load_vector())
+        if rest is None:
             return False
-        return not comm.allreduce(bool(self.stiffness.load_vector().x.array.any()), MPI.LOR)
+        moved = float(abs(self.u.x.array - rest.x.array).max(initial=0.0))
+        return bool(self.domain.mesh.comm.allreduce(moved, MPI.MAX) <= REST * self.domain.extent)
 
     def force(self, part: str) -> Force:
         """Resultant and moment of the consistent nodal forces on a boundary part; collective.
@@ -185,8 +182,16 @@ class Solution:
         u, stress = np.split(at_points(model, points, values), [d], axis=1)
         return ElasticValues(u, stress.reshape(-1, d, d))
 
-    def traction(self, contact: BoundContact) -> Any:
-        """The contact traction of the method on a contact of the model [force/area], UFL, shape (d,)."""
+    def traction(self, contact: str | BoundContact) -> Any:
+        """The contact traction of the method on a contact [force/area], UFL, shape (d,).
+
+        Args:
+            contact: Its name, or the contact of the model.
+
+        Raises:
+            InputError: If no contact has this name.
+        """
+        contact = self.model.contact(contact) if isinstance(contact, str) else contact
         place = self.model.contacts.index(contact)
         multiplier = self.multipliers[place] if self.multipliers else None
         return self.method.traction(self.model, contact, self.u, multiplier)

@@ -28,10 +28,12 @@ from erc_contact.model.promises import bind
 from erc_contact.newton.after import check_after, last_step
 from erc_contact.newton.arguments import check_arguments
 from erc_contact.newton.direct import Direct
+from erc_contact.newton.elastic import ElasticSolver
 from erc_contact.newton.iterative import Iterative
 from erc_contact.newton.ladder import NODAL, attempts
 from erc_contact.newton.methods import Method, Nitsche
 from erc_contact.newton.multigrid import DIRECT
+from erc_contact.newton.rest import displacement_at_rest
 from erc_contact.newton.snes import Found
 from erc_contact.newton.solution import SINGULAR, Solution
 from erc_contact.scene.scene import Scene
@@ -57,9 +59,11 @@ def solve(
 ) -> Solution:
     """Solve a scene on a domain; collective.
 
-    A scene without contact is one linear solve. Otherwise Newton's method starts from ``start`` if given, else from the
-    linear problem with the contact glued, and its line search is a bisection. Further attempts use other parameters,
-    raise friction in steps, and use other line searches (:mod:`erc_contact.newton.ladder`).
+    A scene without contact is one linear solve. A body that nothing loads or moves is at rest, and nothing is solved:
+    u = 0 is exact, or where it is, if it has slid on a plane and is released. Otherwise Newton's method starts from
+    ``start`` if given, else from the linear problem with the contact glued, and its line search is a bisection. Further
+    attempts use other parameters, raise friction in steps, and use other line searches
+    (:mod:`erc_contact.newton.ladder`).
 
     Args:
         scene: The problem.
@@ -118,7 +122,11 @@ def _solution(
 ) -> Solution:
     solver = kind(model)
     try:
-        _check_size(model, solver.elastic.load_vector(), solver.guess)
+        loads = solver.elastic.load_vector()
+        rest = displacement_at_rest(model, loads)
+        if rest is not None:
+            return _at_rest(rest, model, method or DEFAULT, solver.elastic)
+        _check_size(model, loads, solver.guess)
         if solver.elastic.contact_size:
             return _ContactSolve(solver, method, tolerance).solve(start)
         return Solution(model, method or DEFAULT, solver.guess, (), 0, "linear solve", 0.0, 1.0, solver.elastic, 0.0)
@@ -126,6 +134,13 @@ def _solution(
         solver.destroy()
         watch(model.domain, model.comm)
         free_dropped(model.comm)
+
+
+def _at_rest(rest: fem.Function, model: Model, method: Method, elastic: ElasticSolver) -> Solution:
+    """The exact solution of a body at rest."""
+    multipliers = tuple(model.function() for _ in model.contacts) if method.multiplier else ()
+    reason = "at rest: nothing loads or moves the body"
+    return Solution(model, method, rest, multipliers, 0, reason, 0.0, 1.0, elastic, 0.0)
 
 
 def large(model: Model) -> bool:

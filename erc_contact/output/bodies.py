@@ -26,7 +26,7 @@ TRIANGLES = 40_000
 """Greatest number of straight triangles, about, in which curved ones are cut. Edges have fewer parts if need be."""
 REACH = 0.15
 """The foundation is drawn where its magnified gap is below this share of the body's size [-]."""
-PIXELS = 1800
+PIXELS = 1100
 """Number of pixels of the longer side of the image of a body."""
 WORDS = 1.4
 """Width in a figure of the labels of a view in 3D [inches]."""

@@ -8,12 +8,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import Any
 
 import numpy as np
 from mpi4py import MPI
 
-from erc_contact.base.exceptions import raise_together
+from erc_contact.base.exceptions import InputError, raise_together
 from erc_contact.mesh.simplex import lattice, node_between
 
 STYLE = {"font.family": "STIXGeneral", "mathtext.fontset": "stix", "font.size": 11.0, "pdf.fonttype": 42}
@@ -47,6 +48,27 @@ def on_root(comm: MPI.Comm, path: str | Path | None, draw: Callable[[], None]) -
         except Exception as reason:
             error = reason
     raise_together(comm, error)
+
+
+def made_folder(comm: MPI.Comm, folder: str | Path) -> Path:
+    """Make the folder of a run's files, and check that it can be written, before anything is drawn; collective.
+
+    Raises:
+        InputError: If it cannot be.
+    """
+    path, error = Path(folder), None
+    if comm.rank == 0:
+        try:
+            path.mkdir(parents=True, exist_ok=True)
+            with TemporaryFile(dir=path):
+                pass
+        except OSError as reason:
+            error = InputError(
+                f"Nothing can be saved in {str(folder)!r}: {reason.strerror}. The results are as they were; call "
+                "save() again with a folder that you may write to."
+            )
+    raise_together(comm, error)
+    return path
 
 
 def gathered(comm: MPI.Comm, **arrays: np.ndarray) -> dict[str, np.ndarray]:

@@ -108,7 +108,8 @@ def write_report(
             words = in_words(run.error.solution.scene)
             sections["Scene"] = _wide(table(words, ("part", "what holds there")))
         sections |= {heading: _wide(rows, "numbers") for heading, rows in tables.items()}
-        sections["Pictures"] = "".join(_figure(file.parent / name, words) for name, words in pictures.items())
+        if pictures:
+            sections["Pictures"] = "".join(_figure(file.parent / name, words) for name, words in pictures.items())
         if forces:
             sections["Forces on the body"] = _forces(forces)
         if code:

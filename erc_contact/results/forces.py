@@ -2,26 +2,29 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
-from erc_contact.admissible.pair import Admissible
+from erc_contact.admissible.pair import Admissible, pair_of
 from erc_contact.mesh.simplex import bernstein, coefficients, facet_vertices, mass, nodes
 from erc_contact.model.forces import Force, by_cause, total_force
 
 
-def force(pair: Admissible, part: str) -> Force:
+def force(result: Any, part: str) -> Force:
     """Resultant and moment of the tractions sigma^ n on a part of the boundary; collective.
 
     On a contact it is the force of the foundation on the body. On a support it is the reaction, together with the loads
     on the components that the support leaves free. On other parts it is the load.
 
     Args:
-        pair: An admissible pair.
+        result: An admissible pair, an error, or a history.
         part: Name of a boundary part.
 
     Raises:
         InputError: If no boundary part has this name.
     """
+    pair = pair_of(result)
     model, cells = pair.solution.model, pair.cell_geometry
     sides = model.domain.facets(part)
     facets = model.facet_numbers(sides[model.owned(sides)])
@@ -32,8 +35,9 @@ def force(pair: Admissible, part: str) -> Force:
     return total_force(model, corners.ravel(), np.matmul(linear, pair.facet_moments[facets]).reshape(-1, d))
 
 
-def reactions(pair: Admissible) -> dict[str, Force]:
+def reactions(result: Any) -> dict[str, Force]:
     """The forces on the body by their cause, see :func:`erc_contact.model.forces.by_cause`; collective."""
+    pair = pair_of(result)
     return by_cause(pair.solution.model, lambda part: force(pair, part), lambda: _body_force(pair))
 
 

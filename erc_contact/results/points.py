@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from erc_contact.admissible.macro import tensors
-from erc_contact.admissible.pair import Admissible
+from erc_contact.admissible.pair import Admissible, pair_of
 from erc_contact.mesh.simplex import barycentric, bernstein, lagrange
 from erc_contact.model.points import at_points, elastic_stress_at
 
@@ -34,19 +34,20 @@ class Values:
     elastic_stress: np.ndarray
 
 
-def at(pair: Admissible, points: Any) -> Values:
+def at(result: Any, points: Any) -> Values:
     """Displacement and stresses at points of the body; collective.
 
     Stresses jump between cells, and sigma^ jumps between its sub-simplices. At a point between several of them the
     result is their mean.
 
     Args:
-        pair: An admissible pair.
+        result: An admissible pair, an error, or a history.
         points: Points, the same on all ranks [length], shape (n, d) or (d,).
 
     Raises:
         InputError: If the points have another shape or are not finite, or one lies outside the mesh.
     """
+    pair = pair_of(result)
     model, d = pair.solution.model, pair.solution.model.d
     total = at_points(model, points, lambda cell, x: _values(pair, cell, x))
     u, sigma, elastic = np.split(total, [d, d + d * d], axis=1)

@@ -5,9 +5,11 @@ Symbols: u^ admissible displacement, r^ admissible contact traction.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
-from erc_contact.admissible.pair import Admissible
+from erc_contact.admissible.pair import Admissible, pair_of
 from erc_contact.admissible.sampled import MARGIN
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.mesh.simplex import bernstein
@@ -24,11 +26,11 @@ def contact_of(pair: Admissible, name: str) -> ContactTraction:
     return pair.tractions[model.contacts.index(model.contact(name))]
 
 
-def profile(pair: Admissible, name: str) -> np.ndarray:
+def profile(result: Any, name: str) -> np.ndarray:
     """Gap, slip, tractions and status along a contact, point by point, from u^ and r^; collective.
 
     Args:
-        pair: An admissible pair.
+        result: An admissible pair, an error, or a history.
         name: Name of the contact.
 
     Returns:
@@ -37,6 +39,7 @@ def profile(pair: Admissible, name: str) -> np.ndarray:
     Raises:
         InputError: If no contact has this name.
     """
+    pair = pair_of(result)
     model, traction = pair.solution.model, contact_of(pair, name)
     shape = bernstein(model.d - 1, model.degree, profile_points(model))
     status = contact_status(traction, greatest_pressure(model, -traction.normal_component))

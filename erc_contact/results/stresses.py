@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from erc_contact.admissible.macro import tensors
-from erc_contact.admissible.pair import Admissible
+from erc_contact.admissible.pair import Admissible, pair_of
 from erc_contact.mesh.simplex import from_means, mass
 from erc_contact.model.stress import stress_in_space, tells_out_of_plane, von_mises
 
 
-def mean_stress(admissible: Admissible) -> np.ndarray:
+def mean_stress(result: Any) -> np.ndarray:
     """Mean of sigma^ in each owned cell [force/area], shape (owned, 3, 3); collective.
 
     In 2D the stress out of plane is that of the material's ``out_of_plane``, or nan if the material has none.
+
+    Args:
+        result: An admissible pair, an error, or a history.
     """
+    admissible = pair_of(result)
     model = admissible.solution.model
     return stress_in_space(model, tensors(admissible.stress.mean(axis=(1, 2)), model.d))
 

@@ -7,10 +7,17 @@ Between two steps displacement and forces change along straight lines. So the wo
 and that of a body force f is alike. In equilibrium the works of all parts are the change of the strain energy, for any
 length of the step. Of an admissible pair, sigma^ gives t and u^ gives u, and what is left is of the order of its error.
 
-What friction takes in a step is the dissipation function of its law at the end of the step, for the slip of the step
-(backward Euler), ``int b(r^) |u^_t - s|``. For the exact solution it is ``- int r_t . (u_t - s)``. For the pair that is
-less by the friction part of e^2/2, and may be below zero: on a facet with an open and a sticking node, say. It differs
-from the work of the contacts by this and by the error of the steps in time.
+What friction takes in a step is the dissipation function of its law for the slip of the step, with the mean of the
+friction bounds at both ends of the step,
+
+    int (b(r^_n) + b(r^_(n-1)))/2 |u^_t - s|.
+
+It is never below zero, and of second order in the length of the step. The bound at the end alone is of first order: it
+is too small where a part opens while it slides. Minus the work of friction, the tangential part of the work above, is
+of second order, too. It is smaller, because a traction is never above its bound nor always against the slip; on a facet
+with an open and a sticking node it may be below zero. Their difference estimates what the length of the step costs
+where a point begins to slide, or turns. It has the friction part of e^2/2 in it. It does not see how loads vary within
+a step in which all slides.
 
 Symbols: r^ and u^ admissible traction and displacement, b friction bound, s tangential displacement of the last step, d
 dimension, f facets, m coefficients of a facet, q points of a facet.
@@ -18,18 +25,22 @@ dimension, f facets, m coefficients of a facet, q points of a facet.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from mpi4py import MPI
 
 from erc_contact.admissible.cells import facet_order
 from erc_contact.admissible.pair import Admissible
+from erc_contact.admissible.traction import ContactTraction
 from erc_contact.error.constitutive import ROUND_OFF, ConstitutiveError
 from erc_contact.error.works import assembled, elastic_work, friction_work
-from erc_contact.mesh.simplex import barycentric, bernstein, from_means, lagrange, rule
+from erc_contact.mesh.simplex import barycentric, bernstein, from_means, lagrange, projection, rule
+from erc_contact.model.contacts import bind_contact
+from erc_contact.model.foundation import BoundContact, split
 from erc_contact.model.last_step import nearest
 from erc_contact.model.model import Model
+from erc_contact.results.profile import contact_of
 
 
 @dataclass(frozen=True)
@@ -39,12 +50,14 @@ class Energies:
     Attributes:
         work: Work of loads and supports on the body in the step.
         contact: Work of the contacts on the body in the step.
+        friction: The part of the work of the contacts that friction does.
         dissipated: Energy that friction takes in the step.
         stored: Strain energy at its end.
     """
 
     work: float
     contact: float
+    friction: float
     dissipated: float
     stored: float
 
@@ -52,26 +65,60 @@ class Energies:
 def energies(error: ConstitutiveError, last: ConstitutiveError | None) -> Energies:
     """The energies of a step; collective.
 
-    A body at rest has none: all is known of it, and the pair of a curved one is only what its facets make of its gaps.
-
     Args:
         error: The error at its end.
         last: The error at the end of the last step; None starts from rest, without forces.
     """
-    before = None if last is None or last.solution.at_rest else last.admissible
-    if before is None and error.solution.at_rest:
-        return Energies(0.0, 0.0, 0.0, 0.0)
+    before = None if last is None else last.admissible
     pair = error.admissible
     model = error.solution.model
-    contacts = {contact.name for contact in model.contacts}
-    work, contact = _work_in_body(pair, before), 0.0
-    for part in sorted(_working(pair) | (set() if before is None else _working(before))):  # the same on all ranks
-        of_part = _work(pair, before, part)
-        work, contact = (work, contact + of_part) if part in contacts else (work + of_part, contact)
+    contacts = {contact.name: contact for contact in model.contacts}
+    work, contact_work, friction_work = _work_in_body(pair, before), 0.0, 0.0
+    parts = _working(pair) | (set() if before is None else _working(before))
+    for part in sorted(parts):  # the same order on all ranks
+        contact = contacts.get(part)
+        total, tangential = _works(pair, before, part, contact)
+        if contact is None:
+            work += total
+        else:
+            contact_work += total
+            friction_work += tangential
     stored = 0.5 * elastic_work(pair, pair.displacement, pair.displacement).value
     floor = ROUND_OFF * stored
-    friction = sum(friction_work(model, t, pair.displacement, floor).value for t in pair.tractions)
-    return Energies(work, contact, friction, stored)
+    dissipated = sum(_dissipated(pair, before, traction, floor) for traction in pair.tractions)
+    return Energies(work, contact_work, friction_work, dissipated, stored)
+
+
+def _dissipated(pair: Admissible, before: Admissible | None, traction: ContactTraction, floor: float) -> float:
+    """What friction takes on a contact in a step [force length]; collective."""
+    if traction.contact.friction is None:
+        return 0.0
+    model, slip = pair.solution.model, pair.displacement
+    at_begin = friction_work(model, _traction_at_begin(model, before, traction), slip, floor)
+    at_end = friction_work(model, traction, slip, floor)
+    return 0.5 * (at_begin.value + at_end.value)
+
+
+def _traction_at_begin(model: Model, before: Admissible | None, traction: ContactTraction) -> ContactTraction:
+    """The traction at the begin of a step, with the friction law of that time, on the mesh of its end; collective.
+
+    On a mesh that refines the last one it is the same field, on another one a projection of it.
+    """
+    contact = traction.contact
+    if before is None:  # from rest, without pressure
+        return replace(traction, values=np.zeros_like(traction.values))
+    old = before.solution.model
+    if old.domain is model.domain and old.degree == model.degree:
+        last = contact_of(before, contact.name)
+        friction, values = last.contact.friction, last.values
+    else:
+        declared = next(of for of in old.scene.contacts if of.facets == contact.name)
+        friction = bind_contact(model, declared).friction
+        points, weights = rule(model.d - 1, 2 * model.degree)
+        x = np.matmul(barycentric(points), model.facet_corners(contact.facets))
+        carried, _ = _carried(before, contact.name, x)
+        values = np.matmul(projection(model.d - 1, model.degree, points, weights), carried)
+    return replace(traction, contact=replace(contact, friction=friction), values=values)
 
 
 def _working(pair: Admissible) -> set[str]:
@@ -81,15 +128,19 @@ def _working(pair: Admissible) -> set[str]:
     return loaded | {support.facets for support in scene.supports} | {contact.facets for contact in scene.contacts}
 
 
-def _work(pair: Admissible, before: Admissible | None, part: str) -> float:
+def _works(pair: Admissible, before: Admissible | None, part: str, contact: BoundContact | None) -> tuple[float, float]:
     """Work of the tractions on a boundary part in a step [force length]; collective.
 
     On a mesh that refines the last one the integral is exact, on another one it is not.
+
+    Returns:
+        The work, and the part of it that the tangential tractions of a contact do; 0 without contact.
     """
     model = pair.solution.model
     points, weights = rule(model.d - 1, 2 * model.degree)
     facets = model.domain.facets(part)
-    facets = facets[model.owned(facets)]
+    own = model.owned(facets)
+    facets = facets[own]
     t, u = _at(pair, part, points)
     if before is not None:
         if before.solution.domain is model.domain and before.solution.model.degree == model.degree:
@@ -100,8 +151,14 @@ def _work(pair: Admissible, before: Admissible | None, part: str) -> float:
         t, u = 0.5 * (t + old_t), u - old_u
     else:
         t = 0.5 * t
-    local = float(model.facet_areas(facets) @ ((t * u).sum(axis=-1) @ weights))
-    return float(model.comm.allreduce(local, MPI.SUM))
+    areas = model.facet_areas(facets)
+    total = float(areas @ ((t * u).sum(axis=-1) @ weights))
+    tangential = 0.0
+    if contact is not None:
+        _, t_t, _ = split(t, contact.direction[own][:, None, :])
+        tangential = float(areas @ ((t_t * u).sum(axis=-1) @ weights))
+    total, tangential = model.comm.allreduce(np.array([total, tangential]), MPI.SUM)
+    return float(total), float(tangential)
 
 
 def _at(pair: Admissible, part: str, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -13,93 +13,30 @@ import numpy as np
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.html import table
 from erc_contact.base.percent import percent
+from erc_contact.base.progress import at, stage
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.mesh.domain import Domain
 from erc_contact.newton.solution import Solution
 from erc_contact.output.as_code import evolution_as_code
 from erc_contact.output.evolutions import animate, plot_energies, plot_loop, plot_zones
-from erc_contact.output.files import on_root
+from erc_contact.output.files import made_folder, on_root
 from erc_contact.output.pictures import draw_deformed
 from erc_contact.output.report import write_record, write_report
 from erc_contact.output.series import write_series
 from erc_contact.output.verdict import verdict
+from erc_contact.results import Force, Maximum, Values
 from erc_contact.run.energy import energies
 from erc_contact.run.history import History
+from erc_contact.run.time_row import ENERGIES, HEADER, NUMBERS, SECONDS, SHOWN, SUMS, TimeStep, line, shown
 from erc_contact.scene.scene import Scene
 
-HEADER = "       t  cells meshes  N     eps    cont  shear  dissipated  balance  total"
-"""``shear`` is that of the first contact over its pressure, ``balance`` the imbalance over the larger energy."""
-WIDTHS = (8, 6, 6, 2, 7, 7, 6, 11, 8, 6)
-"""Widths of the columns below it."""
-SHOWN = ("t", "cells", "meshes", "Newton", "eps", "contact", "shear", "dissipated", "balance", "seconds")
-"""The same columns in notebooks and reports."""
 NOTE = (
     "Error, scene, forces and body are those at the end of the last step. In the table of steps, shear is that of the "
-    "first contact over its pressure, dissipated is the energy that friction took so far, and balance is what work, "
-    "strain energy and work of the contacts leave, over the larger energy."
+    "first contact over its pressure, dissipated is the energy that friction took so far, in_time is what the length "
+    "of the steps leaves unknown of it, and balance is what work, strain energy and work of the contacts leave, over "
+    "the larger energy."
 )
 """What the report says of the columns."""
-
-
-@dataclass(frozen=True)
-class TimeStep:
-    """One step of a history; energies are sums from the first time on, from rest.
-
-    Attributes:
-        time: Its end.
-        cells: Number of elements of the mesh on which it ends.
-        meshes: Number of meshes.
-        newton_steps: Newton steps on all of them.
-        eps: Relative error (17) of the step, given its history.
-        eps_contact: Contact part of eps.
-        total: Eps with the estimate of the geometry.
-        reached: Whether the accuracy was reached.
-        force: Resultant on each contact by its name [force], d components.
-        moment: Moment about the origin on each contact by its name [force length].
-        work: Work of loads and supports [force length].
-        contact_work: Work of the contacts on the body [force length].
-        dissipated: What friction took [force length]; each step of it is backward Euler's.
-        stored: Strain energy of u^ [force length].
-        scale: ``|sigma^ + C eps(u^)|``, the norm that eps is relative to [sqrt(force length)].
-        solve_seconds: Seconds of the contact solves of the step.
-        equilibrate_seconds: Seconds of the admissible pairs of the step.
-        seconds: Seconds from the start of the run.
-    """
-
-    time: float
-    cells: int
-    meshes: int
-    newton_steps: int
-    eps: float
-    eps_contact: float
-    total: float
-    reached: bool
-    force: dict[str, list[float]]
-    moment: dict[str, list[float]]
-    work: float
-    contact_work: float
-    dissipated: float
-    stored: float
-    scale: float
-    solve_seconds: float
-    equilibrate_seconds: float
-    seconds: float
-
-    @property
-    def imbalance(self) -> float:
-        """The sum ``work + contact_work - stored`` [force length], zero for the exact solution of all steps.
-
-        Both fields of the pair are in it, so it is of the order of their errors.
-        """
-        return self.work + self.contact_work - self.stored
-
-    @property
-    def in_time(self) -> float:
-        """``-contact_work - dissipated`` [force length], what the length of the steps costs, less for shorter ones.
-
-        The friction part of e^2/2 of the steps is in it, too.
-        """
-        return -self.contact_work - self.dissipated
 
 
 def row_of(time: float, history: History, last: ConstitutiveError | None, before: TimeStep | None) -> TimeStep:
@@ -113,7 +50,7 @@ def row_of(time: float, history: History, last: ConstitutiveError | None, before
     """
     error = history.best
     energy = energies(error, last)
-    done = (before.work, before.contact_work, before.dissipated) if before else (0.0, 0.0, 0.0)
+    sums = {name: getattr(before, name) if before else 0.0 for name in SUMS}
     forces = {contact.name: error.force(contact.name) for contact in error.solution.model.contacts}
     return TimeStep(
         time=time,
@@ -126,40 +63,16 @@ def row_of(time: float, history: History, last: ConstitutiveError | None, before
         reached=history.reached,
         force={name: of.force.tolist() for name, of in forces.items()},
         moment={name: of.moment.tolist() for name, of in forces.items()},
-        work=done[0] + energy.work,
-        contact_work=done[1] + energy.contact,
-        dissipated=done[2] + energy.dissipated,
+        work=sums["work"] + energy.work,
+        contact_work=sums["contact_work"] + energy.contact,
+        friction_work=sums["friction_work"] + energy.friction,
+        dissipated=sums["dissipated"] + energy.dissipated,
         stored=energy.stored,
         scale=error.scale,
         solve_seconds=sum(step.solve_seconds for step in history.steps),
         equilibrate_seconds=sum(step.equilibrate_seconds for step in history.steps),
         seconds=0.0,
     )
-
-
-NUMBERS = ("time", "cells", "meshes", "newton_steps", "eps", "eps_contact", "total", "reached")
-ENERGIES = ("work", "contact_work", "dissipated", "stored", "imbalance", "in_time")
-SECONDS = ("solve_seconds", "equilibrate_seconds", "seconds")
-
-
-def shown(row: TimeStep) -> list[str]:
-    """The row of a step below :data:`SHOWN`."""
-    size = max(row.stored, row.dissipated, 1e-300)
-    ratio = "-"
-    if row.force:
-        force = np.array(next(iter(row.force.values())))
-        axis = int(abs(force).argmax())
-        rest = np.delete(force, axis)
-        ratio = f"{np.linalg.norm(rest) / abs(force[axis]):.4f}" if force[axis] else "-"
-    counts = [str(one) for one in (row.cells, row.meshes, row.newton_steps)]
-    energies = [f"{row.dissipated:.4g}", f"{row.imbalance / size:.0e}"]
-    errors = [percent(row.eps, 3), percent(row.eps_contact, 3)]
-    return [f"{row.time:.4g}", *counts, *errors, ratio, *energies, f"{row.seconds:.1f}"]
-
-
-def line(row: TimeStep) -> str:
-    """The row of a step below :data:`HEADER`."""
-    return " ".join(f"{entry:>{width}}" for entry, width in zip(shown(row), WIDTHS, strict=True))
 
 
 @dataclass(frozen=True, eq=False)
@@ -224,6 +137,50 @@ class Evolution:
         """The profile of a contact at the end of each step; see :func:`erc_contact.results.profile`; collective."""
         return [error.profile(contact) for error in self.errors]
 
+    def at(self, points: Any) -> Values:
+        """Displacement and stresses at points at the end of each step; see :func:`erc_contact.results.at`; collective.
+
+        ``evolution.at((0.0, 7.0)).displacement[:, 0, 0]`` is the displacement along x of a point at all times.
+
+        Args:
+            points: Points, the same on all ranks [length], shape (n, d) or (d,).
+
+        Returns:
+            Values with one axis more, the steps, which comes first: displacement (steps, n, d), stresses
+            (steps, n, d, d).
+        """
+        values = [error.at(points) for error in self.errors]
+        return Values(
+            np.stack([of_step.displacement for of_step in values]),
+            np.stack([of_step.stress for of_step in values]),
+            np.stack([of_step.elastic_stress for of_step in values]),
+        )
+
+    def maximum(self, quantity: str) -> list[Maximum]:
+        """Greatest "von Mises" stress, "pressure", ... at the end of each step, and its place; collective.
+
+        See :meth:`ConstitutiveError.maximum`.
+        """
+        return [error.maximum(quantity) for error in self.errors]
+
+    def reactions(self) -> dict[str, Force]:
+        """Forces of supports, contacts and loads at the end of each step, and their balance; collective.
+
+        See :func:`erc_contact.results.reactions`. A cause that is missing at a time has the force zero.
+
+        Returns:
+            Forces by their causes, with one axis more, the steps: force (steps, d), moment (steps, 1 or 3).
+        """
+        of_steps = [error.reactions() for error in self.errors]
+        causes = list(dict.fromkeys(cause for forces in of_steps for cause in forces))
+        balance = of_steps[0]["balance"]
+        none = Force(np.zeros_like(balance.force), np.zeros_like(balance.moment))
+        found = {}
+        for cause in causes:
+            forces = [of_step.get(cause, none) for of_step in of_steps]
+            found[cause] = Force(np.stack([f.force for f in forces]), np.stack([f.moment for f in forces]))
+        return found
+
     def to_csv(self, path: str | Path) -> None:
         """Write the rows as CSV; every rank may call, rank 0 writes."""
         if self.error.domain.mesh.comm.rank != 0:
@@ -239,7 +196,7 @@ class Evolution:
                 before, after = ([getattr(step, name) for name in of] for of in (NUMBERS, (*ENERGIES, *SECONDS)))
                 writer.writerow([*before, *vectors, *after])
 
-    def save(self, folder: str | Path) -> None:
+    def save(self, folder: str | Path, *, pictures: bool = True) -> None:
         """Write table, report, figures and a ParaView file to a folder; collective.
 
         ``report.html`` (one page that holds all it shows, as that of :meth:`History.save`, with error, scene and forces
@@ -247,28 +204,52 @@ class Evolution:
         dissipation and their balance), ``deformed.png``, ``body.vtkhdf`` with all times, which opens in ParaView as it
         is, and for each contact ``loop_<name>.png`` (force against displacement) and, in 2D, ``zones_<name>.png``
         (open, slip and stick along the contact in time).
+
+        Args:
+            folder: The folder, made if it is missing.
+            pictures: Whether figures and pictures are drawn, which takes most of the time.
+
+        Raises:
+            InputError: If the folder cannot be written; nothing is drawn then.
         """
-        folder, comm, forces = Path(folder), self.error.domain.mesh.comm, self.error.reactions()
-        on_root(comm, folder / "evolution.csv", lambda: self.to_csv(folder / "evolution.csv"))
-        write_record(self, folder / "evolution.json", forces)
+        comm = self.error.domain.mesh.comm
+        folder = made_folder(comm, folder)
+        with stage(comm, "saving"):
+            self._save(folder, pictures=pictures)
+
+    def _draw(self, folder: Path) -> dict[str, str]:
+        """Draw all pictures; return their names, and what they show; collective."""
+        comm = self.error.domain.mesh.comm
+        at(comm, "energies")
         plot_energies(self, folder / "energies.png")
-        pictures = {"energies.png": "Energies, and what their balance leaves."}
+        drawn = {"energies.png": "Energies, and what their balance leaves."}
         for name in self.steps[0].force:
+            at(comm, f"contact {name}")
             plot_loop(self, name, folder / f"loop_{name}.png")
-            pictures[f"loop_{name}.png"] = f"Shear of the contact {name} against displacement."
+            drawn[f"loop_{name}.png"] = f"Shear of the contact {name} against displacement."
             if self.error.domain.dim == 2:
                 plot_zones(self, name, folder / f"zones_{name}.png")
-                pictures[f"zones_{name}.png"] = f"Open, slip and stick along the contact {name} in time."
+                drawn[f"zones_{name}.png"] = f"Open, slip and stick along the contact {name} in time."
+        at(comm, "deformed body")
         draw_deformed(self.error, folder / "deformed.png")
-        pictures["deformed.png"] = "The deformed body at the end."
+        drawn["deformed.png"] = "The deformed body at the end."
+        return drawn
+
+    def _save(self, folder: Path, *, pictures: bool) -> None:
+        """Write the files; collective."""
+        comm, forces = self.error.domain.mesh.comm, self.error.reactions()
+        on_root(comm, folder / "evolution.csv", lambda: self.to_csv(folder / "evolution.csv"))
+        write_record(self, folder / "evolution.json", forces)
+        at(comm, "fields at all times")
         write_series(self, folder / "body.vtkhdf")
+        drawn = self._draw(folder) if pictures else {}
         length = f"to t = {self.steps[-1].time:g} in {len(self.steps)} steps"
         write_report(
             self,
             folder / "report.html",
             f"Loading history {length}, each asked for {percent(self.accuracy)}",
             {"Steps": table(map(shown, self.steps), SHOWN)},
-            pictures,
+            drawn,
             claims=verdict(self.error),
             forces=forces,
             code=evolution_as_code(self.scene_at, self.domain, {"accuracy": self.accuracy, **self.settings}),

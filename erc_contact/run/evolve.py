@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from time import perf_counter
 
@@ -31,12 +31,20 @@ from erc_contact.newton.methods import Method
 from erc_contact.newton.solution import Solution
 from erc_contact.run.checkpoint import Checkpoint
 from erc_contact.run.endings import ending
-from erc_contact.run.evolution import HEADER, Evolution, TimeStep, line, row_of
+from erc_contact.run.evolution import Evolution, row_of
 from erc_contact.run.fingerprint import of_history
 from erc_contact.run.history import History
 from erc_contact.run.loop import Loop
 from erc_contact.run.plan import DECISIVE, SETTINGS, Plan, check_callback, check_folder, checked_plan
-from erc_contact.run.time_steps import HALVINGS, LONGER, difference_from_halves, until
+from erc_contact.run.time_row import HEADER, TimeStep, line
+from erc_contact.run.time_steps import (
+    HALVINGS,
+    LONGER,
+    InTime,
+    difference_from_halves,
+    unknown_of_dissipation,
+    until,
+)
 from erc_contact.scene.scene import Scene
 
 
@@ -53,6 +61,7 @@ def evolve(
     solver: str = "auto",
     tighten: int = TIGHTEN,
     path: float | None = None,
+    accuracy_in_time: float | None = None,
     max_cells: int = 1_000_000,
     max_steps: int = 40,
     callback: Callable[[ConstitutiveError, TimeStep], object] | None = None,
@@ -80,6 +89,9 @@ def evolve(
         path: Prescribed accuracy of the steps in time [-], or None to take the times as they are. Each step is then
             compared with its two halves: the difference of the displacements at its end, in the energy norm, relative
             to them, is at most this. Times between the given ones are added as needed; the result has the halves.
+        accuracy_in_time: Prescribed accuracy of the energy that friction takes in a step [-], e.g. 0.05, or None to
+            take the times as they are. What the length of a step leaves unknown of this energy (``TimeStep.in_time``)
+            is at most this share of it, or else below what the mesh leaves unknown. Times are added as with ``path``.
         max_cells: No step goes on to a mesh of more cells.
         max_steps: Greatest number of meshes of a step.
         callback: ``callback(error, row)`` is called after each step on every rank. It ends the run by raising
@@ -96,7 +108,11 @@ def evolve(
         NotConverged: If the contact solve fails at the first time.
         Exception: What else is raised later, by ``scene_at`` say, has the history so far in its attribute ``history``.
     """
-    wanted, path = checks.increasing("times", times), None if path is None else checks.accuracy("path", path)
+    wanted = checks.increasing("times", times)
+    in_time = InTime(
+        None if path is None else checks.accuracy("path", path),
+        None if accuracy_in_time is None else checks.accuracy("accuracy_in_time", accuracy_in_time),
+    )
     if not callable(scene_at):
         raise InputError(f"scene_at is {checks.told(scene_at)}; give a function of the time that returns a Scene.")
     if not isinstance(domain, Domain):
@@ -120,10 +136,10 @@ def evolve(
     if checkpoint is not None:
         check_folder(checkpoint, domain)
         numbers = {name: getattr(plan, name) for name in (*DECISIVE, "accuracy", "max_cells", "max_steps")}
-        given = of_history(scene_at, domain, wanted, numbers | {"times": wanted, "path": path})
+        given = of_history(scene_at, domain, wanted, numbers | {"times": wanted} | asdict(in_time))
         kept = Checkpoint(comm, checkpoint, given, plan.accuracy)
     try:
-        return Walk(plan, scene_at, wanted, path, callback, kept).go(domain)
+        return Walk(plan, scene_at, wanted, in_time, callback, kept).go(domain)
     finally:
         if kept is not None:
             kept.close()
@@ -136,7 +152,7 @@ class Walk:
         plan: What each step is asked for; its scene is that of the first time.
         scene_at: The scene of each time.
         times: The times that are asked for, increasing.
-        path: Accuracy of the steps in time, or None.
+        in_time: What is asked for of the length of the steps.
         callback: Called after each step.
         kept: Where the run is kept, or None.
     """
@@ -146,11 +162,11 @@ class Walk:
         plan: Plan,
         scene_at: Callable[[float], Scene],
         times: list[float],
-        path: float | None,
+        in_time: InTime,
         callback: Callable[[ConstitutiveError, TimeStep], object] | None,
         kept: Checkpoint | None,
     ) -> None:
-        self.plan, self.scene_at, self.times, self.path = plan, scene_at, times, path
+        self.plan, self.scene_at, self.times, self.in_time = plan, scene_at, times, in_time
         self.callback, self.kept = callback, kept
         self.rows: list[TimeStep] = []
         self.errors: list[ConstitutiveError] = []
@@ -167,7 +183,7 @@ class Walk:
             try:
                 self._resume()
                 if not self.rows:
-                    self._accept(self.times[0], self._step(self.times[0], None))
+                    self._accept(*self._ended(self.times[0], self._step(self.times[0], None), None, None))
                     interrupts.check()
                 for end in self.times[1:]:
                     self._to(end, interrupts)
@@ -202,42 +218,60 @@ class Walk:
         self.log.info("Read from %s; the run goes on from here.", kept.folder.path)
 
     def _to(self, end: float, interrupts: Interrupts) -> None:
-        """Make steps to a time, each of which is halved where it does not converge or where the path asks for it."""
+        """Make steps to a time, each of which is halved where it does not converge or is not accurate in time."""
         halved = 0
         while self.time < end:
             begin, to = self.time, until(self.time, self.length, end)
-            difference = 0.0
+            rungs: tuple[str, ...] = ()
             try:
-                found, words = self._attempt(to), "differs from its halves"
-                if self.path is not None:
-                    last, halves = self.errors[-1].solution, found[-1][1].solution
-                    plan = replace(self.plan, scene=self._scene(to, last))
-                    difference = difference_from_halves(plan, last, halves)
-            except NotConverged as reason:
-                failure, found, words = reason, None, "does not converge"
-            if found is None or (self.path is not None and difference > self.path):
+                ended = self._attempt(to)
+                ratio, words = self._inaccuracy(ended)
+            except NotConverged as failure:
+                ratio, words, rungs = np.inf, "does not converge", failure.rungs
+            if ratio > 1.0:
                 halved += 1
                 self.length = 0.5 * (to - begin)
                 if halved > HALVINGS or not begin < begin + 0.5 * self.length < begin + self.length:
-                    rungs = failure.rungs if found is None else ()
                     raise NotConverged(f"The step from t = {begin:g} to {to:g} {words}, halved {halved} times.", rungs)
                 self.log.info("The step to t = %g %s: the next one is half as long.", to, words)
                 continue
-            for time, history in found:
-                self._accept(time, history)
+            for error, row in ended:
+                self._accept(error, row)
                 interrupts.check()
-            short = self.path is not None and difference > LONGER * self.path
-            self.length = (1.0 if short else 2.0) * (to - begin)
+            self.length = (1.0 if ratio > LONGER else 2.0) * (to - begin)
             halved = 0
 
-    def _attempt(self, to: float) -> list[tuple[float, History]]:
+    def _attempt(self, to: float) -> list[tuple[ConstitutiveError, TimeStep]]:
         """The ends of a step, or of its two halves where the path has an accuracy, not accepted yet."""
-        last = self.errors[-1]
-        if self.path is None:
-            return [(to, self._step(to, last))]
+        last, before = self.errors[-1], self.rows[-1]
+        if self.in_time.path is None:
+            return [self._ended(to, self._step(to, last), last, before)]
         middle = 0.5 * (self.time + to)
-        first = self._step(middle, last)
-        return [(middle, first), (to, self._step(to, first.best))]
+        first = self._ended(middle, self._step(middle, last), last, before)
+        return [first, self._ended(to, self._step(to, first[0]), *first)]
+
+    def _ended(
+        self, time: float, history: History, last: ConstitutiveError | None, before: TimeStep | None
+    ) -> tuple[ConstitutiveError, TimeStep]:
+        """The error and the row at the end of a step after another one."""
+        return history.best, row_of(time, history, last, before)
+
+    def _inaccuracy(self, ended: list[tuple[ConstitutiveError, TimeStep]]) -> tuple[float, str]:
+        """How far a step is from its halves and from its accuracy in energy, over what is allowed, and in words."""
+        ratios = [(0.0, "")]
+        if self.in_time.path is not None:
+            error, row = ended[-1]
+            last = self.errors[-1].solution
+            plan = replace(self.plan, scene=self._scene(row.time, last))
+            difference = difference_from_halves(plan, last, error.solution)
+            ratios.append((difference / self.in_time.path, "differs from its halves"))
+        if self.in_time.accuracy_in_time is not None:
+            before = self.rows[-1]
+            for _, row in ended:
+                unknown = unknown_of_dissipation(row, before, self.in_time.accuracy_in_time)
+                ratios.append((unknown, "leaves too much of the dissipated energy unknown"))
+                before = row
+        return max(ratios)
 
     def _step(self, to: float, last: ConstitutiveError | None) -> History:
         """The adaptive run at the end of a step, from the mesh where the last one ended."""
@@ -256,10 +290,8 @@ class Walk:
             check_after(scene, after.domain, after)
         return scene
 
-    def _accept(self, time: float, history: History) -> None:
+    def _accept(self, error: ConstitutiveError, row: TimeStep) -> None:
         """Add a step; collective."""
-        last, before = (self.errors[-1], self.rows[-1]) if self.rows else (None, None)
-        error, row = history.best, row_of(time, history, last, before)
         row = replace(row, seconds=self.comm.allreduce(perf_counter() - self.began, MPI.MAX))
         self.rows.append(row)
         self.errors.append(error)
@@ -296,5 +328,7 @@ class Walk:
             tuple(self.errors),
             scene_at=self.scene_at,
             domain=self.domain,
-            settings={"times": self.times, "path": self.path} | {name: getattr(self.plan, name) for name in SETTINGS},
+            settings={"times": self.times}
+            | asdict(self.in_time)
+            | {name: getattr(self.plan, name) for name in SETTINGS},
         )

@@ -21,7 +21,7 @@ from erc_contact.newton.solution import Solution
 from erc_contact.output.as_code import run_as_code
 from erc_contact.output.contact_plots import plot_contact
 from erc_contact.output.curves import plot_history
-from erc_contact.output.files import on_root
+from erc_contact.output.files import made_folder, on_root
 from erc_contact.output.mesh_pictures import draw_meshes
 from erc_contact.output.paraview import write_fields
 from erc_contact.output.pictures import draw_deformed, draw_error
@@ -136,42 +136,66 @@ class History:
         """Write the rows, the best error, forces, settings and versions as JSON; collective."""
         write_record(self, path, self.reactions())
 
-    def save(self, folder: str | Path) -> None:
+    def save(self, folder: str | Path, *, pictures: bool = True) -> None:
         """Write table, report, figures, pictures and ParaView files to a folder; collective.
 
         ``report.html`` (one page that holds all it shows: scene, what the error proves, pictures, forces, versions),
         ``history.csv``, ``history.json``, ``error.png`` (error against run time and degrees of freedom),
         ``meshes.png``, ``error_map.png``, ``deformed.png``, ``body.vtkhdf``, ``meshes.vtkhdf`` (all meshes with eps_E),
         and for each contact its profile ``contact_<name>.csv``, ``contact_<name>.png`` and ``contact_<name>.vtkhdf``.
+
+        Args:
+            folder: The folder, made if it is missing.
+            pictures: Whether figures and pictures are drawn, which takes most of the time.
+
+        Raises:
+            InputError: If the folder cannot be written; nothing is drawn then.
         """
-        folder, comm = Path(folder), self.best.domain.mesh.comm
+        comm = self.best.domain.mesh.comm
+        folder = made_folder(comm, folder)
         with stage(comm, "saving"):
             forces = self.reactions()
-            pictures = self._save_table(folder, forces)
-            at(comm, "pictures of the best mesh")
-            draw_error(self.best, folder / "error_map.png")
-            draw_deformed(self.best, folder / "deformed.png")
-            pictures |= {"error_map.png": "Share of each element in eps.", "deformed.png": "The deformed body."}
+            self._save_table(folder, forces)
             for traction in self.best.admissible.tractions:
                 name = traction.contact.name
-                plot_contact(self.best.admissible, name, folder / f"contact_{name}.png")
                 _write_profile(comm, self.profile(name), folder / f"contact_{name}.csv")
-                pictures[f"contact_{name}.png"] = f"Traction on the contact {name}, of the admissible stress."
             at(comm, "fields")
             write_fields(self.best, folder)
+            drawn = self._draw(folder) if pictures else {}
             given = {"accuracy": self.accuracy, **self.settings}
             code = run_as_code(self.solution.scene, self.meshes[0][0], given)
-            self._write_report(folder, pictures, claims=verdict(self.best), forces=forces, code=code)
+            self._write_report(folder, drawn, claims=verdict(self.best), forces=forces, code=code)
 
-    def _save_table(self, folder: Path, forces: Mapping[str, Force]) -> dict[str, str]:
-        """Write what needs no scene; return the names of the pictures, and what they show; collective."""
+    def _save_table(self, folder: Path, forces: Mapping[str, Force]) -> None:
+        """Write what needs no scene and no drawing; collective."""
         comm = self.best.domain.mesh.comm
         on_root(comm, folder / "history.csv", lambda: self.to_csv(folder / "history.csv"))
         write_record(self, folder / "history.json", forces)
-        plot_history({"adaptive": self}, folder / "error.png")
-        draw_meshes(self.meshes, folder / "meshes.png")
         write_meshes(self.meshes, folder / "meshes.vtkhdf")
+
+    def _draw_run(self, folder: Path) -> dict[str, str]:
+        """Draw what needs no scene; return the names of the pictures, and what they show; collective."""
+        comm = self.best.domain.mesh.comm
+        at(comm, "error against time")
+        plot_history({"adaptive": self}, folder / "error.png")
+        at(comm, "meshes")
+        draw_meshes(self.meshes, folder / "meshes.png")
         return {"error.png": "Error against run time and against unknowns.", "meshes.png": "Meshes of the run."}
+
+    def _draw(self, folder: Path) -> dict[str, str]:
+        """Draw all pictures of a run; return their names, and what they show; collective."""
+        comm, drawn = self.best.domain.mesh.comm, self._draw_run(folder)
+        at(comm, "error on the best mesh")
+        draw_error(self.best, folder / "error_map.png")
+        at(comm, "deformed body")
+        draw_deformed(self.best, folder / "deformed.png")
+        drawn |= {"error_map.png": "Share of each element in eps.", "deformed.png": "The deformed body."}
+        for traction in self.best.admissible.tractions:
+            name = traction.contact.name
+            at(comm, f"contact {name}")
+            plot_contact(self.best.admissible, name, folder / f"contact_{name}.png")
+            drawn[f"contact_{name}.png"] = f"Traction on the contact {name}, of the admissible stress."
+        return drawn
 
     def _write_report(self, folder: Path, pictures: Mapping[str, str], **more: Any) -> None:
         title = f"Relative error {percent(self.best.total)}, asked for {percent(self.accuracy)}"

@@ -179,10 +179,10 @@ class Loop:
         """Whether the run ends with this error; then the outcome says why."""
         plan, best = self.plan, self.best
         assert best is not None
-        if best.total <= plan.accuracy:
+        if error.solution.at_rest:
+            self.outcome = "The body is at rest: nothing loads or moves it, so that it has no stress and no error."
+        elif best.total <= plan.accuracy:
             self.outcome = f"Reached: {percent(best.total)} <= {percent(plan.accuracy)}."
-        elif error.solution.at_rest:
-            self.outcome = "The body is at rest: no error is left that is relative to its deformation."
         elif len(self.steps) >= plan.max_steps:
             self.outcome = f"Stopped after max_steps = {plan.max_steps} meshes{self.above}."
         elif len(self.steps) == 1:

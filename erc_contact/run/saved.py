@@ -14,7 +14,7 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.base.percent import percent
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.mesh.domain import Domain
-from erc_contact.output.files import on_root
+from erc_contact.output.files import made_folder, on_root
 from erc_contact.run.checkpoint import Checkpoint
 from erc_contact.run.history import History
 
@@ -56,12 +56,14 @@ class SavedHistory(History):
 
     file: Path
 
-    def save(self, folder: str | Path) -> None:
+    def save(self, folder: str | Path, *, pictures: bool = True) -> None:
         """Write ``report.html`` (without the scene), ``history.csv``, ``history.json``, ``error.png``, ``meshes.png``,
         ``meshes.vtkhdf`` and ``body.vtkhdf`` to a folder; collective.
         """  # noqa: D205
-        folder, comm = Path(folder), self.best.domain.mesh.comm
-        self._write_report(folder, self._save_table(folder, {}))
+        comm = self.best.domain.mesh.comm
+        folder = made_folder(comm, folder)
+        self._save_table(folder, {})
+        self._write_report(folder, self._draw_run(folder) if pictures else {})
 
         def copy() -> None:
             shutil.copyfile(self.file, folder / "body.vtkhdf")

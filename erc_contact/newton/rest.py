@@ -1,0 +1,86 @@
+"""Bodies at rest: nothing loads or moves them, so a motion without strain and without contact forces is exact.
+
+Newton's method finds round-off there, and what is measured of it later is round-off over round-off.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from dolfinx import fem
+from mpi4py import MPI
+
+from erc_contact.mesh.simplex import lattice
+from erc_contact.model.expressions import evaluate
+from erc_contact.model.foundation import PROPORTIONAL, BoundContact
+from erc_contact.model.model import Model
+from erc_contact.model.values import DATA_DEGREE
+
+ROUND_OFF = 1e-14
+"""Gap over the size of a body that counts as none [-]."""
+PARALLEL = 1e-12
+"""Difference of two unit normals that counts as none [-]."""
+
+
+def displacement_at_rest(model: Model, loads: fem.Function) -> fem.Function | None:
+    """Return the displacement of a body at rest, None if it is not known to be at rest; collective.
+
+    A body that has not slid yet has u = 0. One that has slid on a plane stays where it is when it is released: all of
+    it moves by the mean of its slip. That is known where no support and no second plane can press it.
+
+    Args:
+        model: The scene on a mesh.
+        loads: Nodal forces of its loads [force], not yet summed over ranks.
+
+    Returns:
+        The displacement [length], the same vector at all nodes, as a new Function.
+    """
+    moves = bool(loads.x.array.any() or model.prescribed.x.array.any())
+    pushes = [_pushes(model, contact) for contact in model.contacts]
+    if model.comm.allreduce(moves or any(pushes), MPI.LOR):
+        return None
+    slides = any(model.slip_before(contact).any() for contact in model.contacts)
+    rest = model.function()
+    if model.comm.allreduce(bool(slides), MPI.LOR):
+        if not _is_loose_on_a_plane(model):
+            return None
+        rest.x.array.reshape(-1, model.d)[:] = _mean_slip(model)
+    return rest
+
+
+def _pushes(model: Model, contact: BoundContact) -> bool:
+    """Whether a contact has a gap below zero on this rank, or any gap if it is bilateral."""
+    if contact.gap is None:
+        return False
+    points = lattice(model.d - 1, DATA_DEGREE)  # the nodes are among them
+    gap = evaluate(contact.gap, model.mesh, points, contact.facets)
+    allowed = ROUND_OFF * model.domain.extent
+    if contact.bilateral:
+        return bool((abs(gap) > allowed).any())
+    return bool((gap < -allowed).any())
+
+
+def _is_loose_on_a_plane(model: Model) -> bool:
+    """Whether all contacts have one normal, friction needs pressure, and no support holds any node; collective."""
+    held = bool(model.fixed.any())
+    for contact in model.contacts:
+        needs_pressure = contact.friction is None or contact.friction.dependence == PROPORTIONAL
+        held = held or contact.bilateral or not needs_pressure
+    normals = np.concatenate([contact.direction for contact in model.contacts])
+    low, high = np.full(model.d, np.inf), np.full(model.d, -np.inf)
+    if len(normals):
+        low, high = normals.min(axis=0), normals.max(axis=0)
+    lowest = np.min(model.comm.allgather(low), axis=0)
+    highest = np.max(model.comm.allgather(high), axis=0)
+    return not model.comm.allreduce(held, MPI.LOR) and bool(np.all(highest - lowest <= PARALLEL))
+
+
+def _mean_slip(model: Model) -> np.ndarray:
+    """The mean over all contacts of the tangential displacement at the end of the last step [length], shape (d,)."""
+    total = np.zeros(model.d + 1)
+    for contact in model.contacts:
+        own = model.owned(contact.facets)
+        area = model.facet_areas(contact.facets)[own]
+        total[:-1] += area @ model.slip_before(contact)[own].mean(axis=1)
+        total[-1] += area.sum()
+    total = model.comm.allreduce(total, MPI.SUM)
+    return np.asarray(total[:-1] / total[-1])

@@ -1,0 +1,106 @@
+"""One row of the table of a loading history."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from erc_contact.base.percent import percent
+
+HEADER = "       t  cells meshes  N     eps    cont  shear  dissipated  in_time  balance  total"
+"""``shear`` is that of the first contact over its pressure, ``balance`` the imbalance over the larger energy."""
+WIDTHS = (8, 6, 6, 2, 7, 7, 6, 11, 8, 8, 6)
+"""Widths of the columns below it."""
+SHOWN = ("t", "cells", "meshes", "Newton", "eps", "contact", "shear", "dissipated", "in_time", "balance", "seconds")
+"""The same columns in notebooks and reports."""
+NUMBERS = ("time", "cells", "meshes", "newton_steps", "eps", "eps_contact", "total", "reached")
+SUMS = ("work", "contact_work", "friction_work", "dissipated")
+"""Energies of all steps so far."""
+ENERGIES = (*SUMS, "stored", "imbalance", "in_time")
+SECONDS = ("solve_seconds", "equilibrate_seconds", "seconds")
+
+
+@dataclass(frozen=True)
+class TimeStep:
+    """One step of a history; energies are sums from the first time on, from rest.
+
+    Attributes:
+        time: Its end.
+        cells: Number of elements of the mesh on which it ends.
+        meshes: Number of meshes.
+        newton_steps: Newton steps on all of them.
+        eps: Relative error (17) of the step, given its history.
+        eps_contact: Contact part of eps.
+        total: Eps with the estimate of the geometry.
+        reached: Whether the accuracy was reached.
+        force: Resultant on each contact by its name [force], d components.
+        moment: Moment about the origin on each contact by its name [force length].
+        work: Work of loads and supports [force length].
+        contact_work: Work of the contacts on the body [force length].
+        friction_work: The part of it that friction does.
+        dissipated: What friction took [force length], of second order in the length of the steps; see
+            :mod:`erc_contact.run.energy`.
+        stored: Strain energy of u^ [force length].
+        scale: ``|sigma^ + C eps(u^)|``, the norm that eps is relative to [sqrt(force length)].
+        solve_seconds: Seconds of the contact solves of the step.
+        equilibrate_seconds: Seconds of the admissible pairs of the step.
+        seconds: Seconds from the start of the run.
+    """
+
+    time: float
+    cells: int
+    meshes: int
+    newton_steps: int
+    eps: float
+    eps_contact: float
+    total: float
+    reached: bool
+    force: dict[str, list[float]]
+    moment: dict[str, list[float]]
+    work: float
+    contact_work: float
+    friction_work: float
+    dissipated: float
+    stored: float
+    scale: float
+    solve_seconds: float
+    equilibrate_seconds: float
+    seconds: float
+
+    @property
+    def imbalance(self) -> float:
+        """The sum ``work + contact_work - stored`` [force length], zero for the exact solution of all steps.
+
+        Both fields of the pair are in it, so it is of the order of their errors.
+        """
+        return self.work + self.contact_work - self.stored
+
+    @property
+    def in_time(self) -> float:
+        """``dissipated + friction_work`` [force length], an estimate of what the length of the steps costs.
+
+        Both are of second order in the length of the steps, and differ where a point begins to slide, or turns. The
+        friction part of e^2/2 of the steps is in it, too. See :mod:`erc_contact.run.energy`.
+        """
+        return self.dissipated + self.friction_work
+
+
+def shown(row: TimeStep) -> list[str]:
+    """The row of a step below :data:`SHOWN`."""
+    size = max(row.stored, row.dissipated, 1e-300)
+    ratio = "-"
+    if row.force:
+        force = np.array(next(iter(row.force.values())))
+        axis = int(abs(force).argmax())
+        rest = np.delete(force, axis)
+        ratio = f"{np.linalg.norm(rest) / abs(force[axis]):.4f}" if force[axis] else "-"
+    counts = [str(one) for one in (row.cells, row.meshes, row.newton_steps)]
+    energies = [f"{row.dissipated:.4g}", f"{row.in_time:.1e}", f"{row.imbalance / size:.0e}"]
+    errors = [percent(row.eps, 3), percent(row.eps_contact, 3)]
+    return [f"{row.time:.4g}", *counts, *errors, ratio, *energies, f"{row.seconds:.1f}"]
+
+
+def line(row: TimeStep) -> str:
+    """The row of a step below :data:`HEADER`."""
+    return " ".join(f"{entry:>{width}}" for entry, width in zip(shown(row), WIDTHS, strict=True))
