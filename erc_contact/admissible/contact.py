@@ -139,7 +139,7 @@ def admissible_tractions(model: Model, solution: Any, loads: np.ndarray, forces:
 
 def _no_traction(model: Model, contact: BoundContact) -> ContactTraction:
     """The traction of a contact that transmits nothing, with the friction bound of no pressure; collective."""
-    nodes, area = model.facet_nodes(contact.facets), model.facet_areas(contact.facets)
+    nodes, area = contact.trace.here.nodes, contact.trace.here.areas
     values = np.zeros((*nodes.shape, model.d))
     law = Allowed(model, contact, np.ones(len(nodes)))
     return ContactTraction(contact, nodes, area, values, law.bound(pressures(values, law.n)))

@@ -38,7 +38,7 @@ def displacement_at_rest(model: Model, loads: fem.Function) -> fem.Function | No
     pushes = [_pushes(model, contact) for contact in model.contacts]
     if model.comm.allreduce(moves or any(pushes), MPI.LOR):
         return None
-    slides = any(model.slip_before(contact).any() for contact in model.contacts)
+    slides = any(contact.trace.slip_before.any() for contact in model.contacts)
     rest = model.function()
     if model.comm.allreduce(bool(slides), MPI.LOR):
         if not _is_loose_on_a_plane(model):
@@ -78,9 +78,9 @@ def _mean_slip(model: Model) -> np.ndarray:
     """The mean over all contacts of the tangential displacement at the end of the last step [length], shape (d,)."""
     total = np.zeros(model.d + 1)
     for contact in model.contacts:
-        own = model.owned(contact.facets)
-        area = model.facet_areas(contact.facets)[own]
-        total[:-1] += area @ model.slip_before(contact)[own].mean(axis=1)
+        side = contact.trace.here
+        area = side.areas[side.owned]
+        total[:-1] += area @ contact.trace.slip_before[side.owned].mean(axis=1)
         total[-1] += area.sum()
     total = model.comm.allreduce(total, MPI.SUM)
     return np.asarray(total[:-1] / total[-1])

@@ -37,9 +37,10 @@ from erc_contact.error.constitutive import ROUND_OFF, ConstitutiveError
 from erc_contact.error.works import assembled, elastic_work, friction_work
 from erc_contact.mesh.simplex import barycentric, bernstein, from_means, lagrange, projection, rule
 from erc_contact.model.contacts import bind_contact
-from erc_contact.model.foundation import BoundContact, split
+from erc_contact.model.foundation import BoundContact
 from erc_contact.model.last_step import nearest
 from erc_contact.model.model import Model
+from erc_contact.model.trace import split
 from erc_contact.results.profile import contact_of
 
 
@@ -113,9 +114,9 @@ def _traction_at_begin(model: Model, before: Admissible | None, traction: Contac
         friction, values = last.contact.friction, last.values
     else:
         declared = next(of for of in old.scene.contacts if of.facets == contact.name)
-        friction = bind_contact(model, declared).friction
+        friction = bind_contact(model, declared, model.modulus).friction
         points, weights = rule(model.d - 1, 2 * model.degree)
-        x = np.matmul(barycentric(points), model.facet_corners(contact.facets))
+        x = np.matmul(barycentric(points), contact.trace.here.corners)
         carried, _ = _carried(before, contact.name, x)
         values = np.matmul(projection(model.d - 1, model.degree, points, weights), carried)
     return replace(traction, contact=replace(contact, friction=friction), values=values)
