@@ -214,6 +214,7 @@ def test_contact_file_holds_the_traction(error, shared_tmp_path):
     force = resultant(traction)
     own = traction.contact.facets[:, 0] < error.domain.owned_cells
     counts = COMM.allreduce(np.bincount(results.contact_status(traction)[own], minlength=3), MPI.SUM)
+    profile = error.profile("bottom")
     output.write_fields(error, shared_tmp_path)
     if COMM.rank == 0:
         grid = read(shared_tmp_path / "contact_bottom.vtkhdf")
@@ -230,6 +231,11 @@ def test_contact_file_holds_the_traction(error, shared_tmp_path):
         assert grid["status"][from_middle.argmin()] == results.STICK
         assert grid["status"][from_middle.argmax()] == results.OPEN
         assert abs(grid.points[:, d - 1]).max() < 1e-15
+        slip = np.linalg.norm(grid["slip"], axis=1)
+        for name, written in (("gap", grid["gap"]), ("slip", slip)):
+            expected = np.sort(abs(profile[name]))
+            assert np.sort(written) == pytest.approx(expected, rel=1e-9, abs=1e-14)
+        assert grid["gap"].max() > 1e-3
 
 
 @pytest.mark.serial
@@ -464,7 +470,8 @@ def test_area_under_the_pressure_of_any_contact(shape):
     )
     contact = SimpleNamespace(direction=n, bilateral=False, sampled=False)
     traction = ContactTraction(contact, ends, area, values, 0.3 * pressure)
-    axes = contact_plots.contact_curves(gathered.Surface(traction, x, ends, np.zeros(ends.shape)))
+    zero = np.zeros(ends.shape)
+    axes = contact_plots.contact_curves(gathered.Surface(traction, x, ends, zero, zero, 0 * x, x))
     force = float(area @ pressure.mean(axis=1))
     assert areas(axes, FACETS) == pytest.approx([force, 0.1 * force], rel=1e-9)
     assert areas(axes, CURVE) == pytest.approx([force, 0.1 * force], rel=1e-3)

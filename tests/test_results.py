@@ -133,6 +133,25 @@ def test_profile_in_space():
     assert area @ corners.mean(axis=1) == pytest.approx(error.force(traction.contact.name).force[2], rel=1e-10)
 
 
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("d", [2, 3])
+def test_weights_of_a_profile_integrate(d, degree):
+    """The force of a contact is a sum over the rows of its profile."""
+    scene, domain = (common_block(), block(4)) if d == 2 else random_scene(5)
+    error = error_of(scene, domain, degree)
+    name = scene.contacts[0].facets
+    profile, force, model = error.profile(name), error.force(name), error.solution.model
+    contact = model.contact(name)
+    own = model.owned(contact.facets)
+    area = COMM.allreduce(model.facet_areas(contact.facets[own]).sum())
+    weight, pressure = profile["weight"], profile["pressure"]
+    assert weight.min() > 0.0
+    assert weight.sum() == pytest.approx(area, rel=1e-13)
+    assert weight @ pressure == pytest.approx(force.force[d - 1], rel=1e-11)
+    if d == 2:
+        assert weight @ profile["shear"] == pytest.approx(force.force[0], rel=1e-11)
+
+
 @pytest.mark.serial
 def test_order_along_curves():
     """Two open curves and a closed one, their facets shuffled."""
