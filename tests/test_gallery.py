@@ -28,7 +28,7 @@ def test_demo(demo, shared_tmp_path, monkeypatch):
     written = {path.name for path in (shared_tmp_path / "results" / demo.stem).iterdir()}
     assert [name for name in written if name.endswith(".png")]
     if "history.save" in demo.read_text():
-        assert {"history.csv", "error.png", "meshes.png", "error_map.png", "deformed.png", "body.vtkhdf"} <= written
+        assert {"history.csv", "error_map.png", "deformed.png", "body.vtkhdf"} <= written
     left = {path.name for path in shared_tmp_path.iterdir()} | {
         path.name for path in (shared_tmp_path / "results").iterdir()
     }

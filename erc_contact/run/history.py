@@ -20,15 +20,16 @@ from erc_contact.mesh.domain import Domain
 from erc_contact.newton.solution import Solution
 from erc_contact.output.as_code import run_as_code
 from erc_contact.output.contact_plots import plot_contact
-from erc_contact.output.curves import plot_history
+from erc_contact.output.curves import SPAN, plot_history
 from erc_contact.output.files import on_root
+from erc_contact.output.foundations import STILL
 from erc_contact.output.mesh_pictures import draw_meshes
 from erc_contact.output.paraview import write_fields
 from erc_contact.output.pictures import draw_deformed, draw_error
 from erc_contact.output.report import write_record, write_report
 from erc_contact.output.series import write_meshes
 from erc_contact.output.verdict import verdict
-from erc_contact.results import Force, Maximum, Values
+from erc_contact.results import OPEN, Force, Maximum, Values
 from erc_contact.run.step import COLUMNS, CURVED, HEADER, SHOWN, Step, line, shown
 
 
@@ -113,16 +114,25 @@ class History:
 
         Args:
             against: Name of the column: cells, dofs or seconds.
-            last: Number of rows; the second half by default.
+            last: Number of rows. By default it is the second half of them, at least three, and more if the unknowns do
+                not grow by a factor of 4 in these.
 
         Returns:
-            The slope, nan with fewer than two rows.
+            The slope; nan with fewer than two rows, or by default if no three rows or more have that factor.
         """
-        number = last or max(2, len(self.steps) // 2)
+        number = self._rows_of_slope() if last is None else last
         x, eps = self.column(against)[-number:], self.column("eps")[-number:]
         if len(x) < 2 or not np.all(eps > 0):
             return float("nan")
         return float(np.polyfit(np.log(x), np.log(eps), 1)[0])
+
+    def _rows_of_slope(self) -> int:
+        """Find the number of last rows that tell a slope; 1 if none do."""
+        dofs = self.column("dofs")
+        for number in range(max(3, len(dofs) // 2), len(dofs) + 1):
+            if dofs[-number:].max() >= SPAN * dofs[-number:].min():
+                return number
+        return 1
 
     def to_csv(self, path: str | Path) -> None:
         """Write the rows as CSV; every rank may call, rank 0 writes."""
@@ -140,23 +150,25 @@ class History:
         """Write table, report, figures, pictures and ParaView files to a folder; collective.
 
         ``report.html`` (one page that holds all it shows: scene, what the error proves, pictures, forces, versions),
-        ``history.csv``, ``history.json``, ``error.png`` (error against run time and degrees of freedom),
-        ``meshes.png``, ``error_map.png``, ``deformed.png``, ``body.vtkhdf``, ``meshes.vtkhdf`` (all meshes with eps_E),
-        and for each contact its profile ``contact_<name>.csv``, ``contact_<name>.png`` and ``contact_<name>.vtkhdf``.
+        ``history.csv``, ``history.json``, ``body.vtkhdf``, ``meshes.vtkhdf`` (all meshes with eps_E), and for each
+        contact its profile ``contact_<name>.csv`` and ``contact_<name>.vtkhdf``. Pictures are drawn where they show
+        something: ``error.png`` (error against run time and degrees of freedom) and ``meshes.png`` of several meshes,
+        ``error_map.png`` of an error, ``deformed.png`` of a body that moves, ``contact_<name>.png`` of a contact that
+        is closed somewhere.
         """
         folder, comm = Path(folder), self.best.domain.mesh.comm
         with stage(comm, "saving"):
             forces = self.reactions()
             pictures = self._save_table(folder, forces)
             at(comm, "pictures of the best mesh")
-            draw_error(self.best, folder / "error_map.png")
-            draw_deformed(self.best, folder / "deformed.png")
-            pictures |= {"error_map.png": "Share of each element in eps.", "deformed.png": "The deformed body."}
+            pictures |= self._draw_best(folder)
             for traction in self.best.admissible.tractions:
                 name = traction.contact.name
-                plot_contact(self.best.admissible, name, folder / f"contact_{name}.png")
-                _write_profile(comm, self.profile(name), folder / f"contact_{name}.csv")
-                pictures[f"contact_{name}.png"] = f"Traction on the contact {name}, of the admissible stress."
+                profile = self.profile(name)
+                _write_profile(comm, profile, folder / f"contact_{name}.csv")
+                if np.any(profile["status"] != OPEN):
+                    plot_contact(self.best.admissible, name, folder / f"contact_{name}.png")
+                    pictures[f"contact_{name}.png"] = f"Traction on the contact {name}, of the admissible stress."
             at(comm, "fields")
             write_fields(self.best, folder)
             given = {"accuracy": self.accuracy, **self.settings}
@@ -168,10 +180,26 @@ class History:
         comm = self.best.domain.mesh.comm
         on_root(comm, folder / "history.csv", lambda: self.to_csv(folder / "history.csv"))
         write_record(self, folder / "history.json", forces)
+        write_meshes(self.meshes, folder / "meshes.vtkhdf")
+        if len(self.steps) == 1:
+            return {}
         plot_history({"adaptive": self}, folder / "error.png")
         draw_meshes(self.meshes, folder / "meshes.png")
-        write_meshes(self.meshes, folder / "meshes.vtkhdf")
         return {"error.png": "Error against run time and against unknowns.", "meshes.png": "Meshes of the run."}
+
+    def _draw_best(self, folder: Path) -> dict[str, str]:
+        """Draw the error and the deformed body of the best mesh; return the names of the pictures, and what they show.
+
+        Collective. An exact solution has no map of its error, and a body that does not move is not drawn deformed.
+        """
+        pictures = {}
+        if self.best.absolute > 0:
+            draw_error(self.best, folder / "error_map.png")
+            pictures["error_map.png"] = "Share of each element in eps."
+        if self.maximum("displacement").value > STILL * self.best.domain.extent:
+            draw_deformed(self.best, folder / "deformed.png")
+            pictures["deformed.png"] = "The deformed body."
+        return pictures
 
     def _write_report(self, folder: Path, pictures: Mapping[str, str], **more: Any) -> None:
         title = f"Relative error {percent(self.best.total)}, asked for {percent(self.accuracy)}"
