@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -28,8 +28,9 @@ from erc_contact.output.paraview import write_fields
 from erc_contact.output.pictures import draw_deformed, draw_error
 from erc_contact.output.report import write_record, write_report
 from erc_contact.output.series import write_meshes
-from erc_contact.output.verdict import verdict
+from erc_contact.output.verdict import of_maxima, verdict
 from erc_contact.results import OPEN, Force, Maximum, Values
+from erc_contact.results.peaks import PEAKS
 from erc_contact.run.step import COLUMNS, CURVED, HEADER, SHOWN, Step, line, shown
 
 
@@ -94,8 +95,17 @@ class History:
         return self.best.at(points)
 
     def maximum(self, quantity: str) -> Maximum:
-        """Greatest "von Mises" stress, "pressure", ... and its place; see :meth:`ConstitutiveError.maximum`."""
-        return self.best.maximum(quantity)
+        """Find the greatest "von Mises" stress, "pressure", ... and its place; collective.
+
+        See :meth:`ConstitutiveError.maximum`. Of von Mises stress, pressure and shear the result also has the values on
+        all meshes, and tells whether they grow with refinement (``grows``).
+        """
+        found = self.best.maximum(quantity)
+        if quantity not in PEAKS:
+            return found
+        name = PEAKS[quantity]
+        values, sizes = self.column(name), self.column(f"{name}_size")
+        return replace(found, values=tuple(values.tolist()), sizes=tuple(sizes.tolist()))
 
     def coulomb_certificate(self) -> CoulombCertificate:
         """What is proved with Coulomb friction, of the best result; see :func:`erc_contact.coulomb_certificate`.
@@ -173,7 +183,9 @@ class History:
             write_fields(self.best, folder)
             given = {"accuracy": self.accuracy, **self.settings}
             code = run_as_code(self.solution.scene, self.meshes[0][0], given)
-            self._write_report(folder, pictures, claims=verdict(self.best), forces=forces, code=code)
+            quantities = PEAKS if self.best.admissible.tractions else ["von Mises"]
+            claims = [*verdict(self.best), *of_maxima({name: self.maximum(name) for name in quantities})]
+            self._write_report(folder, pictures, claims=claims, forces=forces, code=code)
 
     def _save_table(self, folder: Path, forces: Mapping[str, Force]) -> dict[str, str]:
         """Write what needs no scene; return the names of the pictures, and what they show; collective."""
