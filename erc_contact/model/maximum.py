@@ -56,7 +56,7 @@ class Maximum:
         place = ", ".join(f"{x:.4g}" for x in self.place)
         if not self.values:
             return f"{self.value:.6g} at ({place})"
-        trend = {True: "it grows: no limit is seen", False: "it does not grow", None: "too few meshes for a trend"}
+        trend = {True: "it grows: no limit is seen", False: "no growth is seen", None: "too few meshes for a trend"}
         values = ", ".join(f"{value:.4g}" for value in self.values)
         return f"{self.value:.6g} at ({place}); on the meshes {values}: {trend[self.grows]}"
 

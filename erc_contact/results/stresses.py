@@ -15,8 +15,10 @@ def mean_stress(admissible: Admissible) -> np.ndarray:
 
     In 2D the stress out of plane is that of the material's ``out_of_plane``, or nan if the material has none.
     """
-    model = admissible.solution.model
-    return stress_in_space(model, tensors(admissible.stress.mean(axis=(1, 2)), model.d))
+    model, stress = admissible.solution.model, admissible.stress
+    coefficients = stress.reshape(len(stress), -1, stress.shape[-1])
+    share = np.full(coefficients.shape[1], 1 / coefficients.shape[1])  # faster than numpy's mean of short rows
+    return stress_in_space(model, tensors(share @ coefficients, model.d))
 
 
 def vertex_stress(admissible: Admissible) -> np.ndarray:
