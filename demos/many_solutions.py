@@ -65,9 +65,9 @@ for friction in (0.9, 1.9, 2.0):
     )
     if triangle.mesh.comm.rank == 0:
         verdict = "one of many" if solution.singular else "the only one near"
-        found = ", ".join(f"{other.relative:.1e}" for other in others) or "none"
+        errors = ", ".join(f"{other.relative:.1e}" for other in others) or "none"
         print(f"friction {friction}: eps = {error.relative:.1e}, {verdict}")
-        print(f"  {certificate}\n  eps of others found: {found}")
+        print(f"  {certificate}\n  eps of others found: {errors}")
     assert solution.singular == (friction == 2.0)
     assert certificate.unique == (friction == 0.9)
     assert (len(others) >= 2) == (friction == 2.0)
