@@ -94,8 +94,8 @@ for name, (evolution, _) in runs.items():
         abs(evolution.column("imbalance")).max() / evolution.column("stored").max(),
     )
     if root:
-        dissipated = ", ".join(f"{energy:.3e}" for energy in taken)
-        print(f"{name}: {dissipated} in halves of cycles; the balance leaves {left:.1e}")
+        shares = ", ".join(f"{energy:.3e}" for energy in taken)
+        print(f"{name}: {shares} in halves of cycles; the balance leaves {left:.1e}")
     assert evolution.reached
     assert np.all(
         np.diff(evolution.column("dissipated"))
