@@ -2,21 +2,25 @@ r"""
 A contact force between two bounds
 ==================================
 
-Often one number is wanted: the force of a foundation. How wrong is it? The error of the whole field says something of
-the field, and not of this number. But the same admissible pair bounds the number, too.
+Often one number is wanted: the force of a foundation. How wrong is it? The error of the
+whole field says something of the field, and not of this number. But the same admissible
+pair bounds the number, too.
 
-Let :math:`\sigma` be the exact stress, and :math:`e` the error of the pair :math:`(\hat u, \hat\sigma)`. By the
-theorem of Prager and Synge :math:`\sigma` lies in a ball. Its centre is the mean of the two stresses of the pair. Its
-radius is :math:`e/2`, and a little more where the contact has a part in the error. Take any displacement
-:math:`\varphi` that moves the contact by one in a direction :math:`a` and is zero where supports hold. The work of the
-exact stress in it is the contact force and the work of the loads :math:`\ell(\varphi)`:
+Let :math:`\sigma` be the exact stress, and :math:`e` the error of the pair :math:`(\hat
+u, \hat\sigma)`. By the theorem of Prager and Synge :math:`\sigma` lies in a ball. Its
+centre is the mean of the two stresses of the pair. Its radius is :math:`e/2`, and a
+little more where the contact has a part in the error. Take any displacement
+:math:`\varphi` that moves the contact by one in a direction :math:`a` and is zero where
+supports hold. The work of the exact stress in it is the contact force and the work of
+the loads :math:`\ell(\varphi)`:
 
 .. math:: F_a = \int r \cdot a \, ds = (\sigma, \varepsilon(\varphi)) - \ell(\varphi).
 
-So :math:`F_a` lies in an interval around the mean of the two forces. Its half-width is the radius times the energy norm
-of :math:`\varphi`. It is the narrowest for the :math:`\varphi` of least energy, which takes one elastic solve. The
-interval is proved without friction, and with given friction (Tresca's law: the shear is at most a given number). With
-Coulomb's friction it is an estimate, and says so.
+So :math:`F_a` lies in an interval around the mean of the two forces. Its half-width is
+the radius times the energy norm of :math:`\varphi`. It is the narrowest for the
+:math:`\varphi` of least energy, which takes one elastic solve. The interval is proved
+without friction, and with given friction (Tresca's law: the shear is at most a given
+number). With Coulomb's friction it is an estimate, and says so.
 """
 
 from pathlib import Path
@@ -30,8 +34,8 @@ FOLDER = Path("results/force_bounds")
 LIMIT = 0.002  # of the shear [force/area]
 
 # %%
-# A block, tilted and pushed: it opens on the left, and slips and sticks elsewhere. A callback gets the error on each
-# mesh.
+# A block, tilted and pushed: it opens on the left, and slips and sticks elsewhere. A
+# callback gets the error on each mesh.
 
 ec.log_to_console()
 scene = ec.Scene(
@@ -44,9 +48,11 @@ errors, bounds = [], []
 
 
 def bounded(error, step):
-    """The error of a mesh, and the bounds of both components of the force and of the energy."""
+    """Keep the error of a mesh, and the bounds of the force and of the energy."""
     errors.append(error.relative)
-    forces = [ec.resultant(error, "bottom", direction) for direction in ((1, 0), (0, 1))]
+    forces = [
+        ec.resultant(error, "bottom", direction) for direction in ((1, 0), (0, 1))
+    ]
     bounds.append((*forces, ec.potential_energy(error)))
 
 
@@ -54,7 +60,8 @@ history = ec.adapt(scene, block, accuracy=0.01, degree=2, callback=bounded)
 history.save(FOLDER)
 
 # %%
-# With Coulomb's friction the same numbers are estimates, and say so. And a much better solution, to compare with.
+# With Coulomb's friction the same numbers are estimates, and say so. And a much better
+# solution, to compare with.
 
 coulomb = ec.Scene(scene.material, scene.supports, contacts=ec.Contact("bottom", 0.3))
 estimate = ec.resultant(ec.adapt(coulomb, block, accuracy=0.05).error, "bottom", (0, 1))
@@ -67,9 +74,16 @@ exact = *fine.force("bottom").force, ec.potential_energy(fine.error).value
 names = "friction", "pressure", "potential energy"
 if block.mesh.comm.rank == 0:
     figure, axes = plt.subplots(1, 3, figsize=(10.5, 3.8), layout="constrained")
-    for axis, name, of_meshes, number in zip(axes, names, zip(*bounds, strict=True), exact, strict=True):
-        low, high = (np.array([getattr(b, end) for b in of_meshes]) for end in ("low", "high"))
-        print(f"{name}: " + ", ".join(f"[{a:.5g}, {b:.5g}]" for a, b in zip(low, high, strict=True)))
+    for axis, name, of_meshes, number in zip(
+        axes, names, zip(*bounds, strict=True), exact, strict=True
+    ):
+        low, high = (
+            np.array([getattr(b, end) for b in of_meshes]) for end in ("low", "high")
+        )
+        print(
+            f"{name}: "
+            + ", ".join(f"[{a:.5g}, {b:.5g}]" for a, b in zip(low, high, strict=True))
+        )
         axis.fill_between(100 * np.array(errors), low, high, color="C0", alpha=0.3)
         axis.plot(100 * np.array(errors), (low + high) / 2, "o-", ms=3)
         axis.axhline(number, color="k", lw=1, ls="--")
@@ -77,11 +91,13 @@ if block.mesh.comm.rank == 0:
         axis.invert_xaxis()
     axes[0].set_ylabel("certified interval")
     figure.savefig(FOLDER / "intervals.png", dpi=150)
-    print(f"Coulomb: [{estimate.low:.5g}, {estimate.high:.5g}], guaranteed: {estimate.guaranteed}")
+    interval = f"[{estimate.low:.5g}, {estimate.high:.5g}]"
+    print(f"Coulomb: {interval}, guaranteed: {estimate.guaranteed}")
 
 # %%
-# What must hold: each interval is proved, and holds the number of the better solution; those of forces shrink like the
-# error, and those of the energy like its square. Coulomb's is an estimate.
+# What must hold: each interval is proved, and holds the number of the better solution;
+# those of forces shrink like the error, and those of the energy like its square.
+# Coulomb's is an estimate.
 
 assert history.reached
 for number, of_meshes in zip(exact, zip(*bounds, strict=True), strict=True):

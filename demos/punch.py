@@ -2,23 +2,25 @@ r"""
 A brake pad: rounded corners, two materials
 ===========================================
 
-A pad of a soft lining on a back of steel is pressed on a disc, here a plane, and dragged along it. Its lower corners
-are round. Two things can be learnt.
+A pad of a soft lining on a back of steel is pressed on a disc, here a plane, and
+dragged along it. Its lower corners are round. Two things can be learnt.
 
-*Corners.* Under a sharp rigid corner the pressure of an elastic contact is infinite. A round corner leaves the
-foundation gradually: the contact ends somewhere on the arc, and there the pressure is zero. Its peak, near the end of
-the flat part, is finite.
+*Corners.* Under a sharp rigid corner the pressure of an elastic contact is infinite. A
+round corner leaves the foundation gradually: the contact ends somewhere on the arc, and
+there the pressure is zero. Its peak, near the end of the flat part, is finite.
 
-*The leading edge.* The pad is 15 high. It is pressed by :math:`P` and pushed by :math:`Q` at its top, friction holds it
-at its foot, and the couple :math:`Q h` has to be carried, too. It is carried by the pressure, which moves to the
-leading side: its centre is at
+*The leading edge.* The pad is 15 high. It is pressed by :math:`P` and pushed by
+:math:`Q` at its top, friction holds it at its foot, and the couple :math:`Q h` has to
+be carried, too. It is carried by the pressure, which moves to the leading side: its
+centre is at
 
 .. math:: x_c = \frac{1}{P} \int p\, x\, ds = \frac{Q h}{P},
 
-whatever the materials are. With :math:`Q/P = 0.2` this is 3 mm, almost half-way to the end of the flat part at 7 mm.
-This is why brake pads wear unevenly. Here the trailing end of the flat part has even begun to lift. As :math:`Q < \mu
-P`, the pad sticks as a whole, and slips only near its edges. The lining is squeezed out under the leading edge, so the
-shear changes its sign there.
+whatever the materials are. With :math:`Q/P = 0.2` this is 3 mm, almost half-way to the
+end of the flat part at 7 mm. This is why brake pads wear unevenly. Here the trailing
+end of the flat part has even begun to lift. As :math:`Q < \mu P`, the pad sticks as a
+whole, and slips only near its edges. The lining is squeezed out under the leading edge,
+so the shear changes its sign there.
 """
 
 from pathlib import Path
@@ -34,27 +36,37 @@ FOLDER = Path("results/punch")
 HEIGHT, FLAT, P, Q = 15.0, 7.0, 10.0 * 20.0, 2.0 * 20.0  # mm, mm, N/mm, N/mm
 
 # %%
-# A geometry of your own: any model of gmsh, its boundary parts and regions named by physical groups. On several ranks
-# each makes the model, and that of rank 0 counts. A boundary in no group is free.
+# A geometry of your own: any model of gmsh, its boundary parts and regions named by
+# physical groups. On several ranks each makes the model, and that of rank 0 counts. A
+# boundary in no group is free.
 
 
 def brake_pad():
-    """20 x 15, corners of radius 3 below; the lower 5 are the region lining, the rest is the region back."""
+    """20 x 15, corners of radius 3 below; the lower 5 are the region lining."""
     gmsh.initialize()
     gmsh.option.setNumber("General.Terminal", 0)
     gmsh.option.setNumber("Mesh.MeshSizeMax", 3.0)
     gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", 12)
     occ = gmsh.model.occ
     rounded = occ.addRectangle(-10.0, 0.0, 0.0, 20.0, 15.0, roundedRadius=3.0)
-    (lining,), _ = occ.intersect([(2, rounded)], [(2, occ.addRectangle(-10.0, 0.0, 0.0, 20.0, 5.0))])
+    (lining,), _ = occ.intersect(
+        [(2, rounded)], [(2, occ.addRectangle(-10.0, 0.0, 0.0, 20.0, 5.0))]
+    )
     occ.fragment([lining], [(2, occ.addRectangle(-10.0, 5.0, 0.0, 20.0, 10.0))])
     occ.synchronize()
     for _, surface in gmsh.model.getEntities(2):
         upper = occ.getCenterOfMass(2, surface)[1] > 5
         gmsh.model.addPhysicalGroup(2, [surface], name="back" if upper else "lining")
-    curves = {curve: occ.getCenterOfMass(1, curve)[1] for _, curve in gmsh.model.getEntities(1)}
-    gmsh.model.addPhysicalGroup(1, [curve for curve, y in curves.items() if y < 2.5], name="foot")
-    gmsh.model.addPhysicalGroup(1, [curve for curve, y in curves.items() if y > 14.9], name="top")
+    curves = {
+        curve: occ.getCenterOfMass(1, curve)[1]
+        for _, curve in gmsh.model.getEntities(1)
+    }
+    gmsh.model.addPhysicalGroup(
+        1, [curve for curve, y in curves.items() if y < 2.5], name="foot"
+    )
+    gmsh.model.addPhysicalGroup(
+        1, [curve for curve, y in curves.items() if y > 14.9], name="top"
+    )
     domain = ec.from_gmsh(gmsh.model)
     gmsh.finalize()
     return domain
@@ -74,16 +86,16 @@ history = ec.adapt(scene, pad, accuracy=0.02, degree=2, strategy=ec.SizeMap())
 history.save(FOLDER)
 
 # %%
-# The centre of pressure is the moment of the foundation's force about the origin, over the force.
+# The centre of pressure is the moment of the foundation's force about the origin, over
+# the force.
 
 foot, contact = history.force("foot"), history.profile("foot")
 x, p, q = contact["x"], contact["pressure"], contact["shear"]
 centre = foot.moment[0] / foot.force[1]
 left, right = x[p > 0].min(), x[p > 0].max()
 if pad.mesh.comm.rank == 0:
-    print(
-        f"force {foot.force} N/mm, centre {centre:.4f} mm; contact {left:.2f} to {right:.2f} mm, peak {p.max():.1f} MPa"
-    )
+    print(f"force {foot.force} N/mm, centre {centre:.4f} mm")
+    print(f"contact {left:.2f} to {right:.2f} mm, peak {p.max():.1f} MPa")
     figure, axes = plt.subplots(figsize=(6.4, 4.0), layout="constrained")
     axes.plot(x, p, label="pressure $p$")
     axes.plot(x, -q, label="shear against the push $-q$")
@@ -95,9 +107,9 @@ if pad.mesh.comm.rank == 0:
     figure.savefig(FOLDER / "traction.png", dpi=150)
 
 # %%
-# What must hold: the forces and their couple, exactly; a contact that ends on the leading arc, where the pressure has
-# its peak, and before the trailing one; a pad that sticks in the middle, slips at its edges, and is squeezed out in
-# front.
+# What must hold: the forces and their couple, exactly; a contact that ends on the
+# leading arc, where the pressure has its peak, and before the trailing one; a pad that
+# sticks in the middle, slips at its edges, and is squeezed out in front.
 
 assert history.reached
 assert np.allclose(foot.force, (-Q, P), rtol=1e-6)

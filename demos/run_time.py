@@ -2,24 +2,28 @@ r"""
 Error against run time
 ======================
 
-What does an accuracy cost? Three choices decide: the degree of the elements, the way to the next mesh, and whether the
-admissible stress is tightened.
+What does an accuracy cost? Three choices decide: the degree of the elements, the way to
+the next mesh, and whether the admissible stress is tightened.
 
-*Degree.* Where the solution is smooth, halving the elements divides the error of degree :math:`k` by :math:`2^k`. With
-:math:`N` unknowns in the plane the error is at best like :math:`N^{-k/2}`. At corners and at the ends of contact and
-stick the solution is not smooth, and a uniform mesh has a lower rate, whatever the degree. Adaptive meshes get the best
-rate back.
+*Degree.* Where the solution is smooth, halving the elements divides the error of degree
+:math:`k` by :math:`2^k`. With :math:`N` unknowns in the plane the error is at best like
+:math:`N^{-k/2}`. At corners and at the ends of contact and stick the solution is not
+smooth, and a uniform mesh has a lower rate, whatever the degree. Adaptive meshes get
+the best rate back.
 
-*Next mesh.* ``Uniform`` refines all, ``Mark`` the elements that carry half of the squared error. ``SizeMap`` computes
-the sizes of the mesh that has the prescribed error with the fewest elements, and meshes anew.
+*Next mesh.* ``Uniform`` refines all, ``Mark`` the elements that carry half of the
+squared error. ``SizeMap`` computes the sizes of the mesh that has the prescribed error
+with the fewest elements, and meshes anew.
 
-*Tightening.* The error :math:`e` compares two fields, a displacement and a stress. The stress that is reconstructed
-element by element is in equilibrium, but is often the worse of the two. Some iterations that lower its
-complementary energy make it better, so :math:`e` falls, at no cost in proof.
+*Tightening.* The error :math:`e` compares two fields, a displacement and a stress. The
+stress that is reconstructed element by element is in equilibrium, but is often the
+worse of the two. Some iterations that lower its complementary energy make it better, so
+:math:`e` falls, at no cost in proof.
 
-Here degree 1 goes to 3%, and degree 2 to 0.6%. Times are of this machine and of the day; the order is not. Each run is
-made three times, in turn with the others, and the fastest counts, so that what else the machine does matters less. A
-run before compiles the forms.
+Here degree 1 goes to 3%, and degree 2 to 0.6%. Times are of this machine and of the
+day; the order is not. Each run is made three times, in turn with the others, and the
+fastest counts, so that what else the machine does matters less. A run before compiles
+the forms.
 """
 
 from pathlib import Path
@@ -52,7 +56,9 @@ RUNS = {
 
 def run(options):
     """One run of a kind."""
-    return ec.adapt(scene, block, {1: 0.03, 2: 0.006}[options.get("degree", 1)], **options)
+    return ec.adapt(
+        scene, block, {1: 0.03, 2: 0.006}[options.get("degree", 1)], **options
+    )
 
 
 def fastest(runs):
@@ -75,11 +81,12 @@ seconds = {name: history.steps[-1].seconds for name, history in histories.items(
 if block.mesh.comm.rank == 0:
     for name, history in histories.items():
         last = history.steps[-1]
-        print(f"{name:<34}{last.cells:8d} elements{last.dofs:8d} unknowns  eps {last.eps:.2%}{last.seconds:7.2f} s")
+        size = f"{last.cells:8d} elements{last.dofs:8d} unknowns"
+        print(f"{name:<34}{size}  eps {last.eps:.2%}{last.seconds:7.2f} s")
 
 # %%
-# What must hold: each choice saves elements, by the factors below, degree 2 also at a fifth of the error; and the best
-# run is faster than the worst.
+# What must hold: each choice saves elements, by the factors below, degree 2 also at a
+# fifth of the error; and the best run is faster than the worst.
 
 assert all(history.reached for history in histories.values())
 loose, uniform, marked, sized, quadratic, best = cells.values()

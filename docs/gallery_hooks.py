@@ -8,13 +8,20 @@ from typing import Any
 from sphinx_gallery.scrapers import figure_rst
 
 DEMOS = Path(__file__).parents[1] / "demos"
+FIRST = ("deformed", "error_map")
+"""Pictures that tell what a demo is about. The first picture of a page is its thumbnail in the gallery."""
 
 
 def pictures(block: Any, block_vars: dict[str, Any], gallery_conf: dict[str, Any]) -> str:
     """The pictures that a block of a demo has written to its folder in results, moved into the gallery."""
-    found = sorted(Path("results", Path(block_vars["src_file"]).stem).rglob("*.png"))
+    found = sorted(Path("results", Path(block_vars["src_file"]).stem).rglob("*.png"), key=_place)
     moved = [shutil.move(path, next(block_vars["image_path_iterator"])) for path in found]
     return figure_rst(moved, gallery_conf["src_dir"])
+
+
+def _place(picture: Path) -> tuple[int, str]:
+    """Order pictures: those of :data:`FIRST`, then the others by their names."""
+    return (FIRST.index(picture.stem) if picture.stem in FIRST else len(FIRST)), str(picture)
 
 
 def name_file(gallery_conf: dict[str, Any], name: str | None) -> None:

@@ -10,6 +10,9 @@ import erc_contact as ec
 
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 CODE = re.compile(r"^```python\n(.*?)^```", re.MULTILINE | re.DOTALL)
+BLOCK = re.compile(r"^```(?:python|console)\n(.*?)^```", re.MULTILINE | re.DOTALL)
+WIDTH = 88
+"""Greatest number of characters of a line of code on a page."""
 pytestmark = pytest.mark.serial
 
 
@@ -39,6 +42,27 @@ def test_public_names_are_on_a_page():
     assert set(ec.__all__) <= shown
     assert {f"results.{name}" for name in ec.results.__all__} <= shown
     assert "output" in shown
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
+def test_code_of_pages_fits_the_page(page):
+    """At a width of 1280 pixels the site cuts longer lines."""
+    long = [line for block in BLOCK.findall(page.read_text()) for line in block.splitlines() if len(line) > WIDTH]
+    assert long == []
+
+
+@pytest.mark.parametrize("demo", sorted((ROOT / "demos").rglob("*.py")), ids=lambda demo: demo.stem)
+def test_demos_fit_the_page(demo):
+    assert [line for line in demo.read_text().splitlines() if len(line) > WIDTH] == []
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
+def test_pages_load_mpi_first(page):
+    """In the wheels of DOLFINx, mpi4py finds the library of MPI, and the compiled modules find it there."""
+    lines = code(page).splitlines()
+    loads = [number for number, line in enumerate(lines) if re.match(r"(import|from) (dolfinx|petsc4py)", line)]
+    first = [number for number, line in enumerate(lines) if re.match(r"from mpi4py|import erc_contact", line)]
+    assert not loads or min(first, default=len(lines)) < min(loads)
 
 
 if __name__ == "__main__":

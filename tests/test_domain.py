@@ -339,6 +339,45 @@ def test_other_formats(suffix, dim, gmsh_session, shared_tmp_path, measures):
         assert set(domain.regions) == {"9"}
 
 
+@pytest.fixture
+def tagged_file(shared_tmp_path):
+    """A unit square as a vtu file of two triangles, without nodes inside: sides 1 to 4, body 3."""
+    path = shared_tmp_path / "square.vtu"
+    if COMM.rank == 0:
+        import meshio
+
+        x = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], dtype=float)
+        cells = [("line", np.array([[0, 1], [1, 2], [2, 3], [3, 0]])), ("triangle", np.array([[0, 1, 2], [0, 2, 3]]))]
+        tags = [np.array([1, 2, 3, 4]), np.array([3, 3])]
+        meshio.Mesh(x, cells, cell_data={"part": tags}).write(path)
+    COMM.barrier()
+    return path
+
+
+def test_parts_of_a_file_get_names(tagged_file, measures):
+    """A vtu file has tags only."""
+    names = {1: "bottom", (1, 3): "top", (2, 3): "steel"}
+    domain = ec.read_mesh(tagged_file, names=names)
+    assert set(domain.names) == {"bottom", "2", "top", "4"}
+    assert set(domain.regions) == {"steel"}
+    assert close(measures.part(domain, "bottom"), 1.0)
+    x = domain.mesh.geometry.x[dmesh.entities_to_geometry(domain.mesh, 1, domain.facet_tags.find(domain.tag("top")))]
+    assert np.all(x[..., 1] == 1.0)
+
+
+def test_names_of_parts_that_cannot_be_given(tagged_file):
+    for names, words in (
+        ({7: "bottom"}, "no part of the mesh has this tag; the mesh has 1, 2, 3, 4, 3"),
+        ({3: "top"}, r"a boundary part and a region; give one of \(1, 3\) and \(2, 3\)"),
+        ({1: "side", 2: "side"}, "'side' is that of the tags 1 and 2"),
+        ({1: "2"}, "'2' is that of the tags 1 and 2"),
+        ({"bottom": 1}, "names of parts by their tags"),
+        (["bottom"], "names of parts by their tags"),
+    ):
+        with pytest.raises(ec.InputError, match=words):
+            ec.read_mesh(tagged_file, names=names)
+
+
 # -- meshes of the user's ------------------------------------------------------------------------------------
 
 

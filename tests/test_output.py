@@ -21,6 +21,7 @@ import numpy as np
 import pytest
 import ufl
 from mpi4py import MPI
+from processes import ROOT
 from scenes import block, mostly_serial, patch_test, random_scene, resultant
 
 import erc_contact as ec
@@ -214,6 +215,7 @@ def test_contact_file_holds_the_traction(error, shared_tmp_path):
     force = resultant(traction)
     own = traction.contact.facets[:, 0] < error.domain.owned_cells
     counts = COMM.allreduce(np.bincount(results.contact_status(traction)[own], minlength=3), MPI.SUM)
+    profile = error.profile("bottom")
     output.write_fields(error, shared_tmp_path)
     if COMM.rank == 0:
         grid = read(shared_tmp_path / "contact_bottom.vtkhdf")
@@ -230,6 +232,11 @@ def test_contact_file_holds_the_traction(error, shared_tmp_path):
         assert grid["status"][from_middle.argmin()] == results.STICK
         assert grid["status"][from_middle.argmax()] == results.OPEN
         assert abs(grid.points[:, d - 1]).max() < 1e-15
+        slip = np.linalg.norm(grid["slip"], axis=1)
+        for name, written in (("gap", grid["gap"]), ("slip", slip)):
+            expected = np.sort(abs(profile[name]))
+            assert np.sort(written) == pytest.approx(expected, rel=1e-9, abs=1e-14)
+        assert grid["gap"].max() > 1e-3
 
 
 @pytest.mark.serial
@@ -298,15 +305,15 @@ def test_picture_of_a_contact_on_a_slope(shared_tmp_path):
 
 
 @pytest.mark.serial
-def test_pictures_without_load(shared_tmp_path):
+def test_nothing_to_show_has_no_picture(shared_tmp_path):
+    """One mesh has no curve of its error, no load no error and no displacement."""
     scene = ec.Scene(material=ec.Elastic(1.0, 0.3), supports=[ec.Displacement("top", (0, 0))])
     history = ec.adapt(scene, block(2), accuracy=0.1)
     assert history.steps[-1].eps == 0
     history.save(shared_tmp_path)
     if COMM.rank == 0:
         names = {path.name for path in shared_tmp_path.iterdir()}
-        pictures = {"error.png", "meshes.png", "error_map.png", "deformed.png"}
-        assert names == pictures | {"report.html", "history.csv", "history.json", "body.vtkhdf", "meshes.vtkhdf"}
+        assert names == {"report.html", "history.csv", "history.json", "body.vtkhdf", "meshes.vtkhdf"}
         assert not read(shared_tmp_path / "body.vtkhdf")["von_mises"].any()
 
 
@@ -410,7 +417,7 @@ def test_files_are_small(degree, shared_tmp_path):
         output.write_fields(error, shared_tmp_path)
         if COMM.rank == 0:
             for name, many in (("body", error.domain.cells), ("contact_bottom", cells[0])):
-                assert (shared_tmp_path / f"{name}.vtkhdf").stat().st_size < 50e3 + 1e3 * many
+                assert (shared_tmp_path / f"{name}.vtkhdf").stat().st_size < 60e3 + 1e3 * many
 
 
 def test_file_that_cannot_be_written(error, shared_tmp_path):
@@ -464,7 +471,8 @@ def test_area_under_the_pressure_of_any_contact(shape):
     )
     contact = SimpleNamespace(direction=n, bilateral=False, sampled=False)
     traction = ContactTraction(contact, ends, area, values, 0.3 * pressure)
-    axes = contact_plots.contact_curves(gathered.Surface(traction, x, ends, np.zeros(ends.shape)))
+    zero = np.zeros(ends.shape)
+    axes = contact_plots.contact_curves(gathered.Surface(traction, x, ends, zero, zero, 0 * x, x))
     force = float(area @ pressure.mean(axis=1))
     assert areas(axes, FACETS) == pytest.approx([force, 0.1 * force], rel=1e-9)
     assert areas(axes, CURVE) == pytest.approx([force, 0.1 * force], rel=1e-3)
@@ -501,40 +509,108 @@ def test_curved_edges_are_drawn(d, shared_tmp_path, seen):
         assert "displacement × 20" in texts(seen.figures[0])
 
 
-@pytest.mark.parametrize("gap", ["none", "constant", "curved"])
-def test_foundation_is_drawn_where_the_body_meets_it(gap, shared_tmp_path, seen):
-    """Gap and displacement are magnified alike: what is closed looks closed, nothing enters the foundation."""
-    scene, domain = punch(2)
-    given = {"none": 0.0, "constant": 0.02, "curved": scene.contacts[0].gap}[gap]
-    scene = replace(scene, contacts=[replace(scene.contacts[0], gap=given)])
-    factor = 7.0
-    error = error_of(scene, domain)
-    output.draw_deformed(error, shared_tmp_path / "deformed.png", factor=factor)
+def ground_and_nodes(error, seen):
+    """On rank 0: the drawn line of the only foundation, from left to right, and the contact nodes with their u^."""
     model, (traction,) = error.solution.model, error.admissible.tractions
-    nodes = np.unique(traction.nodes[traction.contact.facets[:, 0] < domain.owned_cells])
-    x = model.V.tabulate_dof_coordinates()[nodes, 0]
+    nodes = np.unique(traction.nodes[model.owned(traction.contact.facets)])
+    x = model.V.tabulate_dof_coordinates()[nodes, :2]
     u = error.admissible.displacement.x.array.reshape(-1, 2)[nodes]
-    at = np.concatenate(COMM.allgather(np.column_stack([x, x + factor * u[:, 0], factor * u[:, 1]])))
+    every = np.concatenate(COMM.allgather(np.column_stack([x, u])))
+    if COMM.rank > 0:
+        return None, every
+    ground = [mesh.points for mesh, look in seen.meshes if look.get("color") == "#505050"][-1]
+    return ground[np.argsort(ground[:, 0])], every
+
+
+GAPS = {"none": 0.0, "constant": 0.02, "linear": lambda x: 0.01 * x[0]}
+
+
+@pytest.mark.parametrize("gap", GAPS)
+def test_flat_foundation_is_met_where_the_contact_is_closed(gap, shared_tmp_path, seen):
+    """Its gap is not magnified: it is moved with the body, so that what is closed looks closed, and nothing enters."""
+    scene, domain = punch(2)
+    scene = replace(scene, contacts=[replace(scene.contacts[0], gap=GAPS[gap])])
+    error, factor = error_of(scene, domain), 7.0
+    output.draw_deformed(error, shared_tmp_path / "deformed.png", factor=factor)
+    ground, nodes = ground_and_nodes(error, seen)
     if COMM.rank == 0:
-        (ground,) = [mesh.points for mesh, look in seen.meshes if look.get("color") == "#505050"]
-        ground = ground[np.argsort(ground[:, 0])]
-        size = float(np.hypot(4.0, 1.0))
-        known = (at[:, 0] >= ground[0, 0]) & (at[:, 0] <= ground[-1, 0])
-        below = np.interp(at[:, 0], *ground[:, :2].T)
-        expected = -factor * (0.03 * (at[:, 0] - 1.9) ** 2 if gap == "curved" else given + 0 * at[:, 0])
-        assert known.sum() > 15
-        assert below[known] == pytest.approx(expected[known], abs=2e-3 * size)
-        clear = (at[:, 2] - below)[known]
-        assert clear.min() > -1e-9
-        closed = 1e-9 if gap != "curved" else 0.3 * factor * 0.03 * (4.0 / 32) ** 2 + 1e-9  # admissible between nodes
-        assert np.count_nonzero(clear <= closed) > 5
-        assert ground[:, 1].min() > -0.16 * size
-        if gap != "curved":
-            assert ground[0, 0] < at[:, 1].min() < at[:, 1].max() < ground[-1, 0]
+        x, y = (nodes[:, :2] + factor * nodes[:, 2:]).T
+        known = (x >= ground[0, 0]) & (x <= ground[-1, 0])
+        clear = (y - np.interp(x, *ground[:, :2].T))[known]
+        assert np.count_nonzero(known) > 30
+        assert clear.min() > -1e-3  # where the contact slips along a slope, it does so on the drawn slope, too
+        assert np.count_nonzero(clear < 1e-3) > 15
+        line = np.polynomial.Polynomial.fit(*ground[:, :2].T, 1)
+        assert ground[:, 1] == pytest.approx(line(ground[:, 0]), abs=1e-9)
+        if gap != "linear":
+            assert clear.min() > -1e-9
+            assert np.count_nonzero(clear < 1e-9) > 15
+            assert ground[0, 0] < x.min() < x.max() < ground[-1, 0]
         body = np.concatenate([mesh.points for mesh, _ in seen.meshes])
-        distance = [abs(body[:, :2] - point).max(axis=1).min() for point in at[:, 1:]]
-        assert max(distance) < 1e-6
-        assert f"displacement {'and gap ' * (gap != 'none')}× 7" in texts(seen.figures[0])
+        assert max(abs(body[:, :2] - point).max(axis=1).min() for point in np.column_stack([x, y])) < 1e-6
+        words = texts(seen.figures[0])
+        moved = ", foundation moved with it" * (gap != "none")
+        assert f"displacement × 7{moved}\norange: closed contact" in words
+        orange = [mesh for mesh, look in seen.meshes if look.get("color") == "#D55E00"]
+        assert len(orange) == 1
+
+
+@pytest.mark.parametrize("factor", [None, 9.0])
+def test_curved_foundation_is_drawn_as_it_is(factor, shared_tmp_path, seen):
+    """Not magnified; the default magnification is so small that the body hardly enters it."""
+    error = error_of(*punch(2))
+    output.draw_deformed(error, shared_tmp_path / "deformed.png", factor=factor)
+    ground, nodes = ground_and_nodes(error, seen)
+    if COMM.rank == 0:
+        size = float(np.hypot(4.0, 1.0))
+        drawn = np.polynomial.Polynomial.fit(*ground[:, :2].T, 2, domain=[])
+        assert drawn.coef[2] == pytest.approx(-0.03, rel=0.02)
+        times = 1.0 if factor is None else factor
+        (title,) = [text for text in texts(seen.figures[0]) if text.startswith("displacement")]
+        if factor is None:
+            times = float(title.split(",")[0].split()[2])
+            assert 1.2 <= times < 4.0
+        x, y = (nodes[:, :2] + times * nodes[:, 2:]).T
+        entered = (np.interp(x, *ground[:, :2].T) - y)[(x >= ground[0, 0]) & (x <= ground[-1, 0])].max()
+        if factor is None:
+            assert entered < 0.004 * size
+            assert "entered" not in title
+        else:
+            told = float(title.split("up to ")[1].split()[0])
+            assert entered == pytest.approx(told, rel=0.2)
+
+
+def test_plane_below_a_curved_body_is_flat(shared_tmp_path, seen):
+    """A half disc on a plane, with its true shape; it was a thorn."""
+    scene = ec.Scene(
+        material=ec.Elastic(1.0, 0.3),
+        supports=ec.Displacement("top", (0.0, -0.01)),
+        contacts=ec.Contact("arc", gap=lambda x: x[1], normal=(0.0, -1.0)),
+    )
+    error = error_of(scene, ec.read_mesh(ROOT / "meshes" / "half_disc.geo"), degree=2)
+    for factor in (None, 20.0):
+        output.draw_deformed(error, shared_tmp_path / "deformed.png", factor=factor)
+        ground, _ = ground_and_nodes(error, seen)
+        if COMM.rank == 0:
+            assert np.ptp(ground[:, 1]) < 1e-9
+            assert abs(ground[:, 1]).max() < (0.02 if factor is None else 0.3)
+            assert np.ptp(ground[:, 0]) > 1.0
+
+
+@pytest.mark.parametrize("kind", ["rest", "above"])
+def test_magnification_of_a_body_that_nothing_presses(kind, shared_tmp_path, seen):
+    """A gap that stays open is drawn open; of a rigid motion no round-off is drawn."""
+    down = {"rest": 0.0, "above": -0.01}[kind]
+    scene = ec.Scene(ec.Elastic(1.0, 0.3), ec.Displacement("top", (0.0, down)), contacts=ec.Contact("bottom", gap=0.02))
+    error = error_of(scene, ec.rectangle((0.0, 0.0), (2.0, 1.0), cells=(4, 2)))
+    output.draw_deformed(error, shared_tmp_path / "deformed.png")
+    ground, nodes = ground_and_nodes(error, seen)
+    if COMM.rank == 0:
+        times = 1.0 if kind == "rest" else 13.0
+        clear = nodes[:, 1] + times * nodes[:, 3] - ground[0, 1]
+        assert clear == pytest.approx(times * (0.02 + down) + 0 * clear, abs=1e-9)
+        rgb = next(look["scalars"] for _, look in seen.meshes if "scalars" in look)
+        assert len(np.unique(rgb, axis=0)) == 1
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
@@ -659,6 +735,56 @@ def test_one_mesh_is_a_history(shared_tmp_path, seen):
             left, right = seen.figures[-1].axes
             assert left.lines[0].get_ydata() == pytest.approx([100 * history.steps[0].eps])
             assert right.lines[0].get_xdata().tolist() == [history.steps[0].dofs]
+
+
+@pytest.mark.serial
+def test_open_contact_has_no_picture(shared_tmp_path):
+    contacts = [ec.Contact("bottom", gap=0.0), ec.Contact("right", gap=1.0)]
+    scene = ec.Scene(ec.Elastic(1.0, 0.3), ec.Displacement("top", (0.0, -0.05)), contacts=contacts)
+    ec.adapt(scene, ec.rectangle((0.0, 0.0), (2.0, 1.0), cells=(4, 2)), 0.9).save(shared_tmp_path)
+    if COMM.rank == 0:
+        names = {path.name for path in shared_tmp_path.iterdir()}
+        pictures = {"error_map.png", "deformed.png", "contact_bottom.png"}
+        assert {name for name in names if name.endswith(".png")} == pictures
+        assert {"contact_right.csv", "contact_right.vtkhdf"} <= names
+        page = (shared_tmp_path / "report.html").read_text()
+        assert page.count("<figure>") == len(pictures)
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("dofs", [(100, 300), (100, 200, 300), (100, 200, 400), (100, 300, 500, 900)])
+def test_slope_takes_three_meshes_and_a_factor_of_four(dofs, shared_tmp_path, seen):
+    """From two meshes a slope of -17.94 was told."""
+    history = ec.adapt(punch(2)[0], ec.rectangle((0.0, 0.0), (4.0, 1.0), cells=(4, 2)), 0.9, tighten=0)
+    steps = tuple(replace(history.steps[0], dofs=number, eps=number**-0.5) for number in dofs)
+    history = replace(history, steps=steps)
+    tells = max(dofs) >= 4 * min(dofs) and len(dofs) > 2
+    assert history.slope("dofs") == pytest.approx(-0.5 if tells else np.nan, nan_ok=True)
+    assert history.slope("dofs", last=2) == pytest.approx(-0.5)
+    output.plot_history({"run": history}, shared_tmp_path / "error.png")
+    if COMM.rank == 0:
+        words = texts(seen.figures[-1])
+        assert ("run (slope $-0.50$)" in words) == tells
+        assert ("slope $-1/2$" in words) == tells
+
+
+@pytest.mark.parametrize("what", ["deformed", "error", "meshes"])
+def test_words_in_space_are_legible_on_a_page(what, error, shared_tmp_path, seen):
+    """On a page of 6.5 inches no word is smaller than 6 points."""
+    if error.domain.dim == 2:
+        return
+    if what == "meshes":
+        output.draw_meshes([(error.domain, error.indicators)] * 5, shared_tmp_path / "meshes.png")
+    elif what == "error":
+        output.draw_error(error, shared_tmp_path / "error.png")
+    else:
+        output.draw_deformed(error, shared_tmp_path / "deformed.png")
+    if COMM.rank == 0:
+        from matplotlib.text import Text
+
+        (figure,) = seen.figures
+        sizes = [text.get_fontsize() for text in figure.findobj(Text) if text.get_text()]
+        assert min(sizes) * 6.5 / figure.get_figwidth() >= 6.0
 
 
 @pytest.mark.serial

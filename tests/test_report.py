@@ -24,10 +24,10 @@ from scenes import block
 from test_output import check_picture, read
 
 import erc_contact as ec
-from erc_contact import output
+from erc_contact import output, results
 from erc_contact.base.code import code_of, definitions
 from erc_contact.base.percent import percent
-from erc_contact.output.verdict import verdict
+from erc_contact.output.verdict import of_maxima, verdict
 from erc_contact.run.history import COLUMNS
 
 COMM = MPI.COMM_WORLD
@@ -209,6 +209,18 @@ MATERIAL = ec.Elastic(1.0, 0.3)
 def pressed(t):
     """A scene that takes a module, a part of it and a function from around it."""
     return ec.Scene(MATERIAL, ec.Displacement("top", (0.0, -np.sin(t))), contacts=ec.Contact("bottom", gap=bump))
+
+
+@pytest.mark.serial
+def test_report_says_which_maxima_grow():
+    at = np.array([0.0, 7.0])
+    growing = results.Maximum(4.0, at, (1.0, 2.0, 4.0), (1.0, 0.5, 0.25))
+    steady = results.Maximum(1.1, at, (1.0, 1.1, 1.1), (1.0, 0.5, 0.25))
+    said = of_maxima({"von Mises": growing, "pressure": steady, "shear": replace(steady, values=(), sizes=())})
+    assert [kind for kind, _ in said] == ["not known", "estimate"]
+    assert "greatest von Mises stress is 4 at (0, 7); on the meshes 1, 2, 4: it grows" in said[0][1]
+    assert "infinite" in said[0][1]
+    assert "greatest pressure is 1.1" in said[1][1]
 
 
 @pytest.mark.serial

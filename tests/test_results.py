@@ -9,6 +9,7 @@ its own fields: its forces are those of the discrete equations.
 import numpy as np
 import pytest
 from mpi4py import MPI
+from processes import ROOT
 from scenes import block, common_block, mostly_serial, moved_box, random_scene, resultant
 from test_bad_input import refused
 
@@ -133,6 +134,25 @@ def test_profile_in_space():
     x = np.stack([profile[axis] for axis in "xyz"], axis=1).reshape(-1, 3, 3)
     area = 0.5 * np.linalg.norm(np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]), axis=1)
     assert area @ corners.mean(axis=1) == pytest.approx(error.force(traction.contact.name).force[2], rel=1e-10)
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("d", [2, 3])
+def test_weights_of_a_profile_integrate(d, degree):
+    """The force of a contact is a sum over the rows of its profile."""
+    scene, domain = (common_block(), block(4)) if d == 2 else random_scene(5)
+    error = error_of(scene, domain, degree)
+    name = scene.contacts[0].facets
+    profile, force, model = error.profile(name), error.force(name), error.solution.model
+    contact = model.contact(name)
+    own = model.owned(contact.facets)
+    area = COMM.allreduce(model.facet_areas(contact.facets[own]).sum())
+    weight, pressure = profile["weight"], profile["pressure"]
+    assert weight.min() > 0.0
+    assert weight.sum() == pytest.approx(area, rel=1e-13)
+    assert weight @ pressure == pytest.approx(force.force[d - 1], rel=1e-11)
+    if d == 2:
+        assert weight @ profile["shear"] == pytest.approx(force.force[0], rel=1e-11)
 
 
 @pytest.mark.serial
@@ -335,3 +355,66 @@ def test_save_into_nowhere(kind, shared_tmp_path):
         assert {"report.html", "body.vtkhdf"} <= names
         assert not [name for name in names if name.endswith(".png")]
         assert "Pictures" not in (shared_tmp_path / "saved" / "report.html").read_text()
+
+
+def test_a_maximum_at_a_sharp_edge_grows():
+    """At the ends of a clamped top the stress is infinite: 15% more with each halving, and more."""
+    history = ec.adapt(common_block(), block(4), 0.03)
+    for quantity in ("von Mises", "pressure", "shear"):
+        peak = history.maximum(quantity)
+        best = int(np.argmin([step.total for step in history.steps]))
+        assert len(peak.values) == len(peak.sizes) == len(history.steps)
+        assert peak.values[best] == pytest.approx(history.error.maximum(quantity).value, rel=1e-12)
+    peak = history.maximum("von Mises")
+    assert peak.grows
+    assert peak.values[-1] > 1.5 * peak.values[0]
+    assert f"{peak.values[0]:.4g}, " in repr(peak)
+    assert repr(peak).endswith("it grows: no limit is seen")
+    assert history.maximum("displacement").values == ()
+    assert "meshes" not in repr(history.error.maximum("von Mises"))
+
+
+@pytest.mark.serial
+def test_a_maximum_inside_a_body_does_not_grow():
+    """Half a disc on a plane: the greatest stress is below the middle of the contact."""
+    scene = ec.Scene(
+        material=ec.Elastic(1.0, 0.3),
+        supports=ec.Displacement("top", (0.0, -0.01)),
+        contacts=ec.Contact("arc", gap=lambda x: x[1], normal=(0.0, -1.0)),
+    )
+    history = ec.adapt(scene, ec.read_mesh(ROOT / "meshes" / "half_disc.geo"), 0.02, degree=2)
+    for quantity in ("von Mises", "pressure"):
+        assert history.maximum(quantity).grows is False
+        assert repr(history.maximum(quantity)).endswith("no growth is seen")
+    assert history.maximum("shear").grows is None  # there is none
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(
+    ("exponent", "limit", "sizes", "grows"),
+    [
+        (0.3, 0.0, (1.0, 0.5, 0.25), True),
+        (0.3, 0.0, (1.0, 1.0, 0.5, 0.5, 0.25), True),
+        (0.3, 0.0, (1.0, 0.5), None),
+        (0.3, 0.0, (1.0, 0.7, 0.5), None),
+        (0.0, 0.0, (1.0, 0.5, 0.25), False),
+        (-1.0, 2.0, (1.0, 0.5, 0.25, 0.125), False),
+    ],
+)
+def test_trend_of_values(exponent, limit, sizes, grows):
+    h = np.array(sizes)
+    values = tuple(limit + np.sign(1 - limit) * h**-exponent)
+    assert ec.results.Maximum(values[-1], np.zeros(2), values, sizes).grows is grows
+
+
+@pytest.mark.ranks
+def test_peaks_do_not_depend_on_the_ranks():
+    scene = common_block()
+    found = []
+    for comm in (MPI.COMM_SELF, MPI.COMM_WORLD):
+        history = ec.adapt(scene, ec.rectangle((0.0, 0.0), (2.0, 7.0), cells=(4, 14), comm=comm), 0.05)
+        found.append([history.maximum(name) for name in ("von Mises", "pressure", "shear")])
+    for alone, together in zip(*found, strict=True):
+        assert together.values == pytest.approx(alone.values, rel=1e-6)
+        assert together.sizes == pytest.approx(alone.sizes, rel=1e-9)
+        assert together.grows is alone.grows

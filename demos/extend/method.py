@@ -2,18 +2,21 @@ r"""
 A contact method of your own: penalty in 12 lines
 =================================================
 
-A contact method says how the unknown contact traction enters the equations. Nitsche's traction is the projection
-:math:`P` of :math:`\sigma(u) n - \gamma (u - g n)` on what the law allows: no pull, and friction below its bound. The
-penalty method leaves out the stress,
+A contact method says how the unknown contact traction enters the equations. Nitsche's
+traction is the projection :math:`P` of :math:`\sigma(u) n - \gamma (u - g n)` on what
+the law allows: no pull, and friction below its bound. The penalty method leaves out the
+stress,
 
 .. math:: r(u) = P\left(-\gamma (u - g n)\right).
 
-So its foundation is a bed of springs of stiffness :math:`\gamma`: pressure needs penetration, at the solution, too.
-Soft springs are wrong, stiff ones make the equations hard to solve, and how stiff is stiff enough depends on the mesh.
+So its foundation is a bed of springs of stiffness :math:`\gamma`: pressure needs
+penetration, at the solution, too. Soft springs are wrong, stiff ones make the equations
+hard to solve, and how stiff is stiff enough depends on the mesh.
 
-Which number does the error see? It measures a pair that does not penetrate, so what the springs give is part of it:
-with soft springs :math:`e` is large, with stiff ones it is that of Nitsche's method on the same mesh. The error needs
-nothing else of a method than the traction that it ends with.
+Which number does the error see? It measures a pair that does not penetrate, so what the
+springs give is part of it: with soft springs :math:`e` is large, with stiff ones it is
+that of Nitsche's method on the same mesh. The error needs nothing else of a method than
+the traction that it ends with.
 """
 
 from dataclasses import dataclass
@@ -23,12 +26,13 @@ import ufl
 
 import erc_contact as ec
 
-from dolfinx import fem  # isort: skip - the wheel of DOLFINx must be loaded by erc_contact
+from dolfinx import fem  # isort: skip - after erc_contact
 
 # %%
-# A method is hashable, as a frozen dataclass is: the solver looks its forms up by it. gamma E/h is the stiffness of the
-# springs [force/volume]; as a Constant it is compiled once for all values. ``since`` is u, but in a loading history
-# friction acts on what has changed since the last step.
+# A method is hashable, as a frozen dataclass is: the solver looks its forms up by it.
+# gamma E/h is the stiffness of the springs [force/volume]; as a Constant it is compiled
+# once for all values. ``since`` is u, but in a loading history friction acts on what
+# has changed since the last step.
 
 
 @dataclass(frozen=True)
@@ -36,7 +40,8 @@ class Penalty:
     """The penalty method with springs of gamma E/h, gamma > 0 [-]."""
 
     gamma: float
-    multiplier = in_layer = False  # no unknowns beside the displacement; the equations test displacements, not stresses
+    # No unknowns beside the displacement; the equations test displacements.
+    multiplier = in_layer = False
 
     def equations(self, model, contact, u, v, multiplier=None):
         """What the contact adds to the residual: minus the work of its traction."""
@@ -55,16 +60,25 @@ class Penalty:
 # %%
 # The method in place of the default one, soft and stiff, on one mesh; then adaptively.
 
-scene = ec.Scene(ec.Elastic(1.0, 0.3), ec.Displacement("top", (0.1, -0.05)), contacts=ec.Contact("bottom", 0.3))
+scene = ec.Scene(
+    ec.Elastic(1.0, 0.3),
+    ec.Displacement("top", (0.1, -0.05)),
+    contacts=ec.Contact("bottom", 0.3),
+)
 block = ec.rectangle((0.0, 0.0), (2.0, 7.0), cells=(4, 14))
-solutions = [ec.solve(scene, block, method) for method in (ec.Nitsche(), Penalty(1.0), Penalty(1000.0))]
-nitsche, soft, stiff = (ec.constitutive_error(ec.equilibrate(solution)).relative for solution in solutions)
+solutions = [
+    ec.solve(scene, block, method)
+    for method in (ec.Nitsche(), Penalty(1.0), Penalty(1000.0))
+]
+nitsche, soft, stiff = (
+    ec.constitutive_error(ec.equilibrate(solution)).relative for solution in solutions
+)
 history = ec.adapt(scene, block, accuracy=0.05, method=Penalty(1000.0))
 history.save("results/method")
 
 # %%
-# What must hold: the soft method penetrates and its error says so; the stiff one is as good as Nitsche's; the run is
-# all of this method, and its forces balance.
+# What must hold: the soft method penetrates and its error says so; the stiff one is as
+# good as Nitsche's; the run is all of this method, and its forces balance.
 
 depths = [-solution.profile("bottom")["gap"].min() for solution in solutions]
 assert depths[1] > 100 * depths[2] > 0

@@ -12,6 +12,7 @@ from dolfinx import mesh as dmesh
 from dolfinx.io.utils import distribute_entity_data
 from mpi4py import MPI
 
+from erc_contact.base.checks import told
 from erc_contact.base.exceptions import InputError, raise_together
 
 SESSION = {"General.Terminal": 0, "Mesh.ElementOrder": 1, "Mesh.RecombineAll": 0}
@@ -82,6 +83,43 @@ def session(comm: MPI.Comm, build: Callable[[Any], None], what: str) -> Iterator
             gmsh.model.setCurrent(before)
             for name, value in options.items():
                 gmsh.option.setNumber(name, value)
+
+
+def name_groups(model: Any, names: Mapping[int | tuple[int, int], str]) -> None:
+    """Give names to the physical groups of a model.
+
+    Args:
+        model: gmsh's model.
+        names: Names by the tags of the groups, or by pairs (dimension, tag).
+
+    Raises:
+        InputError: If the names are no mapping to texts, no group or two groups have a tag, or two groups of the same
+            dimension get the same name.
+    """
+    if not isinstance(names, Mapping) or not all(isinstance(name, str) and name for name in names.values()):
+        example = "names={1: 'bottom', 2: 'top'}"
+        raise InputError(f"names is {told(names)}; give names of parts by their tags, e.g. {example}.")
+    dim = int(model.getDimension())
+    groups = [group for group in model.getPhysicalGroups() if group[0] >= dim - 1]
+    named: dict[tuple[int, int], str] = {}
+    for key, name in names.items():
+        meant = [group for group in groups if key in (group, group[1])]
+        if not meant:
+            tags = ", ".join(str(tag) for _, tag in groups)
+            raise InputError(f"names has {key!r}, and no part of the mesh has this tag; the mesh has {tags}.")
+        if len(meant) > 1:
+            both = " and ".join(map(str, meant))
+            raise InputError(f"names has {key!r}, which is a boundary part and a region; give one of {both}.")
+        named[meant[0]] = name
+    for group in groups:
+        named.setdefault(group, model.getPhysicalName(*group) or str(group[1]))
+    for group, name in named.items():
+        same = [other for other in named if other[0] == group[0] and named[other] == name]
+        if len(same) > 1:
+            raise InputError(f"The name {name!r} is that of the tags {same[0][1]} and {same[1][1]}; take another one.")
+        model.removePhysicalName(name)
+    for group, name in named.items():
+        model.setPhysicalName(*group, name)
 
 
 def renumber(model: Any, dim: int) -> None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import io
 import tempfile
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import redirect_stderr, redirect_stdout
 from numbers import Integral
 from pathlib import Path
@@ -23,7 +23,7 @@ from mpi4py import MPI
 from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError, raise_together
 from erc_contact.mesh.domain import Domain
-from erc_contact.mesh.gmsh_model import as_input_error, marked_facets, renumber, session
+from erc_contact.mesh.gmsh_model import as_input_error, marked_facets, name_groups, renumber, session
 from erc_contact.mesh.partition import partitioner
 from erc_contact.mesh.shape import Brick, Drawing, drawing_of
 from erc_contact.mesh.tags import tags_of
@@ -141,24 +141,40 @@ def from_gmsh(model: Any, comm: MPI.Comm = MPI.COMM_WORLD, rank: int = 0) -> Dom
     return _from_model(model, comm, rank)
 
 
-def read_mesh(path: str | Path, comm: MPI.Comm = MPI.COMM_WORLD) -> Domain:
+def read_mesh(
+    path: str | Path,
+    comm: MPI.Comm = MPI.COMM_WORLD,
+    *,
+    names: Mapping[int | tuple[int, int], str] | None = None,
+) -> Domain:
     """Read a mesh file; collective.
 
     A ``.msh`` (or ``.geo``) file is read by gmsh. Any other format goes through meshio: boundary parts and regions are
-    the cell data gmsh:physical, medit:ref or cell_tags, else the first integer cell data, else the cell sets.
+    the cell data gmsh:physical, medit:ref or cell_tags, else the first integer cell data, else the cell sets. A vtu or
+    xdmf file has tags without names; a part is then called by its tag, "3" for instance, or as ``names`` says::
+
+        block = ec.read_mesh("block.vtu", names={1: "bottom", 2: "top", 9: "steel"})
 
     Args:
         path: The file.
         comm: Communicator that shares the mesh.
+        names: Names of boundary parts and regions by their tags. A tag that both a boundary part and a region have is
+            told apart by its dimension: ``{(1, 3): "bottom", (2, 3): "steel"}`` in 2D.
 
     Raises:
         InputError: If the file is missing or unreadable, has no groups of facets, or is not of
-            straight-sided simplices.
+            straight-sided simplices; or if the file does not have a tag of ``names``, or a name is given twice.
     """
     if not isinstance(path, str | Path):
         raise InputError(f"read_mesh: the path is {path!r}; give the name of a file.")
     path = Path(path)
-    with session(comm, lambda gmsh: _open(gmsh, path), f"The mesh file {str(path)!r}") as model:
+
+    def build(gmsh: Any) -> None:
+        _open(gmsh, path)
+        if names is not None:
+            name_groups(gmsh.model, names)
+
+    with session(comm, build, f"The mesh file {str(path)!r}") as model:
         return from_gmsh(model, comm)
 
 
@@ -229,7 +245,9 @@ def _prepared(model: Any) -> tuple[int, dict[str, int], dict[str, int]]:
             f"The mesh has cells of type {', '.join(wrong)}; allowed are straight-sided triangles and tetrahedra. "
             "In gmsh: no recombination, Mesh.ElementOrder = 1."
         )
-    x = model.mesh.getNodes(dim, includeBoundary=True)[1].reshape(-1, 3)
+    numbers, x, _ = model.mesh.getNodes()
+    used = np.isin(numbers, np.concatenate(model.mesh.getElements(dim)[2]))  # an arc's centre may lie anywhere
+    x = x.reshape(-1, 3)[used]
     if dim == 2 and np.ptp(x[:, 2]) > 1e-9 * np.ptp(x, axis=0).max():
         raise InputError("The mesh is a surface in space; allowed are a surface in the plane (x, y) or a volume.")
     groups = {d: model.getPhysicalGroups(d) for d in (dim - 1, dim)}

@@ -6,13 +6,14 @@ facet.
 
 from __future__ import annotations
 
+from math import factorial
 from typing import Any
 
 import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
 
-from erc_contact.mesh.simplex import lagrange, lattice
+from erc_contact.mesh.simplex import barycentric, bernstein, lagrange, lattice
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.model import Model
@@ -23,10 +24,29 @@ OPEN, SLIP, STICK = 0, 1, 2
 FACET_POINTS = {1: 1, 2: 4}
 """Parts of a facet's edge between the points of a profile, by degree: linear functions need only their ends."""
 
+POINT_ON_SIDE = 1e-9
+"""Barycentric coordinate below which a point of a facet lies on its side [-]."""
+
 
 def profile_points(model: Model) -> np.ndarray:
     """The reference points of a facet at which a profile has values, shape (q, d-1)."""
     return lattice(model.d - 1, FACET_POINTS[model.degree])
+
+
+def profile_weights(model: Model) -> np.ndarray:
+    """Compute the shares of a facet's area that its profile points stand for, shape (q,).
+
+    They integrate polynomials of the model's degree exactly. Of all weights that do, they are nearest to those of the
+    trapezoidal rule, which integrates linear functions only. So they are positive.
+    """
+    points = profile_points(model)
+    on_sides = np.sum(barycentric(points) < POINT_ON_SIDE, axis=1)
+    # As many small parts as meet at the point: one at a corner, three on a side and six inside a triangle.
+    parts = 1 / np.array([factorial(number + 1) for number in on_sides])
+    trapezoids = parts / parts.sum()
+    shape = bernstein(model.d - 1, model.degree, points)
+    means = np.full(shape.shape[1], 1 / shape.shape[1])  # all Bernstein polynomials have the same integral
+    return trapezoids + np.linalg.lstsq(shape.T, means - shape.T @ trapezoids)[0]
 
 
 def facet_status(
@@ -84,7 +104,10 @@ def profile_table(
         - ``gap``: the gap that is left, g - u_n [length],
         - ``slip``: length of u_t, or of its change since the last step of a history [length],
         - ``pressure``: -r_n, ``shear``: length of r_t, and ``friction_bound`` [force/area],
-        - ``status``: status of the facet, 0 open, 1 slip, 2 stick.
+        - ``status``: status of the facet, 0 open, 1 slip, 2 stick,
+        - ``weight``: part of the contact that the point stands for [length] in 2D, [area] in 3D. The sum of
+          ``weight * pressure`` is the normal force up to round-off, because the tractions of an admissible pair are
+          polynomials of degree k on facets.
 
         In 2D the points are in order along the contact, and the first column ``s`` is their arc length [length]. There
         ``slip`` and ``shear`` have a sign, which is positive in this order. Each facet has points of its own, because
@@ -101,7 +124,8 @@ def profile_table(
     if d == 2:
         tangent = np.stack([-n[..., 1], n[..., 0]], axis=-1)
         slip, shear = (w_t * tangent).sum(axis=-1), (r_t * tangent).sum(axis=-1)
-    columns = [*np.moveaxis(x, 2, 0), gap - w_n, slip, 0.0 - r_n, shear, bound, status[:, None]]
+    weight = model.facet_areas(contact.facets)[:, None] * profile_weights(model)
+    columns = [*np.moveaxis(x, 2, 0), gap - w_n, slip, 0.0 - r_n, shear, bound, status[:, None], weight]
     table = np.stack(np.broadcast_arrays(*columns), axis=2)
     if d == 2:  # all facets in the direction of the tangent
         back = ((x[:, -1] - x[:, 0]) * tangent[:, 0]).sum(axis=1) < 0
@@ -109,7 +133,7 @@ def profile_table(
     own = contact.trace.here.owned
     parts = comm.allgather((table[own], numbers[own]))
     table, numbers = (np.concatenate(part) for part in zip(*parts, strict=True))
-    names = [*"xyz"[:d], "gap", "slip", "pressure", "shear", "friction_bound", "status"]
+    names = [*"xyz"[:d], "gap", "slip", "pressure", "shear", "friction_bound", "status", "weight"]
     if d == 3:
         place = np.round(table[..., :3] / model.domain.extent, 9)
         facet = np.argsort(np.lexsort(place.mean(axis=1).round(8).T))

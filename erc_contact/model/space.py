@@ -150,6 +150,19 @@ class Space:
         ends = self._facet_vertices[facets[:, 0], facets[:, 1]]
         return self.mesh.geometry.x[np.take_along_axis(local, ends, axis=1), : self.d]
 
+    def true_places(self, facets: np.ndarray) -> np.ndarray:
+        """Find the nodes of facets on the true surface; where that is unknown, on the facets; collective.
+
+        Args:
+            facets: Facets given as (cell, local facet), shape (n, 2).
+
+        Returns:
+            Positions [length], shape (n, m, d).
+        """
+        if self.domain.offset is None:
+            return self.V.tabulate_dof_coordinates()[self.facet_nodes(facets), : self.d]
+        return evaluate(self.x + self.domain.offset, self.mesh, self.facet_points, facets)
+
     def cell_corners(self) -> np.ndarray:
         """Vertices of all cells in DOLFINx's order [length], shape (cells, d+1, d)."""
         return self.mesh.geometry.x[self.mesh.geometry.dofmaps[0], : self.d]

@@ -40,8 +40,9 @@ def von_mises(stress: np.ndarray) -> np.ndarray:
     plane.
     """
     known = np.nan_to_num(stress)
-    deviator = known - np.trace(known, axis1=1, axis2=2)[:, None, None] / 3 * np.eye(3)
-    return np.sqrt(1.5) * np.linalg.norm(deviator, axis=(1, 2))
+    trace = np.einsum("nii->n", known)
+    deviator = known - trace[:, None, None] / 3 * np.eye(3)
+    return np.sqrt(1.5 * np.einsum("nij,nij->n", deviator, deviator))
 
 
 def tells_out_of_plane(model: Model) -> bool:

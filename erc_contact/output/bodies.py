@@ -1,9 +1,8 @@
-"""Bodies and their foundations as triangles and lines, and pictures of them: in 3D images by pyvista. On rank 0.
+"""Bodies as triangles and lines, and pictures of them: in 3D images by pyvista. On rank 0.
 
 Triangles and lines of degree 2 are cut into straight parts, so that curved edges look curved.
 
-Symbols: X position before the deformation, g gap, n normal of the foundation, d dimension, k degree, m number of nodes
-of a simplex.
+Symbols: d dimension, k degree, m number of nodes of a simplex.
 """
 
 from __future__ import annotations
@@ -14,25 +13,21 @@ from typing import Any
 
 import numpy as np
 
-from erc_contact.mesh.simplex import bernstein, edges, in_space, lagrange, node_between, node_vertices
-from erc_contact.output.drawing import tangents
+from erc_contact.mesh.simplex import bernstein, edges, lagrange, node_between, node_vertices
 from erc_contact.output.files import degree_of, grid_of, subdivided
 from erc_contact.output.flat import draw_flat, limits
-from erc_contact.output.gathered import Surface, mean_normal
 
 DIVISIONS = 6
 """Greatest number of straight parts of a curved edge."""
 TRIANGLES = 40_000
 """Greatest number of straight triangles, about, in which curved ones are cut. Edges have fewer parts if need be."""
-REACH = 0.15
-"""The foundation is drawn where its magnified gap is below this share of the body's size [-]."""
 PIXELS = 1100
 """Number of pixels of the longer side of the image of a body."""
-WORDS = 1.4
+SPACE = 5.5
+"""Greatest width of all views in 3D that are side by side in a figure, without words [inches]. The figure is then not
+much wider than a page, on which its words can be read."""
+WORDS = 1.1
 """Width in a figure of the labels of a view in 3D [inches]."""
-BAND, EXCESS = 0.03, 0.06
-"""Width of the band of a foundation in 2D, and length by which a flat foundation extends beyond each end of its
-contact, as shares of the body's size [-]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,54 +123,6 @@ def straight(points: np.ndarray, parts: np.ndarray) -> Any:
     if parts.shape[1] == 3:
         return pyvista.PolyData.from_regular_faces(points, parts)
     return pyvista.PolyData(points, lines=np.insert(parts, 0, 2, axis=1))
-
-
-def foundation(surface: Surface, factor: float, size: float) -> Any:
-    """The part of a foundation that is near the body, at X + factor g n.
-
-    A plane with a constant gap is drawn somewhat larger than the contact. Other foundations end with the contact.
-
-    Args:
-        surface: The contact.
-        factor: Magnification of the gap [-].
-        size: Size of the body [length].
-
-    Returns:
-        Straight lines in 2D or triangles in 3D for pyvista. At their points the data ``normal`` is the normal of the
-        foundation, and ``lift`` the magnified gap.
-    """
-    d, contact = surface.d, surface.traction.contact
-    direction = in_space(contact.direction)
-    points, parts = sampled(surface.x + factor * surface.gap[..., None] * direction[:, None], d - 1, DIVISIONS)
-    lift = sampled(factor * surface.gap[..., None], d - 1, DIVISIONS)[0][:, 0]
-    normal, n = np.repeat(direction, len(points) // len(direction), axis=0), mean_normal(surface)
-    if np.ptp(points[:, :d] @ n) + np.ptp(lift) + np.ptp(direction, axis=0).max() * size <= 1e-9 * size:
-        plane = tangents(n)
-        along, height = points[:, :d] @ plane.T, float((points[:, :d] @ n).mean())
-        ends = along.min(axis=0) - EXCESS * size, along.max(axis=0) + EXCESS * size
-        corners = np.stack(np.meshgrid(*np.transpose(ends), indexing="ij"), axis=-1).reshape(-1, d - 1)
-        points = in_space(corners @ plane + height * n)
-        parts = np.array([[0, 1]] if d == 2 else [[0, 1, 2], [1, 2, 3]])
-        lift, normal = lift[: len(points)], normal[: len(points)]
-    drawn = straight(points, parts)
-    drawn.point_data.update({"lift": lift, "normal": normal})
-    return drawn.clip_scalar(scalars="lift", value=REACH * size)
-
-
-def ground(surface: Any, size: float) -> list[tuple[Any, dict[str, Any]]]:
-    """The parts of a :func:`foundation` with the options with which they are drawn, in a body of a size [length].
-
-    In 2D the foundation is a line with a band beyond it, in 3D a grey surface. Nothing is drawn of an empty one.
-    """
-    import pyvista  # noqa: PLC0415
-
-    if surface.n_lines == 0:
-        return [(surface, {"color": "#b8b8b8"})] * (surface.n_cells > 0)
-    parts = surface.lines.reshape(-1, 3)[:, 1:]
-    beyond = surface.points + BAND * size * (surface.point_data["normal"] - [0.0, 0.0, 1.0])  # and behind the body
-    quads = np.column_stack([parts, len(beyond) + parts[:, ::-1]])
-    band = pyvista.PolyData.from_regular_faces(np.concatenate([surface.points, beyond]), quads)
-    return [(band, {"color": "#c8c8c8"}), (surface, {"color": "#505050", "line_width": 3.0})]
 
 
 def views_of(d: int, up: np.ndarray) -> dict[str, np.ndarray]:

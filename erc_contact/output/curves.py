@@ -17,6 +17,9 @@ from erc_contact.base.percent import percent
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.output.drawing import CYCLE, draw_figure, log_ticks, new_figure, panels_of
 
+SPAN = 4.0
+"""Factor by which unknowns must grow over the meshes of which a slope is told [-]."""
+
 
 class Run(Protocol):
     """An adaptive run, as far as it is drawn. A ``History`` has these members."""
@@ -33,14 +36,16 @@ class Run(Protocol):
         """One value for each mesh: "dofs", "eps" or "seconds"."""
 
     def slope(self, against: str) -> float:
-        """Slope of log(eps) against the logarithm of a column; nan if there is none."""
+        """Slope of log(eps) against the logarithm of a column; nan if there are too few meshes for it."""
 
 
 def plot_history(histories: Mapping[str, Run], path: str | Path | None = None, *, ax: Any = None) -> Any:
     """Draw the relative error against run time and against degrees of freedom, with logarithmic axes; collective.
 
-    Each history has one curve, and its label has the measured slope against the degrees of freedom. Dotted lines show
-    the prescribed accuracies. A dashed line shows the slope -k/d, the best one for elements of degree k.
+    Each history has one curve. Its label has the measured slope against the degrees of freedom, if there are three
+    meshes or more and the degrees of freedom grow by a factor of 4. Dotted lines show the prescribed accuracies. Where
+    the degrees of freedom of all histories have that factor, too, a dashed line shows the slope -k/d, the best one for
+    elements of degree k.
 
     Args:
         histories: The histories by their names, e.g. ``{"adaptive": history, "uniform": other}``.
@@ -85,7 +90,7 @@ def plot_history(histories: Mapping[str, Run], path: str | Path | None = None, *
         degree = max(h.error.degree for h in histories.values())
         order = Fraction(degree, domain.dim)
         below = 75 * float(np.min((eps * dofs ** float(order))[dofs >= ends[0]], initial=np.inf))
-        if 0 < below < np.inf and dofs.max() > dofs.min():
+        if 0 < below < np.inf and dofs.max() >= SPAN * dofs.min():
             right.plot(ends, below * ends ** -float(order), "k--", lw=0.9, label=f"slope $-{order}$")
         if many:
             place = {"loc": "outside lower center", "ncols": 2, "frameon": False}

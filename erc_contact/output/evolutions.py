@@ -15,7 +15,8 @@ from erc_contact.mesh.simplex import lagrange, rule
 from erc_contact.output.contact_plots import COLOURS, STATUS
 from erc_contact.output.drawing import CYCLE, draw_figure, new_figure, panels_of, tangents
 from erc_contact.output.files import on_root
-from erc_contact.output.pictures import draw_deformed
+from erc_contact.output.foundations import rounded
+from erc_contact.output.pictures import draw_deformed, magnification
 
 ALONG = 400
 """Number of points along a contact in the picture of its zones."""
@@ -161,11 +162,10 @@ def animate(history: History, path: str | Path, seconds: float = 0.15) -> None:
         path: The file.
         seconds: How long each frame is shown [s].
     """
-    comm, size = history.errors[0].domain.mesh.comm, history.errors[0].domain.extent
+    comm = history.errors[0].domain.mesh.comm
     places = np.unique(np.linspace(0, len(history.errors) - 1, FRAMES).round().astype(int))
     shown = [history.errors[i] for i in places]
-    largest = max(float(error.maximum("displacement").value) for error in shown)
-    factor = float(f"{0.06 * size / largest:.2g}") if 0 < largest < 0.05 * size else 1.0
+    factor = rounded(min(magnification(error) for error in shown))
     folder = Path(comm.bcast(tempfile.mkdtemp() if comm.rank == 0 else None))
     frames = [folder / f"{number:04d}.png" for number in range(len(shown))]
     with stage(comm, "animation"):

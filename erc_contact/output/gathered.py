@@ -1,6 +1,6 @@
 """Meshes and contacts of all ranks, gathered on rank 0 for pictures and files.
 
-Symbols: r^ admissible contact traction, u^ admissible displacement.
+Symbols: r^ admissible contact traction, u^ admissible displacement, u^_n its part along the normal of the foundation.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from erc_contact.admissible.traction import ContactTraction
 from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.simplex import in_space, node_between, node_vertices
 from erc_contact.model.model import Model
+from erc_contact.model.trace import split
 from erc_contact.output.files import degree_of, gathered
 
 AXIS = 1e-6
@@ -29,13 +30,19 @@ class Surface:
         traction: r^ on these facets. Of ``traction.contact`` only ``direction`` belongs to them.
         x: Positions of the nodes of each facet [length], shape (n, m, 3).
         vertices: Global numbers of the vertices of each facet, shape (n, d).
-        gap: The gap at the nodes of each facet [length], shape (n, m).
+        gap: The gap g at the nodes of each facet before the deformation [length], shape (n, m).
+        gap_left: The gap that is left there, g - u^_n [length], shape (n, m).
+        slip: Tangential part of u^ there, or of its change since the last step of a history [length], shape (n, m, d).
+        place: Positions of the nodes on the true surface, where it is known [length], shape (n, m, d).
     """
 
     traction: ContactTraction
     x: np.ndarray
     vertices: np.ndarray
     gap: np.ndarray
+    gap_left: np.ndarray
+    slip: np.ndarray
+    place: np.ndarray
 
     @property
     def d(self) -> int:
@@ -63,7 +70,9 @@ def mean_normal(surface: Surface) -> np.ndarray:
 def whole_contact(admissible: Admissible, traction: ContactTraction) -> Surface | None:
     """The facets of a contact on all ranks, on rank 0; None on other ranks; collective."""
     model, contact = admissible.solution.model, traction.contact
-    own = model.owned(contact.facets)
+    own, gap = contact.trace.here.owned, model.gap_at_nodes(contact)
+    since = contact.trace.since(admissible.displacement.x.array)
+    u_n, slip, _ = split(since, contact.direction[:, None])
     parts = gathered(
         model.comm,
         area=traction.area[own],
@@ -72,13 +81,17 @@ def whole_contact(admissible: Admissible, traction: ContactTraction) -> Surface 
         direction=contact.direction[own],
         nodes=model.global_numbers(traction.nodes[own]),
         x=model.V.tabulate_dof_coordinates()[traction.nodes[own]],
-        gap=model.gap_at_nodes(contact)[own],
+        gap=gap[own],
+        gap_left=(gap - u_n)[own],
+        slip=slip[own],
+        place=model.true_places(contact.facets)[own],
     )
     if not parts:
         return None
-    x, gap, vertices = parts.pop("x"), parts.pop("gap"), parts["nodes"][:, : model.d]
+    vertices = parts["nodes"][:, : model.d]
     contact = replace(contact, trace=replace(contact.trace, direction=parts.pop("direction")))
-    return Surface(ContactTraction(contact, **parts), x, vertices, gap)
+    at_nodes = {name: parts.pop(name) for name in ("x", "gap", "gap_left", "slip", "place")}
+    return Surface(ContactTraction(contact, **parts), vertices=vertices, **at_nodes)
 
 
 def body_mesh(domain: Domain) -> dict[str, np.ndarray]:

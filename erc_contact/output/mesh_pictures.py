@@ -12,7 +12,7 @@ from mpi4py import MPI
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.percent import percent
 from erc_contact.mesh.domain import Domain
-from erc_contact.output.bodies import WORDS, seen, show, skin_of, views_of
+from erc_contact.output.bodies import SPACE, WORDS, seen, show, skin_of, views_of
 from erc_contact.output.drawing import draw_figure, new_figure, only_in_2d
 from erc_contact.output.files import gathered
 from erc_contact.output.gathered import body_mesh
@@ -21,7 +21,7 @@ from erc_contact.output.gathered import body_mesh
 def draw_meshes(meshes: Sequence[tuple[Domain, np.ndarray]], path: str | Path | None = None, *, ax: Any = None) -> Any:
     """Draw meshes of a sequence side by side: the last, the first and some between; collective.
 
-    There are at most six of them in 2D, and four in 3D.
+    There are at most six of them in 2D, and three in 3D.
 
     Args:
         meshes: Pairs of a domain and eps_E of its owned cells, as in ``History.meshes``.
@@ -37,7 +37,7 @@ def draw_meshes(meshes: Sequence[tuple[Domain, np.ndarray]], path: str | Path | 
     if not meshes:
         raise InputError("draw_meshes: no mesh is given; give pairs (domain, eps_E), as in history.meshes.")
     comm, dim = meshes[0][0].mesh.comm, meshes[0][0].dim
-    most = comm.bcast((6 if dim == 2 else 4) if ax is None else np.size(ax))
+    most = comm.bcast((6 if dim == 2 else 3) if ax is None else np.size(ax))
     chosen = [meshes[i] for i in np.unique(np.linspace(len(meshes) - 1, 0, most).round().astype(int))]
     bodies = [(gathered(comm, **body_mesh(domain)), domain.cells) for domain, _ in chosen]
     errors = [float(np.sqrt(comm.allreduce(float(np.sum(cells**2)), MPI.SUM))) for _, cells in chosen]
@@ -74,7 +74,7 @@ def _panels(ratio: float, many: int, dim: int) -> Any:
     """Axes of a new figure for meshes side by side, whose width over height is ``ratio``."""
     shapes = [(-(-many // columns), columns) for columns in range(1, many + 1)] if dim == 2 else [(2, many)]
     rows, columns = min(shapes, key=lambda s: abs(np.log(ratio * s[1] / s[0] / 2)) + s[0] * s[1] - many)
-    height = min(5.5, 9.0 / (ratio * columns), 9.0 / rows)
+    height = min(5.5, (9.0 if dim == 2 else SPACE) / (ratio * columns), 9.0 / rows)
     wide, high = max(ratio * height, 1.2) + WORDS * (dim - 2), height + 0.5 * (dim - 1)
     figure = new_figure(wide * columns + 0.6, high * rows + 0.5, "compressed")
     figure.get_layout_engine().set(w_pad=0.12)

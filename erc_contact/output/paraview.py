@@ -1,7 +1,8 @@
 """Files for ParaView with the fields of an admissible pair: u^, sigma^, r^, and the error of each element.
 
 Symbols: u^ and sigma^ admissible displacement and stress, r^ admissible contact traction, r_n and r_t its normal and
-tangential parts, b friction bound, eps_E share of one element of the relative error.
+tangential parts, b friction bound, g gap before the deformation, u^_n part of u^ along the normal of the foundation,
+eps_E share of one element of the relative error.
 """
 
 from __future__ import annotations
@@ -39,6 +40,8 @@ def write_fields(error: ConstitutiveError, folder: str | Path) -> None:
     - ``traction``: r^ [force/area],
     - ``pressure``: -r_n [force/area],
     - ``friction_bound``: b [force/area], the greatest ``|r_t|`` that the law allows,
+    - ``gap``: the gap that is left, g - u^_n [length],
+    - ``slip``: the tangential part of u^, or of its change since the last step of a history [length],
 
     and in the cells
 
@@ -73,12 +76,15 @@ def write_fields(error: ConstitutiveError, folder: str | Path) -> None:
             assert contact is not None
             traction, points = contact.traction, _written(contact)
             shape = bernstein(model.d - 1, contact.degree, points)
-            x = np.matmul(lagrange(model.d - 1, contact.degree, points), contact.x)
+            nodal = lagrange(model.d - 1, contact.degree, points)
+            x = np.matmul(nodal, contact.x)
             surface = grid_of(x.reshape(-1, 3), np.arange(x[..., 0].size).reshape(x.shape[:2]), model.d - 1)
             values = np.matmul(shape, traction.values)
             surface.point_data["traction"] = in_space(values.reshape(-1, model.d))
             surface.point_data["pressure"] = (-traction.normal_component @ shape.T).ravel()
             surface.point_data["friction_bound"] = (traction.friction_bound @ shape.T).ravel()
+            surface.point_data["gap"] = (contact.gap_left @ nodal.T).ravel()
+            surface.point_data["slip"] = in_space(np.matmul(nodal, contact.slip).reshape(-1, model.d))
             surface.cell_data["mean_traction"] = in_space(traction.values.mean(axis=1))
             surface.cell_data["status"] = contact_status(traction)
             save_grid(surface, Path(folder) / f"contact_{traction.contact.name}.vtkhdf")

@@ -3,8 +3,8 @@
 Bodies of degree 2 are drawn with curved edges. A body in space is seen twice: from above with the foundation, and from
 the other side and below without it, to show the contact.
 
-Symbols: u^ and sigma^ admissible displacement and stress, g gap, n normal of the foundation, X position before the
-deformation, eps relative error, eps_E share of one element of eps.
+Symbols: u^ and sigma^ admissible displacement and stress, X position before the deformation, eps relative error, eps_E
+share of one element of eps.
 """
 
 from __future__ import annotations
@@ -19,9 +19,20 @@ import numpy as np
 from erc_contact.admissible.pair import Admissible
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.model.stress import tells_out_of_plane, von_mises
-from erc_contact.output.bodies import WORDS, Skin, foundation, ground, seen, show, skin_of, views_of
+from erc_contact.output.bodies import SPACE, WORDS, Skin, seen, show, skin_of, views_of
 from erc_contact.output.drawing import draw_figure, log_ticks, new_figure, only_in_2d, weighted_level
 from erc_contact.output.files import gathered, grid_of
+from erc_contact.output.foundations import (
+    CLOSED,
+    UNSEEN,
+    Foundation,
+    closed_part,
+    drawn_foundation,
+    foundation_of,
+    greatest_factor,
+    ground,
+    rounded,
+)
 from erc_contact.output.gathered import body_mesh, body_nodes, nodal_displacement, whole_contact
 from erc_contact.results.stresses import mean_stress, vertex_stress
 
@@ -58,17 +69,22 @@ def draw_deformed(
 ) -> Any:
     """Draw the deformed body on its foundation, coloured by the von Mises stress of sigma^; collective.
 
-    Points of the body are drawn at X + factor u^, and points of the foundation at X + factor g n. So a closed gap looks
-    closed, and an open one looks open. The foundation is left out where it would be far from the body. Black lines show
-    the outline of the body before the deformation. The von Mises stress is that of the mean of sigma^ in each element;
-    for degree 2 it is linear there (:func:`erc_contact.results.stresses.vertex_stress`). If the material does not tell
-    the stress out of plane (``out_of_plane``), it is that of the part in plane.
+    Points of the body are drawn at X + factor u^. The foundation is drawn as it is, and not magnified: what is flat is
+    flat. It is moved with the body, so that what is closed looks closed as nearly as a rigid motion can make it
+    (:mod:`erc_contact.output.foundations`). It is left out where it would be far from the body. Orange lines show what
+    is closed, in 3D its border, and black ones the outline of the body before the deformation.
+
+    The von Mises stress is that of the mean of sigma^ in each element; for degree 2 it is linear there
+    (:func:`erc_contact.results.stresses.vertex_stress`). If the material does not tell the stress out of plane
+    (``out_of_plane``), it is that of the part in plane.
 
     Args:
         error: The error, whose admissible pair is drawn.
         path: Picture file, or None.
-        factor: Magnification of u^ and of the gap [-]. By default the largest u^ is drawn with 6% of the body's size;
-            if it is larger than 5%, it is not magnified.
+        factor: Magnification of u^ [-]. By default the largest u^ is drawn with 6% of the body's size, or with less if
+            otherwise a closed contact would look open or entered by more than 0.3% of the size, as a curved body on a
+            plane does. A displacement that is larger than 5% of the size is not magnified. With a factor of your own
+            the title says how much the contact looks open or entered.
         ax: Axes of matplotlib to draw on, in 2D; by default those of a new figure.
 
     Returns:
@@ -82,6 +98,7 @@ def draw_deformed(
     cells = gathered(comm, mises=_shown_stress(admissible), volume=volume, numbers=numbers)
     contacts = [whole_contact(admissible, t) for t in admissible.tractions]
     up = _up(admissible)
+    stressless = error.scale == 0 or error.solution.at_rest  # all stress is round-off
     label = f"von Mises stress{'' if tells_out_of_plane(model) else ' of the plane part'} [force/area]"
 
     def draw(ax: Any) -> Any:
@@ -89,23 +106,27 @@ def draw_deformed(
 
         only_in_2d("draw_deformed", ax, d)
         u, mises = body.pop("u"), cells["mises"]
+        foundations = [foundation_of(contact) for contact in contacts if contact is not None and len(contact.x)]
         largest = float(np.linalg.norm(u, axis=1).max())
-        default = float(f"{0.06 * size / largest:.2g}") if 0 < largest < 0.05 * size else 1.0
-        times = default if factor is None else factor
+        times = rounded(greatest_factor(foundations, largest, size)) if factor is None else factor
         skin, volume = skin_of(**body, d=d), cells["volume"]
-        shown = [contact for contact in contacts if contact is not None and len(contact.x)]
         outline = grid_of(body["points"], body["cells"][:, : d + 1], d)
         outline = outline.extract_feature_edges(feature_angle=30.0, manifold_edges=False)
-        foundations = [foundation(contact, times, size) for contact in shown]
+        grounds = [drawn_foundation(foundation, times, size) for foundation in foundations]
         top = weighted_level(mises.max(axis=1), volume, 0.998) or 1.0  # a singular corner must not take all colours
+        if stressless:
+            mises = 0 * mises
         if model.degree > 1:
             corners = (cells["numbers"][skin.cell, None] == skin.triangles[:, :3, None]).argmax(axis=2)
             mises = np.take_along_axis(mises[skin.cell], corners, axis=1)
         else:
             mises = mises[:, 0]
         scale, x = Scale(Normalize(0, top), "max", label), skin.points + times * u
-        axes = _map(ax, skin, x, mises, scale, views_of(d, up), outline, foundations)
-        title = f"displacement {'and gap ' * any(contact.gap.any() for contact in shown)}× {times:g}"
+        closed = [closed_part(foundation.surface, x) for foundation in foundations]
+        closed = [lines for lines in closed if lines is not None]
+        axes = _map(ax, skin, x, mises, scale, views_of(d, up), outline, grounds, closed)
+        title = _title(foundations, times, size)
+        title += "\norange: closed contact" * bool(closed)
         if d == 2:
             axes.set_title(title, fontsize=11)
         else:
@@ -113,6 +134,29 @@ def draw_deformed(
         return axes
 
     return draw_figure(comm, path, ax, draw)
+
+
+def magnification(error: ConstitutiveError) -> float:
+    """Find the greatest magnification of a picture of the deformed body; infinite if nothing moves; collective."""
+    admissible, model = error.admissible, error.solution.model
+    contacts = [whole_contact(admissible, traction) for traction in admissible.tractions]
+    largest = error.maximum("displacement").value
+    factor = np.inf
+    if model.comm.rank == 0:
+        foundations = [foundation_of(contact) for contact in contacts if contact is not None and len(contact.x)]
+        factor = greatest_factor(foundations, largest, model.domain.extent)
+    return model.comm.bcast(factor)
+
+
+def _title(foundations: Sequence[Foundation], factor: float, size: float) -> str:
+    """Say what a picture of a deformed body magnifies, and what that makes look wrong."""
+    title = f"displacement × {factor:g}"
+    if factor != 1.0 and any(foundation.moves for foundation in foundations):
+        title += ", foundation moved with it"
+    entry = max((foundation.entry(factor) for foundation in foundations), default=0.0)
+    if entry > 1.1 * UNSEEN * size:  # more than rounding of the magnification makes of it
+        title += f"\nand so the contact looks open or entered by up to {entry:.2g} [length]"
+    return title
 
 
 def _shown_stress(admissible: Admissible) -> np.ndarray:
@@ -203,6 +247,7 @@ def _map(
     views: dict[str, np.ndarray],
     before: Any = None,
     foundations: Sequence[Any] = (),
+    closed: Sequence[Any] = (),
 ) -> Any:
     """Axes with a body, with coloured elements and a colour bar.
 
@@ -214,8 +259,9 @@ def _map(
         scale: Their colours.
         views: The views, from :func:`views_of`.
         before: Lines of pyvista that show the body before the deformation.
-        foundations: Foundations, from :func:`foundation`. In 3D only the view from above has them, because they hide
-            the contact.
+        foundations: Foundations, from :func:`drawn_foundation`. In 3D only the view from above has them, because they
+            hide the contact.
+        closed: Lines that show what is closed, from :func:`closed_part`.
     """
     from matplotlib.cm import ScalarMappable  # noqa: PLC0415
 
@@ -227,15 +273,16 @@ def _map(
         parts.append(skin.edges(x, color="#404040", opacity=0.4, line_width=0.8))
     if before is not None and before.n_points > 0:  # a ball has no edges
         parts.append((before, {"color": "black", "line_width": 3.0}))
+    parts += [(lines, {"color": CLOSED, "line_width": 8.0}) for lines in closed]
     flat = len(views) == 1
     size = float(np.ptp(x, axis=0).max())
     grounds = [part for surface in foundations for part in ground(surface, size)]
-    shown = {name: parts + grounds * (name != "from below") for name in views}
+    shown = {name: grounds * (name != "from below") + parts for name in views}  # the body is never hidden
     sizes = np.array([np.ptp(seen(shown[name], view), axis=0)[:2] for name, view in views.items()])
     ratio = sizes[:, 0].sum() / sizes[:, 1].max()
     below = flat and ratio > WIDE
     if ax is None:
-        width = min(6.0, 6.0 * ratio) if flat else min(10.0, 5.0 * ratio)
+        width = min(6.0, 6.0 * ratio) if flat else min(SPACE, 3.0 * ratio)
         words = (0.7 if below else 1.9) + (0.0 if flat else 2 * WORDS)
         figure = new_figure(max(width, 1.5) + words, width / ratio + (1.6 if below else 0.9), "compressed")
         ax = figure.subplots(1, len(views), width_ratios=sizes[:, 0])

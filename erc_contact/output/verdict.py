@@ -5,10 +5,12 @@ The words follow from the scene and from numbers that the error has already; not
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict
 
 from erc_contact.base.percent import percent
 from erc_contact.error.constitutive import ROUND_OFF, ConstitutiveError
+from erc_contact.model.maximum import Maximum
 
 BOUND, UP_TO, ESTIMATE, OPEN = "bound", "bound up to a term", "estimate", "not known"
 """Kinds of statements."""
@@ -98,3 +100,22 @@ def _of_points() -> tuple[str, str]:
         "and not at single points. ec.resultant(error, contact, direction) gives an interval for a contact force."
     )
     return OPEN, words
+
+
+def of_maxima(maxima: Mapping[str, Maximum]) -> list[tuple[str, str]]:
+    """Say of maxima of a run, by their quantities, which of them grow with refinement.
+
+    Nothing is said of one whose trend is not known.
+    """
+    found = []
+    for quantity, maximum in maxima.items():
+        if maximum.grows is None:
+            continue
+        words = f"The greatest {quantity}{' stress' * (quantity == 'von Mises')} is {maximum}."
+        if maximum.grows:
+            words += (
+                " At a sharp edge the stress of linear elasticity is infinite; then this value tells the size of the "
+                "elements there, not the load of the part."
+            )
+        found.append((OPEN if maximum.grows else ESTIMATE, words))
+    return found

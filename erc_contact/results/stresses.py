@@ -21,8 +21,10 @@ def mean_stress(result: Any) -> np.ndarray:
         result: An admissible pair, an error, or a history.
     """
     admissible = pair_of(result)
-    model = admissible.solution.model
-    return stress_in_space(model, tensors(admissible.stress.mean(axis=(1, 2)), model.d))
+    model, stress = admissible.solution.model, admissible.stress
+    coefficients = stress.reshape(len(stress), -1, stress.shape[-1])
+    share = np.full(coefficients.shape[1], 1 / coefficients.shape[1])  # faster than numpy's mean of short rows
+    return stress_in_space(model, tensors(share @ coefficients, model.d))
 
 
 def vertex_stress(admissible: Admissible) -> np.ndarray:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,15 +20,17 @@ from erc_contact.mesh.domain import Domain
 from erc_contact.newton.solution import Solution
 from erc_contact.output.as_code import run_as_code
 from erc_contact.output.contact_plots import plot_contact
-from erc_contact.output.curves import plot_history
+from erc_contact.output.curves import SPAN, plot_history
 from erc_contact.output.files import made_folder, on_root
+from erc_contact.output.foundations import STILL
 from erc_contact.output.mesh_pictures import draw_meshes
 from erc_contact.output.paraview import write_fields
 from erc_contact.output.pictures import draw_deformed, draw_error
 from erc_contact.output.report import write_record, write_report
 from erc_contact.output.series import write_meshes
-from erc_contact.output.verdict import verdict
-from erc_contact.results import Force, Maximum, Values
+from erc_contact.output.verdict import of_maxima, verdict
+from erc_contact.results import OPEN, Force, Maximum, Values
+from erc_contact.results.peaks import PEAKS
 from erc_contact.run.step import COLUMNS, CURVED, HEADER, SHOWN, Step, line, shown
 
 
@@ -93,8 +95,17 @@ class History:
         return self.best.at(points)
 
     def maximum(self, quantity: str) -> Maximum:
-        """Greatest "von Mises" stress, "pressure", ... and its place; see :meth:`ConstitutiveError.maximum`."""
-        return self.best.maximum(quantity)
+        """Find the greatest "von Mises" stress, "pressure", ... and its place; collective.
+
+        See :meth:`ConstitutiveError.maximum`. Of von Mises stress, pressure and shear the result also has the values on
+        all meshes, and tells whether they grow with refinement (``grows``).
+        """
+        found = self.best.maximum(quantity)
+        if quantity not in PEAKS:
+            return found
+        name = PEAKS[quantity]
+        values, sizes = self.column(name), self.column(f"{name}_size")
+        return replace(found, values=tuple(values.tolist()), sizes=tuple(sizes.tolist()))
 
     def coulomb_certificate(self) -> CoulombCertificate:
         """What is proved with Coulomb friction, of the best result; see :func:`erc_contact.coulomb_certificate`.
@@ -113,16 +124,25 @@ class History:
 
         Args:
             against: Name of the column: cells, dofs or seconds.
-            last: Number of rows; the second half by default.
+            last: Number of rows. By default it is the second half of them, at least three, and more if the unknowns do
+                not grow by a factor of 4 in these.
 
         Returns:
-            The slope, nan with fewer than two rows.
+            The slope; nan with fewer than two rows, or by default if no three rows or more have that factor.
         """
-        number = last or max(2, len(self.steps) // 2)
+        number = self._rows_of_slope() if last is None else last
         x, eps = self.column(against)[-number:], self.column("eps")[-number:]
         if len(x) < 2 or not np.all(eps > 0):
             return float("nan")
         return float(np.polyfit(np.log(x), np.log(eps), 1)[0])
+
+    def _rows_of_slope(self) -> int:
+        """Find the number of last rows that tell a slope; 1 if none do."""
+        dofs = self.column("dofs")
+        for number in range(max(3, len(dofs) // 2), len(dofs) + 1):
+            if dofs[-number:].max() >= SPAN * dofs[-number:].min():
+                return number
+        return 1
 
     def to_csv(self, path: str | Path) -> None:
         """Write the rows as CSV; every rank may call, rank 0 writes."""
@@ -140,9 +160,11 @@ class History:
         """Write table, report, figures, pictures and ParaView files to a folder; collective.
 
         ``report.html`` (one page that holds all it shows: scene, what the error proves, pictures, forces, versions),
-        ``history.csv``, ``history.json``, ``error.png`` (error against run time and degrees of freedom),
-        ``meshes.png``, ``error_map.png``, ``deformed.png``, ``body.vtkhdf``, ``meshes.vtkhdf`` (all meshes with eps_E),
-        and for each contact its profile ``contact_<name>.csv``, ``contact_<name>.png`` and ``contact_<name>.vtkhdf``.
+        ``history.csv``, ``history.json``, ``body.vtkhdf``, ``meshes.vtkhdf`` (all meshes with eps_E), and for each
+        contact its profile ``contact_<name>.csv`` and ``contact_<name>.vtkhdf``. Pictures are drawn where they show
+        something: ``error.png`` (error against run time and degrees of freedom) and ``meshes.png`` of several meshes,
+        ``error_map.png`` of an error, ``deformed.png`` of a body that moves, ``contact_<name>.png`` of a contact that
+        is closed somewhere.
 
         Args:
             folder: The folder, made if it is missing.
@@ -164,7 +186,9 @@ class History:
             drawn = self._draw(folder) if pictures else {}
             given = {"accuracy": self.accuracy, **self.settings}
             code = run_as_code(self.solution.scene, self.meshes[0][0], given)
-            self._write_report(folder, drawn, claims=verdict(self.best), forces=forces, code=code)
+            quantities = PEAKS if self.best.admissible.tractions else ["von Mises"]
+            claims = [*verdict(self.best), *of_maxima({name: self.maximum(name) for name in quantities})]
+            self._write_report(folder, drawn, claims=claims, forces=forces, code=code)
 
     def _save_table(self, folder: Path, forces: Mapping[str, Force]) -> None:
         """Write what needs no scene and no drawing; collective."""
@@ -175,6 +199,8 @@ class History:
 
     def _draw_run(self, folder: Path) -> dict[str, str]:
         """Draw what needs no scene; return the names of the pictures, and what they show; collective."""
+        if len(self.steps) == 1:
+            return {}
         comm = self.best.domain.mesh.comm
         at(comm, "error against time")
         plot_history({"adaptive": self}, folder / "error.png")
@@ -183,18 +209,25 @@ class History:
         return {"error.png": "Error against run time and against unknowns.", "meshes.png": "Meshes of the run."}
 
     def _draw(self, folder: Path) -> dict[str, str]:
-        """Draw all pictures of a run; return their names, and what they show; collective."""
+        """Draw all pictures of a run that show something; return their names, and what they show; collective.
+
+        An exact solution has no map of its error, and a body that does not move is not drawn deformed.
+        """
         comm, drawn = self.best.domain.mesh.comm, self._draw_run(folder)
-        at(comm, "error on the best mesh")
-        draw_error(self.best, folder / "error_map.png")
-        at(comm, "deformed body")
-        draw_deformed(self.best, folder / "deformed.png")
-        drawn |= {"error_map.png": "Share of each element in eps.", "deformed.png": "The deformed body."}
+        if self.best.absolute > 0:
+            at(comm, "error on the best mesh")
+            draw_error(self.best, folder / "error_map.png")
+            drawn["error_map.png"] = "Share of each element in eps."
+        if self.maximum("displacement").value > STILL * self.best.domain.extent:
+            at(comm, "deformed body")
+            draw_deformed(self.best, folder / "deformed.png")
+            drawn["deformed.png"] = "The deformed body."
         for traction in self.best.admissible.tractions:
             name = traction.contact.name
-            at(comm, f"contact {name}")
-            plot_contact(self.best.admissible, name, folder / f"contact_{name}.png")
-            drawn[f"contact_{name}.png"] = f"Traction on the contact {name}, of the admissible stress."
+            if np.any(self.profile(name)["status"] != OPEN):
+                at(comm, f"contact {name}")
+                plot_contact(self.best.admissible, name, folder / f"contact_{name}.png")
+                drawn[f"contact_{name}.png"] = f"Traction on the contact {name}, of the admissible stress."
         return drawn
 
     def _write_report(self, folder: Path, pictures: Mapping[str, str], **more: Any) -> None:

@@ -20,6 +20,7 @@ from erc_contact.error.sizes import KNOWN, size_map
 from erc_contact.mesh.domain import Domain
 from erc_contact.newton.ladder import NODAL
 from erc_contact.newton.solve import DEFAULT, solve
+from erc_contact.results.peaks import peaks
 from erc_contact.run.checkpoint import Checkpoint
 from erc_contact.run.endings import ending
 from erc_contact.run.history import History
@@ -145,6 +146,7 @@ class Loop:
         """Add a row; collective."""
         admissible, scale = error.admissible, error.scale or 1.0
         solution, domain = admissible.solution, admissible.solution.domain
+        greatest = peaks(admissible)
         step = Step(
             cells=domain.cells,
             vertices=domain.vertices,
@@ -160,6 +162,7 @@ class Loop:
             error_seconds=error.seconds,
             mesh_seconds=mesh_seconds,
             seconds=self.comm.allreduce(perf_counter() - self.began, MPI.MAX),
+            **greatest,
         )
         self.steps.append(step)
         self.last = error

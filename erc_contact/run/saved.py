@@ -57,9 +57,11 @@ class SavedHistory(History):
     file: Path
 
     def save(self, folder: str | Path, *, pictures: bool = True) -> None:
-        """Write ``report.html`` (without the scene), ``history.csv``, ``history.json``, ``error.png``, ``meshes.png``,
-        ``meshes.vtkhdf`` and ``body.vtkhdf`` to a folder; collective.
-        """  # noqa: D205
+        """Write the table, meshes and fields to a folder; collective.
+
+        ``report.html`` (without the scene), ``history.csv``, ``history.json``, ``meshes.vtkhdf``, ``body.vtkhdf``, and
+        of several meshes ``error.png`` and ``meshes.png``.
+        """
         comm = self.best.domain.mesh.comm
         folder = made_folder(comm, folder)
         self._save_table(folder, {})

@@ -28,6 +28,12 @@ class Step:
         error_seconds: Seconds of the error.
         mesh_seconds: Seconds of making this mesh.
         seconds: Seconds from the start of the run to this error, all stages of all meshes.
+        peak_stress: Greatest von Mises stress of the mean of sigma^ in a cell [force/area].
+        peak_stress_size: Size of that cell [length].
+        peak_pressure: Greatest pressure of r^ [force/area]; nan without a contact.
+        peak_pressure_size: Size of its facet [length].
+        peak_shear: Greatest shear of r^ [force/area]; nan without a contact.
+        peak_shear_size: Size of its facet [length].
     """
 
     cells: int
@@ -44,6 +50,12 @@ class Step:
     error_seconds: float
     mesh_seconds: float
     seconds: float
+    peak_stress: float = np.nan
+    peak_stress_size: float = np.nan
+    peak_pressure: float = np.nan
+    peak_pressure_size: float = np.nan
+    peak_shear: float = np.nan
+    peak_shear_size: float = np.nan
 
     @property
     def total(self) -> float:

@@ -1,0 +1,235 @@
+"""Foundations in pictures of deformed bodies: where they are drawn, and how far a displacement may be magnified.
+
+A body is drawn at X + s u^ with a magnification s. A foundation is drawn as it is, at Y = X + g n: a plane stays a
+plane below a curved body. For s > 1 it is moved with the body, as a rigid one, to Y + (s - 1) rho(Y). The rigid motion
+rho has the normal part that is nearest to the gap g where the contact is closed. So a plane below a flat side, with a
+gap that is constant or linear, is met exactly where the contact is closed. Elsewhere closed parts look open or entered
+by (s - 1) (u^_n - rho_n), and parts beside them, too. The magnification that is chosen by default is so small that this
+is hardly seen, and a coloured line shows what is closed.
+
+Symbols: X position before the deformation, g gap, n normal of the foundation, u^ admissible displacement, v_n = v . n,
+d dimension.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+
+from erc_contact.mesh.simplex import in_space
+from erc_contact.model.profile import OPEN
+from erc_contact.output.bodies import DIVISIONS, sampled, straight
+from erc_contact.output.drawing import tangents
+from erc_contact.output.gathered import Surface, mean_normal
+from erc_contact.results.profile import contact_status
+
+REACH = 0.15
+"""The foundation is drawn where the gap is below this share of the body's size [-]."""
+BAND, EXCESS = 0.03, 0.06
+"""Width of the band of a foundation in 2D, and length by which a flat foundation extends beyond each end of its
+contact, as shares of the body's size [-]."""
+FLAT = 1e-6
+"""Distance from a plane below which a foundation is flat, as a share of the body's size [-]."""
+CLOSED = "#D55E00"
+"""Colour of lines that show what is closed."""
+LARGEST = 0.06
+"""Share of the body's size with which the largest displacement is drawn by default [-]."""
+STILL = 1e-12
+"""Share of the body's size below which a displacement is round-off [-]."""
+NEARLY = 1.2
+"""Magnification below which a displacement is not magnified by default [-]."""
+UNSEEN = 0.003
+"""Share of the body's size by which a closed contact may look open or entered in a picture by default [-]."""
+WIDE = 0.1
+"""Least root mean square width of the closed part, as a share of the contact, for which a foundation turns [-]. A
+narrow part knows the slope of the foundation below it, and not how the foundation as a whole should turn."""
+
+
+@dataclass(frozen=True, eq=False)
+class Foundation:
+    """A foundation and its rigid motion rho.
+
+    Attributes:
+        surface: The contact.
+        centre: Centre of the closed part of the foundation [length], shape (d,).
+        shift: rho at the centre [length], shape (d,).
+        turn: Its skew gradient [-], shape (d, d).
+    """
+
+    surface: Surface
+    centre: np.ndarray
+    shift: np.ndarray
+    turn: np.ndarray
+
+    def motion(self, x: np.ndarray) -> np.ndarray:
+        """Compute rho at points [length], shape (..., d)."""
+        return self.shift + (x - self.centre) @ self.turn.T
+
+    @property
+    def moves(self) -> bool:
+        """Whether rho is not zero."""
+        return bool(self.shift.any() or self.turn.any())
+
+    def entry(self, factor: float) -> float:
+        """Compute by how much a closed contact looks open, or the body seems to enter the foundation [length].
+
+        Args:
+            factor: Magnification of the displacement [-].
+        """
+        normal_motion, missing, closed = self._normal_parts()
+        entered = (factor * missing - normal_motion).max(initial=0.0)
+        opened = ((1 - factor) * missing[closed]).max(initial=0.0)
+        return float(max(entered, opened))
+
+    def greatest_factor(self, allowed: float) -> float:
+        """Find the greatest magnification, at least 1, with an :meth:`entry` that is allowed [length]."""
+        normal_motion, missing, closed = self._normal_parts()
+        enters = missing > 0
+        limits = (allowed + normal_motion[enters]) / missing[enters]
+        opens = closed & (missing < 0)
+        limits = np.append(limits, 1 - allowed / missing[opens])
+        return max(1.0, float(limits.min(initial=np.inf)))
+
+    def _normal_parts(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Compute g - rho_n and u^_n - rho_n at the nodes of the contact, and which of them are of closed facets."""
+        surface = self.surface
+        direction = surface.traction.contact.direction[:, None]
+        left = surface.gap - (self.motion(position(surface)) * direction).sum(axis=-1)
+        closed = np.repeat(contact_status(surface.traction) != OPEN, left.shape[1])
+        return left.ravel(), (left - surface.gap_left).ravel(), closed
+
+
+def position(surface: Surface) -> np.ndarray:
+    """Compute the points X + g n of a foundation at the nodes of its contact [length], shape (n, m, d)."""
+    return surface.place + surface.gap[..., None] * surface.traction.contact.direction[:, None]
+
+
+def nearest_nodes(surface: Surface) -> np.ndarray:
+    """Find the nodes of closed facets, or where all are open those with the least gap left, shape (n, m)."""
+    closed = contact_status(surface.traction) != OPEN
+    if not closed.any():
+        return surface.gap_left <= surface.gap_left.min()
+    return np.broadcast_to(closed[:, None], surface.gap.shape)
+
+
+def foundation_of(surface: Surface) -> Foundation:
+    """Fit the rigid motion of a foundation to the gap where its contact is closed, by least squares.
+
+    Of all motions with the same normal part it is the smallest.
+    """
+    nearest, d = nearest_nodes(surface), surface.d
+    weight = np.broadcast_to(np.sqrt(surface.traction.area)[:, None], nearest.shape)[nearest]
+    n = np.broadcast_to(surface.traction.contact.direction[:, None], (*nearest.shape, d))[nearest]
+    every = position(surface)
+    y, gap = every[nearest], surface.gap[nearest]
+    centre = np.average(y, axis=0, weights=weight**2)
+    size = np.linalg.norm(np.ptp(every.reshape(-1, d), axis=0))
+    turns = np.array([np.outer(i, j) - np.outer(j, i) for i, j in combinations(np.eye(d), 2)]) / size
+    turned = np.einsum("kij,pj,pi->pk", turns, y - centre, n)
+    normal_parts = weight[:, None] * np.column_stack([n, turned])
+    parts = np.linalg.lstsq(normal_parts, weight * gap, rcond=WIDE)[0]
+    return Foundation(surface, centre, parts[:d], np.tensordot(parts[d:], turns, axes=1))
+
+
+def greatest_factor(foundations: Sequence[Foundation], largest: float, size: float) -> float:
+    """Find the greatest magnification that a picture has by default; infinite if nothing moves.
+
+    Args:
+        foundations: The foundations of a body.
+        largest: Its largest displacement [length].
+        size: Its size [length].
+    """
+    if largest <= STILL * size:
+        return np.inf
+    limits = [foundation.greatest_factor(UNSEEN * size) for foundation in foundations]
+    return min([LARGEST * size / largest, *limits])
+
+
+def rounded(factor: float) -> float:
+    """Round a magnification to two digits; 1 where it is near to 1, or infinite."""
+    return float(f"{factor:.2g}") if NEARLY < factor < np.inf else 1.0
+
+
+def drawn_foundation(foundation: Foundation, factor: float, size: float) -> Any:
+    """Draw the part of a foundation that is near the body, moved with the body.
+
+    A plane is drawn somewhat larger than the contact. Other foundations end with the contact.
+
+    Args:
+        foundation: The foundation.
+        factor: Magnification of the displacement [-].
+        size: Size of the body [length].
+
+    Returns:
+        Straight lines in 2D or triangles in 3D for pyvista. At their points the data ``normal`` is the normal of the
+        foundation.
+    """
+    surface, d = foundation.surface, foundation.surface.d
+    direction, n = surface.traction.contact.direction, mean_normal(surface)
+    points, parts = sampled(position(surface), d - 1, DIVISIONS)
+    gap = sampled(surface.gap[..., None], d - 1, DIVISIONS)[0][:, 0]
+    normal = np.repeat(direction, len(points) // len(direction), axis=0)
+    near = gap < REACH * size
+    flat = n.any() and np.ptp(points @ n) <= FLAT * size and np.ptp(direction, axis=0).max() <= FLAT
+    if flat and near.any():
+        points, parts = _rectangle(points[near], n, EXCESS * size)
+        normal, gap = normal[: len(points)], np.zeros(len(points))
+    moved = points + (factor - 1) * foundation.motion(points)
+    drawn = straight(in_space(moved), parts)
+    drawn.point_data.update({"gap": gap, "normal": in_space(normal)})
+    return drawn.clip_scalar(scalars="gap", value=REACH * size)
+
+
+def _rectangle(points: np.ndarray, n: np.ndarray, margin: float) -> tuple[np.ndarray, np.ndarray]:
+    """Find the part of a plane with the normal n around points in it, and some more.
+
+    Returns:
+        Its corners [length], shape (2^(d-1), d), and the numbers of the corners of its straight parts.
+    """
+    plane = tangents(n)
+    along = points @ plane.T
+    ends = along.min(axis=0) - margin, along.max(axis=0) + margin
+    corners = np.stack(np.meshgrid(*np.transpose(ends), indexing="ij"), axis=-1).reshape(-1, len(plane))
+    parts = [[0, 1]] if len(plane) == 1 else [[0, 1, 2], [1, 2, 3]]
+    return corners @ plane + float((points @ n).mean()) * n, np.array(parts)
+
+
+def closed_part(surface: Surface, x: np.ndarray) -> Any:
+    """Draw the closed part of a contact in 2D, or its border in 3D.
+
+    Args:
+        surface: The contact.
+        x: Positions at which the nodes of the body are drawn [length], shape (n, 3).
+
+    Returns:
+        Straight lines for pyvista; None if the contact is open, or its closed part has no border.
+    """
+    closed = contact_status(surface.traction) != OPEN
+    if not closed.any():
+        return None
+    drawn = straight(*sampled(x[surface.traction.nodes[closed]], surface.d - 1, DIVISIONS))
+    if surface.d == 3:
+        drawn = drawn.clean(tolerance=FLAT).extract_feature_edges(
+            boundary_edges=True, feature_edges=False, manifold_edges=False, non_manifold_edges=False
+        )
+    return drawn if drawn.n_lines > 0 else None
+
+
+def ground(surface: Any, size: float) -> list[tuple[Any, dict[str, Any]]]:
+    """Give the parts of a :func:`drawn_foundation` the options with which they are drawn, in a body of a size [length].
+
+    In 2D the foundation is a line with a band beyond it, in 3D a grey surface. Nothing is drawn of an empty one.
+    """
+    import pyvista  # noqa: PLC0415
+
+    if surface.n_lines == 0:
+        return [(surface, {"color": "#b8b8b8"})] * (surface.n_cells > 0)
+    parts = surface.lines.reshape(-1, 3)[:, 1:]
+    beyond = surface.points + BAND * size * surface.point_data["normal"]
+    quads = np.column_stack([parts, len(beyond) + parts[:, ::-1]])
+    band = pyvista.PolyData.from_regular_faces(np.concatenate([surface.points, beyond]), quads)
+    return [(band, {"color": "#c8c8c8"}), (surface, {"color": "#505050", "line_width": 3.0})]

@@ -1,0 +1,62 @@
+"""The greatest stress and contact traction of an admissible pair, with the size of the element where each is.
+
+An adaptive run keeps them for each mesh: they tell whether a maximum grows with refinement.
+
+Symbols: sigma^ and r^ admissible stress and contact traction, d dimension.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from erc_contact.admissible.pair import Admissible
+from erc_contact.mesh.simplex import bernstein
+from erc_contact.model.maximum import TIE
+from erc_contact.model.profile import profile_points
+from erc_contact.model.stress import von_mises
+from erc_contact.results.stresses import mean_stress
+
+PEAKS = {"von Mises": "peak_stress", "pressure": "peak_pressure", "shear": "peak_shear"}
+"""Quantities with a peak, and the beginning of its names in the row of a mesh."""
+
+
+def peaks(pair: Admissible) -> dict[str, float]:
+    """Find the greatest stress and contact traction, and the size of the element where each is; collective.
+
+    Returns:
+        ``peak_stress``, the greatest von Mises stress of the mean of sigma^ in a cell [force/area], ``peak_pressure``
+        and ``peak_shear``, those of r^ at the points of profiles, nan without a contact; and of each the size of the
+        cell or facet [length], with the name ``peak_stress_size`` and so on.
+    """
+    model = pair.solution.model
+    volume = pair.cell_geometry.volume[: model.domain.owned_cells]
+    found = [_greatest(von_mises(mean_stress(pair)), volume ** (1 / model.d))]
+    shape = bernstein(model.d - 1, model.degree, profile_points(model))
+    pressure, shear, size = [np.empty(0)], [np.empty(0)], [np.empty(0)]
+    for traction in pair.tractions:
+        own = model.owned(traction.contact.facets)
+        tangential = np.matmul(shape, traction.tangential_part[own])
+        pressure.append((-traction.normal_component[own] @ shape.T).max(axis=1))
+        shear.append(np.linalg.norm(tangential, axis=2).max(axis=1))
+        size.append(traction.area[own] ** (1 / (model.d - 1)))
+    found += [_greatest(np.concatenate(values), np.concatenate(size)) for values in (pressure, shear)]
+    ranks = np.array(model.comm.allgather(found))
+    result = {}
+    for number, name in enumerate(PEAKS.values()):
+        values, sizes = ranks[:, number].T
+        top = values.max()
+        known = np.isfinite(top)
+        result[name] = float(top) if known else np.nan
+        result[f"{name}_size"] = float(sizes[_near(values, top)].min()) if known else np.nan
+    return result
+
+
+def _greatest(values: np.ndarray, sizes: np.ndarray) -> tuple[float, float]:
+    """The greatest value of this rank, and the least size where it is."""
+    top = values.max(initial=-np.inf)
+    return float(top), float(sizes[_near(values, top)].min(initial=np.inf))
+
+
+def _near(values: np.ndarray, top: float) -> np.ndarray:
+    """Which values equal the greatest one but for round-off."""
+    return values >= top - TIE * abs(top) if np.isfinite(top) else values == top
