@@ -18,12 +18,14 @@ nothing else of a method than the traction that it ends with.
 
 from dataclasses import dataclass
 
+from mpi4py import MPI  # noqa: F401 - before DOLFINx
+
+# isort: split
 import numpy as np
 import ufl
+from dolfinx import fem
 
 import erc_contact as ec
-
-from dolfinx import fem  # isort: skip - the wheel of DOLFINx must be loaded by erc_contact
 
 # %%
 # A method is hashable, as a frozen dataclass is: the solver looks its forms up by it. gamma E/h is the stiffness of the

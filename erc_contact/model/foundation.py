@@ -9,11 +9,12 @@ from typing import Any
 
 import numpy as np
 import ufl
-from dolfinx import fem
 from dolfinx import mesh as dmesh
 from ufl.classes import Variable, Zero
 from ufl.corealg.traversal import unique_pre_traversal
 
+from erc_contact.base import compiled
+from erc_contact.base.patches import forms_freed
 from erc_contact.model.expressions import Everywhere, pointwise, varies_in_cells
 from erc_contact.model.users import called, scalar
 from erc_contact.scene.law import Law, project
@@ -90,8 +91,9 @@ def bind_friction(mesh: dmesh.Mesh, what: str, law: Law, parameters: dict[str, A
         return scalar(what, law.friction_bound(pressure, **parameters))
 
     def attempt() -> str:
-        pressure = ufl.variable(fem.Constant(mesh, 1.0))
-        slope = ufl.algorithms.apply_derivatives.apply_derivatives(ufl.diff(bound(pressure), pressure))
+        pressure = ufl.variable(compiled.constant(mesh, 1.0))
+        with forms_freed():
+            slope = ufl.algorithms.apply_derivatives.apply_derivatives(ufl.diff(bound(pressure), pressure))
         if isinstance(slope, Zero):
             return CONSTANT
         straight = not any(isinstance(one, Variable) for one in unique_pre_traversal(slope))

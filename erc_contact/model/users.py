@@ -19,6 +19,7 @@ from ufl.algorithms.remove_complex_nodes import remove_complex_nodes
 
 from erc_contact.base.checks import told
 from erc_contact.base.exceptions import ErcContactError, InputError, together
+from erc_contact.base.patches import forms_freed
 from erc_contact.scene.material import Material, mandel_matrix, strain
 
 IN_UFL = (
@@ -80,7 +81,8 @@ def linear(what: str, integrand: Any, *arguments: Any) -> None:
         InputError: If it is not linear.
     """
     real = remove_complex_nodes(apply_algebra_lowering(integrand))
-    lowered = apply_derivatives(real)
+    with forms_freed():
+        lowered = apply_derivatives(real)
     try:
         check_integrand_arity(lowered, arguments)
     except ArityMismatch as reason:  # no Exception for UFL
