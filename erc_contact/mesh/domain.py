@@ -145,13 +145,18 @@ class Domain:
         return self.mesh.topology.index_map(0).size_global
 
     @cached_property
-    def extent(self) -> float:
-        """Length of the diagonal of the bounding box [length]."""
+    def sides(self) -> np.ndarray:
+        """Sides of the bounding box [length], shape (d,)."""
         x = self.mesh.geometry.x
         low, high = np.full(3, np.inf), np.full(3, -np.inf)
         self.mesh.comm.Allreduce(x.min(axis=0, initial=np.inf), low, MPI.MIN)
         self.mesh.comm.Allreduce(x.max(axis=0, initial=-np.inf), high, MPI.MAX)
-        return float(np.linalg.norm(high - low))
+        return (high - low)[: self.dim]
+
+    @property
+    def extent(self) -> float:
+        """Length of the diagonal of the bounding box [length]."""
+        return float(np.linalg.norm(self.sides))
 
     @property
     def outer(self) -> list[str]:

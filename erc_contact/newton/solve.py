@@ -28,6 +28,7 @@ from erc_contact.model.promises import bind
 from erc_contact.newton.after import check_after, last_step
 from erc_contact.newton.arguments import check_arguments
 from erc_contact.newton.direct import Direct
+from erc_contact.newton.doubts import doubts, tell
 from erc_contact.newton.iterative import Iterative
 from erc_contact.newton.ladder import NODAL, attempts
 from erc_contact.newton.methods import Method, Nitsche
@@ -81,12 +82,32 @@ def solve(
             forces. "auto" takes multigrid for large bodies in space, and the direct solver where multigrid fails.
 
     Returns:
-        The solution. ``singular`` tells that it may be one of many; a warning is logged.
+        The solution. ``singular`` tells that it may be one of many; a warning is logged. So it is where displacements
+        or rotations are not small, a friction is above 3, or nothing touches a contact.
 
     Raises:
         InputError: If scene and domain do not fit, or the loads are no numbers that double precision can work with.
         NotConverged: If no attempt converged.
     """
+    solution = solved(
+        scene, domain, method, degree=degree, after=after, start=start, tolerance=tolerance, solver=solver
+    )
+    tell(solution.model.comm, doubts(solution))
+    return solution
+
+
+def solved(
+    scene: Scene,
+    domain: Domain,
+    method: Method | None,
+    *,
+    degree: int,
+    after: Solution | None,
+    start: Solution | None,
+    tolerance: float | None,
+    solver: str,
+) -> Solution:
+    """Do what :func:`solve` does, but leave doubts to a run, which tells each of them once; collective."""
     began = perf_counter()
     check_arguments(scene, domain, method, degree, solver, start)
     if after is not None:
