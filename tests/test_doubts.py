@@ -57,7 +57,7 @@ def test_doubts_are_told(of, warnings):
 @pytest.mark.parametrize("of", ["friction is 30", "Nothing touches"])
 def test_a_run_tells_a_doubt_once(of, warnings):
     floor = ec.Contact("bottom", friction=30.0, gap=0.5 if "touches" in of else 0.0)
-    scene = pressed(supports=[ec.Displacement("top", (0.0, lambda x: -0.01 * x[0]))], contacts=[floor])
+    scene = pressed(supports=[ec.Displacement("top", (0.0, lambda x: -0.01 * x[0] ** 2))], contacts=[floor])
     history = ec.adapt(scene, square(2), accuracy=1e-9, max_steps=3, method=ec.AugmentedLagrangian())
     assert len(history.steps) == 3
     assert len(warnings(of=of)) == 1
