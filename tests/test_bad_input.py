@@ -370,7 +370,26 @@ def test_body_that_the_loads_take_from_its_foundation(supports, friction, force,
         "contacts": [ec.Contact("bottom", friction=friction)],
         "loads": [ec.Traction("top", force)],
     }
-    refused_scene(block, "loads", "hold the body", error=ec.NotConverged, **entries)
+    refused_scene(block, "loads", "hold the body", "Displacement", error=ec.NotConverged, **entries)
+
+
+def test_body_that_lifts_off_says_so_in_short(block):
+    held, force = ec.Displacement("left", (0.0, None)), ec.Traction("top", (0.0, 0.01))
+    scene = ec.Scene(STEEL, held, force, ec.Contact("bottom", friction=0.3))
+    with pytest.raises(ec.NotConverged, match="all open") as caught:
+        ec.solve(scene, block)
+    assert len(str(caught.value)) < 500
+    assert len(caught.value.rungs) > 5
+    assert "gamma (" not in str(caught.value)
+
+
+def test_body_that_slides_off_says_first_what_holds_it(block):
+    scene = ec.Scene(STEEL, [], ec.Traction("top", (0.02, -0.01)), ec.Contact("bottom", friction=0.3))
+    with pytest.raises(ec.NotConverged) as caught:
+        ec.solve(scene, block)
+    words = str(caught.value)
+    assert len(words) < 800
+    assert words.index("hold the body") < words.index("finer mesh") < words.index("another gamma")
 
 
 # -- conditions that conflict --------------------------------------------------------------------------------
@@ -462,7 +481,8 @@ def test_vector_that_is_none(value):
     ids=["Displacement", "Traction", "BodyForce", "normal"],
 )
 def test_vector_of_another_dimension(entries, block):
-    refused_scene(block, "0.0, 0.0", "2D", **entries)
+    part = {"supports": "'left'", "loads": "", "contacts": "'bottom'"}[next(iter(entries))]
+    refused_scene(block, "0.0, 0.0", "3 components", "2D", "give 2", part, **entries)
 
 
 @pytest.mark.parametrize("load", [ec.Traction("top", lambda x: x[0]), ec.BodyForce(lambda x: (x[0], x[1], 0.0))])
@@ -472,7 +492,19 @@ def test_callable_of_another_shape(load, block):
 
 def test_vectors_of_two_dimensions_in_one_scene(block):
     supports = [ec.Displacement("left", (0.0, 0.0)), ec.Displacement("right", (0.0, 0.0, 0.0))]
-    refused_scene(block, "2 and 3 components", supports=supports)
+    refused_scene(block, "2 components, Displacement('left')", "3, Displacement('right')", supports=supports)
+
+
+def test_hypothesis_of_the_plane_in_space(cube):
+    refused_scene(cube, "'plane stress'", "3D", supports=[], material=ec.Elastic(1.0, 0.3, hypothesis="plane stress"))
+    assert "plane" not in repr(ec.Elastic(1.0, 0.3))
+    assert "plane stress" in repr(ec.Elastic(1.0, 0.3, hypothesis="plane stress"))
+
+
+def test_height_formula_for_a_normal_by_the_gap(block):
+    contact = ec.Contact("bottom", gap=lambda x: 0.01 * (1 + x[0]), normal="gap")
+    words = ("'bottom'", "distance", "height", "normal=(0.0, -1.0)", "x[1]")
+    refused_scene(block, *words, supports=[SINK], contacts=[contact])
 
 
 def test_scene_in_the_plane_on_a_mesh_in_space(cube):

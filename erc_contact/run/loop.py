@@ -191,7 +191,7 @@ class Loop:
             self.outcome = "The body is at rest: no error is left that is relative to its deformation."
         elif len(self.steps) >= plan.max_steps:
             self.outcome = f"Stopped after max_steps = {plan.max_steps} meshes{self.above}."
-        elif len(self.steps) == 1:
+        elif len(self.steps) == 2:  # the first mesh is mostly too coarse to know
             _warn(error, plan.accuracy, plan.max_cells)
         return bool(self.outcome)
 
@@ -236,7 +236,7 @@ class Loop:
 
 
 def _warn(error: ConstitutiveError, accuracy: float, max_cells: int) -> None:
-    """Say before the time is spent that even the optimal mesh has too many cells, if the first mesh can know it."""
+    """Say before the time is spent that even the optimal mesh has too many cells, if the mesh can know it."""
     cells = size_map(error, accuracy).predicted_cells if error.total <= KNOWN else 0.0
     if cells > max_cells:
         log_of(error.domain.mesh.comm).warning(
