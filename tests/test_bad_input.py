@@ -756,6 +756,61 @@ def test_callable_that_is_not_ufl(gap, word, block):
     refused(lambda: ec.solve(with_gap(gap), block), "Contact('bottom'): gap", word, "ufl.sin(x[0])")
 
 
+def nested(x):
+    gap = 0.01
+    for piece in range(200):
+        gap = ufl.conditional(ufl.lt(x[0], piece / 200), 0.001 * piece, gap)
+    return gap
+
+
+def test_callable_that_nests_too_deep(block):
+    refused(lambda: ec.solve(with_gap(nested), block), "Contact('bottom'): gap", "201 levels", "120", "sum")
+
+
+def test_function_as_a_value(block):
+    """On its own mesh a Function in a callable is taken; a run, which makes further meshes, refuses it at once."""
+    height = fem.Function(fem.functionspace(block.mesh, ("Lagrange", 1)))
+    height.x.array[:] = 0.001
+    solution = ec.solve(with_gap(lambda x: height), block, ec.AugmentedLagrangian())
+    assert solution.profile("bottom")["gap"].min(initial=1.0) > -1e-12
+    words = ("Contact('bottom'): gap", "Function", "one mesh", "max_steps=1")
+    refused(lambda: ec.adapt(with_gap(lambda x: height), block, accuracy=0.5), *words)
+    refused(lambda: ec.evolve(lambda t: with_gap(lambda x: height), block, [1.0], accuracy=0.5), *words)
+    load = ec.Traction("right", (0.0, lambda x: 0.001 * height))
+    refused(lambda: ec.adapt(ec.Scene(STEEL, [TOP], load), block, 0.5), "Traction('right'): value", "Function")
+    refused(lambda: ec.Contact("bottom", gap=height), "'bottom'", "gap", "lambda x")
+    refused(lambda: ec.Traction("right", height), "'right'", "lambda x")
+
+
+@pytest.mark.parametrize("suffix", [".step", ".STP", ".igs"])
+def test_drawing_instead_of_a_mesh(suffix, shared_tmp_path):
+    path = shared_tmp_path / f"part{suffix}"
+    if COMM.rank == 0:
+        path.write_text("ISO-10303-21;\n")
+    COMM.barrier()
+    refused(lambda: ec.read_mesh(path), path.name, "from_gmsh", "importShapes", "addPhysicalGroup")
+
+
+def test_values_tell_in_a_line_what_they_are(block):
+    history = ec.adapt(SCENE, block, accuracy=0.5)
+    error = history.best
+    evolution = ec.evolve(lambda t: SCENE, block, [1.0], accuracy=0.5)
+    told = {
+        "Domain in 2D: 32 cells, boundary parts left, right, bottom, top": block,
+        "Solution of degree 1 on 32 cells by Nitsche": error.solution,
+        "Admissible pair of degree 1 on 32 cells": error.admissible,
+        "ConstitutiveError: eps = ": error,
+        "Sizes of a mesh of about": ec.size_map(error, 0.1),
+        "History of 1 meshes. Reached: ": history,
+        "Evolution of 1 steps. All 1 steps": evolution,
+    }
+    for words, value in told.items():
+        assert words in repr(value)
+        assert len(repr(value)) < 160
+        assert " at 0x" not in repr(value)
+    assert str(block) == repr(block)
+
+
 @pytest.mark.parametrize("load", [lambda x: 0.1, lambda x: [[0.1, 0.0]], lambda x: None, lambda x: (np.cos(x[0]), 0.0)])
 def test_load_that_is_not_ufl(load, block):
     for entry in (ec.Traction("right", load), ec.BodyForce(load)):

@@ -79,6 +79,14 @@ class Admissible:
     tightening: int
     seconds: float
 
+    def __repr__(self) -> str:
+        """Tell what it is in a line; nothing is computed, so one rank alone may ask."""
+        model = self.solution.model
+        return (
+            f"<Admissible pair of degree {model.degree} on {model.domain.cells} cells, {len(self.tractions)} contacts, "
+            f"tightened {self.tightening} times>"
+        )
+
 
 def equilibrate(solution: Solution, tighten: int = TIGHTEN) -> Admissible:
     """Reconstruct an admissible pair from a solution; collective.

@@ -118,6 +118,11 @@ class Domain:
     def _every_tags(self) -> tuple[Any, dmesh.MeshTags | None, dmesh.MeshTags | None]:
         return self.facet_tags, self.cell_tags, self.curved_facets
 
+    def __repr__(self) -> str:
+        """Tell what it is in a line; nothing is computed, so one rank alone may ask."""
+        regions = f", regions {', '.join(self.regions)}" if self.regions else ""
+        return f"<Domain in {self.dim}D: {self.cells} cells, boundary parts {', '.join(self.names)}{regions}>"
+
     def _repr_html_(self) -> str:
         """The domain in a notebook; nothing is computed, so one rank alone may ask."""
         rows = [("cells", self.cells), ("vertices", self.vertices), ("boundary parts", ", ".join(self.names))]
