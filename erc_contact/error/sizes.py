@@ -65,9 +65,8 @@ class Sizes:
 
     def __repr__(self) -> str:
         """Tell what it is in a line; nothing is computed, so one rank alone may ask."""
-        return (
-            f"<Sizes of a mesh of about {self.predicted_cells:.0f} cells, predicted eps {percent(self.predicted_eps)}>"
-        )
+        predicted = percent(self.predicted_eps)
+        return f"<Sizes of a mesh of about {self.predicted_cells:.0f} cells, predicted eps {predicted}>"
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
         """The sizes at the nodes, for numpy."""

@@ -30,7 +30,7 @@ IN_UFL = (
 
 
 LEVELS = 120
-"""Levels of nested UFL that can be differentiated and compiled, in a script or a test: Python's stack ends at 160 [-]."""
+"""Levels of nested UFL that can be differentiated and compiled; Python's stack ends at some 160 [-]."""
 
 
 def levels(expression: Any) -> int:
@@ -61,8 +61,8 @@ def called(comm: MPI.Comm, what: str, function: Callable[..., Any], *arguments: 
             if isinstance(result, ufl.core.expr.Expr) and levels(result) > LEVELS:
                 raise InputError(
                     f"{what} is nested {levels(result)} levels deep; UFL follows at most {LEVELS}. Write a table of "
-                    "many pieces as a sum of sums, or as fewer pieces; ufl.conditional in ufl.conditional nests, and so "
-                    "does a sum term by term."
+                    "many pieces as a sum of sums, or as fewer pieces: ufl.conditional in ufl.conditional nests, a sum "
+                    "term by term, too."
                 )
             return result
         except ErcContactError:
