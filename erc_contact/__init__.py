@@ -19,9 +19,7 @@ with sigterm_held():  # the threads that MPI starts block it, too
     from mpi4py import MPI  # noqa: F401
 
 from erc_contact.admissible.pair import Admissible, equilibrate
-from erc_contact.base.compiled import number_constants_alike, remember_forms
 from erc_contact.base.exceptions import ErcContactError, InputError, NotConverged, NotHeldError
-from erc_contact.base.interpreter import free_forms
 from erc_contact.base.logs import log_to_console
 from erc_contact.error.bounds import Bounds, potential_energy, resultant, work_of_loads
 from erc_contact.error.constitutive import ConstitutiveError, constitutive_error
@@ -49,10 +47,6 @@ from erc_contact.scene.load import BodyForce, Load, Traction
 from erc_contact.scene.material import Elastic, Material
 from erc_contact.scene.scene import Scene
 from erc_contact.scene.support import Displacement
-
-free_forms()
-remember_forms()
-number_constants_alike()
 
 __all__ = [
     "Admissible",
@@ -108,3 +102,8 @@ __all__ = [
     "solve",
     "work_of_loads",
 ]
+
+
+def __dir__() -> list[str]:
+    """List the public names alone: what users complete, and see in ``dir``."""
+    return sorted([*__all__, "output", "results"])

@@ -370,7 +370,26 @@ def test_body_that_the_loads_take_from_its_foundation(supports, friction, force,
         "contacts": [ec.Contact("bottom", friction=friction)],
         "loads": [ec.Traction("top", force)],
     }
-    refused_scene(block, "loads", "hold the body", error=ec.NotConverged, **entries)
+    refused_scene(block, "loads", "hold the body", "Displacement", error=ec.NotConverged, **entries)
+
+
+def test_body_that_lifts_off_says_so_in_short(block):
+    held, force = ec.Displacement("left", (0.0, None)), ec.Traction("top", (0.0, 0.01))
+    scene = ec.Scene(STEEL, held, force, ec.Contact("bottom", friction=0.3))
+    with pytest.raises(ec.NotConverged, match="all open") as caught:
+        ec.solve(scene, block)
+    assert len(str(caught.value)) < 500
+    assert len(caught.value.rungs) > 5
+    assert "gamma (" not in str(caught.value)
+
+
+def test_body_that_slides_off_says_first_what_holds_it(block):
+    scene = ec.Scene(STEEL, [], ec.Traction("top", (0.02, -0.01)), ec.Contact("bottom", friction=0.3))
+    with pytest.raises(ec.NotConverged) as caught:
+        ec.solve(scene, block)
+    words = str(caught.value)
+    assert len(words) < 800
+    assert words.index("hold the body") < words.index("finer mesh") < words.index("another gamma")
 
 
 # -- conditions that conflict --------------------------------------------------------------------------------
@@ -462,7 +481,8 @@ def test_vector_that_is_none(value):
     ids=["Displacement", "Traction", "BodyForce", "normal"],
 )
 def test_vector_of_another_dimension(entries, block):
-    refused_scene(block, "0.0, 0.0", "2D", **entries)
+    part = {"supports": "'left'", "loads": "", "contacts": "'bottom'"}[next(iter(entries))]
+    refused_scene(block, "0.0, 0.0", "3 components", "2D", "give 2", part, **entries)
 
 
 @pytest.mark.parametrize("load", [ec.Traction("top", lambda x: x[0]), ec.BodyForce(lambda x: (x[0], x[1], 0.0))])
@@ -472,7 +492,19 @@ def test_callable_of_another_shape(load, block):
 
 def test_vectors_of_two_dimensions_in_one_scene(block):
     supports = [ec.Displacement("left", (0.0, 0.0)), ec.Displacement("right", (0.0, 0.0, 0.0))]
-    refused_scene(block, "2 and 3 components", supports=supports)
+    refused_scene(block, "2 components, Displacement('left')", "3, Displacement('right')", supports=supports)
+
+
+def test_hypothesis_of_the_plane_in_space(cube):
+    refused_scene(cube, "'plane stress'", "3D", supports=[], material=ec.Elastic(1.0, 0.3, hypothesis="plane stress"))
+    assert "plane" not in repr(ec.Elastic(1.0, 0.3))
+    assert "plane stress" in repr(ec.Elastic(1.0, 0.3, hypothesis="plane stress"))
+
+
+def test_height_formula_for_a_normal_by_the_gap(block):
+    contact = ec.Contact("bottom", gap=lambda x: 0.01 * (1 + x[0]), normal="gap")
+    words = ("'bottom'", "distance", "height", "normal=(0.0, -1.0)", "x[1]")
+    refused_scene(block, *words, supports=[SINK], contacts=[contact])
 
 
 def test_scene_in_the_plane_on_a_mesh_in_space(cube):
@@ -722,6 +754,61 @@ def with_gap(gap):
 )
 def test_callable_that_is_not_ufl(gap, word, block):
     refused(lambda: ec.solve(with_gap(gap), block), "Contact('bottom'): gap", word, "ufl.sin(x[0])")
+
+
+def nested(x):
+    gap = 0.01
+    for piece in range(200):
+        gap = ufl.conditional(ufl.lt(x[0], piece / 200), 0.001 * piece, gap)
+    return gap
+
+
+def test_callable_that_nests_too_deep(block):
+    refused(lambda: ec.solve(with_gap(nested), block), "Contact('bottom'): gap", "203 levels", "120", "sum")
+
+
+def test_function_as_a_value(block):
+    """On its own mesh a Function in a callable is taken; a run, which makes further meshes, refuses it at once."""
+    height = fem.Function(fem.functionspace(block.mesh, ("Lagrange", 1)))
+    height.x.array[:] = 0.001
+    solution = ec.solve(with_gap(lambda x: height), block, ec.AugmentedLagrangian())
+    assert solution.profile("bottom")["gap"].min(initial=1.0) > -1e-12
+    words = ("Contact('bottom'): gap", "Function", "one mesh", "max_steps=1")
+    refused(lambda: ec.adapt(with_gap(lambda x: height), block, accuracy=0.5), *words)
+    refused(lambda: ec.evolve(lambda t: with_gap(lambda x: height), block, [1.0], accuracy=0.5), *words)
+    load = ec.Traction("right", (0.0, lambda x: 0.001 * height))
+    refused(lambda: ec.adapt(ec.Scene(STEEL, [TOP], load), block, 0.5), "Traction('right'): value", "Function")
+    refused(lambda: ec.Contact("bottom", gap=height), "'bottom'", "gap", "lambda x")
+    refused(lambda: ec.Traction("right", height), "'right'", "lambda x")
+
+
+@pytest.mark.parametrize("suffix", [".step", ".STP", ".igs"])
+def test_drawing_instead_of_a_mesh(suffix, shared_tmp_path):
+    path = shared_tmp_path / f"part{suffix}"
+    if COMM.rank == 0:
+        path.write_text("ISO-10303-21;\n")
+    COMM.barrier()
+    refused(lambda: ec.read_mesh(path), path.name, "from_gmsh", "importShapes", "addPhysicalGroup")
+
+
+def test_values_tell_in_a_line_what_they_are(block):
+    history = ec.adapt(SCENE, block, accuracy=0.5)
+    error = history.best
+    evolution = ec.evolve(lambda t: SCENE, block, [1.0], accuracy=0.5)
+    told = {
+        "Domain in 2D: 32 cells, boundary parts left, right, bottom, top": block,
+        "Solution of degree 1 on 32 cells by Nitsche": error.solution,
+        "Admissible pair of degree 1 on 32 cells": error.admissible,
+        "ConstitutiveError: eps = ": error,
+        "Sizes of a mesh of about": ec.size_map(error, 0.1),
+        "History of 1 meshes. Reached: ": history,
+        "Evolution of 1 steps. All 1 steps": evolution,
+    }
+    for words, value in told.items():
+        assert words in repr(value)
+        assert len(repr(value)) < 160
+        assert " at 0x" not in repr(value)
+    assert str(block) == repr(block)
 
 
 @pytest.mark.parametrize("load", [lambda x: 0.1, lambda x: [[0.1, 0.0]], lambda x: None, lambda x: (np.cos(x[0]), 0.0)])

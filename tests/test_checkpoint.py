@@ -341,6 +341,15 @@ def test_a_run_that_cannot_be_kept_returns_its_result(fault, shared_tmp_path, ca
         same(run(of_flat_body, 4, folder), history)
 
 
+def test_folder_that_cannot_be_written_is_refused_at_once(shared_tmp_path):
+    """A file stands where a folder is to be made: no mesh is solved."""
+    (shared_tmp_path / "file").touch()
+    solved = []
+    with pytest.raises(ec.InputError, match="nothing can be written to the folder"):
+        run(of_flat_body, 4, shared_tmp_path / "file" / "kept", callback=lambda error, step: solved.append(step))
+    assert not solved
+
+
 KEPT = """
 import sys; sys.path.insert(0, {tests!r})
 import os

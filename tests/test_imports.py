@@ -4,15 +4,18 @@
 - No circle between modules. Imports inside functions and those for types alone count, too.
 - The longest chain of modules that import each other stays short.
 - ``import erc_contact`` loads no plotting or file-format package.
+- What users copy, a block of a page or a demo, loads MPI before DOLFINx and PETSc.
 """
 
 import ast
+import re
 import subprocess
 import sys
 from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
+from processes import ROOT
 
 import erc_contact as ec
 
@@ -68,3 +71,33 @@ def test_import_loads_no_optional_package():
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True)
     assert "erc_contact" in run.stdout.split()
     assert not {"pyvista", "vtkmodules", "matplotlib", "meshio", "gmsh", "rich"} & set(run.stdout.split())
+
+
+LOADS_MPI, NEEDS_MPI = {"mpi4py", "erc_contact", "dolfinx_solver"}, {"dolfinx", "petsc4py"}
+"""Packages that load MPI, and those that fail in uv's environment where it is not loaded."""
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+SCRIPTS = [path for folder in ("demos", "benchmarks", "docs/figures") for path in (ROOT / folder).rglob("*.py")]
+
+
+def packages(code):
+    """Packages that code imports at its top, in its order."""
+    for node in ast.parse(code).body:
+        if isinstance(node, ast.Import):
+            yield from (alias.name.split(".")[0] for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            yield node.module.split(".")[0]
+
+
+@pytest.mark.serial
+def test_what_users_copy_loads_mpi_first():
+    codes = {}
+    for page in PAGES:
+        blocks = re.findall(r"^```python\n(.*?)^```", page.read_text(), re.MULTILINE | re.DOTALL)
+        codes |= {f"{page.name}, block {number}": block for number, block in enumerate(blocks, start=1)}
+    codes |= {str(path.relative_to(ROOT)): path.read_text() for path in SCRIPTS}
+    needy = 0
+    for place, code in codes.items():
+        ours = [name for name in packages(code) if name in LOADS_MPI | NEEDS_MPI]
+        needy += not NEEDS_MPI.isdisjoint(ours)
+        assert not ours or ours[0] in LOADS_MPI, f"{place} imports {ours[0]} before MPI"
+    assert needy >= 5

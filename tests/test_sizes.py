@@ -202,7 +202,19 @@ def test_accuracy_that_takes_too_many_cells_is_told_at_once(caplog):
     assert "takes about" in history.outcome
     assert "max_cells = 5000" in history.outcome
     assert history.best.relative == history.steps[0].eps
-    assert MPI.COMM_WORLD.rank > 0 or "max_cells = 5000 will end the run" in caplog.text
+    assert MPI.COMM_WORLD.rank > 0 or "takes about" in caplog.text
+
+
+def test_no_number_of_cells_is_predicted_before_the_second_mesh(caplog):
+    """The first mesh predicts too many; marking does not ask for a prediction."""
+    seen = []
+
+    def count(error, step):
+        seen.append("will end the run" in caplog.text)
+
+    with caplog.at_level(logging.WARNING, logger="erc_contact"):
+        ec.adapt(common_block(), block(8), 1e-3, max_steps=3, max_cells=5000, callback=count)
+    assert seen == [False, False, MPI.COMM_WORLD.rank == 0]
 
 
 @pytest.mark.serial

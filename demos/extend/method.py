@@ -21,17 +21,19 @@ the traction that it ends with.
 
 from dataclasses import dataclass
 
+from mpi4py import MPI  # noqa: F401 - before DOLFINx
+
+# isort: split
 import numpy as np
 import ufl
+from dolfinx import fem
 
 import erc_contact as ec
-
-from dolfinx import fem  # isort: skip - after erc_contact
 
 # %%
 # A method is hashable, as a frozen dataclass is: the solver looks its forms up by it.
 # gamma E/h is the stiffness of the springs [force/volume]; as a Constant it is compiled
-# once for all values. ``since`` is u, but in a loading history friction acts on what
+# once for all values. ``jump`` is u, but in a loading history friction acts on what
 # has changed since the last step.
 
 

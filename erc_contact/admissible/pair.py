@@ -81,6 +81,14 @@ class Admissible:
     tightening: int
     seconds: float
 
+    def __repr__(self) -> str:
+        """Tell what it is in a line; nothing is computed, so one rank alone may ask."""
+        model = self.solution.model
+        return (
+            f"<Admissible pair of degree {model.degree} on {model.domain.cells} cells, {len(self.tractions)} contacts, "
+            f"tightened {self.tightening} times>"
+        )
+
 
 def pair_of(result: Any) -> Admissible:
     """Return the pair itself, or that of an error, or that of the error of a history.

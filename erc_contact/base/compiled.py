@@ -2,68 +2,109 @@
 
 A form is made anew on each mesh. DOLFINx then asks UFL for its signature, and FFCx looks for it in the folder of
 compiled forms, where it reads the list of all files. With some thousand files this takes 10 to 15 ms a form, half of
-the time of a small solve, and the signature takes more than to assemble the form on some hundred cells. Here DOLFINx
-remembers what it has compiled or loaded, by a key that costs a fifth of the signature.
+the time of a small solve, and the signature takes more than to assemble the form on some hundred cells. Here what was
+compiled or loaded is remembered, by a key that costs a fifth of the signature.
 
 UFL sorts the factors of a product by the text of the numbers of its Constants, in which "9" comes after "10". So forms
 would be others, and would be compiled again, on the mesh on which the number of Constants made so far passes a power of
-ten. Here all these numbers have ten digits.
+ten. Here the numbers of the package's own Constants have ten digits.
 
 Half of the time that a form takes to be compiled is that of calling the compiler. Forms that are needed together are
 therefore compiled together.
+
+DOLFINx and UFL have no door for either. So :func:`form`, :func:`expression` and :func:`constant` change a name of
+theirs while they call them (:mod:`erc_contact.base.patches`), and everything in the package is compiled by these.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from functools import partial
 from itertools import count
 from operator import methodcaller
 from typing import Any
 
 import ffcx
 import numpy as np
+import numpy.typing as npt
 import ufl
+from dolfinx import fem
 from dolfinx import jit as dolfinx_jit
+from dolfinx import mesh as dmesh
 from ffcx.codegeneration import jit
 from mpi4py import MPI
 
+from erc_contact.base.patches import forms_freed, refused, replaced
+
 FIRST = 10**9
-"""Number of the first Constant."""
-
-
-def number_constants_alike() -> None:
-    """Let the numbers of all new Constants have ten digits."""
-    if ufl.Constant._counter is None or next(ufl.Constant._counter) < FIRST:
-        ufl.Constant._counter = count(FIRST)
-
-
+"""Number of the first Constant of the package; those of the user's begin with 0."""
+_numbers = count(FIRST)
+"""Numbers of the Constants of the package."""
 _known: dict[Any, tuple[Any, Any, Any]] = {}
 """What DOLFINx needs of each form and each expression that this process has compiled or loaded: object and module."""
 
 
-def remember_forms() -> None:
-    """Let DOLFINx compile or load each form and each expression once in a process."""
-    if not getattr(dolfinx_jit.ffcx_jit, "remembers", False):
-        dolfinx_jit.ffcx_jit = _remembering(dolfinx_jit.ffcx_jit)
+def numbers_alike() -> AbstractContextManager[None]:
+    """Give new Constants numbers of ten digits within a context."""
+    if refused():
+        return nullcontext()
+    return replaced(ufl.Constant, "_counter", _numbers)
 
 
-def _remembering(compile_one: Callable[..., Any]) -> Callable[..., Any]:
-    def compiled(comm: MPI.Comm, one: Any, form_compiler_options: Any = None, jit_options: Any = None) -> Any:
-        key = _key(one, form_compiler_options, jit_options)
-        if not _all_known(comm, [key]):
-            _known[key] = *compile_one(comm, one, form_compiler_options, jit_options)[:2], (None, None)
-        return _known[key]
+def constant(mesh: dmesh.Mesh, value: npt.ArrayLike) -> fem.Constant:
+    """Make a Constant whose number does not change the code of a form."""
+    with numbers_alike():
+        return fem.Constant(mesh, value)
 
-    compiled.remembers = True  # type: ignore[attr-defined]
-    return compiled
+
+def form(integrals: ufl.Form) -> fem.Form:
+    """Compile a form, or find it among those that this process knows; collective."""
+    with _remembering():
+        return fem.form(integrals)
+
+
+def expression(value: Any, points: np.ndarray, comm: MPI.Comm) -> fem.Expression:
+    """Compile an expression at reference points, or find it among those that this process knows; collective."""
+    with _remembering():
+        return fem.Expression(value, points, comm=comm, dtype=np.float64)
+
+
+@contextmanager
+def _remembering() -> Iterator[None]:
+    """Let DOLFINx compile or load each form and each expression once in a process, within a context."""
+    with forms_freed():
+        if refused():
+            yield
+            return
+        with replaced(dolfinx_jit, "ffcx_jit", partial(_remembered, dolfinx_jit.ffcx_jit)):
+            yield
+
+
+def _remembered(
+    compile_one: Callable[..., Any],
+    comm: MPI.Comm,
+    one: Any,
+    form_compiler_options: Any = None,
+    jit_options: Any = None,
+) -> tuple[Any, Any, Any]:
+    """Do what ``dolfinx.jit.ffcx_jit`` does, once for each key; collective."""
+    key = _key(one, form_compiler_options, jit_options)
+    if not _all_known(comm, [key]):
+        made, module = compile_one(comm, one, form_compiler_options, jit_options)[:2]
+        _known[key] = made, module, (None, None)
+    return _known[key]
 
 
 def compile_together(comm: MPI.Comm, forms: Sequence[ufl.Form]) -> None:
-    """Compile forms in one module, which ``fem.form`` of each then finds; collective."""
+    """Compile forms in one module, in which :func:`form` then finds each of them; collective."""
+    if refused():
+        return
     options = {"scalar_type": np.float64}
     keys = [_key(form, options, None) for form in forms]
     if not _all_known(comm, keys):
-        made, module = _compiled(comm, list(forms), options)
+        with forms_freed():
+            made, module = _compiled(comm, list(forms), options)
         _known.update({key: (one, module, (None, None)) for key, one in zip(keys, made, strict=True)})
 
 

@@ -55,6 +55,7 @@ from dolfinx import fem
 from dolfinx.fem import petsc as fp
 from mpi4py import MPI
 
+from erc_contact.base import compiled
 from erc_contact.base.exceptions import InputError, raise_together
 from erc_contact.error.constitutive import ROUND_OFF, ConstitutiveError, Run, error_of
 from erc_contact.error.works import elastic_work, friction_work, load_work, stress_work
@@ -211,13 +212,13 @@ def lifting(model: Model, elastic: ElasticSolver, which: int, a: np.ndarray) -> 
 def _least_energy(model: Model, elastic: ElasticSolver, which: int, a: np.ndarray) -> fem.Function:
     """An approximation of phi, whose values on the contacts are held by stiff springs."""
     u, v, contact = ufl.TrialFunction(model.V), ufl.TestFunction(model.V), model.contacts[which]
-    gamma = model.stiffness_per_area(fem.Constant(model.mesh, GLUE))
+    gamma = model.stiffness_per_area(compiled.constant(model.mesh, GLUE))
     springs = [gamma * ufl.inner(_working_part_ufl(c, u), v) * c.ds for c in model.contacts]
-    pull = gamma * ufl.inner(_working_part_ufl(contact, fem.Constant(model.mesh, a)), v) * contact.ds
-    matrix = fp.assemble_matrix(fem.form(sum(springs[1:], start=springs[0])), bcs=model.bcs, diag=0.0)
+    pull = gamma * ufl.inner(_working_part_ufl(contact, compiled.constant(model.mesh, a)), v) * contact.ds
+    matrix = fp.assemble_matrix(compiled.form(sum(springs[1:], start=springs[0])), bcs=model.bcs, diag=0.0)
     matrix.assemble()
     b, near = model.function(), model.function()
-    fem.assemble_vector(b.x.array, fem.form(pull))
+    fem.assemble_vector(b.x.array, compiled.form(pull))
     near.x.array.reshape(-1, model.d)[:] = _working_part(contact, a[None])
     near.x.array[model.fixed.ravel()] = 0.0  # a rigid motion, if the body is free to make it
     phi = elastic.on_springs(matrix, b, near)

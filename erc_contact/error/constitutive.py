@@ -87,6 +87,14 @@ class ConstitutiveError:
     total_indicators: np.ndarray
     seconds: float
 
+    def __repr__(self) -> str:
+        """Tell what it is in a line; nothing is computed, so one rank alone may ask."""
+        geometry = f", {percent(self.total)} with the geometry" if self.geometry_error > 0 else ""
+        return (
+            f"<ConstitutiveError: eps = {percent(self.relative)}{geometry}, e = {self.absolute:.4g}, "
+            f"{self.domain.cells} cells of degree {self.degree}>"
+        )
+
     def _repr_html_(self) -> str:
         """The error in a notebook; nothing is computed, so one rank alone may ask."""
         scale = self.scale or 1.0

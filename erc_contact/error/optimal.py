@@ -19,7 +19,7 @@ from erc_contact.mesh.domain import Domain
 CLOSE = 1.2
 """If the error is below this multiple of the accuracy, marked elements are refined instead. A new mesh of nearly the
 same sizes might miss the accuracy again and again, because the prediction is right to 5 or 10% only."""
-DOUBT = 4.0
+DOUBT = 8.0
 """Factor by which such a prediction may be too large [-]. A run ends if it exceeds ``max_cells`` by more."""
 
 

@@ -25,6 +25,7 @@ import numpy as np
 
 from erc_contact.base import checks
 from erc_contact.base.exceptions import raise_together
+from erc_contact.base.percent import percent
 from erc_contact.error.constitutive import ConstitutiveError, Run, error_of
 from erc_contact.mesh.nodal import NodalMesh
 from erc_contact.mesh.remeshing import FILL, count
@@ -61,6 +62,11 @@ class Sizes:
     rates: np.ndarray
     predicted_cells: float
     predicted_eps: float
+
+    def __repr__(self) -> str:
+        """Tell what it is in a line; nothing is computed, so one rank alone may ask."""
+        predicted = percent(self.predicted_eps)
+        return f"<Sizes of a mesh of about {self.predicted_cells:.0f} cells, predicted eps {predicted}>"
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
         """The sizes at the nodes, for numpy."""

@@ -118,6 +118,11 @@ class Domain:
     def _every_tags(self) -> tuple[Any, dmesh.MeshTags | None, dmesh.MeshTags | None]:
         return self.facet_tags, self.cell_tags, self.curved_facets
 
+    def __repr__(self) -> str:
+        """Tell what it is in a line; nothing is computed, so one rank alone may ask."""
+        regions = f", regions {', '.join(self.regions)}" if self.regions else ""
+        return f"<Domain in {self.dim}D: {self.cells} cells, boundary parts {', '.join(self.names)}{regions}>"
+
     def _repr_html_(self) -> str:
         """The domain in a notebook; nothing is computed, so one rank alone may ask."""
         rows = [("cells", self.cells), ("vertices", self.vertices), ("boundary parts", ", ".join(self.names))]
@@ -145,13 +150,18 @@ class Domain:
         return self.mesh.topology.index_map(0).size_global
 
     @cached_property
-    def extent(self) -> float:
-        """Length of the diagonal of the bounding box [length]."""
+    def sides(self) -> np.ndarray:
+        """Sides of the bounding box [length], shape (d,)."""
         x = self.mesh.geometry.x
         low, high = np.full(3, np.inf), np.full(3, -np.inf)
         self.mesh.comm.Allreduce(x.min(axis=0, initial=np.inf), low, MPI.MIN)
         self.mesh.comm.Allreduce(x.max(axis=0, initial=-np.inf), high, MPI.MAX)
-        return float(np.linalg.norm(high - low))
+        return (high - low)[: self.dim]
+
+    @property
+    def extent(self) -> float:
+        """Length of the diagonal of the bounding box [length]."""
+        return float(np.linalg.norm(self.sides))
 
     @property
     def outer(self) -> list[str]:

@@ -28,6 +28,9 @@ from erc_contact.mesh.partition import partitioner
 from erc_contact.mesh.shape import Brick, Drawing, drawing_of
 from erc_contact.mesh.tags import tags_of
 
+CAD = (".step", ".stp", ".iges", ".igs", ".brep", ".stl")
+"""Endings of files of drawings, which have no names of parts."""
+
 
 def rectangle(
     p0: Sequence[float],
@@ -181,6 +184,13 @@ def read_mesh(
 def _open(gmsh: Any, path: Path) -> None:
     if not path.is_file():
         raise InputError(f"The mesh file {str(path)!r} does not exist; look at the path and the working folder.")
+    if path.suffix.lower() in CAD:
+        raise InputError(
+            f"{str(path)!r} is a drawing, in which no part of the boundary has a name: open it in gmsh, name the parts "
+            f"and take from_gmsh: gmsh.initialize(); gmsh.model.occ.importShapes({path.name!r}); "
+            'gmsh.model.occ.synchronize(); gmsh.model.addPhysicalGroup(2, [1], name="bottom"), one for each part; '
+            "body = ec.from_gmsh(gmsh.model). For a drawing in the plane the groups have dimension 1."
+        )
     if path.suffix in (".msh", ".geo"):
         gmsh.open(str(path))
         return

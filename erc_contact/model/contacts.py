@@ -6,9 +6,10 @@ from typing import Any
 
 import numpy as np
 import ufl
-from dolfinx import fem
 
+from erc_contact.base import compiled
 from erc_contact.base.exceptions import InputError, raise_together
+from erc_contact.base.patches import forms_freed
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import BoundContact, Friction, bind_friction
 from erc_contact.model.last_step import LastStep
@@ -103,7 +104,7 @@ def _normal(space: Space, contact: Contact, facets: np.ndarray, surface: Any) ->
         direction = np.array(contact.normal)
     else:
         return _varying_normal(space, contact, facets, centre, surface)
-    return fem.Constant(space.mesh, direction), np.broadcast_to(direction, (len(facets), space.d)), None
+    return compiled.constant(space.mesh, direction), np.broadcast_to(direction, (len(facets), space.d)), None
 
 
 def _varying_normal(
@@ -115,7 +116,9 @@ def _varying_normal(
     """
     what = f"Contact({contact.facets!r})"
     if contact.normal == "gap":
-        slope = ufl.algorithms.expand_derivatives(-ufl.grad(number(space, contact.gap, f"{what}: gap")))
+        gap = number(space, contact.gap, f"{what}: gap")
+        with forms_freed():
+            slope = ufl.algorithms.expand_derivatives(-ufl.grad(gap))
         expression = ufl.replace(slope, {space.x: surface})
     else:
         expression = components(space, contact.normal, f"{what}: normal", surface)

@@ -16,6 +16,9 @@ from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
 from ufl.corealg.traversal import traverse_unique_terminals, unique_pre_traversal
 from ufl.utils.stacks import StackDict
 
+from erc_contact.base import compiled
+from erc_contact.base.patches import forms_freed
+
 CHUNK = 4096
 """Number of points at which an expression is evaluated at once."""
 
@@ -41,7 +44,7 @@ def without_plain_numbers(expression: Any, mesh: dmesh.Mesh) -> Any:
     Expressions that differ only in these numbers are then compiled once.
     """
     plain = [t for t in traverse_unique_terminals(expression) if isinstance(t, ufl.classes.FloatValue)]
-    return ufl.replace(expression, {number: fem.Constant(mesh, float(number)) for number in plain})
+    return ufl.replace(expression, {number: compiled.constant(mesh, float(number)) for number in plain})
 
 
 def evaluate(expression: Any, mesh: dmesh.Mesh, points: np.ndarray, entities: np.ndarray) -> np.ndarray:
@@ -66,15 +69,17 @@ def evaluate(expression: Any, mesh: dmesh.Mesh, points: np.ndarray, entities: np
         few = len(points) == 1 or entities.ndim == 2
         if few and _is_data(expression):  # compiled once for all points; slower for many
             return Everywhere(expression, mesh)(evaluate(ufl.SpatialCoordinate(mesh), mesh, points, entities), entities)
-    compiled = fem.Expression(expression, points, comm=mesh.comm, dtype=np.float64)
-    return compiled.eval(mesh, entities)
+    return compiled.expression(expression, points, mesh.comm).eval(mesh, entities)
 
 
 def _without_derivatives(expression: Any) -> Any:
     """UFL with its derivatives carried out, or as it is where it has none."""
     expression = ufl.as_ufl(expression)
     has = any(isinstance(node, ufl.classes.Derivative) for node in unique_pre_traversal(expression))
-    return ufl.algorithms.expand_derivatives(expression) if has else expression
+    if not has:
+        return expression
+    with forms_freed():
+        return ufl.algorithms.expand_derivatives(expression)
 
 
 def _has_fields(expression: Any) -> bool:
@@ -244,7 +249,7 @@ def stand_in(shape: tuple[int, ...], which: int) -> fem.Function:
 @cache
 def _parameter(shape: tuple[int, ...], which: int) -> fem.Constant:
     """What stands in an expression for a constant of this shape."""
-    return fem.Constant(_line(), np.zeros(shape))
+    return compiled.constant(_line(), np.zeros(shape))
 
 
 @cache
@@ -269,5 +274,5 @@ def _compiled(expression: Any, points: np.ndarray, comm: MPI.Comm) -> fem.Expres
     key = expression, points.shape, points.tobytes()
     known = key in _known
     if not (known if comm.size == 1 else comm.allreduce(known, MPI.LAND)):
-        _known[key] = fem.Expression(expression, points, comm=comm, dtype=np.float64)
+        _known[key] = compiled.expression(expression, points, comm)
     return _known[key]

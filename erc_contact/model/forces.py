@@ -18,6 +18,7 @@ import ufl
 from dolfinx import fem, la
 from mpi4py import MPI
 
+from erc_contact.base import compiled
 from erc_contact.mesh.simplex import in_space, lagrange, rule
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import BoundContact
@@ -145,7 +146,7 @@ def _assembled(model: Model, form: Any | None) -> np.ndarray:
     """
     b = model.function()
     if form is not None:
-        fem.assemble_vector(b.x.array, fem.form(form))
+        fem.assemble_vector(b.x.array, compiled.form(form))
         b.x.scatter_reverse(la.InsertMode.add)
     return b.x.array.reshape(-1, model.d)
 

@@ -9,11 +9,12 @@ from typing import Any
 
 import numpy as np
 import ufl
-from dolfinx import fem
 from dolfinx import mesh as dmesh
 from ufl.classes import Division, Product, Sum, Variable, Zero
 from ufl.corealg.traversal import unique_pre_traversal
 
+from erc_contact.base import compiled
+from erc_contact.base.patches import forms_freed
 from erc_contact.model.expressions import Everywhere, pointwise, varies_in_cells
 from erc_contact.model.trace import Trace
 from erc_contact.model.users import called, scalar
@@ -101,14 +102,15 @@ def _dependence(mesh: dmesh.Mesh, bound: Callable[[Any], Any]) -> str:
     only if sums, products and quotients alone join the pressure to the bound. All else counts as CONCAVE, of which
     nothing is claimed that needs more.
     """
-    pressure = ufl.variable(fem.Constant(mesh, 1.0))
+    pressure = ufl.variable(compiled.constant(mesh, 1.0))
     expression = ufl.as_ufl(bound(pressure))
     dependent = [node for node in unique_pre_traversal(expression) if _contains(node, pressure)]
     if not dependent:
         return CONSTANT
     if not all(isinstance(node, Variable | Sum | Product | Division) for node in dependent):
         return CONCAVE
-    slope = ufl.algorithms.apply_derivatives.apply_derivatives(ufl.diff(expression, pressure))
+    with forms_freed():
+        slope = ufl.algorithms.apply_derivatives.apply_derivatives(ufl.diff(expression, pressure))
     if _contains(slope, pressure):
         return CONCAVE
     through_zero = isinstance(bound(ufl.as_ufl(0.0)), Zero)
@@ -187,6 +189,10 @@ class BoundContact:
         if before is None:
             return u
         return u - (before - ufl.dot(before, self.normal) * self.normal)
+
+    def since(self, u: Any) -> Any:
+        """Call :meth:`jump` by its name in version 0.1; methods of users may have it. To go with version 0.3."""
+        return self.jump(u)
 
     def project(self, z: Any) -> Any:
         """The traction that the law allows for a trial traction z [force/area], UFL."""

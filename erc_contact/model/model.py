@@ -25,7 +25,7 @@ from erc_contact.model.supports import bind_supports
 from erc_contact.model.users import IN_UFL, called, try_material, vector
 from erc_contact.model.values import DATA_DEGREE, moduli, parameter, value_of
 from erc_contact.scene.load import Load
-from erc_contact.scene.material import Elastic, strain
+from erc_contact.scene.material import PLANE_STRAIN, Elastic, strain
 from erc_contact.scene.scene import Scene
 
 
@@ -246,9 +246,20 @@ def _sum(terms: list[Any]) -> Any | None:
 
 def _check_dimension(scene: Scene, d: int) -> None:
     """Check that the vectors of the scene have as many components as the mesh has dimensions."""
-    vectors: list[Any] = [s.value for s in scene.supports]
-    vectors += [c.normal for c in scene.contacts if isinstance(c.normal, tuple)]
-    vectors += [v for load in scene.loads for name in load.parameters if isinstance(v := parameter(load, name), tuple)]
-    for value in vectors:
-        if len(value) != d:
-            raise InputError(f"The scene has the vector {value}, but the mesh is {d}D.")
+    vectors: list[tuple[Any, Any]] = [(support, support.value) for support in scene.supports]
+    vectors += [(contact, contact.normal) for contact in scene.contacts]
+    for load in scene.loads:
+        vectors += [(load, parameter(load, name)) for name in load.parameters]
+    for owner, value in vectors:
+        if isinstance(value, tuple) and len(value) != d:
+            part = "" if owner.facets is None else f"({owner.facets!r})"
+            raise InputError(
+                f"{type(owner).__name__}{part} has the vector {value} of {len(value)} components, but the mesh is "
+                f"{d}D: give {d}."
+            )
+    hypothesis = getattr(scene.material, "hypothesis", PLANE_STRAIN)
+    if d == 3 and hypothesis != PLANE_STRAIN:
+        raise InputError(
+            f"{type(scene.material).__name__}: hypothesis is {hypothesis!r}, and the mesh is 3D: leave it out, a body "
+            "in space has none."
+        )

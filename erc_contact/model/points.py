@@ -12,6 +12,7 @@ import numpy as np
 from dolfinx import fem, geometry
 from mpi4py import MPI
 
+from erc_contact.base import compiled
 from erc_contact.base.exceptions import InputError
 from erc_contact.mesh.simplex import in_space
 from erc_contact.model.model import Model
@@ -62,7 +63,7 @@ def elastic_stress_at(model: Model, u: fem.Function, cell: np.ndarray, x: np.nda
     d = model.d
     W = fem.functionspace(model.mesh, ("DG", model.degree - 1, (d, d)))
     eps = fem.Function(W)
-    eps.interpolate(fem.Expression(strain(u), W.element.interpolation_points, comm=model.comm))
+    eps.interpolate(compiled.expression(strain(u), W.element.interpolation_points, model.comm))
     local = eps.eval(in_space(x), cell.astype(np.int32)).reshape(len(x), d, d) if len(x) else np.zeros((0, d, d))
     basis = mandel_basis(d)
     stress = np.einsum("nab,nb->na", model.elasticity(x[:, None], cell)[:, 0], np.einsum("bij,nij->nb", basis, local))

@@ -138,6 +138,16 @@ def _check_normal(model: Model, contact: BoundContact) -> None:
         place = model.facet_corners(facets)[worst].mean(axis=0)
         mine = (float(cosine[worst]), tuple(place.tolist()), tuple(contact.direction[worst].tolist()))
     least, place, direction = min(comm.allgather(mine))
+    steepest = comm.allreduce(float(abs(cosine).max(initial=0.0)), MPI.MAX)
+    given = next(one for one in model.scene.contacts if one.facets == contact.name)
+    if given.normal == "gap" and steepest < EXACT:
+        flat = "(0.0, -1.0)" if model.d == 2 else "(0.0, 0.0, -1.0)"
+        raise InputError(
+            f'Contact({contact.name!r}): normal="gap" needs a gap that is the distance to the foundation, also off the '
+            "part, and this one does not change across the part: it is a height over it. Give the normal in numbers, "
+            f"e.g. normal={flat}, or none on a flat part; or the distance, e.g. gap=lambda x: x[{model.d - 1}] + "
+            "(the height that you gave)."
+        )
     if least < AWAY or total <= 0.0:
         at, normal = (", ".join(f"{v:.3g}" for v in vector) for vector in (place, direction))
         raise InputError(

@@ -16,15 +16,29 @@ from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
 from ufl.algorithms.apply_derivatives import apply_derivatives
 from ufl.algorithms.check_arities import ArityMismatch, check_integrand_arity
 from ufl.algorithms.remove_complex_nodes import remove_complex_nodes
+from ufl.corealg.traversal import unique_post_traversal
 
 from erc_contact.base.checks import told
 from erc_contact.base.exceptions import ErcContactError, InputError, together
+from erc_contact.base.patches import forms_freed
 from erc_contact.scene.material import Material, mandel_matrix, strain
 
 IN_UFL = (
     "It gets UFL and returns a number or UFL: write ufl.sin(x[0]) instead of np.sin or math.sin, "
     "ufl.conditional(ufl.lt(x[0], 1), a, b) instead of if, ufl.max_value and ufl.min_value instead of max and min."
 )
+
+
+LEVELS = 120
+"""Levels of nested UFL that can be differentiated and compiled; Python's stack ends at some 160 [-]."""
+
+
+def levels(expression: Any) -> int:
+    """Number of levels of nested operations in UFL, without recursion."""
+    depth: dict[Any, int] = {}
+    for node in unique_post_traversal(expression):
+        depth[node] = 1 + max((depth[operand] for operand in node.ufl_operands), default=0)
+    return depth[expression]
 
 
 def called(comm: MPI.Comm, what: str, function: Callable[..., Any], *arguments: Any, **named: Any) -> Any:
@@ -43,7 +57,14 @@ def called(comm: MPI.Comm, what: str, function: Callable[..., Any], *arguments: 
 
     def attempt() -> Any:
         try:
-            return function(*arguments, **named)
+            result = function(*arguments, **named)
+            if isinstance(result, ufl.core.expr.Expr) and levels(result) > LEVELS:
+                raise InputError(
+                    f"{what} is nested {levels(result)} levels deep; UFL follows at most {LEVELS}. Write a table of "
+                    "many pieces as a sum of sums, or as fewer pieces: ufl.conditional in ufl.conditional nests, a sum "
+                    "term by term, too."
+                )
+            return result
         except ErcContactError:
             raise
         except Exception as reason:
@@ -80,7 +101,8 @@ def linear(what: str, integrand: Any, *arguments: Any) -> None:
         InputError: If it is not linear.
     """
     real = remove_complex_nodes(apply_algebra_lowering(integrand))
-    lowered = apply_derivatives(real)
+    with forms_freed():
+        lowered = apply_derivatives(real)
     try:
         check_integrand_arity(lowered, arguments)
     except ArityMismatch as reason:  # no Exception for UFL

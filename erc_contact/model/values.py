@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 import ufl
-from dolfinx import fem
 from mpi4py import MPI
 
+from erc_contact.base import compiled
 from erc_contact.base.checks import told
 from erc_contact.base.exceptions import InputError
 from erc_contact.mesh.simplex import lattice
@@ -50,7 +50,7 @@ def number(space: Space, value: Any, what: str, x: Any = None) -> Any:
     if not callable(value):
         if not isinstance(value, Real):
             raise InputError(f"{what} is {told(value)}; give a number, or a callable of x.")
-        return fem.Constant(space.mesh, float(value))
+        return compiled.constant(space.mesh, float(value))
     found = called(space.comm, what, lambda: scalar(what, value(space.x if x is None else x)))
     return without_plain_numbers(found, space.mesh)
 

@@ -15,6 +15,7 @@ from dolfinx import fem, la
 from dolfinx.fem import petsc as fp
 from petsc4py import PETSc
 
+from erc_contact.base import compiled
 from erc_contact.model.model import Model
 
 GLUE = 10.0
@@ -71,7 +72,7 @@ class Elastic:
 
     def __init__(self, model: Model) -> None:
         self.model = model
-        self.form = fem.form(model.stiffness(ufl.TrialFunction(model.V), ufl.TestFunction(model.V)))
+        self.form = compiled.form(model.stiffness(ufl.TrialFunction(model.V), ufl.TestFunction(model.V)))
         self.glue = _glue(model)
         self.owned = model.V.dofmap.index_map.size_local * model.d
 
@@ -84,7 +85,7 @@ class Elastic:
         b = self.model.function()
         loads = self.model.loads(ufl.TestFunction(self.model.V))
         if loads is not None:
-            fem.assemble_vector(b.x.array, fem.form(loads))
+            fem.assemble_vector(b.x.array, compiled.form(loads))
         return b
 
     def stiffness(self) -> PETSc.Mat:
@@ -132,9 +133,9 @@ def _glue(model: Model) -> fem.Function:
         return glue
     ones = ufl.as_vector([1.0] * model.d)
     v = ufl.TestFunction(model.V)
-    gamma = model.stiffness_per_area(fem.Constant(model.mesh, GLUE), model.cell_modulus)
+    gamma = model.stiffness_per_area(compiled.constant(model.mesh, GLUE), model.cell_modulus)
     terms = [gamma * ufl.inner(ones, v) * c.ds(metadata=model.nodal_rule) for c in model.contacts]
-    fem.assemble_vector(glue.x.array, fem.form(sum(terms[1:], start=terms[0])))
+    fem.assemble_vector(glue.x.array, compiled.form(sum(terms[1:], start=terms[0])))
     glue.x.scatter_reverse(la.InsertMode.add)
     glue.x.scatter_forward()
     glue.x.array[model.fixed.ravel()] = 0.0

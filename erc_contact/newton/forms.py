@@ -8,8 +8,8 @@ import numpy as np
 import ufl
 from dolfinx import fem
 
+from erc_contact.base import compiled
 from erc_contact.base.checks import told
-from erc_contact.base.compiled import compile_together
 from erc_contact.base.exceptions import InputError, together
 from erc_contact.mesh.simplex import rule
 from erc_contact.model.foundation import BoundContact
@@ -40,24 +40,25 @@ class ContactForms:
 
     def __init__(self, model: Model, method: Method) -> None:
         self.model, self.method = model, method
-        self.share = fem.Constant(model.mesh, 1.0)
+        self.share = compiled.constant(model.mesh, 1.0)
         self.contacts = [c.with_share(self.share) for c in model.contacts]
         self.u = model.function()
         self.multipliers = tuple(model.function() for _ in model.contacts) if method.multiplier else ()
         fields: tuple[Any, ...] = self.multipliers or (None,) * len(self.contacts)
         v, du = ufl.TestFunction(model.V), ufl.TrialFunction(model.V)
         pairs = list(zip(self.contacts, fields, strict=True))
-        parts = together(model.comm, lambda: [self._equations(c, f, v) for c, f in pairs])
-        shown = together(model.comm, lambda: [c.status(method.projected(model, c, self.u, f)) for c, f in pairs])
+        with compiled.numbers_alike():  # for Constants that a method of the user's makes
+            parts = together(model.comm, lambda: [self._equations(c, f, v) for c, f in pairs])
+            shown = together(model.comm, lambda: [c.status(method.projected(model, c, self.u, f)) for c, f in pairs])
         equations = sum(parts[1:], start=parts[0])
         tangents = [ufl.derivative(equations, f, du) for f in (self.u, *self.multipliers)]
-        compile_together(model.comm, [equations, *tangents])
-        self.residual, self.tangents = fem.form(equations), [fem.form(tangent) for tangent in tangents]
+        compiled.compile_together(model.comm, [equations, *tangents])
+        self.residual, self.tangents = compiled.form(equations), [compiled.form(tangent) for tangent in tangents]
         points, _ = rule(model.d - 1, 2 * model.degree)
         self._shown = []
         for contact, status in zip(self.contacts, shown, strict=True):
             own = contact.facets[contact.trace.here.owned]
-            self._shown.append((fem.Expression(status, points, comm=model.comm), own))
+            self._shown.append((compiled.expression(status, points, model.comm), own))
 
     def status(self) -> np.ndarray:
         """The status open (0), slip (1) or stick (2) at points of the contact facets of this rank."""

@@ -15,9 +15,8 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol
 
 import ufl
-from dolfinx import fem
 
-from erc_contact.base import checks
+from erc_contact.base import checks, compiled
 from erc_contact.base.exceptions import InputError
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.model import Model
@@ -36,10 +35,10 @@ class Method(Protocol):
     Of a model it may use ``stress(u)`` [force/area], the outward normal ``n`` of the body, ``modulus`` [force/area],
     ``stiffness_per_area(gamma)`` [force/volume], the quadrature degree ``contact_degree``, the quadrature at nodes
     ``nodal_rule``, and ``at_nodes(contact)``, the contact with its data at the nodes, for a multiplier; of a contact
-    ``ds``, ``normal`` (of the foundation), ``gap`` [length], None where it is zero, ``since(u)``, the displacement
-    since the last step of a history, which the law is about, and ``project(z)``, the traction that the law allows for a
+    ``ds``, ``normal`` (of the foundation), ``gap`` [length], None where it is zero, ``jump(u)``, the displacement
+    that the law is about, in a history since the last step, and ``project(z)``, the traction that the law allows for a
     trial traction z. Write a parameter as ``fem.Constant(model.mesh, value)``: a plain number is compiled into the
-    forms. (With the wheel of DOLFINx, import ``erc_contact`` before ``dolfinx``.)
+    forms. A script that imports ``dolfinx`` begins with ``from mpi4py import MPI``.
 
     Example: ``demos/extend/method.py``.
 
@@ -130,7 +129,7 @@ class Nitsche:
         r = self.traction(model, contact, u)
         residual = -ufl.inner(r, v) * ds
         if self.theta:
-            theta = fem.Constant(model.mesh, float(self.theta))
+            theta = compiled.constant(model.mesh, float(self.theta))
             difference = ufl.dot(model.stress(u), model.n) - r
             residual -= theta / self._gamma(model) * ufl.inner(difference, ufl.dot(model.stress(v), model.n)) * ds
         return residual
@@ -142,7 +141,7 @@ class Nitsche:
     projected = traction
 
     def _gamma(self, model: Model) -> Any:
-        return model.stiffness_per_area(fem.Constant(model.mesh, float(self.gamma)))
+        return model.stiffness_per_area(compiled.constant(model.mesh, float(self.gamma)))
 
 
 @dataclass(frozen=True)
@@ -196,7 +195,7 @@ class AugmentedLagrangian:
 
     def projected(self, model: Model, contact: BoundContact, u: Any, multiplier: Any = None) -> Any:
         """``P(lambda - gamma (u - s - g n))`` [force/area] at the nodes, UFL, shape (d,)."""
-        gamma = model.stiffness_per_area(fem.Constant(model.mesh, float(self.gamma)), model.cell_modulus)
+        gamma = model.stiffness_per_area(compiled.constant(model.mesh, float(self.gamma)), model.cell_modulus)
         nodal = model.at_nodes(contact)
         return nodal.project(multiplier - gamma * _beyond(nodal, u))
 

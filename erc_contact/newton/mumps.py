@@ -98,26 +98,37 @@ def _compress(factor: PETSc.Mat, matrix: PETSc.Mat) -> None:
 
 _LIBRARY = ctypes.CDLL(PETSc.__file__)
 """PETSc itself: petsc4py has no names for its Schur complements."""
+_HANDLE, _ADDRESS, _ENUM = ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int
+"""C's types of an object of PETSc, of where a function writes a result, and of one of PETSc's enumerations."""
+_ARGUMENTS = {
+    "MatFactorSetSchurIS": (_HANDLE, _HANDLE),
+    "MatFactorGetSchurComplement": (_HANDLE, _ADDRESS, _ADDRESS),
+    "MatFactorRestoreSchurComplement": (_HANDLE, _ADDRESS, _ENUM),
+    "MatDenseGetArrayRead": (_HANDLE, _ADDRESS),
+    "MatDenseRestoreArrayRead": (_HANDLE, _ADDRESS),
+}
+"""PETSc's functions that are called here, and the types of their arguments in C; each returns an error code, an int."""
 
 
 def _call(name: str, *arguments: Any) -> None:
     function = getattr(_LIBRARY, name)
-    function.argtypes = [ctypes.c_void_p] * len(arguments)
+    function.argtypes = _ARGUMENTS[name]
+    function.restype = ctypes.c_int
     if function(*arguments) != 0:
         raise RuntimeError(f"PETSc: {name} failed.")
 
 
 def schur_complement(ksp: PETSc.KSP, size: int) -> np.ndarray:
     """The Schur complement that MUMPS made with a factor on one rank; of its array only the upper triangle is that."""
-    schur, status = ctypes.c_void_p(), ctypes.c_int()
+    schur, status = _HANDLE(), _ENUM()
     data = ctypes.POINTER(ctypes.c_double)()
     factor = ksp.getPC().getFactorMatrix().handle
     _call("MatFactorGetSchurComplement", factor, ctypes.addressof(schur), ctypes.addressof(status))
-    _call("MatDenseGetArrayRead", schur.value, ctypes.addressof(data))
+    _call("MatDenseGetArrayRead", schur, ctypes.addressof(data))
     values = np.ctypeslib.as_array(data, (size, size))
     symmetric = np.where(np.tri(size, k=-1, dtype=bool), values.T, values)
-    _call("MatDenseRestoreArrayRead", schur.value, ctypes.addressof(data))
-    _call("MatFactorRestoreSchurComplement", factor, ctypes.addressof(schur), status.value)
+    _call("MatDenseRestoreArrayRead", schur, ctypes.addressof(data))
+    _call("MatFactorRestoreSchurComplement", factor, ctypes.addressof(schur), status)
     return symmetric
 
 

@@ -44,6 +44,12 @@ class Outcome:
     residual: float
     status: tuple[int, int, int]
 
+    @property
+    def open(self) -> bool:
+        """Whether the contact is open at all its points."""
+        opened, *closed = self.status
+        return opened > 0 and not any(closed)
+
     def __str__(self) -> str:
         status = "{} open, {} slip, {} stick".format(*self.status)
         return f"{self.reason}, residual {self.residual:.1e}, {self.steps} steps ({status})"

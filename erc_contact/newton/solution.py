@@ -76,6 +76,14 @@ class Solution:
     stiffness: ElasticSolver
     seconds: float
 
+    def __repr__(self) -> str:
+        """Tell what it is in a line; nothing is computed, so one rank alone may ask."""
+        tangent = ", singular tangent" if self.singular else ""
+        return (
+            f"<Solution of degree {self.model.degree} on {self.domain.cells} cells by {self.method}, "
+            f"{self.newton_steps} Newton steps{tangent}>"
+        )
+
     def _repr_html_(self) -> str:
         """The solution in a notebook; nothing is computed, so one rank alone may ask."""
         rows = [

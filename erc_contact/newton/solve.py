@@ -28,13 +28,14 @@ from erc_contact.model.promises import bind
 from erc_contact.newton.after import check_after, last_step
 from erc_contact.newton.arguments import check_arguments
 from erc_contact.newton.direct import Direct
+from erc_contact.newton.doubts import doubts, tell
 from erc_contact.newton.elastic import ElasticSolver
 from erc_contact.newton.iterative import Iterative
 from erc_contact.newton.ladder import NODAL, attempts
 from erc_contact.newton.methods import Method, Nitsche
 from erc_contact.newton.multigrid import DIRECT
 from erc_contact.newton.rest import displacement_at_rest
-from erc_contact.newton.snes import Found
+from erc_contact.newton.snes import Found, Outcome
 from erc_contact.newton.solution import SINGULAR, Solution
 from erc_contact.scene.scene import Scene
 
@@ -85,12 +86,32 @@ def solve(
             forces. "auto" takes multigrid for large bodies in space, and the direct solver where multigrid fails.
 
     Returns:
-        The solution. ``singular`` tells that it may be one of many; a warning is logged.
+        The solution. ``singular`` tells that it may be one of many; a warning is logged. So it is where displacements
+        or rotations are not small, a friction is above 3, or nothing touches a contact.
 
     Raises:
         InputError: If scene and domain do not fit, or the loads are no numbers that double precision can work with.
         NotConverged: If no attempt converged.
     """
+    solution = solved(
+        scene, domain, method, degree=degree, after=after, start=start, tolerance=tolerance, solver=solver
+    )
+    tell(solution.model.comm, doubts(solution))
+    return solution
+
+
+def solved(
+    scene: Scene,
+    domain: Domain,
+    method: Method | None,
+    *,
+    degree: int,
+    after: Solution | None,
+    start: Solution | None,
+    tolerance: float | None,
+    solver: str,
+) -> Solution:
+    """Do what :func:`solve` does, but leave doubts to a run, which tells each of them once; collective."""
     began = perf_counter()
     check_arguments(scene, domain, method, degree, solver, start)
     if after is not None:
@@ -181,6 +202,7 @@ class _ContactSolve:
         self.method, self.fallback = method or DEFAULT, method is None
         self.tolerance, self.log = tolerance, log_of(self.model.comm)
         self.tried: list[str] = []
+        self.outcomes: list[Outcome] = []
         self.steps = 0
 
     def solve(self, start: Solution | None) -> Solution:
@@ -197,6 +219,7 @@ class _ContactSolve:
             outcome, state, found = self.solver.attempt(attempt, states[attempt.start], self.tolerance)
             self.steps += outcome.steps
             self.tried.append(f"{attempt}: {outcome}")
+            self.outcomes.append(outcome)
             self.log.debug(self.tried[-1])
             if found is not None:
                 return self._solution(attempt.method, found)
@@ -205,13 +228,26 @@ class _ContactSolve:
             slow += outcome.reason == "diverged_linear_solve"
             if slow == SLOW:
                 raise NotConverged(f"The linear solver did not converge: {self.tried[-1]}. {DIRECT}", tuple(self.tried))
-        also, try_other = " or the augmented Lagrangian", "the other method (method=None tries both), "
-        raise NotConverged(
-            f"The contact solve did not converge on {self.model.domain.cells} cells with {self.method}"
-            f"{also if self.fallback else ''}. Tried: {'; '.join(self.tried)}. "
-            f"Try {'' if self.fallback else try_other}another gamma (1 to 1000), a finer mesh at the contact, or less "
-            "friction; look whether the loads let the contact hold the body.",
-            tuple(self.tried),
+        raise NotConverged(self._failed(), tuple(self.tried))
+
+    def _failed(self) -> str:
+        """Say what was tried and what to do first, where no attempt converged."""
+        also = " or the augmented Lagrangian" if self.fallback else ""
+        failed = (
+            f"The contact solve did not converge on {self.model.domain.cells} cells with {self.method}{also}, in "
+            f"{len(self.tried)} attempts (`rungs` of this exception lists them)"
+        )
+        if all(outcome.open for outcome in self.outcomes):
+            return (
+                f"{failed}. The contact ends all open in each of them: the loads take the body from its foundation, "
+                "and nothing else may hold the body. Look at the signs of loads and gap, or add a Displacement."
+            )
+        nearest = min(range(len(self.tried)), key=lambda number: self.outcomes[number].residual)
+        other = "" if self.fallback else ", the other method (method=None tries both)"
+        return (
+            f"{failed}. The nearest: {self.tried[nearest]}. Look first whether supports, or loads that press the body "
+            "on its foundation with enough friction, hold the body; a Displacement does. Else try a finer mesh at the "
+            f"contact, less friction{other}, or another gamma (1 to 1000)."
         )
 
     def _solution(self, method: Method, found: Found) -> Solution:

@@ -70,7 +70,7 @@ def adapt(
         The history with the best result. What ends a run before its accuracy is reached is named in ``outcome``, with a
         warning: a limit; a next mesh that cannot be made, or that the scene cannot be solved on; memory that does not
         suffice; Ctrl-C or SIGTERM, within an iteration of Newton's method or of tightening, or when the stage that is
-        under way has ended. An accuracy that will take more cells than the limit is told on the first mesh.
+        under way has ended. An accuracy that will take more cells than the limit is told on the second mesh.
 
     Raises:
         InputError: If the input cannot be worked with, or the folder is that of another run.

@@ -1,8 +1,8 @@
 """The checkpoint of a run: what a folder holds of it, and what is added; all ranks together.
 
 Levels that are damaged are left out, with a warning that names the file: the run goes on from the last good one. A
-folder of another run is refused. Where nothing can be written any more, because the disk is full, say, the run goes on,
-with a warning for each level that is not kept.
+folder of another run is refused, and so is one that nothing can be written to. Where that comes later, because the disk
+is full, say, the run goes on, with a warning for each level that is not kept.
 """
 
 from __future__ import annotations
@@ -39,7 +39,8 @@ class Checkpoint:
         numbers: The numbers of the good levels, in order.
 
     Raises:
-        InputError: If the folder is that of another run, of one that is going on, or of a newer version.
+        InputError: If the folder is that of another run, of one that is going on, or of a newer version, or nothing can
+            be written there.
     """
 
     def __init__(
@@ -110,7 +111,10 @@ class Checkpoint:
         try:
             self.folder.open()
         except OSError as reason:
-            log_of(self.comm).warning("The run is not kept: %s.", reason)
+            raise InputError(
+                f"checkpoint: nothing can be written to the folder {str(self.folder.path)!r} ({reason.strerror}); give "
+                "another folder, or None for a run that is not kept."
+            ) from reason
 
     def _good(self) -> list[int]:
         """The numbers of the good levels, on rank 0."""

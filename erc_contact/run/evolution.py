@@ -99,6 +99,10 @@ class Evolution:
     domain: Domain = field(repr=False, kw_only=True)
     settings: Mapping[str, Any] = field(repr=False, kw_only=True)
 
+    def __repr__(self) -> str:
+        """Tell what it is in a line; ``print`` shows the table."""
+        return f"<Evolution of {len(self.steps)} steps. {self.outcome}>"
+
     def __str__(self) -> str:
         return "\n".join([HEADER, *map(line, self.steps), self.outcome])
 

@@ -26,6 +26,7 @@ from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.strategy import Strategy
 from erc_contact.mesh.domain import Domain
 from erc_contact.newton.after import check_after
+from erc_contact.newton.doubts import DoubtsOfRun
 from erc_contact.newton.ladder import NODAL
 from erc_contact.newton.methods import Method
 from erc_contact.newton.solution import Solution
@@ -176,7 +177,7 @@ class Walk:
     def go(self, domain: Domain) -> Evolution:
         """Walk from the first time, or from what is kept, to the last; collective."""
         self.domain, self.comm = domain, domain.mesh.comm
-        self.log = log_of(self.comm)
+        self.log, self.doubts = log_of(self.comm), DoubtsOfRun(self.comm)
         self.began = self.comm.bcast(perf_counter() if self.comm.rank == 0 else None)
         self.log.info(HEADER)
         with Interrupts(self.comm) as interrupts:
@@ -296,6 +297,7 @@ class Walk:
         self.rows.append(row)
         self.errors.append(error)
         self.log.info(line(row))
+        self.doubts.see(error.solution)
         if self.kept is not None:
             self.kept.add(error, self.rows)
         if self.callback is not None:
@@ -314,6 +316,7 @@ class Walk:
             raise failure
 
     def _evolution(self) -> Evolution:
+        self.doubts.end()
         missed = sum(not row.reached for row in self.rows)
         complete = not self.outcome
         above = f"{missed} of {len(self.rows)} steps are above {percent(self.plan.accuracy)}." if missed else ""

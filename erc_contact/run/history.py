@@ -56,6 +56,10 @@ class History:
     meshes: tuple[tuple[Domain, np.ndarray], ...] = field(repr=False)
     settings: Mapping[str, Any] = field(repr=False, default_factory=dict, kw_only=True)
 
+    def __repr__(self) -> str:
+        """Tell what it is in a line; ``print`` shows the table."""
+        return f"<History of {len(self.steps)} meshes. {self.outcome}>"
+
     def __str__(self) -> str:
         curved = self.best.domain.curved_facets is not None
         rows = [line(step, curved=curved) for step in self.steps]

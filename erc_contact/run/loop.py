@@ -18,8 +18,9 @@ from erc_contact.base.progress import stage
 from erc_contact.error.constitutive import ConstitutiveError, constitutive_error
 from erc_contact.error.sizes import KNOWN, size_map
 from erc_contact.mesh.domain import Domain
+from erc_contact.newton.doubts import DoubtsOfRun
 from erc_contact.newton.ladder import NODAL
-from erc_contact.newton.solve import DEFAULT, solve
+from erc_contact.newton.solve import DEFAULT, solved
 from erc_contact.results.peaks import peaks
 from erc_contact.run.checkpoint import Checkpoint
 from erc_contact.run.endings import ending
@@ -46,6 +47,7 @@ class Loop:
     Attributes:
         last: The error that was measured last in this process.
         best: The error of least ``total``.
+        doubts: What is doubtful in its solutions; a step of a loading history leaves it to the history.
         outcome: Why it ended, in words; empty while it goes on.
     """
 
@@ -54,6 +56,7 @@ class Loop:
         self.began = comm.bcast(perf_counter() if comm.rank == 0 else None)
         self.steps: list[Step] = []
         self.meshes: list[tuple[Domain, np.ndarray]] = []
+        self.doubts = DoubtsOfRun(comm)
         self.last: ConstitutiveError | None = None
         self.best: ConstitutiveError | None = None
         self.outcome = ""
@@ -101,6 +104,7 @@ class Loop:
                 self.best = error if number == least else self.best
         for step in self.steps:
             self._tell(step, error.domain)
+        self.doubts.see(error.solution)
         log_of(self.comm).info("Read from %s; the run goes on from here.", kept.folder.path)
         return error
 
@@ -114,6 +118,8 @@ class Loop:
         with stage(self.comm, f"mesh {len(self.steps) + 1}, {domain.cells} cells"):
             error = self._measured(domain, last, allowed, interrupts)
         step = self._add(error, mesh_seconds)
+        if not self.quiet:
+            self.doubts.see(error.solution)
         if self.kept is not None:
             with stage(self.comm, "keeping the mesh"):
                 self.kept.add(error, self.steps)
@@ -127,7 +133,7 @@ class Loop:
     ) -> ConstitutiveError:
         """Solve on a mesh and measure, where Newton's method may leave an energy norm."""
         plan = self.plan
-        solution = solve(
+        solution = solved(
             *(plan.scene, domain, plan.method),
             degree=plan.degree,
             after=plan.after,
@@ -188,7 +194,7 @@ class Loop:
             self.outcome = f"Reached: {percent(best.total)} <= {percent(plan.accuracy)}."
         elif len(self.steps) >= plan.max_steps:
             self.outcome = f"Stopped after max_steps = {plan.max_steps} meshes{self.above}."
-        elif len(self.steps) == 1:
+        elif len(self.steps) == 2:  # the first mesh is mostly too coarse to know
             _warn(error, plan.accuracy, plan.max_cells)
         return bool(self.outcome)
 
@@ -226,13 +232,14 @@ class Loop:
             self.outcome += " The body is that of the mesh given, with its flat facets: no true shape of it is known."
         reached = self.best.total <= self.plan.accuracy or self.best.solution.at_rest
         self._log(self.outcome, logging.INFO if reached else logging.WARNING)
+        self.doubts.end()
         settings = {name: getattr(self.plan, name) for name in SETTINGS}
         steps, meshes = tuple(self.steps), tuple(self.meshes)
         return History(steps, self.plan.accuracy, reached, self.outcome, self.best, meshes, settings=settings)
 
 
 def _warn(error: ConstitutiveError, accuracy: float, max_cells: int) -> None:
-    """Say before the time is spent that even the optimal mesh has too many cells, if the first mesh can know it."""
+    """Say before the time is spent that even the optimal mesh has too many cells, if the mesh can know it."""
     cells = size_map(error, accuracy).predicted_cells if error.total <= KNOWN else 0.0
     if cells > max_cells:
         log_of(error.domain.mesh.comm).warning(

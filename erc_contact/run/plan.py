@@ -9,10 +9,13 @@ from typing import Any
 
 from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError
+from erc_contact.base.logs import log_of
+from erc_contact.base.percent import percent
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.strategy import Mark, Strategy
 from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.tables import described
+from erc_contact.model.functions import check_no_functions
 from erc_contact.newton.arguments import check_arguments
 from erc_contact.newton.methods import Method
 from erc_contact.newton.solution import Solution
@@ -58,6 +61,13 @@ def checked_plan(scene: Scene, domain: Domain, strategy: Any, callback: Any = No
     if given["stop"] not in ("converged", "certified"):
         raise InputError(f'stop is {given["stop"]!r}; allowed are "converged" and "certified".')
     check_arguments(scene, domain, given["method"], given["degree"], given["solver"])
+    if limits["max_steps"] > 1:
+        check_no_functions(scene, domain)
+    if accuracy > 1:
+        log_of(domain.mesh.comm).warning(
+            f"accuracy is {accuracy:g}, a relative error of {percent(accuracy)}: any mesh reaches it. For "
+            f"{accuracy:g}% write {accuracy / 100:g}."
+        )
     strategy = Mark() if strategy is None else strategy
     if isinstance(strategy, type) or not callable(getattr(strategy, "next", None)):
         raise InputError(f"strategy is {strategy!r}; give an object, e.g. Mark(), SizeMap(), Uniform().")

@@ -8,6 +8,7 @@ from numbers import Real
 from typing import Any
 
 import numpy as np
+import ufl
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.scene.material import Value
@@ -24,6 +25,8 @@ def check_name(what: str, name: Any) -> None:
 
 def check_value(what: str, value: Any, low: float = -float("inf"), unit: str = "") -> None:
     """Check a number (callables are checked on the mesh)."""
+    if isinstance(value, ufl.core.expr.Expr):
+        raise InputError(f"{what} is UFL or a Function; give a callable of x that returns it, e.g. lambda x: value.")
     if callable(value):
         return
     if not isinstance(value, Real) or not isfinite(value) or value < low:
@@ -33,6 +36,8 @@ def check_value(what: str, value: Any, low: float = -float("inf"), unit: str = "
 
 def check_vector(what: str, value: Any, *, free: bool = False) -> None:
     """Refuse what is no sequence of two or three numbers or callables; with ``free`` a component may be None."""
+    if isinstance(value, ufl.core.expr.Expr):
+        raise InputError(f"{what} is UFL or a Function; give a callable of x that returns it, e.g. lambda x: value.")
     if callable(value):
         return
     if isinstance(value, str) or not isinstance(value, (Sequence, np.ndarray)) or len(value) not in (2, 3):

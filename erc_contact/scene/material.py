@@ -28,7 +28,7 @@ from erc_contact.base.exceptions import InputError
 Value = float | Callable[[Any], Any]
 """A number, or a callable of the position x that returns a number or a UFL expression of x."""
 
-HYPOTHESES = ("plane strain", "plane stress")
+HYPOTHESES = PLANE_STRAIN, PLANE_STRESS = ("plane strain", "plane stress")
 
 
 @cache
@@ -115,7 +115,7 @@ class Elastic:
         E: Young's modulus [force/area], > 0: a number, a callable of x, or a mapping from the names
             of cell regions to either.
         nu: Poisson's ratio [-], in (-1, 1/2); number, callable or mapping.
-        hypothesis: "plane strain" or "plane stress"; without effect in 3D.
+        hypothesis: "plane strain" or "plane stress"; leave it out in 3D.
 
     Raises:
         InputError: If a number is outside its range or the hypothesis is unknown.
@@ -126,6 +126,11 @@ class Elastic:
     hypothesis: str = "plane strain"
 
     parameters: ClassVar[tuple[str, ...]] = ("E", "nu")
+
+    def __repr__(self) -> str:
+        """Tell the hypothesis only if it is not the usual one: in space there is none."""
+        hypothesis = "" if self.hypothesis == PLANE_STRAIN else f", hypothesis={self.hypothesis!r}"
+        return f"{type(self).__name__}(E={self.E!r}, nu={self.nu!r}{hypothesis})"
 
     def __post_init__(self) -> None:
         if self.hypothesis not in HYPOTHESES:

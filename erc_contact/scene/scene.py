@@ -115,13 +115,14 @@ class Scene:
                         f"{load.facets!r} has a {type(load).__name__} and a Displacement in component {i}; "
                         "make the load 0 there, or free the Displacement (None)."
                     )
-        lengths = [
-            len(v)
-            for v in (*(s.value for s in self.supports), *(c.normal for c in self.contacts))
-            if isinstance(v, tuple)
-        ]
-        if any(a != b for a, b in pairwise(lengths)):
-            raise InputError(f"The scene mixes vectors of {min(lengths)} and {max(lengths)} components.")
+        owners: list[tuple[Any, Any]] = [(one, one.value) for one in self.supports]
+        owners += [(one, one.normal) for one in self.contacts if isinstance(one.normal, tuple)]
+        for (first, one), (second, other) in pairwise(owners):
+            if len(one) != len(other):
+                raise InputError(
+                    f"The scene mixes vectors of {len(one)} components, {type(first).__name__}({first.facets!r}), and "
+                    f"of {len(other)}, {type(second).__name__}({second.facets!r}); give one for each dimension."
+                )
 
 
 def _is_load(entry: Any) -> bool:

@@ -1,0 +1,110 @@
+"""What is accepted and doubtful is told, in words, once: on rank 0, whatever the number of meshes or steps.
+
+No scene of which nothing is doubtful says a word.
+"""
+
+import logging
+
+import pytest
+from mpi4py import MPI
+from scenes import prototype_block
+
+import erc_contact as ec
+from erc_contact.base import logs
+
+COMM = MPI.COMM_WORLD
+STEEL = ec.Elastic(E=1.0, nu=0.3)
+FLOOR = ec.Contact("bottom", friction=0.3)
+
+
+def square(n=4):
+    return ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(n, n))
+
+
+@pytest.fixture
+def warnings(caplog):
+    """What is told as a warning on this rank; none is told on the others."""
+    caplog.set_level(logging.WARNING, logger="erc_contact")
+
+    def told(*, of):
+        words = [record.getMessage() for record in caplog.records if record.levelno == logging.WARNING]
+        found = [one for one in words if of in one]
+        return found if COMM.rank == 0 else ["nothing is told here"] * (not words)
+
+    return told
+
+
+def pressed(**entries):
+    scene = {"material": STEEL, "supports": [ec.Displacement("top", (0.0, -0.01))], "contacts": [FLOOR]}
+    return ec.Scene(**{**scene, **entries})
+
+
+DOUBTFUL = {
+    "friction is 30": pressed(contacts=[ec.Contact("bottom", friction=30.0)]),
+    "percent (30% is 0.3)": pressed(contacts=[ec.Contact("bottom", friction=lambda x: 30.0 * x[0])]),
+    "times its least side (1)": pressed(supports=[ec.Displacement("top", (0.0, -5.0))]),
+    "of the body rotates": pressed(supports=[ec.Displacement("top", (0.4, -0.3))]),
+    "Nothing touches the contact 'bottom'": pressed(contacts=[ec.Contact("bottom", gap=0.5)]),
+}
+
+
+@pytest.mark.parametrize("of", DOUBTFUL)
+def test_doubts_are_told(of, warnings):
+    ec.solve(DOUBTFUL[of], square(), ec.AugmentedLagrangian())
+    assert len(warnings(of=of)) == 1
+
+
+@pytest.mark.parametrize("of", ["friction is 30", "Nothing touches"])
+def test_a_run_tells_a_doubt_once(of, warnings):
+    floor = ec.Contact("bottom", friction=30.0, gap=0.5 if "touches" in of else 0.0)
+    scene = pressed(supports=[ec.Displacement("top", (0.0, lambda x: -0.01 * x[0] ** 2))], contacts=[floor])
+    history = ec.adapt(scene, square(2), accuracy=1e-9, max_steps=3, method=ec.AugmentedLagrangian())
+    assert len(history.steps) == 3
+    assert len(warnings(of=of)) == 1
+
+
+def test_a_history_tells_a_doubt_once(warnings):
+    def scene_at(t):
+        return pressed(
+            supports=[ec.Displacement("top", (0.0, -0.1 * t))],
+            contacts=[ec.Contact("bottom", friction=30.0, gap=0.05), ec.Contact("right", gap=1.0)],
+        )
+
+    ec.evolve(scene_at, square(2), [0.1, 0.2, 0.6], accuracy=0.9)
+    assert len(warnings(of="friction is 30")) == 1
+    assert not warnings(of="contact 'bottom': ") or COMM.rank > 0  # the last step touches it
+    assert len(warnings(of="contact 'right': ")) == 1
+
+
+@pytest.mark.parametrize(
+    "run",
+    [
+        lambda scene, domain: ec.adapt(scene, domain, accuracy=5),
+        lambda scene, domain: ec.evolve(lambda t: scene, domain, [1.0], accuracy=5),
+    ],
+    ids=["adapt", "evolve"],
+)
+def test_percent_for_an_accuracy_is_told(run, warnings):
+    run(pressed(), square())
+    assert warnings(of="accuracy is 5, a relative error of 500%") in (
+        ["accuracy is 5, a relative error of 500%: any mesh reaches it. For 5% write 0.05."],
+        ["nothing is told here"],
+    )
+
+
+def test_what_is_usual_is_not_doubtful(caplog):
+    caplog.set_level(logging.WARNING, logger="erc_contact")
+    block = ec.rectangle((0.0, 0.0), (2.0, 7.0), size=1.0)
+    ec.adapt(prototype_block(), block, accuracy=0.05)
+    held = ec.Scene(STEEL, [ec.Displacement("bottom", (0.0, 0.0))], contacts=[ec.Contact("top", gap=0.1)])
+    ec.solve(held, square())  # at rest
+    roller = pressed(contacts=[ec.Contact("bottom", bilateral=True, gap=0.1)])
+    ec.solve(roller, square())
+    assert not caplog.records
+
+
+def test_doubts_in_space(warnings):
+    cube = ec.box((0.0,) * 3, (1.0,) * 3, cells=(2, 2, 2))
+    ec.solve(pressed(supports=[ec.Displacement("top", (0.3, 0.3, -0.3))]), cube, ec.AugmentedLagrangian())
+    assert len(warnings(of="of the body rotates")) == 1
+    assert logs.log_of(COMM).disabled == (COMM.rank > 0)
