@@ -157,8 +157,9 @@ def _rule_between_zeros(contact: BoundContact, slip: np.ndarray) -> tuple[np.nda
     lengths = np.diff(ends, axis=1)
     points, weights = rule(1, 2 * degree)
     places = ends[:, :-1, None] + lengths[..., None] * points[:, 0]
-    places = places.reshape(len(zeros), -1)
-    weights = (lengths[..., None] * weights).reshape(len(zeros), -1)
+    shape = len(zeros), lengths.shape[1] * len(points)
+    places = places.reshape(shape)
+    weights = (lengths[..., None] * weights).reshape(shape)
     return np.stack([1 - places, places], axis=-1), weights
 
 
