@@ -115,3 +115,38 @@ def _gap(rng: np.random.Generator, width: float) -> Any:
     if rng.random() < 0.5:
         return 0.0
     return lambda x: curvature * (x[0] - middle) ** 2
+
+
+# -- blocks with Coulomb friction, in the plane and in space ---------------------------------------------------------
+
+
+def random_sliding_block(rng: np.random.Generator) -> Sample:
+    """Make a block in the plane with Coulomb friction, which sticks, slips or opens."""
+    rows = int(rng.integers(2, 9))
+    width = float(np.exp(rng.uniform(-0.5, 1.2)))
+    columns = max(2, round(rows * width))
+    domain = ec.rectangle((0.0, 0.0), (width, 1.0), cells=(columns, rows))
+    nu = float(rng.uniform(0.0, 0.45))
+    law = str(rng.choice(["constant", "constant", "linear", "exponential", "jump"]))
+    material = ec.Elastic(random_modulus(rng, law, width), nu)
+    degree = int(rng.integers(1, 3))
+    support = str(rng.choice(["top held", "top held", "left held", "left roller"]))
+    supports, loads = _supports_and_loads(rng, support, width)
+    contact = ec.Contact("bottom", friction=_friction(rng, width, 0.8), gap=_gap(rng, width))
+    name = f"{columns} x {rows}, width {width:.2f}, nu {nu:.2f}, E {law}, {support}, degree {degree}"
+    return Sample(name, ec.Scene(material, supports, loads, [contact]), domain, degree)
+
+
+def random_sliding_box(rng: np.random.Generator) -> Sample:
+    """Make a block in space with Coulomb friction whose top is moved."""
+    sizes = [float(size) for size in rng.uniform(0.7, 1.6, 2)] + [1.0]
+    count = int(rng.integers(2, 5))
+    cells = [max(2, round(count * size)) for size in sizes]
+    domain = ec.box((0.0, 0.0, 0.0), sizes, cells=cells)
+    nu = float(rng.uniform(0.0, 0.45))
+    push = [float(value) for value in rng.uniform(-0.05, 0.05, 2)]
+    press, tilt = float(rng.uniform(0.01, 0.05)), float(rng.uniform(-0.02, 0.02))
+    top = ec.Displacement("top", (*push, lambda x: tilt / sizes[0] * x[0] - press))
+    contact = ec.Contact("bottom", friction=_friction(rng, sizes[0], 0.8), gap=_gap(rng, sizes[0]))
+    name = f"{' x '.join(str(n) for n in cells)}, nu {nu:.2f}, degree 1"
+    return Sample(name, ec.Scene(ec.Elastic(1.0, nu), [top], [], [contact]), domain, 1)
