@@ -118,7 +118,7 @@ def _line(name: str, values: np.ndarray) -> str:
 
 def main() -> None:
     arguments = [int(argument) for argument in sys.argv[1:]]
-    seed, plane, space = [*arguments, *(0, 100, 10)[len(arguments) :]]
+    seed, plane, space = [*arguments, *(0, 60, 6)[len(arguments) :]]
     for title, count, family in (("plane", plane, random_sliding_block), ("space", space, random_sliding_box)):
         if count > 0:
             print(f"\n{title}\n\n{summary(certificates(seed, count, family))}", flush=True)
