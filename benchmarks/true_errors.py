@@ -108,10 +108,13 @@ def nested(domain: ec.Domain, levels: int) -> tuple[ec.Domain, np.ndarray]:
     return result, result.cell_tags.values
 
 
-def reference(solution: ec.Solution, levels: int, **options: Any) -> Reference:
-    """The solution on the nested mesh, ``levels`` uniform refinements finer than the cut one."""
+def reference(solution: ec.Solution, levels: int, degree: int | None = None, **options: Any) -> Reference:
+    """The solution on the nested mesh, ``levels`` uniform refinements finer than the cut one.
+
+    Its degree is that of the solution, unless a higher one is given.
+    """
     fine, origin = nested(solution.domain, levels)
-    degree = solution.model.degree
+    degree = degree or solution.model.degree
     found = ec.solve(solution.scene, fine, ec.AugmentedLagrangian(), degree=degree, start=solution, **options)
     return Reference(found.model, origin, found.u, found)
 

@@ -121,4 +121,4 @@ def test_iterations_are_told(console, monkeypatch):
     run()
     told = text.getvalue()
     assert "solving with the direct solver, Newton step 1" in told
-    assert "equilibrium, tightening 1 of at most 10" in told
+    assert "equilibrium, tightening 1 of at most 50" in told

@@ -21,8 +21,9 @@ which bounds a and b if q < 2. Where the pair has slip and traction in the direc
 
 An exact solution of direction t has e = 0: if q < 2 it is the only solution.
 
-q is computed with finite elements. It is an estimate: nothing here bounds what the mesh does not see of it. The change
-of q against a coarser space is added to it. A and B are estimates by finite elements, too; mostly they are small.
+q is computed with finite elements. It is an estimate: nothing here bounds what the mesh does not see of it. What
+another mesh tells of its limit is added (:mod:`erc_contact.error.traces`). A and B are estimates by finite
+elements, too; mostly they are small.
 
 Source: (1) and (2) are ours; Y. Renard, SIAM J. Math. Anal. 38 (2006), has a uniqueness criterion of this kind.
 """
@@ -33,29 +34,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from erc_contact.base.exceptions import ErcContactError, raise_together
+from erc_contact.base.exceptions import raise_together
 from erc_contact.error.constitutive import ConstitutiveError, Run, error_of
 from erc_contact.error.coupling import Traces, coupling
-from erc_contact.error.slip_direction import slip_fields
-from erc_contact.error.surface import PairOnSurface, Surface, coulomb_surface, has_coulomb, pair_on_surface
-from erc_contact.error.traces import traces_of
-from erc_contact.mesh.nodal import NodalMesh
+from erc_contact.error.slip_direction import LENGTHS, slip_fields
+from erc_contact.error.surface import PairOnSurface, has_coulomb, pair_on_surface
+from erc_contact.error.traces import change_of_norm, other_mesh, traces_of
 from erc_contact.model.foundation import CONSTANT
-from erc_contact.model.model import Model
-from erc_contact.model.promises import bind
-from erc_contact.newton.stiffness import Stiffness
 
-UNKNOWN = 0.1
-"""Share of q that is added to it where there is no coarser space to compare with [-]."""
-LARGEST = 5.0
-"""A bound of more than this many e is not claimed. It would rest on the last digit of q, or on a field t that is so
-smooth that A and B do not fall with e."""
 SMOOTH = 1
 """Which of the fields of :func:`slip_fields` is taken where trying all of them costs a linear solve each."""
 BALANCED = 1e-8
 """Work of a traction on a rigid motion, over the works of its parts, that counts as none [-]."""
-COARSER, COARSEST = 3.0, {2: 1000, 3: 3000}
-"""The coarser mesh has cells of this many times the size, but no more cells than this, by dimension."""
 
 
 @dataclass(frozen=True)
@@ -65,14 +55,17 @@ class CoulombCertificate:
     Attributes:
         friction: The greatest friction coefficient mu on the contacts [-].
         q: Norm of the map W from tangential to normal displacements of the contact, with mu in it [-].
-        q_change: By how much q is larger or smaller on a coarser space; where there is none, a tenth of q. After
-            multigrid the last step of the iteration for q is added.
+        q_change: How far q may be from its limit on fine meshes, as a finer or a coarser mesh tells with the same
+            field t; where there is none, a tenth of q. After multigrid the last step of the iteration for q is added.
         unique: Whether ``q + q_change < 2``: at most one solution slips in the direction t of this pair.
         bound: Every solution has ``sqrt(|u - u^|^2 + |sigma - sigma^|^2) <= bound`` [sqrt(force length)]; infinite
             where none is claimed.
         absolute: The error e in the constitutive relation [sqrt(force length)].
         misaligned: A, the energy norm of what t misses of the slip [sqrt(force length)].
         unbalanced: B, the energy norm of what t misses of the traction [sqrt(force length)].
+        smoothing: Length over which the field t is made smooth, over the size of the contact [-].
+        q_largest: The largest ``q + q_change`` of all fields t that were tried [-]. q is that of the field with the
+            least bound; on another mesh it may be that of a rougher field, with a q up to this.
     """
 
     friction: float
@@ -83,6 +76,8 @@ class CoulombCertificate:
     absolute: float
     misaligned: float
     unbalanced: float
+    smoothing: float = 0.0
+    q_largest: float = 0.0
 
     @property
     def M(self) -> float:
@@ -141,43 +136,41 @@ def coulomb_certificate(error: ConstitutiveError | Run) -> CoulombCertificate:
     on_surface = pair_on_surface(pair)
     traces = traces_of(model, pair.solution.stiffness, on_surface.surface)
     try:
-        found = (_best if traces.cheap else _single)(error, on_surface, traces)
+        return (_best if traces.cheap else _single)(error, on_surface, traces)
     finally:
         traces.free()
-    return found if found.factor <= LARGEST else replace(found, bound=np.inf)
 
 
 def _best(error: ConstitutiveError, pair: PairOnSurface, traces: Traces) -> CoulombCertificate:
-    """The certificate of the field with the least bound, or of the roughest where no bound is worth a claim."""
-    fields, model = slip_fields(pair), error.solution.model
-    normal, x = pair.surface.normal, pair.surface.positions()
-    tried = [_tried(error, pair, traces, t, coupling(normal, traces, t, x)[0]) for t in fields]
-    for which in (int(np.argmin([one.bound for one in tried])), 0):
-        q, t = tried[which].q, fields[which]
-        found = _tried(error, pair, traces, t, q, _change(q, _coarser(model, pair.surface, t)))
-        if found.factor <= LARGEST or which == 0:
-            break
-    return found
+    """The certificate of the field with the least bound, or of the roughest where there is no bound."""
+    surface = pair.surface
+    normal, x = surface.normal, surface.positions()
+    other = other_mesh(error.solution.model)
+    tried = []
+    for smoothing, t in zip(LENGTHS, slip_fields(pair), strict=True):
+        q = coupling(normal, traces, t, x)[0]
+        other_q = q if other is None else other.norm(surface, t)[0]
+        change = change_of_norm(q, surface, other_q, other)
+        tried.append(replace(_tried(error, pair, traces, t, q, change), smoothing=smoothing))
+    largest = max(certificate.q + certificate.q_change for certificate in tried)
+    best = min(tried, key=lambda certificate: certificate.bound)
+    return replace(best, q_largest=largest)
 
 
 def _single(error: ConstitutiveError, pair: PairOnSurface, traces: Traces) -> CoulombCertificate:
-    """The certificate of one field, with the coupling of the coarser mesh to start from."""
+    """The certificate of one field, with the coupling of another mesh to start from."""
+    surface = pair.surface
     t = slip_fields(pair)[SMOOTH]
-    coarse = _coarser(error.solution.model, pair.surface, t)
-    start = None if coarse is None else coarse[1]
-    q, missing, _ = coupling(pair.surface.normal, traces, t, pair.surface.positions(), start)
-    return _tried(error, pair, traces, t, q, _change(q, coarse) + missing)
-
-
-def _change(q: float, coarse: tuple[float, np.ndarray] | None) -> float:
-    """How far q is from its limit, as far as one can tell [-]."""
-    if coarse is None or not np.isfinite(q):
-        return UNKNOWN * q
-    return abs(q - coarse[0])
+    other = other_mesh(error.solution.model)
+    other_q, start = (0.0, None) if other is None else other.norm(surface, t)
+    q, missing, _ = coupling(surface.normal, traces, t, surface.positions(), start)
+    change = change_of_norm(q, surface, other_q, other) + missing
+    certificate = _tried(error, pair, traces, t, q, change)
+    return replace(certificate, smoothing=LENGTHS[SMOOTH], q_largest=q + change)
 
 
 def _tried(
-    error: ConstitutiveError, pair: PairOnSurface, traces: Traces, t: np.ndarray, q: float, change: float = 0.0
+    error: ConstitutiveError, pair: PairOnSurface, traces: Traces, t: np.ndarray, q: float, change: float
 ) -> CoulombCertificate:
     """The certificate with a field t (M, d) at the nodes of the surface; collective."""
     surface = pair.surface
@@ -224,30 +217,3 @@ def bound_of_both(q: float, e_t: float, bulk: float, rest: float) -> float:
             break
         x = below
     return float(x)
-
-
-def _coarser(model: Model, surface: Surface, t: np.ndarray) -> tuple[float, np.ndarray] | None:
-    """The norm q on a coarser space, of degree 1 instead of 2 or on a coarser mesh; collective.
-
-    Returns:
-        q and the normal displacements that go with it on this surface, (M,), or None where the body is known only as a
-        mesh, or cannot be meshed coarser.
-    """
-    domain = model.domain
-    if model.degree == 1 and domain.geometry is None:
-        return None
-    try:
-        if model.degree == 1:
-            domain = domain.remeshed(
-                max(COARSER, (domain.cells / COARSEST[model.d]) ** (1 / model.d)) * NodalMesh(domain).mean_size()
-            )
-        coarse = bind(model.scene, domain, 1)
-        stiffness = Stiffness(coarse)
-        stiffness.free()
-        there = coulomb_surface(coarse)
-        known = np.where(there.blocked[:, None], 0.0, surface.interpolated(t, there.positions()))
-        q, _, phi = coupling(there.normal, traces_of(coarse, stiffness, there), known, there.positions())
-        along = there.interpolated(phi[:, None] * there.normal, surface.positions())
-        return q, (along * surface.normal).sum(axis=1)
-    except ErcContactError:
-        return None

@@ -26,7 +26,7 @@ class Blocks:
         mine: Facets that this rank solves for; it has both cells of each. Shape (F,).
 
     Attributes:
-        inverse: Inverse of the matrix of each facet, zero where nothing is free, shape (F, j d, j d).
+        inverse: d times the inverse of the matrix of each facet, zero where nothing is free, shape (F, j d, j d).
     """
 
     def __init__(self, cells: CellGeometry, compliance: np.ndarray, free: np.ndarray, mine: np.ndarray) -> None:
@@ -47,7 +47,9 @@ class Blocks:
         keep = np.tile(free, j) & mine[:, None]
         keep &= np.einsum("nii->ni", matrices) > 0
         both = keep[:, :, None] & keep[:, None, :]
-        self.inverse = np.where(both, np.linalg.inv(np.where(both, matrices, np.eye(j * d))), 0.0)
+        inverse = np.linalg.inv(np.where(both, matrices, np.eye(j * d)))
+        # The patches add up d corrections of each facet, as many as it has centres. The blocks get the same weight.
+        self.inverse = np.where(both, d * inverse, 0.0)
 
     def __call__(self, r: np.ndarray) -> np.ndarray:
         """Corrections for the residual r of the quadratic moments [length], shape (F, j, d)."""
