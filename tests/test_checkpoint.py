@@ -298,11 +298,11 @@ def test_a_damaged_run_goes_on_from_its_last_good_level(number, damage, whole, t
 def test_a_newer_format_is_refused(whole, tmp_path, monkeypatch):
     folder = shutil.copytree(whole[0], tmp_path / "kept")
     level = Folder(folder).read(2)
-    monkeypatch.setattr(levels, "FORMAT", 2)
+    monkeypatch.setattr(levels, "FORMAT", levels.FORMAT + 1)
     Folder(folder).file(2).write_bytes(b"".join(packed(level)))
     monkeypatch.undo()
     for call in (lambda: run(of_flat_body, 3, folder), lambda: ec.read_history(folder)):
-        with pytest.raises(ec.InputError, match=r"level_0002.*format 2.*knows format 1"):
+        with pytest.raises(ec.InputError, match=r"level_0002.*format 3.*knows format 2"):
             call()
 
 

@@ -31,7 +31,7 @@ from erc_contact.error.contact import contact_parts
 from erc_contact.error.works import friction_works
 from erc_contact.mesh.simplex import bernstein, lagrange, rule
 from erc_contact.run.energy import energies
-from erc_contact.run.evolve import Walk
+from erc_contact.run.walk import Walk
 
 COMM = MPI.COMM_WORLD
 MESHES = Path(__file__).parent.parent / "meshes"

@@ -20,7 +20,7 @@ from mpi4py import MPI
 import erc_contact as ec
 from erc_contact.mesh.simplex import bernstein, nodes
 from erc_contact.model.promises import bind
-from erc_contact.model.trace import Side, Trace
+from erc_contact.model.trace import Trace
 
 COMM = MPI.COMM_WORLD
 PACKAGE = Path(ec.__file__).parent
@@ -88,7 +88,7 @@ def two_sided(d: int, degree: int):
     model = bind(scene, domain, degree)
     here, there = facing_facets(domain)
     normal = np.tile(np.eye(d)[0], (len(here), 1))
-    sides = [Side(model, facets, model.modulus) for facets in (here, there)]
+    sides = [model.side(facets, model.modulus) for facets in (here, there)]
     return model, Trace(sides[0], normal, there=sides[1])
 
 

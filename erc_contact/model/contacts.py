@@ -14,7 +14,7 @@ from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import BoundContact, Friction, bind_friction
 from erc_contact.model.last_step import LastStep
 from erc_contact.model.space import Space
-from erc_contact.model.trace import Side, Trace
+from erc_contact.model.trace import Trace
 from erc_contact.model.values import components, number, parameter
 from erc_contact.scene.contact import Contact
 
@@ -47,7 +47,7 @@ def bind_contact(space: Space, contact: Contact, modulus: Any, last: LastStep | 
     before, lost = (None, None) if last is None or friction is None else last.on(space, contact.facets, direction)
     return BoundContact(
         name=contact.facets,
-        trace=Trace(Side(space, facets, modulus), direction, before),
+        trace=Trace(space.side(facets, modulus), direction, before),
         ds=space.ds(space.domain.tag(contact.facets)),
         normal=normal,
         given_normal=given_normal,

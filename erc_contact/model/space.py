@@ -27,6 +27,7 @@ from erc_contact.mesh.simplex import (
     nodes,
 )
 from erc_contact.model.expressions import evaluate
+from erc_contact.model.trace import Side
 
 SAMPLES = 12
 """Number of parts of a facet's edge between the samples of data that vary along it."""
@@ -143,6 +144,24 @@ class Space:
     def facet_areas(self, facets: np.ndarray) -> np.ndarray:
         """Areas of facets given as (cell, local facet) [length^(d-1)], shape (n,)."""
         return measures(self.facet_corners(facets))
+
+    def side(self, facets: np.ndarray, modulus: Any) -> Side:
+        """Make the side of a contact from facets (cell, local facet) and the modulus of the material; collective.
+
+        Args:
+            facets: The facets, ghosts included, shape (f, 2).
+            modulus: The modulus [force/area], UFL.
+        """
+        return Side(
+            facets=facets,
+            nodes=self.facet_nodes(facets),
+            corners=self.facet_corners(facets),
+            owned=self.owned(facets),
+            modulus=self.at_middles(modulus, facets[:, 0]),
+            degree=self.degree,
+            node_count=self.node_count,
+            cell_count=self.domain.owned_cells,
+        )
 
     def facet_corners(self, facets: np.ndarray) -> np.ndarray:
         """Vertices of facets given as (cell, local facet) in the order of the reference facet [length], (n, d, d)."""

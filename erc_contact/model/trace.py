@@ -15,13 +15,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from dolfinx import fem
 
-from erc_contact.mesh.simplex import coefficients
-from erc_contact.model.space import Space
+from erc_contact.mesh.simplex import coefficients, measures, node_vertices
 
 
 def split(z: np.ndarray, n: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -37,37 +35,37 @@ def split(z: np.ndarray, n: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndar
 
 @dataclass(frozen=True, eq=False)
 class Side:
-    """The facets of one body at a contact.
+    """The facets of one body at a contact; :meth:`erc_contact.model.space.Space.side` makes it.
 
     Attributes:
-        space: The mesh and the space of displacements.
         facets: Pairs (cell, local facet), ghosts included, shape (f, 2).
-        material_modulus: The modulus of the material [force/area], UFL.
+        nodes: Nodes of each facet, in the order of the reference facet, shape (f, m).
+        corners: Vertices of each facet [length], shape (f, d, d).
+        owned: Which facets this rank owns, shape (f,).
+        modulus: The modulus of the material in the middle of their cells [force/area], shape (f,).
+        degree: Degree of the displacement.
+        node_count: Number of nodes of this rank, ghosts included.
+        cell_count: Number of cells that this rank owns.
     """
 
-    space: Space
     facets: np.ndarray
-    material_modulus: Any
+    nodes: np.ndarray
+    corners: np.ndarray
+    owned: np.ndarray
+    modulus: np.ndarray
+    degree: int
+    node_count: int
+    cell_count: int
 
-    @cached_property
-    def nodes(self) -> np.ndarray:
-        """Nodes of each facet, in the order of the reference facet, shape (f, m)."""
-        return self.space.facet_nodes(self.facets)
-
-    @cached_property
-    def corners(self) -> np.ndarray:
-        """Vertices of each facet [length], shape (f, d, d)."""
-        return self.space.facet_corners(self.facets)
+    @property
+    def d(self) -> int:
+        """Dimension of space."""
+        return self.corners.shape[2]
 
     @cached_property
     def areas(self) -> np.ndarray:
         """Areas of the facets [length^(d-1)], shape (f,)."""
-        return self.space.facet_areas(self.facets)
-
-    @cached_property
-    def owned(self) -> np.ndarray:
-        """Which facets this rank owns, shape (f,)."""
-        return self.space.owned(self.facets)
+        return measures(self.corners)
 
     @cached_property
     def owned_areas(self) -> np.ndarray:
@@ -75,14 +73,15 @@ class Side:
         return np.where(self.owned, self.areas, 0.0)
 
     @cached_property
-    def diameters(self) -> np.ndarray:
-        """Approximate diameters h of the facets [length], shape (f,)."""
-        return self.areas ** (1 / (self.space.d - 1))
+    def stiffness(self) -> np.ndarray:
+        """The approximate stiffness of the body at each facet, ``E/h`` with its diameter h [force/length^3], (f,)."""
+        diameters = self.areas ** (1 / (self.d - 1))
+        return self.modulus / diameters
 
-    @cached_property
-    def modulus(self) -> np.ndarray:
-        """The modulus in the middle of the cells of the facets [force/area], shape (f,); collective at first."""
-        return self.space.at_middles(self.material_modulus, self.facets[:, 0])
+    @property
+    def places(self) -> np.ndarray:
+        """Positions of the nodes of each facet [length], shape (f, m, d)."""
+        return self.corners[:, node_vertices(self.d - 1, self.degree)].mean(axis=2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +107,7 @@ class Trace:
             u: Displacement at all nodes of this rank [length], shape (nodes d,) as the array of a Function has it, or
                 (nodes, d).
         """
-        nodal = u.reshape(-1, self.here.space.d)
+        nodal = u.reshape(-1, self.here.d)
         w = nodal[self.here.nodes]
         return w if self.there is None else w - nodal[self.partners]
 
@@ -116,7 +115,7 @@ class Trace:
     def slip_before(self) -> np.ndarray:
         """The tangential part s of w at the end of the last step, zero without one [length], shape (f, m, d)."""
         if self.before is None:
-            return np.zeros((*self.here.nodes.shape, self.here.space.d))
+            return np.zeros((*self.here.nodes.shape, self.here.d))
         return split(self.of(self.before.x.array), self.direction[:, None, :])[1]
 
     def since(self, u: np.ndarray) -> np.ndarray:
@@ -133,7 +132,7 @@ class Trace:
         Args:
             values: Values at the nodes of the facets, shape (f, m, ...), such as :meth:`of`, :meth:`since`, or the gap.
         """
-        matrix = coefficients(self.here.space.d - 1, self.here.space.degree)
+        matrix = coefficients(self.here.d - 1, self.here.degree)
         components = int(np.prod(values.shape[2:]))
         long = values.reshape(*values.shape[:2], components)
         return np.matmul(matrix, long).reshape(values.shape)
@@ -145,7 +144,7 @@ class Trace:
             u: Displacement at all nodes, as in :meth:`of`.
             w: Values at the nodes of the facets, or one for each facet, shape (f, m, d) or (f, 1, d).
         """
-        u.reshape(-1, self.here.space.d)[self.here.nodes] = w
+        u.reshape(-1, self.here.d)[self.here.nodes] = w
 
     def back(self, forces: np.ndarray) -> np.ndarray:
         """Add up the nodal forces that do the work of forces on w, the transpose of :meth:`of`.
@@ -156,7 +155,7 @@ class Trace:
         Returns:
             Nodal forces [force], shape (nodes, d); at ghost nodes they are not complete.
         """
-        nodal = np.zeros((self.here.space.node_count, self.here.space.d))
+        nodal = np.zeros((self.here.node_count, self.here.d))
         np.add.at(nodal, self.here.nodes, forces)
         if self.there is not None:
             np.subtract.at(nodal, self.partners, forces)
@@ -168,7 +167,7 @@ class Trace:
         Returns:
             Rows, in the order of w raveled, columns and values of its entries.
         """
-        d = self.here.space.d
+        d = self.here.d
         columns = (self.here.nodes[..., None] * d + np.arange(d)).ravel()
         rows = np.arange(columns.size)
         values = np.ones(columns.size)
@@ -183,11 +182,9 @@ class Trace:
 
         That of two bodies is that of two springs in a row.
         """
-        stiffness = self.here.modulus / self.here.diameters
         if self.there is None:
-            return stiffness
-        other = self.there.modulus / self.there.diameters
-        return stiffness * other / (stiffness + other)
+            return self.here.stiffness
+        return self.here.stiffness * self.there.stiffness / (self.here.stiffness + self.there.stiffness)
 
     def share(self, values: np.ndarray) -> np.ndarray:
         """Give values of facets to their cells; two bodies get shares in proportion to their compliances.
@@ -198,10 +195,10 @@ class Trace:
         Returns:
             Sums for the cells that this rank owns, shape (cells,).
         """
-        cells = np.zeros(self.here.space.domain.owned_cells)
+        cells = np.zeros(self.here.cell_count)
         share = np.ones(len(values))
         if self.there is not None:
-            share = self.stiffness / (self.here.modulus / self.here.diameters)
+            share = self.stiffness / self.here.stiffness
             _add_to_owned(cells, self.there, (1 - share) * values)
         _add_to_owned(cells, self.here, share * values)
         return cells
@@ -211,16 +208,15 @@ class Trace:
         """The nodes of the other side that face those of this side, shape (f, m)."""
         if self.there is None:
             raise TypeError("A contact with a rigid foundation has no other side.")
-        x = self.here.space.V.tabulate_dof_coordinates()
-        here = _about_middle(x[self.here.nodes])
-        there = _about_middle(x[self.there.nodes])
+        here = _about_middle(self.here.places)
+        there = _about_middle(self.there.places)
         # The sides may be apart by a gap, and the vertices of facing facets are in any order.
         distance = np.linalg.norm(here[:, :, None] - there[:, None], axis=-1)
         return np.take_along_axis(self.there.nodes, distance.argmin(axis=2), axis=1)
 
 
 def _about_middle(x: np.ndarray) -> np.ndarray:
-    """Positions of the nodes of facets (f, m, 3) from the mean of each facet."""
+    """Positions of the nodes of facets (f, m, d) from the mean of each facet."""
     return x - x.mean(axis=1, keepdims=True)
 
 

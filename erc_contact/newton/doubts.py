@@ -16,6 +16,7 @@ from erc_contact.base.percent import percent
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.model import Model
 from erc_contact.newton.solution import Solution
+from erc_contact.scene.law import Coulomb
 
 ROTATION = 0.1
 """Rotation up to which a strain is small beside what the theory leaves out [rad]; its half square is 0.5%."""
@@ -118,16 +119,15 @@ def _rotated(solution: Solution) -> tuple[float, float]:
 def _of_contact(model: Model, contact: BoundContact, solution: Solution, moved: float) -> Doubts:
     """Find a friction that is no number of a dry contact, and a contact that nothing touches; collective."""
     found: Doubts = {}
-    parameters = model.friction_parameters(contact, model.facet_points)
-    if "friction" in parameters:
+    if contact.friction is not None and isinstance(contact.friction.law, Coulomb):
+        parameters = model.friction_parameters(contact, model.facet_points)
         _, most = model.extremes(parameters["friction"])
         if most > FRICTION:
             found["friction", contact.name] = (
                 f"Contact({contact.name!r}): friction is {most:g}; Coulomb's coefficient is mostly below 1, and above "
                 f"{FRICTION:g} it is rather meant in percent (30% is 0.3) or in degrees (30 are 0.577)."
             )
-    nodes = model.facet_nodes(contact.facets)
-    along = (solution.u.x.array.reshape(-1, model.d)[nodes] * contact.direction[:, None, :]).sum(axis=-1)
+    along = (contact.trace.of(solution.u.x.array) * contact.direction[:, None, :]).sum(axis=-1)
     distance, _ = model.extremes(model.gap_at_nodes(contact) - along)
     if not contact.bilateral and distance > APART * moved:
         found[UNTOUCHED, contact.name] = (

@@ -27,7 +27,7 @@ import numpy as np
 
 from erc_contact.base.exceptions import InputError
 
-FORMAT = 1
+FORMAT = 2
 """Number of the format of the files."""
 BLOCK = 512
 """Length of the block in front [bytes]."""

@@ -6,10 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from erc_contact.error.works import assembled
-from erc_contact.newton.solution import Solution
-from erc_contact.newton.solve import solve
-from erc_contact.run.plan import Plan
 from erc_contact.run.time_row import TimeStep
 
 HALVINGS = 8
@@ -35,22 +31,6 @@ def until(begin: float, length: float, end: float) -> float:
     """Where a step of about this length ends, so that no short one remains before the end."""
     count = np.ceil((end - begin) / length * (1 - 1e-9)) if length < end - begin else 1.0
     return end if count <= 1 else begin + (end - begin) / count
-
-
-def difference_from_halves(plan: Plan, last: Solution, halves: Solution) -> float:
-    """The difference of one step from its two halves, relative in the energy norm [-]; collective.
-
-    Args:
-        plan: What the step is asked for; its scene is that of the end.
-        last: The solution at its beginning.
-        halves: The solution at its end, after two halves; the step is made again on its mesh.
-    """
-    given = plan.scene, halves.domain, plan.method
-    whole = solve(*given, degree=plan.degree, solver=plan.solver, after=last, start=halves)
-    rest = halves.u.copy()
-    rest.x.array[:] -= whole.u.x.array
-    square, size = (assembled(halves.model, halves.model.stiffness(v, v)) for v in (rest, halves.u))
-    return float(np.sqrt(square / size)) if size > 0 else 0.0
 
 
 def unknown_of_dissipation(row: TimeStep, before: TimeStep, accuracy: float) -> float:
