@@ -11,7 +11,6 @@ import csv
 import dataclasses
 import os
 import signal
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -23,7 +22,7 @@ from scenes import block, common_block, prototype_block
 import erc_contact as ec
 from erc_contact.base.interrupts import Interrupts
 from erc_contact.base.percent import percent
-from erc_contact.error.strategy import TIE
+from erc_contact.error.strategy import TIE, largest
 from erc_contact.error.strategy import refined as refined_if_allowed
 
 CORNER = 0.7112
@@ -76,8 +75,7 @@ def test_marking_is_that_of_all_errors_in_one_place(family):
             "tiny": 10.0 ** random.uniform(-120, -100, 50),
         }.get(family, random.random(53))
         rank = np.full(len(every), comm.size - 1) if family == "on the last rank" else np.arange(len(every)) % comm.size
-        domain = SimpleNamespace(mesh=SimpleNamespace(comm=comm))
-        mine = ec.mark(SimpleNamespace(domain=domain, total_indicators=every[rank == comm.rank]), fraction)
+        mine = largest(comm, every[rank == comm.rank], fraction)
         sizes = np.sort(every)[::-1]
         last = np.searchsorted(np.cumsum(sizes**2), fraction * np.sum(sizes**2) * (1 - TIE))
         wanted = every >= sizes[min(int(last), len(sizes) - 1)] * (1 - TIE)

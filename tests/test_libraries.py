@@ -69,6 +69,8 @@ def private_names():
                 own.add(node.name)
             elif isinstance(node, ast.Name | ast.arg):
                 own.add(getattr(node, "id", None) or getattr(node, "arg", None))
+            elif isinstance(node, ast.JoinedStr):
+                own.update(getattr(part, "value", None) for part in node.values if isinstance(part, ast.Constant))
             elif isinstance(node, ast.Attribute) and getattr(node.value, "id", "") in ("self", "cls"):
                 own.add(node.attr)
             elif isinstance(node, ast.Attribute | ast.Constant) and re.fullmatch(r"_[a-z]\w*", str(name)):

@@ -106,8 +106,22 @@ def mark(error: ConstitutiveError | Run, fraction: float = 0.5) -> np.ndarray:
     error = error_of(error)
     fraction, comm = checks.fraction("mark: fraction", fraction), error.domain.mesh.comm
     raise_together(comm, None)
-    threshold = _threshold(comm, error.total_indicators, fraction)
-    return np.flatnonzero(error.total_indicators >= threshold * (1 - TIE)).astype(np.int32)
+    return largest(comm, error.total_indicators, fraction)
+
+
+def largest(comm: MPI.Comm, values: np.ndarray, fraction: float) -> np.ndarray:
+    """Find the fewest values over all ranks whose squares sum to a fraction of all squares; collective.
+
+    Args:
+        comm: Communicator.
+        values: Numbers >= 0 of this rank, shape (n,).
+        fraction: In (0, 1].
+
+    Returns:
+        Their places on this rank; values that differ by less than TIE from the least of them are among them.
+    """
+    threshold = _threshold(comm, values, fraction)
+    return np.flatnonzero(values >= threshold * (1 - TIE)).astype(np.int32)
 
 
 def _threshold(comm: MPI.Comm, values: np.ndarray, fraction: float) -> float:

@@ -124,7 +124,7 @@ def profile_table(
     if d == 2:
         tangent = np.stack([-n[..., 1], n[..., 0]], axis=-1)
         slip, shear = (w_t * tangent).sum(axis=-1), (r_t * tangent).sum(axis=-1)
-    weight = model.facet_areas(contact.facets)[:, None] * profile_weights(model)
+    weight = contact.trace.here.areas[:, None] * profile_weights(model)
     columns = [*np.moveaxis(x, 2, 0), gap - w_n, slip, 0.0 - r_n, shear, bound, status[:, None], weight]
     table = np.stack(np.broadcast_arrays(*columns), axis=2)
     if d == 2:  # all facets in the direction of the tangent
