@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from erc_contact.mesh.simplex import in_space
+from erc_contact.mesh.simplex import edges, in_space
 from erc_contact.model.profile import OPEN
 from erc_contact.output.bodies import DIVISIONS, sampled, straight
 from erc_contact.output.drawing import tangents
@@ -211,12 +211,23 @@ def closed_part(surface: Surface, x: np.ndarray) -> Any:
     closed = contact_status(surface.traction) != OPEN
     if not closed.any():
         return None
-    drawn = straight(*sampled(x[surface.traction.nodes[closed]], surface.d - 1, DIVISIONS))
+    nodes = surface.traction.nodes[closed]
     if surface.d == 3:
-        drawn = drawn.clean(tolerance=FLAT).extract_feature_edges(
-            boundary_edges=True, feature_edges=False, manifold_edges=False, non_manifold_edges=False
-        )
-    return drawn if drawn.n_lines > 0 else None
+        nodes = _border(nodes)
+    return straight(*sampled(x[nodes], 1, DIVISIONS)) if len(nodes) else None
+
+
+def _border(nodes: np.ndarray) -> np.ndarray:
+    """Find the edges that belong to one facet only, of facets in space with nodes (f, m).
+
+    Returns:
+        Nodes of these edges, their two ends first, shape (e, 2) or (e, 3).
+    """
+    ends = nodes[:, edges(2)]
+    curves = ends if nodes.shape[1] == 3 else np.concatenate([ends, nodes[:, 3:, None]], axis=2)
+    keys = np.sort(ends, axis=2).reshape(-1, 2)
+    _, first, count = np.unique(keys, axis=0, return_index=True, return_counts=True)
+    return curves.reshape(-1, curves.shape[2])[first[count == 1]]
 
 
 def ground(surface: Any, size: float) -> list[tuple[Any, dict[str, Any]]]:
