@@ -23,8 +23,8 @@ import numpy as np
 import ufl
 from true_errors import reference, true_errors
 
-from erc_contact.newton.multigrid import Multigrid
-from erc_contact.newton.stiffness import Stiffness
+from erc_contact.newton.linear.multigrid import Multigrid
+from erc_contact.newton.linear.stiffness import Stiffness
 
 
 def greco(friction: Any) -> ec.Scene:

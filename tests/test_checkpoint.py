@@ -416,8 +416,8 @@ FACTORS = """
 import erc_contact as ec
 import os, signal
 from erc_contact.model.promises import bind
-from erc_contact.newton.mumps import factorised
-from erc_contact.newton.stiffness import Stiffness
+from erc_contact.newton.linear.mumps import factorised
+from erc_contact.newton.linear.stiffness import Stiffness
 
 told = []
 signal.signal(signal.SIGTERM, lambda *_: told.append(1))
@@ -444,10 +444,10 @@ LARGE_FACTORS = """
 import erc_contact as ec
 import os, signal
 from petsc4py import PETSc
-from erc_contact.base.held import sigterm_held
+from erc_contact.base.runtime.held import sigterm_held
 from erc_contact.model.promises import bind
-from erc_contact.newton.mumps import LARGE, factorised, schur_complement
-from erc_contact.newton.stiffness import Stiffness
+from erc_contact.newton.linear.mumps import LARGE, factorised, schur_complement
+from erc_contact.newton.linear.stiffness import Stiffness
 
 told = []
 scene = ec.Scene(ec.Elastic(1.0, 0.3), ec.Displacement("top", (0.0, -0.1)), contacts=ec.Contact("bottom", 0.3))

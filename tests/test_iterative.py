@@ -15,9 +15,9 @@ from test_newton import Saturating, triangle
 
 import erc_contact as ec
 from erc_contact.model.promises import bind
-from erc_contact.newton import amg, krylov, multigrid
 from erc_contact.newton import solve as solving
 from erc_contact.newton.forms import ContactForms
+from erc_contact.newton.linear import amg, krylov, multigrid
 
 METHODS = {"Nitsche": ec.Nitsche(), "symmetric": ec.Nitsche(theta=1), "AL": ec.AugmentedLagrangian()}
 SAME = 1e-8

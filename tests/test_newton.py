@@ -21,7 +21,7 @@ from erc_contact.model.model import Model
 from erc_contact.newton import first_guess as start
 from erc_contact.newton.condensed import Condensed
 from erc_contact.newton.dense import Dense
-from erc_contact.newton.stiffness import Stiffness
+from erc_contact.newton.linear.stiffness import Stiffness
 
 COMM = MPI.COMM_WORLD
 METHODS = [ec.Nitsche(), ec.Nitsche(theta=-1), ec.AugmentedLagrangian()]

@@ -55,13 +55,13 @@ from dolfinx import fem
 from dolfinx.fem import petsc as fp
 from mpi4py import MPI
 
-from erc_contact.base import compiled
 from erc_contact.base.exceptions import InputError, raise_together
+from erc_contact.base.runtime import compiled
 from erc_contact.error.constitutive import ROUND_OFF, ConstitutiveError, Run, error_of
 from erc_contact.error.works import elastic_work, friction_work, load_work, stress_work
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.model import Model
-from erc_contact.newton.elastic import ElasticSolver
+from erc_contact.newton.linear.elastic import ElasticSolver
 
 GLUE = 1e6
 """gamma_0 of the springs that hold phi on the contacts [-]; afterwards its values there are set exactly."""

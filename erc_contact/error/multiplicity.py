@@ -10,8 +10,8 @@ from erc_contact.base.exceptions import raise_together, together
 from erc_contact.error.constitutive import ConstitutiveError, Run, constitutive_error, error_of
 from erc_contact.model.foundation import CONSTANT
 from erc_contact.newton.deflation import other_states
+from erc_contact.newton.linear.stiffness import Stiffness
 from erc_contact.newton.solution import Solution
-from erc_contact.newton.stiffness import Stiffness
 
 
 def other_solutions(solution: Solution | Run, most: int = 4) -> list[ConstitutiveError]:

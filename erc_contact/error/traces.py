@@ -28,9 +28,9 @@ from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.nodal import NodalMesh
 from erc_contact.model.model import Model
 from erc_contact.model.promises import bind
-from erc_contact.newton.elastic import ElasticSolver
-from erc_contact.newton.multigrid import Multigrid
-from erc_contact.newton.stiffness import Stiffness
+from erc_contact.newton.linear.elastic import ElasticSolver
+from erc_contact.newton.linear.multigrid import Multigrid
+from erc_contact.newton.linear.stiffness import Stiffness
 
 ROUGH, FINE = 1e-2, 3e-6
 """Tolerances of the linear solves: of a lifting whose energy is asked for, to four digits, and else [-]. Norms of maps

@@ -16,8 +16,8 @@ from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
 from ufl.corealg.traversal import traverse_unique_terminals, unique_pre_traversal
 from ufl.utils.stacks import StackDict
 
-from erc_contact.base import compiled
-from erc_contact.base.patches import forms_freed
+from erc_contact.base.runtime import compiled
+from erc_contact.base.runtime.patches import forms_freed
 
 CHUNK = 4096
 """Number of points at which an expression is evaluated at once."""

@@ -13,8 +13,8 @@ from dolfinx import mesh as dmesh
 from ufl.classes import Division, Product, Sum, Variable, Zero
 from ufl.corealg.traversal import unique_pre_traversal
 
-from erc_contact.base import compiled
-from erc_contact.base.patches import forms_freed
+from erc_contact.base.runtime import compiled
+from erc_contact.base.runtime.patches import forms_freed
 from erc_contact.model.expressions import Everywhere, pointwise, varies_in_cells
 from erc_contact.model.trace import Trace
 from erc_contact.model.users import called, scalar

@@ -20,7 +20,7 @@ from ufl.corealg.traversal import unique_post_traversal
 
 from erc_contact.base.checks import told
 from erc_contact.base.exceptions import ErcContactError, InputError, together
-from erc_contact.base.patches import forms_freed
+from erc_contact.base.runtime.patches import forms_freed
 from erc_contact.scene.material import Material, mandel_matrix, strain
 
 IN_UFL = (

@@ -13,9 +13,9 @@ import numpy as np
 import ufl
 from mpi4py import MPI
 
-from erc_contact.base import compiled
 from erc_contact.base.checks import told
 from erc_contact.base.exceptions import InputError
+from erc_contact.base.runtime import compiled
 from erc_contact.mesh.simplex import lattice
 from erc_contact.model.expressions import evaluate, without_plain_numbers
 from erc_contact.model.space import Space

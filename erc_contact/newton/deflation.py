@@ -24,9 +24,9 @@ from dolfinx import fem
 from erc_contact.model.model import Model
 from erc_contact.newton.condensed import Condensed
 from erc_contact.newton.dense import Dense
+from erc_contact.newton.linear.stiffness import Stiffness
 from erc_contact.newton.methods import Method
 from erc_contact.newton.snes import Found
-from erc_contact.newton.stiffness import Stiffness
 
 STEPS = 40
 """Greatest number of Newton steps from one start."""

@@ -12,7 +12,7 @@ import numpy as np
 from petsc4py import PETSc
 
 from erc_contact.newton.condensed import Condensed
-from erc_contact.newton.mumps import dense_factor
+from erc_contact.newton.linear.mumps import dense_factor
 from erc_contact.newton.snes import ZERO_PIVOT, Outcome, attempt
 
 TOLERANCE = 1e-12

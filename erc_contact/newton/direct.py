@@ -13,9 +13,9 @@ from erc_contact.newton import first_guess as starts
 from erc_contact.newton.condensed import Condensed
 from erc_contact.newton.dense import Dense
 from erc_contact.newton.ladder import Attempt
+from erc_contact.newton.linear.stiffness import Stiffness
 from erc_contact.newton.methods import Method
 from erc_contact.newton.snes import Found, Outcome
-from erc_contact.newton.stiffness import Stiffness
 
 
 class Direct:

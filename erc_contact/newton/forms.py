@@ -8,9 +8,9 @@ import numpy as np
 import ufl
 from dolfinx import fem
 
-from erc_contact.base import compiled
 from erc_contact.base.checks import told
 from erc_contact.base.exceptions import InputError, together
+from erc_contact.base.runtime import compiled
 from erc_contact.mesh.simplex import rule
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.model import Model

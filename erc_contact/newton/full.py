@@ -23,9 +23,9 @@ from petsc4py import PETSc
 
 from erc_contact.model.model import Model
 from erc_contact.newton.forms import ContactForms
-from erc_contact.newton.krylov import fgmres
+from erc_contact.newton.linear.krylov import fgmres
+from erc_contact.newton.linear.multigrid import Multigrid
 from erc_contact.newton.methods import Method
-from erc_contact.newton.multigrid import Multigrid
 from erc_contact.newton.reactions import Reactions
 from erc_contact.newton.tangent import Tangent
 

@@ -14,8 +14,8 @@ from dolfinx.fem import petsc as fp
 from petsc4py import PETSc
 
 from erc_contact.newton.forms import ContactForms
-from erc_contact.newton.krylov import fgmres, set_up, shell
-from erc_contact.newton.multigrid import Multigrid
+from erc_contact.newton.linear.krylov import fgmres, set_up, shell
+from erc_contact.newton.linear.multigrid import Multigrid
 from erc_contact.newton.reactions import Reactions
 from erc_contact.newton.springs import Springs
 

@@ -25,10 +25,10 @@ from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.tables import CellRows, described, geometry_of, tag_tables
 from erc_contact.model.promises import bind
 from erc_contact.newton.after import last_step
+from erc_contact.newton.linear.multigrid import Multigrid
+from erc_contact.newton.linear.stiffness import Stiffness
 from erc_contact.newton.methods import Method
-from erc_contact.newton.multigrid import Multigrid
 from erc_contact.newton.solution import Solution
-from erc_contact.newton.stiffness import Stiffness
 from erc_contact.output.files import gathered, vtk_cells
 from erc_contact.output.gathered import body_nodes, nodal_displacement
 from erc_contact.results.stresses import cell_stresses

@@ -2,12 +2,12 @@
 
 The hierarchy is PETSc's GAMG: smoothed aggregation with the rigid motions as near null space. The aggregates and the
 interpolation are made once, for K. Where a matrix differs from it at the contact only, as every tangent of a contact
-problem does, the coarse matrices follow with the same interpolation (:mod:`erc_contact.newton.galerkin`). That of K
-serves all of them; that of K + D saves a tenth of the cycles of a contact solve, and doubles those of an elastic solve
-with given contact tractions.
+problem does, the coarse matrices follow with the same interpolation (:mod:`erc_contact.newton.linear.galerkin`).
+That of K serves all of them; that of K + D saves a tenth of the cycles of a contact solve, and doubles those of an
+elastic solve with given contact tractions.
 Another preconditioner that PETSc's options ask for is set up anew for each matrix.
 
-Symbols: K and D as in :mod:`erc_contact.newton.elastic`; C a matrix that is zero away from the contact.
+Symbols: K and D as in :mod:`erc_contact.newton.linear.elastic`; C a matrix that is zero away from the contact.
 """
 
 from __future__ import annotations
@@ -20,14 +20,13 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from erc_contact.base.exceptions import InputError, NotConverged
-from erc_contact.base.garbage import free_dropped
 from erc_contact.base.logs import log_of
+from erc_contact.base.runtime.garbage import free_dropped
 from erc_contact.model.model import Model
-from erc_contact.newton.amg import PREFIX, orthonormal, rigid_motions, with_defaults
-from erc_contact.newton.elastic import Elastic
-from erc_contact.newton.galerkin import SAME, SUBSET, Follower
-from erc_contact.newton.mumps import factorised
-from erc_contact.newton.snes import LIBRARY
+from erc_contact.newton.linear.amg import PREFIX, orthonormal, rigid_motions, with_defaults
+from erc_contact.newton.linear.elastic import Elastic
+from erc_contact.newton.linear.galerkin import SAME, SUBSET, Follower
+from erc_contact.newton.linear.mumps import LIBRARY, factorised
 
 ROUGH, EXACT = 1e-4, 1e-12
 """Tolerances of linear solves: of first guesses and corrections, and of what must balance the loads [-].

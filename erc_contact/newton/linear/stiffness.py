@@ -25,9 +25,9 @@ from erc_contact.base.exceptions import InputError, together
 from erc_contact.base.ranks import from_first, gathered
 from erc_contact.mesh.simplex import local_facet_nodes
 from erc_contact.model.model import Model
-from erc_contact.newton.elastic import Elastic
-from erc_contact.newton.mumps import factorised, schur_complement
-from erc_contact.newton.substructures import Substructures
+from erc_contact.newton.linear.elastic import Elastic
+from erc_contact.newton.linear.mumps import factorised, schur_complement
+from erc_contact.newton.linear.substructures import Substructures
 
 
 class Stiffness(Elastic):

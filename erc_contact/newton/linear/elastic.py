@@ -15,7 +15,7 @@ from dolfinx import fem, la
 from dolfinx.fem import petsc as fp
 from petsc4py import PETSc
 
-from erc_contact.base import compiled
+from erc_contact.base.runtime import compiled
 from erc_contact.model.model import Model
 
 GLUE = 10.0
