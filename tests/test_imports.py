@@ -73,6 +73,17 @@ def test_inner_packages_know_little(package):
     assert not foreign
 
 
+def test_no_module_asks_which_elastic_solver_it_has():
+    """What differs between them is in the interface, ``newton/linear/solver.py``."""
+    asked = []
+    for module, path in MODULES.items():
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "isinstance":
+                names = {name.id for name in ast.walk(node.args[1]) if isinstance(name, ast.Name)}
+                asked += [module] * (not names.isdisjoint({"Elastic", "Multigrid", "Stiffness"}))
+    assert not asked
+
+
 def test_no_circles_and_no_long_chains():
     height = {}
     for module in TopologicalSorter(IMPORTS).static_order():  # raises CycleError

@@ -61,7 +61,7 @@ from erc_contact.error.constitutive import ROUND_OFF, ConstitutiveError, Run, er
 from erc_contact.error.works import elastic_work, friction_work, load_work, stress_work
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.model import Model
-from erc_contact.newton.linear.elastic import ElasticSolver
+from erc_contact.newton.linear.solver import ElasticSolver
 
 GLUE = 1e6
 """gamma_0 of the springs that hold phi on the contacts [-]; afterwards its values there are set exactly."""

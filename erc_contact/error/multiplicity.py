@@ -38,7 +38,7 @@ def other_solutions(solution: Solution | Run, most: int = 4) -> list[Constitutiv
     most = together(comm, whole, "other_solutions: most", most, 1)
     if not any(c.friction is not None and c.friction.dependence != CONSTANT for c in model.contacts):
         return []
-    stiffness = solution.stiffness if isinstance(solution.stiffness, Stiffness) else Stiffness(model)
+    stiffness = Stiffness(model)  # the one of the solution has lost its factor, or is iterative
     if not stiffness.contact_size:
         return []
     errors = []

@@ -22,7 +22,7 @@ from erc_contact.model.points import at_points, elastic_stress_at
 from erc_contact.model.profile import facet_status, greatest_pressure, profile_points, profile_table
 from erc_contact.model.stress import stress_in_space, von_mises
 from erc_contact.model.trace import split
-from erc_contact.newton.linear.elastic import ElasticSolver
+from erc_contact.newton.linear.solver import ElasticSolver
 from erc_contact.newton.methods import Method
 from erc_contact.newton.rest import displacement_at_rest
 from erc_contact.scene.scene import Scene

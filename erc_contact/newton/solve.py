@@ -32,8 +32,8 @@ from erc_contact.newton.direct import Direct
 from erc_contact.newton.doubts import doubts, tell
 from erc_contact.newton.iterative import Iterative
 from erc_contact.newton.ladder import NODAL, attempts
-from erc_contact.newton.linear.elastic import ElasticSolver
 from erc_contact.newton.linear.multigrid import DIRECT
+from erc_contact.newton.linear.solver import ElasticSolver
 from erc_contact.newton.methods import Method, Nitsche
 from erc_contact.newton.rest import displacement_at_rest
 from erc_contact.newton.snes import Found, Outcome

@@ -77,7 +77,7 @@ def level_of(error: ConstitutiveError, steps: Sequence[Any]) -> Level:
         "tags": sorted(tags),
         "multipliers": len(solution.multipliers),
         "method": repr(solution.method),
-        "iterative": isinstance(solution.stiffness, Multigrid),
+        "iterative": solution.stiffness.iterative,
         "solution": {name: getattr(solution, name) for name in STATE},
         "error": {name: getattr(error, name) for name in NUMBERS},
     }

@@ -12,7 +12,7 @@ Symbols: K and D as in :mod:`erc_contact.newton.linear.elastic`; C a matrix that
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from dolfinx import fem, la
@@ -27,6 +27,7 @@ from erc_contact.newton.linear.amg import PREFIX, orthonormal, rigid_motions, wi
 from erc_contact.newton.linear.elastic import Elastic
 from erc_contact.newton.linear.galerkin import SAME, SUBSET, Follower
 from erc_contact.newton.linear.mumps import LIBRARY, factorised
+from erc_contact.newton.linear.traces import IterativeTraces
 
 ROUGH, EXACT = 1e-4, 1e-12
 """Tolerances of linear solves: of first guesses and corrections, and of what must balance the loads [-].
@@ -48,6 +49,8 @@ class Multigrid(Elastic):
     Attributes:
         contact_size: Number of free degrees of freedom at contact nodes, over all ranks; 0 without contact.
     """
+
+    iterative: ClassVar[bool] = True
 
     def __init__(self, model: Model) -> None:
         super().__init__(model)
@@ -100,7 +103,7 @@ class Multigrid(Elastic):
         return self._solved(self.matrix, right, tolerance or (EXACT if supports else ROUGH))
 
     def on_springs(self, springs: PETSc.Mat, b: fem.Function, near: fem.Function) -> fem.Function:
-        """Displacement u of ``(K + C) u = b`` [length], see :class:`ElasticSolver`."""
+        """Displacement u of ``(K + C) u = b`` [length], see :class:`.solver.ElasticSolver`."""
         self.renew(springs)
         return self._solved(self._fine, self.right_side(b, supports=False), EXACT, near)
 
@@ -131,6 +134,10 @@ class Multigrid(Elastic):
         for vector in (u, forces):
             vector.destroy()
         return found
+
+    def traces(self, numbers: np.ndarray) -> IterativeTraces:
+        """Return the body as a surface sees it, see :class:`.solver.ElasticSolver`."""
+        return IterativeTraces(self.model, numbers, self)
 
     def renew(self, change: PETSc.Mat) -> None:
         """Let the hierarchy be that of K plus a change C at the contact [force/length]."""
