@@ -221,7 +221,7 @@ def _least_energy(model: Model, elastic: ElasticSolver, which: int, a: np.ndarra
     fem.assemble_vector(b.x.array, compiled.form(pull))
     near.x.array.reshape(-1, model.d)[:] = _working_part(contact, a[None])
     near.x.array[model.fixed.ravel()] = 0.0  # a rigid motion, if the body is free to make it
-    phi = elastic.on_springs(matrix, b, near)
+    phi = elastic.solve_with_springs(matrix, b, near)
     elastic.free()
     matrix.destroy()
     error = None if np.isfinite(phi.x.array).all() else InputError("The body cannot be factorised; look at its moduli.")

@@ -202,7 +202,8 @@ def error_of(measured: ConstitutiveError | Run) -> ConstitutiveError:
     error = measured if isinstance(measured, ConstitutiveError) else getattr(measured, "error", None)
     if not isinstance(error, ConstitutiveError):
         raise InputError(
-            f"The error is {checks.told(measured)}; give a history, or the error that constitutive_error() returns."
+            f"The error is {checks.description(measured)}; give a history, or the error that constitutive_error() "
+            "returns."
         )
     return error
 

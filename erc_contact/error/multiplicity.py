@@ -49,8 +49,8 @@ def other_solutions(solution: Solution | Run, most: int = 4) -> list[Constitutiv
             multipliers=found.multipliers,
             newton_steps=0,
             reason="found beside another solution",
-            remaining=found.remaining,
-            regularity=found.regularity,
+            distance=found.distance,
+            least_singular_value=found.least_singular_value,
             stiffness=stiffness,
             seconds=0.0,
         )

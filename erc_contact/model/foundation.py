@@ -17,7 +17,7 @@ from erc_contact.base.runtime import compiled
 from erc_contact.base.runtime.patches import forms_freed
 from erc_contact.model.expressions import Everywhere, pointwise, varies_in_cells
 from erc_contact.model.trace import Trace
-from erc_contact.model.users import called, scalar
+from erc_contact.model.users import call_of_user, scalar
 from erc_contact.scene.law import Law, project
 
 CONSTANT, PROPORTIONAL, CONCAVE = "constant", "proportional", "concave"
@@ -88,9 +88,9 @@ def bind_friction(mesh: dmesh.Mesh, what: str, law: Law, parameters: dict[str, A
             return False
         return isinstance(found, Real | np.ndarray)
 
-    dependence = called(mesh.comm, what, _dependence, mesh, bound)
+    dependence = call_of_user(mesh.comm, what, _dependence, mesh, bound)
     friction = Friction(law, parameters, dependence, of_numbers())
-    called(mesh.comm, what, friction.numbers, np.ones((1, 1)), {name: np.ones((1, 1)) for name in parameters})
+    call_of_user(mesh.comm, what, friction.numbers, np.ones((1, 1)), {name: np.ones((1, 1)) for name in parameters})
     return friction
 
 

@@ -70,7 +70,7 @@ class Iterative:
         u, multipliers = problem.found(x)
         found = None
         if step.final and outcome.converged:
-            found = Found(u, multipliers, problem.remaining(x), problem.regularity(x))
+            found = Found(u, multipliers, problem.distance(x), problem.least_singular_value(x))
         x.destroy()
         return replace(outcome, steps=steps), u, found
 

@@ -61,14 +61,14 @@ class Found:
     Attributes:
         u: Displacement [length].
         multipliers: Multiplier of each contact [force/area], nodal values, or () for a method without.
-        remaining: Energy norm of the distance to the solution of the discrete problem [sqrt(force length)].
-        regularity: Least singular value of the tangents at the solution [-].
+        distance: Energy norm of the distance to the solution of the discrete problem [sqrt(force length)].
+        least_singular_value: Least singular value of the tangents at the solution [-].
     """
 
     u: fem.Function
     multipliers: tuple[fem.Function, ...]
-    remaining: float
-    regularity: float
+    distance: float
+    least_singular_value: float
 
 
 class Equations(Protocol):

@@ -21,7 +21,7 @@ from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError, NotConverged, raise_together
 from erc_contact.base.logs import log_of
 from erc_contact.base.progress import stage
-from erc_contact.base.runtime.garbage import free_dropped, watch
+from erc_contact.base.runtime.garbage import free_dropped, register_owner
 from erc_contact.base.runtime.interrupts import check_interrupts
 from erc_contact.mesh.domain import Domain
 from erc_contact.model.model import Model
@@ -154,7 +154,7 @@ def _solution(
         return Solution(model, method or DEFAULT, solver.guess, (), 0, "linear solve", 0.0, 1.0, solver.elastic, 0.0)
     finally:
         solver.destroy()
-        watch(model.domain, model.comm)
+        register_owner(model.domain, model.comm)
         free_dropped(model.comm)
 
 
@@ -256,8 +256,8 @@ class _ContactSolve:
         if method != self.method:
             reason = f"{self.method} did not converge: {reason}"
             self.log.info("%d cells: %s did not converge, the solution is that of %s.", cells, self.method, method)
-        if found.regularity < SINGULAR:
-            reason += f"; the tangent is singular ({found.regularity:.0e}), the solution may be one of many"
+        if found.least_singular_value < SINGULAR:
+            reason += f"; the tangent is singular ({found.least_singular_value:.0e}), the solution may be one of many"
             self.log.warning("The tangent of the contact problem is singular at its solution: it may be one of many.")
-        numbers = self.steps, reason, found.remaining, found.regularity
+        numbers = self.steps, reason, found.distance, found.least_singular_value
         return Solution(self.model, method, found.u, found.multipliers, *numbers, self.solver.elastic, 0.0)

@@ -206,7 +206,7 @@ class Loop:
         interrupts.check()
         seconds = self.comm.allreduce(perf_counter() - started, MPI.MAX)
         if not isinstance(domain, Domain):
-            raise InputError(f"The strategy gave {checks.told(domain)}; its next() must return a Domain.")
+            raise InputError(f"The strategy gave {checks.description(domain)}; its next() must return a Domain.")
         return domain, seconds
 
     def _end(self, failure: BaseException, interrupts: Interrupts) -> None:

@@ -38,8 +38,14 @@ from erc_contact.scene.scene import Scene
 
 NUMBERS = ("absolute", "scale", "bulk_error", "contact_error", "geometry_error", "relative", "total", "degree")
 """Numbers of an error that are kept."""
-STATE = ("newton_steps", "reason", "remaining", "regularity", "seconds")
-"""What is kept of a solution beside its fields."""
+STATE = {
+    "newton_steps": "newton_steps",
+    "reason": "reason",
+    "remaining": "distance",
+    "regularity": "least_singular_value",
+    "seconds": "seconds",
+}
+"""Name in the file -> attribute of a solution, for what is kept beside its fields."""
 MESH = ("degree", "names", "regions", "geometry", "tags")
 """What a level tells of its mesh beside the tables."""
 TABLES = ("VTKHDF/Points", "cells", "facets", "regions", "curved")
@@ -78,7 +84,7 @@ def level_of(error: ConstitutiveError, steps: Sequence[Any]) -> Level:
         "multipliers": len(solution.multipliers),
         "method": repr(solution.method),
         "iterative": solution.stiffness.iterative,
-        "solution": {name: getattr(solution, name) for name in STATE},
+        "solution": {name: getattr(solution, attribute) for name, attribute in STATE.items()},
         "error": {name: getattr(error, name) for name in NUMBERS},
     }
     if not rows:
@@ -174,7 +180,8 @@ class Restored:
         fields += [self._function(model, f"multipliers/{i}") for i in range(about["multipliers"])]
         method = next((one for one in methods if repr(one) == about["method"]), methods[0])
         stiffness = (Multigrid if about["iterative"] else Stiffness)(model)
-        solution = Solution(model, method, fields[0], tuple(fields[1:]), stiffness=stiffness, **about["solution"])
+        numbers = {attribute: about["solution"][name] for name, attribute in STATE.items()}
+        solution = Solution(model, method, fields[0], tuple(fields[1:]), stiffness=stiffness, **numbers)
         error = constitutive_error(equilibrate(solution, tighten=tighten))
         if abs(error.relative - about["error"]["relative"]) > SAME * (about["error"]["relative"] + SAME):
             raise InputError(

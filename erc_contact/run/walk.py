@@ -185,7 +185,7 @@ class Walk:
         """The scene of a time; collective."""
         scene = together(self.comm, self.scene_at, time)
         if not isinstance(scene, Scene):
-            raise InputError(f"scene_at({time:g}) is {checks.told(scene)}; it must return a Scene.")
+            raise InputError(f"scene_at({time:g}) is {checks.description(scene)}; it must return a Scene.")
         if after is not None:
             check_after(scene, after.domain, after)
         return scene

@@ -56,10 +56,10 @@ class ElasticSolver(Protocol):
     def factorised(self) -> bool: ...  # noqa: D102
 
     def load_vector(self) -> fem.Function:
-        """Nodal forces of the loads of the scene [force], not yet summed over ranks."""
+        """Return the nodal forces of the loads of the scene [force], not yet summed over ranks."""
 
     def solve(self, b: fem.Function, *, supports: bool = True, tolerance: float | None = None) -> fem.Function:
-        """Displacement u of ``K u = b`` [length]; collective.
+        """Return the displacement u of ``K u = b`` [length]; collective.
 
         Args:
             b: Nodal forces [force].
@@ -67,8 +67,8 @@ class ElasticSolver(Protocol):
             tolerance: Residual over the right side that is enough [-]; a factor goes to round-off.
         """
 
-    def on_springs(self, springs: PETSc.Mat, b: fem.Function, near: fem.Function) -> fem.Function:
-        """Displacement u of ``(K + C) u = b`` [length], zero where supports fix it; collective.
+    def solve_with_springs(self, springs: PETSc.Mat, b: fem.Function, near: fem.Function) -> fem.Function:
+        """Return the displacement u of ``(K + C) u = b`` [length], zero where supports fix it; collective.
 
         Args:
             springs: C, stiffness at the contact [force/length]; without rows and columns of fixed components.

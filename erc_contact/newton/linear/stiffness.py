@@ -92,8 +92,11 @@ class Stiffness(Elastic):
         u_A = together(self.model.comm, lambda: None if self.schur is None else self._freed(a, w_A))
         return self.expand(w, u_A, None)
 
-    def on_springs(self, springs: PETSc.Mat, b: fem.Function, near: fem.Function) -> fem.Function:
-        """Displacement u of ``(K + C) u = b`` [length] by a factor of its own, see :class:`.solver.ElasticSolver`."""
+    def solve_with_springs(self, springs: PETSc.Mat, b: fem.Function, near: fem.Function) -> fem.Function:
+        """Return the displacement u of ``(K + C) u = b`` [length] by a factor made for it.
+
+        See :class:`.solver.ElasticSolver`.
+        """
         matrix = self.stiffness()
         matrix.axpy(1.0, springs, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
         ksp, vector = factorised(matrix), self.right_side(b, supports=False)
