@@ -230,7 +230,7 @@ def _least_energy(model: Model, elastic: ElasticSolver, which: int, a: np.ndarra
 
 
 def _only_normal(contact: BoundContact) -> bool:
-    """Whether the traction can only be along one normal, the same on the whole contact."""
+    """Tell whether the traction can only be along one normal, the same on the whole contact."""
     return contact.friction is None and isinstance(contact.normal, fem.Constant)
 
 

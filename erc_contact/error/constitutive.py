@@ -127,7 +127,7 @@ class ConstitutiveError:
 
     @property
     def guaranteed(self) -> bool:
-        """Whether friction law, data and shape allow proved bounds, see :class:`erc_contact.Bounds`."""
+        """Tell whether friction law, data and shape allow proved bounds, see :class:`erc_contact.Bounds`."""
         exact = max(self.oscillation, self.geometry_error) <= ROUND_OFF * self.scale
         return exact and not self.pressure_dependent
 

@@ -1,4 +1,4 @@
-"""What is proved with Coulomb friction: a bound of all solutions without a term of unknown sign, and uniqueness.
+"""Proofs with Coulomb friction: a bound of all solutions without a term of unknown sign, and uniqueness.
 
 The derivation is in docs/coulomb.md. Symbols: u^, sigma^, r^ an admissible pair and its contact traction, w^ = u^ on
 the contact; v = u - u^ and tau = sigma - sigma^ the errors of any solution, in energy norms a = |v| and b = |tau|;
@@ -51,7 +51,7 @@ BALANCED = 1e-8
 
 @dataclass(frozen=True)
 class CoulombCertificate:
-    """What is proved of the solutions of a scene with Coulomb friction, with the estimate of q.
+    """A certificate of a scene with Coulomb friction: a bound of all solutions, and uniqueness, with the estimate of q.
 
     Attributes:
         friction: The greatest friction coefficient mu on the contacts [-].
@@ -116,7 +116,7 @@ class CoulombCertificate:
 
 
 def coulomb_certificate(error: ConstitutiveError | Run) -> CoulombCertificate:
-    """What is proved of the solutions of a scene with Coulomb friction; collective.
+    """Compute the certificate of a scene with Coulomb friction: bound and uniqueness; collective.
 
     Args:
         error: The error of an admissible pair, or a history, whose error is taken.

@@ -45,7 +45,7 @@ class SurfaceLoad:
 
     @property
     def varies(self) -> bool:
-        """Whether the load varies inside facets."""
+        """Tell whether the load varies inside facets."""
         return varies_in_cells(self.density)
 
 
