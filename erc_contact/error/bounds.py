@@ -115,12 +115,12 @@ def resultant(error: ConstitutiveError | Run, contact: str, direction: Sequence[
     both = elastic_work(pair, pair.displacement, phi) + stress_work(pair, phi)
     middle = 0.5 * both - load_work(model, phi)
     square = elastic_work(pair, phi, phi)
-    size = float(np.sqrt(max(square.value + square.rest, 0.0)))
+    size = float(np.sqrt(max(square.value + square.bound, 0.0)))
     stiffest = model.stiffest() * model.domain.extent ** (model.d - 2)
     rigid = size <= RIGID * np.linalg.norm(a) * np.sqrt(stiffest)  # then (b) is the balance of forces
     from_loads = bool(rigid) and error.geometry_error <= ROUND_OFF * error.scale
-    proved = middle.known and square.known and (from_loads or error.guaranteed)
-    radius = float(np.sqrt(_square(error) / 2 - error.bulk_error**2 / 4) * size) + middle.rest
+    proved = middle.resolved and square.resolved and (from_loads or error.guaranteed)
+    radius = float(np.sqrt(_square(error) / 2 - error.bulk_error**2 / 4) * size) + middle.bound
     return Bounds(middle.value, middle.value - radius, middle.value + radius, proved, weighted)
 
 
@@ -143,9 +143,9 @@ def potential_energy(error: ConstitutiveError | Run) -> Bounds:
     J = 0.5 * strain - load_work(model, u)
     for traction in pair.tractions:
         J += friction_work(model, traction, u, ROUND_OFF * strain.value)
-    high, facets = J.value + J.rest, error.geometry_error**2 / 2
-    low = J.value - J.rest - error.absolute**2 / 2 - facets
-    return Bounds(high, low, high + facets, J.known and error.guaranteed)
+    high, facets = J.value + J.bound, error.geometry_error**2 / 2
+    low = J.value - J.bound - error.absolute**2 / 2 - facets
+    return Bounds(high, low, high + facets, J.resolved and error.guaranteed)
 
 
 def work_of_loads(error: ConstitutiveError | Run) -> Bounds:

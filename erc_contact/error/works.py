@@ -33,28 +33,29 @@ class BoundedNumber:
 
     Attributes:
         value: Its value.
-        rest: Bound or estimate of its error, see :class:`erc_contact.mesh.quadrature.Integral`.
-        known: Whether ``rest`` is within the tolerance.
+        bound: Bound or estimate of its error, see :class:`erc_contact.mesh.quadrature.Integral`.
+        resolved: Whether ``bound`` is within the tolerance.
     """
 
     value: float
-    rest: float = 0.0
-    known: bool = True
+    bound: float = 0.0
+    resolved: bool = True
 
     @classmethod
     def of(cls, comm: MPI.Comm, integral: Integral) -> BoundedNumber:
-        """The sum of all integrals of all ranks; collective."""
-        value, rest = comm.allreduce(np.array([integral.value.sum(), integral.rest.sum()]), MPI.SUM)
-        return cls(float(value), float(rest), bool(integral.resolved.all()))
+        """Add up all integrals of all ranks; collective."""
+        value, bound = comm.allreduce(np.array([integral.value.sum(), integral.rest.sum()]), MPI.SUM)
+        return cls(float(value), float(bound), bool(integral.resolved.all()))
 
     def __add__(self, other: BoundedNumber) -> BoundedNumber:
-        return BoundedNumber(self.value + other.value, self.rest + other.rest, self.known and other.known)
+        resolved = self.resolved and other.resolved
+        return BoundedNumber(self.value + other.value, self.bound + other.bound, resolved)
 
     def __sub__(self, other: BoundedNumber) -> BoundedNumber:
         return self + -1.0 * other
 
     def __rmul__(self, factor: float) -> BoundedNumber:
-        return BoundedNumber(factor * self.value, abs(factor) * self.rest, self.known)
+        return BoundedNumber(factor * self.value, abs(factor) * self.bound, self.resolved)
 
 
 def elastic_work(pair: Admissible, v: fem.Function, w: fem.Function) -> BoundedNumber:
@@ -86,7 +87,7 @@ def stress_work(pair: Admissible, v: fem.Function) -> BoundedNumber:
 
 
 def friction_work(model: Model, traction: ContactTraction, u: fem.Function, floor: float) -> BoundedNumber:
-    """The sum of :func:`friction_works`; collective."""
+    """Add up :func:`friction_works`; collective."""
     if traction.contact.friction is None:
         return BoundedNumber(0.0)
     return BoundedNumber.of(model.comm, friction_works(model, traction, u, floor))
@@ -137,7 +138,7 @@ def load_work(model: Model, v: fem.Function) -> BoundedNumber:
 
 
 def _products(load: Everywhere, entities: np.ndarray, of_v: np.ndarray, degree: int) -> Integrand:
-    """The work of each component of a load on a polynomial of coefficients (entities, N, d)."""
+    """Return the work of each component of a load on a polynomial of coefficients (entities, N, d)."""
 
     def components(of: np.ndarray, at: np.ndarray, x: np.ndarray) -> np.ndarray:
         return load(x, entities[of]) * np.matmul(polynomials(degree, at), of_v[of])
@@ -146,5 +147,5 @@ def _products(load: Everywhere, entities: np.ndarray, of_v: np.ndarray, degree: 
 
 
 def assembled(model: Model, form: Any) -> float:
-    """The value of a UFL form without arguments, all ranks; collective."""
+    """Return the value of a UFL form without arguments, all ranks; collective."""
     return float(model.comm.allreduce(fem.assemble_scalar(compiled.form(form)), MPI.SUM))
