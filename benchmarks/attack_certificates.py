@@ -21,9 +21,9 @@ import erc_contact as ec
 import numpy as np  # isort: skip - after erc_contact, which loads MPI first
 from attack_families import Sample, random_sliding_block, random_sliding_box, scene_generator
 
+from erc_contact.error.other_mesh import body_on
 from erc_contact.error.slip_direction import LENGTHS, slip_fields
 from erc_contact.error.surface import pair_on_surface
-from erc_contact.error.traces import body_on
 
 QUANTILES = (0.5, 0.9, 0.95, 0.98, 1.0)
 

@@ -23,8 +23,8 @@ import numpy as np
 import ufl
 from true_errors import reference, true_errors
 
-from erc_contact.newton.multigrid import Multigrid
-from erc_contact.newton.stiffness import Stiffness
+from erc_contact.newton.linear.multigrid import Multigrid
+from erc_contact.newton.linear.stiffness import Stiffness
 
 
 def greco(friction: Any) -> ec.Scene:
@@ -220,7 +220,7 @@ def cost() -> None:
         t.append(process_time())
         error = ec.constitutive_error(ec.equilibrate(solution))
         t.append(process_time())
-        elastic = (Stiffness if isinstance(solution.stiffness, Stiffness) else Multigrid)(solution.model)
+        elastic = (Multigrid if solution.stiffness.iterative else Stiffness)(solution.model)
         elastic.solve(elastic.load_vector())
         t.append(process_time())
         ec.coulomb_certificate(error)

@@ -33,7 +33,7 @@ from cost import problem
 import erc_contact as ec
 
 from erc_contact.model.model import Model  # isort: skip - after erc_contact, which loads MPI first
-from erc_contact.newton.multigrid import Multigrid  # isort: skip
+from erc_contact.newton.linear.multigrid import Multigrid  # isort: skip
 from erc_contact.output.paraview import write_fields  # isort: skip
 
 STAGES = ("unit", "contact solve", "admissible pair", "error", "files")

@@ -28,7 +28,7 @@ nitpick_ignore = [
         "model.elasticity.ElasticMatrix",
         "model.foundation.Friction",
         "model.last_step.LastStep",
-        "newton.elastic.ElasticSolver",
+        "newton.linear.solver.ElasticSolver",
         "output.curves.Run",
     )
 ]

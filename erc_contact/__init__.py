@@ -11,7 +11,7 @@ friction problem"; the same authors, SIAM J. Sci. Comput. 23 (2001).
 
 import importlib.util
 
-from erc_contact.base.held import sigterm_held
+from erc_contact.base.runtime.held import sigterm_held
 
 with sigterm_held():  # the threads that MPI starts block it, too
     if importlib.util.find_spec("dolfinx_solver"):  # the wheel of DOLFINx must load MPI first

@@ -20,8 +20,8 @@ from processes import output, started, told
 from scenes import block, common_block, prototype_block
 
 import erc_contact as ec
-from erc_contact.base.interrupts import Interrupts
 from erc_contact.base.percent import percent
+from erc_contact.base.runtime.interrupts import Interrupts
 from erc_contact.error.strategy import TIE, largest
 from erc_contact.error.strategy import refined as refined_if_allowed
 

@@ -32,6 +32,7 @@ from erc_contact.output.paraview import write_fields
 from erc_contact.run import levels
 from erc_contact.run.fingerprint import fingerprint
 from erc_contact.run.levels import BLOCK, Damaged, Folder, packed, unpacked
+from erc_contact.run.states import level_of
 
 COMM = MPI.COMM_WORLD
 MESHES = Path(__file__).parent.parent / "meshes"
@@ -416,8 +417,8 @@ FACTORS = """
 import erc_contact as ec
 import os, signal
 from erc_contact.model.promises import bind
-from erc_contact.newton.mumps import factorised
-from erc_contact.newton.stiffness import Stiffness
+from erc_contact.newton.linear.mumps import factorised
+from erc_contact.newton.linear.stiffness import Stiffness
 
 told = []
 signal.signal(signal.SIGTERM, lambda *_: told.append(1))
@@ -444,10 +445,10 @@ LARGE_FACTORS = """
 import erc_contact as ec
 import os, signal
 from petsc4py import PETSc
-from erc_contact.base.held import sigterm_held
+from erc_contact.base.runtime.held import sigterm_held
 from erc_contact.model.promises import bind
-from erc_contact.newton.mumps import LARGE, factorised, schur_complement
-from erc_contact.newton.stiffness import Stiffness
+from erc_contact.newton.linear.mumps import LARGE, factorised, schur_complement
+from erc_contact.newton.linear.stiffness import Stiffness
 
 told = []
 scene = ec.Scene(ec.Elastic(1.0, 0.3), ec.Displacement("top", (0.0, -0.1)), contacts=ec.Contact("bottom", 0.3))
@@ -478,6 +479,15 @@ def test_signals_do_no_harm_to_a_compressed_factor(tmp_path):
 
 
 # -- the history without a solve -------------------------------------------------------------------------------------
+
+
+def test_former_names_of_a_solution_are_those_in_its_file():
+    """Folders of former versions are read, and scripts that use the names still run."""
+    solution = ec.solve(prototype_block(), block(2), ec.Nitsche())
+    written = level_of(ec.constitutive_error(ec.equilibrate(solution)), []).about["solution"]
+    assert list(written) == ["newton_steps", "reason", "remaining", "regularity", "seconds"]
+    assert written["remaining"] == solution.remaining == solution.distance
+    assert written["regularity"] == solution.regularity == solution.least_singular_value > 0
 
 
 def test_history_is_read_without_the_scene(shared_tmp_path):

@@ -9,8 +9,8 @@ from dolfinx import fem
 from scenes import block
 
 import erc_contact as ec
-from erc_contact.base import compiled
-from erc_contact.base.compiled import FIRST, _key
+from erc_contact.base.runtime import compiled
+from erc_contact.base.runtime.compiled import FIRST, _key
 
 
 def area(domain: ec.Domain) -> fem.Form:

@@ -18,9 +18,9 @@ from test_newton import Saturating
 import erc_contact as ec
 from erc_contact.error.coulomb import bound_of_both
 from erc_contact.error.coupling import coupling
+from erc_contact.error.other_mesh import body_on
 from erc_contact.error.slip_direction import LENGTHS, slip_fields
 from erc_contact.error.surface import pair_on_surface
-from erc_contact.error.traces import body_on, traces_of
 
 
 def certified(scene: ec.Scene, domain: ec.Domain, **options) -> tuple[ec.ConstitutiveError, ec.CoulombCertificate]:
@@ -264,7 +264,7 @@ def test_both_solvers_see_the_same_body(d):
     for solver in ("direct", "iterative"):
         error = ec.constitutive_error(ec.equilibrate(ec.solve(pressed(0.3, d), domain, solver=solver)))
         pair = pair_on_surface(error.admissible)
-        traces = traces_of(error.solution.model, error.solution.stiffness, pair.surface)
+        traces = error.solution.stiffness.traces(pair.surface.numbers)
         y = pair.surface.normal * (1 + pair.surface.positions()[:, :1])
         f = y[:, ::-1] * pair.surface.positions()[:, :1]
         t = np.zeros_like(y)
@@ -303,7 +303,7 @@ def test_a_slender_body_that_slips_gets_no_bound():
     pair = pair_on_surface(error.admissible)
     t = np.zeros_like(pair.surface.normal)
     t[:, 0] = 0.3
-    traces = traces_of(error.solution.model, error.solution.stiffness, pair.surface)
+    traces = error.solution.stiffness.traces(pair.surface.numbers)
     q, _, _ = coupling(pair.surface.normal, traces, t, pair.surface.positions())
     assert q == pytest.approx(0.3 * 7.053, rel=1e-3)  # of a body that slips to one side
     assert sticks.smoothing == 0.3

@@ -25,8 +25,8 @@ from test_bad_input import refused
 from test_report import Page, page_alone
 
 import erc_contact as ec
-from erc_contact.base import compiled
 from erc_contact.base.percent import percent
+from erc_contact.base.runtime import compiled
 from erc_contact.error.contact import contact_parts
 from erc_contact.error.works import friction_works
 from erc_contact.mesh.simplex import bernstein, lagrange, rule

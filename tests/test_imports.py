@@ -1,6 +1,7 @@
 """The package can be read from top to bottom, and costs nothing that is not asked for.
 
 - Packages stand in the order of the data; a module imports only from its own package and from those above.
+- Inside a stage, some packages know less than their place in the order allows.
 - No circle between modules. Imports inside functions and those for types alone count, too.
 - The longest chain of modules that import each other stays short.
 - ``import erc_contact`` loads no plotting or file-format package.
@@ -22,6 +23,11 @@ import erc_contact as ec
 PACKAGE = Path(ec.__file__).parent
 ORDER = ["base", "scene", "mesh", "model", "newton", "admissible", "results", "error", "output", "run", "__main__", ""]
 """The way of the data; the last one is the package itself."""
+NARROW = {
+    "erc_contact.base.runtime": ("erc_contact.base.",),
+    "erc_contact.newton.linear": ("erc_contact.base.", "erc_contact.mesh.", "erc_contact.model."),
+}
+"""Package inside a stage -> what it may import beside itself: repairs know no mechanics, solvers no contact method."""
 FLOORS = 18
 """Modules in the longest chain of imports."""
 
@@ -56,6 +62,26 @@ def test_modules_import_from_above_only(module):
     assert stage(module) in ORDER, f"{module}: give its package a place in ORDER"
     below = {other for other in IMPORTS[module] if ORDER.index(stage(other)) > ORDER.index(stage(module))}
     assert not below, f"{module} imports {below} from stages that come later"
+
+
+@pytest.mark.parametrize("package", NARROW)
+def test_inner_packages_know_little(package):
+    inside = [module for module in MODULES if f"{module}.".startswith(f"{package}.")]
+    allowed = (f"{package}.", *NARROW[package])
+    foreign = {(module, other) for module in inside for other in IMPORTS[module] if not f"{other}.".startswith(allowed)}
+    assert len(inside) > 5
+    assert not foreign
+
+
+def test_no_module_asks_which_elastic_solver_it_has():
+    """What differs between them is in the interface, ``newton/linear/solver.py``."""
+    asked = []
+    for module, path in MODULES.items():
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "isinstance":
+                names = {name.id for name in ast.walk(node.args[1]) if isinstance(name, ast.Name)}
+                asked += [module] * (not names.isdisjoint({"Elastic", "Multigrid", "Stiffness"}))
+    assert not asked
 
 
 def test_no_circles_and_no_long_chains():

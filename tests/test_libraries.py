@@ -20,24 +20,24 @@ from processes import output, started
 from scenes import block, prototype_block
 
 import erc_contact as ec
-from erc_contact.base import compiled
-from erc_contact.base.patches import SWITCH
-from erc_contact.newton import mumps
+from erc_contact.base.runtime import compiled
+from erc_contact.base.runtime.patches import SWITCH
+from erc_contact.newton.linear import mumps
 
 PACKAGE = Path(ec.__file__).parent
 
 PRIVATE = {
-    "base/compiled.py": {"_counter", "_cache", "_ufl_typecode_", "_ufl_is_terminal_", "_ufl_signature_data_"},
-    "base/patches.py": {"_method_cache"},
+    "base/runtime/compiled.py": {"_counter", "_cache", "_ufl_typecode_", "_ufl_is_terminal_", "_ufl_signature_data_"},
+    "base/runtime/patches.py": {"_method_cache"},
     "mesh/partition.py": {"_cpp_object"},
 }
 """Private attributes of objects of other libraries, by the module that uses them."""
 UNPROMISED = {
-    "dolfinx.jit.ffcx_jit": "base/compiled.py",
-    "dolfinx.jit.mpi_jit_decorator": "base/compiled.py",
-    "dolfinx.jit.get_options": "base/compiled.py",
-    "ffcx.codegeneration.jit.compile_forms": "base/compiled.py",
-    "ufl.corealg.dag_traverser.DAGTraverser": "base/patches.py",
+    "dolfinx.jit.ffcx_jit": "base/runtime/compiled.py",
+    "dolfinx.jit.mpi_jit_decorator": "base/runtime/compiled.py",
+    "dolfinx.jit.get_options": "base/runtime/compiled.py",
+    "ffcx.codegeneration.jit.compile_forms": "base/runtime/compiled.py",
+    "ufl.corealg.dag_traverser.DAGTraverser": "base/runtime/patches.py",
     "dolfinx.cpp.mesh.entities_to_geometry": "mesh/partition.py",
 }
 """Names of other libraries that no page of theirs promises to users -> module that uses them."""
@@ -125,7 +125,7 @@ def test_names_exist_that_nobody_promises(name, module):
 
 @pytest.mark.parametrize("name", mumps._ARGUMENTS)
 def test_functions_of_petsc_exist(name):
-    assert hasattr(mumps._LIBRARY, name), f"PETSc has no {name}: look at erc_contact/newton/mumps.py"
+    assert hasattr(mumps._LIBRARY, name), f"PETSc has no {name}: look at erc_contact/newton/linear/mumps.py"
 
 
 @pytest.mark.serial

@@ -17,9 +17,9 @@ from scenes import block, prototype_block, random_scene, two_squares
 
 import erc_contact as ec
 from erc_contact.model.promises import bind
-from erc_contact.newton import mumps
-from erc_contact.newton.stiffness import Stiffness
-from erc_contact.newton.substructures import Interface, Joint, Substructures, _family
+from erc_contact.newton.linear import mumps
+from erc_contact.newton.linear.stiffness import Stiffness
+from erc_contact.newton.linear.substructures import Interface, Joint, Substructures, _family
 
 COMM = MPI.COMM_WORLD
 
@@ -144,7 +144,7 @@ def test_what_cannot_be_factorised_is_told_on_all_ranks(monkeypatch):
             matrix.scale(0.0)
         return inside(matrix, *arguments)
 
-    monkeypatch.setattr("erc_contact.newton.substructures.factorised", failing)
+    monkeypatch.setattr("erc_contact.newton.linear.substructures.factorised", failing)
     with pytest.raises(ec.InputError, match="cannot be factorised"):
         Substructures(model, elastic.form, elastic.glue, elastic.local)
 

@@ -100,7 +100,8 @@ def pair_of(result: Any) -> Admissible:
     pair = getattr(error, "admissible", error)
     if not isinstance(pair, Admissible):
         raise InputError(
-            f"The admissible pair is {checks.told(result)}; give a history, an error, or what equilibrate() returns."
+            f"The admissible pair is {checks.description(result)}; give a history, an error, or what equilibrate() "
+            "returns."
         )
     return pair
 
@@ -123,7 +124,7 @@ def equilibrate(solution: Solution, tighten: int = TIGHTEN) -> Admissible:
     model = solution.model
     cells = cell_geometry(model)
     force = cell_forces(model, cells)
-    hat, tractions, stress, moment, fixed = _loose(solution, cells, force)
+    hat, tractions, stress, moment, fixed = _before_tightening(solution, cells, force)
     count, iterations = model.domain.owned_cells, 0
     inner = model.degree > 1  # the bubbles are still to be chosen
     if tighten > 0 or inner:
@@ -140,10 +141,10 @@ def equilibrate(solution: Solution, tighten: int = TIGHTEN) -> Admissible:
     return Admissible(solution, hat, tractions, cells, stress, macro, moment, force, iterations, seconds)
 
 
-def _loose(
+def _before_tightening(
     solution: Solution, cells: CellGeometry, force: np.ndarray | None
 ) -> tuple[fem.Function, list[ContactTraction], np.ndarray, np.ndarray, np.ndarray]:
-    """The admissible pair before sigma^ is tightened, as facet tractions; collective.
+    """Return the admissible pair before sigma^ is tightened, as facet tractions; collective.
 
     Returns:
         u^; r^ on each contact; the rebalanced stress [force/area], shape (n, N_(k-1), d, d); moments of facet tractions

@@ -14,8 +14,8 @@ LONG = 80
 """Characters of a value that a message shows."""
 
 
-def told(value: Any) -> str:
-    """What was got, in words that are not too many."""
+def description(value: Any) -> str:
+    """Return what was got, in words that are not too many."""
     words = repr(value)
     return words if len(words) <= LONG else f"an object of type {type(value).__name__}"
 
@@ -76,7 +76,9 @@ def increasing(what: str, values: Any) -> list[float]:
     """
     given = list(values) if isinstance(values, Iterable) and not isinstance(values, str) else []
     if not given or not all(isinstance(v, Real) and isfinite(v) for v in given):
-        raise InputError(f"{what} is {told(values)}; give finite numbers that increase, e.g. np.linspace(0, 1, 21).")
+        raise InputError(
+            f"{what} is {description(values)}; give finite numbers that increase, e.g. np.linspace(0, 1, 21)."
+        )
     numbers = [float(v) for v in given]
     for one, following in pairwise(numbers):
         if not following > one:

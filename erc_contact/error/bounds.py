@@ -55,13 +55,13 @@ from dolfinx import fem
 from dolfinx.fem import petsc as fp
 from mpi4py import MPI
 
-from erc_contact.base import compiled
 from erc_contact.base.exceptions import InputError, raise_together
+from erc_contact.base.runtime import compiled
 from erc_contact.error.constitutive import ROUND_OFF, ConstitutiveError, Run, error_of
 from erc_contact.error.works import elastic_work, friction_work, load_work, stress_work
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.model import Model
-from erc_contact.newton.elastic import ElasticSolver
+from erc_contact.newton.linear.solver import ElasticSolver
 
 GLUE = 1e6
 """gamma_0 of the springs that hold phi on the contacts [-]; afterwards its values there are set exactly."""
@@ -115,12 +115,12 @@ def resultant(error: ConstitutiveError | Run, contact: str, direction: Sequence[
     both = elastic_work(pair, pair.displacement, phi) + stress_work(pair, phi)
     middle = 0.5 * both - load_work(model, phi)
     square = elastic_work(pair, phi, phi)
-    size = float(np.sqrt(max(square.value + square.rest, 0.0)))
+    size = float(np.sqrt(max(square.value + square.bound, 0.0)))
     stiffest = model.stiffest() * model.domain.extent ** (model.d - 2)
     rigid = size <= RIGID * np.linalg.norm(a) * np.sqrt(stiffest)  # then (b) is the balance of forces
     from_loads = bool(rigid) and error.geometry_error <= ROUND_OFF * error.scale
-    proved = middle.known and square.known and (from_loads or error.guaranteed)
-    radius = float(np.sqrt(_square(error) / 2 - error.bulk_error**2 / 4) * size) + middle.rest
+    proved = middle.resolved and square.resolved and (from_loads or error.guaranteed)
+    radius = float(np.sqrt(_square(error) / 2 - error.bulk_error**2 / 4) * size) + middle.bound
     return Bounds(middle.value, middle.value - radius, middle.value + radius, proved, weighted)
 
 
@@ -143,9 +143,9 @@ def potential_energy(error: ConstitutiveError | Run) -> Bounds:
     J = 0.5 * strain - load_work(model, u)
     for traction in pair.tractions:
         J += friction_work(model, traction, u, ROUND_OFF * strain.value)
-    high, facets = J.value + J.rest, error.geometry_error**2 / 2
-    low = J.value - J.rest - error.absolute**2 / 2 - facets
-    return Bounds(high, low, high + facets, J.known and error.guaranteed)
+    high, facets = J.value + J.bound, error.geometry_error**2 / 2
+    low = J.value - J.bound - error.absolute**2 / 2 - facets
+    return Bounds(high, low, high + facets, J.resolved and error.guaranteed)
 
 
 def work_of_loads(error: ConstitutiveError | Run) -> Bounds:
@@ -221,7 +221,7 @@ def _least_energy(model: Model, elastic: ElasticSolver, which: int, a: np.ndarra
     fem.assemble_vector(b.x.array, compiled.form(pull))
     near.x.array.reshape(-1, model.d)[:] = _working_part(contact, a[None])
     near.x.array[model.fixed.ravel()] = 0.0  # a rigid motion, if the body is free to make it
-    phi = elastic.on_springs(matrix, b, near)
+    phi = elastic.solve_with_springs(matrix, b, near)
     elastic.free()
     matrix.destroy()
     error = None if np.isfinite(phi.x.array).all() else InputError("The body cannot be factorised; look at its moduli.")
@@ -230,7 +230,7 @@ def _least_energy(model: Model, elastic: ElasticSolver, which: int, a: np.ndarra
 
 
 def _only_normal(contact: BoundContact) -> bool:
-    """Whether the traction can only be along one normal, the same on the whole contact."""
+    """Tell whether the traction can only be along one normal, the same on the whole contact."""
     return contact.friction is None and isinstance(contact.normal, fem.Constant)
 
 

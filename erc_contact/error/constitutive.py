@@ -127,7 +127,7 @@ class ConstitutiveError:
 
     @property
     def guaranteed(self) -> bool:
-        """Whether friction law, data and shape allow proved bounds, see :class:`erc_contact.Bounds`."""
+        """Tell whether friction law, data and shape allow proved bounds, see :class:`erc_contact.Bounds`."""
         exact = max(self.oscillation, self.geometry_error) <= ROUND_OFF * self.scale
         return exact and not self.pressure_dependent
 
@@ -202,7 +202,8 @@ def error_of(measured: ConstitutiveError | Run) -> ConstitutiveError:
     error = measured if isinstance(measured, ConstitutiveError) else getattr(measured, "error", None)
     if not isinstance(error, ConstitutiveError):
         raise InputError(
-            f"The error is {checks.told(measured)}; give a history, or the error that constitutive_error() returns."
+            f"The error is {checks.description(measured)}; give a history, or the error that constitutive_error() "
+            "returns."
         )
     return error
 

@@ -1,4 +1,4 @@
-"""What is proved with Coulomb friction: a bound of all solutions without a term of unknown sign, and uniqueness.
+"""Proofs with Coulomb friction: a bound of all solutions without a term of unknown sign, and uniqueness.
 
 The derivation is in docs/coulomb.md. Symbols: u^, sigma^, r^ an admissible pair and its contact traction, w^ = u^ on
 the contact; v = u - u^ and tau = sigma - sigma^ the errors of any solution, in energy norms a = |v| and b = |tau|;
@@ -22,7 +22,7 @@ which bounds a and b if q < 2. Where the pair has slip and traction in the direc
 An exact solution of direction t has e = 0: if q < 2 it is the only solution.
 
 q is computed with finite elements. It is an estimate: nothing here bounds what the mesh does not see of it. What
-another mesh tells of its limit is added (:mod:`erc_contact.error.traces`). A and B are estimates by finite
+another mesh tells of its limit is added (:mod:`erc_contact.error.other_mesh`). A and B are estimates by finite
 elements, too; mostly they are small.
 
 Source: (1) and (2) are ours; Y. Renard, SIAM J. Math. Anal. 38 (2006), has a uniqueness criterion of this kind.
@@ -36,11 +36,12 @@ import numpy as np
 
 from erc_contact.base.exceptions import raise_together
 from erc_contact.error.constitutive import ConstitutiveError, Run, error_of
-from erc_contact.error.coupling import Traces, coupling
+from erc_contact.error.coupling import coupling
+from erc_contact.error.other_mesh import change_of_norm, other_mesh
 from erc_contact.error.slip_direction import LENGTHS, slip_fields
 from erc_contact.error.surface import PairOnSurface, has_coulomb, pair_on_surface
-from erc_contact.error.traces import change_of_norm, other_mesh, traces_of
 from erc_contact.model.foundation import CONSTANT
+from erc_contact.newton.linear.solver import Traces
 
 SMOOTH = 1
 """Which of the fields of :func:`slip_fields` is taken where trying all of them costs a linear solve each."""
@@ -50,7 +51,7 @@ BALANCED = 1e-8
 
 @dataclass(frozen=True)
 class CoulombCertificate:
-    """What is proved of the solutions of a scene with Coulomb friction, with the estimate of q.
+    """A certificate of a scene with Coulomb friction: a bound of all solutions, and uniqueness, with the estimate of q.
 
     Attributes:
         friction: The greatest friction coefficient mu on the contacts [-].
@@ -115,7 +116,7 @@ class CoulombCertificate:
 
 
 def coulomb_certificate(error: ConstitutiveError | Run) -> CoulombCertificate:
-    """What is proved of the solutions of a scene with Coulomb friction; collective.
+    """Compute the certificate of a scene with Coulomb friction: bound and uniqueness; collective.
 
     Args:
         error: The error of an admissible pair, or a history, whose error is taken.
@@ -134,7 +135,7 @@ def coulomb_certificate(error: ConstitutiveError | Run) -> CoulombCertificate:
     if not contacts:
         return CoulombCertificate(0.0, 0.0, 0.0, True, error.absolute, error.absolute, 0.0, 0.0)
     on_surface = pair_on_surface(pair)
-    traces = traces_of(model, pair.solution.stiffness, on_surface.surface)
+    traces = pair.solution.stiffness.traces(on_surface.surface.numbers)
     try:
         return (_best if traces.cheap else _single)(error, on_surface, traces)
     finally:

@@ -12,9 +12,9 @@ inner product of N, and needs one lifting and one displacement a step.
 
 from __future__ import annotations
 
-from typing import ClassVar, Protocol
-
 import numpy as np
+
+from erc_contact.newton.linear.solver import Traces
 
 STEPS = 60
 """Greatest number of Lanczos steps; 8 to 20 are usual."""
@@ -24,32 +24,6 @@ NOISE = 1e-6
 """Size of a next vector, over the eigenvalue, below which it is round-off [-]."""
 RIGID = 1e-6
 """Force of W v over the sum of the stiffnesses, below which a rigid motion v is lifted to a rigid motion [-]."""
-
-
-class Traces(Protocol):
-    """Forces and displacements of a surface, the same on all ranks.
-
-    Attributes:
-        motions: Rigid motions of the body that no support holds, at the nodes of the surface [-], shape (K, M, d).
-        tolerance: Relative accuracy that a norm may have [-].
-        cheap: Whether the members are cheap beside a linear solve.
-    """
-
-    motions: np.ndarray
-    tolerance: ClassVar[float]
-    cheap: ClassVar[bool]
-
-    def lifted(self, y: np.ndarray, *, rough: bool = False) -> np.ndarray:
-        """Forces that hold the displacement y (M, d) of the surface [force], shape (M, d); collective.
-
-        Four digits of the energy are right if it may be rough, else ten.
-        """
-
-    def moved(self, f: np.ndarray) -> np.ndarray:
-        """Displacement of the surface under forces f (M, d) [length], shape (M, d); collective."""
-
-    def free(self) -> None:
-        """Free the memory; the traces are of no use afterwards."""
 
 
 def coupling(

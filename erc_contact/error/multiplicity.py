@@ -10,8 +10,8 @@ from erc_contact.base.exceptions import raise_together, together
 from erc_contact.error.constitutive import ConstitutiveError, Run, constitutive_error, error_of
 from erc_contact.model.foundation import CONSTANT
 from erc_contact.newton.deflation import other_states
+from erc_contact.newton.linear.stiffness import Stiffness
 from erc_contact.newton.solution import Solution
-from erc_contact.newton.stiffness import Stiffness
 
 
 def other_solutions(solution: Solution | Run, most: int = 4) -> list[ConstitutiveError]:
@@ -38,7 +38,7 @@ def other_solutions(solution: Solution | Run, most: int = 4) -> list[Constitutiv
     most = together(comm, whole, "other_solutions: most", most, 1)
     if not any(c.friction is not None and c.friction.dependence != CONSTANT for c in model.contacts):
         return []
-    stiffness = solution.stiffness if isinstance(solution.stiffness, Stiffness) else Stiffness(model)
+    stiffness = Stiffness(model)  # the one of the solution has lost its factor, or is iterative
     if not stiffness.contact_size:
         return []
     errors = []
@@ -49,8 +49,8 @@ def other_solutions(solution: Solution | Run, most: int = 4) -> list[Constitutiv
             multipliers=found.multipliers,
             newton_steps=0,
             reason="found beside another solution",
-            remaining=found.remaining,
-            regularity=found.regularity,
+            distance=found.distance,
+            least_singular_value=found.least_singular_value,
             stiffness=stiffness,
             seconds=0.0,
         )

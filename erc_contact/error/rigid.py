@@ -1,4 +1,4 @@
-"""Whether a solution is a rigid motion up to round-off. Its error is then zero."""
+"""Find solutions that are rigid motions up to round-off. Their error is then zero."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def round_off(admissible: Admissible) -> tuple[float, bool]:
 
 
 def moves_rigidly(admissible: Admissible, floor_2: float) -> bool:
-    """Whether a rigid motion is the solution up to round-off: there is no load, and it satisfies supports and gaps.
+    """Tell whether a rigid motion is the solution up to round-off: no load, and it satisfies supports and gaps.
 
     The part of the motion that the supports leave free is taken from u^. A friction bound without pressure must do no
     work on it.

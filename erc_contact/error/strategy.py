@@ -1,4 +1,4 @@
-"""How the next mesh follows from an error by refinement: of all elements, or of those that carry most of it.
+"""Strategies that refine the mesh: all elements, or those that carry most of the error.
 
 A strategy is any object with ``next``; write your own in the same few lines.
 

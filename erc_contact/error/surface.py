@@ -153,7 +153,7 @@ def pieces(d: int, k: int) -> np.ndarray:
 
 
 def has_coulomb(contact: BoundContact) -> bool:
-    """Whether the friction bound of a contact is a multiple of the pressure."""
+    """Tell whether the friction bound of a contact is a multiple of the pressure."""
     return contact.friction is not None and contact.friction.dependence == PROPORTIONAL
 
 

@@ -18,7 +18,7 @@ from erc_contact.admissible.elastic import act, strains
 from erc_contact.admissible.macro import macro_points
 from erc_contact.admissible.pair import Admissible
 from erc_contact.admissible.traction import ContactTraction
-from erc_contact.base import compiled
+from erc_contact.base.runtime import compiled
 from erc_contact.mesh.quadrature import Integral, Integrand, cell_pieces, facet_pieces, integrate, polynomials
 from erc_contact.mesh.simplex import bernstein, coefficients
 from erc_contact.model.expressions import Everywhere, varies_in_cells
@@ -28,40 +28,41 @@ from erc_contact.model.trace import split
 
 
 @dataclass(frozen=True)
-class Number:
-    """An integral over all ranks.
+class BoundedNumber:
+    """A number with a bound of its error: an integral over all ranks.
 
     Attributes:
         value: Its value.
-        rest: Bound or estimate of its error, see :class:`erc_contact.mesh.quadrature.Integral`.
-        known: Whether ``rest`` is within the tolerance.
+        bound: Bound or estimate of its error, see :class:`erc_contact.mesh.quadrature.Integral`.
+        resolved: Whether ``bound`` is within the tolerance.
     """
 
     value: float
-    rest: float = 0.0
-    known: bool = True
+    bound: float = 0.0
+    resolved: bool = True
 
     @classmethod
-    def of(cls, comm: MPI.Comm, integral: Integral) -> Number:
-        """The sum of all integrals of all ranks; collective."""
-        value, rest = comm.allreduce(np.array([integral.value.sum(), integral.rest.sum()]), MPI.SUM)
-        return cls(float(value), float(rest), bool(integral.resolved.all()))
+    def of(cls, comm: MPI.Comm, integral: Integral) -> BoundedNumber:
+        """Add up all integrals of all ranks; collective."""
+        value, bound = comm.allreduce(np.array([integral.value.sum(), integral.rest.sum()]), MPI.SUM)
+        return cls(float(value), float(bound), bool(integral.resolved.all()))
 
-    def __add__(self, other: Number) -> Number:
-        return Number(self.value + other.value, self.rest + other.rest, self.known and other.known)
+    def __add__(self, other: BoundedNumber) -> BoundedNumber:
+        resolved = self.resolved and other.resolved
+        return BoundedNumber(self.value + other.value, self.bound + other.bound, resolved)
 
-    def __sub__(self, other: Number) -> Number:
+    def __sub__(self, other: BoundedNumber) -> BoundedNumber:
         return self + -1.0 * other
 
-    def __rmul__(self, factor: float) -> Number:
-        return Number(factor * self.value, abs(factor) * self.rest, self.known)
+    def __rmul__(self, factor: float) -> BoundedNumber:
+        return BoundedNumber(factor * self.value, abs(factor) * self.bound, self.resolved)
 
 
-def elastic_work(pair: Admissible, v: fem.Function, w: fem.Function) -> Number:
+def elastic_work(pair: Admissible, v: fem.Function, w: fem.Function) -> BoundedNumber:
     """``a(v, w)`` [force length]; collective."""
     model, cells = pair.solution.model, pair.cell_geometry
     if not model.elasticity.varies_in_cells:
-        return Number(assembled(model, model.stiffness(v, w)))
+        return BoundedNumber(assembled(model, model.stiffness(v, w)))
     owned, k = model.domain.owned_cells, model.degree
     of_cells, of_v, of_w = model.owned_cells, strains(cells, v), strains(cells, w)
 
@@ -71,10 +72,10 @@ def elastic_work(pair: Admissible, v: fem.Function, w: fem.Function) -> Number:
         return (image * np.matmul(shape, of_w[of])).sum(axis=-1, keepdims=True)
 
     corners, volume = sorted_corners(model, cells)[:owned], cells.volume[:owned]
-    return Number.of(model.comm, integrate(model.comm, density, corners, volume, cell_pieces(model.d)))
+    return BoundedNumber.of(model.comm, integrate(model.comm, density, corners, volume, cell_pieces(model.d)))
 
 
-def stress_work(pair: Admissible, v: fem.Function) -> Number:
+def stress_work(pair: Admissible, v: fem.Function) -> BoundedNumber:
     """``(sigma^, eps(v))`` [force length], exact; collective. It is the work of r^ and of the projected loads."""
     model, cells, k = pair.solution.model, pair.cell_geometry, pair.cell_geometry.degree
     owned = model.domain.owned_cells
@@ -82,14 +83,14 @@ def stress_work(pair: Admissible, v: fem.Function) -> Number:
     sigma = np.matmul(shape, pair.stress).reshape(owned, len(points), pair.stress.shape[3])
     strain = np.matmul(bernstein(model.d, k - 1, points), strains(cells, v)[:owned])
     local = float(np.sum(cells.volume[:owned] * np.einsum("nqs,nqs,q->n", sigma, strain, weights)))
-    return Number(float(model.comm.allreduce(local, MPI.SUM)))
+    return BoundedNumber(float(model.comm.allreduce(local, MPI.SUM)))
 
 
-def friction_work(model: Model, traction: ContactTraction, u: fem.Function, floor: float) -> Number:
-    """The sum of :func:`friction_works`; collective."""
+def friction_work(model: Model, traction: ContactTraction, u: fem.Function, floor: float) -> BoundedNumber:
+    """Add up :func:`friction_works`; collective."""
     if traction.contact.friction is None:
-        return Number(0.0)
-    return Number.of(model.comm, friction_works(model, traction, u, floor))
+        return BoundedNumber(0.0)
+    return BoundedNumber.of(model.comm, friction_works(model, traction, u, floor))
 
 
 def friction_works(model: Model, traction: ContactTraction, u: fem.Function, floor: float) -> Integral:
@@ -112,11 +113,11 @@ def friction_works(model: Model, traction: ContactTraction, u: fem.Function, flo
     return integrate(model.comm, density, corners, area, facet_pieces(d - 1), floor=floor)
 
 
-def load_work(model: Model, v: fem.Function) -> Number:
+def load_work(model: Model, v: fem.Function) -> BoundedNumber:
     """``f(v) + F(v)`` [force length]; collective."""
     d, k, domain = model.d, model.degree, model.domain
     loads = model.loads(v, varying=False)
-    total = Number(0.0 if loads is None else assembled(model, loads))
+    total = BoundedNumber(0.0 if loads is None else assembled(model, loads))
     nodal = v.x.array.reshape(-1, d)
     for load in model.surface_loads:
         if load.varies:
@@ -124,7 +125,7 @@ def load_work(model: Model, v: fem.Function) -> Number:
             area = np.where(model.owned(facets), model.facet_areas(facets), 0.0)
             on_facets = np.matmul(coefficients(d - 1, k), nodal[model.facet_nodes(facets)])
             work = _products(Everywhere(load.density, domain.mesh), facets, on_facets, k)
-            total += Number.of(
+            total += BoundedNumber.of(
                 model.comm, integrate(model.comm, work, model.facet_corners(facets), area, facet_pieces(d - 1))
             )
     if model.body_force is not None and varies_in_cells(model.body_force):
@@ -132,12 +133,12 @@ def load_work(model: Model, v: fem.Function) -> Number:
         owned, in_cells = domain.owned_cells, np.matmul(coefficients(d, k), nodal[cells.nodes])
         work = _products(Everywhere(model.body_force, domain.mesh), model.owned_cells, in_cells, k)
         corners, volume = sorted_corners(model, cells)[:owned], cells.volume[:owned]
-        total += Number.of(model.comm, integrate(model.comm, work, corners, volume, cell_pieces(d)))
+        total += BoundedNumber.of(model.comm, integrate(model.comm, work, corners, volume, cell_pieces(d)))
     return total
 
 
 def _products(load: Everywhere, entities: np.ndarray, of_v: np.ndarray, degree: int) -> Integrand:
-    """The work of each component of a load on a polynomial of coefficients (entities, N, d)."""
+    """Return the work of each component of a load on a polynomial of coefficients (entities, N, d)."""
 
     def components(of: np.ndarray, at: np.ndarray, x: np.ndarray) -> np.ndarray:
         return load(x, entities[of]) * np.matmul(polynomials(degree, at), of_v[of])
@@ -146,5 +147,5 @@ def _products(load: Everywhere, entities: np.ndarray, of_v: np.ndarray, degree: 
 
 
 def assembled(model: Model, form: Any) -> float:
-    """The value of a UFL form without arguments, all ranks; collective."""
+    """Return the value of a UFL form without arguments, all ranks; collective."""
     return float(model.comm.allreduce(fem.assemble_scalar(compiled.form(form)), MPI.SUM))

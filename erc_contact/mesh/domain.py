@@ -18,7 +18,7 @@ from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
-from erc_contact.base.checks import told
+from erc_contact.base.checks import description
 from erc_contact.base.exceptions import InputError, raise_together, together
 from erc_contact.base.html import table
 from erc_contact.mesh.partition import check_mesh, partitioner, patches_complete, redistributed
@@ -71,7 +71,7 @@ class Domain:
     def __post_init__(self) -> None:
         if not isinstance(self.mesh, dmesh.Mesh):
             raise InputError(
-                f"Domain: mesh is {told(self.mesh)}; give a mesh of DOLFINx, or use read_mesh, rectangle, box."
+                f"Domain: mesh is {description(self.mesh)}; give a mesh of DOLFINx, or use read_mesh, rectangle, box."
             )
         for what, tags in (("names", self.names), ("regions", self.regions)):
             if not isinstance(tags, Mapping) or not all(isinstance(tag, Integral) for tag in tags.values()):
@@ -258,7 +258,8 @@ class Domain:
             return np.empty(0, dtype=np.int32)
         if numbers.ndim != 1 or not np.issubdtype(numbers.dtype, np.integer):
             raise InputError(
-                f"refined: the cells are {told(cells)}; give numbers of cells of this rank, e.g. np.flatnonzero(mask)."
+                f"refined: the cells are {description(cells)}; give numbers of cells of this rank, "
+                "e.g. np.flatnonzero(mask)."
             )
         if numbers.min() < 0 or numbers.max() >= self.owned_cells:
             raise InputError(

@@ -12,7 +12,7 @@ from dolfinx import mesh as dmesh
 from dolfinx.io.utils import distribute_entity_data
 from mpi4py import MPI
 
-from erc_contact.base.checks import told
+from erc_contact.base.checks import description
 from erc_contact.base.exceptions import InputError, raise_together
 
 SESSION = {"General.Terminal": 0, "Mesh.ElementOrder": 1, "Mesh.RecombineAll": 0}
@@ -98,7 +98,7 @@ def name_groups(model: Any, names: Mapping[int | tuple[int, int], str]) -> None:
     """
     if not isinstance(names, Mapping) or not all(isinstance(name, str) and name for name in names.values()):
         example = "names={1: 'bottom', 2: 'top'}"
-        raise InputError(f"names is {told(names)}; give names of parts by their tags, e.g. {example}.")
+        raise InputError(f"names is {description(names)}; give names of parts by their tags, e.g. {example}.")
     dim = int(model.getDimension())
     groups = [group for group in model.getPhysicalGroups() if group[0] >= dim - 1]
     named: dict[tuple[int, int], str] = {}

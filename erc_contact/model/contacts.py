@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import ufl
 
-from erc_contact.base import compiled
 from erc_contact.base.exceptions import InputError, raise_together
-from erc_contact.base.patches import forms_freed
+from erc_contact.base.runtime import compiled
+from erc_contact.base.runtime.patches import forms_freed
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import BoundContact, Friction, bind_friction
 from erc_contact.model.last_step import LastStep

@@ -16,21 +16,24 @@ from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
 from ufl.corealg.traversal import traverse_unique_terminals, unique_pre_traversal
 from ufl.utils.stacks import StackDict
 
-from erc_contact.base import compiled
-from erc_contact.base.patches import forms_freed
+from erc_contact.base.runtime import compiled
+from erc_contact.base.runtime.patches import forms_freed
 
 CHUNK = 4096
 """Number of points at which an expression is evaluated at once."""
 
 
 def varies(expression: Any) -> bool:
-    """Whether a UFL expression varies in space: it contains more than constants."""
+    """Tell whether a UFL expression varies in space: it contains more than constants."""
     in_space = (ufl.classes.GeometricQuantity, ufl.classes.Coefficient)
     return any(isinstance(terminal, in_space) for terminal in traverse_unique_terminals(expression))
 
 
 def varies_in_cells(expression: Any) -> bool:
-    """Whether a UFL expression varies inside straight cells and facets: it contains x, or a function that does."""
+    """Tell whether a UFL expression varies inside straight cells and facets.
+
+    It does if it contains x, or a function that varies there.
+    """
     return any(
         isinstance(terminal, ufl.classes.SpatialCoordinate)
         or (isinstance(terminal, ufl.classes.Coefficient) and terminal.ufl_element().embedded_superdegree > 0)
@@ -83,7 +86,7 @@ def _without_derivatives(expression: Any) -> Any:
 
 
 def _has_fields(expression: Any) -> bool:
-    """Whether a UFL expression contains functions that vary inside cells."""
+    """Tell whether a UFL expression contains functions that vary inside cells."""
     return any(
         isinstance(terminal, ufl.classes.Coefficient) and varies_in_cells(terminal)
         for terminal in traverse_unique_terminals(expression)
@@ -91,7 +94,7 @@ def _has_fields(expression: Any) -> bool:
 
 
 def _is_data(expression: Any) -> bool:
-    """Whether a UFL expression contains only the position, constants, and functions that are constant in cells."""
+    """Tell whether a UFL expression has only the position, constants, and functions constant in cells."""
     return all(
         isinstance(node, ufl.classes.SpatialCoordinate | ufl.classes.ConstantValue | fem.Constant)
         or (isinstance(node, ufl.classes.Coefficient) and not varies_in_cells(node))
@@ -248,7 +251,7 @@ def stand_in(shape: tuple[int, ...], which: int) -> fem.Function:
 
 @cache
 def _parameter(shape: tuple[int, ...], which: int) -> fem.Constant:
-    """What stands in an expression for a constant of this shape."""
+    """Return what stands in an expression for a constant of this shape."""
     return compiled.constant(_line(), np.zeros(shape))
 
 

@@ -18,7 +18,7 @@ import ufl
 from dolfinx import fem, la
 from mpi4py import MPI
 
-from erc_contact.base import compiled
+from erc_contact.base.runtime import compiled
 from erc_contact.mesh.simplex import in_space, lagrange, rule
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import BoundContact

@@ -13,11 +13,11 @@ from dolfinx import mesh as dmesh
 from ufl.classes import Division, Product, Sum, Variable, Zero
 from ufl.corealg.traversal import unique_pre_traversal
 
-from erc_contact.base import compiled
-from erc_contact.base.patches import forms_freed
+from erc_contact.base.runtime import compiled
+from erc_contact.base.runtime.patches import forms_freed
 from erc_contact.model.expressions import Everywhere, pointwise, varies_in_cells
 from erc_contact.model.trace import Trace
-from erc_contact.model.users import called, scalar
+from erc_contact.model.users import call_of_user, scalar
 from erc_contact.scene.law import Law, project
 
 CONSTANT, PROPORTIONAL, CONCAVE = "constant", "proportional", "concave"
@@ -49,7 +49,7 @@ class Friction:
 
     @property
     def convex(self) -> bool:
-        """Whether the law allows a traction at every point of a facet if it allows its Bernstein coefficients."""
+        """Tell whether the law allows a traction on a whole facet if it allows its Bernstein coefficients."""
         return self.dependence != CONCAVE and not any(varies_in_cells(value) for value in self.parameters.values())
 
     def bound(self, pressure: Any) -> Any:
@@ -88,9 +88,9 @@ def bind_friction(mesh: dmesh.Mesh, what: str, law: Law, parameters: dict[str, A
             return False
         return isinstance(found, Real | np.ndarray)
 
-    dependence = called(mesh.comm, what, _dependence, mesh, bound)
+    dependence = call_of_user(mesh.comm, what, _dependence, mesh, bound)
     friction = Friction(law, parameters, dependence, of_numbers())
-    called(mesh.comm, what, friction.numbers, np.ones((1, 1)), {name: np.ones((1, 1)) for name in parameters})
+    call_of_user(mesh.comm, what, friction.numbers, np.ones((1, 1)), {name: np.ones((1, 1)) for name in parameters})
     return friction
 
 
@@ -163,13 +163,16 @@ class BoundContact:
 
     @property
     def varies(self) -> bool:
-        """Whether gap, normal or friction vary along facets."""
+        """Tell whether gap, normal or friction vary along facets."""
         data = self.gap, self.given_normal, *(self.friction.parameters.values() if self.friction else ())
         return any(one is not None and varies_in_cells(one) for one in data)
 
     @property
     def sampled(self) -> bool:
-        """Whether the friction bound must be sampled on facets, as a traction may exceed it between the nodes alone."""
+        """Tell whether the friction bound must be sampled on facets.
+
+        A traction may then exceed it between the nodes alone.
+        """
         return self.friction is not None and not self.friction.convex
 
     def with_share(self, share: Any) -> BoundContact:
@@ -200,7 +203,7 @@ class BoundContact:
         return project(z, self.normal, bound, bilateral=self.bilateral)
 
     def status(self, r: Any) -> Any:
-        """Whether a traction of :meth:`project` shows the contact open (0), in slip (1) or in stick (2), UFL."""
+        """Return the status that a traction of :meth:`project` shows: open (0), slip (1) or stick (2), UFL."""
         r_n = ufl.dot(r, self.normal)
         r_t = r - r_n * self.normal
         limit = self.friction.bound(-r_n) if self.friction else 0

@@ -45,7 +45,10 @@ def _callables(scene: Scene) -> Iterator[tuple[str, Any]]:
 
 
 def _has_function(value: Any, x: Any) -> bool:
-    """Whether a callable of x returns UFL with a Function; one that fails is told of when the scene meets its mesh."""
+    """Tell whether a callable of x returns UFL with a Function.
+
+    A callable that fails is reported when the scene meets its mesh.
+    """
     try:
         result = value(x)
         parts = result if isinstance(result, list | tuple) else [result]

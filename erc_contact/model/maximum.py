@@ -62,7 +62,7 @@ class Maximum:
 
     @property
     def grows(self) -> bool | None:
-        """Whether the value grows with refinement; None if there are too few meshes to tell.
+        """Tell whether the value grows with refinement; None if there are too few meshes to tell.
 
         It does if values on the last meshes, at least three, over which the size h of the elements at the maximum falls
         to a quarter, are like h^-a with a > 0.2, and so on those over which it falls to a half. A singularity that is

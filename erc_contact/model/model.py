@@ -22,7 +22,7 @@ from erc_contact.model.last_step import LastStep
 from erc_contact.model.motions import free_motions
 from erc_contact.model.space import Space
 from erc_contact.model.supports import bind_supports
-from erc_contact.model.users import IN_UFL, called, try_material, vector
+from erc_contact.model.users import IN_UFL, call_of_user, try_material, vector
 from erc_contact.model.values import DATA_DEGREE, moduli, parameter, value_of
 from erc_contact.scene.load import Load
 from erc_contact.scene.material import PLANE_STRAIN, Elastic, strain
@@ -45,7 +45,7 @@ class SurfaceLoad:
 
     @property
     def varies(self) -> bool:
-        """Whether the load varies inside facets."""
+        """Tell whether the load varies inside facets."""
         return varies_in_cells(self.density)
 
 
@@ -228,7 +228,7 @@ class Model(Space):
             for name in load.parameters
         }
         normal = self.n if on_boundary else None
-        density = called(self.comm, what, lambda: vector(load.density(self.x, normal, **parameters)))
+        density = call_of_user(self.comm, what, lambda: vector(load.density(self.x, normal, **parameters)))
         density = without_plain_numbers(density, self.mesh)
         if density.ufl_shape != (self.d,):
             raise InputError(f"{what} has shape {density.ufl_shape}; the mesh needs ({self.d},). {IN_UFL}")

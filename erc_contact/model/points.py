@@ -12,8 +12,8 @@ import numpy as np
 from dolfinx import fem, geometry
 from mpi4py import MPI
 
-from erc_contact.base import compiled
 from erc_contact.base.exceptions import InputError
+from erc_contact.base.runtime import compiled
 from erc_contact.mesh.simplex import in_space
 from erc_contact.model.model import Model
 from erc_contact.scene.material import mandel_basis, strain

@@ -46,5 +46,5 @@ def von_mises(stress: np.ndarray) -> np.ndarray:
 
 
 def tells_out_of_plane(model: Model) -> bool:
-    """Whether all stresses are known: in 3D, and where the material has a method ``out_of_plane``."""
+    """Tell whether all stresses are known: in 3D, and where the material has a method ``out_of_plane``."""
     return model.d == 3 or hasattr(model.scene.material, "out_of_plane")

@@ -18,9 +18,9 @@ from ufl.algorithms.check_arities import ArityMismatch, check_integrand_arity
 from ufl.algorithms.remove_complex_nodes import remove_complex_nodes
 from ufl.corealg.traversal import unique_post_traversal
 
-from erc_contact.base.checks import told
+from erc_contact.base.checks import description
 from erc_contact.base.exceptions import ErcContactError, InputError, together
-from erc_contact.base.patches import forms_freed
+from erc_contact.base.runtime.patches import forms_freed
 from erc_contact.scene.material import Material, mandel_matrix, strain
 
 IN_UFL = (
@@ -41,7 +41,7 @@ def levels(expression: Any) -> int:
     return depth[expression]
 
 
-def called(comm: MPI.Comm, what: str, function: Callable[..., Any], *arguments: Any, **named: Any) -> Any:
+def call_of_user(comm: MPI.Comm, what: str, function: Callable[..., Any], *arguments: Any, **named: Any) -> Any:
     """Call a function of the user's with UFL arguments and return its result; collective.
 
     Args:
@@ -85,7 +85,7 @@ def scalar(what: str, value: Any) -> Any:
         or ufl.as_ufl(value).ufl_shape
         or ufl.as_ufl(value).ufl_free_indices
     ):
-        raise InputError(f"{what} returned {told(value)}, which is no scalar. {IN_UFL}")
+        raise InputError(f"{what} returned {description(value)}, which is no scalar. {IN_UFL}")
     return ufl.as_ufl(value)
 
 
@@ -124,7 +124,9 @@ def try_material(V: fem.FunctionSpace, material: Material, parameters: Mapping[s
     u, v = ufl.TrialFunction(V), ufl.TestFunction(V)
     for name in ("stress", "compliance"):
         act = getattr(material, name)
-        called(comm, f"{what}: {name}", mandel_matrix, act, V.mesh.geometry.dim, **parameters)
-        product = called(comm, f"{what}: {name}", lambda act=act: ufl.inner(act(strain(u), **parameters), strain(v)))
+        call_of_user(comm, f"{what}: {name}", mandel_matrix, act, V.mesh.geometry.dim, **parameters)
+        product = call_of_user(
+            comm, f"{what}: {name}", lambda act=act: ufl.inner(act(strain(u), **parameters), strain(v))
+        )
         linear(f"{what}: {name}", product, v, u)
-    called(comm, f"{what}: modulus", lambda: scalar(f"{what}: modulus", material.modulus(**parameters)))
+    call_of_user(comm, f"{what}: modulus", lambda: scalar(f"{what}: modulus", material.modulus(**parameters)))

@@ -13,13 +13,13 @@ import numpy as np
 import ufl
 from mpi4py import MPI
 
-from erc_contact.base import compiled
-from erc_contact.base.checks import told
+from erc_contact.base.checks import description
 from erc_contact.base.exceptions import InputError
+from erc_contact.base.runtime import compiled
 from erc_contact.mesh.simplex import lattice
 from erc_contact.model.expressions import evaluate, without_plain_numbers
 from erc_contact.model.space import Space
-from erc_contact.model.users import called, scalar, vector
+from erc_contact.model.users import call_of_user, scalar, vector
 from erc_contact.scene.material import Material
 
 DATA_DEGREE = 4
@@ -49,9 +49,9 @@ def number(space: Space, value: Any, what: str, x: Any = None) -> Any:
     """
     if not callable(value):
         if not isinstance(value, Real):
-            raise InputError(f"{what} is {told(value)}; give a number, or a callable of x.")
+            raise InputError(f"{what} is {description(value)}; give a number, or a callable of x.")
         return compiled.constant(space.mesh, float(value))
-    found = called(space.comm, what, lambda: scalar(what, value(space.x if x is None else x)))
+    found = call_of_user(space.comm, what, lambda: scalar(what, value(space.x if x is None else x)))
     return without_plain_numbers(found, space.mesh)
 
 
@@ -64,7 +64,7 @@ def components(space: Space, value: Any, what: str, x: Any = None) -> Any:
     if not callable(value):
         bound = ufl.as_vector([number(space, component, what) for component in value])
     else:
-        found = called(space.comm, what, lambda: vector(value(space.x if x is None else x)))
+        found = call_of_user(space.comm, what, lambda: vector(value(space.x if x is None else x)))
         bound = without_plain_numbers(found, space.mesh)
     if bound.ufl_shape != (space.d,):
         raise InputError(f"{what} has shape {bound.ufl_shape}; the mesh needs ({space.d},).")
@@ -85,7 +85,7 @@ def value_of(space: Space, value: Any, what: str) -> Any:
         shape = found.ufl_shape if isinstance(found, ufl.core.expr.Expr) else np.shape(found)
         return vector(found) if shape else scalar(what, found)
 
-    return without_plain_numbers(called(space.comm, what, attempt), space.mesh)
+    return without_plain_numbers(call_of_user(space.comm, what, attempt), space.mesh)
 
 
 def moduli(space: Space, material: Material) -> dict[str, Any]:
@@ -101,7 +101,7 @@ def moduli(space: Space, material: Material) -> dict[str, Any]:
         bound[name] = _by_region(space, name, value) if isinstance(value, Mapping) else number(space, value, what)
         if varies:
             values = evaluate(bound[name], space.mesh, lattice(space.d, DATA_DEGREE), space.owned_cells)
-            called(space.comm, what, material.check, name, *space.extremes(values))
+            call_of_user(space.comm, what, material.check, name, *space.extremes(values))
     return bound
 
 

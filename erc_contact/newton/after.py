@@ -30,7 +30,7 @@ def check_after(scene: Scene, domain: Domain, after: Any) -> None:
         InputError: If it is no solution, one in another dimension or of other ranks, or one with other contacts.
     """
     if not isinstance(after, Solution):
-        raise InputError(f"after is {checks.told(after)}; give the Solution of the last step, or None.")
+        raise InputError(f"after is {checks.description(after)}; give the Solution of the last step, or None.")
     if after.domain.dim != domain.dim:
         raise InputError(f"after is a solution in {after.domain.dim}D, and the domain is in {domain.dim}D.")
     if MPI.Comm.Compare(after.domain.mesh.comm, domain.mesh.comm) not in (MPI.IDENT, MPI.CONGRUENT):

@@ -25,10 +25,10 @@ def check_arguments(scene: Any, domain: Any, method: Any, degree: Any, solver: A
         InputError: If an argument has another type.
     """
     if not isinstance(scene, Scene):
-        raise InputError(f"scene is {checks.told(scene)}; give a Scene: Scene(material, supports=[...], ...).")
+        raise InputError(f"scene is {checks.description(scene)}; give a Scene: Scene(material, supports=[...], ...).")
     if not isinstance(domain, Domain):
         raise InputError(
-            f"domain is {checks.told(domain)}; give a Domain: rectangle(...), read_mesh(...), Domain(mesh, ...)."
+            f"domain is {checks.description(domain)}; give a Domain: rectangle(...), read_mesh(...), Domain(mesh, ...)."
         )
     if isinstance(degree, bool) or not isinstance(degree, Integral) or degree not in (1, 2):
         raise InputError(f"degree is {degree!r}; allowed are the whole numbers 1 and 2.")
@@ -39,6 +39,8 @@ def check_arguments(scene: Any, domain: Any, method: Any, degree: Any, solver: A
         raise InputError(f"method is {method!r}; give an object: Nitsche(), AugmentedLagrangian(), or None.")
     if missing or not isinstance(method, Hashable):
         wrong = f"has no {', '.join(missing)}" if missing else "is not hashable; make it a frozen dataclass"
-        raise InputError(f"method is {checks.told(method)}, which {wrong}. A method has {', '.join(METHOD)}.")
+        raise InputError(f"method is {checks.description(method)}, which {wrong}. A method has {', '.join(METHOD)}.")
     if start is not None and not isinstance(start, Solution):
-        raise InputError(f"start is {checks.told(start)}; give a Solution, e.g. of solve() on another mesh, or None.")
+        raise InputError(
+            f"start is {checks.description(start)}; give a Solution, e.g. of solve() on another mesh, or None."
+        )

@@ -30,9 +30,9 @@ from erc_contact.base.exceptions import raise_together, together
 from erc_contact.base.ranks import from_first, gathered
 from erc_contact.model.model import Model
 from erc_contact.newton.forms import ContactForms
+from erc_contact.newton.linear.stiffness import Stiffness
 from erc_contact.newton.methods import Method
 from erc_contact.newton.multipliers import Places, contact_edges, multiplier_rows
-from erc_contact.newton.stiffness import Stiffness
 
 
 class Condensed:

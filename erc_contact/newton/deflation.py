@@ -24,9 +24,9 @@ from dolfinx import fem
 from erc_contact.model.model import Model
 from erc_contact.newton.condensed import Condensed
 from erc_contact.newton.dense import Dense
+from erc_contact.newton.linear.stiffness import Stiffness
 from erc_contact.newton.methods import Method
 from erc_contact.newton.snes import Found
-from erc_contact.newton.stiffness import Stiffness
 
 STEPS = 40
 """Greatest number of Newton steps from one start."""
@@ -64,8 +64,8 @@ def other_states(stiffness: Stiffness, method: Method, u: fem.Function, most: in
     states = [stiffness.gather(field)[: problem.size] for field in (u, *_along(stiffness.model))]
     found = problem.run(lambda: _Search(problem, states[0], states[1:]).found(most))
     return [
-        Found(stiffness.expand(guess, x, force), problem.multipliers_at(x), remaining, regularity)
-        for x, force, remaining, regularity in found
+        Found(stiffness.expand(guess, x, force), problem.multipliers_at(x), distance, least_singular_value)
+        for x, force, distance, least_singular_value in found
     ]
 
 
@@ -104,7 +104,7 @@ class _Search:
                 self.known.append(x)
                 if len(self.known) > most:
                     break
-        numbers = [(dense.remaining(problem.residual(x)), dense.regularity(x)) for x in self.known[1:]]
+        numbers = [(dense.distance(problem.residual(x)), dense.least_singular_value(x)) for x in self.known[1:]]
         dense.destroy()
         return [(x, problem.matrix @ x - problem.loads, *two) for x, two in zip(self.known[1:], numbers, strict=True)]
 

@@ -12,7 +12,7 @@ import numpy as np
 from petsc4py import PETSc
 
 from erc_contact.newton.condensed import Condensed
-from erc_contact.newton.mumps import dense_factor
+from erc_contact.newton.linear.mumps import dense_factor
 from erc_contact.newton.snes import ZERO_PIVOT, Outcome, attempt
 
 TOLERANCE = 1e-12
@@ -41,7 +41,7 @@ class Dense:
 
     Args:
         problem: The condensed problem.
-        tolerance: Newton's method may stop when :meth:`remaining` is below it [sqrt(force length)]; None for round-off.
+        tolerance: Newton's method may stop when :meth:`distance` is below it [sqrt(force length)]; None for round-off.
     """
 
     def __init__(self, problem: Condensed, tolerance: float | None = None) -> None:
@@ -88,7 +88,7 @@ class Dense:
 
     def accurate(self, x: PETSc.Vec, tolerance: float) -> bool:
         """Whether the energy norm of the distance to the solution is below a tolerance [sqrt(force length)]."""
-        return self.remaining(self.problem.residual(self._displacement(x))) <= tolerance
+        return self.distance(self.problem.residual(self._displacement(x))) <= tolerance
 
     def status(self, x: PETSc.Vec) -> tuple[bytes, tuple[int, int, int]]:
         """A key of the contact status of all points, and the numbers of open, slipping and sticking points."""
@@ -96,8 +96,8 @@ class Dense:
         open_, slip, stick = (int(n) for n in np.bincount(found, minlength=3))
         return found.tobytes(), (open_, slip, stick)
 
-    def remaining(self, residual: np.ndarray) -> float:
-        """Energy norm of the distance to the solution, ``sqrt(R.K^-1 R)`` [sqrt(force length)].
+    def distance(self, residual: np.ndarray) -> float:
+        """Return the energy norm of the distance to the solution, ``sqrt(R.K^-1 R)`` [sqrt(force length)].
 
         If r^ is the traction of the method, the rebalance of the last state adds this to the error in the constitutive
         relation.
@@ -109,17 +109,17 @@ class Dense:
         self.elastic.solve(force, u)
         return float(np.sqrt(max(u.dot(force), 0.0)))
 
-    def regularity(self, u_A: np.ndarray) -> float:
-        """Least singular value of the tangent, scaled by the elastic diagonal [-]; zero if it has no inverse.
+    def least_singular_value(self, u_A: np.ndarray) -> float:
+        """Estimate the least singular value of the tangent, scaled by the elastic diagonal [-]; zero if singular.
 
         It is the lesser one of two tangents: at u_A, and at u_A pressed into the foundation by a tiny length. At points
         that touch without pressure the equations have a kink, and the tangent under pressure may be the singular one.
         """
         pressed = u_A + PRESS * self.problem.length * self.problem.normals
-        return min(self._least_singular_value(u) for u in (u_A, pressed))
+        return min(self._by_inverse_iteration(u) for u in (u_A, pressed))
 
-    def _least_singular_value(self, u_A: np.ndarray) -> float:
-        """An estimate by inverse iteration on ``J^T J``."""
+    def _by_inverse_iteration(self, u_A: np.ndarray) -> float:
+        """Estimate the least singular value by inverse iteration on ``J^T J``."""
         diagonal = 1 / np.sqrt(self.problem.schur.diagonal())
         scaled = self.problem.tangent(u_A) * diagonal * diagonal[:, None]
         ksp = dense_factor(scaled, "lu")

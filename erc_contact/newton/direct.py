@@ -13,9 +13,9 @@ from erc_contact.newton import first_guess as starts
 from erc_contact.newton.condensed import Condensed
 from erc_contact.newton.dense import Dense
 from erc_contact.newton.ladder import Attempt
+from erc_contact.newton.linear.stiffness import Stiffness
 from erc_contact.newton.methods import Method
 from erc_contact.newton.snes import Found, Outcome
-from erc_contact.newton.stiffness import Stiffness
 
 
 class Direct:
@@ -64,7 +64,7 @@ class Direct:
             problem.raise_friction(1.0)
             results = None
             if attempt.final and outcome.converged:
-                numbers = dense.remaining(last.residual), dense.regularity(start)
+                numbers = dense.distance(last.residual), dense.least_singular_value(start)
                 results = *numbers, start, problem.matrix @ start - problem.loads
             dense.destroy()
             return replace(outcome, steps=steps), start[: self.elastic.contact_size], results
@@ -73,10 +73,10 @@ class Direct:
         return outcome, state, None if results is None else self._found(problem, *results)
 
     def _found(
-        self, problem: Condensed, remaining: float, regularity: float, u_A: np.ndarray, force: np.ndarray
+        self, problem: Condensed, distance: float, least_singular_value: float, u_A: np.ndarray, force: np.ndarray
     ) -> Found:
         u = self.elastic.expand(self.guess, u_A, force)
-        return Found(u, problem.multipliers_at(u_A), remaining, regularity)
+        return Found(u, problem.multipliers_at(u_A), distance, least_singular_value)
 
     def destroy(self) -> None:
         """Nothing is left to free: the factor belongs to the solution."""

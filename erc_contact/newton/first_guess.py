@@ -15,7 +15,7 @@ from dolfinx import fem
 from erc_contact.base.exceptions import together
 from erc_contact.model.last_step import gathered_facets, interpolate
 from erc_contact.model.model import Model
-from erc_contact.newton.stiffness import Stiffness
+from erc_contact.newton.linear.stiffness import Stiffness
 
 
 def across_gap(model: Model) -> fem.Function:

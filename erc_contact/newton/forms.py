@@ -8,9 +8,9 @@ import numpy as np
 import ufl
 from dolfinx import fem
 
-from erc_contact.base import compiled
-from erc_contact.base.checks import told
+from erc_contact.base.checks import description
 from erc_contact.base.exceptions import InputError, together
+from erc_contact.base.runtime import compiled
 from erc_contact.mesh.simplex import rule
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.model import Model
@@ -81,7 +81,7 @@ class ContactForms:
         what = f"The equations of {type(self.method).__name__}"
         form = self.method.equations(self.model, contact, self.u, v, multiplier)
         if not isinstance(form, ufl.Form):
-            raise InputError(f"{what} are {told(form)}; return a UFL form, e.g. -ufl.inner(r, v) * contact.ds.")
+            raise InputError(f"{what} are {description(form)}; return a UFL form, e.g. -ufl.inner(r, v) * contact.ds.")
         for integral in form.integrals():
             linear(what, integral.integrand(), v)
         return form

@@ -23,9 +23,9 @@ from petsc4py import PETSc
 
 from erc_contact.model.model import Model
 from erc_contact.newton.forms import ContactForms
-from erc_contact.newton.krylov import fgmres
+from erc_contact.newton.linear.krylov import fgmres
+from erc_contact.newton.linear.multigrid import Multigrid
 from erc_contact.newton.methods import Method
-from erc_contact.newton.multigrid import Multigrid
 from erc_contact.newton.reactions import Reactions
 from erc_contact.newton.tangent import Tangent
 
@@ -116,7 +116,7 @@ class FullSpace:
         The estimate by one cycle is too small where the contact is closed. If it is below the tolerance, a rough solve
         without the contact decides, where a weak glue holds a loose body.
         """
-        if self.remaining(x) > tolerance:
+        if self.distance(x) > tolerance:
             return False
         weak, force, u = self.elastic.weak_glue(), self.vector(), self.vector()
         product = self.vector()
@@ -133,8 +133,8 @@ class FullSpace:
             made.destroy()
         return energy <= tolerance**2
 
-    def remaining(self, x: PETSc.Vec) -> float:
-        """Energy norm of the distance to the solution, about ``sqrt(R.K^-1 R)`` [sqrt(force length)]."""
+    def distance(self, x: PETSc.Vec) -> float:
+        """Estimate the energy norm of the distance to the solution, about ``sqrt(R.K^-1 R)`` [sqrt(force length)]."""
         force, u = self.vector(), self.vector()
         self.function(None, x, force)
         self.elastic.cycle(force, u)
@@ -143,8 +143,8 @@ class FullSpace:
         u.destroy()
         return float(np.sqrt(max(energy, 0.0))) * self.force
 
-    def regularity(self, x: PETSc.Vec) -> float:
-        """About the least eigenvalue of the tangent, scaled by the elastic diagonal [-]; zero if it has no inverse.
+    def least_singular_value(self, x: PETSc.Vec) -> float:
+        """Estimate the least singular value of the tangent, scaled by the elastic diagonal [-]; zero if singular.
 
         It is one without friction, where solutions are unique as far as the body is held. Otherwise it is the lesser
         one of two tangents: at x, and, if this changes the contact status, at x pressed into the foundation by a tiny
@@ -161,7 +161,7 @@ class FullSpace:
         for state in [x] if self.status(pressed)[0] == before else [x, pressed]:
             self._set(state)
             self._tangent.assemble()
-            found.append(self._tangent.regularity(u))
+            found.append(self._tangent.least_singular_value(u))
         pressed.destroy()
         u.destroy()
         return min(found)

@@ -13,8 +13,8 @@ from erc_contact.model.model import Model
 from erc_contact.newton import first_guess as starts
 from erc_contact.newton.full import FullSpace
 from erc_contact.newton.ladder import Attempt
+from erc_contact.newton.linear.multigrid import EXACT, Multigrid
 from erc_contact.newton.methods import Method
-from erc_contact.newton.multigrid import EXACT, Multigrid
 from erc_contact.newton.snes import Found, Outcome, attempt
 
 
@@ -70,7 +70,7 @@ class Iterative:
         u, multipliers = problem.found(x)
         found = None
         if step.final and outcome.converged:
-            found = Found(u, multipliers, problem.remaining(x), problem.regularity(x))
+            found = Found(u, multipliers, problem.distance(x), problem.least_singular_value(x))
         x.destroy()
         return replace(outcome, steps=steps), u, found
 

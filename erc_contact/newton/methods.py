@@ -16,8 +16,9 @@ from typing import Any, ClassVar, Protocol
 
 import ufl
 
-from erc_contact.base import checks, compiled
+from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError
+from erc_contact.base.runtime import compiled
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.model import Model
 

@@ -13,8 +13,9 @@ import numpy as np
 from dolfinx import fem
 from petsc4py import PETSc
 
-from erc_contact.base.interrupts import check_interrupts, interrupted
 from erc_contact.base.progress import at
+from erc_contact.base.runtime.interrupts import check_interrupts, interrupted
+from erc_contact.newton.linear.mumps import LIBRARY, ZERO_PIVOT
 
 PREFIX = "erc_contact_"
 """Prefix of PETSc options, as in ``-erc_contact_snes_monitor``; they override our settings."""
@@ -22,8 +23,6 @@ STEPS = 100
 """Limit of Newton steps of one attempt."""
 CYCLE = 0.9
 """A contact status that comes back is a cycle unless the residual has fallen below this fraction meanwhile [-]."""
-ZERO_PIVOT, LIBRARY = 71, 76
-"""PETSc's codes of a matrix that cannot be factorised, PETSC_ERR_MAT_LU_ZRPVT, and of a failure in LAPACK."""
 
 
 @dataclass(frozen=True)
@@ -62,14 +61,14 @@ class Found:
     Attributes:
         u: Displacement [length].
         multipliers: Multiplier of each contact [force/area], nodal values, or () for a method without.
-        remaining: Energy norm of the distance to the solution of the discrete problem [sqrt(force length)].
-        regularity: Least singular value of the tangents at the solution [-].
+        distance: Energy norm of the distance to the solution of the discrete problem [sqrt(force length)].
+        least_singular_value: Least singular value of the tangents at the solution [-].
     """
 
     u: fem.Function
     multipliers: tuple[fem.Function, ...]
-    remaining: float
-    regularity: float
+    distance: float
+    least_singular_value: float
 
 
 class Equations(Protocol):

@@ -22,7 +22,7 @@ from erc_contact.model.points import at_points, elastic_stress_at
 from erc_contact.model.profile import facet_status, greatest_pressure, profile_points, profile_table
 from erc_contact.model.stress import stress_in_space, von_mises
 from erc_contact.model.trace import split
-from erc_contact.newton.elastic import ElasticSolver
+from erc_contact.newton.linear.solver import ElasticSolver
 from erc_contact.newton.methods import Method
 from erc_contact.newton.rest import displacement_at_rest
 from erc_contact.scene.scene import Scene
@@ -58,9 +58,9 @@ class Solution:
         multipliers: Multiplier of each contact [force/area], or () for a method without.
         newton_steps: Newton steps of all attempts together; 0 for a scene without contact.
         reason: Which attempt converged, and how.
-        remaining: Energy norm of the distance to the solution of the discrete problem [sqrt(force length)].
-        regularity: Least singular value of the tangents of the contact problem at the solution, scaled by the elastic
-            diagonal [-].
+        distance: Energy norm of the distance to the solution of the discrete problem [sqrt(force length)].
+        least_singular_value: Least singular value of the tangents of the contact problem at the solution, scaled by
+            the elastic diagonal [-].
         stiffness: The elastic stiffness; see :attr:`factorised`.
         seconds: Wall time, the largest over the ranks [s].
     """
@@ -71,8 +71,8 @@ class Solution:
     multipliers: tuple[fem.Function, ...]
     newton_steps: int
     reason: str
-    remaining: float
-    regularity: float
+    distance: float
+    least_singular_value: float
     stiffness: ElasticSolver
     seconds: float
 
@@ -114,9 +114,19 @@ class Solution:
         return self.stiffness.factorised
 
     @property
+    def remaining(self) -> float:
+        """Return :attr:`distance`: its former name, kept for one version."""
+        return self.distance
+
+    @property
+    def regularity(self) -> float:
+        """Return :attr:`least_singular_value`: its former name, kept for one version."""
+        return self.least_singular_value
+
+    @property
     def singular(self) -> bool:
         """Whether the tangent is singular; there may be other solutions arbitrarily near."""
-        return self.regularity < SINGULAR
+        return self.least_singular_value < SINGULAR
 
     @cached_property
     def at_rest(self) -> bool:

@@ -1,7 +1,8 @@
 """One contact solve: from a first guess to a :class:`Solution`, or :class:`NotConverged`.
 
 Whether Newton's method converges depends on where it starts. One elastic factorisation serves all attempts
-(:mod:`erc_contact.newton.stiffness`), so it costs little to try several starts and line searches, the cheapest first.
+(:mod:`erc_contact.newton.linear.stiffness`), so it costs little to try several starts and line searches, the cheapest
+first.
 Nitsche's method starts from a solution on another mesh, which takes it as many steps as both methods together, or from
 the solution of the augmented Lagrangian. The two are the nearer the larger gamma is, and this takes fewer steps (GRECO,
 256 x 256 squares: 11 and 2, against 22 from the glued contact).
@@ -18,10 +19,10 @@ from mpi4py import MPI
 
 from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError, NotConverged, raise_together
-from erc_contact.base.garbage import free_dropped, watch
-from erc_contact.base.interrupts import check_interrupts
 from erc_contact.base.logs import log_of
 from erc_contact.base.progress import stage
+from erc_contact.base.runtime.garbage import free_dropped, register_owner
+from erc_contact.base.runtime.interrupts import check_interrupts
 from erc_contact.mesh.domain import Domain
 from erc_contact.model.model import Model
 from erc_contact.model.promises import bind
@@ -29,11 +30,11 @@ from erc_contact.newton.after import check_after, last_step
 from erc_contact.newton.arguments import check_arguments
 from erc_contact.newton.direct import Direct
 from erc_contact.newton.doubts import doubts, tell
-from erc_contact.newton.elastic import ElasticSolver
 from erc_contact.newton.iterative import Iterative
 from erc_contact.newton.ladder import NODAL, attempts
+from erc_contact.newton.linear.multigrid import DIRECT
+from erc_contact.newton.linear.solver import ElasticSolver
 from erc_contact.newton.methods import Method, Nitsche
-from erc_contact.newton.multigrid import DIRECT
 from erc_contact.newton.rest import displacement_at_rest
 from erc_contact.newton.snes import Found, Outcome
 from erc_contact.newton.solution import SINGULAR, Solution
@@ -153,7 +154,7 @@ def _solution(
         return Solution(model, method or DEFAULT, solver.guess, (), 0, "linear solve", 0.0, 1.0, solver.elastic, 0.0)
     finally:
         solver.destroy()
-        watch(model.domain, model.comm)
+        register_owner(model.domain, model.comm)
         free_dropped(model.comm)
 
 
@@ -255,8 +256,8 @@ class _ContactSolve:
         if method != self.method:
             reason = f"{self.method} did not converge: {reason}"
             self.log.info("%d cells: %s did not converge, the solution is that of %s.", cells, self.method, method)
-        if found.regularity < SINGULAR:
-            reason += f"; the tangent is singular ({found.regularity:.0e}), the solution may be one of many"
+        if found.least_singular_value < SINGULAR:
+            reason += f"; the tangent is singular ({found.least_singular_value:.0e}), the solution may be one of many"
             self.log.warning("The tangent of the contact problem is singular at its solution: it may be one of many.")
-        numbers = self.steps, reason, found.remaining, found.regularity
+        numbers = self.steps, reason, found.distance, found.least_singular_value
         return Solution(self.model, method, found.u, found.multipliers, *numbers, self.solver.elastic, 0.0)

@@ -17,7 +17,7 @@ import numpy as np
 from petsc4py import PETSc
 
 from erc_contact.model.model import Model
-from erc_contact.newton.multigrid import Multigrid
+from erc_contact.newton.linear.multigrid import Multigrid
 from erc_contact.newton.reactions import Reactions
 
 

@@ -14,8 +14,8 @@ from dolfinx.fem import petsc as fp
 from petsc4py import PETSc
 
 from erc_contact.newton.forms import ContactForms
-from erc_contact.newton.krylov import fgmres, set_up, shell
-from erc_contact.newton.multigrid import Multigrid
+from erc_contact.newton.linear.krylov import fgmres, set_up, shell
+from erc_contact.newton.linear.multigrid import Multigrid
 from erc_contact.newton.reactions import Reactions
 from erc_contact.newton.springs import Springs
 
@@ -87,8 +87,8 @@ class Tangent:
         """Let the hierarchy be that of the tangent."""
         self.elastic.renew(self._terms[0] if self._springs is None else self._springs.matrix)
 
-    def regularity(self, u: PETSc.Vec) -> float:
-        """About the least eigenvalue of the tangent, scaled by the elastic diagonal [-]; zero if it has no inverse.
+    def least_singular_value(self, u: PETSc.Vec) -> float:
+        """Estimate the least singular value of the tangent, scaled by the elastic diagonal [-]; zero if singular.
 
         It is the ratio of a force without structure to the displacement that this causes, as far as FGMRES solves for
         it. Without an inverse FGMRES does not converge, and the displacement grows to the inverse of round-off; where

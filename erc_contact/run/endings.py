@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from erc_contact.base.exceptions import InputError, NotConverged
-from erc_contact.base.interrupts import Interrupts
+from erc_contact.base.runtime.interrupts import Interrupts
 
 OUT_OF_MEMORY = 55
 """PETSc's code of memory that could not be had, PETSC_ERR_MEM."""

@@ -96,9 +96,11 @@ def evolve(
         None if accuracy_in_time is None else checks.accuracy("accuracy_in_time", accuracy_in_time),
     )
     if not callable(scene_at):
-        raise InputError(f"scene_at is {checks.told(scene_at)}; give a function of the time that returns a Scene.")
+        raise InputError(
+            f"scene_at is {checks.description(scene_at)}; give a function of the time that returns a Scene."
+        )
     if not isinstance(domain, Domain):
-        raise InputError(f"domain is {checks.told(domain)}; give a Domain: rectangle(...), read_mesh(...).")
+        raise InputError(f"domain is {checks.description(domain)}; give a Domain: rectangle(...), read_mesh(...).")
     check_callback(callback)
     comm = domain.mesh.comm
     plan = checked_plan(

@@ -11,10 +11,10 @@ from mpi4py import MPI
 from erc_contact.admissible.pair import equilibrate
 from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError, together
-from erc_contact.base.interrupts import Interrupts
 from erc_contact.base.logs import log_of
 from erc_contact.base.percent import percent
 from erc_contact.base.progress import stage
+from erc_contact.base.runtime.interrupts import Interrupts
 from erc_contact.error.constitutive import ConstitutiveError, constitutive_error
 from erc_contact.error.sizes import KNOWN, size_map
 from erc_contact.mesh.domain import Domain
@@ -206,7 +206,7 @@ class Loop:
         interrupts.check()
         seconds = self.comm.allreduce(perf_counter() - started, MPI.MAX)
         if not isinstance(domain, Domain):
-            raise InputError(f"The strategy gave {checks.told(domain)}; its next() must return a Domain.")
+            raise InputError(f"The strategy gave {checks.description(domain)}; its next() must return a Domain.")
         return domain, seconds
 
     def _end(self, failure: BaseException, interrupts: Interrupts) -> None:

@@ -25,10 +25,10 @@ from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.tables import CellRows, described, geometry_of, tag_tables
 from erc_contact.model.promises import bind
 from erc_contact.newton.after import last_step
+from erc_contact.newton.linear.multigrid import Multigrid
+from erc_contact.newton.linear.stiffness import Stiffness
 from erc_contact.newton.methods import Method
-from erc_contact.newton.multigrid import Multigrid
 from erc_contact.newton.solution import Solution
-from erc_contact.newton.stiffness import Stiffness
 from erc_contact.output.files import gathered, vtk_cells
 from erc_contact.output.gathered import body_nodes, nodal_displacement
 from erc_contact.results.stresses import cell_stresses
@@ -38,8 +38,14 @@ from erc_contact.scene.scene import Scene
 
 NUMBERS = ("absolute", "scale", "bulk_error", "contact_error", "geometry_error", "relative", "total", "degree")
 """Numbers of an error that are kept."""
-STATE = ("newton_steps", "reason", "remaining", "regularity", "seconds")
-"""What is kept of a solution beside its fields."""
+STATE = {
+    "newton_steps": "newton_steps",
+    "reason": "reason",
+    "remaining": "distance",
+    "regularity": "least_singular_value",
+    "seconds": "seconds",
+}
+"""Name in the file -> attribute of a solution, for what is kept beside its fields."""
 MESH = ("degree", "names", "regions", "geometry", "tags")
 """What a level tells of its mesh beside the tables."""
 TABLES = ("VTKHDF/Points", "cells", "facets", "regions", "curved")
@@ -77,8 +83,8 @@ def level_of(error: ConstitutiveError, steps: Sequence[Any]) -> Level:
         "tags": sorted(tags),
         "multipliers": len(solution.multipliers),
         "method": repr(solution.method),
-        "iterative": isinstance(solution.stiffness, Multigrid),
-        "solution": {name: getattr(solution, name) for name in STATE},
+        "iterative": solution.stiffness.iterative,
+        "solution": {name: getattr(solution, attribute) for name, attribute in STATE.items()},
         "error": {name: getattr(error, name) for name in NUMBERS},
     }
     if not rows:
@@ -174,7 +180,8 @@ class Restored:
         fields += [self._function(model, f"multipliers/{i}") for i in range(about["multipliers"])]
         method = next((one for one in methods if repr(one) == about["method"]), methods[0])
         stiffness = (Multigrid if about["iterative"] else Stiffness)(model)
-        solution = Solution(model, method, fields[0], tuple(fields[1:]), stiffness=stiffness, **about["solution"])
+        numbers = {attribute: about["solution"][name] for name, attribute in STATE.items()}
+        solution = Solution(model, method, fields[0], tuple(fields[1:]), stiffness=stiffness, **numbers)
         error = constitutive_error(equilibrate(solution, tighten=tighten))
         if abs(error.relative - about["error"]["relative"]) > SAME * (about["error"]["relative"] + SAME):
             raise InputError(

@@ -16,10 +16,10 @@ from mpi4py import MPI
 
 from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError, NotConverged, together
-from erc_contact.base.interrupts import Interrupts
 from erc_contact.base.logs import log_of
 from erc_contact.base.percent import percent
 from erc_contact.base.progress import stage
+from erc_contact.base.runtime.interrupts import Interrupts
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.works import assembled
 from erc_contact.mesh.domain import Domain
@@ -185,7 +185,7 @@ class Walk:
         """The scene of a time; collective."""
         scene = together(self.comm, self.scene_at, time)
         if not isinstance(scene, Scene):
-            raise InputError(f"scene_at({time:g}) is {checks.told(scene)}; it must return a Scene.")
+            raise InputError(f"scene_at({time:g}) is {checks.description(scene)}; it must return a Scene.")
         if after is not None:
             check_after(scene, after.domain, after)
         return scene

@@ -20,8 +20,8 @@ from erc_contact.admissible.tighten.blocks import Blocks
 from erc_contact.admissible.tighten.complementary import ComplementaryEnergy
 from erc_contact.admissible.tighten.patches import Patches
 from erc_contact.admissible.tighten.tables import hierarchical
-from erc_contact.base.interrupts import check_interrupts
 from erc_contact.base.progress import at
+from erc_contact.base.runtime.interrupts import check_interrupts
 from erc_contact.model.space import Space
 
 TIGHTEN = 50

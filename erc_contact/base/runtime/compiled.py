@@ -13,7 +13,8 @@ Half of the time that a form takes to be compiled is that of calling the compile
 therefore compiled together.
 
 DOLFINx and UFL have no door for either. So :func:`form`, :func:`expression` and :func:`constant` change a name of
-theirs while they call them (:mod:`erc_contact.base.patches`), and everything in the package is compiled by these.
+theirs while they call them (:mod:`erc_contact.base.runtime.patches`), and everything in the package is compiled by
+these.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ from dolfinx import mesh as dmesh
 from ffcx.codegeneration import jit
 from mpi4py import MPI
 
-from erc_contact.base.patches import forms_freed, refused, replaced
+from erc_contact.base.runtime.patches import forms_freed, refused, replaced
 
 FIRST = 10**9
 """Number of the first Constant of the package; those of the user's begin with 0."""

@@ -17,6 +17,8 @@ complement on L with the factor; the degrees of freedom of L that are not in A a
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import numpy as np
 from dolfinx import fem
 from petsc4py import PETSc
@@ -25,9 +27,10 @@ from erc_contact.base.exceptions import InputError, together
 from erc_contact.base.ranks import from_first, gathered
 from erc_contact.mesh.simplex import local_facet_nodes
 from erc_contact.model.model import Model
-from erc_contact.newton.elastic import Elastic
-from erc_contact.newton.mumps import factorised, schur_complement
-from erc_contact.newton.substructures import Substructures
+from erc_contact.newton.linear.elastic import Elastic
+from erc_contact.newton.linear.mumps import factorised, schur_complement
+from erc_contact.newton.linear.substructures import Substructures
+from erc_contact.newton.linear.traces import DenseTraces
 
 
 class Stiffness(Elastic):
@@ -45,6 +48,8 @@ class Stiffness(Elastic):
     Raises:
         InputError: If the stiffness cannot be factorised.
     """
+
+    iterative: ClassVar[bool] = False
 
     def __init__(self, model: Model) -> None:
         super().__init__(model)
@@ -87,8 +92,11 @@ class Stiffness(Elastic):
         u_A = together(self.model.comm, lambda: None if self.schur is None else self._freed(a, w_A))
         return self.expand(w, u_A, None)
 
-    def on_springs(self, springs: PETSc.Mat, b: fem.Function, near: fem.Function) -> fem.Function:
-        """Displacement u of ``(K + C) u = b`` [length] by a factor of its own, see :class:`ElasticSolver`."""
+    def solve_with_springs(self, springs: PETSc.Mat, b: fem.Function, near: fem.Function) -> fem.Function:
+        """Return the displacement u of ``(K + C) u = b`` [length] by a factor made for it.
+
+        See :class:`.solver.ElasticSolver`.
+        """
         matrix = self.stiffness()
         matrix.axpy(1.0, springs, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
         ksp, vector = factorised(matrix), self.right_side(b, supports=False)
@@ -98,6 +106,16 @@ class Stiffness(Elastic):
         for made in (ksp, matrix, vector, x):
             made.destroy()
         return u
+
+    def traces(self, numbers: np.ndarray) -> DenseTraces:
+        """Return the body as a surface sees it, see :class:`.solver.ElasticSolver`."""
+        count = self.contact_size
+        return DenseTraces(
+            self.model,
+            numbers,
+            self.numbers[:count],
+            lambda: (self.unglued(count), np.linalg.inv(self.definite(count))),
+        )
 
     def _freed(self, a: int, w_A: np.ndarray) -> np.ndarray:
         """Displacement of the contact nodes without the glue, from that with it, on rank 0."""

@@ -16,8 +16,8 @@ _owners: list[tuple[weakref.ref, PETSc.IS]] = []
 """What may own PETSc's objects, and an object that keeps their communicator valid."""
 
 
-def watch(owner: object, comm: MPI.Comm) -> None:
-    """Let :func:`free_dropped` free what was made for an owner on a communicator; collective.
+def register_owner(owner: object, comm: MPI.Comm) -> None:
+    """Register an owner, so that :func:`free_dropped` frees what was made for it; collective.
 
     Args:
         owner: Whatever lives as long as these objects are in use, a domain. It is not kept alive.

@@ -7,7 +7,6 @@ foundations, ``D_i = 10 E k^2/h |F|/m`` summed over facets.
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 import ufl
@@ -15,46 +14,11 @@ from dolfinx import fem, la
 from dolfinx.fem import petsc as fp
 from petsc4py import PETSc
 
-from erc_contact.base import compiled
+from erc_contact.base.runtime import compiled
 from erc_contact.model.model import Model
 
 GLUE = 10.0
 """gamma_0 of the glue [-]."""
-
-
-class ElasticSolver(Protocol):
-    """What later stages ask of the solver that a contact solve leaves behind.
-
-    Attributes:
-        factorised: Whether a factor or a hierarchy is in memory.
-    """
-
-    @property
-    def factorised(self) -> bool: ...  # noqa: D102
-
-    def load_vector(self) -> fem.Function:
-        """Nodal forces of the loads of the scene [force], not yet summed over ranks."""
-
-    def solve(self, b: fem.Function, *, supports: bool = True, tolerance: float | None = None) -> fem.Function:
-        """Displacement u of ``K u = b`` [length]; collective.
-
-        Args:
-            b: Nodal forces [force].
-            supports: Whether fixed components take the values of the supports; without, u is a correction.
-            tolerance: Residual over the right side that is enough [-]; a factor goes to round-off.
-        """
-
-    def on_springs(self, springs: PETSc.Mat, b: fem.Function, near: fem.Function) -> fem.Function:
-        """Displacement u of ``(K + C) u = b`` [length], zero where supports fix it; collective.
-
-        Args:
-            springs: C, stiffness at the contact [force/length]; without rows and columns of fixed components.
-            b: Nodal forces [force].
-            near: A displacement that may be near [length].
-        """
-
-    def free(self) -> None:
-        """Free the memory; a later solve makes it again."""
 
 
 class Elastic:

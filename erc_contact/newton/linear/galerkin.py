@@ -12,7 +12,7 @@ from petsc4py import PETSc
 SAME, SUBSET = PETSc.Mat.Structure.SAME_NONZERO_PATTERN, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN
 
 
-class Follower:
+class CoarseMatrices:
     """The coarse matrices of a hierarchy, which follow C; members are collective.
 
     Args:

@@ -13,7 +13,7 @@ import numpy as np
 from petsc4py import PETSc
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.base.held import sigterm_held
+from erc_contact.base.runtime.held import sigterm_held
 
 WORKSPACE = 80
 """Workspace of MUMPS beyond its estimate [%]; its default of 20 was too small for 322 tetrahedra on three ranks."""
@@ -43,6 +43,8 @@ NOT_FACTORISED = (
 )
 NOT_DEFINITE = 81
 """PETSc's code of a matrix without a Cholesky factor."""
+ZERO_PIVOT, LIBRARY = 71, 76
+"""PETSc's codes of a matrix that cannot be factorised, PETSC_ERR_MAT_LU_ZRPVT, and of a failure in LAPACK."""
 
 
 def factorised(matrix: PETSc.Mat, schur_on: np.ndarray | None = None) -> PETSc.KSP:

@@ -2,17 +2,17 @@
 
 The hierarchy is PETSc's GAMG: smoothed aggregation with the rigid motions as near null space. The aggregates and the
 interpolation are made once, for K. Where a matrix differs from it at the contact only, as every tangent of a contact
-problem does, the coarse matrices follow with the same interpolation (:mod:`erc_contact.newton.galerkin`). That of K
-serves all of them; that of K + D saves a tenth of the cycles of a contact solve, and doubles those of an elastic solve
-with given contact tractions.
+problem does, the coarse matrices follow with the same interpolation (:mod:`erc_contact.newton.linear.galerkin`).
+That of K serves all of them; that of K + D saves a tenth of the cycles of a contact solve, and doubles those of an
+elastic solve with given contact tractions.
 Another preconditioner that PETSc's options ask for is set up anew for each matrix.
 
-Symbols: K and D as in :mod:`erc_contact.newton.elastic`; C a matrix that is zero away from the contact.
+Symbols: K and D as in :mod:`erc_contact.newton.linear.elastic`; C a matrix that is zero away from the contact.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from dolfinx import fem, la
@@ -20,14 +20,14 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from erc_contact.base.exceptions import InputError, NotConverged
-from erc_contact.base.garbage import free_dropped
 from erc_contact.base.logs import log_of
+from erc_contact.base.runtime.garbage import free_dropped
 from erc_contact.model.model import Model
-from erc_contact.newton.amg import PREFIX, orthonormal, rigid_motions, with_defaults
-from erc_contact.newton.elastic import Elastic
-from erc_contact.newton.galerkin import SAME, SUBSET, Follower
-from erc_contact.newton.mumps import factorised
-from erc_contact.newton.snes import LIBRARY
+from erc_contact.newton.linear.amg import PREFIX, orthonormal, rigid_motions, with_defaults
+from erc_contact.newton.linear.elastic import Elastic
+from erc_contact.newton.linear.galerkin import SAME, SUBSET, CoarseMatrices
+from erc_contact.newton.linear.mumps import LIBRARY, factorised
+from erc_contact.newton.linear.traces import IterativeTraces
 
 ROUGH, EXACT = 1e-4, 1e-12
 """Tolerances of linear solves: of first guesses and corrections, and of what must balance the loads [-].
@@ -50,6 +50,8 @@ class Multigrid(Elastic):
         contact_size: Number of free degrees of freedom at contact nodes, over all ranks; 0 without contact.
     """
 
+    iterative: ClassVar[bool] = True
+
     def __init__(self, model: Model) -> None:
         super().__init__(model)
         glued = int(np.count_nonzero(self.glue.x.array[: self.owned]))
@@ -58,7 +60,7 @@ class Multigrid(Elastic):
         self._fine: Any = None
         self._pc: Any = None
         self._exact: Any = None
-        self._follower: Follower | None = None
+        self._coarse: CoarseMatrices | None = None
         self._share: float | None = None
         """Share of the glue in the matrix of the hierarchy; None after :meth:`renew` with a tangent."""
 
@@ -100,8 +102,8 @@ class Multigrid(Elastic):
             motions.remove(right)  # round-off
         return self._solved(self.matrix, right, tolerance or (EXACT if supports else ROUGH))
 
-    def on_springs(self, springs: PETSc.Mat, b: fem.Function, near: fem.Function) -> fem.Function:
-        """Displacement u of ``(K + C) u = b`` [length], see :class:`ElasticSolver`."""
+    def solve_with_springs(self, springs: PETSc.Mat, b: fem.Function, near: fem.Function) -> fem.Function:
+        """Return the displacement u of ``(K + C) u = b`` [length], see :class:`.solver.ElasticSolver`."""
         self.renew(springs)
         return self._solved(self._fine, self.right_side(b, supports=False), EXACT, near)
 
@@ -133,6 +135,10 @@ class Multigrid(Elastic):
             vector.destroy()
         return found
 
+    def traces(self, numbers: np.ndarray) -> IterativeTraces:
+        """Return the body as a surface sees it, see :class:`.solver.ElasticSolver`."""
+        return IterativeTraces(self.model, numbers, self)
+
     def renew(self, change: PETSc.Mat) -> None:
         """Let the hierarchy be that of K plus a change C at the contact [force/length]."""
         if self._pc is None:
@@ -141,10 +147,10 @@ class Multigrid(Elastic):
         self._fine.setOption(PETSc.Mat.Option.SPD, False)
         self.matrix.copy(self._fine, SAME)
         self._fine.axpy(1.0, change, SUBSET)
-        if self._follower is None:
+        if self._coarse is None:
             self._pc.setUp()
         else:
-            self._follower.follow(change)
+            self._coarse.follow(change)
 
     def cycle(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
         """Set y to the hierarchy's approximation of the inverse times x."""
@@ -157,12 +163,12 @@ class Multigrid(Elastic):
 
     def free(self) -> None:
         """Free K and the hierarchy; a later solve makes them again."""
-        if self._follower is not None:
-            self._follower.free()
+        if self._coarse is not None:
+            self._coarse.free()
         for made in (self._pc, self._fine, self._matrix, self._exact):
             if made is not None:
                 made.destroy()
-        self._pc = self._fine = self._matrix = self._exact = self._follower = self._share = None
+        self._pc = self._fine = self._matrix = self._exact = self._coarse = self._share = None
         free_dropped(self.model.comm)
 
     def _set_up(self, share: float) -> None:
@@ -195,9 +201,9 @@ class Multigrid(Elastic):
         with_defaults(self._pc)
         self._share = share
         if self._pc.getType() == PETSc.PC.Type.GAMG and self.contact_size:
-            self._pc.setReusePreconditioner(True)  # the follower changes its matrices
+            self._pc.setReusePreconditioner(True)  # they change with C
             glue = self._part_of_glue(share)
-            self._follower = Follower(self._pc, self.matrix, self._layer(), glue)
+            self._coarse = CoarseMatrices(self._pc, self.matrix, self._layer(), glue)
             glue.destroy()
 
     def _layer(self) -> PETSc.IS:
@@ -233,9 +239,9 @@ class Multigrid(Elastic):
             if rest > NEAR * tolerance and direct:
                 log_of(self.model.comm).info("Multigrid left %.0e of the loads: a direct solver takes over.", rest)
                 self._exact = factorised(self._fine)
-                if self._follower is not None:
-                    self._follower.free()
-                self._pc, self._follower = self._exact.getPC(), None
+                if self._coarse is not None:
+                    self._coarse.free()
+                self._pc, self._coarse = self._exact.getPC(), None
                 rest = self._conjugate_gradients(matrix, b, x, tolerance)
             if not rest <= NEAR * tolerance:
                 raise NotConverged(f"Conjugate gradients with multigrid left {rest:.0e} of the loads. {DIRECT}", ())

@@ -9,8 +9,8 @@ Why not one factor that MUMPS makes on all ranks: PETSc does not solve with it i
 second factor was needed, and two ranks were no faster at each of them than one (406 802 unknowns in the plane: 4.7 s
 for the contact solve on two ranks, 3.7 s on one; so 2.8 s and 3.0 s).
 
-Symbols: K, D and L as in :mod:`erc_contact.newton.stiffness`; I the degrees of freedom that are eliminated, B the
-others of a part of the body; ``S = K_BB - K_BI K_II^-1 K_IB``; ``g = b_B - K_BI K_II^-1 b_I`` the condensed forces.
+Symbols: K, D and L as in :mod:`erc_contact.newton.linear.stiffness`; I the degrees of freedom that are eliminated, B
+the others of a part of the body; ``S = K_BB - K_BI K_II^-1 K_IB``; ``g = b_B - K_BI K_II^-1 b_I`` the condensed forces.
 
 Source: George, SIAM J. Numer. Anal. 10 (1973), for nested dissection.
 """
@@ -25,7 +25,7 @@ from petsc4py import PETSc
 
 from erc_contact.base.exceptions import raise_together, together
 from erc_contact.model.model import Model
-from erc_contact.newton.mumps import dense_factor, dense_solve, factorised, interior_only, schur_complement
+from erc_contact.newton.linear.mumps import dense_factor, dense_solve, factorised, interior_only, schur_complement
 
 
 @dataclass(frozen=True, eq=False)

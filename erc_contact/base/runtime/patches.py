@@ -2,7 +2,7 @@
 
 There are three such changes:
 
-- DOLFINx finds a form that it has compiled already (:mod:`erc_contact.base.compiled`),
+- DOLFINx finds a form that it has compiled already (:mod:`erc_contact.base.runtime.compiled`),
 - the Constants of the package have numbers of equally many digits (the same module),
 - UFL's methods do not keep objects for ever, on Python 3.13.0 (:func:`forms_freed`).
 

@@ -1,0 +1,115 @@
+"""The same body on another mesh, as its contact sees it, and what it tells of the limit of a norm.
+
+The norm q of the map of :mod:`erc_contact.error.coupling` changes with the mesh. How far it is from its limit is told
+by the same body on another mesh, with the same field t, interpolated to the nodes there. A small body is refined once.
+Of a larger one a coarser mesh is made, so that this costs little beside the solve of the body itself. Where corners and
+edges of a contact see it on every scale, q grows like the inverse of a logarithm: ``q(h) = q(0) - c/log(1 + L/h)`` with
+the size L of the contact. Two meshes tell c; then ``c/log(1 + L/h)`` is what is missing on the mesh of size h. Where q
+converges faster this is more than what is missing.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from erc_contact.base.exceptions import ErcContactError
+from erc_contact.error.coupling import coupling
+from erc_contact.error.surface import Surface, coulomb_surface
+from erc_contact.mesh.domain import Domain
+from erc_contact.mesh.nodal import NodalMesh
+from erc_contact.model.model import Model
+from erc_contact.model.promises import bind
+from erc_contact.newton.linear.solver import Traces
+from erc_contact.newton.linear.stiffness import Stiffness
+
+MOST_CELLS = {2: 1000, 3: 3000}
+"""Greatest number of cells of another mesh, by dimension."""
+COARSER = 3.0
+"""A coarser mesh has cells of this many times the size, or larger ones."""
+UNKNOWN = 0.1
+"""Share of q that is its change where there is no other mesh to compare with [-]."""
+SAME = 0.01
+"""Relative difference of ``1/log(1 + L/h)`` below which a contact has the same mesh as before [-]."""
+
+
+@dataclass(frozen=True, eq=False)
+class OtherMesh:
+    """The same body on another mesh, as its contact sees it.
+
+    Attributes:
+        surface: The contacts with Coulomb friction.
+        traces: The body as they see it.
+    """
+
+    surface: Surface
+    traces: Traces
+
+    def norm(self, surface: Surface, t: np.ndarray) -> tuple[float, np.ndarray]:
+        """Compute the norm q for the field t (M, d) of a surface; collective.
+
+        Returns:
+            q [-], and the normal displacements that go with it, on the surface of t, shape (M,).
+        """
+        here = self.surface
+        x = here.positions()
+        field = np.where(here.blocked[:, None], 0.0, surface.interpolated(t, x))
+        q, _, phi = coupling(here.normal, self.traces, field, x)
+        along = here.interpolated(phi[:, None] * here.normal, surface.positions())
+        return q, (along * surface.normal).sum(axis=1)
+
+
+def other_mesh(model: Model) -> OtherMesh | None:
+    """Make the other mesh of a body; collective.
+
+    Returns:
+        A finer mesh, or a coarser one; None where the body is known only as a mesh, or cannot be meshed so coarsely.
+    """
+    domain, d = model.domain, model.d
+    try:
+        if domain.cells * 2**d <= MOST_CELLS[d]:
+            return body_on(model, domain.refined())
+        if domain.geometry is None:
+            return None
+        factor = max(COARSER, (domain.cells / MOST_CELLS[d]) ** (1 / d))
+        return body_on(model, domain.remeshed(factor * NodalMesh(domain).mean_size()))
+    except ErcContactError:
+        return None
+
+
+def body_on(model: Model, domain: Domain) -> OtherMesh:
+    """Make the body of a model on another mesh, as its contact sees it; collective."""
+    other = bind(model.scene, domain, model.degree)
+    stiffness = Stiffness(other)
+    stiffness.free()
+    surface = coulomb_surface(other)
+    return OtherMesh(surface, stiffness.traces(surface.numbers))
+
+
+def change_of_norm(q: float, surface: Surface, other_q: float, other: OtherMesh | None) -> float:
+    """Estimate how far the norm q of a field is from its limit, from its value on another mesh [-].
+
+    Args:
+        q: The norm on the mesh of the body [-].
+        surface: The contacts on this mesh.
+        other_q: The norm of the same field on the other mesh [-].
+        other: The other mesh.
+
+    Returns:
+        c/log(1 + L/h); a tenth of q where the other mesh tells nothing.
+    """
+    if other is None or not np.isfinite(q):
+        return UNKNOWN * q
+    here, there = _missing(surface), _missing(other.surface)
+    if abs(here - there) < SAME * here:
+        return max(UNKNOWN * q, abs(q - other_q))
+    return here * abs(q - other_q) / abs(here - there)
+
+
+def _missing(surface: Surface) -> float:
+    """``1/log(1 + L/h)``, what is missing of q on a mesh, over c [-]."""
+    d = surface.normal.shape[1]
+    size = float(surface.area.mean()) ** (1 / (d - 1))
+    length = float(np.ptp(surface.positions(), axis=0).max())
+    return 1 / float(np.log1p(length / size))

@@ -1,0 +1,148 @@
+"""The body as its contact sees it: forces that lift its surface, and displacements under forces on its surface.
+
+With K the elastic stiffness with the supports and S its Schur complement on the nodes of all contacts: ``lifted(y)``
+are the forces ``S y`` that hold the displacement y of the surface [force], ``moved(f)`` is the displacement ``S^+ f``
+of the surface under forces f [length]. A surface is M nodes of contacts, by their global numbers; the other nodes of
+contacts are held in the first and free of forces in the second.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import ClassVar, Protocol
+
+import numpy as np
+from dolfinx import fem
+
+from erc_contact.base.exceptions import together
+from erc_contact.model.model import Model
+
+ROUGH, FINE = 1e-2, 3e-6
+"""Tolerances of the linear solves: of a lifting whose energy is asked for, to four digits, and else [-]. Norms of maps
+then differ between numbers of ranks by less than 1e-6 of themselves."""
+
+
+class DenseTraces:
+    """Traces from the dense Schur complement that a direct solve leaves behind; construction is collective.
+
+    Args:
+        model: The scene on a mesh.
+        numbers: Global numbers of the nodes of the surface, shape (M,).
+        contact: Global numbers of the free degrees of freedom of the contact nodes, in order, shape (A,).
+        matrices: Returns S and its inverse, where rigid motions are held by springs, both (A, A); asked on rank 0.
+    """
+
+    tolerance: ClassVar[float] = 1e-8
+    cheap: ClassVar[bool] = True
+
+    def __init__(
+        self,
+        model: Model,
+        numbers: np.ndarray,
+        contact: np.ndarray,
+        matrices: Callable[[], tuple[np.ndarray, np.ndarray]],
+    ) -> None:
+        self.comm = model.comm
+        self.shape = len(numbers), model.d
+        self.motions = _motions(model, numbers)
+        dofs = (numbers[:, None] * model.d + np.arange(model.d)).ravel()
+        place = np.searchsorted(contact, dofs)
+        self.known = contact[np.minimum(place, len(contact) - 1)] == dofs
+        place = place[self.known]
+
+        def parts() -> tuple[np.ndarray, ...] | None:
+            if self.comm.rank > 0:
+                return None
+            return tuple(matrix[np.ix_(place, place)] for matrix in matrices())
+
+        self.matrices = together(self.comm, parts)
+
+    def lifted(self, y: np.ndarray, *, rough: bool = False) -> np.ndarray:
+        """Return ``S y``, to round-off."""
+        return self._times(0, y)
+
+    def moved(self, f: np.ndarray) -> np.ndarray:
+        """Return ``S^+ f``, for forces that do no work on the free motions."""
+        return self._times(1, f)
+
+    def free(self) -> None:
+        """Free the memory."""
+        self.matrices = None
+
+    def _times(self, which: int, values: np.ndarray) -> np.ndarray:
+        result = np.zeros(values.size)
+        if self.matrices is not None:
+            result[self.known] = self.matrices[which] @ values.ravel()[self.known]
+        return self.comm.bcast(result).reshape(self.shape)
+
+
+class Lifting(Protocol):
+    """An elastic solver that lifts displacements of the contact by solves, as multigrid does."""
+
+    def lifted(self, y: fem.Function, tolerance: float) -> fem.Function:
+        """Return the forces that hold the contact nodes at displacements y [force]; collective."""
+
+    def solve(self, b: fem.Function, *, supports: bool = True, tolerance: float | None = None) -> fem.Function:
+        """Return the displacement u of ``K u = b`` [length]; collective."""
+
+    def free(self) -> None:
+        """Free the memory; a later solve makes it again."""
+
+
+class IterativeTraces:
+    """Traces by conjugate gradients with multigrid, one linear solve each; construction is collective.
+
+    Args:
+        model: The scene on a mesh.
+        numbers: Global numbers of the nodes of the surface, shape (M,).
+        elastic: What solves.
+    """
+
+    tolerance: ClassVar[float] = 3e-2
+    cheap: ClassVar[bool] = False
+
+    def __init__(self, model: Model, numbers: np.ndarray, elastic: Lifting) -> None:
+        self.model, self.numbers, self.elastic = model, numbers, elastic
+        self.motions = _motions(model, numbers)
+
+    def lifted(self, y: np.ndarray, *, rough: bool = False) -> np.ndarray:
+        """Return ``S y``."""
+        forces = self.elastic.lifted(self._nodal(y), ROUGH if rough else FINE)
+        return _of_owners(self.model, self.numbers, forces.x.array)
+
+    def moved(self, f: np.ndarray) -> np.ndarray:
+        """Return ``S^+ f``, for forces that do no work on the free motions."""
+        moved = self.elastic.solve(self._nodal(f), supports=False, tolerance=FINE)
+        return _of_owners(self.model, self.numbers, moved.x.array)
+
+    def free(self) -> None:
+        """Free the memory."""
+        self.elastic.free()
+
+    def _nodal(self, values: np.ndarray) -> fem.Function:
+        """Return a Function with these values (M, d) at the nodes that this rank owns, zero elsewhere."""
+        nodal = self.model.function()
+        own, local = _owned(self.model, self.numbers)
+        nodal.x.array.reshape(-1, self.model.d)[local] = values[own]
+        return nodal
+
+
+def _motions(model: Model, numbers: np.ndarray) -> np.ndarray:
+    """Return the free motions at the nodes of the surface, from their owners, shape (K, M, d); collective."""
+    motions = [_of_owners(model, numbers, motion.x.array) for motion in model.free_motions]
+    return np.array(motions).reshape(-1, len(numbers), model.d)
+
+
+def _of_owners(model: Model, numbers: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Return nodal values of this rank's nodes, (nodes * d,), at the nodes of the surface, (M, d); collective."""
+    own, local = _owned(model, numbers)
+    nodal = np.zeros((len(numbers), model.d))
+    nodal[own] = values.reshape(-1, model.d)[local]
+    return np.asarray(model.comm.allreduce(nodal))
+
+
+def _owned(model: Model, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return which nodes of the surface this rank owns, shape (M,), and the local numbers of these."""
+    low, high = model.V.dofmap.index_map.local_range
+    own = (numbers >= low) & (numbers < high)
+    return own, numbers[own] - low
