@@ -30,6 +30,7 @@ nitpick_ignore = [
         "model.last_step.LastStep",
         "newton.linear.solver.ElasticSolver",
         "output.curves.Run",
+        "error.constitutive.Run",
     )
 ]
 nitpick_ignore_regex = [("py:.*", r"(?!erc_contact).*")]  # names of other packages, whose pages CI does not ask

@@ -35,7 +35,7 @@ def split(z: np.ndarray, n: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndar
 
 @dataclass(frozen=True, eq=False)
 class Side:
-    """The facets of one body at a contact; :meth:`erc_contact.model.space.Space.side` makes it.
+    """The facets of one body at a contact; ``Space.side`` makes it.
 
     Attributes:
         facets: Pairs (cell, local facet), ghosts included, shape (f, 2).

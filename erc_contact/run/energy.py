@@ -10,7 +10,7 @@ length of the step. Of an admissible pair, sigma^ gives t and u^ gives u, and wh
 What friction takes in a step is the dissipation function of its law for the slip of the step, with the mean of the
 friction bounds at both ends of the step,
 
-    int (b(r^_n) + b(r^_(n-1)))/2 |u^_t - s|.
+    ``int (b(r^_n) + b(r^_(n-1)))/2 |u^_t - s|``.
 
 It is never below zero, and of second order in the length of the step. The bound at the end alone is of first order: it
 is too small where a part opens while it slides. Minus the work of friction, the tangential part of the work above, is
