@@ -67,6 +67,24 @@ def test_line_of_peaks_in_triangles(power, most):
     assert (bounds <= peaks + most * ranges).all()
 
 
+def test_bound_does_not_depend_on_other_facets():
+    """A rank has some of the facets: a line of cusps across all of them is bounded as in each facet alone."""
+    n = 20
+    corners = np.array([[[i, j], [i + 1, j], [i, j + 1]] for i in range(3) for j in range(n)]) / n
+    triangles = np.pad(corners, ((0, 0), (0, 0), (0, 1)))
+
+    def of_triangles(numbers):
+        def f(triangle, at, x):
+            return -(abs(x[..., 0] - 0.083) ** 0.5)
+
+        exact = np.full(len(numbers), 1e-14)
+        return upper_bounds(f, triangles[numbers], facet_pieces(2), exact)
+
+    together = of_triangles(np.arange(len(triangles)))
+    for some in (np.arange(n, 2 * n, 7), np.arange(0, 3 * n, 11)):
+        assert np.array_equal(of_triangles(some), together[some])
+
+
 @pytest.mark.parametrize("degree", [1, 2])
 def test_displacement_is_below_a_cusp(degree):
     place = 0.4321

@@ -35,8 +35,11 @@ INHERITED = 0.5
 """Share of the rise of a piece that is not smooth that its halves have at least [-]."""
 ROUNDS = 60
 """Greatest number of bisections of a piece."""
-BUDGET = 20_000
-"""Number of pieces that may be bisected in one round, beyond the number of simplices."""
+MOST = 1000
+"""Number of pieces of a simplex that may be bisected in one round. So a line of cusps in a triangle ends. The limit is
+that of each simplex, so that a bound does not depend on which other simplices a rank has."""
+CHUNK = 256
+"""Number of simplices that are worked on at once, for the sake of memory."""
 
 Samples = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 """A function that returns values at q points of n pieces, shape (n, q). It gets the number of the simplex of each
@@ -55,6 +58,18 @@ def upper_bounds(f: Samples, vertices: np.ndarray, pieces: np.ndarray, round_off
     Returns:
         The bounds, shape (simplices,).
     """
+    bounds = np.empty(len(vertices))
+    for start in range(0, len(vertices), CHUNK):
+        chunk = slice(start, start + CHUNK)
+        numbers = np.arange(len(vertices))[chunk]
+        bounds[chunk] = _of_chunk(f, numbers, vertices[chunk], pieces, round_off[chunk])
+    return bounds
+
+
+def _of_chunk(
+    f: Samples, numbers: np.ndarray, vertices: np.ndarray, pieces: np.ndarray, round_off: np.ndarray
+) -> np.ndarray:
+    """Bound a function on some simplices, of which f knows the numbers (s,); see :func:`upper_bounds`."""
     count = len(vertices)
     simplex = np.repeat(np.arange(count), len(pieces))
     corners = np.tile(pieces, (count, 1, 1))
@@ -62,8 +77,12 @@ def upper_bounds(f: Samples, vertices: np.ndarray, pieces: np.ndarray, round_off
     lowest = np.full(count, np.inf)
     bound = np.full(count, -np.inf)
     inherited = np.zeros(len(simplex))
+
+    def values_at(simplex: np.ndarray, at: np.ndarray, x: np.ndarray) -> np.ndarray:
+        return f(numbers[simplex], at, x)
+
     for turn in range(ROUNDS + 1):
-        greatest, least, roughness = _on_pieces(f, vertices, simplex, corners, inherited)
+        greatest, least, roughness = _on_pieces(values_at, vertices, simplex, corners, inherited)
         share_of_range = BETWEEN * (greatest - least)
         smooth = roughness <= share_of_range
         peak = greatest + share_of_range + roughness
@@ -71,16 +90,16 @@ def upper_bounds(f: Samples, vertices: np.ndarray, pieces: np.ndarray, round_off
         np.minimum.at(lowest, simplex, least)
         share = np.where(smooth, SMOOTH_TOLERANCE, TOLERANCE)
         tolerance = np.maximum(share * (highest - lowest)[simplex], round_off[simplex])
-        open_ = peak > highest[simplex] + tolerance
-        if turn == ROUNDS or np.count_nonzero(open_) > count + BUDGET:
-            open_[:] = False
-        np.maximum.at(bound, simplex[~open_], peak[~open_])
-        if not open_.any():
+        goes_on = peak > highest[simplex] + tolerance
+        too_many = np.bincount(simplex[goes_on], minlength=count) > MOST
+        goes_on &= ~too_many[simplex] & (turn < ROUNDS)
+        np.maximum.at(bound, simplex[~goes_on], peak[~goes_on])
+        if not goes_on.any():
             break
-        simplex = simplex[open_]
-        corners = bisected(corners[open_], vertices[simplex])
+        simplex = simplex[goes_on]
+        corners = bisected(corners[goes_on], vertices[simplex])
         simplex = np.repeat(simplex, 2)
-        inherited = np.repeat(INHERITED * roughness[open_], 2)
+        inherited = np.repeat(INHERITED * roughness[goes_on], 2)
     return bound
 
 
