@@ -1,25 +1,29 @@
 """Random scenes that the claims of the pages are measured on: none was chosen, and the seed is an argument.
 
-``coarse``: every mesh of 1 x 1 to 4 x 4 squares, degrees 1 and 2, every set of sides in contact, no support; the number
-of scenes that are solved. It may be run on several ranks.
+``coarse``: every mesh of 1 x 1 to 4 x 4 squares, degrees 1 and 2, every set of sides in
+contact, no support; the number of scenes that are solved. It may be run on several
+ranks.
 
-``kinks``: the contact part of e^2 of pushed blocks against a composite rule of 4000 points a facet. The length of the
-slip has a kink where the slip changes its direction.
+``kinks``: the contact part of e^2 of pushed blocks against a composite rule of 4000
+points a facet. The length of the slip has a kink where the slip changes its direction.
 
-``pushed``: blocks pushed along their foundation with Coulomb friction. "both" is e over ``sqrt(|u - u^|^2 + |sigma -
-sigma^|^2)``, "third" the third term, a product of two errors, over e^2, "left" the sum of both squares and the third
-term over e^2, which the theorem says is at most 1 (more is the error of the reference, which halves with each of its
-refinements); "index" is e over ``|u - u^|``; "covered" is the bound of the Coulomb certificate, where it makes one,
-over the true error. The reference is of degree 2 on a mesh that cuts the cells as sigma^ does and refines them three
-times.
+``pushed``: blocks pushed along their foundation with Coulomb friction. "both" is e over
+``sqrt(|u - u^|^2 + |sigma - sigma^|^2)``, "third" the third term, a product of two
+errors, over e^2, "left" the sum of both squares and the third term over e^2, which the
+theorem says is at most 1 (more is the error of the reference, which halves with each of
+its refinements); "index" is e over ``|u - u^|``; "covered" is the bound of the Coulomb
+certificate, where it makes one, over the true error. The reference is of degree 2 on a
+mesh that cuts the cells as sigma^ does and refines them three times.
 
 ``steps``: the same of steps of histories that turn the push back, given their history.
 
-``tightening``: see ``attack_tightening.py``; ``plane``, ``space``: the certificates of ``attack_certificates.py``.
+``tightening``: see ``attack_tightening.py``; ``plane``, ``space``: the certificates of
+``attack_certificates.py``.
 
     OMP_NUM_THREADS=1 python benchmarks/attack.py [name|all] [seed] [number of scenes]
 
-Without a number each family has as many scenes as fit into a minute or two; all take about eight minutes.
+Without a number each family has as many scenes as fit into a minute or two; all take
+about eight minutes.
 """
 
 from __future__ import annotations
@@ -105,7 +109,9 @@ def pushed_block(rng: np.random.Generator) -> tuple[Callable[[float], ec.Scene],
 
     def scene(share: float) -> ec.Scene:
         support = ec.Displacement("top", (share * push, -press))
-        return ec.Scene(ec.Elastic(1.0, nu), [support], [], [ec.Contact("bottom", friction=friction)])
+        return ec.Scene(
+            ec.Elastic(1.0, nu), [support], [], [ec.Contact("bottom", friction=friction)]
+        )
 
     return scene, ec.rectangle((0.0, 0.0), (1.0, height), cells=(columns, rows)), degree
 
@@ -167,7 +173,15 @@ def steps(seed: int = 0, count: int = 30) -> None:
 
 def compared(cases: list[Case]) -> None:
     """Print the quantiles of e against true errors."""
-    names = "both", "third", "left", "index, degree 1", "index, degree 2", "index, eps < 20%", "covered"
+    names = (
+        "both",
+        "third",
+        "left",
+        "index, degree 1",
+        "index, degree 2",
+        "index, eps < 20%",
+        "covered",
+    )
     columns: dict[str, list[float]] = {name: [] for name in names}
     for scene, domain, degree, last in cases:
         solution = ec.solve(scene, domain, degree=degree, after=last)

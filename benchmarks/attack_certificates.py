@@ -1,13 +1,17 @@
 """The certificate of Coulomb friction on random blocks: whether q +- change and what is claimed hold after refinement.
 
-    OMP_NUM_THREADS=1 python benchmarks/attack_certificates.py [seed] [count in the plane] [count in space]
+    OMP_NUM_THREADS=1 python benchmarks/attack_certificates.py [seed] [count in the
+    plane] [count in space]
 
 Each scene is certified on its mesh and on the mesh that is refined once:
 
-- same field: q of the field t of the first mesh, on the refined one; q + change must not be below it;
-- own field: q of the field that the refined mesh takes itself, which is made of another admissible pair and may be
-  rougher; ``q_largest`` of the first mesh must not be below it;
-- withdrawn: scenes in which ``unique``, or a bound, is claimed on the first mesh and not on the refined one.
+- same field: q of the field t of the first mesh, on the refined one; q + change must
+  not be below it;
+- own field: q of the field that the refined mesh takes itself, which is made of another
+  admissible pair and may be rougher; ``q_largest`` of the first mesh must not be below
+  it;
+- withdrawn: scenes in which ``unique``, or a bound, is claimed on the first mesh and
+  not on the refined one.
 """
 
 from __future__ import annotations
@@ -55,7 +59,10 @@ def certificates(
         try:
             rows.append(measured(sample))
         except ec.ErcContactError as reason:
-            print(f"scene {number} of seed {seed} ({sample.name}) ends in {type(reason).__name__}", flush=True)
+            print(
+                f"scene {number} of seed {seed} ({sample.name}) ends in {type(reason).__name__}",
+                flush=True,
+            )
     return rows
 
 
@@ -73,7 +80,9 @@ def measured(sample: Sample) -> Certificates:
 
 def _error(sample: Sample, domain: ec.Domain, start: ec.Solution | None) -> ec.ConstitutiveError:
     """The error of a scene on a mesh."""
-    return ec.constitutive_error(ec.equilibrate(ec.solve(sample.scene, domain, degree=sample.degree, start=start)))
+    return ec.constitutive_error(
+        ec.equilibrate(ec.solve(sample.scene, domain, degree=sample.degree, start=start))
+    )
 
 
 def summary(rows: Sequence[Certificates]) -> str:
@@ -119,7 +128,10 @@ def _line(name: str, values: np.ndarray) -> str:
 def main() -> None:
     arguments = [int(argument) for argument in sys.argv[1:]]
     seed, plane, space = [*arguments, *(0, 60, 6)[len(arguments) :]]
-    for title, count, family in (("plane", plane, random_sliding_block), ("space", space, random_sliding_box)):
+    for title, count, family in (
+        ("plane", plane, random_sliding_block),
+        ("space", space, random_sliding_box),
+    ):
         if count > 0:
             print(f"\n{title}\n\n{summary(certificates(seed, count, family))}", flush=True)
 

@@ -1,7 +1,7 @@
 """Families of random scenes on which the claims of the pages are measured, each scene from a random generator.
 
-The code was not written for these scenes. A family is a function of a generator of numpy: the same seed gives the same
-scenes. Lengths are about 1.
+The code was not written for these scenes. A family is a function of a generator of
+numpy: the same seed gives the same scenes. Lengths are about 1.
 """
 
 from __future__ import annotations
@@ -38,14 +38,15 @@ def scene_generator(seed: int, number: int) -> np.random.Generator:
     return np.random.default_rng([seed, number])
 
 
-# -- blocks in the plane, of any material ----------------------------------------------------------------------------
+# -- blocks in the plane, of any material
+# ----------------------------------------------------------------------------
 
 
 def random_block(rng: np.random.Generator) -> Sample:
     """Make a block in the plane of 4 to 128 triangles, with any modulus, Poisson's ratio, friction, gap and support.
 
-    Half of the bodies have Poisson's ratios between -0.7 and 0.49, half between 0.49 and 0.4999, as many in each decade
-    of ``1/2 - nu``.
+    Half of the bodies have Poisson's ratios between -0.7 and 0.49, half between 0.49
+    and 0.4999, as many in each decade of ``1/2 - nu``.
     """
     columns, rows = (int(count) for count in rng.integers(1, 9, 2))
     columns = max(columns, 2) if rows == 1 else columns
@@ -63,7 +64,9 @@ def random_block(rng: np.random.Generator) -> Sample:
     friction = _friction(rng, width, 0.8)
     gap = _gap(rng, width)
     scene = ec.Scene(material, supports, loads, [ec.Contact("bottom", friction=friction, gap=gap)])
-    name = f"{columns} x {rows}, width {width:.2f}, nu {nu:.4f}, E {law}, {support}, degree {degree}"
+    name = (
+        f"{columns} x {rows}, width {width:.2f}, nu {nu:.4f}, E {law}, {support}, degree {degree}"
+    )
     return Sample(name, scene, domain, degree)
 
 
@@ -81,7 +84,9 @@ def random_modulus(rng: np.random.Generator, law: str, width: float) -> Any:
         "constant": 1.0,
         "linear": lambda x: 1.2 + along(x),
         "exponential": lambda x: ufl.exp(2.0 * along(x)),
-        "jump": lambda x: ufl.conditional(ufl.gt(x[1] + 0.37 * x[0] / width, offset), contrast, 1.0),
+        "jump": lambda x: ufl.conditional(
+            ufl.gt(x[1] + 0.37 * x[0] / width, offset), contrast, 1.0
+        ),
     }
     return laws[law]
 
@@ -90,7 +95,9 @@ def _supports_and_loads(
     rng: np.random.Generator, support: str, width: float
 ) -> tuple[list[ec.Displacement], list[Any]]:
     """Supports and loads that press the block on its foundation."""
-    push, press, tilt = (float(rng.uniform(low, high)) for low, high in ((-0.05, 0.05), (0.01, 0.05), (-0.02, 0.02)))
+    push, press, tilt = (
+        float(rng.uniform(low, high)) for low, high in ((-0.05, 0.05), (0.01, 0.05), (-0.02, 0.02))
+    )
     if support == "top held":
         top = ec.Displacement("top", (push, lambda x: tilt / width * x[0] - press))
         return [top], [ec.Traction("right", (push, 0.0))]
@@ -117,7 +124,8 @@ def _gap(rng: np.random.Generator, width: float) -> Any:
     return lambda x: curvature * (x[0] - middle) ** 2
 
 
-# -- blocks with Coulomb friction, in the plane and in space ---------------------------------------------------------
+# -- blocks with Coulomb friction, in the plane and in space
+# ---------------------------------------------------------
 
 
 def random_sliding_block(rng: np.random.Generator) -> Sample:
@@ -133,7 +141,9 @@ def random_sliding_block(rng: np.random.Generator) -> Sample:
     support = str(rng.choice(["top held", "top held", "left held", "left roller"]))
     supports, loads = _supports_and_loads(rng, support, width)
     contact = ec.Contact("bottom", friction=_friction(rng, width, 0.8), gap=_gap(rng, width))
-    name = f"{columns} x {rows}, width {width:.2f}, nu {nu:.2f}, E {law}, {support}, degree {degree}"
+    name = (
+        f"{columns} x {rows}, width {width:.2f}, nu {nu:.2f}, E {law}, {support}, degree {degree}"
+    )
     return Sample(name, ec.Scene(material, supports, loads, [contact]), domain, degree)
 
 

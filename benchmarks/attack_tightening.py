@@ -2,9 +2,11 @@
 
     OMP_NUM_THREADS=1 python benchmarks/attack_tightening.py [seed] [count]
 
-- ratio: e after the default tightening over e after 200 iterations that nothing ends before;
+- ratio: e after the default tightening over e after 200 iterations that nothing ends
+  before;
 - iterations: of the default;
-- index: e over the true error of u^, against a solution of degree 2 on a nested mesh (see ``true_errors.py``).
+- index: e over the true error of u^, against a solution of degree 2 on a nested mesh
+  (see ``true_errors.py``).
 """
 
 from __future__ import annotations
@@ -60,7 +62,10 @@ def tightening(seed: int, count: int) -> list[Tightening]:
         try:
             rows.append(measured(sample))
         except ec.ErcContactError as reason:
-            print(f"scene {number} of seed {seed} ({sample.name}) ends in {type(reason).__name__}", flush=True)
+            print(
+                f"scene {number} of seed {seed} ({sample.name}) ends in {type(reason).__name__}",
+                flush=True,
+            )
     return rows
 
 
@@ -96,7 +101,11 @@ def summary(rows: Sequence[Tightening]) -> str:
         of_degree = [row for row in rows if row.sample.degree == degree]
         small = [row for row in of_degree if row.eps < SMALL]
         lines.append(_line(f"index, degree {degree}", np.array([row.index for row in of_degree])))
-        lines.append(_line(f"index, degree {degree}, eps < {SMALL:.0%}", np.array([row.index for row in small])))
+        lines.append(
+            _line(
+                f"index, degree {degree}, eps < {SMALL:.0%}", np.array([row.index for row in small])
+            )
+        )
     return "\n".join(lines)
 
 

@@ -1,14 +1,18 @@
 """Cost of the stages, as multiples of one linear elastic solve of the same size.
 
-In 2D the common block of several contact codes: (0, 2) x (0, 7), E = 1, nu = 0.3, friction 0.3, pressed and sheared at
-its top, pushed at its right side, on n x 3.5 n squares cut in two (n = 128: 115 842 degrees of freedom of degree 1). In
-3D a cube pressed and sheared at its top, with friction at its bottom, on n x n x n cubes cut in six.
+In 2D the common block of several contact codes: (0, 2) x (0, 7), E = 1, nu = 0.3,
+friction 0.3, pressed and sheared at its top, pushed at its right side, on n x 3.5 n
+squares cut in two (n = 128: 115 842 degrees of freedom of degree 1). In 3D a cube
+pressed and sheared at its top, with friction at its bottom, on n x n x n cubes cut in
+six.
 
-The unit is a first linear elastic solve as plain DOLFINx does it: assembly of the stiffness, symbolic and numeric LU
-factorisation by MUMPS, one solve. Everything is timed in one process; medians of several rounds. The memory is what a
-stage adds at its peak to what the process has, beside what MUMPS says of its factor.
+The unit is a first linear elastic solve as plain DOLFINx does it: assembly of the
+stiffness, symbolic and numeric LU factorisation by MUMPS, one solve. Everything is
+timed in one process; medians of several rounds. The memory is what a stage adds at its
+peak to what the process has, beside what MUMPS says of its factor.
 
-    OMP_NUM_THREADS=1 python benchmarks/cost.py [--dim 2] [--n 128] [--degree 1] [--tighten 10] [--rounds 5]
+    OMP_NUM_THREADS=1 python benchmarks/cost.py [--dim 2] [--n 128] [--degree 1]
+    [--tighten 10] [--rounds 5]
 """
 
 import argparse
@@ -82,21 +86,33 @@ def main() -> None:
         linear, factor = linear_solve(scene, domain, options.degree)
         loose = ec.equilibrate(ec.solve(scene, domain, degree=options.degree), tighten=0)
         solution = ec.solve(scene, domain, degree=options.degree)
-        admissible = ec.equilibrate(solution, tighten=options.tighten)  # each with the factor that its solve made
+        admissible = ec.equilibrate(
+            solution, tighten=options.tighten
+        )  # each with the factor that its solve made
         error = ec.constitutive_error(admissible)
         if number > 0:  # the first round compiles forms
-            rows.append((linear, solution.seconds, loose.seconds, admissible.seconds, error.seconds))
+            rows.append(
+                (linear, solution.seconds, loose.seconds, admissible.seconds, error.seconds)
+            )
     linear, *stages = np.median(rows, axis=0)
     unknowns = solution.model.V.dofmap.index_map.size_global * domain.dim
-    print(f"{unknowns} degrees of freedom, {domain.cells} cells, {solution.newton_steps} Newton steps,")
+    print(
+        f"{unknowns} degrees of freedom, {domain.cells} cells, {solution.newton_steps} Newton steps,"
+    )
     print(f"eps = {error.relative:.3%} after {admissible.tightening} steps of tightening;")
-    print(f"medians of {options.rounds} rounds, one linear solve = {linear:.2f} s; its factor {factor:.0f} MB")
+    print(
+        f"medians of {options.rounds} rounds, one linear solve = {linear:.2f} s; its factor {factor:.0f} MB"
+    )
     names = ("contact solve", "admissible pair, loose", "admissible pair, tightened", "error")
     print(f"{'stage':<28}{'seconds':>9}{'linear solves':>15}{'microseconds a cell':>21}")
     for name, seconds in zip(names, stages, strict=True):
-        print(f"{name:<28}{seconds:9.2f}{seconds / linear:15.2f}{seconds / domain.cells * 1e6:21.1f}")
+        print(
+            f"{name:<28}{seconds:9.2f}{seconds / linear:15.2f}{seconds / domain.cells * 1e6:21.1f}"
+        )
     after = stages[2] + stages[3]
-    print(f"{'tightened pair and error':<28}{after:9.2f}{after / linear:15.2f}{after / domain.cells * 1e6:21.1f}")
+    print(
+        f"{'tightened pair and error':<28}{after:9.2f}{after / linear:15.2f}{after / domain.cells * 1e6:21.1f}"
+    )
 
 
 if __name__ == "__main__":

@@ -2,8 +2,10 @@
 
     python benchmarks/coulomb.py [triangles] [bounds] [random] [meshes] [cost]
 
-- triangles: M, and what is claimed and found below, at and above the friction where solutions are many;
-- bounds: the bound over e and over the true error (nested references) and the third term of the old bound;
+- triangles: M, and what is claimed and found below, at and above the friction where
+  solutions are many;
+- bounds: the bound over e and over the true error (nested references) and the third
+  term of the old bound;
 - random: the same for random scenes, with the number of bounds that the truth exceeds;
 - meshes: q under refinement;
 - cost: processor time over that of one linear solve.
@@ -84,7 +86,9 @@ def triangle(nu: float, friction: float, size: float) -> tuple[ec.Scene, ec.Doma
     return scene, domain
 
 
-def certified(scene: ec.Scene, domain: ec.Domain, **options: Any) -> tuple[ec.ConstitutiveError, ec.CoulombCertificate]:
+def certified(
+    scene: ec.Scene, domain: ec.Domain, **options: Any
+) -> tuple[ec.ConstitutiveError, ec.CoulombCertificate]:
     """Error and certificate of a scene on a mesh."""
     error = ec.constitutive_error(ec.equilibrate(ec.solve(scene, domain, **options)))
     return error, ec.coulomb_certificate(error)
@@ -92,9 +96,20 @@ def certified(scene: ec.Scene, domain: ec.Domain, **options: Any) -> tuple[ec.Co
 
 def triangles() -> None:
     """M, claims and other solutions on both triangles."""
-    print("| nu | size | mu / critical | M | q | unique | eps | eps of other solutions |\n|" + "---|" * 8)
+    print(
+        "| nu | size | mu / critical | M | q | unique | eps | eps of other solutions |\n|"
+        + "---|" * 8
+    )
     for nu in (0.2, 0.3):
-        for size, share in ((0.2, 0.5), (0.1, 0.5), (0.05, 0.5), (0.02, 0.5), (0.02, 0.65), (0.02, 0.99), (0.05, 1.0)):
+        for size, share in (
+            (0.2, 0.5),
+            (0.1, 0.5),
+            (0.05, 0.5),
+            (0.02, 0.5),
+            (0.02, 0.65),
+            (0.02, 0.99),
+            (0.05, 1.0),
+        ):
             error, found = certified(*triangle(nu, share, size))
             others = ", ".join(f"{one.relative:.0e}" for one in ec.other_solutions(error.solution))
             print(
@@ -124,7 +139,8 @@ def _solver(options: dict[str, Any]) -> dict[str, Any]:
 
 
 TABLE = (
-    "| scene | cells | q | A/e | B/e | bound/e | bound/e sqrt(1 - q) | bound/true | third term/e^2 |\n|" + "---|" * 9
+    "| scene | cells | q | A/e | B/e | bound/e | bound/e sqrt(1 - q) | bound/true | third term/e^2 |\n|"
+    + "---|" * 9
 )
 
 
@@ -155,7 +171,9 @@ def scenes(count: int) -> Iterator[tuple[str, ec.Scene, ec.Domain]]:
         nu, mu = float(rng.uniform(0.0, 0.4)), float(rng.uniform(0.05, 0.7))
         size = float(10 ** rng.uniform(-3, 3))
         steep = float(rng.uniform(0.0, 0.5))
-        push, press, tilt = (float(v) * size for v in rng.uniform((-0.05, 0.01, -0.03), (0.05, 0.08, 0.03)))
+        push, press, tilt = (
+            float(v) * size for v in rng.uniform((-0.05, 0.01, -0.03), (0.05, 0.08, 0.03))
+        )
         wide, curve = float(rng.uniform(0.7, 3.0)) * size, float(rng.uniform(0.0, 0.04)) / size
         friction, gap, top = _fields(number, mu, steep / wide, curve, wide, press, tilt)
         scene = ec.Scene(
@@ -188,7 +206,9 @@ def random_scenes(count: int = 60) -> None:
     """Random scenes; the number of bounds that the truth exceeds."""
     print(TABLE)
     held = [row(name, scene, domain, 3) for name, scene, domain in scenes(count)]
-    print(f"{count} scenes: {held.count(True)} bounds above the truth, {held.count(False)} below, the rest not claimed")
+    print(
+        f"{count} scenes: {held.count(True)} bounds above the truth, {held.count(False)} below, the rest not claimed"
+    )
 
 
 def meshes() -> None:
@@ -201,12 +221,17 @@ def meshes() -> None:
         ("block 2 x 7, 0.3", pressed(0.3), (2.0, 7.0), 14, 1),
     ):
         found = [certified(scene, square(start * 2**k, *shape), degree=degree)[1] for k in range(5)]
-        print(f"| {name} | {', '.join(f'{one.M:.3f} +- {one.M_change:.3f}' for one in found)} |", flush=True)
+        print(
+            f"| {name} | {', '.join(f'{one.M:.3f} +- {one.M_change:.3f}' for one in found)} |",
+            flush=True,
+        )
 
 
 def cost() -> None:
     """Processor time of the certificate over that of one linear solve, set-up included."""
-    print("| scene | cells | one linear solve, s | certificate | contact solve |\n|---|---|---|---|---|")
+    print(
+        "| scene | cells | one linear solve, s | certificate | contact solve |\n|---|---|---|---|---|"
+    )
     cube, push = ec.box((0.0,) * 3, (1.0,) * 3, cells=(26, 26, 26)), (0.02, 0.01, -0.05)
     for name, scene, domain, degree in (
         ("plane", greco(0.3), ec.rectangle((0.0, 0.0), (40.0, 40.0), size=0.5), 1),
@@ -226,10 +251,19 @@ def cost() -> None:
         ec.coulomb_certificate(error)
         t.append(process_time())
         contact, _, unit, own = np.diff(t)
-        print(f"| {name} | {domain.cells} | {unit:.2f} | {own / unit:.2f} | {contact / unit:.2f} |", flush=True)
+        print(
+            f"| {name} | {domain.cells} | {unit:.2f} | {own / unit:.2f} | {contact / unit:.2f} |",
+            flush=True,
+        )
 
 
-PARTS = {"triangles": triangles, "bounds": bounds, "random": random_scenes, "meshes": meshes, "cost": cost}
+PARTS = {
+    "triangles": triangles,
+    "bounds": bounds,
+    "random": random_scenes,
+    "meshes": meshes,
+    "cost": cost,
+}
 
 if __name__ == "__main__":
     for part in sys.argv[1:] or PARTS:

@@ -1,12 +1,13 @@
 """Dissipated energy of a cycle against the length of the steps in time.
 
-A punch stands on a plane by friction. A vertical load presses it, and a horizontal load rocks it back and forth. The
-energy of one cycle is told in three ways, which are the same for steps that are short enough: the dissipation function
-of the friction law, minus the work of the contact, and the area of the loop of the horizontal load over the mean
-displacement of the loaded side.
+A punch stands on a plane by friction. A vertical load presses it, and a horizontal load
+rocks it back and forth. The energy of one cycle is told in three ways, which are the
+same for steps that are short enough: the dissipation function of the friction law,
+minus the work of the contact, and the area of the loop of the horizontal load over the
+mean displacement of the loaded side.
 
-``steps``: prescribed steps, each half as long as the one before. ``chosen``: steps that `evolve` chooses for an
-accuracy of the dissipated energy.
+``steps``: prescribed steps, each half as long as the one before. ``chosen``: steps that
+`evolve` chooses for an accuracy of the dissipated energy.
 
     OMP_NUM_THREADS=1 python benchmarks/dissipation.py [steps|chosen|all]
 """
@@ -74,7 +75,9 @@ def displacement_of_top(error: ec.ConstitutiveError) -> float:
 def row(name: str, times: np.ndarray, accuracy_in_time: float | None = None) -> None:
     """Solve the history and print its row."""
     began = perf_counter()
-    history = ec.evolve(scene_at, punch(), times.tolist(), 0.03, degree=2, accuracy_in_time=accuracy_in_time)
+    history = ec.evolve(
+        scene_at, punch(), times.tolist(), 0.03, degree=2, accuracy_in_time=accuracy_in_time
+    )
     seconds = perf_counter() - began
     time = history.column("time")
     in_cycle = np.flatnonzero((time >= CYCLE[0]) & (time <= CYCLE[1]))

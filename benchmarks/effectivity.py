@@ -1,17 +1,21 @@
 """Effectivity of the error: indices against true errors, per-element correlation, error against run time.
 
-For every scene, degree and mesh of a uniform and of an adaptive sequence, without and with tightening:
+For every scene, degree and mesh of a uniform and of an adaptive sequence, without and
+with tightening:
 
     index     bulk part of e over |u - u^|, and e over |u - u^|
     both      e over sqrt(|u - u^|^2 + |sigma - sigma^|^2)
-    third     2 int (b - b^)(|u_t| - |u^_t|) / e^2 where the friction bound b depends on the pressure
-    rank u    Spearman's rank correlation of eps_E with the true error of u^ per element; "rank 2" with that of both
+    third     2 int (b - b^)(|u_t| - |u^_t|) / e^2 where the friction bound b depends on
+    the pressure rank u    Spearman's rank correlation of eps_E with the true error of
+    u^ per element; "rank 2" with that of both
 
-True errors are against the augmented Lagrangian on a mesh cut at the barycentres and then refined uniformly four times
-(3D: as often as memory allows), or against a known solution; see ``true_errors.py``. The table goes to
-``results/effectivity/table.csv``, and one figure a scene, eps against run time, beside it.
+True errors are against the augmented Lagrangian on a mesh cut at the barycentres and
+then refined uniformly four times (3D: as often as memory allows), or against a known
+solution; see ``true_errors.py``. The table goes to ``results/effectivity/table.csv``,
+and one figure a scene, eps against run time, beside it.
 
-    OMP_NUM_THREADS=1 python benchmarks/effectivity.py [table|figures|race|all] [part of a scene's name]
+    OMP_NUM_THREADS=1 python benchmarks/effectivity.py [table|figures|race|all] [part of
+    a scene's name]
 """
 
 from __future__ import annotations
@@ -48,9 +52,11 @@ class Case:
 
     Attributes:
         scene: The scene, or a function of the degree that gives it.
-        meshes: The uniform sequence, coarse to fine; the adaptive one starts from its first.
+        meshes: The uniform sequence, coarse to fine; the adaptive one starts from its
+            first.
         levels: Uniform refinements of the reference beyond the cut at the barycentres.
-        exact: Known displacement, a function of the degree that gives a callable of x; or None.
+        exact: Known displacement, a function of the degree that gives a callable of x;
+            or None.
         max_cells: Cells at most in a figure of error against run time.
         max_fine: Cells of a reference at most.
     """
@@ -68,14 +74,20 @@ class Case:
 
     def truth(self, solution: ec.Solution, degree: int) -> Reference:
         """What counts as exact on the mesh of a solution."""
-        return known(solution, self.exact(degree)) if self.exact else reference(solution, self.levels)
+        return (
+            known(solution, self.exact(degree)) if self.exact else reference(solution, self.levels)
+        )
 
     def affordable(self, cells: int, d: int, degree: int) -> bool:
         """Whether the reference of a mesh fits into memory."""
-        return bool(self.exact) or cells * (d + 1) * 2 ** (d * self.levels) * degree**d <= self.max_fine
+        return (
+            bool(self.exact)
+            or cells * (d + 1) * 2 ** (d * self.levels) * degree**d <= self.max_fine
+        )
 
 
-# -- scenes --------------------------------------------------------------------------------------------------------
+# -- scenes
+# --------------------------------------------------------------------------------------------------------
 
 
 def block(friction: Any, nu: float = 0.3) -> ec.Scene:
@@ -118,7 +130,8 @@ def cube(friction: float) -> ec.Scene:
 def smooth(degree: int) -> Callable[[Any], Any]:
     """A displacement of degree k + 1 on the unit square that keeps frictionless contact at y = 0, closed all over.
 
-    u_y = 0 and sigma_xy = 0 at y = 0, u_x = 0 at x = 0; elements of degree k carry all its data.
+    u_y = 0 and sigma_xy = 0 at y = 0, u_x = 0 at x = 0; elements of degree k carry all
+    its data.
     """
     return lambda x: ufl.as_vector(
         [
@@ -147,7 +160,11 @@ def manufactured(degree: int) -> ec.Scene:
             ec.Traction("top", lambda x: stress(x)[:, 1]),
             ec.BodyForce(
                 (
-                    lambda x: -k * (0.03 * (k + 1) * (lame + 2 * shear) - 0.02 * (lame + shear)) * x[0] ** (k - 1),
+                    lambda x: (
+                        -k
+                        * (0.03 * (k + 1) * (lame + 2 * shear) - 0.02 * (lame + shear))
+                        * x[0] ** (k - 1)
+                    ),
                     lambda x: (
                         -k
                         * (
@@ -189,7 +206,8 @@ CASES = {
 }
 
 
-# -- the table -----------------------------------------------------------------------------------------------------
+# -- the table
+# -----------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -219,12 +237,12 @@ class Row:
         )
 
 
-HEADER = (
-    f"{'scene':<30}k sequence  cells max its      eps  bulk/u     e/u   both - 1     third  rank u  rank 2  fine cells"
-)
+HEADER = f"{'scene':<30}k sequence  cells max its      eps  bulk/u     e/u   both - 1     third  rank u  rank 2  fine cells"
 
 
-def measured(name: str, degree: int, sequence: str, domain: ec.Domain) -> tuple[list[Row], ec.ConstitutiveError]:
+def measured(
+    name: str, degree: int, sequence: str, domain: ec.Domain
+) -> tuple[list[Row], ec.ConstitutiveError]:
     """The rows of one mesh, and the tightest error."""
     case = CASES[name]
     solution = ec.solve(case.of_degree(degree), domain, degree=degree)
@@ -275,9 +293,15 @@ def summary(rows: list[Row]) -> Iterator[str]:
         own = [r for r in rows if (r.scene, r.degree, r.tighten) == (name, degree, tighten)]
         ranges = ", ".join(
             f"{what} {min(getattr(r, key) for r in own):.3f} to {max(getattr(r, key) for r in own):.3f}"
-            for what, key in (("bulk/u", "bulk_index"), ("rank u", "rank_u"), ("rank 2", "rank_both"))
+            for what, key in (
+                ("bulk/u", "bulk_index"),
+                ("rank u", "rank_u"),
+                ("rank 2", "rank_both"),
+            )
         )
-        both = f"both - 1 {min(r.both for r in own) - 1:+.1e} to {max(r.both for r in own) - 1:+.1e}"
+        both = (
+            f"both - 1 {min(r.both for r in own) - 1:+.1e} to {max(r.both for r in own) - 1:+.1e}"
+        )
         third = max(abs(r.third) for r in own)
         yield f"{name}, k = {degree}, tighten {tighten}: {ranges}, {both}, third {third:.1e}"
 
@@ -290,7 +314,8 @@ def write(rows: list[Row]) -> None:
         writer.writerows([getattr(row, column.name) for column in fields(Row)] for row in rows)
 
 
-# -- error against run time ----------------------------------------------------------------------------------------
+# -- error against run time
+# ----------------------------------------------------------------------------------------
 
 
 def figure(name: str) -> None:
@@ -302,13 +327,20 @@ def figure(name: str) -> None:
             warm_up(scene, start, degree, tighten)
             for strategy in (ec.Uniform(), ec.Mark()):
                 label = f"k = {degree}, {'uniform' if strategy == ec.Uniform() else 'adaptive'}, tighten {tighten}"
-                options: dict[str, Any] = {"strategy": strategy, "tighten": tighten, "max_cells": case.max_cells}
+                options: dict[str, Any] = {
+                    "strategy": strategy,
+                    "tighten": tighten,
+                    "max_cells": case.max_cells,
+                }
                 history = ec.adapt(scene, start, 1e-6, degree=degree, **options)
                 histories[label] = replace(history, accuracy=LINE, meshes=())
                 print(
-                    f"{name}: {label}: {history.steps[-1].eps:.3%} after {history.steps[-1].seconds:.1f} s", flush=True
+                    f"{name}: {label}: {history.steps[-1].eps:.3%} after {history.steps[-1].seconds:.1f} s",
+                    flush=True,
                 )
-                history.to_csv(FOLDER / f"{label.replace(' ', '').replace(',', '_')}_{file_name(name)}.csv")
+                history.to_csv(
+                    FOLDER / f"{label.replace(' ', '').replace(',', '_')}_{file_name(name)}.csv"
+                )
     plot_history(histories, FOLDER / f"{file_name(name)}.png")
 
 
@@ -324,9 +356,10 @@ def warm_up(scene: ec.Scene, start: ec.Domain, degree: int, tighten: int) -> Non
 def race(accuracy: float = 0.01) -> None:
     """Time to a certified accuracy on the block: adaptive runs, against uniform P1 with the loose error.
 
-    The uniform side runs twice: refining all cells from the same first mesh, as one does who knows nothing; and on the
-    one structured mesh that just reaches the accuracy, as if it were known in advance. Seconds are those of the
-    processor, of one thread: they do not depend on what else the machine does.
+    The uniform side runs twice: refining all cells from the same first mesh, as one
+    does who knows nothing; and on the one structured mesh that just reaches the
+    accuracy, as if it were known in advance. Seconds are those of the processor, of one
+    thread: they do not depend on what else the machine does.
     """
     scene, start = block(0.3), blocks(4)[0]()
     times = {}
@@ -335,13 +368,21 @@ def race(accuracy: float = 0.01) -> None:
             for fraction in (0.5, 0.8):
                 warm_up(scene, start, degree, tighten)
                 began = process_time()
-                options: dict[str, Any] = {"tighten": tighten, "stop": "certified", "strategy": ec.Mark(fraction)}
+                options: dict[str, Any] = {
+                    "tighten": tighten,
+                    "stop": "certified",
+                    "strategy": ec.Mark(fraction),
+                }
                 last = ec.adapt(scene, start, accuracy, degree=degree, **options).steps[-1]
                 label = f"adaptive, k = {degree}, tighten {tighten}, marking {fraction}"
                 times[label] = process_time() - began
-                print(f"{label}: {last.cells} cells, {last.eps:.3%}, {times[label]:.2f} s", flush=True)
+                print(
+                    f"{label}: {last.cells} cells, {last.eps:.3%}, {times[label]:.2f} s", flush=True
+                )
     began = process_time()
-    history = ec.adapt(scene, start, accuracy, strategy=ec.Uniform(), tighten=0, max_cells=2_000_000)
+    history = ec.adapt(
+        scene, start, accuracy, strategy=ec.Uniform(), tighten=0, max_cells=2_000_000
+    )
     refining = process_time() - began
     print(
         f"uniform, tighten 0, refining: {history.steps[-1].cells} cells, {history.steps[-1].eps:.3%}, {refining:.2f} s"
@@ -363,7 +404,10 @@ def one_mesh(scene: ec.Scene, n: int) -> tuple[float, float]:
     error = ec.constitutive_error(ec.equilibrate(ec.solve(scene, blocks(n)[0]()), tighten=0))
     seconds = process_time() - began
     cells = error.domain.cells
-    print(f"uniform, tighten 0, n = {n} alone: {cells} cells, {error.relative:.3%}, {seconds:.2f} s", flush=True)
+    print(
+        f"uniform, tighten 0, n = {n} alone: {cells} cells, {error.relative:.3%}, {seconds:.2f} s",
+        flush=True,
+    )
     return error.relative, seconds
 
 

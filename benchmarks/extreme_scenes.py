@@ -1,10 +1,11 @@
 """Scenes at the edge of what a contact solver meets: units, materials, friction, shapes, meshes, supports, loads.
 
-Each is small (below 2000 cells) and says whether it has a solution at all. `benchmarks/extremes.py` runs them.
+Each is small (below 2000 cells) and says whether it has a solution at all.
+`benchmarks/extremes.py` runs them.
 
-Existence: with supports that hold the body, the discrete problem of static Coulomb friction has a solution for any
-friction coefficient. A body that only contact holds has one if the loads lie strictly inside what the friction cones
-can balance.
+Existence: with supports that hold the body, the discrete problem of static Coulomb
+friction has a solution for any friction coefficient. A body that only contact holds has
+one if the loads lie strictly inside what the friction cones can balance.
 """
 
 from __future__ import annotations
@@ -35,12 +36,16 @@ class Extreme:
 
     Attributes:
         build: Makes the scene and its domain.
-        solvable: The scene has a solution; else it must end in an error of the solver, never in a field.
-        refusable: Its numbers are beyond double precision: InputError is a right answer too.
-        parameters: Fields of the contact method that the scene sets; methods without them leave it out.
-        levels: Uniform refinements of a reference solution for the effectivity; 0 for none (serial, 2D only).
-        same_as: Name of the scene that this one is in other units or under a multiple of its load, so that eps and
-            the Newton steps must be the same.
+        solvable: The scene has a solution; else it must end in an error of the solver,
+            never in a field.
+        refusable: Its numbers are beyond double precision: InputError is a right answer
+            too.
+        parameters: Fields of the contact method that the scene sets; methods without
+            them leave it out.
+        levels: Uniform refinements of a reference solution for the effectivity; 0 for
+            none (serial, 2D only).
+        same_as: Name of the scene that this one is in other units or under a multiple
+            of its load, so that eps and the Newton steps must be the same.
     """
 
     build: Callable[[], Pair]
@@ -51,7 +56,8 @@ class Extreme:
     same_as: str = ""
 
 
-# -- domains -------------------------------------------------------------------------------------------------
+# -- domains
+# -------------------------------------------------------------------------------------------------
 
 
 def mapped(domain: ec.Domain, new: Callable[[np.ndarray], Sequence[Any]]) -> ec.Domain:
@@ -66,13 +72,17 @@ def rotated(domain: ec.Domain, degrees: float) -> ec.Domain:
     return mapped(domain, lambda x: (c * x[0] - s * x[1], s * x[0] + c * x[1]))
 
 
-def with_part(domain: ec.Domain, name: str, of: str, where: Callable[[np.ndarray], Any]) -> ec.Domain:
+def with_part(
+    domain: ec.Domain, name: str, of: str, where: Callable[[np.ndarray], Any]
+) -> ec.Domain:
     """Give the facets of a boundary part whose middles x, shape (3, n), satisfy ``where`` a name of their own."""
     tags = domain.facet_tags
     middle = dmesh.compute_midpoints(domain.mesh, tags.dim, tags.indices).T
     own = (tags.values == domain.names[of]) & where(middle)
     number = max(domain.names.values()) + 1
-    new = dmesh.meshtags(domain.mesh, tags.dim, tags.indices, np.where(own, number, tags.values).astype(np.int32))
+    new = dmesh.meshtags(
+        domain.mesh, tags.dim, tags.indices, np.where(own, number, tags.values).astype(np.int32)
+    )
     return ec.Domain(domain.mesh, new, {**domain.names, name: number})
 
 
@@ -104,7 +114,10 @@ def square(nx: int = 8, ny: int = 8) -> ec.Domain:
 
 def graded_tensor(nx: int, ny: int, least: float) -> ec.Domain:
     """The unit square with rows whose heights above the contact grow geometrically from ``least`` to 1."""
-    return mapped(square(nx, ny), lambda x: (x[0], np.where(x[1] > 0, least ** (1 - (ny * x[1] - 1) / (ny - 1)), 0.0)))
+    return mapped(
+        square(nx, ny),
+        lambda x: (x[0], np.where(x[1] > 0, least ** (1 - (ny * x[1] - 1) / (ny - 1)), 0.0)),
+    )
 
 
 def graded_corner(least: float) -> ec.Domain:
@@ -139,7 +152,10 @@ def half_disc(radius: float, size: float) -> ec.Domain:
 
     def build(gmsh: Any) -> None:
         occ = gmsh.model.occ
-        disc, box = occ.addDisk(0, radius, 0, radius, radius), occ.addRectangle(-radius, 0, 0, 2 * radius, radius)
+        disc, box = (
+            occ.addDisk(0, radius, 0, radius, radius),
+            occ.addRectangle(-radius, 0, 0, 2 * radius, radius),
+        )
         occ.intersect([(2, disc)], [(2, box)])
         occ.synchronize()
         curves = gmsh.model.getEntities(1)
@@ -155,7 +171,8 @@ def half_disc(radius: float, size: float) -> ec.Domain:
     return from_occ(build)
 
 
-# -- scenes --------------------------------------------------------------------------------------------------
+# -- scenes
+# --------------------------------------------------------------------------------------------------
 
 
 def block(
@@ -181,12 +198,16 @@ def block(
 def pressed(domain: ec.Domain, push: Sequence[float] = (0.02, -0.05), **contact: Any) -> Pair:
     """A body with its top displaced, its bottom on a foundation."""
     contacts = [ec.Contact("bottom", **{"friction": 0.3, **contact})]
-    return ec.Scene(ec.Elastic(1.0, 0.3), [ec.Displacement("top", tuple(push))], contacts=contacts), domain
+    return ec.Scene(
+        ec.Elastic(1.0, 0.3), [ec.Displacement("top", tuple(push))], contacts=contacts
+    ), domain
 
 
 def layered(domain: ec.Domain, low: float, high: float) -> Pair:
     scene, _ = pressed(domain)
-    return ec.Scene(ec.Elastic({"low": low, "high": high}, 0.3), scene.supports, contacts=scene.contacts), domain
+    return ec.Scene(
+        ec.Elastic({"low": low, "high": high}, 0.3), scene.supports, contacts=scene.contacts
+    ), domain
 
 
 def greco(*, E: float = 130e3, size: float = 1.0, n: int = 8, friction: float = 1.0) -> Pair:
@@ -200,7 +221,9 @@ def greco(*, E: float = 130e3, size: float = 1.0, n: int = 8, friction: float = 
     return scene, ec.rectangle((0.0, 0.0), (40 * size, 40 * size), cells=(n, n))
 
 
-def standing(push: Sequence[float], domain: ec.Domain | None = None, parts: Any = ("bottom",), **contact: Any) -> Pair:
+def standing(
+    push: Sequence[float], domain: ec.Domain | None = None, parts: Any = ("bottom",), **contact: Any
+) -> Pair:
     """A body with nothing but contact to hold it, under a body force (in thousandths of E)."""
     contacts = [ec.Contact(part, **{"friction": 0.5, **contact}) for part in parts]
     weight = ec.BodyForce(tuple(1e-3 * p for p in push))
@@ -224,7 +247,9 @@ def in_a_channel() -> Pair:
     """A square pressed into a channel, whose walls it meets as it expands; three contacts with friction."""
     contacts = [ec.Contact("bottom", friction=0.3)]
     contacts += [ec.Contact(side, friction=0.3, gap=0.002) for side in ("left", "right")]
-    return ec.Scene(ec.Elastic(1.0, 0.3), loads=[ec.Traction("top", pressure=0.05)], contacts=contacts), square()
+    return ec.Scene(
+        ec.Elastic(1.0, 0.3), loads=[ec.Traction("top", pressure=0.05)], contacts=contacts
+    ), square()
 
 
 def partly_clamped(clamped: Callable[[np.ndarray], Any], n: int = 8) -> Pair:
@@ -238,7 +263,9 @@ def one_facet() -> Pair:
     """A square that touches with one facet in the middle of its bottom."""
     domain = with_part(square(9, 9), "foot", "bottom", lambda x: abs(x[0] - 0.5) < 0.05)
     scene, domain = pressed(domain)
-    return ec.Scene(scene.material, scene.supports, contacts=[ec.Contact("foot", friction=0.3)]), domain
+    return ec.Scene(
+        scene.material, scene.supports, contacts=[ec.Contact("foot", friction=0.3)]
+    ), domain
 
 
 def held_at_the_side() -> Pair:
@@ -272,13 +299,17 @@ def continuum_of_solutions() -> Pair:
         loads=[ec.Traction("right", (0.1 * 5**0.5, 0.0))],
         contacts=[ec.Contact("bottom", friction=2.0)],
     )
-    return scene, ec.Domain(mesh, dmesh.meshtags(mesh, 1, np.arange(3, dtype=np.int32), values), names)
+    return scene, ec.Domain(
+        mesh, dmesh.meshtags(mesh, 1, np.arange(3, dtype=np.int32), values), names
+    )
 
 
 def hertz(push: Sequence[float], friction: float) -> Pair:
     """A half disc of radius 1 on a plane."""
     contact = ec.Contact("arc", friction=friction, normal=(0.0, -1.0), gap=lambda x: x[1])
-    scene = ec.Scene(ec.Elastic(1.0, 0.3), [ec.Displacement("top", tuple(push))], contacts=[contact])
+    scene = ec.Scene(
+        ec.Elastic(1.0, 0.3), [ec.Displacement("top", tuple(push))], contacts=[contact]
+    )
     return scene, half_disc(1.0, 0.01)
 
 
@@ -305,7 +336,9 @@ def tower() -> ec.Domain:
 def roller_pulled_off(friction: float) -> Pair:
     """A block on a roller that leaves it free to rise, pulled upwards."""
     supports, loads = [ec.Displacement("left", (0.0, None))], [ec.Traction("top", (0.0, 0.01))]
-    scene = ec.Scene(ec.Elastic(1.0, 0.3), supports, loads, [ec.Contact("bottom", friction=friction)])
+    scene = ec.Scene(
+        ec.Elastic(1.0, 0.3), supports, loads, [ec.Contact("bottom", friction=friction)]
+    )
     return scene, square()
 
 
@@ -314,7 +347,9 @@ def _units() -> dict[str, Extreme]:
     scenes = {}
     for what, build in (("block", block), ("GRECO", greco)):
         for k in range(-9, 13, 3):
-            scenes[f"{what} E 1e{k:+d}"] = Extreme(lambda b=build, v=10.0**k: b(E=v, n=8), same_as=f"{what} E 1e+0")
+            scenes[f"{what} E 1e{k:+d}"] = Extreme(
+                lambda b=build, v=10.0**k: b(E=v, n=8), same_as=f"{what} E 1e+0"
+            )
         for k in range(-6, 4, 3):
             scenes[f"{what} size 1e{k:+d}"] = Extreme(
                 lambda b=build, v=10.0**k: b(size=v, n=8), same_as=f"{what} E 1e+0"
@@ -330,13 +365,19 @@ def _parameters() -> dict[str, Extreme]:
             scenes[f"nu {v:g}, {n} squares across"] = Extreme(lambda v=v, n=n: block(nu=v, n=n))
     for v in (0.0, 0.01, 0.3, 1.0, 2.0, 5.0, 20.0):
         scenes[f"mu {v:g}"] = Extreme(lambda v=v: block(friction=v), levels=3)
-        scenes[f"mu {v:g} sheared hard"] = Extreme(lambda v=v: pressed(square(), (0.3, -0.05), friction=v))
+        scenes[f"mu {v:g} sheared hard"] = Extreme(
+            lambda v=v: pressed(square(), (0.3, -0.05), friction=v)
+        )
     scenes["mu from 0 to 2"] = Extreme(lambda: block(friction=lambda x: x[0]))
     for k in range(-2, 7):
         scenes[f"gamma 1e{k:+d}"] = Extreme(lambda: block(n=8), parameters={"gamma": 10.0**k})
     for theta in (-1, 0, 1):
-        scenes[f"theta {theta}"] = Extreme(lambda: block(n=8), parameters={"theta": theta}, levels=2)
-        scenes[f"theta {theta} mu 2"] = Extreme(lambda: block(n=8, friction=2.0), parameters={"theta": theta})
+        scenes[f"theta {theta}"] = Extreme(
+            lambda: block(n=8), parameters={"theta": theta}, levels=2
+        )
+        scenes[f"theta {theta} mu 2"] = Extreme(
+            lambda: block(n=8, friction=2.0), parameters={"theta": theta}
+        )
     return scenes
 
 
@@ -357,10 +398,16 @@ def _states() -> dict[str, Extreme]:
         "stands pushed, mu 20": Extreme(lambda: standing((0.3, -1.0), friction=20.0)),
         "stands above a gap": Extreme(lambda: standing((0.3, -1.0), gap=0.01)),
         "tower leans": Extreme(lambda: standing((0.2, -1.0), tower(), friction=1.0)),
-        "slope 15 degrees, mu 0.5": Extreme(lambda: standing((0.0, -1.0), rotated(square(), 15.0)), levels=3),
-        "slope 44 degrees, mu 1": Extreme(lambda: standing((0.0, -1.0), rotated(square(24, 24), 44.0), friction=1.0)),
+        "slope 15 degrees, mu 0.5": Extreme(
+            lambda: standing((0.0, -1.0), rotated(square(), 15.0)), levels=3
+        ),
+        "slope 44 degrees, mu 1": Extreme(
+            lambda: standing((0.0, -1.0), rotated(square(24, 24), 44.0), friction=1.0)
+        ),
         "body tilted to the foundation": Extreme(
-            lambda: pressed(square(), normal=(sin(0.05), -cos(0.05)), gap=lambda x: sin(0.05) * (1 - x[0]))
+            lambda: pressed(
+                square(), normal=(sin(0.05), -cos(0.05)), gap=lambda x: sin(0.05) * (1 - x[0])
+            )
         ),
         "wedge mu 0": Extreme(lambda: wedge(0.0), levels=3),
         "wedge mu 0.2, below the slope": Extreme(lambda: wedge(0.2), levels=3),
@@ -376,7 +423,9 @@ def _meshes() -> dict[str, Extreme]:
     needle = 1 / np.tan(radians(1.0))
     return {
         "rod 100:1 on its side": Extreme(rod_on_its_side),
-        "column 1:100": Extreme(lambda: pressed(ec.rectangle((0.0, 0.0), (1.0, 100.0), cells=(2, 200)), (0.5, -0.05))),
+        "column 1:100": Extreme(
+            lambda: pressed(ec.rectangle((0.0, 0.0), (1.0, 100.0), cells=(2, 200)), (0.5, -0.05))
+        ),
         "soft at the contact 1:1e6": Extreme(lambda: layered(halved(square(), 1, 0.5), 1.0, 1e6)),
         "hard at the contact 1e6:1": Extreme(lambda: layered(halved(square(), 1, 0.5), 1e6, 1.0)),
         "soft and hard side by side": Extreme(lambda: layered(halved(square(), 0, 0.5), 1.0, 1e6)),
@@ -392,12 +441,16 @@ def _meshes() -> dict[str, Extreme]:
         "one contact facet": Extreme(one_facet),
         "contact next to a clamp": Extreme(lambda: partly_clamped(lambda x: x[0] < 0.5)),
         "one contact facet next to a clamp": Extreme(lambda: partly_clamped(lambda x: x[0] < 0.87)),
-        "contact between two clamps": Extreme(lambda: partly_clamped(lambda x: abs(x[0] - 0.5) > 0.25)),
+        "contact between two clamps": Extreme(
+            lambda: partly_clamped(lambda x: abs(x[0] - 0.5) > 0.25)
+        ),
         "end of the contact fixed": Extreme(held_at_the_side, levels=2),
         "Hertz": Extreme(lambda: hertz((0.0, -0.02), 0.0)),
         "Hertz mu 0.3, sheared": Extreme(lambda: hertz((0.01, -0.02), 0.3)),
         "cylinder": Extreme(lambda: pressed(square(16, 16), gap=on_a_cylinder), levels=2),
-        "cylinder without friction": Extreme(lambda: pressed(square(16, 16), gap=on_a_cylinder, friction=0.0)),
+        "cylinder without friction": Extreme(
+            lambda: pressed(square(16, 16), gap=on_a_cylinder, friction=0.0)
+        ),
         "sine": Extreme(lambda: pressed(square(24, 24), gap=on_a_sine)),
         "3D cube": Extreme(lambda: pressed(cube(), (0.03, 0.01, -0.05))),
         "3D cube mu 2": Extreme(lambda: pressed(cube(), (0.1, 0.04, -0.05), friction=2.0)),
@@ -426,7 +479,9 @@ def _loads() -> dict[str, Extreme]:
         "pushed beyond the limit": lambda: standing((0.3, -1.0), friction=0.1),
         "pushed to 102% of the limit": lambda: standing((0.51, -1.0)),
         "pushed beyond the limit above a gap": lambda: standing((0.6, -1.0), gap=0.01),
-        "slope 15 degrees, mu 0.2": lambda: standing((0.0, -1.0), rotated(square(), 15.0), friction=0.2),
+        "slope 15 degrees, mu 0.2": lambda: standing(
+            (0.0, -1.0), rotated(square(), 15.0), friction=0.2
+        ),
         "tower tips over": lambda: standing((0.3, -1.0), tower(), friction=1.0),
         "wedge pulled out": lambda: wedge(0.2, 1.0),
         "3D pushed beyond the limit": lambda: standing((0.4, 0.4, -1.0), cube(3)),

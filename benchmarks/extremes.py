@@ -1,18 +1,22 @@
 """Extreme scenes with every contact method: does it converge, how, and does the answer keep the contact conditions?
 
-A pair (scene, method) runs through the solve, the admissible pair and its error. The table has, from the method's own u
-and traction r at the quadrature points of the contact:
+A pair (scene, method) runs through the solve, the admissible pair and its error. The
+table has, from the method's own u and traction r at the quadrature points of the
+contact:
 
 - penetration: max (u_n - g)+ / max |u|;
-- cone: the largest of r_n and |r_t| - b, over the largest stress, with b the friction bound;
+- cone: the largest of r_n and |r_t| - b, over the largest stress, with b the friction
+  bound;
 - complementarity: int |r_n (u_n - g)| / a(u, u);
 - friction: int |b |u_t| + r_t.u_t| / a(u, u), the imbalance of the power of friction;
 
-and the effectivity, e over the errors of u^ and sigma^ together against a mesh uniformly finer, where that is cheap.
+and the effectivity, e over the errors of u^ and sigma^ together against a mesh
+uniformly finer, where that is cheap.
 
     OMP_NUM_THREADS=1 python benchmarks/extremes.py [part of a scene's name]
 
-writes results/extremes.csv too. Only errors of the package are caught: anything else is a defect and shows.
+writes results/extremes.csv too. Only errors of the package are caught: anything else is
+a defect and shows.
 """
 
 from __future__ import annotations
@@ -64,11 +68,21 @@ class Row:
     message: str = ""
 
     def __str__(self) -> str:
-        numbers = [f"{self.steps:5.0f}", f"{self.seconds:7.2f}", f"{self.eps:9.2e}", f"{self.effectivity:6.2f}"]
-        numbers += [f"{v:9.1e}" for v in (self.penetration, self.cone, self.complementarity, self.friction)]
+        numbers = [
+            f"{self.steps:5.0f}",
+            f"{self.seconds:7.2f}",
+            f"{self.eps:9.2e}",
+            f"{self.effectivity:6.2f}",
+        ]
+        numbers += [
+            f"{v:9.1e}" for v in (self.penetration, self.cone, self.complementarity, self.friction)
+        ]
         cells = [f"{self.scene:<36}{self.method:<21}{self.outcome:<26}{self.rung:<42}"]
         mark = "" if self.expected else "  <-"
-        return " ".join([*cells, *(n if "nan" not in n else f"{'-':>{len(n)}}" for n in numbers)]) + mark
+        return (
+            " ".join([*cells, *(n if "nan" not in n else f"{'-':>{len(n)}}" for n in numbers)])
+            + mark
+        )
 
 
 HEADER = (
@@ -84,15 +98,23 @@ def violations(solution: ec.Solution) -> tuple[float, float, float, float]:
     shape = lagrange(model.d - 1, model.degree, points)
     values = u.x.array.reshape(-1, model.d)
     size = np.linalg.norm(values, axis=1).max() or 1.0
-    tractions = [evaluate(solution.traction(c), model.mesh, points, c.facets) for c in model.contacts]
-    inside = abs(cell_stress(model, cell_geometry(model), u)).max()  # an open contact has round-off of it
+    tractions = [
+        evaluate(solution.traction(c), model.mesh, points, c.facets) for c in model.contacts
+    ]
+    inside = abs(
+        cell_stress(model, cell_geometry(model), u)
+    ).max()  # an open contact has round-off of it
     peak = max(inside, *(np.linalg.norm(r, axis=-1).max() for r in tractions)) or 1.0
     work = fem.assemble_scalar(fem.form(model.stiffness(u, u / (size * peak)))) or 1.0
     penetration, cone, complementarity, friction = 0.0, 0.0, 0.0, 0.0
     for contact, traction in zip(model.contacts, tractions, strict=True):
         n, r = contact.direction[:, None, :], traction / peak
         w = np.einsum("qm,fmi->fqi", shape, values[model.facet_nodes(contact.facets)]) / size
-        gap = 0.0 if contact.gap is None else evaluate(contact.gap, model.mesh, points, contact.facets) / size
+        gap = (
+            0.0
+            if contact.gap is None
+            else evaluate(contact.gap, model.mesh, points, contact.facets) / size
+        )
         area = model.facet_areas(contact.facets)
         (r_n, r_t, shear), (w_n, w_t, slip) = split(r, n), split(w, n)
         beyond = w_n - gap
@@ -126,8 +148,14 @@ def run(name: str, extreme: Extreme, method: Any) -> Row:
         error = ec.constitutive_error(ec.equilibrate(solution))
     except ec.ErcContactError as reason:
         outcome = type(reason).__name__ + (" after the solve" if solution else "")
-        expected = not solution if not extreme.solvable else extreme.refusable and isinstance(reason, ec.InputError)
-        return Row(name, label, outcome, expected, seconds=perf_counter() - began, message=str(reason))
+        expected = (
+            not solution
+            if not extreme.solvable
+            else extreme.refusable and isinstance(reason, ec.InputError)
+        )
+        return Row(
+            name, label, outcome, expected, seconds=perf_counter() - began, message=str(reason)
+        )
     return Row(
         name,
         label,
@@ -174,10 +202,16 @@ def unit_independence(rows: list[Row]) -> dict[tuple[str, str], tuple[list[float
 
 def summary(rows: list[Row]) -> Iterator[str]:
     for (scene, method), (steps, spread) in unit_independence(rows).items():
-        verdict = "independent of units" if len(set(steps)) == 1 and spread <= SAME else "DEPENDS ON UNITS"
+        verdict = (
+            "independent of units"
+            if len(set(steps)) == 1 and spread <= SAME
+            else "DEPENDS ON UNITS"
+        )
         counts = " ".join(f"{n:g}" for n in steps)
         yield f"{scene}, {method}: {verdict}; steps {counts}; eps differs by {spread:.1e} at most"
-    right = {id(row) for row in rows if row.outcome == "converged" and difference(row, rows) <= SAME}
+    right = {
+        id(row) for row in rows if row.outcome == "converged" and difference(row, rows) <= SAME
+    }
     for row in rows:
         if not row.expected:
             yield f"unexpected: {row.scene}, {row.method}: {row.outcome} {row.message}"
@@ -187,7 +221,9 @@ def summary(rows: list[Row]) -> Iterator[str]:
     yield f"slowest: {slowest.scene}, {slowest.method}: {slowest.seconds:.1f} s"
     for method in dict.fromkeys(row.method for row in rows):
         own = [row for row in rows if row.method == method]
-        solvable = [row for row in own if SCENES[row.scene].solvable and not SCENES[row.scene].refusable]
+        solvable = [
+            row for row in own if SCENES[row.scene].solvable and not SCENES[row.scene].refusable
+        ]
         hopeless = [row for row in own if not SCENES[row.scene].solvable]
         yield (
             f"{method}: {sum(id(row) in right for row in solvable)} of {len(solvable)} scenes that have a solution "

@@ -1,11 +1,13 @@
 """Does the default method solve every friction coefficient? 500 from 0.001 to 2 on four scenes, of degree 1 and 2.
 
-The scenes: the block that several contact codes agree on without its traction, (0, 2) x (0, 7), pressed and sheared;
-the same with nu = 0.35, sheared more; GRECO, which only the contact holds vertically; a cube of two materials (1 : 10)
-above a sphere, pressed and sheared. Meshes are small and coarse: there the discrete problem is at its worst.
+The scenes: the block that several contact codes agree on without its traction, (0, 2) x
+(0, 7), pressed and sheared; the same with nu = 0.35, sheared more; GRECO, which only
+the contact holds vertically; a cube of two materials (1 : 10) above a sphere, pressed
+and sheared. Meshes are small and coarse: there the discrete problem is at its worst.
 
-Printed for each scene and degree: failures, how often the default gave the solution of the augmented Lagrangian
-because Nitsche's method did not converge, the mean and the largest number of Newton steps (all attempts), seconds.
+Printed for each scene and degree: failures, how often the default gave the solution of
+the augmented Lagrangian because Nitsche's method did not converge, the mean and the
+largest number of Newton steps (all attempts), seconds.
 
     OMP_NUM_THREADS=1 python benchmarks/friction_sweep.py [number of coefficients]
 """
@@ -25,7 +27,9 @@ from extreme_scenes import Pair, cube, greco, halved, on_a_sphere  # isort: skip
 def block(friction: float, nu: float = 0.3, push: tuple[float, float] = (0.1, -0.05)) -> Pair:
     """The block, pressed and sheared at its top."""
     scene = ec.Scene(
-        ec.Elastic(1.0, nu), [ec.Displacement("top", push)], contacts=[ec.Contact("bottom", friction=friction)]
+        ec.Elastic(1.0, nu),
+        [ec.Displacement("top", push)],
+        contacts=[ec.Contact("bottom", friction=friction)],
     )
     return scene, ec.rectangle((0.0, 0.0), (2.0, 7.0), cells=(4, 14))
 
@@ -86,7 +90,9 @@ def sweep(name: str, degree: int, frictions: Iterable[float]) -> Row:
 
 def main() -> None:
     frictions = np.linspace(0.001, 2.0, int((sys.argv[1:] or ["500"])[0])).tolist()
-    print("scene             degree  solves  failures  augmented Lagrangian  Newton steps: mean, most  seconds")
+    print(
+        "scene             degree  solves  failures  augmented Lagrangian  Newton steps: mean, most  seconds"
+    )
     for name in SCENES:
         for degree in (1, 2):
             row = sweep(name, degree, frictions)

@@ -1,12 +1,13 @@
 """Loading histories: true errors of steps given their history, and what a history costs.
 
-``errors``: a step that turns the shear back, after a step that has sheared the pressed body. e is compared with the
-true error of the step. Its reference has the same history: the last step of the coarse mesh, which the nested mesh of
-the reference carries exactly. "both" is e over ``sqrt(|u - u^|^2 + |sigma - sigma^|^2)``, "third" the third term over
-e^2.
+``errors``: a step that turns the shear back, after a step that has sheared the pressed
+body. e is compared with the true error of the step. Its reference has the same history:
+the last step of the coarse mesh, which the nested mesh of the reference carries
+exactly. "both" is e over ``sqrt(|u - u^|^2 + |sigma - sigma^|^2)``, "third" the third
+term over e^2.
 
-``cost``: a cycle of 20 steps of the block, certified 2%, against 20 single steps on the mesh of its end, each with
-solve, admissible pair and error; processor time.
+``cost``: a cycle of 20 steps of the block, certified 2%, against 20 single steps on the
+mesh of its end, each with solve, admissible pair and error; processor time.
 
 ``steps``: proportional loading in 1, 5 and 20 steps: what differs at the end.
 
@@ -74,7 +75,9 @@ def errors() -> None:
                 status = np.bincount(error.profile("bottom")["status"], minlength=3)
                 both, third = error.absolute / true.of_both, true.friction / error.absolute**2
                 kind = type(method).__name__
-                print(f"{name:10} {kind:20} {degree:6d} {error.relative:6.2%} {both:7.4f} {third:7.0e}   {status}")
+                print(
+                    f"{name:10} {kind:20} {degree:6d} {error.relative:6.2%} {both:7.4f} {third:7.0e}   {status}"
+                )
 
 
 def cost() -> None:
@@ -109,9 +112,13 @@ def steps() -> None:
             assert last is not None
             u = abs(last.u.x.array - static.u.x.array).max() / abs(static.u.x.array).max()
             force, same = (of.force("bottom").force for of in (last, static))
-            zones = np.count_nonzero(last.profile("bottom")["status"] != static.profile("bottom")["status"])
+            zones = np.count_nonzero(
+                last.profile("bottom")["status"] != static.profile("bottom")["status"]
+            )
             rest = abs(force - same).max() / abs(same).max()
-            print(f"{method}: {count} steps, u {u:.1e}, force {rest:.1e}, {zones} points in other zones")
+            print(
+                f"{method}: {count} steps, u {u:.1e}, force {rest:.1e}, {zones} points in other zones"
+            )
 
 
 if __name__ == "__main__":

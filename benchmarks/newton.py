@@ -1,13 +1,15 @@
 """Cost of the contact solve and of one Newton step, for both methods, as multiples of a linear elastic solve.
 
-The common block of several contact codes: (0, 2) x (0, 7), E = 1, nu = 0.3, friction 0.3, pressed and sheared at its
-top, pushed at its right side, on n x 3.5 n squares cut in two (n = 128: 115 842 degrees of freedom).
+The common block of several contact codes: (0, 2) x (0, 7), E = 1, nu = 0.3, friction
+0.3, pressed and sheared at its top, pushed at its right side, on n x 3.5 n squares cut
+in two (n = 128: 115 842 degrees of freedom).
 
-The units are what plain DOLFINx does: a first linear elastic solve (assembly, symbolic and numeric LU factorisation by
-MUMPS, one solve), and a second one on the same pattern (assembly, numeric factorisation, solve), which is what a Newton
-step of the whole body costs. A Newton step here is the whole contact solve over its steps. Everything is timed in one
-process; medians of several rounds. The forces and the numbers of open, sticking and slipping nodes are those of the
-solution.
+The units are what plain DOLFINx does: a first linear elastic solve (assembly, symbolic
+and numeric LU factorisation by MUMPS, one solve), and a second one on the same pattern
+(assembly, numeric factorisation, solve), which is what a Newton step of the whole body
+costs. A Newton step here is the whole contact solve over its steps. Everything is timed
+in one process; medians of several rounds. The forces and the numbers of open, sticking
+and slipping nodes are those of the solution.
 
     OMP_NUM_THREADS=1 python benchmarks/newton.py [n] [rounds]
 """
@@ -83,7 +85,9 @@ def main() -> None:
     first, again, *seconds = np.median(rows, axis=0)
     print(f"{2 * domain.vertices} degrees of freedom; medians of {rounds} rounds")
     print(f"linear elastic solve: first {first:.2f} s, again on the same pattern {again:.2f} s")
-    print(f"{'method':<42}{'seconds':>8}{'first solves':>14}{'steps':>7}{'step / again':>14}  force, open/stick/slip")
+    print(
+        f"{'method':<42}{'seconds':>8}{'first solves':>14}{'steps':>7}{'step / again':>14}  force, open/stick/slip"
+    )
     for method, solution, time in zip(methods, solutions, seconds, strict=True):
         force, zones = forces(solution)
         step = time / solution.newton_steps / again

@@ -1,7 +1,8 @@
 """Error against run time and against degrees of freedom: adaptive against uniform refinement of the block.
 
-The pressed and sheared block (0, 2) x (0, 7) with a clamped top. The clamped-free corners are singular with exponent
-0.7112 (nu = 0.3): uniform meshes converge like h^0.71, adaptive ones like cells^-1/2.
+The pressed and sheared block (0, 2) x (0, 7) with a clamped top. The clamped-free
+corners are singular with exponent 0.7112 (nu = 0.3): uniform meshes converge like
+h^0.71, adaptive ones like cells^-1/2.
 
     OMP_NUM_THREADS=1 python benchmarks/rates.py [accuracy]
 """
@@ -24,7 +25,9 @@ def main() -> None:
         contacts=[ec.Contact("bottom", friction=0.3)],
     )
     start = ec.rectangle((0.0, 0.0), (2.0, 7.0), cells=(4, 14))
-    ec.solve(scene, start)  # compiles the forms, so that the first row is not a measure of the compiler
+    ec.solve(
+        scene, start
+    )  # compiles the forms, so that the first row is not a measure of the compiler
     histories = {
         "adaptive": ec.adapt(scene, start, accuracy),
         "uniform": ec.adapt(scene, start, accuracy, strategy=ec.Uniform(), max_cells=500_000),
@@ -34,7 +37,9 @@ def main() -> None:
     for name, history in histories.items():
         history.to_csv(folder / f"{name}.csv")
         slope = history.slope("cells", last=4)
-        print(f"{name}: slope of eps against cells {slope:.3f}, last eps {history.best.relative:.3%}")
+        print(
+            f"{name}: slope of eps against cells {slope:.3f}, last eps {history.best.relative:.3%}"
+        )
     print(f"expected: adaptive -0.5, uniform {-CORNER / 2:.3f}")
     plot_history(histories, folder / "rates.png")
 

@@ -1,16 +1,20 @@
 """How seconds and memory of each stage grow with the mesh, on one rank and on several.
 
-The scene is that of benchmarks/cost.py: a cube (or a block in the plane) pressed and sheared at its top, friction 0.3.
-Each size runs in processes of its own, a small mesh first, which loads the compiled forms. The unit U is one elastic
-solve of the same body, the contact glued, by conjugate gradients with multigrid to 1e-8, assembly and set-up included.
-Seconds are processor time, the largest over the ranks, so that other work of the machine changes them less; ranks that
-wait count, too. Memory is the sum of the peaks of the ranks, mesh included. The exponents are those of a straight line
-through the logarithms of seconds and unknowns.
+The scene is that of benchmarks/cost.py: a cube (or a block in the plane) pressed and
+sheared at its top, friction 0.3. Each size runs in processes of its own, a small mesh
+first, which loads the compiled forms. The unit U is one elastic solve of the same body,
+the contact glued, by conjugate gradients with multigrid to 1e-8, assembly and set-up
+included. Seconds are processor time, the largest over the ranks, so that other work of
+the machine changes them less; ranks that wait count, too. Memory is the sum of the
+peaks of the ranks, mesh included. The exponents are those of a straight line through
+the logarithms of seconds and unknowns.
 
-    OMP_NUM_THREADS=1 python benchmarks/scaling.py [--dim 3] [--sizes 11 18 26 36 52] [--ranks 1 2] [--solver auto]
+    OMP_NUM_THREADS=1 python benchmarks/scaling.py [--dim 3] [--sizes 11 18 26 36 52]
+    [--ranks 1 2] [--solver auto]
         [--degree 1] [--method Nitsche]
 
-writes results/scaling.csv and results/scaling.png, and the last fields to results/scaling.
+writes results/scaling.csv and results/scaling.png, and the last fields to
+results/scaling.
 """
 
 from __future__ import annotations
@@ -83,7 +87,9 @@ def measured_stages(
         return result
 
     timed(lambda: unit(scene, domain, options.degree))
-    solution = timed(lambda: ec.solve(scene, domain, method, degree=options.degree, solver=options.solver))
+    solution = timed(
+        lambda: ec.solve(scene, domain, method, degree=options.degree, solver=options.solver)
+    )
     admissible = timed(lambda: ec.equilibrate(solution))
     error = timed(lambda: ec.constitutive_error(admissible))
     timed(lambda: write_fields(error, RESULTS / "scaling"))
@@ -93,7 +99,9 @@ def measured_stages(
 def show(rows: list[dict[str, Any]], path: Path) -> None:
     """Print seconds in units and growth exponents, and draw seconds against unknowns."""
     print(
-        f"{'ranks':>5}{'unknowns':>10}{'unit s':>8}" + "".join(f"{s + ' U':>18}" for s in STAGES[1:]) + "   kB a cell"
+        f"{'ranks':>5}{'unknowns':>10}{'unit s':>8}"
+        + "".join(f"{s + ' U':>18}" for s in STAGES[1:])
+        + "   kB a cell"
     )
     for row in rows:
         units = "".join(f"{row[stage] / row['unit']:18.2f}" for stage in STAGES[1:])

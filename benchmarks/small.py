@@ -1,7 +1,8 @@
 """What small meshes cost: processor time once all forms are known to the process.
 
-The block of demos/block.py, with degree 1 on 112 triangles: a contact solve, the admissible pair and its error; with
-degree 2: adaptive runs to 1% and 0.1%, on 5 and 11 meshes. Each is done twice before it is timed; medians.
+The block of demos/block.py, with degree 1 on 112 triangles: a contact solve, the
+admissible pair and its error; with degree 2: adaptive runs to 1% and 0.1%, on 5 and 11
+meshes. Each is done twice before it is timed; medians.
 
     OMP_NUM_THREADS=1 python benchmarks/small.py
 """
@@ -35,7 +36,10 @@ def main() -> None:
     coarse = ec.rectangle((0.0, 0.0), (2.0, 7.0), cells=(4, 14))
     block = ec.rectangle((0.0, 0.0), (2.0, 7.0), size=0.5)
     runs: dict[str, tuple[Callable[[], Any], int]] = {
-        "solve, pair and error": (lambda: ec.constitutive_error(ec.equilibrate(ec.solve(SCENE, coarse))), 50),
+        "solve, pair and error": (
+            lambda: ec.constitutive_error(ec.equilibrate(ec.solve(SCENE, coarse))),
+            50,
+        ),
         "adaptive run to 1%": (lambda: ec.adapt(SCENE, block, accuracy=0.01, degree=2), 10),
         "adaptive run to 0.1%": (lambda: ec.adapt(SCENE, block, accuracy=0.001, degree=2), 5),
     }

@@ -1,18 +1,21 @@
 """A process that solves for days: mesh, solve, pair, error, refine, save, again and again.
 
-Each cycle meshes a square anew with gmsh, runs `adapt` through two meshes in a new checkpoint, and saves the fields and
-the table; every hundredth cycle saves the pictures, too, and of the first hundred every twentieth, so that what is made
-once is made there. Every hundredth cycle it measures what a process may run out of:
+Each cycle meshes a square anew with gmsh, runs `adapt` through two meshes in a new
+checkpoint, and saves the fields and the table; every hundredth cycle saves the
+pictures, too, and of the first hundred every twentieth, so that what is made once is
+made there. Every hundredth cycle it measures what a process may run out of:
 
 - resident memory of all ranks [MB];
 - open files of all ranks;
-- communicators: how many MPI could still make before it refuses, on the rank that has fewest;
+- communicators: how many MPI could still make before it refuses, on the rank that has
+  fewest;
 - entries of the folder for temporary files, which is the benchmark's own.
 
-What is measured after cycle 100 is the scale: nothing may grow by more than 5% until the end. The process ends with
-code 1 if something does. The first variable keeps glibc from holding large arrays that were freed: without it twice the
-memory is resident, half of it free and in pieces. The second one keeps UCX, which MPICH may send by, from noting all
-memory that is mapped: without it each rank grows by some 10 kB a cycle.
+What is measured after cycle 100 is the scale: nothing may grow by more than 5% until
+the end. The process ends with code 1 if something does. The first variable keeps glibc
+from holding large arrays that were freed: without it twice the memory is resident, half
+of it free and in pieces. The second one keeps UCX, which MPICH may send by, from noting
+all memory that is mapped: without it each rank grows by some 10 kB a cycle.
 
     export MALLOC_MMAP_THRESHOLD_=131072 UCX_MEM_EVENTS=n OMP_NUM_THREADS=1
     [mpiexec -n 2] python benchmarks/soak.py [--cycles 2000] [--dim 2]
@@ -108,7 +111,9 @@ def main() -> None:
     scene, first = problem(options.dim), dict[str, float]()
     began = perf_counter()
     for number in range(1, options.cycles + 1):
-        cycle(scene, options.dim, folder, pictures=number % (EVERY if number > EVERY else WARM) == 0)
+        cycle(
+            scene, options.dim, folder, pictures=number % (EVERY if number > EVERY else WARM) == 0
+        )
         if number % EVERY == 0 or number == options.cycles:
             last = measured(comm)
             first = first or last
@@ -117,7 +122,9 @@ def main() -> None:
                 print(f"{number:6d} cycles, {perf_counter() - began:7.0f} s: {told}", flush=True)
     good = flat(first, last)
     if comm.rank == 0:
-        print("flat" if good else "NOT FLAT", f"on {comm.size} ranks, Python {sys.version.split()[0]}")
+        print(
+            "flat" if good else "NOT FLAT", f"on {comm.size} ranks, Python {sys.version.split()[0]}"
+        )
         shutil.rmtree(own)
     sys.exit(not good)
 

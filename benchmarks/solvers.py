@@ -1,12 +1,14 @@
 """A grid of scenes in space with both solvers and both methods: do they converge, and to the same error?
 
-Poisson's ratio to 0.4999 with friction 0 to 5, slender bodies, flat and graded cells, jumps of the modulus, spheres,
-rollers, several contacts, bodies that only contacts hold, given friction, a bilateral contact.
+Poisson's ratio to 0.4999 with friction 0 to 5, slender bodies, flat and graded cells,
+jumps of the modulus, spheres, rollers, several contacts, bodies that only contacts
+hold, given friction, a bilateral contact.
 
     OMP_NUM_THREADS=1 python benchmarks/solvers.py [--degree 1]
 
-prints the pairs (scene, method) whose solvers do not agree to 1e-7 of eps, and how many each solver solved. "auto" goes
-on with the direct solver where multigrid does not converge.
+prints the pairs (scene, method) whose solvers do not agree to 1e-7 of eps, and how many
+each solver solved. "auto" goes on with the direct solver where multigrid does not
+converge.
 """
 
 from __future__ import annotations
@@ -27,7 +29,13 @@ SAME, NOTHING = 1e-7, 1e-9
 """Difference of eps that counts as none: relative, and absolute where the solution is exact [-]."""
 
 
-def pressed(domain: ec.Domain, push: Any = (0.02, 0.01, -0.05), E: Any = 1.0, nu: float = 0.3, **contact: Any) -> Pair:
+def pressed(
+    domain: ec.Domain,
+    push: Any = (0.02, 0.01, -0.05),
+    E: Any = 1.0,
+    nu: float = 0.3,
+    **contact: Any,
+) -> Pair:
     """A body pressed and sheared at its top."""
     scene = ec.Scene(
         material=ec.Elastic(E=E, nu=nu),
@@ -41,7 +49,10 @@ def on_rollers() -> Pair:
     """A cube that slides along its rollers as far as friction lets it."""
     scene = ec.Scene(
         material=ec.Elastic(E=1.0, nu=0.3),
-        supports=[ec.Displacement("top", (0.0, None, -0.05)), ec.Displacement("left", (0.0, None, None))],
+        supports=[
+            ec.Displacement("top", (0.0, None, -0.05)),
+            ec.Displacement("left", (0.0, None, None)),
+        ],
         contacts=[ec.Contact("bottom", friction=0.3)],
     )
     return scene, cube(4)
@@ -59,7 +70,9 @@ def scenes() -> dict[str, Callable[[], Pair]]:
     grid: dict[str, Callable[[], Pair]] = {}
     for nu in (0.0, 0.3, 0.45, 0.49, 0.499, 0.4999):
         for mu in (0.0, 0.3, 1.0, 5.0):
-            grid[f"nu {nu}, friction {mu}"] = lambda nu=nu, mu=mu: pressed(cube(4), nu=nu, friction=mu)
+            grid[f"nu {nu}, friction {mu}"] = lambda nu=nu, mu=mu: pressed(
+                cube(4), nu=nu, friction=mu
+            )
     for n in (5, 20, 50):
         tower, beam = (1.0, 1.0, float(n)), (float(n), 1.0, 1.0)
         for name, corner, cells in (("tower", tower, (2, 2, 2 * n)), ("beam", beam, (2 * n, 2, 2))):
@@ -68,15 +81,21 @@ def scenes() -> dict[str, Callable[[], Pair]]:
             )
     for flat in (0.1, 0.01):
         grid[f"cells {flat} high"] = lambda flat=flat: pressed(
-            mapped(cube(4), lambda x: (x[0], x[1], flat * x[2])), (0.02 * flat, 0.0, -0.05 * flat), friction=0.3
+            mapped(cube(4), lambda x: (x[0], x[1], flat * x[2])),
+            (0.02 * flat, 0.0, -0.05 * flat),
+            friction=0.3,
         )
-    grid["graded"] = lambda: pressed(mapped(cube(5), lambda x: (x[0], x[1], x[2] ** 6)), friction=0.3)
+    grid["graded"] = lambda: pressed(
+        mapped(cube(5), lambda x: (x[0], x[1], x[2] ** 6)), friction=0.3
+    )
     for jump in (1e-6, 1e-3, 1e3, 1e6):
         grid[f"jump {jump}"] = lambda jump=jump: pressed(
             halved(cube(4), 2, 0.5), E={"low": 1.0, "high": jump}, friction=0.3
         )
     for mu in (0.0, 0.3, 2.0):
-        grid[f"sphere, friction {mu}"] = lambda mu=mu: pressed(cube(5), friction=mu, gap=on_a_sphere)
+        grid[f"sphere, friction {mu}"] = lambda mu=mu: pressed(
+            cube(5), friction=mu, gap=on_a_sphere
+        )
     grid["beside a wall"] = beside_a_wall
     grid["on rollers"] = on_rollers
     grid["stands"] = lambda: standing((0.3, 0.0, -1.0), cube(4), friction=0.5)
@@ -91,7 +110,9 @@ def scenes() -> dict[str, Callable[[], Pair]]:
 def outcome(pair: Pair, method: Any, degree: int, solver: str) -> float | str:
     """The error eps, or what the solver says."""
     try:
-        return ec.constitutive_error(ec.equilibrate(ec.solve(*pair, method, degree=degree, solver=solver))).relative
+        return ec.constitutive_error(
+            ec.equilibrate(ec.solve(*pair, method, degree=degree, solver=solver))
+        ).relative
     except ec.ErcContactError as failure:
         return f"{type(failure).__name__}: {failure}"[:100]
 
@@ -104,12 +125,17 @@ def main() -> None:
     grid = scenes()
     for name, make in grid.items():
         for method in METHODS:
-            found = {solver: outcome(make(), method, degree, solver) for solver in ("direct", "iterative")}
+            found = {
+                solver: outcome(make(), method, degree, solver)
+                for solver in ("direct", "iterative")
+            }
             for solver, eps in found.items():
                 solved[type(method).__name__, solver] += isinstance(eps, float)
             direct, iterative = found.values()
             both = isinstance(direct, float) and isinstance(iterative, float)
-            if not both or not isclose(float(direct), float(iterative), rel_tol=SAME, abs_tol=NOTHING):
+            if not both or not isclose(
+                float(direct), float(iterative), rel_tol=SAME, abs_tol=NOTHING
+            ):
                 print(f"{name}, {type(method).__name__}: {found}", flush=True)
     for (method_name, solver), count in solved.items():
         print(f"{method_name}, {solver}: {count} of {len(grid)} solved")

@@ -2,10 +2,11 @@
 
     OMP_NUM_THREADS=1 python benchmarks/strategies.py [scene] [variant: 0, 1 or 2]
 
-Scenes: block (the paper's shape, clamped top), greco (SSNV128), hertz (half disc), bracket (an L with a fillet and bolt
-holes on a foundation), dome (a block in space on a spherical foundation). Writes a table, and figures to
-results/strategies. All runs start from the same mesh. Seconds are wall time, cpu the processor time of this process,
-which does not depend on what else the machine does.
+Scenes: block (the paper's shape, clamped top), greco (SSNV128), hertz (half disc),
+bracket (an L with a fillet and bolt holes on a foundation), dome (a block in space on a
+spherical foundation). Writes a table, and figures to results/strategies. All runs start
+from the same mesh. Seconds are wall time, cpu the processor time of this process, which
+does not depend on what else the machine does.
 """
 
 import sys
@@ -33,7 +34,9 @@ class Hybrid:
     def next(self, error: ec.ConstitutiveError, accuracy: float, max_cells: int) -> ec.Domain:
         """The optimal mesh, or the marked one."""
         strategy = ec.SizeMap() if error.relative > 2 * accuracy else ec.Mark(0.5)
-        return strategy.next(error, max(accuracy, min(error.relative / 2, 1.5 * accuracy)), max_cells)
+        return strategy.next(
+            error, max(accuracy, min(error.relative / 2, 1.5 * accuracy)), max_cells
+        )
 
 
 STRATEGIES["Hybrid"] = Hybrid()
@@ -71,7 +74,12 @@ def dome() -> tuple[ec.Scene, ec.Domain, float]:
         material=ec.Elastic(E=1.0, nu=0.3),
         supports=[ec.Displacement("top", (0.01, 0.0, -0.05))],
         contacts=[
-            ec.Contact("bottom", friction=0.3, gap=lambda x: (x[0] ** 2 + x[1] ** 2) / 6, normal=(0.0, 0.0, -1.0))
+            ec.Contact(
+                "bottom",
+                friction=0.3,
+                gap=lambda x: (x[0] ** 2 + x[1] ** 2) / 6,
+                normal=(0.0, 0.0, -1.0),
+            )
         ],
     )
     return scene, ec.read_mesh(MESHES / "dome.geo"), 0.10
@@ -94,11 +102,19 @@ def main() -> None:
     )
     for name in names:
         for degree, tighten in variants:
-            options: dict[str, Any] = {"degree": degree, "tighten": tighten, "max_cells": LIMIT[SCENES[name]()[1].dim]}
+            options: dict[str, Any] = {
+                "degree": degree,
+                "tighten": tighten,
+                "max_cells": LIMIT[SCENES[name]()[1].dim],
+            }
             scene, domain, accuracy = SCENES[name]()
             if domain.dim == 3 and not tighten:
-                accuracy *= 5  # the untightened error of this scene needs millions of elements to 10%
-            ec.adapt(scene, domain, accuracy, strategy=ec.SizeMap(), max_steps=2, **options)  # compiles forms
+                accuracy *= (
+                    5  # the untightened error of this scene needs millions of elements to 10%
+                )
+            ec.adapt(
+                scene, domain, accuracy, strategy=ec.SizeMap(), max_steps=2, **options
+            )  # compiles forms
             histories = {}
             for label, strategy in STRATEGIES.items():
                 began = process_time()

@@ -1,18 +1,23 @@
 """Runs that are killed, damaged and hindered: does the same call end with the same history, and never with a wrong one?
 
-- `kills`: a run in 2D (marking), one of a curved body (gmsh meshes its true shape again) and one in 3D, on 1, 2 or 3
-  ranks, are killed (SIGKILL to all) at a random moment and go on, on another number of ranks each time, until they are
-  through. The history must be that of the undisturbed run: cells, Newton steps, eps to 1e-8. (In 3D the solver is the
-  direct one: with multigrid round-off, and so the ranks, may decide on one Newton step more or less.)
-- `damage`: each file of a checkpoint truncated, emptied, removed, and with one byte changed: all bytes of the smallest
-  file, samples of the others. Each must be found, and the run must go on from the last good level, or say why not.
-- `faults`: a full disk, a folder that cannot be written, a folder that is removed, a rank that dies. The first two
-  mount a tmpfs of their own, which takes root.
+- `kills`: a run in 2D (marking), one of a curved body (gmsh meshes its true shape
+  again) and one in 3D, on 1, 2 or 3 ranks, are killed (SIGKILL to all) at a random
+  moment and go on, on another number of ranks each time, until they are through. The
+      history must be that of the undisturbed run: cells, Newton steps, eps to 1e-8. (In
+          3D the solver is the
+  direct one: with multigrid round-off, and so the ranks, may decide on one Newton step
+      more or less.)
+- `damage`: each file of a checkpoint truncated, emptied, removed, and with one byte
+  changed: all bytes of the smallest file, samples of the others. Each must be found,
+      and the run must go on from the last good level, or say why not.
+- `faults`: a full disk, a folder that cannot be written, a folder that is removed, a
+  rank that dies. The first two mount a tmpfs of their own, which takes root.
 - `cost`: seconds of writing over those of the run.
 
 Any failure is counted, and the process ends with code 1.
 
-    OMP_NUM_THREADS=1 python benchmarks/survive.py [kills] [damage] [faults] [cost] [--kills 30] [--seed 0]
+    OMP_NUM_THREADS=1 python benchmarks/survive.py [kills] [damage] [faults] [cost]
+    [--kills 30] [--seed 0]
 """
 
 import argparse
@@ -47,7 +52,9 @@ SOON = 20.0
 
 def flat() -> tuple[ec.Scene, ec.Domain, dict]:
     scene = ec.Scene(
-        ec.Elastic(1.0, 0.3), [ec.Displacement("top", (0.02, -0.05))], contacts=[ec.Contact("bottom", friction=0.3)]
+        ec.Elastic(1.0, 0.3),
+        [ec.Displacement("top", (0.02, -0.05))],
+        contacts=[ec.Contact("bottom", friction=0.3)],
     )
     return scene, ec.rectangle((0.0, 0.0), (2.0, 7.0), cells=(4, 14)), {"max_steps": 12}
 
@@ -104,7 +111,8 @@ def rows(history: ec.History) -> list[tuple[int, int, float]]:
 
 def same(a: list, b: list) -> bool:
     return len(a) == len(b) and all(
-        x[:2] == y[:2] and abs(x[2] - y[2]) <= SAME * y[2] for x, y in zip(map(tuple, a), map(tuple, b), strict=True)
+        x[:2] == y[:2] and abs(x[2] - y[2]) <= SAME * y[2]
+        for x, y in zip(map(tuple, a), map(tuple, b), strict=True)
     )
 
 
@@ -113,7 +121,9 @@ def started(name: str, folder: Path | str, ranks: int) -> subprocess.Popen:
     own = {"OMP_NUM_THREADS": "1", "MPIR_CVAR_CH4_PROGRESS_THROTTLE": "1"}
     own |= {k: v for k, v in os.environ.items() if not k.startswith(("PMI", "MPI"))}
     command = [*launch, sys.executable, "-u", __file__, "--child", name, str(folder)]
-    return subprocess.Popen(command, env=own, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    return subprocess.Popen(
+        command, env=own, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+    )
 
 
 def after_death(process: subprocess.Popen, moment: float) -> str:
@@ -148,7 +158,9 @@ def kills(count: int, seed: int) -> Counter:
                 last, before, steps = None, 0, 0
                 while last is None:
                     steps += 1
-                    moment = float(rng.uniform(0.0, 1.5 * length * ranks)) if done < count else 3600.0
+                    moment = (
+                        float(rng.uniform(0.0, 1.5 * length * ranks)) if done < count else 3600.0
+                    )
                     last = told_rows(after_death(started(name, folder, ranks), moment))
                     done += last is None
                     there = len(Folder(folder).numbers())
@@ -157,7 +169,9 @@ def kills(count: int, seed: int) -> Counter:
                 good = same(last, undisturbed)
                 result[f"{name}: {'same' if good else 'OTHER'} history"] += 1
                 result["failures"] += not good
-                print(f"{name}: {steps - 1} kills, {'same' if good else 'OTHER'} history", flush=True)
+                print(
+                    f"{name}: {steps - 1} kills, {'same' if good else 'OTHER'} history", flush=True
+                )
         result[f"{name}: kills"] = done
     result["failures"] += result["level lost"]
     return result
@@ -214,7 +228,11 @@ def damaged(path: Path, kind: str, content: bytes, rng: np.random.Generator, oth
     wrong = bytearray(content)
     wrong[int(rng.integers(len(wrong)))] ^= 1 << int(rng.integers(8))
     half = content[: len(content) // 2]
-    path.write_bytes({"truncated": half, "emptied": b"", "one byte": bytes(wrong), "of another level": other}[kind])
+    path.write_bytes(
+        {"truncated": half, "emptied": b"", "one byte": bytes(wrong), "of another level": other}[
+            kind
+        ]
+    )
 
 
 def faults() -> Counter:
@@ -233,7 +251,9 @@ def faults() -> Counter:
                 result[f"{kind}: not tried, no mount"] += 1
                 continue
 
-            def happens(error: object, step: ec.Step, kind: str = kind, folder: Path = folder) -> None:
+            def happens(
+                error: object, step: ec.Step, kind: str = kind, folder: Path = folder
+            ) -> None:
                 if step.cells == undisturbed[1][0] and kind == "read-only":
                     subprocess.run(["mount", "-o", "remount,ro", str(folder)], check=True)
                 if step.cells == undisturbed[1][0] and kind == "removed":
@@ -260,7 +280,9 @@ def faults() -> Counter:
         process.communicate(timeout=60)
         seconds, levels = monotonic() - began, len(Folder(Path(own) / "kept").numbers())
         good = seconds < SOON and levels >= 2
-        result[f"rank that dies: {'ended' if good else 'FAILED'} in {seconds:.2f} s with {levels} levels"] += 1
+        result[
+            f"rank that dies: {'ended' if good else 'FAILED'} in {seconds:.2f} s with {levels} levels"
+        ] += 1
         result["failures"] += not good
     return result
 
@@ -284,7 +306,9 @@ def cost() -> Counter:
             history = run(name, Path(own), **changes)
             whole = process_time() - began
             size = sum(path.stat().st_size for path in Path(own).iterdir()) / 1e6
-        print(f"{name}: {history.steps[-1].cells} cells, {whole:.2f} s, writing {spent / whole:.1%}, {size:.1f} MB")
+        print(
+            f"{name}: {history.steps[-1].cells} cells, {whole:.2f} s, writing {spent / whole:.1%}, {size:.1f} MB"
+        )
         result["failures"] += spent > 0.1 * whole
     checkpoint.Checkpoint.add = add  # type: ignore[method-assign]
     return result
@@ -311,7 +335,10 @@ def main() -> None:
     for part in options.parts or calls:
         found = calls[part]()
         failures += found.pop("failures", 0)
-        print(f"{part}: " + "; ".join(f"{what} {number}" for what, number in sorted(found.items())), flush=True)
+        print(
+            f"{part}: " + "; ".join(f"{what} {number}" for what, number in sorted(found.items())),
+            flush=True,
+        )
     print(f"{failures} failures")
     sys.exit(failures > 0)
 

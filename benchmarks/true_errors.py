@@ -1,12 +1,16 @@
 """True errors of an admissible pair, cell by cell, against a nested reference or a known solution (serial).
 
-The reference lives on a mesh that cuts each cell at its barycentre, as the admissible stress does, and is then refined
-uniformly: on each of its cells u^ and sigma^ are polynomials, and all integrals are exact. The augmented Lagrangian
-keeps the contact conditions at the nodes exactly. Together: for frictionless scenes whose data the mesh carries,
+The reference lives on a mesh that cuts each cell at its barycentre, as the admissible
+stress does, and is then refined uniformly: on each of its cells u^ and sigma^ are
+polynomials, and all integrals are exact. The augmented Lagrangian keeps the contact
+conditions at the nodes exactly. Together: for frictionless scenes whose data the mesh
+carries,
 
-    e^2 = |u_ref - u^|^2 + |sigma_ref - sigma^|^2 + 2 int r^_n (u_ref,n - g) + 2 sum_i R_i (u^_n - g)_i,  R_i <= 0,
+    e^2 = |u_ref - u^|^2 + |sigma_ref - sigma^|^2 + 2 int r^_n (u_ref,n - g) + 2 sum_i
+    R_i (u^_n - g)_i,  R_i <= 0,
 
-with no term below zero: not even the error of the reference can take the index of both errors below 1.
+with no term below zero: not even the error of the reference can take the index of both
+errors below 1.
 
 Source: Prager, Synge, Quart. Appl. Math. 5 (1947), for the sum of both errors.
 """
@@ -60,8 +64,8 @@ class TrueErrors:
     Attributes:
         displacement: |u - u^| of each cell [sqrt(force length)].
         stress: |sigma - sigma^| of each cell.
-        friction: The third term, ``2 int (b - b^)(|u_t - s| - |u^_t - s|)`` over contacts whose bound depends on the
-            pressure [force length]; 0 without.
+        friction: The third term, ``2 int (b - b^)(|u_t - s| - |u^_t - s|)`` over
+            contacts whose bound depends on the pressure [force length]; 0 without.
     """
 
     displacement: np.ndarray
@@ -94,7 +98,9 @@ def nested(domain: ec.Domain, levels: int) -> tuple[ec.Domain, np.ndarray]:
     element = basix.ufl.element("Lagrange", mesh.basix_cell(), 1, shape=(d,))
     fine = dmesh.create_mesh(mesh.comm, parts.reshape(-1, d + 1), ufl.Mesh(element), points)
     tags = domain.facet_tags
-    nodes = cpp.mesh.entities_to_geometry(mesh._cpp_object, d - 1, tags.indices, False).astype(np.int64)
+    nodes = cpp.mesh.entities_to_geometry(mesh._cpp_object, d - 1, tags.indices, False).astype(
+        np.int64
+    )
     fine.topology.create_connectivity(d - 1, 0)
     fine.topology.create_connectivity(d - 1, d)
     found, values = distribute_entity_data(fine, d - 1, nodes, tags.values)
@@ -108,14 +114,18 @@ def nested(domain: ec.Domain, levels: int) -> tuple[ec.Domain, np.ndarray]:
     return result, result.cell_tags.values
 
 
-def reference(solution: ec.Solution, levels: int, degree: int | None = None, **options: Any) -> Reference:
+def reference(
+    solution: ec.Solution, levels: int, degree: int | None = None, **options: Any
+) -> Reference:
     """The solution on the nested mesh, ``levels`` uniform refinements finer than the cut one.
 
     Its degree is that of the solution, unless a higher one is given.
     """
     fine, origin = nested(solution.domain, levels)
     degree = degree or solution.model.degree
-    found = ec.solve(solution.scene, fine, ec.AugmentedLagrangian(), degree=degree, start=solution, **options)
+    found = ec.solve(
+        solution.scene, fine, ec.AugmentedLagrangian(), degree=degree, start=solution, **options
+    )
     return Reference(found.model, origin, found.u, found)
 
 
@@ -179,10 +189,14 @@ def bound_at(pair: Admissible, which: int, cell: np.ndarray, x: np.ndarray) -> n
     traction, model = pair.tractions[which], pair.solution.model
     facet = np.zeros(model.domain.cells, dtype=int)
     facet[traction.contact.facets[:, 0]] = np.arange(len(traction.nodes))
-    corners = model.V.tabulate_dof_coordinates()[:, : model.d][traction.nodes[facet[cell], : model.d]]
+    corners = model.V.tabulate_dof_coordinates()[:, : model.d][
+        traction.nodes[facet[cell], : model.d]
+    ]
     edges = (corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1)
     local = np.einsum("fij,fqj->fqi", np.linalg.pinv(edges), x - corners[:, :1])
-    shape = bernstein(model.d - 1, model.degree, local.reshape(-1, model.d - 1)).reshape(*local.shape[:2], -1)
+    shape = bernstein(model.d - 1, model.degree, local.reshape(-1, model.d - 1)).reshape(
+        *local.shape[:2], -1
+    )
     return np.einsum("fqm,fm->fq", shape, traction.friction_bound[facet[cell]])
 
 

@@ -6,7 +6,9 @@ from importlib import metadata, util
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent))
-logging.getLogger("erc_contact").propagate = False  # a style that furo needs makes the root logger repeat all rows
+logging.getLogger(
+    "erc_contact"
+).propagate = False  # a style that furo needs makes the root logger repeat all rows
 
 project = "erc_contact"
 author = "The erc_contact authors"
@@ -33,9 +35,16 @@ nitpick_ignore = [
         "error.constitutive.Run",
     )
 ]
-nitpick_ignore_regex = [("py:.*", r"(?!erc_contact).*")]  # names of other packages, whose pages CI does not ask
+nitpick_ignore_regex = [
+    ("py:.*", r"(?!erc_contact).*")
+]  # names of other packages, whose pages CI does not ask
 
-mathjax = str(Path(util.find_spec("sphinx-mathjax-offline").origin).parent / "static" / "mathjax" / "tex-svg.js")
+mathjax = str(
+    Path(util.find_spec("sphinx-mathjax-offline").origin).parent
+    / "static"
+    / "mathjax"
+    / "tex-svg.js"
+)
 mathjax_path = Path(mathjax).name  # formulas without a foreign server and without fonts
 
 html_theme = "furo"

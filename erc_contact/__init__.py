@@ -1,12 +1,13 @@
 """Contact of elastic bodies with certified accuracy, on FEniCSx.
 
-Declare a scene, solve it, reconstruct an admissible pair, measure the error in the constitutive relation, and refine
-until a prescribed accuracy is reached::
+Declare a scene, solve it, reconstruct an admissible pair, measure the error in the
+constitutive relation, and refine until a prescribed accuracy is reached::
 
     history = erc_contact.adapt(scene, domain, accuracy=0.02)
 
-Source: Coorevits, Hild, Hjiaj, "An a posteriori error estimator for finite element approximations of Coulomb's
-friction problem"; the same authors, SIAM J. Sci. Comput. 23 (2001).
+Source: Coorevits, Hild, Hjiaj, "An a posteriori error estimator for finite element
+approximations of Coulomb's friction problem"; the same authors, SIAM J. Sci. Comput. 23
+(2001).
 """
 
 import importlib.util

@@ -1,6 +1,7 @@
 """``python -m erc_contact``: versions, the solvers that PETSc has, and a check that the package works here.
 
-The check takes about a second, and some ten more the first time, when its forms are compiled.
+The check takes about a second, and some ten more the first time, when its forms are
+compiled.
 """
 
 from __future__ import annotations
@@ -22,7 +23,11 @@ from erc_contact.scene.material import Elastic
 from erc_contact.scene.scene import Scene
 from erc_contact.scene.support import Displacement
 
-SOLVERS = {"mumps": "MUMPS (direct solver)", "hypre": "hypre (another multigrid)", "ptscotch": "PT-Scotch (partitions)"}
+SOLVERS = {
+    "mumps": "MUMPS (direct solver)",
+    "hypre": "hypre (another multigrid)",
+    "ptscotch": "PT-Scotch (partitions)",
+}
 """Packages that PETSc may have, and what they are for; its own multigrid, GAMG, is always there."""
 BALANCE, SAME = 1e-9, 1e-7
 """Unbalanced force over the contact force, and difference of eps between the two solvers, that pass [-]."""
@@ -42,7 +47,8 @@ def self_check() -> dict[str, bool]:
     rest, pressed = abs(forces["balance"].force).max(), abs(forces["bottom"].force).max()
     history = adapt(scene, block, accuracy=0.02)
     return {
-        f"both solvers find eps {error.relative:.4%}": abs(error.relative - other.relative) < SAME * error.relative,
+        f"both solvers find eps {error.relative:.4%}": abs(error.relative - other.relative)
+        < SAME * error.relative,
         "the forces are in balance": bool(rest < BALANCE * pressed),
         f"2% are reached on {history.steps[-1].cells} triangles": history.reached,
     }
@@ -53,14 +59,22 @@ def main() -> int:
     comm = MPI.COMM_WORLD
     lines = [f"{name:<12}{version}" for name, version in versions().items()]
     lines += [f"{'ranks':<12}{comm.size}"]
-    lines += [f"{what}: {'yes' if PETSc.Sys.hasExternalPackage(name) else 'no'}" for name, what in SOLVERS.items()]
+    lines += [
+        f"{what}: {'yes' if PETSc.Sys.hasExternalPackage(name) else 'no'}"
+        for name, what in SOLVERS.items()
+    ]
     if comm.rank == 0:
         print(*lines, sep="\n", flush=True)
     began = perf_counter()
     checks = self_check()
     if comm.rank == 0:
-        print(*(f"{'passed' if good else 'FAILED'}: {what}" for what, good in checks.items()), sep="\n")
-        print(f"Self-check {'passed' if all(checks.values()) else 'FAILED'} in {perf_counter() - began:.1f} s.")
+        print(
+            *(f"{'passed' if good else 'FAILED'}: {what}" for what, good in checks.items()),
+            sep="\n",
+        )
+        print(
+            f"Self-check {'passed' if all(checks.values()) else 'FAILED'} in {perf_counter() - began:.1f} s."
+        )
     return int(not all(checks.values()))
 
 

@@ -1,16 +1,18 @@
 """Tests run in serial and under mpiexec: what both need.
 
-Under mpiexec every rank runs every test. Rank 0 reports; the other ranks are silent unless a test fails there, and
-then say so on stderr and end with an exit code of their own, so that mpiexec fails. A test that ends on one rank and
-not on another aborts the run. Tests marked ``serial`` are left out; on one rank those marked ``ranks`` are. The demos,
-marked ``gallery``, run only if asked for, by ``-m gallery``.
+Under mpiexec every rank runs every test. Rank 0 reports; the other ranks are silent
+unless a test fails there, and then say so on stderr and end with an exit code of their
+own, so that mpiexec fails. A test that ends on one rank and not on another aborts the
+run. Tests marked ``serial`` are left out; on one rank those marked ``ranks`` are. The
+demos, marked ``gallery``, run only if asked for, by ``-m gallery``.
 
-Under pytest-xdist each worker is a process of one rank. Workers share the cache of compiled forms: one may wait for a
-form that another compiles.
+Under pytest-xdist each worker is a process of one rank. Workers share the cache of
+compiled forms: one may wait for a form that another compiles.
 
-In the first run some thousand forms are compiled. setuptools, which calls the C compiler, looks for plug-ins of all
-installed packages six times for each of them, a sixth of the time; here it does so once. UFL makes millions
-of small objects; Python looks for cycles among them less often here, which takes a twentieth less.
+In the first run some thousand forms are compiled. setuptools, which calls the C
+compiler, looks for plug-ins of all installed packages six times for each of them, a
+sixth of the time; here it does so once. UFL makes millions of small objects; Python
+looks for cycles among them less often here, which takes a twentieth less.
 """
 
 import gc
@@ -38,7 +40,10 @@ from erc_contact.output import bodies
 COMM = MPI.COMM_WORLD
 gc.set_threshold(100_000, 20, 50)
 jit.DOLFINX_DEFAULT_JIT_OPTIONS["cffi_extra_compile_args"] = (COMPILER, "options of the C compiler")
-jit.DOLFINX_DEFAULT_JIT_OPTIONS["timeout"] = (30, "seconds that one process waits for a form that another compiles")
+jit.DOLFINX_DEFAULT_JIT_OPTIONS["timeout"] = (
+    30,
+    "seconds that one process waits for a form that another compiles",
+)
 importlib.metadata.entry_points = cache(importlib.metadata.entry_points)
 
 
@@ -54,7 +59,9 @@ class Ranks:
     def pytest_runtest_logreport(self, report):
         """Tell of a failure; after each test, wait for the other ranks."""
         if report.failed:
-            self.tell(f"{report.nodeid} failed in {getattr(report, 'when', 'collection')}:\n{report.longreprtext}")
+            self.tell(
+                f"{report.nodeid} failed in {getattr(report, 'when', 'collection')}:\n{report.longreprtext}"
+            )
         if getattr(report, "when", None) == "teardown":
             started, request = monotonic(), self.comm.Ibarrier()
             while not request.Test():
@@ -141,7 +148,9 @@ class Measures:
         facets = domain.facets(name)
         facets = facets[facets[:, 0] < domain.owned_cells]
         opposite = np.array([[j for j in range(d + 1) if j != i] for i in range(d + 1)])
-        x = np.take_along_axis(self.vertices(domain)[facets[:, 0]], opposite[facets[:, 1]][..., None], axis=1)
+        x = np.take_along_axis(
+            self.vertices(domain)[facets[:, 0]], opposite[facets[:, 1]][..., None], axis=1
+        )
         return domain.mesh.comm.allreduce(self.simplices(x).sum())
 
     def region(self, domain, name=None):

@@ -1,8 +1,8 @@
 """Small scenes at the edge of what a contact solver meets, for ``test_extremes.py`` (serial).
 
-Existence: with supports that hold the body, the discrete problem of static Coulomb friction has a solution for any
-friction coefficient. A body that only contact holds has one if the loads lie strictly inside what the friction cones
-can balance.
+Existence: with supports that hold the body, the discrete problem of static Coulomb
+friction has a solution for any friction coefficient. A body that only contact holds has
+one if the loads lie strictly inside what the friction cones can balance.
 """
 
 from __future__ import annotations
@@ -49,7 +49,10 @@ def cube(n: int = 3) -> ec.Domain:
 
 def graded(least: float) -> ec.Domain:
     """The unit square with rows whose heights above the contact grow geometrically from ``least`` to 1."""
-    return mapped(square(16, 24), lambda x: (x[0], np.where(x[1] > 0, least ** (1 - (24 * x[1] - 1) / 23), 0.0)))
+    return mapped(
+        square(16, 24),
+        lambda x: (x[0], np.where(x[1] > 0, least ** (1 - (24 * x[1] - 1) / 23), 0.0)),
+    )
 
 
 def block(
@@ -72,7 +75,9 @@ def block(
     return scene, ec.rectangle((0.0, 0.0), (2 * size, 7 * size), cells=(n, 7 * n // 2))
 
 
-def pressed(domain: ec.Domain, push: Sequence[float] = (0.02, -0.05), friction: float = 0.3, E: Any = 1.0) -> Pair:
+def pressed(
+    domain: ec.Domain, push: Sequence[float] = (0.02, -0.05), friction: float = 0.3, E: Any = 1.0
+) -> Pair:
     """A body with its top displaced, its bottom on a foundation."""
     support, contact = ec.Displacement("top", tuple(push)), ec.Contact("bottom", friction=friction)
     return ec.Scene(ec.Elastic(E, 0.3), [support], contacts=[contact]), domain
@@ -89,7 +94,9 @@ def greco(*, E: float = 130e3, size: float = 1.0) -> Pair:
     return scene, ec.rectangle((0.0, 0.0), (40 * size, 40 * size), cells=(8, 8))
 
 
-def standing(push: Sequence[float], domain: ec.Domain | None = None, parts: Any = ("bottom",), **contact: Any) -> Pair:
+def standing(
+    push: Sequence[float], domain: ec.Domain | None = None, parts: Any = ("bottom",), **contact: Any
+) -> Pair:
     """A body with nothing but contact to hold it, under a body force (in thousandths of E)."""
     contacts = [ec.Contact(part, **{"friction": 0.5, **contact}) for part in parts]
     weight = ec.BodyForce(tuple(1e-3 * p for p in push))
@@ -106,15 +113,21 @@ def in_a_channel() -> Pair:
     """A square pressed into a channel, whose walls it meets as it expands; three contacts with friction."""
     contacts = [ec.Contact("bottom", friction=0.3)]
     contacts += [ec.Contact(side, friction=0.3, gap=0.002) for side in ("left", "right")]
-    return ec.Scene(ec.Elastic(1.0, 0.3), loads=[ec.Traction("top", pressure=0.05)], contacts=contacts), square()
+    return ec.Scene(
+        ec.Elastic(1.0, 0.3), loads=[ec.Traction("top", pressure=0.05)], contacts=contacts
+    ), square()
 
 
 def partly_clamped(clamped: Callable[[np.ndarray], Any]) -> Pair:
     """A square with a part of its bottom clamped, the rest in contact, pressed and sheared at its top."""
     scene, domain = pressed(square(), (0.02, -0.02))
     tags = domain.facet_tags
-    own = (tags.values == domain.names["bottom"]) & clamped(dmesh.compute_midpoints(domain.mesh, 1, tags.indices).T)
-    tags = dmesh.meshtags(domain.mesh, 1, tags.indices, np.where(own, 9, tags.values).astype(np.int32))
+    own = (tags.values == domain.names["bottom"]) & clamped(
+        dmesh.compute_midpoints(domain.mesh, 1, tags.indices).T
+    )
+    tags = dmesh.meshtags(
+        domain.mesh, 1, tags.indices, np.where(own, 9, tags.values).astype(np.int32)
+    )
     supports = [ec.Displacement("clamped", (0.0, 0.0)), *scene.supports]
     domain = ec.Domain(domain.mesh, tags, {**domain.names, "clamped": 9})
     return ec.Scene(scene.material, supports, contacts=scene.contacts), domain
@@ -123,21 +136,32 @@ def partly_clamped(clamped: Callable[[np.ndarray], Any]) -> Pair:
 def hertz() -> Pair:
     """A half disc on a plane, pressed and sheared."""
     contact = ec.Contact("arc", friction=0.3, normal=(0.0, -1.0), gap=lambda x: x[1])
-    scene = ec.Scene(ec.Elastic(1.0, 0.3), [ec.Displacement("top", (0.01, -0.02))], contacts=[contact])
+    scene = ec.Scene(
+        ec.Elastic(1.0, 0.3), [ec.Displacement("top", (0.01, -0.02))], contacts=[contact]
+    )
     return scene, ec.read_mesh(MESHES / "half_disc.geo")
 
 
 def roller_pulled_off(friction: float) -> Pair:
     """A block on a roller that leaves it free to rise, pulled upwards."""
     supports, loads = [ec.Displacement("left", (0.0, None))], [ec.Traction("top", (0.0, 0.01))]
-    scene = ec.Scene(ec.Elastic(1.0, 0.3), supports, loads, [ec.Contact("bottom", friction=friction)])
+    scene = ec.Scene(
+        ec.Elastic(1.0, 0.3), supports, loads, [ec.Contact("bottom", friction=friction)]
+    )
     return scene, square()
 
 
 SLIVERS = round(4 / np.tan(radians(1.0)))
 SOLVABLE: dict[str, Callable[[], Pair]] = {
-    **{f"nu {nu}, {n} squares": partial(block, nu=nu, n=n) for nu in (0.0, 0.49, 0.4999) for n in (4, 8)},
-    **{f"mu {mu} sheared hard": lambda mu=mu: pressed(square(), (0.3, -0.05), mu) for mu in (0.0, 1.0, 20.0)},
+    **{
+        f"nu {nu}, {n} squares": partial(block, nu=nu, n=n)
+        for nu in (0.0, 0.49, 0.4999)
+        for n in (4, 8)
+    },
+    **{
+        f"mu {mu} sheared hard": lambda mu=mu: pressed(square(), (0.3, -0.05), mu)
+        for mu in (0.0, 1.0, 20.0)
+    },
     "opens altogether": lambda: block((0.0, 0.05)),
     "just touches": lambda: block((0.0, -0.02), gap=0.02),
     "slips everywhere": lambda: pressed(square(), (1.0, -0.05)),
@@ -149,12 +173,16 @@ SOLVABLE: dict[str, Callable[[], Pair]] = {
     "stands pushed in space": lambda: standing((0.2, 0.1, -1.0), cube()),
     "tower leans": lambda: standing((0.2, -1.0), tower(), friction=1.0),
     "slope 15 degrees, mu 0.5": lambda: standing((0.0, -1.0), rotated(square(), 15.0)),
-    "slope 44 degrees, mu 1": lambda: standing((0.0, -1.0), rotated(square(24, 24), 44.0), friction=1.0),
+    "slope 44 degrees, mu 1": lambda: standing(
+        (0.0, -1.0), rotated(square(24, 24), 44.0), friction=1.0
+    ),
     "wedge mu 0": lambda: wedge(0.0),
     "wedge mu 0.2, below the slope": lambda: wedge(0.2),
     "wedge mu 1, above the slope": lambda: wedge(1.0),
     "three contacts": in_a_channel,
-    "column 1:100": lambda: pressed(ec.rectangle((0.0, 0.0), (1.0, 100.0), cells=(2, 200)), (0.5, -0.05)),
+    "column 1:100": lambda: pressed(
+        ec.rectangle((0.0, 0.0), (1.0, 100.0), cells=(2, 200)), (0.5, -0.05)
+    ),
     "soft at the contact": lambda: pressed(two_halves(square()), E={"lower": 1.0, "upper": 1e6}),
     "hard at the contact": lambda: pressed(two_halves(square()), E={"lower": 1e6, "upper": 1.0}),
     "graded 1:1e5 in rows": lambda: pressed(graded(1e-5)),
@@ -178,7 +206,9 @@ UNSOLVABLE: dict[str, Callable[[], Pair]] = {
     "pushed beyond the limit": lambda: standing((0.3, -1.0), friction=0.1),
     "pushed to 102% of the limit": lambda: standing((0.51, -1.0)),
     "pushed beyond the limit above a gap": lambda: standing((0.6, -1.0), gap=0.01),
-    "slope 15 degrees, mu 0.2": lambda: standing((0.0, -1.0), rotated(square(), 15.0), friction=0.2),
+    "slope 15 degrees, mu 0.2": lambda: standing(
+        (0.0, -1.0), rotated(square(), 15.0), friction=0.2
+    ),
     "tower tips over": lambda: standing((0.3, -1.0), tower(), friction=1.0),
     "wedge pulled out": lambda: wedge(0.2, 1.0),
     "beyond the limit in space": lambda: standing((0.4, 0.4, -1.0), cube()),
@@ -192,8 +222,14 @@ def loaded(build: Callable[..., Pair], sideways: float, value: float) -> Pair:
 
 
 UNITS: dict[str, list[Callable[[], Pair]]] = {
-    "block": [partial(block, E=10.0**k, size=10.0**m, n=8) for k, m in ((0, 0), (-9, 0), (12, 0), (0, -6), (3, 3))],
-    "GRECO": [partial(greco, E=10.0**k, size=10.0**m) for k, m in ((0, 0), (-9, 0), (12, 0), (0, -6), (3, 3))],
+    "block": [
+        partial(block, E=10.0**k, size=10.0**m, n=8)
+        for k, m in ((0, 0), (-9, 0), (12, 0), (0, -6), (3, 3))
+    ],
+    "GRECO": [
+        partial(greco, E=10.0**k, size=10.0**m)
+        for k, m in ((0, 0), (-9, 0), (12, 0), (0, -6), (3, 3))
+    ],
     "displacement": [partial(loaded, pressed, 0.4, 10.0**k) for k in (0, -100, -50, 50, 100)],
     "force": [partial(loaded, standing, 0.3, 10.0**k) for k in (0, -100, -50, 50, 100)],
 }

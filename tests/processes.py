@@ -46,7 +46,9 @@ def started(script: str, ranks: int, folder: Path) -> Iterator[subprocess.Popen]
 @contextmanager
 def launched(path: Path, ranks: int, folder: Path) -> Iterator[subprocess.Popen]:
     """The same for a script that is a file already; DOLFINx finds the options of the C compiler in the folder."""
-    (folder / "dolfinx_jit_options.json").write_text(json.dumps({"cffi_extra_compile_args": COMPILER}))
+    (folder / "dolfinx_jit_options.json").write_text(
+        json.dumps({"cffi_extra_compile_args": COMPILER})
+    )
     launch = [] if ranks == 1 else [str(Path(sys.executable).parent / "mpiexec"), "-n", str(ranks)]
     with subprocess.Popen(
         [*launch, sys.executable, "-u", str(path)],

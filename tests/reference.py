@@ -39,8 +39,9 @@ class TrueErrors:
 def true_errors(pair: Admissible, fine: ec.Solution) -> TrueErrors:
     """Errors of a pair against the finite element solution on a mesh that refines its own (serial).
 
-    Both are integrated by a rule of degree 2k on the fine cells: only fine cells cut by an edge of the sub-simplices
-    are not exact, and there are none on a mesh that :func:`nested` made. The fine solution may be of another degree.
+    Both are integrated by a rule of degree 2k on the fine cells: only fine cells cut by
+    an edge of the sub-simplices are not exact, and there are none on a mesh that
+    :func:`nested` made. The fine solution may be of another degree.
     """
     model, d = fine.model, fine.model.d
     cells = cell_geometry(model)
@@ -62,8 +63,12 @@ def true_errors(pair: Admissible, fine: ec.Solution) -> TrueErrors:
     volume = cells.volume[:, None] * weights
     du = fine_strain - strain.reshape(n, q, -1)
     ds = fine_strain @ C - stress.reshape(n, q, -1)
-    squares = [volume * np.einsum("nqa,ab,nqb->nq", rest, M, rest) for rest, M in ((du, C), (ds, S))]
-    of_cells = np.sqrt([np.bincount(parent, square.ravel(), len(pair.stress)) for square in squares])
+    squares = [
+        volume * np.einsum("nqa,ab,nqb->nq", rest, M, rest) for rest, M in ((du, C), (ds, S))
+    ]
+    of_cells = np.sqrt(
+        [np.bincount(parent, square.ravel(), len(pair.stress)) for square in squares]
+    )
     displacement, stresses = (float(v) for v in np.linalg.norm(of_cells, axis=1))
     return TrueErrors(displacement, stresses, _third_term(pair, fine), of_cells)
 
@@ -75,10 +80,17 @@ def nested(domain: ec.Domain, levels: int) -> ec.Domain:
     parts = np.repeat(cells.astype(np.int64)[:, None], d + 1, axis=1)
     parts[:, range(d + 1), range(d + 1)] = len(x) + np.arange(len(cells))[:, None]
     element = ufl.Mesh(basix.ufl.element("Lagrange", mesh.basix_cell(), 1, shape=(d,)))
-    fine = dmesh.create_mesh(mesh.comm, parts.reshape(-1, d + 1), element, np.vstack([x, x[cells].mean(axis=1)]))
+    fine = dmesh.create_mesh(
+        mesh.comm, parts.reshape(-1, d + 1), element, np.vstack([x, x[cells].mean(axis=1)])
+    )
     fine.topology.create_connectivity(d - 1, d)
-    outer = dmesh.exterior_facet_indices(fine.topology)  # those of the coarse mesh: known by their middles
-    old, new = dmesh.compute_midpoints(mesh, d - 1, tags.indices), dmesh.compute_midpoints(fine, d - 1, outer)
+    outer = dmesh.exterior_facet_indices(
+        fine.topology
+    )  # those of the coarse mesh: known by their middles
+    old, new = (
+        dmesh.compute_midpoints(mesh, d - 1, tags.indices),
+        dmesh.compute_midpoints(fine, d - 1, outer),
+    )
     same = abs(new[:, None] - old).max(axis=2).argmin(axis=1)
     result = ec.Domain(fine, dmesh.meshtags(fine, d - 1, outer, tags.values[same]), domain.names)
     for _ in range(levels):
@@ -89,7 +101,9 @@ def nested(domain: ec.Domain, levels: int) -> ec.Domain:
 def _parents(pair: Admissible, middles: np.ndarray) -> np.ndarray:
     """The coarse cell that holds each fine one, whose middles are given."""
     mesh, three = pair.solution.domain.mesh, np.pad(middles, ((0, 0), (0, 3 - middles.shape[1])))
-    near = geometry.compute_collisions_points(geometry.bb_tree(mesh, mesh.topology.dim, padding=1e-10), three)
+    near = geometry.compute_collisions_points(
+        geometry.bb_tree(mesh, mesh.topology.dim, padding=1e-10), three
+    )
     fine, cell = np.repeat(np.arange(len(middles)), np.diff(near.offsets)), near.array
     inside = _barycentric(pair, cell, middles[fine]).min(axis=1)
     assert np.bincount(fine[inside > 0], minlength=len(middles)).tolist() == [1] * len(middles)
@@ -98,7 +112,9 @@ def _parents(pair: Admissible, middles: np.ndarray) -> np.ndarray:
 
 def _barycentric(pair: Admissible, cells: np.ndarray, x: np.ndarray) -> np.ndarray:
     """Barycentric coordinates of points (n, d) in coarse cells (n,)."""
-    origin = pair.solution.model.V.tabulate_dof_coordinates()[:, : x.shape[1]][pair.cell_geometry.vertices[cells, 0]]
+    origin = pair.solution.model.V.tabulate_dof_coordinates()[:, : x.shape[1]][
+        pair.cell_geometry.vertices[cells, 0]
+    ]
     local = np.einsum("nij,nj->ni", pair.cell_geometry.inverse[cells], x - origin)
     return np.column_stack([1 - local.sum(axis=1), local])
 
@@ -141,7 +157,10 @@ def _third_term(pair: Admissible, fine: ec.Solution) -> float:
         slip = abs(w @ along) - abs(hat_w @ along)
         total += float(
             np.sum(
-                2 * exact.area * (exact.friction_bound @ bernstein(1, fine.model.degree, middle)[0] - hat_bound) * slip
+                2
+                * exact.area
+                * (exact.friction_bound @ bernstein(1, fine.model.degree, middle)[0] - hat_bound)
+                * slip
             )
         )
     return total

@@ -15,7 +15,9 @@ from erc_contact.admissible.traction import ContactTraction
 
 def mostly_serial(cases: Iterable, on_ranks: Sequence) -> list:
     """Parameters of a test: all of them in serial, some also on several ranks."""
-    return [case if case in on_ranks else pytest.param(case, marks=pytest.mark.serial) for case in cases]
+    return [
+        case if case in on_ranks else pytest.param(case, marks=pytest.mark.serial) for case in cases
+    ]
 
 
 def prototype_block() -> ec.Scene:
@@ -73,7 +75,9 @@ def quadratic_contact() -> ec.Scene:
     material = ec.Elastic(E=1.0, nu=0.3)
 
     def stress(x):
-        u = ufl.as_vector([0.02 * x[0] + 0.03 * x[0] ** 2, (-0.1 - 0.02 * x[0] + 0.03 * x[1]) * x[1]])
+        u = ufl.as_vector(
+            [0.02 * x[0] + 0.03 * x[0] ** 2, (-0.1 - 0.02 * x[0] + 0.03 * x[1]) * x[1]]
+        )
         return material.stress(ufl.sym(ufl.grad(u)), E=material.E, nu=material.nu)
 
     return ec.Scene(
@@ -119,17 +123,23 @@ def random_scene(seed: int, comm: MPI.Comm = MPI.COMM_WORLD) -> tuple[ec.Scene, 
     push = [float(v) for v in rng.uniform(-0.03, 0.03, d)]
     push[last] = -float(rng.uniform(0.02, 0.06))
     friction = [0.0, 0.3, 1.0, lambda x: 0.2 + 0.5 * x[0]][seed // 2 % 4]
-    gap = [0.0, lambda x: 0.02 * (x[0] - 0.5) ** 2, 0.004, lambda x: 0.01 * x[0] ** 2][(seed + seed // 4) % 4]
+    gap = [0.0, lambda x: 0.02 * (x[0] - 0.5) ** 2, 0.004, lambda x: 0.01 * x[0] ** 2][
+        (seed + seed // 4) % 4
+    ]
     roller = tuple(0.0 if i == 0 else None for i in range(d))
     supports = [ec.Displacement("left", roller)] if seed % 3 == 0 else []
     if supports:
         push[0] = 0.0
     loads = [
         ec.Traction(side, pressure=lambda x: 0.01 * (1 + x[last])),
-        ec.BodyForce(tuple(lambda x, k=k: float(slope[k]) * (1 + x[0] * x[last]) for k in range(d))),
+        ec.BodyForce(
+            tuple(lambda x, k=k: float(slope[k]) * (1 + x[0] * x[last]) for k in range(d))
+        ),
     ]
     scene = ec.Scene(
-        material=ec.Elastic(E={"lower": 1.0, "upper": float(rng.uniform(2, 20))}, nu={"lower": 0.3, "upper": 0.1}),
+        material=ec.Elastic(
+            E={"lower": 1.0, "upper": float(rng.uniform(2, 20))}, nu={"lower": 0.3, "upper": 0.1}
+        ),
         supports=[*supports, ec.Displacement(top, tuple(push))],
         loads=loads,
         contacts=[ec.Contact(bottom, friction=friction, gap=gap)],
@@ -137,7 +147,9 @@ def random_scene(seed: int, comm: MPI.Comm = MPI.COMM_WORLD) -> tuple[ec.Scene, 
     return scene, domain
 
 
-def two_squares(comm: MPI.Comm = MPI.COMM_WORLD, *, cells: int = 4, apart: float = 3.0) -> ec.Domain:
+def two_squares(
+    comm: MPI.Comm = MPI.COMM_WORLD, *, cells: int = 4, apart: float = 3.0
+) -> ec.Domain:
     """Two unit squares that do not touch, in one mesh; the parts are left1 ... top1 and left2 ... top2."""
     import basix.ufl
     from dolfinx import mesh as dmesh
@@ -149,7 +161,10 @@ def two_squares(comm: MPI.Comm = MPI.COMM_WORLD, *, cells: int = 4, apart: float
     corner = (n[:-1, None] * (cells + 1) + n[:-1]).ravel()
     square = np.column_stack([corner, corner + cells + 1, corner + 1, corner + cells + 2])
     triangles = np.concatenate([square[:, [0, 1, 3]], square[:, [0, 3, 2]]])
-    x, triangles = np.concatenate([x, x + np.array([apart, 0.0])]), np.concatenate([triangles, triangles + len(x)])
+    x, triangles = (
+        np.concatenate([x, x + np.array([apart, 0.0])]),
+        np.concatenate([triangles, triangles + len(x)]),
+    )
     if comm.rank > 0:
         x, triangles = x[:0], triangles[:0]
     element = ufl.Mesh(basix.ufl.element("Lagrange", "triangle", 1, shape=(2,)))
@@ -157,23 +172,38 @@ def two_squares(comm: MPI.Comm = MPI.COMM_WORLD, *, cells: int = 4, apart: float
     names: dict[str, int] = {}
     facets, values = [], []
     for body, start in enumerate((0.0, apart), start=1):
-        for name, axis, at in (("left", 0, start), ("right", 0, start + 1), ("bottom", 1, 0.0), ("top", 1, 1.0)):
+        for name, axis, at in (
+            ("left", 0, start),
+            ("right", 0, start + 1),
+            ("bottom", 1, 0.0),
+            ("top", 1, 1.0),
+        ):
             names[f"{name}{body}"] = len(names) + 1
 
             def there(x, axis=axis, at=at, start=start):
-                return (abs(x[axis] - at) < 1e-9) & (x[0] > start - 1e-9) & (x[0] < start + 1 + 1e-9)
+                return (
+                    (abs(x[axis] - at) < 1e-9) & (x[0] > start - 1e-9) & (x[0] < start + 1 + 1e-9)
+                )
 
             found = dmesh.locate_entities_boundary(mesh, 1, there)
             facets.append(found)
             values.append(np.full(len(found), len(names), dtype=np.int32))
     order = np.argsort(np.concatenate(facets))
-    return ec.Domain(mesh, dmesh.meshtags(mesh, 1, np.concatenate(facets)[order], np.concatenate(values)[order]), names)
+    return ec.Domain(
+        mesh,
+        dmesh.meshtags(mesh, 1, np.concatenate(facets)[order], np.concatenate(values)[order]),
+        names,
+    )
 
 
 def two_materials(extent: np.ndarray, size: float, comm: MPI.Comm) -> ec.Domain:
     """A brick whose lower and upper halves are two regions, meshed by gmsh."""
     make = ec.rectangle if len(extent) == 2 else ec.box
-    return two_halves(make((0.0,) * len(extent), tuple(extent), size=size, comm=comm), len(extent) - 1, extent[-1] / 2)
+    return two_halves(
+        make((0.0,) * len(extent), tuple(extent), size=size, comm=comm),
+        len(extent) - 1,
+        extent[-1] / 2,
+    )
 
 
 def two_halves(domain: ec.Domain, axis: int = 1, at: float = 0.5) -> ec.Domain:
@@ -189,7 +219,12 @@ def two_halves(domain: ec.Domain, axis: int = 1, at: float = 0.5) -> ec.Domain:
 
 
 def sliding_block(
-    slide: float, d: int = 2, friction: object = 0.3, E: float = 210e9, size: float = 1.0, n: int = 2
+    slide: float,
+    d: int = 2,
+    friction: object = 0.3,
+    E: float = 210e9,
+    size: float = 1.0,
+    n: int = 2,
 ) -> tuple[ec.Scene, ec.Domain]:
     """A block under its own weight that only contact holds vertically, its top moved by ``slide`` times its height."""
     if d == 2:
@@ -216,4 +251,6 @@ def moved_box(
         domain = ec.box((0.0,) * 3, (size, 0.8 * size, 0.7 * size), cells=(2, 2, 2))
     along = (push * size,) if d == 2 else (push * size, 0.4 * push * size)
     support = ec.Displacement("top", (*along, -press * size))
-    return ec.Scene(ec.Elastic(E, 0.3), [support], [], [ec.Contact("bottom", friction=friction)]), domain
+    return ec.Scene(
+        ec.Elastic(E, 0.3), [support], [], [ec.Contact("bottom", friction=friction)]
+    ), domain

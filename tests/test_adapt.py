@@ -1,10 +1,13 @@
 """The adaptive loop: rates, marking, limits that end it with the best result.
 
-- eps against cells has slope -1/2 (adaptive), and the slope that the clamped corner dictates (uniform: h^0.7112);
+- eps against cells has slope -1/2 (adaptive), and the slope that the clamped corner
+  dictates (uniform: h^0.7112);
 - Doerfler marking carries the fraction with the fewest elements;
-- limits of cells and of steps, and a solve that fails late, end the loop with the best result and clear words;
-- so does whatever else comes late: a scene that does not fit the next mesh, Ctrl-C (real signals to real processes),
-  memory that ends, a callback that has enough; on the first mesh it is raised.
+- limits of cells and of steps, and a solve that fails late, end the loop with the best
+  result and clear words;
+- so does whatever else comes late: a scene that does not fit the next mesh, Ctrl-C
+  (real signals to real processes), memory that ends, a callback that has enough; on the
+  first mesh it is raised.
 """
 
 import csv
@@ -40,7 +43,9 @@ def test_adaptive_rate():
 
 @pytest.mark.serial
 def test_uniform_rate_is_that_of_the_corner():
-    history = ec.adapt(prototype_block(), block(8), accuracy=1e-6, strategy=ec.Uniform(), max_steps=5)
+    history = ec.adapt(
+        prototype_block(), block(8), accuracy=1e-6, strategy=ec.Uniform(), max_steps=5
+    )
     slope = history.slope("cells", last=3)
     print(f"\nuniform slope {slope:.3f}, corner {-CORNER / 2:.3f}")
     assert slope == pytest.approx(-CORNER / 2, abs=0.02)
@@ -58,11 +63,15 @@ def test_marking_carries_the_fraction_with_the_fewest(fraction):
     assert comm.allreduce(float(rest.max(initial=0.0)), MPI.MAX) <= least * (1 + 1e-5)
     if fraction < 1:
         without = carried - least**2
-        number = comm.allreduce(int(np.sum(abs(error.indicators[marked] - least) < 1e-5 * least)), MPI.SUM)
+        number = comm.allreduce(
+            int(np.sum(abs(error.indicators[marked] - least) < 1e-5 * least)), MPI.SUM
+        )
         assert without < fraction * error.relative**2 or number > 1  # ties are marked together
 
 
-@pytest.mark.parametrize("family", ["random", "steps", "equal", "nearly equal", "zero", "tiny", "on the last rank"])
+@pytest.mark.parametrize(
+    "family", ["random", "steps", "equal", "nearly equal", "zero", "tiny", "on the last rank"]
+)
 def test_marking_is_that_of_all_errors_in_one_place(family):
     """As if all errors were sorted on one rank, and the largest ones taken until they carry the fraction."""
     comm, random = MPI.COMM_WORLD, np.random.default_rng(len(family))
@@ -74,7 +83,11 @@ def test_marking_is_that_of_all_errors_in_one_place(family):
             "zero": np.zeros(7),
             "tiny": 10.0 ** random.uniform(-120, -100, 50),
         }.get(family, random.random(53))
-        rank = np.full(len(every), comm.size - 1) if family == "on the last rank" else np.arange(len(every)) % comm.size
+        rank = (
+            np.full(len(every), comm.size - 1)
+            if family == "on the last rank"
+            else np.arange(len(every)) % comm.size
+        )
         mine = largest(comm, every[rank == comm.rank], fraction)
         sizes = np.sort(every)[::-1]
         last = np.searchsorted(np.cumsum(sizes**2), fraction * np.sum(sizes**2) * (1 - TIE))
@@ -107,7 +120,9 @@ def test_a_mesh_with_too_many_cells_is_not_made(dim, monkeypatch):
         least = domain.cells + (2**domain.dim - 1) * every
         assert refined_if_allowed(domain, marked, 10 * whole).cells >= least
         assert every < domain.cells or made[-1].cells == whole == least
-        with pytest.raises(ec.InputError, match=f"at least {least} cells, more than max_cells = {least - 1}"):
+        with pytest.raises(
+            ec.InputError, match=f"at least {least} cells, more than max_cells = {least - 1}"
+        ):
             refined_if_allowed(domain, marked, least - 1)
     assert len(made) == 3
 
@@ -156,9 +171,13 @@ def test_scene_that_does_not_fit_a_later_mesh():
         return 0.3 - 0.4 * ufl.exp(-(((x[0] - 2 / 7) / 1e-3) ** 2))
 
     scene = ec.Scene(
-        ec.Elastic(1.0, 0.3), [ec.Displacement("top", (0.02, -0.05))], contacts=[ec.Contact("bottom", friction=dip)]
+        ec.Elastic(1.0, 0.3),
+        [ec.Displacement("top", (0.02, -0.05))],
+        contacts=[ec.Contact("bottom", friction=dip)],
     )
-    first, second = (ec.rectangle((0.0, 0.0), (2.0, 7.0), cells=cells) for cells in ((4, 14), (7, 24)))
+    first, second = (
+        ec.rectangle((0.0, 0.0), (2.0, 7.0), cells=cells) for cells in ((4, 14), (7, 24))
+    )
     on = scene, first, lambda domain: second
     ends_late(ec.InputError, "'bottom'", "friction is -0.1", on=on)
 
@@ -167,11 +186,17 @@ def test_body_that_nothing_holds_on_a_later_mesh():
     """The contact has moved to the side: nothing holds the body vertically any more."""
 
     def turned(domain):
-        names = dict(zip(domain.names, [4, 2, 1, 3], strict=True)) if domain.names["bottom"] == 3 else domain.names
+        names = (
+            dict(zip(domain.names, [4, 2, 1, 3], strict=True))
+            if domain.names["bottom"] == 3
+            else domain.names
+        )
         return ec.Domain(domain.mesh, domain.facet_tags, names)
 
     roller = ec.Displacement("right", (0.0, None))
-    scene = ec.Scene(ec.Elastic(1.0, 0.3), [roller], [ec.Traction("top", pressure=lambda x: 0.01 * x[0])])
+    scene = ec.Scene(
+        ec.Elastic(1.0, 0.3), [roller], [ec.Traction("top", pressure=lambda x: 0.01 * x[0])]
+    )
     scene = dataclasses.replace(scene, contacts=[ec.Contact("bottom")])
     on = scene, ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(3, 3)), turned
     ends_late(ec.NotHeldError, "Nothing holds the body", "translation in y", on=on)
@@ -301,7 +326,9 @@ def test_interrupt_before_there_is_anything_to_keep_is_raised():
         return 0.3
 
     scene = ec.Scene(
-        ec.Elastic(1.0, 0.3), [ec.Displacement("top", (0.0, -0.1))], contacts=[ec.Contact("bottom", friction=impatient)]
+        ec.Elastic(1.0, 0.3),
+        [ec.Displacement("top", (0.0, -0.1))],
+        contacts=[ec.Contact("bottom", friction=impatient)],
     )
     with pytest.raises(KeyboardInterrupt):
         ec.adapt(scene, ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(2, 2)), accuracy=1e-3)
@@ -316,7 +343,11 @@ def test_long_stages_end_within_an_iteration(stage):
     solution = ec.solve(common_block(), domain, solver=solver)
 
     def work():
-        return ec.equilibrate(solution) if stage == "tightening" else ec.solve(common_block(), domain, solver=solver)
+        return (
+            ec.equilibrate(solution)
+            if stage == "tightening"
+            else ec.solve(common_block(), domain, solver=solver)
+        )
 
     with Interrupts(comm):
         if comm.rank == comm.size - 1:
@@ -329,7 +360,10 @@ def test_long_stages_end_within_an_iteration(stage):
 def test_history_rows_and_csv(shared_tmp_path):
     history = ec.adapt(common_block(), block(4), accuracy=0.2)
     assert np.all(np.diff(history.column("seconds")) > 0)
-    assert np.allclose(history.column("eps") ** 2, history.column("eps_bulk") ** 2 + history.column("eps_contact") ** 2)
+    assert np.allclose(
+        history.column("eps") ** 2,
+        history.column("eps_bulk") ** 2 + history.column("eps_contact") ** 2,
+    )
     history.to_csv(shared_tmp_path / "history.csv")
     MPI.COMM_WORLD.barrier()
     with (shared_tmp_path / "history.csv").open() as file:

@@ -1,11 +1,14 @@
 """Admissible pairs: each property as a number against a scale, on random scenes in 2D and 3D, of degree 1 and 2.
 
-- every element is in equilibrium of forces and moments under its facet tractions and the body force;
-- tractions of two elements on a common facet are opposite (one value per facet, seen with two signs);
-- sigma^ has these tractions on its facets, is continuous across inner facets of the sub-simplices, and
-  div sigma^ + f = 0 in every sub-simplex;
+- every element is in equilibrium of forces and moments under its facet tractions and
+  the body force;
+- tractions of two elements on a common facet are opposite (one value per facet, seen
+  with two signs);
+- sigma^ has these tractions on its facets, is continuous across inner facets of the
+  sub-simplices, and div sigma^ + f = 0 in every sub-simplex;
 - facet tractions are the loads on Gamma_N and r^ on Gamma_C;
-- that also where the body slides ten times its size, or only the contact holds it: r^ is found where there is one;
+- that also where the body slides ten times its size, or only the contact holds it: r^
+  is found where there is one;
 - r^ lies in the Coulomb cone and u^_n <= g at 20 points of every facet.
 """
 
@@ -21,7 +24,14 @@ from scenes import greco, mostly_serial, random_scene, resultant, sliding_block
 
 import erc_contact as ec
 from erc_contact.admissible.cells import facet_order, force_coefficients, signed
-from erc_contact.admissible.macro import bubbles, macro_points, macro_stress, mandel, reference_map, tensors
+from erc_contact.admissible.macro import (
+    bubbles,
+    macro_points,
+    macro_stress,
+    mandel,
+    reference_map,
+    tensors,
+)
 from erc_contact.admissible.pair import Admissible
 from erc_contact.admissible.sampled import lowering
 from erc_contact.mesh.simplex import (
@@ -69,12 +79,16 @@ def test_elements_balance_forces(pair):
 def test_elements_balance_moments(pair):
     moment, cells, d = owned_moments(pair), pair.cell_geometry, pair.cell_geometry.d
     x = pair.solution.model.V.tabulate_dof_coordinates()[:, :d][cells.nodes[: len(moment)]]
-    arm = x - x.mean(axis=1, keepdims=True)  # nodal values of a linear function are its coefficients, too
+    arm = x - x.mean(
+        axis=1, keepdims=True
+    )  # nodal values of a linear function are its coefficients, too
     on_facets = local_facet_nodes(d, cells.degree)
     dyad = sum(np.einsum("nmi,nmj->nij", arm[:, v], moment[:, i]) for i, v in enumerate(on_facets))
     body = mass(d, 1, cells.degree - 1)
     dyad += np.einsum("nvi,vb,nbj->nij", arm[:, : d + 1], body, pair.cell_forces[: len(moment)])
-    assert worst(pair, dyad - dyad.transpose(0, 2, 1)) < BALANCE * worst(pair, moment) * worst(pair, arm)
+    assert worst(pair, dyad - dyad.transpose(0, 2, 1)) < BALANCE * worst(pair, moment) * worst(
+        pair, arm
+    )
 
 
 def test_opposite_tractions_between_ranks(pair):
@@ -101,19 +115,31 @@ def test_stress_has_the_facet_tractions(pair):
 
 
 def test_stress_is_in_equilibrium_inside(pair):
-    cells, d, k, count = pair.cell_geometry, pair.cell_geometry.d, pair.cell_geometry.degree, len(pair.stress)
+    cells, d, k, count = (
+        pair.cell_geometry,
+        pair.cell_geometry.d,
+        pair.cell_geometry.degree,
+        len(pair.stress),
+    )
     stress = tensors(pair.stress, d)
     corners = np.vstack([np.zeros(d), np.eye(d)])
-    gradient = -cells.area[:count] / (d * cells.volume[:count, None, None])  # of the cell's barycentrics
+    gradient = -cells.area[:count] / (
+        d * cells.volume[:count, None, None]
+    )  # of the cell's barycentrics
     scale = worst(pair, stress) * worst(pair, gradient)
     subs = np.repeat(corners[None], d + 1, axis=0)
     subs[range(d + 1), range(d + 1)] = corners.mean(axis=0)
     for i in range(d + 1):
-        # barycentrics of sub-simplex i: the centre's is (d+1) lambda_i, the others' are lambda_j - lambda_i
+        # barycentrics of sub-simplex i: the centre's is (d+1) lambda_i, the others' are
+        # lambda_j - lambda_i
         sub = gradient - gradient[:, i : i + 1]
         sub[:, i] = (d + 1) * gradient[:, i]
-        divergence = np.einsum("ckm,nmij,nkj->nci", gradients(d, k), stress[:, i], sub, optimize=True)
-        f = np.matmul(bernstein(d, k - 1, barycentric(nodes(d, k - 1)) @ subs[i]), pair.cell_forces[:count])
+        divergence = np.einsum(
+            "ckm,nmij,nkj->nci", gradients(d, k), stress[:, i], sub, optimize=True
+        )
+        f = np.matmul(
+            bernstein(d, k - 1, barycentric(nodes(d, k - 1)) @ subs[i]), pair.cell_forces[:count]
+        )
         assert worst(pair, divergence + f / cells.volume[:count, None, None]) < BALANCE * scale
         for other in range(i + 1, d + 1):
             normal = gradient[:, i] - gradient[:, other]
@@ -137,10 +163,14 @@ def test_facets_carry_loads_and_contact_tractions(pair):
         facets = model.domain.facets(load.facets)
         facets = facets[facets[:, 0] < model.domain.owned_cells]
         order = facet_order(model.facet_nodes(facets)[:, :d], k)
-        exact = np.matmul(coefficients(d - 1, k), evaluate(load.density, model.mesh, model.facet_points, facets))
+        exact = np.matmul(
+            coefficients(d - 1, k), evaluate(load.density, model.mesh, model.facet_points, facets)
+        )
         exact = np.take_along_axis(exact, order[..., None], axis=1)
         here = found[of_cell[facets[:, 0], facets[:, 1]]] / model.facet_areas(facets)[:, None, None]
-        assert worst(pair, here - exact) < BALANCE * worst(pair, exact)  # the loads are linear on each facet
+        assert worst(pair, here - exact) < BALANCE * worst(
+            pair, exact
+        )  # the loads are linear on each facet
     for t in pair.tractions:
         own = t.contact.facets[:, 0] < model.domain.owned_cells
         facets, values = t.contact.facets[own], t.values[own]
@@ -162,7 +192,9 @@ def test_traction_in_the_cone(pair):
     for t in pair.tractions:
         r = np.einsum("qm,fmi->fqi", shape, t.values)
         r_n, _, r_t = split(r, t.contact.direction[:, None, :])
-        bound = t.contact.friction_bound(np.maximum(-r_n, 0.0), model.friction_parameters(t.contact, points))
+        bound = t.contact.friction_bound(
+            np.maximum(-r_n, 0.0), model.friction_parameters(t.contact, points)
+        )
         scale = worst(pair, r)
         assert worst(pair, np.maximum(r_n, 0.0)) <= CONE * scale
         assert worst(pair, np.maximum(r_t - bound, 0.0)) <= CONE * scale
@@ -211,12 +243,16 @@ def test_balance_with_data_that_no_rule_integrates(contact):
     scene = ec.Scene(material=material, loads=loads, **held)
     pair = ec.equilibrate(ec.solve(scene, ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(6, 6))))
     moment = owned_moments(pair)
-    assert worst(pair, moment.sum(axis=(1, 2)) + pair.cell_forces[: len(moment), 0]) < BALANCE * worst(pair, moment)
+    assert worst(
+        pair, moment.sum(axis=(1, 2)) + pair.cell_forces[: len(moment), 0]
+    ) < BALANCE * worst(pair, moment)
 
 
 @pytest.mark.serial
 @pytest.mark.parametrize("degree", [1, 2])
-@pytest.mark.parametrize("method", [ec.Nitsche(), ec.AugmentedLagrangian()], ids=["Nitsche", "augmented"])
+@pytest.mark.parametrize(
+    "method", [ec.Nitsche(), ec.AugmentedLagrangian()], ids=["Nitsche", "augmented"]
+)
 def test_any_pressure_holds(method, degree):
     """Its weight is all that the contact must balance; with the first method no traction was found."""
     scene = ec.Scene(
@@ -225,7 +261,9 @@ def test_any_pressure_holds(method, degree):
         loads=[ec.BodyForce((0.0, -26000.0))],
         contacts=[ec.Contact("bottom", friction=0.45)],
     )
-    pair = ec.equilibrate(ec.solve(scene, ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(4, 4)), method, degree=degree))
+    pair = ec.equilibrate(
+        ec.solve(scene, ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(4, 4)), method, degree=degree)
+    )
     assert resultant(pair.tractions[0])[1] == pytest.approx(26000.0, rel=1e-10)
 
 
@@ -281,7 +319,11 @@ def test_round_off_does_not_shrink_the_friction_of_a_facet():
 @pytest.mark.parametrize("degree", [1, 2])
 def test_macro_stress_reproduces_polynomials(d, degree):
     """A symmetric stress of degree k comes back from its own facet tractions and divergence, up to bubbles."""
-    domain = ec.rectangle((0, 0), (1, 1), cells=(1, 1)) if d == 2 else ec.box((0, 0, 0), (1, 1, 1), cells=(1, 1, 1))
+    domain = (
+        ec.rectangle((0, 0), (1, 1), cells=(1, 1))
+        if d == 2
+        else ec.box((0, 0, 0), (1, 1, 1), cells=(1, 1, 1))
+    )
     from erc_contact.admissible.cells import cell_geometry
     from erc_contact.admissible.elastic import moduli
     from erc_contact.admissible.tighten.complementary import relaxed
@@ -304,7 +346,9 @@ def test_macro_stress_reproduces_polynomials(d, degree):
     divergence = np.einsum("ckm,nmij,nkj->nci", gradients(d, degree), exact, gradient)
     force = -divergence * cells.volume[:, None, None]
     on_facets = enumerate(local_facet_nodes(d, degree))
-    forces = np.stack([np.einsum("nmij,nj->nmi", exact[:, v], cells.area[:, i]) for i, v in on_facets], axis=1)[:count]
+    forces = np.stack(
+        [np.einsum("nmij,nj->nmi", exact[:, v], cells.area[:, i]) for i, v in on_facets], axis=1
+    )[:count]
     b = len(nodes(d, degree - 1))
     stress = macro_stress(cells, count, np.zeros((len(force), b, d, d)), forces, force)
     corners = np.vstack([np.zeros(d), np.eye(d)])
@@ -320,7 +364,9 @@ def test_macro_stress_reproduces_polynomials(d, degree):
             place = barycentric(nodes(d, degree)) @ subs[k]
             at = x[:count, :1] + np.einsum("qj,nij->nqi", place, cells.J[:count])
             found = np.einsum("mc,ncij->nmij", at_nodes(d, degree), tensors(stress[:, k], d))
-            assert np.abs(found - stress_at(at)).max(initial=0.0) < 1e-12 * np.abs(exact).max(initial=1.0)
+            assert np.abs(found - stress_at(at)).max(initial=0.0) < 1e-12 * np.abs(exact).max(
+                initial=1.0
+            )
 
 
 @pytest.mark.serial

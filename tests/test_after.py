@@ -1,7 +1,8 @@
 """One step of a loading history: friction counts the tangential displacement from where the last step ended.
 
 - Proportional loading from rest ends in the static solution, in any number of steps.
-- A sign: a body that is moved back gets friction in the other direction, and a load that is taken away leaves shear.
+- A sign: a body that is moved back gets friction in the other direction, and a load
+  that is taken away leaves shear.
 - The order of loads matters, and the order is the same on any number of ranks.
 - A refined mesh carries the last step to round-off; another mesh says what it loses.
 - e is above the true error of the step given its history, both on the same history.
@@ -26,7 +27,8 @@ from erc_contact.run.energy import energies
 E, MU, PRESS = 1.0, 0.3, 0.05
 AUGMENTED, NITSCHE = ec.AugmentedLagrangian(), ec.Nitsche()
 KINDS = pytest.mark.parametrize(
-    ("d", "degree", "solver"), [(2, 1, "direct"), (2, 2, "direct"), (2, 1, "iterative"), (3, 1, "iterative")]
+    ("d", "degree", "solver"),
+    [(2, 1, "direct"), (2, 2, "direct"), (2, 1, "iterative"), (3, 1, "iterative")],
 )
 
 
@@ -38,7 +40,11 @@ def scene(push, press, d=2, friction=MU):
 @cache
 def box(d=2, alone=False):
     comm = MPI.COMM_SELF if alone else MPI.COMM_WORLD
-    return ec.rectangle((0.0, 0.0), (1.0, 0.7), cells=(6, 4), comm=comm) if d == 2 else moved_box(3, 0.0, 0.0)[1]
+    return (
+        ec.rectangle((0.0, 0.0), (1.0, 0.7), cells=(6, 4), comm=comm)
+        if d == 2
+        else moved_box(3, 0.0, 0.0)[1]
+    )
 
 
 def run(path, domain=None, method=AUGMENTED, degree=1, solver="direct", friction=MU):
@@ -67,14 +73,21 @@ def test_proportional_loading_ends_in_the_static_solution(d, degree, solver):
     status = static.profile("bottom")["status"]
     assert {1, 2} <= set(status.tolist())
     steps = 5 if d == 2 else 2
-    last = run([(t * end[0], t * end[1]) for t in np.linspace(0, 1, steps + 1)[1:]], domain, AUGMENTED, degree, solver)[
-        -1
-    ]
+    last = run(
+        [(t * end[0], t * end[1]) for t in np.linspace(0, 1, steps + 1)[1:]],
+        domain,
+        AUGMENTED,
+        degree,
+        solver,
+    )[-1]
     size = abs(static.u.x.array).max()
     assert abs(last.u.x.array - static.u.x.array).max() <= tolerance * size
     assert np.array_equal(last.profile("bottom")["status"], status)
-    assert np.allclose(last.force("bottom").force, static.force("bottom").force, rtol=0, atol=tolerance * E * size)
-    # e of the step counts slip from the last step; that of the static problem, of the same fields, from rest
+    assert np.allclose(
+        last.force("bottom").force, static.force("bottom").force, rtol=0, atol=tolerance * E * size
+    )
+    # e of the step counts slip from the last step; that of the static problem, of the
+    # same fields, from rest
     at_once = replace(last, model=bind(last.scene, domain, degree))
     eps = [ec.constitutive_error(ec.equilibrate(one)).relative for one in (at_once, static)]
     assert eps[0] == pytest.approx(eps[1], rel=1e-8)
@@ -83,7 +96,9 @@ def test_proportional_loading_ends_in_the_static_solution(d, degree, solver):
 @pytest.mark.parametrize("method", [AUGMENTED, NITSCHE])
 def test_sliding_forward_and_back(method):
     """All slides: the friction is mu times the pressure, against the motion since the last step."""
-    there, further, back, held = run([(0.3, PRESS), (0.4, PRESS), (0.2, PRESS), (0.2, PRESS)], method=method)
+    there, further, back, held = run(
+        [(0.3, PRESS), (0.4, PRESS), (0.2, PRESS), (0.2, PRESS)], method=method
+    )
     assert shear(there) == pytest.approx(-MU, rel=1e-3)
     assert shear(further) == pytest.approx(-MU, rel=1e-3)
     assert shear(back) == pytest.approx(MU, rel=1e-3)
@@ -112,7 +127,12 @@ def test_shear_that_stays_without_any_load(scale):
     def step(push, after):
         support = ec.Displacement("top", (push, 0.0))
         contact = ec.Contact("bottom", friction=law, bilateral=True)
-        return ec.solve(ec.Scene(ec.Elastic(scale, 0.3), [support], [], [contact]), domain, AUGMENTED, after=after)
+        return ec.solve(
+            ec.Scene(ec.Elastic(scale, 0.3), [support], [], [contact]),
+            domain,
+            AUGMENTED,
+            after=after,
+        )
 
     away = step(0.05, None)
     home = step(0.0, away)
@@ -173,7 +193,9 @@ def test_a_refined_mesh_carries_the_last_step(d, degree):
         if other is None:
             return
         other = Space(other, degree)
-        rest = last.on(other, "bottom", np.tile((0.0, -1.0), (len(other.domain.facets("bottom")), 1)))[1]
+        rest = last.on(
+            other, "bottom", np.tile((0.0, -1.0), (len(other.domain.facets("bottom")), 1))
+        )[1]
         own = other.owned(other.domain.facets("bottom"))
         rates.append(np.sqrt(other.comm.allreduce(float(rest[own].sum()))))
     assert rates[1] < rates[0] < 1e-3 * 0.2
@@ -188,7 +210,12 @@ def test_steps_on_refined_and_new_meshes():
     assert isinstance(refined.method, ec.AugmentedLagrangian)
     assert fine.oscillations.history == 0.0
     assert fine.relative < 0.75 * error.relative
-    new = ec.solve(scene(0.016, PRESS), ec.rectangle((0.0, 0.0), (1.0, 0.7), cells=(5, 4)), AUGMENTED, after=solution)
+    new = ec.solve(
+        scene(0.016, PRESS),
+        ec.rectangle((0.0, 0.0), (1.0, 0.7), cells=(5, 4)),
+        AUGMENTED,
+        after=solution,
+    )
     other = ec.constitutive_error(ec.equilibrate(new))
     assert 0.0 < other.oscillations.history < 0.05 * other.absolute
     assert shear(new) == pytest.approx(shear(solution), rel=0.05)
@@ -204,7 +231,9 @@ def test_e_is_above_the_true_error_of_the_step(method, degree):
         one = scene(*path[-1], friction=friction)
         back = ec.solve(one, box(), method, degree=degree, after=sheared)
         error = ec.constitutive_error(ec.equilibrate(back))
-        fine = ec.solve(one, nested(box(), 2 if degree == 1 else 1), AUGMENTED, degree=degree, after=sheared)
+        fine = ec.solve(
+            one, nested(box(), 2 if degree == 1 else 1), AUGMENTED, degree=degree, after=sheared
+        )
         true = true_errors(error.admissible, fine)
         assert true.both**2 + true.friction <= (1 + 1e-6) * error.absolute**2
         assert 0.98 <= error.absolute / true.both <= 1.3
@@ -238,7 +267,9 @@ def test_what_cannot_be_a_last_step():
 
     refused(step(after="yesterday"), "after is 'yesterday'", "Solution")
     refused(step(scene(0.0, PRESS, 3), box(3)), "2D", "3D")
-    sides = ec.Scene(one.material, one.supports, [], [contact, ec.Contact("left", normal=(-1.0, 0.0))])
+    sides = ec.Scene(
+        one.material, one.supports, [], [contact, ec.Contact("left", normal=(-1.0, 0.0))]
+    )
     refused(step(sides), "'left'", "same contacts")
     refused(step(on=ec.rectangle((5.0, 0.0), (6.0, 0.7), cells=(6, 4))), "'bottom'", "another body")
     refused(step(on=ec.rectangle((0.0, 0.0), (0.5, 0.7), cells=(6, 4))), "'bottom'", "another body")

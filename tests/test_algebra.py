@@ -1,8 +1,11 @@
 """Algebra of materials and of the friction cone, and derivatives of the contact equations.
 
-- compliance of stress is the identity, also near incompressibility; rigid motions have no strain;
-- the projection of each law is what its formula says, and idempotent; the Euclidean one does not expand distances;
-- the Taylor remainder of the residual is of second order in open, slip and stick states (a wrong tangent would show).
+- compliance of stress is the identity, also near incompressibility; rigid motions have
+  no strain;
+- the projection of each law is what its formula says, and idempotent; the Euclidean one
+  does not expand distances;
+- the Taylor remainder of the residual is of second order in open, slip and stick states
+  (a wrong tangent would show).
 """
 
 import numpy as np
@@ -164,4 +167,6 @@ def test_taylor_remainder(method, state):
         linear = 1e-4 * float(np.abs(slope).max(initial=0.0))
         assert coarse <= 0.05 * linear
         # second order, or exactly linear (open, stick)
-        assert fine < 0.3 * coarse or coarse <= 1e-12 * max(linear / 1e-4, abs(r_0).max(initial=0.0))
+        assert fine < 0.3 * coarse or coarse <= 1e-12 * max(
+            linear / 1e-4, abs(r_0).max(initial=0.0)
+        )

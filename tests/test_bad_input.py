@@ -1,6 +1,7 @@
 """Bad input ends in an error that says what was got, what is allowed and what to do, on every rank.
 
-Properties: every rank raises, none waits for another; the type is one of the package's; the message names the thing.
+Properties: every rank raises, none waits for another; the type is one of the package's;
+the message names the thing.
 """
 
 import dataclasses
@@ -53,7 +54,8 @@ def cube():
     return ec.box((0.0, 0.0, 0.0), (1.0, 1.0, 1.0), cells=(2, 2, 2))
 
 
-# -- names ---------------------------------------------------------------------------------------------------
+# -- names
+# ---------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -93,10 +95,13 @@ def test_material_that_misses_cells():
     tags = dmesh.meshtags(mesh, 2, cells, np.where(upper, 2, 1).astype(np.int32))
     facet_tags = dmesh.meshtags(mesh, 1, left, np.ones(len(left), dtype=np.int32))
     domain = ec.Domain(mesh, facet_tags, {"left": 1}, tags, {"lower": 1, "upper": 2})
-    refused_scene(domain, "E", "16 cells", "lower", "upper", material=ec.Elastic(E={"lower": 1.0}, nu=0.3))
+    refused_scene(
+        domain, "E", "16 cells", "lower", "upper", material=ec.Elastic(E={"lower": 1.0}, nu=0.3)
+    )
 
 
-# -- material ------------------------------------------------------------------------------------------------
+# -- material
+# ------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("nu", [-1.0, 0.5, 0.7, -2.0, float("nan")])
@@ -123,15 +128,26 @@ def test_modulus_out_of_range_somewhere(material, words, block):
 
 
 def test_hypothesis_that_does_not_exist():
-    refused(lambda: ec.Elastic(E=1.0, nu=0.3, hypothesis="plain strain"), "'plain strain'", "plane strain")
+    refused(
+        lambda: ec.Elastic(E=1.0, nu=0.3, hypothesis="plain strain"),
+        "'plain strain'",
+        "plane strain",
+    )
 
 
-# -- friction, gap, normal -----------------------------------------------------------------------------------
+# -- friction, gap, normal
+# -----------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("friction", [-0.1, float("nan"), float("inf"), "0.3", None])
 def test_friction_negative_or_no_number(friction):
-    refused(lambda: ec.Contact("bottom", friction=friction), "'bottom'", "friction", repr(friction), ">= 0")
+    refused(
+        lambda: ec.Contact("bottom", friction=friction),
+        "'bottom'",
+        "friction",
+        repr(friction),
+        ">= 0",
+    )
 
 
 def test_friction_negative_somewhere(block):
@@ -144,7 +160,9 @@ def test_gap_no_number(gap):
     refused(lambda: ec.Contact("bottom", gap=gap), "'bottom'", "gap", repr(gap), "finite")
 
 
-@pytest.mark.parametrize("normal", [(0.0, 0.0), (0.0,), "down", (0.0, None), "up", "gap", (0.0, lambda x: x[0])])
+@pytest.mark.parametrize(
+    "normal", [(0.0, 0.0), (0.0,), "down", (0.0, None), "up", "gap", (0.0, lambda x: x[0])]
+)
 def test_normal_that_is_none(normal):
     refused(lambda: ec.Contact("bottom", normal=normal), "'bottom'", "normal")
 
@@ -152,11 +170,21 @@ def test_normal_that_is_none(normal):
 def test_curved_part_needs_a_normal():
     mesh = dmesh.create_unit_square(COMM, 4, 4)
     foot = dmesh.locate_entities_boundary(mesh, 1, lambda x: np.minimum(x[0], x[1]) < 1e-9)
-    domain = ec.Domain(mesh, dmesh.meshtags(mesh, 1, foot, np.ones(len(foot), dtype=np.int32)), {"foot": 1})
-    refused_scene(domain, "'foot'", "not flat", "normal=", supports=[], contacts=[ec.Contact("foot", friction=1.0)])
+    domain = ec.Domain(
+        mesh, dmesh.meshtags(mesh, 1, foot, np.ones(len(foot), dtype=np.int32)), {"foot": 1}
+    )
+    refused_scene(
+        domain,
+        "'foot'",
+        "not flat",
+        "normal=",
+        supports=[],
+        contacts=[ec.Contact("foot", friction=1.0)],
+    )
 
 
-# -- what a scene promises -----------------------------------------------------------------------------------
+# -- what a scene promises
+# -----------------------------------------------------------------------------------
 
 
 class Scaled(ec.Elastic):
@@ -197,10 +225,16 @@ def test_material_that_breaks_its_promise(factors, words, E, block):
 
 def test_material_that_breaks_its_promise_where_it_varies(block):
     material = scaled(1.0, 0.1, 1.0, 0.0)(lambda x: 1 + x[0], 0.3)
-    refused(lambda: bind(ec.Scene(material, [SINK]), block), "Scaled", "compliance does not invert the stress")
+    refused(
+        lambda: bind(ec.Scene(material, [SINK]), block),
+        "Scaled",
+        "compliance does not invert the stress",
+    )
 
 
-@pytest.mark.parametrize(("E", "nu"), [(2e11, 0.3), (1e-6, 0.4999999999), (1.0, -0.99), (lambda x: 1 + x[0], 0.3)])
+@pytest.mark.parametrize(
+    ("E", "nu"), [(2e11, 0.3), (1e-6, 0.4999999999), (1.0, -0.99), (lambda x: 1 + x[0], 0.3)]
+)
 def test_material_that_keeps_its_promise(E, nu, block):
     bind(ec.Scene(scaled(3.0, 1 / 3, 1e-3, 0.0)(E, nu), [SINK]), block)
 
@@ -233,14 +267,30 @@ class Law:
         (lambda p, a: a * ufl.ln(p), 1.0, False, ("not finite",)),
         (lambda p, a: a + 0.1 * p, 1.0, True, ("bilateral", "pressure", "Tresca")),
         (lambda p, a: a * a, -1.0, False, ("a is -", ">= 0")),
-        (lambda p, a: p, lambda x: 0.5 - 0.6 * ufl.cos(8 * ufl.pi * (x[0] - 0.125)), False, ("a is -0.1", ">= 0")),
+        (
+            lambda p, a: p,
+            lambda x: 0.5 - 0.6 * ufl.cos(8 * ufl.pi * (x[0] - 0.125)),
+            False,
+            ("a is -0.1", ">= 0"),
+        ),
     ],
-    ids=["convex", "jump", "decreases", "negative", "infinite", "pulls", "parameter", "parameter between nodes"],
+    ids=[
+        "convex",
+        "jump",
+        "decreases",
+        "negative",
+        "infinite",
+        "pulls",
+        "parameter",
+        "parameter between nodes",
+    ],
 )
 def test_law_that_breaks_its_promise(bound, a, bilateral, words, E, block):
     """The numbers of a law are given for E = 1: pressures and a bound scale with E, slopes do not."""
     law = Law(lambda p, a: E * bound(p / E, a), a)
-    scene = ec.Scene(ec.Elastic(E, 0.3), [SINK], [], [ec.Contact("bottom", friction=law, bilateral=bilateral)])
+    scene = ec.Scene(
+        ec.Elastic(E, 0.3), [SINK], [], [ec.Contact("bottom", friction=law, bilateral=bilateral)]
+    )
     refused(lambda: bind(scene, block), "'bottom'", *words)
 
 
@@ -257,12 +307,21 @@ def test_law_that_breaks_its_promise(bound, a, bilateral, words, E, block):
     ids=["saturates", "limited", "cohesion", "root", "number", "given"],
 )
 def test_law_that_keeps_its_promise(bound, a, bilateral, block):
-    bind(ec.Scene(STEEL, [SINK], [], [ec.Contact("bottom", friction=Law(bound, a), bilateral=bilateral)]), block)
+    bind(
+        ec.Scene(
+            STEEL, [SINK], [], [ec.Contact("bottom", friction=Law(bound, a), bilateral=bilateral)]
+        ),
+        block,
+    )
 
 
 def test_friction_negative_between_the_nodes(block):
-    contact = ec.Contact("bottom", friction=lambda x: 0.5 - 0.6 * ufl.cos(8 * ufl.pi * (x[0] - 0.125)))
-    refused_scene(block, "'bottom'", "friction is -0.1", ">= 0", supports=[SINK], contacts=[contact])
+    contact = ec.Contact(
+        "bottom", friction=lambda x: 0.5 - 0.6 * ufl.cos(8 * ufl.pi * (x[0] - 0.125))
+    )
+    refused_scene(
+        block, "'bottom'", "friction is -0.1", ">= 0", supports=[SINK], contacts=[contact]
+    )
 
 
 def test_gap_not_finite_between_the_nodes(block):
@@ -282,7 +341,14 @@ def test_gap_not_finite_between_the_nodes(block):
     ids=["up", "sideways", "callable", "gap", "a foundation above"],
 )
 def test_normal_that_points_into_the_body(options, block):
-    refused_scene(block, "'bottom'", "normal", "sign", supports=[SINK], contacts=[ec.Contact("bottom", **options)])
+    refused_scene(
+        block,
+        "'bottom'",
+        "normal",
+        "sign",
+        supports=[SINK],
+        contacts=[ec.Contact("bottom", **options)],
+    )
 
 
 def test_normals_of_a_curved_body(gmsh_session):
@@ -315,7 +381,8 @@ def test_normals_of_a_curved_body(gmsh_session):
     refused(lambda: bind(scene((0.0, -1.0)), disc(0.9 * np.pi)), "'arc'", "look away")
 
 
-# -- what holds the body -------------------------------------------------------------------------------------
+# -- what holds the body
+# -------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -330,15 +397,29 @@ def test_normals_of_a_curved_body(gmsh_session):
 )
 def test_body_that_nothing_holds(supports, contacts, words, block):
     words = (*words, "Add a Displacement")
-    refused_scene(block, *words, error=ec.NotHeldError, supports=supports, contacts=contacts, loads=[])
+    refused_scene(
+        block, *words, error=ec.NotHeldError, supports=supports, contacts=contacts, loads=[]
+    )
 
 
 def test_one_of_two_bodies_that_nothing_holds():
     domain, held = two_squares(), [ec.Displacement("left1", (0.0, 0.0))]
-    everything = ("translation in x", "translation in y", "rotation", "'bottom2', 'left2', 'right2', 'top2'")
+    everything = (
+        "translation in x",
+        "translation in y",
+        "rotation",
+        "'bottom2', 'left2', 'right2', 'top2'",
+    )
     refused_scene(domain, *everything, error=ec.NotHeldError, supports=held)
     on_floor = [ec.Contact("bottom2")]
-    refused_scene(domain, "translation in x of", "'top2'", error=ec.NotHeldError, supports=held, contacts=on_floor)
+    refused_scene(
+        domain,
+        "translation in x of",
+        "'top2'",
+        error=ec.NotHeldError,
+        supports=held,
+        contacts=on_floor,
+    )
     wrong = [*held, ec.Displacement("left2", (0.0, None))]
     refused_scene(domain, "translation in y of", "'top2'", error=ec.NotHeldError, supports=wrong)
 
@@ -384,7 +465,9 @@ def test_body_that_lifts_off_says_so_in_short(block):
 
 
 def test_body_that_slides_off_says_first_what_holds_it(block):
-    scene = ec.Scene(STEEL, [], ec.Traction("top", (0.02, -0.01)), ec.Contact("bottom", friction=0.3))
+    scene = ec.Scene(
+        STEEL, [], ec.Traction("top", (0.02, -0.01)), ec.Contact("bottom", friction=0.3)
+    )
     with pytest.raises(ec.NotConverged) as caught:
         ec.solve(scene, block)
     words = str(caught.value)
@@ -392,7 +475,8 @@ def test_body_that_slides_off_says_first_what_holds_it(block):
     assert words.index("hold the body") < words.index("finer mesh") < words.index("another gamma")
 
 
-# -- conditions that conflict --------------------------------------------------------------------------------
+# -- conditions that conflict
+# --------------------------------------------------------------------------------
 
 CONTACT, PRESSURE = ec.Contact("bottom"), ec.Traction("bottom", pressure=1.0)
 FORCE, FIXED = ec.Traction("bottom", (0.0, 1.0)), ec.Displacement("bottom", (0.0, 0.0))
@@ -411,8 +495,14 @@ SLIDES, SINKS = ec.Displacement("bottom", (None, 0.0)), ec.Displacement("bottom"
         ({"supports": [FIXED, SLIDES]}, ("Component 1", "2 supports", "keep one")),
         ({"supports": [FIXED], "loads": [FORCE]}, ("Traction", "Displacement", "remove")),
         ({"supports": [FIXED], "loads": [PRESSURE]}, ("Traction", "Displacement", "remove")),
-        ({"supports": [SLIDES, SINKS], "loads": [PRESSURE]}, ("Traction", "Displacement", "remove")),
-        ({"supports": [SLIDES], "loads": [FORCE]}, ("Traction", "Displacement", "component 1", "None")),
+        (
+            {"supports": [SLIDES, SINKS], "loads": [PRESSURE]},
+            ("Traction", "Displacement", "remove"),
+        ),
+        (
+            {"supports": [SLIDES], "loads": [FORCE]},
+            ("Traction", "Displacement", "component 1", "None"),
+        ),
     ],
 )
 def test_conditions_that_conflict(entries, words, block):
@@ -432,7 +522,8 @@ def test_entry_of_another_type(block):
     refused_scene(block, "contacts", "Contact", contacts=["bottom"])
 
 
-# -- supports ------------------------------------------------------------------------------------------------
+# -- supports
+# ------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("value", [0.1, lambda x: 0.1 + x[0]], ids=["number", "callable"])
@@ -442,15 +533,27 @@ def test_supports_that_contradict_at_a_common_node(value, block):
 
 
 def test_supports_that_agree_at_a_common_node(block):
-    supports = [ec.Displacement("left", (0.0, lambda x: 0.1 * x[1])), ec.Displacement("top", (lambda x: x[0], 0.1))]
+    supports = [
+        ec.Displacement("left", (0.0, lambda x: 0.1 * x[1])),
+        ec.Displacement("top", (lambda x: x[0], 0.1)),
+    ]
     solution = ec.solve(ec.Scene(STEEL, supports), block)
-    assert COMM.allreduce(abs(solution.u.x.array).max(initial=0), MPI.MAX) == pytest.approx(1.0, rel=1e-12)
+    assert COMM.allreduce(abs(solution.u.x.array).max(initial=0), MPI.MAX) == pytest.approx(
+        1.0, rel=1e-12
+    )
 
 
 @pytest.mark.parametrize("gap", [0.02, lambda x: 0.02 + x[0]], ids=["number", "callable"])
 def test_support_that_violates_the_gap(gap, block):
     supports = [ec.Displacement("left", (0.0, -0.1))]
-    refused_scene(block, "'bottom'", "0.08", "gap", supports=supports, contacts=[ec.Contact("bottom", gap=gap)])
+    refused_scene(
+        block,
+        "'bottom'",
+        "0.08",
+        "gap",
+        supports=supports,
+        contacts=[ec.Contact("bottom", gap=gap)],
+    )
 
 
 def test_support_that_fixes_nothing_or_is_no_number(block):
@@ -461,12 +564,17 @@ def test_support_that_fixes_nothing_or_is_no_number(block):
     refused_scene(block, "not finite", "callables", supports=supports)
 
 
-# -- vectors -------------------------------------------------------------------------------------------------
+# -- vectors
+# -------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("value", [(0.0,), 0.0, "up", (0.0, 0.0, 0.0, 0.0), (0.0, "1")])
 def test_vector_that_is_none(value):
-    for make in (lambda v: ec.Displacement("left", v), lambda v: ec.Traction("left", v), ec.BodyForce):
+    for make in (
+        lambda v: ec.Displacement("left", v),
+        lambda v: ec.Traction("left", v),
+        ec.BodyForce,
+    ):
         refused(lambda make=make: make(value), "give")
 
 
@@ -485,18 +593,28 @@ def test_vector_of_another_dimension(entries, block):
     refused_scene(block, "0.0, 0.0", "3 components", "2D", "give 2", part, **entries)
 
 
-@pytest.mark.parametrize("load", [ec.Traction("top", lambda x: x[0]), ec.BodyForce(lambda x: (x[0], x[1], 0.0))])
+@pytest.mark.parametrize(
+    "load", [ec.Traction("top", lambda x: x[0]), ec.BodyForce(lambda x: (x[0], x[1], 0.0))]
+)
 def test_callable_of_another_shape(load, block):
     refused_scene(block, "shape", "(2,)", loads=[load])
 
 
 def test_vectors_of_two_dimensions_in_one_scene(block):
     supports = [ec.Displacement("left", (0.0, 0.0)), ec.Displacement("right", (0.0, 0.0, 0.0))]
-    refused_scene(block, "2 components, Displacement('left')", "3, Displacement('right')", supports=supports)
+    refused_scene(
+        block, "2 components, Displacement('left')", "3, Displacement('right')", supports=supports
+    )
 
 
 def test_hypothesis_of_the_plane_in_space(cube):
-    refused_scene(cube, "'plane stress'", "3D", supports=[], material=ec.Elastic(1.0, 0.3, hypothesis="plane stress"))
+    refused_scene(
+        cube,
+        "'plane stress'",
+        "3D",
+        supports=[],
+        material=ec.Elastic(1.0, 0.3, hypothesis="plane stress"),
+    )
     assert "plane" not in repr(ec.Elastic(1.0, 0.3))
     assert "plane stress" in repr(ec.Elastic(1.0, 0.3, hypothesis="plane stress"))
 
@@ -517,9 +635,12 @@ def test_traction_and_pressure():
     refused(lambda: ec.Traction("top", pressure=float("nan")), "'top'", "nan", "finite")
 
 
-# -- rectangle and box ---------------------------------------------------------------------------------------
+# -- rectangle and box
+# ---------------------------------------------------------------------------------------
 
-MAKERS = pytest.mark.parametrize(("make", "dim"), [(ec.rectangle, 2), (ec.box, 3)], ids=["rectangle", "box"])
+MAKERS = pytest.mark.parametrize(
+    ("make", "dim"), [(ec.rectangle, 2), (ec.box, 3)], ids=["rectangle", "box"]
+)
 
 
 @MAKERS
@@ -532,13 +653,19 @@ def test_size_not_positive(make, dim, size):
 @pytest.mark.parametrize("number", [0, -1, 2.5])
 def test_cells_not_positive(make, dim, number):
     cells = (4,) * (dim - 1) + (number,)
-    refused(lambda: make((0.0,) * dim, (1.0,) * dim, cells=cells), f"{number}", f"{dim} whole numbers >= 1")
+    refused(
+        lambda: make((0.0,) * dim, (1.0,) * dim, cells=cells),
+        f"{number}",
+        f"{dim} whole numbers >= 1",
+    )
 
 
 @MAKERS
 def test_cells_of_another_length(make, dim):
     for cells in (4, (4,), (4,) * (dim + 1)):
-        refused(lambda c=cells: make((0.0,) * dim, (1.0,) * dim, cells=c), f"{dim} whole numbers >= 1")
+        refused(
+            lambda c=cells: make((0.0,) * dim, (1.0,) * dim, cells=c), f"{dim} whole numbers >= 1"
+        )
 
 
 @MAKERS
@@ -549,11 +676,17 @@ def test_both_size_and_cells_or_none(make, dim):
 
 @MAKERS
 def test_corners_that_span_nothing(make, dim):
-    for p1 in ((1.0,) * (dim + 1), (1.0,) * (dim - 1) + (0.0,), (-1.0,) * dim, (float("inf"),) * dim):
+    for p1 in (
+        (1.0,) * (dim + 1),
+        (1.0,) * (dim - 1) + (0.0,),
+        (-1.0,) * dim,
+        (float("inf"),) * dim,
+    ):
         refused(lambda p=p1: make((0.0,) * dim, p, size=0.5), "corners", f"{dim} numbers")
 
 
-# -- meshes --------------------------------------------------------------------------------------------------
+# -- meshes
+# --------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", ["missing.msh", "missing.geo", "missing.vtu"])
@@ -608,7 +741,11 @@ def test_mesh_of_the_user_of_second_order():
     x = np.array([[0, 0], [1, 0], [0, 1], [0.6, 0.6], [0, 0.5], [0.5, 0]], dtype=float)
     element = basix.ufl.element("Lagrange", "triangle", 2, shape=(2,))
     here = COMM.rank == 0
-    cells, x = (np.arange(6, dtype=np.int64)[None], x) if here else (np.empty((0, 6), dtype=np.int64), x[:0])
+    cells, x = (
+        (np.arange(6, dtype=np.int64)[None], x)
+        if here
+        else (np.empty((0, 6), dtype=np.int64), x[:0])
+    )
     mesh = dmesh.create_mesh(COMM, cells, ufl.Mesh(element), x)
     refused(lambda: ec.Domain(mesh, tags_of_all(mesh), {"all": 1}), "degree 2", "straight")
 
@@ -693,7 +830,9 @@ def test_gmsh_model(build, words, gmsh_session):
 
 
 @pytest.mark.parametrize("version", [2.2, 4.1])
-@pytest.mark.parametrize(("build", "word"), [(recombined, "Quadrilateral 4"), (second_order, "Triangle 6")])
+@pytest.mark.parametrize(
+    ("build", "word"), [(recombined, "Quadrilateral 4"), (second_order, "Triangle 6")]
+)
 def test_msh_file_not_of_straight_simplices(build, word, version, gmsh_session, shared_tmp_path):
     path = shared_tmp_path / "mesh.msh"
     if gmsh_session:
@@ -715,18 +854,34 @@ def test_values_that_are_not_finite(block):
     def nowhere(x):
         return ufl.ln(x[0] - 0.5)
 
-    refused(lambda: ec.solve(ec.Scene(STEEL, hold, [ec.BodyForce((0.0, nowhere))]), block), "BodyForce", "finite")
     refused(
-        lambda: ec.solve(ec.Scene(STEEL, hold, [ec.Traction("left", pressure=lambda x: ufl.ln(x[1] - 0.5))]), block),
+        lambda: ec.solve(ec.Scene(STEEL, hold, [ec.BodyForce((0.0, nowhere))]), block),
+        "BodyForce",
         "finite",
     )
-    refused(lambda: ec.solve(ec.Scene(STEEL, hold, [], [ec.Contact("bottom", gap=nowhere)]), block), "gap", "finite")
+    refused(
+        lambda: ec.solve(
+            ec.Scene(STEEL, hold, [ec.Traction("left", pressure=lambda x: ufl.ln(x[1] - 0.5))]),
+            block,
+        ),
+        "finite",
+    )
+    refused(
+        lambda: ec.solve(ec.Scene(STEEL, hold, [], [ec.Contact("bottom", gap=nowhere)]), block),
+        "gap",
+        "finite",
+    )
     negative_at_a_corner = ec.Contact("bottom", friction=lambda x: 0.1 * (x[0] - 0.05))
-    refused(lambda: ec.solve(ec.Scene(STEEL, hold, [], [negative_at_a_corner]), block), "friction", ">= 0")
+    refused(
+        lambda: ec.solve(ec.Scene(STEEL, hold, [], [negative_at_a_corner]), block),
+        "friction",
+        ">= 0",
+    )
     refused(lambda: ec.Elastic(E="abc", nu=0.3), "'abc'", "number")
 
 
-# -- what a newcomer types -----------------------------------------------------------------------------------
+# -- what a newcomer types
+# -----------------------------------------------------------------------------------
 
 TOP, FLOOR = ec.Displacement("top", (0.0, -0.01)), ec.Contact("bottom", friction=0.3)
 SCENE = ec.Scene(STEEL, [TOP], contacts=[FLOOR])
@@ -764,7 +919,13 @@ def nested(x):
 
 
 def test_callable_that_nests_too_deep(block):
-    refused(lambda: ec.solve(with_gap(nested), block), "Contact('bottom'): gap", "203 levels", "120", "sum")
+    refused(
+        lambda: ec.solve(with_gap(nested), block),
+        "Contact('bottom'): gap",
+        "203 levels",
+        "120",
+        "sum",
+    )
 
 
 def test_function_as_a_value(block):
@@ -775,9 +936,15 @@ def test_function_as_a_value(block):
     assert solution.profile("bottom")["gap"].min(initial=1.0) > -1e-12
     words = ("Contact('bottom'): gap", "Function", "one mesh", "max_steps=1")
     refused(lambda: ec.adapt(with_gap(lambda x: height), block, accuracy=0.5), *words)
-    refused(lambda: ec.evolve(lambda t: with_gap(lambda x: height), block, [1.0], accuracy=0.5), *words)
+    refused(
+        lambda: ec.evolve(lambda t: with_gap(lambda x: height), block, [1.0], accuracy=0.5), *words
+    )
     load = ec.Traction("right", (0.0, lambda x: 0.001 * height))
-    refused(lambda: ec.adapt(ec.Scene(STEEL, [TOP], load), block, 0.5), "Traction('right'): value", "Function")
+    refused(
+        lambda: ec.adapt(ec.Scene(STEEL, [TOP], load), block, 0.5),
+        "Traction('right'): value",
+        "Function",
+    )
     refused(lambda: ec.Contact("bottom", gap=height), "'bottom'", "gap", "lambda x")
     refused(lambda: ec.Traction("right", height), "'right'", "lambda x")
 
@@ -811,7 +978,9 @@ def test_values_tell_in_a_line_what_they_are(block):
     assert str(block) == repr(block)
 
 
-@pytest.mark.parametrize("load", [lambda x: 0.1, lambda x: [[0.1, 0.0]], lambda x: None, lambda x: (np.cos(x[0]), 0.0)])
+@pytest.mark.parametrize(
+    "load", [lambda x: 0.1, lambda x: [[0.1, 0.0]], lambda x: None, lambda x: (np.cos(x[0]), 0.0)]
+)
 def test_load_that_is_not_ufl(load, block):
     for entry in (ec.Traction("right", load), ec.BodyForce(load)):
         refused(lambda e=entry: ec.solve(ec.Scene(STEEL, [TOP], [e]), block), "ufl.sin(x[0])")
@@ -823,10 +992,19 @@ def test_load_that_is_not_ufl(load, block):
         (lambda b: ec.Scene("steel", [TOP]), ("material is 'steel'", "Elastic(E, nu)")),
         (lambda b: ec.Scene(ec.Elastic, [TOP]), ("material is <class", "Elastic(E, nu)")),
         (lambda b: ec.Scene((1.0, 0.3), [TOP]), ("material is (1.0, 0.3)", "Elastic(E, nu)")),
-        (lambda b: ec.Scene(STEEL, ec.Displacement("balance", (0, 0))), ("'balance'", "reactions()", "rename")),
-        (lambda b: ec.Scene(STEEL, [TOP], [], ec.Contact("tractions")), ("'tractions'", "reactions()", "rename")),
+        (
+            lambda b: ec.Scene(STEEL, ec.Displacement("balance", (0, 0))),
+            ("'balance'", "reactions()", "rename"),
+        ),
+        (
+            lambda b: ec.Scene(STEEL, [TOP], [], ec.Contact("tractions")),
+            ("'tractions'", "reactions()", "rename"),
+        ),
         (lambda b: ec.Scene(STEEL, None), ("supports is None", "list of Displacement")),
-        (lambda b: ec.Scene(STEEL, [TOP], contacts={"bottom": 0.3}), ("contacts is {", "list of Contact")),
+        (
+            lambda b: ec.Scene(STEEL, [TOP], contacts={"bottom": 0.3}),
+            ("contacts is {", "list of Contact"),
+        ),
         (lambda b: ec.Contact(["bottom"], friction=0.3), ("['bottom']", "one boundary part")),
         (lambda b: ec.Displacement(1, (0.0, 0.0)), ("for 1", "one boundary part")),
         (lambda b: ec.Contact("bottom", friction=ec.Tresca), ("friction is <class", "Tresca(0.1)")),
@@ -844,11 +1022,20 @@ def test_load_that_is_not_ufl(load, block):
         (lambda b: ec.solve(SCENE, b, start="last"), ("start is 'last'", "give a Solution")),
         (lambda b: ec.solve(SCENE, b, tolerance="fine"), ("tolerance is 'fine'", "> 0")),
         (lambda b: ec.adapt(SCENE, b, 0.1, method="nitsche"), ("method is 'nitsche'", "Nitsche()")),
-        (lambda b: ec.adapt(SCENE, b, 0.1, strategy=ec.SizeMap), ("strategy is <class", "SizeMap()")),
-        (lambda b: ec.adapt(SCENE, b, 0.1, strategy="sizemap"), ("strategy is 'sizemap'", "SizeMap()")),
+        (
+            lambda b: ec.adapt(SCENE, b, 0.1, strategy=ec.SizeMap),
+            ("strategy is <class", "SizeMap()"),
+        ),
+        (
+            lambda b: ec.adapt(SCENE, b, 0.1, strategy="sizemap"),
+            ("strategy is 'sizemap'", "SizeMap()"),
+        ),
         (lambda b: ec.adapt(SCENE, b, 0.1, degree=1.0), ("degree is 1.0", "1 and 2")),
         (lambda b: ec.adapt(SCENE, b, True), ("accuracy is True", "> 0")),
-        (lambda b: ec.adapt(SCENE, b, 0.1, max_cells="many"), ("max_cells is 'many'", "whole number")),
+        (
+            lambda b: ec.adapt(SCENE, b, 0.1, max_cells="many"),
+            ("max_cells is 'many'", "whole number"),
+        ),
         (lambda b: ec.adapt(SCENE, b, 0.1, max_steps=2.5), ("max_steps is 2.5", "whole number")),
         (lambda b: ec.adapt(SCENE, b, 0.1, tighten=-1), ("tighten is -1", ">= 0")),
         (lambda b: ec.adapt(SCENE, b, 0.1, stop=True), ("stop is True", "certified")),
@@ -862,7 +1049,10 @@ def test_load_that_is_not_ufl(load, block):
         (lambda b: ec.read_mesh(5), ("path is 5", "name of a file")),
         (lambda b: ec.Domain("body.msh", None, {}), ("mesh is 'body.msh'", "read_mesh")),
         (lambda b: ec.Domain(b.mesh, b.facet_tags, ["bottom"]), ("['bottom']", "mapping")),
-        (lambda b: ec.Domain(b.mesh, b.facet_tags, {"bottom": "1"}), ("{'bottom': '1'}", "whole numbers")),
+        (
+            lambda b: ec.Domain(b.mesh, b.facet_tags, {"bottom": "1"}),
+            ("{'bottom': '1'}", "whole numbers"),
+        ),
         (lambda b: b.remeshed("fine"), ("'fine'", "number")),
         (lambda b: b.refined("all"), ("'all'", "numbers of cells")),
     ],
@@ -898,7 +1088,9 @@ def test_what_is_meant_is_taken(block):
             ec.Elastic(np.float32(1.0), np.float64(0.25)),
             supports=TOP,
             loads=ec.Traction("right", np.array([0.0, -0.001])),
-            contacts=ec.Contact("bottom", friction=np.float32(0.25), normal=np.array([0.0, -1.0]), gap=np.float32(0)),
+            contacts=ec.Contact(
+                "bottom", friction=np.float32(0.25), normal=np.array([0.0, -1.0]), gap=np.float32(0)
+            ),
         ),
         block,
         np.float32(0.25),
@@ -933,7 +1125,9 @@ def own_stiffness(entries):
         "factor": 1.0,
         "check": staticmethod(lambda name, low, high: None),
         "stress": staticmethod(lambda eps, factor: factor * act(entries, eps)),
-        "compliance": staticmethod(lambda sigma, factor: act(np.linalg.inv(entries).tolist(), sigma) / factor),
+        "compliance": staticmethod(
+            lambda sigma, factor: act(np.linalg.inv(entries).tolist(), sigma) / factor
+        ),
         "modulus": staticmethod(lambda factor: factor),
     }
     return type("Own", (), members)()
@@ -944,7 +1138,10 @@ def test_stiffness_that_is_not_symmetric_or_not_positive(factor, block):
     good = [[1.3, 0.4, 0.1], [0.4, 1.1, 0.0], [0.1, 0.0, 0.9]]
     skew = [[1.3, 0.4, 0.1], [0.3, 1.1, 0.0], [0.1, 0.0, 0.9]]
     soft = [[1.3, 1.4, 0.1], [1.4, 1.1, 0.0], [0.1, 0.0, 0.9]]
-    for matrix, words in ((skew, ("not symmetric", "Mandel")), (soft, ("not positive definite", "energy"))):
+    for matrix, words in (
+        (skew, ("not symmetric", "Mandel")),
+        (soft, ("not positive definite", "energy")),
+    ):
         material = own_stiffness(matrix)
         material.factor = factor
         refused_scene(block, "Own", *words, material=material)
@@ -977,7 +1174,8 @@ def test_cells_that_lie_over_each_other(make):
     refused_scene(domain, "over each other", "coordinates", supports=held)
 
 
-# -- code of the user's that fails, on one rank only ---------------------------------------------------------
+# -- code of the user's that fails, on one rank only
+# ---------------------------------------------------------
 
 
 def fails(*_, **__):
@@ -1010,9 +1208,16 @@ def fails_for_numbers(pressure, limit):
 
 def own_material(member):
     """A material of a class of its own, of which one member fails."""
-    members = {name: getattr(STEEL, name) for name in ("parameters", "check", "stress", "compliance", "modulus")}
+    members = {
+        name: getattr(STEEL, name)
+        for name in ("parameters", "check", "stress", "compliance", "modulus")
+    }
     works = members[member]
-    members |= {"E": 1.0, "nu": lambda x: 0.3 + 0.0 * x[0], member: lambda *a, **k: fails() and works(*a, **k)}
+    members |= {
+        "E": 1.0,
+        "nu": lambda x: 0.3 + 0.0 * x[0],
+        member: lambda *a, **k: fails() and works(*a, **k),
+    }
     return type("Own", (), {k: staticmethod(v) if callable(v) else v for k, v in members.items()})()
 
 
@@ -1039,8 +1244,15 @@ FAILING = {
 
 @pytest.mark.parametrize("where", FAILING)
 def test_code_of_the_user_that_fails_on_one_rank(where, block):
-    entries = {"material": STEEL, "supports": PRESSED, "contacts": [ec.Contact("bottom")], **FAILING[where]}
-    refused(lambda: ec.solve(ec.Scene(**entries), block), "friction.csv", "FileNotFoundError", "ufl.sin")
+    entries = {
+        "material": STEEL,
+        "supports": PRESSED,
+        "contacts": [ec.Contact("bottom")],
+        **FAILING[where],
+    }
+    refused(
+        lambda: ec.solve(ec.Scene(**entries), block), "friction.csv", "FileNotFoundError", "ufl.sin"
+    )
 
 
 def test_method_of_the_user_that_fails_on_one_rank(block):
@@ -1076,8 +1288,16 @@ def test_strategy_that_fails_on_one_rank(make, block):
             return make(error.domain)
 
     scene = ec.Scene(STEEL, PRESSED, contacts=[ec.Contact("bottom", friction=0.3)])
-    refused(lambda: ec.adapt(scene, block, accuracy=1e-9, strategy=Own()), "friction.csv", error=FileNotFoundError)
-    refused(lambda: ec.adapt(scene, block, accuracy=1e-9, callback=fails), "friction.csv", error=FileNotFoundError)
+    refused(
+        lambda: ec.adapt(scene, block, accuracy=1e-9, strategy=Own()),
+        "friction.csv",
+        error=FileNotFoundError,
+    )
+    refused(
+        lambda: ec.adapt(scene, block, accuracy=1e-9, callback=fails),
+        "friction.csv",
+        error=FileNotFoundError,
+    )
 
 
 def test_arguments_of_refined_and_remeshed_that_are_wrong_on_one_rank(block):
@@ -1094,7 +1314,9 @@ def test_save_where_something_stands_in_the_way(way, block, shared_tmp_path):
     history = ec.adapt(scene, block, accuracy=0.5)
     folder = shared_tmp_path / "results"
     if COMM.rank == 0:
-        folder.write_text("a file") if way == "folder" else (folder / "history.csv").mkdir(parents=True)
+        folder.write_text("a file") if way == "folder" else (folder / "history.csv").mkdir(
+            parents=True
+        )
     COMM.barrier()
     error = ec.InputError if way == "folder" else OSError
     refused(lambda: history.save(folder), "results", error=error)
@@ -1104,13 +1326,23 @@ def test_save_where_something_stands_in_the_way(way, block, shared_tmp_path):
 def test_no_rank_waits_for_one_that_failed(tmp_path):
     """Some of the tests above on two ranks, with a time in which they must have ended."""
     names = "fails_on_one_rank and (gap or Traction or early) or wrong_on_one_rank or in_the_way and folder"
-    arguments = [__file__, "-q", "-p", "no:cacheprovider", "-k", names, "--rootdir", str(Path(__file__).parent.parent)]
+    arguments = [
+        __file__,
+        "-q",
+        "-p",
+        "no:cacheprovider",
+        "-k",
+        names,
+        "--rootdir",
+        str(Path(__file__).parent.parent),
+    ]
     script = f"import sys, pytest; sys.exit(pytest.main({arguments!r}))"
     with started(script, 2, tmp_path) as process:
         assert "[100%]" in output(process, 120)
 
 
-# -- the loop and the method ---------------------------------------------------------------------------------
+# -- the loop and the method
+# ---------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("accuracy", [0.0, -0.1, float("nan"), float("inf"), "2%"])
@@ -1190,7 +1422,8 @@ def test_parameters_of_method_and_marking():
         refused(lambda f=fraction: ec.Mark(f), "fraction", repr(fraction), "(0, 1]")
 
 
-# -- classes of the user's -------------------------------------------------------------------------------------
+# -- classes of the user's
+# -------------------------------------------------------------------------------------
 
 
 class Stiffening(ec.Elastic):
@@ -1240,8 +1473,16 @@ CLASSES_THAT_FAIL = {
     "no form": ({}, NoForm(), ("NoForm are 3.0", "return a UFL form")),
     "not linear": ({}, Quadratic(), ("equations of Quadratic must be linear",)),
     "unhashable": ({}, Unhashable(), ("not hashable", "frozen dataclass")),
-    "no attribute": ({"contacts": [ec.Contact("bottom", NamesTooMuch())]}, None, ("NamesTooMuch", "no such attribute")),
-    "no number": ({"contacts": [ec.Contact("bottom", InWords())]}, None, ("is 'much'; give a number",)),
+    "no attribute": (
+        {"contacts": [ec.Contact("bottom", NamesTooMuch())]},
+        None,
+        ("NamesTooMuch", "no such attribute"),
+    ),
+    "no number": (
+        {"contacts": [ec.Contact("bottom", InWords())]},
+        None,
+        ("is 'much'; give a number",),
+    ),
 }
 
 
@@ -1249,5 +1490,10 @@ CLASSES_THAT_FAIL = {
 def test_class_of_the_user_that_cannot_be_worked_with(which, block):
     """UFL and PETSc would end in errors of their own, one of which no ``except Exception`` catches."""
     entries, method, words = CLASSES_THAT_FAIL[which]
-    entries = {"material": STEEL, "supports": PRESSED, "contacts": [ec.Contact("bottom")], **entries}
+    entries = {
+        "material": STEEL,
+        "supports": PRESSED,
+        "contacts": [ec.Contact("bottom")],
+        **entries,
+    }
     refused(lambda: ec.solve(ec.Scene(**entries), block, method), *words)

@@ -1,8 +1,10 @@
 """Balance of contact tractions on free motions: convex sets, motions and loads at random, no mesh.
 
-- loads that some allowed traction balances are balanced, to round-off of the forces, by allowed tractions, however near
-  to the limit of the sets they are and however far slip and opening draw the tractions;
-- of those that balance, the nearest ones are found: none that are known to balance lie nearer;
+- loads that some allowed traction balances are balanced, to round-off of the forces, by
+  allowed tractions, however near to the limit of the sets they are and however far slip
+  and opening draw the tractions;
+- of those that balance, the nearest ones are found: none that are known to balance lie
+  nearer;
 - loads that nothing balances leave an imbalance of the order of the forces.
 """
 
@@ -19,7 +21,11 @@ pytestmark = pytest.mark.serial
 def vectors(rng: np.random.Generator, n: np.ndarray, m: int) -> np.ndarray:
     """Tangential unit vectors (f, m, d), all in one direction or each in its own."""
     shape = (*n.shape[:1], m, n.shape[-1])
-    t = rng.standard_normal(shape) if rng.random() < 0.5 else np.broadcast_to(rng.standard_normal(shape[-1]), shape)
+    t = (
+        rng.standard_normal(shape)
+        if rng.random() < 0.5
+        else np.broadcast_to(rng.standard_normal(shape[-1]), shape)
+    )
     t = t - (t * n).sum(axis=-1, keepdims=True) * n
     return t / np.linalg.norm(t, axis=-1, keepdims=True)
 
@@ -38,8 +44,12 @@ def problem(seed: int, d: int, inside: float, few: float) -> tuple[Part, np.ndar
     motions[..., range(d), range(d)] = 1.0
     for k, (i, j) in enumerate(pairs, start=d):
         motions[..., i, k], motions[..., j, k] = -x[..., j], x[..., i]
-    motions = motions[..., rng.permutation(motions.shape[-1])[: rng.integers(1, motions.shape[-1] + 1)]]
-    slope = np.full((f, m), rng.choice([0.0, 0.01, 0.3, 1.0, 2.0])) * (1 if rng.random() < 0.7 else rng.random((f, m)))
+    motions = motions[
+        ..., rng.permutation(motions.shape[-1])[: rng.integers(1, motions.shape[-1] + 1)]
+    ]
+    slope = np.full((f, m), rng.choice([0.0, 0.01, 0.3, 1.0, 2.0])) * (
+        1 if rng.random() < 0.7 else rng.random((f, m))
+    )
     offset = scale * rng.random((f, m)) * rng.choice([0.0, 1e-3, 1.0])
     cones = Cones(n, slope, offset, np.zeros((f, m), dtype=bool))
     weight = 0.1 + rng.random((f, 1))

@@ -1,8 +1,10 @@
 """The error e against true errors, with references three and four uniform levels finer.
 
-- frictionless and linear scenes: e is above the error of u^, above that of sigma^, and above both together;
+- frictionless and linear scenes: e is above the error of u^, above that of sigma^, and
+  above both together;
 - Coulomb friction: the same with the third term, a product of two errors, evaluated;
-- a manufactured linear problem whose solution is known: e^2 = |u - u^|^2 + |sigma - sigma^|^2 (Prager, Synge).
+- a manufactured linear problem whose solution is known: e^2 = |u - u^|^2 + |sigma -
+  sigma^|^2 (Prager, Synge).
 """
 
 from functools import cache
@@ -22,7 +24,9 @@ FINE = 64
 
 def with_friction(friction: float) -> ec.Scene:
     base = common_block()
-    return ec.Scene(base.material, base.supports, base.loads, [ec.Contact("bottom", friction=friction)])
+    return ec.Scene(
+        base.material, base.supports, base.loads, [ec.Contact("bottom", friction=friction)]
+    )
 
 
 def linear() -> ec.Scene:
@@ -60,10 +64,13 @@ def test_bound_of_true_errors(name, n):
         f"\n{name}, n = {n}: e/|u-u^| = {e / true.displacement:.3f}, e/|sigma-sigma^| = {e / true.stress:.3f}, "
         f"e/both = {e / np.sqrt(both):.3f}, third term/e^2 = {true.friction / e**2:.1e}"
     )
-    third = max(-true.friction, 0.0) if scene.contacts else 0.0  # may lower what e^2 bounds, by a higher order
+    third = (
+        max(-true.friction, 0.0) if scene.contacts else 0.0
+    )  # may lower what e^2 bounds, by a higher order
     assert true.displacement**2 <= e**2 + third
     assert true.stress**2 <= e**2 + third
-    # a reference is not the solution: both errors against it may exceed e by the reference's own error
+    # a reference is not the solution: both errors against it may exceed e by the
+    # reference's own error
     assert both + true.friction <= e**2 * 1.02
     assert abs(true.friction) < 0.05 * e**2
 
@@ -71,7 +78,8 @@ def test_bound_of_true_errors(name, n):
 def test_prager_synge_identity():
     """Smooth manufactured solution, all sides prescribed: e^2 is the sum of the squared errors, to quadrature.
 
-    The prescribed values are not linear on the facets; against the loose pair's e, what that adds is small.
+    The prescribed values are not linear on the facets; against the loose pair's e, what
+    that adds is small.
     """
     E, nu = 1.0, 0.3
     lam, G = E * nu / ((1 + nu) * (1 - 2 * nu)), E / (2 * (1 + nu))
@@ -84,12 +92,15 @@ def test_prager_synge_identity():
         return -ufl.div(2 * G * eps + lam * ufl.tr(eps) * ufl.Identity(2))
 
     sides = [
-        ec.Displacement(s, (lambda x: exact(x)[0], lambda x: exact(x)[1])) for s in ("left", "right", "bottom", "top")
+        ec.Displacement(s, (lambda x: exact(x)[0], lambda x: exact(x)[1]))
+        for s in ("left", "right", "bottom", "top")
     ]
     scene = ec.Scene(material=ec.Elastic(E, nu), supports=sides, loads=[ec.BodyForce(force)])
     index = []
     for n in (4, 8):
-        pair = ec.equilibrate(ec.solve(scene, ec.rectangle((0, 0), (1, 1), cells=(n, n))), tighten=0)
+        pair = ec.equilibrate(
+            ec.solve(scene, ec.rectangle((0, 0), (1, 1), cells=(n, n))), tighten=0
+        )
         error = ec.constitutive_error(pair)
         true = true_errors(pair, ec.solve(scene, ec.rectangle((0, 0), (1, 1), cells=(64, 64))))
         index.append(error.absolute**2 / (true.displacement**2 + true.stress**2))

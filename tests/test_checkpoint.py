@@ -1,11 +1,16 @@
 """A run that ends before its time goes on as if nothing had happened, and never goes on from what is wrong.
 
-- The same call goes on from the folder: same meshes, Newton steps of the new meshes, eps to 1e-8, on any ranks.
-- Mesh, names, regions, true geometry, displacement and multipliers are those that were written.
-- Another scene, mesh, method, strategy or a newer format is refused, and the message says what differs.
-- Any byte that is changed or missing is found; the run goes on from the last good level.
+- The same call goes on from the folder: same meshes, Newton steps of the new meshes,
+  eps to 1e-8, on any ranks.
+- Mesh, names, regions, true geometry, displacement and multipliers are those that were
+  written.
+- Another scene, mesh, method, strategy or a newer format is refused, and the message
+  says what differs.
+- Any byte that is changed or missing is found; the run goes on from the last good
+  level.
 - A disk that is full, a folder that is gone: a warning, and the result of the run.
-- Real signals to real processes: SIGKILL, SIGTERM. ``benchmarks/survive.py`` has many more of them.
+- Real signals to real processes: SIGKILL, SIGTERM. ``benchmarks/survive.py`` has many
+  more of them.
 """
 
 import dataclasses
@@ -61,7 +66,11 @@ def of_flat_body(comm=COMM):
 
 def of_regions(comm=COMM):
     """Degree 2 with multipliers and two regions, on a mesh of gmsh's."""
-    return *random_scene(2, comm), {"degree": 2, "method": ec.AugmentedLagrangian(), "stop": "certified"}
+    return *random_scene(2, comm), {
+        "degree": 2,
+        "method": ec.AugmentedLagrangian(),
+        "stop": "certified",
+    }
 
 
 def of_space(comm=COMM):
@@ -81,7 +90,11 @@ def of_curves(comm=COMM):
         [ec.Displacement("top", (0.0, -0.02))],
         contacts=[ec.Contact("arc", friction=0.3, gap=lambda x: x[1], normal=(0.0, -1.0))],
     )
-    return scene, ec.read_mesh(MESHES / "half_disc.geo", comm), {"strategy": ec.SizeMap(), "method": ec.Nitsche()}
+    return (
+        scene,
+        ec.read_mesh(MESHES / "half_disc.geo", comm),
+        {"strategy": ec.SizeMap(), "method": ec.Nitsche()},
+    )
 
 
 RUNS = [of_flat_body, of_regions, of_space, of_curves]
@@ -125,24 +138,43 @@ def test_a_domain_comes_back_from_its_tables(measures, shared_tmp_path):
     for problem in (of_regions, of_curves):
         domain = problem()[1].refined()
         x, cells = domain.mesh.geometry.x, domain.mesh.geometry.dofmaps[0][: domain.owned_cells]
-        numbers = domain.mesh.geometry.index_map().local_to_global(cells.ravel()).reshape(cells.shape)
+        numbers = (
+            domain.mesh.geometry.index_map().local_to_global(cells.ravel()).reshape(cells.shape)
+        )
         own = x[: domain.mesh.geometry.index_map().size_local]
         tables = {"x": own, "cells": numbers} | tag_tables(domain)
         whole = {name: COMM.gather(table) for name, table in tables.items()}
-        get = {name: np.concatenate(parts) for name, parts in whole.items()} if COMM.rank == 0 else dict.fromkeys(whole)
+        get = (
+            {name: np.concatenate(parts) for name, parts in whole.items()}
+            if COMM.rank == 0
+            else dict.fromkeys(whole)
+        )
         rows = CellRows(COMM, get["x"], get["cells"], domain.dim)
         tags = rows.cell_tags(get["regions"])
         curved = rows.facet_tags(get["curved"]) if "curved" in tables else None
         geometry = geometry_of(described(domain.geometry))
         back = ec.Domain(
-            rows.mesh, rows.facet_tags(get["facets"]), domain.names, tags, domain.regions, geometry, curved
+            rows.mesh,
+            rows.facet_tags(get["facets"]),
+            domain.names,
+            tags,
+            domain.regions,
+            geometry,
+            curved,
         )
         assert (back.cells, back.vertices) == (domain.cells, domain.vertices)
-        every = [np.concatenate(COMM.allgather(d.mesh.geometry.x[: len(c)])) for d, c in ((domain, own), (back, own))]
+        every = [
+            np.concatenate(COMM.allgather(d.mesh.geometry.x[: len(c)]))
+            for d, c in ((domain, own), (back, own))
+        ]
         for part in domain.names:
-            assert measures.part(back, part) == pytest.approx(measures.part(domain, part), rel=1e-14)
+            assert measures.part(back, part) == pytest.approx(
+                measures.part(domain, part), rel=1e-14
+            )
         for region in domain.regions:
-            assert measures.region(back, region) == pytest.approx(measures.region(domain, region), rel=1e-14)
+            assert measures.region(back, region) == pytest.approx(
+                measures.region(domain, region), rel=1e-14
+            )
         if COMM.size == 1:
             order = [np.lexsort(x.T) for x in every]
             assert np.array_equal(*(x[o] for x, o in zip(every, order, strict=True)))
@@ -152,7 +184,8 @@ def test_a_domain_comes_back_from_its_tables(measures, shared_tmp_path):
     assert NO_TAG < 0
 
 
-# -- other runs are refused ------------------------------------------------------------------------------------------
+# -- other runs are refused
+# ------------------------------------------------------------------------------------------
 
 
 def changed(**changes):
@@ -160,7 +193,10 @@ def changed(**changes):
     scene = ec.Scene(
         ec.Elastic(lambda x: 1.0 + 0.1 * x[0], 0.3),
         [ec.Displacement("top", (0.02, lambda x: -0.05 - 0.01 * x[0] ** 2))],
-        [ec.Traction("right", lambda x: ufl.as_vector([0.0, 1e-3 * ufl.sin(x[1])])), ec.BodyForce((0.0, -1e-3))],
+        [
+            ec.Traction("right", lambda x: ufl.as_vector([0.0, 1e-3 * ufl.sin(x[1])])),
+            ec.BodyForce((0.0, -1e-3)),
+        ],
         [ec.Contact("bottom", friction=lambda x: 0.3 + 0.1 * x[0], gap=lambda x: 0.01 * x[0] ** 2)],
     )
     return dataclasses.replace(scene, **changes)
@@ -172,7 +208,10 @@ class Steeper:
     parameters = ("limit",)
 
     def __init__(self, limit, factor):
-        self.limit, self.friction_bound = limit, lambda pressure, limit: factor * limit + 0.0 * pressure
+        self.limit, self.friction_bound = (
+            limit,
+            lambda pressure, limit: factor * limit + 0.0 * pressure,
+        )
 
 
 OTHER = {
@@ -181,8 +220,16 @@ OTHER = {
     "support": {"supports": [ec.Displacement("top", (0.02, lambda x: -0.05 - 0.01 * x[0] ** 3))]},
     "side": {"supports": [ec.Displacement("left", (0.02, lambda x: -0.05 - 0.01 * x[0] ** 2))]},
     "loads": {"loads": [ec.BodyForce((0.0, -1e-3))]},
-    "friction": {"contacts": [ec.Contact("bottom", lambda x: 0.3 + 0.1 * x[0], lambda x: 0.010000001 * x[0] ** 2)]},
-    "law": {"contacts": [ec.Contact("bottom", ec.Tresca(lambda x: 0.3 + 0.1 * x[0]), lambda x: 0.01 * x[0] ** 2)]},
+    "friction": {
+        "contacts": [
+            ec.Contact("bottom", lambda x: 0.3 + 0.1 * x[0], lambda x: 0.010000001 * x[0] ** 2)
+        ]
+    },
+    "law": {
+        "contacts": [
+            ec.Contact("bottom", ec.Tresca(lambda x: 0.3 + 0.1 * x[0]), lambda x: 0.01 * x[0] ** 2)
+        ]
+    },
 }
 
 
@@ -190,8 +237,13 @@ def test_fingerprint_knows_what_decides():
     """Made twice it is the same; each change changes it; numbers in formulas of classes of the user's, too."""
     first = fingerprint(changed(), block(2), {"strategy": ec.Mark(0.5)})
     assert first == fingerprint(changed(), block(2), {"strategy": ec.Mark(0.5)})
-    others = [(changed(**change), block(2), {"strategy": ec.Mark(0.5)}) for change in OTHER.values()]
-    others += [(changed(), block(3), {"strategy": ec.Mark(0.5)}), (changed(), block(2), {"strategy": ec.Mark(0.4)})]
+    others = [
+        (changed(**change), block(2), {"strategy": ec.Mark(0.5)}) for change in OTHER.values()
+    ]
+    others += [
+        (changed(), block(3), {"strategy": ec.Mark(0.5)}),
+        (changed(), block(2), {"strategy": ec.Mark(0.4)}),
+    ]
     laws = [Steeper(0.1, 1.0), Steeper(0.1, 1.1), Steeper(0.2, 1.0)]
     others += [(changed(contacts=[ec.Contact("bottom", law)]), block(2), {}) for law in laws]
     found = [COMM.bcast(fingerprint(*other)) for other in others]
@@ -213,13 +265,17 @@ def test_fingerprint_does_not_depend_on_process_or_ranks(tmp_path):
     (tmp_path / "script.py").write_text(FINGERPRINT.format(tests=str(Path(__file__).parent)))
     launch = [str(Path(sys.executable).parent / "mpiexec"), "-n", "2", sys.executable, "script.py"]
     own = environment() | {"PYTHONHASHSEED": "7"}
-    there = subprocess.run(launch, cwd=tmp_path, env=own, capture_output=True, text=True, timeout=60, check=True)
+    there = subprocess.run(
+        launch, cwd=tmp_path, env=own, capture_output=True, text=True, timeout=60, check=True
+    )
     assert there.stdout.strip() == str(fingerprint(changed(), block(2), {"strategy": ec.Mark(0.5)}))
 
 
 def test_another_run_is_refused_with_what_differs(shared_tmp_path):
     ec.adapt(changed(), block(2), 0.5, checkpoint=shared_tmp_path)
-    with pytest.raises(ec.InputError, match=r"gap is 0.010000001 \* .*in the folder 0.01 \* .*another folder"):
+    with pytest.raises(
+        ec.InputError, match=r"gap is 0.010000001 \* .*in the folder 0.01 \* .*another folder"
+    ):
         ec.adapt(changed(**OTHER["friction"]), block(2), 0.5, checkpoint=shared_tmp_path)
     with pytest.raises(ec.InputError, match=r"degree is 2, in the folder 1"):
         ec.adapt(changed(), block(2), 0.5, degree=2, checkpoint=shared_tmp_path)
@@ -244,11 +300,15 @@ def test_a_folder_is_that_of_one_run_at_a_time(shared_tmp_path):
     def again(error, step):
         run(of_flat_body, 1, shared_tmp_path)
 
-    assert "that of a run that is going on" in run(of_flat_body, 1, shared_tmp_path, callback=again).outcome
+    assert (
+        "that of a run that is going on"
+        in run(of_flat_body, 1, shared_tmp_path, callback=again).outcome
+    )
     again(None, None)
 
 
-# -- damage ----------------------------------------------------------------------------------------------------------
+# -- damage
+# ----------------------------------------------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")
@@ -307,7 +367,8 @@ def test_a_newer_format_is_refused(whole, tmp_path, monkeypatch):
             call()
 
 
-# -- what ends a run, and what stops it from being kept --------------------------------------------------------------
+# -- what ends a run, and what stops it from being kept
+# --------------------------------------------------------------
 
 
 def test_every_third_mesh_and_the_last_one(shared_tmp_path):
@@ -334,7 +395,9 @@ def test_a_run_that_cannot_be_kept_returns_its_result(fault, shared_tmp_path, ca
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
     same(history, run(of_flat_body, 4))
-    told = [record.getMessage() for record in caplog.records if "is not kept" in record.getMessage()]
+    told = [
+        record.getMessage() for record in caplog.records if "is not kept" in record.getMessage()
+    ]
     assert len(told) == (2 if COMM.rank == 0 else 0)
     if fault == "full disk":
         assert Folder(folder).numbers() == [1, 2]
@@ -347,7 +410,12 @@ def test_folder_that_cannot_be_written_is_refused_at_once(shared_tmp_path):
     (shared_tmp_path / "file").touch()
     solved = []
     with pytest.raises(ec.InputError, match="nothing can be written to the folder"):
-        run(of_flat_body, 4, shared_tmp_path / "file" / "kept", callback=lambda error, step: solved.append(step))
+        run(
+            of_flat_body,
+            4,
+            shared_tmp_path / "file" / "kept",
+            callback=lambda error, step: solved.append(step),
+        )
     assert not solved
 
 
@@ -478,7 +546,8 @@ def test_signals_do_no_harm_to_a_compressed_factor(tmp_path):
     assert "ended" in in_a_storm(LARGE_FACTORS, 0.005, tmp_path)
 
 
-# -- the history without a solve -------------------------------------------------------------------------------------
+# -- the history without a solve
+# -------------------------------------------------------------------------------------
 
 
 def test_former_names_of_a_solution_are_those_in_its_file():
@@ -495,7 +564,11 @@ def test_history_is_read_without_the_scene(shared_tmp_path):
     read = ec.read_history(shared_tmp_path / "kept")
     assert read.steps == history.steps
     assert str(read).splitlines()[:-1] == str(history).splitlines()[:-1]
-    assert (read.error.relative, read.accuracy, read.reached) == (history.error.relative, 0.01, False)
+    assert (read.error.relative, read.accuracy, read.reached) == (
+        history.error.relative,
+        0.01,
+        False,
+    )
     total = COMM.allreduce(float(np.sum(read.error.indicators**2)), MPI.SUM)
     assert total == pytest.approx(history.error.relative**2, rel=1e-12)
     assert [d.cells for d, _ in read.meshes] == [d.cells for d, _ in history.meshes]
@@ -521,7 +594,9 @@ def test_history_is_read_without_the_scene(shared_tmp_path):
         a, b = (pyvista.read(shared_tmp_path / name / "body.vtkhdf") for name in ("read", "saved"))
         assert np.allclose(a.points, b.points, rtol=0, atol=1e-15)
         for name, values in [*b.point_data.items(), *b.cell_data.items()]:
-            assert np.allclose({**a.point_data, **a.cell_data}[name], values, rtol=1e-6, atol=0), name
+            assert np.allclose({**a.point_data, **a.cell_data}[name], values, rtol=1e-6, atol=0), (
+                name
+            )
         assert np.array_equal(a.cell_connectivity, b.cell_connectivity)
     with pytest.raises(ec.InputError, match="no folder"):
         ec.read_history(shared_tmp_path / "nowhere")

@@ -20,7 +20,9 @@ def area(domain: ec.Domain) -> fem.Form:
 def test_known_forms_are_not_searched(monkeypatch):
     """On another mesh the same form is the same compiled module, found without a look at the disk."""
     first = area(block(2))
-    monkeypatch.setattr(os, "listdir", lambda *_: (_ for _ in ()).throw(AssertionError("searched on the disk")))
+    monkeypatch.setattr(
+        os, "listdir", lambda *_: (_ for _ in ()).throw(AssertionError("searched on the disk"))
+    )
     again = area(block(3))
     assert again.module is first.module
     assert fem.assemble_scalar(again) > 0
@@ -38,7 +40,12 @@ def forms(domain: ec.Domain) -> list[ufl.Form]:
     V, W = (fem.functionspace(mesh, ("Lagrange", degree, (2,))) for degree in (1, 2))
     f, g, h = fem.Function(V), fem.Function(V), fem.Function(W)
     a, b, c = fem.Constant(mesh, 1.0), fem.Constant(mesh, 2.0), fem.Constant(mesh, (1.0, 2.0))
-    u, v, n, x = ufl.TrialFunction(V), ufl.TestFunction(V), ufl.FacetNormal(mesh), ufl.SpatialCoordinate(mesh)
+    u, v, n, x = (
+        ufl.TrialFunction(V),
+        ufl.TestFunction(V),
+        ufl.FacetNormal(mesh),
+        ufl.SpatialCoordinate(mesh),
+    )
     i, j = ufl.indices(2)
     label = ufl.variable(f[0])
     dx, ds = ufl.dx(mesh), ufl.Measure("ds", mesh)
@@ -47,14 +54,27 @@ def forms(domain: ec.Domain) -> list[ufl.Form]:
     scalars = [
         *(f[0] / g[1], g[0] / f[1], f[0] / f[1], f[1] / f[1], f[0] / h[1]),
         *(a / b, b / a, a / c[0], c[0] / a, 2 / a, 2.0 / a, 3 / a),
-        *(f[i].dx(i), f[0].dx(0), ufl.grad(f)[i, j] * ufl.grad(f)[i, j], ufl.grad(f)[i, j] * ufl.grad(f)[j, i]),
+        *(
+            f[i].dx(i),
+            f[0].dx(0),
+            ufl.grad(f)[i, j] * ufl.grad(f)[i, j],
+            ufl.grad(f)[i, j] * ufl.grad(f)[j, i],
+        ),
         *(ufl.exp(x[0]), ufl.sin(x[0]), ufl.diff(label**2, label)),
         *(ufl.conditional(ufl.lt(f[0], a), f[0], 0), ufl.conditional(ufl.le(f[0], a), f[0], 0)),
     ]
     return [
         *(scalar * dx for scalar in scalars),
         *(u[0] * v[1] * dx, u[1] * v[0] * dx, ufl.derivative(ufl.inner(f, f) ** 2 * dx, f, v)),
-        *(n[0] * ds, n[0] * ds(1), n[0] * ds(2), n[0] * ds((1, 2)), x[0] * ds, x[0] * dx, x[0] * dx + x[0] * ds),
+        *(
+            n[0] * ds,
+            n[0] * ds(1),
+            n[0] * ds(2),
+            n[0] * ds((1, 2)),
+            x[0] * ds,
+            x[0] * dx,
+            x[0] * dx + x[0] * ds,
+        ),
         *(x[0] * ds(metadata={"quadrature_degree": degree}) for degree in (2, 3)),
         *(x[0] * ds(metadata={**rule, "quadrature_points": points}) for points in at),
     ]
@@ -62,7 +82,9 @@ def forms(domain: ec.Domain) -> list[ufl.Form]:
 
 def test_forms_have_the_same_key_if_ufl_signs_them_alike():
     """So they have on two meshes. Forms that differ have other keys, as they have other signatures."""
-    first, second = ([(_key(one, None, None), one.signature()) for one in forms(block(n))] for n in (2, 3))
+    first, second = (
+        [(_key(one, None, None), one.signature()) for one in forms(block(n))] for n in (2, 3)
+    )
     assert first == second
     for column in zip(*first, strict=True):
         assert len(set(column)) == len(first)
@@ -73,7 +95,10 @@ def test_keys_know_the_element_of_the_mesh():
     meshes = [block(2).mesh, ec.box((0.0, 0.0, 0.0), (1.0, 1.0, 1.0), cells=(1, 1, 1)).mesh]
     assert len({_key(ufl.as_ufl(1.0) * ufl.dx(mesh), {}, None) for mesh in meshes}) == 2
     areas = [fem.assemble_scalar(fem.form(ufl.as_ufl(1.0) * ufl.dx(mesh))) for mesh in meshes]
-    assert [meshes[0].comm.allreduce(area) for area in areas] == [pytest.approx(14.0), pytest.approx(1.0)]
+    assert [meshes[0].comm.allreduce(area) for area in areas] == [
+        pytest.approx(14.0),
+        pytest.approx(1.0),
+    ]
 
 
 def test_keys_know_options_and_all_digits_of_points():

@@ -1,8 +1,10 @@
 """The contact part of e^2 is integrated exactly although the length of the slip has kinks, or from above.
 
-- in the plane: blocks whose slip changes its direction inside facets, both degrees, Coulomb and given friction,
-  against a composite rule that is cut at the zeros found by numpy;
-- in space: a slip that is zero inside a facet, against a composite rule; the contact part is not below it.
+- in the plane: blocks whose slip changes its direction inside facets, both degrees,
+  Coulomb and given friction, against a composite rule that is cut at the zeros found by
+  numpy;
+- in space: a slip that is zero inside a facet, against a composite rule; the contact
+  part is not below it.
 """
 
 import numpy as np
@@ -25,7 +27,9 @@ def pair_with_kinks(friction, degree, dim=2):
         domain = ec.box((0.0, 0.0, 0.0), (1.0, 1.0, 0.4), cells=(1, 1, 1))
         stretch = (lambda x: 0.03 * (x[0] - 0.4), lambda x: 0.02 * (x[1] - 0.45), -0.02)
         top = ec.Displacement("top", stretch)
-    scene = ec.Scene(ec.Elastic(1.0, 0.3), [top], contacts=[ec.Contact("bottom", friction=friction)])
+    scene = ec.Scene(
+        ec.Elastic(1.0, 0.3), [top], contacts=[ec.Contact("bottom", friction=friction)]
+    )
     return ec.equilibrate(ec.solve(scene, domain, ec.AugmentedLagrangian(), degree=degree))
 
 

@@ -1,11 +1,16 @@
 """The certificate of Coulomb friction: every inequality of docs/coulomb.md as a number.
 
-- the bound solves its inequality with equality, and has the closed form where the pair is aligned;
-- W W = 0 makes the numerical radius half of the norm, and the sharpest pair of fields attains the bound;
-- the norm of the map is that of independent dense algebra, and has the published digits on the triangle;
+- the bound solves its inequality with equality, and has the closed form where the pair
+  is aligned;
+- W W = 0 makes the numerical radius half of the norm, and the sharpest pair of fields
+  attains the bound;
+- the norm of the map is that of independent dense algebra, and has the published digits
+  on the triangle;
 - uniqueness is never claimed at the critical friction, where solutions are many;
-- every term is above the truth of nested references; a flipped direction of slip is noticed;
-- the bound is above the true error, and near e; it does not depend on units, on ranks only by round-off.
+- every term is above the truth of nested references; a flipped direction of slip is
+  noticed;
+- the bound is above the true error, and near e; it does not depend on units, on ranks
+  only by round-off.
 """
 
 import numpy as np
@@ -23,7 +28,9 @@ from erc_contact.error.slip_direction import LENGTHS, slip_fields
 from erc_contact.error.surface import pair_on_surface
 
 
-def certified(scene: ec.Scene, domain: ec.Domain, **options) -> tuple[ec.ConstitutiveError, ec.CoulombCertificate]:
+def certified(
+    scene: ec.Scene, domain: ec.Domain, **options
+) -> tuple[ec.ConstitutiveError, ec.CoulombCertificate]:
     error = ec.constitutive_error(ec.equilibrate(ec.solve(scene, domain, **options)))
     return error, ec.coulomb_certificate(error)
 
@@ -35,14 +42,23 @@ def square(n: int, size: float = 40.0, comm: MPI.Comm = MPI.COMM_WORLD) -> ec.Do
 def pressed(friction: object, d: int = 2, E: object = 1.0, gap: object = 0.0) -> ec.Scene:
     """A compact body, pressed on its foundation and sheared."""
     push = (0.02, -0.05) if d == 2 else (0.02, 0.01, -0.05)
-    return ec.Scene(ec.Elastic(E, 0.3), [ec.Displacement("top", push)], [], [ec.Contact("bottom", friction, gap=gap)])
+    return ec.Scene(
+        ec.Elastic(E, 0.3),
+        [ec.Displacement("top", push)],
+        [],
+        [ec.Contact("bottom", friction, gap=gap)],
+    )
 
 
 @pytest.mark.serial
 def test_the_bound_solves_its_inequality():
     rng = np.random.default_rng(1)
     for _ in range(200):
-        q, bulk, rest = rng.uniform(0, 1.9), rng.uniform(0, 2), rng.uniform(0, 1) * rng.integers(0, 2)
+        q, bulk, rest = (
+            rng.uniform(0, 1.9),
+            rng.uniform(0, 2),
+            rng.uniform(0, 1) * rng.integers(0, 2),
+        )
         e_t = bulk * rng.uniform(1, 1.5)
         x = bound_of_both(q, e_t, bulk, rest)
         s = np.sqrt(x * x / 2 - bulk**2 / 4)
@@ -52,7 +68,9 @@ def test_the_bound_solves_its_inequality():
         if rest == 0 and q < 1:
             assert x <= e_t / np.sqrt(1 - q) * (1 + 1e-12)  # sharper than with |W v| <= q |v| alone
     for q in (0.0, 0.3, 1.0, 1.9):
-        assert bound_of_both(q, 3.0, 3.0, 0.0) == pytest.approx(3 * np.sqrt(4 + q * q) / (2 - q), rel=1e-12)
+        assert bound_of_both(q, 3.0, 3.0, 0.0) == pytest.approx(
+            3 * np.sqrt(4 + q * q) / (2 - q), rel=1e-12
+        )
     assert bound_of_both(2.0, 1.0, 1.0, 0.0) == np.inf
     assert bound_of_both(0.5, 0.0, 0.0, 0.0) == 0.0
 
@@ -76,7 +94,9 @@ def test_a_map_whose_square_is_zero():
         assert x @ W @ x == pytest.approx(q / 2 * (x @ x))
 
 
-def triangle(nu: float, friction: float, size: float, comm: MPI.Comm = MPI.COMM_WORLD) -> tuple[ec.Scene, ec.Domain]:
+def triangle(
+    nu: float, friction: float, size: float, comm: MPI.Comm = MPI.COMM_WORLD
+) -> tuple[ec.Scene, ec.Domain]:
     """The triangle whose solutions are many at friction ``sqrt((l + 2)/l)``, l = 2 nu/(1 - 2 nu)."""
     import gmsh
 
@@ -153,10 +173,14 @@ def test_every_term_is_above_the_truth(name):
     scene, domain, levels, options = CASES[name]
     error, found = certified(scene, domain, **options)
     pair = error.admissible
-    fine = ec.solve(scene, nested(domain, levels), ec.AugmentedLagrangian(), start=pair.solution, **options)
+    fine = ec.solve(
+        scene, nested(domain, levels), ec.AugmentedLagrangian(), start=pair.solution, **options
+    )
     true, e, bulk = true_errors(pair, fine), error.absolute, error.bulk_error
     q = found.q + found.q_change
-    print(f"\n{name}: q {q:.3f}, bound/e {found.factor:.3f}, bound/true {found.bound / true.both:.3f}")
+    print(
+        f"\n{name}: q {q:.3f}, bound/e {found.factor:.3f}, bound/true {found.bound / true.both:.3f}"
+    )
     assert true.both <= found.bound
     assert true.displacement <= found.bound
     aligned = np.sqrt(4 + q**2) / (2 - q)
@@ -173,7 +197,10 @@ def test_a_step_of_a_history():
 
     def at(push):
         return ec.Scene(
-            ec.Elastic(1.0, 0.3), [ec.Displacement("top", (push, -0.05))], [], [ec.Contact("bottom", friction=0.3)]
+            ec.Elastic(1.0, 0.3),
+            [ec.Displacement("top", (push, -0.05))],
+            [],
+            [ec.Contact("bottom", friction=0.3)],
         )
 
     domain = ec.rectangle((0.0, 0.0), (2.0, 1.0), cells=(8, 4))
@@ -181,7 +208,9 @@ def test_a_step_of_a_history():
     error = ec.constitutive_error(ec.equilibrate(ec.solve(at(-0.02), domain, after=first)))
     found, pair = ec.coulomb_certificate(error), error.admissible
     fine = ec.solve(at(-0.02), nested(domain, 2), ec.AugmentedLagrangian(), after=first)
-    assert pair.displacement.x.array.reshape(-1, 2)[pair.tractions[0].nodes, 0].min() > 0  # it has not come back
+    assert (
+        pair.displacement.x.array.reshape(-1, 2)[pair.tractions[0].nodes, 0].min() > 0
+    )  # it has not come back
     assert slip_fields(pair_on_surface(pair))[0][:, 0].max() < 0  # but it slips back
     assert np.hypot(found.misaligned, found.unbalanced) < 0.2 * error.absolute
     assert true_errors(pair, fine).both <= found.bound < 2.5 * error.absolute
@@ -251,7 +280,9 @@ def test_the_change_of_q_holds_on_the_refined_mesh(name):
     finer = body_on(error.solution.model, domain.refined())
     q, _ = finer.norm(surface.surface, t)
     _, again = certified(scene, domain.refined(), degree=degree)
-    print(f"\n{name}: q {found.q:.4f} +- {found.q_change:.4f}, on the refined mesh {q:.4f}, factor {found.factor:.2f}")
+    print(
+        f"\n{name}: q {found.q:.4f} +- {found.q_change:.4f}, on the refined mesh {q:.4f}, factor {found.factor:.2f}"
+    )
     assert q <= found.q + found.q_change
     assert again.bound < np.inf
     assert again.unique
@@ -262,7 +293,9 @@ def test_both_solvers_see_the_same_body(d):
     domain = square(6, 1.0) if d == 2 else ec.box((0.0,) * 3, (1.0,) * 3, cells=(3, 3, 3))
     found, norms = [], []
     for solver in ("direct", "iterative"):
-        error = ec.constitutive_error(ec.equilibrate(ec.solve(pressed(0.3, d), domain, solver=solver)))
+        error = ec.constitutive_error(
+            ec.equilibrate(ec.solve(pressed(0.3, d), domain, solver=solver))
+        )
         pair = pair_on_surface(error.admissible)
         traces = error.solution.stiffness.traces(pair.surface.numbers)
         y = pair.surface.normal * (1 + pair.surface.positions()[:, :1])
@@ -309,7 +342,10 @@ def test_a_slender_body_that_slips_gets_no_bound():
     assert sticks.smoothing == 0.3
     assert 5 < sticks.factor < 20
     far = ec.Scene(
-        error.solution.scene.material, [ec.Displacement("top", (1.0, -0.05))], [], [ec.Contact("bottom", 0.3)]
+        error.solution.scene.material,
+        [ec.Displacement("top", (1.0, -0.05))],
+        [],
+        [ec.Contact("bottom", 0.3)],
     )
     slips = certified(far, block_of(8))[1]
     assert slips.q == pytest.approx(2.2, abs=slips.q_change)
@@ -337,7 +373,10 @@ def test_bodies_that_only_contact_holds_vertically():
 def test_other_laws():
     def scene(law):
         return ec.Scene(
-            ec.Elastic(1.0, 0.3), [ec.Displacement("top", (0.02, -0.05))], [], [ec.Contact("bottom", friction=law)]
+            ec.Elastic(1.0, 0.3),
+            [ec.Displacement("top", (0.02, -0.05))],
+            [],
+            [ec.Contact("bottom", friction=law)],
         )
 
     for law in (0.0, ec.Tresca(0.01)):
@@ -356,7 +395,11 @@ def test_other_laws():
 def test_ranks_change_nothing(d, solver):
     found = []
     for comm in (MPI.COMM_WORLD, MPI.COMM_SELF):
-        domain = square(6, 1.0, comm) if d == 2 else ec.box((0.0,) * 3, (1.0,) * 3, cells=(3, 3, 3), comm=comm)
+        domain = (
+            square(6, 1.0, comm)
+            if d == 2
+            else ec.box((0.0,) * 3, (1.0,) * 3, cells=(3, 3, 3), comm=comm)
+        )
         found.append(certified(pressed(0.3, d), domain, solver=solver)[1])
     assert found[0].q == pytest.approx(found[1].q, rel=1e-6)
     assert found[0].bound == pytest.approx(found[1].bound, rel=1e-6)
@@ -372,7 +415,13 @@ def test_ranks_change_nothing_where_data_vary(seed):
         ec.Elastic(lambda x: 1 + 10 * stiffer * x[0], nu),
         [ec.Displacement("left", (0.0, 0.0, 0.0))],
         [ec.Traction("top", (0.01, 0.0, -0.05))],
-        [ec.Contact("bottom", lambda x: least + more * x[0] / size[0], gap=lambda x: 0.1 * gap * (x[0] - 0.3) ** 2)],
+        [
+            ec.Contact(
+                "bottom",
+                lambda x: least + more * x[0] / size[0],
+                gap=lambda x: 0.1 * gap * (x[0] - 0.3) ** 2,
+            )
+        ],
     )
     found = []
     for comm in (MPI.COMM_WORLD, MPI.COMM_SELF):

@@ -1,8 +1,11 @@
 """Degree 2: what it must show beyond the properties that other files check for both degrees.
 
-- the friction patch test to round-off; the forces of the block on which several codes agree;
-- a smooth contact known in advance: rate 2 of eps, and e near the true error of u^, for both methods;
-- an adaptive run whose corners are singular: rate 1 against degrees of freedom, e near the true error;
+- the friction patch test to round-off; the forces of the block on which several codes
+  agree;
+- a smooth contact known in advance: rate 2 of eps, and e near the true error of u^, for
+  both methods;
+- an adaptive run whose corners are singular: rate 1 against degrees of freedom, e near
+  the true error;
 - near incompressibility the bound stays sharp where linear elements lock.
 """
 
@@ -17,7 +20,9 @@ from scenes import block, common_block, patch_test, prototype_block, quadratic_c
 
 import erc_contact as ec
 
-METHODS = pytest.mark.parametrize("method", [ec.Nitsche(), ec.AugmentedLagrangian()], ids=["Nitsche", "AL"])
+METHODS = pytest.mark.parametrize(
+    "method", [ec.Nitsche(), ec.AugmentedLagrangian()], ids=["Nitsche", "AL"]
+)
 E, NU = 1.0, 0.3
 G, LAME = E / (2 * (1 + NU)), E * NU / ((1 + NU) * (1 - 2 * NU))
 FRICTIONLESS = replace(prototype_block(), contacts=[ec.Contact("bottom", friction=0.0)])
@@ -53,7 +58,9 @@ def test_forces_of_the_common_block(method):
 
 
 def smooth(x):
-    return ufl.as_vector([0.01 * ufl.sin(x[0]) * ufl.cos(x[1]), -0.05 * ufl.sin(x[1]) * (1 + 0.2 * ufl.cos(x[0]))])
+    return ufl.as_vector(
+        [0.01 * ufl.sin(x[0]) * ufl.cos(x[1]), -0.05 * ufl.sin(x[1]) * (1 + 0.2 * ufl.cos(x[0]))]
+    )
 
 
 def energy_stress(eps):
@@ -80,7 +87,9 @@ def pressed_everywhere() -> ec.Scene:
 
 @pytest.mark.serial
 @pytest.mark.parametrize(
-    ("degree", "method"), [(1, ec.Nitsche()), (2, ec.Nitsche()), (2, ec.AugmentedLagrangian())], ids=str
+    ("degree", "method"),
+    [(1, ec.Nitsche()), (2, ec.Nitsche()), (2, ec.AugmentedLagrangian())],
+    ids=str,
 )
 def test_rate_on_a_smooth_contact(degree, method):
     eps, index = [], []
@@ -120,7 +129,11 @@ def test_adaptive_rate_and_index():
 @pytest.mark.parametrize(("nu", "friction"), [(0.4999, 0.0), (0.4999, 0.3), (0.499999, 0.0)])
 def test_index_near_incompressibility(nu, friction):
     """The bound stays sharp; linear elements lock there, which eps shows: they need a finer mesh for a tenth of it."""
-    scene = replace(FRICTIONLESS, material=ec.Elastic(1.0, nu), contacts=[ec.Contact("bottom", friction=friction)])
+    scene = replace(
+        FRICTIONLESS,
+        material=ec.Elastic(1.0, nu),
+        contacts=[ec.Contact("bottom", friction=friction)],
+    )
     pair = ec.equilibrate(ec.solve(scene, block(8), degree=2))
     error = ec.constitutive_error(pair)
     true = true_errors(pair, ec.solve(scene, block(32), degree=2))
@@ -146,7 +159,11 @@ def test_cube():
     pair = ec.equilibrate(ec.solve(scene, cube(2), degree=2))
     error = ec.constitutive_error(pair)
     true = true_errors(pair, ec.solve(scene, cube(6), degree=2))
-    print("index", error.bulk_error / true.displacement, error.absolute / np.hypot(true.displacement, true.stress))
+    print(
+        "index",
+        error.bulk_error / true.displacement,
+        error.absolute / np.hypot(true.displacement, true.stress),
+    )
     assert 1.0 <= error.bulk_error / true.displacement <= 1.6
     assert 0.98 <= error.absolute / np.hypot(true.displacement, true.stress) <= 1.15
 
@@ -155,7 +172,9 @@ def test_cube():
 def test_warm_start_takes_few_steps():
     old = ec.solve(common_block(), block(8), degree=2)
     new = old.domain.refined()
-    warm, cold = (ec.solve(common_block(), new, degree=2, start=s).newton_steps for s in (old, None))
+    warm, cold = (
+        ec.solve(common_block(), new, degree=2, start=s).newton_steps for s in (old, None)
+    )
     assert warm <= cold
 
 

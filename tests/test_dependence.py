@@ -1,6 +1,7 @@
 """How a friction bound depends on the pressure decides what is guaranteed: no disguise makes it look constant.
 
-- the kinds of bounds, plain and disguised (conditionals, sign, abs, min, powers), as the package sees them;
+- the kinds of bounds, plain and disguised (conditionals, sign, abs, min, powers), as
+  the package sees them;
 - a law that is switched on by pressure is not called guaranteed.
 """
 
@@ -62,7 +63,9 @@ def test_kind(kind, square):
     assert friction.dependence == expected
 
 
-@pytest.mark.parametrize(("kind", "guaranteed"), [("switched on", False), ("sign", False), ("given", True)])
+@pytest.mark.parametrize(
+    ("kind", "guaranteed"), [("switched on", False), ("sign", False), ("given", True)]
+)
 def test_switch_is_not_guaranteed(kind, guaranteed, square):
     scene = ec.Scene(
         material=ec.Elastic(1.0, 0.3),

@@ -30,7 +30,9 @@ def test_code_of_pages_runs(shared_tmp_path, monkeypatch):
 
 
 def test_figures_have_scripts():
-    figures = [path for path in (ROOT / "docs" / "figures").iterdir() if path.suffix in (".png", ".svg")]
+    figures = [
+        path for path in (ROOT / "docs" / "figures").iterdir() if path.suffix in (".png", ".svg")
+    ]
     assert figures
     assert all(path.with_suffix(".py").is_file() for path in figures)
     assert sum(path.stat().st_size for path in figures) < 300_000
@@ -47,7 +49,12 @@ def test_public_names_are_on_a_page():
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
 def test_code_of_pages_fits_the_page(page):
     """At a width of 1280 pixels the site cuts longer lines."""
-    long = [line for block in BLOCK.findall(page.read_text()) for line in block.splitlines() if len(line) > WIDTH]
+    long = [
+        line
+        for block in BLOCK.findall(page.read_text())
+        for line in block.splitlines()
+        if len(line) > WIDTH
+    ]
     assert long == []
 
 
@@ -60,8 +67,16 @@ def test_demos_fit_the_page(demo):
 def test_pages_load_mpi_first(page):
     """In the wheels of DOLFINx, mpi4py finds the library of MPI, and the compiled modules find it there."""
     lines = code(page).splitlines()
-    loads = [number for number, line in enumerate(lines) if re.match(r"(import|from) (dolfinx|petsc4py)", line)]
-    first = [number for number, line in enumerate(lines) if re.match(r"from mpi4py|import erc_contact", line)]
+    loads = [
+        number
+        for number, line in enumerate(lines)
+        if re.match(r"(import|from) (dolfinx|petsc4py)", line)
+    ]
+    first = [
+        number
+        for number, line in enumerate(lines)
+        if re.match(r"from mpi4py|import erc_contact", line)
+    ]
     assert not loads or min(first, default=len(lines)) < min(loads)
 
 

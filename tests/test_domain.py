@@ -1,10 +1,11 @@
 """Domains: names, exact measures, files, refinement, distribution.
 
-Properties, each a number against a scale: the measure of every named part and region is exact to round-off, from
-whatever source and through refinement; refined meshes are conforming (every facet without a neighbour has a name);
-every rank holds all cells around the vertices of its own cells; the load is balanced; the refined mesh does not depend
-on the number of ranks; refined coordinates are exact, bit by bit: a side at y = 0 stays there; a gmsh session of the
-user's survives, ours is closed.
+Properties, each a number against a scale: the measure of every named part and region is
+exact to round-off, from whatever source and through refinement; refined meshes are
+conforming (every facet without a neighbour has a name); every rank holds all cells
+around the vertices of its own cells; the load is balanced; the refined mesh does not
+depend on the number of ranks; refined coordinates are exact, bit by bit: a side at y =
+0 stays there; a gmsh session of the user's survives, ours is closed.
 """
 
 import numpy as np
@@ -28,7 +29,11 @@ BOX = ((0.0, -1.0, 0.5), (1.0, 1.0, 3.5))
 BOX_SIDES = {"left": 6.0, "right": 6.0, "front": 3.0, "back": 3.0, "bottom": 2.0, "top": 2.0}
 BRICKS = {
     "rectangle, size": (lambda **k: ec.rectangle(*RECTANGLE, size=0.8, **k), RECTANGLE_SIDES, 14.0),
-    "rectangle, cells": (lambda **k: ec.rectangle(*RECTANGLE, cells=(3, 10), **k), RECTANGLE_SIDES, 14.0),
+    "rectangle, cells": (
+        lambda **k: ec.rectangle(*RECTANGLE, cells=(3, 10), **k),
+        RECTANGLE_SIDES,
+        14.0,
+    ),
     "box, size": (lambda **k: ec.box(*BOX, size=0.8, **k), BOX_SIDES, 6.0),
     "box, cells": (lambda **k: ec.box(*BOX, cells=(2, 3, 4), **k), BOX_SIDES, 6.0),
 }
@@ -67,14 +72,17 @@ def assert_distributed_well(domain):
     local = topology.connectivity(domain.dim, 0).array.reshape(-1, domain.dim + 1)
     vertices = topology.index_map(0).local_to_global(local.ravel()).reshape(local.shape)
     owned = vertices[: domain.owned_cells]
-    everywhere = np.bincount(np.concatenate(COMM.allgather(owned.ravel())), minlength=domain.vertices)
+    everywhere = np.bincount(
+        np.concatenate(COMM.allgather(owned.ravel())), minlength=domain.vertices
+    )
     here = np.bincount(vertices.ravel(), minlength=domain.vertices)
     assert np.array_equal(here[owned], everywhere[owned])
     assert patches_complete(domain.mesh)
     assert COMM.allreduce(domain.owned_cells, MPI.MAX) <= 1.3 * domain.cells / COMM.size + 50
 
 
-# -- sources -------------------------------------------------------------------------------------------------
+# -- sources
+# -------------------------------------------------------------------------------------------------
 
 
 @bricks
@@ -98,7 +106,9 @@ def test_forms_integrate_over_the_same_parts(brick):
     ds = ufl.Measure("ds", domain=domain.mesh, subdomain_data=domain.facet_tags)
     one = fem.Constant(domain.mesh, 1.0)
     for name, area in sides.items():
-        assert close(COMM.allreduce(fem.assemble_scalar(fem.form(one * ds(domain.tag(name))))), area)
+        assert close(
+            COMM.allreduce(fem.assemble_scalar(fem.form(one * ds(domain.tag(name))))), area
+        )
 
 
 def test_size_is_the_size_of_cells():
@@ -119,12 +129,17 @@ def plate(gmsh):
     groups = {name: [] for name in (*where, "hole", "interface")}
     for _, tag in model.getEntities(1):
         centre = occ.getCenterOfMass(1, tag)
-        at = next((name for name, (axis, value) in where.items() if abs(centre[axis] - value) < 1e-9), "hole")
+        at = next(
+            (name for name, (axis, value) in where.items() if abs(centre[axis] - value) < 1e-9),
+            "hole",
+        )
         groups[at if tag in outer else "interface"].append(tag)
     for name, tags in groups.items():
         model.addPhysicalGroup(1, tags, name=name)
     for _, tag in surfaces:
-        model.addPhysicalGroup(2, [tag], name="strip" if occ.getCenterOfMass(2, tag)[0] > 1.4 else "body")
+        model.addPhysicalGroup(
+            2, [tag], name="strip" if occ.getCenterOfMass(2, tag)[0] > 1.4 else "body"
+        )
     gmsh.option.setNumber("Mesh.MeshSizeMax", 0.25)
 
 
@@ -136,7 +151,9 @@ def polygon(gmsh):
     if gmsh is None:
         return COMM.bcast(None)
     model = gmsh.model
-    group = next(tag for _, tag in model.getPhysicalGroups(1) if model.getPhysicalName(1, tag) == "hole")
+    group = next(
+        tag for _, tag in model.getPhysicalGroups(1) if model.getPhysicalName(1, tag) == "hole"
+    )
     x = model.mesh.getNodesForPhysicalGroup(1, group)[1].reshape(-1, 3)[:, :2] - (0.6, 0.5)
     x = x[np.argsort(np.arctan2(x[:, 1], x[:, 0]))]
     after = np.roll(x, -1, axis=0)
@@ -150,10 +167,14 @@ def refined_polygon(domain):
     facets = domain.facets("hole")
     own = facets[facets[:, 0] < domain.owned_cells]
     ends = np.array([[1, 2], [0, 2], [0, 1]])[own[:, 1]]
-    x = domain.mesh.geometry.x[np.take_along_axis(domain.mesh.geometry.dofmaps[0][own[:, 0]], ends, axis=1)]
+    x = domain.mesh.geometry.x[
+        np.take_along_axis(domain.mesh.geometry.dofmaps[0][own[:, 0]], ends, axis=1)
+    ]
     chord = np.linalg.norm(x[:, 1] - x[:, 0], axis=1)
     angle = 2 * np.arcsin(chord / 0.5)
-    perimeter, area, whole = (COMM.allreduce(float(v.sum())) for v in (chord, 0.5 * 0.25**2 * np.sin(angle), angle))
+    perimeter, area, whole = (
+        COMM.allreduce(float(v.sum())) for v in (chord, 0.5 * 0.25**2 * np.sin(angle), angle)
+    )
     assert whole == pytest.approx(2 * np.pi, rel=1e-9)
     return perimeter, area
 
@@ -225,7 +246,8 @@ def test_cells_and_facets_may_share_a_name_and_need_none(gmsh_session, measures)
     assert close(measures.part(domain, "17"), 1.0)
 
 
-# -- files ---------------------------------------------------------------------------------------------------
+# -- files
+# ---------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("version", [2.2, 4.1])
@@ -307,7 +329,9 @@ def tagged_block(gmsh, dim):
     model.addPhysicalGroup(dim, [1], tag=9, name="body")
     for _, tag in model.getEntities(dim - 1):
         centre = occ.getCenterOfMass(dim - 1, tag)
-        model.addPhysicalGroup(dim - 1, [tag], tag=tag, name=f"low{tag}" if centre[0] < 1e-9 else f"other{tag}")
+        model.addPhysicalGroup(
+            dim - 1, [tag], tag=tag, name=f"low{tag}" if centre[0] < 1e-9 else f"other{tag}"
+        )
     gmsh.option.setNumber("Mesh.MeshSizeMin", 0.5)
     gmsh.option.setNumber("Mesh.SaveAll", 0)
     model.mesh.generate(dim)
@@ -324,14 +348,18 @@ def test_other_formats(suffix, dim, gmsh_session, shared_tmp_path, measures):
 
             gmsh_session.write(str(shared_tmp_path / "block.msh"))
             read = meshio.read(shared_tmp_path / "block.msh")
-            meshio.Mesh(read.points, read.cells, cell_data={"part": read.cell_data["gmsh:physical"]}).write(path)
+            meshio.Mesh(
+                read.points, read.cells, cell_data={"part": read.cell_data["gmsh:physical"]}
+            ).write(path)
         else:
             gmsh_session.write(str(path))
     COMM.barrier()
     domain = ec.read_mesh(path)
     assert close(measures.region(domain), 2.0)
     lengths = sorted(measures.part(domain, name) for name in domain.names)
-    assert lengths == pytest.approx([1.0, 1.0, 2.0, 2.0] if dim == 2 else [1.0, 1.0, 2.0, 2.0, 2.0, 2.0], rel=1e-6)
+    assert lengths == pytest.approx(
+        [1.0, 1.0, 2.0, 2.0] if dim == 2 else [1.0, 1.0, 2.0, 2.0, 2.0, 2.0], rel=1e-6
+    )
     assert_closed(domain)
     if suffix != ".inp":  # numbers become names
         assert set(domain.names) == {str(number) for number in range(1, 2 * dim + 1)}
@@ -347,7 +375,10 @@ def tagged_file(shared_tmp_path):
         import meshio
 
         x = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], dtype=float)
-        cells = [("line", np.array([[0, 1], [1, 2], [2, 3], [3, 0]])), ("triangle", np.array([[0, 1, 2], [0, 2, 3]]))]
+        cells = [
+            ("line", np.array([[0, 1], [1, 2], [2, 3], [3, 0]])),
+            ("triangle", np.array([[0, 1, 2], [0, 2, 3]])),
+        ]
         tags = [np.array([1, 2, 3, 4]), np.array([3, 3])]
         meshio.Mesh(x, cells, cell_data={"part": tags}).write(path)
     COMM.barrier()
@@ -361,7 +392,9 @@ def test_parts_of_a_file_get_names(tagged_file, measures):
     assert set(domain.names) == {"bottom", "2", "top", "4"}
     assert set(domain.regions) == {"steel"}
     assert close(measures.part(domain, "bottom"), 1.0)
-    x = domain.mesh.geometry.x[dmesh.entities_to_geometry(domain.mesh, 1, domain.facet_tags.find(domain.tag("top")))]
+    x = domain.mesh.geometry.x[
+        dmesh.entities_to_geometry(domain.mesh, 1, domain.facet_tags.find(domain.tag("top")))
+    ]
     assert np.all(x[..., 1] == 1.0)
 
 
@@ -378,13 +411,17 @@ def test_names_of_parts_that_cannot_be_given(tagged_file):
             ec.read_mesh(tagged_file, names=names)
 
 
-# -- meshes of the user's ------------------------------------------------------------------------------------
+# -- meshes of the user's
+# ------------------------------------------------------------------------------------
 
 
 def own_mesh(mesh):
     """Tags of the left and right sides and of two halves of a unit square or cube."""
     tdim = mesh.topology.dim
-    found = [dmesh.locate_entities_boundary(mesh, tdim - 1, lambda x, v=v: abs(x[0] - v) < 1e-9) for v in (0.0, 1.0)]
+    found = [
+        dmesh.locate_entities_boundary(mesh, tdim - 1, lambda x, v=v: abs(x[0] - v) < 1e-9)
+        for v in (0.0, 1.0)
+    ]
     values = np.repeat([3, 7], [len(f) for f in found]).astype(np.int32)
     order = np.argsort(np.concatenate(found))
     facet_tags = dmesh.meshtags(mesh, tdim - 1, np.concatenate(found)[order], values[order])
@@ -402,7 +439,9 @@ def test_mesh_of_the_user(dim, ghosts, measures):
     else:
         mesh = dmesh.create_unit_cube(COMM, 4, 4, 4, ghost_mode=ghosts)
     facet_tags, cell_tags = own_mesh(mesh)
-    domain = ec.Domain(mesh, facet_tags, {"left": 3, "right": 7}, cell_tags, {"lower": 1, "upper": 2})
+    domain = ec.Domain(
+        mesh, facet_tags, {"left": 3, "right": 7}, cell_tags, {"lower": 1, "upper": 2}
+    )
     for _ in range(2):
         assert close(measures.part(domain, "left"), 1.0)
         assert close(measures.part(domain, "right"), 1.0)
@@ -452,7 +491,8 @@ def test_parts_inside_the_body_are_kept_but_carry_no_condition(gmsh_session):
     assert ec.solve(ec.Scene(ec.Elastic(1.0, 0.3), held), domain).newton_steps == 0
 
 
-# -- refinement ----------------------------------------------------------------------------------------------
+# -- refinement
+# ----------------------------------------------------------------------------------------------
 
 
 @bricks
@@ -521,7 +561,9 @@ def assert_sides_exact(domain):
     sides = np.array([[j for j in range(domain.dim + 1) if j != i] for i in range(domain.dim + 1)])
     for name, axis, at in domain.geometry.sides():
         facets = domain.facets(name)
-        nodes = np.take_along_axis(domain.mesh.geometry.dofmaps[0][facets[:, 0]], sides[facets[:, 1]], axis=1)
+        nodes = np.take_along_axis(
+            domain.mesh.geometry.dofmaps[0][facets[:, 0]], sides[facets[:, 1]], axis=1
+        )
         assert set(domain.mesh.geometry.x[nodes.ravel(), axis]) <= {at}, name
 
 
@@ -531,7 +573,9 @@ def test_sides_of_bricks_are_exact(dim, scale, kind):
     for low, high in (((-0.7, 0.0, 0.1), (1.1, 0.9, 1.3)), ((0.1, 0.2, 0.3), (0.7, 0.9, 1.1))):
         make = ec.rectangle if dim == 2 else ec.box
         corners = scale * np.array([low, high])[:, :dim]
-        domain = make(*corners, **({"cells": (3, 3, 7)[:dim]} if kind == "cells" else {"size": 0.6 * scale}))
+        domain = make(
+            *corners, **({"cells": (3, 3, 7)[:dim]} if kind == "cells" else {"size": 0.6 * scale})
+        )
         assert_sides_exact(domain.remeshed(0.4 * scale) if kind == "remeshed" else domain)
 
 
@@ -544,7 +588,9 @@ def test_root_of_a_coordinate_stays_finite_on_refined_meshes():
         [ec.Traction("right", (lambda x: -1e-3 * ufl.sqrt(x[1]), 0.0))],
         [ec.Contact("bottom", friction=lambda x: 0.1 + ufl.sqrt(x[1]))],
     )
-    history = ec.adapt(scene, ec.rectangle((0.0, 0.0), (1.7, 1.0), cells=(4, 3)), accuracy=1e-6, max_steps=3)
+    history = ec.adapt(
+        scene, ec.rectangle((0.0, 0.0), (1.7, 1.0), cells=(4, 3)), accuracy=1e-6, max_steps=3
+    )
     assert len(history.steps) == 3, history.outcome
 
 
@@ -580,7 +626,8 @@ def test_refined_meshes_do_not_depend_on_the_number_of_ranks(brick):
         assert abs(sorted_midpoints(shared) - sorted_midpoints(alone)).max() < 1e-12 * shared.extent
 
 
-# -- distribution --------------------------------------------------------------------------------------------
+# -- distribution
+# --------------------------------------------------------------------------------------------
 
 
 def test_domain_on_a_part_of_the_ranks(measures):
@@ -601,7 +648,8 @@ def test_fewer_cells_than_ranks(measures):
         domain = domain.refined()
 
 
-# -- gmsh's session ------------------------------------------------------------------------------------------
+# -- gmsh's session
+# ------------------------------------------------------------------------------------------
 
 
 def test_our_gmsh_session_is_closed(shared_tmp_path):
@@ -616,7 +664,13 @@ def test_our_gmsh_session_is_closed(shared_tmp_path):
 
 def test_a_gmsh_session_of_the_user_survives(gmsh_session, shared_tmp_path):
     path = shared_tmp_path / "plate.msh"
-    names = ("Mesh.MeshSizeMin", "Mesh.MeshSizeMax", "Mesh.ElementOrder", "Mesh.RecombineAll", "General.Terminal")
+    names = (
+        "Mesh.MeshSizeMin",
+        "Mesh.MeshSizeMax",
+        "Mesh.ElementOrder",
+        "Mesh.RecombineAll",
+        "General.Terminal",
+    )
 
     def state():
         gmsh, model = gmsh_session, gmsh_session.model

@@ -27,7 +27,9 @@ def warnings(caplog):
     caplog.set_level(logging.WARNING, logger="erc_contact")
 
     def told(*, of):
-        words = [record.getMessage() for record in caplog.records if record.levelno == logging.WARNING]
+        words = [
+            record.getMessage() for record in caplog.records if record.levelno == logging.WARNING
+        ]
         found = [one for one in words if of in one]
         return found if COMM.rank == 0 else ["nothing is told here"] * (not words)
 
@@ -35,13 +37,19 @@ def warnings(caplog):
 
 
 def pressed(**entries):
-    scene = {"material": STEEL, "supports": [ec.Displacement("top", (0.0, -0.01))], "contacts": [FLOOR]}
+    scene = {
+        "material": STEEL,
+        "supports": [ec.Displacement("top", (0.0, -0.01))],
+        "contacts": [FLOOR],
+    }
     return ec.Scene(**{**scene, **entries})
 
 
 DOUBTFUL = {
     "friction is 30": pressed(contacts=[ec.Contact("bottom", friction=30.0)]),
-    "percent (30% is 0.3)": pressed(contacts=[ec.Contact("bottom", friction=lambda x: 30.0 * x[0])]),
+    "percent (30% is 0.3)": pressed(
+        contacts=[ec.Contact("bottom", friction=lambda x: 30.0 * x[0])]
+    ),
     "times its least side (1)": pressed(supports=[ec.Displacement("top", (0.0, -5.0))]),
     "of the body rotates": pressed(supports=[ec.Displacement("top", (0.4, -0.3))]),
     "Nothing touches the contact 'bottom'": pressed(contacts=[ec.Contact("bottom", gap=0.5)]),
@@ -57,8 +65,12 @@ def test_doubts_are_told(of, warnings):
 @pytest.mark.parametrize("of", ["friction is 30", "Nothing touches"])
 def test_a_run_tells_a_doubt_once(of, warnings):
     floor = ec.Contact("bottom", friction=30.0, gap=0.5 if "touches" in of else 0.0)
-    scene = pressed(supports=[ec.Displacement("top", (0.0, lambda x: -0.01 * x[0] ** 2))], contacts=[floor])
-    history = ec.adapt(scene, square(2), accuracy=1e-9, max_steps=3, method=ec.AugmentedLagrangian())
+    scene = pressed(
+        supports=[ec.Displacement("top", (0.0, lambda x: -0.01 * x[0] ** 2))], contacts=[floor]
+    )
+    history = ec.adapt(
+        scene, square(2), accuracy=1e-9, max_steps=3, method=ec.AugmentedLagrangian()
+    )
     assert len(history.steps) == 3
     assert len(warnings(of=of)) == 1
 
@@ -96,7 +108,9 @@ def test_what_is_usual_is_not_doubtful(caplog):
     caplog.set_level(logging.WARNING, logger="erc_contact")
     block = ec.rectangle((0.0, 0.0), (2.0, 7.0), size=1.0)
     ec.adapt(prototype_block(), block, accuracy=0.05)
-    held = ec.Scene(STEEL, [ec.Displacement("bottom", (0.0, 0.0))], contacts=[ec.Contact("top", gap=0.1)])
+    held = ec.Scene(
+        STEEL, [ec.Displacement("bottom", (0.0, 0.0))], contacts=[ec.Contact("top", gap=0.1)]
+    )
     ec.solve(held, square())  # at rest
     roller = pressed(contacts=[ec.Contact("bottom", bilateral=True, gap=0.1)])
     ec.solve(roller, square())
@@ -105,6 +119,8 @@ def test_what_is_usual_is_not_doubtful(caplog):
 
 def test_doubts_in_space(warnings):
     cube = ec.box((0.0,) * 3, (1.0,) * 3, cells=(2, 2, 2))
-    ec.solve(pressed(supports=[ec.Displacement("top", (0.3, 0.3, -0.3))]), cube, ec.AugmentedLagrangian())
+    ec.solve(
+        pressed(supports=[ec.Displacement("top", (0.3, 0.3, -0.3))]), cube, ec.AugmentedLagrangian()
+    )
     assert len(warnings(of="of the body rotates")) == 1
     assert logs.log_of(COMM).disabled == (COMM.rank > 0)

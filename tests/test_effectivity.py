@@ -1,14 +1,18 @@
 """The error against the truth, element by element, on references that integrate everything exactly.
 
-The reference lives on a mesh that cuts each cell as sigma^ does, and refines that: on its cells u^ and sigma^ are
-polynomials. The augmented Lagrangian keeps the contact conditions at its nodes exactly. For frictionless scenes whose
-data the mesh carries then
+The reference lives on a mesh that cuts each cell as sigma^ does, and refines that: on
+its cells u^ and sigma^ are polynomials. The augmented Lagrangian keeps the contact
+conditions at its nodes exactly. For frictionless scenes whose data the mesh carries
+then
 
-    e^2 = |u_ref - u^|^2 + |sigma_ref - sigma^|^2 + 2 int r^_n (u_ref,n - g) + 2 sum_i R_i (u^_n - g)_i,  R_i <= 0,
+    e^2 = |u_ref - u^|^2 + |sigma_ref - sigma^|^2 + 2 int r^_n (u_ref,n - g) + 2 sum_i
+    R_i (u^_n - g)_i,  R_i <= 0,
 
-with no term below zero: not even the error of the reference can take the index of both errors below 1.
+with no term below zero: not even the error of the reference can take the index of both
+errors below 1.
 
-- frictionless contact: e over both errors is 1 or more, to round-off, on a uniform mesh and those adapted from it;
+- frictionless contact: e over both errors is 1 or more, to round-off, on a uniform mesh
+  and those adapted from it;
 - the bulk part of the tightened e is at most 1.3 times the true error of u^;
 - eps_E ranks the elements of the block as the true errors do.
 """
@@ -40,7 +44,12 @@ def measured(
         for tighten in (0, 10):
             error = ec.constitutive_error(ec.equilibrate(solution, tighten=tighten))
             true = true_errors(error.admissible, fine)
-            print(domain.cells, tighten, error.bulk_error / true.displacement, error.absolute / true.both)
+            print(
+                domain.cells,
+                tighten,
+                error.bulk_error / true.displacement,
+                error.absolute / true.both,
+            )
             yield error, true
         domain = domain.refined(ec.mark(error))
 
@@ -48,7 +57,12 @@ def measured(
 CASES = {
     "block": (frictionless(prototype_block()), block(4), 3, {}),
     "opening block": (opening(0.0), block(4), 2, {}),
-    "known": (quadratic_contact(), ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(4, 4)), 4, {"levels": 0, "degree": 2}),
+    "known": (
+        quadratic_contact(),
+        ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(4, 4)),
+        4,
+        {"levels": 0, "degree": 2},
+    ),
 }
 
 
@@ -76,7 +90,9 @@ def test_rank_correlation_on_the_block():
         assert 0.99 <= error.absolute / true.both <= 1.15
 
 
-@pytest.mark.parametrize("domain", [block(2), ec.box((0.0,) * 3, (1.0, 2.0, 1.0), cells=(2, 2, 2))], ids=["2D", "3D"])
+@pytest.mark.parametrize(
+    "domain", [block(2), ec.box((0.0,) * 3, (1.0, 2.0, 1.0), cells=(2, 2, 2))], ids=["2D", "3D"]
+)
 def test_nested_meshes(domain, measures):
     """No cell is cut by the edge of a part of sigma^, volumes and boundary parts stay."""
     fine, d = nested(domain, 1), domain.dim

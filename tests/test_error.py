@@ -1,9 +1,11 @@
 """The error in the constitutive relation: known numbers, zeros where nothing is wrong, parts that add up.
 
 - the numbers of an independent prototype on the pressed and sheared block;
-- e = 0 to round-off where the exact solution lies in the space (friction patch test), whatever friction and nu;
+- e = 0 to round-off where the exact solution lies in the space (friction patch test),
+  whatever friction and nu;
 - zero load gives 0, not nan;
-- the contact part is never negative on any facet, eps_E^2 sum to eps^2, e does not depend on units.
+- the contact part is never negative on any facet, eps_E^2 sum to eps^2, e does not
+  depend on units.
 """
 
 import numpy as np
@@ -28,7 +30,9 @@ def measure(scene: ec.Scene, domain: ec.Domain, **options) -> ec.ConstitutiveErr
 def test_prototype_numbers_clipped(monkeypatch, n, eps, bulk, contact, scale):
     """u_h only clipped at the gap: eps, bulk and contact parts to 3 digits (and more)."""
     soft = displacement._nodal_stiffness
-    monkeypatch.setattr(displacement, "_nodal_stiffness", lambda *a: soft(*a) + 1e300)  # never snaps
+    monkeypatch.setattr(
+        displacement, "_nodal_stiffness", lambda *a: soft(*a) + 1e300
+    )  # never snaps
     error = measure(prototype_block(), block(n), tighten=0)
     assert error.relative == pytest.approx(eps, rel=2e-4)
     assert error.bulk_error == pytest.approx(bulk, rel=2e-4)
@@ -95,7 +99,8 @@ def test_rigid_motion_gives_zero():
 @pytest.mark.parametrize("push", [-1e300, -1e-300])
 def test_energy_beyond_double_precision_is_an_error(push):
     scene = ec.Scene(
-        ec.Elastic(E=1.0, nu=0.3), [ec.Displacement("top", (0.0, push)), ec.Displacement("bottom", (0, 0))]
+        ec.Elastic(E=1.0, nu=0.3),
+        [ec.Displacement("top", (0.0, push)), ec.Displacement("bottom", (0, 0))],
     )
     with np.errstate(all="ignore"), pytest.raises(ec.InputError, match="units"):
         measure(scene, ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(2, 2)))
@@ -105,9 +110,13 @@ def test_energy_beyond_double_precision_is_an_error(push):
 def test_parts(seed):
     scene, domain = random_scene(seed)
     error = measure(scene, domain)
-    assert error.bulk_error**2 + error.contact_error**2 == pytest.approx(error.absolute**2, rel=1e-12)
+    assert error.bulk_error**2 + error.contact_error**2 == pytest.approx(
+        error.absolute**2, rel=1e-12
+    )
     comm = domain.mesh.comm
-    assert comm.allreduce(float(np.sum(error.indicators**2))) == pytest.approx(error.relative**2, rel=1e-12)
+    assert comm.allreduce(float(np.sum(error.indicators**2))) == pytest.approx(
+        error.relative**2, rel=1e-12
+    )
     for traction in error.admissible.tractions:
         part = contact_parts(error.solution.model, error.admissible.displacement, traction)
         assert part.min(initial=0.0) >= -1e-14 * error.scale**2
@@ -120,7 +129,9 @@ def test_oscillation_converges_with_the_data():
 
     def oscillation(n: int, force: object) -> float:
         scene = ec.Scene(
-            material=ec.Elastic(E=2.0, nu=0.3), supports=[ec.Displacement("left", (0, 0))], loads=[ec.BodyForce(force)]
+            material=ec.Elastic(E=2.0, nu=0.3),
+            supports=[ec.Displacement("left", (0, 0))],
+            loads=[ec.BodyForce(force)],
         )
         return measure(scene, ec.rectangle((0, 0), (1, 1), cells=(n, n))).oscillation
 
@@ -159,7 +170,9 @@ def sliding_block(slide, method, degree=1):
 
 
 @pytest.mark.parametrize("degree", mostly_serial([1, 2], [2]))
-@pytest.mark.parametrize("method", [ec.Nitsche(), ec.AugmentedLagrangian()], ids=["nitsche", "augmented"])
+@pytest.mark.parametrize(
+    "method", [ec.Nitsche(), ec.AugmentedLagrangian()], ids=["nitsche", "augmented"]
+)
 def test_error_of_a_sliding_body_does_not_depend_on_the_slide(method, degree):
     """It was 7 and 23 times the solution for 1 cm, as the balance moved the traction off the cone."""
     errors = [sliding_block(slide, method, degree) for slide in (1e-4, 1e-2, 1.0)]
@@ -173,7 +186,9 @@ def test_error_of_a_sliding_body_does_not_depend_on_the_slide(method, degree):
 @pytest.mark.serial
 @pytest.mark.parametrize("dim", [2, 3])
 @pytest.mark.parametrize("friction", [0.0, 0.3, 1.0])
-@pytest.mark.parametrize("method", [ec.Nitsche(), ec.AugmentedLagrangian()], ids=["nitsche", "augmented"])
+@pytest.mark.parametrize(
+    "method", [ec.Nitsche(), ec.AugmentedLagrangian()], ids=["nitsche", "augmented"]
+)
 def test_rigid_slide_has_no_error_and_a_slight_pressure_has_its_own(method, friction, dim):
     """Moved along the foundation the body has no stress: eps is 0; pressed by 1e-6 it is that of any pressed body."""
     make, top, bottom = ec.rectangle if dim == 2 else ec.box, "top", "bottom"
@@ -181,7 +196,9 @@ def test_rigid_slide_has_no_error_and_a_slight_pressure_has_its_own(method, fric
 
     def relative(slide, press):
         moved = (slide, *[0.0] * (dim - 2), -press)
-        scene = ec.Scene(ec.Elastic(1.0, 0.3), [ec.Displacement(top, moved)], [], [ec.Contact(bottom, friction)])
+        scene = ec.Scene(
+            ec.Elastic(1.0, 0.3), [ec.Displacement(top, moved)], [], [ec.Contact(bottom, friction)]
+        )
         return ec.constitutive_error(ec.equilibrate(ec.solve(scene, domain, method))).relative
 
     assert relative(0.01, 0.0) == relative(0.3, 0.0) == 0.0
@@ -197,7 +214,9 @@ def test_weight_is_balanced_where_the_block_is_hardly_pushed():
         contacts=[ec.Contact("bottom", friction=0.45)],
     )
     error = ec.constitutive_error(
-        ec.equilibrate(ec.solve(scene, ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(4, 4)), ec.Nitsche()))
+        ec.equilibrate(
+            ec.solve(scene, ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(4, 4)), ec.Nitsche())
+        )
     )
     assert error.force("bottom").force[1] == pytest.approx(26000.0, rel=1e-10)
 
@@ -260,7 +279,9 @@ LAWS = {
 def test_sliding_far_with_friction_that_varies(name, dim, degree):
     """Top moved along the foundation by 1e-6 and by the size of the body: eps was 24% and 9700% in the plane."""
     domain = (
-        ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(4, 4)) if dim == 2 else ec.box((0,) * 3, (1,) * 3, cells=(3, 3, 2))
+        ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(4, 4))
+        if dim == 2
+        else ec.box((0,) * 3, (1,) * 3, cells=(3, 3, 2))
     )
     eps = []
     for slide in (1e-6, 1.0):

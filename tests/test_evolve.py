@@ -1,12 +1,16 @@
 """A loading history: adaptive steps, one after the other.
 
 - Each step is that of ``solve(after=...)``; all are the same on any number of ranks.
-- Energy: work of loads and supports is what is stored and dissipated, up to the error of the meshes; what the steps in
-  time cost goes down with their length. Friction never gives energy.
+- Energy: work of loads and supports is what is stored and dissipated, up to the error
+  of the meshes; what the steps in time cost goes down with their length. Friction never
+  gives energy.
 - No step after the first with a history compiles anything.
-- A step that does not converge is halved; what ends a run leaves what it has; a folder goes on.
-- What friction takes is of second order in the length of the steps, and the work of friction is below it.
-- Steps in time are as short as the accuracy of the path, or that of the dissipated energy, asks.
+- A step that does not converge is halved; what ends a run leaves what it has; a folder
+  goes on.
+- What friction takes is of second order in the length of the steps, and the work of
+  friction is below it.
+- Steps in time are as short as the accuracy of the path, or that of the dissipated
+  energy, asks.
 """
 
 import csv
@@ -109,7 +113,9 @@ def test_steps_are_those_by_hand(whole):
 def test_energy(whole):
     """What the balance leaves on fixed meshes is below the square of the error of the pairs; see the formulas."""
     for times in (np.linspace(0.0, 2.0, 9), np.linspace(0.0, 2.0, 33)):
-        history = cycle(accuracy=0.9, times=times, domain=ec.rectangle((0.0, 0.0), (1.0, 0.7), cells=(8, 6)))
+        history = cycle(
+            accuracy=0.9, times=times, domain=ec.rectangle((0.0, 0.0), (1.0, 0.7), cells=(8, 6))
+        )
         scale = (history.column("scale") * history.column("eps")).max() ** 2
         assert abs(history.column("imbalance")).max() <= scale
         if len(times) == 9:
@@ -175,16 +181,28 @@ def test_dissipation_where_a_contact_opens():
 
     def scene_at(t):
         top = ec.Displacement("top", (0.025 * np.sin(2.5 * t), -0.03 * min(1.0, 0.3 + t)))
-        return ec.Scene(ec.Elastic(1.0, 0.14), top, contacts=ec.Contact("bottom", 0.5, gap=lambda x: 0.001 * x[0]))
+        return ec.Scene(
+            ec.Elastic(1.0, 0.14),
+            top,
+            contacts=ec.Contact("bottom", 0.5, gap=lambda x: 0.001 * x[0]),
+        )
 
-    history = ec.evolve(scene_at, ec.rectangle((0.0, 0.0), (1.5, 1.0), cells=(12, 8)), [0.0, 0.5], accuracy=0.9)
+    history = ec.evolve(
+        scene_at, ec.rectangle((0.0, 0.0), (1.5, 1.0), cells=(12, 8)), [0.0, 0.5], accuracy=0.9
+    )
     pair = history.error.admissible
     (t,), model = pair.tractions, pair.solution.model
     points, weights = rule(1, 2)
     since = t.contact.trace.since(pair.displacement.x.array)
-    product = np.matmul(bernstein(1, 1, points), t.values)[..., 0] * np.matmul(lagrange(1, 1, points), since)[..., 0]
+    product = (
+        np.matmul(bernstein(1, 1, points), t.values)[..., 0]
+        * np.matmul(lagrange(1, 1, points), since)[..., 0]
+    )
     own = model.owned(t.contact.facets)
-    work, most = -(t.area * (product @ weights))[own], contact_parts(model, pair.displacement, t)[own] / 2
+    work, most = (
+        -(t.area * (product @ weights))[own],
+        contact_parts(model, pair.displacement, t)[own] / 2,
+    )
     taken = friction_works(model, t, pair.displacement, 0.0).value[own, 0]
     assert COMM.allreduce(float(work.min(initial=0.0)), MPI.MIN) < -1e-9
     assert np.all(taken >= 0)
@@ -198,7 +216,10 @@ def test_energy_of_loads(d):
 
     def weighted(t):
         down = (0.0,) * (d - 1)
-        loads = [ec.Traction("top", (0.004 * t, *down[1:], -0.02)), ec.BodyForce((*down, -0.02 * (1 + t)))]
+        loads = [
+            ec.Traction("top", (0.004 * t, *down[1:], -0.02)),
+            ec.BodyForce((*down, -0.02 * (1 + t))),
+        ]
         sides = ec.Displacement("left", (None, *down[1:], None)) if d == 3 else []
         return ec.Scene(ec.Elastic(1.0, 0.3), sides, loads, [ec.Contact("bottom", friction=MU)])
 
@@ -269,7 +290,9 @@ def test_a_damaged_step_is_made_again(shared_tmp_path):
     made = []
     for expected in (3, 0):
         made.clear()
-        again = cycle(accuracy=0.9, times=times, checkpoint=folder, callback=lambda *_: made.append(1))
+        again = cycle(
+            accuracy=0.9, times=times, checkpoint=folder, callback=lambda *_: made.append(1)
+        )
         assert len(made) == expected
         assert np.array_equal(again.column("eps"), first.column("eps")) or np.allclose(
             again.column("eps"), first.column("eps"), rtol=1e-8, atol=0
@@ -292,7 +315,9 @@ def test_a_folder_goes_on(whole, shared_tmp_path, monkeypatch):
     monkeypatch.setattr(Walk, "_step", lambda *a: solved.append(1) or usual(*a))
     rest = cycle(checkpoint=folder)
     assert len(solved) == len(whole.steps) - len(first.steps)
-    assert len({error.domain for error in rest.errors}) == len({error.domain for error in whole.errors})
+    assert len({error.domain for error in rest.errors}) == len(
+        {error.domain for error in whole.errors}
+    )
     for a, b in zip(rest.steps, whole.steps, strict=True):
         assert (a.time, a.cells, a.newton_steps) == (b.time, b.cells, b.newton_steps)
         assert a.eps == pytest.approx(b.eps, rel=1e-8)
@@ -326,7 +351,9 @@ def test_steps_that_do_not_converge_are_halved(monkeypatch, longest):
 
 def test_steps_as_short_as_the_path_asks():
     """Pressed and sheared in proportion is a straight path without gap: one step and its half. Cycles are not."""
-    straight = ec.evolve(lambda t: moved_box(2, 0.02 * t, PRESS * t)[0], box(), [0.0, 1.0], 0.9, path=1e-6)
+    straight = ec.evolve(
+        lambda t: moved_box(2, 0.02 * t, PRESS * t)[0], box(), [0.0, 1.0], 0.9, path=1e-6
+    )
     rough, fine = (cycle(accuracy=0.9, times=[1.0, 1.5], path=path) for path in (0.1, 0.02))
     assert len(rough.steps) == 3
     assert len(fine.steps) >= 2 * len(rough.steps) - 1
@@ -401,7 +428,9 @@ def test_a_weight_alone_is_written(shared_tmp_path):
     """No part of the boundary has a support or a load."""
 
     def weighted(t):
-        return ec.Scene(ec.Elastic(1.0, 0.3), [], [ec.BodyForce((0.002 * t, -0.02))], [ec.Contact("bottom", MU)])
+        return ec.Scene(
+            ec.Elastic(1.0, 0.3), [], [ec.BodyForce((0.002 * t, -0.02))], [ec.Contact("bottom", MU)]
+        )
 
     ec.evolve(weighted, box(), [0.0, 1.0], 0.9).save(shared_tmp_path)
     assert (shared_tmp_path / "report.html").is_file()
@@ -435,7 +464,9 @@ def test_what_is_no_history():
 
     def other(t):
         contact = ec.Contact("bottom" if t < 0.5 else "right", friction=MU, normal=None)
-        return ec.Scene(ec.Elastic(1.0, 0.3), [ec.Displacement("top", (0.0, -0.01 * t))], [], [contact])
+        return ec.Scene(
+            ec.Elastic(1.0, 0.3), [ec.Displacement("top", (0.0, -0.01 * t))], [], [contact]
+        )
 
     history = run(at=other)()
     assert not history.reached

@@ -1,8 +1,9 @@
 """Extreme scenes with every contact method: units, materials, friction, shapes, meshes, supports, loads.
 
-Properties: a scene that has a solution converges, with a traction in the cone; one that has none is refused, by one
-method or the other in turn (``benchmarks/extremes.py`` asks both), and no field is returned; eps and Newton steps
-depend neither on units nor on the size of the load where no gap has a size.
+Properties: a scene that has a solution converges, with a traction in the cone; one that
+has none is refused, by one method or the other in turn (``benchmarks/extremes.py`` asks
+both), and no field is returned; eps and Newton steps depend neither on units nor on the
+size of the load where no gap has a size.
 """
 
 from itertools import cycle
@@ -34,8 +35,12 @@ def check(error: ec.ConstitutiveError) -> None:
     solution = error.solution
     model = solution.model
     points, _ = rule(model.d - 1, model.contact_degree)
-    tractions = [evaluate(solution.traction(c), model.mesh, points, c.facets) for c in model.contacts]
-    inside = abs(cell_stress(model, cell_geometry(model), solution.u)).max()  # an open contact's is round-off of it
+    tractions = [
+        evaluate(solution.traction(c), model.mesh, points, c.facets) for c in model.contacts
+    ]
+    inside = abs(
+        cell_stress(model, cell_geometry(model), solution.u)
+    ).max()  # an open contact's is round-off of it
     scale = max(inside, *(abs(r).max() for r in tractions)) or 1.0
     assert np.isfinite([error.relative, inside, abs(solution.u.x.array).max()]).all()
     for contact, r in zip(model.contacts, tractions, strict=True):
@@ -61,7 +66,10 @@ def test_scene_that_has_a_solution(name):
 
 @pytest.mark.parametrize(
     "method",
-    [*(ec.Nitsche(gamma=g) for g in (1e-2, 1e3, 1e6)), *(ec.AugmentedLagrangian(gamma=g) for g in (1e-2, 1e3, 1e6))]
+    [
+        *(ec.Nitsche(gamma=g) for g in (1e-2, 1e3, 1e6)),
+        *(ec.AugmentedLagrangian(gamma=g) for g in (1e-2, 1e3, 1e6)),
+    ]
     + [ec.Nitsche(theta=theta) for theta in (-1, 1)],
     ids=str,
 )
@@ -75,7 +83,9 @@ def test_strong_friction(method):
     check(error_of(*block(n=8, friction=2.0), method))
 
 
-@pytest.mark.parametrize(("name", "method"), list(zip(UNSOLVABLE, cycle(METHODS), strict=False)), ids=str)
+@pytest.mark.parametrize(
+    ("name", "method"), list(zip(UNSOLVABLE, cycle(METHODS), strict=False)), ids=str
+)
 def test_scene_that_has_none(name, method):
     """The solver's errors, no field that the error would have to refuse."""
     with pytest.raises(ec.ErcContactError):
@@ -86,7 +96,9 @@ def test_scene_that_has_none(name, method):
 @pytest.mark.parametrize("name", UNITS)
 def test_units(name, method):
     errors = [error_of(*make(), method) for make in UNITS[name]]
-    assert [error.relative for error in errors] == pytest.approx([errors[0].relative] * len(errors), rel=SAME)
+    assert [error.relative for error in errors] == pytest.approx(
+        [errors[0].relative] * len(errors), rel=SAME
+    )
     assert len({error.solution.newton_steps for error in errors}) == 1
 
 

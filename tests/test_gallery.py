@@ -1,7 +1,7 @@
 """The gallery: every demo runs as a user runs it, alone and on several ranks, and draws what it says.
 
-The asserts on the physics are in the demos. The examples of how the package is extended are short, and use public names
-only.
+The asserts on the physics are in the demos. The examples of how the package is extended
+are short, and use public names only.
 """
 
 import ast
@@ -51,7 +51,11 @@ def without_docstrings(tree):
     """The nodes of a script, without its docstrings."""
     for node in ast.walk(tree):
         body = getattr(node, "body", None)
-        if isinstance(body, list) and isinstance(body[0], ast.Expr) and isinstance(body[0].value, ast.Constant):
+        if (
+            isinstance(body, list)
+            and isinstance(body[0], ast.Expr)
+            and isinstance(body[0].value, ast.Constant)
+        ):
             del body[0]
     return ast.walk(tree)
 
@@ -68,14 +72,25 @@ def code_lines(tree):
 
 @pytest.mark.serial
 def test_an_example_for_each_kind():
-    assert {script.stem for script in EXAMPLES} == {"gap", "law", "load", "material", "method", "strategy"}
+    assert {script.stem for script in EXAMPLES} == {
+        "gap",
+        "law",
+        "load",
+        "material",
+        "method",
+        "strategy",
+    }
 
 
 @pytest.mark.serial
 @pytest.mark.parametrize("example", EXAMPLES, ids=stem)
 def test_example_is_short_and_public(example):
     tree = ast.parse(example.read_text())
-    imported = [ast.unparse(node) for node in ast.walk(tree) if isinstance(node, ast.Import | ast.ImportFrom)]
+    imported = [
+        ast.unparse(node)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Import | ast.ImportFrom)
+    ]
     own = {name for name in imported if "erc_contact" in name}
     assert own <= {"import erc_contact as ec", "from erc_contact.output import plot_history"}
     statements = [node for node in without_docstrings(tree) if isinstance(node, ast.stmt)]

@@ -1,9 +1,12 @@
 """Certified bounds on resultants, energy and work of the loads: properties against much finer meshes and exact values.
 
-- the interval holds the number of a fine mesh, has the sign of the physics, and shrinks with the mesh;
-- the two halves of its middle agree with integrals of sigma^ and of C eps(u^) against eps(phi);
+- the interval holds the number of a fine mesh, has the sign of the physics, and shrinks
+  with the mesh;
+- the two halves of its middle agree with integrals of sigma^ and of C eps(u^) against
+  eps(phi);
 - resultants that equilibrium dictates are exact, also with Coulomb friction;
-- where a support holds the edge of a contact, the weighted resultant is bounded, and said to be weighted;
+- where a support holds the edge of a contact, the weighted resultant is bounded, and
+  said to be weighted;
 - the answer does not depend on the number of ranks.
 """
 
@@ -47,7 +50,9 @@ def cubes(n: int, comm: MPI.Comm = MPI.COMM_WORLD) -> ec.Domain:
     return ec.box((0.0,) * 3, (1.0,) * 3, cells=(n,) * 3, comm=comm)
 
 
-def error_of(scene: ec.Scene, domain: ec.Domain, tighten: int = 10, degree: int = 1) -> ec.ConstitutiveError:
+def error_of(
+    scene: ec.Scene, domain: ec.Domain, tighten: int = 10, degree: int = 1
+) -> ec.ConstitutiveError:
     solution = ec.solve(scene, domain, ec.AugmentedLagrangian(), degree=degree)
     return ec.constitutive_error(ec.equilibrate(solution, tighten=tighten))
 
@@ -76,7 +81,10 @@ def test_resultants_hold_those_of_a_fine_mesh(case):
     true = sum_of(fine.admissible.tractions[0])
     for axis in range(d):
         bounds = [ec.resultant(error, name, np.eye(d)[axis]) for error in coarse]
-        print(f"\n{case}, axis {axis}: {true[axis]:.5g} in", *(f"[{b.low:.5g}, {b.high:.5g}]" for b in bounds))
+        print(
+            f"\n{case}, axis {axis}: {true[axis]:.5g} in",
+            *(f"[{b.low:.5g}, {b.high:.5g}]" for b in bounds),
+        )
         for b in bounds:
             assert b.guaranteed
             assert not b.weighted
@@ -85,7 +93,9 @@ def test_resultants_hold_those_of_a_fine_mesh(case):
             assert abs(true[axis] - b.value) <= 0.4 * (b.high - b.low) or true[axis] == 0.0
         widths = [b.high - b.low for b in bounds]
         assert widths[1] <= 0.75 * widths[0]
-    assert ec.resultant(coarse[1], name, np.eye(d)[d - 1]).low > 0.5 * true[d - 1] > 0  # the foundation pushes
+    assert (
+        ec.resultant(coarse[1], name, np.eye(d)[d - 1]).low > 0.5 * true[d - 1] > 0
+    )  # the foundation pushes
     if "given" in case:
         friction = ec.resultant(coarse[1], name, np.eye(d)[0])
         assert friction.low * friction.high > 0  # its sign is certain
@@ -102,7 +112,9 @@ def test_energy_holds_that_of_a_fine_mesh(case):
     true, bounds = ec.potential_energy(fine), [ec.potential_energy(error) for error in coarse]
     for b in bounds:
         assert b.guaranteed
-        assert b.low <= true.high <= b.high == b.value  # J of the fine mesh is above the least, but below all coarser
+        assert (
+            b.low <= true.high <= b.high == b.value
+        )  # J of the fine mesh is above the least, but below all coarser
     widths = [b.high - b.low for b in bounds]
     assert widths[1] <= 0.6 * widths[0]
     assert widths[1] < 0.1 * abs(true.high)
@@ -110,7 +122,12 @@ def test_energy_holds_that_of_a_fine_mesh(case):
 
 @pytest.mark.parametrize(
     ("case", "degree"),
-    [("given friction", 1), ("given friction", 2), ("cube, given friction", 2), ("frictionless", 1)],
+    [
+        ("given friction", 1),
+        ("given friction", 2),
+        ("cube, given friction", 2),
+        ("frictionless", 1),
+    ],
 )
 def test_middle_is_that_of_both_stresses(case, degree):
     """The resultant from r^ is that of sigma^ by integration: equilibrium, with all signs."""
@@ -126,7 +143,9 @@ def test_middle_is_that_of_both_stresses(case, degree):
     for a in np.eye(d):
         phi, _ = lifting(model, pair.solution.stiffness, 0, a)
         strain = np.matmul(lower, strains(cells, phi)[:count])
-        value = np.einsum("n,q,nqs,nqs->", cells.volume[:count], weights, 0.5 * (sigma + elastic), strain)
+        value = np.einsum(
+            "n,q,nqs,nqs->", cells.volume[:count], weights, 0.5 * (sigma + elastic), strain
+        )
         value = model.comm.allreduce(float(value), MPI.SUM)
         loads = load_work(model, phi).value
         b = ec.resultant(error, name, a)
@@ -139,7 +158,12 @@ def test_multigrid_gives_the_same_bounds(case):
     found = []
     for solver in ("direct", "iterative"):
         if case == "GRECO":
-            scene, domain, name, a = greco(), ec.rectangle((0, 0), (40, 40), cells=(8, 8)), "bottom", (0.0, 1.0)
+            scene, domain, name, a = (
+                greco(),
+                ec.rectangle((0, 0), (40, 40), cells=(8, 8)),
+                "bottom",
+                (0.0, 1.0),
+            )
         else:
             scene, mesh, name, _, _ = CASES[case]
             domain, a = mesh(3), (0.3, -0.2, 1.0)
@@ -195,7 +219,9 @@ def test_weighted_resultant():
         b = ec.resultant(coarse, "bottom", a)
         assert b.weighted
         x = np.array([0.0, 0.25, 1.0])
-        on_fine = np.interp(ends, x, [0.0, 1.0, 1.0])[..., None] * a  # r^ and phi are linear on fine facets
+        on_fine = (
+            np.interp(ends, x, [0.0, 1.0, 1.0])[..., None] * a
+        )  # r^ and phi are linear on fine facets
         mass = (np.ones((2, 2)) + np.eye(2)) / 6
         true = np.einsum("f,mk,fmi,fki->", traction.area, mass, traction.values, on_fine)
         assert b.low < true < b.high
@@ -203,7 +229,10 @@ def test_weighted_resultant():
 
 @pytest.mark.serial
 def test_work_of_loads():
-    coarse, fine = (error_of(held_at_the_side(0.0), ec.rectangle((0, 0), (1, 1), cells=(n, n))) for n in (8, 128))
+    coarse, fine = (
+        error_of(held_at_the_side(0.0), ec.rectangle((0, 0), (1, 1), cells=(n, n)))
+        for n in (8, 128)
+    )
     b, true = ec.work_of_loads(coarse), ec.work_of_loads(fine)
     assert b.guaranteed
     assert b.low == b.value <= true.value <= b.high
@@ -254,7 +283,10 @@ def in_a_corner(comm: MPI.Comm, friction=0.0) -> ec.ConstitutiveError:
     """A box in a corner: contact on three sides, which share edges and a vertex."""
     scene = ec.Scene(
         material=ec.Elastic(1.0, 0.3),
-        loads=[ec.Traction("top", (-0.002, -0.003, -0.02)), ec.Traction("right", (-0.01, 0.0, 0.0))],
+        loads=[
+            ec.Traction("top", (-0.002, -0.003, -0.02)),
+            ec.Traction("right", (-0.01, 0.0, 0.0)),
+        ],
         contacts=[ec.Contact("bottom", friction=friction), ec.Contact("left"), ec.Contact("front")],
     )
     return error_of(scene, cubes(3, comm))
@@ -282,7 +314,9 @@ def test_rank_independence(make):
     scale = max(abs(b.value) for b in results[0])
     for a, b in zip(*results, strict=True):
         assert (a.guaranteed, a.weighted) == (b.guaranteed, b.weighted)
-        assert [a.value, a.low, a.high] == pytest.approx([b.value, b.low, b.high], rel=1e-7, abs=1e-9 * scale)
+        assert [a.value, a.low, a.high] == pytest.approx(
+            [b.value, b.low, b.high], rel=1e-7, abs=1e-9 * scale
+        )
 
 
 def test_contacts_that_share_nodes():

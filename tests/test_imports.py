@@ -1,8 +1,10 @@
 """The package can be read from top to bottom, and costs nothing that is not asked for.
 
-- Packages stand in the order of the data; a module imports only from its own package and from those above.
+- Packages stand in the order of the data; a module imports only from its own package
+  and from those above.
 - Inside a stage, some packages know less than their place in the order allows.
-- No circle between modules. Imports inside functions and those for types alone count, too.
+- No circle between modules. Imports inside functions and those for types alone count,
+  too.
 - The longest chain of modules that import each other stays short.
 - ``import erc_contact`` loads no plotting or file-format package.
 - What users copy, a block of a page or a demo, loads MPI before DOLFINx and PETSc.
@@ -21,7 +23,20 @@ from processes import ROOT
 import erc_contact as ec
 
 PACKAGE = Path(ec.__file__).parent
-ORDER = ["base", "scene", "mesh", "model", "newton", "admissible", "results", "error", "output", "run", "__main__", ""]
+ORDER = [
+    "base",
+    "scene",
+    "mesh",
+    "model",
+    "newton",
+    "admissible",
+    "results",
+    "error",
+    "output",
+    "run",
+    "__main__",
+    "",
+]
 """The way of the data; the last one is the package itself."""
 NARROW = {
     "erc_contact.base.runtime": ("erc_contact.base.",),
@@ -33,7 +48,9 @@ FLOORS = 18
 
 
 def module_of(path):
-    return ".".join(path.relative_to(PACKAGE.parent).with_suffix("").parts).removesuffix(".__init__")
+    return ".".join(path.relative_to(PACKAGE.parent).with_suffix("").parts).removesuffix(
+        ".__init__"
+    )
 
 
 MODULES = {module_of(path): path for path in PACKAGE.rglob("*.py")}
@@ -46,7 +63,9 @@ def imported(path):
             names = [f"{node.module}.{alias.name}" for alias in node.names]
             yield from (name if name in MODULES else node.module for name in names)
         elif isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names if alias.name.split(".")[0] == "erc_contact")
+            yield from (
+                alias.name for alias in node.names if alias.name.split(".")[0] == "erc_contact"
+            )
 
 
 IMPORTS = {module: set(imported(path)) - {module} for module, path in MODULES.items()}
@@ -60,7 +79,9 @@ def stage(module):
 @pytest.mark.parametrize("module", sorted(MODULES))
 def test_modules_import_from_above_only(module):
     assert stage(module) in ORDER, f"{module}: give its package a place in ORDER"
-    below = {other for other in IMPORTS[module] if ORDER.index(stage(other)) > ORDER.index(stage(module))}
+    below = {
+        other for other in IMPORTS[module] if ORDER.index(stage(other)) > ORDER.index(stage(module))
+    }
     assert not below, f"{module} imports {below} from stages that come later"
 
 
@@ -68,7 +89,12 @@ def test_modules_import_from_above_only(module):
 def test_inner_packages_know_little(package):
     inside = [module for module in MODULES if f"{module}.".startswith(f"{package}.")]
     allowed = (f"{package}.", *NARROW[package])
-    foreign = {(module, other) for module in inside for other in IMPORTS[module] if not f"{other}.".startswith(allowed)}
+    foreign = {
+        (module, other)
+        for module in inside
+        for other in IMPORTS[module]
+        if not f"{other}.".startswith(allowed)
+    }
     assert len(inside) > 5
     assert not foreign
 
@@ -94,15 +120,23 @@ def test_no_circles_and_no_long_chains():
 @pytest.mark.serial
 def test_import_loads_no_optional_package():
     code = "import sys, erc_contact; print(*sorted({m.split('.')[0] for m in sys.modules}))"
-    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True)
+    run = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True
+    )
     assert "erc_contact" in run.stdout.split()
-    assert not {"pyvista", "vtkmodules", "matplotlib", "meshio", "gmsh", "rich"} & set(run.stdout.split())
+    assert not {"pyvista", "vtkmodules", "matplotlib", "meshio", "gmsh", "rich"} & set(
+        run.stdout.split()
+    )
 
 
 LOADS_MPI, NEEDS_MPI = {"mpi4py", "erc_contact", "dolfinx_solver"}, {"dolfinx", "petsc4py"}
 """Packages that load MPI, and those that fail in uv's environment where it is not loaded."""
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
-SCRIPTS = [path for folder in ("demos", "benchmarks", "docs/figures") for path in (ROOT / folder).rglob("*.py")]
+SCRIPTS = [
+    path
+    for folder in ("demos", "benchmarks", "docs/figures")
+    for path in (ROOT / folder).rglob("*.py")
+]
 
 
 def packages(code):
@@ -119,7 +153,9 @@ def test_what_users_copy_loads_mpi_first():
     codes = {}
     for page in PAGES:
         blocks = re.findall(r"^```python\n(.*?)^```", page.read_text(), re.MULTILINE | re.DOTALL)
-        codes |= {f"{page.name}, block {number}": block for number, block in enumerate(blocks, start=1)}
+        codes |= {
+            f"{page.name}, block {number}": block for number, block in enumerate(blocks, start=1)
+        }
     codes |= {str(path.relative_to(ROOT)): path.read_text() for path in SCRIPTS}
     needy = 0
     for place, code in codes.items():

@@ -1,7 +1,8 @@
 """The iterative contact solve: the same answer as the direct one, on any scene, in any units, on any ranks.
 
-Properties: eps of both solvers agree to 1e-8 for both methods and degrees, all laws, gaps and supports; a scene without
-a solution is refused by both; "auto" falls back where multigrid fails; an adaptive run makes the same meshes.
+Properties: eps of both solvers agree to 1e-8 for both methods and degrees, all laws,
+gaps and supports; a scene without a solution is refused by both; "auto" falls back
+where multigrid fails; an adaptive run makes the same meshes.
 """
 
 from dataclasses import replace
@@ -19,7 +20,11 @@ from erc_contact.newton import solve as solving
 from erc_contact.newton.forms import ContactForms
 from erc_contact.newton.linear import amg, krylov, multigrid
 
-METHODS = {"Nitsche": ec.Nitsche(), "symmetric": ec.Nitsche(theta=1), "AL": ec.AugmentedLagrangian()}
+METHODS = {
+    "Nitsche": ec.Nitsche(),
+    "symmetric": ec.Nitsche(theta=1),
+    "AL": ec.AugmentedLagrangian(),
+}
 SAME = 1e-8
 """Relative difference of eps between two solvers that counts as none [-]."""
 
@@ -31,7 +36,9 @@ def cube(comm: MPI.Comm = MPI.COMM_WORLD, n: int = 3) -> ec.Domain:
 def pressed_cube(**contact: object) -> tuple[ec.Scene, ec.Domain]:
     """A cube pressed and sheared at its top."""
     top = ec.Displacement("top", (0.02, 0.01, -0.05))
-    return ec.Scene(ec.Elastic(E=1.0, nu=0.3), [top], contacts=[ec.Contact("bottom", **contact)]), cube()
+    return ec.Scene(
+        ec.Elastic(E=1.0, nu=0.3), [top], contacts=[ec.Contact("bottom", **contact)]
+    ), cube()
 
 
 def wedge() -> tuple[ec.Scene, ec.Domain]:
@@ -46,30 +53,46 @@ def wedge() -> tuple[ec.Scene, ec.Domain]:
 
 SCENES = {
     "block": lambda: (common_block(), block(4)),
-    "held by the contact and a roller": lambda: (greco(), ec.rectangle((0.0, 0.0), (40.0, 40.0), cells=(8, 8))),
+    "held by the contact and a roller": lambda: (
+        greco(),
+        ec.rectangle((0.0, 0.0), (40.0, 40.0), cells=(8, 8)),
+    ),
     "held by two contacts": wedge,
     "a support at nodes of the contact": lambda: (
         ec.Scene(
             ec.Elastic(E=1.0, nu=0.3),
-            [ec.Displacement("top", (lambda x: 0.02 * x[0], -0.05)), ec.Displacement("left", (0.0, None))],
+            [
+                ec.Displacement("top", (lambda x: 0.02 * x[0], -0.05)),
+                ec.Displacement("left", (0.0, None)),
+            ],
             contacts=[ec.Contact("bottom", friction=0.3, gap=0.02)],
         ),
         ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(6, 6)),
     ),
     "opening": lambda: (opening(0.3), ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(6, 6))),
-    "nonlinear law": lambda: (opening(Saturating(0.3, 0.01)), ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(6, 6))),
+    "nonlinear law": lambda: (
+        opening(Saturating(0.3, 0.01)),
+        ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(6, 6)),
+    ),
     "cube": lambda: pressed_cube(friction=0.3),
     "cube on rollers": lambda: (
         ec.Scene(
             ec.Elastic(E=1.0, nu=0.3),
-            [ec.Displacement("top", (0.0, None, -0.05)), ec.Displacement("left", (0.0, None, None))],
+            [
+                ec.Displacement("top", (0.0, None, -0.05)),
+                ec.Displacement("left", (0.0, None, None)),
+            ],
             contacts=[ec.Contact("bottom", friction=0.3)],
         ),
         cube(),
     ),
     "cube without friction": pressed_cube,
-    "cube on a sphere": lambda: pressed_cube(friction=0.3, gap=lambda x: 0.1 * ((x[0] - 0.4) ** 2 + (x[1] - 0.5) ** 2)),
-    "cube glued by a bilateral contact": lambda: pressed_cube(friction=ec.Tresca(0.004), bilateral=True),
+    "cube on a sphere": lambda: pressed_cube(
+        friction=0.3, gap=lambda x: 0.1 * ((x[0] - 0.4) ** 2 + (x[1] - 0.5) ** 2)
+    ),
+    "cube glued by a bilateral contact": lambda: pressed_cube(
+        friction=ec.Tresca(0.004), bilateral=True
+    ),
 }
 
 
@@ -81,7 +104,8 @@ CASES = [
     (name, method)
     for name in SCENES
     for method in METHODS
-    if method == "Nitsche" or name in ("opening", "nonlinear law", "cube", "held by two contacts", "cube on a sphere")
+    if method == "Nitsche"
+    or name in ("opening", "nonlinear law", "cube", "held by two contacts", "cube on a sphere")
 ]
 
 
@@ -92,7 +116,9 @@ ON_RANKS = [case for case in CASES if case[0] in ("held by two contacts", "cube 
 def test_same_as_the_direct_solver(case):
     name, method = case
     scene, domain = SCENES[name]()
-    direct, iterative = (ec.solve(scene, domain, METHODS[method], solver=s) for s in ("direct", "iterative"))
+    direct, iterative = (
+        ec.solve(scene, domain, METHODS[method], solver=s) for s in ("direct", "iterative")
+    )
     assert eps(iterative) == pytest.approx(eps(direct), rel=SAME)
 
 
@@ -104,7 +130,10 @@ DEGREE_2 = [("block", "AL"), ("a support at nodes of the contact", "Nitsche"), *
 def test_same_as_the_direct_solver_for_degree_2(case):
     name, method = case
     scene, domain = SCENES[name]()
-    direct, iterative = (ec.solve(scene, domain, METHODS[method], degree=2, solver=s) for s in ("direct", "iterative"))
+    direct, iterative = (
+        ec.solve(scene, domain, METHODS[method], degree=2, solver=s)
+        for s in ("direct", "iterative")
+    )
     assert eps(iterative) == pytest.approx(eps(direct), rel=SAME)
 
 
@@ -149,14 +178,22 @@ def test_units_do_not_change_the_error():
     for E in (1e-9, 1.0, 1e12):
         material = ec.Elastic(E=E, nu=0.3)
         found.append(
-            eps(ec.solve(ec.Scene(material, scene.supports, contacts=scene.contacts), domain, solver="iterative"))
+            eps(
+                ec.solve(
+                    ec.Scene(material, scene.supports, contacts=scene.contacts),
+                    domain,
+                    solver="iterative",
+                )
+            )
         )
     assert found == pytest.approx([found[1]] * 3, rel=SAME)
 
 
 @pytest.mark.serial
 def test_scene_without_contact():
-    scene = ec.Scene(ec.Elastic(E=1.0, nu=0.3), [ec.Displacement("top", (0.0, 0.0))], [ec.BodyForce((0.1, -1.0))])
+    scene = ec.Scene(
+        ec.Elastic(E=1.0, nu=0.3), [ec.Displacement("top", (0.0, 0.0))], [ec.BodyForce((0.1, -1.0))]
+    )
     domain = ec.rectangle((0.0, 0.0), (1.0, 2.0), cells=(4, 8))
     direct, iterative = (ec.solve(scene, domain, solver=s) for s in ("direct", "iterative"))
     scale = abs(direct.u.x.array).max()
@@ -204,7 +241,10 @@ def test_rebalance_falls_back_where_multigrid_is_slow(monkeypatch):
 
 def test_adaptive_run_makes_the_same_meshes():
     scene, domain = SCENES["cube on a sphere"]()
-    runs = [ec.adapt(scene, domain, accuracy=1e-6, max_steps=3, solver=s) for s in ("direct", "iterative")]
+    runs = [
+        ec.adapt(scene, domain, accuracy=1e-6, max_steps=3, solver=s)
+        for s in ("direct", "iterative")
+    ]
     cells = [[step.cells for step in run.steps] for run in runs]
     assert cells[0] == cells[1]
     assert runs[1].steps[-1].eps == pytest.approx(runs[0].steps[-1].eps, rel=SAME)
@@ -220,7 +260,9 @@ def test_rank_independence(degree, method):
         top = ec.Displacement("top", (0.02, 0.01, -0.05))
         gap = {"friction": 0.3, "gap": lambda x: 0.02 * x[0] ** 2}
         scene = ec.Scene(ec.Elastic(E=1.0, nu=0.3), [top], contacts=[ec.Contact("bottom", **gap)])
-        found.append(eps(ec.solve(scene, domain, METHODS[method], degree=degree, solver="iterative")))
+        found.append(
+            eps(ec.solve(scene, domain, METHODS[method], degree=degree, solver="iterative"))
+        )
     assert found[0] == pytest.approx(found[1], rel=SAME)
 
 
@@ -239,5 +281,7 @@ def test_nearly_incompressible_bodies_on_ranks(d, degree):
 
 def test_bad_solver_is_refused():
     scene, domain = SCENES["block"]()
-    with pytest.raises(ec.InputError, match="solver is 'multigrid'; allowed are 'auto', 'direct', 'iterative'"):
+    with pytest.raises(
+        ec.InputError, match="solver is 'multigrid'; allowed are 'auto', 'direct', 'iterative'"
+    ):
         ec.solve(scene, domain, solver="multigrid")

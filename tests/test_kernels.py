@@ -1,8 +1,10 @@
 """The compiled kernels do what numpy does with dense matrices.
 
 - patches: the sum of small inverses, in any units;
-- energy: that of the macro-element stresses with the bubbles of least energy, with moduli that vary inside cells, too;
-- stresses of macro-elements: the matrix of the reference simplex between Piola's transforms;
+- energy: that of the macro-element stresses with the bubbles of least energy, with
+  moduli that vary inside cells, too;
+- stresses of macro-elements: the matrix of the reference simplex between Piola's
+  transforms;
 - graph Laplacians: the solutions of least norm of the patches of all nodes;
 - squares: the integrals of the energies of two stresses.
 """
@@ -18,7 +20,14 @@ import erc_contact as ec
 from erc_contact.admissible.cells import CellGeometry, cell_geometry, force_coefficients, signed
 from erc_contact.admissible.elastic import act, elastic_stress, macro_moduli
 from erc_contact.admissible.facets import _patch_jumps
-from erc_contact.admissible.macro import _elevation, macro_points, macro_stress, mandel, piola, reference_map
+from erc_contact.admissible.macro import (
+    _elevation,
+    macro_points,
+    macro_stress,
+    mandel,
+    piola,
+    reference_map,
+)
 from erc_contact.admissible.tighten.complementary import ComplementaryEnergy, relaxed
 from erc_contact.admissible.tighten.patches import Patches
 from erc_contact.admissible.tighten.tables import hierarchical
@@ -27,14 +36,19 @@ from erc_contact.mesh.simplex import local_facet_nodes, nodes
 from erc_contact.model.model import Model
 
 pytestmark = pytest.mark.serial
-dimensions, degrees = pytest.mark.parametrize("d", [2, 3]), pytest.mark.parametrize("degree", [1, 2])
+dimensions, degrees = (
+    pytest.mark.parametrize("d", [2, 3]),
+    pytest.mark.parametrize("degree", [1, 2]),
+)
 
 
 def small(d: int, degree: int) -> tuple[Model, np.ndarray]:
     """Some distorted cells of two materials, and components of facets that are free, some of them on the boundary."""
     rng = np.random.default_rng(d)
     domain = two_halves(
-        ec.rectangle((0, 0), (1, 1), cells=(3, 2)) if d == 2 else ec.box((0,) * 3, (1,) * 3, cells=(2, 1, 1))
+        ec.rectangle((0, 0), (1, 1), cells=(3, 2))
+        if d == 2
+        else ec.box((0,) * 3, (1,) * 3, cells=(2, 1, 1))
     )
     domain.mesh.geometry.x[:, :d] += rng.uniform(-0.07, 0.07, (len(domain.mesh.geometry.x), d))
     stiff = {"lower": 1.0, "upper": 4.0}
@@ -57,8 +71,12 @@ def unit_tractions(cells: CellGeometry, x: np.ndarray, ring: np.ndarray) -> np.n
         force[facet, np.array([np.delete(range(d), j)[node] for j in apex]), i] = sense
         columns.append(force)
     couple = empty.copy()
-    slopes = np.linalg.pinv(np.diff(corners, axis=1))  # of the last barycentric coordinates, up to a triangular matrix
-    slopes = np.concatenate([-slopes[..., :1], slopes[..., :-1] - slopes[..., 1:], slopes[..., -1:]], axis=2)
+    slopes = np.linalg.pinv(
+        np.diff(corners, axis=1)
+    )  # of the last barycentric coordinates, up to a triangular matrix
+    slopes = np.concatenate(
+        [-slopes[..., :1], slopes[..., :-1] - slopes[..., 1:], slopes[..., -1:]], axis=2
+    )
     for f, j, n, g in zip(facet, apex, normal, slopes, strict=True):
         couple[f] = np.outer(g.T @ g[:, j] / np.linalg.norm(g[:, j]), n)
     columns.append(couple)
@@ -77,9 +95,14 @@ def test_patches_against_numpy(d, size, modulus):
     model, free = small(d, 1)
     cells = cell_geometry(model)
     x = size * model.V.tabulate_dof_coordinates()[:, :d]
-    cells = replace(cells, J=size * cells.J, volume=size**d * cells.volume, area=size ** (d - 1) * cells.area)
+    cells = replace(
+        cells, J=size * cells.J, volume=size**d * cells.volume, area=size ** (d - 1) * cells.area
+    )
     compliance = macro_moduli(model, cells, len(cells.nodes), inverse=True) / modulus
-    energy, patches = ComplementaryEnergy(cells, len(cells.nodes), compliance), Patches(model, cells, compliance, free)
+    energy, patches = (
+        ComplementaryEnergy(cells, len(cells.nodes), compliance),
+        Patches(model, cells, compliance, free),
+    )
     unit = np.eye(free.size * d).reshape(-1, len(free), d, d)
     K = np.stack([energy(e)[1].ravel() for e in unit])
     assert abs(K - K.T).max() < 1e-14 * abs(K).max()
@@ -109,12 +132,18 @@ def test_energy_against_numpy(d, degree, at_points):
         stiffer = 1 + rng.random((len(cells.nodes), len(macro_points(d, degree)[1]), 1, 1))
         compliance = compliance * stiffer
     near, _, weights = macro_points(d, degree)
-    forces = force_coefficients(signed(cells, np.matmul(np.linalg.inv(hierarchical(d, degree)), x)), degree)
+    forces = force_coefficients(
+        signed(cells, np.matmul(np.linalg.inv(hierarchical(d, degree)), x)), degree
+    )
     nothing = np.zeros((len(cells.nodes), len(nodes(d, degree - 1)), d, d))
     stress = macro_stress(cells, len(cells.nodes), nothing, forces, None)
-    values = np.matmul(near, relaxed(cells, stress, np.zeros((len(stress), 1, stress.shape[-1])), compliance))
+    values = np.matmul(
+        near, relaxed(cells, stress, np.zeros((len(stress), 1, stress.shape[-1])), compliance)
+    )
     values = values.reshape(len(values), len(weights), -1)
-    square = np.sum(cells.volume[:, None] * weights * (values * act(compliance, values)).sum(axis=2))
+    square = np.sum(
+        cells.volume[:, None] * weights * (values * act(compliance, values)).sum(axis=2)
+    )
     found, half = ComplementaryEnergy(cells, len(cells.nodes), compliance)(x)
     assert found == pytest.approx(square, rel=1e-11)
     assert np.vdot(x, half) == pytest.approx(square, rel=1e-11)
@@ -128,7 +157,9 @@ def test_graph_laplacians_against_numpy(d, degree):
     cells, rng = cell_geometry(model), np.random.default_rng(7)
     inner, weight, N = cells.has_second, rng.random(len(free)) + 0.5, cells.nodes.shape[1]
     of_facets, count = local_facet_nodes(d, degree), cells.nodes.size
-    ends = [np.array([(s // (d + 1)) * N + of_facets[s % (d + 1)] for s in side]) for side in cells.side]
+    ends = [
+        np.array([(s // (d + 1)) * N + of_facets[s % (d + 1)] for s in side]) for side in cells.side
+    ]
     matrix = np.zeros((d, count, count))
     for f, a, b in zip(range(len(free)), *ends, strict=True):
         for c in range(d):
@@ -138,7 +169,9 @@ def test_graph_laplacians_against_numpy(d, degree):
             elif free[f, c]:
                 matrix[c, a, a] += weight[f]
     right = np.einsum("cij,jc->ic", matrix, rng.standard_normal((count, d)))
-    expected = np.stack([np.linalg.lstsq(matrix[c], right[:, c], rcond=1e-12)[0] for c in range(d)], axis=1)
+    expected = np.stack(
+        [np.linalg.lstsq(matrix[c], right[:, c], rcond=1e-12)[0] for c in range(d)], axis=1
+    )
     jumps = expected[ends[0]] - np.where(inner[:, None, None], expected[ends[1]], 0.0)
     jumps *= weight[:, None, None] * free[:, None]
     found = _patch_jumps(

@@ -1,9 +1,10 @@
 """What the package does to the libraries that it stands on, and what of theirs it uses beside their public names.
 
-- Import and runs leave DOLFINx, UFL and the numbers of the user's Constants as they are.
+- Import and runs leave DOLFINx, UFL and the numbers of the user's Constants as they
+  are.
 - One switch refuses all changes; results are then the same.
-- Each private name of another library is in a table here, with the module that uses it: a new release without one of
-  them says at once where to look.
+- Each private name of another library is in a table here, with the module that uses it:
+  a new release without one of them says at once where to look.
 """
 
 import ast
@@ -27,7 +28,13 @@ from erc_contact.newton.linear import mumps
 PACKAGE = Path(ec.__file__).parent
 
 PRIVATE = {
-    "base/runtime/compiled.py": {"_counter", "_cache", "_ufl_typecode_", "_ufl_is_terminal_", "_ufl_signature_data_"},
+    "base/runtime/compiled.py": {
+        "_counter",
+        "_cache",
+        "_ufl_typecode_",
+        "_ufl_is_terminal_",
+        "_ufl_signature_data_",
+    },
     "base/runtime/patches.py": {"_method_cache"},
     "mesh/partition.py": {"_cpp_object"},
 }
@@ -70,10 +77,19 @@ def private_names():
             elif isinstance(node, ast.Name | ast.arg):
                 own.add(getattr(node, "id", None) or getattr(node, "arg", None))
             elif isinstance(node, ast.JoinedStr):
-                own.update(getattr(part, "value", None) for part in node.values if isinstance(part, ast.Constant))
-            elif isinstance(node, ast.Attribute) and getattr(node.value, "id", "") in ("self", "cls"):
+                own.update(
+                    getattr(part, "value", None)
+                    for part in node.values
+                    if isinstance(part, ast.Constant)
+                )
+            elif isinstance(node, ast.Attribute) and getattr(node.value, "id", "") in (
+                "self",
+                "cls",
+            ):
                 own.add(node.attr)
-            elif isinstance(node, ast.Attribute | ast.Constant) and re.fullmatch(r"_[a-z]\w*", str(name)):
+            elif isinstance(node, ast.Attribute | ast.Constant) and re.fullmatch(
+                r"_[a-z]\w*", str(name)
+            ):
                 used.setdefault(str(path.relative_to(PACKAGE)), set()).add(name)
     left = {module: names - own for module, names in used.items()}
     return {module: names for module, names in left.items() if names}
@@ -112,7 +128,9 @@ def test_private_names_exist(block):
     }
     for module, names in PRIVATE.items():
         for name in names & owners.keys():  # of the rest some interpreters have none
-            assert hasattr(owners[name], name), f"{type(owners[name])} has no {name}: look at erc_contact/{module}"
+            assert hasattr(owners[name], name), (
+                f"{type(owners[name])} has no {name}: look at erc_contact/{module}"
+            )
 
 
 @pytest.mark.parametrize(("name", "module"), list(UNPROMISED.items()))
@@ -125,7 +143,9 @@ def test_names_exist_that_nobody_promises(name, module):
 
 @pytest.mark.parametrize("name", mumps._ARGUMENTS)
 def test_functions_of_petsc_exist(name):
-    assert hasattr(mumps._LIBRARY, name), f"PETSc has no {name}: look at erc_contact/newton/linear/mumps.py"
+    assert hasattr(mumps._LIBRARY, name), (
+        f"PETSc has no {name}: look at erc_contact/newton/linear/mumps.py"
+    )
 
 
 @pytest.mark.serial

@@ -1,10 +1,13 @@
 """The condensed contact solve: it is the whole body's, whatever the method, the law, the start and the stop.
 
-- the residual of the whole body vanishes, interior nodes included, for every method, in 2D and 3D, on all ranks;
+- the residual of the whole body vanishes, interior nodes included, for every method, in
+  2D and 3D, on all ranks;
 - GRECO: both methods within 20 Newton steps on all meshes, and the same answer;
-- many solutions are reported: the triangle with a continuum of them has a singular tangent, its neighbours do not;
+- many solutions are reported: the triangle with a continuum of them has a singular
+  tangent, its neighbours do not;
 - Newton that cycles is stopped; Newton that may stop early is as near as it says;
-- Tresca friction and bilateral contact against a published norm; a law of the user's own against its limits;
+- Tresca friction and bilateral contact against a published norm; a law of the user's
+  own against its limits;
 - foundations whose normal comes from their gap.
 """
 
@@ -14,7 +17,15 @@ import ufl
 from dolfinx import fem, la
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
-from scenes import block, common_block, greco, mostly_serial, prototype_block, random_scene, resultant
+from scenes import (
+    block,
+    common_block,
+    greco,
+    mostly_serial,
+    prototype_block,
+    random_scene,
+    resultant,
+)
 
 import erc_contact as ec
 from erc_contact.model.model import Model
@@ -34,7 +45,9 @@ def whole_residual(solution: ec.Solution) -> float:
     residual = inner - (model.loads(v) or 0)
     for k, contact in enumerate(model.contacts):
         if solution.method.multiplier:
-            residual -= ufl.inner(solution.multipliers[k], v) * contact.ds(metadata=solution.model.nodal_rule)
+            residual -= ufl.inner(solution.multipliers[k], v) * contact.ds(
+                metadata=solution.model.nodal_rule
+            )
         else:
             residual += solution.method.equations(model, contact, u, v)
     sizes = []
@@ -72,9 +85,16 @@ def test_greco_takes_few_steps(n, method):
 def test_parameters_change_little():
     eps = []
     for method in (ec.Nitsche(gamma=g) for g in (1.0, 10.0, 100.0, 1000.0)):
-        eps.append(ec.constitutive_error(ec.equilibrate(ec.solve(common_block(), block(16), method))).relative)
+        eps.append(
+            ec.constitutive_error(
+                ec.equilibrate(ec.solve(common_block(), block(16), method))
+            ).relative
+        )
     assert max(eps) < 1.1 * min(eps)
-    u = [ec.solve(common_block(), block(16), ec.AugmentedLagrangian(g)).u.x.array for g in (0.1, 1.0, 100.0)]
+    u = [
+        ec.solve(common_block(), block(16), ec.AugmentedLagrangian(g)).u.x.array
+        for g in (0.1, 1.0, 100.0)
+    ]
     assert max(abs(v - u[0]).max(initial=0.0) for v in u) < 1e-9
 
 
@@ -90,7 +110,9 @@ def test_augmented_lagrangian_keeps_the_conditions_at_the_nodes():
     assert (-r[..., 1]).max(initial=0.0) <= 1e-10 * size
     assert (abs(r[..., 0]) - 0.3 * r[..., 1]).max(initial=0.0) <= 1e-10 * size
     assert abs(u[..., 1] * r[..., 1]).max(initial=0.0) <= 1e-10 * size * length
-    assert (u[..., 0] * r[..., 0]).max(initial=0.0) <= 1e-10 * size * length  # friction opposes the slip
+    assert (u[..., 0] * r[..., 0]).max(
+        initial=0.0
+    ) <= 1e-10 * size * length  # friction opposes the slip
 
 
 def test_multiplier_where_a_support_fixes_the_node():
@@ -101,14 +123,17 @@ def test_multiplier_where_a_support_fixes_the_node():
         loads=[ec.Traction("top", (0.0, -0.02))],
         contacts=[ec.Contact("bottom", friction=0.4)],
     )
-    solution = ec.solve(scene, ec.rectangle((0.0, 0.0), (1.0, 0.5), cells=(8, 4)), ec.AugmentedLagrangian())
+    solution = ec.solve(
+        scene, ec.rectangle((0.0, 0.0), (1.0, 0.5), cells=(8, 4)), ec.AugmentedLagrangian()
+    )
     assert whole_residual(solution) < 1e-10
     other = ec.solve(scene, solution.domain)
     forces = [resultant(ec.equilibrate(s).tractions[0]) for s in (solution, other)]
     assert forces[0] == pytest.approx(forces[1], rel=0.15)
 
 
-# -- many solutions, cycles, early stops --------------------------------------------------------------------------
+# -- many solutions, cycles, early stops
+# --------------------------------------------------------------------------
 
 
 def triangle(friction: float) -> tuple[ec.Scene, ec.Domain]:
@@ -119,7 +144,11 @@ def triangle(friction: float) -> tuple[ec.Scene, ec.Domain]:
     cells = np.array([[0, 1, 2]]) if COMM.rank == 0 else np.zeros((0, 3), dtype=np.int64)
     element = basix.ufl.element("Lagrange", "triangle", 1, shape=(2,))
     mesh = dmesh.create_mesh(COMM, cells, element, corners if COMM.rank == 0 else corners[:0])
-    sides = [lambda x: x[1] < 1e-9, lambda x: abs(0.4 * x[1] - 0.3 * x[0]) < 1e-9, lambda x: x[0] > 0.4 - 1e-9]
+    sides = [
+        lambda x: x[1] < 1e-9,
+        lambda x: abs(0.4 * x[1] - 0.3 * x[0]) < 1e-9,
+        lambda x: x[0] > 0.4 - 1e-9,
+    ]
     found = [dmesh.locate_entities_boundary(mesh, 1, side) for side in sides]
     facets = np.concatenate(found).astype(np.int32)
     values = np.repeat(np.arange(1, 4, dtype=np.int32), [len(f) for f in found])
@@ -128,7 +157,9 @@ def triangle(friction: float) -> tuple[ec.Scene, ec.Domain]:
     domain = ec.Domain(mesh, tags, {"foot": 1, "held": 2, "pushed": 3})
     scene = ec.Scene(
         material=ec.Elastic(E=1.2, nu=0.2),
-        supports=[ec.Displacement("held", (lambda x: 0.1 + 0.533333 * x[1], lambda x: -0.1 * x[1]))],
+        supports=[
+            ec.Displacement("held", (lambda x: 0.1 + 0.533333 * x[1], lambda x: -0.1 * x[1]))
+        ],
         loads=[ec.Traction("pushed", (0.2236068, 0.0))],
         contacts=[ec.Contact("foot", friction=friction)],
     )
@@ -141,7 +172,9 @@ def test_continuum_of_solutions_is_reported(method, caplog):
     assert many.singular
     assert "one of many" in many.reason
     assert COMM.rank != 0 or "one of many" in caplog.text
-    assert ec.constitutive_error(ec.equilibrate(many)).relative < 1e-5  # each of them solves the problem
+    assert (
+        ec.constitutive_error(ec.equilibrate(many)).relative < 1e-5
+    )  # each of them solves the problem
     for friction in (1.9, 2.1):
         one = ec.solve(*triangle(friction), method)
         assert not one.singular
@@ -159,7 +192,9 @@ def attempt(scene, domain, method, line_search, accuracy=None):
     w = stiffness.glued(stiffness.load_vector())
     problem = Condensed(model, method, stiffness, w)
     glued = start.glued(stiffness, w)
-    return problem.run(lambda: Dense(problem, accuracy).solve(problem.from_contact(glued), line_search)[1])
+    return problem.run(
+        lambda: Dense(problem, accuracy).solve(problem.from_contact(glued), line_search)[1]
+    )
 
 
 @pytest.mark.serial
@@ -200,7 +235,9 @@ def test_adaptive_run_saves_steps(tighten, accuracy, share):
         plain += ec.solve(common_block(), mesh).newton_steps
     assert runs["certified"].column("newton_steps").sum() <= share * plain
     converged, certified = (run.steps[-1].eps * run.steps[-1].cells ** 0.5 for run in runs.values())
-    assert certified == pytest.approx(converged, rel=0.02)  # eps falls like cells^(-1/2); one run may have a mesh less
+    assert certified == pytest.approx(
+        converged, rel=0.02
+    )  # eps falls like cells^(-1/2); one run may have a mesh less
 
 
 def test_warm_start_of_a_refined_mesh_is_exact_at_old_nodes():
@@ -214,7 +251,8 @@ def test_warm_start_of_a_refined_mesh_is_exact_at_old_nodes():
         assert np.isin(np.round(itself, 10), np.round(given, 10)).all()
 
 
-# -- laws and foundations -----------------------------------------------------------------------------------------
+# -- laws and foundations
+# -----------------------------------------------------------------------------------------
 
 
 def tresca_square() -> ec.Scene:
@@ -234,16 +272,22 @@ def tresca_square() -> ec.Scene:
 def test_bilateral_tresca_square(method, degree, accuracy, tighten):
     """Its H1 norm tends to 0.125386 (published computation)."""
     square = ec.rectangle((0.0, -0.5), (1.0, 0.5), cells=(4, 4))
-    history = ec.adapt(tresca_square(), square, accuracy, method=method, degree=degree, tighten=tighten)
+    history = ec.adapt(
+        tresca_square(), square, accuracy, method=method, degree=degree, tighten=tighten
+    )
     solution = history.best.admissible.solution
     u = solution.u
-    square = fem.assemble_scalar(fem.form((ufl.inner(u, u) + ufl.inner(ufl.grad(u), ufl.grad(u))) * ufl.dx))
+    square = fem.assemble_scalar(
+        fem.form((ufl.inner(u, u) + ufl.inner(ufl.grad(u), ufl.grad(u))) * ufl.dx)
+    )
     norm = np.sqrt(COMM.allreduce(square))
     print(norm, len(history.meshes), solution.domain.cells)
     assert norm == pytest.approx(0.125386, abs=5e-5)
     traction = history.best.admissible.tractions[0]
     own = traction.contact.facets[:, 0] < solution.domain.owned_cells
-    assert np.linalg.norm(traction.tangential_part[own], axis=-1).max(initial=0.0) <= 0.02 * (1 + 1e-12)
+    assert np.linalg.norm(traction.tangential_part[own], axis=-1).max(initial=0.0) <= 0.02 * (
+        1 + 1e-12
+    )
 
 
 class Saturating:
@@ -261,7 +305,10 @@ class Saturating:
 def with_friction(friction) -> ec.Scene:
     base = prototype_block()
     return ec.Scene(
-        base.material, [ec.Displacement("top", (0.1, -0.05))], (), [ec.Contact("bottom", friction=friction)]
+        base.material,
+        [ec.Displacement("top", (0.1, -0.05))],
+        (),
+        [ec.Contact("bottom", friction=friction)],
     )
 
 
@@ -283,7 +330,9 @@ def test_law_of_the_user(method):
         pair = ec.equilibrate(ec.solve(scene, block(n), method))
         t = pair.tractions[0]
         size = np.linalg.norm(t.tangential_part, axis=-1)
-        assert (size - 0.0008 * np.tanh(0.3 * abs(t.normal_component) / 0.0008)).max(initial=0.0) <= 1e-14
+        assert (size - 0.0008 * np.tanh(0.3 * abs(t.normal_component) / 0.0008)).max(
+            initial=0.0
+        ) <= 1e-14
         errors.append(ec.constitutive_error(pair).relative)
     assert errors[1] < 0.75 * errors[0]
 
@@ -297,7 +346,12 @@ def test_normal_from_the_gap():
     for contact in (
         ec.Contact("bottom", friction=0.3, gap=plane, normal="gap"),
         ec.Contact("bottom", friction=0.3, gap=plane, normal=tuple(n)),
-        ec.Contact("bottom", friction=0.3, gap=plane, normal=lambda x: ufl.as_vector([0.2 * (1 + 0 * x[0]), -1.0])),
+        ec.Contact(
+            "bottom",
+            friction=0.3,
+            gap=plane,
+            normal=lambda x: ufl.as_vector([0.2 * (1 + 0 * x[0]), -1.0]),
+        ),
     ):
         scene = ec.Scene(ec.Elastic(1.0, 0.3), [ec.Displacement("top", (0.0, -0.1))], [], [contact])
         solution = ec.solve(scene, ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(8, 8)))
@@ -312,7 +366,10 @@ def test_foundation_with_turning_normals(d):
     distance = lambda x: ufl.sqrt(sum((x[i] - centre[i]) ** 2 for i in range(d))) - 2.0  # noqa: E731
     push = [0.0] * (d - 1) + [-0.1]
     scene = ec.Scene(
-        ec.Elastic(1.0, 0.3), [ec.Displacement("top", push)], [], [ec.Contact("bottom", gap=distance, normal="gap")]
+        ec.Elastic(1.0, 0.3),
+        [ec.Displacement("top", push)],
+        [],
+        [ec.Contact("bottom", gap=distance, normal="gap")],
     )
     errors = []
     for n in (4, 8):
@@ -336,4 +393,6 @@ def test_integral_of_the_traction_balances_the_load():
         contact = solution.model.contacts[0]
         ds = contact.ds(metadata={"quadrature_degree": solution.model.contact_degree})
         pressure = solution.traction(contact)[1] * ds
-        assert COMM.allreduce(fem.assemble_scalar(fem.form(pressure))) == pytest.approx(2000.0, rel=1e-9)
+        assert COMM.allreduce(fem.assemble_scalar(fem.form(pressure))) == pytest.approx(
+            2000.0, rel=1e-9
+        )

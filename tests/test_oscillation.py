@@ -1,10 +1,14 @@
 """Data that the mesh does not carry: what is guaranteed is true, and what the mesh carries stays guaranteed.
 
-- resultants that equilibrium dictates are those of the load, jumps and peaks inside facets included;
+- resultants that equilibrium dictates are those of the load, jumps and peaks inside
+  facets included;
 - energies hold exact ones where moduli jump or vary fast inside cells;
-- u^ does not enter an asperity; gaps, normals and supports that no polynomial meets end the guarantee;
-- constants, constants by region and polynomials of the degree of the mesh have no oscillation at all;
-- random scenes against quadratic solutions on fine meshes with quadrature of high degree.
+- u^ does not enter an asperity; gaps, normals and supports that no polynomial meets end
+  the guarantee;
+- constants, constants by region and polynomials of the degree of the mesh have no
+  oscillation at all;
+- random scenes against quadratic solutions on fine meshes with quadrature of high
+  degree.
 """
 
 from collections.abc import Callable
@@ -27,7 +31,20 @@ DEGREES = pytest.mark.parametrize("degree", [1, 2])
 
 def given(axis: int = 0, **coefficients: float) -> Callable:
     """A function of one coordinate t, a sum of these terms; all are compiled, once, for all tests."""
-    names = ("one", "t", "t2", "t3", "sin", "often", "cos", "exp", "peak", "width", "step", "stripe")
+    names = (
+        "one",
+        "t",
+        "t2",
+        "t3",
+        "sin",
+        "often",
+        "cos",
+        "exp",
+        "peak",
+        "width",
+        "step",
+        "stripe",
+    )
     numbers = {"often": 25.0, "width": 0.01, **coefficients}
 
     def function(x):
@@ -51,7 +68,9 @@ def given(axis: int = 0, **coefficients: float) -> Callable:
 
 
 def error_of(scene: ec.Scene, domain: ec.Domain, degree: int = 1) -> ec.ConstitutiveError:
-    return ec.constitutive_error(ec.equilibrate(ec.solve(scene, domain, ec.AugmentedLagrangian(), degree=degree)))
+    return ec.constitutive_error(
+        ec.equilibrate(ec.solve(scene, domain, ec.AugmentedLagrangian(), degree=degree))
+    )
 
 
 def square(n: int, comm: MPI.Comm = MPI.COMM_WORLD) -> ec.Domain:
@@ -63,7 +82,8 @@ def holds(b: ec.Bounds, true: float) -> bool:
     return b.low - 1e-9 * abs(true) <= true <= b.high + 1e-9 * abs(true)
 
 
-# -- loads ---------------------------------------------------------------------------------------------------
+# -- loads
+# ---------------------------------------------------------------------------------------------------
 
 LOADS = {
     "step": (given(step=1.0), 0.337),
@@ -103,16 +123,22 @@ def test_a_dictated_resultant_in_space():
 
     scene = ec.Scene(
         material=ec.Elastic(1e3, 0.3),
-        supports=[ec.Displacement("left", (0.0, None, None)), ec.Displacement("front", (None, 0.0, None))],
+        supports=[
+            ec.Displacement("left", (0.0, None, None)),
+            ec.Displacement("front", (None, 0.0, None)),
+        ],
         loads=[ec.Traction("top", (0.0, 0.0, pull))],
         contacts=[ec.Contact("bottom")],
     )
-    b = ec.resultant(error_of(scene, ec.box((0.0,) * 3, (1.0,) * 3, cells=(2, 2, 2))), "bottom", (0.0, 0.0, 1.0))
+    b = ec.resultant(
+        error_of(scene, ec.box((0.0,) * 3, (1.0,) * 3, cells=(2, 2, 2))), "bottom", (0.0, 0.0, 1.0)
+    )
     assert b.value == pytest.approx(0.337, rel=5e-3)
     assert not b.guaranteed
 
 
-# -- moduli --------------------------------------------------------------------------------------------------
+# -- moduli
+# --------------------------------------------------------------------------------------------------
 
 
 def pressed_along(E) -> ec.Scene:
@@ -145,7 +171,9 @@ MODULI = {
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize(("case", "degree"), [*((c, 1) for c in MODULI), ("soft stripe along", 2), ("steep across", 2)])
+@pytest.mark.parametrize(
+    ("case", "degree"), [*((c, 1) for c in MODULI), ("soft stripe along", 2), ("steep across", 2)]
+)
 def test_energy_of_moduli_that_vary_in_cells(case, degree):
     coefficients, true, resolved = MODULI[case]
     if true is None:
@@ -178,7 +206,8 @@ def test_moduli_of_a_function():
     assert b.low == pytest.approx(same.low, rel=1e-6)
 
 
-# -- gaps, normals, supports ---------------------------------------------------------------------------------
+# -- gaps, normals, supports
+# ---------------------------------------------------------------------------------
 
 
 def pressed(gap=0.0, sink=-0.02, **options) -> ec.Scene:
@@ -191,7 +220,9 @@ def pressed(gap=0.0, sink=-0.02, **options) -> ec.Scene:
 
 @pytest.mark.serial
 @DEGREES
-@pytest.mark.parametrize(("power", "carried"), [("t", (True, True)), ("t2", (False, True)), ("t3", (False, False))])
+@pytest.mark.parametrize(
+    ("power", "carried"), [("t", (True, True)), ("t2", (False, True)), ("t3", (False, False))]
+)
 def test_bilateral_gap_that_varies(power, carried, degree):
     """u^ meets the gap where it is a polynomial of its degree on each facet, else nowhere but at the nodes."""
     error = error_of(pressed(given(**{power: 0.01}), bilateral=True), square(4), degree)
@@ -210,7 +241,9 @@ def test_asperity_between_the_nodes(width, degree):
     model, (traction,) = pair.solution.model, pair.tractions
     t = np.linspace(0, 1, 1001)[:, None]
     x = evaluate(model.x, model.mesh, t, traction.contact.facets)
-    down = -np.matmul(lagrange(1, degree, t), pair.displacement.x.array.reshape(-1, 2)[traction.nodes])[..., 1]
+    down = -np.matmul(
+        lagrange(1, degree, t), pair.displacement.x.array.reshape(-1, 2)[traction.nodes]
+    )[..., 1]
     gap = 0.01 - 0.009 * np.exp(-(((x[..., 0] - 0.53) / width) ** 2))
     assert (down - gap).max(initial=-np.inf) <= 1e-15
     assert ec.potential_energy(error).guaranteed
@@ -267,7 +300,9 @@ def test_rank_independence(degree):
             ec.Traction("right", pressure=given(axis=1, step=1e-3)),
             ec.BodyForce((0.0, given(axis=1, one=1e-3, sin=1e-3))),
         ],
-        contacts=[ec.Contact("bottom", gap=given(t2=0.02), friction=ec.Tresca(given(one=2e-3, sin=2e-3)))],
+        contacts=[
+            ec.Contact("bottom", gap=given(t2=0.02), friction=ec.Tresca(given(one=2e-3, sin=2e-3)))
+        ],
     )
     results = []
     for comm in (MPI.COMM_SELF, MPI.COMM_WORLD):
@@ -279,7 +314,8 @@ def test_rank_independence(degree):
     assert min(results[0][1:3]) > 0.0
 
 
-# -- random scenes -------------------------------------------------------------------------------------------
+# -- random scenes
+# -------------------------------------------------------------------------------------------
 
 
 def a_scene(seed: int, degree: int) -> tuple[ec.Scene, bool]:
@@ -287,13 +323,16 @@ def a_scene(seed: int, degree: int) -> tuple[ec.Scene, bool]:
     rng = np.random.default_rng(seed)
     carried = bool(seed % 4)
     often, slope, wave, load, tilt, bend, curve, bumps, limit = rng.uniform(
-        [5, -0.6, 0, -2e-3, -2e-3, 2e-3, 0, 0, 1e-3], [20, 0.6, 0.3, 2e-3, 2e-3, 5e-3, 0.03, 1e-3, 3e-3]
+        [5, -0.6, 0, -2e-3, -2e-3, 2e-3, 0, 0, 1e-3],
+        [20, 0.6, 0.3, 2e-3, 2e-3, 5e-3, 0.03, 1e-3, 3e-3],
     )
     bend, waves = (bend * (degree == 2), 0.0) if carried else (bend, load)
     return ec.Scene(
         material=ec.Elastic(given(axis=seed % 2, one=1.0, t=slope, sin=wave, often=often), 0.3),
         supports=[ec.Displacement("top", (0.01, given(one=-0.02, t=tilt, t2=bend)))],
-        loads=[ec.Traction("right", pressure=given(axis=1, one=load, t=load, sin=waves, often=often))],
+        loads=[
+            ec.Traction("right", pressure=given(axis=1, one=load, t=load, sin=waves, often=often))
+        ],
         contacts=[
             ec.Contact(
                 "bottom",
@@ -311,7 +350,9 @@ def by_brute_force(scene: ec.Scene, n: int) -> np.ndarray:
     (contact,), phi = model.contacts, fem.Function(model.V)
     (load,) = model.surface_loads
     on_right, traction = load.ds, load.density
-    dx, on_right, on_contact = (m(metadata={"quadrature_degree": 12}) for m in (model.dx, on_right, contact.ds))
+    dx, on_right, on_contact = (
+        m(metadata={"quadrature_degree": 12}) for m in (model.dx, on_right, contact.ds)
+    )
     slip = u - ufl.dot(u, contact.normal) * contact.normal
     friction = contact.friction.bound(0.0) * ufl.sqrt(ufl.dot(slip, slip)) * on_contact
     phi.x.array.reshape(-1, 2)[np.unique(model.facet_nodes(contact.facets)), 1] = 1.0

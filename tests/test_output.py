@@ -1,15 +1,18 @@
 """What is written is what was computed, on any number of ranks.
 
-Properties: fields read back from the files equal the arrays of the error (sum of eps_E^2, largest displacement,
-integral of the stress, traction resultant), cells are positively oriented; a homogeneous stress comes back exactly,
-with the stress out of plane; a status says open, slip or stick as the traction does; pictures show something, in 2D
-and 3D; ranks > 0 load no plotting package; what fails on rank 0 fails on all ranks; a body without load is drawn too;
-a relative error that is told in percent can be read back as a number, however small.
+Properties: fields read back from the files equal the arrays of the error (sum of
+eps_E^2, largest displacement, integral of the stress, traction resultant), cells are
+positively oriented; a homogeneous stress comes back exactly, with the stress out of
+plane; a status says open, slip or stick as the traction does; pictures show something,
+in 2D and 3D; ranks > 0 load no plotting package; what fails on rank 0 fails on all
+ranks; a body without load is drawn too; a relative error that is told in percent can be
+read back as a number, however small.
 
-Of degree 2 all nodes are written, drawn and can be integrated; the area under a drawn pressure is the resultant, also
-of a curved or closed contact; a picture magnifies gap and displacement alike, so that no body enters its foundation; a
-contact in space is seen; directions have clean names; a stress out of plane that nobody knows is not shown as zero;
-files are no larger than what they hold.
+Of degree 2 all nodes are written, drawn and can be integrated; the area under a drawn
+pressure is the resultant, also of a curved or closed contact; a picture magnifies gap
+and displacement alike, so that no body enters its foundation; a contact in space is
+seen; directions have clean names; a stress out of plane that nobody knows is not shown
+as zero; files are no larger than what they hold.
 """
 
 import sys
@@ -50,7 +53,9 @@ def punch(d: int) -> tuple[ec.Scene, ec.Domain]:
 
 
 def error_of(scene: ec.Scene, domain: ec.Domain, degree: int = 1) -> ec.ConstitutiveError:
-    return ec.constitutive_error(ec.equilibrate(ec.solve(scene, domain, ec.AugmentedLagrangian(), degree=degree)))
+    return ec.constitutive_error(
+        ec.equilibrate(ec.solve(scene, domain, ec.AugmentedLagrangian(), degree=degree))
+    )
 
 
 @pytest.fixture(scope="module", params=[2, 3])
@@ -124,7 +129,11 @@ def areas(axes, width: float) -> list[float]:
     """Areas under the curves of a contact of some line width, from left to right: of the pressure and of the shear."""
     found = []
     for colour in (contact_plots.PRESSURE, contact_plots.SHEAR):
-        (line,) = [line for line in axes.lines if line.get_color() == colour and line.get_linewidth() == width]
+        (line,) = [
+            line
+            for line in axes.lines
+            if line.get_color() == colour and line.get_linewidth() == width
+        ]
         x, y = line.get_xdata(), line.get_ydata()
         assert np.all(np.diff(x[np.isfinite(x)]) >= -1e-12 * np.nanmax(abs(x)))
         found.append(float(np.nansum(0.5 * (y[1:] + y[:-1]) * np.diff(x))))
@@ -149,25 +158,34 @@ def test_body_file_holds_the_fields(error, shared_tmp_path):
         "stress": results.mean_stress(admissible)[:, :d, :d],
         "stress_fe": admissible.fe_stress[:owned].mean(axis=1),
     }
-    sums = {name: COMM.allreduce(np.einsum("n,nij->ij", volume, mean), MPI.SUM) for name, mean in means.items()}
+    sums = {
+        name: COMM.allreduce(np.einsum("n,nij->ij", volume, mean), MPI.SUM)
+        for name, mean in means.items()
+    }
     body = total(volume)
     output.write_fields(error, shared_tmp_path)
     if COMM.rank == 0:
         grid = read(shared_tmp_path / "body.vtkhdf")
         assert (grid.n_cells, grid.n_points) == (domain.cells, domain.vertices)
         assert np.sum(grid["eps_E"] ** 2) == pytest.approx(error.relative**2, rel=1e-12)
-        assert np.linalg.norm(grid["displacement"], axis=1).max() == pytest.approx(largest, rel=1e-12)
+        assert np.linalg.norm(grid["displacement"], axis=1).max() == pytest.approx(
+            largest, rel=1e-12
+        )
         x = grid.points[grid.cells.reshape(-1, d + 2)[:, 1:], :d]
         signed = np.linalg.det(x[:, 1:] - x[:, :1]) / (1, 1, 2, 6)[d]
         assert np.all(signed > 0)
         assert signed.sum() == pytest.approx(body, rel=1e-12)
         for name, expected in sums.items():
             tensor = grid[name].reshape(-1, 3, 3)
-            assert np.einsum("n,nij->ij", signed, tensor)[:d, :d] == pytest.approx(expected, rel=1e-10, abs=1e-14)
+            assert np.einsum("n,nij->ij", signed, tensor)[:d, :d] == pytest.approx(
+                expected, rel=1e-10, abs=1e-14
+            )
         tensor = grid["stress"].reshape(-1, 3, 3)
         assert tensor[:, 2, 2] == pytest.approx(0.3 * (tensor[:, 0, 0] + tensor[:, 1, 1])) or d == 3
         moved = grid["displacement"][grid.points[:, d - 1] > 1 - 1e-12]
-        assert moved == pytest.approx(np.tile([0.01, -0.05, 0.0] if d == 2 else [0.01, 0.0, -0.05], (len(moved), 1)))
+        assert moved == pytest.approx(
+            np.tile([0.01, -0.05, 0.0] if d == 2 else [0.01, 0.0, -0.05], (len(moved), 1))
+        )
 
 
 def test_displacement_belongs_to_its_point(shared_tmp_path):
@@ -176,14 +194,18 @@ def test_displacement_belongs_to_its_point(shared_tmp_path):
     output.write_fields(error, shared_tmp_path)
     if COMM.rank == 0:
         grid = read(shared_tmp_path / "body.vtkhdf")
-        exact = np.column_stack([c + b * grid.points[:, 1], e * grid.points[:, 1], 0 * grid.points[:, 1]])
+        exact = np.column_stack(
+            [c + b * grid.points[:, 1], e * grid.points[:, 1], 0 * grid.points[:, 1]]
+        )
         assert grid["displacement"] == pytest.approx(exact, abs=1e-9)
         E, nu = 1.7, 0.2
         lam, G = E * nu / ((1 + nu) * (1 - 2 * nu)), E / (2 * (1 + nu))
         sigma = np.diag([lam * e, (lam + 2 * G) * e, lam * e])
         sigma[0, 1] = sigma[1, 0] = G * b
         for name in ("stress", "stress_fe"):
-            assert grid[name] == pytest.approx(np.broadcast_to(sigma.ravel(), grid[name].shape), abs=1e-8)
+            assert grid[name] == pytest.approx(
+                np.broadcast_to(sigma.ravel(), grid[name].shape), abs=1e-8
+            )
         mises = np.sqrt((2 * G * e) ** 2 + 3 * (G * b) ** 2)
         assert grid["von_mises"] == pytest.approx(np.full(grid.n_cells, mises), rel=1e-6)
 
@@ -214,7 +236,9 @@ def test_contact_file_holds_the_traction(error, shared_tmp_path):
     d = traction.values.shape[-1]
     force = resultant(traction)
     own = traction.contact.facets[:, 0] < error.domain.owned_cells
-    counts = COMM.allreduce(np.bincount(results.contact_status(traction)[own], minlength=3), MPI.SUM)
+    counts = COMM.allreduce(
+        np.bincount(results.contact_status(traction)[own], minlength=3), MPI.SUM
+    )
     profile = error.profile("bottom")
     output.write_fields(error, shared_tmp_path)
     if COMM.rank == 0:
@@ -251,7 +275,9 @@ def test_status_of_tractions():
             [[0.0, 1e-14], [0.0, 0.0]],  # pressure of round-off
         ]
     )
-    traction = ContactTraction(contact, np.zeros((5, 2), dtype=int), np.ones(5), values, 0.3 * values[..., 1])
+    traction = ContactTraction(
+        contact, np.zeros((5, 2), dtype=int), np.ones(5), values, 0.3 * values[..., 1]
+    )
     O, L, S = results.OPEN, results.SLIP, results.STICK  # noqa: E741
     assert results.contact_status(traction).tolist() == [O, L, S, L, O]
     frictionless = replace(traction, values=values * [0, 1], friction_bound=np.zeros((5, 2)))
@@ -268,7 +294,9 @@ def test_status_with_varying_friction():
         supports=[ec.Displacement("top", (0.2, -0.03))],
         contacts=[ec.Contact("bottom", friction=lambda x: 0.1 + 0.2 * x[0])],
     )
-    admissible = ec.equilibrate(ec.solve(scene, ec.rectangle((0.0, 0.0), (2.0, 1.0), cells=(16, 8))))
+    admissible = ec.equilibrate(
+        ec.solve(scene, ec.rectangle((0.0, 0.0), (2.0, 1.0), cells=(16, 8)))
+    )
     status = results.contact_status(admissible.tractions[0])
     assert np.all(status != results.STICK)
     assert total(status == results.SLIP) > 12
@@ -280,7 +308,8 @@ def test_pictures_show_something(error, shared_tmp_path):
     domain = error.domain
     names = ["new/meshes", "sizes", "deformed", "contact"]
     output.draw_meshes(
-        [(domain, error.indicators)] * (7 if domain.dim == 2 else 2), shared_tmp_path / "new" / "meshes.png"
+        [(domain, error.indicators)] * (7 if domain.dim == 2 else 2),
+        shared_tmp_path / "new" / "meshes.png",
     )
     output.draw_sizes(ec.size_map(error, 0.5 * error.relative), shared_tmp_path / "sizes.png")
     output.draw_deformed(error, shared_tmp_path / "deformed.png")
@@ -313,7 +342,13 @@ def test_nothing_to_show_has_no_picture(shared_tmp_path):
     history.save(shared_tmp_path)
     if COMM.rank == 0:
         names = {path.name for path in shared_tmp_path.iterdir()}
-        assert names == {"report.html", "history.csv", "history.json", "body.vtkhdf", "meshes.vtkhdf"}
+        assert names == {
+            "report.html",
+            "history.csv",
+            "history.json",
+            "body.vtkhdf",
+            "meshes.vtkhdf",
+        }
         assert not read(shared_tmp_path / "body.vtkhdf")["von_mises"].any()
 
 
@@ -329,7 +364,9 @@ def test_percentages_are_numbers(digits):
     for ratio in [*np.geomspace(1.1e-17, 1e7, 241), 0.0, 0.9996, 0.99996, 9.9999e-5]:
         told = percent(float(ratio), digits)
         significant = digits - (ratio < 1e-4 or ratio >= 1e4) - (ratio < 1e-11)
-        assert number(told) == pytest.approx(ratio, rel=0.51 * 10.0 ** (1 - significant), abs=0.0051 * (ratio >= 1))
+        assert number(told) == pytest.approx(
+            ratio, rel=0.51 * 10.0 ** (1 - significant), abs=0.0051 * (ratio >= 1)
+        )
         assert digits > 3 or len(told) <= 7
     assert percent(float("nan"), digits) == "nan%"
 
@@ -343,7 +380,9 @@ def test_small_errors_are_told():
     header, row, outcome = str(history).splitlines()
     assert 0 < step.eps < 2.5e-6
     told = [word for word in row.split() if word.endswith("%")]
-    assert [number(word) for word in told] == pytest.approx([step.eps, step.eps_bulk, step.eps_contact], rel=0.5)
+    assert [number(word) for word in told] == pytest.approx(
+        [step.eps, step.eps_bulk, step.eps_contact], rel=0.5
+    )
     assert len(row) == len(header)
     reached, _, accuracy = outcome.removeprefix("Reached: ").removesuffix(".").split()
     assert number(reached) == pytest.approx(step.eps, rel=0.05)
@@ -354,10 +393,14 @@ def test_small_errors_are_told():
 def test_degree_2_is_written_at_all_nodes(d, shared_tmp_path):
     from dolfinx import fem
 
-    scene, domain = punch(d) if d == 2 else (punch(3)[0], ec.box((0.0,) * 3, (4.0, 4.0, 1.0), cells=(3, 3, 1)))
+    scene, domain = (
+        punch(d) if d == 2 else (punch(3)[0], ec.box((0.0,) * 3, (4.0, 4.0, 1.0), cells=(3, 3, 1)))
+    )
     error = error_of(scene, domain, degree=2)
     u, (traction,) = error.admissible.displacement, error.admissible.tractions
-    integral = [COMM.allreduce(fem.assemble_scalar(fem.form(u[i] * ufl.dx)), MPI.SUM) for i in range(d)]
+    integral = [
+        COMM.allreduce(fem.assemble_scalar(fem.form(u[i] * ufl.dx)), MPI.SUM) for i in range(d)
+    ]
     nodes = u.function_space.dofmap.index_map.size_global
     force = resultant(traction)
     output.write_fields(error, shared_tmp_path)
@@ -369,13 +412,17 @@ def test_degree_2_is_written_at_all_nodes(d, shared_tmp_path):
         assert set(grid.celltypes) == {kind}
         assert grid.n_points == nodes
         cells = grid.cells_dict[kind]
-        ends = np.array([(0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3)][: 3 * d - 3])  # as VTK numbers them
+        ends = np.array(
+            [(0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3)][: 3 * d - 3]
+        )  # as VTK numbers them
         x = grid.points[cells]
         assert x[:, d + 1 :] == pytest.approx(x[:, ends].mean(axis=2), abs=1e-14)
         volume = np.linalg.det(x[:, 1 : d + 1, :d] - x[:, :1, :d]) / (1, 1, 2, 6)[d]
         weights = np.repeat([[0.0, 1 / 3], [-1 / 20, 1 / 5]][d - 2], [d + 1, 3 * d - 3])
         values = grid["displacement"][cells]
-        assert np.einsum("n,v,nvi->i", volume, weights, values)[:d] == pytest.approx(integral, rel=1e-10, abs=1e-14)
+        assert np.einsum("n,v,nvi->i", volume, weights, values)[:d] == pytest.approx(
+            integral, rel=1e-10, abs=1e-14
+        )
         assert np.all(volume > 0)
 
         surface = read(shared_tmp_path / "contact_bottom.vtkhdf")
@@ -384,7 +431,10 @@ def test_degree_2_is_written_at_all_nodes(d, shared_tmp_path):
         assert facets.size == surface.n_points
         x, values = surface.points[facets], surface["traction"][facets][..., :d]
         if d == 2:
-            written = np.sum(abs(np.diff(x[..., :1], axis=1)) * 0.5 * (values[:, 1:] + values[:, :-1]), axis=(0, 1))
+            written = np.sum(
+                abs(np.diff(x[..., :1], axis=1)) * 0.5 * (values[:, 1:] + values[:, :-1]),
+                axis=(0, 1),
+            )
             assert written == pytest.approx(force, rel=1e-3, abs=1e-4)
             assert surface.integrate_data()["pressure"][0] == pytest.approx(force[1], rel=1e-3)
         else:
@@ -413,7 +463,9 @@ def test_name_of_a_contact_with_a_slash(shared_tmp_path):
 @pytest.mark.parametrize("degree", [1, 2])
 def test_files_are_small(degree, shared_tmp_path):
     for cells in ((4, 2), (32, 16)):
-        error = error_of(punch(2)[0], ec.rectangle((0.0, 0.0), (4.0, 1.0), cells=cells), degree=degree)
+        error = error_of(
+            punch(2)[0], ec.rectangle((0.0, 0.0), (4.0, 1.0), cells=cells), degree=degree
+        )
         output.write_fields(error, shared_tmp_path)
         if COMM.rank == 0:
             for name, many in (("body", error.domain.cells), ("contact_bottom", cells[0])):
@@ -433,7 +485,10 @@ def test_area_under_the_pressure_is_the_force(degree, body, shared_tmp_path, see
     scene, domain = punch(2)
     if body == "half disc":
         domain = ec.read_mesh(Path(__file__).parents[1] / "meshes" / "half_disc.msh")
-        scene = replace(scene, contacts=[ec.Contact("arc", friction=0.4, normal=(0.0, -1.0), gap=lambda x: x[1])])
+        scene = replace(
+            scene,
+            contacts=[ec.Contact("arc", friction=0.4, normal=(0.0, -1.0), gap=lambda x: x[1])],
+        )
     error = error_of(scene, domain, degree=degree)
     output.plot_contact(error.admissible, scene.contacts[0].facets, shared_tmp_path / "contact.png")
     force = resultant(error.admissible.tractions[0])
@@ -453,7 +508,9 @@ def test_area_under_the_pressure_of_any_contact(shape):
     rng = np.random.default_rng(3)
     many = 40
     angle = np.linspace(0.0, 2 * np.pi if shape == "ring" else 2.5, many + 1)
-    ends = np.column_stack([np.arange(many), np.arange(1, many + 1) % (many if shape == "ring" else many + 1)])
+    ends = np.column_stack(
+        [np.arange(many), np.arange(1, many + 1) % (many if shape == "ring" else many + 1)]
+    )
     if "two" in shape:
         ends = np.delete(ends, 9, axis=0)
     ends = ends[rng.permutation(len(ends))]
@@ -463,11 +520,16 @@ def test_area_under_the_pressure_of_any_contact(shape):
     if shape == "two feet":
         x = 3e-3 * np.column_stack([angle, 0 * angle, 0 * angle])[ends]
     n = x.mean(axis=1)[:, :2]
-    n = n / np.linalg.norm(n, axis=1)[:, None] if shape != "two feet" else np.array([[0.0, -1.0]] * len(ends))
+    n = (
+        n / np.linalg.norm(n, axis=1)[:, None]
+        if shape != "two feet"
+        else np.array([[0.0, -1.0]] * len(ends))
+    )
     area = np.linalg.norm(x[:, 1] - x[:, 0], axis=1)
     pressure = 5e6 * np.maximum(np.cos(angle - 1.0), 0.0)[ends]
     values = (
-        -pressure[..., None] * n[:, None] + 0.1 * pressure[..., None] * np.column_stack([-n[:, 1], n[:, 0]])[:, None]
+        -pressure[..., None] * n[:, None]
+        + 0.1 * pressure[..., None] * np.column_stack([-n[:, 1], n[:, 0]])[:, None]
     )
     contact = SimpleNamespace(direction=n, bilateral=False, sampled=False)
     traction = ContactTraction(contact, ends, area, values, 0.3 * pressure)
@@ -478,8 +540,12 @@ def test_area_under_the_pressure_of_any_contact(shape):
     assert areas(axes, CURVE) == pytest.approx([force, 0.1 * force], rel=1e-3)
     line = axes.lines[1]
     apart = {"two arcs": 0.05 * area.sum(), "two feet": 3e-3 * angle[1]}.get(shape, 0.0)
-    assert np.ptp(line.get_xdata()[np.isfinite(line.get_xdata())]) == pytest.approx(area.sum() + apart, rel=1e-9)
-    assert np.nanmax(abs(np.diff(line.get_ydata()))) < 0.3 * pressure.max()  # neighbours stand side by side
+    assert np.ptp(line.get_xdata()[np.isfinite(line.get_xdata())]) == pytest.approx(
+        area.sum() + apart, rel=1e-9
+    )
+    assert (
+        np.nanmax(abs(np.diff(line.get_ydata()))) < 0.3 * pressure.max()
+    )  # neighbours stand side by side
     expected = "$x$ [length]" if shape == "two feet" else "arc length from ("
     assert axes.get_xlabel().startswith(expected)
 
@@ -489,7 +555,10 @@ def test_curved_edges_are_drawn(d, shared_tmp_path, seen):
     """Pure bending is quadratic: a lower edge, drawn by two elements, becomes a parabola."""
     nu, bend, factor = 0.25, 0.01, 20.0
     u = [
-        (lambda x: -bend * x[0] * x[1], lambda x: bend / 2 * (x[0] ** 2 + nu / (1 - nu) * x[1] ** 2)),
+        (
+            lambda x: -bend * x[0] * x[1],
+            lambda x: bend / 2 * (x[0] ** 2 + nu / (1 - nu) * x[1] ** 2),
+        ),
         (
             lambda x: -bend * x[0] * x[1],
             lambda x: bend / 2 * (x[0] ** 2 + nu * (x[1] ** 2 - x[2] ** 2)),
@@ -497,14 +566,18 @@ def test_curved_edges_are_drawn(d, shared_tmp_path, seen):
         ),
     ][d - 2]
     sides = ("left", "right", "bottom", "top", "front", "back")[: 2 * d]
-    scene = ec.Scene(material=ec.Elastic(E=1.0, nu=nu), supports=[ec.Displacement(name, u) for name in sides])
+    scene = ec.Scene(
+        material=ec.Elastic(E=1.0, nu=nu), supports=[ec.Displacement(name, u) for name in sides]
+    )
     make = ec.rectangle if d == 2 else ec.box
     error = error_of(scene, make((0.0,) * d, (2.0, 1.0, 1.0)[:d], cells=(2, 1, 1)[:d]), degree=2)
     assert error.relative < 1e-8
     output.draw_deformed(error, shared_tmp_path / "deformed.png", factor=factor)
     if COMM.rank == 0:
         x, y, z = np.concatenate([mesh.points for mesh, _ in seen.meshes]).T
-        lower = (abs(y - factor * bend / 2 * x**2) < 0.01) & (abs(z) < 0.01)  # lines are drawn a little in front
+        lower = (abs(y - factor * bend / 2 * x**2) < 0.01) & (
+            abs(z) < 0.01
+        )  # lines are drawn a little in front
         assert len(np.unique(x[lower].round(2))) >= 9
         assert "displacement × 20" in texts(seen.figures[0])
 
@@ -538,7 +611,9 @@ def test_flat_foundation_is_met_where_the_contact_is_closed(gap, shared_tmp_path
         known = (x >= ground[0, 0]) & (x <= ground[-1, 0])
         clear = (y - np.interp(x, *ground[:, :2].T))[known]
         assert np.count_nonzero(known) > 30
-        assert clear.min() > -1e-3  # where the contact slips along a slope, it does so on the drawn slope, too
+        assert (
+            clear.min() > -1e-3
+        )  # where the contact slips along a slope, it does so on the drawn slope, too
         assert np.count_nonzero(clear < 1e-3) > 15
         line = np.polynomial.Polynomial.fit(*ground[:, :2].T, 1)
         assert ground[:, 1] == pytest.approx(line(ground[:, 0]), abs=1e-9)
@@ -547,7 +622,10 @@ def test_flat_foundation_is_met_where_the_contact_is_closed(gap, shared_tmp_path
             assert np.count_nonzero(clear < 1e-9) > 15
             assert ground[0, 0] < x.min() < x.max() < ground[-1, 0]
         body = np.concatenate([mesh.points for mesh, _ in seen.meshes])
-        assert max(abs(body[:, :2] - point).max(axis=1).min() for point in np.column_stack([x, y])) < 1e-6
+        assert (
+            max(abs(body[:, :2] - point).max(axis=1).min() for point in np.column_stack([x, y]))
+            < 1e-6
+        )
         words = texts(seen.figures[0])
         moved = ", foundation moved with it" * (gap != "none")
         assert f"displacement × 7{moved}\norange: closed contact" in words
@@ -571,7 +649,9 @@ def test_curved_foundation_is_drawn_as_it_is(factor, shared_tmp_path, seen):
             times = float(title.split(",")[0].split()[2])
             assert 1.2 <= times < 4.0
         x, y = (nodes[:, :2] + times * nodes[:, 2:]).T
-        entered = (np.interp(x, *ground[:, :2].T) - y)[(x >= ground[0, 0]) & (x <= ground[-1, 0])].max()
+        entered = (np.interp(x, *ground[:, :2].T) - y)[
+            (x >= ground[0, 0]) & (x <= ground[-1, 0])
+        ].max()
         if factor is None:
             assert entered < 0.004 * size
             assert "entered" not in title
@@ -601,7 +681,11 @@ def test_plane_below_a_curved_body_is_flat(shared_tmp_path, seen):
 def test_magnification_of_a_body_that_nothing_presses(kind, shared_tmp_path, seen):
     """A gap that stays open is drawn open; of a rigid motion no round-off is drawn."""
     down = {"rest": 0.0, "above": -0.01}[kind]
-    scene = ec.Scene(ec.Elastic(1.0, 0.3), ec.Displacement("top", (0.0, down)), contacts=ec.Contact("bottom", gap=0.02))
+    scene = ec.Scene(
+        ec.Elastic(1.0, 0.3),
+        ec.Displacement("top", (0.0, down)),
+        contacts=ec.Contact("bottom", gap=0.02),
+    )
     error = error_of(scene, ec.rectangle((0.0, 0.0), (2.0, 1.0), cells=(4, 2)))
     output.draw_deformed(error, shared_tmp_path / "deformed.png")
     ground, nodes = ground_and_nodes(error, seen)
@@ -643,19 +727,28 @@ def test_directions_in_space_have_clean_names(kind, shared_tmp_path, seen):
         return ufl.sqrt((x[0] - 0.5001) ** 2 + (x[1] - 0.5) ** 2 + (x[2] + 2.0) ** 2) - 2.0
 
     n = np.array([0.2, 0.1, -1.0]) if kind == "slope" else np.array([2e-6, -1.6e-5, -1.0])
-    given = {"gap": distance, "normal": "gap"} if kind == "sphere" else {"normal": tuple(n / np.linalg.norm(n))}
+    given = (
+        {"gap": distance, "normal": "gap"}
+        if kind == "sphere"
+        else {"normal": tuple(n / np.linalg.norm(n))}
+    )
     scene = ec.Scene(
         material=ec.Elastic(1.0, 0.3),
         supports=[ec.Displacement("top", (0.0, 0.0, -0.01))],
         contacts=[ec.Contact("bottom", friction=0.3, **given)],
     )
-    admissible = ec.equilibrate(ec.solve(scene, ec.box((0.0,) * 3, (1.0, 1.0, 1.0), cells=(3, 3, 3))))
+    admissible = ec.equilibrate(
+        ec.solve(scene, ec.box((0.0,) * 3, (1.0, 1.0, 1.0), cells=(3, 3, 3)))
+    )
     output.plot_contact(admissible, "bottom", shared_tmp_path / "contact.png")
     if COMM.rank == 0:
         panels = seen.figures[0].axes
         names = {panels[0].get_xlabel(), panels[0].get_ylabel()}
         if kind == "slope":
-            assert names == {"along (0.981, -0.019, 0.194) [length]", "along (0, 0.995, 0.1) [length]"}
+            assert names == {
+                "along (0.981, -0.019, 0.194) [length]",
+                "along (0, 0.995, 0.1) [length]",
+            }
         else:
             assert names == {"$x$ [length]", "$y$ [length]"}
 
@@ -710,7 +803,9 @@ def test_stress_out_of_plane_that_nobody_knows(shared_tmp_path, seen):
             label = [text for text in texts(seen.figures[-1]) if "Mises" in text]
             if known:
                 assert zz == pytest.approx(0.3 * (xx + yy), abs=1e-15)
-                expected = np.sqrt(((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) / 2 + 3 * xy**2)
+                expected = np.sqrt(
+                    ((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) / 2 + 3 * xy**2
+                )
                 assert grid["von_mises"] == pytest.approx(expected, rel=1e-12)
                 assert "von_mises_in_plane" not in grid.array_names
                 assert "plane" not in label[0]
@@ -752,10 +847,14 @@ def test_open_contact_has_no_picture(shared_tmp_path):
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize("dofs", [(100, 300), (100, 200, 300), (100, 200, 400), (100, 300, 500, 900)])
+@pytest.mark.parametrize(
+    "dofs", [(100, 300), (100, 200, 300), (100, 200, 400), (100, 300, 500, 900)]
+)
 def test_slope_takes_three_meshes_and_a_factor_of_four(dofs, shared_tmp_path, seen):
     """From two meshes a slope of -17.94 was told."""
-    history = ec.adapt(punch(2)[0], ec.rectangle((0.0, 0.0), (4.0, 1.0), cells=(4, 2)), 0.9, tighten=0)
+    history = ec.adapt(
+        punch(2)[0], ec.rectangle((0.0, 0.0), (4.0, 1.0), cells=(4, 2)), 0.9, tighten=0
+    )
     steps = tuple(replace(history.steps[0], dofs=number, eps=number**-0.5) for number in dofs)
     history = replace(history, steps=steps)
     tells = max(dofs) >= 4 * min(dofs) and len(dofs) > 2
@@ -828,7 +927,8 @@ def test_ball_has_no_edges(gmsh_session, shared_tmp_path, seen):
         gmsh_session.option.setNumber("Mesh.MeshSizeMax", 0.3)
         model.mesh.generate(3)
     scene = ec.Scene(
-        material=ec.Elastic(1.0, 0.3), supports=[ec.Displacement("surface", (0.0, 0.0, lambda x: 0.01 * x[2]))]
+        material=ec.Elastic(1.0, 0.3),
+        supports=[ec.Displacement("surface", (0.0, 0.0, lambda x: 0.01 * x[2]))],
     )
     error = error_of(scene, ec.from_gmsh(model))
     output.draw_deformed(error, shared_tmp_path / "deformed.png")

@@ -1,6 +1,7 @@
 """Upper bounds of functions on facets: above the peak wherever it is, and near it.
 
-- smooth functions, kinks, cusps (also steeper on one side) and jumps on segments at random places;
+- smooth functions, kinks, cusps (also steeper on one side) and jumps on segments at
+  random places;
 - kinks and cusps along a line in triangles;
 - a displacement under a gap with a cusp stays below it at the cusp.
 """

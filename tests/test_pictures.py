@@ -1,9 +1,12 @@
 """Pictures for papers: vectors, axes of the user's, nothing cut off, nothing that was not computed.
 
-- Curves of degree 1 keep the mean of the traction on each facet, follow a line exactly, and do not change their sign.
+- Curves of degree 1 keep the mean of the traction on each facet, follow a line exactly,
+  and do not change their sign.
 - A singular peak stays in the picture, and the rest can be read.
-- svg and pdf files of bodies in the plane hold no image; degree 2 is drawn with curved edges there, too.
-- Axes that are given are drawn on and returned, with the style of their figure; in 3D they are refused in words.
+- svg and pdf files of bodies in the plane hold no image; degree 2 is drawn with curved
+  edges there, too.
+- Axes that are given are drawn on and returned, with the style of their figure; in 3D
+  they are refused in words.
 - Maps of a contact in space are what an eye in the foundation sees.
 """
 
@@ -26,7 +29,9 @@ COMM = MPI.COMM_WORLD
 
 @pytest.fixture(scope="module", params=[1, 2])
 def error(request):
-    return error_of(punch(2)[0], ec.rectangle((0.0, 0.0), (4.0, 1.0), cells=(16, 4)), degree=request.param)
+    return error_of(
+        punch(2)[0], ec.rectangle((0.0, 0.0), (4.0, 1.0), cells=(16, 4)), degree=request.param
+    )
 
 
 @pytest.mark.serial
@@ -34,7 +39,11 @@ def test_curves_keep_means_lines_and_signs():
     rng = np.random.default_rng(5)
     lengths, points = rng.uniform(0.1, 1.0, 30), np.linspace(0.0, 1.0, 2001)
     parts = np.array([7, 8, 20])
-    for means in (rng.uniform(0.0, 1.0, 30) * (rng.random(30) < 0.8), rng.normal(size=30), np.zeros(30)):
+    for means in (
+        rng.uniform(0.0, 1.0, 30) * (rng.random(30) < 0.8),
+        rng.normal(size=30),
+        np.zeros(30),
+    ):
         curve = through_means(means, lengths, parts, points)
         assert np.trapezoid(curve, points, axis=1) == pytest.approx(means, abs=1e-6)
         assert np.all(curve * means[:, None] >= -1e-12)
@@ -66,7 +75,9 @@ def test_peaks_stay_in_the_picture():
     places = np.sort(axes.transData.transform(np.column_stack([0 * ticks, ticks]))[:, 1])
     assert len(ticks) > 4
     assert np.diff(places).min() > 12  # pixels: numbers do not overlap
-    rest = np.nanquantile(np.concatenate([x.get_ydata() for x in axes.lines if x.get_color() == PRESSURE]), 0.6)
+    rest = np.nanquantile(
+        np.concatenate([x.get_ydata() for x in axes.lines if x.get_color() == PRESSURE]), 0.6
+    )
     shown, zero = (axes.transData.transform((0.0, value))[1] for value in (rest, 0.0))
     assert shown - zero > 0.1 * axes.bbox.height
 
@@ -123,12 +134,18 @@ def test_stress_of_degree_2_is_linear_in_elements(d):
     """In pure bending sigma^ is linear: at the vertices of elements it is what it is there."""
     bend, sides = 0.01, ("left", "right", "bottom", "top", "front", "back")[: 2 * d]
     u = (lambda x: -bend * x[0] * x[1], lambda x: bend / 2 * x[0] ** 2, 0.0)[:d]
-    scene = ec.Scene(ec.Elastic(E=1.0, nu=0.0), supports=[ec.Displacement(name, u) for name in sides])
-    domain = (ec.rectangle if d == 2 else ec.box)((0.0,) * d, (2.0, 1.0, 1.0)[:d], cells=(2, 1, 1)[:d])
+    scene = ec.Scene(
+        ec.Elastic(E=1.0, nu=0.0), supports=[ec.Displacement(name, u) for name in sides]
+    )
+    domain = (ec.rectangle if d == 2 else ec.box)(
+        (0.0,) * d, (2.0, 1.0, 1.0)[:d], cells=(2, 1, 1)[:d]
+    )
     error = error_of(scene, domain, degree=2)
     assert error.relative < 1e-8
     stress, model = vertex_stress(error.admissible), error.solution.model
-    x = model.V.tabulate_dof_coordinates()[error.admissible.cell_geometry.vertices[: domain.owned_cells]]
+    x = model.V.tabulate_dof_coordinates()[
+        error.admissible.cell_geometry.vertices[: domain.owned_cells]
+    ]
     expected = np.zeros((*x.shape[:2], 3, 3))
     expected[..., 0, 0] = -bend * x[..., 1]
     assert stress == pytest.approx(expected, abs=1e-9)

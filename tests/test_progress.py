@@ -1,9 +1,12 @@
 """What a run tells while it goes on.
 
 - Without ``log_to_console`` the package is silent.
-- In a file there are the rows as they are in the table, without escape codes and without line breaks of its own.
-- On a terminal a line tells mesh, stage and iteration, is gone at the end, and the rows stay as they are.
-- A file that was silent for long gets a line with mesh, stage and iteration, also while a run is saved.
+- In a file there are the rows as they are in the table, without escape codes and
+  without line breaks of its own.
+- On a terminal a line tells mesh, stage and iteration, is gone at the end, and the rows
+  stay as they are.
+- A file that was silent for long gets a line with mesh, stage and iteration, also while
+  a run is saved.
 - All is told once, by rank 0.
 """
 
@@ -74,7 +77,9 @@ def test_lines_of_a_long_mesh_in_a_file(console, monkeypatch, shared_tmp_path):
     history.save(shared_tmp_path, pictures=False)
     lines = stream.getvalue().splitlines()
     told = [line for line in lines if line.startswith("... ")]
-    assert [line for line in lines if line not in told] == (str(history).splitlines() if COMM.rank == 0 else [])
+    assert [line for line in lines if line not in told] == (
+        str(history).splitlines() if COMM.rank == 0 else []
+    )
     if COMM.rank == 0:
         mesh = f"... mesh 2, {history.column('cells')[1]} cells: "
         assert f"{mesh}solving with the direct solver" in told

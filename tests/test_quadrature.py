@@ -1,8 +1,11 @@
 """Adaptive integrals: exact where the integrand is smooth, and honest where it is not.
 
-- smooth integrands are integrated to the share asked for, and what is left unknown is above the true error;
-- on segments jumps and kinks are resolved too, wherever they are; in triangles and tetrahedra jumps are told;
-- data that jump from cell to cell are smooth; a rank without pieces takes part; the pieces fill their simplex.
+- smooth integrands are integrated to the share asked for, and what is left unknown is
+  above the true error;
+- on segments jumps and kinks are resolved too, wherever they are; in triangles and
+  tetrahedra jumps are told;
+- data that jump from cell to cell are smooth; a rank without pieces takes part; the
+  pieces fill their simplex.
 """
 
 import numpy as np
@@ -23,7 +26,11 @@ def segments(n: int) -> tuple[np.ndarray, np.ndarray]:
 def simplex(d: int) -> tuple[np.ndarray, np.ndarray]:
     """The reference simplex of rank 0; nothing on other ranks."""
     vertices = np.vstack([np.zeros(d), np.eye(d)])[None]
-    return (vertices, np.array([1 / (1, 1, 2, 6)[d]])) if COMM.rank == 0 else (vertices[:0], np.zeros(0))
+    return (
+        (vertices, np.array([1 / (1, 1, 2, 6)[d]]))
+        if COMM.rank == 0
+        else (vertices[:0], np.zeros(0))
+    )
 
 
 def total(values: np.ndarray) -> np.ndarray:
@@ -34,7 +41,9 @@ def total(values: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("place", np.random.default_rng(1).uniform(0, 1, 20))
 def test_on_segments_all_is_resolved(place):
     def f(of, at, x):
-        return np.concatenate([x < place, abs(x - place), np.exp(5 * x), np.exp(-(((x - place) / 0.01) ** 2))], axis=2)
+        return np.concatenate(
+            [x < place, abs(x - place), np.exp(5 * x), np.exp(-(((x - place) / 0.01) ** 2))], axis=2
+        )
 
     true = [place, (place**2 + (1 - place) ** 2) / 2, (np.exp(5) - 1) / 5]
     found = integrate(MPI.COMM_SELF, f, *segments(4), facet_pieces(1))
@@ -61,7 +70,9 @@ def test_smooth_in_cells(d):
 @pytest.mark.parametrize("d", [2, 3])
 @pytest.mark.parametrize("place", [0.213, 0.4])
 def test_jumps_in_cells_are_told(d, place):
-    found = integrate(COMM, lambda of, at, x: 1.0 * (x[..., :1] > place), *simplex(d), cell_pieces(d))
+    found = integrate(
+        COMM, lambda of, at, x: 1.0 * (x[..., :1] > place), *simplex(d), cell_pieces(d)
+    )
     true = (1 - place) ** d / (1, 1, 2, 6)[d]
     assert not found.resolved.any()
     assert abs(total(found.value) - true) <= total(found.rest)
@@ -70,7 +81,9 @@ def test_jumps_in_cells_are_told(d, place):
 
 @pytest.mark.serial
 def test_jumps_between_cells_are_smooth():
-    vertices = np.array([[[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]], [[1.0, 1.0], [1.0, 0.0], [0.0, 1.0]]])
+    vertices = np.array(
+        [[[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]], [[1.0, 1.0], [1.0, 0.0], [0.0, 1.0]]]
+    )
     found = integrate(
         MPI.COMM_SELF,
         lambda of, at, x: np.where(x.sum(axis=2, keepdims=True) < 1, 1.0, 100.0),
@@ -122,7 +135,9 @@ def test_the_order_of_vertices_changes_nothing(d):
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize("pieces", [facet_pieces(1), facet_pieces(2), cell_pieces(2), cell_pieces(3)])
+@pytest.mark.parametrize(
+    "pieces", [facet_pieces(1), facet_pieces(2), cell_pieces(2), cell_pieces(3)]
+)
 def test_pieces_fill_the_simplex(pieces):
     count, P, _ = pieces.shape
     vertices = np.broadcast_to(np.vstack([np.zeros(P - 1), np.eye(P - 1)]), (count, P, P - 1))

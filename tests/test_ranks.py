@@ -2,7 +2,8 @@
 
 With friction that varies on the contact, eps to 1e-10.
 
-Every rank solves the scene alone on its own communicator; all together solve it once more.
+Every rank solves the scene alone on its own communicator; all together solve it once
+more.
 """
 
 import numpy as np
@@ -38,7 +39,10 @@ def run_degree_2(comm: MPI.Comm) -> ec.History:
 def run_3d(comm: MPI.Comm) -> ec.History:
     scene = ec.Scene(
         material=ec.Elastic(E=1.0, nu=0.3),
-        supports=[ec.Displacement("top", (0.02, 0.01, -0.05)), ec.Displacement("left", (None, 0.01, None))],
+        supports=[
+            ec.Displacement("top", (0.02, 0.01, -0.05)),
+            ec.Displacement("left", (None, 0.01, None)),
+        ],
         contacts=[ec.Contact("bottom", friction=0.3)],
     )
     domain = ec.box((0.0, 0.0, 0.0), (1.0, 1.0, 1.0), cells=(2, 2, 2), comm=comm)
@@ -56,7 +60,9 @@ def test_rank_independence(run):
     mid = []
     for history in (alone, together):
         domain = history.meshes[-1][0]
-        x = domain.mesh.geometry.x[domain.mesh.geometry.dofmaps[0][: domain.owned_cells]].mean(axis=1)
+        x = domain.mesh.geometry.x[domain.mesh.geometry.dofmaps[0][: domain.owned_cells]].mean(
+            axis=1
+        )
         every = np.concatenate(domain.mesh.comm.allgather(x))
         mid.append(np.sort(np.round(every, 9) @ np.array([1.0, 1e3, 1e6])))
     assert np.allclose(mid[0], mid[1], rtol=0, atol=1e-3)
@@ -68,7 +74,13 @@ def test_optimal_meshes_are_the_same(d):
     scene = ec.Scene(
         material=ec.Elastic(1.0, 0.3),
         supports=[ec.Displacement("top", (*[0.0] * (d - 1), -0.05))],
-        contacts=[ec.Contact("bottom", friction=0.3, gap=lambda x: sum((x[i] - 0.5) ** 2 for i in range(d - 1)) / 4)],
+        contacts=[
+            ec.Contact(
+                "bottom",
+                friction=0.3,
+                gap=lambda x: sum((x[i] - 0.5) ** 2 for i in range(d - 1)) / 4,
+            )
+        ],
     )
     meshes = []
     for comm in (MPI.COMM_SELF, MPI.COMM_WORLD):
@@ -84,11 +96,17 @@ def test_optimal_meshes_are_the_same(d):
 def test_ranks_without_cells_or_contact(degree):
     """Two cells on any number of ranks: some have no cell, or no facet of the contact."""
     loads = [ec.Traction("top", (0.001, -0.01)), ec.BodyForce((0.0, lambda x: -0.01 * x[1]))]
-    held_by_contact = ec.Scene(ec.Elastic(1.0, 0.3), [], loads, [ec.Contact("bottom", friction=0.3)])
+    held_by_contact = ec.Scene(
+        ec.Elastic(1.0, 0.3), [], loads, [ec.Contact("bottom", friction=0.3)]
+    )
     eps = []
     for comm in (MPI.COMM_SELF, MPI.COMM_WORLD):
         domain = ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(1, 1), comm=comm)
-        eps.append(ec.constitutive_error(ec.equilibrate(ec.solve(held_by_contact, domain, degree=degree))).relative)
+        eps.append(
+            ec.constitutive_error(
+                ec.equilibrate(ec.solve(held_by_contact, domain, degree=degree))
+            ).relative
+        )
     assert eps[0] == pytest.approx(eps[1], rel=1e-8)
 
 

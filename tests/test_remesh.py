@@ -1,8 +1,10 @@
 """Meshing the true geometry again: names, measures, curved boundaries, counts, sessions, on any number of ranks.
 
-Properties: names, tags and the measures of straight parts survive ten remeshings and refinements in between; what a
-curved boundary loses of the area falls like h^2; the number of cells is that of the sizes; a contact gap that is a
-function of x acts on every mesh alike; a session of the user's survives; without a geometry, the error says what to do.
+Properties: names, tags and the measures of straight parts survive ten remeshings and
+refinements in between; what a curved boundary loses of the area falls like h^2; the
+number of cells is that of the sizes; a contact gap that is a function of x acts on
+every mesh alike; a session of the user's survives; without a geometry, the error says
+what to do.
 """
 
 from pathlib import Path
@@ -31,8 +33,16 @@ BRICKS = {
     "rectangle": (lambda: ec.rectangle(*RECTANGLE, size=0.8), RECTANGLE_SIDES, 14.0),
     "rectangle of cells": (lambda: ec.rectangle(*RECTANGLE, cells=(3, 10)), RECTANGLE_SIDES, 14.0),
     "box": (lambda: ec.box(*BOX, cells=(2, 3, 4)), BOX_SIDES, 6.0),
-    "block.geo": (lambda: ec.read_mesh(MESHES / "block.geo"), dict.fromkeys(("left", "right"), 7.0), 14.0),
-    "dome.geo": (lambda: ec.read_mesh(MESHES / "dome.geo"), {"bottom": 4.0, "left": 2.0, "back": 2.0}, 4.0),
+    "block.geo": (
+        lambda: ec.read_mesh(MESHES / "block.geo"),
+        dict.fromkeys(("left", "right"), 7.0),
+        14.0,
+    ),
+    "dome.geo": (
+        lambda: ec.read_mesh(MESHES / "dome.geo"),
+        {"bottom": 4.0, "left": 2.0, "back": 2.0},
+        4.0,
+    ),
 }
 
 
@@ -46,7 +56,10 @@ def around(domain, point, low, slope):
 def test_names_and_measures_survive_ten_remeshings(brick, measures):
     make, sides, volume = BRICKS[brick]
     domain = first = make()
-    low, high = domain.mesh.geometry.x.min(axis=0)[: domain.dim], domain.mesh.geometry.x.max(axis=0)[: domain.dim]
+    low, high = (
+        domain.mesh.geometry.x.min(axis=0)[: domain.dim],
+        domain.mesh.geometry.x.max(axis=0)[: domain.dim],
+    )
     low, high = (COMM.bcast(v) for v in (low, high))
     for step in range(10):
         point = low + (high - low) * np.array([0.1 * step, 0.3, 0.9])[: domain.dim]
@@ -83,7 +96,11 @@ def test_two_regions_an_interface_and_a_hole(gmsh_session, measures):
 CURVED = {
     "half_disc.geo": (np.pi / 2, {"arc": np.pi, "top": 2.0}, 0.2),
     "punch.geo": (20 * 15 - 2 * 9 * (1 - np.pi / 4), {"foot": 14 + 3 * np.pi, "top": 20.0}, 2.0),
-    "bracket.geo": (2800 + 144 * (1 - np.pi / 4) - 50 * np.pi, {"foot": 80.0, "wall": 80.0, "holes": 20 * np.pi}, 5.0),
+    "bracket.geo": (
+        2800 + 144 * (1 - np.pi / 4) - 50 * np.pi,
+        {"foot": 80.0, "wall": 80.0, "holes": 20 * np.pi},
+        5.0,
+    ),
 }
 
 
@@ -151,7 +168,11 @@ def test_gap_acts_on_every_mesh_alike():
         start = ec.solve(scene, domain, start=start)
         traction = ec.equilibrate(start).tractions[0]
         owned = traction.contact.facets[:, 0] < domain.owned_cells
-        forces.append(COMM.allreduce(float((traction.area @ (owned[:, None] * traction.normal_component)).sum())))
+        forces.append(
+            COMM.allreduce(
+                float((traction.area @ (owned[:, None] * traction.normal_component)).sum())
+            )
+        )
     assert np.ptp(forces) < 0.05 * abs(np.mean(forces)), forces
 
 
@@ -164,7 +185,12 @@ def test_mesh_without_geometry():
 
 
 def test_user_session_keeps_its_options(gmsh_session):
-    names = ("Mesh.MeshSizeMax", "Mesh.MeshSizeExtendFromBoundary", "Mesh.Algorithm", "Mesh.MeshSizeFactor")
+    names = (
+        "Mesh.MeshSizeMax",
+        "Mesh.MeshSizeExtendFromBoundary",
+        "Mesh.Algorithm",
+        "Mesh.MeshSizeFactor",
+    )
     if gmsh_session:
         gmsh_session.option.setNumber("Mesh.MeshSizeMax", 0.3)
         gmsh_session.option.setNumber("Mesh.Algorithm", 5)
@@ -183,4 +209,6 @@ def test_remeshed_meshes_do_not_depend_on_the_number_of_ranks():
         for step in range(3):
             domain = domain.remeshed(around(domain, (0.5, float(step)), 0.05, 0.2))
         cells.append((domain.cells, domain.vertices))
-    assert cells[0][0] == pytest.approx(cells[1][0], rel=0.02)  # gmsh's search for sizes may end in other triangles
+    assert cells[0][0] == pytest.approx(
+        cells[1][0], rel=0.02
+    )  # gmsh's search for sizes may end in other triangles

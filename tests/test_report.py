@@ -1,9 +1,11 @@
 """What a run leaves in its folder can be read by others, and says the same as the run.
 
-- The report is one page of HTML that needs nothing else: no link, no script, pictures inside; it has the numbers of the
-  history, the scene as code, the forces, and neither the name of the machine nor a path.
+- The report is one page of HTML that needs nothing else: no link, no script, pictures
+  inside; it has the numbers of the history, the scene as code, the forces, and neither
+  the name of the machine nor a path.
 - What it calls proved, estimated and not known follows from friction, data and shape.
-- CSV, JSON and the series of meshes hold the numbers of the history; pyvista and meshio read the meshes.
+- CSV, JSON and the series of meshes hold the numbers of the history; pyvista and meshio
+  read the meshes.
 - Notebooks show short tables; one rank alone may ask for them.
 """
 
@@ -68,7 +70,9 @@ class Page(HTMLParser):
             self.depth.append(tag)
         for name, value in attributes:
             if name in ("src", "href", "srcset", "action", "data", "poster", "background"):
-                (self.images if value.startswith("data:image/png;base64,") else self.links).append(value)
+                (self.images if value.startswith("data:image/png;base64,") else self.links).append(
+                    value
+                )
         assert tag not in ("script", "link", "iframe", "object", "embed")
 
     def handle_endtag(self, tag):
@@ -105,10 +109,19 @@ def test_report_needs_nothing_else(history, folder):
     page = page_alone(folder / "report.html", 5)
     lines = page.words.splitlines()
     for step in history.steps:
-        assert {str(step.cells), str(step.dofs), percent(step.eps, 3), f"{step.seconds:.2f}"} <= set(lines)
+        assert {
+            str(step.cells),
+            str(step.dofs),
+            percent(step.eps, 3),
+            f"{step.seconds:.2f}",
+        } <= set(lines)
     assert history.outcome in lines
     assert f"{forces['bottom'].force[1]:.6g}" in lines
-    for code in ("ec.Elastic(E=1.0, nu=0.3)", "lambda x: 0.02 + 0.0 * x[0]", "strategy=ec.Mark(fraction=0.3)"):
+    for code in (
+        "ec.Elastic(E=1.0, nu=0.3)",
+        "lambda x: 0.02 + 0.0 * x[0]",
+        "strategy=ec.Mark(fraction=0.3)",
+    ):
         assert code in page.words
 
 
@@ -158,7 +171,9 @@ def test_all_meshes_are_one_file(history, folder):
         pyvista.save_meshio(folder / "mesh.vtu", grid)
         other = meshio.read(folder / "mesh.vtu")
         assert np.array_equal(other.points, grid.points)
-        assert np.array_equal(other.cells_dict["triangle"], grid.cells_dict[pyvista.CellType.TRIANGLE])
+        assert np.array_equal(
+            other.cells_dict["triangle"], grid.cells_dict[pyvista.CellType.TRIANGLE]
+        )
         assert np.array_equal(other.cell_data_dict["eps_E"]["triangle"], grid["eps_E"])
 
 
@@ -166,8 +181,12 @@ def test_all_meshes_are_one_file(history, folder):
 def test_verdict_follows_from_friction_data_and_shape():
     def said(friction, top=-0.05, domain=None, part="bottom", **options):
         support = ec.Displacement("top", (0.01, top))
-        scene = ec.Scene(ec.Elastic(1.0, 0.3), support, contacts=[ec.Contact(part, friction=friction, **options)])
-        error = ec.constitutive_error(ec.equilibrate(ec.solve(scene, domain or block(1), ec.AugmentedLagrangian())))
+        scene = ec.Scene(
+            ec.Elastic(1.0, 0.3), support, contacts=[ec.Contact(part, friction=friction, **options)]
+        )
+        error = ec.constitutive_error(
+            ec.equilibrate(ec.solve(scene, domain or block(1), ec.AugmentedLagrangian()))
+        )
         return error, verdict(error)
 
     for friction in (0.0, ec.Tresca(0.01)):
@@ -208,7 +227,9 @@ MATERIAL = ec.Elastic(1.0, 0.3)
 
 def pressed(t):
     """A scene that takes a module, a part of it and a function from around it."""
-    return ec.Scene(MATERIAL, ec.Displacement("top", (0.0, -np.sin(t))), contacts=ec.Contact("bottom", gap=bump))
+    return ec.Scene(
+        MATERIAL, ec.Displacement("top", (0.0, -np.sin(t))), contacts=ec.Contact("bottom", gap=bump)
+    )
 
 
 @pytest.mark.serial
@@ -216,7 +237,9 @@ def test_report_says_which_maxima_grow():
     at = np.array([0.0, 7.0])
     growing = results.Maximum(4.0, at, (1.0, 2.0, 4.0), (1.0, 0.5, 0.25))
     steady = results.Maximum(1.1, at, (1.0, 1.1, 1.1), (1.0, 0.5, 0.25))
-    said = of_maxima({"von Mises": growing, "pressure": steady, "shear": replace(steady, values=(), sizes=())})
+    said = of_maxima(
+        {"von Mises": growing, "pressure": steady, "shear": replace(steady, values=(), sizes=())}
+    )
     assert [kind for kind, _ in said] == ["not known", "estimate"]
     assert "greatest von Mises stress is 4 at (0, 7); on the meshes 1, 2, 4: it grows" in said[0][1]
     assert "infinite" in said[0][1]
@@ -225,7 +248,10 @@ def test_report_says_which_maxima_grow():
 
 @pytest.mark.serial
 def test_values_as_code():
-    assert code_of(ec.Traction("right", (np.float64(1), 0.0))) == "ec.Traction(facets='right', value=(1.0, 0.0))"
+    assert (
+        code_of(ec.Traction("right", (np.float64(1), 0.0)))
+        == "ec.Traction(facets='right', value=(1.0, 0.0))"
+    )
     contact = ec.Contact("a", gap=lambda x: R - x[0])
     assert code_of(contact) == "ec.Contact(facets='a', gap=lambda x, R=2.0: R - x[0])"
     two = {"steel": lambda x: 1 + x[0], "rubber": lambda x: 2 * x[1]}
@@ -249,11 +275,20 @@ def test_notebooks_show_tables(history):
     if COMM.rank == COMM.size - 1:
         error = history.error
         shown = {
-            "history": (history, [history.outcome.replace("<", "&lt;"), percent(error.relative, 3)]),
+            "history": (
+                history,
+                [history.outcome.replace("<", "&lt;"), percent(error.relative, 3)],
+            ),
             "error": (error, [percent(error.relative), "contact part"]),
             "solution": (error.solution, [str(error.solution.newton_steps), "converged"]),
-            "domain": (error.domain, [str(error.domain.cells), "left, right, bottom, top", "rectangle from"]),
-            "scene": (error.solution.scene, ["Elastic: E = 1.0, nu = 0.3", "Coulomb friction 0.3", "lambda x: 0.02"]),
+            "domain": (
+                error.domain,
+                [str(error.domain.cells), "left, right, bottom, top", "rectangle from"],
+            ),
+            "scene": (
+                error.solution.scene,
+                ["Elastic: E = 1.0, nu = 0.3", "Coulomb friction 0.3", "lambda x: 0.02"],
+            ),
         }
         for value, words in shown.values():
             page = Page(value._repr_html_())

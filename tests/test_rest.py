@@ -1,8 +1,9 @@
 """Bodies that nothing loads or moves: rest is exact, certified, and told once.
 
-- u, r^ and e are zero to the last bit, in the plane and in space, with both methods and solvers, with and without gap,
-  held by a support or by contact alone.
-- A run has one mesh. A history starts from rest, and comes back to it when the body is released.
+- u, r^ and e are zero to the last bit, in the plane and in space, with both methods and
+  solvers, with and without gap, held by a support or by contact alone.
+- A run has one mesh. A history starts from rest, and comes back to it when the body is
+  released.
 - A gap below zero, a load or a support that moves is no rest.
 """
 
@@ -28,11 +29,15 @@ def unloaded(d, gap=0.0, *, supported=False, load=0.0):
     zero = (0.0,) * d
     supports = [ec.Displacement("top", zero)] if supported else []
     loads = [ec.Traction("right", (load, *zero[1:])), ec.BodyForce(zero)]
-    return ec.Scene(ec.Elastic(1.0, 0.3), supports, loads, [ec.Contact("bottom", friction=0.3, gap=gap)])
+    return ec.Scene(
+        ec.Elastic(1.0, 0.3), supports, loads, [ec.Contact("bottom", friction=0.3, gap=gap)]
+    )
 
 
 @pytest.mark.parametrize("solver", mostly_serial(["direct", "iterative"], ["direct"]))
-@pytest.mark.parametrize("method", mostly_serial([ec.Nitsche(), ec.AugmentedLagrangian()], [ec.Nitsche()]))
+@pytest.mark.parametrize(
+    "method", mostly_serial([ec.Nitsche(), ec.AugmentedLagrangian()], [ec.Nitsche()])
+)
 @pytest.mark.parametrize("gap", GAPS)
 @pytest.mark.parametrize("d", [2, 3])
 def test_rest_is_exact_and_told_once(d, gap, method, solver, caplog):
@@ -64,7 +69,14 @@ def test_a_history_from_rest_and_back(degree, caplog):
 
     history = ec.evolve(scene_at, body(2), np.arange(6.0), accuracy=0.9, degree=degree)
     assert history.reached
-    assert [error.solution.at_rest for error in history.errors] == [True, True, False, False, True, False]
+    assert [error.solution.at_rest for error in history.errors] == [
+        True,
+        True,
+        False,
+        False,
+        True,
+        False,
+    ]
     assert not history.column("eps")[[0, 1, 4]].any()
     assert not history.column("stored")[[0, 1]].any()
     assert history.column("stored")[4] <= 1e-12 * history.column("stored")[3]
@@ -80,11 +92,15 @@ def test_released_curved_body_makes_no_meshes():
     """Its facets do not carry the gap, and all of its error would be relative to nothing."""
 
     def scene_at(t):
-        load = ec.Traction("top", (0.0, -0.01 * float(np.interp(t, [0.0, 1.0, 2.0], [0.0, 1.0, 0.0]))))
+        load = ec.Traction(
+            "top", (0.0, -0.01 * float(np.interp(t, [0.0, 1.0, 2.0], [0.0, 1.0, 0.0])))
+        )
         foot = ec.Contact("arc", 0.3, gap=lambda x: x[1], normal=(0.0, -1.0))
         return ec.Scene(ec.Elastic(1.0, 0.3), [], [load], [foot])
 
-    history = ec.evolve(scene_at, ec.read_mesh(MESHES / "half_disc.geo"), [0.0, 1.0, 2.0], accuracy=0.9)
+    history = ec.evolve(
+        scene_at, ec.read_mesh(MESHES / "half_disc.geo"), [0.0, 1.0, 2.0], accuracy=0.9
+    )
     assert history.reached
     assert history.column("meshes").tolist() == [1, 1, 1]
     assert history.column("eps")[1] > 0.01
@@ -100,7 +116,9 @@ def test_what_is_no_rest(d):
         unloaded(d, load=1e-12, supported=True),
         unloaded(d, -1e-3, supported=True),
         ec.Scene(ec.Elastic(1.0, 0.3), [lifted], [], [foot]),
-        ec.Scene(ec.Elastic(1.0, 0.3), [held], [], [ec.Contact("bottom", gap=1e-3, bilateral=True)]),
+        ec.Scene(
+            ec.Elastic(1.0, 0.3), [held], [], [ec.Contact("bottom", gap=1e-3, bilateral=True)]
+        ),
     ]
     for scene in scenes:
         solution = ec.solve(scene, body(d), ec.AugmentedLagrangian())

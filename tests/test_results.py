@@ -1,9 +1,10 @@
 """What a user asks of a result: the same on all ranks, and consistent with the fields that it is read off.
 
-Properties: all forces on a body balance, with their moments; the force of a contact is the integral of its profile and
-of r^; the profile is in order along open and closed curves; values at points are those of the fields, and do not depend
-on the ranks, also between cells; points outside and unknown names are errors. A solution answers as an error does, by
-its own fields: its forces are those of the discrete equations.
+Properties: all forces on a body balance, with their moments; the force of a contact is
+the integral of its profile and of r^; the profile is in order along open and closed
+curves; values at points are those of the fields, and do not depend on the ranks, also
+between cells; points outside and unknown names are errors. A solution answers as an
+error does, by its own fields: its forces are those of the discrete equations.
 """
 
 import numpy as np
@@ -51,7 +52,10 @@ def test_reactions_of_a_linear_solution(dim, degree):
     sides = {"left": (0, 0), "right": (0, 1), "bottom": (dim - 1, 0), "top": (dim - 1, 1)}
     sides |= {"front": (1, 0), "back": (1, 1)} if dim == 3 else {}
     held = [
-        ec.Displacement(side, tuple((0.02 if side == "right" else 0.0) if i == axis else None for i in range(dim)))
+        ec.Displacement(
+            side,
+            tuple((0.02 if side == "right" else 0.0) if i == axis else None for i in range(dim)),
+        )
         for side, (axis, _) in sides.items()
     ]
     reactions = ec.solve(ec.Scene(ec.Elastic(1.0, 0.3), held), domain, degree=degree).reactions()
@@ -63,16 +67,22 @@ def test_reactions_of_a_linear_solution(dim, degree):
         middle[axis] = end * size[axis]
         moment = np.cross(middle, force)
         assert np.allclose(reactions[side].force, force[:dim], rtol=0, atol=1e-14)
-        assert np.allclose(reactions[side].moment, moment[2:] if dim == 2 else moment, rtol=0, atol=1e-14)
+        assert np.allclose(
+            reactions[side].moment, moment[2:] if dim == 2 else moment, rtol=0, atol=1e-14
+        )
 
 
 def test_force_of_a_solution_is_the_integral_of_its_profile():
     """Forces at nodes are the multiplier times the share of the area: the trapezes of the profile, exactly."""
     solution = ec.solve(common_block(), block(4), ec.AugmentedLagrangian())
     profile, force = solution.profile("bottom"), solution.force("bottom")
-    assert np.trapezoid(profile["pressure"], profile["s"]) == pytest.approx(force.force[1], rel=1e-12)
+    assert np.trapezoid(profile["pressure"], profile["s"]) == pytest.approx(
+        force.force[1], rel=1e-12
+    )
     assert np.trapezoid(profile["shear"], profile["s"]) == pytest.approx(force.force[0], rel=1e-12)
-    assert np.trapezoid(profile["pressure"] * profile["x"], profile["s"]) == pytest.approx(force.moment[0], rel=1e-12)
+    assert np.trapezoid(profile["pressure"] * profile["x"], profile["s"]) == pytest.approx(
+        force.moment[0], rel=1e-12
+    )
 
 
 def test_solution_and_error_agree():
@@ -87,7 +97,9 @@ def test_solution_and_error_agree():
         own, other = solution.force("bottom"), error.force("bottom")
         assert np.allclose(own.force, other.force, rtol=0, atol=1e-12)
         gaps.append(abs(own.moment - other.moment)[0] / abs(other.moment)[0])
-    assert gaps[1] < 0.1 * gaps[0]  # nodal forces are lumped: second order, but for the singular corners
+    assert (
+        gaps[1] < 0.1 * gaps[0]
+    )  # nodal forces are lumped: second order, but for the singular corners
     assert gaps[1] < 0.005
 
 
@@ -99,7 +111,9 @@ def test_contacts_that_meet_have_their_own_forces(method):
         loads=[ec.Traction("right", (-0.03, 0.0)), ec.Traction("top", (0.0, -0.02))],
         contacts=[ec.Contact("bottom"), ec.Contact("left")],
     )
-    reactions = ec.solve(scene, ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(4, 4)), method).reactions()
+    reactions = ec.solve(
+        scene, ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(4, 4)), method
+    ).reactions()
     for name, force, moment in (("bottom", (0.0, 0.02), 0.01), ("left", (0.03, 0.0), -0.015)):
         assert np.allclose(reactions[name].force, force, rtol=0, atol=1e-14)
         assert np.allclose(reactions[name].moment, moment, rtol=0, atol=1e-14)
@@ -114,14 +128,22 @@ def test_profile_of_a_line(degree):
     assert np.allclose(profile["y"], 0.0)
     force = error.force("bottom")
     tolerance = {1: 1e-12, 2: 0.02}[degree]  # trapezes of four parts of a parabola
-    assert np.trapezoid(profile["pressure"], profile["s"]) == pytest.approx(force.force[1], rel=tolerance)
-    assert np.trapezoid(profile["shear"], profile["s"]) == pytest.approx(force.force[0], rel=4 * tolerance)
-    assert np.trapezoid(profile["pressure"] * profile["x"], profile["s"]) == pytest.approx(force.moment[0], rel=0.02)
+    assert np.trapezoid(profile["pressure"], profile["s"]) == pytest.approx(
+        force.force[1], rel=tolerance
+    )
+    assert np.trapezoid(profile["shear"], profile["s"]) == pytest.approx(
+        force.force[0], rel=4 * tolerance
+    )
+    assert np.trapezoid(profile["pressure"] * profile["x"], profile["s"]) == pytest.approx(
+        force.moment[0], rel=0.02
+    )
     assert profile["gap"].min() >= -1e-12
     assert np.all(abs(profile["shear"]) <= profile["friction_bound"] + 1e-14)
     assert np.allclose(profile["friction_bound"], 0.3 * profile["pressure"], rtol=0, atol=1e-14)
     slips = profile["status"] == 1
-    assert np.allclose(abs(profile["shear"])[slips], profile["friction_bound"][slips], rtol=0, atol=1e-6)
+    assert np.allclose(
+        abs(profile["shear"])[slips], profile["friction_bound"][slips], rtol=0, atol=1e-6
+    )
     assert set(profile["status"]) == {0, 1, 2} if degree == 1 else set(profile["status"]) >= {1, 2}
 
 
@@ -133,7 +155,9 @@ def test_profile_in_space():
     corners = profile["pressure"].reshape(-1, 3)
     x = np.stack([profile[axis] for axis in "xyz"], axis=1).reshape(-1, 3, 3)
     area = 0.5 * np.linalg.norm(np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]), axis=1)
-    assert area @ corners.mean(axis=1) == pytest.approx(error.force(traction.contact.name).force[2], rel=1e-10)
+    assert area @ corners.mean(axis=1) == pytest.approx(
+        error.force(traction.contact.name).force[2], rel=1e-10
+    )
 
 
 @pytest.mark.parametrize("degree", [1, 2])
@@ -184,14 +208,19 @@ def test_values_at_points(dim, degree):
     sides = ("left", "right", "bottom", "top", "front", "back")[: 2 * dim]
     scene = ec.Scene(ec.Elastic(E, nu), [ec.Displacement(side, tuple(values)) for side in sides])
     if degree == 2:  # -div of E(x) u' = 0.01 (1 + x^2)(1 + 2x)
-        force = (lambda x: -0.01 * (2 * x[0] * (1 + 2 * x[0]) + 2 * (1 + x[0] ** 2)), *[0.0] * (dim - 1))
+        force = (
+            lambda x: -0.01 * (2 * x[0] * (1 + 2 * x[0]) + 2 * (1 + x[0] ** 2)),
+            *[0.0] * (dim - 1),
+        )
         scene = ec.Scene(scene.material, scene.supports, [ec.BodyForce(force)])
     error = error_of(scene, domain, degree)
     points = np.random.default_rng(1).uniform(0.0, 1.0, (40, dim))
     points[0], points[1] = 1 / 3, 0.0  # a vertex, a corner
     found = error.at(points)
     x = points[:, 0]
-    assert np.allclose(found.displacement[:, 0], 0.01 * (x + bent * x**2), rtol=0, atol=2e-5 * bent + 1e-15)
+    assert np.allclose(
+        found.displacement[:, 0], 0.01 * (x + bent * x**2), rtol=0, atol=2e-5 * bent + 1e-15
+    )
     sigma = (1 + bent * x**2) * 0.01 * (1 + 2 * bent * x)
     assert np.allclose(found.elastic_stress[:, 0, 0], sigma, rtol=0, atol=2e-3 * bent + 1e-14)
     assert np.allclose(found.stress[:, 0, 0], sigma, rtol=0, atol=2e-3 * bent + 1e-14)
@@ -205,7 +234,9 @@ def test_errors_say_what_is_wrong():
     with pytest.raises(ec.InputError, match=r"shape \(n, 2\)"):
         error.at((1.0, 1.0, 1.0))
     for result in (error, error.solution):
-        with pytest.raises(ec.InputError, match="No contact is called 'top'; this scene has bottom"):
+        with pytest.raises(
+            ec.InputError, match="No contact is called 'top'; this scene has bottom"
+        ):
             result.profile("top")
         with pytest.raises(ec.InputError, match="No boundary part is called 'foot'"):
             result.force("foot")
@@ -222,8 +253,15 @@ def test_ranks_agree(seed):
         error = error_of(scene, domain)
         name = error.admissible.tractions[0].contact.name
         if points is None:  # one inside a cell, one at a vertex
-            points = COMM.bcast(np.array([np.full(domain.dim, 0.37), domain.mesh.geometry.x[0, : domain.dim]]))
-        found.append([(one.profile(name), one.at(points), one.reactions()) for one in (error, error.solution)])
+            points = COMM.bcast(
+                np.array([np.full(domain.dim, 0.37), domain.mesh.geometry.x[0, : domain.dim]])
+            )
+        found.append(
+            [
+                (one.profile(name), one.at(points), one.reactions())
+                for one in (error, error.solution)
+            ]
+        )
     for (profile, at, forces), (profile_2, at_2, forces_2) in zip(*found, strict=True):
         for column in profile.dtype.names:
             size = max(abs(profile[column]).max(), 1e-3)
@@ -244,7 +282,10 @@ def test_maxima_and_their_places(dim):
     rollers = [ec.Displacement(name, (0.0, None, None)[:dim]) for name in ("left",)]
     rollers += [ec.Displacement("front", (None, 0.0, None))] if dim == 3 else []
     scene = ec.Scene(
-        ec.Elastic(1.0, 0.0), rollers, [ec.Traction("top", pressure=0.01)], [ec.Contact("bottom", friction=0.3)]
+        ec.Elastic(1.0, 0.0),
+        rollers,
+        [ec.Traction("top", pressure=0.01)],
+        [ec.Contact("bottom", friction=0.3)],
     )
     error = error_of(scene, domain)
     for result in (error, error.solution):
@@ -269,12 +310,20 @@ def test_history_answers_for_its_best_result():
 @pytest.mark.parametrize("degree", [1, 2])
 def test_a_solution_has_values_at_points(degree):
     """Those of its own displacement: a patch of linear displacement."""
-    sides = [ec.Displacement(side, (lambda x: 0.01 * x[0], lambda x: 0.02 * x[0])) for side in ("left", "right")]
-    sides += [ec.Displacement(side, (lambda x: 0.01 * x[0], lambda x: 0.02 * x[0])) for side in ("bottom", "top")]
+    sides = [
+        ec.Displacement(side, (lambda x: 0.01 * x[0], lambda x: 0.02 * x[0]))
+        for side in ("left", "right")
+    ]
+    sides += [
+        ec.Displacement(side, (lambda x: 0.01 * x[0], lambda x: 0.02 * x[0]))
+        for side in ("bottom", "top")
+    ]
     domain = ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(3, 3))
     solution = ec.solve(ec.Scene(ec.Elastic(2.0, 0.0), sides), domain, degree=degree)
     found = solution.at([(0.3, 0.4), (1 / 3, 1 / 3), (1.0, 0.0)])
-    assert np.allclose(found.displacement, [[0.003, 0.006], [0.01 / 3, 0.02 / 3], [0.01, 0.02]], atol=1e-15)
+    assert np.allclose(
+        found.displacement, [[0.003, 0.006], [0.01 / 3, 0.02 / 3], [0.01, 0.02]], atol=1e-15
+    )
     assert np.allclose(found.elastic_stress, [[0.02, 0.02], [0.02, 0.0]], atol=1e-14)
     with pytest.raises(ec.InputError, match="outside the mesh"):
         solution.at((1.5, 0.0))
@@ -284,12 +333,19 @@ def test_a_solution_has_values_at_points(degree):
 def test_the_place_of_equal_maxima_does_not_depend_on_the_ranks():
     """A symmetric cube has each of its maxima at several places, equal but for round-off."""
     scene = ec.Scene(
-        ec.Elastic(1.0, 0.3), [ec.Displacement("top", (0.0, 0.0, -0.05))], [], [ec.Contact("bottom", friction=0.3)]
+        ec.Elastic(1.0, 0.3),
+        [ec.Displacement("top", (0.0, 0.0, -0.05))],
+        [],
+        [ec.Contact("bottom", friction=0.3)],
     )
     found = []
     for comm in (MPI.COMM_SELF, MPI.COMM_WORLD):
-        error = error_of(scene, ec.box((0.0,) * 3, (1.0,) * 3, cells=(3, 3, 2), comm=comm), degree=2)
-        found.append([error.maximum(name) for name in ("von Mises", "displacement", "pressure", "shear")])
+        error = error_of(
+            scene, ec.box((0.0,) * 3, (1.0,) * 3, cells=(3, 3, 2), comm=comm), degree=2
+        )
+        found.append(
+            [error.maximum(name) for name in ("von Mises", "displacement", "pressure", "shear")]
+        )
     for alone, together in zip(*found, strict=True):
         assert together.value == pytest.approx(alone.value, rel=1e-9)
         assert np.allclose(together.place, alone.place, rtol=0, atol=1e-12)
@@ -315,7 +371,11 @@ def test_histories_where_a_result_is_asked_for():
         assert np.array_equal(question(history), question(error))
     assert len(ec.other_solutions(history)) == len(ec.other_solutions(history.solution))
     by_name = history.solution.traction("bottom")
-    assert by_name.ufl_shape == history.solution.traction(history.solution.model.contact("bottom")).ufl_shape == (2,)
+    assert (
+        by_name.ufl_shape
+        == history.solution.traction(history.solution.model.contact("bottom")).ufl_shape
+        == (2,)
+    )
     refused(lambda: history.solution.traction("foot"), "'foot'", "bottom")
     refused(lambda: ec.resultant(scene, "bottom", (0.0, 1.0)), "history", "constitutive_error")
     refused(lambda: results.force(history.solution, "bottom"), "history", "equilibrate")
@@ -323,13 +383,17 @@ def test_histories_where_a_result_is_asked_for():
 
 def test_results_of_all_steps():
     """A history of loads has what a history of meshes has, with one axis more."""
-    history = ec.evolve(lambda t: moved_box(2, 0.02 * t, 0.05)[0], moved_box(2, 0.0, 0.05)[1], [0.0, 0.5, 1.0], 0.9)
+    history = ec.evolve(
+        lambda t: moved_box(2, 0.02 * t, 0.05)[0], moved_box(2, 0.0, 0.05)[1], [0.0, 0.5, 1.0], 0.9
+    )
     at = history.at([(0.3, 0.2), (0.5, 0.5)])
     assert at.displacement.shape == (3, 2, 2)
     assert at.stress.shape == at.elastic_stress.shape == (3, 2, 2, 2)
     assert np.array_equal(at.stress[2], history.error.at([(0.3, 0.2), (0.5, 0.5)]).stress)
     greatest = history.maximum("von Mises")
-    assert [step.value for step in greatest] == [error.maximum("von Mises").value for error in history.errors]
+    assert [step.value for step in greatest] == [
+        error.maximum("von Mises").value for error in history.errors
+    ]
     forces = history.reactions()
     assert np.array_equal(forces["bottom"].force, history.force("bottom"))
     assert forces["top"].moment.shape == (3, 1)
@@ -412,7 +476,9 @@ def test_peaks_do_not_depend_on_the_ranks():
     scene = common_block()
     found = []
     for comm in (MPI.COMM_SELF, MPI.COMM_WORLD):
-        history = ec.adapt(scene, ec.rectangle((0.0, 0.0), (2.0, 7.0), cells=(4, 14), comm=comm), 0.05)
+        history = ec.adapt(
+            scene, ec.rectangle((0.0, 0.0), (2.0, 7.0), cells=(4, 14), comm=comm), 0.05
+        )
         found.append([history.maximum(name) for name in ("von Mises", "pressure", "shear")])
     for alone, together in zip(*found, strict=True):
         assert together.values == pytest.approx(alone.values, rel=1e-6)

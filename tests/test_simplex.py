@@ -1,10 +1,13 @@
 """Tables of the reference simplex: properties that all that follows relies on, each as a number.
 
-- Bernstein polynomials are a positive partition of unity with equal integrals, and give back polynomials of the degree;
-- coefficients and nodal values are inverse to each other; gradients are those of finite differences;
+- Bernstein polynomials are a positive partition of unity with equal integrals, and give
+  back polynomials of the degree;
+- coefficients and nodal values are inverse to each other; gradients are those of finite
+  differences;
 - a facet's nodes are the cell's nodes on it, in the order of the facet's own;
 - a permutation of the vertices permutes the points of a rule;
-- projections give back polynomials, averages of a constant are this constant, measures are those of known simplices.
+- projections give back polynomials, averages of a constant are this constant, measures
+  are those of known simplices.
 """
 
 from itertools import permutations
@@ -30,7 +33,9 @@ def test_bernstein(d, k):
     assert np.allclose(values.sum(axis=1), 1, atol=1e-14)
     points, weights = simplex.rule(d, k)
     assert np.allclose(weights @ simplex.bernstein(d, k, points), 1 / values.shape[1], atol=1e-14)
-    assert np.allclose(simplex.at_nodes(d, k) @ simplex.coefficients(d, k), np.eye(values.shape[1]), atol=1e-14)
+    assert np.allclose(
+        simplex.at_nodes(d, k) @ simplex.coefficients(d, k), np.eye(values.shape[1]), atol=1e-14
+    )
 
     def polynomial(x):
         return (1 + x @ np.arange(1, d + 1)) ** k
@@ -53,7 +58,9 @@ def test_gradients(d, k):
 @pytest.mark.parametrize(("d", "k"), [(2, 1), (2, 2), (3, 1), (3, 2)])
 def test_facet_nodes(d, k):
     corners = np.vstack([np.zeros(d), np.eye(d)])
-    for on_facet, vertices in zip(simplex.local_facet_nodes(d, k), simplex.facet_vertices(d), strict=True):
+    for on_facet, vertices in zip(
+        simplex.local_facet_nodes(d, k), simplex.facet_vertices(d), strict=True
+    ):
         expected = simplex.barycentric(simplex.nodes(d - 1, k)) @ corners[vertices]
         assert np.allclose(simplex.nodes(d, k)[on_facet], expected, atol=1e-15)
 

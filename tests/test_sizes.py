@@ -1,10 +1,12 @@
 """The optimal mesh: the formula, its prediction, and the loop that ends at the accuracy asked for.
 
-- r_E is the paper's where all rates are k, and satisfies the condition of the least number of elements otherwise;
+- r_E is the paper's where all rates are k, and satisfies the condition of the least
+  number of elements otherwise;
 - rates below k are found at singular points, and only there;
-- the mesh made has the number of elements predicted to 5% (2D) and 15% (3D), the error to 25% from a coarse mesh and to
-  8% from one near by;
-- adapt ends with eps <= accuracy in few meshes, coarsens where it may, and stops before it spends time in vain.
+- the mesh made has the number of elements predicted to 5% (2D) and 15% (3D), the error
+  to 25% from a coarse mesh and to 8% from one near by;
+- adapt ends with eps <= accuracy in few meshes, coarsens where it may, and stops before
+  it spends time in vain.
 """
 
 import logging
@@ -48,7 +50,12 @@ def dome():
         material=ec.Elastic(E=1.0, nu=0.3),
         supports=[ec.Displacement("top", (0.01, 0.0, -0.05))],
         contacts=[
-            ec.Contact("bottom", friction=0.3, gap=lambda x: (x[0] ** 2 + x[1] ** 2) / 6, normal=(0.0, 0.0, -1.0))
+            ec.Contact(
+                "bottom",
+                friction=0.3,
+                gap=lambda x: (x[0] ** 2 + x[1] ** 2) / 6,
+                normal=(0.0, 0.0, -1.0),
+            )
         ],
     )
 
@@ -127,7 +134,11 @@ def test_nothing_loaded_coarsens():
 @pytest.mark.parametrize("name", mostly_serial(SCENES, ["block", "dome"]))
 def test_predictions(name):
     make, mesh, accuracy = SCENES[name]
-    scene, rows, tighten = make(), [], 10 if name == "dome" else 0  # in 3D the loose error needs a million cells
+    scene, rows, tighten = (
+        make(),
+        [],
+        10 if name == "dome" else 0,
+    )  # in 3D the loose error needs a million cells
     error = measured(scene, mesh(), tighten)
     for _ in range(2):
         sizes = ec.size_map(error, accuracy)
@@ -165,7 +176,9 @@ def test_loop_coarsens():
 
 @pytest.mark.serial
 def test_greco_to_half_a_percent():
-    history = ec.adapt(greco(), ec.read_mesh(MESHES / "greco.geo"), 0.005, strategy=ec.SizeMap(), tighten=0)
+    history = ec.adapt(
+        greco(), ec.read_mesh(MESHES / "greco.geo"), 0.005, strategy=ec.SizeMap(), tighten=0
+    )
     assert history.reached
     surface = whole_contact(history.best.admissible, history.best.admissible.tractions[0])
     status, ends = contact_status(surface.traction), np.sort(surface.x[..., 0], axis=1)
@@ -188,7 +201,9 @@ def test_coarse_mesh_does_not_refuse_what_can_be_done():
         supports=[ec.Displacement("top", (0.0, -0.004))],
         contacts=[ec.Contact("arc", gap=lambda x: x[1], normal=(0.0, -1.0))],
     )
-    history = ec.adapt(scene, ec.read_mesh(MESHES / "half_disc.geo"), 0.05, strategy=ec.SizeMap(), max_cells=5000)
+    history = ec.adapt(
+        scene, ec.read_mesh(MESHES / "half_disc.geo"), 0.05, strategy=ec.SizeMap(), max_cells=5000
+    )
     assert history.steps[0].eps > 0.5
     assert history.reached
     assert history.steps[-1].cells < 5000
@@ -240,8 +255,13 @@ def test_strategy_of_the_user():
 
 @pytest.mark.ranks
 def test_sizes_do_not_depend_on_the_number_of_ranks():
-    sizes = [ec.size_map(measured(prototype_block(), block(8, c)), 0.02) for c in (MPI.COMM_SELF, MPI.COMM_WORLD)]
+    sizes = [
+        ec.size_map(measured(prototype_block(), block(8, c)), 0.02)
+        for c in (MPI.COMM_SELF, MPI.COMM_WORLD)
+    ]
     assert sizes[0].predicted_cells == pytest.approx(sizes[1].predicted_cells, rel=1e-6)
     assert sizes[0].predicted_eps == pytest.approx(sizes[1].predicted_eps, rel=1e-6)
-    everywhere = [np.sort(np.concatenate(s.error.solution.model.comm.allgather(s.ratio))) for s in sizes]
+    everywhere = [
+        np.sort(np.concatenate(s.error.solution.model.comm.allgather(s.ratio))) for s in sizes
+    ]
     assert np.allclose(everywhere[0], everywhere[1], rtol=1e-5)

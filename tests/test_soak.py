@@ -1,8 +1,9 @@
 """A process that solves often stays as it is: what a run made is freed when nobody has it any more.
 
-After a run the number of live meshes and compiled forms is what it was, on every interpreter; each of them holds MPI
-communicators, of which there are some thousand. On several ranks PETSc's objects that nobody has any more are freed,
-too, whether or not a solution was used: each mesh would keep a communicator and a factor or a hierarchy.
+After a run the number of live meshes and compiled forms is what it was, on every
+interpreter; each of them holds MPI communicators, of which there are some thousand. On
+several ranks PETSc's objects that nobody has any more are freed, too, whether or not a
+solution was used: each mesh would keep a communicator and a factor or a hierarchy.
 """
 
 import gc
@@ -19,7 +20,9 @@ import erc_contact as ec
 def live():
     """Meshes and forms that are alive."""
     gc.collect()
-    return sum(isinstance(thing, dmesh.Mesh | fem.Form | fem.FunctionSpace) for thing in gc.get_objects())
+    return sum(
+        isinstance(thing, dmesh.Mesh | fem.Form | fem.FunctionSpace) for thing in gc.get_objects()
+    )
 
 
 @pytest.mark.serial
@@ -31,7 +34,9 @@ def test_runs_leave_nothing_behind():
     )
     counts = []
     for _ in range(3):
-        ec.adapt(scene, ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(3, 3)), accuracy=1e-6, max_steps=2)
+        ec.adapt(
+            scene, ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(3, 3)), accuracy=1e-6, max_steps=2
+        )
         counts.append(live())
     assert counts[2] == counts[1], counts
 
@@ -53,11 +58,15 @@ def communicators():
 @pytest.mark.parametrize("used", [False, True])
 def test_solutions_that_are_dropped_are_freed_on_all_ranks(solver, used):
     scene = ec.Scene(
-        ec.Elastic(1.0, 0.3), [ec.Displacement("top", (0.02, -0.05))], contacts=[ec.Contact("bottom", friction=0.3)]
+        ec.Elastic(1.0, 0.3),
+        [ec.Displacement("top", (0.02, -0.05))],
+        contacts=[ec.Contact("bottom", friction=0.3)],
     )
     left = []
     for _ in range(5):
-        solution = ec.solve(scene, ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(3, 3)), solver=solver)
+        solution = ec.solve(
+            scene, ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(3, 3)), solver=solver
+        )
         if used:
             ec.equilibrate(solution)
         del solution
@@ -72,7 +81,9 @@ def test_steps_of_a_history_share_communicators(method):
 
     def scene_at(t):
         top = ec.Displacement("top", (0.02 * np.sin(t), -0.05))
-        return ec.Scene(ec.Elastic(lambda x: 1.0 + x[0], 0.3), top, contacts=ec.Contact("bottom", friction=0.3))
+        return ec.Scene(
+            ec.Elastic(lambda x: 1.0 + x[0], 0.3), top, contacts=ec.Contact("bottom", friction=0.3)
+        )
 
     def count(error, row):
         gc.collect()

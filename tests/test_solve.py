@@ -1,9 +1,12 @@
 """The contact solve: known cases, the default start on all meshes, and what a scene does not need is not there.
 
-- GRECO and the common block against converged values of independent codes, within the stated tolerances;
-- a scene without contact is one linear solve; without friction no friction term is formed;
+- GRECO and the common block against converged values of independent codes, within the
+  stated tolerances;
+- a scene without contact is one linear solve; without friction no friction term is
+  formed;
 - the way of starting does not change the solution; nothing is left in PETSc's options;
-- NotConverged says what was tried; the default solves what one of the two methods solves, and says which it was.
+- NotConverged says what was tried; the default solves what one of the two methods
+  solves, and says which it was.
 """
 
 import numpy as np
@@ -28,7 +31,9 @@ def ends(traction: ContactTraction, solution: ec.Solution) -> tuple[np.ndarray, 
     pressure = -traction.normal_component.mean(axis=1)
     shear = np.linalg.norm(traction.tangential_part.mean(axis=1), axis=1)
     bound = traction.friction_bound.mean(axis=1)
-    status = np.where(pressure <= 1e-9 * pressure.max(), 0, np.where(shear >= (1 - 1e-6) * bound, 1, 2))
+    status = np.where(
+        pressure <= 1e-9 * pressure.max(), 0, np.where(shear >= (1 - 1e-6) * bound, 1, 2)
+    )
     order = np.argsort(x[:, 0])
     return x[order], status[order]
 
@@ -63,7 +68,9 @@ def test_greco_converges_from_the_default_start(n):
 
 @pytest.mark.serial
 def test_greco_on_an_adapted_mesh():
-    history = ec.adapt(greco(), ec.rectangle((0.0, 0.0), (40.0, 40.0), cells=(8, 8)), accuracy=0.007)
+    history = ec.adapt(
+        greco(), ec.rectangle((0.0, 0.0), (40.0, 40.0), cells=(8, 8)), accuracy=0.007
+    )
     check_greco(history.best.admissible.solution)
     assert history.steps[-1].cells < 32768
 
@@ -75,7 +82,8 @@ def test_common_block_forces_and_zones():
     traction = ec.equilibrate(solution).tractions[0]
     force = resultant(traction)
     assert force[1] == pytest.approx(0.015997, abs=1.0e-6)
-    # the equilibrated r^ changes the shear by 0.1%; the method's own traction gives the digits of the codes
+    # the equilibrated r^ changes the shear by 0.1%; the method's own traction gives the
+    # digits of the codes
     model, contact = solution.model, solution.model.contacts[0]
     shear = fem.form(solution.traction(contact)[0] * contact.ds(metadata={"quadrature_degree": 4}))
     assert model.comm.allreduce(fem.assemble_scalar(shear)) == pytest.approx(-0.001350, abs=0.6e-6)
@@ -102,10 +110,14 @@ def test_scene_without_contact_is_a_linear_solve():
 
 @pytest.mark.serial
 def test_frictionless_scene_has_no_friction_term():
-    scene = ec.Scene(prototype_block().material, prototype_block().supports, (), [ec.Contact("bottom")])
+    scene = ec.Scene(
+        prototype_block().material, prototype_block().supports, (), [ec.Contact("bottom")]
+    )
     solution = ec.solve(scene, block(4))
     model = solution.model
-    form = solution.method.equations(model, model.contacts[0], solution.u, ufl.TestFunction(model.V))
+    form = solution.method.equations(
+        model, model.contacts[0], solution.u, ufl.TestFunction(model.V)
+    )
     assert model.contacts[0].friction is None
     assert model.contacts[0].gap is None
     assert not ufl.algorithms.extract_type(form, ufl.classes.Sqrt)
@@ -116,7 +128,10 @@ def test_frictionless_scene_has_no_friction_term():
 @pytest.mark.serial
 def test_start_does_not_change_the_solution():
     coarse = ec.solve(common_block(), block(8))
-    cold, warm = ec.solve(common_block(), block(16)), ec.solve(common_block(), block(16), start=coarse)
+    cold, warm = (
+        ec.solve(common_block(), block(16)),
+        ec.solve(common_block(), block(16), start=coarse),
+    )
     difference = np.abs(cold.u.x.array - warm.u.x.array).max(initial=0.0)
     assert cold.domain.mesh.comm.allreduce(difference, MPI.MAX) < 1e-9
     assert "glued" not in warm.reason
@@ -125,7 +140,9 @@ def test_start_does_not_change_the_solution():
 @pytest.mark.serial
 @pytest.mark.parametrize("theta", [0, 1, -1])
 def test_methods_agree_within_the_discretisation(theta):
-    solution = ec.solve(common_block(), block(16), ec.Nitsche(theta=theta, gamma=10.0 if theta else 100.0))
+    solution = ec.solve(
+        common_block(), block(16), ec.Nitsche(theta=theta, gamma=10.0 if theta else 100.0)
+    )
     force = resultant(ec.equilibrate(solution).tractions[0])
     assert force[1] == pytest.approx(0.0160, rel=5e-3)
 
@@ -140,10 +157,14 @@ def test_gap_closes():
             supports=[ec.Displacement("top", (0.0, -push))],
             contacts=[ec.Contact("bottom", gap=0.01)],
         )
-        return resultant(ec.equilibrate(ec.solve(scene, ec.rectangle((0, 0), (1, 1), cells=(4, 4)))).tractions[0])[1]
+        return resultant(
+            ec.equilibrate(ec.solve(scene, ec.rectangle((0, 0), (1, 1), cells=(4, 4)))).tractions[0]
+        )[1]
 
     assert pressure(0.005) == pytest.approx(0.0, abs=1e-12)
-    assert pressure(0.03) == pytest.approx(0.02, rel=1e-9)  # nu = 0: a bar of length 1, width 1, E = 1
+    assert pressure(0.03) == pytest.approx(
+        0.02, rel=1e-9
+    )  # nu = 0: a bar of length 1, width 1, E = 1
 
 
 def test_options_of_the_user_win_and_ours_are_not_left():
@@ -160,7 +181,9 @@ def test_options_of_the_user_win_and_ours_are_not_left():
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize(("degree", "method"), [(1, ec.AugmentedLagrangian()), (2, ec.Nitsche())], ids=str)
+@pytest.mark.parametrize(
+    ("degree", "method"), [(1, ec.AugmentedLagrangian()), (2, ec.Nitsche())], ids=str
+)
 def test_two_bodies_are_solved_as_each_alone(degree, method):
     """Each is held vertically by its contact only: two motions that no support holds, each of one body.
 
@@ -169,11 +192,16 @@ def test_two_bodies_are_solved_as_each_alone(degree, method):
 
     def entries(body, push):
         supports = [ec.Displacement(f"right{body}", (0.0, None))]
-        loads = [ec.Traction(f"top{body}", pressure=0.02), ec.Traction(f"left{body}", pressure=push)]
+        loads = [
+            ec.Traction(f"top{body}", pressure=0.02),
+            ec.Traction(f"left{body}", pressure=push),
+        ]
         return supports, loads, [ec.Contact(f"bottom{body}", friction=0.5)]
 
     def error(supports, loads, contacts):
-        solution = ec.solve(ec.Scene(ec.Elastic(1.0, 0.3), supports, loads, contacts), domain, method, degree=degree)
+        solution = ec.solve(
+            ec.Scene(ec.Elastic(1.0, 0.3), supports, loads, contacts), domain, method, degree=degree
+        )
         return ec.constitutive_error(ec.equilibrate(solution, tighten=0))
 
     domain, first, second = two_squares(), entries(1, 0.03), entries(2, 0.01)
@@ -195,8 +223,15 @@ HARD = {
 """Friction coefficients at which Nitsche's method found no solution from the starts of earlier versions, and others."""
 
 
-def pushed_block(friction: float, nu: float = 0.3, push: tuple[float, float] = (0.1, -0.05)) -> ec.Scene:
-    return ec.Scene(ec.Elastic(1.0, nu), [ec.Displacement("top", push)], [], [ec.Contact("bottom", friction=friction)])
+def pushed_block(
+    friction: float, nu: float = 0.3, push: tuple[float, float] = (0.1, -0.05)
+) -> ec.Scene:
+    return ec.Scene(
+        ec.Elastic(1.0, nu),
+        [ec.Displacement("top", push)],
+        [],
+        [ec.Contact("bottom", friction=friction)],
+    )
 
 
 def on_a_sphere(friction: float) -> ec.Scene:
@@ -214,9 +249,15 @@ def on_a_sphere(friction: float) -> ec.Scene:
 
 SCENES = {
     "block": (pushed_block, lambda: block(4)),
-    "block, nu 0.35": (lambda friction: pushed_block(friction, 0.35, (0.12, -0.05)), lambda: block(4)),
+    "block, nu 0.35": (
+        lambda friction: pushed_block(friction, 0.35, (0.12, -0.05)),
+        lambda: block(4),
+    ),
     "GRECO": (greco, lambda: ec.rectangle((0.0, 0.0), (40.0, 40.0), cells=(6, 6))),
-    "cube on a sphere": (on_a_sphere, lambda: two_halves(ec.box((0.0,) * 3, (1.0,) * 3, cells=(2, 2, 2)), 2, 0.4)),
+    "cube on a sphere": (
+        on_a_sphere,
+        lambda: two_halves(ec.box((0.0,) * 3, (1.0,) * 3, cells=(2, 2, 2)), 2, 0.4),
+    ),
 }
 
 
@@ -226,7 +267,10 @@ SCENES = {
 def test_default_solves_every_friction(name, degree):
     make, mesh = SCENES[name]
     domain = mesh()
-    for friction in (*HARD[name], *np.geomspace(0.001, 2.0, 3 if name == "cube on a sphere" else 4)):
+    for friction in (
+        *HARD[name],
+        *np.geomspace(0.001, 2.0, 3 if name == "cube on a sphere" else 4),
+    ):
         ec.solve(make(friction), domain, degree=degree).stiffness.free()
 
 
@@ -271,7 +315,10 @@ class Orthotropic:
     def compliance(self, sigma, Cxx, Cyy, Cxy, G):
         xx, yy, xy = sigma[0, 0], sigma[1, 1], sigma[0, 1]
         det = Cxx * Cyy - Cxy**2
-        eps = [[(Cyy * xx - Cxy * yy) / det, xy / (2 * G)], [xy / (2 * G), (Cxx * yy - Cxy * xx) / det]]
+        eps = [
+            [(Cyy * xx - Cxy * yy) / det, xy / (2 * G)],
+            [xy / (2 * G), (Cxx * yy - Cxy * xx) / det],
+        ]
         return ufl.as_matrix(eps)
 
     def modulus(self, Cxx, Cyy, Cxy, G):
@@ -288,7 +335,9 @@ def test_material_of_the_user():
     def eps(material, n):
         scene = ec.Scene(material, base.supports, base.loads, base.contacts)
         # gamma is scaled by the modulus of the material
-        method = ec.Nitsche(gamma=10.0 if isinstance(material, ec.Elastic) else 10.0 * E / (lam + 2 * G))
+        method = ec.Nitsche(
+            gamma=10.0 if isinstance(material, ec.Elastic) else 10.0 * E / (lam + 2 * G)
+        )
         return ec.constitutive_error(ec.equilibrate(ec.solve(scene, block(n), method))).relative
 
     same = Orthotropic(lam + 2 * G, lam + 2 * G, lam, G)

@@ -1,8 +1,10 @@
 """The direct solver by parts: it solves the equations of the whole body, with the Schur complement on the contact.
 
-- ``(K + D) u = b`` to round-off with the matrix that PETSc assembles for all ranks, for forces everywhere and for
-  forces at the contact only, where S_L times the displacement gives the forces back (its signs and its order);
-- parts without cells, without anything inside, and bodies that ranks share in no vertex;
+- ``(K + D) u = b`` to round-off with the matrix that PETSc assembles for all ranks, for
+  forces everywhere and for forces at the contact only, where S_L times the displacement
+  gives the forces back (its signs and its order);
+- parts without cells, without anything inside, and bodies that ranks share in no
+  vertex;
 - what cannot be factorised is an InputError on all ranks, wherever it is found;
 - blocks of a large factor are compressed, and the solution is the same.
 """
@@ -26,7 +28,9 @@ COMM = MPI.COMM_WORLD
 
 def one_square() -> tuple[ec.Scene, ec.Domain]:
     """Two triangles: on three ranks one has none, and no node is inside a part."""
-    scene = ec.Scene(ec.Elastic(1.0, 0.3), [], [ec.Traction("top", pressure=0.1)], [ec.Contact("bottom", 0.3)])
+    scene = ec.Scene(
+        ec.Elastic(1.0, 0.3), [], [ec.Traction("top", pressure=0.1)], [ec.Contact("bottom", 0.3)]
+    )
     return scene, ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(1, 1))
 
 
@@ -61,7 +65,11 @@ def solved(elastic: Stiffness, values: np.ndarray) -> tuple[np.ndarray, np.ndarr
     size = abs(whole.getDiagonal().array * x.array).max(initial=0.0)
     size = COMM.allreduce(float(size), MPI.MAX)
     parts.destroy()
-    return x.array.copy(), b.array.copy(), COMM.allreduce(float(abs(r.array).max(initial=0.0)), MPI.MAX) / size
+    return (
+        x.array.copy(),
+        b.array.copy(),
+        COMM.allreduce(float(abs(r.array).max(initial=0.0)), MPI.MAX) / size,
+    )
 
 
 def check(case: str, degree: int) -> None:
@@ -76,7 +84,9 @@ def check(case: str, degree: int) -> None:
     if not elastic.contact_size:
         return
     at_contact = np.zeros(owned)
-    at_contact[elastic.local[elastic.local < owned]] = rng.standard_normal(np.count_nonzero(elastic.local < owned))
+    at_contact[elastic.local[elastic.local < owned]] = rng.standard_normal(
+        np.count_nonzero(elastic.local < owned)
+    )
     x, b, residual = solved(elastic, at_contact)
     assert residual < 1e-12
     u, force = model.function(), model.function()
@@ -129,7 +139,9 @@ def test_joints_eliminate_what_lies_between_parts(parts):
     inner = np.setdiff1d(np.arange(20), joint.numbers)
     assert np.array_equal(inner, np.arange(17))
     i, o = np.ix_(inner, inner), np.ix_(inner, joint.numbers)
-    expected = whole[np.ix_(joint.numbers, joint.numbers)] - whole[o].T @ np.linalg.solve(whole[i], whole[o])
+    expected = whole[np.ix_(joint.numbers, joint.numbers)] - whole[o].T @ np.linalg.solve(
+        whole[i], whole[o]
+    )
     assert np.allclose(joint.schur, expected, rtol=0, atol=1e-12 * abs(whole).max())
 
 
@@ -158,9 +170,15 @@ def test_a_joint_that_is_not_definite_is_told():
 @pytest.mark.serial
 def test_compressed_factors_solve_as_the_others(monkeypatch):
     """Units far from 1: what is left out of a factor is measured by the softest equation."""
-    monkeypatch.setattr(mumps, "sigterm_held", lambda: nullcontext(True))  # other threads of pytest might take it
+    monkeypatch.setattr(
+        mumps, "sigterm_held", lambda: nullcontext(True)
+    )  # other threads of pytest might take it
     for E in (1e-9, 1.0, 2.1e11):
-        scene = ec.Scene(ec.Elastic(E, 0.3), ec.Displacement("top", (0.02, -0.05)), contacts=ec.Contact("bottom", 0.3))
+        scene = ec.Scene(
+            ec.Elastic(E, 0.3),
+            ec.Displacement("top", (0.02, -0.05)),
+            contacts=ec.Contact("bottom", 0.3),
+        )
         elastic = Stiffness(bind(scene, ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(120, 120)), 1))
         matrix = elastic.stiffness()
         elastic.add_glue(matrix)

@@ -1,9 +1,11 @@
 """Curved bodies: where the true surface is known, what flat facets cost is small, measured, and never hidden.
 
-Properties: refinement puts new vertices of curved boundaries, edges and interfaces on the true surface, on any number
-of ranks, and turns no cell over; gap and normal are those of the true surface; the estimate of what facets cost is the
-size of the true cost, against a closed form; it is zero for straight bodies; it steers a run, and no bound is called
-guaranteed while it is not zero; two ways to mesh a body end in the same numbers.
+Properties: refinement puts new vertices of curved boundaries, edges and interfaces on
+the true surface, on any number of ranks, and turns no cell over; gap and normal are
+those of the true surface; the estimate of what facets cost is the size of the true
+cost, against a closed form; it is zero for straight bodies; it steers a run, and no
+bound is called guaranteed while it is not zero; two ways to mesh a body end in the same
+numbers.
 """
 
 from pathlib import Path
@@ -59,7 +61,9 @@ INCLUSION = (
 def off_surface(domain, part, centre):
     """Greatest distance of the vertices of a part from the circle or sphere of radius 1, over all ranks."""
     sides = domain.facets(part)
-    nodes = np.unique(domain.mesh.geometry.dofmaps[0][sides[:, :1], facet_vertices(domain.dim)[sides[:, 1]]])
+    nodes = np.unique(
+        domain.mesh.geometry.dofmaps[0][sides[:, :1], facet_vertices(domain.dim)[sides[:, 1]]]
+    )
     distance = np.linalg.norm(domain.mesh.geometry.x[nodes] - centre, axis=1) - 1
     return COMM.allreduce(float(abs(distance).max(initial=0.0)), MPI.MAX)
 
@@ -69,7 +73,12 @@ def test_refined_half_disc_is_on_the_circle(measures):
     for step in range(4):
         assert off_surface(domain, "arc", (0.0, 1.0, 0.0)) < 1e-12
         missing.append(np.pi / 2 - measures.region(domain))
-        low = domain.mesh.geometry.x[domain.mesh.geometry.dofmaps[0][: domain.owned_cells], 1].min(axis=1) < 0.5
+        low = (
+            domain.mesh.geometry.x[domain.mesh.geometry.dofmaps[0][: domain.owned_cells], 1].min(
+                axis=1
+            )
+            < 0.5
+        )
         domain = domain.refined(np.flatnonzero(low) if step == 2 else None)
     assert missing[1] / missing[0] == pytest.approx(0.25, rel=0.02)
     assert missing[2] / missing[1] == pytest.approx(0.25, rel=0.01)
@@ -93,14 +102,21 @@ def test_coarse_inclusion_turns_no_cell_over(shared_tmp_path, measures):
     before = abs(measures.region(domain, "ball") - np.pi / 6)
     for _ in range(2):
         domain = domain.refined()
-        assert measures.region(domain) == pytest.approx(8.0, rel=1e-12)  # cells of negative volume would add to it
+        assert measures.region(domain) == pytest.approx(
+            8.0, rel=1e-12
+        )  # cells of negative volume would add to it
     assert abs(measures.region(domain, "ball") - np.pi / 6) < 0.4 * before
 
 
 @pytest.mark.serial
 def test_straight_bodies_pay_nothing():
-    scene = ec.Scene(ec.Elastic(1.0, 0.3), [ec.Displacement("top", (0.0, -0.01))], [], [ec.Contact("bottom")])
-    for domain in (ec.rectangle((0.0, 0.0), (1.0, 1.0), size=0.5), ec.read_mesh(MESHES / "block.geo")):
+    scene = ec.Scene(
+        ec.Elastic(1.0, 0.3), [ec.Displacement("top", (0.0, -0.01))], [], [ec.Contact("bottom")]
+    )
+    for domain in (
+        ec.rectangle((0.0, 0.0), (1.0, 1.0), size=0.5),
+        ec.read_mesh(MESHES / "block.geo"),
+    ):
         error = ec.constitutive_error(ec.equilibrate(ec.solve(scene, domain)))
         assert domain.curved_facets is None
         assert error.geometry_error == 0.0
@@ -117,7 +133,9 @@ def test_cost_of_facets_of_a_pressed_ring(shared_tmp_path):
         supports=[ec.Displacement("x", (None, 0.0)), ec.Displacement("y", (0.0, None))],
         loads=[ec.Traction("inner", pressure=p)],
     )
-    radial = p * a**2 / (b**2 - a**2) * (1 + nu) / E * ((1 - 2 * nu) * a + b**2 / a)  # u_r(a), plane strain
+    radial = (
+        p * a**2 / (b**2 - a**2) * (1 + nu) / E * ((1 - 2 * nu) * a + b**2 / a)
+    )  # u_r(a), plane strain
     exact = -0.5 * p * radial * np.pi / 2 * a
     domain, ratios = from_script(RING, shared_tmp_path, "ring"), []
     for size in (0.4, 0.2, 0.1):
@@ -140,7 +158,11 @@ def test_gap_and_normal_are_those_of_the_true_surface(normal, shared_tmp_path):
         return 1.1 - ufl.sqrt(ufl.dot(x, x))
 
     domain = from_script(BALL, shared_tmp_path, "ball")
-    contact = ec.Contact("sphere", gap=gap, normal=normal if normal == "gap" else lambda x: x / ufl.sqrt(ufl.dot(x, x)))
+    contact = ec.Contact(
+        "sphere",
+        gap=gap,
+        normal=normal if normal == "gap" else lambda x: x / ufl.sqrt(ufl.dot(x, x)),
+    )
     scene = ec.Scene(ec.Elastic(1.0, 0.3), [ec.Displacement("top", (0.0, 0.0, 0.0))], [], [contact])
     model = Model(scene, domain)
     bound = model.contacts[0]
@@ -150,7 +172,9 @@ def test_gap_and_normal_are_those_of_the_true_surface(normal, shared_tmp_path):
     assert COMM.allreduce(float((polygon - 0.1).max(initial=0.0)), MPI.MAX) > 0.01
     assert abs(values - 0.1).max(initial=0.0) < 1e-3  # the offset is quadratic on each facet
     middle = x[:, 0] / np.linalg.norm(x[:, 0], axis=1)[:, None]
-    alone = np.bincount(bound.facets[:, 0])[bound.facets[:, 0]] == 1  # a cell with two facets has their mean
+    alone = (
+        np.bincount(bound.facets[:, 0])[bound.facets[:, 0]] == 1
+    )  # a cell with two facets has their mean
     assert abs(bound.direction - middle)[alone].max(initial=0.0) < 5e-3
 
 
@@ -175,13 +199,21 @@ def test_hertz_by_marking():
     peak = 2 * force / (np.pi * half_width)
     points = np.linspace(0, 1, 9)[:, None]
     pressure = -traction.normal_component @ bernstein(1, 2, points).T
-    x = evaluate(model.x, domain if model is None else model.mesh, points, traction.contact.facets)[..., 0]
+    x = evaluate(model.x, domain if model is None else model.mesh, points, traction.contact.facets)[
+        ..., 0
+    ]
     hertzian = peak * np.sqrt(np.maximum(1 - (x / half_width) ** 2, 0.0))
-    own = (traction.contact.facets[:, 0] < model.domain.owned_cells)[:, None] & (abs(x) < 0.98 * half_width)
+    own = (traction.contact.facets[:, 0] < model.domain.owned_cells)[:, None] & (
+        abs(x) < 0.98 * half_width
+    )
     weight = np.where(own, traction.area[:, None], 0.0)
-    square, whole = (COMM.allreduce(float(np.sum(weight * v**2))) for v in (pressure - hertzian, hertzian))
+    square, whole = (
+        COMM.allreduce(float(np.sum(weight * v**2))) for v in (pressure - hertzian, hertzian)
+    )
     highest = COMM.allreduce(float(pressure.max(initial=0.0)), MPI.MAX)
-    print(f"\npeak over Hertz {highest / peak:.4f}, rms {np.sqrt(square / whole):.4f}, {history.steps[-1].cells} cells")
+    print(
+        f"\npeak over Hertz {highest / peak:.4f}, rms {np.sqrt(square / whole):.4f}, {history.steps[-1].cells} cells"
+    )
     assert highest == pytest.approx(peak, rel=0.02)
     assert np.sqrt(square / whole) < 0.03
     assert history.best.total <= 0.01
@@ -207,7 +239,9 @@ def test_punch_has_one_force(degree, shared_tmp_path):
     )
     domain, forces = from_script(PUNCH, shared_tmp_path, "punch"), []
     for strategy in (ec.SizeMap(), ec.Mark(0.8)):
-        history = ec.adapt(scene, domain, accuracy=0.04 / degree**2, degree=degree, strategy=strategy)
+        history = ec.adapt(
+            scene, domain, accuracy=0.04 / degree**2, degree=degree, strategy=strategy
+        )
         assert history.reached
         step, error = history.steps[-1], history.best
         assert np.hypot(step.eps, step.eps_geometry) <= history.accuracy
@@ -241,7 +275,9 @@ def test_centre_of_an_arc_is_no_node_of_the_mesh(shared_tmp_path):
 def test_ranks_agree_on_curved_bodies():
     runs = []
     for comm in (MPI.COMM_SELF, COMM):
-        runs.append(ec.adapt(*hertz(comm), accuracy=1e-6, degree=2, strategy=ec.Mark(0.8), max_steps=5))
+        runs.append(
+            ec.adapt(*hertz(comm), accuracy=1e-6, degree=2, strategy=ec.Mark(0.8), max_steps=5)
+        )
     for a, b in zip(*(run.steps for run in runs), strict=True):
         assert (a.cells, a.vertices) == (b.cells, b.vertices)
         assert a.eps == pytest.approx(b.eps, rel=1e-8)

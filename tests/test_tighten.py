@@ -1,10 +1,14 @@
 """Tightening the admissible stress: properties as numbers against a scale, in 2D and 3D.
 
-- every step lowers e, and leaves all elements in equilibrium, tractions opposite, given tractions as they were;
-- a solution of degree two is known exactly: e^2 is the sum of the squared errors to round-off, after any step;
+- every step lowers e, and leaves all elements in equilibrium, tractions opposite, given
+  tractions as they were;
+- a solution of degree two is known exactly: e^2 is the sum of the squared errors to
+  round-off, after any step;
 - the bulk part of e is near the true error of u^, also close to nu = 1/2;
-- where the iteration ends by itself, e is near the least one, also where the gains fall slowly;
-- corrections of single patches balance forces and moments on every element, whatever the residual;
+- where the iteration ends by itself, e is near the least one, also where the gains fall
+  slowly;
+- corrections of single patches balance forces and moments on every element, whatever
+  the residual;
 - the answer does not depend on the number of ranks.
 """
 
@@ -37,7 +41,11 @@ BALANCE = 1e-10
 @cache
 def pairs(name: int | str, degree: int) -> list[Admissible]:
     """Pairs after some numbers of steps, for a random scene or one with sliding supports and no other."""
-    scene, domain = (greco(), ec.rectangle((0, 0), (40, 40), cells=(6, 6))) if name == "greco" else random_scene(name)
+    scene, domain = (
+        (greco(), ec.rectangle((0, 0), (40, 40), cells=(6, 6)))
+        if name == "greco"
+        else random_scene(name)
+    )
     solution = ec.solve(scene, domain, degree=degree)
     return [ec.equilibrate(solution, tighten=steps) for steps in STEPS]
 
@@ -50,12 +58,16 @@ def worst(pair: Admissible, values: np.ndarray) -> float:
     return pair.solution.model.comm.allreduce(float(np.abs(values).max(initial=0.0)), MPI.MAX)
 
 
-def imbalance(model: Model, moment: np.ndarray, force: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+def imbalance(
+    model: Model, moment: np.ndarray, force: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray]:
     """Resultant forces, and moments about the barycentre over the size, of tractions and body force of owned cells."""
     cells = cell_geometry(model)
     seen = signed(cells, moment)[: model.domain.owned_cells]
     x = model.V.tabulate_dof_coordinates()[:, : cells.d][cells.nodes[: len(seen)]]
-    arm = (x - x.mean(axis=1, keepdims=True)) / cells.volume[: len(seen), None, None] ** (1 / cells.d)
+    arm = (x - x.mean(axis=1, keepdims=True)) / cells.volume[: len(seen), None, None] ** (
+        1 / cells.d
+    )
     on_facets = local_facet_nodes(cells.d, cells.degree)
     dyad = sum(np.einsum("nmi,nmj->nij", arm[:, v], seen[:, i]) for i, v in enumerate(on_facets))
     total = seen.sum(axis=(1, 2))
@@ -88,7 +100,11 @@ def test_elements_stay_in_equilibrium(name, degree):
 @degrees
 def test_tractions_stay_opposite(name, degree):
     for pair in pairs(name, degree):
-        cells, d, stress = pair.cell_geometry, pair.cell_geometry.d, tensors(pair.stress, pair.cell_geometry.d)
+        cells, d, stress = (
+            pair.cell_geometry,
+            pair.cell_geometry.d,
+            tensors(pair.stress, pair.cell_geometry.d),
+        )
         sides = np.stack(
             [
                 np.einsum("nmij,nj->nmi", stress[:, i, v], cells.area[: len(stress), i])
@@ -125,7 +141,9 @@ def test_patches_balance_any_residual(seed):
     cells, d = cell_geometry(model), model.d
     compliance = macro_moduli(model, cells, len(cells.nodes), inverse=True)
     free = np.repeat(cells.has_second[:, None], d, axis=1)
-    moment = Patches(model, cells, compliance, free)(np.random.default_rng(seed).standard_normal((len(free), d, d)))
+    moment = Patches(model, cells, compliance, free)(
+        np.random.default_rng(seed).standard_normal((len(free), d, d))
+    )
     assert abs(moment).max() > 0
     for rest in imbalance(model, moment):
         assert abs(rest).max() < BALANCE * abs(moment).max()
@@ -142,7 +160,10 @@ def test_preconditioner_and_energy_are_symmetric(seed, degree):
     energy = ComplementaryEnergy(cells, model.domain.owned_cells, compliance)
     free = np.repeat(cells.has_second[:, None], d, axis=1)
     x, y = np.random.default_rng(seed).standard_normal((2, len(free), m, d))
-    operators = [(lambda x: energy(x)[1], slice(None)), (Patches(model, cells, compliance, free), slice(None))]
+    operators = [
+        (lambda x: energy(x)[1], slice(None)),
+        (Patches(model, cells, compliance, free), slice(None)),
+    ]
     if degree == 2:
         operators.append((Blocks(cells, compliance, free, np.full(len(free), True)), slice(d, m)))
     for operator, part in operators:
@@ -158,7 +179,9 @@ def quadratic(d: int, n: int) -> tuple[ec.Scene, ec.Domain, np.ndarray]:
     lam, G = 0.3 / (1.3 * 0.4), 1 / 2.6
 
     def stress(x):
-        u = ufl.as_vector([x[d - 1] * sum(float(A[i, j]) * x[j] for j in range(d)) for i in range(d)])
+        u = ufl.as_vector(
+            [x[d - 1] * sum(float(A[i, j]) * x[j] for j in range(d)) for i in range(d)]
+        )
         eps = ufl.sym(ufl.grad(u))
         return 2 * G * eps + lam * ufl.tr(eps) * ufl.Identity(d)
 
@@ -171,10 +194,16 @@ def quadratic(d: int, n: int) -> tuple[ec.Scene, ec.Domain, np.ndarray]:
         if name != held
     ]
     last = np.eye(d)[d - 1]
-    second = np.einsum("j,ik->ijk", last, A) + np.einsum("k,ij->ijk", last, A)  # derivatives of grad u
-    divergence = G * (np.einsum("ijj->i", second) + np.einsum("jij->i", second)) + lam * np.einsum("jji->i", second)
+    second = np.einsum("j,ik->ijk", last, A) + np.einsum(
+        "k,ij->ijk", last, A
+    )  # derivatives of grad u
+    divergence = G * (np.einsum("ijj->i", second) + np.einsum("jij->i", second)) + lam * np.einsum(
+        "jji->i", second
+    )
     loads.append(ec.BodyForce(tuple(-divergence)))
-    scene = ec.Scene(material=ec.Elastic(1.0, 0.3), supports=[ec.Displacement(held, (0.0,) * d)], loads=loads)
+    scene = ec.Scene(
+        material=ec.Elastic(1.0, 0.3), supports=[ec.Displacement(held, (0.0,) * d)], loads=loads
+    )
     make = ec.rectangle if d == 2 else ec.box
     return scene, make((0.0,) * d, (1.0,) * d, cells=(n,) * d), A
 
@@ -222,7 +251,13 @@ FRICTIONLESS = replace(prototype_block(), contacts=[ec.Contact("bottom", frictio
 CASES = {
     "friction": (prototype_block(), block, 8, 64, 1.30),
     "frictionless": (FRICTIONLESS, block, 8, 64, 1.30),
-    "nearly incompressible": (replace(FRICTIONLESS, material=ec.Elastic(1.0, 0.49)), block, 16, 64, 1.50),
+    "nearly incompressible": (
+        replace(FRICTIONLESS, material=ec.Elastic(1.0, 0.49)),
+        block,
+        16,
+        64,
+        1.50,
+    ),
     "cube": (pressed_cube(), cube, 4, 12, 1.60),
 }
 
@@ -235,7 +270,10 @@ def test_index(case):
     pair = ec.equilibrate(ec.solve(scene, domain(n)))
     error = ec.constitutive_error(pair)
     true = true_errors(pair, ec.solve(scene, domain(fine)))
-    index, combined = error.bulk_error / true.displacement, error.absolute / np.hypot(true.displacement, true.stress)
+    index, combined = (
+        error.bulk_error / true.displacement,
+        error.absolute / np.hypot(true.displacement, true.stress),
+    )
     print(f"\n{case}: {pair.tightening} steps, bulk/|u-u^| = {index:.3f}, e/both = {combined:.4f}")
     assert 1.0 <= index <= limit
     assert 0.99 <= combined <= 1.15
@@ -290,7 +328,9 @@ def test_exact_solution_takes_no_step():
         supports=[ec.Displacement("bottom", (0.0, 0.0)), ec.Displacement("top", (0.01, 0.0))],
         loads=[ec.Traction("left", (0.0, -0.01 / 2.6)), ec.Traction("right", (0.0, 0.01 / 2.6))],
     )
-    pair = ec.equilibrate(ec.solve(scene, ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(4, 4))), tighten=10)
+    pair = ec.equilibrate(
+        ec.solve(scene, ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(4, 4))), tighten=10
+    )
     assert ec.constitutive_error(pair).relative < 1e-12
     force = force_coefficients(pair.facet_moments, 1)
     assert np.isfinite(force).all()

@@ -1,9 +1,12 @@
 """The displacement of a contact and what is made of it: one linear map, its transpose and its matrix.
 
-- on a foundation it is the displacement of the facets; in a history its tangential part counts from the last step;
-- between two bodies that touch with equal facets it is their jump, whatever the order of the vertices, and forces come
-  back opposite on both sides; map, transpose and matrix agree to round-off on any number of ranks;
-- no other module of the method takes the trace on a contact, its coefficients or its stiffness.
+- on a foundation it is the displacement of the facets; in a history its tangential part
+  counts from the last step;
+- between two bodies that touch with equal facets it is their jump, whatever the order
+  of the vertices, and forces come back opposite on both sides; map, transpose and
+  matrix agree to round-off on any number of ranks;
+- no other module of the method takes the trace on a contact, its coefficients or its
+  stiffness.
 """
 
 import re
@@ -33,8 +36,9 @@ N = 3
 def touching_boxes(d: int) -> ec.Domain:
     """Two boxes of one mesh that touch at x = 1 with equal facets and share no vertex.
 
-    The right box is the mirror image of the left one, with its vertices in another order. Cells that are mirror images
-    of each other are on one rank, so that each facet of the contact has its partner there.
+    The right box is the mirror image of the left one, with its vertices in another
+    order. Cells that are mirror images of each other are on one rank, so that each
+    facet of the contact has its partner there.
     """
     make = dmesh.create_rectangle if d == 2 else dmesh.create_box
     left = make(MPI.COMM_SELF, [(0.0,) * d, (1.0,) * d], [N] * d)
@@ -53,11 +57,15 @@ def touching_boxes(d: int) -> ec.Domain:
             others = np.setdiff1d(owner[neighbours], owner[cell])
             ranks.append([owner[cell], *others])
         offsets = np.cumsum([0, *(len(r) for r in ranks)]).astype(np.int32)
-        return graph.adjacencylist(np.concatenate([[], *ranks]).astype(np.int32), offsets)._cpp_object
+        return graph.adjacencylist(
+            np.concatenate([[], *ranks]).astype(np.int32), offsets
+        )._cpp_object
 
     mine = slice(None) if COMM.rank == 0 else slice(0)
     element = basix.ufl.element("Lagrange", ("triangle", "tetrahedron")[d - 2], 1, shape=(d,))
-    mesh = dmesh.create_mesh(COMM, both[mine], ufl.Mesh(element), np.vstack([x, mirrored])[mine], partition)
+    mesh = dmesh.create_mesh(
+        COMM, both[mine], ufl.Mesh(element), np.vstack([x, mirrored])[mine], partition
+    )
     mesh.topology.create_connectivity(d - 1, d)
     bottom = dmesh.locate_entities_boundary(mesh, d - 1, lambda x: np.isclose(x[d - 1], 0.0))
     tags = dmesh.meshtags(mesh, d - 1, np.sort(bottom), np.ones(len(bottom), dtype=np.int32))
@@ -73,7 +81,9 @@ def facing_facets(domain: ec.Domain) -> tuple[np.ndarray, np.ndarray]:
     to_cell = mesh.topology.connectivity(d - 1, d)
     to_facet = mesh.topology.connectivity(d, d - 1)
     cells = np.array([to_cell.links(f)[0] for f in facets], dtype=np.int32)
-    local = [int(np.flatnonzero(to_facet.links(c) == f)[0]) for c, f in zip(cells, facets, strict=True)]
+    local = [
+        int(np.flatnonzero(to_facet.links(c) == f)[0]) for c, f in zip(cells, facets, strict=True)
+    ]
     pairs = np.column_stack([cells, local]).astype(np.int32).reshape(-1, 2)
     middle = dmesh.compute_midpoints(mesh, d - 1, facets)
     order = np.lexsort(middle.round(9).T)
@@ -119,7 +129,9 @@ class TestTwoSides:
         forces = rng.standard_normal(trace.of(u).shape)
         nodal = trace.back(forces)
         work = (forces * trace.of(u)).sum()
-        assert (nodal * u).sum() == pytest.approx(work, abs=1e-14 * abs(forces).sum() * abs(u).max())
+        assert (nodal * u).sum() == pytest.approx(
+            work, abs=1e-14 * abs(forces).sum() * abs(u).max()
+        )
         # Action and reaction.
         assert abs(nodal.sum(axis=0)).max() <= 1e-13 * max(abs(forces).sum(), 1.0)
 

@@ -26,11 +26,16 @@ for ax, number in zip(bodies, (0, 3), strict=True):
     domain, eps = history.meshes[number]
     x, cells = domain.mesh.geometry.x, domain.mesh.geometry.dofmaps[0]
     ax.tripcolor(x[:, 0], x[:, 1], cells, np.log10(eps), cmap="viridis", edgecolors="k", lw=0.2)
-    ax.set(aspect="equal", title=f"{domain.cells} elements\nerror {100 * history.steps[number].eps:.2g}%")
+    ax.set(
+        aspect="equal",
+        title=f"{domain.cells} elements\nerror {100 * history.steps[number].eps:.2g}%",
+    )
     ax.axis("off")
 side.plot(contact["x"], contact["pressure"], label="pressure", color="C0")
 side.plot(contact["x"], contact["shear"], label="shear", color="C3")
-side.plot(contact["x"], contact["friction_bound"], "--", color="gray", lw=0.8, label="friction bound")
+side.plot(
+    contact["x"], contact["friction_bound"], "--", color="gray", lw=0.8, label="friction bound"
+)
 side.plot(contact["x"], -contact["friction_bound"], "--", color="gray", lw=0.8)
 side.set(
     xlabel="x along the contact",

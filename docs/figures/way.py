@@ -12,8 +12,14 @@ FILL, LINE = "#e8f0f8", "#1f4e79"
 HEIGHT, STEP = 0.78, 1.5
 VALUES = [
     ("Solution", "displacement $u_h$, contact traction $r_h$ of the method"),
-    ("Admissible", r"$\hat u$ does not penetrate; $\hat\sigma$, $\hat r$ balance; $\hat r$ obeys friction"),
-    ("ConstitutiveError", r"$e$, $\epsilon$; $\epsilon_E$ of each element; forces, profiles, maxima"),
+    (
+        "Admissible",
+        r"$\hat u$ does not penetrate; $\hat\sigma$, $\hat r$ balance; $\hat r$ obeys friction",
+    ),
+    (
+        "ConstitutiveError",
+        r"$e$, $\epsilon$; $\epsilon_E$ of each element; forces, profiles, maxima",
+    ),
     ("History", "one row a mesh, the best result, tables, pictures, files"),
 ]
 STAGES = [
@@ -27,13 +33,27 @@ STAGES = [
 def value(ax, x, y, width, name, text):
     """A box for a value: its class, and what it holds."""
     ax.add_patch(FancyBboxPatch((x, y), width, HEIGHT, boxstyle="round,pad=0.05", fc=FILL, ec=LINE))
-    ax.text(x + width / 2, y + 0.54, name, ha="center", va="center", family="monospace", weight="bold", size=11)
+    ax.text(
+        x + width / 2,
+        y + 0.54,
+        name,
+        ha="center",
+        va="center",
+        family="monospace",
+        weight="bold",
+        size=11,
+    )
     ax.text(x + width / 2, y + 0.18, text, ha="center", va="center", size=8)
 
 
 def arrow(ax, start, end, **style):
     """An arrow of the way."""
-    ax.annotate("", end, start, arrowprops={"arrowstyle": "-|>", "color": LINE, "shrinkA": 0, "shrinkB": 0} | style)
+    ax.annotate(
+        "",
+        end,
+        start,
+        arrowprops={"arrowstyle": "-|>", "color": LINE, "shrinkA": 0, "shrinkB": 0} | style,
+    )
 
 
 def stage(ax, x, y, name, text):
@@ -58,8 +78,28 @@ error = 6.0 - 3 * STEP + HEIGHT / 2
 ax.plot([6.46, 6.85], [error, error], color=LINE, lw=1)
 ax.plot([6.85, 6.85], [error, 6.0 + HEIGHT / 2], color=LINE, lw=1)
 arrow(ax, (6.85, 6.0 + HEIGHT / 2), (6.46, 6.0 + HEIGHT / 2))
-ax.text(7.08, 4.2, "mark, refined", rotation=90, ha="center", va="center", family="monospace", size=10, color=LINE)
-ax.text(7.45, 4.2, "size_map, remeshed", rotation=90, ha="center", va="center", family="monospace", size=10, color=LINE)
+ax.text(
+    7.08,
+    4.2,
+    "mark, refined",
+    rotation=90,
+    ha="center",
+    va="center",
+    family="monospace",
+    size=10,
+    color=LINE,
+)
+ax.text(
+    7.45,
+    4.2,
+    "size_map, remeshed",
+    rotation=90,
+    ha="center",
+    va="center",
+    family="monospace",
+    size=10,
+    color=LINE,
+)
 
 ax.set(xlim=(-0.1, 7.65), ylim=(-0.1, 6.9))
 ax.axis("off")

@@ -1,10 +1,12 @@
 """The tractions that a friction law allows at the nodes of a contact, and projections on them.
 
-A law gives a friction bound b(p) for each pressure p. :class:`Allowed` knows the law and finds allowed tractions near
-given ones. Where a convex set is needed, :meth:`Allowed.near` gives the set with the tangent of b
+A law gives a friction bound b(p) for each pressure p. :class:`Allowed` knows the law
+and finds allowed tractions near given ones. Where a convex set is needed,
+:meth:`Allowed.near` gives the set with the tangent of b
 (:mod:`erc_contact.admissible.cones`).
 
-Symbols: n normal of the foundation, p = -r_n pressure, b(p) friction bound, f facets, m nodes of a facet.
+Symbols: n normal of the foundation, p = -r_n pressure, b(p) friction bound, f facets, m
+nodes of a facet.
 """
 
 from __future__ import annotations
@@ -23,8 +25,8 @@ from erc_contact.model.trace import split
 LIMITER_STEPS = 20
 """Number of bisections of the limiter."""
 LIMITER_TOLERANCE = 1e-3
-"""Change by the projection that the limiter accepts, over the traction [-]. Where friction varies, the projection
-changes every traction that slips by a little."""
+"""Change by the projection that the limiter accepts, over the traction [-]. Where
+friction varies, the projection changes every traction that slips by a little."""
 DIFFERENCE = 1e-6
 """Step of the pressure for the slope of a law's bound, over the largest pressure [-]."""
 
@@ -37,8 +39,9 @@ class Allowed:
         model: The scene on a mesh.
         contact: The contact.
         factor: Factor of the friction bound on each facet [-], shape (f,).
-        sharp: Whether the bound of a node uses the parameters at this node. Otherwise it is the least bound on the
-            facet for the pressure of the node. Where b is concave, this is below the bound between the nodes, too.
+        sharp: Whether the bound of a node uses the parameters at this node. Otherwise
+            it is the least bound on the facet for the pressure of the node. Where b is
+            concave, this is below the bound between the nodes, too.
     """
 
     model: Model
@@ -71,7 +74,8 @@ class Allowed:
     def project(self, z: np.ndarray) -> np.ndarray:
         """Project tractions (f, m, d) on the allowed ones: first the normal part, then the tangential part.
 
-        This is the projection of the contact methods. It is not the Euclidean one (:meth:`Cones.nearest`).
+        This is the projection of the contact methods. It is not the Euclidean one
+        (:meth:`Cones.nearest`).
         """
         z_n, z_t, size = split(z, self.n)
         r_n = z_n if self.contact.bilateral else np.minimum(z_n, 0.0)
@@ -81,9 +85,10 @@ class Allowed:
     def limited(self, mean: np.ndarray, best: np.ndarray) -> np.ndarray:
         """The allowed traction nearest to ``best`` on the line from ``mean`` to ``best``, facet by facet: a limiter.
 
-        Both have the same resultant on a facet, and the law allows ``mean``, so r^ keeps the resultant. A projection
-        would change the resultant of a facet with a kink: it lost 1.4% of the friction of a block of degree 2, whose e
-        was 14% larger. For degree 1 there is no such difference, and the projection is cheaper.
+        Both have the same resultant on a facet, and the law allows ``mean``, so r^
+        keeps the resultant. A projection would change the resultant of a facet with a
+        kink: it lost 1.4% of the friction of a block of degree 2, whose e was 14%
+        larger. For degree 1 there is no such difference, and the projection is cheaper.
 
         Args:
             mean: Means against the Bernstein polynomials [force/area], shape (f, m, d).
@@ -94,7 +99,9 @@ class Allowed:
         def at(share: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             values = mean + share[:, None, None] * (best - mean)
             allowed = self.project(values)
-            return allowed, abs(allowed - values).max(axis=(1, 2), initial=0.0) <= LIMITER_TOLERANCE * size
+            return allowed, abs(allowed - values).max(
+                axis=(1, 2), initial=0.0
+            ) <= LIMITER_TOLERANCE * size
 
         values, fits = at(np.ones(len(mean)))
         if fits.all():
@@ -111,9 +118,10 @@ class Allowed:
     def level(self, values: np.ndarray, slip: np.ndarray) -> np.ndarray:
         """Tractions with the mean pressure of each facet, which oppose the slip with all the friction that this allows.
 
-        If the pressure varies, so may the friction bound, which then is no polynomial, and r^ stays below it. The
-        contact part of e^2 contains the difference times the slip. If the pressure is level, r^ follows the bound:
-        exactly where the parameters of the law are polynomials on the facet.
+        If the pressure varies, so may the friction bound, which then is no polynomial,
+        and r^ stays below it. The contact part of e^2 contains the difference times the
+        slip. If the pressure is level, r^ follows the bound: exactly where the
+        parameters of the law are polynomials on the facet.
 
         Args:
             values: Tractions whose pressure is levelled [force/area], shape (f, m, d).
@@ -131,8 +139,8 @@ class Allowed:
     def near(self, start: np.ndarray, peak: float) -> Cones:
         """A convex set whose friction bound is the tangent of b at the pressures of ``start``.
 
-        The law allows a traction of the set that has these pressures. For other pressures the tangent is above b where
-        b is concave.
+        The law allows a traction of the set that has these pressures. For other
+        pressures the tangent is above b where b is concave.
 
         Args:
             start: Tractions [force/area], shape (f, m, d).
@@ -144,7 +152,9 @@ class Allowed:
         if self.contact.friction is not None and self.contact.friction.dependence == PROPORTIONAL:
             slope = self.bound(np.ones_like(pressure))
         else:
-            step = DIFFERENCE * np.maximum(np.maximum(pressure, peak), np.finfo(float).tiny / DIFFERENCE)
+            step = DIFFERENCE * np.maximum(
+                np.maximum(pressure, peak), np.finfo(float).tiny / DIFFERENCE
+            )
             slope = np.maximum(self.bound(pressure + step) - bound, 0.0) / step
         chord = np.divide(bound, pressure, out=np.zeros_like(bound), where=pressure > 0)
         slope = np.where(bilateral, 0.0, np.where(bound < slope * pressure, chord, slope))

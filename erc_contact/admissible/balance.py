@@ -1,9 +1,10 @@
 """Contact tractions that balance the loads on the rigid motions that no support holds.
 
-Of all tractions r in the convex sets of the nodes that balance the loads, those nearest to given z (with the least
-``sum |F|/m |r - z|^2``) are ``r = P(z + sum_k y_k q_k)``. Here P is the projection on the sets, y_k a multiplier for
-each free motion m_k, and q_k the mean of m_k at the nodes. The multipliers y minimise a convex function whose gradient
-is the imbalance ``int r.m_k + load(m_k)``. They are at most six.
+Of all tractions r in the convex sets of the nodes that balance the loads, those nearest
+to given z (with the least ``sum |F|/m |r - z|^2``) are ``r = P(z + sum_k y_k q_k)``.
+Here P is the projection on the sets, y_k a multiplier for each free motion m_k, and q_k
+the mean of m_k at the nodes. The multipliers y minimise a convex function whose
+gradient is the imbalance ``int r.m_k + load(m_k)``. They are at most six.
 
 Symbols: f facets, m nodes of a facet, d dimension, K motions.
 """
@@ -42,7 +43,8 @@ class Part:
         cones: The sets of its nodes.
         start: Tractions r_0 [force/area], shape (f, m, d).
         shift: The tractions wanted are r_0 plus this [force/area], shape (f, m, d).
-        weight: |F|/m, zero where the facet is not of this rank [length^(d-1)], shape (f, 1).
+        weight: |F|/m, zero where the facet is not of this rank [length^(d-1)], shape
+            (f, 1).
         motions: q, shape (f, m, d, K).
     """
 
@@ -59,12 +61,14 @@ class Part:
         return Part(cones, *(array[facets] for array in some))
 
 
-def balanced(comm: MPI.Comm, parts: list[Part], loads: np.ndarray) -> tuple[list[np.ndarray], np.ndarray, float]:
+def balanced(
+    comm: MPI.Comm, parts: list[Part], loads: np.ndarray
+) -> tuple[list[np.ndarray], np.ndarray, float]:
     """The tractions nearest to start + shift that balance the loads; collective.
 
-    A shift that is much longer than the tractions loses digits and needs many Newton steps, so it is applied in shares.
-    The part of a share that is beyond the set keeps the tractions at their place on its surface, even if this part is
-    shortened.
+    A shift that is much longer than the tractions loses digits and needs many Newton
+    steps, so it is applied in shares. The part of a share that is beyond the set keeps
+    the tractions at their place on its surface, even if this part is shortened.
 
     Args:
         comm: Communicator.
@@ -72,11 +76,14 @@ def balanced(comm: MPI.Comm, parts: list[Part], loads: np.ndarray) -> tuple[list
         loads: Work of the loads on the motions [force], shape (K,).
 
     Returns:
-        The tractions, the imbalance on the motions [force], and the sum of the contact forces.
+        The tractions, the imbalance on the motions [force], and the sum of the contact
+        forces.
     """
 
     def largest(arrays: list[np.ndarray]) -> float:
-        return comm.allreduce(max((float(abs(a).max(initial=0.0)) for a in arrays), default=0.0), MPI.MAX)
+        return comm.allreduce(
+            max((float(abs(a).max(initial=0.0)) for a in arrays), default=0.0), MPI.MAX
+        )
 
     area = comm.allreduce(sum(float(p.weight.sum()) * p.start.shape[1] for p in parts), MPI.SUM)
     if largest([p.start for p in parts]) == 0.0 and not loads.any():
@@ -87,7 +94,10 @@ def balanced(comm: MPI.Comm, parts: list[Part], loads: np.ndarray) -> tuple[list
     for _ in range(STAGES):
         usual = max(largest(tractions), float(np.linalg.norm(loads)) / area)
         share = [_at_most(SHARE * usual, shift) for shift in left]
-        wanted = [r + _at_most(KEPT * usual, b) + shift for r, b, shift in zip(tractions, beyond, share, strict=True)]
+        wanted = [
+            r + _at_most(KEPT * usual, b) + shift
+            for r, b, shift in zip(tractions, beyond, share, strict=True)
+        ]
         state = _solve(comm, parts, wanted, loads, area)
         tractions, beyond = state.tractions, state.beyond
         left = [shift - part for shift, part in zip(left, share, strict=True)]
@@ -109,7 +119,8 @@ class _State:
 
     Attributes:
         tractions: r of each contact [force/area], shape (f, m, d).
-        beyond: ``z + q y - r`` of each contact, the part beyond the sets [force/area], shape (f, m, d).
+        beyond: ``z + q y - r`` of each contact, the part beyond the sets [force/area],
+            shape (f, m, d).
         imbalance: On the motions [force], shape (K,).
         forces: Sum of the contact forces, or the loads if they are larger.
         noise: Round-off of the imbalance [force].
@@ -127,10 +138,13 @@ class _State:
         return float(np.linalg.norm(self.imbalance))
 
 
-def _solve(comm: MPI.Comm, parts: list[Part], wanted: list[np.ndarray], loads: np.ndarray, area: float) -> _State:
+def _solve(
+    comm: MPI.Comm, parts: list[Part], wanted: list[np.ndarray], loads: np.ndarray, area: float
+) -> _State:
     """The tractions nearest to the wanted ones that balance the loads.
 
-    The steps are Newton's. Where they fail because of the kinks of P, they are those of BFGS, which tolerates kinks.
+    The steps are Newton's. Where they fail because of the kinks of P, they are those of
+    BFGS, which tolerates kinks.
     """
     size = len(loads)
     small = 1e-12 * area
@@ -141,18 +155,24 @@ def _solve(comm: MPI.Comm, parts: list[Part], wanted: list[np.ndarray], loads: n
         local = np.zeros(size + 2)
         for part, v, t in zip(parts, z, r, strict=True):
             local[:size] += np.einsum("fmi,fmik->k", part.weight[..., None] * t, part.motions)
-            local[size:] += [float((part.weight * np.linalg.norm(a, axis=-1)).sum()) for a in (t, v)]
+            local[size:] += [
+                float((part.weight * np.linalg.norm(a, axis=-1)).sum()) for a in (t, v)
+            ]
         total = comm.allreduce(local, MPI.SUM)
         forces = max(float(total[size]), float(np.linalg.norm(loads)))
         noise = EXACT * max(forces, float(total[size + 1]))
-        return _State(r, [v - t for v, t in zip(z, r, strict=True)], total[:size] + loads, forces, noise)
+        return _State(
+            r, [v - t for v, t in zip(z, r, strict=True)], total[:size] + loads, forces, noise
+        )
 
     def inverse(y: np.ndarray) -> np.ndarray:
         """Inverse of the derivative of the imbalance by y."""
         matrix = np.zeros((size, size))
         for part, w in zip(parts, wanted, strict=True):
             left, right = part.cones.derivative(w + part.motions @ y, part.motions)
-            matrix += (part.weight[..., None, None] * left).reshape(-1, size).T @ right.reshape(-1, size)
+            matrix += (part.weight[..., None, None] * left).reshape(-1, size).T @ right.reshape(
+                -1, size
+            )
         matrix = comm.allreduce(0.5 * (matrix + matrix.T), MPI.SUM)
         return np.linalg.inv(matrix + max(1e-12 * float(np.trace(matrix)), small) * np.eye(size))
 
@@ -185,11 +205,13 @@ def _updated(inverse: np.ndarray, step: np.ndarray, change: np.ndarray) -> np.nd
     return left @ inverse @ left.T + np.outer(step, step) / both
 
 
-def _along(state: Callable[[np.ndarray], _State], y: np.ndarray, step: np.ndarray, now: _State) -> tuple[float, _State]:
+def _along(
+    state: Callable[[np.ndarray], _State], y: np.ndarray, step: np.ndarray, now: _State
+) -> tuple[float, _State]:
     """Length of a step from y at which the slope along it is at most half of that at its start, and the state there.
 
-    The slope along the step does not decrease, so its zero can be bracketed: first by factors of ten, then by secants
-    and bisections in turn.
+    The slope along the step does not decrease, so its zero can be bracketed: first by
+    factors of ten, then by secants and bisections in turn.
     """
     start = float(now.imbalance @ step)
     low, high, at_low, at_high = 0.0, np.inf, start, np.inf

@@ -1,11 +1,12 @@
 """Geometry of the cells of a mesh of simplices, with one order of the vertices of each cell.
 
-The vertices of each cell are sorted by node number. Then the nodes of a facet have the same order in both of its cells,
-and values on facets need no permutation.
+The vertices of each cell are sorted by node number. Then the nodes of a facet have the
+same order in both of its cells, and values on facets need no permutation.
 
-Symbols: d dimension, k degree, T cell, F facet, facet i of T is opposite to vertex i, J Jacobian (columns x_i - x_0),
-N number of nodes of a cell, m number of nodes of a facet. Arrays have all cells of the rank, ghosts included. Tractions
-on facets and displacements are given by Bernstein coefficients, see :mod:`erc_contact.mesh.simplex`.
+Symbols: d dimension, k degree, T cell, F facet, facet i of T is opposite to vertex i, J
+Jacobian (columns x_i - x_0), N number of nodes of a cell, m number of nodes of a facet.
+Arrays have all cells of the rank, ghosts included. Tractions on facets and
+displacements are given by Bernstein coefficients, see :mod:`erc_contact.mesh.simplex`.
 """
 
 from __future__ import annotations
@@ -25,11 +26,12 @@ class CellGeometry:
     Attributes:
         degree: Degree k.
         order: Place of each sorted vertex in DOLFINx's order, shape (n, d+1).
-        nodes: Nodes (block degrees of freedom) of each cell: those at the vertices, ascending, then those on the edges
-            between them, shape (n, N).
+        nodes: Nodes (block degrees of freedom) of each cell: those at the vertices,
+            ascending, then those on the edges between them, shape (n, N).
         facets: Facet opposite to each of these vertices, shape (n, d+1).
-        side: The two places of each facet, as flat index cell * (d+1) + i, shape (2, facets). The cell of smaller
-            global number is first. Both are equal on the boundary of the rank's cells, and -1 for facets of no cell.
+        side: The two places of each facet, as flat index cell * (d+1) + i, shape (2,
+            facets). The cell of smaller global number is first. Both are equal on the
+            boundary of the rank's cells, and -1 for facets of no cell.
         J: Jacobians [length], shape (n, d, d).
         volume: Volumes [length^d], shape (n,).
         area: Outward normals times facet areas [length^(d-1)], shape (n, d+1, d).
@@ -81,7 +83,9 @@ def cell_geometry(space: Space) -> CellGeometry:
     d, mesh = space.d, space.mesh
     order = np.argsort(space.vertices, axis=1)
     ends = order[:, node_vertices(d, space.degree)]
-    nodes = np.take_along_axis(space.nodes, node_between(d, space.degree)[ends[..., 0], ends[..., 1]], axis=1)
+    nodes = np.take_along_axis(
+        space.nodes, node_between(d, space.degree)[ends[..., 0], ends[..., 1]], axis=1
+    )
     facets = mesh.topology.connectivity(d, d - 1).array.reshape(-1, d + 1)
     facets = np.take_along_axis(facets, order, axis=1)
     flat, places = facets.ravel(), np.arange(facets.size)

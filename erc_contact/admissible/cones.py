@@ -1,6 +1,7 @@
 """Convex sets of contact tractions, cones and cylinders, and the Euclidean projection on them.
 
-Symbols: n normal of the foundation, p = -r_n pressure, f facets, m nodes of a facet, d dimension, K directions.
+Symbols: n normal of the foundation, p = -r_n pressure, f facets, m nodes of a facet, d
+dimension, K directions.
 """
 
 from __future__ import annotations
@@ -21,7 +22,8 @@ def clip(z_t: np.ndarray, size: np.ndarray, bound: np.ndarray) -> np.ndarray:
 class Cones:
     """The set of tractions ``|r_t| <= offset + slope p``, ``p >= 0`` at each node.
 
-    It is Coulomb's cone for offset 0, Tresca's half cylinder for slope 0, and a truncated cone otherwise.
+    It is Coulomb's cone for offset 0, Tresca's half cylinder for slope 0, and a
+    truncated cone otherwise.
 
     Attributes:
         n: Unit normals, shape (f, 1, d).
@@ -53,7 +55,8 @@ class Cones:
         """Derivative of the projection P at z in directions q (f, m, d, K): factors of ``q.P'q = A.B`` at each node.
 
         Returns:
-            A and B of shape (f, m, d + 2, K): the parts along n, along z_t, and orthogonal to both.
+            A and B of shape (f, m, d + 2, K): the parts along n, along z_t, and
+            orthogonal to both.
         """
         r, z_t, size, inside = self._project(z)
         along = np.divide(z_t, size[..., None], out=np.zeros_like(z_t), where=size[..., None] > 0)
@@ -65,6 +68,10 @@ class Cones:
         normal = np.where(inside, presses * q_n, moved)
         tangential = np.where(inside, q_t, -slope * moved)
         length = np.linalg.norm(split(r, self.n)[1], axis=-1)
-        turned = np.where(inside[..., 0], 1.0, np.divide(length, size, out=np.zeros_like(size), where=size > 0))
-        left = np.concatenate([normal[:, :, None], tangential[:, :, None], turned[..., None, None] * across], axis=2)
+        turned = np.where(
+            inside[..., 0], 1.0, np.divide(length, size, out=np.zeros_like(size), where=size > 0)
+        )
+        left = np.concatenate(
+            [normal[:, :, None], tangential[:, :, None], turned[..., None, None] * across], axis=2
+        )
         return left, np.concatenate([q_n[:, :, None], q_t[:, :, None], across], axis=2)

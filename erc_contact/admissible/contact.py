@@ -1,11 +1,13 @@
 """Contact tractions that the law allows and that balance the loads.
 
-The law allows them at every point, not only at nodes: if the Bernstein coefficients of a traction lie in a convex set,
-its values lie in it, too. If the friction bound varies along a facet or is given by the user, it is lowered until the
-traction is allowed at a fine sampling of the facet (:mod:`erc_contact.admissible.sampled`).
+The law allows them at every point, not only at nodes: if the Bernstein coefficients of
+a traction lie in a convex set, its values lie in it, too. If the friction bound varies
+along a facet or is given by the user, it is lowered until the traction is allowed at a
+fine sampling of the facet (:mod:`erc_contact.admissible.sampled`).
 
-Symbols: n normal of the foundation, r^ contact traction on the body, p = -r^_n pressure, f facets, m number of
-coefficients of a facet, which belong to its nodes, d dimension, K free motions.
+Symbols: n normal of the foundation, r^ contact traction on the body, p = -r^_n
+pressure, f facets, m number of coefficients of a facet, which belong to its nodes, d
+dimension, K free motions.
 """
 
 from __future__ import annotations
@@ -30,8 +32,8 @@ from erc_contact.model.foundation import CONSTANT, BoundContact, pressures
 from erc_contact.model.model import Model
 
 PASSES = 10
-"""Limit of the passes that lower the friction bound where it is sampled, and of those that balance the loads; one or
-two are usual."""
+"""Limit of the passes that lower the friction bound where it is sampled, and of those
+that balance the loads; one or two are usual."""
 SLIDES = 10.0
 """Slip over ``h/E |r^|`` beyond which the pressure of a facet may be levelled [-]."""
 HELD = 1e-8
@@ -44,7 +46,8 @@ class _Trial:
 
     Attributes:
         traction: The L2 projection of the method's traction on degree k of each facet.
-        mean: Its means ``int r B_m / int B_m`` with Bernstein polynomials B_m [force/area], shape (f, m, d).
+        mean: Its means ``int r B_m / int B_m`` with Bernstein polynomials B_m
+            [force/area], shape (f, m, d).
         shift: Its shift by slip and opening.
         allowed: The tractions that the law allows.
         level: Which facets have a level pressure, shape (f,).
@@ -59,34 +62,45 @@ class _Trial:
     def limited(self) -> np.ndarray:
         """The traction limited to what the law allows, not yet balanced [force/area], shape (f, m, d); collective.
 
-        Round-off of the method's traction is shifted in the direction in which it does not increase e.
+        Round-off of the method's traction is shifted in the direction in which it does
+        not increase e.
         """
         values, allowed = self.traction.values, self.allowed
-        near = allowed.project(values) if allowed.model.degree == 1 else allowed.limited(self.mean, values)
+        near = (
+            allowed.project(values)
+            if allowed.model.degree == 1
+            else allowed.limited(self.mean, values)
+        )
         return self.levelled(allowed.project(near + self.shift.round_off(near)))
 
     def levelled(self, values: np.ndarray) -> np.ndarray:
         """Tractions (f, m, d) with the pressure levelled on the facets where it is level; collective."""
         if not self.allowed.contact.sampled:
             return values
-        return np.where(self.level[:, None, None], self.allowed.level(values, self.shift.slip), values)
+        return np.where(
+            self.level[:, None, None], self.allowed.level(values, self.shift.slip), values
+        )
 
     def becomes_level(self, traction: ContactTraction) -> np.ndarray:
         """Which facets have a smaller error with a level pressure, shape (f,); collective.
 
-        They slide far, and the estimated decrease of the contact part of e^2 is larger than the estimated increase of
-        the bulk part.
+        They slide far, and the estimated decrease of the contact part of e^2 is larger
+        than the estimated increase of the bulk part.
 
         Args:
             traction: r^ so far.
         """
         friction = self.allowed.contact.friction
         values, path = traction.values, self.shift.path.mean(axis=1)
-        if friction is None or friction.convex or friction.dependence == CONSTANT:  # no friction that pressure changes
+        if (
+            friction is None or friction.convex or friction.dependence == CONSTANT
+        ):  # no friction that pressure changes
             return np.zeros(len(values), dtype=bool)
         most, used = friction_at_samples(self.allowed.model, traction)
         saved = 2 * np.maximum(most - used, 0.0).mean(axis=1) * path
-        added = ((values - self.allowed.level(values, self.shift.slip)) ** 2).sum(axis=2).mean(axis=1)
+        added = (
+            ((values - self.allowed.level(values, self.shift.slip)) ** 2).sum(axis=2).mean(axis=1)
+        )
         far = path > SLIDES * np.linalg.norm(values, axis=2).max(axis=1, initial=0.0)
         return ~self.level & far & (saved > added)
 
@@ -105,22 +119,29 @@ class _Trial:
     def made(self, values: np.ndarray) -> ContactTraction:
         """The contact traction with these coefficients (f, m, d), and its friction bound; collective."""
         law = replace(self.allowed, factor=np.ones(len(values)), sharp=True)
-        return replace(self.traction, values=values, friction_bound=law.bound(pressures(values, law.n)))
+        return replace(
+            self.traction, values=values, friction_bound=law.bound(pressures(values, law.n))
+        )
 
 
-def admissible_tractions(model: Model, solution: Any, loads: np.ndarray, forces: float) -> list[ContactTraction]:
+def admissible_tractions(
+    model: Model, solution: Any, loads: np.ndarray, forces: float
+) -> list[ContactTraction]:
     """The tractions r^ of all contacts, from the tractions r of the method; collective.
 
-    The L2 projection of r on degree k of each facet is limited to what the law allows. For degree 2 the limiter uses
-    the means ``int r B_m / int B_m``, which the law allows where it allows r.
+    The L2 projection of r on degree k of each facet is limited to what the law allows.
+    For degree 2 the limiter uses the means ``int r B_m / int B_m``, which the law
+    allows where it allows r.
 
-    Where no support holds a rigid motion, r^ must balance the work of the loads on this motion exactly. The least
-    change within the allowed tractions gives the balance. A body at rest has none.
+    Where no support holds a rigid motion, r^ must balance the work of the loads on this
+    motion exactly. The least change within the allowed tractions gives the balance. A
+    body at rest has none.
 
     Args:
         model: The scene on a mesh.
         solution: The solution of the contact problem.
-        loads: Work on the free motions of the projected loads, which sigma^ will balance [force], shape (K,).
+        loads: Work on the free motions of the projected loads, which sigma^ will
+            balance [force], shape (K,).
         forces: Sum of the sizes of the nodal forces of these loads [force].
 
     Raises:
@@ -154,9 +175,13 @@ def _trial(model: Model, contact: BoundContact, solution: Any) -> _Trial:
     since = contact.trace.since(solution.u.x.array)
     shift = shift_by_slip(model, contact, since)
     sampled = evaluate(solution.traction(contact), model.mesh, points, contact.facets)
-    traction = ContactTraction(contact, nodes, area, np.matmul(project, sampled), np.zeros(nodes.shape))
+    traction = ContactTraction(
+        contact, nodes, area, np.matmul(project, sampled), np.zeros(nodes.shape)
+    )
     allowed = Allowed(model, contact, np.ones(len(nodes)))
-    return _Trial(traction, np.matmul(average, sampled), shift, allowed, np.zeros(len(nodes), dtype=bool))
+    return _Trial(
+        traction, np.matmul(average, sampled), shift, allowed, np.zeros(len(nodes), dtype=bool)
+    )
 
 
 def _limited(
@@ -169,16 +194,25 @@ def _limited(
     for _ in range(PASSES):
         new = _allowed(model, trials, loads, forces)
         factors = [lowering(model, traction) for traction in new]
-        become = [trial.becomes_level(traction) & levels for traction, trial in zip(new, trials, strict=True)]
-        changes = any(np.any(factor < 1.0) for factor in factors) or any(np.any(facets) for facets in become)
+        become = [
+            trial.becomes_level(traction) & levels
+            for traction, trial in zip(new, trials, strict=True)
+        ]
+        changes = any(np.any(factor < 1.0) for factor in factors) or any(
+            np.any(facets) for facets in become
+        )
         if not model.comm.allreduce(changes, MPI.LOR):
             return new
-        trials = [trial.lowered(*change) for trial, *change in zip(trials, factors, become, strict=True)]
+        trials = [
+            trial.lowered(*change) for trial, *change in zip(trials, factors, become, strict=True)
+        ]
     trials = [replace(trial, allowed=replace(trial.allowed, sharp=False)) for trial in trials]
     return _allowed(model, trials, loads, forces)
 
 
-def _allowed(model: Model, trials: list[_Trial], loads: np.ndarray, forces: float) -> list[ContactTraction]:
+def _allowed(
+    model: Model, trials: list[_Trial], loads: np.ndarray, forces: float
+) -> list[ContactTraction]:
     """Tractions that the law allows at the nodes, and that balance the loads; collective."""
     values = [trial.limited() for trial in trials]
     if model.free_motions:
@@ -191,12 +225,17 @@ def _balanced(
 ) -> list[np.ndarray]:
     """The allowed tractions nearest to the shifted ones that balance the loads on the free motions.
 
-    The tractions of facets with a level pressure are multiples of :meth:`Allowed.level`: one unknown, all nodes as one.
+    The tractions of facets with a level pressure are multiples of
+    :meth:`Allowed.level`: one unknown, all nodes as one.
     """
     comm, values = model.comm, start
-    weights, motions = zip(*(_weights_and_motions(model, trial.traction) for trial in trials), strict=True)
+    weights, motions = zip(
+        *(_weights_and_motions(model, trial.traction) for trial in trials), strict=True
+    )
     for _ in range(PASSES):
-        peak = comm.allreduce(max((float(abs(r).max(initial=0.0)) for r in values), default=0.0), MPI.MAX)
+        peak = comm.allreduce(
+            max((float(abs(r).max(initial=0.0)) for r in values), default=0.0), MPI.MAX
+        )
         cones = [trial.allowed.near(r, peak) for trial, r in zip(trials, values, strict=True)]
         along = [trial.levelled(r) for trial, r in zip(trials, values, strict=True)]
         free = [
@@ -209,7 +248,9 @@ def _balanced(
         ]
         found, rest, sizes = balanced(comm, free + rays, loads)
         values = [np.empty_like(r) for r in start]
-        for trial, r, nodes, ray in zip(trials, values, found[: len(trials)], found[len(trials) :], strict=True):
+        for trial, r, nodes, ray in zip(
+            trials, values, found[: len(trials)], found[len(trials) :], strict=True
+        ):
             r[~trial.level], r[trial.level] = nodes, ray.reshape(-1, *r.shape[1:])
         if np.linalg.norm(rest) > HELD * max(forces, sizes):
             raise NotHeldError(
@@ -233,7 +274,9 @@ def _weights_and_motions(model: Model, traction: ContactTraction) -> tuple[np.nd
     Returns:
         Shapes (f, 1) and (f, m, d, K), as :class:`Part` has them.
     """
-    of = [traction.contact.trace.of(f.x.array) for f in model.free_motions]  # linear: also the coefficients
+    of = [
+        traction.contact.trace.of(f.x.array) for f in model.free_motions
+    ]  # linear: also the coefficients
     share = traction.area / traction.nodes.shape[1]
     moment = np.stack([moments(traction.area, values, model.degree) for values in of], axis=-1)
     weight = np.where(traction.contact.trace.here.owned, share, 0.0)[:, None]
@@ -249,4 +292,6 @@ def _rays(along: np.ndarray, start: np.ndarray, weight: np.ndarray, motions: np.
     none = np.zeros((f, 1))
     cones = Cones(unit, none, none, none > 0)
     start = start.reshape(f, 1, m * d)
-    return Part(cones, start, np.zeros_like(start), weight, motions.reshape(f, 1, m * d, motions.shape[-1]))
+    return Part(
+        cones, start, np.zeros_like(start), weight, motions.reshape(f, 1, m * d, motions.shape[-1])
+    )

@@ -1,12 +1,15 @@
 """Displacements that do not enter the foundation, with the status (open, slip, stick) of the admissible traction.
 
-This holds at every point, not only at nodes: if the Bernstein coefficients of a normal displacement are below those of
-a bound, the displacement is below the bound. If the gap varies along a facet, the bounds are lowered until they are
-below the gap on the whole facet, also at its kinks, cusps and jumps (:mod:`erc_contact.mesh.peaks`). An asperity is
-found if it changes the gap at one of the first samples, 72 on a facet in 2D and 352 in 3D.
+This holds at every point, not only at nodes: if the Bernstein coefficients of a normal
+displacement are below those of a bound, the displacement is below the bound. If the gap
+varies along a facet, the bounds are lowered until they are below the gap on the whole
+facet, also at its kinks, cusps and jumps (:mod:`erc_contact.mesh.peaks`). An asperity
+is found if it changes the gap at one of the first samples, 72 on a facet in 2D and 352
+in 3D.
 
-Symbols: n normal of the foundation, r^ admissible contact traction, g gap, u^ displacement, s tangential displacement
-at the end of the last step of a history (zero without), m number of coefficients of a facet, which belong to its nodes.
+Symbols: n normal of the foundation, r^ admissible contact traction, g gap, u^
+displacement, s tangential displacement at the end of the last step of a history (zero
+without), m number of coefficients of a facet, which belong to its nodes.
 """
 
 from __future__ import annotations
@@ -43,15 +46,19 @@ class _Limits:
     groups: list[np.ndarray]
 
 
-def admissible_displacement(model: Model, u: fem.Function, tractions: list[ContactTraction]) -> fem.Function:
+def admissible_displacement(
+    model: Model, u: fem.Function, tractions: list[ContactTraction]
+) -> fem.Function:
     """u^: the displacement u limited by the gap, and set to the status of r^ where this lowers the error; collective.
 
-    The contact part of e^2 is of first order in ``g - u_n`` where r^_n < 0, and in ``u_t - s`` where r^_t is inside the
-    cone or does not oppose it. The bulk part is of second order in a change of u^. So a node is set to ``u_n = g``, or
-    to ``u_t = s``, if this lowers the contact part by more than it may raise the bulk part. The contact part changes by
-    ``2 sum |F|/m (...)`` over the facets of the node, the bulk part by about ``E h^(d-2)`` times the square of the
-    change. (If r^ had to be strictly inside the cone on all facets of a node instead, nodes at the stick-slip
-    transition would slip along the traction.)
+    The contact part of e^2 is of first order in ``g - u_n`` where r^_n < 0, and in
+    ``u_t - s`` where r^_t is inside the cone or does not oppose it. The bulk part is of
+    second order in a change of u^. So a node is set to ``u_n = g``, or to ``u_t = s``,
+    if this lowers the contact part by more than it may raise the bulk part. The contact
+    part changes by ``2 sum |F|/m (...)`` over the facets of the node, the bulk part by
+    about ``E h^(d-2)`` times the square of the change. (If r^ had to be strictly inside
+    the cone on all facets of a node instead, nodes at the stick-slip transition would
+    slip along the traction.)
 
     Args:
         model: The scene on a mesh.
@@ -72,7 +79,9 @@ def admissible_displacement(model: Model, u: fem.Function, tractions: list[Conta
         closing = _sum(limit, -weight * t.normal_component)
         friction = _sum(limit, weight * t.friction_bound)
         before = _slip_before(t, limit)
-        shear = np.column_stack([_sum(limit, weight * t.tangential_part[..., i]) for i in range(model.d)])
+        shear = np.column_stack(
+            [_sum(limit, weight * t.tangential_part[..., i]) for i in range(model.d)]
+        )
         for group in limit.groups:
             nodes, n = limit.nodes[group], limit.normal[group]
             open_by = limit.bound[group] - (values[nodes] * n).sum(axis=1)
@@ -87,7 +96,9 @@ def admissible_displacement(model: Model, u: fem.Function, tractions: list[Conta
         worst = 0.0
         for t, limit in zip(tractions, limits, strict=True):
             for group in limit.groups:
-                excess = (values[limit.nodes[group]] * limit.normal[group]).sum(axis=1) - limit.bound[group]
+                excess = (values[limit.nodes[group]] * limit.normal[group]).sum(
+                    axis=1
+                ) - limit.bound[group]
                 violated = abs(excess) > 0 if t.contact.bilateral else excess > 0
                 worst = max(worst, float(abs(excess[violated]).max(initial=0.0)))
                 _move_normal(values, mobile, limit, group[violated])
@@ -107,7 +118,9 @@ def _move_normal(values: np.ndarray, mobile: np.ndarray, limit: _Limits, which: 
     along = mobile[nodes] * n
     reach = (along * n).sum(axis=1)
     missing = limit.bound[which] - (values[nodes] * n).sum(axis=1)
-    values[nodes] += np.divide(missing, reach, out=np.zeros_like(reach), where=reach > 1e-12)[:, None] * along
+    values[nodes] += (
+        np.divide(missing, reach, out=np.zeros_like(reach), where=reach > 1e-12)[:, None] * along
+    )
 
 
 def _slip_before(traction: ContactTraction, limit: _Limits) -> np.ndarray:
@@ -134,8 +147,8 @@ def _nodal_stiffness(model: Model, traction: ContactTraction) -> np.ndarray:
 def _limits(model: Model, traction: ContactTraction) -> _Limits:
     """The limits of a contact; collective.
 
-    Their bounds are Bernstein coefficients of polynomials below the gap. In a bilateral contact these equal the gap at
-    the nodes.
+    Their bounds are Bernstein coefficients of polynomials below the gap. In a bilateral
+    contact these equal the gap at the nodes.
     """
     contact, d = traction.contact, model.d
     at_nodes = contact.trace.coefficients(model.gap_at_nodes(contact))
@@ -147,7 +160,9 @@ def _limits(model: Model, traction: ContactTraction) -> _Limits:
     bound = np.full(len(first), np.inf)
     np.minimum.at(bound, of_facet.ravel(), at_nodes.ravel())
     nodes = traction.nodes.ravel()[first]
-    times = np.arange(len(nodes)) - np.searchsorted(nodes, nodes)  # number of limits of the node before this one
+    times = np.arange(len(nodes)) - np.searchsorted(
+        nodes, nodes
+    )  # number of limits of the node before this one
     groups = [np.flatnonzero(times == k) for k in range(int(times.max(initial=0)) + 1)]
     return _Limits(nodes, normals[first], bound, of_facet.reshape(traction.nodes.shape), groups)
 
@@ -166,5 +181,7 @@ def _excess(model: Model, traction: ContactTraction, at_nodes: np.ndarray) -> np
 
     # A polynomial gap is met to round-off, which is no excess.
     round_off = 1e-14 * abs(at_nodes).max(axis=1, initial=0.0)
-    highest = upper_bounds(above, traction.contact.trace.here.corners, facet_pieces(model.d - 1), round_off)
+    highest = upper_bounds(
+        above, traction.contact.trace.here.corners, facet_pieces(model.d - 1), round_off
+    )
     return np.where(size > round_off, highest, 0.0)

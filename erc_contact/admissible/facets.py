@@ -1,18 +1,22 @@
 """Facet tractions in equilibrium with the loads on every cell.
 
-A stress sigma_h of degree k-1 in each cell is given, which is in equilibrium with the data against all continuous P_k
-fields. The unknown tractions have degree k on facets. They are opposite on the two sides of a facet, and equal to F on
-Gamma_N and to r^ on Gamma_C. On every cell they do the same work on P_k fields as sigma_h and f. So they balance forces
-and moments there. They follow from discontinuous P_k multipliers lambda with
+A stress sigma_h of degree k-1 in each cell is given, which is in equilibrium with the
+data against all continuous P_k fields. The unknown tractions have degree k on facets.
+They are opposite on the two sides of a facet, and equal to F on Gamma_N and to r^ on
+Gamma_C. On every cell they do the same work on P_k fields as sigma_h and f. So they
+balance forces and moments there. They follow from discontinuous P_k multipliers lambda
+with
 
     sum_F w_F <[lambda], [mu]> = residual of the averaged tractions against mu,
 
-where <.,.> is lumped at the nodes of a facet. The moments of the tractions are those of the average plus
-``w_F [lambda]``. Lumping decouples the nodes: for each node and component there is one small weighted graph Laplacian
-of the patch of cells around the node. They are solved directly, all patches of one size at once. Every patch is
-complete on its rank, so nothing is communicated.
+where <.,.> is lumped at the nodes of a facet. The moments of the tractions are those of
+the average plus ``w_F [lambda]``. Lumping decouples the nodes: for each node and
+component there is one small weighted graph Laplacian of the patch of cells around the
+node. They are solved directly, all patches of one size at once. Every patch is complete
+on its rank, so nothing is communicated.
 
-Source: Ladeveze, Leguillon, SIAM J. Numer. Anal. 20 (1983), the equilibration of densities; the form is ours.
+Source: Ladeveze, Leguillon, SIAM J. Numer. Anal. 20 (1983), the equilibration of
+densities; the form is ours.
 """
 
 from __future__ import annotations
@@ -48,13 +52,17 @@ def equilibrated_moments(
     Args:
         cells: Geometry, n cells.
         stress: Coefficients of sigma_h [force/area], shape (n, N_(k-1), d, d).
-        force: Coefficients of the body force times volume [force], shape (n, N_(k-1), d), or None.
-        given: Moments of the tractions known on the boundary [force], shape (facets, m, d).
-        fixed: Components of boundary facets whose traction is unknown (Gamma_D), shape (facets, d).
+        force: Coefficients of the body force times volume [force], shape (n, N_(k-1),
+            d), or None.
+        given: Moments of the tractions known on the boundary [force], shape (facets, m,
+            d).
+        fixed: Components of boundary facets whose traction is unknown (Gamma_D), shape
+            (facets, d).
         complete: Nodes whose patch is complete on this rank, shape (nodes,).
 
     Returns:
-        Moments ``int_F t B_m`` [force] of the traction on the first side of each facet, shape (facets, m, d).
+        Moments ``int_F t B_m`` [force] of the traction on the first side of each facet,
+        shape (facets, m, d).
     """
     d, k = cells.d, cells.degree
     inside, (on_facets, of_force), at_nodes = divergence(d, k), _tests(d, k), _incidence(d, k)
@@ -63,7 +71,9 @@ def equilibrated_moments(
     first = cells.side[0]
     flat = push.reshape(-1, *push.shape[2:])
     here, beyond = (np.matmul(on_facets[side % (d + 1)], flat[side]) for side in cells.side)
-    moment = np.where(inner[:, None, None], 0.5 * (here - beyond), np.where(fixed[:, None], here, 0.0))
+    moment = np.where(
+        inner[:, None, None], 0.5 * (here - beyond), np.where(fixed[:, None], here, 0.0)
+    )
     moment += given
 
     by_cell = push.reshape(len(push), (d + 1) * push.shape[2], d)
@@ -72,7 +82,9 @@ def equilibrated_moments(
         residual += np.matmul(of_force, force)
     residual += np.matmul(at_nodes, signed(cells, moment).reshape(len(push), at_nodes.shape[1], d))
     area = np.linalg.norm(cells.area, axis=2).ravel()[first]
-    weight = np.where(first >= 0, area ** ((d - 2) / (d - 1)), 0.0)  # |F|/h_F with h_F = |F|^(1/(d-1))
+    weight = np.where(
+        first >= 0, area ** ((d - 2) / (d - 1)), 0.0
+    )  # |F|/h_F with h_F = |F|^(1/(d-1))
     return moment - _patch_jumps(cells, residual, weight, inner, fixed, complete)
 
 
@@ -81,9 +93,12 @@ def divergence(d: int, k: int) -> np.ndarray:
     """``-|T| (B_c, grad B_v)``: Bernstein polynomials of degree k test a stress of degree k-1.
 
     Returns:
-        Matrix that acts on the forces ``S_c |F_j| n_j`` of :func:`facet_forces`, shape (N_k, (d+1) N_(k-1)).
+        Matrix that acts on the forces ``S_c |F_j| n_j`` of :func:`facet_forces`, shape
+        (N_k, (d+1) N_(k-1)).
     """
-    inside = np.einsum("bc,cjv->vjb", mass(d, k - 1, k - 1), gradients(d, k)) / d  # |F_j| n_j = -d |T| grad lambda_j
+    inside = (
+        np.einsum("bc,cjv->vjb", mass(d, k - 1, k - 1), gradients(d, k)) / d
+    )  # |F_j| n_j = -d |T| grad lambda_j
     return inside.reshape(len(nodes(d, k)), -1)
 
 
@@ -114,9 +129,10 @@ def _patch_jumps(
 ) -> np.ndarray:
     """Solve the graph Laplacians of all patches; return ``w_F [lambda]`` at facet nodes, (facets, m, d).
 
-    Each node of a facet between two cells is an edge of weight w_F between them, in the graph of the patch of this
-    node. Each node of a facet of Gamma_D adds w_F to the diagonal. If a patch has no facet of Gamma_D, lambda is
-    determined up to a constant, and its mean is set to zero. This also distributes the round-off of an incompatible
+    Each node of a facet between two cells is an edge of weight w_F between them, in the
+    graph of the patch of this node. Each node of a facet of Gamma_D adds w_F to the
+    diagonal. If a patch has no facet of Gamma_D, lambda is determined up to a constant,
+    and its mean is set to zero. This also distributes the round-off of an incompatible
     right side evenly, in the same way on any number of ranks.
     """
     d, nodes = cells.d, np.ascontiguousarray(cells.nodes)
@@ -126,8 +142,27 @@ def _patch_jumps(
     solution = residual
     kernels()(
         "patch_jumps",
-        *(d, nodes.shape[1], on_facet.shape[1], len(nodes), len(complete), len(weight), nodes, cells.facets),
-        *(cells.side, on_facet, weight, fixed & ~inner[:, None], complete, start, member, place, solution),
+        *(
+            d,
+            nodes.shape[1],
+            on_facet.shape[1],
+            len(nodes),
+            len(complete),
+            len(weight),
+            nodes,
+            cells.facets,
+        ),
+        *(
+            cells.side,
+            on_facet,
+            weight,
+            fixed & ~inner[:, None],
+            complete,
+            start,
+            member,
+            place,
+            solution,
+        ),
     )
     used = np.flatnonzero(cells.side[0] >= 0)
     a, b = _graph_edges(cells, used)

@@ -1,9 +1,11 @@
 """Projections of the loads on degree k on facets and degree k-1 in cells: the loads that sigma^ balances.
 
-If a load varies in space, the integrals are adapted to it. So each facet and each cell has the resultant of the load,
-even with a jump or a peak inside. The difference of load and projection is the oscillation of the loads.
+If a load varies in space, the integrals are adapted to it. So each facet and each cell
+has the resultant of the load, even with a jump or a peak inside. The difference of load
+and projection is the oscillation of the loads.
 
-Symbols: k degree, m nodes of a facet, N_(k-1) coefficients of a polynomial of degree k-1 in a cell.
+Symbols: k degree, m nodes of a facet, N_(k-1) coefficients of a polynomial of degree
+k-1 in a cell.
 """
 
 from __future__ import annotations
@@ -29,7 +31,8 @@ def traction_moments(model: Model, facets: np.ndarray, traction: Any) -> np.ndar
         traction: The traction, UFL [force/area], shape (d,).
 
     Returns:
-        The moments [force], shape (facets, m, d), in the order of :meth:`Model.facet_nodes`.
+        The moments [force], shape (facets, m, d), in the order of
+        :meth:`Model.facet_nodes`.
     """
     d, k = model.d, model.degree
     area = model.facet_areas(facets)
@@ -61,7 +64,8 @@ def cell_forces(model: Model, cells: CellGeometry) -> np.ndarray | None:
     def moments(of: np.ndarray, at: np.ndarray, x: np.ndarray) -> np.ndarray:
         return _products(polynomials(k - 1, at), load(x, of_cells[of]))
 
-    # all ranks have DOLFINx's order of the vertices, and so the same integration points and forces of a cell
+    # all ranks have DOLFINx's order of the vertices, and so the same integration points
+    # and forces of a cell
     total = integrate(model.comm, moments, model.cell_corners(), cells.volume, cell_pieces(d))
     forces = from_means(d, k - 1, total.value.reshape(len(of_cells), len(nodes(d, k - 1)), d))
     return forces if k == 1 else np.take_along_axis(forces, cells.order[:, :, None], axis=1)
@@ -69,4 +73,6 @@ def cell_forces(model: Model, cells: CellGeometry) -> np.ndarray | None:
 
 def _products(shape: np.ndarray, values: np.ndarray) -> np.ndarray:
     """All products of polynomials (n, q, N) and the components of vectors (n, q, d), shape (n, q, N d)."""
-    return (shape[..., None] * values[:, :, None, :]).reshape(*values.shape[:2], shape.shape[2] * values.shape[2])
+    return (shape[..., None] * values[:, :, None, :]).reshape(
+        *values.shape[:2], shape.shape[2] * values.shape[2]
+    )

@@ -1,15 +1,18 @@
 """A symmetric stress in exact equilibrium from facet tractions and body force, cell by cell.
 
-Each simplex is split at its barycentre into d+1 sub-simplices (Alfeld split). On these a stress is symmetric, of degree
-k, with continuous traction across the inner facets. For balanced tractions of degree k and a body force of degree k-1
-such a stress exists. For k = 1 there is exactly one (Johnson, Mercier, Numer. Math. 30 (1978); 15 degrees of freedom in
-2D, 42 in 3D). For k = 2 the stresses without tractions and divergence, the bubbles, have 3 dimensions in 2D and 18 in
-3D. On the reference simplex the map from (tractions, body force) to stresses is one small matrix. The Piola transform
-``sigma = J S J^T / |det J|`` gives the stresses of all cells, with forces mapped by J.
+Each simplex is split at its barycentre into d+1 sub-simplices (Alfeld split). On these
+a stress is symmetric, of degree k, with continuous traction across the inner facets.
+For balanced tractions of degree k and a body force of degree k-1 such a stress exists.
+For k = 1 there is exactly one (Johnson, Mercier, Numer. Math. 30 (1978); 15 degrees of
+freedom in 2D, 42 in 3D). For k = 2 the stresses without tractions and divergence, the
+bubbles, have 3 dimensions in 2D and 18 in 3D. On the reference simplex the map from
+(tractions, body force) to stresses is one small matrix. The Piola transform ``sigma = J
+S J^T / |det J|`` gives the stresses of all cells, with forces mapped by J.
 
-Tensors are in Mandel's notation: components in an orthonormal basis of symmetric matrices, s = d(d+1)/2. Polynomials
-are given by Bernstein coefficients, N_k in a cell, m in a facet. Sub-simplex i has the vertices of the cell with vertex
-i replaced by the barycentre.
+Tensors are in Mandel's notation: components in an orthonormal basis of symmetric
+matrices, s = d(d+1)/2. Polynomials are given by Bernstein coefficients, N_k in a cell,
+m in a facet. Sub-simplex i has the vertices of the cell with vertex i replaced by the
+barycentre.
 """
 
 from __future__ import annotations
@@ -60,10 +63,16 @@ def _reference(d: int, k: int) -> tuple[np.ndarray, np.ndarray]:
 
     rows, data = [], []
     for i, points in enumerate(subs):
-        gradient = np.linalg.inv(np.column_stack([points, np.ones(d + 1)]))[:d].T  # of the barycentrics
-        divergence = np.einsum("cjm,ja,msz,sai->ciz", table, gradient, stresses[i], basis, optimize=True)
+        gradient = np.linalg.inv(np.column_stack([points, np.ones(d + 1)]))[
+            :d
+        ].T  # of the barycentrics
+        divergence = np.einsum(
+            "cjm,ja,msz,sai->ciz", table, gradient, stresses[i], basis, optimize=True
+        )
         rows.extend(divergence)
-        of_cell = bernstein(d, k - 1, lower @ (points[1:] - points[0]) + points[0])  # degree at most 1: coefficients
+        of_cell = bernstein(
+            d, k - 1, lower @ (points[1:] - points[0]) + points[0]
+        )  # degree at most 1: coefficients
         data.extend(-factorial(d) * np.einsum("cb,biz->ciz", of_cell, inputs[(d + 1) * m :]))
         normal = -gradient[i] / np.linalg.norm(gradient[i])
         rows.extend(np.einsum("msz,sij,j->miz", stresses[i, on_facet[i]], basis, normal))
@@ -71,7 +80,8 @@ def _reference(d: int, k: int) -> tuple[np.ndarray, np.ndarray]:
     names = node_vertices(d, k)
     for i in range(d + 1):
         for other in range(i + 1, d + 1):
-            # sub-simplices i and other share the facet of the barycentre (number d+1) and the other vertices
+            # sub-simplices i and other share the facet of the barycentre (number d+1)
+            # and the other vertices
             gradient = np.linalg.inv(np.column_stack([subs[i], np.ones(d + 1)]))[:d].T[other]
             normal = gradient / np.linalg.norm(gradient)
             mine, theirs = (
@@ -87,7 +97,8 @@ def _reference(d: int, k: int) -> tuple[np.ndarray, np.ndarray]:
     solution = right[:rank].T @ ((left[:, :rank].T @ np.vstack(data)) / values[:rank, None])
     kernel = right[rank:].T
     if kernel.size:
-        # take the stress of least norm on the regular simplex, which does not depend on the order of the vertices
+        # take the stress of least norm on the regular simplex, which does not depend on
+        # the order of the vertices
         J = np.linalg.cholesky((np.ones((d, d)) + np.eye(d)) / 2).T
         images = mandel(J @ basis @ J.T)
         norm = np.kron(np.eye(d + 1), np.kron(mass(d, k, k), images @ images.T))
@@ -102,8 +113,9 @@ def reference_map(d: int, k: int) -> np.ndarray:
     """The matrix from facet forces and body force to stresses on the reference simplex.
 
     Returns:
-        Shape (d+1, N_k, s, (d+1)m + N_(k-1), d): stress coefficient of sub-simplex i at its node n, from ``|F_i| t`` at
-        the m nodes of facet i (first rows) and the body force times the volume, each a vector of d components.
+        Shape (d+1, N_k, s, (d+1)m + N_(k-1), d): stress coefficient of sub-simplex i at
+        its node n, from ``|F_i| t`` at the m nodes of facet i (first rows) and the body
+        force times the volume, each a vector of d components.
     """
     return _reference(d, k)[0]
 
@@ -140,7 +152,11 @@ def _elevation(d: int, k: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def macro_stress(
-    cells: CellGeometry, count: int, stress: np.ndarray, forces: np.ndarray, force: np.ndarray | None
+    cells: CellGeometry,
+    count: int,
+    stress: np.ndarray,
+    forces: np.ndarray,
+    force: np.ndarray | None,
 ) -> np.ndarray:
     """The admissible stress ``sigma^ = sigma_h + map(F^ - sigma_h n, f + div sigma_h)`` on the sub-simplices.
 
@@ -149,10 +165,12 @@ def macro_stress(
         count: Number of cells, the first ones.
         stress: sigma_h in each cell, of degree k-1, shape (n, N_(k-1), d, d).
         forces: ``|F| t`` on the facets of each cell, shape (count, d+1, m, d).
-        force: Body force times volume of each cell, of degree k-1, shape (n, N_(k-1), d), or None.
+        force: Body force times volume of each cell, of degree k-1, shape (n, N_(k-1),
+            d), or None.
 
     Returns:
-        sigma^ in Mandel components [force/area], of degree k, shape (count, d+1, N_k, s).
+        sigma^ in Mandel components [force/area], of degree k, shape (count, d+1, N_k,
+        s).
     """
     d, k = cells.d, cells.degree
     matrix = np.ascontiguousarray(reference_map(d, k))
@@ -160,7 +178,15 @@ def macro_stress(
     sigma = np.empty((count, *matrix.shape[:3]))
     kernels()(
         "macro_stresses",
-        *(d, matrix.shape[1], forces.shape[2], stress.shape[1], count, cells.edges, np.ascontiguousarray(stress)),
+        *(
+            d,
+            matrix.shape[1],
+            forces.shape[2],
+            stress.shape[1],
+            count,
+            cells.edges,
+            np.ascontiguousarray(stress),
+        ),
         *(np.ascontiguousarray(forces), force, matrix, of_facets, of_subs, sigma),
     )
     return sigma
@@ -175,7 +201,10 @@ def macro_values(stress: np.ndarray, k: int, of: np.ndarray, at: np.ndarray) -> 
         of: Cell of each piece, shape (n,).
         at: Barycentric coordinates in the cell, shape (n, q, d+1).
     """
-    every, sub = np.arange(len(of)), at.mean(axis=1).argmin(axis=1)  # the vertex that the barycentre replaces
+    every, sub = (
+        np.arange(len(of)),
+        at.mean(axis=1).argmin(axis=1),
+    )  # the vertex that the barycentre replaces
     least = at[every, :, sub]
     local = at - least[..., None]
     local[every, :, sub] = at.shape[2] * least
@@ -204,8 +233,9 @@ def macro_points(d: int, k: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Quadrature on the sub-simplices, exact for the square of a polynomial of degree k.
 
     Returns:
-        Bernstein polynomials of a sub-simplex at its points (q, N_k); points of the cell ((d+1) q, d), which a
-        permutation of the vertices permutes; their weights, with sum 1.
+        Bernstein polynomials of a sub-simplex at its points (q, N_k); points of the
+        cell ((d+1) q, d), which a permutation of the vertices permutes; their weights,
+        with sum 1.
     """
     points, weights = rule(d, 2 * k)
     places = np.matmul(barycentric(points), cell_pieces(d)).reshape(-1, d + 1)[:, 1:]

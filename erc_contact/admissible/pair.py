@@ -1,9 +1,10 @@
 """From a solution to an admissible pair: a displacement and a stress that satisfy all equations but Hooke's law.
 
-The pair is (u^, sigma^) with the contact traction r^. The displacement satisfies u^ = U on Gamma_D and u^_n <= g on
-Gamma_C. The stress is symmetric and in exact equilibrium with the projections of the loads. On Gamma_C it satisfies
-sigma^ n = r^, and the friction law allows r^. The error e (16) of this pair bounds its distance to the exact solution,
-for any result of the contact solver.
+The pair is (u^, sigma^) with the contact traction r^. The displacement satisfies u^ = U
+on Gamma_D and u^_n <= g on Gamma_C. The stress is symmetric and in exact equilibrium
+with the projections of the loads. On Gamma_C it satisfies sigma^ n = r^, and the
+friction law allows r^. The error e (16) of this pair bounds its distance to the exact
+solution, for any result of the contact solver.
 
 Source: Coorevits, Hild, Hjiaj, equations (9), (10); Ladeveze, Leguillon (1983).
 """
@@ -59,13 +60,14 @@ class Admissible:
         displacement: u^ [length], a continuous Function of degree k.
         tractions: r^ on each contact.
         cell_geometry: Vertices, facets and volumes of the cells.
-        fe_stress: The rebalanced finite element stress, projected on polynomials of degree k-1 in each cell
-            [force/area], shape (n, N_(k-1), d, d).
-        stress: sigma^ of the owned cells in Mandel components, of degree k in the sub-simplices [force/area],
-            shape (owned, d+1, N_k, s).
-        facet_moments: Moments of the facet tractions on the first side of each facet [force], shape (facets, m, d).
-        cell_forces: Body force times volume of each cell, projected on degree k-1 [force], shape (n, N_(k-1), d), or
-            None without body force.
+        fe_stress: The rebalanced finite element stress, projected on polynomials of
+            degree k-1 in each cell [force/area], shape (n, N_(k-1), d, d).
+        stress: sigma^ of the owned cells in Mandel components, of degree k in the
+            sub-simplices [force/area], shape (owned, d+1, N_k, s).
+        facet_moments: Moments of the facet tractions on the first side of each facet
+            [force], shape (facets, m, d).
+        cell_forces: Body force times volume of each cell, projected on degree k-1
+            [force], shape (n, N_(k-1), d), or None without body force.
         tightening: Number of iterations that tightened sigma^.
         seconds: Wall time, the largest over the ranks [s].
     """
@@ -110,15 +112,18 @@ def equilibrate(solution: Solution, tighten: int = TIGHTEN) -> Admissible:
     """Reconstruct an admissible pair from a solution; collective.
 
     Args:
-        solution: Any state of the contact solver; the bound does not depend on its quality.
-        tighten: Greatest number of iterations that tighten sigma^, 0 for none. They end when as many again, at the
-            present pace, would lower e by less than 8%; 4 to 8 are usual, 10 to 30 near incompressibility.
+        solution: Any state of the contact solver; the bound does not depend on its
+            quality.
+        tighten: Greatest number of iterations that tighten sigma^, 0 for none. They end
+            when as many again, at the present pace, would lower e by less than 8%; 4 to
+            8 are usual, 10 to 30 near incompressibility.
 
     Returns:
         The admissible pair.
 
     Raises:
-        NotHeldError: If no contact traction that the law allows balances the loads on a free rigid motion.
+        NotHeldError: If no contact traction that the law allows balances the loads on a
+            free rigid motion.
     """
     began = perf_counter()
     model = solution.model
@@ -132,13 +137,17 @@ def equilibrate(solution: Solution, tighten: int = TIGHTEN) -> Admissible:
         compliance = macro_moduli(model, cells, len(cells.nodes), inverse=True)
     if tighten > 0:
         free = cells.has_second[:, None] | fixed
-        moment, iterations = tightened(model, cells, moment, force, free, elastic, compliance, tighten)
+        moment, iterations = tightened(
+            model, cells, moment, force, free, elastic, compliance, tighten
+        )
     forces = force_coefficients(signed(cells, moment)[:count], model.degree)
     macro = macro_stress(cells, count, stress, forces, force)
     if inner:
         macro = relaxed(cells, macro, elastic, compliance)
     seconds = model.comm.allreduce(perf_counter() - began, MPI.MAX)
-    return Admissible(solution, hat, tractions, cells, stress, macro, moment, force, iterations, seconds)
+    return Admissible(
+        solution, hat, tractions, cells, stress, macro, moment, force, iterations, seconds
+    )
 
 
 def _before_tightening(
@@ -147,29 +156,39 @@ def _before_tightening(
     """Return the admissible pair before sigma^ is tightened, as facet tractions; collective.
 
     Returns:
-        u^; r^ on each contact; the rebalanced stress [force/area], shape (n, N_(k-1), d, d); moments of facet tractions
-        that balance every cell [force], shape (facets, m, d); which components of a facet a support fixes, shape
-        (facets, d).
+        u^; r^ on each contact; the rebalanced stress [force/area], shape (n, N_(k-1),
+        d, d); moments of facet tractions that balance every cell [force], shape
+        (facets, m, d); which components of a facet a support fixes, shape (facets, d).
     """
     model = solution.model
     given, fixed = _loads(model, cells)
-    tractions = admissible_tractions(model, solution, *_work(model, _nodal(model, cells, given, force)))
-    as_it_is = not tractions or solution.at_rest  # the gap allows u at rest, also where facets do not carry it
+    tractions = admissible_tractions(
+        model, solution, *_work(model, _nodal(model, cells, given, force))
+    )
+    as_it_is = (
+        not tractions or solution.at_rest
+    )  # the gap allows u at rest, also where facets do not carry it
     hat = solution.u if as_it_is else admissible_displacement(model, solution.u, tractions)
     for t in tractions:
         _add(model, given, t.contact.facets, moments(t.area, t.values, model.degree))
     stress = _rebalanced(solution, cells, _nodal(model, cells, given, force))
     complete = np.zeros(len(model.fixed), dtype=bool)
     complete[model.nodes[: model.domain.owned_cells]] = True
-    return hat, tractions, stress, equilibrated_moments(cells, stress, force, given, fixed, complete), fixed
+    return (
+        hat,
+        tractions,
+        stress,
+        equilibrated_moments(cells, stress, force, given, fixed, complete),
+        fixed,
+    )
 
 
 def _loads(model: Model, cells: CellGeometry) -> tuple[np.ndarray, np.ndarray]:
     """The given tractions and the supports on facets; collective.
 
     Returns:
-        Moments of the loads, projected on degree k [force], shape (facets, m, d), and which components of a facet a
-        support fixes, shape (facets, d).
+        Moments of the loads, projected on degree k [force], shape (facets, m, d), and
+        which components of a facet a support fixes, shape (facets, d).
     """
     d = cells.d
     given = np.zeros((cells.side.shape[1], len(model.facet_points), d))
@@ -189,7 +208,9 @@ def _add(model: Model, given: np.ndarray, facets: np.ndarray, moment: np.ndarray
     given[model.facet_numbers(facets)] += np.take_along_axis(moment, order[:, :, None], axis=1)
 
 
-def _nodal(model: Model, cells: CellGeometry, given: np.ndarray, force: np.ndarray | None) -> fem.Function:
+def _nodal(
+    model: Model, cells: CellGeometry, given: np.ndarray, force: np.ndarray | None
+) -> fem.Function:
     """Nodal forces from moments on facets and cell forces [force], not yet summed over ranks."""
     d, k, owned = model.d, model.degree, model.domain.owned_cells
     b = model.function()
@@ -200,13 +221,19 @@ def _nodal(model: Model, cells: CellGeometry, given: np.ndarray, force: np.ndarr
     on_facet = np.take_along_axis(cells.nodes[cell], local_facet_nodes(d, k)[i], axis=1)
     np.add.at(nodal, on_facet, np.matmul(coefficients(d - 1, k).T, given[loaded]))
     if force is not None:
-        np.add.at(nodal, cells.nodes[:owned], np.matmul(coefficients(d, k).T @ mass(d, k, k - 1), force[:owned]))
+        np.add.at(
+            nodal,
+            cells.nodes[:owned],
+            np.matmul(coefficients(d, k).T @ mass(d, k, k - 1), force[:owned]),
+        )
     return b
 
 
 def _work(model: Model, b: fem.Function) -> tuple[np.ndarray, float]:
     """Work of nodal forces on the free motions [force], shape (motions,), and the sum of their sizes; collective."""
-    local = np.array([b.x.array @ motion.x.array for motion in model.free_motions] + [abs(b.x.array).sum()])
+    local = np.array(
+        [b.x.array @ motion.x.array for motion in model.free_motions] + [abs(b.x.array).sum()]
+    )
     total = model.comm.allreduce(local, MPI.SUM)
     return total[:-1], float(total[-1])
 
@@ -214,10 +241,12 @@ def _work(model: Model, b: fem.Function) -> tuple[np.ndarray, float]:
 def _rebalanced(solution: Solution, cells: CellGeometry, b: fem.Function) -> np.ndarray:
     """The finite element stress in exact discrete equilibrium with nodal forces b; collective.
 
-    The stress of the contact solve is not: b has the admissible tractions. An elastic solve for the forces that are
-    missing makes it so, with the factor or hierarchy of the contact solve. If displacements are large compared to the
-    strains, as in a body that slides far, their round-off is not small compared to the forces, and another solve
-    follows. A scene without contact, whose loads do not vary in space, needs none.
+    The stress of the contact solve is not: b has the admissible tractions. An elastic
+    solve for the forces that are missing makes it so, with the factor or hierarchy of
+    the contact solve. If displacements are large compared to the strains, as in a body
+    that slides far, their round-off is not small compared to the forces, and another
+    solve follows. A scene without contact, whose loads do not vary in space, needs
+    none.
 
     Returns:
         Coefficients [force/area], shape (n, N_(k-1), d, d).
@@ -238,7 +267,8 @@ def _rebalanced(solution: Solution, cells: CellGeometry, b: fem.Function) -> np.
 def _of_owners(model: Model, cells: CellGeometry, stress: np.ndarray) -> np.ndarray:
     """The stress of each cell as its owner has computed it, also on the other ranks that have the cell.
 
-    After a large slide the round-off of two ranks differs by more than the balance allows.
+    After a large slide the round-off of two ranks differs by more than the balance
+    allows.
     """
     if model.comm.size == 1:
         return stress
@@ -253,10 +283,13 @@ def _of_owners(model: Model, cells: CellGeometry, stress: np.ndarray) -> np.ndar
     return theirs.copy() if stress.shape[1] == 1 else np.take_along_axis(theirs, order, axis=1)
 
 
-def _residual(model: Model, cells: CellGeometry, b: fem.Function, stress: np.ndarray) -> tuple[fem.Function, float]:
+def _residual(
+    model: Model, cells: CellGeometry, b: fem.Function, stress: np.ndarray
+) -> tuple[fem.Function, float]:
     """Nodal forces b less those of a stress [force], not yet summed over ranks; collective.
 
-    The second result is their greatest size over that of the forces of the stress on facets [-].
+    The second result is their greatest size over that of the forces of the stress on
+    facets [-].
     """
     d, owned = model.d, model.domain.owned_cells
     rest, inside, push = (
@@ -265,11 +298,15 @@ def _residual(model: Model, cells: CellGeometry, b: fem.Function, stress: np.nda
         facet_forces(cells.area[:owned], stress[:owned]),
     )
     rest.x.array[:] = b.x.array
-    of_cells = np.matmul(coefficients(d, model.degree).T @ inside, push.reshape(owned, inside.shape[1], d))
+    of_cells = np.matmul(
+        coefficients(d, model.degree).T @ inside, push.reshape(owned, inside.shape[1], d)
+    )
     np.add.at(rest.x.array.reshape(-1, d), cells.nodes[:owned], of_cells)
     whole = rest.copy()
     whole.x.scatter_reverse(la.InsertMode.add)
     free = ~model.fixed[: model.V.dofmap.index_map.size_local].ravel()
-    largest = np.array([abs(whole.x.array[: len(free)][free]).max(initial=0.0), abs(push).max(initial=0.0)])
+    largest = np.array(
+        [abs(whole.x.array[: len(free)][free]).max(initial=0.0), abs(push).max(initial=0.0)]
+    )
     model.comm.Allreduce(MPI.IN_PLACE, largest, MPI.MAX)
     return rest, float(largest[0] / largest[1]) if largest[1] > 0 else 0.0

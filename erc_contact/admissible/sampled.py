@@ -1,10 +1,11 @@
 """The friction bound between the nodes of a facet, where it varies or is nonlinear in the pressure.
 
-A traction that is allowed at the nodes may then exceed the bound between them. The bound is sampled on each facet, and
-where a traction exceeds it, the friction of the facet is lowered.
+A traction that is allowed at the nodes may then exceed the bound between them. The
+bound is sampled on each facet, and where a traction exceeds it, the friction of the
+facet is lowered.
 
-Symbols: r^ contact traction on the body, f facets, m number of coefficients of a facet, q samples of a facet, d
-dimension.
+Symbols: r^ contact traction on the body, f facets, m number of coefficients of a facet,
+q samples of a facet, d dimension.
 """
 
 from __future__ import annotations
@@ -26,7 +27,9 @@ def friction_at_samples(model: Model, traction: ContactTraction) -> tuple[np.nda
     at = model.facet_samples
     shape = bernstein(model.d - 1, model.degree, at)
     parameters = model.friction_parameters(traction.contact, at)
-    most = traction.contact.friction_bound(np.maximum(-traction.normal_component @ shape.T, 0.0), parameters)
+    most = traction.contact.friction_bound(
+        np.maximum(-traction.normal_component @ shape.T, 0.0), parameters
+    )
     return most, np.linalg.norm(np.einsum("qm,fmi->fqi", shape, traction.tangential_part), axis=-1)
 
 

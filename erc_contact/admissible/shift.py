@@ -1,8 +1,9 @@
 """Shifts of contact tractions in the direction that lowers the contact part of the error.
 
-Symbols: n normal of the foundation, w displacement, tangentially since the last step of a history, g gap, r contact
-traction on the body; index n normal component, index t tangential part; b friction bound, mu its slope, E modulus, h
-size of a facet, f facets, m number of coefficients of a facet, d dimension.
+Symbols: n normal of the foundation, w displacement, tangentially since the last step of
+a history, g gap, r contact traction on the body; index n normal component, index t
+tangential part; b friction bound, mu its slope, E modulus, h size of a facet, f facets,
+m number of coefficients of a facet, d dimension.
 """
 
 from __future__ import annotations
@@ -29,13 +30,15 @@ FAR = 1e3
 class Shift:
     """The shift ``-kappa E/h v`` of a traction by slip and opening, with ``v = w_t + (w_n - g - mu |w_t|) n``.
 
-    Half of the contact part of e^2 is ``int b |w_t| + r_t.w_t + r_n (w_n - g)``. Where ``b = offset + mu p`` with the
-    pressure p, this is ``int r.v`` up to a constant (de Saxce's bipotential). A change dr of the traction adds about
-    ``h/(kappa E) |dr|^2`` to the bulk part. So the best r is the allowed traction nearest to ``r_0 - kappa E/h v``. A
-    traction that slips stays on the surface of its cone, where it adds nothing, however long the slip is.
+    Half of the contact part of e^2 is ``int b |w_t| + r_t.w_t + r_n (w_n - g)``. Where
+    ``b = offset + mu p`` with the pressure p, this is ``int r.v`` up to a constant (de
+    Saxce's bipotential). A change dr of the traction adds about ``h/(kappa E) |dr|^2``
+    to the bulk part. So the best r is the allowed traction nearest to ``r_0 - kappa E/h
+    v``. A traction that slips stays on the surface of its cone, where it adds nothing,
+    however long the slip is.
 
-    The attributes are means on a facet, weighted with its Bernstein polynomials. Their products with the coefficients
-    of a traction are integrals.
+    The attributes are means on a facet, weighted with its Bernstein polynomials. Their
+    products with the coefficients of a traction are integrals.
 
     Attributes:
         slip: E/h times the mean of w_t [force/area], shape (f, m, d).
@@ -43,7 +46,8 @@ class Shift:
         opening: E/h times the mean of ``max(g - w_n, 0)`` [force/area], shape (f, m).
         n: Normals, shape (f, 1, d).
 
-    Source: G. de Saxce, Z.-Q. Feng, "The bipotential method", Math. Comput. Modelling 28 (1998).
+    Source: G. de Saxce, Z.-Q. Feng, "The bipotential method", Math. Comput. Modelling
+    28 (1998).
     """
 
     slip: np.ndarray
@@ -58,8 +62,8 @@ class Shift:
     def round_off(self, r: np.ndarray) -> np.ndarray:
         """The shift of tractions r (f, m, d) with the kappa of round-off [force/area], shape (f, m, d).
 
-        Kappa grows where the slip is far beyond ``h/E |r|``, because the round-off of a traction that slips enters e
-        multiplied by the slip.
+        Kappa grows where the slip is far beyond ``h/E |r|``, because the round-off of a
+        traction that slips enters e multiplied by the slip.
         """
         far = FAR * np.linalg.norm(r, axis=-1)
         length = self.path + self.opening
@@ -73,7 +77,8 @@ def shift_by_slip(model: Model, contact: BoundContact, u: np.ndarray) -> Shift:
     Args:
         model: The scene on a mesh.
         contact: The contact.
-        u: Displacements at the nodes of its facets, tangentially since the last step [length], shape (f, m, d).
+        u: Displacements at the nodes of its facets, tangentially since the last step
+            [length], shape (f, m, d).
     """
     n, d, k = contact.direction[:, None, :], model.d, model.degree
     points, weights = rule(d - 1, model.contact_degree)

@@ -18,10 +18,13 @@ class ContactTraction:
 
     Attributes:
         contact: The contact.
-        nodes: Nodes of each facet (cell, local facet) of ``contact.facets``, ghosts included, shape (n, m).
+        nodes: Nodes of each facet (cell, local facet) of ``contact.facets``, ghosts
+            included, shape (n, m).
         area: Facet areas [length^(d-1)], shape (n,).
-        values: Bernstein coefficients of r^ [force/area], shape (n, m, d). At a vertex the coefficient is the value.
-        friction_bound: Bernstein coefficients of the friction bound b(p) of r^ [force/area], shape (n, m).
+        values: Bernstein coefficients of r^ [force/area], shape (n, m, d). At a vertex
+            the coefficient is the value.
+        friction_bound: Bernstein coefficients of the friction bound b(p) of r^
+            [force/area], shape (n, m).
     """
 
     contact: BoundContact

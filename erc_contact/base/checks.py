@@ -31,7 +31,12 @@ def positive(what: str, value: Any, meaning: str) -> float:
     Raises:
         InputError: If it is none.
     """
-    if isinstance(value, bool) or not isinstance(value, Real) or not isfinite(value) or not float(value) > 0:
+    if (
+        isinstance(value, bool)
+        or not isinstance(value, Real)
+        or not isfinite(value)
+        or not float(value) > 0
+    ):
         raise InputError(f"{what} is {value!r}; it must be {meaning}.")
     return float(value)
 

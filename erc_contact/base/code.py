@@ -25,9 +25,10 @@ PATH = re.compile(r"""(["'])(?:/|~|[A-Za-z]:\\)[^"'\n]*\1""")
 def code_of(value: Any) -> str:
     """A value as code: ``ec.Elastic(E=1.0, nu=0.3)``.
 
-    Arguments that have their default are left out. Of a lambda it is the source, in which numbers from around it are
-    defaults. Of another function it is the name, whose :func:`definitions` belong in front of the code. Where a source
-    cannot be had, it is the word "callable". It never fails.
+    Arguments that have their default are left out. Of a lambda it is the source, in
+    which numbers from around it are defaults. Of another function it is the name, whose
+    :func:`definitions` belong in front of the code. Where a source cannot be had, it is
+    the word "callable". It never fails.
     """
     if value is None or isinstance(value, bool | str):
         return without_paths(repr(value))
@@ -61,7 +62,9 @@ def definitions(value: Any, outer: tuple[Any, ...] = ()) -> list[str]:
     if value in outer:
         return []
     text, taken = _source(value)
-    found = [f"import {one.__name__} as {name}" for name, one in taken.items() if inspect.ismodule(one)]
+    found = [
+        f"import {one.__name__} as {name}" for name, one in taken.items() if inspect.ismodule(one)
+    ]
     found = [line for line in found if line not in IMPORTED]
     if text[:4] != "def ":
         return found
@@ -77,7 +80,11 @@ def definitions(value: Any, outer: tuple[Any, ...] = ()) -> list[str]:
 def arguments(value: Any) -> dict[str, Any]:
     """What makes an object: fields of a dataclass that have not their default, or the public attributes."""
     if not is_dataclass(value):
-        return {name: one for name, one in getattr(value, "__dict__", {}).items() if not name.startswith("_")}
+        return {
+            name: one
+            for name, one in getattr(value, "__dict__", {}).items()
+            if not name.startswith("_")
+        }
     given = {}
     for field in fields(value):
         one = getattr(value, field.name)
@@ -90,7 +97,9 @@ def arguments(value: Any) -> dict[str, Any]:
 def _code_of_function(function: Any) -> str:
     text, taken = _source(function)
     if text.startswith("lambda "):
-        defaults = "".join(f", {name}={code_of(one)}" for name, one in taken.items() if isinstance(one, Real))
+        defaults = "".join(
+            f", {name}={code_of(one)}" for name, one in taken.items() if isinstance(one, Real)
+        )
         return text.replace(":", f"{defaults}:", 1)
     return getattr(function, "__name__", UNKNOWN) if text else UNKNOWN
 
@@ -103,7 +112,9 @@ def _source(function: Any) -> tuple[str, dict[str, Any]]:
     try:
         code = function.__code__
         whole = "".join(linecache.getlines(code.co_filename))
-        text = textwrap.dedent(ast.get_source_segment(whole, _node(ast.parse(whole), code), padded=True) or "").strip()
+        text = textwrap.dedent(
+            ast.get_source_segment(whole, _node(ast.parse(whole), code), padded=True) or ""
+        ).strip()
         around = inspect.getclosurevars(function)
     except Exception:
         return "", {}
@@ -120,11 +131,21 @@ def _node(tree: ast.AST, code: Any) -> Any:
     ends = {place[2:] for place in code.co_positions() if None not in place}
     found = []
     for node in ast.walk(tree):
-        if isinstance(node, ast.FunctionDef) and node.name == code.co_name and _first_line(node) == code.co_firstlineno:
+        if (
+            isinstance(node, ast.FunctionDef)
+            and node.name == code.co_name
+            and _first_line(node) == code.co_firstlineno
+        ):
             return node
-        if isinstance(node, ast.Lambda) and node.lineno == code.co_firstlineno and code.co_name == "<lambda>":
+        if (
+            isinstance(node, ast.Lambda)
+            and node.lineno == code.co_firstlineno
+            and code.co_name == "<lambda>"
+        ):
             found.append(node)
-    return next(n for n in found if len(found) == 1 or (n.body.col_offset, n.body.end_col_offset) in ends)
+    return next(
+        n for n in found if len(found) == 1 or (n.body.col_offset, n.body.end_col_offset) in ends
+    )
 
 
 def _first_line(node: ast.FunctionDef) -> int:
@@ -133,4 +154,6 @@ def _first_line(node: ast.FunctionDef) -> int:
 
 def _name(value: Any) -> str:
     kind = type(value)
-    return f"ec.{kind.__name__}" if kind.__module__.split(".")[0] == "erc_contact" else kind.__name__
+    return (
+        f"ec.{kind.__name__}" if kind.__module__.split(".")[0] == "erc_contact" else kind.__name__
+    )

@@ -31,7 +31,8 @@ class NotConverged(ErcContactError, RuntimeError):
     """The contact solve ended without a solution.
 
     Attributes:
-        rungs: One line for each attempt: start, line search, Newton steps, PETSc's reason, last residual.
+        rungs: One line for each attempt: start, line search, Newton steps, PETSc's
+            reason, last residual.
     """
 
     def __init__(self, message: str, rungs: tuple[str, ...]) -> None:
@@ -46,8 +47,9 @@ class NotConverged(ErcContactError, RuntimeError):
 def raise_together(comm: MPI.Comm, error: BaseException | None) -> None:
     """Raise on every rank of ``comm`` if any rank has an error; collective.
 
-    Public collective functions begin with it: an error of a rank whose user's code failed, before it came there, meets
-    the other ranks at this place. One that came this way is already known to all ranks and is raised as it is.
+    Public collective functions begin with it: an error of a rank whose user's code
+    failed, before it came there, meets the other ranks at this place. One that came
+    this way is already known to all ranks and is raised as it is.
 
     Args:
         comm: Communicator; every rank must call.
@@ -58,7 +60,9 @@ def raise_together(comm: MPI.Comm, error: BaseException | None) -> None:
     """
     if error is not None and getattr(error, "known_to_all", False):
         raise error
-    found = [e for e in comm.allgather(error if error is None else _portable(error)) if e is not None]
+    found = [
+        e for e in comm.allgather(error if error is None else _portable(error)) if e is not None
+    ]
     if error is None and not found:
         return
     raised: Any = found[0] if error is None else error
@@ -84,6 +88,10 @@ def together[T](comm: MPI.Comm, call: Callable[..., T], *arguments: Any) -> T:
 def _portable(error: BaseException) -> BaseException:
     """The error, or one that says the same where it cannot be sent to other ranks."""
     try:
-        return error if isinstance(pickle.loads(pickle.dumps(error)), BaseException) else RuntimeError(repr(error))
+        return (
+            error
+            if isinstance(pickle.loads(pickle.dumps(error)), BaseException)
+            else RuntimeError(repr(error))
+        )
     except Exception:
         return RuntimeError(f"{type(error).__name__}: {error}")

@@ -1,8 +1,9 @@
 """Small C libraries of the package: compiled once, kept beside DOLFINx's compiled forms.
 
-A library is a folder with C sources, its header ``kernels.h``, which Python reads, too, and other headers. It is
-compiled for the processor of this machine by the C compiler that DOLFINx's forms need anyway. Where the folder of
-compiled forms cannot be written to, each process compiles its own.
+A library is a folder with C sources, its header ``kernels.h``, which Python reads, too,
+and other headers. It is compiled for the processor of this machine by the C compiler
+that DOLFINx's forms need anyway. Where the folder of compiled forms cannot be written
+to, each process compiles its own.
 """
 
 from __future__ import annotations
@@ -29,7 +30,13 @@ from erc_contact.base.exceptions import ErcContactError
 
 FLAGS = ("-std=gnu11", "-O3", "-march=native", "-fno-math-errno", "-Wno-psabi", "-fPIC")
 """Options of the compiler; none of them changes the order of operations."""
-TYPES = {"float64": "double", "float32": "float", "int64": "long long", "int32": "int", "bool": "_Bool"}
+TYPES = {
+    "float64": "double",
+    "float32": "float",
+    "int64": "long long",
+    "int32": "int",
+    "bool": "_Bool",
+}
 ARRAYS = {np.dtype(name): f"{known}[]" for name, known in TYPES.items()}
 """C's names of arrays of numpy's types."""
 
@@ -91,7 +98,11 @@ def _compiled(folder: Path) -> Path:
         return _compile(folder, Path(tempfile.mkdtemp(prefix="erc_contact_")) / name)
     with lock:
         flock(lock, LOCK_EX)  # the others wait, and find it
-        return cache_folder / name if (cache_folder / name).exists() else _compile(folder, cache_folder / name)
+        return (
+            cache_folder / name
+            if (cache_folder / name).exists()
+            else _compile(folder, cache_folder / name)
+        )
 
 
 def _compile(folder: Path, path: Path) -> Path:
@@ -106,7 +117,10 @@ def _compile(folder: Path, path: Path) -> Path:
             for source in sorted(folder.glob("*.c"))
         ]
         said = "".join(run.communicate()[1] for run in runs)
-        part, objects = Path(made) / path.name, [f"{made}/{source.stem}.o" for source in folder.glob("*.c")]
+        part, objects = (
+            Path(made) / path.name,
+            [f"{made}/{source.stem}.o" for source in folder.glob("*.c")],
+        )
         link = [*_compiler(), "-shared", *objects, "-lm", "-o", str(part)]
         if any(run.returncode for run in runs) or subprocess.run(link, check=False).returncode:
             raise ErcContactError(
@@ -126,5 +140,9 @@ def _compiler() -> list[str]:
 def _processor() -> str:
     """What the compiled library depends on: the instructions of the processor."""
     known = Path("/proc/cpuinfo")
-    flags = re.search(r"^(flags|Features).*", known.read_text(), re.MULTILINE) if known.exists() else None
+    flags = (
+        re.search(r"^(flags|Features).*", known.read_text(), re.MULTILINE)
+        if known.exists()
+        else None
+    )
     return f"{platform.machine()} {flags.group() if flags else platform.processor()}"

@@ -23,11 +23,13 @@ def log_of(comm: MPI.Comm) -> logging.Logger:
 def log_to_console(level: int = logging.INFO, comm: MPI.Comm = MPI.COMM_WORLD) -> None:
     """Show progress, on rank 0 only.
 
-    On a terminal a line below the rows tells what is under way: mesh, stage, iteration. Elsewhere, in the file of a
-    batch system or in a notebook, there are plain lines. Without this call the package is silent but for warnings.
+    On a terminal a line below the rows tells what is under way: mesh, stage, iteration.
+    Elsewhere, in the file of a batch system or in a notebook, there are plain lines.
+    Without this call the package is silent but for warnings.
 
     Args:
-        level: ``logging.INFO`` shows a row a mesh, ``logging.DEBUG`` every attempt of the contact solve.
+        level: ``logging.INFO`` shows a row a mesh, ``logging.DEBUG`` every attempt of
+            the contact solve.
         comm: Its rank 0 writes.
     """
     from rich.console import Console  # noqa: PLC0415 - only those who want progress pay for it
@@ -47,6 +49,8 @@ def log_to_console(level: int = logging.INFO, comm: MPI.Comm = MPI.COMM_WORLD) -
     handler: logging.Handler = logging.StreamHandler(sys.stdout)
     if console.is_terminal:
         plain = NullHighlighter()
-        handler = RichHandler(console=console, show_path=False, show_level=False, show_time=False, highlighter=plain)
+        handler = RichHandler(
+            console=console, show_path=False, show_level=False, show_time=False, highlighter=plain
+        )
     handler.set_name(NAME)
     log.addHandler(handler)

@@ -10,7 +10,8 @@ def percent(ratio: float, digits: int = 4) -> str:
 
     Args:
         ratio: What is told, >= 0 [-].
-        digits: Significant digits; powers of ten are told with one less, and round-off with two less.
+        digits: Significant digits; powers of ten are told with one less, and round-off
+            with two less.
     """
     size = 100.0 * ratio
     if size >= 100 and size < 1e6:

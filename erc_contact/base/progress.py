@@ -1,7 +1,8 @@
 """Where a run is: one line on a terminal, below what the log tells; elsewhere a line of the log now and then.
 
-A stage that may take long says what it is, and within it how far it is. Only rank 0 tells it, and only after
-:func:`erc_contact.log_to_console`. The file of a batch system gets it where nothing was told for some time.
+A stage that may take long says what it is, and within it how far it is. Only rank 0
+tells it, and only after :func:`erc_contact.log_to_console`. The file of a batch system
+gets it where nothing was told for some time.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
 """What goes to rank 0 and comes from there, and rows of tables that go from any rank to any other; collective.
 
-mpi4py turns each object into bytes and back, with a single rank, too. For arrays of some hundred numbers this takes
-longer than what is done with them. A single rank keeps its own object here.
+mpi4py turns each object into bytes and back, with a single rank, too. For arrays of
+some hundred numbers this takes longer than what is done with them. A single rank keeps
+its own object here.
 """
 
 from __future__ import annotations
@@ -22,7 +23,9 @@ def from_first(comm: MPI.Comm, value: Any) -> Any:
     return value if comm.size == 1 else comm.bcast(value)
 
 
-def exchange(comm: MPI.Comm, destination: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def exchange(
+    comm: MPI.Comm, destination: np.ndarray, rows: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Send each row of a table to a rank; collective.
 
     Args:

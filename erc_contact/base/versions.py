@@ -23,7 +23,10 @@ def versions() -> dict[str, str]:
 
 def machine() -> dict[str, str]:
     """What a run time depends on, without a name of the machine."""
-    return {"system": f"{platform.system()} {platform.machine()}", "processors": str(os.cpu_count())}
+    return {
+        "system": f"{platform.system()} {platform.machine()}",
+        "processors": str(os.cpu_count()),
+    }
 
 
 def _installed(name: str) -> str:

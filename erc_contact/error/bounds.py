@@ -1,46 +1,55 @@
 """Certified bounds on single numbers: the resultant of a contact traction, the energy, the work of the loads.
 
-The error of an admissible pair bounds the distance to both of its fields (no friction, or a given bound b):
+The error of an admissible pair bounds the distance to both of its fields (no friction,
+or a given bound b):
 
     |sigma - sigma^|^2 + |sigma - C eps(u^)|^2 <= e^2,  so with the middle  sigma_m = (sigma^ + C eps(u^))/2
     |sigma - sigma_m|^2 <= rho^2 = e^2/2 - bulk^2/4                                                     (a)
 
-by the parallelogram identity, with ``bulk = |sigma^ - C eps(u^)|``. (rho = e/2 where the contact part of e is zero.)
-For any continuous phi that is zero where a support holds, the work of the tractions on all contacts is
-``int r.phi = (sigma, eps(phi)) - f(phi) - F(phi)``. Hence
+by the parallelogram identity, with ``bulk = |sigma^ - C eps(u^)|``. (rho = e/2 where
+the contact part of e is zero.) For any continuous phi that is zero where a support
+holds, the work of the tractions on all contacts is ``int r.phi = (sigma, eps(phi)) -
+f(phi) - F(phi)``. Hence
 
     | int r.phi - ( ((sigma^, eps(phi)) + a(u^, phi))/2 - f(phi) - F(phi) ) |  <=  rho |phi|            (b)
 
-in energy norms. Let phi equal the direction a on one contact, in the components that its traction can have there, and
-do no work on the other contacts. Then (b) bounds the resultant ``int r.a``. The phi of least energy, which takes one
-elastic solve, gives the best bounds. A rigid motion that no support holds has no energy; the resultant then follows
-from the loads alone.
+in energy norms. Let phi equal the direction a on one contact, in the components that
+its traction can have there, and do no work on the other contacts. Then (b) bounds the
+resultant ``int r.a``. The phi of least energy, which takes one elastic solve, gives the
+best bounds. A rigid motion that no support holds has no energy; the resultant then
+follows from the loads alone.
 
-Without friction or with given friction, u minimises the potential energy J, and ``J(u^) - J(u) <= e^2/2``: this bound
-is of second order in e. The bounds (b) are of first order. For bounds of second order one would need a dual problem
+Without friction or with given friction, u minimises the potential energy J, and ``J(u^)
+- J(u) <= e^2/2``: this bound is of second order in e. The bounds (b) are of first
+  order. For bounds of second order one would need a dual problem
 whose contact set is certain.
 
-``guaranteed`` means that the interval is proved, up to round-off and to integrals that are resolved at the points of
-quadrature (:mod:`erc_contact.mesh.quadrature`). This needs
+``guaranteed`` means that the interval is proved, up to round-off and to integrals that
+are resolved at the points of quadrature (:mod:`erc_contact.mesh.quadrature`). This
+needs
 
-- no friction, or given friction: if the bound depends on the pressure, (a) has a further term of no sign;
-- no oscillation (:mod:`erc_contact.error.oscillation`): sigma^ balances the loads themselves, and u^ and r^ satisfy
-  supports, gaps, normals and friction bounds at every point. A pair that is admissible for other data bounds another
-  problem;
-- integrals with the true moduli, gaps and bounds, not with those of a fixed rule. What they leave unknown widens the
-  interval. The stiffness matrix may be integrated by any rule, because (a) holds for any u^.
+- no friction, or given friction: if the bound depends on the pressure, (a) has a
+  further term of no sign;
+- no oscillation (:mod:`erc_contact.error.oscillation`): sigma^ balances the loads
+  themselves, and u^ and r^ satisfy supports, gaps, normals and friction bounds at every
+  point. A pair that is admissible for other data bounds another problem;
+- integrals with the true moduli, gaps and bounds, not with those of a fixed rule. What
+  they leave unknown widens the interval. The stiffness matrix may be integrated by any
+  rule, because (a) holds for any u^.
 
-Otherwise the same numbers are estimates. Resultants that follow from rigid motions need only the integrals of the
-loads.
+Otherwise the same numbers are estimates. Resultants that follow from rigid motions need
+only the integrals of the loads.
 
-Nothing is guaranteed for a curved body whose flat facets change the energy; an estimate of this change is then added to
-e^2. If a body is known only as a mesh, the bounds are those of the body with flat facets.
+Nothing is guaranteed for a curved body whose flat facets change the energy; an estimate
+of this change is then added to e^2. If a body is known only as a mesh, the bounds are
+those of the body with flat facets.
 
-Symbols: V continuous P_k displacements, J(v) = a(v, v)/2 - f(v) - F(v) + int b |v_t - s|
-with the given friction bound b; s is the tangential displacement at the end of the last step of a history, which is
-zero without history.
+Symbols: V continuous P_k displacements, J(v) = a(v, v)/2 - f(v) - F(v) + int b |v_t -
+s| with the given friction bound b; s is the tangential displacement at the end of the
+last step of a history, which is zero without history.
 
-Source: Prager, Synge, Quart. Appl. Math. 5 (1947), for (a) without contact; Coorevits, Hild, Hjiaj, (16), for e.
+Source: Prager, Synge, Quart. Appl. Math. 5 (1947), for (a) without contact; Coorevits,
+Hild, Hjiaj, (16), for e.
 """
 
 from __future__ import annotations
@@ -77,10 +86,13 @@ class Bounds:
         value: Its middle; for the energy the value of u^.
         low: Least possible number.
         high: Greatest possible number.
-        guaranteed: Whether the interval is proved (to round-off); otherwise it is an estimate.
-        weighted: Whether a support or another contact fixes phi at the edge of the contact to another value than the
-            direction. The interval is then for ``int r.phi``, where phi changes from the direction to this value across
-            the facets at the edge. The rest of the resultant has no finite bound; it is smaller on finer meshes.
+        guaranteed: Whether the interval is proved (to round-off); otherwise it is an
+            estimate.
+        weighted: Whether a support or another contact fixes phi at the edge of the
+            contact to another value than the direction. The interval is then for ``int
+            r.phi``, where phi changes from the direction to this value across the
+            facets at the edge. The rest of the resultant has no finite bound; it is
+            smaller on finer meshes.
     """
 
     value: float
@@ -96,13 +108,15 @@ def resultant(error: ConstitutiveError | Run, contact: str, direction: Sequence[
     Args:
         error: The error of an admissible pair, or a history, whose error is taken.
         contact: Name of the boundary part in contact.
-        direction: a [-], d numbers, of any length: the normal, a tangent, or any other direction.
+        direction: a [-], d numbers, of any length: the normal, a tangent, or any other
+            direction.
 
     Returns:
         An interval around the mean of the resultants of the two fields [force].
 
     Raises:
-        InputError: If no contact has this name, or the direction is not d finite numbers.
+        InputError: If no contact has this name, or the direction is not d finite
+            numbers.
     """
     error = error_of(error)
     pair = error.admissible
@@ -117,7 +131,9 @@ def resultant(error: ConstitutiveError | Run, contact: str, direction: Sequence[
     square = elastic_work(pair, phi, phi)
     size = float(np.sqrt(max(square.value + square.bound, 0.0)))
     stiffest = model.stiffest() * model.domain.extent ** (model.d - 2)
-    rigid = size <= RIGID * np.linalg.norm(a) * np.sqrt(stiffest)  # then (b) is the balance of forces
+    rigid = size <= RIGID * np.linalg.norm(a) * np.sqrt(
+        stiffest
+    )  # then (b) is the balance of forces
     from_loads = bool(rigid) and error.geometry_error <= ROUND_OFF * error.scale
     proved = middle.resolved and square.resolved and (from_loads or error.guaranteed)
     radius = float(np.sqrt(_square(error) / 2 - error.bulk_error**2 / 4) * size) + middle.bound
@@ -127,14 +143,15 @@ def resultant(error: ConstitutiveError | Run, contact: str, direction: Sequence[
 def potential_energy(error: ConstitutiveError | Run) -> Bounds:
     """Bounds on the potential energy J(u), in ``[J(u^) - e^2/2, J(u^)]``; collective.
 
-    With loads only (supports and gaps zero) the strain energy ``a(u, u)/2`` is -J(u); with supports only (no loads, no
-    gap, no friction) it is J(u).
+    With loads only (supports and gaps zero) the strain energy ``a(u, u)/2`` is -J(u);
+    with supports only (no loads, no gap, no friction) it is J(u).
 
     Args:
         error: The error of an admissible pair, or a history, whose error is taken.
 
     Returns:
-        An interval that ends in J(u^) [force length]. With Coulomb friction J is that of the bound of r^.
+        An interval that ends in J(u^) [force length]. With Coulomb friction J is that
+        of the bound of r^.
     """
     error = error_of(error)
     pair = error.admissible
@@ -152,8 +169,8 @@ def work_of_loads(error: ConstitutiveError | Run) -> Bounds:
     """Bounds on ``f(u) + F(u) = -2 J(u)``, in ``[-2 J(u^), -2 J(u^) + e^2]``, the compliance; collective.
 
     Args:
-        error: The error, or a history, of a frictionless scene whose supports and gaps are zero: its admissible
-            displacements are a cone.
+        error: The error, or a history, of a frictionless scene whose supports and gaps
+            are zero: its admissible displacements are a cone.
 
     Returns:
         An interval that begins with -2 J(u^) [force length].
@@ -166,7 +183,11 @@ def work_of_loads(error: ConstitutiveError | Run) -> Bounds:
     moved = [s.facets for s in scene.supports if any(callable(v) or v for v in s.value)]
     gaps = [c.facets for c in scene.contacts if callable(c.gap) or c.gap]
     rough = [c.facets for c in scene.contacts if c.law is not None]
-    for what, where in (("a support that is not zero", moved), ("a gap", gaps), ("friction", rough)):
+    for what, where in (
+        ("a support that is not zero", moved),
+        ("a gap", gaps),
+        ("friction", rough),
+    ):
         if where:
             raise InputError(
                 f"The work of the loads has no certified bounds with {what} ({', '.join(where)}); ask for "
@@ -176,11 +197,14 @@ def work_of_loads(error: ConstitutiveError | Run) -> Bounds:
     return Bounds(-2 * J.value, -2 * J.high, -2 * J.low, J.guaranteed)
 
 
-def lifting(model: Model, elastic: ElasticSolver, which: int, a: np.ndarray) -> tuple[fem.Function, bool]:
+def lifting(
+    model: Model, elastic: ElasticSolver, which: int, a: np.ndarray
+) -> tuple[fem.Function, bool]:
     """The phi of least energy that equals a direction on one contact and does no work elsewhere; collective.
 
-    On the contact all components are a, or only the normal one where the contact is flat and frictionless; on the
-    other contacts they are zero; components that supports fix are zero.
+    On the contact all components are a, or only the normal one where the contact is
+    flat and frictionless; on the other contacts they are zero; components that supports
+    fix are zero.
 
     Args:
         model: The scene on a mesh.
@@ -189,7 +213,8 @@ def lifting(model: Model, elastic: ElasticSolver, which: int, a: np.ndarray) -> 
         a: Direction, shape (d,).
 
     Returns:
-        phi [-], and whether it differs from a on the contact because a support or another contact fixes it there.
+        phi [-], and whether it differs from a on the contact because a support or
+        another contact fixes it there.
     """
     phi = _least_energy(model, elastic, which, a)
     values = phi.x.array.reshape(-1, model.d)
@@ -203,9 +228,13 @@ def lifting(model: Model, elastic: ElasticSolver, which: int, a: np.ndarray) -> 
     tolerance = ROUND_OFF * float(np.linalg.norm(a))
     for contact, at in zip(model.contacts, places, strict=True):
         if contact is not model.contacts[which]:  # phi is zero where several contacts hold it
-            values[at[abs(_working_part(contact, values[at])).max(axis=1, initial=0.0) > tolerance]] = 0.0
+            values[
+                at[abs(_working_part(contact, values[at])).max(axis=1, initial=0.0) > tolerance]
+            ] = 0.0
     phi.x.scatter_forward()
-    missing = abs(_working_part(model.contacts[which], a - values[own])).max(initial=0.0) > tolerance
+    missing = (
+        abs(_working_part(model.contacts[which], a - values[own])).max(initial=0.0) > tolerance
+    )
     return phi, bool(model.comm.allreduce(bool(missing), MPI.LOR))
 
 
@@ -214,8 +243,14 @@ def _least_energy(model: Model, elastic: ElasticSolver, which: int, a: np.ndarra
     u, v, contact = ufl.TrialFunction(model.V), ufl.TestFunction(model.V), model.contacts[which]
     gamma = model.stiffness_per_area(compiled.constant(model.mesh, GLUE))
     springs = [gamma * ufl.inner(_working_part_ufl(c, u), v) * c.ds for c in model.contacts]
-    pull = gamma * ufl.inner(_working_part_ufl(contact, compiled.constant(model.mesh, a)), v) * contact.ds
-    matrix = fp.assemble_matrix(compiled.form(sum(springs[1:], start=springs[0])), bcs=model.bcs, diag=0.0)
+    pull = (
+        gamma
+        * ufl.inner(_working_part_ufl(contact, compiled.constant(model.mesh, a)), v)
+        * contact.ds
+    )
+    matrix = fp.assemble_matrix(
+        compiled.form(sum(springs[1:], start=springs[0])), bcs=model.bcs, diag=0.0
+    )
     matrix.assemble()
     b, near = model.function(), model.function()
     fem.assemble_vector(b.x.array, compiled.form(pull))
@@ -224,7 +259,11 @@ def _least_energy(model: Model, elastic: ElasticSolver, which: int, a: np.ndarra
     phi = elastic.solve_with_springs(matrix, b, near)
     elastic.free()
     matrix.destroy()
-    error = None if np.isfinite(phi.x.array).all() else InputError("The body cannot be factorised; look at its moduli.")
+    error = (
+        None
+        if np.isfinite(phi.x.array).all()
+        else InputError("The body cannot be factorised; look at its moduli.")
+    )
     raise_together(model.comm, error)
     return phi
 

@@ -21,8 +21,9 @@ from erc_contact.mesh.surface import pairs, swept
 def bulk_squares(admissible: Admissible) -> tuple[np.ndarray, np.ndarray, float]:
     """``|sigma^ - C eps(u^)|^2`` and ``|sigma^ + C eps(u^)|^2`` of each owned cell; collective.
 
-    If the moduli vary inside cells, the first result contains what its integral leaves unknown. The third result is the
-    sum of this over the cells of the rank if it is more than the tolerance, else 0.
+    If the moduli vary inside cells, the first result contains what its integral leaves
+    unknown. The third result is the sum of this over the cells of the rank if it is
+    more than the tolerance, else 0.
     """
     model, cells = admissible.solution.model, admissible.cell_geometry
     owned, k = model.domain.owned_cells, model.degree
@@ -32,9 +33,23 @@ def bulk_squares(admissible: Admissible) -> tuple[np.ndarray, np.ndarray, float]
     difference, both = np.empty((2, owned))
     kernels()(
         "stress_squares",
-        *(owned, elastic.shape[2], *admissible.stress.shape[1:3], len(shape), shape, weights, cells.volume),
+        *(
+            owned,
+            elastic.shape[2],
+            *admissible.stress.shape[1:3],
+            len(shape),
+            shape,
+            weights,
+            cells.volume,
+        ),
         *(admissible.stress, elastic.shape[1], np.ascontiguousarray(elastic)),
-        *(len(compliance) > 1, compliance.shape[1], np.ascontiguousarray(compliance), difference, both),
+        *(
+            len(compliance) > 1,
+            compliance.shape[1],
+            np.ascontiguousarray(compliance),
+            difference,
+            both,
+        ),
     )
     if not model.elasticity.varies_in_cells:
         return difference, both, 0.0
@@ -43,14 +58,25 @@ def bulk_squares(admissible: Admissible) -> tuple[np.ndarray, np.ndarray, float]
 
     def squares(of: np.ndarray, at: np.ndarray, x: np.ndarray) -> np.ndarray:
         S = model.compliance(x, of_cells[of])
-        elastic = act(model.elasticity(x, of_cells[of]), np.matmul(polynomials(k - 1, at), strain[of]))
+        elastic = act(
+            model.elasticity(x, of_cells[of]), np.matmul(polynomials(k - 1, at), strain[of])
+        )
         sigma = macro_values(admissible.stress, k, of, at)
-        return np.stack([(act(S, tau) * tau).sum(axis=-1) for tau in (sigma - elastic, sigma + elastic)], axis=-1)
+        return np.stack(
+            [(act(S, tau) * tau).sum(axis=-1) for tau in (sigma - elastic, sigma + elastic)],
+            axis=-1,
+        )
 
     corners = sorted_corners(model, cells)[:owned]
     floor = np.array([EXACT**2 * model.comm.allreduce(float(both.sum()), MPI.SUM), 0.0])
     total = integrate(
-        model.comm, squares, corners, cells.volume[:owned], cell_pieces(model.d), share=UNKNOWN, floor=floor
+        model.comm,
+        squares,
+        corners,
+        cells.volume[:owned],
+        cell_pieces(model.d),
+        share=UNKNOWN,
+        floor=floor,
     )
     unknown = 0.0 if total.resolved.all() else float(total.rest.max(axis=1).sum())
     return total.value[:, 0] + total.rest[:, 0], total.value[:, 1], unknown
@@ -59,11 +85,13 @@ def bulk_squares(admissible: Admissible) -> tuple[np.ndarray, np.ndarray, float]
 def geometry_squares(admissible: Admissible, both: np.ndarray) -> np.ndarray:
     """The share of each owned cell in the square of ``ConstitutiveError.geometry_error`` [force length].
 
-    A facet on the boundary of the body counts for its cell. A facet between two cells counts half for each.
+    A facet on the boundary of the body counts for its cell. A facet between two cells
+    counts half for each.
 
     Args:
         admissible: The pair.
-        both: ``|sigma^ + C eps(u^)|^2 = 4 |sigma_m|^2`` of each owned cell [force length].
+        both: ``|sigma^ + C eps(u^)|^2 = 4 |sigma_m|^2`` of each owned cell [force
+            length].
     """
     model, cells = admissible.solution.model, admissible.cell_geometry
     result = np.zeros(len(both))

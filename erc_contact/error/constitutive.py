@@ -1,21 +1,27 @@
 """The error in the constitutive relation of an admissible pair: global, in parts, and per element.
 
     e^2 = |sigma^ - C eps(u^)|^2
-          + 2 int_GammaC ( b(p^) |w_t - s| + r^_t.(w_t - s) + r^_n (w_n - g) ),  p^ = -r^_n              (16)
-    eps = e / |sigma^ + C eps(u^)|                                                                       (17)
+          + 2 int_GammaC ( b(p^) |w_t - s| + r^_t.(w_t - s) + r^_n (w_n - g) ),  p^ =
+          -r^_n              (16)
+    eps = e / |sigma^ + C eps(u^)|
+    (17)
 
-in energy norms ``|sigma|^2 = int C^-1 sigma : sigma``, with b the friction bound of the law: mu p for Coulomb,
-given for Tresca. In a step of a history, s is the tangential displacement at the end of the last step, and e bounds the
-error of this step given its history; without history s is zero. Both terms are never negative, and e = 0 only for the
-solution. For frictionless contact and given friction (Tresca) e bounds the errors of u^ and of sigma^ with constant 1:
+in energy norms ``|sigma|^2 = int C^-1 sigma : sigma``, with b the friction bound of the
+law: mu p for Coulomb, given for Tresca. In a step of a history, s is the tangential
+displacement at the end of the last step, and e bounds the error of this step given its
+history; without history s is zero. Both terms are never negative, and e = 0 only for
+the solution. For frictionless contact and given friction (Tresca) e bounds the errors
+of u^ and of sigma^ with constant 1:
 
     |u - u^|^2 + |sigma - sigma^|^2 + 2 int_GammaC (b(p) - b(p^))(|w_t - s| - |w^_t - s|)  <=  e^2.
 
-If the bound depends on the pressure, as Coulomb's does, the third term is a product of two errors and has no sign. Then
-e is a bound up to a term of higher order, not a guarantee. On a bilateral contact ``w_n = g``, as on a support.
+If the bound depends on the pressure, as Coulomb's does, the third term is a product of
+two errors and has no sign. Then e is a bound up to a term of higher order, not a
+guarantee. On a bilateral contact ``w_n = g``, as on a support.
 
-Where moduli, gap or friction bound vary inside cells, the integrals are adapted to them, and e contains what they leave
-unknown. The part of the data that the mesh cannot represent is the oscillation. It is reported in addition to e.
+Where moduli, gap or friction bound vary inside cells, the integrals are adapted to
+them, and e contains what they leave unknown. The part of the data that the mesh cannot
+represent is the oscillation. It is reported in addition to e.
 
 Source: Coorevits, Hild, Hjiaj, equations (16)-(18); the gap g and s are ours.
 """
@@ -63,16 +69,19 @@ class ConstitutiveError:
         scale: ``|sigma^ + C eps(u^)|`` [sqrt(force length)].
         bulk_error: Bulk part of e.
         contact_error: Contact part of e; ``bulk_error^2 + contact_error^2 = e^2``.
-        geometry_error: Estimate of the error by the flat facets of a curved body [sqrt(force length)], not part of e.
-            It is the energy norm of the stress between the facets and the true surface: its square is
-            ``int |offset| |sigma|^2``, at an interface with the difference of ``|sigma|^2``. Half of its square is
-            about the change of the potential energy by the facets (0.78 to 0.94 of it on a pressed ring of 5 to 30
-            facets). It is zero if all facets are exact, and if only a mesh is known: the body is then the mesh.
-        oscillations: Parts of the data that the mesh cannot represent, estimates without constants of Korn and Poincare
-            type, not part of e.
-        indicators: The local error indicators eps_E (18) of the owned cells [-]; the squares sum to eps^2 over all
-            ranks.
-        total_indicators: The same with the share of the geometry, which refinement uses; the squares sum to total^2.
+        geometry_error: Estimate of the error by the flat facets of a curved body
+            [sqrt(force length)], not part of e. It is the energy norm of the stress
+            between the facets and the true surface: its square is ``int |offset|
+                |sigma|^2``, at an interface with the difference of ``|sigma|^2``. Half of its square is
+            about the change of the potential energy by the facets (0.78 to 0.94 of it
+            on a pressed ring of 5 to 30 facets). It is zero if all facets are exact,
+                and if only a mesh is known: the body is then the mesh.
+        oscillations: Parts of the data that the mesh cannot represent, estimates
+            without constants of Korn and Poincare type, not part of e.
+        indicators: The local error indicators eps_E (18) of the owned cells [-]; the
+            squares sum to eps^2 over all ranks.
+        total_indicators: The same with the share of the geometry, which refinement
+            uses; the squares sum to total^2.
         seconds: Wall time, the largest over the ranks [s].
     """
 
@@ -105,8 +114,14 @@ class ConstitutiveError:
             "geometry, an estimate beside eps": self.geometry_error,
             "data the mesh does not carry, an estimate beside eps": self.oscillation,
         }
-        rows: list[tuple[str, object]] = [(name, percent(part / scale)) for name, part in parts.items()]
-        rows += [("e", f"{self.absolute:.4g}"), ("cells", self.domain.cells), ("degree", self.degree)]
+        rows: list[tuple[str, object]] = [
+            (name, percent(part / scale)) for name, part in parts.items()
+        ]
+        rows += [
+            ("e", f"{self.absolute:.4g}"),
+            ("cells", self.domain.cells),
+            ("degree", self.degree),
+        ]
         return table(rows, caption="Error in the constitutive relation")
 
     @property
@@ -117,13 +132,19 @@ class ConstitutiveError:
     @property
     def total(self) -> float:
         """Eps with the estimate of the geometry [-], which a run lowers to its accuracy; eps for straight bodies."""
-        return float(np.hypot(self.absolute, self.geometry_error)) / self.scale if self.scale > 0 else 0.0
+        return (
+            float(np.hypot(self.absolute, self.geometry_error)) / self.scale
+            if self.scale > 0
+            else 0.0
+        )
 
     @property
     def pressure_dependent(self) -> tuple[str, ...]:
         """Names of the contacts whose friction bound depends on the pressure; e is a bound up to the third term."""
         contacts = self.solution.model.contacts
-        return tuple(c.name for c in contacts if c.friction is not None and c.friction.dependence != CONSTANT)
+        return tuple(
+            c.name for c in contacts if c.friction is not None and c.friction.dependence != CONSTANT
+        )
 
     @property
     def guaranteed(self) -> bool:
@@ -165,8 +186,8 @@ class ConstitutiveError:
     def maximum(self, quantity: str) -> Maximum:
         """Greatest value of a quantity and its place; collective.
 
-        The displacement is u^, the von Mises stress is that of the mean of sigma^ in a cell, and "pressure", "shear",
-        "slip" and "gap" are those of :meth:`profile`.
+        The displacement is u^, the von Mises stress is that of the mean of sigma^ in a
+        cell, and "pressure", "shear", "slip" and "gap" are those of :meth:`profile`.
 
         Args:
             quantity: A quantity of :func:`erc_contact.model.maximum.greatest`.
@@ -176,7 +197,11 @@ class ConstitutiveError:
         """
         pair = self.admissible
         return greatest(
-            self.solution.model, quantity, pair.displacement, lambda: von_mises(mean_stress(pair)), self.profile
+            self.solution.model,
+            quantity,
+            pair.displacement,
+            lambda: von_mises(mean_stress(pair)),
+            self.profile,
         )
 
     @property
@@ -199,7 +224,9 @@ def error_of(measured: ConstitutiveError | Run) -> ConstitutiveError:
     Raises:
         InputError: If it is neither.
     """
-    error = measured if isinstance(measured, ConstitutiveError) else getattr(measured, "error", None)
+    error = (
+        measured if isinstance(measured, ConstitutiveError) else getattr(measured, "error", None)
+    )
     if not isinstance(error, ConstitutiveError):
         raise InputError(
             f"The error is {checks.description(measured)}; give a history, or the error that constitutive_error() "
@@ -224,11 +251,15 @@ def constitutive_error(admissible: Admissible) -> ConstitutiveError:
     model = admissible.solution.model
     per_cell, both, moduli_2 = bulk_squares(admissible)
     geometry = geometry_squares(admissible, both)
-    bulk_2, scale_2, geometry_2 = model.comm.allreduce(np.array([per_cell.sum(), both.sum(), geometry.sum()]), MPI.SUM)
+    bulk_2, scale_2, geometry_2 = model.comm.allreduce(
+        np.array([per_cell.sum(), both.sum(), geometry.sum()]), MPI.SUM
+    )
     loads_2 = of_loads(model, admissible.cell_geometry, admissible.cell_forces)
     squares = np.array([0.0, loads_2, of_supports(model), moduli_2, 0.0, 0.0, of_history(model)])
     for traction in admissible.tractions:
-        parts, gaps_2, friction_2 = contact_squares(model, admissible.displacement, traction, UNKNOWN * float(bulk_2))
+        parts, gaps_2, friction_2 = contact_squares(
+            model, admissible.displacement, traction, UNKNOWN * float(bulk_2)
+        )
         parts = np.maximum(parts, 0.0)  # negative by round-off only
         per_cell += traction.contact.trace.share(parts)
         squares += float(parts.sum()), 0.0, 0.0, 0.0, gaps_2, friction_2, 0.0
@@ -239,11 +270,15 @@ def constitutive_error(admissible: Admissible) -> ConstitutiveError:
             "The energy of this scene is no number of double precision; loads or moduli are too large or too small. "
             "Choose units in which they are nearer to 1."
         )
-    if scale_2 <= NOISE**2 * floor_2 and moves_rigidly(admissible, floor_2):  # the rest is round-off
+    if scale_2 <= NOISE**2 * floor_2 and moves_rigidly(
+        admissible, floor_2
+    ):  # the rest is round-off
         per_cell[:] = geometry[:] = bulk_2 = contact_2 = scale_2 = geometry_2 = 0.0
     e = float(np.sqrt(bulk_2 + contact_2))
     norm = float(np.sqrt(scale_2))
-    indicators, total_indicators = (np.sqrt(square) / (norm or 1.0) for square in (per_cell, per_cell + geometry))
+    indicators, total_indicators = (
+        np.sqrt(square) / (norm or 1.0) for square in (per_cell, per_cell + geometry)
+    )
     seconds = model.comm.allreduce(perf_counter() - began, MPI.MAX)
     return ConstitutiveError(
         admissible,

@@ -1,9 +1,11 @@
 """The contact part of the error in the constitutive relation.
 
-Symbols: r^ and w admissible traction and displacement on the contact, n normal, g gap, b friction bound, s tangential
-displacement at the end of the last step of a history, which is zero without history.
+Symbols: r^ and w admissible traction and displacement on the contact, n normal, g gap,
+b friction bound, s tangential displacement at the end of the last step of a history,
+which is zero without history.
 
-Source: Coorevits, Hild, Hjiaj, equation (16); the gap g, the general bound and s are ours.
+Source: Coorevits, Hild, Hjiaj, equation (16); the gap g, the general bound and s are
+ours.
 """
 
 from __future__ import annotations
@@ -28,13 +30,19 @@ CONTACT_DEGREE = 21
 AWAY = 0.5
 """Greatest distance of the slip from its mean on a facet, over that mean, where its length counts as smooth [-].
 
-The length ``sqrt(slip . slip)`` of a linear slip is then analytic on a facet 1.4 times as large, and the rule of degree
-CONTACT_DEGREE is exact to 1e-8.
+The length ``sqrt(slip . slip)`` of a linear slip is then analytic on a facet 1.4 times
+as large, and the rule of degree CONTACT_DEGREE is exact to 1e-8.
 """
 
 
 def contact_density(
-    contact: BoundContact, n: np.ndarray, r: np.ndarray, w: np.ndarray, s: Any, gap: Any, bound: np.ndarray
+    contact: BoundContact,
+    n: np.ndarray,
+    r: np.ndarray,
+    w: np.ndarray,
+    s: Any,
+    gap: Any,
+    bound: np.ndarray,
 ) -> np.ndarray:
     """Twice the contact term, ``2 (b(p^) |w_t - s| + r^_t.(w_t - s) + r^_n (w_n - g))``, at points, shape (n, q).
 
@@ -43,7 +51,8 @@ def contact_density(
         n: Normal of the foundation, shape (n, 1, d).
         r: r^ at the points [force/area], shape (n, q, d).
         w: u^ there [length], shape (n, q, d).
-        s: The tangential displacement of the last step there [length], shape (n, q, d), or 0 without history.
+        s: The tangential displacement of the last step there [length], shape (n, q, d),
+            or 0 without history.
         gap: The gap there [length], shape (n, q), or a number.
         bound: The friction bound there [force/area], shape (n, q).
     """
@@ -51,7 +60,8 @@ def contact_density(
     density = np.zeros(r_n.shape) if contact.bilateral else r_n * (w_n - gap)
     if contact.friction is not None:
         density += bound * slip + (r_t * w_t).sum(axis=-1)
-    # a difference of two works that are equal up to round-off is no error; otherwise e would stop at 1e-8 of the norm
+    # a difference of two works that are equal up to round-off is no error; otherwise e
+    # would stop at 1e-8 of the norm
     size = np.linalg.norm(w, axis=-1) + np.linalg.norm(np.broadcast_to(s, w.shape), axis=-1)
     resolution = 16 * np.finfo(float).eps * np.linalg.norm(r, axis=-1) * (size + abs(gap))
     return 2 * np.where(abs(density) <= resolution, 0.0, density)
@@ -67,10 +77,11 @@ def contact_squares(
 ) -> tuple[np.ndarray, float, float]:
     """:func:`contact_parts`, and the squares of the oscillations of gap and friction bound on this rank.
 
-    The integrals are exact where the integrand is a polynomial or, in the plane, one on each side of the points where
-    the slip is zero. Else they are adapted: where the data of the contact vary, the friction bound is nonlinear in the
-    pressure, or, in space, the slip may vanish. Adapted integrals may leave ``floor`` or the share UNKNOWN of their
-    values unknown, and contain what they leave unknown.
+    The integrals are exact where the integrand is a polynomial or, in the plane, one on
+    each side of the points where the slip is zero. Else they are adapted: where the
+    data of the contact vary, the friction bound is nonlinear in the pressure, or, in
+    space, the slip may vanish. Adapted integrals may leave ``floor`` or the share
+    UNKNOWN of their values unknown, and contain what they leave unknown.
 
     Args:
         model: The scene on a mesh.
@@ -95,14 +106,22 @@ def contact_squares(
     parts = area * _means(model, traction, of_w, of_s, points, weights)
     if friction is None or model.d == 2:
         return parts, 0.0, 0.0
-    # In space the length of a slip that may vanish has a kink at a point that is no corner of a piece.
+    # In space the length of a slip that may vanish has a kink at a point that is no
+    # corner of a piece.
     kinked = _slip_may_vanish(contact, of_w - of_s)
-    adapted, gaps, bounds = _adapted_squares(model, traction, of_w, of_s, np.where(kinked, area, 0.0), floor)
+    adapted, gaps, bounds = _adapted_squares(
+        model, traction, of_w, of_s, np.where(kinked, area, 0.0), floor
+    )
     return np.where(kinked, adapted, parts), gaps, bounds
 
 
 def _means(
-    model: Model, traction: ContactTraction, of_w: np.ndarray, of_s: np.ndarray, points: np.ndarray, weights: np.ndarray
+    model: Model,
+    traction: ContactTraction,
+    of_w: np.ndarray,
+    of_s: np.ndarray,
+    points: np.ndarray,
+    weights: np.ndarray,
 ) -> np.ndarray:
     """Twice the mean of the contact term on each facet [force/length^(d-2)], shape (f,), by rules of the facets.
 
@@ -113,7 +132,8 @@ def _means(
         traction: r^ on the contact.
         of_w: Coefficients of u^ [length], shape (f, m, d).
         of_s: Coefficients of s [length], shape (f, m, d).
-        points: Points of each facet in barycentric coordinates, shape (f, q, d) or (1, q, d).
+        points: Points of each facet in barycentric coordinates, shape (f, q, d) or (1,
+            q, d).
         weights: Their weights, of sum 1, shape (f, q) or (1, q).
     """
     contact = traction.contact
@@ -139,8 +159,9 @@ def _same_rule(d: int, degree: int) -> tuple[np.ndarray, np.ndarray]:
 def _rule_between_zeros(contact: BoundContact, slip: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Points (f, q, 2), barycentric, and weights (f, q) of rules that are exact between the zeros of the slip.
 
-    A facet in the plane is cut where the slip is zero. On each part the length of the slip is a polynomial of the
-    degree of the slip, so that its product with a pressure of the same degree is integrated exactly.
+    A facet in the plane is cut where the slip is zero. On each part the length of the
+    slip is a polynomial of the degree of the slip, so that its product with a pressure
+    of the same degree is integrated exactly.
 
     Args:
         contact: The contact.
@@ -195,7 +216,12 @@ def _slip_may_vanish(contact: BoundContact, slip: np.ndarray) -> np.ndarray:
 
 
 def _adapted_squares(
-    model: Model, traction: ContactTraction, of_w: np.ndarray, of_s: np.ndarray, area: np.ndarray, floor: float
+    model: Model,
+    traction: ContactTraction,
+    of_w: np.ndarray,
+    of_s: np.ndarray,
+    area: np.ndarray,
+    floor: float,
 ) -> tuple[np.ndarray, float, float]:
     """The numbers of :func:`contact_squares` by adapted integrals; collective.
 
@@ -210,20 +236,26 @@ def _adapted_squares(
     contact = traction.contact
     given = ContactData(contact, model.mesh)
     least = [
-        EXACT * model.comm.allreduce(float(abs(v).max(initial=0.0)), MPI.MAX) for v in (of_w, *[traction.values] * 2)
+        EXACT * model.comm.allreduce(float(abs(v).max(initial=0.0)), MPI.MAX)
+        for v in (of_w, *[traction.values] * 2)
     ]
 
     def terms(of: np.ndarray, at: np.ndarray, x: np.ndarray) -> np.ndarray:
         shape, n = polynomials(model.degree, at), contact.direction[of][:, None, :]
         r, w = np.matmul(shape, traction.values[of]), np.matmul(shape, of_w[of])
         r_n, _, friction = split(r, n)
-        gap, normal, bound = given.gap(of, x), given.normal(of, x), given.bound(of, x, np.maximum(-r_n, 0.0))
+        gap, normal, bound = (
+            given.gap(of, x),
+            given.normal(of, x),
+            given.bound(of, x, np.maximum(-r_n, 0.0)),
+        )
         beyond = (w * normal).sum(axis=-1) - gap
         beyond = abs(beyond) if contact.bilateral else np.maximum(beyond, 0.0)
         turned = np.linalg.norm(r, axis=-1) * np.linalg.norm(normal - n, axis=-1)
         excess = friction - bound
         beyond, turned, excess = (
-            np.where(v <= most, 0.0, v) for v, most in zip((beyond, turned, excess), least, strict=True)
+            np.where(v <= most, 0.0, v)
+            for v, most in zip((beyond, turned, excess), least, strict=True)
         )
         soft = (1 / contact.trace.stiffness)[of][:, None]
         density = contact_density(contact, n, r, w, np.matmul(shape, of_s[of]), gap, bound)
@@ -231,9 +263,17 @@ def _adapted_squares(
 
     corners, share = contact.trace.here.corners, np.array([UNKNOWN, COARSE, COARSE])
     floors = np.array([floor, 0.0, 0.0])
-    total = integrate(model.comm, terms, corners, area, facet_pieces(model.d - 1), share=share, floor=floors)
+    total = integrate(
+        model.comm, terms, corners, area, facet_pieces(model.d - 1), share=share, floor=floors
+    )
     parts, gaps, friction = total.value.T
     unknown = np.zeros(2)
     if not total.resolved[0]:
-        unknown[0 if contact.gap is not None and varies_in_cells(contact.gap) else 1] = total.rest[:, 0].sum()
-    return parts + total.rest[:, 0], float(gaps.sum() + unknown[0]), float(friction.sum() + unknown[1])
+        unknown[0 if contact.gap is not None and varies_in_cells(contact.gap) else 1] = total.rest[
+            :, 0
+        ].sum()
+    return (
+        parts + total.rest[:, 0],
+        float(gaps.sum() + unknown[0]),
+        float(friction.sum() + unknown[1]),
+    )

@@ -1,31 +1,39 @@
 """Proofs with Coulomb friction: a bound of all solutions without a term of unknown sign, and uniqueness.
 
-The derivation is in docs/coulomb.md. Symbols: u^, sigma^, r^ an admissible pair and its contact traction, w^ = u^ on
-the contact; v = u - u^ and tau = sigma - sigma^ the errors of any solution, in energy norms a = |v| and b = |tau|;
-e the error in the constitutive relation, beta = |sigma^ - C eps(u^)| its bulk part. For every tangential field t on the
+The derivation is in docs/coulomb.md. Symbols: u^, sigma^, r^ an admissible pair and its
+contact traction, w^ = u^ on the contact; v = u - u^ and tau = sigma - sigma^ the errors
+of any solution, in energy norms a = |v| and b = |tau|; e the error in the constitutive
+relation, beta = |sigma^ - C eps(u^)| its bulk part. For every tangential field t on the
 contact with |t| <= mu let
 
-    q = the norm of the map W from v to the displacement of least energy that equals (t.v) n on the contact,
-    A = the energy norm of the displacement of least energy that equals (mu |w^_t| - t.w^_t) n there,
-    B = the energy norm of the stress of least energy that balances the traction rho = r^_t + |r^_n| t,
-    e_t^2 = e^2 - 2 int rho.w^_t  >=  beta^2.
+    q = the norm of the map W from v to the displacement of least energy that equals
+    (t.v) n on the contact, A = the energy norm of the displacement of least energy that
+    equals (mu |w^_t| - t.w^_t) n there, B = the energy norm of the stress of least
+    energy that balances the traction rho = r^_t + |r^_n| t, e_t^2 = e^2 - 2 int
+    rho.w^_t  >=  beta^2.
 
-W maps tangential displacements to normal ones, so W W = 0. With ``s = |C eps(v) + tau|/2``, ``a^2 + b^2 = 2 s^2 +
-beta^2/2``, this gives, without absolute values in the derivation,
+W maps tangential displacements to normal ones, so W W = 0. With ``s = |C eps(v) +
+tau|/2``, ``a^2 + b^2 = 2 s^2 + beta^2/2``, this gives, without absolute values in the
+derivation,
 
-    a^2 + b^2  <=  e_t^2 + q (s + beta/2)^2 + 2 sqrt(A^2 + B^2) sqrt(a^2 + b^2),                                  (1)
+    a^2 + b^2  <=  e_t^2 + q (s + beta/2)^2 + 2 sqrt(A^2 + B^2) sqrt(a^2 + b^2),
+    (1)
 
-which bounds a and b if q < 2. Where the pair has slip and traction in the direction of t, A = B = 0 and e_t = e = beta:
+which bounds a and b if q < 2. Where the pair has slip and traction in the direction of
+t, A = B = 0 and e_t = e = beta:
 
-    sqrt(a^2 + b^2)  <=  e sqrt(4 + q^2)/(2 - q).                                                                 (2)
+    sqrt(a^2 + b^2)  <=  e sqrt(4 + q^2)/(2 - q).
+    (2)
 
 An exact solution of direction t has e = 0: if q < 2 it is the only solution.
 
-q is computed with finite elements. It is an estimate: nothing here bounds what the mesh does not see of it. What
-another mesh tells of its limit is added (:mod:`erc_contact.error.other_mesh`). A and B are estimates by finite
-elements, too; mostly they are small.
+q is computed with finite elements. It is an estimate: nothing here bounds what the mesh
+does not see of it. What another mesh tells of its limit is added
+(:mod:`erc_contact.error.other_mesh`). A and B are estimates by finite elements, too;
+mostly they are small.
 
-Source: (1) and (2) are ours; Y. Renard, SIAM J. Math. Anal. 38 (2006), has a uniqueness criterion of this kind.
+Source: (1) and (2) are ours; Y. Renard, SIAM J. Math. Anal. 38 (2006), has a uniqueness
+criterion of this kind.
 """
 
 from __future__ import annotations
@@ -55,18 +63,25 @@ class CoulombCertificate:
 
     Attributes:
         friction: The greatest friction coefficient mu on the contacts [-].
-        q: Norm of the map W from tangential to normal displacements of the contact, with mu in it [-].
-        q_change: How far q may be from its limit on fine meshes, as a finer or a coarser mesh tells with the same
-            field t; where there is none, a tenth of q. After multigrid the last step of the iteration for q is added.
-        unique: Whether ``q + q_change < 2``: at most one solution slips in the direction t of this pair.
-        bound: Every solution has ``sqrt(|u - u^|^2 + |sigma - sigma^|^2) <= bound`` [sqrt(force length)]; infinite
-            where none is claimed.
+        q: Norm of the map W from tangential to normal displacements of the contact,
+            with mu in it [-].
+        q_change: How far q may be from its limit on fine meshes, as a finer or a
+            coarser mesh tells with the same field t; where there is none, a tenth of q.
+            After multigrid the last step of the iteration for q is added.
+        unique: Whether ``q + q_change < 2``: at most one solution slips in the
+            direction t of this pair.
+        bound: Every solution has ``sqrt(|u - u^|^2 + |sigma - sigma^|^2) <= bound``
+            [sqrt(force length)]; infinite where none is claimed.
         absolute: The error e in the constitutive relation [sqrt(force length)].
-        misaligned: A, the energy norm of what t misses of the slip [sqrt(force length)].
-        unbalanced: B, the energy norm of what t misses of the traction [sqrt(force length)].
-        smoothing: Length over which the field t is made smooth, over the size of the contact [-].
-        q_largest: The largest ``q + q_change`` of all fields t that were tried [-]. q is that of the field with the
-            least bound; on another mesh it may be that of a rougher field, with a q up to this.
+        misaligned: A, the energy norm of what t misses of the slip [sqrt(force
+            length)].
+        unbalanced: B, the energy norm of what t misses of the traction [sqrt(force
+            length)].
+        smoothing: Length over which the field t is made smooth, over the size of the
+            contact [-].
+        q_largest: The largest ``q + q_change`` of all fields t that were tried [-]. q
+            is that of the field with the least bound; on another mesh it may be that of
+            a rougher field, with a q up to this.
     """
 
     friction: float
@@ -93,15 +108,17 @@ class CoulombCertificate:
     @property
     def factor(self) -> float:
         """The bound over e [-]."""
-        return self.bound / self.absolute if self.absolute > 0 else (1.0 if self.bound == 0 else np.inf)
+        return (
+            self.bound / self.absolute
+            if self.absolute > 0
+            else (1.0 if self.bound == 0 else np.inf)
+        )
 
     def __str__(self) -> str:
         if self.friction == 0 and self.q == 0:
             return f"No friction grows with the pressure: there is one solution, and e = {self.absolute:.3g} bounds it."
         if not np.isfinite(self.q):
-            return (
-                "Nothing is proved of other solutions: the body moves rigidly along a contact, or the law is another."
-            )
+            return "Nothing is proved of other solutions: the body moves rigidly along a contact, or the law is another."
         q = f"q = {self.q:.3g} (+- {self.q_change:.1g})"
         if self.bound < np.inf:
             return (
@@ -110,9 +127,7 @@ class CoulombCertificate:
             )
         if self.unique:
             return f"With the estimate {q} < 2 one solution at most has this direction of slip; a bound is not claimed."
-        return (
-            f"Nothing is proved of other solutions: {q} is not safely below 2. e bounds up to a term of higher order."
-        )
+        return f"Nothing is proved of other solutions: {q} is not safely below 2. e bounds up to a term of higher order."
 
 
 def coulomb_certificate(error: ConstitutiveError | Run) -> CoulombCertificate:
@@ -122,16 +137,21 @@ def coulomb_certificate(error: ConstitutiveError | Run) -> CoulombCertificate:
         error: The error of an admissible pair, or a history, whose error is taken.
 
     Returns:
-        q and the bound. Without friction that grows with the pressure q is 0 and the bound is e. If the friction bound
-        of a contact is another function of the pressure than a multiple, q is infinite and nothing is claimed.
+        q and the bound. Without friction that grows with the pressure q is 0 and the
+        bound is e. If the friction bound of a contact is another function of the
+        pressure than a multiple, q is infinite and nothing is claimed.
     """
     error = error_of(error)
     pair = error.admissible
     model = pair.solution.model
     raise_together(model.comm, None)
-    contacts = [c for c in model.contacts if c.friction is not None and c.friction.dependence != CONSTANT]
+    contacts = [
+        c for c in model.contacts if c.friction is not None and c.friction.dependence != CONSTANT
+    ]
     if not all(has_coulomb(c) for c in contacts):
-        return CoulombCertificate(0.0, np.inf, np.inf, False, np.inf, error.absolute, np.inf, np.inf)
+        return CoulombCertificate(
+            0.0, np.inf, np.inf, False, np.inf, error.absolute, np.inf, np.inf
+        )
     if not contacts:
         return CoulombCertificate(0.0, 0.0, 0.0, True, error.absolute, error.absolute, 0.0, 0.0)
     on_surface = pair_on_surface(pair)
@@ -171,7 +191,12 @@ def _single(error: ConstitutiveError, pair: PairOnSurface, traces: Traces) -> Co
 
 
 def _tried(
-    error: ConstitutiveError, pair: PairOnSurface, traces: Traces, t: np.ndarray, q: float, change: float
+    error: ConstitutiveError,
+    pair: PairOnSurface,
+    traces: Traces,
+    t: np.ndarray,
+    q: float,
+    change: float,
 ) -> CoulombCertificate:
     """The certificate with a field t (M, d) at the nodes of the surface; collective."""
     surface = pair.surface
@@ -179,7 +204,10 @@ def _tried(
     eta = pair.unaligned(t)[:, None] * surface.normal
     A, B = _energy(eta, traces.lifted(eta, rough=True)), _energy(forces, traces.moved(forces))
     sizes = abs(pair.unbalanced(np.zeros_like(t))[0]) + abs(forces)
-    if any(abs(np.sum(motion * forces)) > BALANCED * np.sum(abs(motion) * sizes) for motion in traces.motions):
+    if any(
+        abs(np.sum(motion * forces)) > BALANCED * np.sum(abs(motion) * sizes)
+        for motion in traces.motions
+    ):
         B = np.inf
     e_t = float(np.sqrt(max(error.absolute**2 - 2 * work, error.bulk_error**2)))
     bound = bound_of_both(q + change, e_t, error.bulk_error, float(np.hypot(A, B)))
@@ -194,9 +222,10 @@ def _energy(displacement: np.ndarray, forces: np.ndarray) -> float:
 def bound_of_both(q: float, e_t: float, bulk: float, rest: float) -> float:
     """The largest ``x = sqrt(a^2 + b^2)`` that satisfies (1) [sqrt(force length)]; infinite if q >= 2.
 
-    (1) is ``x^2 - e_t^2 - q (s + beta/2)^2 - 2 rest x <= 0`` with ``2 s^2 = x^2 - beta^2/2``. The left side is convex
-    in x. Newton's method falls to its largest root from a point above: the root with ``sqrt(2) (s + beta/2) >= x`` in
-    the place of x in the last term.
+    (1) is ``x^2 - e_t^2 - q (s + beta/2)^2 - 2 rest x <= 0`` with ``2 s^2 = x^2 -
+    beta^2/2``. The left side is convex in x. Newton's method falls to its largest root
+    from a point above: the root with ``sqrt(2) (s + beta/2) >= x`` in the place of x in
+    the last term.
 
     Args:
         q: Norm of W [-].

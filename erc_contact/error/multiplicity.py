@@ -17,16 +17,18 @@ from erc_contact.newton.solution import Solution
 def other_solutions(solution: Solution | Run, most: int = 4) -> list[ConstitutiveError]:
     """Look for other solutions of a scene on the same mesh; collective.
 
-    Newton's method, repelled by the solutions that it knows, starts from states with other friction and from moved
-    ones. It uses the direct solver, and costs some tens of Newton steps with dense algebra of the contact.
+    Newton's method, repelled by the solutions that it knows, starts from states with
+    other friction and from moved ones. It uses the direct solver, and costs some tens
+    of Newton steps with dense algebra of the contact.
 
     Args:
         solution: A solution, or a history, whose solution is taken.
         most: How many are looked for.
 
     Returns:
-        The errors of other solutions of the discrete problem, with their solutions in ``error.solution``. The errors
-        tell which of them are near a solution of the scene. An empty list does not prove that there is no other one;
+        The errors of other solutions of the discrete problem, with their solutions in
+        ``error.solution``. The errors tell which of them are near a solution of the
+        scene. An empty list does not prove that there is no other one;
         :func:`coulomb_certificate` may.
 
     Raises:
@@ -36,7 +38,9 @@ def other_solutions(solution: Solution | Run, most: int = 4) -> list[Constitutiv
     model, comm = solution.model, solution.model.comm
     raise_together(comm, None)
     most = together(comm, whole, "other_solutions: most", most, 1)
-    if not any(c.friction is not None and c.friction.dependence != CONSTANT for c in model.contacts):
+    if not any(
+        c.friction is not None and c.friction.dependence != CONSTANT for c in model.contacts
+    ):
         return []
     stiffness = Stiffness(model)  # the one of the solution has lost its factor, or is iterative
     if not stiffness.contact_size:

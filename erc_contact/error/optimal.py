@@ -17,8 +17,10 @@ from erc_contact.error.strategy import mark, refined
 from erc_contact.mesh.domain import Domain
 
 CLOSE = 1.2
-"""If the error is below this multiple of the accuracy, marked elements are refined instead. A new mesh of nearly the
-same sizes might miss the accuracy again and again, because the prediction is right to 5 or 10% only."""
+"""If the error is below this multiple of the accuracy, marked elements are refined
+instead. A new mesh of nearly the same sizes might miss the accuracy again and again,
+because the prediction is right to 5 or 10% only.
+"""
 DOUBT = 8.0
 """Factor by which such a prediction may be too large [-]. A run ends if it exceeds ``max_cells`` by more."""
 
@@ -28,11 +30,12 @@ class SizeMap:
     """Mesh the true geometry again with the optimal sizes, which may be larger than before.
 
     Args:
-        aim: Factor of the accuracy for which the sizes are optimal. It is below 1, because a mesh that just misses the
-            accuracy costs another mesh. A mesh that is 5% below the accuracy costs only 10% more elements (degree 1,
-            2D).
-        leap: Greatest factor by which the error is to fall from one mesh to the next. A larger fall takes several equal
-            steps, because a coarse mesh predicts the sizes of a much finer one badly.
+        aim: Factor of the accuracy for which the sizes are optimal. It is below 1,
+            because a mesh that just misses the accuracy costs another mesh. A mesh that
+            is 5% below the accuracy costs only 10% more elements (degree 1, 2D).
+        leap: Greatest factor by which the error is to fall from one mesh to the next. A
+            larger fall takes several equal steps, because a coarse mesh predicts the
+            sizes of a much finer one badly.
 
     Raises:
         InputError: If aim is outside (0, 1], or leap is not > 1.
@@ -50,20 +53,28 @@ class SizeMap:
         """The domain meshed again, or marked elements refined where the error is near the accuracy; collective.
 
         Raises:
-            InputError: If the accuracy takes more cells than allowed, as far as this mesh can predict, or the geometry
-                is not known or cannot be meshed.
+            InputError: If the accuracy takes more cells than allowed, as far as this
+                mesh can predict, or the geometry is not known or cannot be meshed.
         """
         aim, domain = self.aim * accuracy, error.domain
         if error.total <= CLOSE * accuracy:
-            gain = 1 - 4.0**-error.solution.model.degree  # of the square, where an element is halved
-            return refined(domain, mark(error, min((1 - (aim / error.total) ** 2) / gain, 1.0)), max_cells)
+            gain = (
+                1 - 4.0**-error.solution.model.degree
+            )  # of the square, where an element is halved
+            return refined(
+                domain, mark(error, min((1 - (aim / error.total) ** 2) / gain, 1.0)), max_cells
+            )
         end, way = size_map(error, aim), error.total / aim
         leaps = ceil(log(way) / log(self.leap))
         sizes = end if leaps == 1 else size_map(error, error.total / way ** (1 / leaps))
-        while sizes.predicted_cells > max_cells and way ** (1 / leaps) > CLOSE:  # a smaller leap may know better
+        while (
+            sizes.predicted_cells > max_cells and way ** (1 / leaps) > CLOSE
+        ):  # a smaller leap may know better
             leaps += 1
             sizes = size_map(error, error.total / way ** (1 / leaps))
-        if sizes.predicted_cells > max_cells or (error.total <= KNOWN and end.predicted_cells > DOUBT * max_cells):
+        if sizes.predicted_cells > max_cells or (
+            error.total <= KNOWN and end.predicted_cells > DOUBT * max_cells
+        ):
             raise InputError(
                 f"{percent(accuracy)} takes about {end.predicted_cells:.0f} cells, more than max_cells = {max_cells}; "
                 "allow more, or a larger error."

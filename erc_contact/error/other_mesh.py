@@ -1,10 +1,12 @@
 """The same body on another mesh, as its contact sees it, and what it tells of the limit of a norm.
 
-The norm q of the map of :mod:`erc_contact.error.coupling` changes with the mesh. How far it is from its limit is told
-by the same body on another mesh, with the same field t, interpolated to the nodes there. A small body is refined once.
-Of a larger one a coarser mesh is made, so that this costs little beside the solve of the body itself. Where corners and
-edges of a contact see it on every scale, q grows like the inverse of a logarithm: ``q(h) = q(0) - c/log(1 + L/h)`` with
-the size L of the contact. Two meshes tell c; then ``c/log(1 + L/h)`` is what is missing on the mesh of size h. Where q
+The norm q of the map of :mod:`erc_contact.error.coupling` changes with the mesh. How
+far it is from its limit is told by the same body on another mesh, with the same field
+t, interpolated to the nodes there. A small body is refined once. Of a larger one a
+coarser mesh is made, so that this costs little beside the solve of the body itself.
+Where corners and edges of a contact see it on every scale, q grows like the inverse of
+a logarithm: ``q(h) = q(0) - c/log(1 + L/h)`` with the size L of the contact. Two meshes
+tell c; then ``c/log(1 + L/h)`` is what is missing on the mesh of size h. Where q
 converges faster this is more than what is missing.
 """
 
@@ -50,7 +52,8 @@ class OtherMesh:
         """Compute the norm q for the field t (M, d) of a surface; collective.
 
         Returns:
-            q [-], and the normal displacements that go with it, on the surface of t, shape (M,).
+            q [-], and the normal displacements that go with it, on the surface of t,
+            shape (M,).
         """
         here = self.surface
         x = here.positions()
@@ -64,7 +67,8 @@ def other_mesh(model: Model) -> OtherMesh | None:
     """Make the other mesh of a body; collective.
 
     Returns:
-        A finer mesh, or a coarser one; None where the body is known only as a mesh, or cannot be meshed so coarsely.
+        A finer mesh, or a coarser one; None where the body is known only as a mesh, or
+        cannot be meshed so coarsely.
     """
     domain, d = model.domain, model.d
     try:

@@ -1,18 +1,21 @@
 """The optimal mesh: the sizes of elements that reach a prescribed accuracy with the fewest elements.
 
-    minimise  N* = sum_E r_E^-d   subject to   sum_E r_E^(2 q_E) eps_E^2 = eps_0^2,   r_E = h*_E / h_E,
+    minimise  N* = sum_E r_E^-d   subject to   sum_E r_E^(2 q_E) eps_E^2 = eps_0^2,
+    r_E = h*_E / h_E,
 
-so ``r_E^(2 q_E + d) = d / (2 q_E m eps_E^2)`` with one multiplier m for all elements; for q = 1, d = 2 it is
-``r_E = eps_0 / sqrt(eps_E sum eps_E)`` and ``N* = (sum eps_E)^2 / eps_0^2``. The rate q_E is the degree k where the
-solution is smooth, and less in elements that touch a singular point. The error by the flat facets of a curved body has
+so ``r_E^(2 q_E + d) = d / (2 q_E m eps_E^2)`` with one multiplier m for all elements;
+for q = 1, d = 2 it is ``r_E = eps_0 / sqrt(eps_E sum eps_E)`` and ``N* = (sum eps_E)^2
+/ eps_0^2``. The rate q_E is the degree k where the solution is smooth, and less in
+elements that touch a singular point. The error by the flat facets of a curved body has
 the rate 1, because its square is proportional to their offset, h^2.
 
-Symbols: r_E ratio of new to old size; h_E size of an element, the edge of regular simplices of the same volume; eps_E
-its share of the relative error; eps_0 the prescribed error; d dimension; k degree; lambda exponent of a singularity,
-where the displacement is like the distance to the power lambda.
+Symbols: r_E ratio of new to old size; h_E size of an element, the edge of regular
+simplices of the same volume; eps_E its share of the relative error; eps_0 the
+prescribed error; d dimension; k degree; lambda exponent of a singularity, where the
+displacement is like the distance to the power lambda.
 
-Source: Coorevits, Hild, Hjiaj, the section on adaptivity (N* minimal, eps* = eps_0); the rates, the smoothing and the
-prediction are ours.
+Source: Coorevits, Hild, Hjiaj, the section on adaptivity (N* minimal, eps* = eps_0);
+the rates, the smoothing and the prediction are ours.
 """
 
 from __future__ import annotations
@@ -38,9 +41,9 @@ FACETS = 1.0
 LEAST = 0.3
 """Least exponent lambda taken from the data, because an error that is not tightened shows too small ones."""
 KNOWN = 0.25
-"""Relative error below which a mesh can predict the number of cells for an accuracy. For a half disc pressed on a plane
-a first mesh with an error of 79% predicted 7 million cells where 2200 were enough. A mesh with 11% predicted twice as
-many as needed."""
+"""Relative error below which a mesh can predict the number of cells for an accuracy.
+For a half disc pressed on a plane a first mesh with an error of 79% predicted 7 million
+cells where 2200 were enough. A mesh with 11% predicted twice as many as needed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +52,8 @@ class Sizes:
 
     Attributes:
         error: The error from which they follow.
-        values: Smoothed sizes h at the nodes ``domain.mesh.geometry.x`` of this rank [length], linear between them.
+        values: Smoothed sizes h at the nodes ``domain.mesh.geometry.x`` of this rank
+            [length], linear between them.
         ratio: r_E of the owned cells by the formula, before smoothing.
         rates: q_E of the owned cells.
         predicted_cells: Predicted number of elements N* for the smoothed sizes.
@@ -76,12 +80,14 @@ class Sizes:
 def size_map(error: ConstitutiveError | Run, accuracy: float) -> Sizes:
     """The sizes of the mesh with the fewest elements whose error is the one prescribed; collective.
 
-    r_E follows from the formula of the module. The densities of elements are then averaged around each node, and the
-    growth is limited to :data:`GROW`. At last all sizes are scaled so that the predicted error
-    ``sum eps_E^2 (h/h_E)^(2 q_E)`` is the prescribed one.
+    r_E follows from the formula of the module. The densities of elements are then
+    averaged around each node, and the growth is limited to :data:`GROW`. At last all
+    sizes are scaled so that the predicted error ``sum eps_E^2 (h/h_E)^(2 q_E)`` is the
+    prescribed one.
 
     Args:
-        error: The error of the last mesh, of any dimension and degree, or a history, whose error is taken.
+        error: The error of the last mesh, of any dimension and degree, or a history,
+            whose error is taken.
         accuracy: Prescribed relative error eps_0, > 0.
 
     Returns:
@@ -125,15 +131,19 @@ def size_map(error: ConstitutiveError | Run, accuracy: float) -> Sizes:
 def _rates(mesh: NodalMesh, square: np.ndarray, degree: int) -> np.ndarray:
     """Rates q_E of the owned cells, from the concentration of the error around their nodes.
 
-    Where the displacement is like distance^lambda, ``eps_E^2 / (|E| h_E^2k)`` falls like distance^(2 lambda - 2 - 2k).
-    So lambda follows from the means over the cells around a node and over the next ring of cells. The rate is the mean
-    of lambda and k, because the new mesh is graded within the old elements and their error falls faster than h^lambda.
-    Measured on five scenes with clamped corners and fillets, from meshes that are not the first: the errors are within
-    6% of the prediction. With q = k they differ by 10 to 20%, and with q = lambda by as much with the opposite sign.
+    Where the displacement is like distance^lambda, ``eps_E^2 / (|E| h_E^2k)`` falls
+    like distance^(2 lambda - 2 - 2k). So lambda follows from the means over the cells
+    around a node and over the next ring of cells. The rate is the mean of lambda and k,
+    because the new mesh is graded within the old elements and their error falls faster
+    than h^lambda. Measured on five scenes with clamped corners and fillets, from meshes
+    that are not the first: the errors are within 6% of the prediction. With q = k they
+    differ by 10 to 20%, and with q = lambda by as much with the opposite sign.
     """
     d = mesh.domain.dim
     near, near_volume = mesh.around(square * mesh.size ** (-2 * degree)), mesh.around(mesh.volume)
-    ring, ring_volume = (mesh.beside(v) - d * v for v in (near, near_volume))  # cells around have d other nodes here
+    ring, ring_volume = (
+        mesh.beside(v) - d * v for v in (near, near_volume)
+    )  # cells around have d other nodes here
     edge = mesh.edge_length()
     next_edge = mesh.beside(edge) / mesh.beside(np.ones_like(edge))
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -1,15 +1,16 @@
 """Fields t on a contact surface: mu times a direction of slip, continuous, at various smoothness.
 
-Where the body slips t should be mu times the direction of slip, where it sticks ``-r^_t/|r^_n|``; the two are one
-where slip and traction are opposite, as the law wants. At each node t0 is the mean of both, with the squares of the
-pressure p and of ``E |slip|/h`` as weights: a slip that is less than ``p h/E`` is an error of the mesh. Where slip or
-traction change from node to node, a smoother t makes the coupling smaller, at the price of terms that measure by how
-much t misses. A smoother t minimises
+Where the body slips t should be mu times the direction of slip, where it sticks
+``-r^_t/|r^_n|``; the two are one where slip and traction are opposite, as the law
+wants. At each node t0 is the mean of both, with the squares of the pressure p and of
+``E |slip|/h`` as weights: a slip that is less than ``p h/E`` is an error of the mesh.
+Where slip or traction change from node to node, a smoother t makes the coupling
+smaller, at the price of terms that measure by how much t misses. A smoother t minimises
 
     sum_i c_i |t_i - t0_i|^2 A_i + l^2 int |grad t|^2
 
-on the surface, with A_i the area of a node, l a length, and c_i its p and ``E |slip|/h``, not above the mean pressure,
-over the mean pressure.
+on the surface, with A_i the area of a node, l a length, and c_i its p and ``E
+|slip|/h``, not above the mean pressure, over the mean pressure.
 """
 
 from __future__ import annotations
@@ -43,9 +44,16 @@ def _rough(pair: PairOnSurface) -> tuple[np.ndarray, np.ndarray]:
     shape = len(s.pieces), hats.shape[1]
 
     def moments(values: np.ndarray) -> np.ndarray:
-        return s.summed(np.einsum("fcq...,qm->fcm...", values, hats).reshape(*shape, *values.shape[3:]), s.pieces)
+        return s.summed(
+            np.einsum("fcq...,qm->fcm...", values, hats).reshape(*shape, *values.shape[3:]),
+            s.pieces,
+        )
 
-    shear, pressure, of_nodes = moments(area[..., None] * shears), moments(area * pressures), moments(area)
+    shear, pressure, of_nodes = (
+        moments(area[..., None] * shears),
+        moments(area * pressures),
+        moments(area),
+    )
     pressure /= of_nodes
     _, w_t, _ = split(pair.displacement, s.direction[:, None, :])
     share = np.broadcast_to(s.area[:, None], s.facets.shape)
@@ -57,7 +65,9 @@ def _rough(pair: PairOnSurface) -> tuple[np.ndarray, np.ndarray]:
     largest = max(float(pressure.max()), float(length.max())) or 1.0
     square = (np.stack([pressure, length]) / largest) ** 2
     both = square.sum(axis=0)
-    rough = (square[0][:, None] * by_traction + square[1][:, None] * by_slip) / np.where(both > 0, both, 1.0)[:, None]
+    rough = (square[0][:, None] * by_traction + square[1][:, None] * by_slip) / np.where(
+        both > 0, both, 1.0
+    )[:, None]
     mean = float(of_nodes @ pressure / of_nodes.sum()) or largest
     c = (pressure + np.minimum(length, mean)) / mean
     return _limited(pair, rough), (c + SMALLEST) * of_nodes
@@ -72,9 +82,15 @@ def _smooth(surface: Surface, rough: np.ndarray, weight: np.ndarray, length: flo
     edges = (x[pieces[:, 1:]] - x[pieces[:, :1]]).transpose(0, 2, 1)
     along = np.linalg.pinv(edges)
     gradients = np.concatenate([-along.sum(axis=1, keepdims=True), along], axis=1)
-    area = np.repeat(surface.area, len(pieces) // len(surface.facets)) * len(surface.facets) / len(pieces)
+    area = (
+        np.repeat(surface.area, len(pieces) // len(surface.facets))
+        * len(surface.facets)
+        / len(pieces)
+    )
     stiffness = (length**2 * area)[:, None, None] * (gradients @ gradients.transpose(0, 2, 1))
-    inverse = 1 / (weight + surface.summed(np.diagonal(stiffness, axis1=1, axis2=2), pieces))[:, None]
+    inverse = (
+        1 / (weight + surface.summed(np.diagonal(stiffness, axis1=1, axis2=2), pieces))[:, None]
+    )
 
     def operator(t: np.ndarray) -> np.ndarray:
         return free * (weight[:, None] * t + surface.summed(stiffness @ t[pieces], pieces))

@@ -31,19 +31,23 @@ class Strategy(Protocol):
     def next(self, error: ConstitutiveError, accuracy: float, max_cells: int) -> Domain:
         """The next domain; collective: it is called on all ranks, and all must come to the same decision.
 
-        ``error.domain.refined(marked)`` refines cells of each rank, given by their numbers.
-        ``error.domain.remeshed(h)`` makes a mesh with sizes h. A domain equal to the last one is not refused: the run
-        goes on until ``max_steps``.
+        ``error.domain.refined(marked)`` refines cells of each rank, given by their
+        numbers. ``error.domain.remeshed(h)`` makes a mesh with sizes h. A domain equal
+        to the last one is not refused: the run goes on until ``max_steps``.
 
         Args:
-            error: The error of the last mesh, above the accuracy. ``error.total_indicators`` has the errors of
-                the cells that this rank owns: a rank may have none. Greatest values and sums are to be reduced over all
+            error: The error of the last mesh, above the accuracy.
+                ``error.total_indicators`` has the errors of the cells that this rank
+                    owns: a rank may have none. Greatest values and sums are to be
+                        reduced over all
                 ranks, by ``error.domain.mesh.comm``.
             accuracy: Prescribed relative error of the run.
-            max_cells: Greatest number of cells of a mesh that will be solved. A domain with more cells ends the run.
+            max_cells: Greatest number of cells of a mesh that will be solved. A domain
+                with more cells ends the run.
 
         Raises:
-            InputError: If there is no next domain; the run then ends with its best result and the words given here.
+            InputError: If there is no next domain; the run then ends with its best
+                result and the words given here.
         """
 
 
@@ -80,24 +84,29 @@ class Uniform:
 def refined(domain: Domain, marked: np.ndarray, max_cells: int) -> Domain:
     """The domain with marked cells of this rank refined, unless it would surely have too many cells; collective.
 
-    Of a marked cell bisection makes 2^d at least. So a mesh that no run would solve is mostly not made.
+    Of a marked cell bisection makes 2^d at least. So a mesh that no run would solve is
+    mostly not made.
 
     Raises:
         InputError: If more than ``max_cells`` cells would come.
     """
     least = domain.cells + (2**domain.dim - 1) * domain.mesh.comm.allreduce(len(marked), MPI.SUM)
     if least > max_cells:
-        raise InputError(f"the next mesh has at least {least} cells, more than max_cells = {max_cells}.")
+        raise InputError(
+            f"the next mesh has at least {least} cells, more than max_cells = {max_cells}."
+        )
     return domain.refined(marked)
 
 
 def mark(error: ConstitutiveError | Run, fraction: float = 0.5) -> np.ndarray:
     """Doerfler marking: the fewest elements over all ranks that carry a fraction of the squared error; collective.
 
-    Elements whose errors differ by less than 1e-6 from that of the last marked element are marked, too.
+    Elements whose errors differ by less than 1e-6 from that of the last marked element
+    are marked, too.
 
     Args:
-        error: The error, whose ``total_indicators`` are compared over all ranks, or a history, whose error is taken.
+        error: The error, whose ``total_indicators`` are compared over all ranks, or a
+            history, whose error is taken.
         fraction: Share of the sum of their squares, in (0, 1].
 
     Returns:
@@ -118,7 +127,8 @@ def largest(comm: MPI.Comm, values: np.ndarray, fraction: float) -> np.ndarray:
         fraction: In (0, 1].
 
     Returns:
-        Their places on this rank; values that differ by less than TIE from the least of them are among them.
+        Their places on this rank; values that differ by less than TIE from the least of
+        them are among them.
     """
     threshold = _threshold(comm, values, fraction)
     return np.flatnonzero(values >= threshold * (1 - TIE)).astype(np.int32)
@@ -127,8 +137,9 @@ def largest(comm: MPI.Comm, values: np.ndarray, fraction: float) -> np.ndarray:
 def _threshold(comm: MPI.Comm, values: np.ndarray, fraction: float) -> float:
     """The greatest number such that the values of all ranks from it on carry a fraction of their squares; collective.
 
-    It is one of the values, which are >= 0. Bisection finds it among all numbers of double precision, as these have the
-    order of their binary digits; each step adds up one number over the ranks.
+    It is one of the values, which are >= 0. Bisection finds it among all numbers of
+    double precision, as these have the order of their binary digits; each step adds up
+    one number over the ranks.
     """
     ascending = np.sort(values)
     carried = np.append(np.cumsum(ascending[::-1] ** 2)[::-1], 0.0)
@@ -138,7 +149,10 @@ def _threshold(comm: MPI.Comm, values: np.ndarray, fraction: float) -> float:
         first = np.searchsorted(ascending, np.int64(digits).view(np.float64))
         return comm.allreduce(float(carried[first]), MPI.SUM) >= enough
 
-    low, high = 0, int(np.float64(comm.allreduce(float(ascending.max(initial=0.0)), MPI.MAX)).view(np.int64))
+    low, high = (
+        0,
+        int(np.float64(comm.allreduce(float(ascending.max(initial=0.0)), MPI.MAX)).view(np.int64)),
+    )
     while low < high:
         middle = (low + high + 1) // 2
         low, high = (middle, high) if carries(middle) else (low, middle - 1)

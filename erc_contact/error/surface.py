@@ -1,7 +1,8 @@
 """The contacts with Coulomb friction as one surface: its nodes, and the admissible pair on it, the same on all ranks.
 
-Symbols: M nodes of the surface, F its facets, m nodes of a facet, d dimension; w^ and r^ admissible displacement and
-traction; mu friction coefficient; t a tangential field with |t| <= mu, mu times a direction of slip.
+Symbols: M nodes of the surface, F its facets, m nodes of a facet, d dimension; w^ and
+r^ admissible displacement and traction; mu friction coefficient; t a tangential field
+with |t| <= mu, mu times a direction of slip.
 """
 
 from __future__ import annotations
@@ -36,8 +37,9 @@ class Surface:
         corners: Vertices of the facets [length], shape (F, d, d).
         direction: Normals of the foundation on the facets, shape (F, d).
         normal: Mean normals at the nodes, shape (M, d).
-        blocked: Nodes where t must vanish, shape (M,). A displacement (t.v) n cannot be lifted into the body there: a
-            support or another contact holds the normal component and leaves a tangential one free.
+        blocked: Nodes where t must vanish, shape (M,). A displacement (t.v) n cannot be
+            lifted into the body there: a support or another contact holds the normal
+                component and leaves a tangential one free.
     """
 
     degree: int
@@ -84,10 +86,11 @@ class PairOnSurface:
     Attributes:
         surface: The surface.
         traction: Bernstein coefficients of r^ [force/area], shape (F, m, d).
-        displacement: w^ at the nodes of the facets, its tangential part counted from the last step [length], shape
-            (F, m, d).
+        displacement: w^ at the nodes of the facets, its tangential part counted from
+            the last step [length], shape (F, m, d).
         friction: mu at the nodes of the facets [-], shape (F, m).
-        stiffness: The approximate stiffness of the body at the facets, E/h [force/length^3], shape (F,).
+        stiffness: The approximate stiffness of the body at the facets, E/h
+            [force/length^3], shape (F,).
     """
 
     surface: Surface
@@ -106,8 +109,9 @@ class PairOnSurface:
         """A quadrature on the pieces of the facets.
 
         Returns:
-            Its weights [length^(d-1)], shape (F, c, q); the functions that are linear on a piece at its points, (q, d);
-            the pressure of r^ [force/area], (F, c, q), and its tangential part, (F, c, q, d).
+            Its weights [length^(d-1)], shape (F, c, q); the functions that are linear
+            on a piece at its points, (q, d); the pressure of r^ [force/area], (F, c,
+            q), and its tangential part, (F, c, q, d).
         """
         s = self.surface
         d, k = s.normal.shape[1], s.degree
@@ -149,7 +153,9 @@ def pieces(d: int, k: int) -> np.ndarray:
     if between is None:
         return np.arange(d + 1)[None]
     corners = [between[i] for i in range(d + 1)]
-    return np.array(corners if d == 1 else [*corners, [between[0, 1], between[1, 2], between[2, 0]]])
+    return np.array(
+        corners if d == 1 else [*corners, [between[0, 1], between[1, 2], between[2, 0]]]
+    )
 
 
 def has_coulomb(contact: BoundContact) -> bool:
@@ -178,7 +184,10 @@ def coulomb_surface(model: Model) -> Surface:
     normal = np.zeros((len(known), model.d))
     np.add.at(normal, facets, (measures(corners)[:, None] * direction)[:, None, :])
     normal /= np.linalg.norm(normal, axis=1)[:, None]
-    blocked = np.isin(known, np.concatenate(model.comm.allgather(np.concatenate([*others, np.zeros(0, dtype=int)]))))
+    blocked = np.isin(
+        known,
+        np.concatenate(model.comm.allgather(np.concatenate([*others, np.zeros(0, dtype=int)]))),
+    )
     blocked[facets[(normal[facets] * direction[:, None, :]).sum(axis=-1) < EDGE]] = True
     held = np.zeros((len(known), model.d), dtype=bool)
     held[facets] = fixed
@@ -204,7 +213,9 @@ def pair_on_surface(pair: Admissible) -> PairOnSurface:
 def _friction(model: Model, contact: BoundContact) -> np.ndarray:
     """The coefficient mu at the nodes of the facets, shape (f, m); collective."""
     ones = np.ones((len(contact.facets), len(model.facet_points)))
-    return np.array(contact.friction_bound(ones, model.friction_parameters(contact, model.facet_points)))
+    return np.array(
+        contact.friction_bound(ones, model.friction_parameters(contact, model.facet_points))
+    )
 
 
 def _gathered(model: Model, parts: list[np.ndarray]) -> Any:

@@ -1,7 +1,7 @@
 """Work of stresses, loads and friction on displacements, with what the integrals leave unknown.
 
-The integrals are exact where no data vary inside cells. Elsewhere they are adapted to the data
-(:mod:`erc_contact.mesh.quadrature`).
+The integrals are exact where no data vary inside cells. Elsewhere they are adapted to
+the data (:mod:`erc_contact.mesh.quadrature`).
 """
 
 from __future__ import annotations
@@ -19,7 +19,14 @@ from erc_contact.admissible.macro import macro_points
 from erc_contact.admissible.pair import Admissible
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.base.runtime import compiled
-from erc_contact.mesh.quadrature import Integral, Integrand, cell_pieces, facet_pieces, integrate, polynomials
+from erc_contact.mesh.quadrature import (
+    Integral,
+    Integrand,
+    cell_pieces,
+    facet_pieces,
+    integrate,
+    polynomials,
+)
 from erc_contact.mesh.simplex import bernstein, coefficients
 from erc_contact.model.expressions import Everywhere, varies_in_cells
 from erc_contact.model.foundation import ContactData, pressures
@@ -33,7 +40,8 @@ class BoundedNumber:
 
     Attributes:
         value: Its value.
-        bound: Bound or estimate of its error, see :class:`erc_contact.mesh.quadrature.Integral`.
+        bound: Bound or estimate of its error, see
+            :class:`erc_contact.mesh.quadrature.Integral`.
         resolved: Whether ``bound`` is within the tolerance.
     """
 
@@ -44,7 +52,9 @@ class BoundedNumber:
     @classmethod
     def of(cls, comm: MPI.Comm, integral: Integral) -> BoundedNumber:
         """Add up all integrals of all ranks; collective."""
-        value, bound = comm.allreduce(np.array([integral.value.sum(), integral.rest.sum()]), MPI.SUM)
+        value, bound = comm.allreduce(
+            np.array([integral.value.sum(), integral.rest.sum()]), MPI.SUM
+        )
         return cls(float(value), float(bound), bool(integral.resolved.all()))
 
     def __add__(self, other: BoundedNumber) -> BoundedNumber:
@@ -72,7 +82,9 @@ def elastic_work(pair: Admissible, v: fem.Function, w: fem.Function) -> BoundedN
         return (image * np.matmul(shape, of_w[of])).sum(axis=-1, keepdims=True)
 
     corners, volume = sorted_corners(model, cells)[:owned], cells.volume[:owned]
-    return BoundedNumber.of(model.comm, integrate(model.comm, density, corners, volume, cell_pieces(model.d)))
+    return BoundedNumber.of(
+        model.comm, integrate(model.comm, density, corners, volume, cell_pieces(model.d))
+    )
 
 
 def stress_work(pair: Admissible, v: fem.Function) -> BoundedNumber:
@@ -86,14 +98,18 @@ def stress_work(pair: Admissible, v: fem.Function) -> BoundedNumber:
     return BoundedNumber(float(model.comm.allreduce(local, MPI.SUM)))
 
 
-def friction_work(model: Model, traction: ContactTraction, u: fem.Function, floor: float) -> BoundedNumber:
+def friction_work(
+    model: Model, traction: ContactTraction, u: fem.Function, floor: float
+) -> BoundedNumber:
     """Add up :func:`friction_works`; collective."""
     if traction.contact.friction is None:
         return BoundedNumber(0.0)
     return BoundedNumber.of(model.comm, friction_works(model, traction, u, floor))
 
 
-def friction_works(model: Model, traction: ContactTraction, u: fem.Function, floor: float) -> Integral:
+def friction_works(
+    model: Model, traction: ContactTraction, u: fem.Function, floor: float
+) -> Integral:
     """``int b(p^) |u_t - s|`` on each facet of a contact [force length], 0 for ghosts, s of the last step; collective.
 
     It is never below zero. The integrals may leave their share or ``floor`` unknown.
@@ -126,14 +142,17 @@ def load_work(model: Model, v: fem.Function) -> BoundedNumber:
             on_facets = np.matmul(coefficients(d - 1, k), nodal[model.facet_nodes(facets)])
             work = _products(Everywhere(load.density, domain.mesh), facets, on_facets, k)
             total += BoundedNumber.of(
-                model.comm, integrate(model.comm, work, model.facet_corners(facets), area, facet_pieces(d - 1))
+                model.comm,
+                integrate(model.comm, work, model.facet_corners(facets), area, facet_pieces(d - 1)),
             )
     if model.body_force is not None and varies_in_cells(model.body_force):
         cells = cell_geometry(model)
         owned, in_cells = domain.owned_cells, np.matmul(coefficients(d, k), nodal[cells.nodes])
         work = _products(Everywhere(model.body_force, domain.mesh), model.owned_cells, in_cells, k)
         corners, volume = sorted_corners(model, cells)[:owned], cells.volume[:owned]
-        total += BoundedNumber.of(model.comm, integrate(model.comm, work, corners, volume, cell_pieces(d)))
+        total += BoundedNumber.of(
+            model.comm, integrate(model.comm, work, corners, volume, cell_pieces(d))
+        )
     return total
 
 

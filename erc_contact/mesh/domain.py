@@ -1,7 +1,8 @@
 """Bodies with a mesh whose boundary parts and cell regions have names.
 
-A :class:`Domain` is a value. Refinement returns a new one, which has the same names and is balanced over the ranks. On
-every rank it has all cells around the vertices of the cells that the rank owns.
+A :class:`Domain` is a value. Refinement returns a new one, which has the same names and
+is balanced over the ranks. On every rank it has all cells around the vertices of the
+cells that the rank owns.
 """
 
 from __future__ import annotations
@@ -42,20 +43,23 @@ class Domain:
     """A mesh whose parts have names.
 
     Args:
-        mesh: Straight-sided triangles in 2D or tetrahedra in 3D. Under MPI a mesh without complete vertex patches is
-            distributed anew: use ``domain.mesh`` afterwards, not the mesh that you gave.
+        mesh: Straight-sided triangles in 2D or tetrahedra in 3D. Under MPI a mesh
+            without complete vertex patches is distributed anew: use ``domain.mesh``
+                afterwards, not the mesh that you gave.
         facet_tags: Tags of boundary facets.
         names: Name of each boundary part -> its tag.
         cell_tags: Tags of cells, or None.
         regions: Name of each cell region -> its tag.
-        geometry: The true shape of the body. It is None if only the mesh is known. The body is then the mesh with its
-            flat facets.
-        curved_facets: Tags of the facets on the boundary and on interfaces of a curved body: the number of the curve
-            or surface of the geometry on which a facet lies. None if the body is not curved, or not known.
+        geometry: The true shape of the body. It is None if only the mesh is known. The
+            body is then the mesh with its flat facets.
+        curved_facets: Tags of the facets on the boundary and on interfaces of a curved
+            body: the number of the curve or surface of the geometry on which a facet
+                lies. None if the body is not curved, or not known.
 
     Raises:
-        InputError: If the mesh is not of straight-sided simplices, names and tags do not fit, or no facet has the tag
-            of a name. A part may have facets inside the body, as an interface has, but a scene cannot use it.
+        InputError: If the mesh is not of straight-sided simplices, names and tags do
+            not fit, or no facet has the tag of a name. A part may have facets inside
+            the body, as an interface has, but a scene cannot use it.
     """
 
     mesh: dmesh.Mesh
@@ -66,7 +70,9 @@ class Domain:
     geometry: Geometry | None = field(default=None, repr=False)
     curved_facets: dmesh.MeshTags | None = field(default=None, repr=False)
     _inside: set[str] = field(init=False, repr=False, default_factory=set)
-    _zeros: dict[tuple[str, int, tuple[int, ...]], fem.Function] = field(init=False, repr=False, default_factory=dict)
+    _zeros: dict[tuple[str, int, tuple[int, ...]], fem.Function] = field(
+        init=False, repr=False, default_factory=dict
+    )
 
     def __post_init__(self) -> None:
         if not isinstance(self.mesh, dmesh.Mesh):
@@ -74,8 +80,12 @@ class Domain:
                 f"Domain: mesh is {description(self.mesh)}; give a mesh of DOLFINx, or use read_mesh, rectangle, box."
             )
         for what, tags in (("names", self.names), ("regions", self.regions)):
-            if not isinstance(tags, Mapping) or not all(isinstance(tag, Integral) for tag in tags.values()):
-                raise InputError(f"Domain: {what} is {tags!r}; give a mapping from names to whole numbers, the tags.")
+            if not isinstance(tags, Mapping) or not all(
+                isinstance(tag, Integral) for tag in tags.values()
+            ):
+                raise InputError(
+                    f"Domain: {what} is {tags!r}; give a mapping from names to whole numbers, the tags."
+                )
         check_mesh(self.mesh)
         tdim = self.mesh.topology.dim
         self.mesh.topology.create_connectivity(tdim - 1, tdim)
@@ -87,11 +97,17 @@ class Domain:
                 "(in gmsh: physical groups of the boundary)."
             )
         elif self.facet_tags is None:
-            error = InputError(f"The mesh has no tagged facet, but the names {_listed(self.names)}; tag their facets.")
+            error = InputError(
+                f"The mesh has no tagged facet, but the names {_listed(self.names)}; tag their facets."
+            )
         elif self.facet_tags.dim != tdim - 1:
-            error = InputError(f"The facet tags have dimension {self.facet_tags.dim}; facets have {tdim - 1}.")
+            error = InputError(
+                f"The facet tags have dimension {self.facet_tags.dim}; facets have {tdim - 1}."
+            )
         elif self.regions and (self.cell_tags is None or self.cell_tags.dim != tdim):
-            error = InputError(f"The regions {_listed(self.regions)} need cell tags of dimension {tdim}.")
+            error = InputError(
+                f"The regions {_listed(self.regions)} need cell tags of dimension {tdim}."
+            )
         raise_together(self.mesh.comm, error)
         if self.mesh.comm.size > 1:
             self._complete()
@@ -100,9 +116,13 @@ class Domain:
         for name, tag in self.names.items():
             here = self.facet_tags.find(tag)
             here = here[here < owned]
-            counts = self.mesh.comm.allreduce(np.array([len(here), np.isin(here, outer).sum()]), MPI.SUM)
+            counts = self.mesh.comm.allreduce(
+                np.array([len(here), np.isin(here, outer).sum()]), MPI.SUM
+            )
             if not counts[0]:
-                raise InputError(f"Boundary part {name!r} (tag {tag}) has no facet; remove it or tag its facets.")
+                raise InputError(
+                    f"Boundary part {name!r} (tag {tag}) has no facet; remove it or tag its facets."
+                )
             if counts[1] < counts[0]:
                 self._inside.add(name)
 
@@ -111,7 +131,9 @@ class Domain:
         mesh, every = self.mesh, [shared(self.mesh, tags) for tags in self._every_tags]
         if not patches_complete(mesh):
             mesh, every = redistributed(mesh, *every)
-        for name, value in zip(("mesh", "facet_tags", "cell_tags", "curved_facets"), (mesh, *every), strict=True):
+        for name, value in zip(
+            ("mesh", "facet_tags", "cell_tags", "curved_facets"), (mesh, *every), strict=True
+        ):
             object.__setattr__(self, name, value)
 
     @property
@@ -125,9 +147,15 @@ class Domain:
 
     def _repr_html_(self) -> str:
         """The domain in a notebook; nothing is computed, so one rank alone may ask."""
-        rows = [("cells", self.cells), ("vertices", self.vertices), ("boundary parts", ", ".join(self.names))]
+        rows = [
+            ("cells", self.cells),
+            ("vertices", self.vertices),
+            ("boundary parts", ", ".join(self.names)),
+        ]
         regions = [("regions", ", ".join(self.regions))] * bool(self.regions)
-        return table([*rows, *regions, ("shape", shape_in_words(self))], caption=f"Domain in {self.dim}D")
+        return table(
+            [*rows, *regions, ("shape", shape_in_words(self))], caption=f"Domain in {self.dim}D"
+        )
 
     @property
     def dim(self) -> int:
@@ -171,8 +199,9 @@ class Domain:
     def function(self, family: str, degree: int, shape: tuple[int, ...] = ()) -> fem.Function:
         """A new Function on the mesh, zero everywhere; collective.
 
-        All Functions of a kind have the same space, and the same communicators of MPI. A process has some 2000 of
-        these, and a loading history keeps several Functions for each step.
+        All Functions of a kind have the same space, and the same communicators of MPI.
+        A process has some 2000 of these, and a loading history keeps several Functions
+        for each step.
 
         Args:
             family: Family of the elements, "Lagrange" or "DG".
@@ -198,9 +227,13 @@ class Domain:
             InputError: If no part has this name, or it has facets inside the body.
         """
         if name not in self.names:
-            raise InputError(f"No boundary part is called {name!r}; this domain has {_listed(self.names)}.")
+            raise InputError(
+                f"No boundary part is called {name!r}; this domain has {_listed(self.names)}."
+            )
         if name in self._inside:
-            raise InputError(f"{name!r} has facets inside the body; only a part of the boundary can carry a condition.")
+            raise InputError(
+                f"{name!r} has facets inside the body; only a part of the boundary can carry a condition."
+            )
         return self.names[name]
 
     def facets(self, name: str) -> np.ndarray:
@@ -213,8 +246,12 @@ class Domain:
         topology = self.mesh.topology
         facet_to_cell = topology.connectivity(self.dim - 1, self.dim)
         cell = facet_to_cell.array[facet_to_cell.offsets[facets]]
-        of_cell = topology.connectivity(self.dim, self.dim - 1).array.reshape(-1, self.dim + 1)[cell]
-        return np.column_stack([cell, np.argmax(of_cell == facets[:, None], axis=1)]).astype(np.int32)
+        of_cell = topology.connectivity(self.dim, self.dim - 1).array.reshape(-1, self.dim + 1)[
+            cell
+        ]
+        return np.column_stack([cell, np.argmax(of_cell == facets[:, None], axis=1)]).astype(
+            np.int32
+        )
 
     def region(self, name: str) -> np.ndarray:
         """The cells of a region, ghosts included.
@@ -223,14 +260,17 @@ class Domain:
             InputError: If no region has this name.
         """
         if self.cell_tags is None or name not in self.regions:
-            raise InputError(f"No cell region is called {name!r}; this domain has {_listed(self.regions)}.")
+            raise InputError(
+                f"No cell region is called {name!r}; this domain has {_listed(self.regions)}."
+            )
         return self.cell_tags.find(self.regions[name])
 
     def refined(self, marked: np.ndarray | None = None) -> Domain:
         """Refine by bisection of longest edges (DOLFINx), conforming; collective.
 
-        The names stay, the new mesh is balanced over the ranks, and every rank has complete vertex patches. If the true
-        shape is known and curved, new vertices on its boundary and on interfaces are moved onto it.
+        The names stay, the new mesh is balanced over the ranks, and every rank has
+        complete vertex patches. If the true shape is known and curved, new vertices on
+        its boundary and on interfaces are moved onto it.
 
         Args:
             marked: Numbers of cells of this rank, shape (n,); None refines all cells.
@@ -271,19 +311,22 @@ class Domain:
     def remeshed(self, sizes: npt.ArrayLike) -> Domain:
         """Mesh the true geometry again with other sizes, by gmsh on rank 0; collective.
 
-        The names stay, and curved boundaries get new vertices. Where the sizes are larger, the new mesh is coarser.
+        The names stay, and curved boundaries get new vertices. Where the sizes are
+        larger, the new mesh is coarser.
 
         Args:
-            sizes: Edge h of the simplices that are wanted [length]: one number, or a value at each node
-                ``mesh.geometry.x`` of this rank, shape (n,), with h linear between the nodes. The number of cells is
-                ``int c / h^d`` with c = 4/sqrt(3) in 2D and 5 in 3D. gmsh meets it to within 2% in 2D and 5% in 3D if
-                cells are small beside the body.
+            sizes: Edge h of the simplices that are wanted [length]: one number, or a
+                value at each node ``mesh.geometry.x`` of this rank, shape (n,), with h
+                linear between the nodes. The number of cells is ``int c / h^d`` with c
+                = 4/sqrt(3) in 2D and 5 in 3D. gmsh meets it to within 2% in 2D and 5%
+                in 3D if cells are small beside the body.
 
         Returns:
             The domain on the new mesh.
 
         Raises:
-            InputError: If the geometry is not known, a size is not > 0 and finite, or gmsh fails.
+            InputError: If the geometry is not known, a size is not > 0 and finite, or
+                gmsh fails.
         """
         h = together(self.mesh.comm, _numbers, sizes)
         if self.geometry is None:
@@ -301,14 +344,20 @@ def shape_in_words(domain: Domain) -> str:
     corners = [getattr(domain.geometry, name, None) for name in ("low", "high")]
     if None not in corners:
         return f"{('rectangle', 'box')[domain.dim - 2]} from {corners[0]} to {corners[1]}"
-    return "curved, its geometry is known" if domain.curved_facets is not None else "flat sides, its geometry is known"
+    return (
+        "curved, its geometry is known"
+        if domain.curved_facets is not None
+        else "flat sides, its geometry is known"
+    )
 
 
 def _numbers(sizes: npt.ArrayLike) -> np.ndarray:
     try:
         return np.asarray(sizes, dtype=float)
     except (TypeError, ValueError) as reason:
-        raise InputError(f"remeshed: the sizes are {sizes!r}; give a number, or one for each node.") from reason
+        raise InputError(
+            f"remeshed: the sizes are {sizes!r}; give a number, or one for each node."
+        ) from reason
 
 
 def _listed(names: Mapping[str, int]) -> str:

@@ -32,7 +32,9 @@ FIELD = {
 
 def as_input_error(reason: Exception, what: str) -> InputError:
     """An error of gmsh's, or of ours, as an :class:`InputError`."""
-    return reason if isinstance(reason, InputError) else InputError(f"{what} cannot be used: {reason}")
+    return (
+        reason if isinstance(reason, InputError) else InputError(f"{what} cannot be used: {reason}")
+    )
 
 
 @contextmanager
@@ -58,7 +60,10 @@ def session(comm: MPI.Comm, build: Callable[[Any], None], what: str) -> Iterator
     try:
         import gmsh  # noqa: PLC0415 - only rank 0 needs it
     except (ImportError, OSError) as reason:  # OSError: a shared library that gmsh's wheel expects
-        raise_together(comm, InputError(f"gmsh cannot be loaded: {reason}. Install it, or give cells= or a Domain."))
+        raise_together(
+            comm,
+            InputError(f"gmsh cannot be loaded: {reason}. Install it, or give cells= or a Domain."),
+        )
 
     started_here = not gmsh.isInitialized()
     if started_here:
@@ -93,12 +98,16 @@ def name_groups(model: Any, names: Mapping[int | tuple[int, int], str]) -> None:
         names: Names by the tags of the groups, or by pairs (dimension, tag).
 
     Raises:
-        InputError: If the names are no mapping to texts, no group or two groups have a tag, or two groups of the same
-            dimension get the same name.
+        InputError: If the names are no mapping to texts, no group or two groups have a
+            tag, or two groups of the same dimension get the same name.
     """
-    if not isinstance(names, Mapping) or not all(isinstance(name, str) and name for name in names.values()):
+    if not isinstance(names, Mapping) or not all(
+        isinstance(name, str) and name for name in names.values()
+    ):
         example = "names={1: 'bottom', 2: 'top'}"
-        raise InputError(f"names is {description(names)}; give names of parts by their tags, e.g. {example}.")
+        raise InputError(
+            f"names is {description(names)}; give names of parts by their tags, e.g. {example}."
+        )
     dim = int(model.getDimension())
     groups = [group for group in model.getPhysicalGroups() if group[0] >= dim - 1]
     named: dict[tuple[int, int], str] = {}
@@ -106,17 +115,23 @@ def name_groups(model: Any, names: Mapping[int | tuple[int, int], str]) -> None:
         meant = [group for group in groups if key in (group, group[1])]
         if not meant:
             tags = ", ".join(str(tag) for _, tag in groups)
-            raise InputError(f"names has {key!r}, and no part of the mesh has this tag; the mesh has {tags}.")
+            raise InputError(
+                f"names has {key!r}, and no part of the mesh has this tag; the mesh has {tags}."
+            )
         if len(meant) > 1:
             both = " and ".join(map(str, meant))
-            raise InputError(f"names has {key!r}, which is a boundary part and a region; give one of {both}.")
+            raise InputError(
+                f"names has {key!r}, which is a boundary part and a region; give one of {both}."
+            )
         named[meant[0]] = name
     for group in groups:
         named.setdefault(group, model.getPhysicalName(*group) or str(group[1]))
     for group, name in named.items():
         same = [other for other in named if other[0] == group[0] and named[other] == name]
         if len(same) > 1:
-            raise InputError(f"The name {name!r} is that of the tags {same[0][1]} and {same[1][1]}; take another one.")
+            raise InputError(
+                f"The name {name!r} is that of the tags {same[0][1]} and {same[1][1]}; take another one."
+            )
         model.removePhysicalName(name)
     for group, name in named.items():
         model.setPhysicalName(*group, name)
@@ -125,8 +140,9 @@ def name_groups(model: Any, names: Mapping[int | tuple[int, int], str]) -> None:
 def renumber(model: Any, dim: int) -> None:
     """Number the nodes of a model's mesh from 1, with those that are in no cell last.
 
-    The centre of an arc may have a node that is in no cell. DOLFINx expects that all other nodes have lower numbers.
-    Otherwise it sends to a rank that does not exist, and the process ends.
+    The centre of an arc may have a node that is in no cell. DOLFINx expects that all
+    other nodes have lower numbers. Otherwise it sends to a rank that does not exist,
+    and the process ends.
     """
     every = model.mesh.getNodes()[0]
     used = np.isin(every, np.concatenate(model.mesh.getElements(dim)[2]))
@@ -151,7 +167,10 @@ def marked_facets(
     nodes, values = np.empty((0, d), dtype=np.int64), np.empty(0, dtype=np.int32)
     if comm.rank == rank:
         tags = tags or {int(tag): int(tag) for _, tag in model.getEntities(d - 1)}
-        found = {m: np.concatenate([[], *model.mesh.getElements(d - 1, tag)[2]]) for m, tag in tags.items()}
+        found = {
+            m: np.concatenate([[], *model.mesh.getElements(d - 1, tag)[2]])
+            for m, tag in tags.items()
+        }
         nodes = np.concatenate(list(found.values())).astype(np.int64).reshape(-1, d) - 1
         values = np.repeat(list(found), [len(of) // d for of in found.values()]).astype(np.int32)
     mesh.topology.create_connectivity(d - 1, 0)

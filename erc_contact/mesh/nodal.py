@@ -12,8 +12,8 @@ from erc_contact.mesh.remeshing import FILL
 from erc_contact.mesh.simplex import measures
 
 GROW = 0.5
-"""Largest growth of sizes over a length [-]: neighbouring layers grow by at most 1.5. From 0.3 to 0.5 no count and no
-error changed by more than the scatter of meshes."""
+"""Largest growth of sizes over a length [-]: neighbouring layers grow by at most 1.5.
+From 0.3 to 0.5 no count and no error changed by more than the scatter of meshes."""
 
 
 class NodalMesh:
@@ -71,7 +71,8 @@ class NodalMesh:
     def limited(self, h: np.ndarray) -> np.ndarray:
         """The largest sizes below h whose growth over a length is at most GROW.
 
-        A rank has all edges at the nodes that it owns, because it has all cells around them.
+        A rank has all edges at the nodes that it owns, because it has all cells around
+        them.
         """
         at, (a, b) = self._at.array, self.edges.T
         at[:] = h

@@ -1,7 +1,8 @@
 """Distribution of meshes over ranks: every rank holds all cells around the vertices of its own cells.
 
-The reconstruction of admissible stresses works on the cells around a vertex, its patch. If all patches are complete on
-their ranks, it needs no communication. The ghosts that DOLFINx offers, cells that share a facet, do not give that.
+The reconstruction of admissible stresses works on the cells around a vertex, its patch.
+If all patches are complete on their ranks, it needs no communication. The ghosts that
+DOLFINx offers, cells that share a facet, do not give that.
 """
 
 from __future__ import annotations
@@ -26,11 +27,14 @@ FOLDED = 1e-6
 """Difference of the volumes of the cells and that within the boundary that counts as round-off, relative [-]."""
 
 
-def vertex_patch_partitioner(comm: MPI.Comm, parts: int, cell_types: Sequence[Any], cells: Sequence[np.ndarray]) -> Any:
+def vertex_patch_partitioner(
+    comm: MPI.Comm, parts: int, cell_types: Sequence[Any], cells: Sequence[np.ndarray]
+) -> Any:
     """Partition cells with the stock graph partitioner and ghost every cell by shared vertices.
 
-    A cell goes to its owner and to every rank that owns a cell with a common vertex. To find these, the pairs
-    (vertex, owner) of all ranks are sent to the rank "vertex mod size".
+    A cell goes to its owner and to every rank that owns a cell with a common vertex. To
+    find these, the pairs (vertex, owner) of all ranks are sent to the rank "vertex mod
+    size".
 
     Args:
         comm: Communicator.
@@ -39,7 +43,8 @@ def vertex_patch_partitioner(comm: MPI.Comm, parts: int, cell_types: Sequence[An
         cells: One flat array of the cells' global vertices.
 
     Returns:
-        Adjacency list cell -> ranks, the owner first (the C++ object that DOLFINx expects).
+        Adjacency list cell -> ranks, the owner first (the C++ object that DOLFINx
+        expects).
     """
     stock = dmesh.create_cell_partitioner(dmesh.GhostMode.none, 2)(comm, parts, cell_types, cells)
     owner = np.asarray(stock.array, dtype=np.int64)
@@ -91,7 +96,8 @@ def distributed(comm: MPI.Comm, cells: np.ndarray, x: np.ndarray) -> dmesh.Mesh:
 
     Args:
         comm: Communicator.
-        cells: Numbers of the vertices of cells of this rank, in the order of all ranks' points, shape (m, d+1).
+        cells: Numbers of the vertices of cells of this rank, in the order of all ranks'
+            points, shape (m, d+1).
         x: Points of this rank [length], shape (n, d).
     """
     d = x.shape[1]
@@ -152,9 +158,14 @@ def check_mesh(mesh: dmesh.Mesh) -> None:
     """Check that a mesh has cells that the package works with; collective.
 
     Raises:
-        InputError: If cells are not straight-sided triangles in the plane or tetrahedra in space.
+        InputError: If cells are not straight-sided triangles in the plane or tetrahedra
+            in space.
     """
-    cell, gdim, degree = mesh.topology.cell_type.name, mesh.geometry.dim, mesh.geometry.cmaps[0].degree
+    cell, gdim, degree = (
+        mesh.topology.cell_type.name,
+        mesh.geometry.dim,
+        mesh.geometry.cmaps[0].degree,
+    )
     error = None
     if (cell, gdim) not in (("triangle", 2), ("tetrahedron", 3)):
         error = InputError(
@@ -172,7 +183,8 @@ def check_mesh(mesh: dmesh.Mesh) -> None:
 def check_shape(mesh: dmesh.Mesh) -> None:
     """Check that coordinates are finite and that no cell is turned over its neighbours; collective.
 
-    The volumes of the cells add up to the volume within the boundary, ``int x.n dS / d``, only if none is turned over.
+    The volumes of the cells add up to the volume within the boundary, ``int x.n dS /
+    d``, only if none is turned over.
 
     Args:
         mesh: A mesh whose facets are connected to its cells.

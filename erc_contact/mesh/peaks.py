@@ -1,13 +1,17 @@
 """Upper bounds of functions on simplices, such as the excess of a displacement over a gap.
 
-Each simplex (a facet) is cut into the pieces of :mod:`erc_contact.mesh.quadrature`, and the function is sampled on each
-of them. It may be greater between the samples of a piece than at them. Where it is smooth, a share of its range at the
-samples covers that; where it is not, as at a cusp like ``-sqrt|x|``, its distance from the polynomial that is nearest
-to the samples does. A piece whose bound may be the greatest of its simplex by more than a tolerance is bisected.
+Each simplex (a facet) is cut into the pieces of :mod:`erc_contact.mesh.quadrature`, and
+the function is sampled on each of them. It may be greater between the samples of a
+piece than at them. Where it is smooth, a share of its range at the samples covers that;
+where it is not, as at a cusp like ``-sqrt|x|``, its distance from the polynomial that
+is nearest to the samples does. A piece whose bound may be the greatest of its simplex
+by more than a tolerance is bisected.
 
-A peak that changes no value at the samples of the first pieces (72 on a facet in 2D, 352 in 3D) is missed.
+A peak that changes no value at the samples of the first pieces (72 on a facet in 2D,
+352 in 3D) is missed.
 
-Symbols: d' dimension of the simplices, P = d'+1 number of their vertices, n pieces, q samples of a piece.
+Symbols: d' dimension of the simplices, P = d'+1 number of their vertices, n pieces, q
+samples of a piece.
 """
 
 from __future__ import annotations
@@ -23,12 +27,13 @@ BETWEEN = 0.1
 CUSP = 20.0
 """The same as a multiple of the greatest distance from the nearest polynomial, where it is not smooth [-].
 
-With it the bounds of cusps ``-|x - c|^a`` at 4000 random places c in a facet, a from 0.25 to 4, were all above the
-peak, also those of cusps that are three times as steep on one side.
+With it the bounds of cusps ``-|x - c|^a`` at 4000 random places c in a facet, a from
+0.25 to 4, were all above the peak, also those of cusps that are three times as steep on
+one side.
 """
 JUMP = 0.02
-"""A piece is one with a jump, and nothing hides between its samples, if each of its values is within this share of the
-range from the greatest or the least [-]."""
+"""A piece is one with a jump, and nothing hides between its samples, if each of its
+values is within this share of the range from the greatest or the least [-]."""
 SMOOTH_TOLERANCE, TOLERANCE = 1e-3, 1e-5
 """The bound may be too large by these shares of the range on the simplex, in smooth and in other pieces [-]."""
 INHERITED = 0.5
@@ -36,24 +41,32 @@ INHERITED = 0.5
 ROUNDS = 60
 """Greatest number of bisections of a piece."""
 MOST = 1000
-"""Number of pieces of a simplex that may be bisected in one round. So a line of cusps in a triangle ends. The limit is
-that of each simplex, so that a bound does not depend on which other simplices a rank has."""
+"""Number of pieces of a simplex that may be bisected in one round. So a line of cusps
+in a triangle ends. The limit is that of each simplex, so that a bound does not depend
+on which other simplices a rank has.
+"""
 CHUNK = 256
 """Number of simplices that are worked on at once, for the sake of memory."""
 
 Samples = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
-"""A function that returns values at q points of n pieces, shape (n, q). It gets the number of the simplex of each
-piece, shape (n,), and the points in barycentric coordinates, shape (n, q, P), and in true coordinates, (n, q, d)."""
+"""A function that returns values at q points of n pieces, shape (n, q). It gets the
+number of the simplex of each piece, shape (n,), and the points in barycentric
+coordinates, shape (n, q, P), and in true coordinates, (n, q, d).
+"""
 
 
-def upper_bounds(f: Samples, vertices: np.ndarray, pieces: np.ndarray, round_off: np.ndarray) -> np.ndarray:
+def upper_bounds(
+    f: Samples, vertices: np.ndarray, pieces: np.ndarray, round_off: np.ndarray
+) -> np.ndarray:
     """Bound a function from above on each simplex; the result is also at least its value at all samples.
 
     Args:
         f: The function.
         vertices: Vertices of the simplices [length], shape (simplices, P, d).
-        pieces: The first pieces of each simplex, from :func:`erc_contact.mesh.quadrature.facet_pieces`, (c, P, P).
-        round_off: By how much the bound of each simplex may always be too large, shape (simplices,).
+        pieces: The first pieces of each simplex, from
+            :func:`erc_contact.mesh.quadrature.facet_pieces`, (c, P, P).
+        round_off: By how much the bound of each simplex may always be too large, shape
+            (simplices,).
 
     Returns:
         The bounds, shape (simplices,).
@@ -104,7 +117,11 @@ def _of_chunk(
 
 
 def _on_pieces(
-    f: Samples, vertices: np.ndarray, simplex: np.ndarray, corners: np.ndarray, inherited: np.ndarray
+    f: Samples,
+    vertices: np.ndarray,
+    simplex: np.ndarray,
+    corners: np.ndarray,
+    inherited: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Greatest and least sample of each piece, and its rise where it is not smooth, shape (n,) each."""
     points, residual = piece_samples(vertices.shape[1] - 1)

@@ -1,14 +1,18 @@
 """Integrals over cells and facets of data that are not polynomials, with bounds of their errors.
 
-Each simplex (a cell or a facet) is cut into a few pieces. The integrand is evaluated at points inside a piece and near
-its boundary, and compared with a polynomial of degree 4 (3 in tetrahedra). If it is not near one, the piece is
-bisected. So there are few pieces where the integrand is smooth, and many at a kink or a jump. The result tells whether
-the integrand is resolved. If it is, the distances from the polynomials bound the error; otherwise they estimate it.
+Each simplex (a cell or a facet) is cut into a few pieces. The integrand is evaluated at
+points inside a piece and near its boundary, and compared with a polynomial of degree 4
+(3 in tetrahedra). If it is not near one, the piece is bisected. So there are few pieces
+where the integrand is smooth, and many at a kink or a jump. The result tells whether
+the integrand is resolved. If it is, the distances from the polynomials bound the error;
+otherwise they estimate it.
 
-Only the values at the points are known. Before any bisection there are 72 points on a facet in 2D and 352 in 3D, and 66
-points in a cell in 2D and 136 in 3D. A feature that changes no value at these points is missed.
+Only the values at the points are known. Before any bisection there are 72 points on a
+facet in 2D and 352 in 3D, and 66 points in a cell in 2D and 136 in 3D. A feature that
+changes no value at these points is missed.
 
-Symbols: d' dimension of the simplices, P = d'+1 number of their vertices, n pieces, q points, m integrands.
+Symbols: d' dimension of the simplices, P = d'+1 number of their vertices, n pieces, q
+points, m integrands.
 """
 
 from __future__ import annotations
@@ -37,8 +41,8 @@ DEGREE = 6
 ROUNDS = (0, 40, 20, 15)
 """Limit of the bisections of a piece, for each d'."""
 PATIENCE = 6
-"""From this bisection on they end as soon as the last two left more than GAIN of what was unknown. This is for jumps
-in d' > 1 dimensions, which cannot be resolved."""
+"""From this bisection on they end as soon as the last two left more than GAIN of what
+was unknown. This is for jumps in d' > 1 dimensions, which cannot be resolved."""
 GAIN = 0.4
 """See PATIENCE [-]."""
 BUDGET = (0, 50_000, 50_000, 20_000)
@@ -49,9 +53,11 @@ CHUNK = 1024
 """Number of pieces that are worked on at once. Their arrays stay in the cache."""
 
 Integrand = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
-"""A function that returns the values of m integrands at q points of n pieces, shape (n, q, m). It gets the number of
-the simplex of each piece, shape (n,), and the points in barycentric coordinates, shape (n, q, P), and in true
-coordinates [length], shape (n, q, d)."""
+"""A function that returns the values of m integrands at q points of n pieces, shape (n,
+q, m). It gets the number of the simplex of each piece, shape (n,), and the points in
+barycentric coordinates, shape (n, q, P), and in true coordinates [length], shape (n, q,
+d).
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,8 +66,10 @@ class Integral:
 
     Attributes:
         value: The integrals, shape (simplices, m).
-        rest: Bounds of their errors if the integrand is resolved, else estimates, of the same shape.
-        resolved: Whether the sum of ``rest`` over all ranks is as small as was asked for, shape (m,).
+        rest: Bounds of their errors if the integrand is resolved, else estimates, of
+            the same shape.
+        resolved: Whether the sum of ``rest`` over all ranks is as small as was asked
+            for, shape (m,).
     """
 
     value: np.ndarray
@@ -85,11 +93,13 @@ def integrate(
         comm: Communicator.
         f: The integrands.
         vertices: Vertices of the simplices [length], shape (simplices, P, d).
-        measure: Their lengths, areas or volumes, shape (simplices,). Simplices of measure 0 are left out.
-        pieces: The first pieces of each simplex, of equal size, from :func:`facet_pieces` or :func:`cell_pieces`:
-            barycentric coordinates of their corners, shape (c, P, P).
-        share: Share of each integral that may stay unknown, relative to the sum of the absolute values of the integrals
-            over all pieces [-].
+        measure: Their lengths, areas or volumes, shape (simplices,). Simplices of
+            measure 0 are left out.
+        pieces: The first pieces of each simplex, of equal size, from
+            :func:`facet_pieces` or :func:`cell_pieces`: barycentric coordinates of
+            their corners, shape (c, P, P).
+        share: Share of each integral that may stay unknown, relative to the sum of the
+            absolute values of the integrals over all pieces [-].
         floor: Amount of each integral that may always stay unknown.
 
     Returns:
@@ -110,9 +120,19 @@ def integrate(
         bad = ~np.all(unknown <= 0.1 * most / max(count, 1), axis=1)
         left = comm.allreduce(int(bad.sum()), MPI.SUM)
         total = comm.allreduce(rest.sum(axis=0) + unknown.sum(axis=0), MPI.SUM)
-        excess.append(float(np.divide(total, most, out=1e300 * np.sign(total), where=most > 0).max(initial=0.0)))
+        excess.append(
+            float(
+                np.divide(total, most, out=1e300 * np.sign(total), where=most > 0).max(initial=0.0)
+            )
+        )
         hopeless = size > 1 and turn >= PATIENCE and excess[-1] > GAIN * excess[-3]
-        last = excess[-1] <= 1 or not left or left > begun + BUDGET[size] or turn == ROUNDS[size] or hopeless
+        last = (
+            excess[-1] <= 1
+            or not left
+            or left > begun + BUDGET[size]
+            or turn == ROUNDS[size]
+            or hopeless
+        )
         done = np.ones_like(bad) if last else ~bad
         np.add.at(value, of[done], found[done])
         np.add.at(rest, of[done], unknown[done])
@@ -128,13 +148,16 @@ def _on_pieces(
 ) -> tuple[np.ndarray, np.ndarray]:
     """The integrals over pieces, and what is unknown of them, each of shape (n, m).
 
-    Unknown is twice the mean distance from a polynomial times the size of the piece. For 3000 random jumps at points,
-    lines and planes this was on average 3 to 10 times the error. It was below the error in one of a hundred pieces, but
-    its sum over the pieces was above.
+    Unknown is twice the mean distance from a polynomial times the size of the piece.
+    For 3000 random jumps at points, lines and planes this was on average 3 to 10 times
+    the error. It was below the error in one of a hundred pieces, but its sum over the
+    pieces was above.
     """
     points, weights, residual = _points(vertices.shape[1] - 1)
     parts = []
-    for start in range(0, max(len(of), 1), CHUNK):  # a rank without pieces does this once, to know m
+    for start in range(
+        0, max(len(of), 1), CHUNK
+    ):  # a rank without pieces does this once, to know m
         some = slice(start, start + CHUNK)
         places = np.matmul(points, corners[some])
         values = f(of[some], places, np.matmul(places, vertices[of[some]]))
@@ -151,7 +174,9 @@ def _points(size: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     inner, weights = rule(size, DEGREE)
     outer = (1 - INSIDE) * lattice(size, LATTICE[size]) + INSIDE / (size + 1)
     points = np.vstack([inner, outer])
-    smooth = basix.tabulate_polynomials(basix.PolynomialType.legendre, CELLS[size], SMOOTH[size], points).T
+    smooth = basix.tabulate_polynomials(
+        basix.PolynomialType.legendre, CELLS[size], SMOOTH[size], points
+    ).T
     residual = np.eye(len(points)) - smooth @ np.linalg.pinv(smooth)
     return barycentric(points), np.concatenate([weights, np.zeros(len(outer))]), residual
 
@@ -165,8 +190,8 @@ def piece_samples(size: int) -> tuple[np.ndarray, np.ndarray]:
 def bisected(corners: np.ndarray, vertices: np.ndarray) -> np.ndarray:
     """The two halves of each piece, cut at the middle of its longest edge, (n, P, P) -> (2n, P, P).
 
-    Of edges of equal length the one is cut whose middle comes last along :data:`ALONG`. So the order of the vertices,
-    which depends on the number of ranks, does not matter.
+    Of edges of equal length the one is cut whose middle comes last along :data:`ALONG`.
+    So the order of the vertices, which depends on the number of ranks, does not matter.
 
     Args:
         corners: Barycentric coordinates of the corners.
@@ -189,7 +214,8 @@ def bisected(corners: np.ndarray, vertices: np.ndarray) -> np.ndarray:
 def facet_pieces(size: int) -> np.ndarray:
     """The first pieces of a facet: 8 of a segment, 16 of a triangle, shape (c, P, P).
 
-    They do not depend on the order of the vertices, which depends on the number of ranks.
+    They do not depend on the order of the vertices, which depends on the number of
+    ranks.
     """
     corners = np.eye(size + 1)[None]
     for _ in range((0, 3, 2)[size]):

@@ -19,13 +19,14 @@ SHEAR = np.eye(3) + 1e-5 * np.array([[0, 0.83, 0.31], [-0.57, 0.44, 0.71], [0.13
 class Refinement:
     """A refined mesh, and the cells and facets of the old mesh in which its own lie.
 
-    A rank makes the children of its cells; the partitioner then gives them to any rank. Tables of children are on the
-    ranks that made them.
+    A rank makes the children of its cells; the partitioner then gives them to any rank.
+    Tables of children are on the ranks that made them.
 
     Attributes:
         mesh: The refined mesh.
         parent_cell: The old cell of each child made here, shape (children,).
-        parent_facet: The old facets in which the facets of these children lie, -1 inside, shape (children, d+1).
+        parent_facet: The old facets in which the facets of these children lie, -1
+            inside, shape (children, d+1).
     """
 
     mesh: dmesh.Mesh
@@ -38,7 +39,10 @@ class Refinement:
             return None
         table, topology, dim = tag_table(tags), self.mesh.topology, tags.dim
         if dim == topology.dim:
-            rows, entities = table[self.parent_cell][:, None], np.arange(len(topology.original_cell_index))
+            rows, entities = (
+                table[self.parent_cell][:, None],
+                np.arange(len(topology.original_cell_index)),
+            )
         else:
             rows = np.where(self.parent_facet >= 0, table[self.parent_facet], NO_TAG)
             entities = topology.connectivity(topology.dim, dim).array
@@ -52,10 +56,12 @@ class Refinement:
 def refine(mesh: dmesh.Mesh, cells: np.ndarray, partitioner: Any) -> Refinement:
     """Refine cells of this rank by bisection of longest edges (DOLFINx), conforming; collective.
 
-    Which edge of a triangle is the longest must not depend on the numbers of the vertices: the mesh would depend on the
-    number of ranks. So lengths are compared after a slight shear, which leaves no two edges of a structured mesh equal.
-    Coordinates do not pass through the shear and back. Old vertices stay as they are, and a new one is the exact mean
-    of the ends of its edge: a side at y = 0 stays at y = 0.
+    Which edge of a triangle is the longest must not depend on the numbers of the
+    vertices: the mesh would depend on the number of ranks. So lengths are compared
+    after a slight shear, which leaves no two edges of a structured mesh equal.
+    Coordinates do not pass through the shear and back. Old vertices stay as they are,
+    and a new one is the exact mean of the ends of its edge: a side at y = 0 stays at y
+    = 0.
 
     Args:
         mesh: The mesh; it stays as it is.
@@ -96,14 +102,17 @@ def _set_coordinates(refinement: Refinement, corners: np.ndarray, shear: np.ndar
 
     Args:
         refinement: The refined mesh, in sheared coordinates.
-        corners: Corners of the old cell of each child made here [length], shape (children, d+1, 3).
+        corners: Corners of the old cell of each child made here [length], shape
+            (children, d+1, 3).
         shear: The shear.
     """
     geometry = refinement.mesh.geometry
     nodes = geometry.dofmaps[0]
     _, first = np.unique(nodes, return_index=True)
     shape = corners.shape[1:]
-    old = refinement.of_cells(corners.reshape(len(corners), shape[0] * shape[1]), first // nodes.shape[1])
+    old = refinement.of_cells(
+        corners.reshape(len(corners), shape[0] * shape[1]), first // nodes.shape[1]
+    )
     old = old.reshape(len(old), *shape)
     i, j = np.triu_indices(nodes.shape[1])
     middle = 0.5 * (old[:, i] + old[:, j])

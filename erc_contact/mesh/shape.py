@@ -1,9 +1,10 @@
 """The true shape of a body, in the form that gmsh needs to mesh the body again with other sizes.
 
-A mesh does not know the circles that it was made from. So domains from gmsh keep a :class:`Drawing`, and rectangles and
-boxes a :class:`Brick`, on rank 0. Refined and remeshed domains hand it on. Physical groups keep their tags, so the
-names of parts and regions stay. If a boundary or an interface is curved, each of its facets has a mark: the number of
-its curve or surface in the drawing.
+A mesh does not know the circles that it was made from. So domains from gmsh keep a
+:class:`Drawing`, and rectangles and boxes a :class:`Brick`, on rank 0. Refined and
+remeshed domains hand it on. Physical groups keep their tags, so the names of parts and
+regions stay. If a boundary or an interface is curved, each of its facets has a mark:
+the number of its curve or surface in the drawing.
 
 Symbols: d dimension.
 """
@@ -51,14 +52,20 @@ class Brick:
         """Make geometry and physical groups in gmsh's current model, by the OpenCASCADE kernel."""
         dim = len(self.low)
         occ, extent = gmsh.model.occ, np.subtract(self.high, self.low)
-        body = occ.addRectangle(*self.low, 0.0, *extent) if dim == 2 else occ.addBox(*self.low, *extent)
+        body = (
+            occ.addRectangle(*self.low, 0.0, *extent)
+            if dim == 2
+            else occ.addBox(*self.low, *extent)
+        )
         occ.synchronize()
         gmsh.model.addPhysicalGroup(dim, [body], name="body")
         sides = gmsh.model.getBoundary([(dim, body)], oriented=False)
         centre = {tag: np.array(occ.getCenterOfMass(dim - 1, tag)[:dim]) for _, tag in sides}
         for number, (name, axis, at) in enumerate(self.sides(), start=1):
             distance = {tag: abs(x[axis] - at) for tag, x in centre.items()}
-            gmsh.model.addPhysicalGroup(dim - 1, [min(distance, key=distance.__getitem__)], tag=number, name=name)
+            gmsh.model.addPhysicalGroup(
+                dim - 1, [min(distance, key=distance.__getitem__)], tag=number, name=name
+            )
 
     def sides(self) -> Iterator[tuple[str, int, float]]:
         """Name, axis and coordinate [length] of each side. The tags of the sides are 1, 2, ... in this order."""
@@ -91,10 +98,11 @@ class Drawing:
     """The geometry of a gmsh model, as the text of a file of gmsh's.
 
     Args:
-        suffix: Suffix of the file: ".xao" (shapes of OpenCASCADE) or ".geo_unrolled" (shapes of gmsh's own kernel).
-            Both formats have the physical groups.
+        suffix: Suffix of the file: ".xao" (shapes of OpenCASCADE) or ".geo_unrolled"
+            (shapes of gmsh's own kernel). Both formats have the physical groups.
         text: Contents of the file on rank 0, empty elsewhere.
-        curved: Marks of the curves (in 2D) or surfaces (in 3D) that are curved, the same on all ranks.
+        curved: Marks of the curves (in 2D) or surfaces (in 3D) that are curved, the
+            same on all ranks.
     """
 
     suffix: str
@@ -104,7 +112,8 @@ class Drawing:
     def build(self, gmsh: Any) -> dict[int, int]:
         """Make geometry and physical groups in gmsh's current model; return the tag of each mark there.
 
-        OpenCASCADE gives a shape new tags each time it is read. So marks are kept as physical groups.
+        OpenCASCADE gives a shape new tags each time it is read. So marks are kept as
+        physical groups.
         """
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / f"body{self.suffix}"
@@ -114,9 +123,13 @@ class Drawing:
         for dim, group in model.getPhysicalGroups():
             name = model.getPhysicalName(dim, group)
             if name.startswith(MARK):
-                tags[int(name.removeprefix(MARK))] = int(model.getEntitiesForPhysicalGroup(dim, group)[0])
+                tags[int(name.removeprefix(MARK))] = int(
+                    model.getEntitiesForPhysicalGroup(dim, group)[0]
+                )
                 model.removePhysicalGroups([(dim, group)])
-        return tags or {int(tag): int(tag) for _, tag in model.getEntities(model.getDimension() - 1)}
+        return tags or {
+            int(tag): int(tag) for _, tag in model.getEntities(model.getDimension() - 1)
+        }
 
     def meshed(self, domain: Domain, sizes: np.ndarray) -> Domain:
         """See :meth:`Domain.remeshed`; collective."""
@@ -141,7 +154,8 @@ class Drawing:
 def drawing_of(model: Any) -> tuple[str, str, frozenset[int]] | None:
     """Suffix, text and curved marks of the :class:`Drawing` of gmsh's current model; None if it has none.
 
-    A model from a mesh file has no geometry. One that mixes gmsh's two kernels cannot be kept by either format.
+    A model from a mesh file has no geometry. One that mixes gmsh's two kernels cannot
+    be kept by either format.
     """
     import gmsh  # noqa: PLC0415 - whoever has a model has gmsh
 
@@ -177,7 +191,9 @@ def _nearest(model: Any, tags: Mapping[int, int], x: np.ndarray, marks: np.ndarr
             below = [set(map(int, model.getAdjacencies(d - 1, tags[m])[1])) for m in pair]
             places = [(d - 2, tag) for tag in below[0] & below[1]]
         flat = in_space(x[here]).ravel()
-        found = np.array([np.reshape(model.getClosestPoint(*place, flat)[0], (-1, 3))[:, :d] for place in places])
+        found = np.array(
+            [np.reshape(model.getClosestPoint(*place, flat)[0], (-1, 3))[:, :d] for place in places]
+        )
         if len(found):
             best = np.linalg.norm(found - x[here], axis=2).argmin(axis=0)
             result[here] = found[best, np.arange(len(best))]

@@ -1,13 +1,15 @@
 """Tables of the reference simplex, for any dimension and degree.
 
-The order of the nodes is DOLFINx's: the vertices, then the edges. Polynomials are given by their Bernstein
-coefficients. There is one for each node; at a vertex it is the value of the polynomial. The values lie in the convex
-hull of the coefficients. So if all coefficients have a sign, lie in a cone or do not exceed a gap, the same holds for
-the values at every point. All Bernstein polynomials of a degree have the same integral. For degree 1 coefficients are
-the values at the nodes.
+The order of the nodes is DOLFINx's: the vertices, then the edges. Polynomials are given
+by their Bernstein coefficients. There is one for each node; at a vertex it is the value
+of the polynomial. The values lie in the convex hull of the coefficients. So if all
+coefficients have a sign, lie in a cone or do not exceed a gap, the same holds for the
+values at every point. All Bernstein polynomials of a degree have the same integral. For
+degree 1 coefficients are the values at the nodes.
 
-Symbols: d dimension, k degree, N number of nodes of a cell, m number of nodes of a facet, q number of points. A facet
-is a simplex of dimension d-1, so tables of facets are those of d-1.
+Symbols: d dimension, k degree, N number of nodes of a cell, m number of nodes of a
+facet, q number of points. A facet is a simplex of dimension d-1, so tables of facets
+are those of d-1.
 """
 
 from __future__ import annotations
@@ -18,7 +20,12 @@ from math import factorial
 import basix
 import numpy as np
 
-CELLS = (basix.CellType.point, basix.CellType.interval, basix.CellType.triangle, basix.CellType.tetrahedron)
+CELLS = (
+    basix.CellType.point,
+    basix.CellType.interval,
+    basix.CellType.triangle,
+    basix.CellType.tetrahedron,
+)
 """The reference simplex of each dimension."""
 
 
@@ -70,7 +77,11 @@ def local_facet_nodes(d: int, k: int) -> np.ndarray:
 @cache
 def nodes(d: int, k: int) -> np.ndarray:
     """Reference points of the nodes, shape (N, d)."""
-    return np.vstack([np.zeros(d), np.eye(d)])[node_vertices(d, k)].mean(axis=1) if k else np.full((1, d), 1 / (d + 1))
+    return (
+        np.vstack([np.zeros(d), np.eye(d)])[node_vertices(d, k)].mean(axis=1)
+        if k
+        else np.full((1, d), 1 / (d + 1))
+    )
 
 
 def bernstein(d: int, k: int, points: np.ndarray) -> np.ndarray:
@@ -158,15 +169,18 @@ def measures(corners: np.ndarray) -> np.ndarray:
 def gradients(d: int, k: int) -> np.ndarray:
     """Derivatives ``d/d lambda_j`` of Bernstein polynomials of degree k, as coefficients of degree k-1.
 
-    The barycentric coordinates are independent variables here. With their gradients, ``grad B_v`` is the sum over j of
-    these derivatives times ``grad lambda_j``.
+    The barycentric coordinates are independent variables here. With their gradients,
+    ``grad B_v`` is the sum over j of these derivatives times ``grad lambda_j``.
 
     Returns:
         Shape (N_(k-1), d+1, N_k): coefficient, j, v.
     """
     table = np.zeros((len(nodes(d, k - 1)), d + 1, len(nodes(d, k))))
     for v, (a, b) in enumerate(node_vertices(d, k)):
-        for one, other in ((a, b), (b, a)):  # B = 1 for k = 1, (1 + [a != b]) lambda_a lambda_b for k = 2
+        for one, other in (
+            (a, b),
+            (b, a),
+        ):  # B = 1 for k = 1, (1 + [a != b]) lambda_a lambda_b for k = 2
             if k == 1:
                 table[0, a, v] = 1.0
             else:

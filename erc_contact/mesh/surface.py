@@ -1,12 +1,14 @@
 """The distance between the flat facets of a mesh and the curved surface of the body.
 
-A mesh of a curved body has its boundary vertices on the true surface, or near it, and flat facets between them. If the
-true surface is known, each of these facets has a mark: the number of its curve or surface in the drawing. The nearest
-point of the true surface gives the place of a new vertex and the true gap to a foundation. It also gives the volume
-that facets cut off or add.
+A mesh of a curved body has its boundary vertices on the true surface, or near it, and
+flat facets between them. If the true surface is known, each of these facets has a mark:
+the number of its curve or surface in the drawing. The nearest point of the true surface
+gives the place of a new vertex and the true gap to a foundation. It also gives the
+volume that facets cut off or add.
 
-Symbols: d dimension, h size of a facet. The offset is the vector from a point of a facet to the nearest point of the
-true surface. Its length is at most h^2/(8 R) where the radius of curvature is R.
+Symbols: d dimension, h size of a facet. The offset is the vector from a point of a
+facet to the nearest point of the true surface. Its length is at most h^2/(8 R) where
+the radius of curvature is R.
 """
 
 from __future__ import annotations
@@ -21,12 +23,14 @@ from mpi4py import MPI
 from erc_contact.mesh.simplex import facet_vertices, lagrange, rule
 
 Nearest = Callable[[MPI.Comm, np.ndarray, np.ndarray], np.ndarray]
-"""A function that returns the nearest points (n, d) of the true surface; collective. It gets the communicator, points
-(n, d) and their marks (n, 2). A point of facets of one mark has this mark and -1. A point where two marks meet has
-both, and goes to their common edge."""
+"""A function that returns the nearest points (n, d) of the true surface; collective. It
+gets the communicator, points (n, d) and their marks (n, 2). A point of facets of one
+mark has this mark and -1. A point where two marks meet has both, and goes to their
+common edge.
+"""
 LEAST_VOLUME = 0.3
-"""A vertex does not move to the true surface if a cell would keep less than this share of its volume [-]. This happens
-on a mesh that is too coarse for its curves."""
+"""A vertex does not move to the true surface if a cell would keep less than this share
+of its volume [-]. This happens on a mesh that is too coarse for its curves."""
 OFFSET_DEGREE = 6
 """Quadrature degree for the length of the offset, a square root of a polynomial of degree 4."""
 
@@ -34,7 +38,10 @@ OFFSET_DEGREE = 6
 def pairs(mesh: dmesh.Mesh, facets: np.ndarray) -> np.ndarray:
     """All (cell, local facet) of facets of this rank, one row for each cell of a facet, shape (n, 2)."""
     d = mesh.topology.dim
-    chosen = np.zeros(mesh.topology.index_map(d - 1).size_local + mesh.topology.index_map(d - 1).num_ghosts, dtype=bool)
+    chosen = np.zeros(
+        mesh.topology.index_map(d - 1).size_local + mesh.topology.index_map(d - 1).num_ghosts,
+        dtype=bool,
+    )
     chosen[facets] = True
     of_cell = mesh.topology.connectivity(d, d - 1).array.reshape(-1, d + 1)
     return np.argwhere(chosen[of_cell])
@@ -43,7 +50,8 @@ def pairs(mesh: dmesh.Mesh, facets: np.ndarray) -> np.ndarray:
 def offset(mesh: dmesh.Mesh, marks: dmesh.MeshTags, nearest: Nearest) -> fem.Function:
     """The offset of the marked facets [length], a continuous P2 Function that is zero elsewhere; collective.
 
-    On a facet it interpolates the offset of the vertices and of the middles of the edges, up to O(h^4/R^3) in 2D.
+    On a facet it interpolates the offset of the vertices and of the middles of the
+    edges, up to O(h^4/R^3) in 2D.
 
     Args:
         mesh: Straight-sided simplices.
@@ -68,7 +76,8 @@ def snap(mesh: dmesh.Mesh, marks: dmesh.MeshTags, nearest: Nearest) -> None:
     """Move the vertices of marked facets to the true surface, in place; collective.
 
     Args:
-        mesh: A new mesh that no other object uses yet, with complete vertex patches on every rank.
+        mesh: A new mesh that no other object uses yet, with complete vertex patches on
+            every rank.
         marks: Marks of facets.
         nearest: Nearest points of the true surface.
     """
@@ -129,7 +138,8 @@ def _moves(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Owned nodes (n,) of marked facets, and the vectors (n, d) from there to the true surface [length]; collective.
 
-    A node where two marks meet in 2D, or three in 3D, is a corner of the drawing. It is left out and stays in place.
+    A node where two marks meet in 2D, or three in 3D, is a corner of the drawing. It is
+    left out and stays in place.
     """
     d = mesh.topology.dim
     of_cell = mesh.topology.connectivity(d, d - 1).array.reshape(-1, d + 1)

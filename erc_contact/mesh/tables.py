@@ -1,8 +1,9 @@
 """A domain as tables that know no ranks, one row for each cell; and back, on any number of ranks.
 
-Numbers of nodes in the tables are those of the mesh that was written. A cell of a mesh that is made from them may have
-its vertices in another order, so whatever belongs to a vertex or a facet of a cell is put in order by these numbers.
-Facet i is opposite to vertex i.
+Numbers of nodes in the tables are those of the mesh that was written. A cell of a mesh
+that is made from them may have its vertices in another order, so whatever belongs to a
+vertex or a facet of a cell is put in order by these numbers. Facet i is opposite to
+vertex i.
 
 Symbols: d dimension, m number of cells, N nodes of a cell.
 """
@@ -72,7 +73,9 @@ class CellRows:
         d: Dimension.
     """
 
-    def __init__(self, comm: MPI.Comm, points: np.ndarray | None, cells: np.ndarray | None, d: int) -> None:
+    def __init__(
+        self, comm: MPI.Comm, points: np.ndarray | None, cells: np.ndarray | None, d: int
+    ) -> None:
         self.comm, self.d = comm, d
         vertices, x = np.empty((0, d + 1), dtype=np.int64), np.empty((0, d))
         if points is not None and cells is not None:
@@ -85,13 +88,17 @@ class CellRows:
 
     def of_cells(self, table: np.ndarray | None) -> np.ndarray:
         """The rows of a table on rank 0, one for each cell of this rank, ghosts included."""
-        return self.comm.scatter(None if self._wanted is None or table is None else [table[w] for w in self._wanted])
+        return self.comm.scatter(
+            None if self._wanted is None or table is None else [table[w] for w in self._wanted]
+        )
 
     def of_facets(self, table: np.ndarray | None) -> np.ndarray:
         """The same for a table of facets (m, d+1), in the order of the facets of each cell."""
         return np.take_along_axis(self.of_cells(table), self.order, axis=1)
 
-    def of_nodes(self, table: np.ndarray | None, cells: np.ndarray | None, degree: int) -> np.ndarray:
+    def of_nodes(
+        self, table: np.ndarray | None, cells: np.ndarray | None, degree: int
+    ) -> np.ndarray:
         """Values at the nodes of the cells of this rank, shape (local cells, N, ...), from a table of nodes."""
         values = self.of_cells(None if table is None or cells is None else table[cells])
         ends = self.order[:, node_vertices(self.d, degree)]

@@ -23,13 +23,16 @@ def tags_of(mesh: dmesh.Mesh, dim: int, entities: np.ndarray, values: np.ndarray
     """Mesh tags of entities in any order, repeated ones included; those with :data:`NO_TAG` are left out."""
     tagged = values != NO_TAG
     entities, first = np.unique(entities[tagged], return_index=True)
-    return dmesh.meshtags(mesh, dim, entities.astype(np.int32), values[tagged][first].astype(np.int32))
+    return dmesh.meshtags(
+        mesh, dim, entities.astype(np.int32), values[tagged][first].astype(np.int32)
+    )
 
 
 def shared(mesh: dmesh.Mesh, tags: dmesh.MeshTags | None) -> dmesh.MeshTags | None:
     """The tags, known on all ranks that have the cell or facet, whichever of them had its tag; collective.
 
-    DOLFINx locates facets on the rank that owns them. The others have them, too, as ghosts.
+    DOLFINx locates facets on the rank that owns them. The others have them, too, as
+    ghosts.
     """
     if tags is None or mesh.comm.size == 1:
         return tags

@@ -22,7 +22,9 @@ FLAT = 1e-8
 """Largest deviation of the facet normals of a contact that counts as flat [-]."""
 
 
-def bind_contact(space: Space, contact: Contact, modulus: Any, last: LastStep | None = None) -> BoundContact:
+def bind_contact(
+    space: Space, contact: Contact, modulus: Any, last: LastStep | None = None
+) -> BoundContact:
     """A contact on a mesh; collective.
 
     Args:
@@ -32,8 +34,8 @@ def bind_contact(space: Space, contact: Contact, modulus: Any, last: LastStep | 
         last: The last step of a history, or None without history.
 
     Raises:
-        InputError: If gap, normal or friction are no numbers, or cannot be worked with, or the last step was one of
-            another body.
+        InputError: If gap, normal or friction are no numbers, or cannot be worked with,
+            or the last step was one of another body.
     """
     facets, what = space.domain.facets(contact.facets), f"Contact({contact.facets!r})"
     surface = _true_surface(space, contact)
@@ -44,7 +46,11 @@ def bind_contact(space: Space, contact: Contact, modulus: Any, last: LastStep | 
             raise InputError(f"{what}: the gap is not finite everywhere; look at it.")
     normal, direction, given_normal = _normal(space, contact, facets, surface)
     friction = _friction(space, contact, facets)
-    before, lost = (None, None) if last is None or friction is None else last.on(space, contact.facets, direction)
+    before, lost = (
+        (None, None)
+        if last is None or friction is None
+        else last.on(space, contact.facets, direction)
+    )
     return BoundContact(
         name=contact.facets,
         trace=Trace(space.side(facets, modulus), direction, before),
@@ -68,22 +74,29 @@ def _friction(space: Space, contact: Contact, facets: np.ndarray) -> Friction | 
         value = parameter(law, name)
         parameters[name] = number(space, value, f"{what}: {name}")
         if callable(value):
-            low, high = space.extremes(evaluate(parameters[name], space.mesh, space.facet_points, facets))
+            low, high = space.extremes(
+                evaluate(parameters[name], space.mesh, space.facet_points, facets)
+            )
             if not 0 <= low <= high < np.inf:
-                raise InputError(f"{what}: {name} is {low:g} somewhere; it must be >= 0 and finite.")
+                raise InputError(
+                    f"{what}: {name} is {low:g} somewhere; it must be >= 0 and finite."
+                )
     return bind_friction(space.mesh, f"{what}: the friction bound", law, parameters)
 
 
 def _true_surface(space: Space, contact: Contact) -> Any:
     """The position at which gap and normal are taken, UFL.
 
-    It is the nearest point of the true surface where that is known: at the flat facets they would be wrong by O(h^2).
+    It is the nearest point of the true surface where that is known: at the flat facets
+    they would be wrong by O(h^2).
     """
     varies = callable(contact.gap) or callable(contact.normal)
     return space.x if not varies or space.domain.offset is None else space.x + space.domain.offset
 
 
-def _normal(space: Space, contact: Contact, facets: np.ndarray, surface: Any) -> tuple[Any, np.ndarray, Any]:
+def _normal(
+    space: Space, contact: Contact, facets: np.ndarray, surface: Any
+) -> tuple[Any, np.ndarray, Any]:
     """The normal of the foundation in three ways: as UFL, on each facet (f, d), and as the scene gives it.
 
     The last one has any length; it is None where the normal does not vary.
@@ -91,7 +104,9 @@ def _normal(space: Space, contact: Contact, facets: np.ndarray, surface: Any) ->
     centre = np.full((1, space.d - 1), 1.0 / space.d)
     if contact.normal is None:
         normals = evaluate(space.n, space.mesh, centre, facets)[:, 0]
-        first = next(n for n in space.comm.allgather(normals[0] if len(normals) else None) if n is not None)
+        first = next(
+            n for n in space.comm.allgather(normals[0] if len(normals) else None) if n is not None
+        )
         error = None
         if len(normals) and abs(normals - first).max() > FLAT:
             error = InputError(
@@ -104,7 +119,11 @@ def _normal(space: Space, contact: Contact, facets: np.ndarray, surface: Any) ->
         direction = np.array(contact.normal)
     else:
         return _varying_normal(space, contact, facets, centre, surface)
-    return compiled.constant(space.mesh, direction), np.broadcast_to(direction, (len(facets), space.d)), None
+    return (
+        compiled.constant(space.mesh, direction),
+        np.broadcast_to(direction, (len(facets), space.d)),
+        None,
+    )
 
 
 def _varying_normal(
@@ -112,7 +131,8 @@ def _varying_normal(
 ) -> tuple[Any, np.ndarray, Any]:
     """A normal that varies, in the three ways of :func:`_normal`.
 
-    Each cell at the contact has one normal, the mean of the normals at the middles of its contact facets.
+    Each cell at the contact has one normal, the mean of the normals at the middles of
+    its contact facets.
     """
     what = f"Contact({contact.facets!r})"
     if contact.normal == "gap":

@@ -9,15 +9,21 @@ from typing import Any
 import numpy as np
 from dolfinx import mesh as dmesh
 
-from erc_contact.model.expressions import Everywhere, OfNumbers, constant_value, stand_in, varies_in_cells
+from erc_contact.model.expressions import (
+    Everywhere,
+    OfNumbers,
+    constant_value,
+    stand_in,
+    varies_in_cells,
+)
 from erc_contact.scene.material import Elastic, Material, mandel_matrix
 
 
 class ElasticMatrix:
     """C or C^-1 of a material in Mandel components at points of cells; construction is collective.
 
-    The matrix knows the place by the parameters of the material only. So it is compiled as a function of their numbers,
-    once for all data and meshes.
+    The matrix knows the place by the parameters of the material only. So it is compiled
+    as a function of their numbers, once for all data and meshes.
 
     Args:
         material: The material.
@@ -32,14 +38,23 @@ class ElasticMatrix:
     """
 
     def __init__(
-        self, material: Material, parameters: Mapping[str, Any], mesh: dmesh.Mesh, *, inverse: bool = False
+        self,
+        material: Material,
+        parameters: Mapping[str, Any],
+        mesh: dmesh.Mesh,
+        *,
+        inverse: bool = False,
     ) -> None:
         d = mesh.geometry.dim
         self.size = d * (d + 1) // 2
         self.varies_in_cells = any(varies_in_cells(value) for value in parameters.values())
         self.plain: np.ndarray | None = None
         self._parameters = {name: Everywhere(value, mesh) for name, value in parameters.items()}
-        plain = {name: float(value.plain) for name, value in self._parameters.items() if value.plain is not None}
+        plain = {
+            name: float(value.plain)
+            for name, value in self._parameters.items()
+            if value.plain is not None
+        }
         if len(plain) == len(parameters):
             if type(material) is Elastic:
                 self.plain = _constant(material.hypothesis, d, inverse, **plain)
@@ -62,7 +77,10 @@ class ElasticMatrix:
         shape = *x.shape[:2], self.size, self.size
         if self.plain is not None:
             return np.broadcast_to(self.plain, shape)
-        values = {self._numbers[name]: value(x, cells).reshape(-1, 1) for name, value in self._parameters.items()}
+        values = {
+            self._numbers[name]: value(x, cells).reshape(-1, 1)
+            for name, value in self._parameters.items()
+        }
         return self._matrix(values, x.shape[0] * x.shape[1]).reshape(shape)
 
 

@@ -36,7 +36,10 @@ def varies_in_cells(expression: Any) -> bool:
     """
     return any(
         isinstance(terminal, ufl.classes.SpatialCoordinate)
-        or (isinstance(terminal, ufl.classes.Coefficient) and terminal.ufl_element().embedded_superdegree > 0)
+        or (
+            isinstance(terminal, ufl.classes.Coefficient)
+            and terminal.ufl_element().embedded_superdegree > 0
+        )
         for terminal in traverse_unique_terminals(ufl.as_ufl(expression))
     )
 
@@ -46,18 +49,25 @@ def without_plain_numbers(expression: Any, mesh: dmesh.Mesh) -> Any:
 
     Expressions that differ only in these numbers are then compiled once.
     """
-    plain = [t for t in traverse_unique_terminals(expression) if isinstance(t, ufl.classes.FloatValue)]
-    return ufl.replace(expression, {number: compiled.constant(mesh, float(number)) for number in plain})
+    plain = [
+        t for t in traverse_unique_terminals(expression) if isinstance(t, ufl.classes.FloatValue)
+    ]
+    return ufl.replace(
+        expression, {number: compiled.constant(mesh, float(number)) for number in plain}
+    )
 
 
-def evaluate(expression: Any, mesh: dmesh.Mesh, points: np.ndarray, entities: np.ndarray) -> np.ndarray:
+def evaluate(
+    expression: Any, mesh: dmesh.Mesh, points: np.ndarray, entities: np.ndarray
+) -> np.ndarray:
     """Values of a UFL expression at reference points of cells or of facets.
 
     Args:
         expression: UFL expression of shape s.
         mesh: Where it lives.
         points: Reference points, shape (q, d) for cells, (q, d-1) for facets.
-        entities: Cells, shape (n,), or pairs (cell, local facet), shape (n, 2); ghosts are allowed.
+        entities: Cells, shape (n,), or pairs (cell, local facet), shape (n, 2); ghosts
+            are allowed.
 
     Returns:
         Values, shape (n, q, *s).
@@ -67,11 +77,17 @@ def evaluate(expression: Any, mesh: dmesh.Mesh, points: np.ndarray, entities: np
     expression = ufl.as_ufl(expression)
     if not _has_fields(expression):
         expression = _without_derivatives(expression)
-        if not varies(expression):  # a number, constants, derivatives that became constant: nothing to compile
-            return np.broadcast_to(constant_value(expression), (len(entities), len(points), *expression.ufl_shape))
+        if not varies(
+            expression
+        ):  # a number, constants, derivatives that became constant: nothing to compile
+            return np.broadcast_to(
+                constant_value(expression), (len(entities), len(points), *expression.ufl_shape)
+            )
         few = len(points) == 1 or entities.ndim == 2
         if few and _is_data(expression):  # compiled once for all points; slower for many
-            return Everywhere(expression, mesh)(evaluate(ufl.SpatialCoordinate(mesh), mesh, points, entities), entities)
+            return Everywhere(expression, mesh)(
+                evaluate(ufl.SpatialCoordinate(mesh), mesh, points, entities), entities
+            )
     return compiled.expression(expression, points, mesh.comm).eval(mesh, entities)
 
 
@@ -117,8 +133,8 @@ def constant_value(expression: Any) -> np.ndarray:
 class Everywhere:
     """A UFL expression at points that differ from cell to cell.
 
-    The position, the functions and the facet normals in the expression are replaced by their values at each point. So
-    the expression is compiled once for all points.
+    The position, the functions and the facet normals in the expression are replaced by
+    their values at each point. So the expression is compiled once for all points.
 
     Args:
         expression: UFL expression of shape s; functions in it without derivatives.
@@ -164,11 +180,15 @@ class Everywhere:
                 blocks = terminal.x.array.reshape(-1, size)
                 numbers[terminal] = blocks[terminal.function_space.dofmap.list[cells, 0]]
             else:
-                numbers[terminal] = terminal.eval(places, cells).reshape(n * q, size) if n else np.empty((0, size))
+                numbers[terminal] = (
+                    terminal.eval(places, cells).reshape(n * q, size) if n else np.empty((0, size))
+                )
         return self.values(numbers, n * q).reshape(n, q, *self.shape)
 
 
-def pointwise(function: Callable[..., Any], first: np.ndarray, named: Mapping[str, np.ndarray]) -> np.ndarray:
+def pointwise(
+    function: Callable[..., Any], first: np.ndarray, named: Mapping[str, np.ndarray]
+) -> np.ndarray:
     """Evaluate a function of numbers that is written in UFL at every entry of arrays.
 
     Args:
@@ -190,8 +210,8 @@ def pointwise(function: Callable[..., Any], first: np.ndarray, named: Mapping[st
 class OfNumbers:
     """A UFL expression whose terminals are numbers of each point.
 
-    Fields and constants are replaced by those of a common mesh. So expressions that differ only in what they stand for
-    are compiled once, on all meshes of a process.
+    Fields and constants are replaced by those of a common mesh. So expressions that
+    differ only in what they stand for are compiled once, on all meshes of a process.
 
     Args:
         expression: UFL expression without derivatives.
@@ -219,7 +239,9 @@ class OfNumbers:
     def __call__(self, numbers: Mapping[Any, np.ndarray], count: int) -> np.ndarray:
         """Values for numbers of the terminals, arrays (count, size of the terminal); shape (count, size)."""
         for terminal, constant in self._constants.items():
-            constant.value = terminal.value if isinstance(terminal, fem.Constant) else float(terminal)
+            constant.value = (
+                terminal.value if isinstance(terminal, fem.Constant) else float(terminal)
+            )
         values = np.empty((count, self._compiled.value_size))
         for start in range(0, count, CHUNK):
             some = slice(start, min(start + CHUNK, count))
@@ -227,8 +249,12 @@ class OfNumbers:
             for terminal, array in numbers.items():
                 if terminal in self.numbers:
                     function = self.numbers[terminal]
-                    function.x.array.reshape(CHUNK, -1)[function.function_space.dofmap.list[cells, 0]] = array[some]
-            values[some] = self._compiled.eval(_line(), cells).reshape(len(cells), self._compiled.value_size)
+                    function.x.array.reshape(CHUNK, -1)[
+                        function.function_space.dofmap.list[cells, 0]
+                    ] = array[some]
+            values[some] = self._compiled.eval(_line(), cells).reshape(
+                len(cells), self._compiled.value_size
+            )
         return values
 
 
@@ -263,7 +289,9 @@ def _cell(element: Any) -> dmesh.Mesh:
     return dmesh.create_mesh(MPI.COMM_SELF, np.arange(d + 1)[None], ufl.Mesh(element), corners)
 
 
-def _geometric(quantity: Callable[[dmesh.Mesh], Any], mesh: dmesh.Mesh, points: np.ndarray) -> fem.Expression:
+def _geometric(
+    quantity: Callable[[dmesh.Mesh], Any], mesh: dmesh.Mesh, points: np.ndarray
+) -> fem.Expression:
     """A geometric quantity at reference points of the entities of any mesh, compiled; collective."""
     return _compiled(quantity(_cell(mesh.ufl_domain().ufl_coordinate_element())), points, mesh.comm)
 

@@ -1,10 +1,12 @@
 """Forces of supports, contacts and loads on the body, with their moments.
 
-The residual ``R(v) = a(u, v) - f(v) - F(v)`` of elasticity, tested with the basis function of a node, is the force that
-supports and contacts exert on this node. For a rigid motion v it is ``-f(v) - F(v)``. So these nodal forces and their
-moments balance the loads to round-off, for any contact method and after any number of Newton steps.
+The residual ``R(v) = a(u, v) - f(v) - F(v)`` of elasticity, tested with the basis
+function of a node, is the force that supports and contacts exert on this node. For a
+rigid motion v it is ``-f(v) - F(v)``. So these nodal forces and their moments balance
+the loads to round-off, for any contact method and after any number of Newton steps.
 
-Symbols: u displacement, r contact traction of the method, d dimension, k degree, m nodes of a facet.
+Symbols: u displacement, r contact traction of the method, d dimension, k degree, m
+nodes of a facet.
 """
 
 from __future__ import annotations
@@ -52,20 +54,26 @@ def total_force(model: Model, nodes: np.ndarray, forces: np.ndarray) -> Force:
     return Force(total[: model.d], total[model.d :])
 
 
-def by_cause(model: Model, force: Callable[[str], Force], body_force: Callable[[], Force]) -> dict[str, Force]:
+def by_cause(
+    model: Model, force: Callable[[str], Force], body_force: Callable[[], Force]
+) -> dict[str, Force]:
     """The forces on the body by their cause; collective.
 
     Args:
         model: The scene on a mesh.
         force: The force on a boundary part.
-        body_force: The force of the loads in the body. It is called only if the scene has such loads.
+        body_force: The force of the loads in the body. It is called only if the scene
+            has such loads.
 
     Returns:
-        The forces of supports and contacts by the names of their parts. "tractions" is the force of all tractions on
-        parts without support, and "body force" that of the loads in the body, where the scene has them. "balance" is
-        the sum of all, which is zero up to round-off.
+        The forces of supports and contacts by the names of their parts. "tractions" is
+        the force of all tractions on parts without support, and "body force" that of
+        the loads in the body, where the scene has them. "balance" is the sum of all,
+        which is zero up to round-off.
     """
-    held = dict.fromkeys([s.facets for s in model.scene.supports] + [c.facets for c in model.scene.contacts])
+    held = dict.fromkeys(
+        [s.facets for s in model.scene.supports] + [c.facets for c in model.scene.contacts]
+    )
     result = {name: force(name) for name in held}
     loaded = dict.fromkeys(load.facets for load in model.surface_loads if load.facets not in held)
     if loaded:
@@ -83,18 +91,21 @@ def nodal_reactions(
 ) -> dict[str, np.ndarray]:
     """Nodal forces of each support and each contact; collective.
 
-    A contact first gets the integrals of its traction against the basis functions of its nodes. The rest of the
-    residual goes to the supports that fix the component at the node. If there is none, it goes to the contacts of the
-    node. Several of them get equal shares.
+    A contact first gets the integrals of its traction against the basis functions of
+    its nodes. The rest of the residual goes to the supports that fix the component at
+    the node. If there is none, it goes to the contacts of the node. Several of them get
+    equal shares.
 
     Args:
         model: The scene on a mesh.
         u: Displacement [length].
         traction: The traction of the method on a contact [force/area], UFL, shape (d,).
-        in_layer: Whether the equations of the method act on all nodes of the cells at the contact.
+        in_layer: Whether the equations of the method act on all nodes of the cells at
+            the contact.
 
     Returns:
-        Forces by the names of the parts [force], shape (nodes, d). At ghost nodes they are not complete.
+        Forces by the names of the parts [force], shape (nodes, d). At ghost nodes they
+        are not complete.
     """
     v = ufl.TestFunction(model.V)
     rest = _assembled(model, model.stiffness(u, v)) - _assembled(model, model.loads(v))
@@ -107,9 +118,13 @@ def nodal_reactions(
         claims[contact.name][nodes] = True
         claims[contact.name] &= ~model.fixed
     for support, (facets, components) in zip(model.scene.supports, model.fixed_facets, strict=True):
-        claims.setdefault(support.facets, np.zeros(rest.shape, dtype=bool))[model.facet_nodes(facets)] |= components
+        claims.setdefault(support.facets, np.zeros(rest.shape, dtype=bool))[
+            model.facet_nodes(facets)
+        ] |= components
     share = rest / np.maximum(sum(claims.values(), start=np.zeros(rest.shape)), 1.0)
-    return {name: forces.get(name, 0.0) + np.where(claim, share, 0.0) for name, claim in claims.items()}
+    return {
+        name: forces.get(name, 0.0) + np.where(claim, share, 0.0) for name, claim in claims.items()
+    }
 
 
 def part_force(model: Model, part: str, nodal: dict[str, np.ndarray]) -> Force:

@@ -36,9 +36,11 @@ class Friction:
     Attributes:
         law: The law.
         parameters: Values of its parameters, UFL.
-        dependence: How its bound depends on the pressure: CONSTANT, PROPORTIONAL or CONCAVE.
+        dependence: How its bound depends on the pressure: CONSTANT, PROPORTIONAL or
+            CONCAVE.
         arithmetic: Whether its bound takes numpy arrays as well as UFL.
-        share: Factor of the bound, UFL, with which a solver raises friction in steps; None outside a solver.
+        share: Factor of the bound, UFL, with which a solver raises friction in steps;
+            None outside a solver.
     """
 
     law: Law
@@ -50,7 +52,9 @@ class Friction:
     @property
     def convex(self) -> bool:
         """Tell whether the law allows a traction on a whole facet if it allows its Bernstein coefficients."""
-        return self.dependence != CONCAVE and not any(varies_in_cells(value) for value in self.parameters.values())
+        return self.dependence != CONCAVE and not any(
+            varies_in_cells(value) for value in self.parameters.values()
+        )
 
     def bound(self, pressure: Any) -> Any:
         """The friction bound b(p) [force/area], UFL."""
@@ -90,17 +94,24 @@ def bind_friction(mesh: dmesh.Mesh, what: str, law: Law, parameters: dict[str, A
 
     dependence = call_of_user(mesh.comm, what, _dependence, mesh, bound)
     friction = Friction(law, parameters, dependence, of_numbers())
-    call_of_user(mesh.comm, what, friction.numbers, np.ones((1, 1)), {name: np.ones((1, 1)) for name in parameters})
+    call_of_user(
+        mesh.comm,
+        what,
+        friction.numbers,
+        np.ones((1, 1)),
+        {name: np.ones((1, 1)) for name in parameters},
+    )
     return friction
 
 
 def _dependence(mesh: dmesh.Mesh, bound: Callable[[Any], Any]) -> str:
     """Tell how a friction bound, UFL of the pressure, depends on the pressure.
 
-    The derivative alone does not tell: that of ``sign(p)``, or of a conditional between two numbers, is symbolically
-    zero, although the bound jumps. So a bound is CONSTANT only if the pressure is no operand of it, and PROPORTIONAL
-    only if sums, products and quotients alone join the pressure to the bound. All else counts as CONCAVE, of which
-    nothing is claimed that needs more.
+    The derivative alone does not tell: that of ``sign(p)``, or of a conditional between
+    two numbers, is symbolically zero, although the bound jumps. So a bound is CONSTANT
+    only if the pressure is no operand of it, and PROPORTIONAL only if sums, products
+    and quotients alone join the pressure to the bound. All else counts as CONCAVE, of
+    which nothing is claimed that needs more.
     """
     pressure = ufl.variable(compiled.constant(mesh, 1.0))
     expression = ufl.as_ufl(bound(pressure))
@@ -131,13 +142,15 @@ class BoundContact:
         trace: The displacement of the contact, with the facets of the body.
         ds: Measure of the part.
         normal: Unit normal of the foundation, UFL.
-        given_normal: The normal as the scene gives it, of any length, UFL; None where it does not vary.
+        given_normal: The normal as the scene gives it, of any length, UFL; None where
+            it does not vary.
         friction: Friction law, or None without friction.
         gap: Gap [length], UFL; None where it is zero.
         gap_varies: Whether the gap is a callable.
         bilateral: Whether the contact cannot open.
-        lost: What this mesh does not carry of it, ``int_F |s - I s|^2`` of its tangential part s on each facet
-            [length^(d+1)], shape (f,); None where it carries all.
+        lost: What this mesh does not carry of it, ``int_F |s - I s|^2`` of its
+            tangential part s on each facet [length^(d+1)], shape (f,); None where it
+            carries all.
     """
 
     name: str
@@ -164,7 +177,11 @@ class BoundContact:
     @property
     def varies(self) -> bool:
         """Tell whether gap, normal or friction vary along facets."""
-        data = self.gap, self.given_normal, *(self.friction.parameters.values() if self.friction else ())
+        data = (
+            self.gap,
+            self.given_normal,
+            *(self.friction.parameters.values() if self.friction else ()),
+        )
         return any(one is not None and varies_in_cells(one) for one in data)
 
     @property
@@ -177,16 +194,22 @@ class BoundContact:
 
     def with_share(self, share: Any) -> BoundContact:
         """The same contact with a factor of its friction bound, UFL, with which a solver raises friction in steps."""
-        return self if self.friction is None else replace(self, friction=replace(self.friction, share=share))
+        return (
+            self
+            if self.friction is None
+            else replace(self, friction=replace(self.friction, share=share))
+        )
 
     def jump(self, u: Any) -> Any:
         """Give the displacement that the law of the contact is about [length], UFL.
 
-        On a foundation it is u; in a history its tangential part is counted from the end of the last step, of which
-        friction remembers the tangential displacement s: ``u - s``.
+        On a foundation it is u; in a history its tangential part is counted from the
+        end of the last step, of which friction remembers the tangential displacement s:
+        ``u - s``.
 
         Args:
-            u: A displacement [length], a Function or UFL. A test or trial function has no history: use it as it is.
+            u: A displacement [length], a Function or UFL. A test or trial function has
+                no history: use it as it is.
         """
         before = self.trace.before
         if before is None:
@@ -221,20 +244,25 @@ class BoundContact:
         Returns:
             The bound, shape (f, q); zero without friction.
         """
-        return np.zeros(pressure.shape) if self.friction is None else self.friction.numbers(pressure, values)
+        return (
+            np.zeros(pressure.shape)
+            if self.friction is None
+            else self.friction.numbers(pressure, values)
+        )
 
 
 class ContactData:
     """Gap, normal and friction bound of a contact at any points of its facets. Construction is collective.
 
-    The members get ``of``, the number in the contact of each of n facets, and ``x``, q points of each [length], shape
-    (n, q, d).
+    The members get ``of``, the number in the contact of each of n facets, and ``x``, q
+    points of each [length], shape (n, q, d).
     """
 
     def __init__(self, contact: BoundContact, mesh: dmesh.Mesh) -> None:
         self.contact = contact
         self._gap, self._normal = (
-            None if one is None else Everywhere(one, mesh) for one in (contact.gap, contact.given_normal)
+            None if one is None else Everywhere(one, mesh)
+            for one in (contact.gap, contact.given_normal)
         )
         parameters = contact.friction.parameters if contact.friction else {}
         self._parameters = {name: Everywhere(value, mesh) for name, value in parameters.items()}
@@ -252,5 +280,7 @@ class ContactData:
 
     def bound(self, of: np.ndarray, x: np.ndarray, pressure: np.ndarray) -> np.ndarray:
         """The friction bound at the points for pressures (n, q) [force/area], shape (n, q)."""
-        parameters = {name: value(x, self.contact.facets[of]) for name, value in self._parameters.items()}
+        parameters = {
+            name: value(x, self.contact.facets[of]) for name, value in self._parameters.items()
+        }
         return self.contact.friction_bound(pressure, parameters)

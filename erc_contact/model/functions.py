@@ -33,7 +33,11 @@ def check_no_functions(scene: Scene, domain: Domain) -> None:
 
 def _callables(scene: Scene) -> Iterator[tuple[str, Any]]:
     """The callables of x among the values of a scene, with names for messages."""
-    laws = [contact.friction for contact in scene.contacts if hasattr(contact.friction, "friction_bound")]
+    laws = [
+        contact.friction
+        for contact in scene.contacts
+        if hasattr(contact.friction, "friction_bound")
+    ]
     for owner in (scene.material, *scene.supports, *scene.loads, *scene.contacts, *laws):
         facets = getattr(owner, "facets", None)
         what = type(owner).__name__ + (f"({facets!r})" if facets else "")

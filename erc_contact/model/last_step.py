@@ -1,9 +1,11 @@
 """The last step of a history: where its contacts were, and what another mesh knows of it.
 
-Friction acts on the tangential displacement since the last step, ``w_t - s``. Here s is the tangential displacement at
-the end of that step, a polynomial of degree k on the contact facets of the mesh that computed it. A node of another
-mesh takes its value on the nearest of these facets. On the same mesh and on one that refines it s is then the same
-field, up to round-off. On any other mesh s is interpolated, and what this loses is measured.
+Friction acts on the tangential displacement since the last step, ``w_t - s``. Here s is
+the tangential displacement at the end of that step, a polynomial of degree k on the
+contact facets of the mesh that computed it. A node of another mesh takes its value on
+the nearest of these facets. On the same mesh and on one that refines it s is then the
+same field, up to round-off. On any other mesh s is interpolated, and what this loses is
+measured.
 
 Symbols: d dimension, f facets, m nodes of a facet, n points.
 """
@@ -26,8 +28,10 @@ CLUSTER = 64
 EXACT = 1e-12
 """Difference of interpolants that counts as round-off, over the greatest displacement [-]."""
 NEAR = 0.5
-"""Distance of a contact to its place in the last step that tells another body, over the longest edge of its facets [-].
-Flat facets of a curved body are nearer to each other on any two meshes."""
+"""Distance of a contact to its place in the last step that tells another body, over the
+longest edge of its facets [-]. Flat facets of a curved body are nearer to each other on
+any two meshes.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +46,9 @@ class LastStep:
     space: Space
     displacement: fem.Function
 
-    def on(self, space: Space, name: str, direction: np.ndarray) -> tuple[fem.Function, np.ndarray | None]:
+    def on(
+        self, space: Space, name: str, direction: np.ndarray
+    ) -> tuple[fem.Function, np.ndarray | None]:
         """The displacement at the nodes of a contact of another mesh; collective.
 
         Args:
@@ -51,8 +57,9 @@ class LastStep:
             direction: Unit normals of its facets, shape (f, d).
 
         Returns:
-            The displacement [length], zero off the contact, and what the mesh does not carry of its tangential part s,
-            ``int_F |s - I s|^2`` for each facet [length^(d+1)], shape (f,), or None where it carries all.
+            The displacement [length], zero off the contact, and what the mesh does not
+            carry of its tangential part s, ``int_F |s - I s|^2`` for each facet
+            [length^(d+1)], shape (f,), or None where it carries all.
 
         Raises:
             InputError: If the contact was elsewhere in the last step.
@@ -79,7 +86,9 @@ class LastStep:
         return before, space.facet_areas(facets) * ((rest**2).sum(axis=-1) @ weights)
 
 
-def gathered_facets(space: Space, parts: Sequence[np.ndarray], u: fem.Function) -> tuple[np.ndarray, np.ndarray]:
+def gathered_facets(
+    space: Space, parts: Sequence[np.ndarray], u: fem.Function
+) -> tuple[np.ndarray, np.ndarray]:
     """Corners (f, d, d) and displacements of the nodes (f, m, d) of facets (cell, local facet) of all ranks."""
     x, at = space.V.tabulate_dof_coordinates()[:, : space.d], u.x.array.reshape(-1, space.d)
     own = [part[space.owned(part)] for part in parts]
@@ -88,7 +97,9 @@ def gathered_facets(space: Space, parts: Sequence[np.ndarray], u: fem.Function) 
     return np.concatenate([p[0] for p in gathered]), np.concatenate([p[1] for p in gathered])
 
 
-def interpolate(x: np.ndarray, corners: np.ndarray, values: np.ndarray, degree: int = 1) -> np.ndarray:
+def interpolate(
+    x: np.ndarray, corners: np.ndarray, values: np.ndarray, degree: int = 1
+) -> np.ndarray:
     """Interpolants on the nearest facets.
 
     Args:
@@ -107,11 +118,12 @@ def interpolate(x: np.ndarray, corners: np.ndarray, values: np.ndarray, degree: 
 def nearest(x: np.ndarray, corners: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The nearest facets (f, d, d) of points (n, d).
 
-    Points that are near to each other are worked on together, with the facets that may be the nearest of one of them.
+    Points that are near to each other are worked on together, with the facets that may
+    be the nearest of one of them.
 
     Returns:
-        The numbers of the facets, shape (n,); barycentric coordinates of the nearest points on them, shape (n, d); the
-        distances, shape (n,).
+        The numbers of the facets, shape (n,); barycentric coordinates of the nearest
+        points on them, shape (n, d); the distances, shape (n,).
     """
     edges = corners[:, 1:] - corners[:, :1]
     # of each facet: from a point to its barycentric coordinates
@@ -125,11 +137,19 @@ def nearest(x: np.ndarray, corners: np.ndarray) -> tuple[np.ndarray, np.ndarray,
         away = np.linalg.norm(middle - centre, axis=1)
         near = np.flatnonzero(away - radius <= (away + radius).min() + 2 * spread)
         local = np.einsum("fki,nfi->nfk", to_barycentric[near], x[some][:, None] - corners[near, 0])
-        shape = np.maximum(np.concatenate([1 - local.sum(axis=2, keepdims=True), local], axis=2), 0.0)
+        shape = np.maximum(
+            np.concatenate([1 - local.sum(axis=2, keepdims=True), local], axis=2), 0.0
+        )
         shape /= shape.sum(axis=2, keepdims=True)
-        distance = np.linalg.norm(np.einsum("nfm,fmi->nfi", shape, corners[near]) - x[some][:, None], axis=2)
+        distance = np.linalg.norm(
+            np.einsum("nfm,fmi->nfi", shape, corners[near]) - x[some][:, None], axis=2
+        )
         number, every = distance.argmin(axis=1), np.arange(len(some))
-        facet[some], at[some], far[some] = near[number], shape[every, number], distance[every, number]
+        facet[some], at[some], far[some] = (
+            near[number],
+            shape[every, number],
+            distance[every, number],
+        )
     return facet, at, far
 
 
@@ -150,10 +170,16 @@ def _clusters(x: np.ndarray) -> Iterator[np.ndarray]:
 def _check_place(space: Space, name: str, x: np.ndarray, corners: np.ndarray) -> None:
     """Check that a contact with nodes x (n, d) is where it was, on facets of all ranks (f, d, d); collective."""
     here = space.facet_corners(space.domain.facets(name))
-    longest = [float(np.linalg.norm(c - np.roll(c, 1, axis=1), axis=2).max(initial=0.0)) for c in (here, corners)]
+    longest = [
+        float(np.linalg.norm(c - np.roll(c, 1, axis=1), axis=2).max(initial=0.0))
+        for c in (here, corners)
+    ]
     reach = NEAR * space.comm.allreduce(max(longest), MPI.MAX)
     low, high = np.full(space.d, np.inf), np.full(space.d, -np.inf)
-    low, high = np.minimum(low, x.min(axis=0, initial=np.inf)), np.maximum(high, x.max(axis=0, initial=-np.inf))
+    low, high = (
+        np.minimum(low, x.min(axis=0, initial=np.inf)),
+        np.maximum(high, x.max(axis=0, initial=-np.inf)),
+    )
     space.comm.Allreduce(MPI.IN_PLACE, low, MPI.MIN)
     space.comm.Allreduce(MPI.IN_PLACE, high, MPI.MAX)
     ends = corners.reshape(-1, space.d)

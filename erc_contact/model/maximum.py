@@ -17,24 +17,29 @@ IN_BODY = ("displacement", "von Mises")
 ON_CONTACT = ("pressure", "shear", "slip", "gap")
 """Quantities of contacts."""
 TIE = 1e-9
-"""Values that differ by less, relative to the greatest, count as equal [-]. Of their places the one with the least
-coordinates is taken."""
+"""Values that differ by less, relative to the greatest, count as equal [-]. Of their
+places the one with the least coordinates is taken."""
 
 
 ROWS, SPAN, TAIL = 3, 4.0, 2.0
-"""Least number of meshes that tell a trend, factor by which the elements at the maximum must shrink over them, and over
-the last ones of them, which must have the same trend [-]."""
+"""Least number of meshes that tell a trend, factor by which the elements at the maximum
+must shrink over them, and over the last ones of them, which must have the same trend
+[-].
+"""
 GROWTH = 0.2
-"""Least exponent a of values h^-a at elements of size h that counts as growth [-]: 15% with each halving. At the edges
-of clamped parts it was 0.22 to 0.29; maxima that were resolved had less than 0.19."""
+"""Least exponent a of values h^-a at elements of size h that counts as growth [-]: 15%
+with each halving. At the edges of clamped parts it was 0.22 to 0.29; maxima that were
+resolved had less than 0.19.
+"""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Maximum:
     """The greatest value of a quantity.
 
-    That of a run knows the values on all meshes, for stress and contact traction. They tell whether it has a limit: at
-    a sharp edge the stress of linear elasticity is infinite, and its greatest value tells the mesh, not the part::
+    That of a run knows the values on all meshes, for stress and contact traction. They
+    tell whether it has a limit: at a sharp edge the stress of linear elasticity is
+    infinite, and its greatest value tells the mesh, not the part::
 
         peak = history.maximum("von Mises")
         if peak.grows:
@@ -56,7 +61,11 @@ class Maximum:
         place = ", ".join(f"{x:.4g}" for x in self.place)
         if not self.values:
             return f"{self.value:.6g} at ({place})"
-        trend = {True: "it grows: no limit is seen", False: "no growth is seen", None: "too few meshes for a trend"}
+        trend = {
+            True: "it grows: no limit is seen",
+            False: "no growth is seen",
+            None: "too few meshes for a trend",
+        }
         values = ", ".join(f"{value:.4g}" for value in self.values)
         return f"{self.value:.6g} at ({place}); on the meshes {values}: {trend[self.grows]}"
 
@@ -64,9 +73,10 @@ class Maximum:
     def grows(self) -> bool | None:
         """Tell whether the value grows with refinement; None if there are too few meshes to tell.
 
-        It does if values on the last meshes, at least three, over which the size h of the elements at the maximum falls
-        to a quarter, are like h^-a with a > 0.2, and so on those over which it falls to a half. A singularity that is
-        weaker is not seen. A maximum that the meshes do not resolve yet grows, too.
+        It does if values on the last meshes, at least three, over which the size h of
+        the elements at the maximum falls to a quarter, are like h^-a with a > 0.2, and
+        so on those over which it falls to a half. A singularity that is weaker is not
+        seen. A maximum that the meshes do not resolve yet grows, too.
         """
         exponents = [self._exponent(SPAN, ROWS), self._exponent(TAIL, 2)]
         known = [exponent for exponent in exponents if exponent is not None]
@@ -99,10 +109,11 @@ def greatest(
 
             - "displacement": length of the displacement at the nodes [length],
             - "von Mises": von Mises stress of a cell, at its middle [force/area],
-            - "pressure", "shear" [force/area], "slip" or "gap" [length]: absolute value at the points of the profiles
-              of all contacts.
+            - "pressure", "shear" [force/area], "slip" or "gap" [length]: absolute value
+              at the points of the profiles of all contacts.
         displacement: Displacement [length].
-        von_mises: Gives the von Mises stress of each owned cell [force/area], shape (owned,).
+        von_mises: Gives the von Mises stress of each owned cell [force/area], shape
+            (owned,).
         profile: Gives the profile of a contact by its name.
 
     Raises:
@@ -116,7 +127,9 @@ def greatest(
             raise InputError(f"maximum: {quantity!r} is of contacts, and this scene has none.")
         along = [profile(contact.name) for contact in model.contacts]
         values = np.concatenate([abs(one[quantity]) for one in along])
-        x = np.concatenate([np.column_stack([one[axis] for axis in "xyz"[: model.d]]) for one in along])
+        x = np.concatenate(
+            [np.column_stack([one[axis] for axis in "xyz"[: model.d]]) for one in along]
+        )
     elif quantity == "displacement":
         owned = model.V.dofmap.index_map.size_local
         values = np.linalg.norm(displacement.x.array.reshape(-1, model.d)[:owned], axis=1)

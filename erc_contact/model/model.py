@@ -56,25 +56,32 @@ class Model(Space):
         scene: The scene.
         domain: The mesh with names.
         degree: Degree k of the displacement, 1 or 2.
-        last: The last step of a history, after which friction counts the tangential displacement; None without.
+        last: The last step of a history, after which friction counts the tangential
+            displacement; None without.
 
     Attributes:
         parameters: Parameters of the material, UFL.
         surface_loads: Loads on parts of the boundary.
-        body_force: Sum of the loads in the body [force/volume], UFL of shape (d,), or None.
+        body_force: Sum of the loads in the body [force/volume], UFL of shape (d,), or
+            None.
         fixed: Which components are prescribed at each node, shape (nodes, d).
         prescribed: Prescribed displacement, a Function of V, zero elsewhere [length].
         bcs: The prescribed displacement as a Dirichlet condition of DOLFINx, in a list.
-        fixed_facets: Facets (cell, local facet) and prescribed components of each support.
+        fixed_facets: Facets (cell, local facet) and prescribed components of each
+            support.
         contacts: The scene's contacts.
-        free_motions: Rigid motions that no support holds, Functions of V, see :func:`free_motions`.
+        free_motions: Rigid motions that no support holds, Functions of V, see
+            :func:`free_motions`.
 
     Raises:
-        InputError: If a name is unknown, a value or the degree is out of range, or supports contradict each other.
+        InputError: If a name is unknown, a value or the degree is out of range, or
+            supports contradict each other.
         NotHeldError: If neither supports nor contacts hold a rigid motion.
     """
 
-    def __init__(self, scene: Scene, domain: Domain, degree: int = 1, last: LastStep | None = None) -> None:
+    def __init__(
+        self, scene: Scene, domain: Domain, degree: int = 1, last: LastStep | None = None
+    ) -> None:
         super().__init__(domain, degree)
         self.scene = scene
         _check_dimension(scene, self.d)
@@ -85,12 +92,17 @@ class Model(Space):
         self.fixed, self.prescribed, self.bcs = supports.fixed, supports.prescribed, supports.bcs
         self.fixed_facets = supports.facets
         loads = [(load.facets, self._density(load)) for load in scene.loads]
-        self.surface_loads = [SurfaceLoad(f, self.ds(domain.tag(f)), density) for f, density in loads if f is not None]
+        self.surface_loads = [
+            SurfaceLoad(f, self.ds(domain.tag(f)), density) for f, density in loads if f is not None
+        ]
         self.body_force = _sum([density for facets, density in loads if facets is None])
-        self.contacts = [bind_contact(self, contact, self.modulus, last) for contact in scene.contacts]
+        self.contacts = [
+            bind_contact(self, contact, self.modulus, last) for contact in scene.contacts
+        ]
         self.free_motions = free_motions(self, self.fixed, self.contacts)
 
-    # -- forms -----------------------------------------------------------------------------------------
+    # -- forms
+    # -----------------------------------------------------------------------------------------
 
     def stress(self, u: Any) -> Any:
         """``sigma(u) = C eps(u)`` [force/area]."""
@@ -117,26 +129,33 @@ class Model(Space):
         dx = self.dx(metadata={"quadrature_degree": DATA_DEGREE}) if varies else self.dx
         return ufl.inner(self.stress(u), strain(v)) * dx
 
-    def loads(self, v: Any, *, varying: bool = True, on: Collection[str | None] | None = None) -> Any | None:
+    def loads(
+        self, v: Any, *, varying: bool = True, on: Collection[str | None] | None = None
+    ) -> Any | None:
         """``f(v) + F(v)``, a UFL form, or None without loads.
 
         Args:
             v: Test function, or a displacement.
             varying: Whether loads that vary inside cells are included.
-            on: Names of the boundary parts whose loads are included; None among them stands for the body. By default
-                all loads are included.
+            on: Names of the boundary parts whose loads are included; None among them
+                stands for the body. By default all loads are included.
         """
-        loads: list[tuple[str | None, Any, Any]] = [(one.facets, one.density, one.ds) for one in self.surface_loads]
+        loads: list[tuple[str | None, Any, Any]] = [
+            (one.facets, one.density, one.ds) for one in self.surface_loads
+        ]
         if self.body_force is not None:
             loads.append((None, self.body_force, self.dx))
         taken = [(density, measure) for part, density, measure in loads if on is None or part in on]
-        return _sum([ufl.inner(f, v) * measure for f, measure in taken if varying or not varies_in_cells(f)])
+        return _sum(
+            [ufl.inner(f, v) * measure for f, measure in taken if varying or not varies_in_cells(f)]
+        )
 
     @cached_property
     def cell_modulus(self) -> fem.Function:
         """The modulus at the middle of each cell [force/area], constant in cells; collective.
 
-        Forms that need only the size of the modulus contain this. They are then the same for all materials.
+        Forms that need only the size of the modulus contain this. They are then the
+        same for all materials.
         """
         modulus = self.domain.function("DG", 0)
         cells = np.arange(len(modulus.x.array), dtype=np.int32)
@@ -157,7 +176,8 @@ class Model(Space):
         """Greatest modulus at the middle of the cells of all ranks [force/area]; collective."""
         return self.extremes(self.at_middles(self.modulus, self.owned_cells))[1]
 
-    # -- data on contacts ------------------------------------------------------------------------------
+    # -- data on contacts
+    # ------------------------------------------------------------------------------
 
     def contact(self, name: str) -> BoundContact:
         """The contact of a name.
@@ -167,10 +187,14 @@ class Model(Space):
         """
         found = {contact.name: contact for contact in self.contacts}
         if name not in found:
-            raise InputError(f"No contact is called {name!r}; this scene has {', '.join(sorted(found)) or 'none'}.")
+            raise InputError(
+                f"No contact is called {name!r}; this scene has {', '.join(sorted(found)) or 'none'}."
+            )
         return found[name]
 
-    def friction_parameters(self, contact: BoundContact, points: np.ndarray) -> dict[str, np.ndarray]:
+    def friction_parameters(
+        self, contact: BoundContact, points: np.ndarray
+    ) -> dict[str, np.ndarray]:
         """The law's parameters at reference points (q, d-1) of the facets of a contact, each of shape (f, q)."""
         parameters = contact.friction.parameters if contact.friction else {}
         return {k: evaluate(v, self.mesh, points, contact.facets) for k, v in parameters.items()}
@@ -184,8 +208,9 @@ class Model(Space):
     def at_nodes(self, contact: BoundContact) -> BoundContact:
         """The contact with gap and friction parameters as Functions, for quadrature at its nodes; collective.
 
-        So the forms do not contain the callables of the user. The nodal values of the Functions are the values of the
-        friction parameters, and the Bernstein coefficients of the gap and of the displacement of the last step.
+        So the forms do not contain the callables of the user. The nodal values of the
+        Functions are the values of the friction parameters, and the Bernstein
+        coefficients of the gap and of the displacement of the last step.
         """
         gap, friction, trace = contact.gap, contact.friction, contact.trace
         if trace.before is not None:
@@ -195,13 +220,20 @@ class Model(Space):
         if contact.gap_varies:
             gap = self._nodal(contact, self.gap_at_nodes(contact), coefficients=True)
         if friction is not None:
-            varying = {name: value for name, value in friction.parameters.items() if varies_in_cells(value)}
-            at = {name: evaluate(v, self.mesh, self.facet_points, contact.facets) for name, v in varying.items()}
+            varying = {
+                name: value for name, value in friction.parameters.items() if varies_in_cells(value)
+            }
+            at = {
+                name: evaluate(v, self.mesh, self.facet_points, contact.facets)
+                for name, v in varying.items()
+            }
             nodal = {name: self._nodal(contact, values) for name, values in at.items()}
             friction = replace(friction, parameters={**friction.parameters, **nodal})
         return replace(contact, gap=gap, friction=friction, trace=trace)
 
-    def _nodal(self, contact: BoundContact, values: np.ndarray, *, coefficients: bool = False) -> Any:
+    def _nodal(
+        self, contact: BoundContact, values: np.ndarray, *, coefficients: bool = False
+    ) -> Any:
         """A scalar, UFL, from its values (facets, m) at the nodes of a contact.
 
         Its nodal values are these values, or their Bernstein coefficients.
@@ -213,27 +245,37 @@ class Model(Space):
             self.to_coefficients(at, [contact])
         return nodal[0]
 
-    # -- loads -----------------------------------------------------------------------------------------
+    # -- loads
+    # -----------------------------------------------------------------------------------------
 
     def _density(self, load: Load) -> Any:
         """The density of a load [force/area] or [force/volume], UFL, shape (d,); collective.
 
         Raises:
-            InputError: If it has another shape, is not finite, or the code of the user raises.
+            InputError: If it has another shape, is not finite, or the code of the user
+                raises.
         """
         on_boundary = load.facets is not None
         what = type(load).__name__ + (f"({load.facets!r})" if on_boundary else "")
         parameters = {
-            name: value_of(self, parameter(load, name), what if name == "value" else f"{what}: {name}")
+            name: value_of(
+                self, parameter(load, name), what if name == "value" else f"{what}: {name}"
+            )
             for name in load.parameters
         }
         normal = self.n if on_boundary else None
-        density = call_of_user(self.comm, what, lambda: vector(load.density(self.x, normal, **parameters)))
+        density = call_of_user(
+            self.comm, what, lambda: vector(load.density(self.x, normal, **parameters))
+        )
         density = without_plain_numbers(density, self.mesh)
         if density.ufl_shape != (self.d,):
-            raise InputError(f"{what} has shape {density.ufl_shape}; the mesh needs ({self.d},). {IN_UFL}")
+            raise InputError(
+                f"{what} has shape {density.ufl_shape}; the mesh needs ({self.d},). {IN_UFL}"
+            )
         if varies_in_cells(density):
-            entities = self.domain.facets(load.facets) if load.facets is not None else self.owned_cells
+            entities = (
+                self.domain.facets(load.facets) if load.facets is not None else self.owned_cells
+            )
             points, _ = rule(self.d - 1 if on_boundary else self.d, DATA_DEGREE)
             if not np.isfinite(self.extremes(evaluate(density, self.mesh, points, entities))).all():
                 raise InputError(f"{what} is not finite everywhere; look at its callables.")

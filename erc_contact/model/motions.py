@@ -1,6 +1,7 @@
 """Rigid motions of the bodies of a mesh, and which of them are held by supports and contacts.
 
-A mesh may have several bodies, which share no node. Each body has its own rigid motions, and each must be held.
+A mesh may have several bodies, which share no node. Each body has its own rigid
+motions, and each must be held.
 """
 
 from __future__ import annotations
@@ -19,10 +20,13 @@ SMALL = 1e-10
 """Share of the largest eigenvalue below which a motion counts as not held [-]."""
 
 
-def free_motions(space: Space, fixed: np.ndarray, contacts: Sequence[BoundContact]) -> list[fem.Function]:
+def free_motions(
+    space: Space, fixed: np.ndarray, contacts: Sequence[BoundContact]
+) -> list[fem.Function]:
     """Rigid motions that no support holds, Functions of V, each of one body; collective.
 
-    The motions of a body are orthonormal combinations of its translations and of its rotations over its size.
+    The motions of a body are orthonormal combinations of its translations and of its
+    rotations over its size.
 
     Args:
         space: The mesh.
@@ -43,13 +47,19 @@ def free_motions(space: Space, fixed: np.ndarray, contacts: Sequence[BoundContac
         at = motions[nodes]
         along = np.einsum("fmdi,fd->fmi", at, contact.direction)[:, :, None, :]
         held = at if contact.friction is not None else along
-        by_all = by_all + _summed(space, body[nodes.ravel()], bodies, held.reshape(nodes.size, *held.shape[2:]))
+        by_all = by_all + _summed(
+            space, body[nodes.ravel()], bodies, held.reshape(nodes.size, *held.shape[2:])
+        )
     loose = []
     for number, of_body in enumerate(by_all):
         kernel = _kernel(of_body)
         if kernel.shape[1]:
             which = ", ".join(names[i] for i in np.unique(abs(kernel).argmax(axis=0)))
-            loose.append(which if bodies == 1 else f"{which} of the body with {_parts(space, body == number)}")
+            loose.append(
+                which
+                if bodies == 1
+                else f"{which} of the body with {_parts(space, body == number)}"
+            )
     if loose:
         raise NotHeldError(
             f"Nothing holds the body against: {'; '.join(loose)} (no support, and contact cannot hold it). "

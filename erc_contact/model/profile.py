@@ -1,7 +1,7 @@
 """Profiles of contacts: a displacement and a traction along a contact, and which facets are open, slip or stick.
 
-Symbols: u displacement, r contact traction, n normal of the foundation, d dimension, k degree, f facets, q points of a
-facet.
+Symbols: u displacement, r contact traction, n normal of the foundation, d dimension, k
+degree, f facets, q points of a facet.
 """
 
 from __future__ import annotations
@@ -36,16 +36,20 @@ def profile_points(model: Model) -> np.ndarray:
 def profile_weights(model: Model) -> np.ndarray:
     """Compute the shares of a facet's area that its profile points stand for, shape (q,).
 
-    They integrate polynomials of the model's degree exactly. Of all weights that do, they are nearest to those of the
-    trapezoidal rule, which integrates linear functions only. So they are positive.
+    They integrate polynomials of the model's degree exactly. Of all weights that do,
+    they are nearest to those of the trapezoidal rule, which integrates linear functions
+    only. So they are positive.
     """
     points = profile_points(model)
     on_sides = np.sum(barycentric(points) < POINT_ON_SIDE, axis=1)
-    # As many small parts as meet at the point: one at a corner, three on a side and six inside a triangle.
+    # As many small parts as meet at the point: one at a corner, three on a side and six
+    # inside a triangle.
     parts = 1 / np.array([factorial(number + 1) for number in on_sides])
     trapezoids = parts / parts.sum()
     shape = bernstein(model.d - 1, model.degree, points)
-    means = np.full(shape.shape[1], 1 / shape.shape[1])  # all Bernstein polynomials have the same integral
+    means = np.full(
+        shape.shape[1], 1 / shape.shape[1]
+    )  # all Bernstein polynomials have the same integral
     return trapezoids + np.linalg.lstsq(shape.T, means - shape.T @ trapezoids)[0]
 
 
@@ -59,17 +63,19 @@ def facet_status(
 ) -> np.ndarray:
     """Which facets of a contact are open, slip or stick.
 
-    A facet without pressure is ``OPEN``, except in a bilateral contact. A facet whose shear reaches the friction bound,
-    up to 1e-6, is ``SLIP``; without friction this is every pressed facet. All others are ``STICK``. If the friction
-    bound must be sampled, less shear counts as ``SLIP``: its share of the bound may be below 1 by the relative
-    variation of bound over pressure on the facet.
+    A facet without pressure is ``OPEN``, except in a bilateral contact. A facet whose
+    shear reaches the friction bound, up to 1e-6, is ``SLIP``; without friction this is
+    every pressed facet. All others are ``STICK``. If the friction bound must be
+    sampled, less shear counts as ``SLIP``: its share of the bound may be below 1 by the
+    relative variation of bound over pressure on the facet.
 
     Args:
         contact: The contact.
         pressure: -r_n [force/area], shape (f, q).
         shear: Length of r_t [force/area], shape (f, q).
         bound: Friction bound [force/area], shape (f, q).
-        peak: Greatest pressure of the contact, which tells pressure from round-off [force/area].
+        peak: Greatest pressure of the contact, which tells pressure from round-off
+            [force/area].
         margin: Share of the variation that is added to the variation [-].
 
     Returns:
@@ -85,7 +91,12 @@ def facet_status(
 
 
 def profile_table(
-    model: Model, contact: BoundContact, u: fem.Function, r: np.ndarray, bound: np.ndarray, status: np.ndarray
+    model: Model,
+    contact: BoundContact,
+    u: fem.Function,
+    r: np.ndarray,
+    bound: np.ndarray,
+    status: np.ndarray,
 ) -> np.ndarray:
     """Gap, slip, tractions and status along a contact, point by point; collective.
 
@@ -102,30 +113,45 @@ def profile_table(
 
         - ``x``, ``y`` and in 3D ``z``: position [length],
         - ``gap``: the gap that is left, g - u_n [length],
-        - ``slip``: length of u_t, or of its change since the last step of a history [length],
-        - ``pressure``: -r_n, ``shear``: length of r_t, and ``friction_bound`` [force/area],
+        - ``slip``: length of u_t, or of its change since the last step of a history
+          [length],
+        - ``pressure``: -r_n, ``shear``: length of r_t, and ``friction_bound``
+          [force/area],
         - ``status``: status of the facet, 0 open, 1 slip, 2 stick,
-        - ``weight``: part of the contact that the point stands for [length] in 2D, [area] in 3D. The sum of
-          ``weight * pressure`` is the normal force up to round-off, because the tractions of an admissible pair are
-          polynomials of degree k on facets.
+        - ``weight``: part of the contact that the point stands for [length] in 2D,
+          [area] in 3D. The sum of ``weight * pressure`` is the normal force up to
+          round-off, because the tractions of an admissible pair are polynomials of
+          degree k on facets.
 
-        In 2D the points are in order along the contact, and the first column ``s`` is their arc length [length]. There
-        ``slip`` and ``shear`` have a sign, which is positive in this order. Each facet has points of its own, because
-        tractions jump from one facet to the next.
+        In 2D the points are in order along the contact, and the first column ``s`` is
+        their arc length [length]. There ``slip`` and ``shear`` have a sign, which is
+        positive in this order. Each facet has points of its own, because tractions jump
+        from one facet to the next.
     """
     d, k, comm = model.d, model.degree, model.comm
     points, nodes = profile_points(model), contact.trace.here.nodes
     n = contact.direction[:, None, :]
     w = np.matmul(lagrange(d - 1, k, points), contact.trace.since(u.x.array))
     (w_n, w_t, slip), (r_n, r_t, shear) = split(w, n), split(r, n)
-    gap: Any = 0.0 if contact.gap is None else evaluate(contact.gap, model.mesh, points, contact.facets)
+    gap: Any = (
+        0.0 if contact.gap is None else evaluate(contact.gap, model.mesh, points, contact.facets)
+    )
     x = evaluate(model.x, model.mesh, points, contact.facets)
     numbers = model.global_numbers(nodes[:, :d])
     if d == 2:
         tangent = np.stack([-n[..., 1], n[..., 0]], axis=-1)
         slip, shear = (w_t * tangent).sum(axis=-1), (r_t * tangent).sum(axis=-1)
     weight = contact.trace.here.areas[:, None] * profile_weights(model)
-    columns = [*np.moveaxis(x, 2, 0), gap - w_n, slip, 0.0 - r_n, shear, bound, status[:, None], weight]
+    columns = [
+        *np.moveaxis(x, 2, 0),
+        gap - w_n,
+        slip,
+        0.0 - r_n,
+        shear,
+        bound,
+        status[:, None],
+        weight,
+    ]
     table = np.stack(np.broadcast_arrays(*columns), axis=2)
     if d == 2:  # all facets in the direction of the tangent
         back = ((x[:, -1] - x[:, 0]) * tangent[:, 0]).sum(axis=1) < 0
@@ -146,7 +172,9 @@ def profile_table(
         along += np.pad(np.cumsum(edge.sum(axis=1))[:-1], (1, 0))[:, None]
         table, names = np.concatenate([along[..., None], table], axis=2), ["s", *names]
     rows = table.reshape(-1, len(names))
-    result = np.empty(len(rows), dtype=[(name, int if name == "status" else float) for name in names])
+    result = np.empty(
+        len(rows), dtype=[(name, int if name == "status" else float) for name in names]
+    )
     for key, column in zip(names, rows.T, strict=True):
         result[key] = column
     return result
@@ -180,7 +208,9 @@ def _in_order(start: np.ndarray, end: np.ndarray, x: np.ndarray) -> np.ndarray:
     least, jump = np.append(key, f), follower
     for _ in rounds:
         least, jump = np.minimum(least, least[jump]), jump[jump]
-    cut = (jump[:-1] < f) & (key[follower[:-1] % f] == least[:-1])  # a closed curve is cut before its lowest point
+    cut = (jump[:-1] < f) & (
+        key[follower[:-1] % f] == least[:-1]
+    )  # a closed curve is cut before its lowest point
     follower[:-1][cut] = f
     left, jump = (follower < f).astype(int), follower
     last = np.arange(f + 1)

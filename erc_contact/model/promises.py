@@ -2,12 +2,14 @@
 
 The bound needs that
 
-- the compliance of the material inverts its stiffness, which is symmetric and positive definite,
-- a friction bound is concave in the pressure and never decreases; in a bilateral contact it is independent of it,
+- the compliance of the material inverts its stiffness, which is symmetric and positive
+  definite,
+- a friction bound is concave in the pressure and never decreases; in a bilateral
+  contact it is independent of it,
 - the normals of foundations point out of the body.
 
-Data without these properties would give numbers that look right and are wrong. All checks are numerical, at samples.
-They have the same result on all ranks.
+Data without these properties would give numbers that look right and are wrong. All
+checks are numerical, at samples. They have the same result on all ranks.
 """
 
 from __future__ import annotations
@@ -47,7 +49,8 @@ def bind(scene: Scene, domain: Domain, degree: int = 1, last: LastStep | None = 
         last: The last step of a history, or None without history.
 
     Raises:
-        InputError: If scene and mesh do not fit, a check fails, or the last step was one of another body.
+        InputError: If scene and mesh do not fit, a check fails, or the last step was
+            one of another body.
         NotHeldError: If neither supports nor contacts hold a rigid motion.
     """
     model = Model(scene, domain, degree, last)
@@ -71,7 +74,10 @@ def _check_material(model: Model) -> None:
     points, owned = rule(model.d, 4)[0], model.owned_cells
 
     x = np.matmul(barycentric(points), model.cell_corners()[owned])
-    C, S = (matrix(x, owned).reshape(-1, matrix.size, matrix.size) for matrix in (model.elasticity, model.compliance))
+    C, S = (
+        matrix(x, owned).reshape(-1, matrix.size, matrix.size)
+        for matrix in (model.elasticity, model.compliance)
+    )
     modulus = evaluate(model.modulus, model.mesh, points, owned)
     finite = np.isfinite(C).all() and np.isfinite(S).all() and np.isfinite(modulus).all()
     least, skew, other = np.inf, 0.0, 0.0
@@ -88,7 +94,9 @@ def _check_material(model: Model) -> None:
     least, low = (model.comm.allreduce(v, MPI.MIN) for v in (least, low))
     skew, other = (model.comm.allreduce(v, MPI.MAX) for v in (skew, other))
     if not finite:
-        raise InputError(f"{name}: stress, compliance or modulus is not finite somewhere; look at its parameters.")
+        raise InputError(
+            f"{name}: stress, compliance or modulus is not finite somewhere; look at its parameters."
+        )
     if skew > EXACT:
         raise InputError(
             f"{name}: the stiffness is not symmetric, in orthonormal (Mandel) components by {skew:.1e} of its largest "
@@ -136,7 +144,11 @@ def _check_normal(model: Model, contact: BoundContact) -> None:
     if len(facets):
         worst = int(cosine.argmin())
         place = model.facet_corners(facets)[worst].mean(axis=0)
-        mine = (float(cosine[worst]), tuple(place.tolist()), tuple(contact.direction[worst].tolist()))
+        mine = (
+            float(cosine[worst]),
+            tuple(place.tolist()),
+            tuple(contact.direction[worst].tolist()),
+        )
     least, place, direction = min(comm.allgather(mine))
     steepest = comm.allreduce(float(abs(cosine).max(initial=0.0)), MPI.MAX)
     given = next(one for one in model.scene.contacts if one.facets == contact.name)
@@ -168,10 +180,14 @@ def _check_law(model: Model, contact: BoundContact) -> None:
     modulus = model.stiffest()
     pressure = np.concatenate([[0.0], modulus * np.logspace(-DECADES, 0, 4 * DECADES + 1)])
     at = model.facet_samples
-    parameters = {name: values.ravel() for name, values in model.friction_parameters(contact, at).items()}
+    parameters = {
+        name: values.ravel() for name, values in model.friction_parameters(contact, at).items()
+    }
     count = len(contact.facets) * len(at)
     some = np.linspace(0, max(count - 1, 0), min(count, LAW_SAMPLES)).astype(int)
-    extremes = [pick() for values in parameters.values() if count for pick in (values.argmin, values.argmax)]
+    extremes = [
+        pick() for values in parameters.values() if count for pick in (values.argmin, values.argmax)
+    ]
     some = np.unique(np.concatenate([some, np.array(extremes, dtype=int)]))
     tried = {name: values[some][:, None] + 0.0 * pressure for name, values in parameters.items()}
     bound = contact.friction_bound(np.broadcast_to(pressure, (len(some), len(pressure))), tried)
@@ -182,13 +198,17 @@ def _check_law(model: Model, contact: BoundContact) -> None:
         if wrong.any():
             i, j = np.argwhere(wrong)[0]
             example = ", ".join(
-                f"b({p:.3g}) = {b:.3g}" for p, b in zip(pressure[j : j + 3], bound[i, j : j + 3], strict=True)
+                f"b({p:.3g}) = {b:.3g}"
+                for p, b in zip(pressure[j : j + 3], bound[i, j : j + 3], strict=True)
             )
         found = [one for one in model.comm.allgather(example) if one]
         if found:
             raise InputError(f"{what} {message} {found[0]}.")
 
-    refuse(~np.isfinite(bound), "is not finite everywhere; it must be a number for every pressure p >= 0:")
+    refuse(
+        ~np.isfinite(bound),
+        "is not finite everywhere; it must be a number for every pressure p >= 0:",
+    )
     refuse(bound < 0.0, "is negative somewhere; it must be >= 0:")
     size = EXACT * np.maximum(bound[:, 1:], bound[:, :-1])
     if contact.bilateral:
@@ -216,7 +236,9 @@ def _check_supports_in_gap(model: Model) -> None:
         n = contact.direction[:, None, :]
         known = (model.fixed[nodes] | (abs(n) < 1e-12)).all(axis=-1)
         beyond = (values[nodes] * n).sum(axis=-1) - gap
-        excess = np.where(known, abs(beyond) if contact.bilateral else beyond, -np.inf).max(initial=-np.inf)
+        excess = np.where(known, abs(beyond) if contact.bilateral else beyond, -np.inf).max(
+            initial=-np.inf
+        )
         worst = model.comm.allreduce(float(excess), MPI.MAX)
         largest = model.comm.allreduce(float(abs(values).max(initial=0)), MPI.MAX)
         if worst > max(1e-12 * model.domain.extent, 1e-9 * largest):

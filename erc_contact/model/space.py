@@ -1,6 +1,7 @@
 """A domain with the displacement's space on it: nodes, facets, measures. It knows nothing of a scene.
 
-Symbols: d dimension, k degree, V continuous vector P_k, N nodes of a cell, m nodes of a facet, x position [length].
+Symbols: d dimension, k degree, V continuous vector P_k, N nodes of a cell, m nodes of a
+facet, x position [length].
 """
 
 from __future__ import annotations
@@ -50,7 +51,8 @@ class Space:
 
     Attributes:
         V: Continuous vector P_k space.
-        nodes: Block degrees of freedom of each cell, vertices first, ghosts included, shape (cells, N).
+        nodes: Block degrees of freedom of each cell, vertices first, ghosts included,
+            shape (cells, N).
         vertices: The first ones of these, at the vertices, shape (cells, d+1).
         x: Position, UFL.
         n: Outward normal of the boundary, UFL.
@@ -116,21 +118,30 @@ class Space:
         """Metadata of a measure for quadrature at the nodes of a facet with equal weights. It decouples the nodes."""
         points = self.facet_points
         weights = np.full(len(points), 1 / (len(points) * factorial(self.d - 1)))
-        return {"quadrature_rule": "custom", "quadrature_points": points, "quadrature_weights": weights}
+        return {
+            "quadrature_rule": "custom",
+            "quadrature_points": points,
+            "quadrature_weights": weights,
+        }
 
     def facet_nodes(self, facets: np.ndarray) -> np.ndarray:
         """Nodes of facets given as (cell, local facet), in the order of a facet's reference nodes, shape (n, m).
 
-        DOLFINx turns the reference facet by the global numbers of its vertices. The order here is found from the places
-        of the reference vertices in each facet. So nodal values and :func:`evaluate` agree.
+        DOLFINx turns the reference facet by the global numbers of its vertices. The
+        order here is found from the places of the reference vertices in each facet. So
+        nodal values and :func:`evaluate` agree.
         """
-        ends = self._facet_vertices[facets[:, 0], facets[:, 1]][:, node_vertices(self.d - 1, self.degree)]
+        ends = self._facet_vertices[facets[:, 0], facets[:, 1]][
+            :, node_vertices(self.d - 1, self.degree)
+        ]
         number = node_between(self.d, self.degree)[ends[..., 0], ends[..., 1]]
         return np.take_along_axis(self.nodes[facets[:, 0]], number, axis=1)
 
     def global_numbers(self, nodes: np.ndarray) -> np.ndarray:
         """Global numbers of nodes of this rank."""
-        return self.V.dofmap.index_map.local_to_global(nodes.ravel().astype(np.int32)).reshape(nodes.shape)
+        return self.V.dofmap.index_map.local_to_global(nodes.ravel().astype(np.int32)).reshape(
+            nodes.shape
+        )
 
     def global_dofs(self, dofs: np.ndarray) -> np.ndarray:
         """Global numbers of degrees of freedom of this rank, shape (n,)."""
@@ -197,7 +208,9 @@ class Space:
         lows, highs = self.comm.allgather(low), self.comm.allgather(high)
         return float(np.min(lows)), float(np.max(highs))
 
-    def to_coefficients(self, values: np.ndarray, parts: Sequence[OnFacets], *, back: bool = False) -> None:
+    def to_coefficients(
+        self, values: np.ndarray, parts: Sequence[OnFacets], *, back: bool = False
+    ) -> None:
         """Replace nodal values on facets by Bernstein coefficients, or back, in place.
 
         Args:

@@ -16,7 +16,8 @@ from erc_contact.scene.material import mandel_basis
 def stress_in_space(model: Model, stress: np.ndarray) -> np.ndarray:
     """Stresses of owned cells (owned, d, d) as tensors in space [force/area], shape (owned, 3, 3).
 
-    In 2D the material gives the stress out of plane, at the middle of each cell; nan stands for one that is not known.
+    In 2D the material gives the stress out of plane, at the middle of each cell; nan
+    stands for one that is not known.
     """
     d = model.d
     full = np.zeros((len(stress), 3, 3))
@@ -26,7 +27,9 @@ def stress_in_space(model: Model, stress: np.ndarray) -> np.ndarray:
     elif d == 2:
         basis = mandel_basis(d)
         material: Any = model.scene.material
-        images = [material.out_of_plane(ufl.as_matrix(b.tolist()), **model.parameters) for b in basis]
+        images = [
+            material.out_of_plane(ufl.as_matrix(b.tolist()), **model.parameters) for b in basis
+        ]
         cells = np.arange(len(stress), dtype=np.int32)
         row = evaluate(ufl.as_vector(images), model.mesh, nodes(d, 0), cells)[:, 0]
         full[:, 2, 2] = np.einsum("nk,kij,nij->n", row, basis, stress)
@@ -36,8 +39,8 @@ def stress_in_space(model: Model, stress: np.ndarray) -> np.ndarray:
 def von_mises(stress: np.ndarray) -> np.ndarray:
     """Von Mises stress ``sqrt(3/2) |dev sigma|`` of tensors (n, 3, 3) [force/area], shape (n,).
 
-    A stress out of plane that is not known (nan) counts as 0. The result is then the von Mises stress of the part in
-    plane.
+    A stress out of plane that is not known (nan) counts as 0. The result is then the
+    von Mises stress of the part in plane.
     """
     known = np.nan_to_num(stress)
     trace = np.einsum("nii->n", known)

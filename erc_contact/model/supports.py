@@ -40,7 +40,8 @@ def bind_supports(space: Space, supports: Sequence[Displacement]) -> Supports:
     """Nodal values of supports; collective.
 
     Raises:
-        InputError: If two supports contradict each other at a node, or a value is not finite.
+        InputError: If two supports contradict each other at a node, or a value is not
+            finite.
     """
     prescribed = space.function()
     values = prescribed.x.array.reshape(-1, space.d)
@@ -55,8 +56,12 @@ def bind_supports(space: Space, supports: Sequence[Displacement]) -> Supports:
                 continue
             new = np.full(nodes.shape, 0.0 if callable(value) else float(value))
             if callable(value):
-                new[:] = evaluate(number(space, value, what), space.mesh, space.facet_points, facets)
-            clash = fixed[nodes, i] & (abs(values[nodes, i] - new) > AGREE * float(abs(new).max(initial=1e-300)))
+                new[:] = evaluate(
+                    number(space, value, what), space.mesh, space.facet_points, facets
+                )
+            clash = fixed[nodes, i] & (
+                abs(values[nodes, i] - new) > AGREE * float(abs(new).max(initial=1e-300))
+            )
             if clash.any():
                 error = InputError(
                     f"{what} contradicts another support at a common node in component {i}; make the values agree "
@@ -66,12 +71,18 @@ def bind_supports(space: Space, supports: Sequence[Displacement]) -> Supports:
             fixed[nodes, i] = True
     raise_together(space.comm, error)
     if not np.isfinite(values).all():
-        error = InputError("A prescribed displacement is not finite; look at the callables of the supports.")
+        error = InputError(
+            "A prescribed displacement is not finite; look at the callables of the supports."
+        )
     raise_together(space.comm, error)
-    marks = space.function()  # a rank may see a node without the facet that fixes it: its owner sees all
+    marks = (
+        space.function()
+    )  # a rank may see a node without the facet that fixes it: its owner sees all
     marks.x.array[:] = fixed.ravel()
     for function in (marks, prescribed):
         function.x.scatter_forward()
     fixed = marks.x.array.reshape(-1, space.d) > 0.5
     dofs = np.flatnonzero(fixed).astype(np.int32)
-    return Supports(fixed, prescribed, [fem.dirichletbc(prescribed, [dofs, dofs], space.V)], on_facets)
+    return Supports(
+        fixed, prescribed, [fem.dirichletbc(prescribed, [dofs, dofs], space.V)], on_facets
+    )

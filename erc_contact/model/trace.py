@@ -1,12 +1,15 @@
 """The displacement of a contact, and everything that is made of it: values on facets, forces back, matrix, stiffness.
 
-A contact reads of a displacement u only w, its value at the contact. On a rigid foundation w is u itself; between two
-bodies it is the jump, u on this side less u at the facing points of the other side. In a history friction counts the
-tangential part of w from the end of the last step. All modules that need w, its Bernstein coefficients, or the forces
-that do work on it, ask the contact's :class:`Trace`, so that they need not know which kind of contact it is.
+A contact reads of a displacement u only w, its value at the contact. On a rigid
+foundation w is u itself; between two bodies it is the jump, u on this side less u at
+the facing points of the other side. In a history friction counts the tangential part of
+w from the end of the last step. All modules that need w, its Bernstein coefficients, or
+the forces that do work on it, ask the contact's :class:`Trace`, so that they need not
+know which kind of contact it is.
 
-The map from nodal values to w on facets is linear. It has one entry of 1 in each row for this side, and one of -1 for
-the other side. Its transpose takes forces on facets to nodal forces, opposite on the two sides.
+The map from nodal values to w on facets is linear. It has one entry of 1 in each row
+for this side, and one of -1 for the other side. Its transpose takes forces on facets to
+nodal forces, opposite on the two sides.
 
 Symbols: f facets of this side on this rank, m nodes of a facet, d dimension.
 """
@@ -26,7 +29,8 @@ def split(z: np.ndarray, n: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndar
     """Split vectors (..., d) by unit normals n.
 
     Returns:
-        The normal component (...), the tangential part (..., d), and the length of this part (...).
+        The normal component (...), the tangential part (..., d), and the length of this
+        part (...).
     """
     z_n = (z * n).sum(axis=-1)
     z_t = z - z_n[..., None] * n
@@ -42,7 +46,8 @@ class Side:
         nodes: Nodes of each facet, in the order of the reference facet, shape (f, m).
         corners: Vertices of each facet [length], shape (f, d, d).
         owned: Which facets this rank owns, shape (f,).
-        modulus: The modulus of the material in the middle of their cells [force/area], shape (f,).
+        modulus: The modulus of the material in the middle of their cells [force/area],
+            shape (f,).
         degree: Degree of the displacement.
         node_count: Number of nodes of this rank, ghosts included.
         cell_count: Number of cells that this rank owns.
@@ -90,9 +95,12 @@ class Trace:
 
     Attributes:
         here: The side whose body the contact traction acts on.
-        direction: Unit normal of the contact on each facet, from this side into the other, shape (f, d).
-        before: Displacement at the end of the last step of a history [length], a Function; None without one.
-        there: The other side, facet i of it facing facet i of this side; None for a rigid foundation.
+        direction: Unit normal of the contact on each facet, from this side into the
+            other, shape (f, d).
+        before: Displacement at the end of the last step of a history [length], a
+            Function; None without one.
+        there: The other side, facet i of it facing facet i of this side; None for a
+            rigid foundation.
     """
 
     here: Side
@@ -104,8 +112,8 @@ class Trace:
         """Give w at the nodes of the facets [length], shape (f, m, d).
 
         Args:
-            u: Displacement at all nodes of this rank [length], shape (nodes d,) as the array of a Function has it, or
-                (nodes, d).
+            u: Displacement at all nodes of this rank [length], shape (nodes d,) as the
+                array of a Function has it, or (nodes, d).
         """
         nodal = u.reshape(-1, self.here.d)
         w = nodal[self.here.nodes]
@@ -130,7 +138,8 @@ class Trace:
         """Give Bernstein coefficients of polynomials on the facets.
 
         Args:
-            values: Values at the nodes of the facets, shape (f, m, ...), such as :meth:`of`, :meth:`since`, or the gap.
+            values: Values at the nodes of the facets, shape (f, m, ...), such as
+                :meth:`of`, :meth:`since`, or the gap.
         """
         matrix = coefficients(self.here.d - 1, self.here.degree)
         components = int(np.prod(values.shape[2:]))
@@ -142,7 +151,8 @@ class Trace:
 
         Args:
             u: Displacement at all nodes, as in :meth:`of`.
-            w: Values at the nodes of the facets, or one for each facet, shape (f, m, d) or (f, 1, d).
+            w: Values at the nodes of the facets, or one for each facet, shape (f, m, d)
+                or (f, 1, d).
         """
         u.reshape(-1, self.here.d)[self.here.nodes] = w
 
@@ -153,7 +163,8 @@ class Trace:
             forces: Forces on w at the nodes of the facets [force], shape (f, m, d).
 
         Returns:
-            Nodal forces [force], shape (nodes, d); at ghost nodes they are not complete.
+            Nodal forces [force], shape (nodes, d); at ghost nodes they are not
+            complete.
         """
         nodal = np.zeros((self.here.node_count, self.here.d))
         np.add.at(nodal, self.here.nodes, forces)
@@ -184,7 +195,11 @@ class Trace:
         """
         if self.there is None:
             return self.here.stiffness
-        return self.here.stiffness * self.there.stiffness / (self.here.stiffness + self.there.stiffness)
+        return (
+            self.here.stiffness
+            * self.there.stiffness
+            / (self.here.stiffness + self.there.stiffness)
+        )
 
     def share(self, values: np.ndarray) -> np.ndarray:
         """Give values of facets to their cells; two bodies get shares in proportion to their compliances.
@@ -210,7 +225,8 @@ class Trace:
             raise TypeError("A contact with a rigid foundation has no other side.")
         here = _about_middle(self.here.places)
         there = _about_middle(self.there.places)
-        # The sides may be apart by a gap, and the vertices of facing facets are in any order.
+        # The sides may be apart by a gap, and the vertices of facing facets are in any
+        # order.
         distance = np.linalg.norm(here[:, :, None] - there[:, None], axis=-1)
         return np.take_along_axis(self.there.nodes, distance.argmin(axis=2), axis=1)
 

@@ -1,6 +1,7 @@
 """Calls of the user's code: callables, laws and materials in UFL, tried when a scene meets its mesh.
 
-An exception that the code raises on one rank becomes an :class:`InputError` on all ranks.
+An exception that the code raises on one rank becomes an :class:`InputError` on all
+ranks.
 """
 
 from __future__ import annotations
@@ -41,7 +42,9 @@ def levels(expression: Any) -> int:
     return depth[expression]
 
 
-def call_of_user(comm: MPI.Comm, what: str, function: Callable[..., Any], *arguments: Any, **named: Any) -> Any:
+def call_of_user(
+    comm: MPI.Comm, what: str, function: Callable[..., Any], *arguments: Any, **named: Any
+) -> Any:
     """Call a function of the user's with UFL arguments and return its result; collective.
 
     Args:
@@ -68,7 +71,9 @@ def call_of_user(comm: MPI.Comm, what: str, function: Callable[..., Any], *argum
         except ErcContactError:
             raise
         except Exception as reason:
-            raise InputError(f"{what} failed with {type(reason).__name__}: {reason}. {IN_UFL}") from reason
+            raise InputError(
+                f"{what} failed with {type(reason).__name__}: {reason}. {IN_UFL}"
+            ) from reason
 
     return together(comm, attempt)
 
@@ -91,7 +96,11 @@ def scalar(what: str, value: Any) -> Any:
 
 def vector(value: Any) -> Any:
     """A UFL expression, or a sequence of numbers and scalar UFL expressions, as UFL."""
-    return value if isinstance(value, ufl.core.expr.Expr) else ufl.as_vector([scalar("A component", c) for c in value])
+    return (
+        value
+        if isinstance(value, ufl.core.expr.Expr)
+        else ufl.as_vector([scalar("A component", c) for c in value])
+    )
 
 
 def linear(what: str, integrand: Any, *arguments: Any) -> None:
@@ -126,7 +135,11 @@ def try_material(V: fem.FunctionSpace, material: Material, parameters: Mapping[s
         act = getattr(material, name)
         call_of_user(comm, f"{what}: {name}", mandel_matrix, act, V.mesh.geometry.dim, **parameters)
         product = call_of_user(
-            comm, f"{what}: {name}", lambda act=act: ufl.inner(act(strain(u), **parameters), strain(v))
+            comm,
+            f"{what}: {name}",
+            lambda act=act: ufl.inner(act(strain(u), **parameters), strain(v)),
         )
         linear(f"{what}: {name}", product, v, u)
-    call_of_user(comm, f"{what}: modulus", lambda: scalar(f"{what}: modulus", material.modulus(**parameters)))
+    call_of_user(
+        comm, f"{what}: modulus", lambda: scalar(f"{what}: modulus", material.modulus(**parameters))
+    )

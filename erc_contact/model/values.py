@@ -1,6 +1,7 @@
 """Values of a scene on a mesh: a number becomes a Constant, a callable becomes UFL of the position.
 
-Plain numbers in the results of callables become Constants, too. So a form is not compiled anew if a number changes.
+Plain numbers in the results of callables become Constants, too. So a form is not
+compiled anew if a number changes.
 """
 
 from __future__ import annotations
@@ -78,7 +79,11 @@ def value_of(space: Space, value: Any, what: str) -> Any:
         InputError: If the value is none of these.
     """
     if not callable(value):
-        return components(space, value, what) if isinstance(value, tuple) else number(space, value, what)
+        return (
+            components(space, value, what)
+            if isinstance(value, tuple)
+            else number(space, value, what)
+        )
 
     def attempt() -> Any:
         found = value(space.x)
@@ -92,15 +97,22 @@ def moduli(space: Space, material: Material) -> dict[str, Any]:
     """The parameters of a material as UFL; collective.
 
     Raises:
-        InputError: If the material refuses their range, or a mapping does not cover the cells once.
+        InputError: If the material refuses their range, or a mapping does not cover the
+            cells once.
     """
     bound = {}
     for name in material.parameters:
         value, what = parameter(material, name), f"Material parameter {name}"
         varies = isinstance(value, Mapping) or callable(value)
-        bound[name] = _by_region(space, name, value) if isinstance(value, Mapping) else number(space, value, what)
+        bound[name] = (
+            _by_region(space, name, value)
+            if isinstance(value, Mapping)
+            else number(space, value, what)
+        )
         if varies:
-            values = evaluate(bound[name], space.mesh, lattice(space.d, DATA_DEGREE), space.owned_cells)
+            values = evaluate(
+                bound[name], space.mesh, lattice(space.d, DATA_DEGREE), space.owned_cells
+            )
             call_of_user(space.comm, what, material.check, name, *space.extremes(values))
     return bound
 
@@ -121,10 +133,14 @@ def _by_region(space: Space, name: str, value: Mapping[str, Any]) -> Any:
         if callable(entry):
             indicator = space.domain.function("DG", 0)
             indicator.x.array[cells] = 1.0
-            terms.append(indicator * number(space, entry, f"Material parameter {name} in {region!r}"))
+            terms.append(
+                indicator * number(space, entry, f"Material parameter {name} in {region!r}")
+            )
         else:
             numbers.x.array[cells] = float(entry)
-    missing = space.comm.allreduce(int(np.count_nonzero(covered[: space.domain.owned_cells] != 1)), MPI.SUM)
+    missing = space.comm.allreduce(
+        int(np.count_nonzero(covered[: space.domain.owned_cells] != 1)), MPI.SUM
+    )
     if missing:
         raise InputError(
             f"Material parameter {name}: {missing} cells are in no region or in two of {sorted(value)}; "

@@ -1,8 +1,9 @@
 """What the next step of a loading history takes from a solution.
 
-Friction acts on the tangential displacement since the last step. Points in slip go on from where they are. Points in
-stick go on from where they stuck: Nitsche's method and penalties keep them there up to the discretisation error only,
-and in many steps they would creep. A multiplier keeps them there to round-off.
+Friction acts on the tangential displacement since the last step. Points in slip go on
+from where they are. Points in stick go on from where they stuck: Nitsche's method and
+penalties keep them there up to the discretisation error only, and in many steps they
+would creep. A multiplier keeps them there to round-off.
 """
 
 from __future__ import annotations
@@ -27,14 +28,21 @@ def check_after(scene: Scene, domain: Domain, after: Any) -> None:
     """Check that a scene can follow after a solution.
 
     Raises:
-        InputError: If it is no solution, one in another dimension or of other ranks, or one with other contacts.
+        InputError: If it is no solution, one in another dimension or of other ranks, or
+            one with other contacts.
     """
     if not isinstance(after, Solution):
-        raise InputError(f"after is {checks.description(after)}; give the Solution of the last step, or None.")
+        raise InputError(
+            f"after is {checks.description(after)}; give the Solution of the last step, or None."
+        )
     if after.domain.dim != domain.dim:
-        raise InputError(f"after is a solution in {after.domain.dim}D, and the domain is in {domain.dim}D.")
+        raise InputError(
+            f"after is a solution in {after.domain.dim}D, and the domain is in {domain.dim}D."
+        )
     if MPI.Comm.Compare(after.domain.mesh.comm, domain.mesh.comm) not in (MPI.IDENT, MPI.CONGRUENT):
-        raise InputError("after is a solution of other ranks than the domain; give one of the same communicator.")
+        raise InputError(
+            "after is a solution of other ranks than the domain; give one of the same communicator."
+        )
     names, known = ({contact.facets for contact in of.contacts} for of in (scene, after.scene))
     if names != known:
         told = [", ".join(map(repr, sorted(of))) or "no contact" for of in (names, known)]
@@ -47,7 +55,8 @@ def check_after(scene: Scene, domain: Domain, after: Any) -> None:
 def last_step(solution: Solution) -> LastStep:
     """The displacement that the next step counts from; collective.
 
-    A node keeps the tangential displacement from which it was counted where the traction sticks on all its facets.
+    A node keeps the tangential displacement from which it was counted where the
+    traction sticks on all its facets.
     """
     model, d = solution.model, solution.model.d
     u = solution.u.copy()
@@ -62,7 +71,11 @@ def last_step(solution: Solution) -> LastStep:
         status = evaluate(contact.status(trial), model.mesh, model.facet_points, contact.facets)
         moves = model.function()
         own = contact.trace.here.owned
-        np.add.at(moves.x.array.reshape(-1, d), nodes[own], np.where(status[own] < STICK, 1.0, 0.0)[..., None])
+        np.add.at(
+            moves.x.array.reshape(-1, d),
+            nodes[own],
+            np.where(status[own] < STICK, 1.0, 0.0)[..., None],
+        )
         moves.x.scatter_reverse(la.InsertMode.add)
         moves.x.scatter_forward()
         stuck = moves.x.array.reshape(-1, d)[nodes] == 0.0

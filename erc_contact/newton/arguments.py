@@ -18,14 +18,18 @@ SOLVERS = ("auto", "direct", "iterative")
 """The solvers by name."""
 
 
-def check_arguments(scene: Any, domain: Any, method: Any, degree: Any, solver: Any, start: Any = None) -> None:
+def check_arguments(
+    scene: Any, domain: Any, method: Any, degree: Any, solver: Any, start: Any = None
+) -> None:
     """Check the types of the arguments of :func:`erc_contact.newton.solve.solve`.
 
     Raises:
         InputError: If an argument has another type.
     """
     if not isinstance(scene, Scene):
-        raise InputError(f"scene is {checks.description(scene)}; give a Scene: Scene(material, supports=[...], ...).")
+        raise InputError(
+            f"scene is {checks.description(scene)}; give a Scene: Scene(material, supports=[...], ...)."
+        )
     if not isinstance(domain, Domain):
         raise InputError(
             f"domain is {checks.description(domain)}; give a Domain: rectangle(...), read_mesh(...), Domain(mesh, ...)."
@@ -36,10 +40,18 @@ def check_arguments(scene: Any, domain: Any, method: Any, degree: Any, solver: A
         raise InputError(f"solver is {solver!r}; allowed are {', '.join(map(repr, SOLVERS))}.")
     missing = [] if method is None else [member for member in METHOD if not hasattr(method, member)]
     if isinstance(method, type) or "equations" in missing:
-        raise InputError(f"method is {method!r}; give an object: Nitsche(), AugmentedLagrangian(), or None.")
+        raise InputError(
+            f"method is {method!r}; give an object: Nitsche(), AugmentedLagrangian(), or None."
+        )
     if missing or not isinstance(method, Hashable):
-        wrong = f"has no {', '.join(missing)}" if missing else "is not hashable; make it a frozen dataclass"
-        raise InputError(f"method is {checks.description(method)}, which {wrong}. A method has {', '.join(METHOD)}.")
+        wrong = (
+            f"has no {', '.join(missing)}"
+            if missing
+            else "is not hashable; make it a frozen dataclass"
+        )
+        raise InputError(
+            f"method is {checks.description(method)}, which {wrong}. A method has {', '.join(METHOD)}."
+        )
     if start is not None and not isinstance(start, Solution):
         raise InputError(
             f"start is {checks.description(start)}; give a Solution, e.g. of solve() on another mesh, or None."

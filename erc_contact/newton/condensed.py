@@ -1,20 +1,23 @@
 """The contact problem condensed on the contact: residual and tangent, small and dense.
 
-The unknowns are the displacements u_A of the degrees of freedom A whose equilibrium contains contact terms. The
-contact equations depend on the displacements u_L of the cells at the contact and on the multipliers lambda. Both are
-affine functions of u_A:
+The unknowns are the displacements u_A of the degrees of freedom A whose equilibrium
+contains contact terms. The contact equations depend on the displacements u_L of the
+cells at the contact and on the multipliers lambda. Both are affine functions of u_A:
 
     z = (u_L, lambda) = Z (u_A, 1),    a lambda = K u_A - s at a contact node of area a,
 
-with K the elastic stiffness condensed on A and s the condensed loads. The problem is ``K u_A - s + e(z) = 0``, where e
-are the equations of the method; for a method with a multiplier it is ``e(z) = 0``. Its tangent is ``K + e'(z) Z``, or
-``e'(z) Z``. Newton's method for this problem has the same iterates as Newton's method for the whole body, because the
-equations away from the contact are linear and hold at every step.
+with K the elastic stiffness condensed on A and s the condensed loads. The problem is
+``K u_A - s + e(z) = 0``, where e are the equations of the method; for a method with a
+multiplier it is ``e(z) = 0``. Its tangent is ``K + e'(z) Z``, or ``e'(z) Z``. Newton's
+method for this problem has the same iterates as Newton's method for the whole body,
+because the equations away from the contact are linear and hold at every step.
 
-For degree 2, the equations of a multiplier use Bernstein coefficients of u and lambda instead of nodal values; the
-affine functions contain this change (:mod:`erc_contact.newton.multipliers`).
+For degree 2, the equations of a multiplier use Bernstein coefficients of u and lambda
+instead of nodal values; the affine functions contain this change
+(:mod:`erc_contact.newton.multipliers`).
 
-The dense matrices are on rank 0. It asks the other ranks to assemble the terms of their facets.
+The dense matrices are on rank 0. It asks the other ranks to assemble the terms of their
+facets.
 """
 
 from __future__ import annotations
@@ -47,17 +50,23 @@ class Condensed:
         w: Its glued displacement under the loads [length].
 
     Attributes:
-        forms: The equations of the method, with the share of friction that :meth:`raise_friction` sets.
-        u: Displacement, up to date in the cells at the contact only [length]; for a method with multiplier its nodal
-            values at the contact are the Bernstein coefficients.
-        multipliers: Multiplier of each contact [force/area], or () for a method without.
+        forms: The equations of the method, with the share of friction that
+            :meth:`raise_friction` sets.
+        u: Displacement, up to date in the cells at the contact only [length]; for a
+            method with multiplier its nodal values at the contact are the Bernstein
+            coefficients.
+        multipliers: Multiplier of each contact [force/area], or () for a method
+            without.
         size: Number of unknowns u_A.
-        schur: S_A, the glued stiffness condensed on A, on rank 0 [force/length], shape (A, A).
+        schur: S_A, the glued stiffness condensed on A, on rank 0 [force/length], shape
+            (A, A).
         matrix: K on rank 0 [force/length], shape (A, A).
         loads: s on rank 0 [force].
         normals: Normals of the foundation at the contact nodes of A, on rank 0 [-].
-        length: Largest component of the glued displacement and of that before the step, over all ranks [length].
-        force: Size of the forces that cancel in the residual with these displacements, on rank 0 [force].
+        length: Largest component of the glued displacement and of that before the step,
+            over all ranks [length].
+        force: Size of the forces that cancel in the residual with these displacements,
+            on rank 0 [force].
     """
 
     def __init__(self, model: Model, method: Method, stiffness: Stiffness, w: fem.Function) -> None:
@@ -72,7 +81,9 @@ class Condensed:
         self.residual_vector = model.function()
         self.tangents = [fem.create_matrix(form) for form in self.forms.tangents]
         self.w, known = stiffness.gather(w), stiffness.gather(self.u)
-        self.edges = contact_edges(model, stiffness.numbers[: self.size]) if method.multiplier else None
+        self.edges = (
+            contact_edges(model, stiffness.numbers[: self.size]) if method.multiplier else None
+        )
         held = _slip_before(model)
         largest = max(float(abs(of.x.array).max(initial=0.0)) for of in (w, held))
         self.length = max(model.comm.allgather(largest)) or 1.0
@@ -154,7 +165,8 @@ class Condensed:
             self._ask("_set", self._fields_at(u_A))
             self._at = u_A.copy()
 
-    # -- what every rank does -------------------------------------------------------------------------------
+    # -- what every rank does
+    # -------------------------------------------------------------------------------
 
     def _ask(self, what: str, *arguments: Any) -> Any:
         from_first(self.model.comm, (what, *arguments))
@@ -202,12 +214,14 @@ class Condensed:
             lift = self.edges.coefficients(lift)
         self.affine = np.hstack([lift, (known - lift @ self.w[:a])[:, None]])
 
-    # -- set up ---------------------------------------------------------------------------------------------
+    # -- set up
+    # ---------------------------------------------------------------------------------------------
 
     def _add_multipliers(self, columns: list[np.ndarray]) -> None:
         """Add the multipliers to z.
 
-        They follow from the reactions of the nodes, or are means of their neighbours where their own are redundant.
+        They follow from the reactions of the nodes, or are means of their neighbours
+        where their own are redundant.
         """
         model, d = self.model, self.model.d
         nodes_of = []
@@ -219,7 +233,9 @@ class Condensed:
             m = nodes.shape[1]
             shares = np.repeat(side.areas[own][:, None] / m, m, axis=1)
             parts = model.comm.allgather((numbers, shares))
-            every, place = np.unique(np.concatenate([p[0].ravel() for p in parts]), return_inverse=True)
+            every, place = np.unique(
+                np.concatenate([p[0].ravel() for p in parts]), return_inverse=True
+            )
             area = np.bincount(place, np.concatenate([p[1].ravel() for p in parts]))
             nodes_of.append((every, place.reshape(-1, m), area))
             visible = np.unique(side.nodes)
@@ -265,7 +281,9 @@ class Condensed:
             self.sparse = PETSc.Mat().createAIJ((a, self.field_size), comm=PETSc.COMM_SELF)
             self.sparse.setPreallocationCOO(row, col)
             columns_of = np.asfortranarray(self.affine[:, :-1])
-            self.lifted = PETSc.Mat().createDense((self.field_size, a), array=columns_of, comm=PETSc.COMM_SELF)
+            self.lifted = PETSc.Mat().createDense(
+                (self.field_size, a), array=columns_of, comm=PETSc.COMM_SELF
+            )
             self.product = PETSc.Mat().createDense((a, a), comm=PETSc.COMM_SELF)
             self.product.setUp()
 

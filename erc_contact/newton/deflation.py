@@ -1,17 +1,20 @@
 """Other solutions of a contact problem: Newton's method that is repelled by the solutions it knows, from many starts.
 
-With Coulomb friction a contact problem may have many solutions. Let R be the residual of the condensed problem and x_i
-its known solutions. Newton's method for ``M(x) R(x) = 0``, with
+With Coulomb friction a contact problem may have many solutions. Let R be the residual
+of the condensed problem and x_i its known solutions. Newton's method for ``M(x) R(x) =
+0``, with
 
     M = prod_i (1/|x - x_i|^2 + 1),
 
-does not converge to any x_i. Its step is that of Newton's method for R, times ``1/(1 - M' step/M)``. Where the tangent
-is singular, as on a branch of solutions, the step is the least one.
+does not converge to any x_i. Its step is that of Newton's method for R, times ``1/(1 -
+M' step/M)``. Where the tangent is singular, as on a branch of solutions, the step is
+the least one.
 
-The starts are the state of the contact with more and with less friction, the known state moved along the contact, and
-the states half way between two solutions.
+The starts are the state of the contact with more and with less friction, the known
+state moved along the contact, and the states half way between two solutions.
 
-Source: P. E. Farrell, A. Birkisson, S. W. Funke, SIAM J. Sci. Comput. 37 (2015), for the deflation.
+Source: P. E. Farrell, A. Birkisson, S. W. Funke, SIAM J. Sci. Comput. 37 (2015), for
+the deflation.
 """
 
 from __future__ import annotations
@@ -41,8 +44,10 @@ REACH = 10.0
 STILL = 1e-12
 """A step of less than this, over the largest displacement, is the last one [-]."""
 NEARLY = 1e-4
-"""Residual of a state that counts as a solution where Newton's method stands still, over the forces that cancel in it.
-Data that are rounded have nearly a branch of solutions. The error of the state tells how near it is [-]."""
+"""Residual of a state that counts as a solution where Newton's method stands still,
+over the forces that cancel in it. Data that are rounded have nearly a branch of
+solutions. The error of the state tells how near it is [-].
+"""
 RANK = 1e-6
 """Singular value of the scaled tangent, over the largest one, that counts as zero [-]."""
 
@@ -64,7 +69,12 @@ def other_states(stiffness: Stiffness, method: Method, u: fem.Function, most: in
     states = [stiffness.gather(field)[: problem.size] for field in (u, *_along(stiffness.model))]
     found = problem.run(lambda: _Search(problem, states[0], states[1:]).found(most))
     return [
-        Found(stiffness.expand(guess, x, force), problem.multipliers_at(x), distance, least_singular_value)
+        Found(
+            stiffness.expand(guess, x, force),
+            problem.multipliers_at(x),
+            distance,
+            least_singular_value,
+        )
         for x, force, distance, least_singular_value in found
     ]
 
@@ -100,13 +110,21 @@ class _Search:
         problem, dense = self.problem, self.dense
         for start in self._starts():
             x = self.newton(start)
-            if x is not None and all(abs(x - one).max() > DISTINCT * problem.length for one in self.known):
+            if x is not None and all(
+                abs(x - one).max() > DISTINCT * problem.length for one in self.known
+            ):
                 self.known.append(x)
                 if len(self.known) > most:
                     break
-        numbers = [(dense.distance(problem.residual(x)), dense.least_singular_value(x)) for x in self.known[1:]]
+        numbers = [
+            (dense.distance(problem.residual(x)), dense.least_singular_value(x))
+            for x in self.known[1:]
+        ]
         dense.destroy()
-        return [(x, problem.matrix @ x - problem.loads, *two) for x, two in zip(self.known[1:], numbers, strict=True)]
+        return [
+            (x, problem.matrix @ x - problem.loads, *two)
+            for x, two in zip(self.known[1:], numbers, strict=True)
+        ]
 
     def newton(self, x: np.ndarray, *, deflated: bool = True) -> np.ndarray | None:
         """The solution, or nearly one, that Newton's method comes to from x, or None."""

@@ -41,7 +41,8 @@ class Dense:
 
     Args:
         problem: The condensed problem.
-        tolerance: Newton's method may stop when :meth:`distance` is below it [sqrt(force length)]; None for round-off.
+        tolerance: Newton's method may stop when :meth:`distance` is below it
+            [sqrt(force length)]; None for round-off.
     """
 
     def __init__(self, problem: Condensed, tolerance: float | None = None) -> None:
@@ -79,8 +80,8 @@ class Dense:
     def round_off(self, x: PETSc.Vec) -> float:
         """The norm of the scaled residual that counts as round-off [-].
 
-        The forces that cancel in it are bounded: a body that nothing holds moves so far that any residual would be
-        round-off of its forces.
+        The forces that cancel in it are bounded: a body that nothing holds moves so far
+        that any residual would be round-off of its forces.
         """
         problem = self.problem
         forces = abs(problem.matrix) @ abs(self._displacement(x)) + abs(problem.loads)
@@ -99,11 +100,13 @@ class Dense:
     def distance(self, residual: np.ndarray) -> float:
         """Return the energy norm of the distance to the solution, ``sqrt(R.K^-1 R)`` [sqrt(force length)].
 
-        If r^ is the traction of the method, the rebalance of the last state adds this to the error in the constitutive
-        relation.
+        If r^ is the traction of the method, the rebalance of the last state adds this
+        to the error in the constitutive relation.
         """
         if self.elastic is None:
-            self.elastic = dense_factor(self.problem.stiffness.definite(self.problem.size), "cholesky")
+            self.elastic = dense_factor(
+                self.problem.stiffness.definite(self.problem.size), "cholesky"
+            )
         force, u = self.jacobian.createVecs()
         force.array[:] = residual
         self.elastic.solve(force, u)
@@ -112,8 +115,9 @@ class Dense:
     def least_singular_value(self, u_A: np.ndarray) -> float:
         """Estimate the least singular value of the tangent, scaled by the elastic diagonal [-]; zero if singular.
 
-        It is the lesser one of two tangents: at u_A, and at u_A pressed into the foundation by a tiny length. At points
-        that touch without pressure the equations have a kink, and the tangent under pressure may be the singular one.
+        It is the lesser one of two tangents: at u_A, and at u_A pressed into the
+        foundation by a tiny length. At points that touch without pressure the equations
+        have a kink, and the tangent under pressure may be the singular one.
         """
         pressed = u_A + PRESS * self.problem.length * self.problem.normals
         return min(self._by_inverse_iteration(u) for u in (u_A, pressed))

@@ -46,10 +46,14 @@ class Direct:
         given = self.elastic.gather(field)[: self.elastic.contact_size]
         return None if self.elastic.schur is None else given
 
-    def attempt(self, attempt: Attempt, state: Any, tolerance: float | None) -> tuple[Outcome, Any, Found | None]:
+    def attempt(
+        self, attempt: Attempt, state: Any, tolerance: float | None
+    ) -> tuple[Outcome, Any, Found | None]:
         """Make one attempt from a state; return how it ended, its last state, and what it found if that is final."""
         if attempt.method not in self._problems:
-            self._problems[attempt.method] = Condensed(self.model, attempt.method, self.elastic, self.guess)
+            self._problems[attempt.method] = Condensed(
+                self.model, attempt.method, self.elastic, self.guess
+            )
         problem = self._problems[attempt.method]
 
         def work() -> tuple[Outcome, Any, Any]:
@@ -73,7 +77,12 @@ class Direct:
         return outcome, state, None if results is None else self._found(problem, *results)
 
     def _found(
-        self, problem: Condensed, distance: float, least_singular_value: float, u_A: np.ndarray, force: np.ndarray
+        self,
+        problem: Condensed,
+        distance: float,
+        least_singular_value: float,
+        u_A: np.ndarray,
+        force: np.ndarray,
     ) -> Found:
         u = self.elastic.expand(self.guess, u_A, force)
         return Found(u, problem.multipliers_at(u_A), distance, least_singular_value)

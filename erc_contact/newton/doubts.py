@@ -1,7 +1,8 @@
 """What makes a solution doubtful though all numbers are right: each is told once, in words.
 
-The theory is that of small strains and rotations, with the gap measured on the body as it was. Numbers in other units
-than those meant, a friction in percent or degrees, a load in the wrong unit, show here, too.
+The theory is that of small strains and rotations, with the gap measured on the body as
+it was. Numbers in other units than those meant, a friction in percent or degrees, a
+load in the wrong unit, show here, too.
 """
 
 from __future__ import annotations
@@ -85,7 +86,9 @@ class DoubtsOfRun:
             return
         found = doubts(solution)
         untouched = {key: words for key, words in found.items() if key[0] == UNTOUCHED}
-        new = {key: words for key, words in found.items() if key not in self._told | untouched.keys()}
+        new = {
+            key: words for key, words in found.items() if key not in self._told | untouched.keys()
+        }
         self._told.update(new)
         tell(self.comm, new)
         before = untouched if self._untouched is None else self._untouched
@@ -106,7 +109,9 @@ def _rotated(solution: Solution) -> tuple[float, float]:
     corners = model.cell_corners()[cells]
     moved = solution.u.x.array.reshape(-1, d)[model.vertices[cells]]
     edges = corners[:, 1:] - corners[:, :1]
-    gradient = np.linalg.solve(edges, moved[:, 1:] - moved[:, :1])  # its transpose, whose skew part is as large
+    gradient = np.linalg.solve(
+        edges, moved[:, 1:] - moved[:, :1]
+    )  # its transpose, whose skew part is as large
     skew = 0.5 * (gradient - gradient.transpose(0, 2, 1))
     rotation = np.linalg.norm(skew, axis=(1, 2)) / np.sqrt(2.0)
     volume = abs(np.linalg.det(edges)) / factorial(d)

@@ -2,9 +2,10 @@
 
 This is enough, because the rest of the body follows in elastic equilibrium.
 
-From a solution on another mesh, every contact node takes the interpolant on the nearest old contact facet. On a refined
-mesh this is its parent facet, where the interpolant is exact; on another mesh of the same body it is a near facet. No
-search tree of the cells is needed.
+From a solution on another mesh, every contact node takes the interpolant on the nearest
+old contact facet. On a refined mesh this is its parent facet, where the interpolant is
+exact; on another mesh of the same body it is a near facet. No search tree of the cells
+is needed.
 """
 
 from __future__ import annotations

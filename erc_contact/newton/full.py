@@ -4,11 +4,12 @@ With S the identity, for a method with multiplier without the rows of A, the pro
 
     R(u) = S (K u - b) + e(C u, lambda(K u - b)) = 0.
 
-Here e are the equations of the method and A the free degrees of freedom of the contact nodes. C turns nodal values of
-degree 2 at the contact into Bernstein coefficients. The reactions ``K u - b`` of the contact nodes give the multipliers
-lambda (:mod:`erc_contact.newton.reactions`). Newton's iterates are those of the condensed problem
-(:mod:`erc_contact.newton.condensed`), up to the tolerance of the linear solver. The tangent and its preconditioner are
-in :mod:`erc_contact.newton.tangent`.
+Here e are the equations of the method and A the free degrees of freedom of the contact
+nodes. C turns nodal values of degree 2 at the contact into Bernstein coefficients. The
+reactions ``K u - b`` of the contact nodes give the multipliers lambda
+(:mod:`erc_contact.newton.reactions`). Newton's iterates are those of the condensed
+problem (:mod:`erc_contact.newton.condensed`), up to the tolerance of the linear solver.
+The tangent and its preconditioner are in :mod:`erc_contact.newton.tangent`.
 """
 
 from __future__ import annotations
@@ -38,7 +39,9 @@ FAR = 1e-8
 FORCING = 0.03
 """Tolerance of the first linear solves, which Eisenstat and Walker's rule lowers [-].
 
-With 0.1 there are a tenth fewer cycles, but high friction may lead to another solution than exact steps."""
+With 0.1 there are a tenth fewer cycles, but high friction may lead to another solution
+than exact steps.
+"""
 PRESS = 1e-5
 """How far a state is pressed into the foundation for another tangent, over the size of the displacement [-]."""
 ROUGH = 0.1
@@ -58,7 +61,13 @@ class FullSpace:
     """
 
     def __init__(
-        self, model: Model, method: Method, elastic: Multigrid, loads: PETSc.Vec, length: float, force: float
+        self,
+        model: Model,
+        method: Method,
+        elastic: Multigrid,
+        loads: PETSc.Vec,
+        length: float,
+        force: float,
     ) -> None:
         self.model, self.method, self.elastic, self.loads = model, method, elastic, loads
         self.length, self.force = length, force
@@ -66,12 +75,17 @@ class FullSpace:
         self._equations = model.function()
         self._fixed = model.fixed.ravel()[: elastic.owned]
         self._reactions = Reactions(model) if method.multiplier else None
-        self._rows = ~self._fixed if self._reactions is None else self._reactions.free.ravel()[: elastic.owned]
+        self._rows = (
+            ~self._fixed
+            if self._reactions is None
+            else self._reactions.free.ravel()[: elastic.owned]
+        )
         self._tangent = Tangent(self.forms, elastic, self._reactions, length, force)
         self._rest = self.vector()
         self._at: PETSc.Vec | None = None
 
-    # -- as SNES needs it -----------------------------------------------------------------------------------
+    # -- as SNES needs it
+    # -----------------------------------------------------------------------------------
 
     def vector(self) -> PETSc.Vec:
         """A new vector of unknowns ``u / length``."""
@@ -101,7 +115,8 @@ class FullSpace:
     def round_off(self, x: PETSc.Vec) -> float:
         """The norm of the scaled residual that counts as solved [-].
 
-        It is bounded: a body that nothing holds moves so far that any residual would be round-off of its forces.
+        It is bounded: a body that nothing holds moves so far that any residual would be
+        round-off of its forces.
         """
         diagonal = self.elastic.matrix.getDiagonal()
         diagonal.pointwiseMult(diagonal, x)
@@ -113,8 +128,9 @@ class FullSpace:
     def accurate(self, x: PETSc.Vec, tolerance: float) -> bool:
         """Whether the energy norm of the distance to the solution is below a tolerance [sqrt(force length)].
 
-        The estimate by one cycle is too small where the contact is closed. If it is below the tolerance, a rough solve
-        without the contact decides, where a weak glue holds a loose body.
+        The estimate by one cycle is too small where the contact is closed. If it is
+        below the tolerance, a rough solve without the contact decides, where a weak
+        glue holds a loose body.
         """
         if self.distance(x) > tolerance:
             return False
@@ -146,9 +162,10 @@ class FullSpace:
     def least_singular_value(self, x: PETSc.Vec) -> float:
         """Estimate the least singular value of the tangent, scaled by the elastic diagonal [-]; zero if singular.
 
-        It is one without friction, where solutions are unique as far as the body is held. Otherwise it is the lesser
-        one of two tangents: at x, and, if this changes the contact status, at x pressed into the foundation by a tiny
-        length. At points that touch without pressure the equations have a kink.
+        It is one without friction, where solutions are unique as far as the body is
+        held. Otherwise it is the lesser one of two tangents: at x, and, if this changes
+        the contact status, at x pressed into the foundation by a tiny length. At points
+        that touch without pressure the equations have a kink.
         """
         if all(contact.friction is None for contact in self.model.contacts):
             return 1.0
@@ -171,7 +188,9 @@ class FullSpace:
         self._set(x)
         found, comm = self.forms.status(), self.model.comm
         key = b"".join(comm.allgather(sha256(found.tobytes()).digest()))
-        open_, slip, stick = (int(n) for n in comm.allreduce(np.bincount(found, minlength=3), MPI.SUM))
+        open_, slip, stick = (
+            int(n) for n in comm.allreduce(np.bincount(found, minlength=3), MPI.SUM)
+        )
         return key, (open_, slip, stick)
 
     def _renewed(self, _: Any, x: PETSc.Vec, *__: PETSc.Mat) -> None:
@@ -180,7 +199,8 @@ class FullSpace:
         self._tangent.assemble()
         self._tangent.renew()
 
-    # -- states ---------------------------------------------------------------------------------------------
+    # -- states
+    # ---------------------------------------------------------------------------------------------
 
     def raise_friction(self, share: float) -> None:
         """Set the share of friction."""
@@ -208,7 +228,9 @@ class FullSpace:
             model.to_coefficients(u.array.reshape(shape), model.contacts)
             force = np.zeros(shape)
             force.ravel()[: len(self._rows)] = rest.array_r
-            for multiplier, values in zip(self.forms.multipliers, self._reactions.multipliers(force), strict=True):
+            for multiplier, values in zip(
+                self.forms.multipliers, self._reactions.multipliers(force), strict=True
+            ):
                 multiplier.x.array[:] = values.ravel()
         if self._at is None:
             self._at = x.copy()

@@ -26,7 +26,8 @@ class Iterative:
 
     Attributes:
         elastic: Its elastic equations.
-        guess: The displacement with the contact glued, where a gap is closed [length]; without contact the solution.
+        guess: The displacement with the contact glued, where a gap is closed [length];
+            without contact the solution.
     """
 
     nodal_first: ClassVar[bool] = False

@@ -1,7 +1,8 @@
 """The ladder of attempts of a contact solve, cheapest first: where Newton's method starts, and for which method.
 
-A start is a displacement of the contact nodes. "glued" is the solution with the contact glued, "warm" a solution on
-another mesh, "nodal" a solution of the augmented Lagrangian, and "stiffer" one of the same method with a larger gamma.
+A start is a displacement of the contact nodes. "glued" is the solution with the contact
+glued, "warm" a solution on another mesh, "nodal" a solution of the augmented
+Lagrangian, and "stiffer" one of the same method with a larger gamma.
 """
 
 from __future__ import annotations
@@ -20,8 +21,10 @@ NODAL = AugmentedLagrangian(gamma=1.0)
 OTHERS = tuple(AugmentedLagrangian(gamma) for gamma in (0.1, 10.0, 1000.0))
 """The same method with other parameters, which do not change its solution; tried where Newton's method fails."""
 STIFFER = (100.0, 30.0, 10.0, 5.0, 3.0, 2.0, 1.4)
-"""Factors of Nitsche's gamma for a sequence of problems that starts from the augmented Lagrangian, the limit of a large
-gamma. The solutions of two near gammas are near each other."""
+"""Factors of Nitsche's gamma for a sequence of problems that starts from the augmented
+Lagrangian, the limit of a large gamma. The solutions of two near gammas are near each
+other.
+"""
 
 
 @dataclass(frozen=True)
@@ -32,8 +35,10 @@ class Attempt:
         method: The contact method.
         start: Name of the start.
         line_search: Name of PETSc's line search.
-        friction_shares: Shares of the friction bound that are solved for one after the other [-].
-        final: Whether its solution is that of the scene; otherwise it is the start of another attempt.
+        friction_shares: Shares of the friction bound that are solved for one after the
+            other [-].
+        final: Whether its solution is that of the scene; otherwise it is the start of
+            another attempt.
     """
 
     method: Method
@@ -48,7 +53,11 @@ class Attempt:
         return "nodal" if self.method.multiplier else "stiffer"
 
     def __str__(self) -> str:
-        steps = f", friction in {len(self.friction_shares)} steps" if len(self.friction_shares) > 1 else ""
+        steps = (
+            f", friction in {len(self.friction_shares)} steps"
+            if len(self.friction_shares) > 1
+            else ""
+        )
         return f"{self.start} start, {self.method}, {self.line_search}{steps}"
 
 
@@ -57,16 +66,18 @@ def attempts(
 ) -> Iterator[Attempt]:
     """The attempts, cheapest first. The caller skips those whose start is not known.
 
-    Without a gap the problem is positively homogeneous, so steps of the load would all be the same problem. Friction
-    is raised in steps instead.
+    Without a gap the problem is positively homogeneous, so steps of the load would all
+    be the same problem. Friction is raised in steps instead.
 
     Args:
         method: The method whose solution is wanted.
-        known: Names of the starts that are known; the caller adds to them between two attempts.
+        known: Names of the starts that are known; the caller adds to them between two
+            attempts.
         friction: Whether the scene has friction.
         fallback: Whether a solution of the augmented Lagrangian is accepted instead.
-        nodal_first: Whether another method starts from the solution of the augmented Lagrangian where no solution on
-            another mesh is known. This takes less steps at the end, and more in all: it pays where steps cost little.
+        nodal_first: Whether another method starts from the solution of the augmented
+            Lagrangian where no solution on another mesh is known. This takes less steps
+                at the end, and more in all: it pays where steps cost little.
     """
     nodal = method if method.multiplier else NODAL
     itself = nodal == method

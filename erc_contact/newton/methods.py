@@ -1,12 +1,14 @@
 """Contact methods: a contact and a displacement -> UFL equations and a contact traction.
 
-A method is two things, its equations and its traction; every later stage reads only the traction. The equations are
-what one contact adds to elasticity ``a(u, v) - f(v) - F(v)``, which is the same for all methods.
+A method is two things, its equations and its traction; every later stage reads only the
+traction. The equations are what one contact adds to elasticity ``a(u, v) - f(v) -
+F(v)``, which is the same for all methods.
 
-Symbols: u displacement, v test function, lambda multiplier [force/area], q its test function, n normal of the
-foundation, g gap, s tangential displacement at the end of the last step of a history, which is zero without history,
-r contact traction on the body, P the projection of the law, gamma = gamma_0 E k^2/h
-[force/volume] with h = d |cell|/|facet| the height of the cell over its facet and k the degree.
+Symbols: u displacement, v test function, lambda multiplier [force/area], q its test
+function, n normal of the foundation, g gap, s tangential displacement at the end of the
+last step of a history, which is zero without history, r contact traction on the body, P
+the projection of the law, gamma = gamma_0 E k^2/h [force/volume] with h = d
+|cell|/|facet| the height of the cell over its facet and k the degree.
 """
 
 from __future__ import annotations
@@ -29,25 +31,30 @@ GAMMA = "> 0 (dimensionless; 1 to 100 is usual)"
 class Method(Protocol):
     """A contact method.
 
-    An object of it must be hashable, as one of a frozen dataclass is: the solver keeps the compiled forms of each
-    method. Messages show its ``repr``. Without a multiplier Newton starts from the solution of the
-    :class:`AugmentedLagrangian`.
+    An object of it must be hashable, as one of a frozen dataclass is: the solver keeps
+    the compiled forms of each method. Messages show its ``repr``. Without a multiplier
+    Newton starts from the solution of the :class:`AugmentedLagrangian`.
 
-    Of a model it may use ``stress(u)`` [force/area], the outward normal ``n`` of the body, ``modulus`` [force/area],
-    ``stiffness_per_area(gamma)`` [force/volume], the quadrature degree ``contact_degree``, the quadrature at nodes
-    ``nodal_rule``, and ``at_nodes(contact)``, the contact with its data at the nodes, for a multiplier; of a contact
-    ``ds``, ``normal`` (of the foundation), ``gap`` [length], None where it is zero, ``jump(u)``, the displacement
-    that the law is about, in a history since the last step, and ``project(z)``, the traction that the law allows for a
-    trial traction z. Write a parameter as ``fem.Constant(model.mesh, value)``: a plain number is compiled into the
-    forms. A script that imports ``dolfinx`` begins with ``from mpi4py import MPI``.
+    Of a model it may use ``stress(u)`` [force/area], the outward normal ``n`` of the
+    body, ``modulus`` [force/area], ``stiffness_per_area(gamma)`` [force/volume], the
+    quadrature degree ``contact_degree``, the quadrature at nodes ``nodal_rule``, and
+    ``at_nodes(contact)``, the contact with its data at the nodes, for a multiplier; of
+    a contact ``ds``, ``normal`` (of the foundation), ``gap`` [length], None where it is
+    zero, ``jump(u)``, the displacement that the law is about, in a history since the
+    last step, and ``project(z)``, the traction that the law allows for a trial traction
+    z. Write a parameter as ``fem.Constant(model.mesh, value)``: a plain number is
+    compiled into the forms. A script that imports ``dolfinx`` begins with ``from mpi4py
+    import MPI``.
 
     Example: ``demos/extend/method.py``.
 
     Attributes:
-        multiplier: Whether it has a multiplier, a traction at the nodes of the contact. Its equations then replace
-            the equilibrium of these nodes, which gives the multiplier.
-        in_layer: Whether its equations test the stress, hence all nodes of the cells at the contact. Without it what
-            the equations have at nodes off the contact is left out, and nothing warns of it.
+        multiplier: Whether it has a multiplier, a traction at the nodes of the contact.
+            Its equations then replace the equilibrium of these nodes, which gives the
+            multiplier.
+        in_layer: Whether its equations test the stress, hence all nodes of the cells at
+            the contact. Without it what the equations have at nodes off the contact is
+            left out, and nothing warns of it.
     """
 
     @property
@@ -56,16 +63,20 @@ class Method(Protocol):
     @property
     def in_layer(self) -> bool: ...  # noqa: D102
 
-    def equations(self, model: Model, contact: BoundContact, u: Any, v: Any, multiplier: Any = None) -> Any:
+    def equations(
+        self, model: Model, contact: BoundContact, u: Any, v: Any, multiplier: Any = None
+    ) -> Any:
         """What the contact adds to the residual ``a(u, v) - f(v) - F(v)`` [force], a UFL form linear in v.
 
-        Without a multiplier that is minus the work of its traction, ``- int r . v``, and what the method adds to it.
-        With one it is the equation of the multiplier at each node.
+        Without a multiplier that is minus the work of its traction, ``- int r . v``,
+        and what the method adds to it. With one it is the equation of the multiplier at
+        each node.
 
         Args:
             model: The scene on a mesh.
             contact: One of its contacts.
-            u: Displacement [length]; with a multiplier its nodal values are the Bernstein coefficients.
+            u: Displacement [length]; with a multiplier its nodal values are the
+                Bernstein coefficients.
             v: Test function of the displacement, or of the multiplier.
             multiplier: The multiplier [force/area], or None without.
         """
@@ -76,7 +87,8 @@ class Method(Protocol):
     def projected(self, model: Model, contact: BoundContact, u: Any, multiplier: Any = None) -> Any:
         """The projection that the equations use [force/area], UFL, shape (d,): it shows open, slip and stick.
 
-        It is a result of ``contact.project``; without a multiplier it is mostly the traction.
+        It is a result of ``contact.project``; without a multiplier it is mostly the
+        traction.
         """
 
 
@@ -91,15 +103,17 @@ class Nitsche:
     """Nitsche's method for contact with friction; it has no unknowns beside the displacement.
 
     Args:
-        theta: 0 (simplest, default), 1 (symmetric without friction) or -1 (skew; converges for any gamma).
+        theta: 0 (simplest, default), 1 (symmetric without friction) or -1 (skew;
+            converges for any gamma).
         gamma: Dimensionless parameter gamma_0 > 0.
 
     Raises:
         InputError: If theta is not in {0, 1, -1} or gamma is not positive.
 
-    Source: Chouly, Hild, Renard, "Symmetric and non-symmetric variants of Nitsche's method for contact problems in
-    elasticity", Math. Comp. 84 (2015); with Coulomb friction: Chouly et al., "An overview of recent results
-    on Nitsche's method for contact problems" (2017).
+    Source: Chouly, Hild, Renard, "Symmetric and non-symmetric variants of Nitsche's
+    method for contact problems in elasticity", Math. Comp. 84 (2015); with Coulomb
+    friction: Chouly et al., "An overview of recent results on Nitsche's method for
+    contact problems" (2017).
     """
 
     theta: int = 0
@@ -116,7 +130,9 @@ class Nitsche:
         """Whether the stress is tested, too."""
         return self.theta != 0
 
-    def equations(self, model: Model, contact: BoundContact, u: Any, v: Any, multiplier: Any = None) -> Any:
+    def equations(
+        self, model: Model, contact: BoundContact, u: Any, v: Any, multiplier: Any = None
+    ) -> Any:
         """``- int_C r(u).v - theta int_C (sigma(u)n - r(u))/gamma . sigma(v)n``, a UFL form linear in v.
 
         Args:
@@ -132,12 +148,19 @@ class Nitsche:
         if self.theta:
             theta = compiled.constant(model.mesh, float(self.theta))
             difference = ufl.dot(model.stress(u), model.n) - r
-            residual -= theta / self._gamma(model) * ufl.inner(difference, ufl.dot(model.stress(v), model.n)) * ds
+            residual -= (
+                theta
+                / self._gamma(model)
+                * ufl.inner(difference, ufl.dot(model.stress(v), model.n))
+                * ds
+            )
         return residual
 
     def traction(self, model: Model, contact: BoundContact, u: Any, multiplier: Any = None) -> Any:
         """The contact traction ``r(u) = P(sigma(u)n - gamma (u - s - g n))`` [force/area], UFL, shape (d,)."""
-        return contact.project(ufl.dot(model.stress(u), model.n) - self._gamma(model) * _beyond(contact, u))
+        return contact.project(
+            ufl.dot(model.stress(u), model.n) - self._gamma(model) * _beyond(contact, u)
+        )
 
     projected = traction
 
@@ -149,24 +172,29 @@ class Nitsche:
 class AugmentedLagrangian:
     """Augmented Lagrangian: a multiplier at the nodes of the contact, and the projection of Alart and Curnier.
 
-    The multiplier lives in the trace of the displacement's space on the contact facets: the space that elements on a
-    submesh of these facets give, without a second mesh. Its equations hold at each node, between the Bernstein
-    coefficients of u, s, g and lambda (for degree 1 their nodal values); lambda there is the force on the coefficient
-    of u over its share of the area. So at the solution u does not penetrate at any point, friction holds for the force
-    on every Bernstein polynomial, and no weight of a node is zero or negative, as nodal quadrature of degree 2 has it
-    on triangles. (This smooths its traction of degree 2: on a smooth contact e is 1.05 to 1.2 times the true error of
-    u^, where that of Nitsche's is 1.01 to 1.07. The traction that does the work of the forces was better there, and
-    twice as bad where friction begins: it overshoots.) A component that a support fixes at a contact node, and a node
-    that an earlier contact has already, take the multiplier from their neighbours: their own would be redundant.
+    The multiplier lives in the trace of the displacement's space on the contact facets:
+    the space that elements on a submesh of these facets give, without a second mesh.
+    Its equations hold at each node, between the Bernstein coefficients of u, s, g and
+    lambda (for degree 1 their nodal values); lambda there is the force on the
+    coefficient of u over its share of the area. So at the solution u does not penetrate
+    at any point, friction holds for the force on every Bernstein polynomial, and no
+    weight of a node is zero or negative, as nodal quadrature of degree 2 has it on
+    triangles. (This smooths its traction of degree 2: on a smooth contact e is 1.05 to
+    1.2 times the true error of u^, where that of Nitsche's is 1.01 to 1.07. The
+    traction that does the work of the forces was better there, and twice as bad where
+    friction begins: it overshoots.) A component that a support fixes at a contact node,
+    and a node that an earlier contact has already, take the multiplier from their
+    neighbours: their own would be redundant.
 
     Args:
-        gamma: Dimensionless augmentation parameter gamma_0 > 0; it changes the way of Newton, not the solution.
+        gamma: Dimensionless augmentation parameter gamma_0 > 0; it changes the way of
+            Newton, not the solution.
 
     Raises:
         InputError: If gamma is not positive.
 
-    Source: Alart, Curnier, "A mixed formulation for frictional contact problems prone to Newton like solution
-    methods", Comput. Methods Appl. Mech. Engrg. 92 (1991).
+    Source: Alart, Curnier, "A mixed formulation for frictional contact problems prone
+    to Newton like solution methods", Comput. Methods Appl. Mech. Engrg. 92 (1991).
     """
 
     gamma: float = 1.0
@@ -176,19 +204,22 @@ class AugmentedLagrangian:
     def __post_init__(self) -> None:
         checks.positive("AugmentedLagrangian: gamma", self.gamma, GAMMA)
 
-    def equations(self, model: Model, contact: BoundContact, u: Any, v: Any, multiplier: Any = None) -> Any:
+    def equations(
+        self, model: Model, contact: BoundContact, u: Any, v: Any, multiplier: Any = None
+    ) -> Any:
         """``int_C (lambda - P(lambda - gamma (u - s - g n))).q`` by quadrature at the nodes, a UFL form linear in q.
 
         Args:
             model: The scene on a mesh.
             contact: One of its contacts.
-            u: Function whose nodal values are the Bernstein coefficients of the displacement [length].
+            u: Function whose nodal values are the Bernstein coefficients of the
+                displacement [length].
             v: Test function q of the multiplier.
             multiplier: The same for lambda [force/area].
         """
-        return ufl.inner(multiplier - self.projected(model, contact, u, multiplier), v) * contact.ds(
-            metadata=model.nodal_rule
-        )
+        return ufl.inner(
+            multiplier - self.projected(model, contact, u, multiplier), v
+        ) * contact.ds(metadata=model.nodal_rule)
 
     def traction(self, model: Model, contact: BoundContact, u: Any, multiplier: Any = None) -> Any:
         """The contact traction, the multiplier [force/area], UFL, shape (d,)."""
@@ -196,7 +227,9 @@ class AugmentedLagrangian:
 
     def projected(self, model: Model, contact: BoundContact, u: Any, multiplier: Any = None) -> Any:
         """``P(lambda - gamma (u - s - g n))`` [force/area] at the nodes, UFL, shape (d,)."""
-        gamma = model.stiffness_per_area(compiled.constant(model.mesh, float(self.gamma)), model.cell_modulus)
+        gamma = model.stiffness_per_area(
+            compiled.constant(model.mesh, float(self.gamma)), model.cell_modulus
+        )
         nodal = model.at_nodes(contact)
         return nodal.project(multiplier - gamma * _beyond(nodal, u))
 

@@ -1,10 +1,12 @@
 """The multipliers of a condensed contact problem as affine functions of its unknowns u_A.
 
-For degree 2, the equations of a multiplier use Bernstein coefficients of u and lambda instead of nodal values. With
-``c_e = 2 u_e - (u_a + u_b)/2`` for the edge e between the vertices a and b, the force on c_e is half of the force on
-u_e, and a quarter of the force on u_e is added to the force at each end.
+For degree 2, the equations of a multiplier use Bernstein coefficients of u and lambda
+instead of nodal values. With ``c_e = 2 u_e - (u_a + u_b)/2`` for the edge e between the
+vertices a and b, the force on c_e is half of the force on u_e, and a quarter of the
+force on u_e is added to the force at each end.
 
-Symbols: A, u_A, L and lambda as in :mod:`erc_contact.newton.condensed`, a area of a node, d dimension.
+Symbols: A, u_A, L and lambda as in :mod:`erc_contact.newton.condensed`, a area of a
+node, d dimension.
 """
 
 from __future__ import annotations
@@ -37,7 +39,8 @@ class Edges:
 
     Attributes:
         edge: Their places in A, shape (e,).
-        of_end: Place of an edge for each pair of an edge and an end of it that is in A, too, shape (p,).
+        of_end: Place of an edge for each pair of an edge and an end of it that is in A,
+            too, shape (p,).
         end: Place of this end, shape (p,).
     """
 
@@ -81,12 +84,14 @@ def multiplier_rows(
 ) -> list[np.ndarray]:
     """The multipliers of all contacts as affine functions of u_A, computed from the last contact to the first.
 
-    The multiplier of a node belongs to the first contact that has the node. There ``a lambda`` is the reaction less the
-    multipliers of later contacts. At the nodes of earlier contacts, and for components that a support fixes, the
-    multiplier is the mean of its neighbours in the contact.
+    The multiplier of a node belongs to the first contact that has the node. There ``a
+    lambda`` is the reaction less the multipliers of later contacts. At the nodes of
+    earlier contacts, and for components that a support fixes, the multiplier is the
+    mean of its neighbours in the contact.
 
     Args:
-        contacts: For each contact its nodes (n,), its facets as places in them (f, m), and the areas of nodes (n,).
+        contacts: For each contact its nodes (n,), its facets as places in them (f, m),
+            and the areas of nodes (n,).
         places: Where the components of nodes are in A.
         reaction: Reactions at A as affine functions of u_A, shape (A, A+1).
 
@@ -97,7 +102,11 @@ def multiplier_rows(
     for k in reversed(range(len(contacts))):
         nodes, facets, area = contacts[k]
         at = places.of(nodes)
-        earlier = np.isin(nodes, np.concatenate([c[0] for c in contacts[:k]])) if k else np.zeros(len(nodes), bool)
+        earlier = (
+            np.isin(nodes, np.concatenate([c[0] for c in contacts[:k]]))
+            if k
+            else np.zeros(len(nodes), bool)
+        )
         active = (at >= 0) & ~earlier[:, None]
         rows = np.zeros((*at.shape, reaction.shape[1]))
         rows[active] = reaction[at[active]]
@@ -115,12 +124,15 @@ def _set_to_means(rows: np.ndarray, active: np.ndarray, facets: np.ndarray) -> N
     """Set the components of nodes that are not active to the means of those of their active neighbours, in place.
 
     Args:
-        rows: Affine functions of the components of nodes, zero where they are not active, shape (n, d, A+1).
+        rows: Affine functions of the components of nodes, zero where they are not
+            active, shape (n, d, A+1).
         active: Shape (n, d).
         facets: Nodes of the facets, which are neighbours of each other, shape (f, m).
     """
     m = range(facets.shape[1])
-    i, j = (facets[:, p].ravel() for p in zip(*[(p, q) for p in m for q in m if p != q], strict=True))
+    i, j = (
+        facets[:, p].ravel() for p in zip(*[(p, q) for p in m for q in m if p != q], strict=True)
+    )
     neighbours = np.unique(np.column_stack([i, j]), axis=0)
     pair, component = np.nonzero(~active[neighbours[:, 0]] & active[neighbours[:, 1]])
     target = neighbours[pair, 0], component

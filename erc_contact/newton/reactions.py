@@ -1,13 +1,16 @@
 """The multipliers of a contact problem from the reactions of its nodes, on each rank for its own nodes.
 
-The reaction is what the elastic equations leave at the nodes of the contact. For degree 2, the equations of a
-multiplier use Bernstein coefficients of u and lambda instead of nodal values. With ``c_e = 2 u_e - (u_a + u_b)/2`` for
-the edge e between the vertices a and b, the force on c_e is half of the force on u_e, and a quarter of the force on
-u_e is added to the force at each end.
+The reaction is what the elastic equations leave at the nodes of the contact. For degree
+2, the equations of a multiplier use Bernstein coefficients of u and lambda instead of
+nodal values. With ``c_e = 2 u_e - (u_a + u_b)/2`` for the edge e between the vertices a
+and b, the force on c_e is half of the force on u_e, and a quarter of the force on u_e
+is added to the force at each end.
 
-It is the same map as in :mod:`erc_contact.newton.multipliers`, which is for dense matrices on one rank.
+It is the same map as in :mod:`erc_contact.newton.multipliers`, which is for dense
+matrices on one rank.
 
-Symbols: A free degrees of freedom of the contact nodes, a area of a node, d dimension, m nodes of a facet.
+Symbols: A free degrees of freedom of the contact nodes, a area of a node, d dimension,
+m nodes of a facet.
 """
 
 from __future__ import annotations
@@ -29,8 +32,10 @@ class Reactions:
         model: The scene on a mesh.
 
     Attributes:
-        free: Which degrees of freedom of this rank, ghosts included, are in A, shape (nodes, d).
-        area: Area of the nodes in the contact that their multiplier belongs to [length^(d-1)], elsewhere 1, (nodes,).
+        free: Which degrees of freedom of this rank, ghosts included, are in A, shape
+            (nodes, d).
+        area: Area of the nodes in the contact that their multiplier belongs to
+            [length^(d-1)], elsewhere 1, (nodes,).
     """
 
     def __init__(self, model: Model) -> None:
@@ -49,12 +54,14 @@ class Reactions:
     def multipliers(self, force: np.ndarray) -> list[np.ndarray]:
         """The multipliers of all contacts [force/area], shape (nodes, d) each, Bernstein coefficients.
 
-        The multiplier of a node belongs to the first contact that has the node. There ``a lambda`` is the force less
-        the multipliers of later contacts. At the nodes of earlier contacts, and for components that a support fixes,
-        it is the mean of its neighbours in the contact.
+        The multiplier of a node belongs to the first contact that has the node. There
+        ``a lambda`` is the force less the multipliers of later contacts. At the nodes
+        of earlier contacts, and for components that a support fixes, it is the mean of
+        its neighbours in the contact.
 
         Args:
-            force: Forces at the nodes [force], right on their owners, shape (nodes, d); those not in A are not used.
+            force: Forces at the nodes [force], right on their owners, shape (nodes, d);
+                those not in A are not used.
         """
         force = np.where(self.free, force, 0.0)
         if self._edges is not None:
@@ -113,10 +120,13 @@ class _Part:
     Attributes:
         nodes: Which nodes it has, shape (nodes,).
         area: Area of its nodes [length^(d-1)], elsewhere 1, shape (nodes,).
-        active: Components that no support fixes, at nodes of no earlier contact, shape (nodes, d).
+        active: Components that no support fixes, at nodes of no earlier contact, shape
+            (nodes, d).
     """
 
-    def __init__(self, model: Model, contact: BoundContact, taken: np.ndarray, add_up: _Sums) -> None:
+    def __init__(
+        self, model: Model, contact: BoundContact, taken: np.ndarray, add_up: _Sums
+    ) -> None:
         self._add_up = add_up
         side = contact.trace.here
         facets = side.nodes[side.owned]
@@ -152,7 +162,10 @@ class _Part:
 
 def _pairs(model: Model, facets: np.ndarray, passive: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Pairs of neighbours on facets (f, m) whose first node is passive; each pair is on one rank; collective."""
-    i, j = (facets[:, list(p)].ravel() for p in zip(*permutations(range(facets.shape[1]), 2), strict=True))
+    i, j = (
+        facets[:, list(p)].ravel()
+        for p in zip(*permutations(range(facets.shape[1]), 2), strict=True)
+    )
     i, j = i[passive[i]], j[passive[i]]
     mine = model.global_numbers(np.column_stack([i, j]))
     parts = model.comm.allgather(mine)
@@ -170,7 +183,8 @@ class _Edges:
 
     Attributes:
         inside: Which nodes are on an edge, shape (nodes,).
-        edge: Edge of each pair of an edge and its end, from the facets of this rank, shape (p,).
+        edge: Edge of each pair of an edge and its end, from the facets of this rank,
+            shape (p,).
         end: The end, shape (p,).
         share: One over the number of facets with the edge, shape (p, 1).
     """

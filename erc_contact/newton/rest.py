@@ -1,6 +1,7 @@
 """Bodies at rest: nothing loads or moves them, so a motion without strain and without contact forces is exact.
 
-Newton's method finds round-off there, and what is measured of it later is round-off over round-off.
+Newton's method finds round-off there, and what is measured of it later is round-off
+over round-off.
 """
 
 from __future__ import annotations
@@ -24,8 +25,9 @@ PARALLEL = 1e-12
 def displacement_at_rest(model: Model, loads: fem.Function) -> fem.Function | None:
     """Return the displacement of a body at rest, None if it is not known to be at rest; collective.
 
-    A body that has not slid yet has u = 0. One that has slid on a plane stays where it is when it is released: all of
-    it moves by the mean of its slip. That is known where no support and no second plane can press it.
+    A body that has not slid yet has u = 0. One that has slid on a plane stays where it
+    is when it is released: all of it moves by the mean of its slip. That is known where
+    no support and no second plane can press it.
 
     Args:
         model: The scene on a mesh.

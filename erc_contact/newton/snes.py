@@ -1,7 +1,8 @@
 """Newton's method for a contact problem: PETSc's SNES, in scaled variables.
 
-Displacements are divided by their size and forces by the size of those that cancel. Otherwise the bisection line
-search, which has absolute tolerances, would depend on the units.
+Displacements are divided by their size and forces by the size of those that cancel.
+Otherwise the bisection line search, which has absolute tolerances, would depend on the
+units.
 """
 
 from __future__ import annotations
@@ -33,7 +34,8 @@ class Outcome:
         converged: Whether it ended at a solution.
         reason: Why it ended.
         steps: Number of Newton steps.
-        residual: Norm of the residual as a fraction of the forces that cancel in it [-].
+        residual: Norm of the residual as a fraction of the forces that cancel in it
+            [-].
         status: Numbers of open, slipping and sticking points of the contact.
     """
 
@@ -60,8 +62,10 @@ class Found:
 
     Attributes:
         u: Displacement [length].
-        multipliers: Multiplier of each contact [force/area], nodal values, or () for a method without.
-        distance: Energy norm of the distance to the solution of the discrete problem [sqrt(force length)].
+        multipliers: Multiplier of each contact [force/area], nodal values, or () for a
+            method without.
+        distance: Energy norm of the distance to the solution of the discrete problem
+            [sqrt(force length)].
         least_singular_value: Least singular value of the tangents at the solution [-].
     """
 
@@ -93,14 +97,17 @@ class Equations(Protocol):
         """A key of the contact status of all points, and the numbers of open, slipping and sticking points."""
 
 
-def attempt(problem: Equations, x: PETSc.Vec, line_search: str, tolerance: float | None = None) -> Outcome:
+def attempt(
+    problem: Equations, x: PETSc.Vec, line_search: str, tolerance: float | None = None
+) -> Outcome:
     """Make one attempt from x, which becomes the last state, in place.
 
     Args:
         problem: The contact problem.
         x: Where Newton's method starts.
         line_search: Name of PETSc's line search.
-        tolerance: It may stop when :meth:`Equations.accurate` holds for it [sqrt(force length)]; None for round-off.
+        tolerance: It may stop when :meth:`Equations.accurate` holds for it [sqrt(force
+            length)]; None for round-off.
     """
     snes = PETSc.SNES().create(x.comm)
     snes.setOptionsPrefix(PREFIX)
@@ -132,7 +139,8 @@ def attempt(problem: Equations, x: PETSc.Vec, line_search: str, tolerance: float
 class _StoppingTest:
     """Convergence test of one attempt, for SNES.
 
-    An attempt converges at round-off or when it is accurate enough. It diverges when the contact status repeats itself.
+    An attempt converges at round-off or when it is accurate enough. It diverges when
+    the contact status repeats itself.
 
     Attributes:
         reason: Why it ended, or "" if PETSc's reason says it.
@@ -140,9 +148,13 @@ class _StoppingTest:
 
     def __init__(self, problem: Equations, tolerance: float | None) -> None:
         self.problem, self.tolerance, self.reason = problem, tolerance, ""
-        self._before: dict[bytes, tuple[int, float]] = {}  # last step and least residual of each status
+        self._before: dict[
+            bytes, tuple[int, float]
+        ] = {}  # last step and least residual of each status
 
-    def __call__(self, snes: PETSc.SNES, step: int, norms: tuple[float, float, float]) -> PETSc.SNES.ConvergedReason:
+    def __call__(
+        self, snes: PETSc.SNES, step: int, norms: tuple[float, float, float]
+    ) -> PETSc.SNES.ConvergedReason:
         """PETSc's reason to end, or to go on, at one step."""
         reasons, norm = PETSc.SNES.ConvergedReason, norms[2]
         if not np.isfinite(norm):
@@ -167,5 +179,9 @@ class _StoppingTest:
         return reasons.ITERATING
 
 
-REASONS = {value: name.lower() for name, value in vars(PETSc.SNES.ConvergedReason).items() if isinstance(value, int)}
+REASONS = {
+    value: name.lower()
+    for name, value in vars(PETSc.SNES.ConvergedReason).items()
+    if isinstance(value, int)
+}
 """Names of PETSc's reasons."""

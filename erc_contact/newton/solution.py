@@ -55,12 +55,15 @@ class Solution:
         model: The scene on its domain, with forms.
         method: The contact method that it is the solution of.
         u: Displacement [length], a continuous P1 or P2 Function.
-        multipliers: Multiplier of each contact [force/area], or () for a method without.
-        newton_steps: Newton steps of all attempts together; 0 for a scene without contact.
+        multipliers: Multiplier of each contact [force/area], or () for a method
+            without.
+        newton_steps: Newton steps of all attempts together; 0 for a scene without
+            contact.
         reason: Which attempt converged, and how.
-        distance: Energy norm of the distance to the solution of the discrete problem [sqrt(force length)].
-        least_singular_value: Least singular value of the tangents of the contact problem at the solution, scaled by
-            the elastic diagonal [-].
+        distance: Energy norm of the distance to the solution of the discrete problem
+            [sqrt(force length)].
+        least_singular_value: Least singular value of the tangents of the contact
+            problem at the solution, scaled by the elastic diagonal [-].
         stiffness: The elastic stiffness; see :attr:`factorised`.
         seconds: Wall time, the largest over the ranks [s].
     """
@@ -140,8 +143,9 @@ class Solution:
     def force(self, part: str) -> Force:
         """Resultant and moment of the consistent nodal forces on a boundary part; collective.
 
-        On a contact it is what the foundation exerts on the body, on a support the reaction with the loads on the
-        components that it leaves free, elsewhere the load. See :mod:`erc_contact.model.forces`.
+        On a contact it is what the foundation exerts on the body, on a support the
+        reaction with the loads on the components that it leaves free, elsewhere the
+        load. See :mod:`erc_contact.model.forces`.
 
         Raises:
             InputError: If no boundary part has this name.
@@ -154,7 +158,11 @@ class Solution:
         See :func:`erc_contact.model.forces.by_cause`.
         """
         nodal = self._nodal_reactions()
-        return by_cause(self.model, lambda part: part_force(self.model, part, nodal), lambda: body_force(self.model))
+        return by_cause(
+            self.model,
+            lambda part: part_force(self.model, part, nodal),
+            lambda: body_force(self.model),
+        )
 
     def profile(self, contact: str) -> np.ndarray:
         """Gap, slip and the tractions of the method along a contact; collective.
@@ -168,28 +176,33 @@ class Solution:
         points = profile_points(model)
         r = evaluate(self.traction(where), model.mesh, points, where.facets)
         r_n, _, shear = split(r, where.direction[:, None, :])
-        bound = where.friction_bound(np.maximum(-r_n, 0.0), model.friction_parameters(where, points))
+        bound = where.friction_bound(
+            np.maximum(-r_n, 0.0), model.friction_parameters(where, points)
+        )
         status = facet_status(where, -r_n, shear, bound, greatest_pressure(model, -r_n))
         return profile_table(model, where, self.u, r, bound, status)
 
     def maximum(self, quantity: str) -> Maximum:
         """Greatest "von Mises" stress, "pressure", ... and its place; collective.
 
-        "displacement" is that of u, "von Mises" that of the elastic stress at the middle of a cell, and the profiles
-        are those of :meth:`profile`. See :func:`erc_contact.model.maximum.greatest`.
+        "displacement" is that of u, "von Mises" that of the elastic stress at the
+        middle of a cell, and the profiles are those of :meth:`profile`. See
+        :func:`erc_contact.model.maximum.greatest`.
         """
         return greatest(self.model, quantity, self.u, self._von_mises, self.profile)
 
     def at(self, points: Any) -> ElasticValues:
         """Displacement and elastic stress at points; a point between several cells has the mean; collective.
 
-        The stress is that of the displacement. It is not in equilibrium; that of an error is (``error.at``).
+        The stress is that of the displacement. It is not in equilibrium; that of an
+        error is (``error.at``).
 
         Args:
             points: The same on all ranks [length], shape (n, d) or (d,).
 
         Raises:
-            InputError: If the points have another shape or are not finite, or one lies outside the mesh.
+            InputError: If the points have another shape or are not finite, or one lies
+                outside the mesh.
         """
         model, d = self.model, self.model.d
 
@@ -221,4 +234,6 @@ class Solution:
         """The von Mises stress of the elastic stress at the middle of each owned cell [force/area]; collective."""
         cells = self.model.owned_cells
         middles = self.model.cell_corners()[cells].mean(axis=1)
-        return von_mises(stress_in_space(self.model, elastic_stress_at(self.model, self.u, cells, middles)))
+        return von_mises(
+            stress_in_space(self.model, elastic_stress_at(self.model, self.u, cells, middles))
+        )

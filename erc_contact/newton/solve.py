@@ -1,11 +1,12 @@
 """One contact solve: from a first guess to a :class:`Solution`, or :class:`NotConverged`.
 
-Whether Newton's method converges depends on where it starts. One elastic factorisation serves all attempts
-(:mod:`erc_contact.newton.linear.stiffness`), so it costs little to try several starts and line searches, the cheapest
-first.
-Nitsche's method starts from a solution on another mesh, which takes it as many steps as both methods together, or from
-the solution of the augmented Lagrangian. The two are the nearer the larger gamma is, and this takes fewer steps (GRECO,
-256 x 256 squares: 11 and 2, against 22 from the glued contact).
+Whether Newton's method converges depends on where it starts. One elastic factorisation
+serves all attempts (:mod:`erc_contact.newton.linear.stiffness`), so it costs little to
+try several starts and line searches, the cheapest first.
+Nitsche's method starts from a solution on another mesh, which takes it as many steps as
+both methods together, or from the solution of the augmented Lagrangian. The two are the
+nearer the larger gamma is, and this takes fewer steps (GRECO, 256 x 256 squares: 11 and
+2, against 22 from the glued contact).
 """
 
 from __future__ import annotations
@@ -61,41 +62,58 @@ def solve(
 ) -> Solution:
     """Solve a scene on a domain; collective.
 
-    A scene without contact is one linear solve. A body that nothing loads or moves is at rest, and nothing is solved:
-    u = 0 is exact, or where it is, if it has slid on a plane and is released. Otherwise Newton's method starts from
-    ``start`` if given, else from the linear problem with the contact glued, and its line search is a bisection. Further
-    attempts use other parameters, raise friction in steps, and use other line searches
-    (:mod:`erc_contact.newton.ladder`).
+    A scene without contact is one linear solve. A body that nothing loads or moves is
+    at rest, and nothing is solved: u = 0 is exact, or where it is, if it has slid on a
+    plane and is released. Otherwise Newton's method starts from ``start`` if given,
+    else from the linear problem with the contact glued, and its line search is a
+    bisection. Further attempts use other parameters, raise friction in steps, and use
+    other line searches (:mod:`erc_contact.newton.ladder`).
 
     Args:
         scene: The problem.
         domain: The mesh.
-        method: Contact method. With None it is Nitsche's, or the augmented Lagrangian where only that one converges, as
-            ``Solution.method`` and ``reason`` then say; in a history it is the augmented Lagrangian, which keeps a
-            sticking point exactly where it is. If a method is given, only its solution is taken.
+        method: Contact method. With None it is Nitsche's, or the augmented Lagrangian
+            where only that one converges, as ``Solution.method`` and ``reason`` then
+            say; in a history it is the augmented Lagrangian, which keeps a sticking
+            point exactly where it is. If a method is given, only its solution is taken.
         degree: Degree of the displacement, 1 or 2.
-        after: The solution of the last step of a loading history, of the same body with the same contacts, on this mesh
-            or on any other. Friction then acts on the tangential displacement since that solution (backward Euler). So
-            does all that follows: r^, u^, e and its bounds, slip in profiles. A refined mesh carries it without loss;
-            what another mesh loses is ``error.oscillations.history``. Without it the body comes from rest, once.
-        start: A solution on another mesh of the same body; Newton starts from its displacement on the contacts. By
-            default it is ``after``.
-        tolerance: Newton may stop at this distance to the solution of the discrete problem, in the energy norm
-            [sqrt(force length)], e.g. a tenth of the discretisation error; None goes to round-off.
-        solver: "direct" factorises the elastic stiffness with MUMPS and solves a dense problem of the contact on one
-            rank. "iterative" solves for the whole body in parallel, with algebraic multigrid, to 1e-10 of the contact
-            forces. "auto" takes multigrid for large bodies in space, and the direct solver where multigrid fails.
+        after: The solution of the last step of a loading history, of the same body with
+            the same contacts, on this mesh or on any other. Friction then acts on the
+            tangential displacement since that solution (backward Euler). So does all
+                that follows: r^, u^, e and its bounds, slip in profiles. A refined mesh
+                    carries it without loss;
+            what another mesh loses is ``error.oscillations.history``. Without it the
+            body comes from rest, once.
+        start: A solution on another mesh of the same body; Newton starts from its
+            displacement on the contacts. By default it is ``after``.
+        tolerance: Newton may stop at this distance to the solution of the discrete
+            problem, in the energy norm [sqrt(force length)], e.g. a tenth of the
+            discretisation error; None goes to round-off.
+        solver: "direct" factorises the elastic stiffness with MUMPS and solves a dense
+            problem of the contact on one rank. "iterative" solves for the whole body in
+            parallel, with algebraic multigrid, to 1e-10 of the contact forces. "auto"
+            takes multigrid for large bodies in space, and the direct solver where
+            multigrid fails.
 
     Returns:
-        The solution. ``singular`` tells that it may be one of many; a warning is logged. So it is where displacements
-        or rotations are not small, a friction is above 3, or nothing touches a contact.
+        The solution. ``singular`` tells that it may be one of many; a warning is
+        logged. So it is where displacements or rotations are not small, a friction is
+        above 3, or nothing touches a contact.
 
     Raises:
-        InputError: If scene and domain do not fit, or the loads are no numbers that double precision can work with.
+        InputError: If scene and domain do not fit, or the loads are no numbers that
+            double precision can work with.
         NotConverged: If no attempt converged.
     """
     solution = solved(
-        scene, domain, method, degree=degree, after=after, start=start, tolerance=tolerance, solver=solver
+        scene,
+        domain,
+        method,
+        degree=degree,
+        after=after,
+        start=start,
+        tolerance=tolerance,
+        solver=solver,
     )
     tell(solution.model.comm, doubts(solution))
     return solution
@@ -117,7 +135,11 @@ def solved(
     check_arguments(scene, domain, method, degree, solver, start)
     if after is not None:
         check_after(scene, domain, after)
-    tolerance = None if tolerance is None else checks.positive("tolerance", tolerance, "an energy norm > 0, or None")
+    tolerance = (
+        None
+        if tolerance is None
+        else checks.positive("tolerance", tolerance, "an energy norm > 0, or None")
+    )
     raise_together(domain.mesh.comm, None)
     model = bind(scene, domain, int(degree), None if after is None else last_step(after))
     if after is not None:
@@ -125,22 +147,34 @@ def solved(
     iterative = solver == "iterative" or (solver == "auto" and large(model))
     try:
         with stage(model.comm, f"solving with {'multigrid' if iterative else 'the direct solver'}"):
-            solution = _solution(Iterative if iterative else Direct, model, method, start, tolerance)
+            solution = _solution(
+                Iterative if iterative else Direct, model, method, start, tolerance
+            )
     except NotConverged as failure:
         if solver != "auto" or not iterative:
             raise
-        log_of(model.comm).info("%d cells: the direct solver takes over from multigrid. %s", domain.cells, failure)
+        log_of(model.comm).info(
+            "%d cells: the direct solver takes over from multigrid. %s", domain.cells, failure
+        )
         with stage(model.comm, "solving with the direct solver"):
             solution = _solution(Direct, model, method, start, tolerance)
     seconds = model.comm.allreduce(perf_counter() - began, MPI.MAX)
     log_of(model.comm).debug(
-        "%d cells: %s; %d Newton steps, %.2f s", domain.cells, solution.reason, solution.newton_steps, seconds
+        "%d cells: %s; %d Newton steps, %.2f s",
+        domain.cells,
+        solution.reason,
+        solution.newton_steps,
+        seconds,
     )
     return replace(solution, seconds=seconds)
 
 
 def _solution(
-    kind: type[Direct | Iterative], model: Model, method: Method | None, start: Solution | None, tolerance: float | None
+    kind: type[Direct | Iterative],
+    model: Model,
+    method: Method | None,
+    start: Solution | None,
+    tolerance: float | None,
 ) -> Solution:
     solver = kind(model)
     try:
@@ -151,7 +185,18 @@ def _solution(
         _check_size(model, loads, solver.guess)
         if solver.elastic.contact_size:
             return _ContactSolve(solver, method, tolerance).solve(start)
-        return Solution(model, method or DEFAULT, solver.guess, (), 0, "linear solve", 0.0, 1.0, solver.elastic, 0.0)
+        return Solution(
+            model,
+            method or DEFAULT,
+            solver.guess,
+            (),
+            0,
+            "linear solve",
+            0.0,
+            1.0,
+            solver.elastic,
+            0.0,
+        )
     finally:
         solver.destroy()
         register_owner(model.domain, model.comm)
@@ -168,8 +213,9 @@ def _at_rest(rest: fem.Function, model: Model, method: Method, elastic: ElasticS
 def large(model: Model) -> bool:
     """Whether multigrid is the faster solver for a model, as measured; collective.
 
-    In the plane a factor and a dense matrix of the contact are faster up to some million degrees of freedom. In space
-    the factor grows like n^(4/3) and the matrix of the contact like n^(4/3) or, on meshes that are fine there, n^2.
+    In the plane a factor and a dense matrix of the contact are faster up to some
+    million degrees of freedom. In space the factor grows like n^(4/3) and the matrix of
+    the contact like n^(4/3) or, on meshes that are fine there, n^2.
     """
     nodes = model.V.dofmap.index_map.size_global
     own = sum(int(np.count_nonzero(c.trace.here.owned)) for c in model.contacts)
@@ -181,7 +227,9 @@ def large(model: Model) -> bool:
 
 def _check_size(model: Model, b: fem.Function, w: fem.Function) -> None:
     """Raise an error if forces, displacements or their products overflow or underflow double precision."""
-    local = [float(abs(f.x.array).max(initial=0.0)) for f in (b, w)] + [float(np.isnan(w.x.array).any())]
+    local = [float(abs(f.x.array).max(initial=0.0)) for f in (b, w)] + [
+        float(np.isnan(w.x.array).any())
+    ]
     force, length, nan = np.max(model.comm.allgather(local), axis=0)
     least, most = 1e-290, 1e290
     stiffest = model.stiffest() * model.domain.extent ** (model.d - 2)
@@ -198,7 +246,9 @@ def _check_size(model: Model, b: fem.Function, w: fem.Function) -> None:
 class _ContactSolve:
     """The contact solve of one model: it makes the attempts of the ladder until one converges; collective."""
 
-    def __init__(self, solver: Direct | Iterative, method: Method | None, tolerance: float | None) -> None:
+    def __init__(
+        self, solver: Direct | Iterative, method: Method | None, tolerance: float | None
+    ) -> None:
         self.solver, self.model = solver, solver.model
         self.method, self.fallback = method or DEFAULT, method is None
         self.tolerance, self.log = tolerance, log_of(self.model.comm)
@@ -212,12 +262,18 @@ class _ContactSolve:
         if start is not None and start.model.contacts:
             states["warm"] = self.solver.warm(start.model, start.u)
         friction = any(c.friction is not None for c in self.model.contacts)
-        kind = {"friction": friction, "fallback": self.fallback, "nodal_first": self.solver.nodal_first}
+        kind = {
+            "friction": friction,
+            "fallback": self.fallback,
+            "nodal_first": self.solver.nodal_first,
+        }
         for attempt in attempts(self.method, states, **kind):
             if attempt.start not in states:
                 continue
             check_interrupts(self.model.comm)
-            outcome, state, found = self.solver.attempt(attempt, states[attempt.start], self.tolerance)
+            outcome, state, found = self.solver.attempt(
+                attempt, states[attempt.start], self.tolerance
+            )
             self.steps += outcome.steps
             self.tried.append(f"{attempt}: {outcome}")
             self.outcomes.append(outcome)
@@ -228,7 +284,10 @@ class _ContactSolve:
                 states[attempt.gives] = state
             slow += outcome.reason == "diverged_linear_solve"
             if slow == SLOW:
-                raise NotConverged(f"The linear solver did not converge: {self.tried[-1]}. {DIRECT}", tuple(self.tried))
+                raise NotConverged(
+                    f"The linear solver did not converge: {self.tried[-1]}. {DIRECT}",
+                    tuple(self.tried),
+                )
         raise NotConverged(self._failed(), tuple(self.tried))
 
     def _failed(self) -> str:
@@ -255,9 +314,18 @@ class _ContactSolve:
         cells, reason = self.model.domain.cells, self.tried[-1]
         if method != self.method:
             reason = f"{self.method} did not converge: {reason}"
-            self.log.info("%d cells: %s did not converge, the solution is that of %s.", cells, self.method, method)
+            self.log.info(
+                "%d cells: %s did not converge, the solution is that of %s.",
+                cells,
+                self.method,
+                method,
+            )
         if found.least_singular_value < SINGULAR:
             reason += f"; the tangent is singular ({found.least_singular_value:.0e}), the solution may be one of many"
-            self.log.warning("The tangent of the contact problem is singular at its solution: it may be one of many.")
+            self.log.warning(
+                "The tangent of the contact problem is singular at its solution: it may be one of many."
+            )
         numbers = self.steps, reason, found.distance, found.least_singular_value
-        return Solution(self.model, method, found.u, found.multipliers, *numbers, self.solver.elastic, 0.0)
+        return Solution(
+            self.model, method, found.u, found.multipliers, *numbers, self.solver.elastic, 0.0
+        )

@@ -1,14 +1,14 @@
 """Springs at the contact nodes that stand for the equations of a method with multiplier, in a preconditioner.
 
-The equations ``e(C u, lambda) = 0`` of a node, linearised and solved for the reaction, are springs G. Where they do not
-determine the reaction, some compliance is added:
+The equations ``e(C u, lambda) = 0`` of a node, linearised and solved for the reaction,
+are springs G. Where they do not determine the reaction, some compliance is added:
 
     G = C^T H e_u C,    H = (e_lambda/a + D^-1 e_u)^-1 at each node.
 
 So nodes that stick get the glue D, and open ones nothing.
 
-Symbols: C from nodal values to Bernstein coefficients, a area of a node, D the glue, A as in
-:mod:`erc_contact.newton.reactions`.
+Symbols: C from nodal values to Bernstein coefficients, a area of a node, D the glue, A
+as in :mod:`erc_contact.newton.reactions`.
 """
 
 from __future__ import annotations
@@ -37,7 +37,10 @@ class Springs:
         self.area = reactions.area[self.nodes]
         self.glue = elastic.glue.x.array.reshape(-1, d)[self.nodes].max(axis=1, initial=0.0)
         dofs = model.global_numbers(self.nodes)[:, None] * d + np.arange(d)
-        rows, cols = (np.broadcast_to(one, (len(dofs), d, d)).ravel() for one in (dofs[:, :, None], dofs[:, None, :]))
+        rows, cols = (
+            np.broadcast_to(one, (len(dofs), d, d)).ravel()
+            for one in (dofs[:, :, None], dofs[:, None, :])
+        )
         self._nodal = _sparse(elastic.matrix, rows, cols)
         self._first = elastic.matrix.getOwnershipRange()[0]
         self._coefficients: PETSc.Mat | None = None

@@ -1,10 +1,11 @@
 """The tangent of the contact problem for all degrees of freedom, and its preconditioner.
 
-The tangent is ``K + e_u``; with a multiplier it is ``S K + e_u C + e_lambda lambda' K``, with the symbols of
-:mod:`erc_contact.newton.full`. It is applied, not assembled: only the terms of the contact are assembled anew.
+The tangent is ``K + e_u``; with a multiplier it is ``S K + e_u C + e_lambda lambda'
+K``, with the symbols of :mod:`erc_contact.newton.full`. It is applied, not assembled:
+only the terms of the contact are assembled anew.
 
-The preconditioner is a cycle of the multigrid hierarchy of ``K + e_u``. With a multiplier the hierarchy is that of K
-with springs (:mod:`erc_contact.newton.springs`).
+The preconditioner is a cycle of the multigrid hierarchy of ``K + e_u``. With a
+multiplier the hierarchy is that of K with springs (:mod:`erc_contact.newton.springs`).
 """
 
 from __future__ import annotations
@@ -22,7 +23,9 @@ from erc_contact.newton.springs import Springs
 REGULAR, NO_INVERSE = 1e-4, 1e-9
 """Tolerance of the linear solve that shows whether the tangent has an inverse, and the ratio that counts as none [-].
 
-Beside the branch of demos/many_solutions.py the ratio is 1e-4 to 1e-1, on it 1e-15 to 1e-10."""
+Beside the branch of demos/many_solutions.py the ratio is 1e-4 to 1e-1, on it 1e-15 to
+1e-10.
+"""
 
 
 class Tangent:
@@ -31,7 +34,8 @@ class Tangent:
     Args:
         forms: The equations of the method.
         elastic: The elastic equations.
-        reactions: The map from reactions to multipliers; None for a method without multiplier.
+        reactions: The map from reactions to multipliers; None for a method without
+            multiplier.
         length: Size of the displacements [length].
         force: Size of the contact forces [force].
 
@@ -40,7 +44,12 @@ class Tangent:
     """
 
     def __init__(
-        self, forms: ContactForms, elastic: Multigrid, reactions: Reactions | None, length: float, force: float
+        self,
+        forms: ContactForms,
+        elastic: Multigrid,
+        reactions: Reactions | None,
+        length: float,
+        force: float,
     ) -> None:
         self.model, self.forms, self.elastic = elastic.model, forms, elastic
         self.length, self.force = length, force
@@ -90,12 +99,14 @@ class Tangent:
     def least_singular_value(self, u: PETSc.Vec) -> float:
         """Estimate the least singular value of the tangent, scaled by the elastic diagonal [-]; zero if singular.
 
-        It is the ratio of a force without structure to the displacement that this causes, as far as FGMRES solves for
-        it. Without an inverse FGMRES does not converge, and the displacement grows to the inverse of round-off; where
+        It is the ratio of a force without structure to the displacement that this
+        causes, as far as FGMRES solves for it. Without an inverse FGMRES does not
+        converge, and the displacement grows to the inverse of round-off; where
         multigrid is only slow it does not.
 
         Args:
-            u: A displacement that may be near [-], e.g. that of another tangent; it becomes the one of this tangent.
+            u: A displacement that may be near [-], e.g. that of another tangent; it
+                becomes the one of this tangent.
         """
         diagonal, force = self.elastic.matrix.getDiagonal(), u.duplicate()
         fixed = self.model.fixed.ravel()[: self.elastic.owned]
@@ -130,7 +141,9 @@ class Tangent:
         u.x.scatter_forward()
         model.to_coefficients(u.x.array.reshape(shape), model.contacts)
         total = np.zeros(own)
-        for term, values in zip(self._terms, (u.x.array, *reactions.multipliers(force)), strict=True):
+        for term, values in zip(
+            self._terms, (u.x.array, *reactions.multipliers(force)), strict=True
+        ):
             given.array[:] = values.ravel()[:own]
             term.mult(given, found)
             total += found.array_r

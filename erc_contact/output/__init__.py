@@ -1,11 +1,14 @@
 """Files, plots and pictures of a run: curves and maps by matplotlib, bodies by pyvista, files for ParaView.
 
-All functions are collective. Data are gathered on rank 0 of the mesh's communicator, which draws and writes. The other
-ranks import neither matplotlib nor pyvista. An exception on rank 0 is raised on all ranks. No display is needed.
+All functions are collective. Data are gathered on rank 0 of the mesh's communicator,
+which draws and writes. The other ranks import neither matplotlib nor pyvista. An
+exception on rank 0 is raised on all ranks. No display is needed.
 
-Pictures and plots go to a file, whose suffix gives the format (png, pdf or svg), and whose folder is made if it is
-missing; or on axes of matplotlib that are given as ``ax``, in 2D; or without either in a new figure. They return the
-axes on rank 0. In pdf and svg files, bodies in the plane are lines and polygons, and bodies in space are images.
+Pictures and plots go to a file, whose suffix gives the format (png, pdf or svg), and
+whose folder is made if it is missing; or on axes of matplotlib that are given as
+``ax``, in 2D; or without either in a new figure. They return the axes on rank 0. In pdf
+and svg files, bodies in the plane are lines and polygons, and bodies in space are
+images.
 """
 
 from erc_contact.output.contact_plots import plot_contact

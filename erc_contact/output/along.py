@@ -23,13 +23,15 @@ def along(surface: Surface) -> tuple[np.ndarray, str]:
 def _arc_length(surface: Surface) -> tuple[np.ndarray, str]:
     """The arc length s along a curved contact, which may have several parts or be closed, and its label.
 
-    Each facet first knows its successor, then the facet 2, 4, ... places further on, until it knows the end of its part
-    and the length to it (pointer jumping). A closed part is cut far from the mean place of the pressure, where s is
-    zero.
+    Each facet first knows its successor, then the facet 2, 4, ... places further on,
+    until it knows the end of its part and the length to it (pointer jumping). A closed
+    part is cut far from the mean place of the pressure, where s is zero.
     """
     traction, ends = surface.traction, surface.x[:, :2, :2]
     n, area, many = traction.contact.direction, traction.area, len(traction.area)
-    forward = np.einsum("fi,fi->f", ends[:, 1] - ends[:, 0], np.column_stack([-n[:, 1], n[:, 0]])) > 0
+    forward = (
+        np.einsum("fi,fi->f", ends[:, 1] - ends[:, 0], np.column_stack([-n[:, 1], n[:, 0]])) > 0
+    )
     first, last = np.where(forward, surface.vertices.T, surface.vertices.T[::-1])
     force = area * np.maximum(-traction.normal_component, 0).mean(axis=1)
     centre = np.average(ends.mean(axis=1), axis=0, weights=force if force.any() else area)
@@ -52,15 +54,19 @@ def _arc_length(surface: Surface) -> tuple[np.ndarray, str]:
         offset = float((start[at] + area[at]).max()) + 0.05 * area.sum()
     s = np.where(forward, [start, start + area], [start + area, start]).T
     facet, vertex = np.unravel_index(np.linalg.norm(ends - centre, axis=2).argmin(), s.shape)
-    return s - s[facet, vertex], f"arc length from {words(ends[facet, vertex], area.sum())} [length]"
+    return s - s[
+        facet, vertex
+    ], f"arc length from {words(ends[facet, vertex], area.sum())} [length]"
 
 
-def through_means(means: np.ndarray, lengths: np.ndarray, parts: np.ndarray, points: np.ndarray) -> np.ndarray:
+def through_means(
+    means: np.ndarray, lengths: np.ndarray, parts: np.ndarray, points: np.ndarray
+) -> np.ndarray:
     """A continuous curve with given means on facets: a quadratic polynomial on each of them.
 
-    Between two facets its value is that of the line through their means at their middles, but at most twice each mean,
-    as on a line that begins at zero. So the curve does not change its sign on a facet. Between means of different signs
-    it is zero.
+    Between two facets its value is that of the line through their means at their
+    middles, but at most twice each mean, as on a line that begins at zero. So the curve
+    does not change its sign on a facet. Between means of different signs it is zero.
 
     Args:
         means: Means on the facets in their order along the contact, shape (n,).
@@ -80,6 +86,9 @@ def through_means(means: np.ndarray, lengths: np.ndarray, parts: np.ndarray, poi
     left[first], right[last] = 2 * means[first] - right[first], 2 * means[last] - left[last]
     left[first[alone]] = right[last[alone]] = means[first[alone]]
     limits = 2 * abs(means)
-    left, right = (np.where(means * end > 0, np.clip(end, -limits, limits), 0.0)[:, None] for end in (left, right))
+    left, right = (
+        np.where(means * end > 0, np.clip(end, -limits, limits), 0.0)[:, None]
+        for end in (left, right)
+    )
     x = points[None, :]
     return left * (1 - x) * (1 - 3 * x) + right * x * (3 * x - 2) + 6 * means[:, None] * x * (1 - x)

@@ -26,7 +26,9 @@ def run_as_code(scene: Scene, domain: Domain, given: Mapping[str, Any]) -> str:
     return _script(made, domain, "history = ec.adapt", "scene", given)
 
 
-def evolution_as_code(scene_at: Callable[[float], Scene], domain: Domain, given: Mapping[str, Any]) -> str:
+def evolution_as_code(
+    scene_at: Callable[[float], Scene], domain: Domain, given: Mapping[str, Any]
+) -> str:
     """A loading history.
 
     Args:

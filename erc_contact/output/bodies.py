@@ -1,6 +1,7 @@
 """Bodies as triangles and lines, and pictures of them: in 3D images by pyvista. On rank 0.
 
-Triangles and lines of degree 2 are cut into straight parts, so that curved edges look curved.
+Triangles and lines of degree 2 are cut into straight parts, so that curved edges look
+curved.
 
 Symbols: d dimension, k degree, m number of nodes of a simplex.
 """
@@ -24,8 +25,9 @@ TRIANGLES = 40_000
 PIXELS = 1100
 """Number of pixels of the longer side of the image of a body."""
 SPACE = 5.5
-"""Greatest width of all views in 3D that are side by side in a figure, without words [inches]. The figure is then not
-much wider than a page, on which its words can be read."""
+"""Greatest width of all views in 3D that are side by side in a figure, without words
+[inches]. The figure is then not much wider than a page, on which its words can be read.
+"""
 WORDS = 1.1
 """Width in a figure of the labels of a view in 3D [inches]."""
 
@@ -55,7 +57,8 @@ class Skin:
     def faces(self, x: np.ndarray, **look: Any) -> tuple[Any, dict[str, Any]]:
         """The triangles with the nodes at x (n, 3) for pyvista, and the options with which they are drawn.
 
-        The option ``scalars`` has one colour for each of their parts, in the order of :meth:`of_parts`.
+        The option ``scalars`` has one colour for each of their parts, in the order of
+        :meth:`of_parts`.
         """
         return straight(*sampled(x[self.triangles], 2, self.divisions)), look
 
@@ -63,7 +66,8 @@ class Skin:
         """Values in the straight parts of the triangles, triangle by triangle.
 
         Args:
-            values: One value for each element, shape (m,), or three at the corners of each triangle, shape (f, 3).
+            values: One value for each element, shape (m,), or three at the corners of
+                each triangle, shape (f, 3).
         """
         points, parts = subdivided(2, self.divisions)
         if values.ndim == 1:
@@ -104,16 +108,20 @@ def sampled(x: np.ndarray, d: int, divisions: int) -> tuple[np.ndarray, np.ndarr
     """Values at the nodes of lines or triangles, interpolated at the points of smaller straight ones.
 
     Args:
-        x: Values at the nodes, shape (n, m, c), for instance their positions with c = 3.
+        x: Values at the nodes, shape (n, m, c), for instance their positions with c =
+            3.
         d: Dimension of the lines or triangles, 1 or 2.
         divisions: Number of parts of an edge.
 
     Returns:
-        Values at the points, shape (p, c), and the numbers of the points of each straight one, shape (s, d+1).
+        Values at the points, shape (p, c), and the numbers of the points of each
+        straight one, shape (s, d+1).
     """
     points, parts = subdivided(d, divisions)
     at = np.matmul(lagrange(d, degree_of(x, d), points), x)
-    return at.reshape(-1, x.shape[-1]), (np.arange(len(x))[:, None, None] * len(points) + parts).reshape(-1, d + 1)
+    return at.reshape(-1, x.shape[-1]), (
+        np.arange(len(x))[:, None, None] * len(points) + parts
+    ).reshape(-1, d + 1)
 
 
 def straight(points: np.ndarray, parts: np.ndarray) -> Any:
@@ -128,8 +136,8 @@ def straight(points: np.ndarray, parts: np.ndarray) -> Any:
 def views_of(d: int, up: np.ndarray) -> dict[str, np.ndarray]:
     """Names and axes of the views of a body: one view in 2D, two from opposite sides in 3D.
 
-    The rows of the axes, shape (3, 3), point to the right, upward, and towards the eye. ``up`` is the coordinate axis
-    that points upward in 3D, shape (3,).
+    The rows of the axes, shape (3, 3), point to the right, upward, and towards the eye.
+    ``up`` is the coordinate axis that points upward in 3D, shape (3,).
     """
     if d == 2:
         return {"": np.eye(3)}
@@ -165,7 +173,9 @@ def rendered(parts: Sequence[tuple[Any, dict[str, Any]]], view: np.ndarray) -> n
     low, high = seen(parts, view)
     size, middle = float(np.linalg.norm(high - low)), (low + high) / 2 @ view
     pixels = np.maximum(PIXELS * (high - low)[:2] / (high - low)[:2].max(), 16).round().astype(int)
-    with pyvista.vtk_verbosity("off"):  # without a display VTK complains before it finds another way
+    with pyvista.vtk_verbosity(
+        "off"
+    ):  # without a display VTK complains before it finds another way
         plotter = pyvista.Plotter(off_screen=True, window_size=pixels.tolist())
         plotter.set_background("white")
         for data, look in parts:
@@ -173,7 +183,11 @@ def rendered(parts: Sequence[tuple[Any, dict[str, Any]]], view: np.ndarray) -> n
             shown = data.translate(1e-3 * size * view[2]) if lines else data
             plotter.add_mesh(shown, show_scalar_bar=False, ambient=0.65, diffuse=0.4, **look)
         plotter.enable_parallel_projection()
-        plotter.camera_position = [tuple(middle + 2 * size * view[2]), tuple(middle), tuple(view[1])]
+        plotter.camera_position = [
+            tuple(middle + 2 * size * view[2]),
+            tuple(middle),
+            tuple(view[1]),
+        ]
         plotter.camera.parallel_scale = (high - low)[1] / 2
         plotter.reset_camera_clipping_range()
         image = np.asarray(plotter.screenshot(return_img=True))
@@ -209,17 +223,30 @@ def show(axes: Any, parts: Sequence[tuple[Any, dict[str, Any]]], view: np.ndarra
         outward = np.array([0.0, -1.0]) if level else np.array([-1.0, 0.0])
         outward -= (outward @ direction) / (direction @ direction) * direction
         outward /= np.linalg.norm(outward)
-        start = view[:2] @ starts[(starts @ view[:2].T @ outward).argmax()]  # an edge of the box's outline
+        start = (
+            view[:2] @ starts[(starts @ view[:2].T @ outward).argmax()]
+        )  # an edge of the box's outline
         number = max(1, round(4 * lengths[i] / lengths.max()))
         low, high = ends[:, i] + 1e-6 * lengths.max() * np.array([-1, 1])
         ticks = MaxNLocator(number, steps=[1, 2, 5, 10]).tick_values(low, high)
         ticks = ticks[(ticks >= low) & (ticks <= high)]
-        at = start + (np.array([*ends[:, i], ends[:, i].mean(), *ticks]) - ends[0, i])[:, None] * direction
+        at = (
+            start
+            + (np.array([*ends[:, i], ends[:, i].mean(), *ticks]) - ends[0, i])[:, None] * direction
+        )
         look = {"color": "0.3", "lw": 0.8, "clip_on": False}
         axes.plot(*at[:2].T, **look)
-        axes.plot(*np.stack([at[3:], at[3:] + 0.015 * lengths.max() * outward]).transpose(2, 0, 1), **look)
+        axes.plot(
+            *np.stack([at[3:], at[3:] + 0.015 * lengths.max() * outward]).transpose(2, 0, 1), **look
+        )
         side = int(np.sign(outward[0])) * (abs(outward[0]) > 0.3)  # words grow away from the body
-        words = {"textcoords": "offset points", "ha": ("center", "left", "right")[side], "va": "center"}
+        words = {
+            "textcoords": "offset points",
+            "ha": ("center", "left", "right")[side],
+            "va": "center",
+        }
         for place, tick in zip(at[3:], ticks, strict=True):
             axes.annotate(f"{tick:.4g}", place, 10 * outward, fontsize=9, **words)
-        axes.annotate(f"${name}$ [length]", at[2], (26 if level else 38) * outward, fontsize=10, **words)
+        axes.annotate(
+            f"${name}$ [length]", at[2], (26 if level else 38) * outward, fontsize=10, **words
+        )

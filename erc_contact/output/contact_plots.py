@@ -1,7 +1,8 @@
 """Plots by matplotlib: the traction on a contact and its status.
 
-Symbols: r^ admissible contact traction, r_n and r_t its normal and tangential parts, b friction bound, n normal of the
-foundation, t tangent of the contact, s coordinate along t, d dimension.
+Symbols: r^ admissible contact traction, r_n and r_t its normal and tangential parts, b
+friction bound, n normal of the foundation, t tangent of the contact, s coordinate along
+t, d dimension.
 """
 
 from __future__ import annotations
@@ -40,41 +41,54 @@ PEAK = 8.0
 """Where a traction exceeds its 90% level by more than this factor, the axis is logarithmic above the level [-]."""
 
 
-def plot_contact(admissible: Admissible, name: str, path: str | Path | None = None, *, ax: Any = None) -> Any:
+def plot_contact(
+    admissible: Admissible, name: str, path: str | Path | None = None, *, ax: Any = None
+) -> Any:
     """Draw the traction r^ on a contact and its status; collective.
 
-    In 2D curves show the pressure, the shear along t = (-n_2, n_1), and the band from -b to b. Of degree 2 they are r^,
-    facet by facet. Of degree 1 r^ jumps from one facet to the next as much as it is wrong; the curves then are
-    continuous and have the mean of r^ on each facet (:func:`erc_contact.output.along.through_means`), and thin lines
-    show r^. So the area under the curve of the pressure is the normal force. Strips in the background have the
-    colours of the status of the facets (:func:`erc_contact.results.contact_status`). The abscissa s is the coordinate
-    along a straight contact, or the arc length of a curved one. Nothing is cut off: where a peak is high, the axis is
-    logarithmic above a dotted line. No bound of r^ at single points is known, so none is drawn.
+    In 2D curves show the pressure, the shear along t = (-n_2, n_1), and the band from
+    -b to b. Of degree 2 they are r^, facet by facet. Of degree 1 r^ jumps from one
+    facet to the next as much as it is wrong; the curves then are continuous and have
+    the mean of r^ on each facet (:func:`erc_contact.output.along.through_means`), and
+    thin lines show r^. So the area under the curve of the pressure is the normal force.
+    Strips in the background have the colours of the status of the facets
+    (:func:`erc_contact.results.contact_status`). The abscissa s is the coordinate along
+    a straight contact, or the arc length of a curved one. Nothing is cut off: where a
+    peak is high, the axis is logarithmic above a dotted line. No bound of r^ at single
+    points is known, so none is drawn.
 
-    In 3D maps in the tangent plane, as the foundation sees it, show the pressure, the length of the shear, and the
-    status of the facets. The tractions are r^ itself, which jumps from one facet to the next as much as it is wrong, so
-    maps of degree 1 on coarse meshes look rough. They are not smoothed: a continuous map of degree 1 has one value at a
-    node, there are about twice as many facets as nodes, and so it cannot have the mean of r^ on each of them.
+    In 3D maps in the tangent plane, as the foundation sees it, show the pressure, the
+    length of the shear, and the status of the facets. The tractions are r^ itself,
+    which jumps from one facet to the next as much as it is wrong, so maps of degree 1
+    on coarse meshes look rough. They are not smoothed: a continuous map of degree 1 has
+    one value at a node, there are about twice as many facets as nodes, and so it cannot
+    have the mean of r^ on each of them.
 
     Args:
         admissible: The admissible pair.
         name: Name of the contact.
         path: Picture file, or None.
-        ax: Axes of matplotlib to draw on, one in 2D and three in 3D; by default those of a new figure.
+        ax: Axes of matplotlib to draw on, one in 2D and three in 3D; by default those
+            of a new figure.
 
     Returns:
         The axes on rank 0, None on the other ranks.
 
     Raises:
-        InputError: If no contact has this name, or it has no facet, or there is another number of axes.
+        InputError: If no contact has this name, or it has no facet, or there is another
+            number of axes.
     """
     model = admissible.solution.model
     names = [t.contact.name for t in admissible.tractions]
     if name not in names:
-        raise InputError(f"plot_contact: no contact is called {name!r}; the scene has {', '.join(names) or 'none'}.")
+        raise InputError(
+            f"plot_contact: no contact is called {name!r}; the scene has {', '.join(names) or 'none'}."
+        )
     surface = whole_contact(admissible, admissible.tractions[names.index(name)])
     if not model.comm.bcast(surface is not None and len(surface.x)):
-        raise InputError(f"plot_contact: {name!r} has no facet; contacts of this scene: {', '.join(names)}.")
+        raise InputError(
+            f"plot_contact: {name!r} has no facet; contacts of this scene: {', '.join(names)}."
+        )
     draw = contact_curves if model.d == 2 else contact_maps
     return draw_figure(model.comm, path, ax, lambda ax: draw(surface, ax))
 
@@ -84,7 +98,11 @@ def contact_curves(surface: Any, ax: Any = None) -> Any:
     from matplotlib.lines import Line2D  # noqa: PLC0415
     from matplotlib.patches import Patch  # noqa: PLC0415
 
-    traction, n, status = surface.traction, surface.traction.contact.direction, contact_status(surface.traction)
+    traction, n, status = (
+        surface.traction,
+        surface.traction.contact.direction,
+        contact_status(surface.traction),
+    )
     s, label = along(surface)
     order, turned = np.argsort(s.min(axis=1)), (s[:, 0] > s[:, 1])[:, None]
     points = subdivided(1, PARTS)[0]
@@ -100,21 +118,36 @@ def contact_curves(surface: Any, ax: Any = None) -> Any:
         """Values that are drawn, shape (n, q)."""
         if surface.degree > 1:
             return computed(coefficients)
-        return through_means(coefficients.mean(axis=1)[order], np.ptp(at, axis=1), parts, points[:, 0])
+        return through_means(
+            coefficients.mean(axis=1)[order], np.ptp(at, axis=1), parts, points[:, 0]
+        )
 
     def path(sampled: np.ndarray) -> np.ndarray:
         """Values (n, q) in one row, with nan between parts of the contact that do not touch."""
         return np.insert(sampled, parts, np.nan, axis=0).ravel()
 
     t = np.column_stack([-n[:, 1], n[:, 0]])
-    pressure, shear = -traction.normal_component, np.einsum("fmi,fi->fm", traction.tangential_part, t)
-    axes = new_figure(7.2, 4.0).subplots() if ax is None else panels_of(ax, 1, "plot_contact in 2D")[0]
+    pressure, shear = (
+        -traction.normal_component,
+        np.einsum("fmi,fi->fm", traction.tangential_part, t),
+    )
+    axes = (
+        new_figure(7.2, 4.0).subplots() if ax is None else panels_of(ax, 1, "plot_contact in 2D")[0]
+    )
     for code, colour in enumerate(COLOURS):
         strips = np.column_stack([s.min(axis=1), np.ptp(s, axis=1)])[status == code]
         look = {"facecolors": colour, "lw": 0, "antialiased": False, "zorder": 0}
         axes.broken_barh(strips, (0, 1), transform=axes.get_xaxis_transform(), **look)
     bound = curve(traction.friction_bound)
-    axes.fill_between(path(at), -path(bound), path(bound), fc="0.35", ec="none", alpha=0.25, label="friction bound")
+    axes.fill_between(
+        path(at),
+        -path(bound),
+        path(bound),
+        fc="0.35",
+        ec="none",
+        alpha=0.25,
+        label="friction bound",
+    )
     shown = words(t[0]) if np.allclose(t, t[0]) else "$(-n_2, n_1)$"
     for values, colour, name in (
         (pressure, PRESSURE, "pressure $-r_n$"),
@@ -131,7 +164,10 @@ def contact_curves(surface: Any, ax: Any = None) -> Any:
     _keep_peaks(axes, weighted_level(greatest, traction.area, 0.9), float(greatest.max()))
     handles, labels = axes.get_legend_handles_labels()
     if surface.degree == 1:
-        handles, labels = [*handles, Line2D([], [], color="0.3", lw=0.5)], [*labels, "facet by facet"]
+        handles, labels = (
+            [*handles, Line2D([], [], color="0.3", lw=0.5)],
+            [*labels, "facet by facet"],
+        )
     for code in np.unique(status):
         handles, labels = [*handles, Patch(fc=COLOURS[code], ec="0.6")], [*labels, STATUS[code]]
     place = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0), "ncols": 4, "frameon": False}
@@ -148,7 +184,11 @@ def _keep_peaks(axes: Any, level: float, peak: float) -> None:
     axes.set_yscale("symlog", linthresh=level, linscale=2.0)
     low, high = axes.get_ylim()
     ticks = MaxNLocator(4).tick_values(max(low, -level), level)
-    beyond = [np.sign(end) * log_ticks(1.3 * level, abs(end)) for end in (low, high) if abs(end) > 4 * level]
+    beyond = [
+        np.sign(end) * log_ticks(1.3 * level, abs(end))
+        for end in (low, high)
+        if abs(end) > 4 * level
+    ]
     ticks = np.concatenate([ticks[abs(ticks) <= level], *beyond])
     axes.yaxis.set_major_locator(FixedLocator(ticks[(ticks >= low) & (ticks <= high)]))
     axes.yaxis.set_minor_locator(NullLocator())
@@ -179,20 +219,43 @@ def contact_maps(surface: Any, ax: Any = None) -> Any:
     )
     figure = panels[0].figure
     for panel, title, values in zip(
-        panels, ("pressure $-r_n$", "shear $|r_t|$"), (-traction.normal_component @ shape.T, shear), strict=False
+        panels,
+        ("pressure $-r_n$", "shear $|r_t|$"),
+        (-traction.normal_component @ shape.T, shear),
+        strict=False,
     ):
         known = {"vmin": min(values.min(), 0.0), "vmax": values.max() or 1.0}
-        drawn = panel.tripcolor(s, t, triangles, values.ravel(), shading="gouraud", rasterized=True, **known)
-        bar = figure.colorbar(drawn, ax=panel, label=f"{title} [force/area]", location="bottom", shrink=0.9)
+        drawn = panel.tripcolor(
+            s, t, triangles, values.ravel(), shading="gouraud", rasterized=True, **known
+        )
+        bar = figure.colorbar(
+            drawn, ax=panel, label=f"{title} [force/area]", location="bottom", shrink=0.9
+        )
         if not values.any():
             bar.set_ticks([0.0])
-    look = {"cmap": ListedColormap(COLOURS), "norm": BoundaryNorm([-0.5, 0.5, 1.5, 2.5], 3), "edgecolors": "0.6"}
+    look = {
+        "cmap": ListedColormap(COLOURS),
+        "norm": BoundaryNorm([-0.5, 0.5, 1.5, 2.5], 3),
+        "edgecolors": "0.6",
+    }
     drawn = panels[2].tripcolor(u, v, facets, facecolors=status.astype(float), lw=0.2, **look)
-    bar = figure.colorbar(drawn, ax=panels[2], location="bottom", shrink=0.9, ticks=[OPEN, SLIP, STICK], label="status")
+    bar = figure.colorbar(
+        drawn,
+        ax=panels[2],
+        location="bottom",
+        shrink=0.9,
+        ticks=[OPEN, SLIP, STICK],
+        label="status",
+    )
     bar.ax.set_xticklabels(STATUS)
     below = np.cross(*plane) @ n < 0  # the eye is in the foundation
     for panel in panels:
-        panel.set(aspect="equal", xlabel=coordinate(plane[0]), xlim=ends[0], ylim=ends[1][:: -1 if below else 1])
+        panel.set(
+            aspect="equal",
+            xlabel=coordinate(plane[0]),
+            xlim=ends[0],
+            ylim=ends[1][:: -1 if below else 1],
+        )
     panels[0].set_ylabel(coordinate(plane[1]))
     panels[1].set_title("seen from the foundation", fontsize=11)
     return panels

@@ -39,19 +39,23 @@ class Run(Protocol):
         """Slope of log(eps) against the logarithm of a column; nan if there are too few meshes for it."""
 
 
-def plot_history(histories: Mapping[str, Run], path: str | Path | None = None, *, ax: Any = None) -> Any:
+def plot_history(
+    histories: Mapping[str, Run], path: str | Path | None = None, *, ax: Any = None
+) -> Any:
     """Draw the relative error against run time and against degrees of freedom, with logarithmic axes; collective.
 
-    Each history has one curve. Its label has the measured slope against the degrees of freedom, if there are three
-    meshes or more and the degrees of freedom grow by a factor of 4. Dotted lines show the prescribed accuracies. Where
-    the degrees of freedom of all histories have that factor, too, a dashed line shows the slope -k/d, the best one for
-    elements of degree k.
+    Each history has one curve. Its label has the measured slope against the degrees of
+    freedom, if there are three meshes or more and the degrees of freedom grow by a
+    factor of 4. Dotted lines show the prescribed accuracies. Where the degrees of
+    freedom of all histories have that factor, too, a dashed line shows the slope -k/d,
+    the best one for elements of degree k.
 
     Args:
-        histories: The histories by their names, e.g. ``{"adaptive": history, "uniform": other}``.
+        histories: The histories by their names, e.g. ``{"adaptive": history, "uniform":
+            other}``.
         path: Picture file, or None.
-        ax: Two axes of matplotlib to draw on, for run time and for degrees of freedom; by default those of a new
-            figure.
+        ax: Two axes of matplotlib to draw on, for run time and for degrees of freedom;
+            by default those of a new figure.
 
     Returns:
         The two axes on rank 0, None on the other ranks.
@@ -60,7 +64,9 @@ def plot_history(histories: Mapping[str, Run], path: str | Path | None = None, *
         InputError: If there is no history, or not two axes are given.
     """
     if not histories:
-        raise InputError("plot_history: no history is given; give at least one, e.g. {'adaptive': history}.")
+        raise InputError(
+            "plot_history: no history is given; give at least one, e.g. {'adaptive': history}."
+        )
     domain = next(iter(histories.values())).error.domain
     many = len(histories) > 3
 
@@ -77,7 +83,14 @@ def plot_history(histories: Mapping[str, Run], path: str | Path | None = None, *
             look = {"label": name if np.isnan(slope) else f"{name} (slope ${slope:.2f}$)"}
             look["color"] = CYCLE[number % len(CYCLE)]
             for panel, column in ((left, "seconds"), (right, "dofs")):
-                panel.plot(history.column(column), 100 * history.column("eps"), f"{marker}-", ms=4, lw=1.2, **look)
+                panel.plot(
+                    history.column(column),
+                    100 * history.column("eps"),
+                    f"{marker}-",
+                    ms=4,
+                    lw=1.2,
+                    **look,
+                )
         left.set(xlabel="run time [s]", ylabel="relative error [%]")
         right.set_xlabel("degrees of freedom")
         for accuracy in sorted({h.accuracy for h in histories.values()}):
@@ -85,13 +98,17 @@ def plot_history(histories: Mapping[str, Run], path: str | Path | None = None, *
                 panel.axhline(100 * accuracy, color="0.35", lw=0.9, ls=":")
             place = {"transform": left.get_yaxis_transform(), "va": "bottom"}
             left.text(0.02, 100 * accuracy, f"accuracy {percent(accuracy, 3)}", **place)
-        dofs, eps = (np.concatenate([h.column(c) for h in histories.values()]) for c in ("dofs", "eps"))
+        dofs, eps = (
+            np.concatenate([h.column(c) for h in histories.values()]) for c in ("dofs", "eps")
+        )
         ends = np.array([np.sqrt(dofs.max() * dofs.min()), dofs.max()])
         degree = max(h.error.degree for h in histories.values())
         order = Fraction(degree, domain.dim)
         below = 75 * float(np.min((eps * dofs ** float(order))[dofs >= ends[0]], initial=np.inf))
         if 0 < below < np.inf and dofs.max() >= SPAN * dofs.min():
-            right.plot(ends, below * ends ** -float(order), "k--", lw=0.9, label=f"slope $-{order}$")
+            right.plot(
+                ends, below * ends ** -float(order), "k--", lw=0.9, label=f"slope $-{order}$"
+            )
         if many:
             place = {"loc": "outside lower center", "ncols": 2, "frameon": False}
             left.figure.legend(*right.get_legend_handles_labels(), **place)
@@ -120,5 +137,7 @@ def _log_scale(axis: Any, low: float, high: float) -> None:
     low, high = low / margin, high * margin
     axis.axes.set(**{f"{axis.axis_name}scale": "log", f"{axis.axis_name}lim": (low, high)})
     ticks = log_ticks(low, high)
-    axis.set_ticks(ticks, labels=[f"{tick:.6g}" if tick < 1e5 else f"{tick / 1e3:g}k" for tick in ticks])
+    axis.set_ticks(
+        ticks, labels=[f"{tick:.6g}" if tick < 1e5 else f"{tick / 1e3:g}k" for tick in ticks]
+    )
     axis.set_minor_locator(NullLocator())

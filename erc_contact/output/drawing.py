@@ -20,13 +20,16 @@ CYCLE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#000
 """Colours of curves that the colour-blind can tell apart. Source: Okabe, Ito, Color Universal Design (2008)."""
 
 
-def draw_figure(comm: MPI.Comm, path: str | Path | None, ax: Any, draw: Callable[[Any], Any]) -> Any:
+def draw_figure(
+    comm: MPI.Comm, path: str | Path | None, ax: Any, draw: Callable[[Any], Any]
+) -> Any:
     """Draw on axes of the user's or in a new figure, and save it if there is a path; collective.
 
     Args:
         comm: Communicator.
         path: Picture file, or None. Its suffix gives the format.
-        ax: Axes of the user's on rank 0, whose style stays as it is; None makes a figure.
+        ax: Axes of the user's on rank 0, whose style stays as it is; None makes a
+            figure.
         draw: Gets ``ax``, draws, and returns the axes; it is called on rank 0.
 
     Returns:
@@ -53,7 +56,8 @@ def draw_figure(comm: MPI.Comm, path: str | Path | None, ax: Any, draw: Callable
 def new_figure(width: float, height: float, layout: str = "constrained") -> Any:
     """An empty figure of this width and height [inches].
 
-    The layout is one of matplotlib's: "constrained" for plots, "compressed" for pictures, which keep their shape.
+    The layout is one of matplotlib's: "constrained" for plots, "compressed" for
+    pictures, which keep their shape.
     """
     from matplotlib.figure import Figure  # noqa: PLC0415
 
@@ -75,7 +79,9 @@ def panels_of(ax: Any, many: int, what: str) -> np.ndarray:
 def only_in_2d(what: str, ax: Any, d: int) -> None:
     """Refuse axes for a body in space, whose pictures have several."""
     if ax is not None and d == 3:
-        raise InputError(f"{what} in 3D makes a figure of its own; leave ax out, and take the axes that are returned.")
+        raise InputError(
+            f"{what} in 3D makes a figure of its own; leave ax out, and take the axes that are returned."
+        )
 
 
 def log_ticks(low: float, high: float) -> np.ndarray:

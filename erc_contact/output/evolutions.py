@@ -53,13 +53,28 @@ def plot_energies(history: History, path: str | Path | None = None, *, ax: Any =
 
     def draw(ax: Any) -> np.ndarray:
         time = history.column("time")
-        left, right = panels = panels_of(new_figure(8.6, 3.9).subplots(1, 2) if ax is None else ax, 2, "plot_energies")
+        left, right = panels = panels_of(
+            new_figure(8.6, 3.9).subplots(1, 2) if ax is None else ax, 2, "plot_energies"
+        )
         for axes in panels:
             axes.set_prop_cycle(color=CYCLE)
-        for name, words in (("work", "work of loads and supports"), ("stored", "stored"), ("dissipated", "dissipated")):
+        for name, words in (
+            ("work", "work of loads and supports"),
+            ("stored", "stored"),
+            ("dissipated", "dissipated"),
+        ):
             left.plot(time, history.column(name), "o-", ms=3, lw=1.2, label=words)
-        right.plot(time, history.column("imbalance"), "o-", ms=3, lw=1.2, label="of the error on the meshes")
-        right.plot(time, history.column("in_time"), "s-", ms=3, lw=1.2, label="of the steps in time")
+        right.plot(
+            time,
+            history.column("imbalance"),
+            "o-",
+            ms=3,
+            lw=1.2,
+            label="of the error on the meshes",
+        )
+        right.plot(
+            time, history.column("in_time"), "s-", ms=3, lw=1.2, label="of the steps in time"
+        )
         left.set(xlabel="t", ylabel="energy [force length]")
         right.set(xlabel="t", ylabel="what the balance leaves [force length]")
         for axes in panels:
@@ -71,7 +86,12 @@ def plot_energies(history: History, path: str | Path | None = None, *, ax: Any =
 
 
 def plot_loop(
-    history: History, contact: str, path: str | Path | None = None, part: str | None = None, *, ax: Any = None
+    history: History,
+    contact: str,
+    path: str | Path | None = None,
+    part: str | None = None,
+    *,
+    ax: Any = None,
 ) -> Any:
     """Draw the shear force of a contact against the displacement of a boundary part; collective.
 
@@ -81,7 +101,8 @@ def plot_loop(
         history: The history.
         contact: Name of the contact.
         path: Picture file, or None.
-        part: Name of the boundary part; by default the first one with a support or a load, or else the contact.
+        part: Name of the boundary part; by default the first one with a support or a
+            load, or else the contact.
         ax: Axes of matplotlib to draw on; by default those of a new figure.
 
     Returns:
@@ -105,7 +126,8 @@ def plot_loop(
         axes = new_figure(5.2, 4.2).subplots() if ax is None else ax
         axes.plot(moved, -(force @ chosen), "o-", ms=3, lw=1.2, color=CYCLE[0])
         axes.set(
-            xlabel=f"mean displacement of {where} [length]", ylabel=f"shear on the foundation of {contact} [force]"
+            xlabel=f"mean displacement of {where} [length]",
+            ylabel=f"shear on the foundation of {contact} [force]",
         )
         axes.grid(color="0.9", lw=0.6)
         return axes
@@ -113,7 +135,9 @@ def plot_loop(
     return draw_figure(model.comm, path, ax, draw)
 
 
-def plot_zones(history: History, contact: str, path: str | Path | None = None, *, ax: Any = None) -> Any:
+def plot_zones(
+    history: History, contact: str, path: str | Path | None = None, *, ax: Any = None
+) -> Any:
     """Draw which parts of a contact in 2D are open, slip or stick, along the contact and in time; collective.
 
     Args:
@@ -129,7 +153,9 @@ def plot_zones(history: History, contact: str, path: str | Path | None = None, *
         InputError: If no contact has this name, or the body is in 3D.
     """
     if history.errors[0].domain.dim != 2:
-        raise InputError("plot_zones: the picture of zones along a contact and in time is for bodies in 2D.")
+        raise InputError(
+            "plot_zones: the picture of zones along a contact and in time is for bodies in 2D."
+        )
     comm = history.errors[0].domain.mesh.comm
     profiles = [error.profile(contact) for error in history.errors]
 
@@ -140,13 +166,19 @@ def plot_zones(history: History, contact: str, path: str | Path | None = None, *
         time, longest = history.column("time"), max(profile["s"].max() for profile in profiles)
         at = (np.arange(ALONG) + 0.5) / ALONG
         status = np.array([_status_at(profile, at) for profile in profiles])
-        first = np.diff(time).min(initial=np.ptp(time) or 1.0)  # the first state has no length of its own
+        first = np.diff(time).min(
+            initial=np.ptp(time) or 1.0
+        )  # the first state has no length of its own
         edges = np.append(time[0] - first, time)
         axes = new_figure(6.4, 4.0).subplots() if ax is None else ax
         colours = ListedColormap(COLOURS)
-        axes.pcolormesh(edges, np.linspace(0, longest, ALONG + 1), status.T, cmap=colours, vmin=-0.5, vmax=2.5)
+        axes.pcolormesh(
+            edges, np.linspace(0, longest, ALONG + 1), status.T, cmap=colours, vmin=-0.5, vmax=2.5
+        )
         axes.set(xlabel="t", ylabel=f"s along {contact} [length]")
-        patches = [Patch(fc=c, ec="0.6", label=name) for c, name in zip(COLOURS, STATUS, strict=True)]
+        patches = [
+            Patch(fc=c, ec="0.6", label=name) for c, name in zip(COLOURS, STATUS, strict=True)
+        ]
         place = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0)}
         axes.legend(handles=patches, ncols=3, frameon=False, **place)
         return axes

@@ -17,18 +17,25 @@ from mpi4py import MPI
 from erc_contact.base.exceptions import InputError, raise_together
 from erc_contact.mesh.simplex import lattice, node_between
 
-STYLE = {"font.family": "STIXGeneral", "mathtext.fontset": "stix", "font.size": 11.0, "pdf.fonttype": 42}
+STYLE = {
+    "font.family": "STIXGeneral",
+    "mathtext.fontset": "stix",
+    "font.size": 11.0,
+    "pdf.fonttype": 42,
+}
 """matplotlib's settings for figures of ours; journals want fonts of type 42 in pdf files."""
 VTK_EDGES = np.array([(0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3)])
-"""Vertices of the edges of a tetrahedron, in the order of VTK's nodes. The first one is the edge of a line, and the
-first three are those of a triangle."""
+"""Vertices of the edges of a tetrahedron, in the order of VTK's nodes. The first one is
+the edge of a line, and the first three are those of a triangle."""
 VTK_KINDS = {1: (3, 5, 10), 2: (21, 22, 24)}
 """VTK's numbers of line, triangle and tetrahedron, by degree."""
 PARTS = 24
 """Number of straight parts in which a facet in 2D is drawn or written if its fields are quadratic."""
 CHUNK, COMPRESSION = 1000, 4
-"""Number of rows in a block of a file, and its level of compression. VTK's default is blocks of 25 000 rows, which are
-written in full even if a mesh is small: 133 triangles then take 5.7 MB."""
+"""Number of rows in a block of a file, and its level of compression. VTK's default is
+blocks of 25 000 rows, which are written in full even if a mesh is small: 133 triangles
+then take 5.7 MB.
+"""
 
 
 def on_root(comm: MPI.Comm, path: str | Path | None, draw: Callable[[], None]) -> None:
@@ -74,7 +81,9 @@ def made_folder(comm: MPI.Comm, folder: str | Path) -> Path:
 def gathered(comm: MPI.Comm, **arrays: np.ndarray) -> dict[str, np.ndarray]:
     """The arrays of all ranks, one after the other, on rank 0; an empty dictionary on other ranks; collective."""
     parts = comm.gather(arrays) if comm.size > 1 else [arrays]
-    return {name: np.concatenate([part[name] for part in parts]) for name in arrays} if parts else {}
+    return (
+        {name: np.concatenate([part[name] for part in parts]) for name in arrays} if parts else {}
+    )
 
 
 def degree_of(cells: np.ndarray, d: int) -> int:
@@ -87,15 +96,20 @@ def subdivided(d: int, divisions: int) -> tuple[np.ndarray, np.ndarray]:
     """The reference line or triangle cut into smaller ones.
 
     Returns:
-        Reference points, shape (q, d), and the numbers of the points of each smaller one, shape (n, d+1).
+        Reference points, shape (q, d), and the numbers of the points of each smaller
+        one, shape (n, d+1).
     """
     points = lattice(d, divisions)
     number = {tuple(p): i for i, p in enumerate((points * divisions).round().astype(int).tolist())}
     if d == 1:
         return points, np.array([[number[i,], number[i + 1,]] for i in range(divisions)])
     upward = [[(i, j), (i + 1, j), (i, j + 1)] for i, j in number if i + j < divisions]
-    downward = [[(i + 1, j), (i + 1, j + 1), (i, j + 1)] for i, j in number if i + j < divisions - 1]
-    return points, np.array([[number[corner] for corner in corners] for corners in upward + downward])
+    downward = [
+        [(i + 1, j), (i + 1, j + 1), (i, j + 1)] for i, j in number if i + j < divisions - 1
+    ]
+    return points, np.array(
+        [[number[corner] for corner in corners] for corners in upward + downward]
+    )
 
 
 def vtk_cells(cells: np.ndarray, d: int) -> tuple[int, np.ndarray]:
@@ -110,8 +124,8 @@ def grid_of(points: np.ndarray, cells: np.ndarray, d: int) -> Any:
 
     Args:
         points: Nodes [length], shape (p, 3).
-        cells: Numbers of the nodes of each cell, in DOLFINx's order, shape (n, N). Lines with more than 3 nodes are
-            polylines.
+        cells: Numbers of the nodes of each cell, in DOLFINx's order, shape (n, N).
+            Lines with more than 3 nodes are polylines.
         d: Dimension of the cells.
     """
     import pyvista  # noqa: PLC0415
@@ -126,7 +140,8 @@ def save_grid(grid: Any, path: Path) -> None:
     """Write a VTKHDF file.
 
     Raises:
-        OSError: If the file cannot be written. VTK alone would write nothing and say nothing.
+        OSError: If the file cannot be written. VTK alone would write nothing and say
+            nothing.
     """
     import pyvista  # noqa: PLC0415
 

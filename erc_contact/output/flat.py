@@ -18,8 +18,9 @@ def draw_flat(axes: Any, parts: Sequence[tuple[Any, dict[str, Any]]]) -> None:
 
     Args:
         axes: Axes of matplotlib.
-        parts: Data of pyvista, lines or faces with the same number of corners, and the options with which pyvista
-            would draw them: ``color`` or ``scalars`` (colours of the faces), ``line_width`` and ``opacity``.
+        parts: Data of pyvista, lines or faces with the same number of corners, and the
+            options with which pyvista would draw them: ``color`` or ``scalars``
+                (colours of the faces), ``line_width`` and ``opacity``.
     """
     for data, look in parts:
         add_flat(axes, data, look)
@@ -40,7 +41,9 @@ def add_flat(axes: Any, data: Any, look: dict[str, Any]) -> None:
     else:
         shown = x[data.regular_faces]
         colours = look["scalars"] / 255.0 if "scalars" in look else look["color"]
-        drawn = PolyCollection(shown, facecolors=colours, edgecolors="face", linewidths=0.3, **common)
+        drawn = PolyCollection(
+            shown, facecolors=colours, edgecolors="face", linewidths=0.3, **common
+        )
     drawn.set_rasterized(len(shown) > MANY)
     axes.add_collection(drawn)
 

@@ -1,14 +1,16 @@
 """Foundations in pictures of deformed bodies: where they are drawn, and how far a displacement may be magnified.
 
-A body is drawn at X + s u^ with a magnification s. A foundation is drawn as it is, at Y = X + g n: a plane stays a
-plane below a curved body. For s > 1 it is moved with the body, as a rigid one, to Y + (s - 1) rho(Y). The rigid motion
-rho has the normal part that is nearest to the gap g where the contact is closed. So a plane below a flat side, with a
-gap that is constant or linear, is met exactly where the contact is closed. Elsewhere closed parts look open or entered
-by (s - 1) (u^_n - rho_n), and parts beside them, too. The magnification that is chosen by default is so small that this
-is hardly seen, and a coloured line shows what is closed.
+A body is drawn at X + s u^ with a magnification s. A foundation is drawn as it is, at Y
+= X + g n: a plane stays a plane below a curved body. For s > 1 it is moved with the
+body, as a rigid one, to Y + (s - 1) rho(Y). The rigid motion rho has the normal part
+that is nearest to the gap g where the contact is closed. So a plane below a flat side,
+with a gap that is constant or linear, is met exactly where the contact is closed.
+Elsewhere closed parts look open or entered by (s - 1) (u^_n - rho_n), and parts beside
+them, too. The magnification that is chosen by default is so small that this is hardly
+seen, and a coloured line shows what is closed.
 
-Symbols: X position before the deformation, g gap, n normal of the foundation, u^ admissible displacement, v_n = v . n,
-d dimension.
+Symbols: X position before the deformation, g gap, n normal of the foundation, u^
+admissible displacement, v_n = v . n, d dimension.
 """
 
 from __future__ import annotations
@@ -30,8 +32,8 @@ from erc_contact.results.profile import contact_status
 REACH = 0.15
 """The foundation is drawn where the gap is below this share of the body's size [-]."""
 BAND, EXCESS = 0.03, 0.06
-"""Width of the band of a foundation in 2D, and length by which a flat foundation extends beyond each end of its
-contact, as shares of the body's size [-]."""
+"""Width of the band of a foundation in 2D, and length by which a flat foundation
+extends beyond each end of its contact, as shares of the body's size [-]."""
 FLAT = 1e-6
 """Distance from a plane below which a foundation is flat, as a share of the body's size [-]."""
 CLOSED = "#D55E00"
@@ -45,8 +47,10 @@ NEARLY = 1.2
 UNSEEN = 0.003
 """Share of the body's size by which a closed contact may look open or entered in a picture by default [-]."""
 WIDE = 0.1
-"""Least root mean square width of the closed part, as a share of the contact, for which a foundation turns [-]. A
-narrow part knows the slope of the foundation below it, and not how the foundation as a whole should turn."""
+"""Least root mean square width of the closed part, as a share of the contact, for which
+a foundation turns [-]. A narrow part knows the slope of the foundation below it, and
+not how the foundation as a whole should turn.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,7 +132,9 @@ def foundation_of(surface: Surface) -> Foundation:
     y, gap = every[nearest], surface.gap[nearest]
     centre = np.average(y, axis=0, weights=weight**2)
     size = np.linalg.norm(np.ptp(every.reshape(-1, d), axis=0))
-    turns = np.array([np.outer(i, j) - np.outer(j, i) for i, j in combinations(np.eye(d), 2)]) / size
+    turns = (
+        np.array([np.outer(i, j) - np.outer(j, i) for i, j in combinations(np.eye(d), 2)]) / size
+    )
     turned = np.einsum("kij,pj,pi->pk", turns, y - centre, n)
     normal_parts = weight[:, None] * np.column_stack([n, turned])
     parts = np.linalg.lstsq(normal_parts, weight * gap, rcond=WIDE)[0]
@@ -157,7 +163,8 @@ def rounded(factor: float) -> float:
 def drawn_foundation(foundation: Foundation, factor: float, size: float) -> Any:
     """Draw the part of a foundation that is near the body, moved with the body.
 
-    A plane is drawn somewhat larger than the contact. Other foundations end with the contact.
+    A plane is drawn somewhat larger than the contact. Other foundations end with the
+    contact.
 
     Args:
         foundation: The foundation.
@@ -165,8 +172,8 @@ def drawn_foundation(foundation: Foundation, factor: float, size: float) -> Any:
         size: Size of the body [length].
 
     Returns:
-        Straight lines in 2D or triangles in 3D for pyvista. At their points the data ``normal`` is the normal of the
-        foundation.
+        Straight lines in 2D or triangles in 3D for pyvista. At their points the data
+        ``normal`` is the normal of the foundation.
     """
     surface, d = foundation.surface, foundation.surface.d
     direction, n = surface.traction.contact.direction, mean_normal(surface)
@@ -188,12 +195,15 @@ def _rectangle(points: np.ndarray, n: np.ndarray, margin: float) -> tuple[np.nda
     """Find the part of a plane with the normal n around points in it, and some more.
 
     Returns:
-        Its corners [length], shape (2^(d-1), d), and the numbers of the corners of its straight parts.
+        Its corners [length], shape (2^(d-1), d), and the numbers of the corners of its
+        straight parts.
     """
     plane = tangents(n)
     along = points @ plane.T
     ends = along.min(axis=0) - margin, along.max(axis=0) + margin
-    corners = np.stack(np.meshgrid(*np.transpose(ends), indexing="ij"), axis=-1).reshape(-1, len(plane))
+    corners = np.stack(np.meshgrid(*np.transpose(ends), indexing="ij"), axis=-1).reshape(
+        -1, len(plane)
+    )
     parts = [[0, 1]] if len(plane) == 1 else [[0, 1, 2], [1, 2, 3]]
     return corners @ plane + float((points @ n).mean()) * n, np.array(parts)
 
@@ -206,7 +216,8 @@ def closed_part(surface: Surface, x: np.ndarray) -> Any:
         x: Positions at which the nodes of the body are drawn [length], shape (n, 3).
 
     Returns:
-        Straight lines for pyvista; None if the contact is open, or its closed part has no border.
+        Straight lines for pyvista; None if the contact is open, or its closed part has
+        no border.
     """
     closed = contact_status(surface.traction) != OPEN
     if not closed.any():
@@ -233,7 +244,8 @@ def _border(nodes: np.ndarray) -> np.ndarray:
 def ground(surface: Any, size: float) -> list[tuple[Any, dict[str, Any]]]:
     """Give the parts of a :func:`drawn_foundation` the options with which they are drawn, in a body of a size [length].
 
-    In 2D the foundation is a line with a band beyond it, in 3D a grey surface. Nothing is drawn of an empty one.
+    In 2D the foundation is a line with a band beyond it, in 3D a grey surface. Nothing
+    is drawn of an empty one.
     """
     import pyvista  # noqa: PLC0415
 

@@ -1,6 +1,7 @@
 """Meshes and contacts of all ranks, gathered on rank 0 for pictures and files.
 
-Symbols: r^ admissible contact traction, u^ admissible displacement, u^_n its part along the normal of the foundation.
+Symbols: r^ admissible contact traction, u^ admissible displacement, u^_n its part along
+the normal of the foundation.
 """
 
 from __future__ import annotations
@@ -27,13 +28,17 @@ class Surface:
     """The n facets of a contact on all ranks; on rank 0.
 
     Attributes:
-        traction: r^ on these facets. Of ``traction.contact`` only ``direction`` belongs to them.
+        traction: r^ on these facets. Of ``traction.contact`` only ``direction`` belongs
+            to them.
         x: Positions of the nodes of each facet [length], shape (n, m, 3).
         vertices: Global numbers of the vertices of each facet, shape (n, d).
-        gap: The gap g at the nodes of each facet before the deformation [length], shape (n, m).
+        gap: The gap g at the nodes of each facet before the deformation [length], shape
+            (n, m).
         gap_left: The gap that is left there, g - u^_n [length], shape (n, m).
-        slip: Tangential part of u^ there, or of its change since the last step of a history [length], shape (n, m, d).
-        place: Positions of the nodes on the true surface, where it is known [length], shape (n, m, d).
+        slip: Tangential part of u^ there, or of its change since the last step of a
+            history [length], shape (n, m, d).
+        place: Positions of the nodes on the true surface, where it is known [length],
+            shape (n, m, d).
     """
 
     traction: ContactTraction
@@ -98,11 +103,13 @@ def body_mesh(domain: Domain) -> dict[str, np.ndarray]:
     """The part of a mesh that this rank owns, with the arguments of :func:`erc_contact.output.bodies.skin_of`.
 
     Returns:
-        "points", the vertices [length], shape (n, 3), and "cells", the global numbers of the vertices of each cell,
-        shape (m, d+1). All cells are positively oriented.
+        "points", the vertices [length], shape (n, 3), and "cells", the global numbers
+        of the vertices of each cell, shape (m, d+1). All cells are positively oriented.
     """
     geometry = domain.mesh.geometry
-    return _numbered(geometry.x, geometry.dofmaps[0][: domain.owned_cells], geometry.index_map(), domain.dim)
+    return _numbered(
+        geometry.x, geometry.dofmaps[0][: domain.owned_cells], geometry.index_map(), domain.dim
+    )
 
 
 def body_nodes(model: Model) -> dict[str, np.ndarray]:
@@ -114,7 +121,9 @@ def body_nodes(model: Model) -> dict[str, np.ndarray]:
 def nodal_displacement(admissible: Admissible) -> np.ndarray:
     """u^ at the points of :func:`body_nodes` of this rank [length], shape (n, 3)."""
     model = admissible.solution.model
-    return in_space(admissible.displacement.x.array.reshape(-1, model.d)[: model.V.dofmap.index_map.size_local])
+    return in_space(
+        admissible.displacement.x.array.reshape(-1, model.d)[: model.V.dofmap.index_map.size_local]
+    )
 
 
 def _numbered(x: np.ndarray, cells: np.ndarray, nodes: Any, d: int) -> dict[str, np.ndarray]:
@@ -130,6 +139,8 @@ def _numbered(x: np.ndarray, cells: np.ndarray, nodes: Any, d: int) -> dict[str,
     ends = x[cells[:, : d + 1], :d]
     turned = np.linalg.det(ends[:, 1:] - ends[:, :1]) < 0
     swapped = np.array([*range(d - 1), d, d - 1])[node_vertices(d, k)]
-    cells = np.where(turned[:, None], cells[:, node_between(d, k)[swapped[:, 0], swapped[:, 1]]], cells)
+    cells = np.where(
+        turned[:, None], cells[:, node_between(d, k)[swapped[:, 0], swapped[:, 1]]], cells
+    )
     numbers = nodes.local_to_global(cells.ravel().astype(np.int32)).reshape(cells.shape)
     return {"points": x[: nodes.size_local].copy(), "cells": numbers}

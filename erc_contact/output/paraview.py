@@ -1,8 +1,9 @@
 """Files for ParaView with the fields of an admissible pair: u^, sigma^, r^, and the error of each element.
 
-Symbols: u^ and sigma^ admissible displacement and stress, r^ admissible contact traction, r_n and r_t its normal and
-tangential parts, b friction bound, g gap before the deformation, u^_n part of u^ along the normal of the foundation,
-eps_E share of one element of the relative error.
+Symbols: u^ and sigma^ admissible displacement and stress, r^ admissible contact
+traction, r_n and r_t its normal and tangential parts, b friction bound, g gap before
+the deformation, u^_n part of u^ along the normal of the foundation, eps_E share of one
+element of the relative error.
 """
 
 from __future__ import annotations
@@ -30,27 +31,31 @@ def write_fields(error: ConstitutiveError, folder: str | Path) -> None:
 
     - ``eps_E``: share of the relative error [-],
     - ``stress``: mean of sigma^ in the cell [force/area], 3x3, row by row,
-    - ``stress_fe``: mean of the rebalanced finite element stress [force/area], 3x3, row by row,
-    - ``von_mises``: von Mises stress of ``stress`` [force/area]. If the material does not tell the stress out of plane,
-      this component of the stresses is nan, and the von Mises stress of the part in plane is written instead, with the
-      name ``von_mises_in_plane``.
+    - ``stress_fe``: mean of the rebalanced finite element stress [force/area], 3x3, row
+      by row,
+    - ``von_mises``: von Mises stress of ``stress`` [force/area]. If the material does
+      not tell the stress out of plane, this component of the stresses is nan, and the
+      von Mises stress of the part in plane is written instead, with the name
+      ``von_mises_in_plane``.
 
-    ``contact_<name>.vtkhdf`` is written for each contact. Each facet has points of its own. The file has at the points
+    ``contact_<name>.vtkhdf`` is written for each contact. Each facet has points of its
+    own. The file has at the points
 
     - ``traction``: r^ [force/area],
     - ``pressure``: -r_n [force/area],
     - ``friction_bound``: b [force/area], the greatest ``|r_t|`` that the law allows,
     - ``gap``: the gap that is left, g - u^_n [length],
-    - ``slip``: the tangential part of u^, or of its change since the last step of a history [length],
+    - ``slip``: the tangential part of u^, or of its change since the last step of a
+      history [length],
 
     and in the cells
 
     - ``mean_traction``: mean of r^ on the facet [force/area],
     - ``status``: 0 open, 1 slip, 2 stick.
 
-    For degree 2 the cells are quadratic, with values at all nodes, and facets in 2D are polylines. ParaView integrates
-    quadratic cells by straight parts, and quadratic lines not at all. Its integral of ``mean_traction`` is exactly the
-    contact force.
+    For degree 2 the cells are quadratic, with values at all nodes, and facets in 2D are
+    polylines. ParaView integrates quadratic cells by straight parts, and quadratic
+    lines not at all. Its integral of ``mean_traction`` is exactly the contact force.
 
     Args:
         error: The error, with its admissible pair.
@@ -60,7 +65,8 @@ def write_fields(error: ConstitutiveError, folder: str | Path) -> None:
         OSError: If a file cannot be written.
 
     Note:
-        Rank 0 writes the files through pyvista, because DOLFINx 0.11 writes only one array to a file.
+        Rank 0 writes the files through pyvista, because DOLFINx 0.11 writes only one
+        array to a file.
     """
     admissible, model = error.admissible, error.solution.model
     body = gathered(model.comm, **body_nodes(model), displacement=nodal_displacement(admissible))
@@ -78,13 +84,17 @@ def write_fields(error: ConstitutiveError, folder: str | Path) -> None:
             shape = bernstein(model.d - 1, contact.degree, points)
             nodal = lagrange(model.d - 1, contact.degree, points)
             x = np.matmul(nodal, contact.x)
-            surface = grid_of(x.reshape(-1, 3), np.arange(x[..., 0].size).reshape(x.shape[:2]), model.d - 1)
+            surface = grid_of(
+                x.reshape(-1, 3), np.arange(x[..., 0].size).reshape(x.shape[:2]), model.d - 1
+            )
             values = np.matmul(shape, traction.values)
             surface.point_data["traction"] = in_space(values.reshape(-1, model.d))
             surface.point_data["pressure"] = (-traction.normal_component @ shape.T).ravel()
             surface.point_data["friction_bound"] = (traction.friction_bound @ shape.T).ravel()
             surface.point_data["gap"] = (contact.gap_left @ nodal.T).ravel()
-            surface.point_data["slip"] = in_space(np.matmul(nodal, contact.slip).reshape(-1, model.d))
+            surface.point_data["slip"] = in_space(
+                np.matmul(nodal, contact.slip).reshape(-1, model.d)
+            )
             surface.cell_data["mean_traction"] = in_space(traction.values.mean(axis=1))
             surface.cell_data["status"] = contact_status(traction)
             save_grid(surface, Path(folder) / f"contact_{traction.contact.name}.vtkhdf")

@@ -1,10 +1,11 @@
 """Pictures of bodies: in the plane by matplotlib, in space images by pyvista in figures by matplotlib.
 
-Bodies of degree 2 are drawn with curved edges. A body in space is seen twice: from above with the foundation, and from
-the other side and below without it, to show the contact.
+Bodies of degree 2 are drawn with curved edges. A body in space is seen twice: from
+above with the foundation, and from the other side and below without it, to show the
+contact.
 
-Symbols: u^ and sigma^ admissible displacement and stress, X position before the deformation, eps relative error, eps_E
-share of one element of eps.
+Symbols: u^ and sigma^ admissible displacement and stress, X position before the
+deformation, eps relative error, eps_E share of one element of eps.
 """
 
 from __future__ import annotations
@@ -20,7 +21,13 @@ from erc_contact.admissible.pair import Admissible
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.model.stress import tells_out_of_plane, von_mises
 from erc_contact.output.bodies import SPACE, WORDS, Skin, seen, show, skin_of, views_of
-from erc_contact.output.drawing import draw_figure, log_ticks, new_figure, only_in_2d, weighted_level
+from erc_contact.output.drawing import (
+    draw_figure,
+    log_ticks,
+    new_figure,
+    only_in_2d,
+    weighted_level,
+)
 from erc_contact.output.files import gathered, grid_of
 from erc_contact.output.foundations import (
     CLOSED,
@@ -59,32 +66,43 @@ def draw_error(error: ConstitutiveError, path: str | Path | None = None, *, ax: 
 
         top = float(eps.max())
         low = min(max(float(np.percentile(eps, 1)), 1e-4 * top), 0.5 * top)
-        return Scale(LogNorm(low, top) if top > 0 else Normalize(0, 1), "min", r"$\varepsilon_E$ [-]")
+        return Scale(
+            LogNorm(low, top) if top > 0 else Normalize(0, 1), "min", r"$\varepsilon_E$ [-]"
+        )
 
     return draw_cells(error.admissible, error.indicators, scale, path, ax)
 
 
 def draw_deformed(
-    error: ConstitutiveError, path: str | Path | None = None, factor: float | None = None, *, ax: Any = None
+    error: ConstitutiveError,
+    path: str | Path | None = None,
+    factor: float | None = None,
+    *,
+    ax: Any = None,
 ) -> Any:
     """Draw the deformed body on its foundation, coloured by the von Mises stress of sigma^; collective.
 
-    Points of the body are drawn at X + factor u^. The foundation is drawn as it is, and not magnified: what is flat is
-    flat. It is moved with the body, so that what is closed looks closed as nearly as a rigid motion can make it
-    (:mod:`erc_contact.output.foundations`). It is left out where it would be far from the body. Orange lines show what
-    is closed, in 3D its border, and black ones the outline of the body before the deformation.
+    Points of the body are drawn at X + factor u^. The foundation is drawn as it is, and
+    not magnified: what is flat is flat. It is moved with the body, so that what is
+    closed looks closed as nearly as a rigid motion can make it
+    (:mod:`erc_contact.output.foundations`). It is left out where it would be far from
+    the body. Orange lines show what is closed, in 3D its border, and black ones the
+    outline of the body before the deformation.
 
-    The von Mises stress is that of the mean of sigma^ in each element; for degree 2 it is linear there
-    (:func:`erc_contact.results.stresses.vertex_stress`). If the material does not tell the stress out of plane
-    (``out_of_plane``), it is that of the part in plane.
+    The von Mises stress is that of the mean of sigma^ in each element; for degree 2 it
+    is linear there (:func:`erc_contact.results.stresses.vertex_stress`). If the
+    material does not tell the stress out of plane (``out_of_plane``), it is that of the
+    part in plane.
 
     Args:
         error: The error, whose admissible pair is drawn.
         path: Picture file, or None.
-        factor: Magnification of u^ [-]. By default the largest u^ is drawn with 6% of the body's size, or with less if
-            otherwise a closed contact would look open or entered by more than 0.3% of the size, as a curved body on a
-            plane does. A displacement that is larger than 5% of the size is not magnified. With a factor of your own
-            the title says how much the contact looks open or entered.
+        factor: Magnification of u^ [-]. By default the largest u^ is drawn with 6% of
+            the body's size, or with less if otherwise a closed contact would look open
+            or entered by more than 0.3% of the size, as a curved body on a plane does.
+            A displacement that is larger than 5% of the size is not magnified. With a
+            factor of your own the title says how much the contact looks open or
+            entered.
         ax: Axes of matplotlib to draw on, in 2D; by default those of a new figure.
 
     Returns:
@@ -99,25 +117,33 @@ def draw_deformed(
     contacts = [whole_contact(admissible, t) for t in admissible.tractions]
     up = _up(admissible)
     stressless = error.scale == 0 or error.solution.at_rest  # all stress is round-off
-    label = f"von Mises stress{'' if tells_out_of_plane(model) else ' of the plane part'} [force/area]"
+    label = (
+        f"von Mises stress{'' if tells_out_of_plane(model) else ' of the plane part'} [force/area]"
+    )
 
     def draw(ax: Any) -> Any:
         from matplotlib.colors import Normalize  # noqa: PLC0415
 
         only_in_2d("draw_deformed", ax, d)
         u, mises = body.pop("u"), cells["mises"]
-        foundations = [foundation_of(contact) for contact in contacts if contact is not None and len(contact.x)]
+        foundations = [
+            foundation_of(contact) for contact in contacts if contact is not None and len(contact.x)
+        ]
         largest = float(np.linalg.norm(u, axis=1).max())
         times = rounded(greatest_factor(foundations, largest, size)) if factor is None else factor
         skin, volume = skin_of(**body, d=d), cells["volume"]
         outline = grid_of(body["points"], body["cells"][:, : d + 1], d)
         outline = outline.extract_feature_edges(feature_angle=30.0, manifold_edges=False)
         grounds = [drawn_foundation(foundation, times, size) for foundation in foundations]
-        top = weighted_level(mises.max(axis=1), volume, 0.998) or 1.0  # a singular corner must not take all colours
+        top = (
+            weighted_level(mises.max(axis=1), volume, 0.998) or 1.0
+        )  # a singular corner must not take all colours
         if stressless:
             mises = 0 * mises
         if model.degree > 1:
-            corners = (cells["numbers"][skin.cell, None] == skin.triangles[:, :3, None]).argmax(axis=2)
+            corners = (cells["numbers"][skin.cell, None] == skin.triangles[:, :3, None]).argmax(
+                axis=2
+            )
             mises = np.take_along_axis(mises[skin.cell], corners, axis=1)
         else:
             mises = mises[:, 0]
@@ -143,7 +169,9 @@ def magnification(error: ConstitutiveError) -> float:
     largest = error.maximum("displacement").value
     factor = np.inf
     if model.comm.rank == 0:
-        foundations = [foundation_of(contact) for contact in contacts if contact is not None and len(contact.x)]
+        foundations = [
+            foundation_of(contact) for contact in contacts if contact is not None and len(contact.x)
+        ]
         factor = greatest_factor(foundations, largest, model.domain.extent)
     return model.comm.bcast(factor)
 
@@ -168,7 +196,11 @@ def _shown_stress(admissible: Admissible) -> np.ndarray:
 
 
 def draw_cells(
-    admissible: Admissible, values: np.ndarray, scale: Callable[..., Scale], path: str | Path | None, ax: Any
+    admissible: Admissible,
+    values: np.ndarray,
+    scale: Callable[..., Scale],
+    path: str | Path | None,
+    ax: Any,
 ) -> Any:
     """Draw a value in each element on the body before the deformation; collective.
 
@@ -200,7 +232,8 @@ class Scale:
 
     Attributes:
         norm: matplotlib's norm, from values to colours.
-        extend: Ends of the colour bar beyond which there are values: "min", "max" or "neither".
+        extend: Ends of the colour bar beyond which there are values: "min", "max" or
+            "neither".
         label: Label of the colour bar.
     """
 
@@ -209,13 +242,15 @@ class Scale:
     label: str
 
 
-# -- pictures, on rank 0 -------------------------------------------------------------------------------------------
+# -- pictures, on rank 0
+# -------------------------------------------------------------------------------------------
 
 
 def _up(admissible: Admissible) -> np.ndarray:
     """The upward direction of a picture, shape (3,); collective.
 
-    It is the coordinate axis, with its sign, that points away from the first foundation.
+    It is the coordinate axis, with its sign, that points away from the first
+    foundation.
     """
     total, model = np.zeros(3), admissible.solution.model
     for traction in admissible.tractions[:1]:
@@ -255,12 +290,13 @@ def _map(
         ax: Axes of the user's in 2D, or None.
         skin: The body.
         x: Positions at which its nodes are drawn [length], shape (n, 3).
-        values: Values of the elements, or at the corners of triangles of the skin, see :meth:`Skin.of_parts`.
+        values: Values of the elements, or at the corners of triangles of the skin, see
+            :meth:`Skin.of_parts`.
         scale: Their colours.
         views: The views, from :func:`views_of`.
         before: Lines of pyvista that show the body before the deformation.
-        foundations: Foundations, from :func:`drawn_foundation`. In 3D only the view from above has them, because they
-            hide the contact.
+        foundations: Foundations, from :func:`drawn_foundation`. In 3D only the view
+            from above has them, because they hide the contact.
         closed: Lines that show what is closed, from :func:`closed_part`.
     """
     from matplotlib.cm import ScalarMappable  # noqa: PLC0415
@@ -277,21 +313,29 @@ def _map(
     flat = len(views) == 1
     size = float(np.ptp(x, axis=0).max())
     grounds = [part for surface in foundations for part in ground(surface, size)]
-    shown = {name: grounds * (name != "from below") + parts for name in views}  # the body is never hidden
+    shown = {
+        name: grounds * (name != "from below") + parts for name in views
+    }  # the body is never hidden
     sizes = np.array([np.ptp(seen(shown[name], view), axis=0)[:2] for name, view in views.items()])
     ratio = sizes[:, 0].sum() / sizes[:, 1].max()
     below = flat and ratio > WIDE
     if ax is None:
         width = min(6.0, 6.0 * ratio) if flat else min(SPACE, 3.0 * ratio)
         words = (0.7 if below else 1.9) + (0.0 if flat else 2 * WORDS)
-        figure = new_figure(max(width, 1.5) + words, width / ratio + (1.6 if below else 0.9), "compressed")
+        figure = new_figure(
+            max(width, 1.5) + words, width / ratio + (1.6 if below else 0.9), "compressed"
+        )
         ax = figure.subplots(1, len(views), width_ratios=sizes[:, 0])
     panels = np.ravel(ax)
     for panel, (name, view) in zip(panels, views.items(), strict=True):
         show(panel, shown[name], view)
         if not flat:
             panel.set_title(name, fontsize=11)
-    place = {"location": "bottom", "shrink": 0.7, "aspect": 40} if below else {"shrink": 0.8, "aspect": 30}
+    place = (
+        {"location": "bottom", "shrink": 0.7, "aspect": 40}
+        if below
+        else {"shrink": 0.8, "aspect": 30}
+    )
     bar = panels[0].figure.colorbar(colours, ax=panels, extend=scale.extend, **place)
     _ticks(bar, scale.norm, known=bool(values.any()))
     if below:

@@ -36,7 +36,16 @@ th { font-weight: normal; } thead th { color: #555; } .numbers td, .numbers thea
 .numbers td { white-space: nowrap; } .verdict th { font-weight: bold; min-width: 5rem; }
 pre { background: #f5f5f5; padding: 0.8rem; overflow-x: auto; font-size: 0.85rem; line-height: 1.35; }
 """
-NUMBERS = ("relative", "total", "absolute", "scale", "bulk_error", "contact_error", "geometry_error", "degree")
+NUMBERS = (
+    "relative",
+    "total",
+    "absolute",
+    "scale",
+    "bulk_error",
+    "contact_error",
+    "geometry_error",
+    "degree",
+)
 """Numbers of the error in the data."""
 BROAD = 1.3
 """Width over height of a picture that a narrow screen shows part by part [-]."""
@@ -84,8 +93,8 @@ def write_report(
 ) -> None:
     """Write the report of a run; collective.
 
-    It says what was asked, what is proved and what is not, and shows the pictures. It has neither the name of the
-    machine nor a path.
+    It says what was asked, what is proved and what is not, and shows the pictures. It
+    has neither the name of the machine nor a path.
 
     Args:
         run: The run.
@@ -93,15 +102,19 @@ def write_report(
         title: Its heading.
         tables: Tables of its rows in HTML, by their headings.
         pictures: Names of the picture files in the folder, and what they show.
-        claims: What the error proves and what not, see :func:`erc_contact.output.verdict.verdict`.
-        forces: Forces on the body by their cause, see :func:`erc_contact.results.reactions`; the same on all ranks.
+        claims: What the error proves and what not, see
+            :func:`erc_contact.output.verdict.verdict`.
+        forces: Forces on the body by their cause, see
+            :func:`erc_contact.results.reactions`; the same on all ranks.
         code: The run as code, see :mod:`erc_contact.output.as_code`.
         note: What else has to be said of it, below the heading.
     """
     file, comm = Path(path), run.error.domain.mesh.comm
 
     def write() -> None:
-        sections = {"": "".join(_paragraph(text) for text in (without_paths(run.outcome), note) if text)}
+        sections = {
+            "": "".join(_paragraph(text) for text in (without_paths(run.outcome), note) if text)
+        }
         if claims:
             sections["What the number means"] = _wide(table(claims), "verdict")
         if isinstance(run.error, ConstitutiveError):  # one that is read from a folder has no scene
@@ -109,7 +122,9 @@ def write_report(
             sections["Scene"] = _wide(table(words, ("part", "what holds there")))
         sections |= {heading: _wide(rows, "numbers") for heading, rows in tables.items()}
         if pictures:
-            sections["Pictures"] = "".join(_figure(file.parent / name, words) for name, words in pictures.items())
+            sections["Pictures"] = "".join(
+                _figure(file.parent / name, words) for name, words in pictures.items()
+            )
         if forces:
             sections["Forces on the body"] = _forces(forces)
         if code:
@@ -123,7 +138,9 @@ def write_report(
 
 def _page(title: str, sections: Mapping[str, str]) -> str:
     """The page; sections are HTML by their headings."""
-    body = "".join(f"<h2>{escape(name)}</h2>{text}" if name else text for name, text in sections.items())
+    body = "".join(
+        f"<h2>{escape(name)}</h2>{text}" if name else text for name, text in sections.items()
+    )
     return (
         '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
@@ -185,7 +202,10 @@ def _record(run: Run, forces: Mapping[str, Force]) -> dict[str, Any]:
             "reached": run.reached,
             "accuracy": run.accuracy,
             "error": error,
-            "forces": {name: {"force": of.force.tolist(), "moment": of.moment.tolist()} for name, of in forces.items()},
+            "forces": {
+                name: {"force": of.force.tolist(), "moment": of.moment.tolist()}
+                for name, of in forces.items()
+            },
             "steps": [asdict(step) for step in run.steps],
             "settings": {name: code_of(one) for name, one in run.settings.items()},
             "versions": versions(),

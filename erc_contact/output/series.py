@@ -29,9 +29,9 @@ class History(Protocol):
 def write_series(history: History, path: str | Path) -> None:
     """Write the fields of all steps to one VTKHDF file with times, which opens in ParaView as it is; collective.
 
-    It has the displacement u^ at the nodes; in the cells eps_E, the mean of sigma^, its von Mises stress, and that of
-    the finite elements, with the names of :func:`erc_contact.output.write_fields`. A mesh of several steps is written
-    once.
+    It has the displacement u^ at the nodes; in the cells eps_E, the mean of sigma^, its
+    von Mises stress, and that of the finite elements, with the names of
+    :func:`erc_contact.output.write_fields`. A mesh of several steps is written once.
 
     Args:
         history: The history.
@@ -54,7 +54,14 @@ def write_series(history: History, path: str | Path) -> None:
         cells.append(gathered(comm, **cell_stresses(pair), eps_E=error.indicators))
 
     def write() -> None:
-        _write_series(Path(path), history.column("time"), meshes, which, (points, cells), history.errors[0].domain.dim)
+        _write_series(
+            Path(path),
+            history.column("time"),
+            meshes,
+            which,
+            (points, cells),
+            history.errors[0].domain.dim,
+        )
 
     on_root(comm, path, write)
 
@@ -65,7 +72,8 @@ def write_meshes(meshes: Sequence[tuple[Domain, np.ndarray]], path: str | Path) 
     The times of the file are the numbers of the meshes, from 1 on.
 
     Args:
-        meshes: Pairs of a domain and eps_E of its owned cells, as in ``History.meshes``.
+        meshes: Pairs of a domain and eps_E of its owned cells, as in
+            ``History.meshes``.
         path: The file.
 
     Raises:
@@ -77,7 +85,9 @@ def write_meshes(meshes: Sequence[tuple[Domain, np.ndarray]], path: str | Path) 
     numbers = np.arange(len(meshes))
 
     def write() -> None:
-        _write_series(Path(path), numbers + 1.0, bodies, numbers.tolist(), ([{} for _ in meshes], cells), dim)
+        _write_series(
+            Path(path), numbers + 1.0, bodies, numbers.tolist(), ([{} for _ in meshes], cells), dim
+        )
 
     on_root(comm, path, write)
 
@@ -108,7 +118,9 @@ def _write_series(
         "NumberOfCells": np.array([len(cells) for _, cells in kinds]),
         "NumberOfConnectivityIds": np.array([cells.size for _, cells in kinds]),
     }
-    starts = {name: np.concatenate([[0], np.cumsum(of)[:-1]])[list(which)] for name, of in counts.items()}
+    starts = {
+        name: np.concatenate([[0], np.cumsum(of)[:-1]])[list(which)] for name, of in counts.items()
+    }
     with h5py.File(path, "w") as file:
         vtk = file.create_group("VTKHDF")
         vtk.attrs["Version"], vtk.attrs["Type"] = (2, 0), np.bytes_("UnstructuredGrid")
@@ -116,8 +128,12 @@ def _write_series(
             vtk[name] = of
         vtk["Points"] = np.concatenate([mesh["points"] for mesh in meshes])
         vtk["Connectivity"] = np.concatenate([cells.ravel() for _, cells in kinds])
-        vtk["Offsets"] = np.concatenate([np.arange(0, cells.size + 1, cells.shape[1]) for _, cells in kinds])
-        vtk["Types"] = np.concatenate([np.full(len(cells), kind, dtype=np.uint8) for kind, cells in kinds])
+        vtk["Offsets"] = np.concatenate(
+            [np.arange(0, cells.size + 1, cells.shape[1]) for _, cells in kinds]
+        )
+        vtk["Types"] = np.concatenate(
+            [np.full(len(cells), kind, dtype=np.uint8) for kind, cells in kinds]
+        )
         steps = vtk.create_group("Steps")
         steps.attrs["NSteps"] = len(times)
         steps["Values"] = times

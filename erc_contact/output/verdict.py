@@ -1,6 +1,7 @@
 """What an error proves, what it estimates and what it leaves open, in words.
 
-The words follow from the scene and from numbers that the error has already; nothing is computed.
+The words follow from the scene and from numbers that the error has already; nothing is
+computed.
 """
 
 from __future__ import annotations
@@ -47,7 +48,9 @@ def _of_the_bound(error: ConstitutiveError) -> list[tuple[str, str]]:
             else "This is proved for the problem on this mesh with the data that the mesh carries; what differs from "
             "your data is estimated below."
         )
-        return [(BOUND, f"{size}. e bounds the errors of u^ and of sigma^ in the energy norm. {proved}")]
+        return [
+            (BOUND, f"{size}. e bounds the errors of u^ and of sigma^ in the energy norm. {proved}")
+        ]
     term = (
         f"{size}. e bounds the errors of u^ and of sigma^ in the energy norm, up to a third term: the friction "
         f"bound of {', '.join(rough)} depends on the pressure. The term is a product of two errors and has no sign. It "
@@ -65,10 +68,18 @@ def _of_the_data(error: ConstitutiveError) -> list[tuple[str, str]]:
     found, scale = [], error.scale or 1.0
     if error.domain.geometry is None:
         found.append(
-            (OPEN, "The body is that of the mesh given, with its flat facets. No true shape is known to compare with.")
+            (
+                OPEN,
+                "The body is that of the mesh given, with its flat facets. No true shape is known to compare with.",
+            )
         )
     elif error.geometry_error > ROUND_OFF * scale:
-        found.append((ESTIMATE, f"Flat facets of the curved body: {percent(error.geometry_error / scale)} beside e."))
+        found.append(
+            (
+                ESTIMATE,
+                f"Flat facets of the curved body: {percent(error.geometry_error / scale)} beside e.",
+            )
+        )
     for name, part in asdict(error.oscillations).items():
         if part > ROUND_OFF * scale:
             words = f"What the mesh does not carry of the {MEANS[name]}: {percent(part / scale)} beside e"

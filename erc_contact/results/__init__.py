@@ -1,7 +1,8 @@
 """Results of an admissible pair: forces, profiles of contacts, values at points, mean stresses.
 
-They are the same on all ranks. Forces balance to round-off, and the friction law allows the contact tractions. A
-:class:`erc_contact.Solution` has the same results of its own fields as members.
+They are the same on all ranks. Forces balance to round-off, and the friction law allows
+the contact tractions. A :class:`erc_contact.Solution` has the same results of its own
+fields as members.
 """
 
 from erc_contact.model.forces import Force

@@ -14,8 +14,9 @@ from erc_contact.model.forces import Force, by_cause, total_force
 def force(result: Any, part: str) -> Force:
     """Resultant and moment of the tractions sigma^ n on a part of the boundary; collective.
 
-    On a contact it is the force of the foundation on the body. On a support it is the reaction, together with the loads
-    on the components that the support leaves free. On other parts it is the load.
+    On a contact it is the force of the foundation on the body. On a support it is the
+    reaction, together with the loads on the components that the support leaves free. On
+    other parts it is the load.
 
     Args:
         result: An admissible pair, an error, or a history.
@@ -32,7 +33,9 @@ def force(result: Any, part: str) -> Force:
     cell, i = np.divmod(cells.side[0][facets], d + 1)
     corners = np.take_along_axis(cells.vertices[cell], facet_vertices(d)[i], axis=1)
     linear = bernstein(d - 1, 1, nodes(d - 1, k)).T @ coefficients(d - 1, k).T
-    return total_force(model, corners.ravel(), np.matmul(linear, pair.facet_moments[facets]).reshape(-1, d))
+    return total_force(
+        model, corners.ravel(), np.matmul(linear, pair.facet_moments[facets]).reshape(-1, d)
+    )
 
 
 def reactions(result: Any) -> dict[str, Force]:

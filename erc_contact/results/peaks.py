@@ -1,6 +1,7 @@
 """The greatest stress and contact traction of an admissible pair, with the size of the element where each is.
 
-An adaptive run keeps them for each mesh: they tell whether a maximum grows with refinement.
+An adaptive run keeps them for each mesh: they tell whether a maximum grows with
+refinement.
 
 Symbols: sigma^ and r^ admissible stress and contact traction, d dimension.
 """
@@ -24,9 +25,10 @@ def peaks(pair: Admissible) -> dict[str, float]:
     """Find the greatest stress and contact traction, and the size of the element where each is; collective.
 
     Returns:
-        ``peak_stress``, the greatest von Mises stress of the mean of sigma^ in a cell [force/area], ``peak_pressure``
-        and ``peak_shear``, those of r^ at the points of profiles, nan without a contact; and of each the size of the
-        cell or facet [length], with the name ``peak_stress_size`` and so on.
+        ``peak_stress``, the greatest von Mises stress of the mean of sigma^ in a cell
+        [force/area], ``peak_pressure`` and ``peak_shear``, those of r^ at the points of
+        profiles, nan without a contact; and of each the size of the cell or facet
+        [length], with the name ``peak_stress_size`` and so on.
     """
     model = pair.solution.model
     volume = pair.cell_geometry.volume[: model.domain.owned_cells]
@@ -39,7 +41,9 @@ def peaks(pair: Admissible) -> dict[str, float]:
         pressure.append((-traction.normal_component[own] @ shape.T).max(axis=1))
         shear.append(np.linalg.norm(tangential, axis=2).max(axis=1))
         size.append(traction.area[own] ** (1 / (model.d - 1)))
-    found += [_greatest(np.concatenate(values), np.concatenate(size)) for values in (pressure, shear)]
+    found += [
+        _greatest(np.concatenate(values), np.concatenate(size)) for values in (pressure, shear)
+    ]
     ranks = np.array(model.comm.allgather(found))
     result = {}
     for number, name in enumerate(PEAKS.values()):

@@ -26,7 +26,8 @@ class Values:
     Attributes:
         displacement: u^ [length], shape (n, d).
         stress: sigma^ [force/area], shape (n, d, d).
-        elastic_stress: C eps(u^) [force/area], shape (n, d, d). Its difference from sigma^ is the local error.
+        elastic_stress: C eps(u^) [force/area], shape (n, d, d). Its difference from
+            sigma^ is the local error.
     """
 
     displacement: np.ndarray
@@ -37,15 +38,16 @@ class Values:
 def at(result: Any, points: Any) -> Values:
     """Displacement and stresses at points of the body; collective.
 
-    Stresses jump between cells, and sigma^ jumps between its sub-simplices. At a point between several of them the
-    result is their mean.
+    Stresses jump between cells, and sigma^ jumps between its sub-simplices. At a point
+    between several of them the result is their mean.
 
     Args:
         result: An admissible pair, an error, or a history.
         points: Points, the same on all ranks [length], shape (n, d) or (d,).
 
     Raises:
-        InputError: If the points have another shape or are not finite, or one lies outside the mesh.
+        InputError: If the points have another shape or are not finite, or one lies
+            outside the mesh.
     """
     pair = pair_of(result)
     model, d = pair.solution.model, pair.solution.model.d
@@ -61,10 +63,14 @@ def _values(pair: Admissible, cell: np.ndarray, x: np.ndarray) -> np.ndarray:
     corner = model.V.tabulate_dof_coordinates()[cells.vertices[cell, 0], :d]
     local = barycentric(np.einsum("nij,nj->ni", cells.inverse[cell], x - corner))
     u = np.einsum(
-        "nv,nvi->ni", lagrange(d, k, local[:, 1:]), pair.displacement.x.array.reshape(-1, d)[cells.nodes[cell]]
+        "nv,nvi->ni",
+        lagrange(d, k, local[:, 1:]),
+        pair.displacement.x.array.reshape(-1, d)[cells.nodes[cell]],
     )
     sigma = np.zeros((len(cell), pair.stress.shape[3]))
-    lowest = local.min(axis=1)  # of the vertex that the barycentre replaces in the sub-simplex of the point
+    lowest = local.min(
+        axis=1
+    )  # of the vertex that the barycentre replaces in the sub-simplex of the point
     among = local <= lowest[:, None] + BETWEEN
     for sub in range(d + 1):
         inside = local - local[:, [sub]]

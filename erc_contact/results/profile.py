@@ -50,14 +50,16 @@ def profile(result: Any, name: str) -> np.ndarray:
 def contact_status(traction: ContactTraction, peak: float | None = None) -> np.ndarray:
     """Which facets of a contact are open, slip or stick, from the coefficients of r^ on each facet.
 
-    See :func:`erc_contact.model.profile.facet_status`. If the friction bound must be sampled on a facet, the friction
-    of r^ is lowered there, so that r^ is allowed between the nodes, too. A facet with friction that is lower by this
-    amount still counts as slipping.
+    See :func:`erc_contact.model.profile.facet_status`. If the friction bound must be
+    sampled on a facet, the friction of r^ is lowered there, so that r^ is allowed
+    between the nodes, too. A facet with friction that is lower by this amount still
+    counts as slipping.
 
     Args:
         traction: r^ on a contact.
-        peak: Greatest pressure of the contact, which tells pressure from round-off [force/area]. By default it is the
-            greatest pressure of the facets of ``traction``.
+        peak: Greatest pressure of the contact, which tells pressure from round-off
+            [force/area]. By default it is the greatest pressure of the facets of
+            ``traction``.
 
     Returns:
         OPEN, SLIP or STICK for each facet of ``traction.contact.facets``, shape (n,).

@@ -15,7 +15,8 @@ from erc_contact.model.stress import stress_in_space, tells_out_of_plane, von_mi
 def mean_stress(result: Any) -> np.ndarray:
     """Mean of sigma^ in each owned cell [force/area], shape (owned, 3, 3); collective.
 
-    In 2D the stress out of plane is that of the material's ``out_of_plane``, or nan if the material has none.
+    In 2D the stress out of plane is that of the material's ``out_of_plane``, or nan if
+    the material has none.
 
     Args:
         result: An admissible pair, an error, or a history.
@@ -23,21 +24,26 @@ def mean_stress(result: Any) -> np.ndarray:
     admissible = pair_of(result)
     model, stress = admissible.solution.model, admissible.stress
     coefficients = stress.reshape(len(stress), -1, stress.shape[-1])
-    share = np.full(coefficients.shape[1], 1 / coefficients.shape[1])  # faster than numpy's mean of short rows
+    share = np.full(
+        coefficients.shape[1], 1 / coefficients.shape[1]
+    )  # faster than numpy's mean of short rows
     return stress_in_space(model, tensors(share @ coefficients, model.d))
 
 
 def vertex_stress(admissible: Admissible) -> np.ndarray:
     """The linear stress nearest to sigma^ in each owned cell, at its vertices [force/area]; collective.
 
-    It is the projection of sigma^ in the mean square. Cells do not share values at vertices, which are in the order of
-    ``cell_geometry.vertices``.
+    It is the projection of sigma^ in the mean square. Cells do not share values at
+    vertices, which are in the order of ``cell_geometry.vertices``.
 
     Returns:
-        Shape (owned, d+1, 3, 3). In 2D the stress out of plane is as in :func:`mean_stress`.
+        Shape (owned, d+1, 3, 3). In 2D the stress out of plane is as in
+        :func:`mean_stress`.
     """
     model, d = admissible.solution.model, admissible.solution.model.d
-    vertices = np.tile(np.eye(d + 1), (d + 1, 1, 1))  # their hat functions, by those of each sub-simplex
+    vertices = np.tile(
+        np.eye(d + 1), (d + 1, 1, 1)
+    )  # their hat functions, by those of each sub-simplex
     for sub in range(d + 1):
         vertices[sub, :, sub] = 1 / (d + 1)
     weights = np.matmul(vertices, mass(d, 1, model.degree)) / (d + 1)
@@ -52,4 +58,8 @@ def cell_stresses(admissible: Admissible) -> dict[str, np.ndarray]:
     stress = mean_stress(admissible)
     fe = stress_in_space(model, admissible.fe_stress[: model.domain.owned_cells].mean(axis=1))
     mises = "von_mises" if tells_out_of_plane(model) else "von_mises_in_plane"
-    return {"stress": stress.reshape(-1, 9), "stress_fe": fe.reshape(-1, 9), mises: von_mises(stress)}
+    return {
+        "stress": stress.reshape(-1, 9),
+        "stress_fe": fe.reshape(-1, 9),
+        mises: von_mises(stress),
+    }

@@ -45,38 +45,49 @@ def adapt(
     Args:
         scene: The problem.
         domain: The first mesh, coarse.
-        accuracy: Prescribed relative error eps (17), > 0, e.g. 0.02. Where a curved body is meshed from its true
-            geometry, what its flat facets cost counts, too (``error.total``).
-        method: Contact method; by default Nitsche's, or the augmented Lagrangian on meshes where only that one
-            converges, as in :func:`solve`; ``Step.method`` and ``outcome`` tell.
-        strategy: How the next mesh is made; ``Mark()`` by default, which needs no geometry but the mesh.
+        accuracy: Prescribed relative error eps (17), > 0, e.g. 0.02. Where a curved
+            body is meshed from its true geometry, what its flat facets cost counts, too
+            (``error.total``).
+        method: Contact method; by default Nitsche's, or the augmented Lagrangian on
+            meshes where only that one converges, as in :func:`solve`; ``Step.method``
+            and ``outcome`` tell.
+        strategy: How the next mesh is made; ``Mark()`` by default, which needs no
+            geometry but the mesh.
         degree: Degree of the displacement, 1 or 2.
-        stop: "converged" ends Newton at round-off; "certified" as soon as the rest is at most a tenth of the error of
-            the mesh: it is part of e, which bounds the error of any state.
+        stop: "converged" ends Newton at round-off; "certified" as soon as the rest is
+            at most a tenth of the error of the mesh: it is part of e, which bounds the
+                error of any state.
         solver: "direct", "iterative" or "auto", as in :func:`solve`.
-        tighten: Iterations that tighten the admissible stress, as in :func:`equilibrate`.
+        tighten: Iterations that tighten the admissible stress, as in
+            :func:`equilibrate`.
         max_cells: The run ends before a mesh of more cells is solved.
         max_steps: The run ends after so many meshes.
-        callback: ``callback(error, step)`` is called after each mesh on every rank, with the error, from which solution
-            and admissible pair can be had, and the row of the table. It ends the run by raising StopIteration.
-        checkpoint: Folder that keeps each mesh with its result. The same call goes on from what the folder holds, on
-            any number of ranks: it solves no mesh again, and makes the same further meshes. Accuracy, limits, solver
-            and callback may be others; the callback is not called for meshes that are read. Each file opens in
-            ParaView. See also :func:`read_history`.
-        every: Every how many meshes one is kept; the last one is kept at the end of the run in any case. After a
-            restart ``best`` and ``meshes`` are of the meshes that are kept.
+        callback: ``callback(error, step)`` is called after each mesh on every rank,
+            with the error, from which solution and admissible pair can be had, and the
+            row of the table. It ends the run by raising StopIteration.
+        checkpoint: Folder that keeps each mesh with its result. The same call goes on
+            from what the folder holds, on any number of ranks: it solves no mesh again,
+                and makes the same further meshes. Accuracy, limits, solver
+            and callback may be others; the callback is not called for meshes that are
+            read. Each file opens in ParaView. See also :func:`read_history`.
+        every: Every how many meshes one is kept; the last one is kept at the end of the
+            run in any case. After a restart ``best`` and ``meshes`` are of the meshes
+            that are kept.
 
     Returns:
-        The history with the best result. What ends a run before its accuracy is reached is named in ``outcome``, with a
-        warning: a limit; a next mesh that cannot be made, or that the scene cannot be solved on; memory that does not
-        suffice; Ctrl-C or SIGTERM, within an iteration of Newton's method or of tightening, or when the stage that is
-        under way has ended. An accuracy that will take more cells than the limit is told on the second mesh.
+        The history with the best result. What ends a run before its accuracy is reached
+        is named in ``outcome``, with a warning: a limit; a next mesh that cannot be
+            made, or that the scene cannot be solved on; memory that does not
+        suffice; Ctrl-C or SIGTERM, within an iteration of Newton's method or of
+        tightening, or when the stage that is under way has ended. An accuracy that will
+        take more cells than the limit is told on the second mesh.
 
     Raises:
-        InputError: If the input cannot be worked with, or the folder is that of another run.
+        InputError: If the input cannot be worked with, or the folder is that of another
+            run.
         NotConverged: If the contact solve fails on the first mesh.
-        Exception: What else is raised on a later mesh, by a strategy or callback of the user's say, has the history so
-            far in its attribute ``history``.
+        Exception: What else is raised on a later mesh, by a strategy or callback of the
+            user's say, has the history so far in its attribute ``history``.
     """
     every = checks.whole("every", every, 1)
     plan = checked_plan(

@@ -1,8 +1,9 @@
 """The checkpoint of a run: what a folder holds of it, and what is added; all ranks together.
 
-Levels that are damaged are left out, with a warning that names the file: the run goes on from the last good one. A
-folder of another run is refused, and so is one that nothing can be written to. Where that comes later, because the disk
-is full, say, the run goes on, with a warning for each level that is not kept.
+Levels that are damaged are left out, with a warning that names the file: the run goes
+on from the last good one. A folder of another run is refused, and so is one that
+nothing can be written to. Where that comes later, because the disk is full, say, the
+run goes on, with a warning for each level that is not kept.
 """
 
 from __future__ import annotations
@@ -39,12 +40,17 @@ class Checkpoint:
         numbers: The numbers of the good levels, in order.
 
     Raises:
-        InputError: If the folder is that of another run, of one that is going on, or of a newer version, or nothing can
-            be written there.
+        InputError: If the folder is that of another run, of one that is going on, or of
+            a newer version, or nothing can be written there.
     """
 
     def __init__(
-        self, comm: MPI.Comm, path: str | Path, given: Fingerprint | None = None, accuracy: float = 0.0, every: int = 1
+        self,
+        comm: MPI.Comm,
+        path: str | Path,
+        given: Fingerprint | None = None,
+        accuracy: float = 0.0,
+        every: int = 1,
     ) -> None:
         self.comm, self.given, self.accuracy, self.every = comm, given, accuracy, every
         self.folder, self._written = Folder(Path(path)), 0

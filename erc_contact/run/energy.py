@@ -1,26 +1,31 @@
 """The energies of a step of a history: strain energy, work of the loads and supports, work of the contacts.
 
-Between two steps displacement and forces change along straight lines. So the work of a traction t on a boundary part is
+Between two steps displacement and forces change along straight lines. So the work of a
+traction t on a boundary part is
 
     int (t_n + t_(n-1))/2 . (u_n - u_(n-1)),
 
-and that of a body force f is alike. In equilibrium the works of all parts are the change of the strain energy, for any
-length of the step. Of an admissible pair, sigma^ gives t and u^ gives u, and what is left is of the order of its error.
+and that of a body force f is alike. In equilibrium the works of all parts are the
+change of the strain energy, for any length of the step. Of an admissible pair, sigma^
+gives t and u^ gives u, and what is left is of the order of its error.
 
-What friction takes in a step is the dissipation function of its law for the slip of the step, with the mean of the
-friction bounds at both ends of the step,
+What friction takes in a step is the dissipation function of its law for the slip of the
+step, with the mean of the friction bounds at both ends of the step,
 
     ``int (b(r^_n) + b(r^_(n-1)))/2 |u^_t - s|``.
 
-It is never below zero, and of second order in the length of the step. The bound at the end alone is of first order: it
-is too small where a part opens while it slides. Minus the work of friction, the tangential part of the work above, is
-of second order, too. It is smaller, because a traction is never above its bound nor always against the slip; on a facet
-with an open and a sticking node it may be below zero. Their difference estimates what the length of the step costs
-where a point begins to slide, or turns. It has the friction part of e^2/2 in it. It does not see how loads vary within
-a step in which all slides.
+It is never below zero, and of second order in the length of the step. The bound at the
+end alone is of first order: it is too small where a part opens while it slides. Minus
+the work of friction, the tangential part of the work above, is of second order, too. It
+is smaller, because a traction is never above its bound nor always against the slip; on
+a facet with an open and a sticking node it may be below zero. Their difference
+estimates what the length of the step costs where a point begins to slide, or turns. It
+has the friction part of e^2/2 in it. It does not see how loads vary within a step in
+which all slides.
 
-Symbols: r^ and u^ admissible traction and displacement, b friction bound, s tangential displacement of the last step, d
-dimension, f facets, m coefficients of a facet, q points of a facet.
+Symbols: r^ and u^ admissible traction and displacement, b friction bound, s tangential
+displacement of the last step, d dimension, f facets, m coefficients of a facet, q
+points of a facet.
 """
 
 from __future__ import annotations
@@ -68,7 +73,8 @@ def energies(error: ConstitutiveError, last: ConstitutiveError | None) -> Energi
 
     Args:
         error: The error at its end.
-        last: The error at the end of the last step; None starts from rest, without forces.
+        last: The error at the end of the last step; None starts from rest, without
+            forces.
     """
     before = None if last is None else last.admissible
     pair = error.admissible
@@ -90,7 +96,9 @@ def energies(error: ConstitutiveError, last: ConstitutiveError | None) -> Energi
     return Energies(work, contact_work, friction_work, dissipated, stored)
 
 
-def _dissipated(pair: Admissible, before: Admissible | None, traction: ContactTraction, floor: float) -> float:
+def _dissipated(
+    pair: Admissible, before: Admissible | None, traction: ContactTraction, floor: float
+) -> float:
     """What friction takes on a contact in a step [force length]; collective."""
     if traction.contact.friction is None:
         return 0.0
@@ -100,10 +108,13 @@ def _dissipated(pair: Admissible, before: Admissible | None, traction: ContactTr
     return 0.5 * (at_begin.value + at_end.value)
 
 
-def _traction_at_begin(model: Model, before: Admissible | None, traction: ContactTraction) -> ContactTraction:
+def _traction_at_begin(
+    model: Model, before: Admissible | None, traction: ContactTraction
+) -> ContactTraction:
     """The traction at the begin of a step, with the friction law of that time, on the mesh of its end; collective.
 
-    On a mesh that refines the last one it is the same field, on another one a projection of it.
+    On a mesh that refines the last one it is the same field, on another one a
+    projection of it.
     """
     contact = traction.contact
     if before is None:  # from rest, without pressure
@@ -126,16 +137,23 @@ def _working(pair: Admissible) -> set[str]:
     """The names of the boundary parts whose tractions may do work."""
     scene = pair.solution.model.scene
     loaded = {load.facets for load in scene.loads if load.facets is not None}
-    return loaded | {support.facets for support in scene.supports} | {contact.facets for contact in scene.contacts}
+    return (
+        loaded
+        | {support.facets for support in scene.supports}
+        | {contact.facets for contact in scene.contacts}
+    )
 
 
-def _works(pair: Admissible, before: Admissible | None, part: str, contact: BoundContact | None) -> tuple[float, float]:
+def _works(
+    pair: Admissible, before: Admissible | None, part: str, contact: BoundContact | None
+) -> tuple[float, float]:
     """Work of the tractions on a boundary part in a step [force length]; collective.
 
     On a mesh that refines the last one the integral is exact, on another one it is not.
 
     Returns:
-        The work, and the part of it that the tangential tractions of a contact do; 0 without contact.
+        The work, and the part of it that the tangential tractions of a contact do; 0
+        without contact.
     """
     model = pair.solution.model
     points, weights = rule(model.d - 1, 2 * model.degree)
@@ -166,7 +184,10 @@ def _at(pair: Admissible, part: str, points: np.ndarray) -> tuple[np.ndarray, np
     """sigma^ n [force/area] and u^ [length] at reference points of the owned facets of a part, shape (f, q, d) each."""
     model = pair.solution.model
     _, t, u = _facets(pair, part)
-    shape = bernstein(model.d - 1, model.degree, points), lagrange(model.d - 1, model.degree, points)
+    shape = (
+        bernstein(model.d - 1, model.degree, points),
+        lagrange(model.d - 1, model.degree, points),
+    )
     return np.matmul(shape[0], t), np.matmul(shape[1], u)
 
 

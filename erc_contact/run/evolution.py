@@ -27,7 +27,17 @@ from erc_contact.output.verdict import verdict
 from erc_contact.results import Force, Maximum, Values
 from erc_contact.run.energy import energies
 from erc_contact.run.history import History
-from erc_contact.run.time_row import ENERGIES, HEADER, NUMBERS, SECONDS, SHOWN, SUMS, TimeStep, line, shown
+from erc_contact.run.time_row import (
+    ENERGIES,
+    HEADER,
+    NUMBERS,
+    SECONDS,
+    SHOWN,
+    SUMS,
+    TimeStep,
+    line,
+    shown,
+)
 from erc_contact.scene.scene import Scene
 
 NOTE = (
@@ -39,7 +49,9 @@ NOTE = (
 """What the report says of the columns."""
 
 
-def row_of(time: float, history: History, last: ConstitutiveError | None, before: TimeStep | None) -> TimeStep:
+def row_of(
+    time: float, history: History, last: ConstitutiveError | None, before: TimeStep | None
+) -> TimeStep:
     """The row of a step; collective. Its seconds are not known yet.
 
     Args:
@@ -144,13 +156,15 @@ class Evolution:
     def at(self, points: Any) -> Values:
         """Displacement and stresses at points at the end of each step; see :func:`erc_contact.results.at`; collective.
 
-        ``evolution.at((0.0, 7.0)).displacement[:, 0, 0]`` is the displacement along x of a point at all times.
+        ``evolution.at((0.0, 7.0)).displacement[:, 0, 0]`` is the displacement along x
+        of a point at all times.
 
         Args:
             points: Points, the same on all ranks [length], shape (n, d) or (d,).
 
         Returns:
-            Values with one axis more, the steps, which comes first: displacement (steps, n, d), stresses
+            Values with one axis more, the steps, which comes first: displacement
+                (steps, n, d), stresses
             (steps, n, d, d).
         """
         values = [error.at(points) for error in self.errors]
@@ -170,10 +184,12 @@ class Evolution:
     def reactions(self) -> dict[str, Force]:
         """Forces of supports, contacts and loads at the end of each step, and their balance; collective.
 
-        See :func:`erc_contact.results.reactions`. A cause that is missing at a time has the force zero.
+        See :func:`erc_contact.results.reactions`. A cause that is missing at a time has
+        the force zero.
 
         Returns:
-            Forces by their causes, with one axis more, the steps: force (steps, d), moment (steps, 1 or 3).
+            Forces by their causes, with one axis more, the steps: force (steps, d),
+                moment (steps, 1 or 3).
         """
         of_steps = [error.reactions() for error in self.errors]
         causes = list(dict.fromkeys(cause for forces in of_steps for cause in forces))
@@ -182,7 +198,9 @@ class Evolution:
         found = {}
         for cause in causes:
             forces = [of_step.get(cause, none) for of_step in of_steps]
-            found[cause] = Force(np.stack([f.force for f in forces]), np.stack([f.moment for f in forces]))
+            found[cause] = Force(
+                np.stack([f.force for f in forces]), np.stack([f.moment for f in forces])
+            )
         return found
 
     def to_csv(self, path: str | Path) -> None:
@@ -190,28 +208,39 @@ class Evolution:
         if self.error.domain.mesh.comm.rank != 0:
             return
         first = self.steps[0]
-        named = [f"force_{name}_{axis}" for name, of in first.force.items() for axis in "xyz"[: len(of)]]
-        named += [f"moment_{name}_{axis}" for name, of in first.moment.items() for axis in "xyz"[-len(of) :]]
+        named = [
+            f"force_{name}_{axis}" for name, of in first.force.items() for axis in "xyz"[: len(of)]
+        ]
+        named += [
+            f"moment_{name}_{axis}"
+            for name, of in first.moment.items()
+            for axis in "xyz"[-len(of) :]
+        ]
         with Path(path).open("w", newline="") as file:
             writer = csv.writer(file)
             writer.writerow([*NUMBERS, *named, *ENERGIES, *SECONDS])
             for step in self.steps:
                 vectors = [c for of in (step.force, step.moment) for v in of.values() for c in v]
-                before, after = ([getattr(step, name) for name in of] for of in (NUMBERS, (*ENERGIES, *SECONDS)))
+                before, after = (
+                    [getattr(step, name) for name in of] for of in (NUMBERS, (*ENERGIES, *SECONDS))
+                )
                 writer.writerow([*before, *vectors, *after])
 
     def save(self, folder: str | Path, *, pictures: bool = True) -> None:
         """Write table, report, figures and a ParaView file to a folder; collective.
 
-        ``report.html`` (one page that holds all it shows, as that of :meth:`History.save`, with error, scene and forces
-        at the end of the last step), ``evolution.csv``, ``evolution.json``, ``energies.png`` (work, strain energy,
-        dissipation and their balance), ``deformed.png``, ``body.vtkhdf`` with all times, which opens in ParaView as it
-        is, and for each contact ``loop_<name>.png`` (force against displacement) and, in 2D, ``zones_<name>.png``
-        (open, slip and stick along the contact in time).
+        ``report.html`` (one page that holds all it shows, as that of
+        :meth:`History.save`, with error, scene and forces at the end of the last step),
+        ``evolution.csv``, ``evolution.json``, ``energies.png`` (work, strain energy,
+        dissipation and their balance), ``deformed.png``, ``body.vtkhdf`` with all
+        times, which opens in ParaView as it is, and for each contact
+        ``loop_<name>.png`` (force against displacement) and, in 2D,
+        ``zones_<name>.png`` (open, slip and stick along the contact in time).
 
         Args:
             folder: The folder, made if it is missing.
-            pictures: Whether figures and pictures are drawn, which takes most of the time.
+            pictures: Whether figures and pictures are drawn, which takes most of the
+                time.
 
         Raises:
             InputError: If the folder cannot be written; nothing is drawn then.
@@ -233,7 +262,9 @@ class Evolution:
             drawn[f"loop_{name}.png"] = f"Shear of the contact {name} against displacement."
             if self.error.domain.dim == 2:
                 plot_zones(self, name, folder / f"zones_{name}.png")
-                drawn[f"zones_{name}.png"] = f"Open, slip and stick along the contact {name} in time."
+                drawn[f"zones_{name}.png"] = (
+                    f"Open, slip and stick along the contact {name} in time."
+                )
         at(comm, "deformed body")
         draw_deformed(self.error, folder / "deformed.png")
         drawn["deformed.png"] = "The deformed body at the end."
@@ -256,7 +287,9 @@ class Evolution:
             drawn,
             claims=verdict(self.error),
             forces=forces,
-            code=evolution_as_code(self.scene_at, self.domain, {"accuracy": self.accuracy, **self.settings}),
+            code=evolution_as_code(
+                self.scene_at, self.domain, {"accuracy": self.accuracy, **self.settings}
+            ),
             note=NOTE,
         )
 

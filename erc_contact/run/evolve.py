@@ -1,7 +1,7 @@
 """A loading history: one adaptive contact solve after the other, each from where the last one ended.
 
-Friction is about slip rates. In each step it acts on the tangential displacement since the last one (backward Euler),
-so what a body does depends on the way its loads came.
+Friction is about slip rates. In each step it acts on the tangential displacement since
+the last one (backward Euler), so what a body does depends on the way its loads came.
 """
 
 from __future__ import annotations
@@ -51,44 +51,59 @@ def evolve(
 ) -> Evolution:
     """Solve a loading history, each step to a prescribed accuracy; collective.
 
-    At the first time the body comes from rest, in one step. Each further step goes on with the mesh of the last one,
-    which is refined or made anew as its error asks. A refined mesh carries the slip so far without loss. A step that
-    does not converge is halved, up to 8 times.
+    At the first time the body comes from rest, in one step. Each further step goes on
+    with the mesh of the last one, which is refined or made anew as its error asks. A
+    refined mesh carries the slip so far without loss. A step that does not converge is
+    halved, up to 8 times.
 
     Args:
-        scene_at: Gives the scene at a time t. All scenes have contacts of the same names. Callables of x may contain t:
-            ``lambda t: Scene(..., loads=[Traction("top", lambda x: t * x[0])])``. Nothing is compiled anew for another
+        scene_at: Gives the scene at a time t. All scenes have contacts of the same
+            names. Callables of x may contain t: ``lambda t: Scene(...,
+                loads=[Traction("top", lambda x: t * x[0])])``. Nothing is compiled anew
+                for another
             time where scenes differ in numbers only.
         domain: The first mesh, coarse.
-        times: Ends of the steps, increasing, e.g. ``np.linspace(0, 1, 21)`` for 20 steps after the first state.
-        accuracy: Prescribed relative error eps (17) of each step, given its history, > 0.
-        method: Contact method; by default the augmented Lagrangian, which keeps a sticking point exactly where it is.
+        times: Ends of the steps, increasing, e.g. ``np.linspace(0, 1, 21)`` for 20
+            steps after the first state.
+        accuracy: Prescribed relative error eps (17) of each step, given its history, >
+            0.
+        method: Contact method; by default the augmented Lagrangian, which keeps a
+            sticking point exactly where it is.
         strategy: How the next mesh is made, as in :func:`adapt`.
         degree: Degree of the displacement, 1 or 2.
         stop: "converged" or "certified", as in :func:`adapt`.
         solver: "direct", "iterative" or "auto", as in :func:`solve`.
-        tighten: Iterations that tighten the admissible stress, as in :func:`equilibrate`.
-        path: Prescribed accuracy of the steps in time [-], or None to take the times as they are. Each step is then
-            compared with its two halves: the difference of the displacements at its end, in the energy norm, relative
-            to them, is at most this. Times between the given ones are added as needed; the result has the halves.
-        accuracy_in_time: Prescribed accuracy of the energy that friction takes in a step [-], e.g. 0.05, or None to
-            take the times as they are. What the length of a step leaves unknown of this energy (``TimeStep.in_time``)
-            is at most this share of it, or else below what the mesh leaves unknown. Times are added as with ``path``.
+        tighten: Iterations that tighten the admissible stress, as in
+            :func:`equilibrate`.
+        path: Prescribed accuracy of the steps in time [-], or None to take the times as
+            they are. Each step is then compared with its two halves: the difference of
+                the displacements at its end, in the energy norm, relative
+            to them, is at most this. Times between the given ones are added as needed;
+            the result has the halves.
+        accuracy_in_time: Prescribed accuracy of the energy that friction takes in a
+            step [-], e.g. 0.05, or None to take the times as they are. What the length
+            of a step leaves unknown of this energy (``TimeStep.in_time``) is at most
+            this share of it, or else below what the mesh leaves unknown. Times are
+            added as with ``path``.
         max_cells: No step goes on to a mesh of more cells.
         max_steps: Greatest number of meshes of a step.
-        callback: ``callback(error, row)`` is called after each step on every rank. It ends the run by raising
-            StopIteration.
-        checkpoint: Folder that keeps each step. The same call goes on from what the folder holds, on any number of
-            ranks, and solves no step again. Each file opens in ParaView.
+        callback: ``callback(error, row)`` is called after each step on every rank. It
+            ends the run by raising StopIteration.
+        checkpoint: Folder that keeps each step. The same call goes on from what the
+            folder holds, on any number of ranks, and solves no step again. Each file
+            opens in ParaView.
 
     Returns:
-        The history of all steps. What ends it before the last time is named in ``outcome``, with a warning. The results
-        at the ends of all steps stay in memory.
+        The history of all steps. What ends it before the last time is named in
+        ``outcome``, with a warning. The results at the ends of all steps stay in
+        memory.
 
     Raises:
-        InputError: If the input cannot be worked with, or the folder is that of another run.
+        InputError: If the input cannot be worked with, or the folder is that of another
+            run.
         NotConverged: If the contact solve fails at the first time.
-        Exception: What else is raised later, by ``scene_at`` say, has the history so far in its attribute ``history``.
+        Exception: What else is raised later, by ``scene_at`` say, has the history so
+            far in its attribute ``history``.
     """
     wanted = checks.increasing("times", times)
     in_time = InTime(
@@ -100,7 +115,9 @@ def evolve(
             f"scene_at is {checks.description(scene_at)}; give a function of the time that returns a Scene."
         )
     if not isinstance(domain, Domain):
-        raise InputError(f"domain is {checks.description(domain)}; give a Domain: rectangle(...), read_mesh(...).")
+        raise InputError(
+            f"domain is {checks.description(domain)}; give a Domain: rectangle(...), read_mesh(...)."
+        )
     check_callback(callback)
     comm = domain.mesh.comm
     plan = checked_plan(
@@ -119,7 +136,9 @@ def evolve(
     kept = None
     if checkpoint is not None:
         check_folder(checkpoint, domain)
-        numbers = {name: getattr(plan, name) for name in (*DECISIVE, "accuracy", "max_cells", "max_steps")}
+        numbers = {
+            name: getattr(plan, name) for name in (*DECISIVE, "accuracy", "max_cells", "max_steps")
+        }
         given = of_history(scene_at, domain, wanted, numbers | {"times": wanted} | asdict(in_time))
         kept = Checkpoint(comm, checkpoint, given, plan.accuracy)
     try:

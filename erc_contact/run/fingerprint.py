@@ -1,8 +1,10 @@
 """What a run is, in words that can be compared: its scene, first mesh, method, strategy, numbers and versions.
 
-Numbers and names are compared by value, objects by their class and attributes. Callables cannot be compared, but what
-they return can: their UFL at the position on the mesh, with all numbers in it. So are the formulas of materials, laws
-and loads. A fingerprint does not depend on the ranks, on the process, or on where a mesh is in a run.
+Numbers and names are compared by value, objects by their class and attributes.
+Callables cannot be compared, but what they return can: their UFL at the position on the
+mesh, with all numbers in it. So are the formulas of materials, laws and loads. A
+fingerprint does not depend on the ranks, on the process, or on where a mesh is in a
+run.
 """
 
 from __future__ import annotations
@@ -51,11 +53,14 @@ def fingerprint(scene: Scene, domain: Domain, numbers: Mapping[str, Any]) -> Fin
     Args:
         scene: The problem.
         domain: The first mesh.
-        numbers: The other arguments that decide on the meshes of the run, by their names.
+        numbers: The other arguments that decide on the meshes of the run, by their
+            names.
     """
     mesh = _of_mesh(domain)
     kind = ("triangle", "tetrahedron")[domain.dim - 2]
-    symbols = ufl.Mesh(basix.ufl.element("Lagrange", kind, 1, shape=(domain.dim,)))  # that of a mesh has variants
+    symbols = ufl.Mesh(
+        basix.ufl.element("Lagrange", kind, 1, shape=(domain.dim,))
+    )  # that of a mesh has variants
     x, n = ufl.SpatialCoordinate(symbols), ufl.FacetNormal(symbols)
     entries = list(_of_object("material", scene.material, x))
     entries += _formulas("material", scene.material, x, domain.dim)
@@ -66,15 +71,24 @@ def fingerprint(scene: Scene, domain: Domain, numbers: Mapping[str, Any]) -> Fin
         entries.append((f"loads[{number}]: its density", _in_ufl(partial(_density, load, x, n))))
     for number, contact in enumerate(scene.contacts):
         if contact.law is not None:
-            entries += _formulas(f"contacts[{number}]: its friction law", contact.law, x, domain.dim)
+            entries += _formulas(
+                f"contacts[{number}]: its friction law", contact.law, x, domain.dim
+            )
     for name, value in numbers.items():
         entries += _of_object(name, value, x)
     made_by = versions()
-    return mesh | dict(entries) | {f"version of {name}": made_by[name] for name in ("DOLFINx", "erc_contact")}
+    return (
+        mesh
+        | dict(entries)
+        | {f"version of {name}": made_by[name] for name in ("DOLFINx", "erc_contact")}
+    )
 
 
 def of_history(
-    scene_at: Callable[[float], Scene], domain: Domain, times: Sequence[float], numbers: Mapping[str, Any]
+    scene_at: Callable[[float], Scene],
+    domain: Domain,
+    times: Sequence[float],
+    numbers: Mapping[str, Any],
 ) -> Fingerprint:
     """The fingerprint of a loading history: that of its first time, and what differs from it later; collective."""
     every = [fingerprint(together(domain.mesh.comm, scene_at, t), domain, numbers) for t in times]
@@ -102,10 +116,19 @@ def _of_mesh(domain: Domain) -> Fingerprint:
     parts = comm.gather(np.round(own / domain.extent, DIGITS) + 0.0)
     x = np.concatenate(parts) if parts else np.empty((0, 3))
     digest = hashlib.sha256(x[np.lexsort(x.T)].tobytes()).hexdigest()[:16]
-    facets = {name: int((domain.facets(name)[:, 0] < domain.owned_cells).sum()) for name in domain.outer}
-    regions = {name: int((domain.region(name) < domain.owned_cells).sum()) for name in domain.regions}
-    own_parts = [*(("part", *item) for item in facets.items()), *(("region", *item) for item in regions.items())]
-    sizes = [f"{what} {name!r} of {comm.allreduce(n, MPI.SUM)}" for what, name, n in sorted(own_parts)]
+    facets = {
+        name: int((domain.facets(name)[:, 0] < domain.owned_cells).sum()) for name in domain.outer
+    }
+    regions = {
+        name: int((domain.region(name) < domain.owned_cells).sum()) for name in domain.regions
+    }
+    own_parts = [
+        *(("part", *item) for item in facets.items()),
+        *(("region", *item) for item in regions.items()),
+    ]
+    sizes = [
+        f"{what} {name!r} of {comm.allreduce(n, MPI.SUM)}" for what, name, n in sorted(own_parts)
+    ]
     shape = f"true shape {type(domain.geometry).__name__}"
     mesh_words = f"{domain.cells} cells in {domain.dim}D, {domain.vertices} vertices {digest}"
     return {"the first mesh": ", ".join([mesh_words, *sizes, shape])}
@@ -118,7 +141,11 @@ def _of_object(what: str, value: Any, x: Any) -> Iterator[tuple[str, str]]:
         yield what, plain
         return
     yield what, type(value).__qualname__
-    known = {f.name for f in fields(value)} if is_dataclass(value) else set(getattr(value, "__dict__", ()))
+    known = (
+        {f.name for f in fields(value)}
+        if is_dataclass(value)
+        else set(getattr(value, "__dict__", ()))
+    )
     for name in sorted(known):
         yield from _of_object(f"{what}.{name}", getattr(value, name), x)
 
@@ -132,7 +159,9 @@ def _in_words(value: Any, x: Any) -> str | None:
     if isinstance(value, tuple | list | np.ndarray):
         return f"({', '.join(str(_in_words(v, x)) for v in value)})"
     if isinstance(value, Mapping):
-        return f"{{{', '.join(f'{k!r}: {_in_words(value[k], x)}' for k in sorted(value, key=repr))}}}"
+        return (
+            f"{{{', '.join(f'{k!r}: {_in_words(value[k], x)}' for k in sorted(value, key=repr))}}}"
+        )
     if callable(value) and not isinstance(value, type):
         return _in_ufl(lambda: value(x)) or getattr(value, "__qualname__", type(value).__qualname__)
     return None
@@ -143,10 +172,16 @@ def _formulas(what: str, owner: Any, x: Any, d: int) -> Iterator[tuple[str, str]
     symbols = {name: ufl.Constant(extract_unique_domain(x)) for name in owner.parameters}
     if hasattr(owner, "friction_bound"):
         pressure = ufl.Constant(extract_unique_domain(x))
-        yield f"{what}: its friction bound", _in_ufl(lambda: owner.friction_bound(pressure, **symbols))
+        yield (
+            f"{what}: its friction bound",
+            _in_ufl(lambda: owner.friction_bound(pressure, **symbols)),
+        )
         return
     for name in ("stress", "compliance"):
-        yield f"{what}: its {name}", _in_ufl(partial(mandel_matrix, getattr(owner, name), d, **symbols))
+        yield (
+            f"{what}: its {name}",
+            _in_ufl(partial(mandel_matrix, getattr(owner, name), d, **symbols)),
+        )
     yield f"{what}: its modulus", _in_ufl(lambda: owner.modulus(**symbols))
 
 
@@ -158,19 +193,27 @@ def _density(load: Any, x: Any, n: Any) -> Any:
 def _value(value: Any, x: Any) -> Any:
     if callable(value):
         value = value(x)
-    return ufl.as_vector([_value(v, x) for v in value]) if isinstance(value, tuple | list) else ufl.as_ufl(value)
+    return (
+        ufl.as_vector([_value(v, x) for v in value])
+        if isinstance(value, tuple | list)
+        else ufl.as_ufl(value)
+    )
 
 
 def _in_ufl(make: Callable[[], Any]) -> str:
     """An expression in words: how it begins, and its signature; empty if it cannot be had (the solver will say why).
 
-    Constants of the user's count by their values. Symbols and functions count by their order.
+    Constants of the user's count by their values. Symbols and functions count by their
+    order.
     """
     try:
         made = make()
         expression = ufl.as_ufl(float(made)) if isinstance(made, Real) else vector(made)
         given = [c for c in extract_constants(expression) if isinstance(c, fem.Constant)]
-        values = [ufl.as_tensor(c.value.tolist()) if c.ufl_shape else ufl.as_ufl(float(c.value)) for c in given]
+        values = [
+            ufl.as_tensor(c.value.tolist()) if c.ufl_shape else ufl.as_ufl(float(c.value))
+            for c in given
+        ]
         expression = ufl.replace(expression, dict(zip(given, values, strict=True)))
         terminals = [*extract_constants(expression), *extract_coefficients(expression)]
         numbers: dict[Any, int] = {one: number for number, one in enumerate(terminals)}
@@ -179,4 +222,6 @@ def _in_ufl(make: Callable[[], Any]) -> str:
     except Exception:
         return ""
     told = str(expression)
-    return f"{told if len(told) <= SHORT and not COUNTED.search(told) else 'UFL'} [{signature[:16]}]"
+    return (
+        f"{told if len(told) <= SHORT and not COUNTED.search(told) else 'UFL'} [{signature[:16]}]"
+    )

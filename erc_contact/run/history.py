@@ -70,7 +70,9 @@ class History:
         return self._table(self.outcome)
 
     def _table(self, caption: str = "") -> str:
-        return table((shown(number, step) for number, step in enumerate(self.steps, start=1)), SHOWN, caption)
+        return table(
+            (shown(number, step) for number, step in enumerate(self.steps, start=1)), SHOWN, caption
+        )
 
     @property
     def error(self) -> ConstitutiveError:
@@ -101,8 +103,9 @@ class History:
     def maximum(self, quantity: str) -> Maximum:
         """Find the greatest "von Mises" stress, "pressure", ... and its place; collective.
 
-        See :meth:`ConstitutiveError.maximum`. Of von Mises stress, pressure and shear the result also has the values on
-        all meshes, and tells whether they grow with refinement (``grows``).
+        See :meth:`ConstitutiveError.maximum`. Of von Mises stress, pressure and shear
+        the result also has the values on all meshes, and tells whether they grow with
+        refinement (``grows``).
         """
         found = self.best.maximum(quantity)
         if quantity not in PEAKS:
@@ -114,8 +117,8 @@ class History:
     def coulomb_certificate(self) -> CoulombCertificate:
         """What is proved with Coulomb friction, of the best result; see :func:`erc_contact.coulomb_certificate`.
 
-        ``factor`` is what the bound of all solutions has over e. A run does not compute it: it costs up to a linear
-        solve in the plane, and three in space.
+        ``factor`` is what the bound of all solutions has over e. A run does not compute
+        it: it costs up to a linear solve in the plane, and three in space.
         """
         return coulomb_certificate(self.best)
 
@@ -128,11 +131,12 @@ class History:
 
         Args:
             against: Name of the column: cells, dofs or seconds.
-            last: Number of rows. By default it is the second half of them, at least three, and more if the unknowns do
-                not grow by a factor of 4 in these.
+            last: Number of rows. By default it is the second half of them, at least
+                three, and more if the unknowns do not grow by a factor of 4 in these.
 
         Returns:
-            The slope; nan with fewer than two rows, or by default if no three rows or more have that factor.
+            The slope; nan with fewer than two rows, or by default if no three rows or
+            more have that factor.
         """
         number = self._rows_of_slope() if last is None else last
         x, eps = self.column(against)[-number:], self.column("eps")[-number:]
@@ -163,16 +167,19 @@ class History:
     def save(self, folder: str | Path, *, pictures: bool = True) -> None:
         """Write table, report, figures, pictures and ParaView files to a folder; collective.
 
-        ``report.html`` (one page that holds all it shows: scene, what the error proves, pictures, forces, versions),
-        ``history.csv``, ``history.json``, ``body.vtkhdf``, ``meshes.vtkhdf`` (all meshes with eps_E), and for each
-        contact its profile ``contact_<name>.csv`` and ``contact_<name>.vtkhdf``. Pictures are drawn where they show
-        something: ``error.png`` (error against run time and degrees of freedom) and ``meshes.png`` of several meshes,
-        ``error_map.png`` of an error, ``deformed.png`` of a body that moves, ``contact_<name>.png`` of a contact that
+        ``report.html`` (one page that holds all it shows: scene, what the error proves,
+        pictures, forces, versions), ``history.csv``, ``history.json``, ``body.vtkhdf``,
+        ``meshes.vtkhdf`` (all meshes with eps_E), and for each contact its profile
+        ``contact_<name>.csv`` and ``contact_<name>.vtkhdf``. Pictures are drawn where
+        they show something: ``error.png`` (error against run time and degrees of
+        freedom) and ``meshes.png`` of several meshes, ``error_map.png`` of an error,
+        ``deformed.png`` of a body that moves, ``contact_<name>.png`` of a contact that
         is closed somewhere.
 
         Args:
             folder: The folder, made if it is missing.
-            pictures: Whether figures and pictures are drawn, which takes most of the time.
+            pictures: Whether figures and pictures are drawn, which takes most of the
+                time.
 
         Raises:
             InputError: If the folder cannot be written; nothing is drawn then.
@@ -191,7 +198,10 @@ class History:
             given = {"accuracy": self.accuracy, **self.settings}
             code = run_as_code(self.solution.scene, self.meshes[0][0], given)
             quantities = PEAKS if self.best.admissible.tractions else ["von Mises"]
-            claims = [*verdict(self.best), *of_maxima({name: self.maximum(name) for name in quantities})]
+            claims = [
+                *verdict(self.best),
+                *of_maxima({name: self.maximum(name) for name in quantities}),
+            ]
             self._write_report(folder, drawn, claims=claims, forces=forces, code=code)
 
     def _save_table(self, folder: Path, forces: Mapping[str, Force]) -> None:
@@ -210,12 +220,16 @@ class History:
         plot_history({"adaptive": self}, folder / "error.png")
         at(comm, "meshes")
         draw_meshes(self.meshes, folder / "meshes.png")
-        return {"error.png": "Error against run time and against unknowns.", "meshes.png": "Meshes of the run."}
+        return {
+            "error.png": "Error against run time and against unknowns.",
+            "meshes.png": "Meshes of the run.",
+        }
 
     def _draw(self, folder: Path) -> dict[str, str]:
         """Draw all pictures of a run that show something; return their names, and what they show; collective.
 
-        An exact solution has no map of its error, and a body that does not move is not drawn deformed.
+        An exact solution has no map of its error, and a body that does not move is not
+        drawn deformed.
         """
         comm, drawn = self.best.domain.mesh.comm, self._draw_run(folder)
         if self.best.absolute > 0:
@@ -231,15 +245,24 @@ class History:
             if np.any(self.profile(name)["status"] != OPEN):
                 at(comm, f"contact {name}")
                 plot_contact(self.best.admissible, name, folder / f"contact_{name}.png")
-                drawn[f"contact_{name}.png"] = f"Traction on the contact {name}, of the admissible stress."
+                drawn[f"contact_{name}.png"] = (
+                    f"Traction on the contact {name}, of the admissible stress."
+                )
         return drawn
 
     def _write_report(self, folder: Path, pictures: Mapping[str, str], **more: Any) -> None:
         title = f"Relative error {percent(self.best.total)}, asked for {percent(self.accuracy)}"
-        write_report(self, folder / "report.html", title, {"Meshes": self._table()}, pictures, **more)
+        write_report(
+            self, folder / "report.html", title, {"Meshes": self._table()}, pictures, **more
+        )
 
 
 def _write_profile(comm: MPI.Comm, profile: np.ndarray, path: Path) -> None:
     """Write a profile as CSV, which pandas reads; collective."""
-    columns = {"header": ",".join(profile.dtype.names or ()), "comments": "", "delimiter": ",", "fmt": "%.17g"}
+    columns = {
+        "header": ",".join(profile.dtype.names or ()),
+        "comments": "",
+        "delimiter": ",",
+        "fmt": "%.17g",
+    }
     on_root(comm, path, lambda: np.savetxt(path, profile, **columns))

@@ -1,13 +1,15 @@
 """A folder of files, one for each mesh of a run: what is in it is whole, or is known to be damaged.
 
-A file is HDF5, made in memory by h5py and written by rank 0. In front of HDF5's part is a block of 512 bytes, which
-HDF5 leaves to its users: format and SHA-256 of all the rest. It is written beside, flushed to the disk, and gets its
-name at the end. So a file with its name is whole unless the disk has failed, and any byte that changed is found. It is
-not compressed: that makes it a quarter smaller and takes twice the time.
+A file is HDF5, made in memory by h5py and written by rank 0. In front of HDF5's part is
+a block of 512 bytes, which HDF5 leaves to its users: format and SHA-256 of all the
+rest. It is written beside, flushed to the disk, and gets its name at the end. So a file
+with its name is whole unless the disk has failed, and any byte that changed is found.
+It is not compressed: that makes it a quarter smaller and takes twice the time.
 
-HDF5 through h5py and not adios4dolfinx or its successor io4dolfinx: these cannot be installed beside the wheel of
-DOLFINx (they ask for a package fenics-dolfinx, which has none), on several ranks they need an ADIOS2 or an h5py with
-MPI, which have no wheels either, and they keep no names, rows or geometry.
+HDF5 through h5py and not adios4dolfinx or its successor io4dolfinx: these cannot be
+installed beside the wheel of DOLFINx (they ask for a package fenics-dolfinx, which has
+none), on several ranks they need an ADIOS2 or an h5py with MPI, which have no wheels
+either, and they keep no names, rows or geometry.
 """
 
 from __future__ import annotations
@@ -48,7 +50,8 @@ class Level:
     """What a file holds.
 
     Attributes:
-        about: Plain data, as JSON has them; "rows" are those of the run up to this mesh.
+        about: Plain data, as JSON has them; "rows" are those of the run up to this
+            mesh.
         tables: Arrays by their names in the file.
     """
 
@@ -82,7 +85,11 @@ def unpacked(whole: bytes) -> Level:
 
     title = whole[: whole.find(b"\n")].decode(errors="replace")
     number = title.removeprefix(TITLE)
-    if not title.startswith(TITLE) or not number.isdecimal() or whole[:BLOCK] != _block(int(number), whole[BLOCK:]):
+    if (
+        not title.startswith(TITLE)
+        or not number.isdecimal()
+        or whole[:BLOCK] != _block(int(number), whole[BLOCK:])
+    ):
         raise Damaged("it is damaged, or no level of a run")
     if int(number) != FORMAT:
         raise InputError(
@@ -92,7 +99,11 @@ def unpacked(whole: bytes) -> Level:
     tables: dict[str, np.ndarray] = {}
     with h5py.File(io.BytesIO(whole), "r") as file:
         about = json.loads(file["about"][()])
-        file.visititems(lambda name, item: tables.update({name: item[()]}) if isinstance(item, h5py.Dataset) else None)
+        file.visititems(
+            lambda name, item: (
+                tables.update({name: item[()]}) if isinstance(item, h5py.Dataset) else None
+            )
+        )
     del tables["about"]
     return Level(about, tables)
 
@@ -117,7 +128,11 @@ class Folder:
 
     def numbers(self) -> list[int]:
         """Numbers of the files, in order."""
-        found = [FILE.fullmatch(path.name) for path in self.path.iterdir()] if self.path.is_dir() else []
+        found = (
+            [FILE.fullmatch(path.name) for path in self.path.iterdir()]
+            if self.path.is_dir()
+            else []
+        )
         return sorted(int(one[1]) for one in found if one)
 
     def file(self, number: int) -> Path:

@@ -31,7 +31,8 @@ from erc_contact.run.step import CURVED, HEADER, Step, line
 SHARE = 0.1
 """Share of e that Newton may leave when it stops certified [-]; it adds 0.5% to e.
 
-The error of the mesh to come is taken as 2^-k of the last one: uniform refinement of degree k leaves no less.
+The error of the mesh to come is taken as 2^-k of the last one: uniform refinement of
+degree k leaves no less.
 """
 
 
@@ -42,16 +43,20 @@ class Loop:
         plan: What is asked for.
         comm: Communicator of the run.
         kept: Where the run is kept, or None.
-        quiet: Whether its rows are for debugging only, as in a step of a loading history.
+        quiet: Whether its rows are for debugging only, as in a step of a loading
+            history.
 
     Attributes:
         last: The error that was measured last in this process.
         best: The error of least ``total``.
-        doubts: What is doubtful in its solutions; a step of a loading history leaves it to the history.
+        doubts: What is doubtful in its solutions; a step of a loading history leaves it
+            to the history.
         outcome: Why it ended, in words; empty while it goes on.
     """
 
-    def __init__(self, plan: Plan, comm: MPI.Comm, kept: Checkpoint | None, *, quiet: bool = False) -> None:
+    def __init__(
+        self, plan: Plan, comm: MPI.Comm, kept: Checkpoint | None, *, quiet: bool = False
+    ) -> None:
         self.plan, self.comm, self.kept, self.quiet = plan, comm, kept, quiet
         self.began = comm.bcast(perf_counter() if comm.rank == 0 else None)
         self.steps: list[Step] = []
@@ -70,7 +75,9 @@ class Loop:
                 while not self._ends(error):
                     domain, seconds = self._next(error, interrupts)
                     if domain.cells > self.plan.max_cells:
-                        too_many = f"{domain.cells} cells, more than max_cells = {self.plan.max_cells}"
+                        too_many = (
+                            f"{domain.cells} cells, more than max_cells = {self.plan.max_cells}"
+                        )
                         self.outcome = f"Stopped{self.above}: the next mesh has {too_many}."
                         break
                     error = self._level(domain, error, seconds, interrupts)
@@ -109,7 +116,11 @@ class Loop:
         return error
 
     def _level(
-        self, domain: Domain, last: ConstitutiveError | None, mesh_seconds: float, interrupts: Interrupts
+        self,
+        domain: Domain,
+        last: ConstitutiveError | None,
+        mesh_seconds: float,
+        interrupts: Interrupts,
     ) -> ConstitutiveError:
         """Solve on a mesh, measure, add the row, keep it."""
         plan, allowed = self.plan, None
@@ -129,7 +140,11 @@ class Loop:
         return error
 
     def _measured(
-        self, domain: Domain, last: ConstitutiveError | None, allowed: float | None, interrupts: Interrupts
+        self,
+        domain: Domain,
+        last: ConstitutiveError | None,
+        allowed: float | None,
+        interrupts: Interrupts,
     ) -> ConstitutiveError:
         """Solve on a mesh and measure, where Newton's method may leave an energy norm."""
         plan = self.plan
@@ -202,11 +217,15 @@ class Loop:
         """The next mesh, and the seconds of making it."""
         started = perf_counter()
         with stage(self.comm, f"making mesh {len(self.steps) + 1}"):
-            domain = together(self.comm, self.plan.strategy.next, error, self.plan.accuracy, self.plan.max_cells)
+            domain = together(
+                self.comm, self.plan.strategy.next, error, self.plan.accuracy, self.plan.max_cells
+            )
         interrupts.check()
         seconds = self.comm.allreduce(perf_counter() - started, MPI.MAX)
         if not isinstance(domain, Domain):
-            raise InputError(f"The strategy gave {checks.description(domain)}; its next() must return a Domain.")
+            raise InputError(
+                f"The strategy gave {checks.description(domain)}; its next() must return a Domain."
+            )
         return domain, seconds
 
     def _end(self, failure: BaseException, interrupts: Interrupts) -> None:
@@ -217,7 +236,9 @@ class Loop:
         if not self.outcome:
             self.outcome = f"Stopped{self.above}: {type(failure).__name__}: {failure}"
             failure.history = self._history(fallback=False)  # type: ignore[attr-defined]
-            failure.add_note("The history of the run so far is the attribute `history` of this exception.")
+            failure.add_note(
+                "The history of the run so far is the attribute `history` of this exception."
+            )
             raise failure
 
     def _history(self, *, fallback: bool) -> History:
@@ -225,9 +246,7 @@ class Loop:
         assert self.best is not None
         other = [step for step in self.steps if fallback and step.method != type(DEFAULT).__name__]
         if other:
-            self.outcome += (
-                f" {other[0].method} on {len(other)} of {len(self.steps)} meshes, where {DEFAULT} did not converge."
-            )
+            self.outcome += f" {other[0].method} on {len(other)} of {len(self.steps)} meshes, where {DEFAULT} did not converge."
         if self.best.domain.geometry is None:
             self.outcome += " The body is that of the mesh given, with its flat facets: no true shape of it is known."
         reached = self.best.total <= self.plan.accuracy or self.best.solution.at_rest
@@ -235,7 +254,9 @@ class Loop:
         self.doubts.end()
         settings = {name: getattr(self.plan, name) for name in SETTINGS}
         steps, meshes = tuple(self.steps), tuple(self.meshes)
-        return History(steps, self.plan.accuracy, reached, self.outcome, self.best, meshes, settings=settings)
+        return History(
+            steps, self.plan.accuracy, reached, self.outcome, self.best, meshes, settings=settings
+        )
 
 
 def _warn(error: ConstitutiveError, accuracy: float, max_cells: int) -> None:

@@ -50,13 +50,18 @@ class Plan:
     after: Solution | None = None
 
 
-def checked_plan(scene: Scene, domain: Domain, strategy: Any, callback: Any = None, **given: Any) -> Plan:
+def checked_plan(
+    scene: Scene, domain: Domain, strategy: Any, callback: Any = None, **given: Any
+) -> Plan:
     """The plan of a run from what the user gave.
 
     Raises:
         InputError: If an argument cannot be worked with.
     """
-    accuracy, tighten = checks.accuracy("accuracy", given["accuracy"]), checks.whole("tighten", given["tighten"], 0)
+    accuracy, tighten = (
+        checks.accuracy("accuracy", given["accuracy"]),
+        checks.whole("tighten", given["tighten"], 0),
+    )
     limits = {name: checks.whole(name, given[name], 1) for name in ("max_cells", "max_steps")}
     if given["stop"] not in ("converged", "certified"):
         raise InputError(f'stop is {given["stop"]!r}; allowed are "converged" and "certified".')
@@ -70,7 +75,9 @@ def checked_plan(scene: Scene, domain: Domain, strategy: Any, callback: Any = No
         )
     strategy = Mark() if strategy is None else strategy
     if isinstance(strategy, type) or not callable(getattr(strategy, "next", None)):
-        raise InputError(f"strategy is {strategy!r}; give an object, e.g. Mark(), SizeMap(), Uniform().")
+        raise InputError(
+            f"strategy is {strategy!r}; give an object, e.g. Mark(), SizeMap(), Uniform()."
+        )
     check_callback(callback)
     given |= {"accuracy": accuracy, "tighten": tighten, **limits}
     return Plan(scene=scene, strategy=strategy, callback=callback, **given)
@@ -83,14 +90,17 @@ def check_callback(callback: Any) -> None:
         InputError: If it cannot be called.
     """
     if callback is not None and not callable(callback):
-        raise InputError(f"callback is {callback!r}; give a function of two arguments, the error and the row, or None.")
+        raise InputError(
+            f"callback is {callback!r}; give a function of two arguments, the error and the row, or None."
+        )
 
 
 def check_folder(checkpoint: Any, domain: Domain) -> None:
     """Check that a run can be kept, before anything is solved.
 
     Raises:
-        InputError: If this is no name of a folder, or the true shape of the body cannot be written.
+        InputError: If this is no name of a folder, or the true shape of the body cannot
+            be written.
     """
     if not isinstance(checkpoint, str | Path):
         raise InputError(f"checkpoint is {checkpoint!r}; give the name of a folder, or None.")

@@ -59,8 +59,9 @@ class SavedHistory(History):
     def save(self, folder: str | Path, *, pictures: bool = True) -> None:
         """Write the table, meshes and fields to a folder; collective.
 
-        ``report.html`` (without the scene), ``history.csv``, ``history.json``, ``meshes.vtkhdf``, ``body.vtkhdf``, and
-        of several meshes ``error.png`` and ``meshes.png``.
+        ``report.html`` (without the scene), ``history.csv``, ``history.json``,
+        ``meshes.vtkhdf``, ``body.vtkhdf``, and of several meshes ``error.png`` and
+        ``meshes.png``.
         """
         comm = self.best.domain.mesh.comm
         folder = made_folder(comm, folder)
@@ -76,9 +77,10 @@ class SavedHistory(History):
 def read_history(folder: str | Path, comm: MPI.Comm = MPI.COMM_WORLD) -> History:
     """The history of a run from the folder of ``adapt(..., checkpoint=folder)``; collective.
 
-    Nothing is solved, and the run may be going on. Table, columns, meshes, figures and the fields for ParaView
-    (:meth:`History.save`) are those of the run so far. Of ``best`` there are the numbers, the domain and eps_E; forces,
-    profiles and values at points need the scene, hence :func:`adapt`.
+    Nothing is solved, and the run may be going on. Table, columns, meshes, figures and
+    the fields for ParaView (:meth:`History.save`) are those of the run so far. Of
+    ``best`` there are the numbers, the domain and eps_E; forces, profiles and values at
+    points need the scene, hence :func:`adapt`.
 
     Args:
         folder: The folder.
@@ -93,7 +95,9 @@ def read_history(folder: str | Path, comm: MPI.Comm = MPI.COMM_WORLD) -> History
     levels = {number: kept.read(number) for number in kept.numbers}
     last = levels[kept.numbers[-1]]
     number = min(levels, key=lambda number: last.steps[number - 1].total)
-    best: Any = SavedError(**levels[number].numbers, domain=levels[number].domain, indicators=levels[number].indicators)
+    best: Any = SavedError(
+        **levels[number].numbers, domain=levels[number].domain, indicators=levels[number].indicators
+    )
     reached = best.total <= last.accuracy
     outcome = f"{'Reached' if reached else 'So far'}: {percent(best.total)}, asked for {percent(last.accuracy)}."
     meshes = tuple((level.domain, level.indicators) for level in levels.values())

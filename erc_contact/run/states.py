@@ -1,9 +1,10 @@
 """What a file of a run holds of a mesh level: mesh, displacement, multipliers, fields; and the level from it.
 
-The file opens in ParaView as it is: body, displacement, eps_E, stresses (in single precision, nothing else needs them),
-as in ``body.vtkhdf``. Beside that it holds the tables of :mod:`erc_contact.mesh.tables` by the same numbers of nodes,
-and plain data. A level is restored without a contact solve: its admissible pair and its error follow from the
-displacement and the multipliers.
+The file opens in ParaView as it is: body, displacement, eps_E, stresses (in single
+precision, nothing else needs them), as in ``body.vtkhdf``. Beside that it holds the
+tables of :mod:`erc_contact.mesh.tables` by the same numbers of nodes, and plain data. A
+level is restored without a contact solve: its admissible pair and its error follow from
+the displacement and the multipliers.
 
 Symbols: d dimension, n number of nodes, m number of cells, N nodes of a cell.
 """
@@ -36,7 +37,16 @@ from erc_contact.run.levels import Level
 from erc_contact.run.step import Step
 from erc_contact.scene.scene import Scene
 
-NUMBERS = ("absolute", "scale", "bulk_error", "contact_error", "geometry_error", "relative", "total", "degree")
+NUMBERS = (
+    "absolute",
+    "scale",
+    "bulk_error",
+    "contact_error",
+    "geometry_error",
+    "relative",
+    "total",
+    "degree",
+)
 """Numbers of an error that are kept."""
 STATE = {
     "newton_steps": "newton_steps",
@@ -71,7 +81,9 @@ def level_of(error: ConstitutiveError, steps: Sequence[Any]) -> Level:
     hat = nodal_displacement(error.admissible)
     points = gathered(model.comm, points=x[: len(u)], u=u, displacement=hat, **fields)
     rows = gathered(model.comm, cells=numbers, drawn=body_nodes(model)["cells"], **tags)
-    stresses = {name: values.astype(np.float32) for name, values in cell_stresses(error.admissible).items()}
+    stresses = {
+        name: values.astype(np.float32) for name, values in cell_stresses(error.admissible).items()
+    }
     values = gathered(model.comm, **stresses, eps_E=error.indicators)
     about = {
         "rows": [asdict(step) for step in steps],
@@ -97,7 +109,9 @@ def level_of(error: ConstitutiveError, steps: Sequence[Any]) -> Level:
 
 def _owned(error: ConstitutiveError, function: fem.Function) -> np.ndarray:
     """Values at the nodes of this rank, shape (n, d)."""
-    return function.x.array.reshape(-1, error.domain.dim)[: function.function_space.dofmap.index_map.size_local]
+    return function.x.array.reshape(-1, error.domain.dim)[
+        : function.function_space.dofmap.index_map.size_local
+    ]
 
 
 def _drawn(points: np.ndarray, cells: np.ndarray, d: int) -> dict[str, np.ndarray]:
@@ -121,7 +135,8 @@ class Restored:
     Args:
         comm: Communicator that shares the mesh.
         level: What the file holds; tables are needed on rank 0 only.
-        before: Another level of the run, whose domain this one shares if their meshes are the same.
+        before: Another level of the run, whose domain this one shares if their meshes
+            are the same.
 
     Attributes:
         domain: The mesh with names.
@@ -137,7 +152,9 @@ class Restored:
         else:
             self._rows = CellRows(comm, get("VTKHDF/Points"), get("cells"), about["dim"])
             self.domain = self._domain()
-        self.indicators = self._rows.of_cells(get("VTKHDF/CellData/eps_E"))[: self.domain.owned_cells]
+        self.indicators = self._rows.of_cells(get("VTKHDF/CellData/eps_E"))[
+            : self.domain.owned_cells
+        ]
 
     @property
     def steps(self) -> tuple[Step, ...]:
@@ -147,7 +164,9 @@ class Restored:
             InputError: If they are those of a loading history.
         """
         if "time" in self.about["rows"][-1]:
-            raise InputError("The folder holds a loading history: call evolve(..., checkpoint=folder) as for the run.")
+            raise InputError(
+                "The folder holds a loading history: call evolve(..., checkpoint=folder) as for the run."
+            )
         return tuple(Step(**row) for row in self.about["rows"])
 
     @property
@@ -175,21 +194,30 @@ class Restored:
             InputError: If it is not the error that was written.
         """
         about = self.about
-        model = bind(scene, self.domain, about["degree"], None if after is None else last_step(after))
+        model = bind(
+            scene, self.domain, about["degree"], None if after is None else last_step(after)
+        )
         fields = [self._function(model, "u")]
         fields += [self._function(model, f"multipliers/{i}") for i in range(about["multipliers"])]
         method = next((one for one in methods if repr(one) == about["method"]), methods[0])
         stiffness = (Multigrid if about["iterative"] else Stiffness)(model)
         numbers = {attribute: about["solution"][name] for name, attribute in STATE.items()}
-        solution = Solution(model, method, fields[0], tuple(fields[1:]), stiffness=stiffness, **numbers)
+        solution = Solution(
+            model, method, fields[0], tuple(fields[1:]), stiffness=stiffness, **numbers
+        )
         error = constitutive_error(equilibrate(solution, tighten=tighten))
-        if abs(error.relative - about["error"]["relative"]) > SAME * (about["error"]["relative"] + SAME):
+        if abs(error.relative - about["error"]["relative"]) > SAME * (
+            about["error"]["relative"] + SAME
+        ):
             raise InputError(
                 f"The error of the mesh of {self.domain.cells} cells is {error.relative:.10g}, in the folder "
                 f"{about['error']['relative']:.10g}: the software is not the one that wrote it. Take that, or another "
                 "folder."
             )
-        return replace(error, admissible=replace(error.admissible, seconds=about["rows"][-1]["equilibrate_seconds"]))
+        return replace(
+            error,
+            admissible=replace(error.admissible, seconds=about["rows"][-1]["equilibrate_seconds"]),
+        )
 
     def _domain(self) -> Domain:
         about, get = self.about, self._tables.get
@@ -197,11 +225,15 @@ class Restored:
         curved = self._rows.facet_tags(get("curved")) if "curved" in about["tags"] else None
         cells = self._rows.cell_tags(get("regions")) if "regions" in about["tags"] else None
         geometry = geometry_of(about["geometry"])
-        return Domain(self._rows.mesh, facets, about["names"], cells, about["regions"], geometry, curved)
+        return Domain(
+            self._rows.mesh, facets, about["names"], cells, about["regions"], geometry, curved
+        )
 
     def _function(self, model: Any, name: str) -> fem.Function:
         function = model.function()
-        values = self._rows.of_nodes(self._tables.get(name), self._tables.get("cells"), model.degree)
+        values = self._rows.of_nodes(
+            self._tables.get(name), self._tables.get("cells"), model.degree
+        )
         function.x.array.reshape(-1, model.d)[model.nodes] = values
         return function
 
@@ -211,4 +243,6 @@ def _same_mesh(level: Level, before: Restored) -> bool:
     if any(level.about[name] != before.about[name] for name in MESH):
         return False
     tables, theirs = level.tables, before._tables
-    return all(bool(np.array_equal(tables[name], theirs[name])) for name in TABLES if name in tables)
+    return all(
+        bool(np.array_equal(tables[name], theirs[name])) for name in TABLES if name in tables
+    )

@@ -27,8 +27,10 @@ class Step:
         equilibrate_seconds: Seconds of the admissible pair.
         error_seconds: Seconds of the error.
         mesh_seconds: Seconds of making this mesh.
-        seconds: Seconds from the start of the run to this error, all stages of all meshes.
-        peak_stress: Greatest von Mises stress of the mean of sigma^ in a cell [force/area].
+        seconds: Seconds from the start of the run to this error, all stages of all
+            meshes.
+        peak_stress: Greatest von Mises stress of the mean of sigma^ in a cell
+            [force/area].
         peak_stress_size: Size of that cell [length].
         peak_pressure: Greatest pressure of r^ [force/area]; nan without a contact.
         peak_pressure_size: Size of its facet [length].
@@ -64,7 +66,18 @@ class Step:
 
 
 COLUMNS = tuple(f.name for f in fields(Step))
-SHOWN = ("mesh", "cells", "unknowns", "Newton", "eps", "bulk", "contact", "geometry", "method", "seconds")
+SHOWN = (
+    "mesh",
+    "cells",
+    "unknowns",
+    "Newton",
+    "eps",
+    "bulk",
+    "contact",
+    "geometry",
+    "method",
+    "seconds",
+)
 """Columns of the table in notebooks and reports."""
 HEADER = "  cells  verts    dofs  N     eps    bulk    cont solve equil error  mesh   time"
 CURVED = "  cells  verts    dofs  N   total     eps    bulk    cont    geom solve equil   time"
@@ -88,5 +101,7 @@ def line(step: Step, *, curved: bool) -> str:
 def shown(number: int, step: Step) -> list[str]:
     """The row of a step below :data:`SHOWN`."""
     counts = [str(one) for one in (number, step.cells, step.dofs, step.newton_steps)]
-    errors = [percent(one, 3) for one in (step.eps, step.eps_bulk, step.eps_contact, step.eps_geometry)]
+    errors = [
+        percent(one, 3) for one in (step.eps, step.eps_bulk, step.eps_contact, step.eps_geometry)
+    ]
     return [*counts, *errors, step.method, f"{step.seconds:.2f}"]

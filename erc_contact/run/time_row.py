@@ -12,7 +12,19 @@ HEADER = "       t  cells meshes  N     eps    cont  shear  dissipated  in_time 
 """``shear`` is that of the first contact over its pressure, ``balance`` the imbalance over the larger energy."""
 WIDTHS = (8, 6, 6, 2, 7, 7, 6, 11, 8, 8, 6)
 """Widths of the columns below it."""
-SHOWN = ("t", "cells", "meshes", "Newton", "eps", "contact", "shear", "dissipated", "in_time", "balance", "seconds")
+SHOWN = (
+    "t",
+    "cells",
+    "meshes",
+    "Newton",
+    "eps",
+    "contact",
+    "shear",
+    "dissipated",
+    "in_time",
+    "balance",
+    "seconds",
+)
 """The same columns in notebooks and reports."""
 NUMBERS = ("time", "cells", "meshes", "newton_steps", "eps", "eps_contact", "total", "reached")
 SUMS = ("work", "contact_work", "friction_work", "dissipated")
@@ -39,10 +51,11 @@ class TimeStep:
         work: Work of loads and supports [force length].
         contact_work: Work of the contacts on the body [force length].
         friction_work: The part of it that friction does.
-        dissipated: What friction took [force length], of second order in the length of the steps; see
-            :mod:`erc_contact.run.energy`.
+        dissipated: What friction took [force length], of second order in the length of
+            the steps; see :mod:`erc_contact.run.energy`.
         stored: Strain energy of u^ [force length].
-        scale: ``|sigma^ + C eps(u^)|``, the norm that eps is relative to [sqrt(force length)].
+        scale: ``|sigma^ + C eps(u^)|``, the norm that eps is relative to [sqrt(force
+            length)].
         solve_seconds: Seconds of the contact solves of the step.
         equilibrate_seconds: Seconds of the admissible pairs of the step.
         seconds: Seconds from the start of the run.
@@ -80,8 +93,9 @@ class TimeStep:
     def in_time(self) -> float:
         """``dissipated + friction_work`` [force length], an estimate of what the length of the steps costs.
 
-        Both are of second order in the length of the steps, and differ where a point begins to slide, or turns. The
-        friction part of e^2/2 of the steps is in it, too. See :mod:`erc_contact.run.energy`.
+        Both are of second order in the length of the steps, and differ where a point
+        begins to slide, or turns. The friction part of e^2/2 of the steps is in it,
+        too. See :mod:`erc_contact.run.energy`.
         """
         return self.dissipated + self.friction_work
 

@@ -20,7 +20,8 @@ class InTime:
 
     Attributes:
         path: Greatest difference of a step from its two halves [-], or None.
-        accuracy_in_time: Greatest share of the dissipated energy of a step that its length leaves unknown [-], or None.
+        accuracy_in_time: Greatest share of the dissipated energy of a step that its
+            length leaves unknown [-], or None.
     """
 
     path: float | None
@@ -36,9 +37,10 @@ def until(begin: float, length: float, end: float) -> float:
 def unknown_of_dissipation(row: TimeStep, before: TimeStep, accuracy: float) -> float:
     """What the length of a step leaves unknown of the energy that friction takes in it, over what is allowed [-].
 
-    The friction part of e^2/2 is in both, and remains where a step is very short. So a step is short enough where it
-    leaves less than twice that, the contact part of e^2. This ends the halving after a turn of the load, where friction
-    takes little at first.
+    The friction part of e^2/2 is in both, and remains where a step is very short. So a
+    step is short enough where it leaves less than twice that, the contact part of e^2.
+    This ends the halving after a turn of the load, where friction takes little at
+    first.
 
     Args:
         row: The row of the step.

@@ -1,7 +1,7 @@
 """The way through a loading history: steps between the times, which are halved where need be.
 
-Friction is about slip rates. In each step it acts on the tangential displacement since the last one (backward Euler),
-so what a body does depends on the way its loads came.
+Friction is about slip rates. In each step it acts on the tangential displacement since
+the last one (backward Euler), so what a body does depends on the way its loads came.
 """
 
 from __future__ import annotations
@@ -83,7 +83,9 @@ class Walk:
             try:
                 self._resume()
                 if not self.rows:
-                    self._accept(*self._ended(self.times[0], self._step(self.times[0], None), None, None))
+                    self._accept(
+                        *self._ended(self.times[0], self._step(self.times[0], None), None, None)
+                    )
                     interrupts.check()
                 for end in self.times[1:]:
                     self._to(end, interrupts)
@@ -109,7 +111,9 @@ class Walk:
             row = TimeStep(**level.about["rows"][-1])
             assert plan.method is not None
             after = self.errors[-1].solution if self.errors else None
-            error = level.error(self._scene(row.time, after), (plan.method, NODAL), plan.tighten, after)
+            error = level.error(
+                self._scene(row.time, after), (plan.method, NODAL), plan.tighten, after
+            )
             self.rows.append(row)
             self.errors.append(error)
             self.log.info(line(row))
@@ -132,7 +136,10 @@ class Walk:
                 halved += 1
                 self.length = 0.5 * (to - begin)
                 if halved > HALVINGS or not begin < begin + 0.5 * self.length < begin + self.length:
-                    raise NotConverged(f"The step from t = {begin:g} to {to:g} {words}, halved {halved} times.", rungs)
+                    raise NotConverged(
+                        f"The step from t = {begin:g} to {to:g} {words}, halved {halved} times.",
+                        rungs,
+                    )
                 self.log.info("The step to t = %g %s: the next one is half as long.", to, words)
                 continue
             for error, row in ended:
@@ -185,7 +192,9 @@ class Walk:
         """The scene of a time; collective."""
         scene = together(self.comm, self.scene_at, time)
         if not isinstance(scene, Scene):
-            raise InputError(f"scene_at({time:g}) is {checks.description(scene)}; it must return a Scene.")
+            raise InputError(
+                f"scene_at({time:g}) is {checks.description(scene)}; it must return a Scene."
+            )
         if after is not None:
             check_after(scene, after.domain, after)
         return scene
@@ -218,7 +227,11 @@ class Walk:
         self.doubts.end()
         missed = sum(not row.reached for row in self.rows)
         complete = not self.outcome
-        above = f"{missed} of {len(self.rows)} steps are above {percent(self.plan.accuracy)}." if missed else ""
+        above = (
+            f"{missed} of {len(self.rows)} steps are above {percent(self.plan.accuracy)}."
+            if missed
+            else ""
+        )
         done = f"All {len(self.rows)} steps to t = {self.time:g} are done."
         outcome = f"{self.outcome or done} {above}".rstrip()
         self.log.log(logging.INFO if complete and not missed else logging.WARNING, outcome)
@@ -242,7 +255,8 @@ def difference_from_halves(plan: Plan, last: Solution, halves: Solution) -> floa
     Args:
         plan: What the step is asked for; its scene is that of the end.
         last: The solution at its beginning.
-        halves: The solution at its end, after two halves; the step is made again on its mesh.
+        halves: The solution at its end, after two halves; the step is made again on its
+            mesh.
     """
     given = plan.scene, halves.domain, plan.method
     whole = solve(*given, degree=plan.degree, solver=plan.solver, after=last, start=halves)

@@ -18,17 +18,23 @@ class Contact:
 
     Args:
         facets: Name of the boundary part that may touch the foundation.
-        friction: Coulomb's friction coefficient mu >= 0 [-], number or callable of x (0 is frictionless); or a law,
-            e.g. :class:`Tresca`, or a class of the user's own.
-        gap: Initial gap g to the foundation along the normal [length], number or callable of x.
-        normal: Unit normal of the foundation that points into it: d numbers, a callable of x, or "gap" for
-            ``-grad g/|grad g|``, the normal of a foundation whose gap is its distance. One that varies is taken at the
-            middle of each facet: the foundation becomes a polyhedron, as a curved body becomes its mesh. None takes
+        friction: Coulomb's friction coefficient mu >= 0 [-], number or callable of x (0
+            is frictionless); or a law, e.g. :class:`Tresca`, or a class of the user's
+            own.
+        gap: Initial gap g to the foundation along the normal [length], number or
+            callable of x.
+        normal: Unit normal of the foundation that points into it: d numbers, a callable
+            of x, or "gap" for ``-grad g/|grad g|``, the normal of a foundation whose
+            gap is its distance. One that varies is taken at the middle of each facet:
+                the foundation becomes a polyhedron, as a curved body becomes its mesh.
+                None takes
             the outward normal of the part, which must then be flat.
-        bilateral: Whether the contact cannot open: ``u_n = g``. Needs a friction bound without pressure.
+        bilateral: Whether the contact cannot open: ``u_n = g``. Needs a friction bound
+            without pressure.
 
     Raises:
-        InputError: If friction is negative, the normal is zero, or a bilateral contact has Coulomb friction.
+        InputError: If friction is negative, the normal is zero, or a bilateral contact
+            has Coulomb friction.
     """
 
     facets: str
@@ -42,7 +48,8 @@ class Contact:
         what = f"Contact({self.facets!r})"
         law: Any = self.friction
         if isinstance(law, type) or (
-            hasattr(law, "friction_bound") and not isinstance(getattr(law, "parameters", None), tuple | list)
+            hasattr(law, "friction_bound")
+            and not isinstance(getattr(law, "parameters", None), tuple | list)
         ):
             raise InputError(
                 f"{what}: friction is {law!r}; give a number, a callable of x, or an object with parameters (a tuple "
@@ -57,15 +64,23 @@ class Contact:
                 "error can be certified. Give friction=Tresca(limit), or no friction."
             )
         if isinstance(self.normal, str) and self.normal != "gap":
-            raise InputError(f'{what}: normal is {self.normal!r}; give numbers, a callable of x, "gap" or None.')
+            raise InputError(
+                f'{what}: normal is {self.normal!r}; give numbers, a callable of x, "gap" or None.'
+            )
         if isinstance(self.normal, str) and not callable(self.gap):
             raise InputError(
                 f'{what}: normal="gap" needs a gap that is a callable of x, the distance to the foundation.'
             )
-        if self.normal is not None and not isinstance(self.normal, str) and not callable(self.normal):
+        if (
+            self.normal is not None
+            and not isinstance(self.normal, str)
+            and not callable(self.normal)
+        ):
             check_vector(f"{what}: normal", self.normal)
             if any(callable(c) for c in self.normal):
-                raise InputError(f"{what}: normal must be numbers, or one callable of x that returns a vector.")
+                raise InputError(
+                    f"{what}: normal must be numbers, or one callable of x that returns a vector."
+                )
             length = sum(float(c) ** 2 for c in self.normal) ** 0.5
             if not length > 0:
                 raise InputError(f"{what}: normal is {self.normal}; its length must be > 0.")
@@ -74,5 +89,7 @@ class Contact:
     @property
     def law(self) -> Law | None:
         """The friction law; None without friction."""
-        law: Any = self.friction if hasattr(self.friction, "friction_bound") else Coulomb(self.friction)
+        law: Any = (
+            self.friction if hasattr(self.friction, "friction_bound") else Coulomb(self.friction)
+        )
         return None if isinstance(law, Coulomb) and law.friction == 0 else law

@@ -20,28 +20,42 @@ Vector = Sequence[Value] | Callable[[Any], Any]
 def check_name(what: str, name: Any) -> None:
     """Refuse what is no name of a boundary part."""
     if not isinstance(name, str):
-        raise InputError(f"{what} is for {name!r}; give the name of one boundary part, e.g. {what}('top', ...).")
+        raise InputError(
+            f"{what} is for {name!r}; give the name of one boundary part, e.g. {what}('top', ...)."
+        )
 
 
 def check_value(what: str, value: Any, low: float = -float("inf"), unit: str = "") -> None:
     """Check a number (callables are checked on the mesh)."""
     if isinstance(value, ufl.core.expr.Expr):
-        raise InputError(f"{what} is UFL or a Function; give a callable of x that returns it, e.g. lambda x: value.")
+        raise InputError(
+            f"{what} is UFL or a Function; give a callable of x that returns it, e.g. lambda x: value."
+        )
     if callable(value):
         return
     if not isinstance(value, Real) or not isfinite(value) or value < low:
         bound = f" >= {low:g}" if isfinite(low) else ""
-        raise InputError(f"{what} is {value!r}; give a finite number{bound}{unit}, or a callable of x.")
+        raise InputError(
+            f"{what} is {value!r}; give a finite number{bound}{unit}, or a callable of x."
+        )
 
 
 def check_vector(what: str, value: Any, *, free: bool = False) -> None:
     """Refuse what is no sequence of two or three numbers or callables; with ``free`` a component may be None."""
     if isinstance(value, ufl.core.expr.Expr):
-        raise InputError(f"{what} is UFL or a Function; give a callable of x that returns it, e.g. lambda x: value.")
+        raise InputError(
+            f"{what} is UFL or a Function; give a callable of x that returns it, e.g. lambda x: value."
+        )
     if callable(value):
         return
-    if isinstance(value, str) or not isinstance(value, (Sequence, np.ndarray)) or len(value) not in (2, 3):
-        raise InputError(f"{what} is {value!r}; give one value for each dimension, e.g. (0.0, -1.0), or a callable.")
+    if (
+        isinstance(value, str)
+        or not isinstance(value, (Sequence, np.ndarray))
+        or len(value) not in (2, 3)
+    ):
+        raise InputError(
+            f"{what} is {value!r}; give one value for each dimension, e.g. (0.0, -1.0), or a callable."
+        )
     for component in value:
         if not (free and component is None):
             check_value(f"{what}: a component", component)

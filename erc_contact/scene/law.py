@@ -1,18 +1,21 @@
 """Contact and friction laws: the admissible tractions of a foundation (UFL, no mesh).
 
-Symbols, with n the unit normal of the foundation that points into it (outward from the body):
-w = u on the contact boundary, w_n = w.n, w_t = w - w_n n [length]; r the contact traction on the body,
-r_n = r.n, r_t = r - r_n n, pressure p = -r_n [force/area]; g the initial gap [length]; b(p) the friction bound
-[force/area].
+Symbols, with n the unit normal of the foundation that points into it (outward from the
+body): w = u on the contact boundary, w_n = w.n, w_t = w - w_n n [length]; r the contact
+traction on the body, r_n = r.n, r_t = r - r_n n, pressure p = -r_n [force/area]; g the
+initial gap [length]; b(p) the friction bound [force/area].
 
-The conditions with a gap: w_n <= g, r_n <= 0, r_n (w_n - g) = 0, |r_t| <= b(p), and r_t = -b(p) w_t/|w_t| where w_t
-is not zero. A law is its friction bound: Coulomb b = mu p (12)-(15), Tresca b = s; a frictionless contact has none.
-A law of the user's own is a class with the same members, ``parameters`` and ``friction_bound``. Its b must be finite,
-not negative, never decrease and be concave in p: the tractions that it allows are then a convex set, and the error in
-the constitutive relation is what it is for Coulomb. A bilateral contact can pull: its b must not know the pressure.
-This is checked at samples when the scene meets its mesh (:mod:`erc_contact.model.promises`).
+The conditions with a gap: w_n <= g, r_n <= 0, r_n (w_n - g) = 0, |r_t| <= b(p), and r_t
+= -b(p) w_t/|w_t| where w_t is not zero. A law is its friction bound: Coulomb b = mu p
+(12)-(15), Tresca b = s; a frictionless contact has none. A law of the user's own is a
+class with the same members, ``parameters`` and ``friction_bound``. Its b must be
+finite, not negative, never decrease and be concave in p: the tractions that it allows
+are then a convex set, and the error in the constitutive relation is what it is for
+Coulomb. A bilateral contact can pull: its b must not know the pressure. This is checked
+at samples when the scene meets its mesh (:mod:`erc_contact.model.promises`).
 
-Source: Coorevits, Hild, Hjiaj, equations (5)-(8), (12)-(16); the gap and the general bound are ours.
+Source: Coorevits, Hild, Hjiaj, equations (5)-(8), (12)-(16); the gap and the general
+bound are ours.
 """
 
 from __future__ import annotations
@@ -35,7 +38,8 @@ class Law(Protocol):
     Example: ``demos/extend/law.py``.
 
     Attributes:
-        parameters: Names of the attributes that are values in space (numbers or callables of x, each >= 0), a tuple.
+        parameters: Names of the attributes that are values in space (numbers or
+            callables of x, each >= 0), a tuple.
     """
 
     @property
@@ -44,17 +48,22 @@ class Law(Protocol):
     def friction_bound(self, pressure: Any, *values: Any, **parameters: Any) -> Any:
         """The friction bound b(p) [force/area], UFL, a scalar.
 
-        It is >= 0, never decreases and is concave in p. Of a bilateral contact it does not depend on p.
+        It is >= 0, never decreases and is concave in p. Of a bilateral contact it does
+        not depend on p.
 
         Args:
             pressure: The pressure p >= 0 [force/area], UFL.
-            values: Not used; type checkers ask for it, so that a class may name its parameters.
-            parameters: The parameters by their names, UFL. A bound that is plain arithmetic gets numpy arrays, too.
+            values: Not used; type checkers ask for it, so that a class may name its
+                parameters.
+            parameters: The parameters by their names, UFL. A bound that is plain
+                arithmetic gets numpy arrays, too.
         """
 
 
 def _check(what: str, value: Any) -> None:
-    if not callable(value) and not (isinstance(value, Real) and isfinite(value) and float(value) >= 0):
+    if not callable(value) and not (
+        isinstance(value, Real) and isfinite(value) and float(value) >= 0
+    ):
         raise InputError(f"{what} is {value!r}; give a finite number >= 0, or a callable of x.")
 
 
@@ -105,13 +114,14 @@ class Tresca:
 def project(z: Any, n: Any, bound: Callable[[Any], Any] | None, *, bilateral: bool = False) -> Any:
     """Project a traction on the tractions that a law allows, first its normal part, then its tangential part.
 
-    ``r_n = min(z_n, 0)``, or z_n where the contact is bilateral; ``r_t = z_t`` if ``|z_t| < b(p)`` (stick), else
-    ``b(p) z_t/|z_t|`` (slip).
+    ``r_n = min(z_n, 0)``, or z_n where the contact is bilateral; ``r_t = z_t`` if
+    ``|z_t| < b(p)`` (stick), else ``b(p) z_t/|z_t|`` (slip).
 
     Args:
         z: Trial traction [force/area], shape (d,).
         n: Unit normal of the foundation, shape (d,).
-        bound: Friction bound b of the pressure, or None for no friction at all (no friction term is formed).
+        bound: Friction bound b of the pressure, or None for no friction at all (no
+            friction term is formed).
         bilateral: Whether the contact cannot open.
 
     Returns:
@@ -124,5 +134,7 @@ def project(z: Any, n: Any, bound: Callable[[Any], Any] | None, *, bilateral: bo
     z_t = z - z_n * n
     size = ufl.sqrt(ufl.dot(z_t, z_t))
     limit = bound(-r_n)
-    divisor = ufl.conditional(ufl.gt(size, 0), size, 1)  # an open contact has b = 0 and may have z_t = 0
+    divisor = ufl.conditional(
+        ufl.gt(size, 0), size, 1
+    )  # an open contact has b = 0 and may have z_t = 0
     return r_n * n + ufl.conditional(ufl.lt(size, limit), 1, limit / divisor) * z_t

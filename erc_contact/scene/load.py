@@ -1,7 +1,8 @@
 """Loads: forces on a part of the boundary or in the body.
 
-A load of a new kind is a class with the members of :class:`Load`. Its form, its moments on facets and cells, what the
-mesh does not carry of it and its checks follow from its density.
+A load of a new kind is a class with the members of :class:`Load`. Its form, its moments
+on facets and cells, what the mesh does not carry of it and its checks follow from its
+density.
 """
 
 from __future__ import annotations
@@ -20,9 +21,11 @@ class Load(Protocol):
     Example: ``demos/extend/load.py``.
 
     Attributes:
-        facets: Name of the boundary part that it acts on, or None for a load in the whole body.
-        parameters: Names of the attributes that are values in space: numbers, vectors, or callables of x that return
-            either. A vector is a tuple of d numbers or callables of x; a list or an array is not taken.
+        facets: Name of the boundary part that it acts on, or None for a load in the
+            whole body.
+        parameters: Names of the attributes that are values in space: numbers, vectors,
+            or callables of x that return either. A vector is a tuple of d numbers or
+            callables of x; a list or an array is not taken.
     """
 
     @property
@@ -36,8 +39,10 @@ class Load(Protocol):
 
         Args:
             x: Position [length], UFL, shape (d,).
-            n: Outward unit normal on the boundary, UFL, shape (d,); None for a load in the body.
-            values: Not used; type checkers ask for it, so that a class may name its parameters.
+            n: Outward unit normal on the boundary, UFL, shape (d,); None for a load in
+                the body.
+            values: Not used; type checkers ask for it, so that a class may name its
+                parameters.
             parameters: The parameters by their names, UFL.
         """
 
@@ -52,7 +57,8 @@ class Traction:
         pressure: Normal pressure [force/area], positive when it pushes on the body.
 
     Raises:
-        InputError: If not exactly one of value and pressure is given, or it is no number or callable.
+        InputError: If not exactly one of value and pressure is given, or it is no
+            number or callable.
     """
 
     facets: str
@@ -86,7 +92,8 @@ class BodyForce:
     """Given force per volume f in the whole body [force/volume].
 
     Args:
-        value: Vector of numbers or callables, or one callable of x that returns a vector.
+        value: Vector of numbers or callables, or one callable of x that returns a
+            vector.
     """
 
     value: Vector

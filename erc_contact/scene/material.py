@@ -1,7 +1,7 @@
 """Linear elastic materials: strain, stress, compliance (UFL, no mesh).
 
-Symbols: u displacement [length], eps strain [-], sigma stress [force/area], E Young's modulus
-[force/area], nu Poisson's ratio [-], G shear modulus, d the dimension.
+Symbols: u displacement [length], eps strain [-], sigma stress [force/area], E Young's
+modulus [force/area], nu Poisson's ratio [-], G shear modulus, d the dimension.
 
 Isotropic elasticity scales the deviator and the sphere of a tensor: with
 ``a = 2G`` and ``b = 2G + d lambda``
@@ -65,18 +65,18 @@ def scale_parts(tensor: Any, deviator: Any, sphere: Any) -> Any:
 class Material(Protocol):
     """A linear elastic material.
 
-    Stress, compliance and modulus get the parameters by their names, as UFL: a class with the parameters ("lam", "G")
-    has ``stress(self, eps, lam, G)``; ``*values`` is here for type checkers only. In 2D strain and stress are the parts
-    in plane.
+    Stress, compliance and modulus get the parameters by their names, as UFL: a class
+    with the parameters ("lam", "G") has ``stress(self, eps, lam, G)``; ``*values`` is
+    here for type checkers only. In 2D strain and stress are the parts in plane.
 
-    In 2D it may have ``out_of_plane(sigma, **parameters)``, its stress out of plane [force/area]. Without that only the
-    von Mises stress of the part in plane is known.
+    In 2D it may have ``out_of_plane(sigma, **parameters)``, its stress out of plane
+    [force/area]. Without that only the von Mises stress of the part in plane is known.
 
     Example: ``demos/extend/material.py``.
 
     Attributes:
-        parameters: Names of the attributes that are values in space: numbers, callables of x, or mappings from the
-            names of regions to either.
+        parameters: Names of the attributes that are values in space: numbers, callables
+            of x, or mappings from the names of regions to either.
     """
 
     @property
@@ -85,14 +85,15 @@ class Material(Protocol):
     def check(self, name: str, low: float, high: float) -> None:
         """Refuse the range ``[low, high]`` that a parameter takes in the body, by an InputError.
 
-        It is called for callables and mappings, when the scene meets its mesh. It is not called for numbers: a class
-        checks these itself when it is made.
+        It is called for callables and mappings, when the scene meets its mesh. It is
+        not called for numbers: a class checks these itself when it is made.
         """
 
     def stress(self, eps: Any, *values: Any, **parameters: Any) -> Any:
         """``C eps`` [force/area], UFL, shape (d, d).
 
-        It is linear in eps, a (d, d) tensor [-]; ``a : C b = b : C a``, and ``a : C a > 0`` unless a is zero.
+        It is linear in eps, a (d, d) tensor [-]; ``a : C b = b : C a``, and ``a : C a >
+        0`` unless a is zero.
         """
 
     def compliance(self, sigma: Any, *values: Any, **parameters: Any) -> Any:
@@ -106,14 +107,16 @@ class Material(Protocol):
 class Elastic:
     """Isotropic linear elasticity.
 
-    A material of the user's own is a class with the same members: ``parameters`` (names of the attributes that are
-    values in space), ``check``, ``stress`` (symmetric and positive), ``compliance`` (its inverse, to 8 digits), and
-    ``modulus`` (> 0); this is checked when the scene meets its mesh. In 2D it may tell its stress out of plane by
-    ``out_of_plane``; without that only the von Mises stress of the part in plane is shown.
+    A material of the user's own is a class with the same members: ``parameters`` (names
+    of the attributes that are values in space), ``check``, ``stress`` (symmetric and
+    positive), ``compliance`` (its inverse, to 8 digits), and ``modulus`` (> 0); this is
+    checked when the scene meets its mesh. In 2D it may tell its stress out of plane by
+    ``out_of_plane``; without that only the von Mises stress of the part in plane is
+    shown.
 
     Args:
-        E: Young's modulus [force/area], > 0: a number, a callable of x, or a mapping from the names
-            of cell regions to either.
+        E: Young's modulus [force/area], > 0: a number, a callable of x, or a mapping
+            from the names of cell regions to either.
         nu: Poisson's ratio [-], in (-1, 1/2); number, callable or mapping.
         hypothesis: "plane strain" or "plane stress"; leave it out in 3D.
 
@@ -134,7 +137,9 @@ class Elastic:
 
     def __post_init__(self) -> None:
         if self.hypothesis not in HYPOTHESES:
-            raise InputError(f"Elastic: hypothesis is {self.hypothesis!r}; allowed are {' and '.join(HYPOTHESES)}.")
+            raise InputError(
+                f"Elastic: hypothesis is {self.hypothesis!r}; allowed are {' and '.join(HYPOTHESES)}."
+            )
         for name in self.parameters:
             value = getattr(self, name)
             for number in value.values() if isinstance(value, Mapping) else (value,):
@@ -154,10 +159,14 @@ class Elastic:
             InputError: If E is not positive and finite, or nu not in (-1, 1/2).
         """
         if name == "E" and not 0.0 < low <= high < float("inf"):
-            raise InputError(f"Elastic: Young's modulus E is {low:g}; it must be > 0 and finite [force/area].")
+            raise InputError(
+                f"Elastic: Young's modulus E is {low:g}; it must be > 0 and finite [force/area]."
+            )
         if name == "nu" and not -1.0 < low <= high < 0.5:
             wrong = low if not low > -1.0 else high
-            raise InputError(f"Elastic: Poisson's ratio nu is {wrong:g}; it must lie in the open interval (-1, 1/2).")
+            raise InputError(
+                f"Elastic: Poisson's ratio nu is {wrong:g}; it must lie in the open interval (-1, 1/2)."
+            )
 
     def moduli(self, d: int, E: Any, nu: Any) -> tuple[Any, Any]:
         """The factors (a, b) of deviator and sphere [force/area]: ``a = 2G``, ``b = 2G + d lambda``."""

@@ -1,7 +1,8 @@
 """What the user declares: a body's material, supports, loads and contacts. Frozen data, no mesh.
 
-A scene names the parts of the boundary; it is put on a mesh by :class:`erc_contact.model.model.Model`.
-Values that vary in space are callables of x (UFL in, UFL out), so a scene survives every new mesh.
+A scene names the parts of the boundary; it is put on a mesh by
+:class:`erc_contact.model.model.Model`. Values that vary in space are callables of x
+(UFL in, UFL out), so a scene survives every new mesh.
 """
 
 from __future__ import annotations
@@ -41,8 +42,9 @@ class Scene:
     A single support, load or contact needs no list around it.
 
     Raises:
-        InputError: If a boundary part is in two conditions that conflict, or an entry is of another type, or a part
-            with a support or a contact has the name of another force (:data:`CAUSES`).
+        InputError: If a boundary part is in two conditions that conflict, or an entry
+            is of another type, or a part with a support or a contact has the name of
+            another force (:data:`CAUSES`).
     """
 
     material: Material
@@ -84,15 +86,26 @@ class Scene:
         return table(in_words(self), caption="Scene")
 
     def _check_conflicts(self) -> None:
-        fixed = [(s.facets, i) for s in self.supports for i, value in enumerate(s.value) if value is not None]
+        fixed = [
+            (s.facets, i)
+            for s in self.supports
+            for i, value in enumerate(s.value)
+            if value is not None
+        ]
         for (facets, component), times in Counter(fixed).items():
             if times > 1:
-                raise InputError(f"Component {component} of {facets!r} is fixed by {times} supports; keep one of them.")
+                raise InputError(
+                    f"Component {component} of {facets!r} is fixed by {times} supports; keep one of them."
+                )
         touching = Counter(c.facets for c in self.contacts)
         for facets, times in touching.items():
             if times > 1:
                 raise InputError(f"{facets!r} is in {times} contacts; keep one of them.")
-            others = [type(o).__name__ for o in (*self.supports, *self.loads) if getattr(o, "facets", None) == facets]
+            others = [
+                type(o).__name__
+                for o in (*self.supports, *self.loads)
+                if getattr(o, "facets", None) == facets
+            ]
             if others:
                 raise InputError(
                     f"{facets!r} is in a Contact and in a {others[0]}; a boundary part can be in one of them."
@@ -100,7 +113,9 @@ class Scene:
         for load in self.loads:
             if load.facets is None:
                 continue
-            free = {i for s in self.supports if s.facets == load.facets for i in range(len(s.value))}
+            free = {
+                i for s in self.supports if s.facets == load.facets for i in range(len(s.value))
+            }
             free -= {i for facets, i in fixed if facets == load.facets}
             held = any(s.facets == load.facets for s in self.supports)
             if held and not free:

@@ -16,7 +16,8 @@ class Displacement:
 
     Args:
         facets: Name of the boundary part.
-        value: One number or callable of x for each dimension [length]; None leaves a component free (a roller).
+        value: One number or callable of x for each dimension [length]; None leaves a
+            component free (a roller).
 
     Raises:
         InputError: If the value is no such sequence, or fixes nothing.
@@ -29,7 +30,9 @@ class Displacement:
         check_name("Displacement", self.facets)
         what = f"Displacement({self.facets!r})"
         if callable(self.value):
-            raise InputError(f"{what}: give one value or callable for each component, (ux, uy), not one callable.")
+            raise InputError(
+                f"{what}: give one value or callable for each component, (ux, uy), not one callable."
+            )
         check_vector(what, self.value, free=True)
         object.__setattr__(self, "value", tuple(self.value))
         if all(component is None for component in self.value):

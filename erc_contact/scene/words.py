@@ -18,10 +18,14 @@ def in_words(scene: Any) -> list[tuple[str, str]]:
 
 def _object(value: Any, *, hypothesis: bool = False) -> str:
     """Class of a material, load or law and what it has, without the name of the part."""
-    has = {name: one for name, one in arguments(value).items() if name not in ("facets", "hypothesis")}
+    has = {
+        name: one for name, one in arguments(value).items() if name not in ("facets", "hypothesis")
+    }
     if hypothesis and hasattr(value, "hypothesis"):
         has["hypothesis"] = value.hypothesis
-    words = (one if isinstance(one, str) else f"{name} = {code_of(one)}" for name, one in has.items())
+    words = (
+        one if isinstance(one, str) else f"{name} = {code_of(one)}" for name, one in has.items()
+    )
     return f"{type(value).__name__}: {', '.join(words)}"
 
 

@@ -1,10 +1,12 @@
 """The quadratic part of the facet tractions: one small problem of complementary energy for each facet.
 
 A traction of degree 2 is the sum of a linear part, which balances the cells
-(:mod:`erc_contact.admissible.tighten.patches`), and a part orthogonal to all linear functions on its facet. The latter
-does no work on rigid motions, so it can be chosen freely on each facet.
+(:mod:`erc_contact.admissible.tighten.patches`), and a part orthogonal to all linear
+functions on its facet. The latter does no work on rigid motions, so it can be chosen
+freely on each facet.
 
-Symbols as in :mod:`erc_contact.admissible.tighten.complementary`; j = m - d quadratic moments a component.
+Symbols as in :mod:`erc_contact.admissible.tighten.complementary`; j = m - d quadratic
+moments a component.
 """
 
 from __future__ import annotations
@@ -26,29 +28,41 @@ class Blocks:
         mine: Facets that this rank solves for; it has both cells of each. Shape (F,).
 
     Attributes:
-        inverse: d times the inverse of the matrix of each facet, zero where nothing is free, shape (F, j d, j d).
+        inverse: d times the inverse of the matrix of each facet, zero where nothing is
+            free, shape (F, j d, j d).
     """
 
-    def __init__(self, cells: CellGeometry, compliance: np.ndarray, free: np.ndarray, mine: np.ndarray) -> None:
+    def __init__(
+        self, cells: CellGeometry, compliance: np.ndarray, free: np.ndarray, mine: np.ndarray
+    ) -> None:
         d = cells.d
         quadratic = stress_map(d, cells.degree)[:, :, :, d:]  # (s, Q, d+1, j, d)
         s, j = len(quadratic), quadratic.shape[3]
         matrices = np.zeros((len(free), j * d, j * d))
         units = [quadratic[:, :, f].reshape(s, -1, j * d) for f in range(d + 1)]
-        products = np.array([np.einsum("aQx,bQy->abxy", unit, unit).reshape(s * s, -1) for unit in units])
+        products = np.array(
+            [np.einsum("aQx,bQy->abxy", unit, unit).reshape(s * s, -1) for unit in units]
+        )
         for some in chunks(len(cells.nodes)):
             metric = reference_metric(cells, some, compliance.mean(axis=1, keepdims=True))
             inverse = cells.inverse[some]
             for f in range(d + 1):
                 local = (metric.reshape(-1, s * s) @ products[f]).reshape(-1, j * d * j, d)
                 local = np.matmul(local, inverse).reshape(-1, j, d, j * d).transpose(0, 1, 3, 2)
-                local = np.matmul(local.reshape(len(local), -1, d), inverse).reshape(-1, j, j * d, d)
-                np.add.at(matrices, cells.facets[some, f], local.transpose(0, 1, 3, 2).reshape(-1, j * d, j * d))
+                local = np.matmul(local.reshape(len(local), -1, d), inverse).reshape(
+                    -1, j, j * d, d
+                )
+                np.add.at(
+                    matrices,
+                    cells.facets[some, f],
+                    local.transpose(0, 1, 3, 2).reshape(-1, j * d, j * d),
+                )
         keep = np.tile(free, j) & mine[:, None]
         keep &= np.einsum("nii->ni", matrices) > 0
         both = keep[:, :, None] & keep[:, None, :]
         inverse = np.linalg.inv(np.where(both, matrices, np.eye(j * d)))
-        # The patches add up d corrections of each facet, as many as it has centres. The blocks get the same weight.
+        # The patches add up d corrections of each facet, as many as it has centres. The
+        # blocks get the same weight.
         self.inverse = np.where(both, d * inverse, 0.0)
 
     def __call__(self, r: np.ndarray) -> np.ndarray:

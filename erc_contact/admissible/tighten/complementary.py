@@ -1,14 +1,16 @@
 """The complementary energy of sigma^ - C eps(u^) as a quadratic form of facet moments.
 
-On the reference simplex the stress is one sparse matrix times the moments of the facet tractions
-(:mod:`erc_contact.admissible.tighten.tables`). No matrix of a cell is stored; a product passes once over the cells, in
-compiled code. The stresses without tractions (the bubbles of degree 2) always have the amounts of least energy.
+On the reference simplex the stress is one sparse matrix times the moments of the facet
+tractions (:mod:`erc_contact.admissible.tighten.tables`). No matrix of a cell is stored;
+a product passes once over the cells, in compiled code. The stresses without tractions
+(the bubbles of degree 2) always have the amounts of least energy.
 
-Moments are taken against the linear functions on a facet and, for degree 2, against the functions ``B_e - P B_e`` with
-P the L2 projection on linear functions. The linear part alone balances a cell. These moments are called hierarchical.
+Moments are taken against the linear functions on a facet and, for degree 2, against the
+functions ``B_e - P B_e`` with P the L2 projection on linear functions. The linear part
+alone balances a cell. These moments are called hierarchical.
 
-Symbols: d dimension, s = d(d+1)/2, Q points in the sub-simplices of a cell, n cells, F facets, m moments of a facet and
-component, c cells of a chunk.
+Symbols: d dimension, s = d(d+1)/2, Q points in the sub-simplices of a cell, n cells, F
+facets, m moments of a facet and component, c cells of a chunk.
 """
 
 from __future__ import annotations
@@ -19,7 +21,14 @@ import numpy as np
 
 from erc_contact.admissible.cells import CellGeometry
 from erc_contact.admissible.kernels import kernels
-from erc_contact.admissible.macro import bubbles, chunks, macro_points, piola, reference_metric, tensors
+from erc_contact.admissible.macro import (
+    bubbles,
+    chunks,
+    macro_points,
+    piola,
+    reference_metric,
+    tensors,
+)
 from erc_contact.admissible.tighten.tables import macro_table
 
 
@@ -43,13 +52,17 @@ def _bubble_inverse(d: int, k: int, metric: np.ndarray) -> np.ndarray:
     return np.linalg.inv(energy)
 
 
-def relaxed(cells: CellGeometry, sigma: np.ndarray, elastic: np.ndarray, compliance: np.ndarray) -> np.ndarray:
+def relaxed(
+    cells: CellGeometry, sigma: np.ndarray, elastic: np.ndarray, compliance: np.ndarray
+) -> np.ndarray:
     """The stress of the same tractions and divergence that is nearest to ``C eps(u^)``, cell by cell.
 
     Args:
         cells: Geometry.
-        sigma: Stress of the owned cells, of degree k in the sub-simplices, shape (owned, d+1, N_k, s).
-        elastic: ``C eps(u^)`` of the owned cells [force/area], shape (owned, Q or 1, s).
+        sigma: Stress of the owned cells, of degree k in the sub-simplices, shape
+            (owned, d+1, N_k, s).
+        elastic: ``C eps(u^)`` of the owned cells [force/area], shape (owned, Q or 1,
+            s).
         compliance: C^-1 [area/force], shape (n or 1, Q or 1, s, s).
 
     Returns:
@@ -66,7 +79,9 @@ def relaxed(cells: CellGeometry, sigma: np.ndarray, elastic: np.ndarray, complia
         dual = np.matmul(np.matmul(local, difference[..., None])[..., 0], P.transpose(0, 2, 1))
         dual *= cells.volume[some, None, None] * np.sqrt(weights)[:, None]
         work = np.tensordot(dual, at_points, axes=((1, 2), (1, 0)))
-        amount = np.matmul(_bubble_inverse(d, k, reference_metric(cells, some, compliance)), work[:, :, None])[..., 0]
+        amount = np.matmul(
+            _bubble_inverse(d, k, reference_metric(cells, some, compliance)), work[:, :, None]
+        )[..., 0]
         added = np.tensordot(amount, bubbles(d, k), axes=(1, 3))
         result[some] = here - np.matmul(added, P[:, None])
     return result
@@ -90,26 +105,33 @@ class ComplementaryEnergy:
         half = np.zeros_like(x)
         return self._add(slice(0, self.owned), x, None, None, half), half
 
-    def start(self, moment: np.ndarray, force: np.ndarray | None, elastic: np.ndarray) -> tuple[float, np.ndarray]:
+    def start(
+        self, moment: np.ndarray, force: np.ndarray | None, elastic: np.ndarray
+    ) -> tuple[float, np.ndarray]:
         """``|sigma^ - C eps(u^)|^2`` of the owned cells and half its derivative by the moments.
 
-        The map from moments to stresses reproduces constant stresses. So the mean of C eps(u^) in a cell is subtracted
-        from its tractions.
+        The map from moments to stresses reproduces constant stresses. So the mean of C
+        eps(u^) in a cell is subtracted from its tractions.
 
         Args:
             moment: Hierarchical moments, shape (F, m, d).
-            force: Coefficients of the body force times volume, shape (n, N_(k-1), d), or None.
+            force: Coefficients of the body force times volume, shape (n, N_(k-1), d),
+                or None.
             elastic: ``C eps(u^)`` of the owned cells, shape (owned, Q or 1, s).
         """
         cells, d, square = self.cells, self.cells.d, 0.0
         weights = macro_points(d, cells.degree)[2]
         half = np.zeros_like(moment)
         if elastic.shape[1] == 1:
-            return self._add(slice(0, self.owned), moment, tensors(elastic[:, 0], d), None, half), half
+            return self._add(
+                slice(0, self.owned), moment, tensors(elastic[:, 0], d), None, half
+            ), half
         for some in chunks(self.owned):
             means = weights @ elastic[some]
             rest = np.matmul(self.table.from_points, means[:, None] - elastic[some])
-            offset = np.linalg.solve(piola(cells, some).transpose(0, 2, 1), rest.transpose(0, 2, 1)).transpose(0, 2, 1)
+            offset = np.linalg.solve(
+                piola(cells, some).transpose(0, 2, 1), rest.transpose(0, 2, 1)
+            ).transpose(0, 2, 1)
             if force is not None:
                 inside = np.matmul(force[some], cells.inverse[some].transpose(0, 2, 1))
                 offset = offset + np.tensordot(inside, self.table.body, axes=((1, 2), (2, 3)))
@@ -117,17 +139,24 @@ class ComplementaryEnergy:
         return square, half
 
     def _add(
-        self, some: slice, x: np.ndarray, mean: np.ndarray | None, offset: np.ndarray | None, half: np.ndarray
+        self,
+        some: slice,
+        x: np.ndarray,
+        mean: np.ndarray | None,
+        offset: np.ndarray | None,
+        half: np.ndarray,
     ) -> float:
         """Add half the derivative of the energy of some cells; return their energy.
 
-        In each cell the reference stress is ``A J^-1 (x - mean n) + offset``, with A the table's matrix, and the
-        energy ``min_b |stress + bubbles b|^2`` in the metric ``|T| P C^-1 P^T`` of reference stresses.
+        In each cell the reference stress is ``A J^-1 (x - mean n) + offset``, with A
+        the table's matrix, and the energy ``min_b |stress + bubbles b|^2`` in the
+        metric ``|T| P C^-1 P^T`` of reference stresses.
 
         Args:
             some: Cells.
             x: Hierarchical moments on the first sides of the facets, shape (F, m, d).
-            mean: A stress in each cell whose tractions are subtracted, shape (c, d, d), or None.
+            mean: A stress in each cell whose tractions are subtracted, shape (c, d, d),
+                or None.
             offset: Reference stresses that are added, shape (c, Q, s), or None.
             half: Half the derivative, which the result is added to, shape (F, m, d).
         """
@@ -135,7 +164,20 @@ class ComplementaryEnergy:
         return kernels()(
             "macro_energy",
             *(cells.d, x.shape[1], some.start, some.stop, cells.edges, cells.facets, cells.side),
-            *(compliance, len(compliance) > 1, compliance.shape[1], table.to_coefficients, table.count),
-            *(*table.stress, *table.back, *table.weights, table.bubbles.shape[1], table.bubbles, table.products),
+            *(
+                compliance,
+                len(compliance) > 1,
+                compliance.shape[1],
+                table.to_coefficients,
+                table.count,
+            ),
+            *(
+                *table.stress,
+                *table.back,
+                *table.weights,
+                table.bubbles.shape[1],
+                table.bubbles,
+                table.products,
+            ),
             *(x, mean, offset, half),
         )

@@ -1,12 +1,14 @@
 """Tighten the admissible stress: less complementary energy, with every iterate in equilibrium.
 
-The bulk part of the error is ``|sigma^ - C eps(u^)|``, and sigma^ is linear in the moments of the facet tractions.
-Corrections of these moments that leave every cell in equilibrium, and are zero where the traction is given, lower it.
-They are found by conjugate gradients. The preconditioner adds up the results of the same minimisation on small patches,
-and of that on facets for their quadratic part. The iteration may end after any step. Its result is the same on any
-number of ranks.
+The bulk part of the error is ``|sigma^ - C eps(u^)|``, and sigma^ is linear in the
+moments of the facet tractions. Corrections of these moments that leave every cell in
+equilibrium, and are zero where the traction is given, lower it. They are found by
+conjugate gradients. The preconditioner adds up the results of the same minimisation on
+small patches, and of that on facets for their quadratic part. The iteration may end
+after any step. Its result is the same on any number of ranks.
 
-Source: Ladeveze, Leguillon, SIAM J. Numer. Anal. 20 (1983), for the energy of facet tractions; the patches are ours.
+Source: Ladeveze, Leguillon, SIAM J. Numer. Anal. 20 (1983), for the energy of facet
+tractions; the patches are ours.
 """
 
 from __future__ import annotations
@@ -27,9 +29,12 @@ from erc_contact.model.space import Space
 TIGHTEN = 50
 """Default limit of the iterations; :data:`REMAINDER` ends nearly all before."""
 REMAINDER = 0.15
-"""The iteration ends where k times the last gain, after k iterations, is below this fraction of the square of the bulk
-part of the error. So as many iterations again, at the present pace, would lower e by less than 8%. Where the gains fall
-fast, the present pace is far too much; where they fall like 1/k^2, as near incompressibility, it is what is left."""
+"""The iteration ends where k times the last gain, after k iterations, is below this
+fraction of the square of the bulk part of the error. So as many iterations again, at
+the present pace, would lower e by less than 8%. Where the gains fall fast, the present
+pace is far too much; where they fall like 1/k^2, as near incompressibility, it is what
+is left.
+"""
 
 
 def tightened(
@@ -47,10 +52,13 @@ def tightened(
     Args:
         space: The mesh.
         cells: Geometry, n cells.
-        moment: Moments on the first side of each facet [force], shape (F, m, d). The result may take their place.
-        force: Body force times volume of each cell [force], shape (n, N_(k-1), d), or None.
+        moment: Moments on the first side of each facet [force], shape (F, m, d). The
+            result may take their place.
+        force: Body force times volume of each cell [force], shape (n, N_(k-1), d), or
+            None.
         free: Components of facets whose traction is not given, shape (F, d).
-        elastic: ``C eps(u^)`` of the owned cells [force/area], shape (owned, Q or 1, s).
+        elastic: ``C eps(u^)`` of the owned cells [force/area], shape (owned, Q or 1,
+            s).
         compliance: C^-1 [area/force], shape (n or 1, Q or 1, s, s).
         iterations: Limit of the iterations.
 
@@ -61,7 +69,9 @@ def tightened(
     shared = _SharedMoments(space, cells)
     energy = ComplementaryEnergy(cells, space.domain.owned_cells, compliance)
     to_hierarchical = hierarchical(d, cells.degree)
-    square, r = energy.start(moment if m == d else np.matmul(to_hierarchical, moment), force, elastic)
+    square, r = energy.start(
+        moment if m == d else np.matmul(to_hierarchical, moment), force, elastic
+    )
     square = comm.allreduce(square, MPI.SUM)
     patches = Patches(space, cells, compliance, free)
     blocks = Blocks(cells, compliance, free, shared.mine) if m > d else None
@@ -111,14 +121,17 @@ class _SharedMoments:
 
     Attributes:
         mine: Facets whose node of least global number this rank owns, shape (F,).
-        shared: Facets of this rank that other ranks have, too. Only their values travel.
+        shared: Facets of this rank that other ranks have, too. Only their values
+            travel.
     """
 
     def __init__(self, space: Space, cells: CellGeometry) -> None:
         self.comm = space.comm
         self.facets = space.mesh.topology.index_map(cells.d - 1)
         vertices = cells.vertices_of_facets
-        order = facet_order(space.global_numbers(vertices), cells.degree)  # ranks sort the nodes differently
+        order = facet_order(
+            space.global_numbers(vertices), cells.degree
+        )  # ranks sort the nodes differently
         least = np.take_along_axis(vertices, order[:, :1], axis=1)[:, 0]
         self.mine = least < space.V.dofmap.index_map.size_local
         if self.comm.size > 1:
@@ -144,6 +157,7 @@ class _SharedMoments:
     def dot(self, a: np.ndarray, b: np.ndarray) -> float:
         """Scalar product over the owned facets of all ranks; collective."""
         owned = self.facets.size_local
-        # einsum, not vdot: the threads of BLAS cost a hundred times the product where other processes want the cores.
+        # einsum, not vdot: the threads of BLAS cost a hundred times the product where
+        # other processes want the cores.
         local = float(np.einsum("fmi,fmi->", a[:owned], b[:owned]))
         return self.comm.allreduce(local, MPI.SUM)

@@ -1,10 +1,12 @@
 """The rings of facets around the centres of patches.
 
-The centre of a patch is a vertex in 2D and an edge in 3D. Its ring is the facets and cells around it.
+The centre of a patch is a vertex in 2D and an edge in 3D. Its ring is the facets and
+cells around it.
 
-Symbols: d dimension, F facets. A pair d * facet + j is the facet in the ring of the centre that is opposite to its node
-j. A step of a ring is a number 2 * pair + q, with q = 1 if the first cell of the facet comes after it in the ring, and
-q = 0 if the second one does.
+Symbols: d dimension, F facets. A pair d * facet + j is the facet in the ring of the
+centre that is opposite to its node j. A step of a ring is a number 2 * pair + q, with q
+= 1 if the first cell of the facet comes after it in the ring, and q = 0 if the second
+one does.
 """
 
 from __future__ import annotations
@@ -20,8 +22,9 @@ from erc_contact.model.space import Space
 def rings(space: Space, cells: CellGeometry) -> tuple[np.ndarray, np.ndarray]:
     """The rings of this rank, one after the other, the smaller ones first.
 
-    A centre belongs to the rank that owns its node of least global number. That rank has all cells around it. Each ring
-    is walked along, all in the same sense. It starts at the boundary if it ends there.
+    A centre belongs to the rank that owns its node of least global number. That rank
+    has all cells around it. Each ring is walked along, all in the same sense. It starts
+    at the boundary if it ends there.
 
     Returns:
         The steps of all rings, and the number of facets of each, both of type int32.
@@ -34,7 +37,9 @@ def rings(space: Space, cells: CellGeometry) -> tuple[np.ndarray, np.ndarray]:
         mine[:, j] = (nodes[np.arange(len(nodes)), others[first]] < owned) & (cells.side[0] >= 0)
     steps = int(mine.sum())
     ring, size = np.empty((2, steps), dtype=np.int32)
-    count = kernels()("find_rings", d, mine.size, cells.edges, cells.facets, cells.side, mine, ring, size)
+    count = kernels()(
+        "find_rings", d, mine.size, cells.edges, cells.facets, cells.side, mine, ring, size
+    )
     size = size[:count]
     start = np.cumsum(size) - size
     by_size = np.argsort(size, kind="stable")

@@ -1,11 +1,14 @@
 """Tables of the reference simplex for the energy of macro-element stresses.
 
-The stress of a macro-element is given at nodes of its sub-simplices by a matrix that acts on the moments of the facet
-tractions. For balanced tractions there are many such matrices of degree k = 1, because what they give for unbalanced
-ones does not matter. Here it is the sparse one: the stresses at a vertex are determined by the tractions at this vertex
-alone, and the stress at the barycentre by the mean stress, which is the dyad of tractions and positions.
+The stress of a macro-element is given at nodes of its sub-simplices by a matrix that
+acts on the moments of the facet tractions. For balanced tractions there are many such
+matrices of degree k = 1, because what they give for unbalanced ones does not matter.
+Here it is the sparse one: the stresses at a vertex are determined by the tractions at
+this vertex alone, and the stress at the barycentre by the mean stress, which is the
+dyad of tractions and positions.
 
-Symbols: d dimension, k degree, s = d(d+1)/2, m moments of a facet and component, Q nodes or points of a macro-element.
+Symbols: d dimension, k degree, s = d(d+1)/2, m moments of a facet and component, Q
+nodes or points of a macro-element.
 """
 
 from __future__ import annotations
@@ -17,7 +20,14 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from erc_contact.admissible.macro import bubbles, macro_points, reference_map
-from erc_contact.mesh.simplex import bernstein, coefficients, facet_vertices, from_means, mass, nodes
+from erc_contact.mesh.simplex import (
+    bernstein,
+    coefficients,
+    facet_vertices,
+    from_means,
+    mass,
+    nodes,
+)
 from erc_contact.scene.material import mandel_basis
 
 
@@ -42,14 +52,18 @@ class MacroTable:
 
     Attributes:
         count: Q.
-        to_coefficients: From hierarchical moments of a facet to coefficients of its traction, shape (m, m).
+        to_coefficients: From hierarchical moments of a facet to coefficients of its
+            traction, shape (m, m).
         stress: From these, (d+1, m, d) in one, to stresses, (Q, s) in one.
         back: Its transpose.
         weights: Products of the nodal functions, shape (Q, Q).
-        body: From the coefficients of the body force to stresses, shape (Q, s, N_(k-1), d).
+        body: From the coefficients of the body force to stresses, shape (Q, s, N_(k-1),
+            d).
         bubbles: Stresses without tractions and divergence, shape (Q s, number).
-        products: Their energies for each entry a <= b of a metric, shape (number (number + 1)/2, s (s + 1)/2).
-        from_points: From values at the points of :func:`macro_points` to values at the nodes.
+        products: Their energies for each entry a <= b of a metric, shape (number
+            (number + 1)/2, s (s + 1)/2).
+        from_points: From values at the points of :func:`macro_points` to values at the
+            nodes.
     """
 
     count: int
@@ -66,7 +80,9 @@ class MacroTable:
 @cache
 def hierarchical(d: int, k: int) -> np.ndarray:
     """Matrix (m, m) from moments against Bernstein polynomials on a facet to the hierarchical moments."""
-    linear = (coefficients(d - 1, k) @ bernstein(d - 1, 1, nodes(d - 1, k))).T  # hat functions in Bernstein polynomials
+    linear = (
+        coefficients(d - 1, k) @ bernstein(d - 1, 1, nodes(d - 1, k))
+    ).T  # hat functions in Bernstein polynomials
     if k == 1:
         return linear
     on_linear = from_means(d - 1, 1, mass(d - 1, 1, k))[:, d:]  # P B_e
@@ -85,8 +101,9 @@ def macro_table(d: int, k: int, at_points: bool) -> MacroTable:
     Args:
         d: Dimension.
         k: Degree.
-        at_points: Whether stresses are taken at the points of :func:`macro_points`, times the roots of the weights,
-            because the moduli vary between them; else at the nodes.
+        at_points: Whether stresses are taken at the points of :func:`macro_points`,
+            times the roots of the weights, because the moduli vary between them; else
+            at the nodes.
     """
     s = d * (d + 1) // 2
     near, _, point_weights = macro_points(d, k)
@@ -96,7 +113,9 @@ def macro_table(d: int, k: int, at_points: bool) -> MacroTable:
     from_points = np.linalg.pinv(values)
     if at_points:
         values *= np.sqrt(point_weights)[:, None]
-        stress, body, bubble = (np.tensordot(values, table, axes=1) for table in (stress, body, bubble))
+        stress, body, bubble = (
+            np.tensordot(values, table, axes=1) for table in (stress, body, bubble)
+        )
         weights, from_points = np.eye(len(values)), np.diag(np.sqrt(point_weights))
     matrix = stress.reshape(len(stress) * s, -1)
     a, b = np.triu_indices(s)
@@ -120,19 +139,23 @@ def stress_map(d: int, k: int) -> np.ndarray:
     """Matrix from hierarchical moments on the reference simplex to stresses at points times the roots of the weights.
 
     Returns:
-        Shape (s, Q, d+1, m, d): component, point, facet, number of the moment, its component.
+        Shape (s, Q, d+1, m, d): component, point, facet, number of the moment, its
+        component.
     """
     near, _, weights = macro_points(d, k)
     m = len(nodes(d - 1, k))
     at_points = np.einsum("qn,insfc->siqfc", near, reference_map(d, k)[:, :, :, : (d + 1) * m])
-    at_points = at_points.reshape(len(at_points), -1, d + 1, m, d) * np.sqrt(weights)[:, None, None, None]
+    at_points = (
+        at_points.reshape(len(at_points), -1, d + 1, m, d) * np.sqrt(weights)[:, None, None, None]
+    )
     return np.einsum("sQfmc,ml->sQflc", at_points, _to_coefficients(d, k))
 
 
 def _nodal_stresses(d: int, k: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Stresses at the nodes of all sub-simplices from coefficients of tractions and body force, and the bubbles.
 
-    The last matrix gives the coefficients in the sub-simplices from those at the nodes, here the identity.
+    The last matrix gives the coefficients in the sub-simplices from those at the nodes,
+    here the identity.
     """
     m = len(nodes(d - 1, k))
     table = reference_map(d, k).reshape(-1, *reference_map(d, k).shape[2:])
@@ -143,11 +166,14 @@ def _nodal_stresses(d: int, k: int) -> tuple[np.ndarray, np.ndarray, np.ndarray,
 def _vertex_stresses(d: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """The same for degree 1, with one stress for each vertex of each sub-simplex, and one at the barycentre.
 
-    A constant body force changes nothing: its work on linear displacements about the barycentre is zero.
+    A constant body force changes nothing: its work on linear displacements about the
+    barycentre is zero.
     """
     basis, vertices, n = mandel_basis(d), facet_vertices(d), d + 1
     s, volume = len(basis), 1 / (2, 6)[d - 2]
-    slopes = np.vstack([-np.ones(d), np.eye(d)])  # of the barycentric coordinates; -d volume slopes[i] is area i
+    slopes = np.vstack(
+        [-np.ones(d), np.eye(d)]
+    )  # of the barycentric coordinates; -d volume slopes[i] is area i
     number = {(i, v): q for q, (i, v) in enumerate((i, v) for i in range(n) for v in vertices[i])}
     inputs = np.eye(n * d * d).reshape(n, d, d, -1)  # facet, node, component
     rows, data = [], []
@@ -162,7 +188,9 @@ def _vertex_stresses(d: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.nda
         equation({q: -d * volume}, (basis @ slopes[i]).T, inputs[i, list(vertices[i]).index(v)])
         for other in set(range(i)) - {v}:  # the traction between two sub-simplices is continuous
             normal = slopes[i] - slopes[other]
-            equation({q: 1.0, number[other, v]: -1.0}, (basis @ normal).T, np.zeros_like(inputs[0, 0]))
+            equation(
+                {q: 1.0, number[other, v]: -1.0}, (basis @ normal).T, np.zeros_like(inputs[0, 0])
+            )
     moments = np.einsum("lm,fmcz->flcz", mass(d - 1, 1, 1), inputs)
     mean = np.einsum("flcz,fle->cez", moments, (nodes(d, 1) - 1 / n)[vertices]) / volume
     shares = dict.fromkeys(number.values(), 1 / n**2) | {n * d: 1 / n}
@@ -172,4 +200,9 @@ def _vertex_stresses(d: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.nda
     for (i, v), q in number.items():
         spread[i, v, q] = 1.0
     spread[range(n), range(n), -1] = 1.0  # vertex i of sub-simplex i is the barycentre
-    return stress, np.zeros((n * d + 1, s, 1, d)), np.zeros((n * d + 1, s, 0)), spread.reshape(n * n, -1)
+    return (
+        stress,
+        np.zeros((n * d + 1, s, 1, d)),
+        np.zeros((n * d + 1, s, 0)),
+        spread.reshape(n * n, -1),
+    )

@@ -1,19 +1,22 @@
 """Forms that were compiled once are found again, on later meshes and in later runs, and stay at hand in the process.
 
-A form is made anew on each mesh. DOLFINx then asks UFL for its signature, and FFCx looks for it in the folder of
-compiled forms, where it reads the list of all files. With some thousand files this takes 10 to 15 ms a form, half of
-the time of a small solve, and the signature takes more than to assemble the form on some hundred cells. Here what was
-compiled or loaded is remembered, by a key that costs a fifth of the signature.
+A form is made anew on each mesh. DOLFINx then asks UFL for its signature, and FFCx
+looks for it in the folder of compiled forms, where it reads the list of all files. With
+some thousand files this takes 10 to 15 ms a form, half of the time of a small solve,
+and the signature takes more than to assemble the form on some hundred cells. Here what
+was compiled or loaded is remembered, by a key that costs a fifth of the signature.
 
-UFL sorts the factors of a product by the text of the numbers of its Constants, in which "9" comes after "10". So forms
-would be others, and would be compiled again, on the mesh on which the number of Constants made so far passes a power of
-ten. Here the numbers of the package's own Constants have ten digits.
+UFL sorts the factors of a product by the text of the numbers of its Constants, in which
+"9" comes after "10". So forms would be others, and would be compiled again, on the mesh
+on which the number of Constants made so far passes a power of ten. Here the numbers of
+the package's own Constants have ten digits.
 
-Half of the time that a form takes to be compiled is that of calling the compiler. Forms that are needed together are
-therefore compiled together.
+Half of the time that a form takes to be compiled is that of calling the compiler. Forms
+that are needed together are therefore compiled together.
 
-DOLFINx and UFL have no door for either. So :func:`form`, :func:`expression` and :func:`constant` change a name of
-theirs while they call them (:mod:`erc_contact.base.runtime.patches`), and everything in the package is compiled by
+DOLFINx and UFL have no door for either. So :func:`form`, :func:`expression` and
+:func:`constant` change a name of theirs while they call them
+(:mod:`erc_contact.base.runtime.patches`), and everything in the package is compiled by
 these.
 """
 
@@ -106,13 +109,17 @@ def compile_together(comm: MPI.Comm, forms: Sequence[ufl.Form]) -> None:
     if not _all_known(comm, keys):
         with forms_freed():
             made, module = _compiled(comm, list(forms), options)
-        _known.update({key: (one, module, (None, None)) for key, one in zip(keys, made, strict=True)})
+        _known.update(
+            {key: (one, module, (None, None)) for key, one in zip(keys, made, strict=True)}
+        )
 
 
 @dolfinx_jit.mpi_jit_decorator
 def _compiled(forms: list[ufl.Form], options: dict[str, Any]) -> tuple[list[Any], Any]:
     """FFCx's objects for forms and their module; the ranks, which come first in a call, make them together."""
-    return jit.compile_forms(forms, options=ffcx.get_options(options), **dolfinx_jit.get_options())[:2]
+    return jit.compile_forms(forms, options=ffcx.get_options(options), **dolfinx_jit.get_options())[
+        :2
+    ]
 
 
 def _all_known(comm: MPI.Comm, keys: list[Any]) -> bool:
@@ -121,7 +128,8 @@ def _all_known(comm: MPI.Comm, keys: list[Any]) -> bool:
     return known if comm.size == 1 else comm.allreduce(known, MPI.LAND)
 
 
-# -- the key --------------------------------------------------------------------------------------------------
+# -- the key
+# --------------------------------------------------------------------------------------------------
 
 
 def _key(one: Any, options: Any, settings: Any) -> Any:
@@ -129,19 +137,29 @@ def _key(one: Any, options: Any, settings: Any) -> Any:
     if isinstance(one, ufl.Form):
         if "structure" not in one._cache:  # UFL keeps this dictionary with a form for such things
             integrals = one.integrals()
-            one._cache["structure"] = _structure([part.integrand() for part in integrals], integrals)
+            one._cache["structure"] = _structure(
+                [part.integrand() for part in integrals], integrals
+            )
         return one._cache["structure"], repr(options), repr(settings)
     expression, points = one
-    return _structure([expression], ()), points.shape, points.tobytes(), repr(options), repr(settings)
+    return (
+        _structure([expression], ()),
+        points.shape,
+        points.tobytes(),
+        repr(options),
+        repr(settings),
+    )
 
 
 def _structure(roots: Sequence[Any], integrals: Sequence[Any]) -> Any:
     """Expressions, and how each is integrated, as tuples of numbers and words that are the same on all meshes.
 
-    They hold all that UFL's signature holds: the kind and the operands of each node, what UFL signs of a terminal, and
-    the data of the integrals. A node is followed by its operands; one that was met before is its place, below zero.
-    Nodes are known by their identity here, not by their content, which is quick. So a form that is built in another way
-    may have another structure with the same signature: it is looked for once more.
+    They hold all that UFL's signature holds: the kind and the operands of each node,
+    what UFL signs of a terminal, and the data of the integrals. A node is followed by
+    its operands; one that was met before is its place, below zero. Nodes are known by
+    their identity here, not by their content, which is quick. So a form that is built
+    in another way may have another structure with the same signature: it is looked for
+    once more.
     """
     numbers = _Numbers()
     nodes: list[Any] = []
@@ -158,8 +176,15 @@ def _structure(roots: Sequence[Any], integrals: Sequence[Any]) -> Any:
         todo += operands
     measures = [
         (
-            [(mesh._ufl_signature_data_(numbers), kind) for mesh, kind in one.extra_domain_integral_type_map().items()],
-            (one.ufl_domain()._ufl_signature_data_(numbers), one.integral_type(), one.subdomain_id()),
+            [
+                (mesh._ufl_signature_data_(numbers), kind)
+                for mesh, kind in one.extra_domain_integral_type_map().items()
+            ],
+            (
+                one.ufl_domain()._ufl_signature_data_(numbers),
+                one.integral_type(),
+                one.subdomain_id(),
+            ),
             sorted((name, _told(value)) for name, value in one.metadata().items()),
         )
         for one in integrals
@@ -177,7 +202,9 @@ class _Numbers(dict[Any, int]):
     def signed(self, terminal: Any) -> tuple[Any, ...] | str:
         """What UFL signs of a terminal; of an operator without operands it is nothing."""
         if isinstance(terminal, ufl.classes.MultiIndex):
-            return tuple(int(i) if isinstance(i, ufl.classes.FixedIndex) else (self[i],) for i in terminal)
+            return tuple(
+                int(i) if isinstance(i, ufl.classes.FixedIndex) else (self[i],) for i in terminal
+            )
         if isinstance(terminal, ufl.classes.Label):
             return (self[terminal],)
         if isinstance(terminal, ufl.classes.Zero):

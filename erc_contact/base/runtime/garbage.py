@@ -1,8 +1,9 @@
 """Memory of PETSc's objects that several ranks share, and that nobody uses any more.
 
-Ranks drop an object at different times, so petsc4py cannot free it then: it waits for a call that all ranks make, once
-for each communicator. Each mesh has a communicator of its own. Without these calls every factor and every hierarchy
-would stay for ever, and after some hundred meshes MPI would have no communicator left.
+Ranks drop an object at different times, so petsc4py cannot free it then: it waits for a
+call that all ranks make, once for each communicator. Each mesh has a communicator of
+its own. Without these calls every factor and every hierarchy would stay for ever, and
+after some hundred meshes MPI would have no communicator left.
 """
 
 from __future__ import annotations
@@ -20,7 +21,8 @@ def register_owner(owner: object, comm: MPI.Comm) -> None:
     """Register an owner, so that :func:`free_dropped` frees what was made for it; collective.
 
     Args:
-        owner: Whatever lives as long as these objects are in use, a domain. It is not kept alive.
+        owner: Whatever lives as long as these objects are in use, a domain. It is not
+            kept alive.
         comm: Its communicator. One with a single rank needs none of this.
     """
     if comm.size > 1 and all(known() is not owner for known, _ in _owners):

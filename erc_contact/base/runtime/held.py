@@ -1,7 +1,8 @@
 """SIGTERM held back while a library is at work that would take it for an error of its own, as METIS does.
 
-The system gives a signal to any thread that does not block it. So it can be held back only if all other threads of the
-process block it, too: those of MPI do if it starts within such a context, those of a BLAS with several threads do not.
+The system gives a signal to any thread that does not block it. So it can be held back
+only if all other threads of the process block it, too: those of MPI do if it starts
+within such a context, those of a BLAS with several threads do not.
 """
 
 from __future__ import annotations

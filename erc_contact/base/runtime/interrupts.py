@@ -1,9 +1,10 @@
 """Ctrl-C and SIGTERM during a run: put off until a place is reached that all ranks share, the end of a stage at most.
 
-An exception in the middle of anything would leave a half-written form in the compiler's cache, and under MPI it would
-come at another place of every rank, or on one rank only, and the others would wait for it for ever. So stages that may
-take long ask themselves, once in an iteration (:func:`check_interrupts`). Batch systems send SIGTERM some time before
-they end a process.
+An exception in the middle of anything would leave a half-written form in the compiler's
+cache, and under MPI it would come at another place of every rank, or on one rank only,
+and the others would wait for it for ever. So stages that may take long ask themselves,
+once in an iteration (:func:`check_interrupts`). Batch systems send SIGTERM some time
+before they end a process.
 """
 
 from __future__ import annotations
@@ -29,7 +30,11 @@ _running: ContextVar[tuple[Interrupts, ...]] = ContextVar("_running", default=()
 
 def interrupted(comm: MPI.Comm) -> bool:
     """Whether the run that is under way on these ranks was interrupted, on any of them; collective."""
-    same = [run for run in _running.get() if MPI.Comm.Compare(comm, run.comm) in (MPI.IDENT, MPI.CONGRUENT)]
+    same = [
+        run
+        for run in _running.get()
+        if MPI.Comm.Compare(comm, run.comm) in (MPI.IDENT, MPI.CONGRUENT)
+    ]
     found = [run.asked() for run in same]  # each of them, on all ranks
     return any(found)
 
@@ -43,7 +48,8 @@ def check_interrupts(comm: MPI.Comm) -> None:
 class Interrupts:
     """A context in which a first Ctrl-C or SIGTERM is noted, and a second one has its usual effect at once.
 
-    Where somebody else handles a signal already, or outside the main thread, it does nothing.
+    Where somebody else handles a signal already, or outside the main thread, it does
+    nothing.
 
     Args:
         comm: All its ranks end together, whichever of them got the signal.
@@ -57,7 +63,9 @@ class Interrupts:
 
     def __enter__(self) -> Interrupts:
         if threading.current_thread() is threading.main_thread():
-            self.ours = [number for number, usual in USUAL.items() if signal.getsignal(number) == usual]
+            self.ours = [
+                number for number, usual in USUAL.items() if signal.getsignal(number) == usual
+            ]
         for number in self.ours:
             signal.signal(number, self._note)
         self._token = _running.set((*_running.get(), self))
@@ -81,8 +89,8 @@ class Interrupts:
     def ended(self, failure: BaseException) -> bool:
         """Whether an interrupt is the cause of a failure, all ranks have it, and it is this run that it ends.
 
-        A run within another one, as a step of a loading history, leaves it to that one. A compiler that is killed by
-        the same signal ends in an error of another type.
+        A run within another one, as a step of a loading history, leaves it to that one.
+        A compiler that is killed by the same signal ends in an error of another type.
         """
         if _running.get()[0] is not self:
             return False

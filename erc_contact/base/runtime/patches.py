@@ -2,17 +2,19 @@
 
 There are three such changes:
 
-- DOLFINx finds a form that it has compiled already (:mod:`erc_contact.base.runtime.compiled`),
+- DOLFINx finds a form that it has compiled already
+  (:mod:`erc_contact.base.runtime.compiled`),
 - the Constants of the package have numbers of equally many digits (the same module),
 - UFL's methods do not keep objects for ever, on Python 3.13.0 (:func:`forms_freed`).
 
-``functools.singledispatchmethod`` of Python 3.13.0 keeps a weak dictionary of objects whose values hold these objects:
-nothing in it is ever freed. UFL differentiates with such methods, so each form would stay, with its mesh and the
-communicators of this, and after some 60 adaptive runs MPI would have no communicator left. Later releases of 3.13 have
-mended it, 3.12 does not have the dictionary.
+``functools.singledispatchmethod`` of Python 3.13.0 keeps a weak dictionary of objects
+whose values hold these objects: nothing in it is ever freed. UFL differentiates with
+such methods, so each form would stay, with its mesh and the communicators of this, and
+after some 60 adaptive runs MPI would have no communicator left. Later releases of 3.13
+have mended it, 3.12 does not have the dictionary.
 
-With the environment variable ``ERC_CONTACT_PATCHES=0`` none of them is made. Results are the same, small meshes take
-longer, and a Python with the fault keeps every form.
+With the environment variable ``ERC_CONTACT_PATCHES=0`` none of them is made. Results
+are the same, small meshes take longer, and a Python with the fault keeps every form.
 """
 
 from __future__ import annotations
@@ -71,8 +73,8 @@ def keeps_objects() -> bool:
 def forms_freed() -> Iterator[None]:
     """Switch the dictionaries of UFL's methods off within a context, where the interpreter has the fault.
 
-    The methods themselves do without one: they set it to None for objects that cannot be referred to weakly. All that
-    makes UFL differentiate stands in such a context.
+    The methods themselves do without one: they set it to None for objects that cannot
+    be referred to weakly. All that makes UFL differentiate stands in such a context.
     """
     methods = [] if refused() else _faulty_methods()
     dictionaries = [method._method_cache for method in methods]

@@ -19,10 +19,12 @@ OPTIONS = {
 }
 """Options that the user's override."""
 RICHARDSON = 2
-"""Greatest number of ranks with Richardson's method as smoother. The symmetric sweeps are those of each rank alone.
-Where n ranks meet they may go n times as far as the whole matrix allows, and from twice on the cycle is not positive
-definite: it was 2.1 times on three ranks with nu = 0.49, and 2.5 times on eight. Chebyshev's method estimates this
-number and goes less far, in as few cycles."""
+"""Greatest number of ranks with Richardson's method as smoother. The symmetric sweeps
+are those of each rank alone. Where n ranks meet they may go n times as far as the whole
+matrix allows, and from twice on the cycle is not positive definite: it was 2.1 times on
+three ranks with nu = 0.49, and 2.5 times on eight. Chebyshev's method estimates this
+number and goes less far, in as few cycles.
+"""
 
 
 def with_defaults(pc: PETSc.PC) -> None:
@@ -30,7 +32,9 @@ def with_defaults(pc: PETSc.PC) -> None:
     options, prefix = PETSc.Options(), pc.getOptionsPrefix()
     smoother = "richardson" if pc.comm.size <= RICHARDSON else "chebyshev"
     wanted = {**OPTIONS, "mg_levels_ksp_type": smoother}
-    ours = {prefix + name: value for name, value in wanted.items() if not options.hasName(prefix + name)}
+    ours = {
+        prefix + name: value for name, value in wanted.items() if not options.hasName(prefix + name)
+    }
     for name, value in ours.items():
         options[name] = value
     pc.setFromOptions()

@@ -1,7 +1,8 @@
 """The elastic equations of a model: what every way to solve them begins with.
 
-Symbols: K elastic stiffness with the supports [force/length]; D diagonal stiffness that glues the contact nodes to the
-foundations, ``D_i = 10 E k^2/h |F|/m`` summed over facets.
+Symbols: K elastic stiffness with the supports [force/length]; D diagonal stiffness that
+glues the contact nodes to the foundations, ``D_i = 10 E k^2/h |F|/m`` summed over
+facets.
 """
 
 from __future__ import annotations
@@ -29,14 +30,16 @@ class Elastic:
 
     Attributes:
         form: The compiled form of K.
-        glue: D at the free degrees of freedom of the contact nodes, zero elsewhere [force/length], a Function of V;
-            without contact it is zero.
+        glue: D at the free degrees of freedom of the contact nodes, zero elsewhere
+            [force/length], a Function of V; without contact it is zero.
         owned: Number of degrees of freedom of this rank.
     """
 
     def __init__(self, model: Model) -> None:
         self.model = model
-        self.form = compiled.form(model.stiffness(ufl.TrialFunction(model.V), ufl.TestFunction(model.V)))
+        self.form = compiled.form(
+            model.stiffness(ufl.TrialFunction(model.V), ufl.TestFunction(model.V))
+        )
         self.glue = _glue(model)
         self.owned = model.V.dofmap.index_map.size_local * model.d
 
@@ -63,7 +66,8 @@ class Elastic:
 
         Args:
             b: Nodal forces [force].
-            supports: Whether fixed components take the values of the supports, else zero.
+            supports: Whether fixed components take the values of the supports, else
+                zero.
         """
         model = self.model
         vector = fp.create_vector(model.V)

@@ -1,8 +1,9 @@
 """A multigrid hierarchy of K + C that follows a change of C, which is zero away from the contact.
 
-The coarse matrices of algebraic multigrid are ``A_coarse = P^T A P`` with the interpolation P. If C changes to C', each
-level gets ``P^T (C' - C) P`` added. This is a product of the rows of P at the contact. It costs about as much as one or
-two cycles, a new hierarchy about thirty. The interpolation stays.
+The coarse matrices of algebraic multigrid are ``A_coarse = P^T A P`` with the
+interpolation P. If C changes to C', each level gets ``P^T (C' - C) P`` added. This is a
+product of the rows of P at the contact. It costs about as much as one or two cycles, a
+new hierarchy about thirty. The interpolation stays.
 """
 
 from __future__ import annotations
@@ -22,7 +23,9 @@ class CoarseMatrices:
         start: C [force/length].
     """
 
-    def __init__(self, pc: PETSc.PC, stiffness: PETSc.Mat, layer: PETSc.IS, start: PETSc.Mat) -> None:
+    def __init__(
+        self, pc: PETSc.PC, stiffness: PETSc.Mat, layer: PETSc.IS, start: PETSc.Mat
+    ) -> None:
         top = pc.getMGLevels() - 1
         self._layer = layer
         self._change = stiffness.createSubMatrix(layer, layer)
@@ -42,8 +45,12 @@ class CoarseMatrices:
         self._change.copy(difference, SAME)
         self._set(change)
         difference.aypx(-1.0, self._change, SAME)
-        for k, (interpolation, coarse) in enumerate(zip(self._interpolations, self._coarse, strict=True)):
-            self._products[k] = difference = difference.ptap(interpolation, result=self._products[k])
+        for k, (interpolation, coarse) in enumerate(
+            zip(self._interpolations, self._coarse, strict=True)
+        ):
+            self._products[k] = difference = difference.ptap(
+                interpolation, result=self._products[k]
+            )
             coarse.axpy(1.0, difference, SUBSET)
 
     def free(self) -> None:

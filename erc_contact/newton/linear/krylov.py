@@ -30,7 +30,9 @@ class _Shell:
 
 def shell(apply: Apply, like: PETSc.Vec) -> PETSc.Mat:
     """A square matrix for vectors like the given one; to be destroyed, as it and the function may know each other."""
-    matrix = PETSc.Mat().createPython((like.getSizes(), like.getSizes()), context=_Shell(apply), comm=like.comm)
+    matrix = PETSc.Mat().createPython(
+        (like.getSizes(), like.getSizes()), context=_Shell(apply), comm=like.comm
+    )
     matrix.setUp()
     return matrix
 

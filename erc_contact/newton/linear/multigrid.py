@@ -1,13 +1,15 @@
 """The elastic equations solved iteratively: conjugate gradients with algebraic multigrid, on any number of ranks.
 
-The hierarchy is PETSc's GAMG: smoothed aggregation with the rigid motions as near null space. The aggregates and the
-interpolation are made once, for K. Where a matrix differs from it at the contact only, as every tangent of a contact
-problem does, the coarse matrices follow with the same interpolation (:mod:`erc_contact.newton.linear.galerkin`).
-That of K serves all of them; that of K + D saves a tenth of the cycles of a contact solve, and doubles those of an
-elastic solve with given contact tractions.
-Another preconditioner that PETSc's options ask for is set up anew for each matrix.
+The hierarchy is PETSc's GAMG: smoothed aggregation with the rigid motions as near null
+space. The aggregates and the interpolation are made once, for K. Where a matrix differs
+from it at the contact only, as every tangent of a contact problem does, the coarse
+matrices follow with the same interpolation (:mod:`erc_contact.newton.linear.galerkin`).
+That of K serves all of them; that of K + D saves a tenth of the cycles of a contact
+solve, and doubles those of an elastic solve with given contact tractions. Another
+preconditioner that PETSc's options ask for is set up anew for each matrix.
 
-Symbols: K and D as in :mod:`erc_contact.newton.linear.elastic`; C a matrix that is zero away from the contact.
+Symbols: K and D as in :mod:`erc_contact.newton.linear.elastic`; C a matrix that is zero
+away from the contact.
 """
 
 from __future__ import annotations
@@ -33,9 +35,7 @@ ROUGH, EXACT = 1e-4, 1e-12
 """Tolerances of linear solves: of first guesses and corrections, and of what must balance the loads [-].
 
 A first guess to 1e-2 costs four cycles less and up to four Newton steps more."""
-DIRECT = (
-    'Take solver="direct": nearly incompressible bodies, slender ones and jumps of the moduli are hard for multigrid.'
-)
+DIRECT = 'Take solver="direct": nearly incompressible bodies, slender ones and jumps of the moduli are hard for multigrid.'
 """What a user can do where multigrid fails."""
 NEAR = 1e3
 """A residual of so many tolerances is near enough; what is left is balanced again [-]."""
@@ -47,7 +47,8 @@ class Multigrid(Elastic):
     """The elastic stiffness of a model with its supports, and a multigrid hierarchy.
 
     Attributes:
-        contact_size: Number of free degrees of freedom at contact nodes, over all ranks; 0 without contact.
+        contact_size: Number of free degrees of freedom at contact nodes, over all
+            ranks; 0 without contact.
     """
 
     iterative: ClassVar[bool] = True
@@ -71,27 +72,34 @@ class Multigrid(Elastic):
             self._matrix = self.stiffness()
         return self._matrix
 
-    def glued(self, b: fem.Function, *, supports: bool = True, tolerance: float = ROUGH) -> fem.Function:
+    def glued(
+        self, b: fem.Function, *, supports: bool = True, tolerance: float = ROUGH
+    ) -> fem.Function:
         """``w = (K + D)^-1 b`` [length] under nodal forces b [force], whose ghost contributions are added up here.
 
         Args:
             b: Nodal forces.
-            supports: Whether fixed components take the values of the supports, else zero.
+            supports: Whether fixed components take the values of the supports, else
+                zero.
             tolerance: Residual over the right side [-].
         """
         self._set_up(1.0)
         right = self.right_side(b, supports=supports)
         return self._solved(self._fine, right, tolerance, direct=self.contact_size == 0)
 
-    def solve(self, b: fem.Function, *, supports: bool = True, tolerance: float | None = None) -> fem.Function:
+    def solve(
+        self, b: fem.Function, *, supports: bool = True, tolerance: float | None = None
+    ) -> fem.Function:
         """Displacement u of ``K u = b`` [length] under nodal forces b [force]; see :meth:`glued`.
 
-        The loads must do no work on rigid motions that no support holds; u has no part in these motions. Without
-        supports it is a correction, of which four digits are right by default.
+        The loads must do no work on rigid motions that no support holds; u has no part
+        in these motions. Without supports it is a correction, of which four digits are
+        right by default.
 
         Args:
             b: Nodal forces.
-            supports: Whether fixed components take the values of the supports, else zero.
+            supports: Whether fixed components take the values of the supports, else
+                zero.
             tolerance: Residual over the right side [-].
         """
         self._set_up(self._weak_share())
@@ -102,7 +110,9 @@ class Multigrid(Elastic):
             motions.remove(right)  # round-off
         return self._solved(self.matrix, right, tolerance or (EXACT if supports else ROUGH))
 
-    def solve_with_springs(self, springs: PETSc.Mat, b: fem.Function, near: fem.Function) -> fem.Function:
+    def solve_with_springs(
+        self, springs: PETSc.Mat, b: fem.Function, near: fem.Function
+    ) -> fem.Function:
         """Return the displacement u of ``(K + C) u = b`` [length], see :class:`.solver.ElasticSolver`."""
         self.renew(springs)
         return self._solved(self._fine, self.right_side(b, supports=False), EXACT, near)
@@ -111,8 +121,10 @@ class Multigrid(Elastic):
         """Forces that hold the contact nodes at given displacements, the other nodes being free of forces [force].
 
         Args:
-            y: Displacement of the contact nodes that this rank owns [length], zero where supports fix it.
-            tolerance: Of the displacement between them [-]; the energy has twice the digits.
+            y: Displacement of the contact nodes that this rank owns [length], zero
+                where supports fix it.
+            tolerance: Of the displacement between them [-]; the energy has twice the
+                digits.
         """
         self._set_up(1.0)
         held = np.flatnonzero(self.glue.x.array[: self.owned] > 0).astype(np.int32)
@@ -237,21 +249,27 @@ class Multigrid(Elastic):
                 x.array[:] = near.x.array[: self.owned] / size
             rest = self._conjugate_gradients(matrix, b, x, tolerance)
             if rest > NEAR * tolerance and direct:
-                log_of(self.model.comm).info("Multigrid left %.0e of the loads: a direct solver takes over.", rest)
+                log_of(self.model.comm).info(
+                    "Multigrid left %.0e of the loads: a direct solver takes over.", rest
+                )
                 self._exact = factorised(self._fine)
                 if self._coarse is not None:
                     self._coarse.free()
                 self._pc, self._coarse = self._exact.getPC(), None
                 rest = self._conjugate_gradients(matrix, b, x, tolerance)
             if not rest <= NEAR * tolerance:
-                raise NotConverged(f"Conjugate gradients with multigrid left {rest:.0e} of the loads. {DIRECT}", ())
+                raise NotConverged(
+                    f"Conjugate gradients with multigrid left {rest:.0e} of the loads. {DIRECT}", ()
+                )
             x.scale(size)
         u = self.displacement(x)
         x.destroy()
         b.destroy()
         return u
 
-    def _conjugate_gradients(self, matrix: PETSc.Mat, b: PETSc.Vec, x: PETSc.Vec, tolerance: float) -> float:
+    def _conjugate_gradients(
+        self, matrix: PETSc.Mat, b: PETSc.Vec, x: PETSc.Vec, tolerance: float
+    ) -> float:
         """Solve for x; return the residual over the right side, infinite if multigrid failed."""
         ksp = PETSc.KSP().create(matrix.comm)
         ksp.setOptionsPrefix(PREFIX)
@@ -279,7 +297,9 @@ class Multigrid(Elastic):
 
     def _weak_share(self) -> float:
         """Share of D that holds a loose body about as softly as its own stiffness, ``h/(10 L)`` [-], else zero."""
-        return 0.1 * self.model.domain.cells ** (-1 / self.model.d) if self.model.free_motions else 0.0
+        return (
+            0.1 * self.model.domain.cells ** (-1 / self.model.d) if self.model.free_motions else 0.0
+        )
 
     def _motions(self) -> PETSc.NullSpace:
         """The rigid motions that no support holds."""

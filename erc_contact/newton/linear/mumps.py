@@ -1,6 +1,7 @@
 """Direct solvers: MUMPS' factors of symmetric matrices, and the Schur complements that it makes with them.
 
-petsc4py has no names for Schur complements, so PETSc's own functions are called through ctypes.
+petsc4py has no names for Schur complements, so PETSc's own functions are called through
+ctypes.
 """
 
 from __future__ import annotations
@@ -20,20 +21,23 @@ WORKSPACE = 80
 AMD, AMF = 0, 2
 """MUMPS' numbers of the orderings by approximate minimum degree and minimum fill.
 
-MUMPS would take METIS where it can, and METIS takes SIGTERM for an error of its own: it jumps out of the signal's
-handler and leaves a broken heap. With these no signal does harm. With a Schur complement MUMPS has AMD and METIS only.
-AMD is faster by 10 to 50% in the plane, with 20% more memory; in space a contact solve takes the same time up to 13 000
-tetrahedra, and 1.3 times as long at 37 000, where multigrid is faster than both. Plain factors by AMF take 0.9 of the
-time of AMD in the plane on two ranks, and 0.6 at 37 000 tetrahedra.
+MUMPS would take METIS where it can, and METIS takes SIGTERM for an error of its own: it
+jumps out of the signal's handler and leaves a broken heap. With these no signal does
+harm. With a Schur complement MUMPS has AMD and METIS only. AMD is faster by 10 to 50%
+in the plane, with 20% more memory; in space a contact solve takes the same time up to
+13 000 tetrahedra, and 1.3 times as long at 37 000, where multigrid is faster than both.
+Plain factors by AMF take 0.9 of the time of AMD in the plane on two ranks, and 0.6 at
+37 000 tetrahedra.
 """
 LARGE = 100_000
 """Number of equations from which on blocks of the factor are compressed, by BLR [-].
 
-What is left out is below round-off, :data:`DROPPED` of the least diagonal entry, so that the solution is the same. A
-factor of 1 011 042 equations of a rectangle then takes 4.3 s instead of 8.3 s and 84% of the memory, one of 406 802
-takes 1.5 s instead of 2.3 s. Half of this comes from other kernels: MUMPS' usual ones call gemmt, which OpenBLAS does
-column by column. MUMPS groups the equations by METIS here, so SIGTERM is held back; where it cannot be, nothing is
-compressed.
+What is left out is below round-off, :data:`DROPPED` of the least diagonal entry, so
+that the solution is the same. A factor of 1 011 042 equations of a rectangle then takes
+4.3 s instead of 8.3 s and 84% of the memory, one of 406 802 takes 1.5 s instead of 2.3
+s. Half of this comes from other kernels: MUMPS' usual ones call gemmt, which OpenBLAS
+does column by column. MUMPS groups the equations by METIS here, so SIGTERM is held
+back; where it cannot be, nothing is compressed.
 """
 DROPPED = 1e-16
 """What compression may leave out [-]."""
@@ -52,7 +56,8 @@ def factorised(matrix: PETSc.Mat, schur_on: np.ndarray | None = None) -> PETSc.K
 
     Args:
         matrix: Assembled.
-        schur_on: Rows on which MUMPS makes a Schur complement, of a matrix on one rank; None for a plain factor.
+        schur_on: Rows on which MUMPS makes a Schur complement, of a matrix on one rank;
+            None for a plain factor.
 
     Raises:
         InputError: If the matrix cannot be factorised.
@@ -89,12 +94,15 @@ def factorised(matrix: PETSc.Mat, schur_on: np.ndarray | None = None) -> PETSc.K
 def _compress(factor: PETSc.Mat, matrix: PETSc.Mat) -> None:
     """Let MUMPS compress blocks of the factor by what is below the round-off of the softest equation.
 
-    An equation of a component that a support fixes is that of the identity, and does not count.
+    An equation of a component that a support fixes is that of the identity, and does
+    not count.
     """
     diagonal = abs(matrix.getDiagonal().array_r)
     softest = diagonal[diagonal != 1.0].min(initial=np.inf)
     factor.setMumpsIcntl(35, 2)  # block low-rank, in solves, too
-    factor.setMumpsIcntl(36, 1)  # compressed after they have served: what is left out is not amplified
+    factor.setMumpsIcntl(
+        36, 1
+    )  # compressed after they have served: what is left out is not amplified
     factor.setMumpsCntl(7, DROPPED * softest if np.isfinite(softest) else 0.0)
 
 
@@ -144,12 +152,15 @@ def dense_factor(values: np.ndarray, kind: str) -> PETSc.KSP:
 
     Args:
         values: The matrix.
-        kind: "cholesky" for a positive definite one, whose factor is made here, or "lu", made when it is needed.
+        kind: "cholesky" for a positive definite one, whose factor is made here, or
+            "lu", made when it is needed.
 
     Raises:
         InputError: If the matrix is not positive definite.
     """
-    matrix = PETSc.Mat().createDense(values.shape, array=np.asfortranarray(values), comm=PETSc.COMM_SELF)
+    matrix = PETSc.Mat().createDense(
+        values.shape, array=np.asfortranarray(values), comm=PETSc.COMM_SELF
+    )
     matrix.setOption(PETSc.Mat.Option.SPD, kind == "cholesky")
     matrix.assemble()
     ksp = PETSc.KSP().create(PETSc.COMM_SELF)
@@ -170,7 +181,9 @@ def dense_solve(factor: PETSc.KSP, b: np.ndarray) -> np.ndarray:
     """Solution of dense equations for a right side (n,) or several (n, m)."""
     if b.size == 0:
         return np.zeros_like(b)
-    right = PETSc.Mat().createDense((len(b), b.size // len(b)), array=np.asfortranarray(b), comm=PETSc.COMM_SELF)
+    right = PETSc.Mat().createDense(
+        (len(b), b.size // len(b)), array=np.asfortranarray(b), comm=PETSc.COMM_SELF
+    )
     right.assemble()
     x = right.duplicate()
     factor.matSolve(right, x)

@@ -1,6 +1,7 @@
 """What later stages may ask of the solver that a contact solve leaves behind, whichever it is.
 
-Symbols: K elastic stiffness with the supports [force/length]; S its Schur complement on the nodes of all contacts.
+Symbols: K elastic stiffness with the supports [force/length]; S its Schur complement on
+the nodes of all contacts.
 """
 
 from __future__ import annotations
@@ -16,7 +17,8 @@ class Traces(Protocol):
     """The body as its contact sees it: forces and displacements of a surface, the same on all ranks.
 
     Attributes:
-        motions: Rigid motions of the body that no support holds, at the nodes of the surface [-], shape (K, M, d).
+        motions: Rigid motions of the body that no support holds, at the nodes of the
+            surface [-], shape (K, M, d).
         tolerance: Relative accuracy that a norm may have [-].
         cheap: Whether the members are cheap beside a linear solve.
     """
@@ -28,14 +30,15 @@ class Traces(Protocol):
     def lifted(self, y: np.ndarray, *, rough: bool = False) -> np.ndarray:
         """Return the forces ``S y`` that hold the displacement y (M, d) of the surface [force], shape (M, d).
 
-        Collective. Nodes of contacts beside the surface are held. Four digits of the energy are right if it may be
-        rough, else ten.
+        Collective. Nodes of contacts beside the surface are held. Four digits of the
+        energy are right if it may be rough, else ten.
         """
 
     def moved(self, f: np.ndarray) -> np.ndarray:
         """Return the displacement ``S^+ f`` of the surface under forces f (M, d) [length], shape (M, d); collective.
 
-        Nodes of contacts beside the surface are free of forces. The forces do no work on the free motions.
+        Nodes of contacts beside the surface are free of forces. The forces do no work
+        on the free motions.
         """
 
     def free(self) -> None:
@@ -58,20 +61,27 @@ class ElasticSolver(Protocol):
     def load_vector(self) -> fem.Function:
         """Return the nodal forces of the loads of the scene [force], not yet summed over ranks."""
 
-    def solve(self, b: fem.Function, *, supports: bool = True, tolerance: float | None = None) -> fem.Function:
+    def solve(
+        self, b: fem.Function, *, supports: bool = True, tolerance: float | None = None
+    ) -> fem.Function:
         """Return the displacement u of ``K u = b`` [length]; collective.
 
         Args:
             b: Nodal forces [force].
-            supports: Whether fixed components take the values of the supports; without, u is a correction.
-            tolerance: Residual over the right side that is enough [-]; a factor goes to round-off.
+            supports: Whether fixed components take the values of the supports; without,
+                u is a correction.
+            tolerance: Residual over the right side that is enough [-]; a factor goes to
+                round-off.
         """
 
-    def solve_with_springs(self, springs: PETSc.Mat, b: fem.Function, near: fem.Function) -> fem.Function:
+    def solve_with_springs(
+        self, springs: PETSc.Mat, b: fem.Function, near: fem.Function
+    ) -> fem.Function:
         """Return the displacement u of ``(K + C) u = b`` [length], zero where supports fix it; collective.
 
         Args:
-            springs: C, stiffness at the contact [force/length]; without rows and columns of fixed components.
+            springs: C, stiffness at the contact [force/length]; without rows and
+                columns of fixed components.
             b: Nodal forces [force].
             near: A displacement that may be near [length].
         """
@@ -80,7 +90,8 @@ class ElasticSolver(Protocol):
         """Return the body as a surface sees it; collective.
 
         Args:
-            numbers: Global numbers of nodes of contacts, the same on all ranks, shape (M,).
+            numbers: Global numbers of nodes of contacts, the same on all ranks, shape
+                (M,).
         """
 
     def free(self) -> None:

@@ -1,18 +1,21 @@
 """The elastic stiffness, glued to the foundations, factorised once and condensed on the contact.
 
-Between two states of a contact only forces at the contact change. So the nonlinear problem needs only the stiffness
-condensed on the contact, a small dense matrix. One factorisation serves the whole contact solve and the rebalance
-after it.
+Between two states of a contact only forces at the contact change. So the nonlinear
+problem needs only the stiffness condensed on the contact, a small dense matrix. One
+factorisation serves the whole contact solve and the rebalance after it.
 
-Symbols: K elastic stiffness with the supports [force/length]; D diagonal stiffness that glues the contact nodes to the
-foundations, ``D_i = 10 E k^2/h |F|/m`` summed over facets; L the free degrees of freedom of the cells at the contact,
-those of the contact nodes first; A the first ones of L (the contact nodes, or all); S_A the Schur complement of K + D
-on A. Then S_A - D_A is the Schur complement of K, and at the contact
+Symbols: K elastic stiffness with the supports [force/length]; D diagonal stiffness that
+glues the contact nodes to the foundations, ``D_i = 10 E k^2/h |F|/m`` summed over
+facets; L the free degrees of freedom of the cells at the contact, those of the contact
+nodes first; A the first ones of L (the contact nodes, or all); S_A the Schur complement
+of K + D on A. Then S_A - D_A is the Schur complement of K, and at the contact
 
-    K u = b + (forces c at A)   <=>   (S_A - D_A) u_A = S_A w_A + c,    u = w + (K + D)^-1 (D u_A + c)
+    K u = b + (forces c at A)   <=>   (S_A - D_A) u_A = S_A w_A + c,    u = w + (K +
+    D)^-1 (D u_A + c)
 
-with ``w = (K + D)^-1 b``. K + D is positive definite even if only contacts hold the body. MUMPS makes the Schur
-complement on L with the factor; the degrees of freedom of L that are not in A are eliminated with dense algebra.
+with ``w = (K + D)^-1 b``. K + D is positive definite even if only contacts hold the
+body. MUMPS makes the Schur complement on L with the factor; the degrees of freedom of L
+that are not in A are eliminated with dense algebra.
 """
 
 from __future__ import annotations
@@ -40,7 +43,8 @@ class Stiffness(Elastic):
         local: Degrees of freedom of this rank (with ghosts) that are in L.
         place: Their places in L.
         numbers: Global numbers of L in order.
-        contact_size: Number of degrees of freedom of L at contact nodes; 0 without contact.
+        contact_size: Number of degrees of freedom of L at contact nodes; 0 without
+            contact.
         schur: S_L on rank 0; None elsewhere and without contact.
         glued_by: D_L on rank 0.
         motions: Rigid motions that no support holds, at L on rank 0.
@@ -68,7 +72,8 @@ class Stiffness(Elastic):
 
         Args:
             b: Nodal forces.
-            supports: Whether fixed components take the values of the supports, else zero.
+            supports: Whether fixed components take the values of the supports, else
+                zero.
         """
         vector = self.right_side(b, supports=supports)
         x = vector.duplicate()
@@ -78,11 +83,13 @@ class Stiffness(Elastic):
         vector.destroy()
         return u
 
-    def solve(self, b: fem.Function, *, supports: bool = True, tolerance: float | None = None) -> fem.Function:
+    def solve(
+        self, b: fem.Function, *, supports: bool = True, tolerance: float | None = None
+    ) -> fem.Function:
         """Displacement u of ``K u = b`` [length] under nodal forces b [force]; see :meth:`glued`.
 
-        The loads must do no work on rigid motions that no support holds. At the contact, u then has no part in these
-        motions.
+        The loads must do no work on rigid motions that no support holds. At the
+        contact, u then has no part in these motions.
         """
         w = self.glued(b, supports=supports)
         if not self.contact_size:
@@ -92,7 +99,9 @@ class Stiffness(Elastic):
         u_A = together(self.model.comm, lambda: None if self.schur is None else self._freed(a, w_A))
         return self.expand(w, u_A, None)
 
-    def solve_with_springs(self, springs: PETSc.Mat, b: fem.Function, near: fem.Function) -> fem.Function:
+    def solve_with_springs(
+        self, springs: PETSc.Mat, b: fem.Function, near: fem.Function
+    ) -> fem.Function:
         """Return the displacement u of ``(K + C) u = b`` [length] by a factor made for it.
 
         See :class:`.solver.ElasticSolver`.
@@ -121,7 +130,9 @@ class Stiffness(Elastic):
         """Displacement of the contact nodes without the glue, from that with it, on rank 0."""
         return np.linalg.solve(self.definite(a), self.reduced(a)[0] @ w_A)
 
-    def expand(self, w: fem.Function, u_A: np.ndarray | None, force: np.ndarray | None) -> fem.Function:
+    def expand(
+        self, w: fem.Function, u_A: np.ndarray | None, force: np.ndarray | None
+    ) -> fem.Function:
         """``u = w + (K + D)^-1 (D u_A + c)`` from u_A and the contact forces c at A, both on rank 0 (c may be None)."""
         added = None
         if u_A is not None and self.schur is not None:
@@ -226,7 +237,9 @@ class Stiffness(Elastic):
         comm, solver = self.model.comm, self._solver()
         self.glued_by = self.gather(self.glue)
         self.motions = [self.gather(motion) for motion in self.model.free_motions]
-        self.schur = together(comm, lambda: self._schur_complement(solver) if comm.rank == 0 else None)
+        self.schur = together(
+            comm, lambda: self._schur_complement(solver) if comm.rank == 0 else None
+        )
 
     def _schur_complement(self, solver: PETSc.KSP | Substructures) -> np.ndarray:
         """S_L, on rank 0."""
@@ -238,13 +251,16 @@ class Stiffness(Elastic):
         else:
             schur = schur_complement(solver, len(self.numbers))
         if not np.isfinite(schur).all():
-            raise InputError("The elastic stiffness is not finite; look at the moduli and the mesh.")
+            raise InputError(
+                "The elastic stiffness is not finite; look at the moduli and the mesh."
+            )
         return schur
 
     def _solver(self) -> PETSc.KSP | Substructures:
         if self._factor is None:
-            # MUMPS makes no Schur complement on all rows: something must be left to eliminate.
-            # On coarse meshes L is the whole body; a tree of one rank then factorises densely.
+            # MUMPS makes no Schur complement on all rows: something must be left to
+            # eliminate. On coarse meshes L is the whole body; a tree of one rank then
+            # factorises densely.
             layer_is_body = self.contact_size > 0 and len(self.numbers) == self._free_components()
             if self.model.comm.size > 1 or layer_is_body:
                 self._factor = Substructures(self.model, self.form, self.glue, self.local)

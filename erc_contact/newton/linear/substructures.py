@@ -1,16 +1,20 @@
 """The direct solver on several ranks: each rank eliminates what only its cells touch, and pairs of ranks join the rest.
 
-K is the sum of the stiffnesses of the cells of each rank. The degrees of freedom that only the cells of one rank touch
-are eliminated there by MUMPS. What is left is a Schur complement on the others: those between ranks, and L. Two ranks
-add theirs, and eliminate what now lies inside with dense algebra; then pairs of pairs do so, up to rank 0, which is
-left with the Schur complement on L. It is nested dissection in which the ranks are the parts.
+K is the sum of the stiffnesses of the cells of each rank. The degrees of freedom that
+only the cells of one rank touch are eliminated there by MUMPS. What is left is a Schur
+complement on the others: those between ranks, and L. Two ranks add theirs, and
+eliminate what now lies inside with dense algebra; then pairs of pairs do so, up to rank
+0, which is left with the Schur complement on L. It is nested dissection in which the
+ranks are the parts.
 
-Why not one factor that MUMPS makes on all ranks: PETSc does not solve with it if it has a Schur complement, so that a
-second factor was needed, and two ranks were no faster at each of them than one (406 802 unknowns in the plane: 4.7 s
-for the contact solve on two ranks, 3.7 s on one; so 2.8 s and 3.0 s).
+Why not one factor that MUMPS makes on all ranks: PETSc does not solve with it if it has
+a Schur complement, so that a second factor was needed, and two ranks were no faster at
+each of them than one (406 802 unknowns in the plane: 4.7 s for the contact solve on two
+ranks, 3.7 s on one; so 2.8 s and 3.0 s).
 
-Symbols: K, D and L as in :mod:`erc_contact.newton.linear.stiffness`; I the degrees of freedom that are eliminated, B
-the others of a part of the body; ``S = K_BB - K_BI K_II^-1 K_IB``; ``g = b_B - K_BI K_II^-1 b_I`` the condensed forces.
+Symbols: K, D and L as in :mod:`erc_contact.newton.linear.stiffness`; I the degrees of
+freedom that are eliminated, B the others of a part of the body; ``S = K_BB - K_BI
+K_II^-1 K_IB``; ``g = b_B - K_BI K_II^-1 b_I`` the condensed forces.
 
 Source: George, SIAM J. Numer. Anal. 10 (1973), for nested dissection.
 """
@@ -25,7 +29,13 @@ from petsc4py import PETSc
 
 from erc_contact.base.exceptions import raise_together, together
 from erc_contact.model.model import Model
-from erc_contact.newton.linear.mumps import dense_factor, dense_solve, factorised, interior_only, schur_complement
+from erc_contact.newton.linear.mumps import (
+    dense_factor,
+    dense_solve,
+    factorised,
+    interior_only,
+    schur_complement,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +92,11 @@ class Part:
 
     def up(self, b: np.ndarray) -> np.ndarray:
         """Condensed forces [force], shape (B,), of forces b at all rows [force], shape (n,)."""
-        return (b - self._times(self._inside(b)))[self._outer] if b[self._inner].any() else b[self._outer]
+        return (
+            (b - self._times(self._inside(b)))[self._outer]
+            if b[self._inner].any()
+            else b[self._outer]
+        )
 
     def down(self, b: np.ndarray, u_B: np.ndarray) -> np.ndarray:
         """Displacements of all rows [length] under forces b [force], from those of B [length]."""
@@ -126,7 +140,9 @@ class Joint:
     """
 
     def __init__(self, *parts: Interface) -> None:
-        numbers, place = np.unique(np.concatenate([part.numbers for part in parts]), return_inverse=True)
+        numbers, place = np.unique(
+            np.concatenate([part.numbers for part in parts]), return_inverse=True
+        )
         have = np.bincount(place, np.concatenate([part.have for part in parts])).astype(np.int64)
         total = np.zeros_like(have)
         total[place] = np.concatenate([part.total for part in parts])
@@ -183,7 +199,9 @@ class Substructures:
         self._rows, self._own = rows, rows < self._owned
 
         def part() -> Part:
-            return Part(_stiffness(form, glue, self._owned, rows), model.global_dofs(rows), total[rows])
+            return Part(
+                _stiffness(form, glue, self._owned, rows), model.global_dofs(rows), total[rows]
+            )
 
         self._part = together(self._comm, part)
         self._parent, self._children = _family(self._comm.rank, self._comm.size)
@@ -203,7 +221,9 @@ class Substructures:
             try:
                 if interface is not None and theirs is not None:
                     self._joints.append(Joint(interface, theirs))
-                interface = None if theirs is None or interface is None else self._joints[-1].interface
+                interface = (
+                    None if theirs is None or interface is None else self._joints[-1].interface
+                )
             except Exception as reason:
                 interface, error = None, reason
         if self._parent is not None:
@@ -240,7 +260,8 @@ class Substructures:
 def _family(rank: int, size: int) -> tuple[int | None, list[int]]:
     """The parent of a rank in a binary tree, None for rank 0 at its root, and its children in the order of joining.
 
-    Neighbours in number join first: the partitioner halves the mesh again and again, so that they are often neighbours.
+    Neighbours in number join first: the partitioner halves the mesh again and again, so
+    that they are often neighbours.
     """
     children, step = [], 1
     while step < size and not rank & step:
@@ -255,7 +276,9 @@ def _touching(model: Model) -> np.ndarray:
     Zero where this rank does not.
     """
     count = model.function()
-    nodes = np.union1d(np.arange(model.V.dofmap.index_map.size_local), model.nodes[: model.domain.owned_cells])
+    nodes = np.union1d(
+        np.arange(model.V.dofmap.index_map.size_local), model.nodes[: model.domain.owned_cells]
+    )
     count.x.array.reshape(-1, model.d)[nodes] = 1.0
     here = count.x.array > 0
     count.x.scatter_reverse(la.InsertMode.add)

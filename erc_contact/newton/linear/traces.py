@@ -1,9 +1,10 @@
 """The body as its contact sees it: forces that lift its surface, and displacements under forces on its surface.
 
-With K the elastic stiffness with the supports and S its Schur complement on the nodes of all contacts: ``lifted(y)``
-are the forces ``S y`` that hold the displacement y of the surface [force], ``moved(f)`` is the displacement ``S^+ f``
-of the surface under forces f [length]. A surface is M nodes of contacts, by their global numbers; the other nodes of
-contacts are held in the first and free of forces in the second.
+With K the elastic stiffness with the supports and S its Schur complement on the nodes
+of all contacts: ``lifted(y)`` are the forces ``S y`` that hold the displacement y of
+the surface [force], ``moved(f)`` is the displacement ``S^+ f`` of the surface under
+forces f [length]. A surface is M nodes of contacts, by their global numbers; the other
+nodes of contacts are held in the first and free of forces in the second.
 """
 
 from __future__ import annotations
@@ -18,8 +19,10 @@ from erc_contact.base.exceptions import together
 from erc_contact.model.model import Model
 
 ROUGH, FINE = 1e-2, 3e-6
-"""Tolerances of the linear solves: of a lifting whose energy is asked for, to four digits, and else [-]. Norms of maps
-then differ between numbers of ranks by less than 1e-6 of themselves."""
+"""Tolerances of the linear solves: of a lifting whose energy is asked for, to four
+digits, and else [-]. Norms of maps then differ between numbers of ranks by less than
+1e-6 of themselves.
+"""
 
 
 class DenseTraces:
@@ -28,8 +31,10 @@ class DenseTraces:
     Args:
         model: The scene on a mesh.
         numbers: Global numbers of the nodes of the surface, shape (M,).
-        contact: Global numbers of the free degrees of freedom of the contact nodes, in order, shape (A,).
-        matrices: Returns S and its inverse, where rigid motions are held by springs, both (A, A); asked on rank 0.
+        contact: Global numbers of the free degrees of freedom of the contact nodes, in
+            order, shape (A,).
+        matrices: Returns S and its inverse, where rigid motions are held by springs,
+            both (A, A); asked on rank 0.
     """
 
     tolerance: ClassVar[float] = 1e-8
@@ -82,7 +87,9 @@ class Lifting(Protocol):
     def lifted(self, y: fem.Function, tolerance: float) -> fem.Function:
         """Return the forces that hold the contact nodes at displacements y [force]; collective."""
 
-    def solve(self, b: fem.Function, *, supports: bool = True, tolerance: float | None = None) -> fem.Function:
+    def solve(
+        self, b: fem.Function, *, supports: bool = True, tolerance: float | None = None
+    ) -> fem.Function:
         """Return the displacement u of ``K u = b`` [length]; collective."""
 
     def free(self) -> None:

@@ -1,0 +1,102 @@
+"""Measure how densely the code of a package is written: `python benchmarks/voice.py [folder ...]`.
+
+One row a package (a folder with modules) and one of all: characters a code line with its indentation, comprehensions
+in 100 code lines, comment lines in 1000 code lines, the longest line, and the longest module. Docstrings, comments and
+blank lines are not code. For comparison, DOLFINx has 39
+characters, 1.8 comprehensions, 86 comment lines.
+"""
+
+import ast
+import io
+import sys
+import tokenize
+from dataclasses import dataclass
+from pathlib import Path
+
+COMPREHENSIONS = ast.ListComp | ast.SetComp | ast.DictComp | ast.GeneratorExp
+
+
+@dataclass(frozen=True)
+class Figures:
+    """Hold the counts of one or several modules."""
+
+    code_lines: int = 0
+    characters: int = 0
+    comprehensions: int = 0
+    comment_lines: int = 0
+    longest_line: int = 0
+    longest_module: int = 0
+
+    def __add__(self, other: "Figures") -> "Figures":
+        """Return the counts of both."""
+        return Figures(
+            self.code_lines + other.code_lines,
+            self.characters + other.characters,
+            self.comprehensions + other.comprehensions,
+            self.comment_lines + other.comment_lines,
+            max(self.longest_line, other.longest_line),
+            max(self.longest_module, other.longest_module),
+        )
+
+    def row(self, name: str) -> str:
+        """Return the figures as one line of a table."""
+        code = max(self.code_lines, 1)
+        return (
+            f"{name:40s} {self.code_lines:6d} {self.characters / code:6.1f}"
+            f" {100 * self.comprehensions / code:6.2f} {1000 * self.comment_lines / code:6.1f}"
+            f" {self.longest_line:5d} {self.longest_module:5d}"
+        )
+
+
+def figures_of(path: Path) -> Figures:
+    """Count the lines, characters, comprehensions and comments of the module at `path`."""
+    text = path.read_text()
+    lines = text.splitlines()
+    tree = ast.parse(text)
+    docstrings = set()
+    for node in ast.walk(tree):
+        documented = isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef)
+        if documented and ast.get_docstring(node) is not None:
+            words = node.body[0]
+            docstrings.update(range(words.lineno, (words.end_lineno or words.lineno) + 1))
+    comments = set()
+    for token in tokenize.generate_tokens(io.StringIO(text).readline):
+        alone = token.line.strip().startswith("#")
+        if token.type == tokenize.COMMENT and alone:
+            comments.add(token.start[0])
+    code = []
+    for number, line in enumerate(lines, start=1):
+        if line.strip() and number not in docstrings and number not in comments:
+            code.append(line.rstrip())
+    return Figures(
+        code_lines=len(code),
+        characters=sum(map(len, code)),
+        comprehensions=sum(isinstance(node, COMPREHENSIONS) for node in ast.walk(tree)),
+        comment_lines=len(comments),
+        longest_line=max(map(len, lines), default=0),
+        longest_module=len(lines),
+    )
+
+
+def main(folders: list[str]) -> None:
+    """Print the table of the packages in `folders`."""
+    print(
+        f"{'package':40s} {'code':>6s} {'chars':>6s} {'compr':>6s} {'comm':>6s} {'line':>5s} {'module':>5s}"
+    )
+    total = Figures()
+    for folder in folders:
+        root = Path(folder)
+        modules = sorted(root.rglob("*.py"))
+        packages = sorted({module.parent for module in modules})
+        for package in packages:
+            inside = Figures()
+            for module in modules:
+                if module.parent == package:
+                    inside += figures_of(module)
+            print(inside.row(str(package)))
+            total += inside
+    print(total.row("all"))
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:] or ["erc_contact"])
