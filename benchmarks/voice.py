@@ -1,9 +1,9 @@
-"""Measure how densely the code of a package is written: `python benchmarks/voice.py [folder ...]`.
+"""Measure how densely a package is written: `python benchmarks/voice.py [folder ...]`.
 
-One row a package (a folder with modules) and one of all: characters a code line with its indentation, comprehensions
-in 100 code lines, comment lines in 1000 code lines, the longest line, and the longest module. Docstrings, comments and
-blank lines are not code. For comparison, DOLFINx has 39
-characters, 1.8 comprehensions, 86 comment lines.
+One row a package (a folder with modules) and one of all: characters a code line with its
+indentation, comprehensions in 100 code lines, comment lines in 1000 code lines, the longest
+line, and the longest module. Docstrings, comments and blank lines are not code. For
+comparison, DOLFINx has 39 characters, 1.8 comprehensions, 86 comment lines.
 """
 
 import ast
@@ -55,8 +55,9 @@ def figures_of(path: Path) -> Figures:
     tree = ast.parse(text)
     docstrings = set()
     for node in ast.walk(tree):
-        documented = isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef)
-        if documented and ast.get_docstring(node) is not None:
+        if not isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef):
+            continue
+        if ast.get_docstring(node) is not None:
             words = node.body[0]
             docstrings.update(range(words.lineno, (words.end_lineno or words.lineno) + 1))
     comments = set()
