@@ -53,14 +53,14 @@ def figures_of(path: Path) -> Figures:
     text = path.read_text()
     lines = text.splitlines()
     tree = ast.parse(text)
-    docstrings = set()
+    docstrings: set[int] = set()
     for node in ast.walk(tree):
         if not isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef):
             continue
         if ast.get_docstring(node) is not None:
             words = node.body[0]
             docstrings.update(range(words.lineno, (words.end_lineno or words.lineno) + 1))
-    comments = set()
+    comments: set[int] = set()
     for token in tokenize.generate_tokens(io.StringIO(text).readline):
         alone = token.line.strip().startswith("#")
         if token.type == tokenize.COMMENT and alone:
