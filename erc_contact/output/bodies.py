@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from erc_contact.mesh.simplex import bernstein, edges, lagrange, node_between, node_vertices
-from erc_contact.output.files import degree_of, grid_of, subdivided
+from erc_contact.output.files import DPI, degree_of, grid_of, subdivided
 from erc_contact.output.flat import draw_flat, limits
 
 DIVISIONS = 6
@@ -23,7 +23,11 @@ DIVISIONS = 6
 TRIANGLES = 40_000
 """Greatest number of straight triangles, about, in which curved ones are cut. Edges have fewer parts if need be."""
 PIXELS = 1100
-"""Number of pixels of the longer side of the image of a body."""
+"""Greatest number of pixels of the longer side of the image of a body, for which the
+widths of lines are given.
+"""
+FINER = 1.5
+"""Pixels of the image of a body over the pixels of its place in a saved figure [-]."""
 SPACE = 5.5
 """Greatest width of all views in 3D that are side by side in a figure, without words
 [inches]. The figure is then not much wider than a page, on which its words can be read.
@@ -158,12 +162,15 @@ def seen(parts: Sequence[tuple[Any, dict[str, Any]]], view: np.ndarray) -> np.nd
     return np.array([low - margin, high + margin])
 
 
-def rendered(parts: Sequence[tuple[Any, dict[str, Any]]], view: np.ndarray) -> np.ndarray:
+def rendered(
+    parts: Sequence[tuple[Any, dict[str, Any]]], view: np.ndarray, longest: float
+) -> np.ndarray:
     """The image of some parts in parallel projection; it ends where :func:`seen` says.
 
     Args:
         parts: Data of pyvista, and options with which they are drawn.
         view: Axes of the view, shape (3, 3).
+        longest: Number of pixels of its longer side.
 
     Returns:
         The pixels, shape (height, width, 3).
@@ -172,7 +179,7 @@ def rendered(parts: Sequence[tuple[Any, dict[str, Any]]], view: np.ndarray) -> n
 
     low, high = seen(parts, view)
     size, middle = float(np.linalg.norm(high - low)), (low + high) / 2 @ view
-    pixels = np.maximum(PIXELS * (high - low)[:2] / (high - low)[:2].max(), 16).round().astype(int)
+    pixels = np.maximum(longest * (high - low)[:2] / (high - low)[:2].max(), 16).round().astype(int)
     with pyvista.vtk_verbosity(
         "off"
     ):  # without a display VTK complains before it finds another way
@@ -181,7 +188,9 @@ def rendered(parts: Sequence[tuple[Any, dict[str, Any]]], view: np.ndarray) -> n
         for data, look in parts:
             lines = data.n_lines > 0  # to be seen before the surface that they lie on
             shown = data.translate(1e-3 * size * view[2]) if lines else data
-            plotter.add_mesh(shown, show_scalar_bar=False, ambient=0.65, diffuse=0.4, **look)
+            width = look.get("line_width", 1.0) * longest / PIXELS
+            light = {"ambient": 0.65, "diffuse": 0.4, "show_scalar_bar": False}
+            plotter.add_mesh(shown, **light, **(look | {"line_width": width}))
         plotter.enable_parallel_projection()
         plotter.camera_position = [
             tuple(middle + 2 * size * view[2]),
@@ -210,7 +219,10 @@ def show(axes: Any, parts: Sequence[tuple[Any, dict[str, Any]]], view: np.ndarra
         draw_flat(axes, parts)
         axes.set(**limits(low, high))
         return
-    axes.imshow(rendered(parts, view), extent=(low[0], high[0], low[1], high[1]))
+    # More pixels than are shown cost time, and matplotlib takes their mean.
+    place = axes.get_position().size * axes.figure.get_size_inches() * DPI
+    pixels = min(FINER * float(place.max()), PIXELS)
+    axes.imshow(rendered(parts, view, pixels), extent=(low[0], high[0], low[1], high[1]))
     axes.spines[:].set_visible(False)
     points = np.concatenate([data.points for data, _ in parts])
     axes.set_axis_off()

@@ -24,6 +24,8 @@ STYLE = {
     "pdf.fonttype": 42,
 }
 """matplotlib's settings for figures of ours; journals want fonts of type 42 in pdf files."""
+DPI = 200
+"""Pixels an inch of a saved figure."""
 VTK_EDGES = np.array([(0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3)])
 """Vertices of the edges of a tetrahedron, in the order of VTK's nodes. The first one is
 the edge of a line, and the first three are those of a triangle."""
