@@ -26,7 +26,7 @@ PIXELS = 1100
 """Greatest number of pixels of the longer side of the image of a body, for which the
 widths of lines are given.
 """
-FINER = 1.5
+FINER = 2.0
 """Pixels of the image of a body over the pixels of its place in a saved figure [-]."""
 SPACE = 5.5
 """Greatest width of all views in 3D that are side by side in a figure, without words
@@ -188,7 +188,7 @@ def rendered(
         for data, look in parts:
             lines = data.n_lines > 0  # to be seen before the surface that they lie on
             shown = data.translate(1e-3 * size * view[2]) if lines else data
-            width = look.get("line_width", 1.0) * longest / PIXELS
+            width = max(look.get("line_width", 1.0) * longest / PIXELS, 1.0)  # else dashed
             light = {"ambient": 0.65, "diffuse": 0.4, "show_scalar_bar": False}
             plotter.add_mesh(shown, **light, **(look | {"line_width": width}))
         plotter.enable_parallel_projection()
