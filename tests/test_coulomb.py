@@ -355,6 +355,21 @@ def test_a_slender_body_that_slips_gets_no_bound():
     assert slips.smoothing == 0
 
 
+def test_round_off_is_no_work_on_a_roller():
+    """A body that may move up: the forces of rho are tangential, and round-off along the normal is not one of them."""
+    scene = ec.Scene(
+        ec.Elastic(1.0, 0.37),
+        [ec.Displacement("left", (0.0, None))],
+        [ec.Traction("top", (0.0, -0.042))],
+        [ec.Contact("bottom", 0.26, gap=lambda x: 0.013 * (x[0] - 1.65) ** 2)],
+    )
+    domain = ec.rectangle((0.0, 0.0), (2.913369516582126, 1.0), cells=(15, 5)).refined()
+    error, found = certified(scene, domain, degree=2)
+    assert error.relative < 0.05
+    assert found.bound < 3 * error.absolute
+    assert found.unbalanced < error.absolute
+
+
 def block_of(n: int) -> ec.Domain:
     return ec.rectangle((0.0, 0.0), (2.0, 7.0), cells=(n, 7 * n // 2))
 

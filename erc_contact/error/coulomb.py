@@ -203,9 +203,12 @@ def _tried(
     forces, work = pair.unbalanced(t)
     eta = pair.unaligned(t)[:, None] * surface.normal
     A, B = _energy(eta, traces.lifted(eta, rough=True)), _energy(forces, traces.moved(forces))
-    sizes = abs(pair.unbalanced(np.zeros_like(t))[0]) + abs(forces)
+    # Lengths of vectors, not components: a motion along the normal meets only the round-off
+    # of rho, which is tangential, and nothing else to compare it with.
+    shear_forces = pair.unbalanced(np.zeros_like(t))[0]
+    sizes = np.linalg.norm(shear_forces, axis=1) + np.linalg.norm(forces, axis=1)
     if any(
-        abs(np.sum(motion * forces)) > BALANCED * np.sum(abs(motion) * sizes)
+        abs(np.sum(motion * forces)) > BALANCED * (np.linalg.norm(motion, axis=1) @ sizes)
         for motion in traces.motions
     ):
         B = np.inf
