@@ -39,6 +39,7 @@ from erc_contact.admissible.tighten.iteration import TIGHTEN, tightened
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError
+from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.simplex import coefficients, local_facet_nodes, mass
 from erc_contact.model.model import Model
 from erc_contact.newton.solution import Solution
@@ -85,11 +86,21 @@ class Admissible:
 
     def __repr__(self) -> str:
         """Tell what it is in a line; nothing is computed, so one rank alone may ask."""
-        model = self.solution.model
+        model = self.model
         return (
             f"<Admissible pair of degree {model.degree} on {model.domain.cells} cells, {len(self.tractions)} contacts, "
             f"tightened {self.tightening} times>"
         )
+
+    @property
+    def model(self) -> Model:
+        """Return the scene on the mesh, with forms."""
+        return self.solution.model
+
+    @property
+    def domain(self) -> Domain:
+        """Return the mesh with names."""
+        return self.solution.domain
 
 
 def pair_of(result: Any) -> Admissible:

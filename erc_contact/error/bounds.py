@@ -120,7 +120,7 @@ def resultant(error: ConstitutiveError | Run, contact: str, direction: Sequence[
     """
     error = error_of(error)
     pair = error.admissible
-    model = pair.solution.model
+    model = pair.model
     which = model.contacts.index(model.contact(contact))
     a = np.asarray(direction, dtype=float)
     if a.shape != (model.d,) or not np.isfinite(a).all():
@@ -155,7 +155,7 @@ def potential_energy(error: ConstitutiveError | Run) -> Bounds:
     """
     error = error_of(error)
     pair = error.admissible
-    model, u = pair.solution.model, pair.displacement
+    model, u = pair.model, pair.displacement
     strain = elastic_work(pair, u, u)
     J = 0.5 * strain - load_work(model, u)
     for traction in pair.tractions:

@@ -25,7 +25,7 @@ def bulk_squares(admissible: Admissible) -> tuple[np.ndarray, np.ndarray, float]
     unknown. The third result is the sum of this over the cells of the rank if it is
     more than the tolerance, else 0.
     """
-    model, cells = admissible.solution.model, admissible.cell_geometry
+    model, cells = admissible.model, admissible.cell_geometry
     owned, k = model.domain.owned_cells, model.degree
     shape, _, weights = macro_points(model.d, k)
     compliance = macro_moduli(model, cells, owned, inverse=True)
@@ -93,7 +93,7 @@ def geometry_squares(admissible: Admissible, both: np.ndarray) -> np.ndarray:
         both: ``|sigma^ + C eps(u^)|^2 = 4 |sigma_m|^2`` of each owned cell [force
             length].
     """
-    model, cells = admissible.solution.model, admissible.cell_geometry
+    model, cells = admissible.model, admissible.cell_geometry
     result = np.zeros(len(both))
     if model.domain.offset is None or model.domain.curved_facets is None:
         return result

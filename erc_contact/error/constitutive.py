@@ -48,6 +48,7 @@ from erc_contact.mesh.domain import Domain
 from erc_contact.model.forces import Force
 from erc_contact.model.foundation import CONSTANT
 from erc_contact.model.maximum import Maximum, greatest
+from erc_contact.model.model import Model
 from erc_contact.model.stress import von_mises
 from erc_contact.newton.solution import Solution
 from erc_contact.results.forces import force, reactions
@@ -141,7 +142,7 @@ class ConstitutiveError:
     @property
     def pressure_dependent(self) -> tuple[str, ...]:
         """Names of the contacts whose friction bound depends on the pressure; e is a bound up to the third term."""
-        contacts = self.solution.model.contacts
+        contacts = self.model.contacts
         return tuple(
             c.name for c in contacts if c.friction is not None and c.friction.dependence != CONSTANT
         )
@@ -158,14 +159,19 @@ class ConstitutiveError:
         return self.admissible.solution
 
     @property
+    def model(self) -> Model:
+        """Return the scene on the mesh, with forms."""
+        return self.solution.model
+
+    @property
     def domain(self) -> Domain:
-        """The mesh with names."""
+        """Return the mesh with names."""
         return self.solution.domain
 
     @property
     def degree(self) -> int:
         """Degree of the displacement."""
-        return self.solution.model.degree
+        return self.model.degree
 
     def force(self, part: str) -> Force:
         """Resultant and moment on a boundary part, see :func:`erc_contact.results.force`; collective."""
@@ -197,7 +203,7 @@ class ConstitutiveError:
         """
         pair = self.admissible
         return greatest(
-            self.solution.model,
+            self.model,
             quantity,
             pair.displacement,
             lambda: von_mises(mean_stress(pair)),
@@ -248,7 +254,7 @@ def constitutive_error(admissible: Admissible) -> ConstitutiveError:
         InputError: If the energy overflows or underflows double precision.
     """
     began = perf_counter()
-    model = admissible.solution.model
+    model = admissible.model
     per_cell, both, moduli_2 = bulk_squares(admissible)
     geometry = geometry_squares(admissible, both)
     bulk_2, scale_2, geometry_2 = model.comm.allreduce(

@@ -143,7 +143,7 @@ def coulomb_certificate(error: ConstitutiveError | Run) -> CoulombCertificate:
     """
     error = error_of(error)
     pair = error.admissible
-    model = pair.solution.model
+    model = pair.model
     raise_together(model.comm, None)
     contacts = [
         c for c in model.contacts if c.friction is not None and c.friction.dependence != CONSTANT
@@ -166,7 +166,7 @@ def _best(error: ConstitutiveError, pair: PairOnSurface, traces: Traces) -> Coul
     """The certificate of the field with the least bound, or of the roughest where there is no bound."""
     surface = pair.surface
     normal, x = surface.normal, surface.positions()
-    other = other_mesh(error.solution.model)
+    other = other_mesh(error.model)
     tried = []
     for smoothing, t in zip(LENGTHS, slip_fields(pair), strict=True):
         q = coupling(normal, traces, t, x)[0]
@@ -182,7 +182,7 @@ def _single(error: ConstitutiveError, pair: PairOnSurface, traces: Traces) -> Co
     """The certificate of one field, with the coupling of another mesh to start from."""
     surface = pair.surface
     t = slip_fields(pair)[SMOOTH]
-    other = other_mesh(error.solution.model)
+    other = other_mesh(error.model)
     other_q, start = (0.0, None) if other is None else other.norm(surface, t)
     q, missing, _ = coupling(surface.normal, traces, t, surface.positions(), start)
     change = change_of_norm(q, surface, other_q, other) + missing

@@ -58,9 +58,7 @@ class SizeMap:
         """
         aim, domain = self.aim * accuracy, error.domain
         if error.total <= CLOSE * accuracy:
-            gain = (
-                1 - 4.0**-error.solution.model.degree
-            )  # of the square, where an element is halved
+            gain = 1 - 4.0**-error.degree  # of the square, where an element is halved
             return refined(
                 domain, mark(error, min((1 - (aim / error.total) ** 2) / gain, 1.0)), max_cells
             )

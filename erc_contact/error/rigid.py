@@ -25,7 +25,7 @@ def round_off(admissible: Admissible) -> tuple[float, bool]:
     The accuracy of a displacement of size |u| is ``RESOLUTION |u|``, so that of its
     strain in a cell of size h is ``RESOLUTION |u|/h``.
     """
-    model, cells = admissible.solution.model, admissible.cell_geometry
+    model, cells = admissible.model, admissible.cell_geometry
     comm, owned = model.comm, model.domain.owned_cells
     size = comm.allreduce(float(abs(admissible.displacement.x.array).max(initial=0.0)), MPI.MAX)
     stiffness = moduli(model, cells, nodes(model.d, 0), owned)[:, 0].max(axis=(1, 2))
@@ -41,7 +41,7 @@ def moves_rigidly(admissible: Admissible, floor_2: float) -> bool:
     The part of the motion that the supports leave free is taken from u^. A friction
     bound without pressure must do no work on it.
     """
-    model, u = admissible.solution.model, admissible.displacement.x.array
+    model, u = admissible.model, admissible.displacement.x.array
     comm, owned = model.comm, model.V.dofmap.index_map.size_local * model.d
     motions = rigid_motions(model).reshape(len(u), -1)
     free = np.column_stack(

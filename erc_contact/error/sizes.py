@@ -102,7 +102,7 @@ def size_map(error: ConstitutiveError | Run, accuracy: float) -> Sizes:
     raise_together(error.domain.mesh.comm, None)
     mesh = NodalMesh(error.domain)
     d, square = mesh.domain.dim, error.total_indicators**2
-    q = _rates(mesh, error.indicators**2, error.solution.model.degree)
+    q = _rates(mesh, error.indicators**2, error.degree)
     share = np.divide(error.indicators**2, square, out=np.ones_like(square), where=square > 0)
     q = share * q + (1 - share) * FACETS
 

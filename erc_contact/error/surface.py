@@ -197,7 +197,7 @@ def coulomb_surface(model: Model) -> Surface:
 
 def pair_on_surface(pair: Admissible) -> PairOnSurface:
     """An admissible pair on the contacts with Coulomb friction, of which there is one at least; collective."""
-    model = pair.solution.model
+    model = pair.model
     tractions = [t for t in pair.tractions if has_coulomb(t.contact)]
     own = [t.contact.trace.here.owned for t in tractions]
     u = pair.displacement.x.array

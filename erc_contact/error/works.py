@@ -70,7 +70,7 @@ class BoundedNumber:
 
 def elastic_work(pair: Admissible, v: fem.Function, w: fem.Function) -> BoundedNumber:
     """``a(v, w)`` [force length]; collective."""
-    model, cells = pair.solution.model, pair.cell_geometry
+    model, cells = pair.model, pair.cell_geometry
     if not model.elasticity.varies_in_cells:
         return BoundedNumber(assembled(model, model.stiffness(v, w)))
     owned, k = model.domain.owned_cells, model.degree
@@ -89,7 +89,7 @@ def elastic_work(pair: Admissible, v: fem.Function, w: fem.Function) -> BoundedN
 
 def stress_work(pair: Admissible, v: fem.Function) -> BoundedNumber:
     """``(sigma^, eps(v))`` [force length], exact; collective. It is the work of r^ and of the projected loads."""
-    model, cells, k = pair.solution.model, pair.cell_geometry, pair.cell_geometry.degree
+    model, cells, k = pair.model, pair.cell_geometry, pair.cell_geometry.degree
     owned = model.domain.owned_cells
     shape, points, weights = macro_points(model.d, k)
     sigma = np.matmul(shape, pair.stress).reshape(owned, len(points), pair.stress.shape[3])

@@ -166,7 +166,7 @@ class Loop:
     def _add(self, error: ConstitutiveError, mesh_seconds: float) -> Step:
         """Add a row; collective."""
         admissible, scale = error.admissible, error.scale or 1.0
-        solution, domain = admissible.solution, admissible.solution.domain
+        solution, domain = admissible.solution, admissible.domain
         greatest = peaks(admissible)
         step = Step(
             cells=domain.cells,
