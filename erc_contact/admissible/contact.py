@@ -255,14 +255,14 @@ def _balanced(
     :meth:`Allowed.level`: one unknown, all nodes as one.
     """
     comm = model.comm
-    weights_and_motions = [weights_and_motions(model, trial.traction) for trial in trials]
+    constraints = [weights_and_motions(model, trial.traction) for trial in trials]
     values = start
     for _ in range(CONTACT_PASSES):
         peak = largest_component(comm, values)
         cone_parts = []
         ray_parts = []
         for trial, r, r_0, (weight, motions) in zip(
-            trials, values, start, weights_and_motions, strict=True
+            trials, values, start, constraints, strict=True
         ):
             cones = trial.allowed.near(r, peak)
             shift = trial.shift(cones.slope)
