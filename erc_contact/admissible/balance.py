@@ -80,7 +80,7 @@ class Part:
 def balanced(
     comm: MPI.Comm, parts: list[Part], loads: np.ndarray
 ) -> tuple[list[np.ndarray], np.ndarray, float]:
-    """Compute the tractions nearest to start + shift that balance the loads; collective.
+    """Balance the loads with the tractions nearest to start + shift; collective.
 
     A shift that is much longer than the tractions loses digits and needs many Newton
     steps, so it is applied in shares. The part of a share that is beyond the set keeps

@@ -1,4 +1,4 @@
-"""What the balance needs of a contact: weights, free motions, facets with a level pressure.
+"""Parts of the balance: weights, free motions, facets with a level pressure.
 
 Symbols: f facets, m number of coefficients of a facet, d dimension, K free motions.
 """
@@ -14,7 +14,7 @@ from erc_contact.admissible.traction import ContactTraction
 from erc_contact.base.exceptions import NotHeldError
 from erc_contact.model.model import Model
 
-HELD = 1e-8
+ACCEPTED_IMBALANCE = 1e-8
 """Imbalance that counts as none, over the forces [-].
 
 1e-15 to 1e-11 remains where an allowed traction exists.
@@ -22,11 +22,12 @@ HELD = 1e-8
 
 
 def weights_and_motions(model: Model, traction: ContactTraction) -> tuple[np.ndarray, np.ndarray]:
-    """Compute the weights of the nodes of a contact, and the means of the free motions there.
+    """Compute the weights of the nodes of a contact, and the free motions there.
 
     Returns:
         ``|F|/m`` of the facets that this rank owns, else 0, shape (f, 1), and the
-        means, shape (f, m, d, K), as :class:`Part` has them.
+        means of the motions at the nodes, shape (f, m, d, K), as :class:`Part` has
+        them.
     """
     trace = traction.contact.trace
     share = traction.area / traction.nodes.shape[1]
@@ -40,7 +41,7 @@ def weights_and_motions(model: Model, traction: ContactTraction) -> tuple[np.nda
 
 
 def ray_part(rays: np.ndarray, start: np.ndarray, weight: np.ndarray, motions: np.ndarray) -> Part:
-    """Make the part of facets whose tractions are multiples >= 0 of given ones (f, m, d).
+    """Make the part of facets whose tractions are multiples >= 0 of given ones.
 
     All nodes of a facet are one long vector. A cone without friction whose normal is
     opposite to this vector contains just its multiples.
@@ -64,7 +65,7 @@ def raise_if_unbalanced(imbalance: np.ndarray, forces: float) -> None:
         forces: Size of the forces [force].
     """
     size = np.linalg.norm(imbalance)
-    if size > HELD * forces:
+    if size > ACCEPTED_IMBALANCE * forces:
         raise NotHeldError(
             "No contact traction that the law allows, a polynomial on each facet, balances the "
             f"loads on a rigid motion that no support holds (imbalance {size / forces:.1e} of "

@@ -61,10 +61,10 @@ class _Trial:
     level: np.ndarray
 
     def limited(self) -> np.ndarray:
-        """Limit the traction to what the law allows, not yet balanced [force/area]; collective.
+        """Limit the traction to what the law allows [force/area]; collective.
 
-        Round-off of the method's traction is shifted in the direction in which it does
-        not increase e.
+        It is not yet balanced. Round-off of the method's traction is shifted in the
+        direction in which it does not increase e.
 
         Returns:
             Coefficients, shape (f, m, d).
@@ -80,7 +80,7 @@ class _Trial:
         return self.levelled(allowed.project(shifted))
 
     def levelled(self, values: np.ndarray) -> np.ndarray:
-        """Level the pressure of tractions (f, m, d) on the facets of ``level``; collective."""
+        """Level the pressure of tractions on the facets of ``level``; collective."""
         if not self.allowed.contact.sampled:
             return values
         level_values = self.allowed.level(values, self.shift.slip)
@@ -113,7 +113,7 @@ class _Trial:
         return ~self.level & far & (saved > added)
 
     def lowered(self, factor: np.ndarray, become: np.ndarray) -> _Trial:
-        """Return the trial with less friction on some facets, and a level pressure on others.
+        """Return the trial with less friction, or with a level pressure.
 
         Args:
             factor: Factor of the friction of each facet [-], shape (f,).
@@ -146,7 +146,7 @@ class _Trial:
 def admissible_tractions(
     model: Model, solution: Any, loads: np.ndarray, forces: float
 ) -> list[ContactTraction]:
-    """Make the tractions r^ of all contacts from the tractions r of the method; collective.
+    """Make the tractions r^ from the tractions r of the method; collective.
 
     The L2 projection of r on degree k of each facet is limited to what the law allows.
     For degree 2 the limiter uses the means ``int r B_m / int B_m``, which the law
@@ -236,7 +236,7 @@ def _limited(
 def _allowed_at_nodes(
     model: Model, trials: list[_Trial], loads: np.ndarray, forces: float
 ) -> list[ContactTraction]:
-    """Limit tractions to what the law allows at the nodes, and balance the loads; collective."""
+    """Limit tractions at the nodes, and balance the loads; collective."""
     values = [trial.limited() for trial in trials]
     if model.free_motions:
         values = _balanced(model, trials, values, loads, forces)
@@ -246,10 +246,11 @@ def _allowed_at_nodes(
 def _balanced(
     model: Model, trials: list[_Trial], start: list[np.ndarray], loads: np.ndarray, forces: float
 ) -> list[np.ndarray]:
-    """Balance the loads on the free motions with the allowed tractions nearest to the shifted ones.
+    """Balance the loads on the free motions; collective.
 
-    A set of the balance is convex: it has the tangent of the friction bound at the last
-    pressures. So the balance is repeated until the law allows its result.
+    The result is the allowed tractions nearest to the shifted ones. A set of the
+    balance is convex: it has the tangent of the friction bound at the last pressures.
+    So the balance is repeated until the law allows its result.
 
     The tractions of facets with a level pressure are multiples of
     :meth:`Allowed.level`: one unknown, all nodes as one.

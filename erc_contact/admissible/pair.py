@@ -81,7 +81,10 @@ class Admissible:
     seconds: float
 
     def __repr__(self) -> str:
-        """Describe the pair in a line; nothing is computed, so one rank alone may ask."""
+        """Describe the pair in a line.
+
+        Nothing is computed, so one rank alone may ask.
+        """
         return (
             f"<Admissible pair of degree {self.model.degree} on {self.domain.cells} cells, "
             f"{len(self.tractions)} contacts, tightened {self.tightening} times>"

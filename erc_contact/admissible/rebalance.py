@@ -23,7 +23,7 @@ from erc_contact.model.model import Model
 from erc_contact.newton.linear.solver import ElasticSolver
 
 FORCE_ROUND_OFF = 1e-12
-"""Unbalanced nodal forces that count as round-off, over the forces of the stress [-]."""
+"""Unbalanced nodal forces that are round-off, over the forces of the stress [-]."""
 BALANCE_SOLVES = 4
 """Greatest number of solves for unbalanced forces.
 
