@@ -61,7 +61,7 @@ class CellGeometry:
 
     @property
     def vertices_of_facets(self) -> np.ndarray:
-        """Return the nodes of the vertices of each facet, ascending, shape (facets, d)."""
+        """Return the nodes of the vertices of each facet, ascending: (facets, d)."""
         cell, i = np.divmod(np.maximum(self.side[0], 0), self.d + 1)
         return self.vertices[cell[:, None], facet_vertices(self.d)[i]]
 
@@ -157,7 +157,7 @@ def facet_order(vertices: np.ndarray, degree: int) -> np.ndarray:
 
 
 def facet_forces(area: np.ndarray, stress: np.ndarray) -> np.ndarray:
-    """Compute the forces ``S_b |F_i| n_i`` of a symmetric stress on facets of cells [force].
+    """Compute the forces ``S_b |F_i| n_i`` of a symmetric stress on facets [force].
 
     There is one for each coefficient and each facet of a cell.
 

@@ -1,4 +1,4 @@
-"""Moduli in the cells of a model, strains of a displacement, and its stress C eps(u)."""
+"""Moduli in the cells of a model, strains of a displacement, and its stress."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from dolfinx import fem
 
 from erc_contact.admissible.cells import CellGeometry, sorted_corners
 from erc_contact.admissible.kernels import kernels
-from erc_contact.admissible.macro import macro_points, tensors
+from erc_contact.admissible.macro import macro_points
+from erc_contact.admissible.reference import tensors
 from erc_contact.mesh.simplex import (
     barycentric,
     bernstein,

@@ -126,7 +126,7 @@ def _tests(d: int, k: int) -> tuple[np.ndarray, np.ndarray]:
 
 @cache
 def _incidence(d: int, k: int) -> np.ndarray:
-    """Return the matrix that sums values at facet nodes of a cell, shape (N_k, (d+1) m).
+    """Return the matrix (N_k, (d+1) m) that sums values at facet nodes of a cell.
 
     The values are those of its facets, the sums those at its nodes.
     """

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from erc_contact.admissible.macro import tensors
 from erc_contact.admissible.pair import Admissible, pair_of
+from erc_contact.admissible.reference import tensors
 from erc_contact.mesh.simplex import barycentric, bernstein, lagrange
 from erc_contact.model.points import at_points, elastic_stress_at
 

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from erc_contact.admissible.macro import tensors
 from erc_contact.admissible.pair import Admissible, pair_of
+from erc_contact.admissible.reference import tensors
 from erc_contact.mesh.simplex import from_means, mass
 from erc_contact.model.stress import stress_in_space, tells_out_of_plane, von_mises
 

@@ -21,14 +21,8 @@ import numpy as np
 
 from erc_contact.admissible.cells import CellGeometry
 from erc_contact.admissible.kernels import kernels
-from erc_contact.admissible.macro import (
-    bubbles,
-    chunks,
-    macro_points,
-    piola,
-    reference_metric,
-    tensors,
-)
+from erc_contact.admissible.macro import chunks, macro_points, piola, reference_metric
+from erc_contact.admissible.reference import bubbles, tensors
 from erc_contact.admissible.tighten.tables import macro_table
 
 

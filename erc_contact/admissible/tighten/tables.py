@@ -19,7 +19,8 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from erc_contact.admissible.macro import bubbles, macro_points, reference_map
+from erc_contact.admissible.macro import macro_points
+from erc_contact.admissible.reference import bubbles, reference_map
 from erc_contact.mesh.simplex import (
     bernstein,
     coefficients,
