@@ -128,7 +128,7 @@ def mark(error: ConstitutiveError | Run, fraction: float = 0.5) -> np.ndarray:
 
 
 def largest(comm: MPI.Comm, values: np.ndarray, fraction: float) -> np.ndarray:
-    """Find the fewest values whose squares sum to a fraction of all squares; collective.
+    """Find the fewest values with a fraction of the sum of all squares; collective.
 
     Args:
         comm: Communicator.
@@ -156,7 +156,7 @@ def _threshold(comm: MPI.Comm, values: np.ndarray, fraction: float) -> float:
     enough = fraction * comm.allreduce(float(carried[0]), MPI.SUM) * (1 - TIE)
 
     def carries(digits: int) -> bool:
-        """Tell whether the values from a number on carry enough, by its binary digits."""
+        """Tell whether the values from these binary digits on carry enough."""
         first = np.searchsorted(ascending, np.int64(digits).view(np.float64))
         return comm.allreduce(float(carried[first]), MPI.SUM) >= enough
 
