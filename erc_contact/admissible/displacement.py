@@ -242,8 +242,8 @@ def _excess(model: Model, traction: ContactTraction, gaps: np.ndarray) -> np.nda
     gap = Everywhere(traction.contact.gap, model.mesh)
     size = np.zeros(len(facets))
 
-    def above(facet: np.ndarray, at: np.ndarray, x: np.ndarray) -> np.ndarray:
-        shape = polynomials(model.degree, at)
+    def above(facet: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
+        shape = polynomials(model.degree, places)
         polynomial = np.matmul(shape, gaps[facet][..., None])[..., 0]
         excess = polynomial - gap(x, facets[facet])
         np.maximum.at(size, facet, abs(excess).max(axis=1))

@@ -43,7 +43,7 @@ def equilibrated_moments(
     cells: CellGeometry,
     stress: np.ndarray,
     force: np.ndarray | None,
-    given: np.ndarray,
+    boundary: np.ndarray,
     fixed: np.ndarray,
     complete: np.ndarray,
 ) -> np.ndarray:
@@ -54,8 +54,8 @@ def equilibrated_moments(
         stress: Coefficients of sigma_h [force/area], shape (n, N_(k-1), d, d).
         force: Coefficients of the body force times volume [force], shape (n, N_(k-1),
             d), or None.
-        given: Moments of the tractions known on the boundary [force], shape (facets, m,
-            d).
+        boundary: Moments of the tractions known on the boundary [force], shape
+            (facets, m, d).
         fixed: Components of boundary facets whose traction is unknown (Gamma_D), shape
             (facets, d).
         complete: Nodes whose patch is complete on this rank, shape (nodes,).
@@ -77,7 +77,7 @@ def equilibrated_moments(
     on_second = np.matmul(on_facets[second % (d + 1)], flat[second])
     of_support = np.where(fixed[:, None], on_first, 0.0)
     moment = np.where(inner[:, None, None], 0.5 * (on_first - on_second), of_support)
-    moment += given
+    moment += boundary
 
     # (f, B_v) - (sigma_h, grad B_v) + int_dT t B_v on every cell
     by_cell = by_facet.reshape(count, (d + 1) * by_facet.shape[2], d)

@@ -43,8 +43,8 @@ def traction_moments(model: Model, facets: np.ndarray, traction: Ufl) -> np.ndar
         return np.einsum("qm,fqi->fmi", weighted, values) * area[:, None, None]
     load = Everywhere(traction, model.mesh)
 
-    def moments(of: np.ndarray, at: np.ndarray, x: np.ndarray) -> np.ndarray:
-        return _products(polynomials(k, at), load(x, facets[of]))
+    def moments(entity: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
+        return _products(polynomials(k, places), load(x, facets[entity]))
 
     total = integrate(model.comm, moments, model.facet_corners(facets), area, facet_pieces(d - 1))
     return total.value.reshape(len(facets), len(model.facet_points), d)
@@ -65,8 +65,8 @@ def cell_forces(model: Model, cells: CellGeometry) -> np.ndarray | None:
         return np.repeat(values, len(nodes(d, k - 1)), axis=1) * cells.volume[:, None, None]
     load = Everywhere(model.body_force, model.mesh)
 
-    def moments(of: np.ndarray, at: np.ndarray, x: np.ndarray) -> np.ndarray:
-        return _products(polynomials(k - 1, at), load(x, of_cells[of]))
+    def moments(entity: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
+        return _products(polynomials(k - 1, places), load(x, of_cells[entity]))
 
     # All ranks have DOLFINx's order of the vertices, and so the same integration points
     # and forces of a cell. Only then the vertices are sorted.

@@ -98,7 +98,7 @@ def macro_stress(
     return sigma
 
 
-def macro_values(stress: np.ndarray, k: int, of: np.ndarray, at: np.ndarray) -> np.ndarray:
+def macro_values(stress: np.ndarray, k: int, cell: np.ndarray, places: np.ndarray) -> np.ndarray:
     """Evaluate sigma^ at points of pieces of cells [force/area].
 
     Each piece lies in one sub-simplex.
@@ -106,22 +106,22 @@ def macro_values(stress: np.ndarray, k: int, of: np.ndarray, at: np.ndarray) -> 
     Args:
         stress: Coefficients of all cells, shape (cells, d+1, N_k, s).
         k: Their degree.
-        of: Cell of each piece, shape (n,).
-        at: Barycentric coordinates in the cell, shape (n, q, d+1).
+        cell: Cell of each piece, shape (n,).
+        places: Barycentric coordinates in the cell, shape (n, q, d+1).
 
     Returns:
         Mandel components, shape (n, q, s).
     """
     # The barycentre replaces the vertex that the piece is farthest from.
-    sub = at.mean(axis=1).argmin(axis=1)
-    pieces = np.arange(len(of))
-    least = at[pieces, :, sub]
-    local = at - least[..., None]
-    local[pieces, :, sub] = at.shape[2] * least
-    return np.matmul(polynomials(k, local), stress[of, sub])
+    sub = places.mean(axis=1).argmin(axis=1)
+    pieces = np.arange(len(cell))
+    least = places[pieces, :, sub]
+    local = places - least[..., None]
+    local[pieces, :, sub] = places.shape[2] * least
+    return np.matmul(polynomials(k, local), stress[cell, sub])
 
 
-def piola(cells: CellGeometry, some: slice) -> np.ndarray:
+def piola(cells: CellGeometry, chunk: slice) -> np.ndarray:
     """Return the images ``J b J^T / |det J|`` of the basis tensors b in some cells.
 
     Returns:
@@ -129,28 +129,28 @@ def piola(cells: CellGeometry, some: slice) -> np.ndarray:
     """
     d = cells.d
     basis = mandel_basis(d)
-    J = cells.J[some]
-    determinant = cells.volume[some] * factorial(d)
+    J = cells.J[chunk]
+    determinant = cells.volume[chunk] * factorial(d)
     products = (J[:, :, :, None, None] * J[:, None, None]) / determinant[:, None, None, None, None]
     symmetric = np.einsum("aij,bkl->ikjlba", basis, basis).reshape(d**4, -1)
     return (products.reshape(-1, d**4) @ symmetric).reshape(-1, len(basis), len(basis))
 
 
-def reference_metric(cells: CellGeometry, some: slice, compliance: np.ndarray) -> np.ndarray:
+def reference_metric(cells: CellGeometry, chunk: slice, compliance: np.ndarray) -> np.ndarray:
     """Return the compliance for reference stresses in some cells.
 
     It is ``|T| P C^-1 P^T`` with P the Piola transform.
 
     Args:
         cells: Geometry.
-        some: Cells.
+        chunk: Cells.
         compliance: C^-1 [area/force], shape (n or 1, Q or 1, s, s).
 
     Returns:
         Shape (c, Q or 1, s, s).
     """
-    P = piola(cells, some)[:, None] * np.sqrt(cells.volume[some])[:, None, None, None]
-    local = compliance[some] if len(compliance) > 1 else compliance
+    P = piola(cells, chunk)[:, None] * np.sqrt(cells.volume[chunk])[:, None, None, None]
+    local = compliance[chunk] if len(compliance) > 1 else compliance
     return np.matmul(np.matmul(P, local), P.transpose(0, 1, 3, 2))
 
 

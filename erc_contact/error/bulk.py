@@ -62,11 +62,11 @@ def _adapted_squares(admissible: Admissible, size: float) -> tuple[np.ndarray, n
     of_cells = model.owned_cells
     strain = strains(cells, admissible.displacement)[:owned]
 
-    def squares(of: np.ndarray, at: np.ndarray, x: np.ndarray) -> np.ndarray:
-        compliance = model.compliance(x, of_cells[of])
-        at_points = np.matmul(polynomials(k - 1, at), strain[of])
-        elastic = act(model.elasticity(x, of_cells[of]), at_points)
-        sigma = macro_values(admissible.stress, k, of, at)
+    def squares(cell: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
+        compliance = model.compliance(x, of_cells[cell])
+        at_points = np.matmul(polynomials(k - 1, places), strain[cell])
+        elastic = act(model.elasticity(x, of_cells[cell]), at_points)
+        sigma = macro_values(admissible.stress, k, cell, places)
         difference = sigma - elastic
         both = sigma + elastic
         difference_2 = (act(compliance, difference) * difference).sum(axis=-1)

@@ -19,7 +19,7 @@ from mpi4py import MPI
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.error.oscillation import DATA_ROUND_OFF, OSCILLATION_SHARE, UNKNOWN_SHARE
 from erc_contact.error.slip_rules import rule_between_zeros, same_rule, slip_may_vanish
-from erc_contact.mesh.quadrature import facet_pieces, integrate, polynomials
+from erc_contact.mesh.quadrature import Integral, facet_pieces, integrate, polynomials
 from erc_contact.model.expressions import evaluate, varies_in_cells
 from erc_contact.model.foundation import CONCAVE, BoundContact, ContactData, pressures
 from erc_contact.model.model import Model
@@ -184,21 +184,21 @@ def _adapted_squares(
         floor: What the integrals may leave unknown [force length].
     """
     contact = traction.contact
-    given = ContactData(contact, model.mesh)
+    data = ContactData(contact, model.mesh)
     least_gap = _round_off(model, of_w)
     least_force = _round_off(model, traction.values)
 
-    def terms(of: np.ndarray, at: np.ndarray, x: np.ndarray) -> np.ndarray:
+    def terms(facet: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
         """Evaluate the contact term, and what gap, normal and bound are exceeded by."""
-        n = contact.direction[of][:, None, :]
-        shape = polynomials(model.degree, at)
-        r = np.matmul(shape, traction.values[of])
-        w = np.matmul(shape, of_w[of])
-        s = np.matmul(shape, of_s[of])
+        n = contact.direction[facet][:, None, :]
+        shape = polynomials(model.degree, places)
+        r = np.matmul(shape, traction.values[facet])
+        w = np.matmul(shape, of_w[facet])
+        s = np.matmul(shape, of_s[facet])
         r_n, _, friction = split(r, n)
-        gap = given.gap(of, x)
-        normal = given.normal(of, x)
-        bound = given.bound(of, x, np.maximum(-r_n, 0.0))
+        gap = data.gap(facet, x)
+        normal = data.normal(facet, x)
+        bound = data.bound(facet, x, np.maximum(-r_n, 0.0))
         density = contact_density(contact, n, r, w, s, gap, bound)
 
         opening = (w * normal).sum(axis=-1) - gap
@@ -210,7 +210,7 @@ def _adapted_squares(
         excess = np.where(excess <= least_force, 0.0, excess)
         # A violation of the gap is measured as that of a support, E/h |.|^2, and one of
         # normal and bound as that of a load, h/E |.|^2.
-        compliance = (1 / contact.trace.stiffness)[of][:, None]
+        compliance = (1 / contact.trace.stiffness)[facet][:, None]
         gaps = beyond**2 / compliance + turned**2 * compliance
         return np.stack([density, gaps, excess**2 * compliance], axis=-1)
 
@@ -224,6 +224,20 @@ def _adapted_squares(
         share=np.array([UNKNOWN_SHARE, OSCILLATION_SHARE, OSCILLATION_SHARE]),
         floor=np.array([floor, 0.0, 0.0]),
     )
+    return _with_unknown(contact, total)
+
+
+def _with_unknown(contact: BoundContact, total: Integral) -> tuple[np.ndarray, float, float]:
+    """Add what adapted integrals leave unknown to the parts and to the oscillations.
+
+    Args:
+        contact: The contact.
+        total: Integrals of the contact term, and of the oscillations of the gap and of
+            the friction bound, on each facet.
+
+    Returns:
+        The results of :func:`contact_squares`.
+    """
     parts, of_gap, of_friction = total.value.T
     parts_unknown = total.rest[:, 0]
     gap_unknown = 0.0

@@ -105,8 +105,8 @@ def _of_body_force(model: Model, cells: CellGeometry, force: np.ndarray) -> floa
     volume = cells.volume[:owned]
     corners = sorted_corners(model, cells)[:owned]
     projected = force[:owned] / volume[:, None, None]
-    given = Everywhere(model.body_force, model.mesh)
-    difference = _squares(model, given, model.owned_cells, projected, k - 1)
+    data = Everywhere(model.body_force, model.mesh)
+    difference = _squares(model, data, model.owned_cells, projected, k - 1)
     integral = integrate(
         model.comm, difference, corners, volume, cell_pieces(d), share=OSCILLATION_SHARE
     )
@@ -130,8 +130,8 @@ def of_supports(model: Model) -> float:
             facets = _owned(model, support.facets)
             nodal = prescribed[model.facet_nodes(facets), i]
             interpolated = (nodal @ coefficients(d - 1, k).T)[..., None]
-            given = Everywhere(component(model.x), model.mesh)
-            square = _on_facets(model, given, facets, interpolated)
+            data = Everywhere(component(model.x), model.mesh)
+            square = _on_facets(model, data, facets, interpolated)
             modulus = model.at_middles(model.modulus, facets[:, 0])
             total += float(np.sum(square * modulus / facet_sizes(model, facets)))
     return total
@@ -152,20 +152,20 @@ def of_history(model: Model) -> float:
 
 
 def _on_facets(
-    model: Model, given: Everywhere, facets: np.ndarray, coefficients: np.ndarray
+    model: Model, data: Everywhere, facets: np.ndarray, coefficients: np.ndarray
 ) -> np.ndarray:
-    """Compute ``int_F |given - polynomial|^2`` on each facet; collective.
+    """Compute ``int_F |data - polynomial|^2`` on each facet; collective.
 
     Args:
         model: The scene on a mesh.
-        given: The data, of c components.
+        data: The data, of c components.
         facets: Pairs (cell, local facet), shape (f, 2).
         coefficients: Those of the polynomials, shape (f, m, c).
 
     Returns:
         The integrals, shape (f,).
     """
-    difference = _squares(model, given, facets, coefficients, model.degree)
+    difference = _squares(model, data, facets, coefficients, model.degree)
     corners = model.facet_corners(facets)
     area = model.facet_areas(facets)
     integral = integrate(
@@ -175,18 +175,18 @@ def _on_facets(
 
 
 def _squares(
-    model: Model, given: Everywhere, entities: np.ndarray, coefficients: np.ndarray, degree: int
+    model: Model, data: Everywhere, entities: np.ndarray, coefficients: np.ndarray, degree: int
 ) -> Integrand:
-    """Return the integrand ``|given - polynomial|^2`` on cells or facets; collective.
+    """Return the integrand ``|data - polynomial|^2`` on cells or facets; collective.
 
     Differences that are round-off count as zero.
     """
     local = float(abs(coefficients).max(initial=0.0))
     least = DATA_ROUND_OFF * model.comm.allreduce(local, MPI.MAX)
 
-    def square(of: np.ndarray, at: np.ndarray, x: np.ndarray) -> np.ndarray:
-        polynomial = np.matmul(polynomials(degree, at), coefficients[of])
-        difference = given(x, entities[of]).reshape(polynomial.shape) - polynomial
+    def square(entity: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
+        polynomial = np.matmul(polynomials(degree, places), coefficients[entity])
+        difference = data(x, entities[entity]).reshape(polynomial.shape) - polynomial
         squares = np.where(abs(difference) <= least, 0.0, difference**2)
         return squares.sum(axis=2, keepdims=True)
 

@@ -95,10 +95,10 @@ class Sizes:
 def size_map(error: ConstitutiveError | Run, accuracy: float) -> Sizes:
     """Compute the sizes of the optimal mesh for an error; collective.
 
-    It has the fewest elements. r_E follows from the formula of the module. The
-    densities of elements are then averaged around each node, and the growth is limited
-    to :data:`GROW`. At last all sizes are scaled so that the predicted error ``sum
-    eps_E^2 (h/h_E)^(2 q_E)`` is the prescribed one.
+    r_E follows from the formula of the module. The densities of elements are then
+    averaged around each node, and the growth is limited to :data:`GROW`. At last all
+    sizes are scaled so that the predicted error ``sum eps_E^2 (h/h_E)^(2 q_E)`` is the
+    prescribed one.
 
     Args:
         error: The error of the last mesh, of any dimension and degree, or a history,
@@ -131,8 +131,8 @@ def size_map(error: ConstitutiveError | Run, accuracy: float) -> Sizes:
 
     def below_accuracy(multiplier: float) -> float:
         """Return how far the square of the error is below the prescribed one."""
-        r = ratio(multiplier)
-        return -(mesh.total(square * r ** (2 * q)) - accuracy**2)
+        total = mesh.total(square * ratio(multiplier) ** (2 * q))
+        return -(total - accuracy**2)
 
     r = ratio(_root(below_accuracy, 1e-12, 1e24))
     density = mesh.around(r**-d) / mesh.around(mesh.volume)

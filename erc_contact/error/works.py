@@ -79,10 +79,10 @@ def elastic_work(pair: Admissible, v: fem.Function, w: fem.Function) -> BoundedN
     strain_v = strains(cells, v)
     strain_w = strains(cells, w)
 
-    def density(of: np.ndarray, at: np.ndarray, x: np.ndarray) -> np.ndarray:
-        shape = polynomials(model.degree - 1, at)
-        stress = act(model.elasticity(x, of_cells[of]), np.matmul(shape, strain_v[of]))
-        return (stress * np.matmul(shape, strain_w[of])).sum(axis=-1, keepdims=True)
+    def density(entity: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
+        shape = polynomials(model.degree - 1, places)
+        stress = act(model.elasticity(x, of_cells[entity]), np.matmul(shape, strain_v[entity]))
+        return (stress * np.matmul(shape, strain_w[entity])).sum(axis=-1, keepdims=True)
 
     corners = sorted_corners(model, cells)[:owned]
     volume = cells.volume[:owned]
@@ -126,15 +126,15 @@ def friction_works(
     """
     contact = traction.contact
     trace = contact.trace
-    given = ContactData(contact, model.mesh)
+    data = ContactData(contact, model.mesh)
     since_last_step = trace.coefficients(trace.since(u.x.array))
 
-    def density(of: np.ndarray, at: np.ndarray, x: np.ndarray) -> np.ndarray:
-        n = contact.direction[of][:, None, :]
-        shape = polynomials(model.degree, at)
-        pressure = pressures(np.matmul(shape, traction.values[of]), n)
-        _, _, slip = split(np.matmul(shape, since_last_step[of]), n)
-        return (given.bound(of, x, pressure) * slip)[..., None]
+    def density(entity: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
+        n = contact.direction[entity][:, None, :]
+        shape = polynomials(model.degree, places)
+        pressure = pressures(np.matmul(shape, traction.values[entity]), n)
+        _, _, slip = split(np.matmul(shape, since_last_step[entity]), n)
+        return (data.bound(entity, x, pressure) * slip)[..., None]
 
     pieces = facet_pieces(model.d - 1)
     area = trace.here.owned_areas
@@ -188,8 +188,8 @@ def _products(load: Everywhere, entities: np.ndarray, of_v: np.ndarray, degree: 
     Its coefficients have the shape (entities, N, d).
     """
 
-    def components(of: np.ndarray, at: np.ndarray, x: np.ndarray) -> np.ndarray:
-        return load(x, entities[of]) * np.matmul(polynomials(degree, at), of_v[of])
+    def components(entity: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
+        return load(x, entities[entity]) * np.matmul(polynomials(degree, places), of_v[entity])
 
     return components
 

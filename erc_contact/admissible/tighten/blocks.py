@@ -73,14 +73,14 @@ def _facet_matrices(cells: CellGeometry, compliance: np.ndarray, count: int) -> 
         products.append(np.einsum("aQx,bQy->abxy", unit, unit).reshape(s * s, -1))
     mean = compliance.mean(axis=1, keepdims=True)
     matrices = np.zeros((count, j * d, j * d))
-    for some in chunks(len(cells.nodes)):
-        metric = reference_metric(cells, some, mean).reshape(-1, s * s)
-        inverse = cells.inverse[some]
+    for chunk in chunks(len(cells.nodes)):
+        metric = reference_metric(cells, chunk, mean).reshape(-1, s * s)
+        inverse = cells.inverse[chunk]
         for f in range(d + 1):
             # The Jacobian maps both moments: the columns first, then the rows.
             local = (metric @ products[f]).reshape(-1, j * d * j, d)
             local = np.matmul(local, inverse).reshape(-1, j, d, j * d).transpose(0, 1, 3, 2)
             local = np.matmul(local.reshape(len(local), -1, d), inverse)
             local = local.reshape(-1, j, j * d, d).transpose(0, 1, 3, 2)
-            np.add.at(matrices, cells.facets[some, f], local.reshape(-1, j * d, j * d))
+            np.add.at(matrices, cells.facets[chunk, f], local.reshape(-1, j * d, j * d))
     return matrices

@@ -79,21 +79,21 @@ def relaxed(
     near, _, weights = macro_points(d, k)
     at_points, _ = _bubble_map(d, k)
     result = np.empty_like(sigma)
-    for some in chunks(len(sigma)):
-        here = sigma[some]
-        P = piola(cells, some)
+    for chunk in chunks(len(sigma)):
+        here = sigma[chunk]
+        P = piola(cells, chunk)
         values = np.matmul(near, here).reshape(len(here), -1, here.shape[3])
-        difference = values - elastic[some]
+        difference = values - elastic[chunk]
         # Work of the difference on the bubbles, whose least energy is where it is zero.
-        local = compliance[some] if len(compliance) > 1 else compliance
+        local = compliance[chunk] if len(compliance) > 1 else compliance
         strain = np.matmul(local, difference[..., None])[..., 0]
         dual = np.matmul(strain, P.transpose(0, 2, 1))
-        dual *= cells.volume[some, None, None] * np.sqrt(weights)[:, None]
+        dual *= cells.volume[chunk, None, None] * np.sqrt(weights)[:, None]
         work = np.tensordot(dual, at_points, axes=((1, 2), (1, 0)))
-        inverse = _bubble_inverse(d, k, reference_metric(cells, some, compliance))
+        inverse = _bubble_inverse(d, k, reference_metric(cells, chunk, compliance))
         amount = np.matmul(inverse, work[:, :, None])[..., 0]
         added = np.tensordot(amount, bubbles(d, k), axes=(1, 3))
-        result[some] = here - np.matmul(added, P[:, None])
+        result[chunk] = here - np.matmul(added, P[:, None])
     return result
 
 
@@ -144,21 +144,22 @@ class ComplementaryEnergy:
             return self._add(slice(0, self.owned), moment, mean, None, half), half
         _, _, weights = macro_points(d, cells.degree)
         square = 0.0
-        for some in chunks(self.owned):
-            means = weights @ elastic[some]
+        for chunk in chunks(self.owned):
+            means = weights @ elastic[chunk]
             # What C eps(u^) has beside its mean, pulled back to the reference simplex.
-            deviation = np.matmul(self.table.from_points, means[:, None] - elastic[some])
-            transposed = piola(cells, some).transpose(0, 2, 1)
+            deviation = np.matmul(self.table.from_points, means[:, None] - elastic[chunk])
+            transposed = piola(cells, chunk).transpose(0, 2, 1)
             offset = np.linalg.solve(transposed, deviation.transpose(0, 2, 1)).transpose(0, 2, 1)
             if force is not None:
-                inside = np.matmul(force[some], cells.inverse[some].transpose(0, 2, 1))
+                inside = np.matmul(force[chunk], cells.inverse[chunk].transpose(0, 2, 1))
                 offset = offset + np.tensordot(inside, self.table.body, axes=((1, 2), (2, 3)))
-            square += self._add(some, moment, tensors(means, d), np.ascontiguousarray(offset), half)
+            offset = np.ascontiguousarray(offset)
+            square += self._add(chunk, moment, tensors(means, d), offset, half)
         return square, half
 
     def _add(
         self,
-        some: slice,
+        chunk: slice,
         x: np.ndarray,
         mean: np.ndarray | None,
         offset: np.ndarray | None,
@@ -171,7 +172,7 @@ class ComplementaryEnergy:
         metric ``|T| P C^-1 P^T`` of reference stresses.
 
         Args:
-            some: Cells.
+            chunk: Cells.
             x: Hierarchical moments on the first sides of the facets, shape (F, m, d).
             mean: A stress in each cell whose tractions are subtracted, shape (c, d, d),
                 or None.
@@ -181,7 +182,7 @@ class ComplementaryEnergy:
         cells = self.cells
         table = self.table
         compliance = self.compliance
-        sizes = (cells.d, x.shape[1], some.start, some.stop)
+        sizes = (cells.d, x.shape[1], chunk.start, chunk.stop)
         geometry = (cells.edges, cells.facets, cells.side)
         material = (compliance, len(compliance) > 1, compliance.shape[1])
         to_stress = (table.to_coefficients, table.count, *table.stress, *table.back)
