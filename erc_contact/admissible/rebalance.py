@@ -9,8 +9,6 @@ polynomial of degree k-1 in a cell.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from dolfinx import fem, la
 from mpi4py import MPI
@@ -50,7 +48,7 @@ def nodal_forces(
     d, k = model.d, model.degree
     owned = model.domain.owned_cells
     b = model.function()
-    nodal: Any = b.x.array.reshape(-1, d)
+    nodal = b.x.array.reshape(-1, d)
     # The rank that owns the first cell of a facet adds its force, and no other one.
     first = cells.side[0]
     is_owned = (first >= 0) & (first < owned * (d + 1))

@@ -36,7 +36,10 @@ def _reference(d: int, k: int) -> tuple[np.ndarray, np.ndarray]:
     conditions: the divergence in the sub-simplices, the tractions on the facets of the
     cell, and continuous tractions between the sub-simplices.
     """
-    s, N, m, b = len(mandel_basis(d)), len(nodes(d, k)), len(nodes(d - 1, k)), len(nodes(d, k - 1))
+    s = len(mandel_basis(d))
+    N = len(nodes(d, k))
+    m = len(nodes(d - 1, k))
+    b = len(nodes(d, k - 1))
     stresses = np.eye((d + 1) * N * s).reshape(d + 1, N, s, -1)
     inputs = np.eye(((d + 1) * m + b) * d).reshape((d + 1) * m + b, d, -1)
     equilibrium, loads = _equilibrium_rows(d, k, stresses, inputs)

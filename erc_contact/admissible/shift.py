@@ -9,7 +9,6 @@ m number of coefficients of a facet, d dimension.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -62,7 +61,7 @@ class Shift:
     opening: np.ndarray
     n: np.ndarray
 
-    def __call__(self, slope: Any) -> np.ndarray:
+    def __call__(self, slope: np.ndarray | float) -> np.ndarray:
         """Return ``-kappa E/h v`` for slopes mu of the friction bound [force/area].
 
         Args:

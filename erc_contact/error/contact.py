@@ -10,8 +10,6 @@ ours.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
@@ -37,8 +35,8 @@ def contact_density(
     n: np.ndarray,
     r: np.ndarray,
     w: np.ndarray,
-    s: Any,
-    gap: Any,
+    s: np.ndarray | float,
+    gap: np.ndarray | float,
     bound: np.ndarray,
 ) -> np.ndarray:
     """Evaluate twice the contact term at points [force/length^(d-2)].

@@ -163,19 +163,21 @@ def coulomb_certificate(error: ConstitutiveError | Run) -> CoulombCertificate:
     pair = error.admissible
     model = pair.model
     raise_together(model.comm, None)
-    contacts = [
-        c for c in model.contacts if c.friction is not None and c.friction.dependence != CONSTANT
-    ]
-    if not all(has_coulomb(c) for c in contacts):
-        return CoulombCertificate(
-            0.0, np.inf, np.inf, False, np.inf, error.absolute, np.inf, np.inf
-        )
+    contacts = []
+    for contact in model.contacts:
+        friction = contact.friction
+        if friction is not None and friction.dependence != CONSTANT:
+            contacts.append(contact)
+    e = error.absolute
+    if not all(has_coulomb(contact) for contact in contacts):
+        return CoulombCertificate(0.0, np.inf, np.inf, False, np.inf, e, np.inf, np.inf)
     if not contacts:
-        return CoulombCertificate(0.0, 0.0, 0.0, True, error.absolute, error.absolute, 0.0, 0.0)
+        return CoulombCertificate(0.0, 0.0, 0.0, True, e, e, 0.0, 0.0)
     on_surface = pair_on_surface(pair)
     traces = pair.solution.stiffness.traces(on_surface.surface.numbers)
+    certify = _best if traces.cheap else _single
     try:
-        return (_best if traces.cheap else _single)(error, on_surface, traces)
+        return certify(error, on_surface, traces)
     finally:
         traces.free()
 

@@ -233,9 +233,10 @@ def coulomb_surface(model: Model) -> Surface:
     blocked = np.isin(numbers, _gathered(model, others))
     cosine = (normal[facets] * direction[:, None, :]).sum(axis=-1)
     blocked[facets[cosine < EDGE_COSINE]] = True
-    held = np.zeros((len(numbers), model.d), dtype=bool)
-    held[facets] = fixed
-    blocked |= (held & (abs(normal) > ZERO_COMPONENT)).any(axis=1) & ~held.all(axis=1)
+    supported = np.zeros((len(numbers), model.d), dtype=bool)
+    supported[facets] = fixed
+    some_of_normal = (supported & (abs(normal) > ZERO_COMPONENT)).any(axis=1)
+    blocked |= some_of_normal & ~supported.all(axis=1)
     return Surface(model.degree, numbers, facets, corners, direction, normal, blocked)
 
 

@@ -38,6 +38,7 @@ class Blocks:
         matrices = _facet_matrices(cells, compliance, len(free))
         size = matrices.shape[1]
         j = size // cells.d
+        # Components without energy have no equation.
         keep = np.tile(free, j) & mine[:, None]
         keep &= np.einsum("nii->ni", matrices) > 0
         both = keep[:, :, None] & keep[:, None, :]
