@@ -104,6 +104,7 @@ def balanced(
     beyond = [np.zeros_like(r) for r in tractions]
     before = np.inf
     for _ in range(SHIFT_STAGES):
+        # The loads tell the size of tractions that are still zero.
         usual = max(largest_component(comm, tractions), float(np.linalg.norm(loads)) / area)
         wanted = []
         for i, r in enumerate(tractions):
@@ -196,6 +197,7 @@ class _Problem:
             patience = PATIENCE if is_large else IMPATIENCE
             if now.size <= now.noise or i > last_gain + patience:
                 break
+            # Near a kink of P its derivative is of no use, and BFGS takes over.
             newton = self.inverse(y) if smooth else inverse
             step = -newton @ now.imbalance
             length, new = self.line_search(y, step, now)
@@ -226,6 +228,7 @@ class _Problem:
             tractions.append(r)
             beyond.append(z - r)
         total = self.comm.allreduce(local, MPI.SUM)
+        # Round-off is relative to what is added up: the loads, and z where it is large.
         size = max(float(total[count]), float(np.linalg.norm(self.loads)))
         noise = IMBALANCE_ROUND_OFF * max(size, float(total[count + 1]))
         return _State(tractions, beyond, total[:count] + self.loads, size, noise)
@@ -238,6 +241,7 @@ class _Problem:
             left, right = part.cones.derivative(wanted + part.motions @ y, part.motions)
             weighted = part.weight[..., None, None] * left
             matrix += weighted.reshape(-1, count).T @ right.reshape(-1, count)
+        # Only round-off makes it unsymmetric, or singular where a motion slips freely.
         matrix = self.comm.allreduce(0.5 * (matrix + matrix.T), MPI.SUM)
         diagonal = max(REGULAR * float(np.trace(matrix)), REGULAR * self.area)
         return np.linalg.inv(matrix + diagonal * np.eye(count))

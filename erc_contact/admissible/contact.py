@@ -100,7 +100,8 @@ class _Trial:
         """
         friction = self.allowed.contact.friction
         values = traction.values
-        # Only a concave bound loses friction where the pressure varies.
+        # A level pressure gains nothing where b is linear in the pressure with the same
+        # slope on the whole facet, or does not depend on it.
         if friction is None or friction.convex or friction.dependence == CONSTANT:
             return np.zeros(len(values), dtype=bool)
         path = self.shift.path.mean(axis=1)

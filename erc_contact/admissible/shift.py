@@ -82,6 +82,7 @@ class Shift:
         Args:
             r: Tractions [force/area], shape (f, m, d).
         """
+        # Where there is no traction, kappa stays as it is.
         far = FAR_SLIP * np.linalg.norm(r, axis=-1)
         length = self.path + self.opening
         ratio = np.divide(length, far, out=np.zeros_like(far), where=far > 0)

@@ -108,6 +108,7 @@ def geometry_squares(admissible: Admissible, both: np.ndarray) -> np.ndarray:
         return result
     density = domain.function("DG", 0)
     density.x.array[: len(both)] = both / (4 * cells.volume[: len(both)])
+    # A facet between two ranks needs the density of the other one.
     density.x.scatter_forward()
     values = density.x.array
 

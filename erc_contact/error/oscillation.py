@@ -89,6 +89,7 @@ def of_loads(model: Model, cells: CellGeometry, force: np.ndarray | None) -> flo
     for load in model.surface_loads:
         if load.varies:
             facets = _owned(model, load.facets)
+            # The projection is that of the reconstruction: sigma^ balances it.
             moments = traction_moments(model, facets, load.density)
             means = moments / model.facet_areas(facets)[:, None, None]
             projected = from_means(d - 1, k, means)
@@ -128,6 +129,7 @@ def of_supports(model: Model) -> float:
             if not callable(component):
                 continue
             facets = _owned(model, support.facets)
+            # u^ interpolates the support at the nodes.
             nodal = prescribed[model.facet_nodes(facets), i]
             interpolated = (nodal @ coefficients(d - 1, k).T)[..., None]
             data = Everywhere(component(model.x), model.mesh)
@@ -182,6 +184,7 @@ def _squares(
     Differences that are round-off count as zero.
     """
     local = float(abs(coefficients).max(initial=0.0))
+    # All ranks must agree, also those that have none of the facets.
     least = DATA_ROUND_OFF * model.comm.allreduce(local, MPI.MAX)
 
     def square(entity: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:

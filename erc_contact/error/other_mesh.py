@@ -56,6 +56,8 @@ class OtherMesh:
             shape (M,).
         """
         here = self.surface
+        # The field is that of the other surface, but its own edges and supports block
+        # it.
         x = here.positions()
         field = np.where(here.blocked[:, None], 0.0, surface.interpolated(t, x))
         q, _, phi = coupling(here.normal, self.traces, field, x)
@@ -77,6 +79,7 @@ def other_mesh(model: Model) -> OtherMesh | None:
             return body_on(model, domain.refined())
         if domain.geometry is None:
             return None
+        # It must be coarse enough to cost little, and to differ from this one.
         factor = max(COARSER, (domain.cells / MOST_CELLS[d]) ** (1 / d))
         return body_on(model, domain.remeshed(factor * NodalMesh(domain).mean_size()))
     except ErcContactError:

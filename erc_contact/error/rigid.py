@@ -38,6 +38,7 @@ def round_off(admissible: Admissible) -> tuple[float, bool]:
     owned = model.domain.owned_cells
     largest = float(abs(admissible.displacement.x.array).max(initial=0.0))
     size = comm.allreduce(largest, MPI.MAX)
+    # The largest entry of the moduli bounds the energy of a strain, up to a constant.
     stiffness = moduli(model, cells, nodes(model.d, 0), owned)[:, 0].max(axis=(1, 2))
     volume = cells.volume[:owned]
     local = np.sum(stiffness * volume ** (1 - 2 / model.d))

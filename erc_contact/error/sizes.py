@@ -134,6 +134,7 @@ def size_map(error: ConstitutiveError | Run, accuracy: float) -> Sizes:
         total = mesh.total(square * ratio(multiplier) ** (2 * q))
         return -(total - accuracy**2)
 
+    # A larger multiplier makes smaller elements, and so a smaller error.
     r = ratio(_root(below_accuracy, 1e-12, 1e24))
     density = mesh.around(r**-d) / mesh.around(mesh.volume)
     h = mesh.limited((FILL[d] / density) ** (1 / d))

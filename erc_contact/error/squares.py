@@ -43,6 +43,7 @@ def contact_and_oscillations(
         contact_2 += float(facets_2.sum())
         gaps_2 += of_gap
         friction_2 += of_friction
+    # One sum over the ranks for all of them.
     squares = np.array([contact_2, loads_2, supports_2, moduli_2, gaps_2, friction_2, history_2])
     total = model.comm.allreduce(squares, MPI.SUM)
     return total[0], total[1:]

@@ -139,6 +139,7 @@ def largest(comm: MPI.Comm, values: np.ndarray, fraction: float) -> np.ndarray:
         Their places on this rank; values that differ by less than TIE from the least of
         them are among them.
     """
+    # Equal errors are marked together, so that round-off does not choose.
     threshold = _threshold(comm, values, fraction)
     return np.flatnonzero(values >= threshold * (1 - TIE)).astype(np.int32)
 
@@ -152,6 +153,7 @@ def _threshold(comm: MPI.Comm, values: np.ndarray, fraction: float) -> float:
     number over the ranks.
     """
     ascending = np.sort(values)
+    # At each place the sum of the squares from there on.
     carried = np.append(np.cumsum(ascending[::-1] ** 2)[::-1], 0.0)
     enough = fraction * comm.allreduce(float(carried[0]), MPI.SUM) * (1 - TIE)
 

@@ -102,6 +102,7 @@ def stress_work(pair: Admissible, v: fem.Function) -> BoundedNumber:
     shape, points, weights = macro_points(model.d, k)
     sigma = np.matmul(shape, pair.stress).reshape(owned, len(points), pair.stress.shape[3])
     strain = np.matmul(bernstein(model.d, k - 1, points), strains(cells, v)[:owned])
+    # sigma^ is a polynomial on each sub-simplex, so the rule is exact.
     means = np.einsum("nqs,nqs,q->n", sigma, strain, weights)
     local = float(np.sum(cells.volume[:owned] * means))
     return BoundedNumber(float(model.comm.allreduce(local, MPI.SUM)))
@@ -144,6 +145,7 @@ def friction_works(
 def load_work(model: Model, v: fem.Function) -> BoundedNumber:
     """Compute ``f(v) + F(v)`` [force length]; collective."""
     constant_loads = model.loads(v, varying=False)
+    # Loads that do not vary in space are exact in a form, the others are adapted.
     total = BoundedNumber(0.0)
     if constant_loads is not None:
         total = BoundedNumber(assembled(model, constant_loads))
@@ -160,6 +162,7 @@ def _surface_work(model: Model, part: str, density: Ufl, v: fem.Function) -> Bou
     d, k = model.d, model.degree
     nodal = v.x.array.reshape(-1, d)
     facets = model.domain.facets(part)
+    # Every facet counts on one rank.
     area = np.where(model.owned(facets), model.facet_areas(facets), 0.0)
     on_facets = np.matmul(coefficients(d - 1, k), nodal[model.facet_nodes(facets)])
     work = _products(Everywhere(density, model.mesh), facets, on_facets, k)

@@ -50,6 +50,7 @@ def _bubble_inverse(d: int, k: int, metric: np.ndarray) -> np.ndarray:
         metric: Metric of reference stresses, shape (c, Q or 1, s, s).
     """
     at_points, products = _bubble_map(d, k)
+    # A metric that is the same at all points is taken out of their sum.
     if metric.shape[1] == 1:
         energy = np.tensordot(metric[:, 0], products, axes=((1, 2), (2, 3)))
     else:

@@ -146,6 +146,7 @@ class _SharedMoments:
     def total(self, values: np.ndarray) -> np.ndarray:
         """Sum the values of all ranks for each facet, in place; collective."""
         if self.comm.size > 1:
+            # The vector has an order of the nodes that all ranks agree on.
             rows = self.vector.array.reshape(values.shape)
             rows[self.shared] = np.take_along_axis(values[self.shared], self.order, axis=1)
             self.vector.scatter_reverse(la.InsertMode.add)

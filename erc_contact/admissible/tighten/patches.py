@@ -78,6 +78,7 @@ class Patches:
         self.scale = np.empty(lanes * int(batches.sum()))
         patches = (d, len(self.size), self.ring, self.size)
         geometry = (cells.edges, cells.facets, cells.side)
+        # A preconditioner needs the mean of the moduli of a cell only.
         mean = np.ascontiguousarray(compliance.mean(axis=1))
         material = (mean, len(compliance) > 1)
         factors = (self.factor, self.unit, self.scale)
