@@ -24,15 +24,9 @@ from scenes import greco, mostly_serial, random_scene, resultant, sliding_block
 
 import erc_contact as ec
 from erc_contact.admissible.cells import facet_order, force_coefficients, signed
-from erc_contact.admissible.macro import (
-    bubbles,
-    macro_points,
-    macro_stress,
-    mandel,
-    reference_map,
-    tensors,
-)
+from erc_contact.admissible.macro import macro_points, macro_stress
 from erc_contact.admissible.pair import Admissible
+from erc_contact.admissible.reference import bubbles, mandel, reference_map, tensors
 from erc_contact.admissible.sampled import lowering
 from erc_contact.mesh.simplex import (
     at_nodes,

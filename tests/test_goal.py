@@ -22,7 +22,7 @@ from scenes import resultant as sum_of
 import erc_contact as ec
 from erc_contact.admissible.elastic import elastic_stress, strains
 from erc_contact.admissible.macro import macro_points
-from erc_contact.error.bounds import lifting
+from erc_contact.error.lifting import lifting
 from erc_contact.error.works import load_work
 from erc_contact.mesh.simplex import bernstein
 

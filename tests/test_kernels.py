@@ -20,14 +20,8 @@ import erc_contact as ec
 from erc_contact.admissible.cells import CellGeometry, cell_geometry, force_coefficients, signed
 from erc_contact.admissible.elastic import act, elastic_stress, macro_moduli
 from erc_contact.admissible.facets import _patch_jumps
-from erc_contact.admissible.macro import (
-    _elevation,
-    macro_points,
-    macro_stress,
-    mandel,
-    piola,
-    reference_map,
-)
+from erc_contact.admissible.macro import _elevation, macro_points, macro_stress, piola
+from erc_contact.admissible.reference import mandel, reference_map
 from erc_contact.admissible.tighten.complementary import ComplementaryEnergy, relaxed
 from erc_contact.admissible.tighten.patches import Patches
 from erc_contact.admissible.tighten.tables import hierarchical

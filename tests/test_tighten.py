@@ -25,8 +25,9 @@ from scenes import block, greco, mostly_serial, prototype_block, random_scene
 import erc_contact as ec
 from erc_contact.admissible.cells import cell_geometry, force_coefficients, signed
 from erc_contact.admissible.elastic import macro_moduli, strains
-from erc_contact.admissible.macro import macro_points, mandel, tensors
+from erc_contact.admissible.macro import macro_points
 from erc_contact.admissible.pair import Admissible
+from erc_contact.admissible.reference import mandel, tensors
 from erc_contact.admissible.tighten import iteration
 from erc_contact.admissible.tighten.blocks import Blocks
 from erc_contact.admissible.tighten.complementary import ComplementaryEnergy

@@ -1,1 +1,1 @@
-"""From a solution to an admissible pair: a displacement and a stress with all properties but the constitutive law."""
+"""From a solution to a displacement and a stress that satisfy all but Hooke's law."""

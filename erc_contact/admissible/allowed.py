@@ -1,4 +1,4 @@
-"""The tractions that a friction law allows at the nodes of a contact, and projections on them.
+"""Tractions that a friction law allows at the nodes of a contact, and projections.
 
 A law gives a friction bound b(p) for each pressure p. :class:`Allowed` knows the law
 and finds allowed tractions near given ones. Where a convex set is needed,
@@ -25,15 +25,17 @@ from erc_contact.model.trace import split
 LIMITER_STEPS = 20
 """Number of bisections of the limiter."""
 LIMITER_TOLERANCE = 1e-3
-"""Change by the projection that the limiter accepts, over the traction [-]. Where
-friction varies, the projection changes every traction that slips by a little."""
-DIFFERENCE = 1e-6
-"""Step of the pressure for the slope of a law's bound, over the largest pressure [-]."""
+"""Change by the projection that the limiter accepts, over the traction [-].
+
+Where friction varies, the projection changes every traction that slips by a little.
+"""
+PRESSURE_STEP = 1e-6
+"""Step of pressure for the slope of a law's bound, over the largest pressure [-]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Allowed:
-    """The tractions that a law allows at the nodes of a contact.
+    """Hold the law that limits the tractions at the nodes of a contact.
 
     Attributes:
         model: The scene on a mesh.
@@ -51,30 +53,43 @@ class Allowed:
 
     @property
     def n(self) -> np.ndarray:
-        """Normals, shape (f, 1, d)."""
+        """Return the normals, shape (f, 1, d)."""
         return self.contact.direction[:, None, :]
 
     @cached_property
     def parameters(self) -> dict[str, np.ndarray]:
-        """The law's parameters at the nodes, or at the samples of each facet."""
+        """Return the law's parameters at the nodes, or at the samples of each facet."""
         points = self.model.facet_points if self.sharp else self.model.facet_samples
         return self.model.friction_parameters(self.contact, points)
 
     def bound(self, pressure: np.ndarray) -> np.ndarray:
-        """Coefficients of the friction bound, interpolated at the nodes, from those of the pressure, shape (f, m)."""
+        """Return the friction bound, interpolated at the nodes [force/area].
+
+        Args:
+            pressure: Bernstein coefficients of the pressure [force/area], shape (f, m).
+
+        Returns:
+            Those of the bound, shape (f, m).
+        """
         if self.sharp:
             d, k = self.model.d, self.model.degree
-            bound = self.contact.friction_bound(pressure @ at_nodes(d - 1, k).T, self.parameters)
+            nodal = pressure @ at_nodes(d - 1, k).T
+            bound = self.contact.friction_bound(nodal, self.parameters)
             return self.factor[:, None] * np.maximum(bound @ coefficients(d - 1, k).T, 0.0)
-        many = len(pressure), len(self.model.facet_samples)
-        spread = [np.broadcast_to(p[:, None], many) for p in pressure.T]
-        least = [self.contact.friction_bound(p, self.parameters).min(axis=1) for p in spread]
+        # The pressure of each node in turn, with the parameters of all samples.
+        shape = len(pressure), len(self.model.facet_samples)
+        least = []
+        for nodal in pressure.T:
+            spread = np.broadcast_to(nodal[:, None], shape)
+            bound = self.contact.friction_bound(spread, self.parameters)
+            least.append(bound.min(axis=1))
         return np.column_stack(least)
 
     def project(self, z: np.ndarray) -> np.ndarray:
-        """Project tractions (f, m, d) on the allowed ones: first the normal part, then the tangential part.
+        """Project tractions (f, m, d) on the allowed ones.
 
-        This is the projection of the contact methods. It is not the Euclidean one
+        The normal part is projected first, then the tangential one. This is the
+        projection of the contact methods. It is not the Euclidean one
         (:meth:`Cones.nearest`).
         """
         z_n, z_t, size = split(z, self.n)
@@ -83,12 +98,14 @@ class Allowed:
         return clip(z_t, size, bound) + r_n[..., None] * self.n
 
     def limited(self, mean: np.ndarray, best: np.ndarray) -> np.ndarray:
-        """The allowed traction nearest to ``best`` on the line from ``mean`` to ``best``, facet by facet: a limiter.
+        """Limit tractions, facet by facet.
 
-        Both have the same resultant on a facet, and the law allows ``mean``, so r^
-        keeps the resultant. A projection would change the resultant of a facet with a
-        kink: it lost 1.4% of the friction of a block of degree 2, whose e was 14%
-        larger. For degree 1 there is no such difference, and the projection is cheaper.
+        The result is the allowed traction nearest to ``best`` on the line from ``mean``
+        to ``best``. Both have the same resultant on a facet, and the law allows
+        ``mean``, so r^ keeps the resultant. A projection would change the resultant of
+        a facet with a kink: it lost 1.4% of the friction of a block of degree 2, whose
+        e was 14% larger. For degree 1 there is no such difference, and the projection
+        is cheaper.
 
         Args:
             mean: Means against the Bernstein polynomials [force/area], shape (f, m, d).
@@ -96,32 +113,37 @@ class Allowed:
         """
         size = abs(best).max(axis=(1, 2), initial=0.0)
 
-        def at(share: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        def projected(share: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            """Project the point of the line; tell where this changes nothing."""
             values = mean + share[:, None, None] * (best - mean)
             allowed = self.project(values)
-            return allowed, abs(allowed - values).max(
-                axis=(1, 2), initial=0.0
-            ) <= LIMITER_TOLERANCE * size
+            change = abs(allowed - values).max(axis=(1, 2), initial=0.0)
+            return allowed, change <= LIMITER_TOLERANCE * size
 
-        values, fits = at(np.ones(len(mean)))
+        values, fits = projected(np.ones(len(mean)))
         if fits.all():
             return values
-        _, reaches = at(np.zeros(len(mean)))  # false on a coarse mesh where friction varies
+        # On a coarse mesh where friction varies, the law may not allow even the mean.
+        # Then no point of the line helps, and ``best`` is projected.
+        _, mean_fits = projected(np.zeros(len(mean)))
+        low = np.where(fits | ~mean_fits, 1.0, 0.0)
         high = np.ones(len(mean))
-        low = np.where(fits | ~reaches, 1.0, 0.0)
         for _ in range(LIMITER_STEPS):
             middle = (low + high) / 2
-            _, fits = at(middle)
-            low, high = np.where(fits, middle, low), np.where(fits, high, middle)
-        return at(low)[0]
+            _, fits = projected(middle)
+            low = np.where(fits, middle, low)
+            high = np.where(fits, high, middle)
+        limited, _ = projected(low)
+        return limited
 
     def level(self, values: np.ndarray, slip: np.ndarray) -> np.ndarray:
-        """Tractions with the mean pressure of each facet, which oppose the slip with all the friction that this allows.
+        """Return tractions with the mean pressure of each facet that oppose the slip.
 
-        If the pressure varies, so may the friction bound, which then is no polynomial,
-        and r^ stays below it. The contact part of e^2 contains the difference times the
-        slip. If the pressure is level, r^ follows the bound: exactly where the
-        parameters of the law are polynomials on the facet.
+        Their friction is all that this pressure allows. If the pressure varies, so may
+        the friction bound, which then is no polynomial, and r^ stays below it. The
+        contact part of e^2 contains the difference times the slip. If the pressure is
+        level, r^ follows the bound: exactly where the parameters of the law are
+        polynomials on the facet.
 
         Args:
             values: Tractions whose pressure is levelled [force/area], shape (f, m, d).
@@ -137,10 +159,11 @@ class Allowed:
         return -pressure[:, None, None] * self.n - bound[..., None] * against
 
     def near(self, start: np.ndarray, peak: float) -> Cones:
-        """A convex set whose friction bound is the tangent of b at the pressures of ``start``.
+        """Return a convex set near some tractions.
 
-        The law allows a traction of the set that has these pressures. For other
-        pressures the tangent is above b where b is concave.
+        Its friction bound is the tangent of b at the pressures of ``start``. The law
+        allows a traction of the set that has these pressures. For other pressures the
+        tangent is above b where b is concave.
 
         Args:
             start: Tractions [force/area], shape (f, m, d).
@@ -152,10 +175,13 @@ class Allowed:
         if self.contact.friction is not None and self.contact.friction.dependence == PROPORTIONAL:
             slope = self.bound(np.ones_like(pressure))
         else:
-            step = DIFFERENCE * np.maximum(
-                np.maximum(pressure, peak), np.finfo(float).tiny / DIFFERENCE
-            )
+            least = np.finfo(float).tiny / PRESSURE_STEP
+            step = PRESSURE_STEP * np.maximum(np.maximum(pressure, peak), least)
             slope = np.maximum(self.bound(pressure + step) - bound, 0.0) / step
+        # A tangent that is negative at pressure zero is replaced by the chord from
+        # there.
         chord = np.divide(bound, pressure, out=np.zeros_like(bound), where=pressure > 0)
-        slope = np.where(bilateral, 0.0, np.where(bound < slope * pressure, chord, slope))
-        return Cones(self.n, slope, np.maximum(bound - slope * pressure, 0.0), bilateral)
+        slope = np.where(bound < slope * pressure, chord, slope)
+        slope = np.where(bilateral, 0.0, slope)
+        offset = np.maximum(bound - slope * pressure, 0.0)
+        return Cones(self.n, slope, offset, bilateral)

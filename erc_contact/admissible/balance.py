@@ -11,7 +11,6 @@ Symbols: f facets, m nodes of a facet, d dimension, K motions.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,25 +18,36 @@ from mpi4py import MPI
 
 from erc_contact.admissible.cones import Cones, clip
 
-EXACT = 1e-15
+IMBALANCE_ROUND_OFF = 1e-15
 """Imbalance that counts as round-off, over the forces [-]."""
-SMALL = 1e-9
+SMALL_IMBALANCE = 1e-9
 """Imbalance below which a solve only improves the last digits, over the forces [-]."""
-STEPS = 300
+BALANCE_STEPS = 300
 """Limit of the steps of one solve; 2 to 10 are usual."""
-PATIENCE, IMPATIENCE = 60, 5
-"""Steps without halving the imbalance after which a solve ends: while it is above SMALL, and below it."""
-NEWTON = 5
+PATIENCE = 60
+"""Steps without halving the imbalance after which a solve ends."""
+IMPATIENCE = 5
+"""The same where the imbalance is below :data:`SMALL_IMBALANCE`."""
+NEWTON_RETRY = 5
 """Number of steps after which a Newton step is tried again."""
-STAGES = 8
+LINE_STEPS = 60
+"""Limit of the lengths that are tried for a step."""
+SHIFT_STAGES = 8
 """Limit of the number of shares of a shift; one or two are usual."""
-SHARE, KEPT = 100.0, 10.0
-"""Longest share of a shift, and longest vector beyond a set that is kept, over the largest traction [-]."""
+LONGEST_SHARE = 100.0
+"""Longest share of a shift, over the largest traction [-]."""
+LONGEST_BEYOND = 10.0
+"""Longest vector beyond a set that is kept, over the largest traction [-]."""
+REGULAR = 1e-12
+"""Share of the trace that is added to the diagonal of a derivative [-].
+
+Motions on which no traction can work have no derivative.
+"""
 
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """One contact in the balance.
+    """Hold one contact in the balance.
 
     Attributes:
         cones: The sets of its nodes.
@@ -54,17 +64,23 @@ class Part:
     weight: np.ndarray
     motions: np.ndarray
 
-    def of(self, facets: np.ndarray) -> Part:
-        """The part of some facets, shape (f,) of booleans."""
-        c, some = self.cones, (self.start, self.shift, self.weight, self.motions)
+    def on_facets(self, facets: np.ndarray) -> Part:
+        """Return the part of the facets of a mask, shape (f,) of booleans."""
+        c = self.cones
         cones = Cones(c.n[facets], c.slope[facets], c.offset[facets], c.bilateral[facets])
-        return Part(cones, *(array[facets] for array in some))
+        return Part(
+            cones,
+            self.start[facets],
+            self.shift[facets],
+            self.weight[facets],
+            self.motions[facets],
+        )
 
 
 def balanced(
     comm: MPI.Comm, parts: list[Part], loads: np.ndarray
 ) -> tuple[list[np.ndarray], np.ndarray, float]:
-    """The tractions nearest to start + shift that balance the loads; collective.
+    """Balance the loads with the tractions nearest to start + shift; collective.
 
     A shift that is much longer than the tractions loses digits and needs many Newton
     steps, so it is applied in shares. The part of a share that is beyond the set keeps
@@ -79,43 +95,52 @@ def balanced(
         The tractions, the imbalance on the motions [force], and the sum of the contact
         forces.
     """
-
-    def largest(arrays: list[np.ndarray]) -> float:
-        return comm.allreduce(
-            max((float(abs(a).max(initial=0.0)) for a in arrays), default=0.0), MPI.MAX
-        )
-
-    area = comm.allreduce(sum(float(p.weight.sum()) * p.start.shape[1] for p in parts), MPI.SUM)
-    if largest([p.start for p in parts]) == 0.0 and not loads.any():
-        return [p.start for p in parts], np.zeros_like(loads), 0.0
-    tractions, left = [p.start for p in parts], [p.shift for p in parts]
+    local_area = sum(float(part.weight.sum()) * part.start.shape[1] for part in parts)
+    area = comm.allreduce(local_area, MPI.SUM)
+    tractions = [part.start for part in parts]
+    if largest_component(comm, tractions) == 0.0 and not loads.any():
+        return tractions, np.zeros_like(loads), 0.0
+    remaining = [part.shift for part in parts]
     beyond = [np.zeros_like(r) for r in tractions]
     before = np.inf
-    for _ in range(STAGES):
-        usual = max(largest(tractions), float(np.linalg.norm(loads)) / area)
-        share = [_at_most(SHARE * usual, shift) for shift in left]
-        wanted = [
-            r + _at_most(KEPT * usual, b) + shift
-            for r, b, shift in zip(tractions, beyond, share, strict=True)
-        ]
-        state = _solve(comm, parts, wanted, loads, area)
-        tractions, beyond = state.tractions, state.beyond
-        left = [shift - part for shift, part in zip(left, share, strict=True)]
-        exact = state.size <= 10 * EXACT * state.forces
-        if largest(left) == 0.0 and (exact or 0.5 * before < state.size <= SMALL * state.forces):
+    for _ in range(SHIFT_STAGES):
+        # The loads tell the size of tractions that are still zero.
+        usual = max(largest_component(comm, tractions), float(np.linalg.norm(loads)) / area)
+        wanted = []
+        for i, r in enumerate(tractions):
+            share = _at_most(LONGEST_SHARE * usual, remaining[i])
+            wanted.append(r + _at_most(LONGEST_BEYOND * usual, beyond[i]) + share)
+            remaining[i] = remaining[i] - share
+        state = _Problem(comm, parts, wanted, loads, area).solve()
+        tractions = state.tractions
+        beyond = state.beyond
+        # Another solve from here can still improve the last digits of the balance.
+        exact = state.size <= 10 * IMBALANCE_ROUND_OFF * state.forces
+        small = state.size <= SMALL_IMBALANCE * state.forces
+        stagnates = small and state.size > 0.5 * before
+        if largest_component(comm, remaining) == 0.0 and (exact or stagnates):
             break
         before = state.size
     return tractions, state.imbalance, state.forces
 
 
+def largest_component(comm: MPI.Comm, arrays: list[np.ndarray]) -> float:
+    """Return the largest absolute value of the arrays of all ranks; collective."""
+    largest = 0.0
+    for array in arrays:
+        largest = max(largest, float(abs(array).max(initial=0.0)))
+    return comm.allreduce(largest, MPI.MAX)
+
+
 def _at_most(length: float, vectors: np.ndarray) -> np.ndarray:
-    """Vectors (..., d), shortened to a length where they are longer."""
-    return clip(vectors, np.linalg.norm(vectors, axis=-1), np.full(vectors.shape[:-1], length))
+    """Shorten vectors (..., d) to a length where they are longer."""
+    sizes = np.linalg.norm(vectors, axis=-1)
+    return clip(vectors, sizes, np.full(sizes.shape, length))
 
 
 @dataclass(frozen=True, eq=False)
 class _State:
-    """Tractions ``r = P(z + q y)`` for some multipliers y.
+    """Hold tractions ``r = P(z + q y)`` for some multipliers y.
 
     Attributes:
         tractions: r of each contact [force/area], shape (f, m, d).
@@ -134,103 +159,141 @@ class _State:
 
     @property
     def size(self) -> float:
-        """Size of the imbalance [force]."""
+        """Return the size of the imbalance [force]."""
         return float(np.linalg.norm(self.imbalance))
 
 
-def _solve(
-    comm: MPI.Comm, parts: list[Part], wanted: list[np.ndarray], loads: np.ndarray, area: float
-) -> _State:
-    """The tractions nearest to the wanted ones that balance the loads.
+@dataclass(frozen=True, eq=False)
+class _Problem:
+    """Find the tractions nearest to the wanted ones that balance the loads.
 
-    The steps are Newton's. Where they fail because of the kinks of P, they are those of
-    BFGS, which tolerates kinks.
+    Attributes:
+        comm: Communicator.
+        parts: The contacts.
+        wanted: z of each contact [force/area], shape (f, m, d).
+        loads: Work of the loads on the motions [force], shape (K,).
+        area: Area of all contacts [length^(d-1)].
     """
-    size = len(loads)
-    small = 1e-12 * area
 
-    def state(y: np.ndarray) -> _State:
-        z = [w + part.motions @ y for part, w in zip(parts, wanted, strict=True)]
-        r = [part.cones.nearest(v) for part, v in zip(parts, z, strict=True)]
-        local = np.zeros(size + 2)
-        for part, v, t in zip(parts, z, r, strict=True):
-            local[:size] += np.einsum("fmi,fmik->k", part.weight[..., None] * t, part.motions)
-            local[size:] += [
-                float((part.weight * np.linalg.norm(a, axis=-1)).sum()) for a in (t, v)
-            ]
-        total = comm.allreduce(local, MPI.SUM)
-        forces = max(float(total[size]), float(np.linalg.norm(loads)))
-        noise = EXACT * max(forces, float(total[size + 1]))
-        return _State(
-            r, [v - t for v, t in zip(z, r, strict=True)], total[:size] + loads, forces, noise
-        )
+    comm: MPI.Comm
+    parts: list[Part]
+    wanted: list[np.ndarray]
+    loads: np.ndarray
+    area: float
 
-    def inverse(y: np.ndarray) -> np.ndarray:
-        """Inverse of the derivative of the imbalance by y."""
-        matrix = np.zeros((size, size))
-        for part, w in zip(parts, wanted, strict=True):
-            left, right = part.cones.derivative(w + part.motions @ y, part.motions)
-            matrix += (part.weight[..., None, None] * left).reshape(-1, size).T @ right.reshape(
-                -1, size
-            )
-        matrix = comm.allreduce(0.5 * (matrix + matrix.T), MPI.SUM)
-        return np.linalg.inv(matrix + max(1e-12 * float(np.trace(matrix)), small) * np.eye(size))
+    def solve(self) -> _State:
+        """Return the best state of all steps; collective.
 
-    y = np.zeros(size)
-    now = best = state(y)
-    updated = inverse(y)
-    last, smooth = 0, True
-    for i in range(1, STEPS + 1):
-        patience = PATIENCE if best.size > SMALL * best.forces else IMPATIENCE
-        if now.size <= now.noise or i > last + patience:
-            break
-        step = -(inverse(y) if smooth else updated) @ now.imbalance
-        length, new = _along(state, y, step, now)
-        y = y + length * step
-        updated = _updated(updated, length * step, new.imbalance - now.imbalance)
-        smooth = new.size < 0.1 * now.size or i % NEWTON == 0
-        if new.size < 0.5 * best.size:
-            last = i
-        now = new
-        best = min(best, new, key=lambda s: s.size)
-    return best
+        The steps are Newton's. Where they fail because of the kinks of P, they are
+        those of BFGS, which tolerates kinks.
+        """
+        y = np.zeros(len(self.loads))
+        now = best = self.state(y)
+        inverse = self.inverse(y)
+        last_gain = 0
+        smooth = True
+        for i in range(1, BALANCE_STEPS + 1):
+            is_large = best.size > SMALL_IMBALANCE * best.forces
+            patience = PATIENCE if is_large else IMPATIENCE
+            if now.size <= now.noise or i > last_gain + patience:
+                break
+            # Near a kink of P its derivative is of no use, and BFGS takes over.
+            newton = self.inverse(y) if smooth else inverse
+            step = -newton @ now.imbalance
+            length, new = self.line_search(y, step, now)
+            y = y + length * step
+            inverse = _updated(inverse, length * step, new.imbalance - now.imbalance)
+            smooth = new.size < 0.1 * now.size or i % NEWTON_RETRY == 0
+            if new.size < 0.5 * best.size:
+                last_gain = i
+            now = new
+            if new.size < best.size:
+                best = new
+        return best
+
+    def state(self, y: np.ndarray) -> _State:
+        """Return the state of multipliers y; collective."""
+        count = len(self.loads)
+        tractions = []
+        beyond = []
+        # The works on the motions, and the sums of |r| and of |z + q y|.
+        local = np.zeros(count + 2)
+        for part, wanted in zip(self.parts, self.wanted, strict=True):
+            z = wanted + part.motions @ y
+            r = part.cones.nearest(z)
+            forces = part.weight[..., None] * r
+            local[:count] += np.einsum("fmi,fmik->k", forces, part.motions)
+            local[count] += float((part.weight * np.linalg.norm(r, axis=-1)).sum())
+            local[count + 1] += float((part.weight * np.linalg.norm(z, axis=-1)).sum())
+            tractions.append(r)
+            beyond.append(z - r)
+        total = self.comm.allreduce(local, MPI.SUM)
+        # Round-off is relative to what is added up: the loads, and z where it is large.
+        size = max(float(total[count]), float(np.linalg.norm(self.loads)))
+        noise = IMBALANCE_ROUND_OFF * max(size, float(total[count + 1]))
+        return _State(tractions, beyond, total[:count] + self.loads, size, noise)
+
+    def inverse(self, y: np.ndarray) -> np.ndarray:
+        """Return the inverse of the derivative of the imbalance by y; collective."""
+        count = len(self.loads)
+        matrix = np.zeros((count, count))
+        for part, wanted in zip(self.parts, self.wanted, strict=True):
+            left, right = part.cones.derivative(wanted + part.motions @ y, part.motions)
+            weighted = part.weight[..., None, None] * left
+            matrix += weighted.reshape(-1, count).T @ right.reshape(-1, count)
+        # Only round-off makes it unsymmetric, or singular where a motion slips freely.
+        matrix = self.comm.allreduce(0.5 * (matrix + matrix.T), MPI.SUM)
+        diagonal = max(REGULAR * float(np.trace(matrix)), REGULAR * self.area)
+        return np.linalg.inv(matrix + diagonal * np.eye(count))
+
+    def line_search(self, y: np.ndarray, step: np.ndarray, now: _State) -> tuple[float, _State]:
+        """Find the length of a step from y; collective.
+
+        The slope along it is there at most half of that at its start. The slope does
+        not decrease, so its zero can be bracketed: first by factors of ten, then by
+        secants and bisections in turn.
+
+        Returns:
+            The length, and the state there.
+        """
+        start = float(now.imbalance @ step)
+        low = 0.0
+        high = np.inf
+        at_low = start
+        at_high = np.inf
+        length = 1.0
+        for i in range(LINE_STEPS):
+            new = self.state(y + length * step)
+            slope = float(new.imbalance @ step)
+            if abs(slope) <= max(0.5 * abs(start), new.noise * float(np.linalg.norm(step))):
+                break
+            if slope < 0:
+                low = length
+                at_low = slope
+            else:
+                high = length
+                at_high = slope
+            if high == np.inf:
+                length *= 10
+            elif high > 10 * low:
+                length = max(0.1 * high, np.sqrt(low * high))
+            elif i % 2:
+                length = (low + high) / 2
+            else:
+                length = low + (high - low) * at_low / (at_low - at_high)
+        return length, new
 
 
 def _updated(inverse: np.ndarray, step: np.ndarray, change: np.ndarray) -> np.ndarray:
-    """The update of BFGS of an inverse derivative for a step in y and the change of the imbalance."""
+    """Update an inverse derivative as BFGS does.
+
+    Args:
+        inverse: The inverse, shape (K, K).
+        step: Step in y, shape (K,).
+        change: Change of the imbalance by it [force], shape (K,).
+    """
     both = float(step @ change)
     if both <= 0:
         return inverse
     left = np.eye(len(step)) - np.outer(step, change) / both
     return left @ inverse @ left.T + np.outer(step, step) / both
-
-
-def _along(
-    state: Callable[[np.ndarray], _State], y: np.ndarray, step: np.ndarray, now: _State
-) -> tuple[float, _State]:
-    """Length of a step from y at which the slope along it is at most half of that at its start, and the state there.
-
-    The slope along the step does not decrease, so its zero can be bracketed: first by
-    factors of ten, then by secants and bisections in turn.
-    """
-    start = float(now.imbalance @ step)
-    low, high, at_low, at_high = 0.0, np.inf, start, np.inf
-    length = 1.0
-    for i in range(60):
-        new = state(y + length * step)
-        slope = float(new.imbalance @ step)
-        if abs(slope) <= max(0.5 * abs(start), new.noise * float(np.linalg.norm(step))):
-            break
-        if slope < 0:
-            low, at_low = length, slope
-        else:
-            high, at_high = length, slope
-        if high == np.inf:
-            length *= 10
-        elif high > 10 * low:
-            length = max(0.1 * high, np.sqrt(low * high))
-        elif i % 2:
-            length = (low + high) / 2
-        else:
-            length = low + (high - low) * at_low / (at_low - at_high)
-    return length, new

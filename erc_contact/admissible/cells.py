@@ -1,4 +1,4 @@
-"""Geometry of the cells of a mesh of simplices, with one order of the vertices of each cell.
+"""Geometry of the cells of a mesh of simplices, with one order of their vertices.
 
 The vertices of each cell are sorted by node number. Then the nodes of a facet have the
 same order in both of its cells, and values on facets need no permutation.
@@ -12,6 +12,7 @@ displacements are given by Bernstein coefficients, see :mod:`erc_contact.mesh.si
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import factorial
 
 import numpy as np
 
@@ -21,7 +22,9 @@ from erc_contact.model.space import Space
 
 @dataclass(frozen=True, eq=False)
 class CellGeometry:
-    """Geometry and connectivity of the cells of a rank, ghosts included, with sorted vertices.
+    """Hold the geometry and connectivity of the cells of a rank, ghosts included.
+
+    The vertices of each cell are sorted by node number.
 
     Attributes:
         degree: Degree k.
@@ -48,90 +51,115 @@ class CellGeometry:
 
     @property
     def d(self) -> int:
-        """Dimension."""
+        """Return the dimension."""
         return self.J.shape[-1]
 
     @property
     def vertices(self) -> np.ndarray:
-        """Nodes of the vertices of each cell, shape (n, d+1)."""
+        """Return the nodes of the vertices of each cell, shape (n, d+1)."""
         return self.nodes[:, : self.d + 1]
 
     @property
     def vertices_of_facets(self) -> np.ndarray:
-        """Nodes of the vertices of each facet, ascending, shape (facets, d)."""
+        """Return the nodes of the vertices of each facet, ascending: (facets, d)."""
         cell, i = np.divmod(np.maximum(self.side[0], 0), self.d + 1)
         return self.vertices[cell[:, None], facet_vertices(self.d)[i]]
 
     @property
     def edges(self) -> np.ndarray:
-        """Edges from the first vertex of each cell to the others [length], contiguous, shape (n, d, d)."""
+        """Return the edges from the first vertex of each cell to the others [length].
+
+        The array is contiguous, shape (n, d, d).
+        """
         return np.ascontiguousarray(self.J.transpose(0, 2, 1))
 
     @property
     def inverse(self) -> np.ndarray:
-        """Inverse Jacobians [1/length], shape (n, d, d); row i-1 is the gradient of barycentric i."""
+        """Return the inverse Jacobians [1/length], shape (n, d, d).
+
+        Row i-1 is the gradient of barycentric coordinate i.
+        """
         return -self.area[:, 1:] / (self.d * self.volume[:, None, None])
 
     @property
     def has_second(self) -> np.ndarray:
-        """Whether a facet lies between two cells of the rank, shape (facets,)."""
+        """Tell which facets lie between two cells of the rank, shape (facets,)."""
         return self.side[0] != self.side[1]
 
 
 def cell_geometry(space: Space) -> CellGeometry:
-    """The geometry of the cells of a mesh."""
-    d, mesh = space.d, space.mesh
+    """Compute the geometry of the cells of a mesh."""
+    d, k = space.d, space.degree
     order = np.argsort(space.vertices, axis=1)
-    ends = order[:, node_vertices(d, space.degree)]
-    nodes = np.take_along_axis(
-        space.nodes, node_between(d, space.degree)[ends[..., 0], ends[..., 1]], axis=1
-    )
-    facets = mesh.topology.connectivity(d, d - 1).array.reshape(-1, d + 1)
+    ends = order[:, node_vertices(d, k)]
+    places = node_between(d, k)[ends[..., 0], ends[..., 1]]
+    nodes = np.take_along_axis(space.nodes, places, axis=1)
+    facets = space.mesh.topology.connectivity(d, d - 1).array.reshape(-1, d + 1)
     facets = np.take_along_axis(facets, order, axis=1)
-    flat, places = facets.ravel(), np.arange(facets.size)
-    facet_map = mesh.topology.index_map(d - 1)
-    side = np.full((2, facet_map.size_local + facet_map.num_ghosts), -1)
-    side[0, flat[::-1]] = places[::-1]
-    side[1, flat] = places
-    cell_map = mesh.topology.index_map(d)
-    number = cell_map.local_to_global(np.arange(len(nodes), dtype=np.int32))[side // (d + 1)]
-    side = np.where(number[0] <= number[1], side, side[::-1])
+    side = _sides(space, facets)
 
     x = np.take_along_axis(space.cell_corners(), order[:, :, None], axis=1)
     edges = x[:, 1:] - x[:, :1]
     determinant, cofactor = _cofactor(edges)
+    # The gradient of barycentric i points into the cell: -d |T| grad is an area.
     area = np.empty((len(nodes), d + 1, d))
-    area[:, 1:] = -cofactor * np.sign(determinant)[:, None, None] / (1, 1, 1, 2)[d]
+    area[:, 1:] = -cofactor * np.sign(determinant)[:, None, None] / factorial(d - 1)
     area[:, 0] = -area[:, 1:].sum(axis=1)
-    J, volume = edges.transpose(0, 2, 1), abs(determinant) / (1, 1, 2, 6)[d]
-    return CellGeometry(space.degree, order, nodes, facets, side, J, volume, area)
+    volume = abs(determinant) / factorial(d)
+    return CellGeometry(k, order, nodes, facets, side, edges.transpose(0, 2, 1), volume, area)
+
+
+def _sides(space: Space, facets: np.ndarray) -> np.ndarray:
+    """Find the two places of each facet, see :attr:`CellGeometry.side`."""
+    d = space.d
+    topology = space.mesh.topology
+    flat = facets.ravel()
+    places = np.arange(facets.size)
+    facet_map = topology.index_map(d - 1)
+    side = np.full((2, facet_map.size_local + facet_map.num_ghosts), -1)
+    # Of two places that write the same entry, the last one stays.
+    side[0, flat[::-1]] = places[::-1]
+    side[1, flat] = places
+    # Global numbers make the first side the same one on all ranks.
+    cells = np.arange(len(facets), dtype=np.int32)
+    global_cells = topology.index_map(d).local_to_global(cells)
+    number = global_cells[side // (d + 1)]
+    return np.where(number[0] <= number[1], side, side[::-1])
 
 
 def sorted_corners(space: Space, cells: CellGeometry) -> np.ndarray:
-    """Coordinates of the sorted vertices of all cells [length], shape (n, d+1, d)."""
+    """Return the coordinates of the sorted vertices [length], shape (n, d+1, d)."""
     return np.take_along_axis(space.cell_corners(), cells.order[:, :, None], axis=1)
 
 
 def _cofactor(edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Determinants and cofactors of matrices with the given rows; row k of a cofactor is det * grad of x_k."""
+    """Compute determinants and cofactors of matrices with the given rows.
+
+    Row k of a cofactor is the determinant times the gradient of x_k.
+    """
     if edges.shape[-1] == 2:
         a, b = edges[:, 0], edges[:, 1]
-        turned = np.stack([np.stack([b[:, 1], -b[:, 0]], -1), np.stack([-a[:, 1], a[:, 0]], -1)], 1)
+        of_a = np.stack([b[:, 1], -b[:, 0]], -1)
+        of_b = np.stack([-a[:, 1], a[:, 0]], -1)
+        cofactor = np.stack([of_a, of_b], 1)
     else:
         a, b, c = edges[:, 0], edges[:, 1], edges[:, 2]
-        turned = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], 1)
-    return np.einsum("ni,ni->n", edges[:, 0], turned[:, 0]), turned
+        cofactor = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], 1)
+    determinant = np.einsum("ni,ni->n", edges[:, 0], cofactor[:, 0])
+    return determinant, cofactor
 
 
 def facet_order(vertices: np.ndarray, degree: int) -> np.ndarray:
-    """Permutation of the nodes of facets that sorts their vertices (n, d), shape (n, m)."""
+    """Return the permutation of nodes that sorts the vertices (n, d), shape (n, m)."""
     d = vertices.shape[1]
     ends = np.argsort(vertices, axis=1)[:, node_vertices(d - 1, degree)]
     return node_between(d - 1, degree)[ends[..., 0], ends[..., 1]]
 
 
 def facet_forces(area: np.ndarray, stress: np.ndarray) -> np.ndarray:
-    """Force ``S_b |F_i| n_i`` [force] of each coefficient of a symmetric stress on each facet of some cells.
+    """Compute the forces ``S_b |F_i| n_i`` of a symmetric stress on facets [force].
+
+    There is one for each coefficient and each facet of a cell.
 
     Args:
         area: Outward normals times facet areas, shape (n, d+1, d).
@@ -141,15 +169,16 @@ def facet_forces(area: np.ndarray, stress: np.ndarray) -> np.ndarray:
         The forces, shape (n, d+1, b, d).
     """
     n, b, d, _ = stress.shape
-    return np.matmul(area, stress.reshape(n, b * d, d).transpose(0, 2, 1)).reshape(n, d + 1, b, d)
+    by_component = stress.reshape(n, b * d, d).transpose(0, 2, 1)
+    return np.matmul(area, by_component).reshape(n, d + 1, b, d)
 
 
 def moments(area: np.ndarray, values: np.ndarray, degree: int) -> np.ndarray:
-    """Moments ``int_F t B_m`` [force] of tractions with Bernstein coefficients t.
+    """Compute the moments ``int_F t B_m`` of tractions [force].
 
     Args:
         area: Facet areas, shape (n,).
-        values: Coefficients [force/area], shape (n, m, d).
+        values: Bernstein coefficients t [force/area], shape (n, m, d).
         degree: Their degree.
     """
     d = values.shape[2]
@@ -157,13 +186,19 @@ def moments(area: np.ndarray, values: np.ndarray, degree: int) -> np.ndarray:
 
 
 def force_coefficients(moment: np.ndarray, degree: int) -> np.ndarray:
-    """Coefficients of area times traction, ``|F| t`` [force], from moments (..., m, d): inverse to :func:`moments`."""
+    """Return coefficients of ``|F| t`` from moments (..., m, d) [force].
+
+    Divided by the area this is the inverse of :func:`moments`.
+    """
     d = moment.shape[-1]
     return from_means(d - 1, degree, moment)
 
 
 def signed(cells: CellGeometry, moment: np.ndarray) -> np.ndarray:
-    """Moments of the tractions on each cell, of opposite sign on the two sides of a facet, shape (n, d+1, m, d)."""
+    """Return the moments of the tractions on each cell, shape (n, d+1, m, d).
+
+    They have opposite signs on the two sides of a facet.
+    """
     places = np.arange(cells.facets.size).reshape(cells.facets.shape)
     sign = np.where(cells.side[0][cells.facets] == places, 1.0, -1.0)
     return sign[:, :, None, None] * moment[cells.facets]

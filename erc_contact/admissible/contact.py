@@ -19,9 +19,8 @@ import numpy as np
 from mpi4py import MPI
 
 from erc_contact.admissible.allowed import Allowed
-from erc_contact.admissible.balance import Part, balanced
-from erc_contact.admissible.cells import moments
-from erc_contact.admissible.cones import Cones
+from erc_contact.admissible.balance import Part, balanced, largest_component
+from erc_contact.admissible.balance_parts import raise_if_unbalanced, ray_part, weights_and_motions
 from erc_contact.admissible.sampled import friction_at_samples, lowering, with_friction
 from erc_contact.admissible.shift import Shift, shift_by_slip
 from erc_contact.admissible.traction import ContactTraction
@@ -31,18 +30,20 @@ from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import CONSTANT, BoundContact, pressures
 from erc_contact.model.model import Model
 
-PASSES = 10
-"""Limit of the passes that lower the friction bound where it is sampled, and of those
-that balance the loads; one or two are usual."""
+CONTACT_PASSES = 10
+"""Limit of the passes that lower the friction bound where it is sampled.
+
+It is also the limit of those that balance the loads; one or two are usual.
+"""
+SETTLED_TRACTION = 1e-13
+"""Change of tractions by the law after which they stay, over the largest one [-]."""
 SLIDES = 10.0
 """Slip over ``h/E |r^|`` beyond which the pressure of a facet may be levelled [-]."""
-HELD = 1e-8
-"""Imbalance that counts as none, over the forces [-]; 1e-15 to 1e-11 remains where an allowed traction exists."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Trial:
-    """The traction of the method on one contact, and what limits it.
+    """Hold the traction of the method on one contact, and what limits it.
 
     Attributes:
         traction: The L2 projection of the method's traction on degree k of each facet.
@@ -60,74 +61,93 @@ class _Trial:
     level: np.ndarray
 
     def limited(self) -> np.ndarray:
-        """The traction limited to what the law allows, not yet balanced [force/area], shape (f, m, d); collective.
+        """Limit the traction to what the law allows [force/area]; collective.
 
-        Round-off of the method's traction is shifted in the direction in which it does
-        not increase e.
+        It is not yet balanced. Round-off of the method's traction is shifted in the
+        direction in which it does not increase e.
+
+        Returns:
+            Coefficients, shape (f, m, d).
         """
-        values, allowed = self.traction.values, self.allowed
-        near = (
-            allowed.project(values)
-            if allowed.model.degree == 1
-            else allowed.limited(self.mean, values)
-        )
-        return self.levelled(allowed.project(near + self.shift.round_off(near)))
+        values = self.traction.values
+        allowed = self.allowed
+        # A projection is cheaper than the limiter, and for degree 1 as good.
+        if allowed.model.degree == 1:
+            near = allowed.project(values)
+        else:
+            near = allowed.limited(self.mean, values)
+        shifted = near + self.shift.round_off(near)
+        return self.levelled(allowed.project(shifted))
 
     def levelled(self, values: np.ndarray) -> np.ndarray:
-        """Tractions (f, m, d) with the pressure levelled on the facets where it is level; collective."""
+        """Level the pressure of tractions on the facets of ``level``; collective."""
         if not self.allowed.contact.sampled:
             return values
-        return np.where(
-            self.level[:, None, None], self.allowed.level(values, self.shift.slip), values
-        )
+        level_values = self.allowed.level(values, self.shift.slip)
+        return np.where(self.level[:, None, None], level_values, values)
 
     def becomes_level(self, traction: ContactTraction) -> np.ndarray:
-        """Which facets have a smaller error with a level pressure, shape (f,); collective.
+        """Tell which facets have a smaller error with a level pressure; collective.
 
         They slide far, and the estimated decrease of the contact part of e^2 is larger
         than the estimated increase of the bulk part.
 
         Args:
             traction: r^ so far.
+
+        Returns:
+            Booleans, shape (f,).
         """
         friction = self.allowed.contact.friction
-        values, path = traction.values, self.shift.path.mean(axis=1)
-        if (
-            friction is None or friction.convex or friction.dependence == CONSTANT
-        ):  # no friction that pressure changes
+        values = traction.values
+        # A level pressure gains nothing where b is linear in the pressure with the same
+        # slope on the whole facet, or does not depend on it.
+        if friction is None or friction.convex or friction.dependence == CONSTANT:
             return np.zeros(len(values), dtype=bool)
-        most, used = friction_at_samples(self.allowed.model, traction)
-        saved = 2 * np.maximum(most - used, 0.0).mean(axis=1) * path
-        added = (
-            ((values - self.allowed.level(values, self.shift.slip)) ** 2).sum(axis=2).mean(axis=1)
-        )
-        far = path > SLIDES * np.linalg.norm(values, axis=2).max(axis=1, initial=0.0)
+        path = self.shift.path.mean(axis=1)
+        bound, used = friction_at_samples(self.allowed.model, traction)
+        saved = 2 * np.maximum(bound - used, 0.0).mean(axis=1) * path
+        change = values - self.allowed.level(values, self.shift.slip)
+        added = (change**2).sum(axis=2).mean(axis=1)
+        size = np.linalg.norm(values, axis=2).max(axis=1, initial=0.0)
+        far = path > SLIDES * size
         return ~self.level & far & (saved > added)
 
     def lowered(self, factor: np.ndarray, become: np.ndarray) -> _Trial:
-        """The trial with a factor (f,) of the friction of each facet, and a level pressure where it becomes level."""
+        """Return the trial with less friction, or with a level pressure.
+
+        Args:
+            factor: Factor of the friction of each facet [-], shape (f,).
+            become: Facets whose pressure becomes level, shape (f,). Their friction
+                starts again with factor 1.
+        """
         factor = np.where(become, 1.0, factor)
+        total = np.where(become, 1.0, self.allowed.factor * factor)
         contact = self.traction.contact
+        values = with_friction(contact, self.traction.values, factor)
+        mean = with_friction(contact, self.mean, factor)
         return _Trial(
-            replace(self.traction, values=with_friction(contact, self.traction.values, factor)),
-            with_friction(contact, self.mean, factor),
+            replace(self.traction, values=values),
+            mean,
             self.shift,
-            replace(self.allowed, factor=np.where(become, 1.0, self.allowed.factor * factor)),
+            replace(self.allowed, factor=total),
             self.level | become,
         )
 
-    def made(self, values: np.ndarray) -> ContactTraction:
-        """The contact traction with these coefficients (f, m, d), and its friction bound; collective."""
+    def contact_traction(self, values: np.ndarray) -> ContactTraction:
+        """Return the contact traction with these coefficients (f, m, d); collective.
+
+        Its friction bound is that of the law, without the factors of the trial.
+        """
         law = replace(self.allowed, factor=np.ones(len(values)), sharp=True)
-        return replace(
-            self.traction, values=values, friction_bound=law.bound(pressures(values, law.n))
-        )
+        bound = law.bound(pressures(values, law.n))
+        return replace(self.traction, values=values, friction_bound=bound)
 
 
 def admissible_tractions(
     model: Model, solution: Any, loads: np.ndarray, forces: float
 ) -> list[ContactTraction]:
-    """The tractions r^ of all contacts, from the tractions r of the method; collective.
+    """Make the tractions r^ from the tractions r of the method; collective.
 
     The L2 projection of r on degree k of each facet is limited to what the law allows.
     For degree 2 the limiter uses the means ``int r B_m / int B_m``, which the law
@@ -154,144 +174,121 @@ def admissible_tractions(
         return _limited(model, trials, loads, forces, levels=False)
     try:
         return _limited(model, trials, loads, forces, levels=True)
-    except NotHeldError:  # on a coarse mesh level pressures may leave too little to balance with
+    except NotHeldError:
+        # On a coarse mesh level pressures may leave too little to balance with.
         return _limited(model, trials, loads, forces, levels=False)
 
 
-def _no_traction(model: Model, contact: BoundContact) -> ContactTraction:
-    """The traction of a contact that transmits nothing, with the friction bound of no pressure; collective."""
-    nodes, area = contact.trace.here.nodes, contact.trace.here.areas
-    values = np.zeros((*nodes.shape, model.d))
-    law = Allowed(model, contact, np.ones(len(nodes)))
-    return ContactTraction(contact, nodes, area, values, law.bound(pressures(values, law.n)))
-
-
 def _trial(model: Model, contact: BoundContact, solution: Any) -> _Trial:
-    """The traction of the method on a contact, with the friction bound of the law; collective."""
+    """Return the traction of the method on a contact, not yet limited; collective."""
     points, weights = rule(model.d - 1, model.contact_degree)
     project = projection(model.d - 1, model.degree, points, weights)
     average = averages(model.d - 1, model.degree, points, weights)
-    nodes, area = contact.trace.here.nodes, contact.trace.here.areas
-    since = contact.trace.since(solution.u.x.array)
-    shift = shift_by_slip(model, contact, since)
+    nodes = contact.trace.here.nodes
+    area = contact.trace.here.areas
+    since_last_step = contact.trace.since(solution.u.x.array)
+    shift = shift_by_slip(model, contact, since_last_step)
     sampled = evaluate(solution.traction(contact), model.mesh, points, contact.facets)
-    traction = ContactTraction(
-        contact, nodes, area, np.matmul(project, sampled), np.zeros(nodes.shape)
-    )
+    values = np.matmul(project, sampled)
+    traction = ContactTraction(contact, nodes, area, values, np.zeros(nodes.shape))
     allowed = Allowed(model, contact, np.ones(len(nodes)))
-    return _Trial(
-        traction, np.matmul(average, sampled), shift, allowed, np.zeros(len(nodes), dtype=bool)
-    )
+    level = np.zeros(len(nodes), dtype=bool)
+    return _Trial(traction, np.matmul(average, sampled), shift, allowed, level)
+
+
+def _no_traction(model: Model, contact: BoundContact) -> ContactTraction:
+    """Return the traction of a contact that transmits nothing; collective.
+
+    Its friction bound is that of no pressure.
+    """
+    nodes = contact.trace.here.nodes
+    area = contact.trace.here.areas
+    values = np.zeros((*nodes.shape, model.d))
+    law = Allowed(model, contact, np.ones(len(nodes)))
+    bound = law.bound(pressures(values, law.n))
+    return ContactTraction(contact, nodes, area, values, bound)
 
 
 def _limited(
     model: Model, trials: list[_Trial], loads: np.ndarray, forces: float, *, levels: bool
 ) -> list[ContactTraction]:
-    """Tractions that the law allows at all samples, and that balance the loads.
+    """Limit tractions to what the law allows at all samples, and balance the loads.
 
     ``levels`` tells whether pressures may be levelled.
     """
-    for _ in range(PASSES):
-        new = _allowed(model, trials, loads, forces)
-        factors = [lowering(model, traction) for traction in new]
-        become = [
-            trial.becomes_level(traction) & levels
-            for traction, trial in zip(new, trials, strict=True)
-        ]
-        changes = any(np.any(factor < 1.0) for factor in factors) or any(
-            np.any(facets) for facets in become
-        )
-        if not model.comm.allreduce(changes, MPI.LOR):
-            return new
-        trials = [
-            trial.lowered(*change) for trial, *change in zip(trials, factors, become, strict=True)
-        ]
-    trials = [replace(trial, allowed=replace(trial.allowed, sharp=False)) for trial in trials]
-    return _allowed(model, trials, loads, forces)
+    for _ in range(CONTACT_PASSES):
+        tractions = _allowed_at_nodes(model, trials, loads, forces)
+        changes = []
+        is_changed = False
+        for trial, traction in zip(trials, tractions, strict=True):
+            factor = lowering(model, traction)
+            become = trial.becomes_level(traction) & levels
+            changes.append((factor, become))
+            is_changed = is_changed or bool(np.any(factor < 1.0) or np.any(become))
+        # All ranks go on together, because every pass is collective.
+        if not model.comm.allreduce(is_changed, MPI.LOR):
+            return tractions
+        trials = [trial.lowered(*change) for trial, change in zip(trials, changes, strict=True)]
+    # The passes do not settle: take the least bound on each facet, which is safe.
+    safe = [replace(trial, allowed=replace(trial.allowed, sharp=False)) for trial in trials]
+    return _allowed_at_nodes(model, safe, loads, forces)
 
 
-def _allowed(
+def _allowed_at_nodes(
     model: Model, trials: list[_Trial], loads: np.ndarray, forces: float
 ) -> list[ContactTraction]:
-    """Tractions that the law allows at the nodes, and that balance the loads; collective."""
+    """Limit tractions at the nodes, and balance the loads; collective."""
     values = [trial.limited() for trial in trials]
     if model.free_motions:
         values = _balanced(model, trials, values, loads, forces)
-    return [trial.made(of) for trial, of in zip(trials, values, strict=True)]
+    return [trial.contact_traction(r) for trial, r in zip(trials, values, strict=True)]
 
 
 def _balanced(
     model: Model, trials: list[_Trial], start: list[np.ndarray], loads: np.ndarray, forces: float
 ) -> list[np.ndarray]:
-    """The allowed tractions nearest to the shifted ones that balance the loads on the free motions.
+    """Balance the loads on the free motions; collective.
+
+    The result is the allowed tractions nearest to the shifted ones. A set of the
+    balance is convex: it has the tangent of the friction bound at the last pressures.
+    So the balance is repeated until the law allows its result.
 
     The tractions of facets with a level pressure are multiples of
     :meth:`Allowed.level`: one unknown, all nodes as one.
     """
-    comm, values = model.comm, start
-    weights, motions = zip(
-        *(_weights_and_motions(model, trial.traction) for trial in trials), strict=True
-    )
-    for _ in range(PASSES):
-        peak = comm.allreduce(
-            max((float(abs(r).max(initial=0.0)) for r in values), default=0.0), MPI.MAX
-        )
-        cones = [trial.allowed.near(r, peak) for trial, r in zip(trials, values, strict=True)]
-        along = [trial.levelled(r) for trial, r in zip(trials, values, strict=True)]
-        free = [
-            Part(cone, r, trial.shift(cone.slope), *of).of(~trial.level)
-            for trial, cone, r, *of in zip(trials, cones, start, weights, motions, strict=True)
-        ]
-        rays = [
-            _rays(*(array[trial.level] for array in of))
-            for trial, *of in zip(trials, along, start, weights, motions, strict=True)
-        ]
-        found, rest, sizes = balanced(comm, free + rays, loads)
-        values = [np.empty_like(r) for r in start]
-        for trial, r, nodes, ray in zip(
-            trials, values, found[: len(trials)], found[len(trials) :], strict=True
+    comm = model.comm
+    constraints = [weights_and_motions(model, trial.traction) for trial in trials]
+    values = start
+    for _ in range(CONTACT_PASSES):
+        peak = largest_component(comm, values)
+        cone_parts = []
+        ray_parts = []
+        for trial, r, r_0, (weight, motions) in zip(
+            trials, values, start, constraints, strict=True
         ):
-            r[~trial.level], r[trial.level] = nodes, ray.reshape(-1, *r.shape[1:])
-        if np.linalg.norm(rest) > HELD * max(forces, sizes):
-            raise NotHeldError(
-                "No contact traction that the law allows, a polynomial on each facet, balances the loads on a rigid "
-                f"motion that no support holds (imbalance {np.linalg.norm(rest) / max(forces, sizes):.1e} of the "
-                "forces). Look at the direction of the loads, add a Displacement or friction, or refine the mesh at "
-                "the contact."
-            )
+            cones = trial.allowed.near(r, peak)
+            shift = trial.shift(cones.slope)
+            part = Part(cones, r_0, shift, weight, motions)
+            cone_parts.append(part.on_facets(~trial.level))
+            rays = trial.levelled(r)
+            level = trial.level
+            ray_parts.append(ray_part(rays[level], r_0[level], weight[level], motions[level]))
+        tractions, imbalance, sizes = balanced(comm, cone_parts + ray_parts, loads)
+        raise_if_unbalanced(imbalance, max(forces, sizes))
+
+        values = []
         moved = 0.0
-        for trial, r in zip(trials, values, strict=True):
-            kept = np.where(trial.level[:, None, None], trial.levelled(r), trial.allowed.project(r))
-            moved = max(moved, float(abs(kept - r).max(initial=0.0)))
-        if comm.allreduce(moved, MPI.MAX) <= 1e-13 * peak:
+        count = len(trials)
+        for trial, at_nodes, on_rays in zip(
+            trials, tractions[:count], tractions[count:], strict=True
+        ):
+            r = np.empty_like(trial.mean)
+            r[~trial.level] = at_nodes
+            r[trial.level] = on_rays.reshape(-1, *r.shape[1:])
+            values.append(r)
+            is_level = trial.level[:, None, None]
+            allowed = np.where(is_level, trial.levelled(r), trial.allowed.project(r))
+            moved = max(moved, float(abs(allowed - r).max(initial=0.0)))
+        if comm.allreduce(moved, MPI.MAX) <= SETTLED_TRACTION * peak:
             break
     return values
-
-
-def _weights_and_motions(model: Model, traction: ContactTraction) -> tuple[np.ndarray, np.ndarray]:
-    """``|F|/m`` of the facets that this rank owns, else 0, and the means of the free motions at the nodes.
-
-    Returns:
-        Shapes (f, 1) and (f, m, d, K), as :class:`Part` has them.
-    """
-    of = [
-        traction.contact.trace.of(f.x.array) for f in model.free_motions
-    ]  # linear: also the coefficients
-    share = traction.area / traction.nodes.shape[1]
-    moment = np.stack([moments(traction.area, values, model.degree) for values in of], axis=-1)
-    weight = np.where(traction.contact.trace.here.owned, share, 0.0)[:, None]
-    return weight, moment / share[:, None, None, None]
-
-
-def _rays(along: np.ndarray, start: np.ndarray, weight: np.ndarray, motions: np.ndarray) -> Part:
-    """Facets whose tractions are multiples >= 0 of given ones (f, m, d), all nodes of a facet as one long vector."""
-    f, m, d = along.shape
-    long = along.reshape(f, 1, m * d)
-    size = np.linalg.norm(long, axis=2, keepdims=True)
-    unit = np.divide(-long, size, out=np.zeros_like(long), where=size > 0)
-    none = np.zeros((f, 1))
-    cones = Cones(unit, none, none, none > 0)
-    start = start.reshape(f, 1, m * d)
-    return Part(
-        cones, start, np.zeros_like(start), weight, motions.reshape(f, 1, m * d, motions.shape[-1])
-    )

@@ -43,19 +43,19 @@ def equilibrated_moments(
     cells: CellGeometry,
     stress: np.ndarray,
     force: np.ndarray | None,
-    given: np.ndarray,
+    boundary: np.ndarray,
     fixed: np.ndarray,
     complete: np.ndarray,
 ) -> np.ndarray:
-    """Moments of the equilibrated facet tractions.
+    """Compute the moments of the equilibrated facet tractions [force].
 
     Args:
         cells: Geometry, n cells.
         stress: Coefficients of sigma_h [force/area], shape (n, N_(k-1), d, d).
         force: Coefficients of the body force times volume [force], shape (n, N_(k-1),
             d), or None.
-        given: Moments of the tractions known on the boundary [force], shape (facets, m,
-            d).
+        boundary: Moments of the tractions known on the boundary [force], shape
+            (facets, m, d).
         fixed: Components of boundary facets whose traction is unknown (Gamma_D), shape
             (facets, d).
         complete: Nodes whose patch is complete on this rank, shape (nodes,).
@@ -65,46 +65,57 @@ def equilibrated_moments(
         shape (facets, m, d).
     """
     d, k = cells.d, cells.degree
-    inside, (on_facets, of_force), at_nodes = divergence(d, k), _tests(d, k), _incidence(d, k)
-    push = facet_forces(cells.area, stress)
+    count = len(cells.nodes)
     inner = cells.has_second
-    first = cells.side[0]
-    flat = push.reshape(-1, *push.shape[2:])
-    here, beyond = (np.matmul(on_facets[side % (d + 1)], flat[side]) for side in cells.side)
-    moment = np.where(
-        inner[:, None, None], 0.5 * (here - beyond), np.where(fixed[:, None], here, 0.0)
-    )
-    moment += given
+    first, second = cells.side
+    on_facets, of_force = _tests(d, k)
+    by_facet = facet_forces(cells.area, stress)
 
-    by_cell = push.reshape(len(push), (d + 1) * push.shape[2], d)
-    residual = np.matmul(inside, by_cell)  # (f, B_v) - (sigma_h, grad B_v) + int_dT t B_v
+    # The average of both sides; the traction of the only side on Gamma_D.
+    flat = by_facet.reshape(-1, *by_facet.shape[2:])
+    on_first = np.matmul(on_facets[first % (d + 1)], flat[first])
+    on_second = np.matmul(on_facets[second % (d + 1)], flat[second])
+    of_support = np.where(fixed[:, None], on_first, 0.0)
+    moment = np.where(inner[:, None, None], 0.5 * (on_first - on_second), of_support)
+    moment += boundary
+
+    # (f, B_v) - (sigma_h, grad B_v) + int_dT t B_v on every cell
+    by_cell = by_facet.reshape(count, (d + 1) * by_facet.shape[2], d)
+    residual = np.matmul(divergence(d, k), by_cell)
     if force is not None:
         residual += np.matmul(of_force, force)
-    residual += np.matmul(at_nodes, signed(cells, moment).reshape(len(push), at_nodes.shape[1], d))
+    to_nodes = _incidence(d, k)
+    residual += np.matmul(to_nodes, signed(cells, moment).reshape(count, to_nodes.shape[1], d))
+
+    # w_F = |F|/h_F with h_F = |F|^(1/(d-1))
     area = np.linalg.norm(cells.area, axis=2).ravel()[first]
-    weight = np.where(
-        first >= 0, area ** ((d - 2) / (d - 1)), 0.0
-    )  # |F|/h_F with h_F = |F|^(1/(d-1))
+    weight = np.where(first >= 0, area ** ((d - 2) / (d - 1)), 0.0)
     return moment - _patch_jumps(cells, residual, weight, inner, fixed, complete)
 
 
 @cache
 def divergence(d: int, k: int) -> np.ndarray:
-    """``-|T| (B_c, grad B_v)``: Bernstein polynomials of degree k test a stress of degree k-1.
+    """Compute ``-|T| (B_c, grad B_v)``, which tests a stress with polynomials.
+
+    The stress is of degree k-1, the Bernstein polynomials B_v of degree k.
 
     Returns:
         Matrix that acts on the forces ``S_c |F_j| n_j`` of :func:`facet_forces`, shape
         (N_k, (d+1) N_(k-1)).
     """
-    inside = (
-        np.einsum("bc,cjv->vjb", mass(d, k - 1, k - 1), gradients(d, k)) / d
-    )  # |F_j| n_j = -d |T| grad lambda_j
+    # |F_j| n_j = -d |T| grad lambda_j
+    inside = np.einsum("bc,cjv->vjb", mass(d, k - 1, k - 1), gradients(d, k)) / d
     return inside.reshape(len(nodes(d, k)), -1)
 
 
 @cache
 def _tests(d: int, k: int) -> tuple[np.ndarray, np.ndarray]:
-    """Means of B_c B_m over each facet, shape (d+1, m, N_(k-1)), and of B_v B_c over the cell, (N_k, N_(k-1))."""
+    """Compute means of products of Bernstein polynomials.
+
+    Returns:
+        Means of B_c B_m over each facet, shape (d+1, m, N_(k-1)), and of B_v B_c over
+        the cell, shape (N_k, N_(k-1)).
+    """
     points, weights = rule(d - 1, 2 * k - 1)
     on_facets = []
     for vertices in facet_vertices(d):
@@ -115,8 +126,12 @@ def _tests(d: int, k: int) -> tuple[np.ndarray, np.ndarray]:
 
 @cache
 def _incidence(d: int, k: int) -> np.ndarray:
-    """Matrix from values at the nodes of the facets of a cell to their sums at its nodes, shape (N_k, (d+1) m)."""
-    return (np.arange(len(nodes(d, k)))[:, None] == local_facet_nodes(d, k).ravel()).astype(float)
+    """Return the matrix (N_k, (d+1) m) that sums values at facet nodes of a cell.
+
+    The values are those of its facets, the sums those at its nodes.
+    """
+    cell_nodes = np.arange(len(nodes(d, k)))[:, None]
+    return (cell_nodes == local_facet_nodes(d, k).ravel()).astype(float)
 
 
 def _patch_jumps(
@@ -127,55 +142,54 @@ def _patch_jumps(
     fixed: np.ndarray,
     complete: np.ndarray,
 ) -> np.ndarray:
-    """Solve the graph Laplacians of all patches; return ``w_F [lambda]`` at facet nodes, (facets, m, d).
+    """Solve the graph Laplacians of all patches.
 
     Each node of a facet between two cells is an edge of weight w_F between them, in the
     graph of the patch of this node. Each node of a facet of Gamma_D adds w_F to the
     diagonal. If a patch has no facet of Gamma_D, lambda is determined up to a constant,
     and its mean is set to zero. This also distributes the round-off of an incompatible
     right side evenly, in the same way on any number of ranks.
+
+    Returns:
+        ``w_F [lambda]`` at facet nodes, shape (facets, m, d).
     """
-    d, nodes = cells.d, np.ascontiguousarray(cells.nodes)
+    d = cells.d
+    nodes = np.ascontiguousarray(cells.nodes)
     on_facet = np.ascontiguousarray(local_facet_nodes(d, cells.degree), dtype=np.int32)
+    on_support = fixed & ~inner[:, None]
+    sizes = (d, nodes.shape[1], on_facet.shape[1], len(nodes), len(complete), len(weight))
+    mesh = (nodes, cells.facets, cells.side, on_facet)
+    # The kernel lists the cells of each patch in these arrays, and writes lambda where
+    # the residual was.
     start = np.empty(len(complete) + 1, dtype=np.int32)
     member, place = np.empty((2, *nodes.shape), dtype=np.int32)
-    solution = residual
-    kernels()(
-        "patch_jumps",
-        *(
-            d,
-            nodes.shape[1],
-            on_facet.shape[1],
-            len(nodes),
-            len(complete),
-            len(weight),
-            nodes,
-            cells.facets,
-        ),
-        *(
-            cells.side,
-            on_facet,
-            weight,
-            fixed & ~inner[:, None],
-            complete,
-            start,
-            member,
-            place,
-            solution,
-        ),
-    )
+    multiplier = residual
+    work = (start, member, place, multiplier)
+    kernels()("patch_jumps", *sizes, *mesh, weight, on_support, complete, *work)
+
     used = np.flatnonzero(cells.side[0] >= 0)
     a, b = _graph_edges(cells, used)
+    flat = multiplier.reshape(-1, d)
     between = inner[used, None, None]
-    difference = solution.reshape(-1, d)[a] - np.where(between, solution.reshape(-1, d)[b], 0.0)
-    difference *= (between | fixed[used, None]) & (place.ravel()[a] >= 0)[:, :, None]
+    difference = flat[a] - np.where(between, flat[b], 0.0)
+    # Only edges inside a patch, or to Gamma_D, have a traction to correct.
+    in_patch = (place.ravel()[a] >= 0)[:, :, None]
+    difference *= (between | fixed[used, None]) & in_patch
     jump = np.zeros((len(weight), *a.shape[1:], d))
     jump[used] = weight[used, None, None] * difference
     return jump
 
 
 def _graph_edges(cells: CellGeometry, used: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Ends of the edges of the graphs, flat indices of (cell, node), each of shape (facets used, m)."""
+    """Return the ends of the edges of the graphs, as flat indices of (cell, node).
+
+    Args:
+        cells: Geometry.
+        used: Facets of the cells of this rank.
+
+    Returns:
+        The two ends, shape (facets used, m) each.
+    """
     nodes_of = local_facet_nodes(cells.d, cells.degree)
     ends = []
     for side in cells.side[:, used]:

@@ -1,8 +1,9 @@
-"""Projections of the loads on degree k on facets and degree k-1 in cells: the loads that sigma^ balances.
+"""Projections of the loads on polynomials: the loads that sigma^ balances.
 
-If a load varies in space, the integrals are adapted to it. So each facet and each cell
-has the resultant of the load, even with a jump or a peak inside. The difference of load
-and projection is the oscillation of the loads.
+They have degree k on facets and degree k-1 in cells. If a load varies in space, the
+integrals are adapted to it. So each facet and each cell has the resultant of the load,
+even with a jump or a peak inside. The difference of load and projection is the
+oscillation of the loads.
 
 Symbols: k degree, m nodes of a facet, N_(k-1) coefficients of a polynomial of degree
 k-1 in a cell.
@@ -10,11 +11,10 @@ k-1 in a cell.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from erc_contact.admissible.cells import CellGeometry
+from erc_contact.base.ufl_types import Ufl
 from erc_contact.mesh.quadrature import cell_pieces, facet_pieces, integrate, polynomials
 from erc_contact.mesh.simplex import bernstein, from_means, nodes, rule
 from erc_contact.model.expressions import Everywhere, evaluate, varies_in_cells
@@ -22,8 +22,8 @@ from erc_contact.model.model import Model
 from erc_contact.model.values import DATA_DEGREE
 
 
-def traction_moments(model: Model, facets: np.ndarray, traction: Any) -> np.ndarray:
-    """Moments ``int_F t B_m`` of a traction on facets; collective.
+def traction_moments(model: Model, facets: np.ndarray, traction: Ufl) -> np.ndarray:
+    """Compute the moments ``int_F t B_m`` of a traction on facets [force]; collective.
 
     Args:
         model: The scene on a mesh.
@@ -43,15 +43,19 @@ def traction_moments(model: Model, facets: np.ndarray, traction: Any) -> np.ndar
         return np.einsum("qm,fqi->fmi", weighted, values) * area[:, None, None]
     load = Everywhere(traction, model.mesh)
 
-    def moments(of: np.ndarray, at: np.ndarray, x: np.ndarray) -> np.ndarray:
-        return _products(polynomials(k, at), load(x, facets[of]))
+    def moments(entity: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
+        return _products(polynomials(k, places), load(x, facets[entity]))
 
     total = integrate(model.comm, moments, model.facet_corners(facets), area, facet_pieces(d - 1))
     return total.value.reshape(len(facets), len(model.facet_points), d)
 
 
 def cell_forces(model: Model, cells: CellGeometry) -> np.ndarray | None:
-    """Body force times volume, the projection of f on degree k-1 [force], shape (n, N_(k-1), d); collective."""
+    """Project the body force times volume on degree k-1 [force]; collective.
+
+    Returns:
+        Coefficients, shape (n, N_(k-1), d), or None without body force.
+    """
     if model.body_force is None:
         return None
     d, k = cells.d, cells.degree
@@ -61,18 +65,24 @@ def cell_forces(model: Model, cells: CellGeometry) -> np.ndarray | None:
         return np.repeat(values, len(nodes(d, k - 1)), axis=1) * cells.volume[:, None, None]
     load = Everywhere(model.body_force, model.mesh)
 
-    def moments(of: np.ndarray, at: np.ndarray, x: np.ndarray) -> np.ndarray:
-        return _products(polynomials(k - 1, at), load(x, of_cells[of]))
+    def moments(entity: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
+        return _products(polynomials(k - 1, places), load(x, of_cells[entity]))
 
-    # all ranks have DOLFINx's order of the vertices, and so the same integration points
-    # and forces of a cell
+    # All ranks have DOLFINx's order of the vertices, and so the same integration points
+    # and forces of a cell. Only then the vertices are sorted.
     total = integrate(model.comm, moments, model.cell_corners(), cells.volume, cell_pieces(d))
-    forces = from_means(d, k - 1, total.value.reshape(len(of_cells), len(nodes(d, k - 1)), d))
-    return forces if k == 1 else np.take_along_axis(forces, cells.order[:, :, None], axis=1)
+    means = total.value.reshape(len(of_cells), len(nodes(d, k - 1)), d)
+    forces = from_means(d, k - 1, means)
+    if k == 1:
+        return forces
+    return np.take_along_axis(forces, cells.order[:, :, None], axis=1)
 
 
 def _products(shape: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """All products of polynomials (n, q, N) and the components of vectors (n, q, d), shape (n, q, N d)."""
-    return (shape[..., None] * values[:, :, None, :]).reshape(
-        *values.shape[:2], shape.shape[2] * values.shape[2]
-    )
+    """Multiply polynomials (n, q, N) and components of vectors (n, q, d).
+
+    Returns:
+        All products, shape (n, q, N d).
+    """
+    products = shape[..., None] * values[:, :, None, :]
+    return products.reshape(*values.shape[:2], shape.shape[2] * values.shape[2])

@@ -1,8 +1,8 @@
-"""The friction bound between the nodes of a facet, where it varies or is nonlinear in the pressure.
+"""The friction bound between the nodes of a facet.
 
-A traction that is allowed at the nodes may then exceed the bound between them. The
-bound is sampled on each facet, and where a traction exceeds it, the friction of the
-facet is lowered.
+The bound may vary there, or be nonlinear in the pressure. A traction that is allowed at
+the nodes may then exceed the bound between them. The bound is sampled on each facet,
+and where a traction exceeds it, the friction of the facet is lowered.
 
 Symbols: r^ contact traction on the body, f facets, m number of coefficients of a facet,
 q samples of a facet, d dimension.
@@ -19,36 +19,47 @@ from erc_contact.model.foundation import BoundContact
 from erc_contact.model.model import Model
 
 MARGIN = 0.2
-"""Share of the sampled deviation that is added for deviations between two samples [-]."""
+"""Share of the sampled deviation that is added for those between samples [-]."""
+ROUND_OFF_SHARE = 1e-14
+"""Excess over the bound that is round-off, over the greatest friction [-]."""
 
 
 def friction_at_samples(model: Model, traction: ContactTraction) -> tuple[np.ndarray, np.ndarray]:
-    """The friction bound and the length of r^_t at samples of facets [force/area], shape (f, q) each; collective."""
-    at = model.facet_samples
-    shape = bernstein(model.d - 1, model.degree, at)
-    parameters = model.friction_parameters(traction.contact, at)
-    most = traction.contact.friction_bound(
-        np.maximum(-traction.normal_component @ shape.T, 0.0), parameters
-    )
-    return most, np.linalg.norm(np.einsum("qm,fmi->fqi", shape, traction.tangential_part), axis=-1)
+    """Sample the friction bound and the length of r^_t [force/area]; collective.
+
+    Returns:
+        The bound and the length, shape (f, q) each.
+    """
+    points = model.facet_samples
+    shape = bernstein(model.d - 1, model.degree, points)
+    parameters = model.friction_parameters(traction.contact, points)
+    pressure = np.maximum(-traction.normal_component @ shape.T, 0.0)
+    bound = traction.contact.friction_bound(pressure, parameters)
+    tangential = np.einsum("qm,fmi->fqi", shape, traction.tangential_part)
+    return bound, np.linalg.norm(tangential, axis=-1)
 
 
 def lowering(model: Model, traction: ContactTraction) -> np.ndarray:
-    """The factor of the friction of each facet that makes r^ allowed between the nodes [-], shape (f,); collective.
+    """Compute the factor of friction that makes r^ allowed [-]; collective.
 
-    It is 1 where r^ is allowed at all samples.
+    Allowed means at all points of a facet. It is 1 where r^ is allowed at all samples.
+
+    Returns:
+        The factor of each facet, shape (f,).
     """
     if not traction.contact.sampled:
         return np.ones(len(traction.nodes))
-    most, used = friction_at_samples(model, traction)
+    bound, used = friction_at_samples(model, traction)
+    # The ratio of two numbers that are round-off means nothing.
     peak = model.comm.allreduce(float(used.max(initial=0.0)), MPI.MAX)
-    excess = used > most + 1e-14 * peak  # the ratio of two numbers that are round-off means nothing
-    ratio = np.divide(most, used, out=np.ones_like(used), where=excess).min(axis=1)
-    return np.where(ratio < 1.0, np.maximum(ratio - MARGIN * (1 - ratio), 0.0), 1.0)
+    excess = used > bound + ROUND_OFF_SHARE * peak
+    ratio = np.divide(bound, used, out=np.ones_like(used), where=excess).min(axis=1)
+    lowered = np.maximum(ratio - MARGIN * (1 - ratio), 0.0)
+    return np.where(ratio < 1.0, lowered, 1.0)
 
 
 def with_friction(contact: BoundContact, values: np.ndarray, factor: np.ndarray) -> np.ndarray:
-    """Tractions (f, m, d) with their tangential part times a factor of each facet."""
+    """Multiply the tangential part of tractions (f, m, d) by a factor of each facet."""
     n = contact.direction[:, None, :]
     normal = (values * n).sum(axis=-1, keepdims=True) * n
     return normal + factor[:, None, None] * (values - normal)

@@ -1,4 +1,4 @@
-"""Shifts of contact tractions in the direction that lowers the contact part of the error.
+"""Shifts of contact tractions in the direction that lowers the contact part of e.
 
 Symbols: n normal of the foundation, w displacement, tangentially since the last step of
 a history, g gap, r contact traction on the body; index n normal component, index t
@@ -9,7 +9,6 @@ m number of coefficients of a facet, d dimension.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -19,23 +18,30 @@ from erc_contact.model.model import Model
 from erc_contact.model.trace import split
 
 MOBILITY = 0.1
-"""kappa of a :class:`Shift` where a traction must change for the balance [-]; 0.01 to 1 give the same e within 3%."""
-ROUND_OFF = 1e-12
-"""kappa where no balance is needed: the accuracy of the traction of a method, over ``E/h |w|`` [-]."""
-FAR = 1e3
+"""kappa of a :class:`Shift` where a traction must change for the balance [-].
+
+0.01 to 1 give the same e within 3%.
+"""
+ROUND_OFF_MOBILITY = 1e-12
+"""kappa where no balance is needed [-].
+
+It is the accuracy of the traction of a method, over ``E/h |w|``.
+"""
+FAR_SLIP = 1e3
 """Slip over ``h/E |r|`` beyond which this kappa grows with the slip [-]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Shift:
-    """The shift ``-kappa E/h v`` of a traction by slip and opening, with ``v = w_t + (w_n - g - mu |w_t|) n``.
+    """Shift a traction by slip and opening.
 
-    Half of the contact part of e^2 is ``int b |w_t| + r_t.w_t + r_n (w_n - g)``. Where
-    ``b = offset + mu p`` with the pressure p, this is ``int r.v`` up to a constant (de
-    Saxce's bipotential). A change dr of the traction adds about ``h/(kappa E) |dr|^2``
-    to the bulk part. So the best r is the allowed traction nearest to ``r_0 - kappa E/h
-    v``. A traction that slips stays on the surface of its cone, where it adds nothing,
-    however long the slip is.
+    The shift is ``-kappa E/h v`` with ``v = w_t + (w_n - g - mu |w_t|) n``. Half of the
+    contact part of e^2 is ``int b |w_t| + r_t.w_t + r_n (w_n - g)``. Where ``b = offset
+    + mu p`` with the pressure p, this is ``int r.v`` up to a constant (de Saxce's
+    bipotential). A change dr of the traction adds about ``h/(kappa E) |dr|^2`` to the
+    bulk part. So the best r is the allowed traction nearest to ``r_0 - kappa E/h v``. A
+    traction that slips stays on the surface of its cone, where it adds nothing, however
+    long the slip is.
 
     The attributes are means on a facet, weighted with its Bernstein polynomials. Their
     products with the coefficients of a traction are integrals.
@@ -55,24 +61,37 @@ class Shift:
     opening: np.ndarray
     n: np.ndarray
 
-    def __call__(self, slope: Any) -> np.ndarray:
-        """``-kappa E/h v`` for slopes mu of the friction bound, shape (f, m): [force/area], shape (f, m, d)."""
-        return MOBILITY * ((slope * self.path + self.opening)[..., None] * self.n - self.slip)
+    def __call__(self, slope: np.ndarray | float) -> np.ndarray:
+        """Return ``-kappa E/h v`` for slopes mu of the friction bound [force/area].
+
+        Args:
+            slope: mu [-], shape (f, m) or a number.
+
+        Returns:
+            The shift, shape (f, m, d).
+        """
+        normal = slope * self.path + self.opening
+        return MOBILITY * (normal[..., None] * self.n - self.slip)
 
     def round_off(self, r: np.ndarray) -> np.ndarray:
-        """The shift of tractions r (f, m, d) with the kappa of round-off [force/area], shape (f, m, d).
+        """Return the shift of tractions with the kappa of round-off [force/area].
 
         Kappa grows where the slip is far beyond ``h/E |r|``, because the round-off of a
         traction that slips enters e multiplied by the slip.
+
+        Args:
+            r: Tractions [force/area], shape (f, m, d).
         """
-        far = FAR * np.linalg.norm(r, axis=-1)
+        # Where there is no traction, kappa stays as it is.
+        far = FAR_SLIP * np.linalg.norm(r, axis=-1)
         length = self.path + self.opening
-        kappa = ROUND_OFF * (1 + np.divide(length, far, out=np.zeros_like(far), where=far > 0))
+        ratio = np.divide(length, far, out=np.zeros_like(far), where=far > 0)
+        kappa = ROUND_OFF_MOBILITY * (1 + ratio)
         return kappa[..., None] * (self.opening[..., None] * self.n - self.slip)
 
 
 def shift_by_slip(model: Model, contact: BoundContact, u: np.ndarray) -> Shift:
-    """The shift of the traction of a contact; collective.
+    """Compute the shift of the traction of a contact; collective.
 
     Args:
         model: The scene on a mesh.
@@ -80,13 +99,18 @@ def shift_by_slip(model: Model, contact: BoundContact, u: np.ndarray) -> Shift:
         u: Displacements at the nodes of its facets, tangentially since the last step
             [length], shape (f, m, d).
     """
-    n, d, k = contact.direction[:, None, :], model.d, model.degree
+    d, k = model.d, model.degree
+    n = contact.direction[:, None, :]
     points, weights = rule(d - 1, model.contact_degree)
-    average, shape = averages(d - 1, k, points, weights), lagrange(d - 1, k, points)
+    average = averages(d - 1, k, points, weights)
+    shape = lagrange(d - 1, k, points)
     w_n, w_t, length = split(np.matmul(shape, u), n)
+    # A bilateral contact cannot open.
     opening = np.zeros_like(w_n)
     if not contact.bilateral:
         opening = np.maximum(model.gap_at_nodes(contact) @ shape.T - w_n, 0.0)
     stiffness = contact.trace.stiffness[:, None]
     slip = stiffness[..., None] * np.matmul(average, w_t)
-    return Shift(slip, stiffness * length @ average.T, stiffness * opening @ average.T, n)
+    mean_path = stiffness * length @ average.T
+    mean_opening = stiffness * opening @ average.T
+    return Shift(slip, mean_path, mean_opening, n)

@@ -14,7 +14,7 @@ from erc_contact.model.foundation import BoundContact
 
 @dataclass(frozen=True, eq=False)
 class ContactTraction:
-    """The admissible traction r^ on one contact, of degree k on each facet.
+    """Hold the admissible traction r^ on one contact, of degree k on each facet.
 
     Attributes:
         contact: The contact.
@@ -35,10 +35,11 @@ class ContactTraction:
 
     @property
     def normal_component(self) -> np.ndarray:
-        """Normal component r^_n, coefficients [force/area], shape (n, m)."""
+        """Return the normal component r^_n, shape (n, m) [force/area]."""
         return np.einsum("fmi,fi->fm", self.values, self.contact.direction)
 
     @property
     def tangential_part(self) -> np.ndarray:
-        """Tangential part r^_t, coefficients [force/area], shape (n, m, d)."""
-        return self.values - self.normal_component[..., None] * self.contact.direction[:, None, :]
+        """Return the tangential part r^_t, shape (n, m, d) [force/area]."""
+        n = self.contact.direction[:, None, :]
+        return self.values - self.normal_component[..., None] * n

@@ -1,1 +1,1 @@
-"""The error in the constitutive relation of an admissible pair, and the bounds on numbers that follow from it."""
+"""The error in the constitutive relation of an admissible pair, and its bounds."""

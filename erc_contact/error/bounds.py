@@ -1,17 +1,22 @@
-"""Certified bounds on single numbers: the resultant of a contact traction, the energy, the work of the loads.
+"""Certified bounds on single numbers.
 
+These are the resultant of a contact traction, the energy, and the work of the loads.
 The error of an admissible pair bounds the distance to both of its fields (no friction,
 or a given bound b):
 
-    |sigma - sigma^|^2 + |sigma - C eps(u^)|^2 <= e^2,  so with the middle  sigma_m = (sigma^ + C eps(u^))/2
-    |sigma - sigma_m|^2 <= rho^2 = e^2/2 - bulk^2/4                                                     (a)
+    |sigma - sigma^|^2 + |sigma - C eps(u^)|^2 <= e^2,
+
+so with the middle ``sigma_m = (sigma^ + C eps(u^))/2``
+
+    |sigma - sigma_m|^2 <= rho^2 = e^2/2 - bulk^2/4                                (a)
 
 by the parallelogram identity, with ``bulk = |sigma^ - C eps(u^)|``. (rho = e/2 where
 the contact part of e is zero.) For any continuous phi that is zero where a support
 holds, the work of the tractions on all contacts is ``int r.phi = (sigma, eps(phi)) -
 f(phi) - F(phi)``. Hence
 
-    | int r.phi - ( ((sigma^, eps(phi)) + a(u^, phi))/2 - f(phi) - F(phi) ) |  <=  rho |phi|            (b)
+    | int r.phi - ( ((sigma^, eps(phi)) + a(u^, phi))/2 - f(phi) - F(phi) ) |
+        <=  rho |phi|                                                              (b)
 
 in energy norms. Let phi equal the direction a on one contact, in the components that
 its traction can have there, and do no work on the other contacts. Then (b) bounds the
@@ -21,8 +26,8 @@ follows from the loads alone.
 
 Without friction or with given friction, u minimises the potential energy J, and ``J(u^)
 - J(u) <= e^2/2``: this bound is of second order in e. The bounds (b) are of first
-  order. For bounds of second order one would need a dual problem
-whose contact set is certain.
+order. For bounds of second order one would need a dual problem whose contact set is
+certain.
 
 ``guaranteed`` means that the interval is proved, up to round-off and to integrals that
 are resolved at the points of quadrature (:mod:`erc_contact.mesh.quadrature`). This
@@ -56,31 +61,25 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-import ufl
-from dolfinx import fem
-from dolfinx.fem import petsc as fp
-from mpi4py import MPI
 
-from erc_contact.base.exceptions import InputError, raise_together
-from erc_contact.base.runtime import compiled
+from erc_contact.base.exceptions import InputError
 from erc_contact.error.constitutive import ROUND_OFF, ConstitutiveError, Run, error_of
+from erc_contact.error.lifting import lifting
 from erc_contact.error.works import elastic_work, friction_work, load_work, stress_work
-from erc_contact.model.foundation import BoundContact
-from erc_contact.model.model import Model
-from erc_contact.newton.linear.solver import ElasticSolver
+from erc_contact.scene.scene import Scene
 
-GLUE = 1e6
-"""gamma_0 of the springs that hold phi on the contacts [-]; afterwards its values there are set exactly."""
-RIGID = 1e-8
-"""Energy norm of phi below which it is a rigid motion, over that of strains of size one in the body [-]."""
+RIGID_ENERGY = 1e-8
+"""Energy norm of phi below which it is a rigid motion [-].
+
+It is over that of strains of size one in the body.
+"""
 
 
 @dataclass(frozen=True)
 class Bounds:
-    """An interval for a number of the exact solution.
+    """Hold an interval for a number of the exact solution.
 
     Attributes:
         value: Its middle; for the energy the value of u^.
@@ -103,7 +102,9 @@ class Bounds:
 
 
 def resultant(error: ConstitutiveError | Run, contact: str, direction: Sequence[float]) -> Bounds:
-    """Bounds (b) on the resultant ``int r.a`` of the traction that a foundation exerts on the body; collective.
+    """Bound the resultant ``int r.a`` of a contact traction by (b); collective.
+
+    The traction is that of the foundation on the body.
 
     Args:
         error: The error of an admissible pair, or a history, whose error is taken.
@@ -120,7 +121,7 @@ def resultant(error: ConstitutiveError | Run, contact: str, direction: Sequence[
     """
     error = error_of(error)
     pair = error.admissible
-    model = pair.solution.model
+    model = pair.model
     which = model.contacts.index(model.contact(contact))
     a = np.asarray(direction, dtype=float)
     if a.shape != (model.d,) or not np.isfinite(a).all():
@@ -130,18 +131,19 @@ def resultant(error: ConstitutiveError | Run, contact: str, direction: Sequence[
     middle = 0.5 * both - load_work(model, phi)
     square = elastic_work(pair, phi, phi)
     size = float(np.sqrt(max(square.value + square.bound, 0.0)))
+    # If phi is a rigid motion, (b) is the balance of forces, which needs no friction
+    # law.
     stiffest = model.stiffest() * model.domain.extent ** (model.d - 2)
-    rigid = size <= RIGID * np.linalg.norm(a) * np.sqrt(
-        stiffest
-    )  # then (b) is the balance of forces
-    from_loads = bool(rigid) and error.geometry_error <= ROUND_OFF * error.scale
+    is_rigid = bool(size <= RIGID_ENERGY * np.linalg.norm(a) * np.sqrt(stiffest))
+    from_loads = is_rigid and error.geometry_error <= ROUND_OFF * error.scale
     proved = middle.resolved and square.resolved and (from_loads or error.guaranteed)
-    radius = float(np.sqrt(_square(error) / 2 - error.bulk_error**2 / 4) * size) + middle.bound
+    rho = np.sqrt(_square(error) / 2 - error.bulk_error**2 / 4)
+    radius = float(rho * size) + middle.bound
     return Bounds(middle.value, middle.value - radius, middle.value + radius, proved, weighted)
 
 
 def potential_energy(error: ConstitutiveError | Run) -> Bounds:
-    """Bounds on the potential energy J(u), in ``[J(u^) - e^2/2, J(u^)]``; collective.
+    """Bound the potential energy J(u), in ``[J(u^) - e^2/2, J(u^)]``; collective.
 
     With loads only (supports and gaps zero) the strain energy ``a(u, u)/2`` is -J(u);
     with supports only (no loads, no gap, no friction) it is J(u).
@@ -155,18 +157,22 @@ def potential_energy(error: ConstitutiveError | Run) -> Bounds:
     """
     error = error_of(error)
     pair = error.admissible
-    model, u = pair.solution.model, pair.displacement
+    model = pair.model
+    u = pair.displacement
     strain = elastic_work(pair, u, u)
     J = 0.5 * strain - load_work(model, u)
     for traction in pair.tractions:
         J += friction_work(model, traction, u, ROUND_OFF * strain.value)
-    high, facets = J.value + J.bound, error.geometry_error**2 / 2
+    facets = error.geometry_error**2 / 2
+    high = J.value + J.bound
     low = J.value - J.bound - error.absolute**2 / 2 - facets
     return Bounds(high, low, high + facets, J.resolved and error.guaranteed)
 
 
 def work_of_loads(error: ConstitutiveError | Run) -> Bounds:
-    """Bounds on ``f(u) + F(u) = -2 J(u)``, in ``[-2 J(u^), -2 J(u^) + e^2]``, the compliance; collective.
+    """Bound the work of the loads, the compliance; collective.
+
+    It is ``f(u) + F(u) = -2 J(u)``. The bounds are ``[-2 J(u^), -2 J(u^) + e^2]``.
 
     Args:
         error: The error, or a history, of a frictionless scene whose supports and gaps
@@ -179,118 +185,28 @@ def work_of_loads(error: ConstitutiveError | Run) -> Bounds:
         InputError: If the scene has friction, a gap or a support that is not zero.
     """
     error = error_of(error)
-    scene = error.solution.scene
-    moved = [s.facets for s in scene.supports if any(callable(v) or v for v in s.value)]
-    gaps = [c.facets for c in scene.contacts if callable(c.gap) or c.gap]
-    rough = [c.facets for c in scene.contacts if c.law is not None]
-    for what, where in (
-        ("a support that is not zero", moved),
-        ("a gap", gaps),
-        ("friction", rough),
-    ):
-        if where:
-            raise InputError(
-                f"The work of the loads has no certified bounds with {what} ({', '.join(where)}); ask for "
-                "potential_energy()."
-            )
+    _raise_if_no_cone(error.solution.scene)
     J = potential_energy(error)
     return Bounds(-2 * J.value, -2 * J.high, -2 * J.low, J.guaranteed)
 
 
-def lifting(
-    model: Model, elastic: ElasticSolver, which: int, a: np.ndarray
-) -> tuple[fem.Function, bool]:
-    """The phi of least energy that equals a direction on one contact and does no work elsewhere; collective.
-
-    On the contact all components are a, or only the normal one where the contact is
-    flat and frictionless; on the other contacts they are zero; components that supports
-    fix are zero.
-
-    Args:
-        model: The scene on a mesh.
-        elastic: The solver of its elastic equations; its memory is freed.
-        which: Place of the contact among the model's.
-        a: Direction, shape (d,).
-
-    Returns:
-        phi [-], and whether it differs from a on the contact because a support or
-        another contact fixes it there.
-    """
-    phi = _least_energy(model, elastic, which, a)
-    values = phi.x.array.reshape(-1, model.d)
-    own = _nodes(model, model.contacts[which])
-    places = [_nodes(model, c) for c in model.contacts]
-    values[own] += _working_part(model.contacts[which], a - values[own])
-    for contact, at in zip(model.contacts, places, strict=True):
-        if contact is not model.contacts[which]:
-            values[at] -= _working_part(contact, values[at])
-    values[model.fixed] = 0.0
-    tolerance = ROUND_OFF * float(np.linalg.norm(a))
-    for contact, at in zip(model.contacts, places, strict=True):
-        if contact is not model.contacts[which]:  # phi is zero where several contacts hold it
-            values[
-                at[abs(_working_part(contact, values[at])).max(axis=1, initial=0.0) > tolerance]
-            ] = 0.0
-    phi.x.scatter_forward()
-    missing = (
-        abs(_working_part(model.contacts[which], a - values[own])).max(initial=0.0) > tolerance
-    )
-    return phi, bool(model.comm.allreduce(bool(missing), MPI.LOR))
-
-
-def _least_energy(model: Model, elastic: ElasticSolver, which: int, a: np.ndarray) -> fem.Function:
-    """An approximation of phi, whose values on the contacts are held by stiff springs."""
-    u, v, contact = ufl.TrialFunction(model.V), ufl.TestFunction(model.V), model.contacts[which]
-    gamma = model.stiffness_per_area(compiled.constant(model.mesh, GLUE))
-    springs = [gamma * ufl.inner(_working_part_ufl(c, u), v) * c.ds for c in model.contacts]
-    pull = (
-        gamma
-        * ufl.inner(_working_part_ufl(contact, compiled.constant(model.mesh, a)), v)
-        * contact.ds
-    )
-    matrix = fp.assemble_matrix(
-        compiled.form(sum(springs[1:], start=springs[0])), bcs=model.bcs, diag=0.0
-    )
-    matrix.assemble()
-    b, near = model.function(), model.function()
-    fem.assemble_vector(b.x.array, compiled.form(pull))
-    near.x.array.reshape(-1, model.d)[:] = _working_part(contact, a[None])
-    near.x.array[model.fixed.ravel()] = 0.0  # a rigid motion, if the body is free to make it
-    phi = elastic.solve_with_springs(matrix, b, near)
-    elastic.free()
-    matrix.destroy()
-    error = (
-        None
-        if np.isfinite(phi.x.array).all()
-        else InputError("The body cannot be factorised; look at its moduli.")
-    )
-    raise_together(model.comm, error)
-    return phi
-
-
-def _only_normal(contact: BoundContact) -> bool:
-    """Tell whether the traction can only be along one normal, the same on the whole contact."""
-    return contact.friction is None and isinstance(contact.normal, fem.Constant)
-
-
-def _working_part(contact: BoundContact, values: np.ndarray) -> np.ndarray:
-    """The part of vectors (n, d) on which a traction of the contact can do work."""
-    if not _only_normal(contact):
-        return values
-    n = contact.normal.value
-    return (values @ n)[:, None] * n
-
-
-def _working_part_ufl(contact: BoundContact, v: Any) -> Any:
-    """The same for a UFL vector."""
-    return ufl.dot(v, contact.normal) * contact.normal if _only_normal(contact) else v
-
-
-def _nodes(model: Model, contact: BoundContact) -> np.ndarray:
-    """Nodes on a contact, also those that only facets of other ranks have; collective."""
-    return fem.locate_dofs_topological(model.V, model.d - 1, model.facet_numbers(contact.facets))
+def _raise_if_no_cone(scene: Scene) -> None:
+    """Raise an error if the admissible displacements of a scene are no cone."""
+    moved = []
+    for support in scene.supports:
+        if any(callable(value) or value for value in support.value):
+            moved.append(support.facets)
+    gaps = [contact.facets for contact in scene.contacts if callable(contact.gap) or contact.gap]
+    rough = [contact.facets for contact in scene.contacts if contact.law is not None]
+    obstacles = {"a support that is not zero": moved, "a gap": gaps, "friction": rough}
+    for obstacle, parts in obstacles.items():
+        if parts:
+            raise InputError(
+                f"The work of the loads has no certified bounds with {obstacle} "
+                f"({', '.join(parts)}); ask for potential_energy()."
+            )
 
 
 def _square(error: ConstitutiveError) -> float:
-    """``e^2`` with the estimate for the flat facets of a curved body."""
+    """Return ``e^2`` with the estimate for the flat facets of a curved body."""
     return error.absolute**2 + error.geometry_error**2

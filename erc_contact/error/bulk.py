@@ -1,4 +1,4 @@
-"""The bulk part of the error in the constitutive relation, and the error by the flat facets of a curved body.
+"""The bulk part of the error, and the error by the flat facets of a curved body.
 
 Source: Coorevits, Hild, Hjiaj, equations (16)-(18); the error of the geometry is ours.
 """
@@ -13,69 +13,76 @@ from erc_contact.admissible.elastic import act, elastic_stress, macro_moduli, st
 from erc_contact.admissible.kernels import kernels
 from erc_contact.admissible.macro import macro_points, macro_values
 from erc_contact.admissible.pair import Admissible
-from erc_contact.error.oscillation import EXACT, UNKNOWN
+from erc_contact.error.oscillation import DATA_ROUND_OFF, UNKNOWN_SHARE
 from erc_contact.mesh.quadrature import cell_pieces, integrate, polynomials
 from erc_contact.mesh.surface import pairs, swept
 
 
 def bulk_squares(admissible: Admissible) -> tuple[np.ndarray, np.ndarray, float]:
-    """``|sigma^ - C eps(u^)|^2`` and ``|sigma^ + C eps(u^)|^2`` of each owned cell; collective.
+    """Compute the squares of difference and sum of the two stresses; collective.
 
-    If the moduli vary inside cells, the first result contains what its integral leaves
-    unknown. The third result is the sum of this over the cells of the rank if it is
-    more than the tolerance, else 0.
+    These are ``sigma^ - C eps(u^)`` and ``sigma^ + C eps(u^)``.
+
+    Returns:
+        The squares of the energy norms on each owned cell [force length]. If the moduli
+        vary inside cells, the first result contains what its integral leaves unknown.
+        The third result is the sum of this over the cells of the rank if it is more
+        than the tolerance, else 0.
     """
-    model, cells = admissible.solution.model, admissible.cell_geometry
-    owned, k = model.domain.owned_cells, model.degree
-    shape, _, weights = macro_points(model.d, k)
+    model = admissible.model
+    cells = admissible.cell_geometry
+    owned = model.domain.owned_cells
+    shape, _, weights = macro_points(model.d, model.degree)
     compliance = macro_moduli(model, cells, owned, inverse=True)
     elastic = elastic_stress(model, cells, admissible.displacement, owned)
+    stress = admissible.stress
+    sizes = (owned, elastic.shape[2], *stress.shape[1:3], len(shape))
+    rule = (shape, weights, cells.volume)
+    stresses = (stress, elastic.shape[1], np.ascontiguousarray(elastic))
+    material = (len(compliance) > 1, compliance.shape[1], np.ascontiguousarray(compliance))
     difference, both = np.empty((2, owned))
-    kernels()(
-        "stress_squares",
-        *(
-            owned,
-            elastic.shape[2],
-            *admissible.stress.shape[1:3],
-            len(shape),
-            shape,
-            weights,
-            cells.volume,
-        ),
-        *(admissible.stress, elastic.shape[1], np.ascontiguousarray(elastic)),
-        *(
-            len(compliance) > 1,
-            compliance.shape[1],
-            np.ascontiguousarray(compliance),
-            difference,
-            both,
-        ),
-    )
+    kernels()("stress_squares", *sizes, *rule, *stresses, *material, difference, both)
     if not model.elasticity.varies_in_cells:
         return difference, both, 0.0
+    return _adapted_squares(admissible, float(both.sum()))
+
+
+def _adapted_squares(admissible: Admissible, size: float) -> tuple[np.ndarray, np.ndarray, float]:
+    """Compute the results of :func:`bulk_squares` for varying moduli; collective.
+
+    Args:
+        admissible: The pair.
+        size: Sum of ``|sigma^ + C eps(u^)|^2`` on this rank by a fixed rule [force
+            length].
+    """
+    model = admissible.model
+    cells = admissible.cell_geometry
+    k = model.degree
+    owned = model.domain.owned_cells
     of_cells = model.owned_cells
     strain = strains(cells, admissible.displacement)[:owned]
 
-    def squares(of: np.ndarray, at: np.ndarray, x: np.ndarray) -> np.ndarray:
-        S = model.compliance(x, of_cells[of])
-        elastic = act(
-            model.elasticity(x, of_cells[of]), np.matmul(polynomials(k - 1, at), strain[of])
-        )
-        sigma = macro_values(admissible.stress, k, of, at)
-        return np.stack(
-            [(act(S, tau) * tau).sum(axis=-1) for tau in (sigma - elastic, sigma + elastic)],
-            axis=-1,
-        )
+    def squares(cell: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
+        compliance = model.compliance(x, of_cells[cell])
+        at_points = np.matmul(polynomials(k - 1, places), strain[cell])
+        elastic = act(model.elasticity(x, of_cells[cell]), at_points)
+        sigma = macro_values(admissible.stress, k, cell, places)
+        difference = sigma - elastic
+        both = sigma + elastic
+        difference_2 = (act(compliance, difference) * difference).sum(axis=-1)
+        both_2 = (act(compliance, both) * both).sum(axis=-1)
+        return np.stack([difference_2, both_2], axis=-1)
 
     corners = sorted_corners(model, cells)[:owned]
-    floor = np.array([EXACT**2 * model.comm.allreduce(float(both.sum()), MPI.SUM), 0.0])
+    # An error that is round-off of the stresses need not be resolved.
+    floor = np.array([DATA_ROUND_OFF**2 * model.comm.allreduce(size, MPI.SUM), 0.0])
     total = integrate(
         model.comm,
         squares,
         corners,
         cells.volume[:owned],
         cell_pieces(model.d),
-        share=UNKNOWN,
+        share=UNKNOWN_SHARE,
         floor=floor,
     )
     unknown = 0.0 if total.resolved.all() else float(total.rest.max(axis=1).sum())
@@ -83,30 +90,36 @@ def bulk_squares(admissible: Admissible) -> tuple[np.ndarray, np.ndarray, float]
 
 
 def geometry_squares(admissible: Admissible, both: np.ndarray) -> np.ndarray:
-    """The share of each owned cell in the square of ``ConstitutiveError.geometry_error`` [force length].
+    """Compute the share of each owned cell in the square of the geometry error.
 
-    A facet on the boundary of the body counts for its cell. A facet between two cells
-    counts half for each.
+    The unit is [force length]. A facet on the boundary of the body counts for its cell.
+    A facet between two cells counts half for each.
 
     Args:
         admissible: The pair.
         both: ``|sigma^ + C eps(u^)|^2 = 4 |sigma_m|^2`` of each owned cell [force
             length].
     """
-    model, cells = admissible.solution.model, admissible.cell_geometry
+    model = admissible.model
+    domain = model.domain
+    cells = admissible.cell_geometry
     result = np.zeros(len(both))
-    if model.domain.offset is None or model.domain.curved_facets is None:
+    if domain.offset is None or domain.curved_facets is None:
         return result
-    density = model.domain.function("DG", 0)
+    density = domain.function("DG", 0)
     density.x.array[: len(both)] = both / (4 * cells.volume[: len(both)])
+    # A facet between two ranks needs the density of the other one.
     density.x.scatter_forward()
-    sides = pairs(model.mesh, model.domain.curved_facets.indices)
+    values = density.x.array
+
+    # The cell beyond a facet is the cell itself on the boundary of the body.
+    sides = pairs(model.mesh, domain.curved_facets.indices)
     sides = sides[model.owned(sides)]
-    facets = model.facet_numbers(sides)
-    beyond = cells.side[:, facets] // (model.d + 1)
-    beyond = np.where(beyond[0] == sides[:, 0], beyond[1], beyond[0])
-    inside = beyond != sides[:, 0]
-    jump = density.x.array[sides[:, 0]] - np.where(inside, density.x.array[beyond], 0.0)
-    cost = abs(jump) * swept(model.domain.offset, sides, model.facet_areas(sides))
-    np.add.at(result, sides[:, 0], np.where(inside, 0.5, 1.0) * cost)
+    cell = sides[:, 0]
+    both_cells = cells.side[:, model.facet_numbers(sides)] // (model.d + 1)
+    beyond = np.where(both_cells[0] == cell, both_cells[1], both_cells[0])
+    inside = beyond != cell
+    jump = values[cell] - np.where(inside, values[beyond], 0.0)
+    square = abs(jump) * swept(domain.offset, sides, model.facet_areas(sides))
+    np.add.at(result, cell, np.where(inside, 0.5, 1.0) * square)
     return result

@@ -1,19 +1,20 @@
-"""The error in the constitutive relation of an admissible pair: global, in parts, and per element.
+"""The error in the constitutive relation of an admissible pair.
+
+It is global, in parts, and per element:
 
     e^2 = |sigma^ - C eps(u^)|^2
-          + 2 int_GammaC ( b(p^) |w_t - s| + r^_t.(w_t - s) + r^_n (w_n - g) ),  p^ =
-          -r^_n              (16)
-    eps = e / |sigma^ + C eps(u^)|
-    (17)
+          + 2 int_GammaC ( b(p^) |w_t - s| + r^_t.(w_t - s) + r^_n (w_n - g) )     (16)
+    eps = e / |sigma^ + C eps(u^)|                                                 (17)
 
-in energy norms ``|sigma|^2 = int C^-1 sigma : sigma``, with b the friction bound of the
-law: mu p for Coulomb, given for Tresca. In a step of a history, s is the tangential
-displacement at the end of the last step, and e bounds the error of this step given its
-history; without history s is zero. Both terms are never negative, and e = 0 only for
-the solution. For frictionless contact and given friction (Tresca) e bounds the errors
-of u^ and of sigma^ with constant 1:
+in energy norms ``|sigma|^2 = int C^-1 sigma : sigma``, with ``p^ = -r^_n`` and b the
+friction bound of the law: mu p for Coulomb, given for Tresca. In a step of a history, s
+is the tangential displacement at the end of the last step, and e bounds the error of
+this step given its history; without history s is zero. Both terms are never negative,
+and e = 0 only for the solution. For frictionless contact and given friction (Tresca) e
+bounds the errors of u^ and of sigma^ with constant 1:
 
-    |u - u^|^2 + |sigma - sigma^|^2 + 2 int_GammaC (b(p) - b(p^))(|w_t - s| - |w^_t - s|)  <=  e^2.
+    |u - u^|^2 + |sigma - sigma^|^2
+        + 2 int_GammaC (b(p) - b(p^))(|w_t - s| - |w^_t - s|)  <=  e^2.
 
 If the bound depends on the pressure, as Coulomb's does, the third term is a product of
 two errors and has no sign. Then e is a bound up to a term of higher order, not a
@@ -41,13 +42,14 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.base.html import table
 from erc_contact.base.percent import percent
 from erc_contact.error.bulk import bulk_squares, geometry_squares
-from erc_contact.error.contact import contact_squares
-from erc_contact.error.oscillation import UNKNOWN, Oscillations, of_history, of_loads, of_supports
-from erc_contact.error.rigid import NOISE, moves_rigidly, round_off
+from erc_contact.error.oscillation import UNKNOWN_SHARE, Oscillations
+from erc_contact.error.rigid import RIGID_NOISE, moves_rigidly, round_off
+from erc_contact.error.squares import contact_and_oscillations, raise_if_no_number
 from erc_contact.mesh.domain import Domain
 from erc_contact.model.forces import Force
 from erc_contact.model.foundation import CONSTANT
 from erc_contact.model.maximum import Maximum, greatest
+from erc_contact.model.model import Model
 from erc_contact.model.stress import von_mises
 from erc_contact.newton.solution import Solution
 from erc_contact.results.forces import force, reactions
@@ -61,7 +63,7 @@ ROUND_OFF = 1e-12
 
 @dataclass(frozen=True, eq=False)
 class ConstitutiveError:
-    """The error of an admissible pair.
+    """Hold the error of an admissible pair.
 
     Attributes:
         admissible: The pair.
@@ -71,11 +73,12 @@ class ConstitutiveError:
         contact_error: Contact part of e; ``bulk_error^2 + contact_error^2 = e^2``.
         geometry_error: Estimate of the error by the flat facets of a curved body
             [sqrt(force length)], not part of e. It is the energy norm of the stress
-            between the facets and the true surface: its square is ``int |offset|
-                |sigma|^2``, at an interface with the difference of ``|sigma|^2``. Half of its square is
-            about the change of the potential energy by the facets (0.78 to 0.94 of it
-            on a pressed ring of 5 to 30 facets). It is zero if all facets are exact,
-                and if only a mesh is known: the body is then the mesh.
+            between the facets and the true surface: its square is
+            ``int |offset| |sigma|^2``, at an interface with the difference of
+            ``|sigma|^2``. Half of its square is about the change of the potential
+            energy by the facets (0.78 to 0.94 of it on a pressed ring of 5 to 30
+            facets). It is zero if all facets are exact, and if only a mesh is known:
+            the body is then the mesh.
         oscillations: Parts of the data that the mesh cannot represent, estimates
             without constants of Korn and Poincare type, not part of e.
         indicators: The local error indicators eps_E (18) of the owned cells [-]; the
@@ -97,15 +100,15 @@ class ConstitutiveError:
     seconds: float
 
     def __repr__(self) -> str:
-        """Tell what it is in a line; nothing is computed, so one rank alone may ask."""
+        """Describe the error in a line; nothing is collective."""
         geometry = f", {percent(self.total)} with the geometry" if self.geometry_error > 0 else ""
         return (
-            f"<ConstitutiveError: eps = {percent(self.relative)}{geometry}, e = {self.absolute:.4g}, "
-            f"{self.domain.cells} cells of degree {self.degree}>"
+            f"<ConstitutiveError: eps = {percent(self.relative)}{geometry}, "
+            f"e = {self.absolute:.4g}, {self.domain.cells} cells of degree {self.degree}>"
         )
 
     def _repr_html_(self) -> str:
-        """The error in a notebook; nothing is computed, so one rank alone may ask."""
+        """Show the error in a notebook; nothing is collective."""
         scale = self.scale or 1.0
         parts = {
             "eps": self.absolute,
@@ -114,77 +117,89 @@ class ConstitutiveError:
             "geometry, an estimate beside eps": self.geometry_error,
             "data the mesh does not carry, an estimate beside eps": self.oscillation,
         }
-        rows: list[tuple[str, object]] = [
-            (name, percent(part / scale)) for name, part in parts.items()
-        ]
-        rows += [
-            ("e", f"{self.absolute:.4g}"),
-            ("cells", self.domain.cells),
-            ("degree", self.degree),
-        ]
+        rows: list[tuple[str, object]] = []
+        for name, part in parts.items():
+            rows.append((name, percent(part / scale)))
+        rows.append(("e", f"{self.absolute:.4g}"))
+        rows.append(("cells", self.domain.cells))
+        rows.append(("degree", self.degree))
         return table(rows, caption="Error in the constitutive relation")
 
     @property
     def relative(self) -> float:
-        """Eps (17) [-]; 0 where nothing is loaded."""
+        """Return eps (17) [-]; 0 where nothing is loaded."""
         return self.absolute / self.scale if self.scale > 0 else 0.0
 
     @property
     def total(self) -> float:
-        """Eps with the estimate of the geometry [-], which a run lowers to its accuracy; eps for straight bodies."""
-        return (
-            float(np.hypot(self.absolute, self.geometry_error)) / self.scale
-            if self.scale > 0
-            else 0.0
-        )
+        """Return eps with the estimate of the geometry [-].
+
+        A run lowers it to its accuracy. It is eps for straight bodies.
+        """
+        if self.scale <= 0:
+            return 0.0
+        return float(np.hypot(self.absolute, self.geometry_error)) / self.scale
 
     @property
     def pressure_dependent(self) -> tuple[str, ...]:
-        """Names of the contacts whose friction bound depends on the pressure; e is a bound up to the third term."""
-        contacts = self.solution.model.contacts
-        return tuple(
-            c.name for c in contacts if c.friction is not None and c.friction.dependence != CONSTANT
-        )
+        """Return the names of contacts with a friction bound that depends on pressure.
+
+        With such a contact e is a bound up to the third term.
+        """
+        names = []
+        for contact in self.model.contacts:
+            friction = contact.friction
+            if friction is not None and friction.dependence != CONSTANT:
+                names.append(contact.name)
+        return tuple(names)
 
     @property
     def guaranteed(self) -> bool:
-        """Tell whether friction law, data and shape allow proved bounds, see :class:`erc_contact.Bounds`."""
+        """Tell whether friction law, data and shape allow proved bounds.
+
+        See :class:`erc_contact.Bounds`.
+        """
         exact = max(self.oscillation, self.geometry_error) <= ROUND_OFF * self.scale
         return exact and not self.pressure_dependent
 
     @property
     def solution(self) -> Solution:
-        """The solution that the pair comes from."""
+        """Return the solution that the pair comes from."""
         return self.admissible.solution
 
     @property
+    def model(self) -> Model:
+        """Return the scene on the mesh, with forms."""
+        return self.solution.model
+
+    @property
     def domain(self) -> Domain:
-        """The mesh with names."""
+        """Return the mesh with names."""
         return self.solution.domain
 
     @property
     def degree(self) -> int:
-        """Degree of the displacement."""
-        return self.solution.model.degree
+        """Return the degree of the displacement."""
+        return self.model.degree
 
     def force(self, part: str) -> Force:
-        """Resultant and moment on a boundary part, see :func:`erc_contact.results.force`; collective."""
+        """Return a part's force, see :func:`erc_contact.results.force`; collective."""
         return force(self.admissible, part)
 
     def reactions(self) -> dict[str, Force]:
-        """Forces of supports, contacts and loads, and their balance, see :func:`results.reactions`; collective."""
+        """Return all forces, see :func:`erc_contact.results.reactions`; collective."""
         return reactions(self.admissible)
 
     def profile(self, contact: str) -> np.ndarray:
-        """Gap, slip and tractions along a contact, see :func:`erc_contact.results.profile`; collective."""
+        """Return a profile, see :func:`erc_contact.results.profile`; collective."""
         return profile(self.admissible, contact)
 
     def at(self, points: Any) -> Values:
-        """Displacement and stresses at points, see :func:`erc_contact.results.at`; collective."""
+        """Return values at points, see :func:`erc_contact.results.at`; collective."""
         return at(self.admissible, points)
 
     def maximum(self, quantity: str) -> Maximum:
-        """Greatest value of a quantity and its place; collective.
+        """Return the greatest value of a quantity and its place; collective.
 
         The displacement is u^, the von Mises stress is that of the mean of sigma^ in a
         cell, and "pressure", "shear", "slip" and "gap" are those of :meth:`profile`.
@@ -196,26 +211,27 @@ class ConstitutiveError:
             InputError: If the quantity is another one, or the scene has no contact.
         """
         pair = self.admissible
-        return greatest(
-            self.solution.model,
-            quantity,
-            pair.displacement,
-            lambda: von_mises(mean_stress(pair)),
-            self.profile,
-        )
+
+        def stress() -> np.ndarray:
+            return von_mises(mean_stress(pair))
+
+        return greatest(self.model, quantity, pair.displacement, stress, self.profile)
 
     @property
     def oscillation(self) -> float:
-        """Root of the sum of the squares of the oscillations [sqrt(force length)]."""
+        """Return the norm of the oscillations [sqrt(force length)]."""
         return self.oscillations.total
 
 
 class Run(Protocol):
-    """A run with a result, as a :class:`erc_contact.History` and an :class:`erc_contact.Evolution` are."""
+    """Represent a run with a result.
+
+    It is a :class:`erc_contact.History` or an :class:`erc_contact.Evolution`.
+    """
 
     @property
     def error(self) -> ConstitutiveError:
-        """Its error: the best of an adaptive run, the last of a loading history."""
+        """Return the error: the best of an adaptive run, the last of a history."""
 
 
 def error_of(measured: ConstitutiveError | Run) -> ConstitutiveError:
@@ -224,13 +240,13 @@ def error_of(measured: ConstitutiveError | Run) -> ConstitutiveError:
     Raises:
         InputError: If it is neither.
     """
-    error = (
-        measured if isinstance(measured, ConstitutiveError) else getattr(measured, "error", None)
-    )
+    if isinstance(measured, ConstitutiveError):
+        return measured
+    error = getattr(measured, "error", None)
     if not isinstance(error, ConstitutiveError):
         raise InputError(
-            f"The error is {checks.description(measured)}; give a history, or the error that constitutive_error() "
-            "returns."
+            f"The error is {checks.description(measured)}; give a history, or the error that "
+            "constitutive_error() returns."
         )
     return error
 
@@ -248,47 +264,35 @@ def constitutive_error(admissible: Admissible) -> ConstitutiveError:
         InputError: If the energy overflows or underflows double precision.
     """
     began = perf_counter()
-    model = admissible.solution.model
-    per_cell, both, moduli_2 = bulk_squares(admissible)
-    geometry = geometry_squares(admissible, both)
-    bulk_2, scale_2, geometry_2 = model.comm.allreduce(
-        np.array([per_cell.sum(), both.sum(), geometry.sum()]), MPI.SUM
+    comm = admissible.model.comm
+    cells_2, both_2, moduli_2 = bulk_squares(admissible)
+    geometry_cells_2 = geometry_squares(admissible, both_2)
+    local = np.array([cells_2.sum(), both_2.sum(), geometry_cells_2.sum()])
+    bulk_2, scale_2, geometry_2 = comm.allreduce(local, MPI.SUM)
+    contact_2, oscillations_2 = contact_and_oscillations(
+        admissible, cells_2, moduli_2, UNKNOWN_SHARE * float(bulk_2)
     )
-    loads_2 = of_loads(model, admissible.cell_geometry, admissible.cell_forces)
-    squares = np.array([0.0, loads_2, of_supports(model), moduli_2, 0.0, 0.0, of_history(model)])
-    for traction in admissible.tractions:
-        parts, gaps_2, friction_2 = contact_squares(
-            model, admissible.displacement, traction, UNKNOWN * float(bulk_2)
-        )
-        parts = np.maximum(parts, 0.0)  # negative by round-off only
-        per_cell += traction.contact.trace.share(parts)
-        squares += float(parts.sum()), 0.0, 0.0, 0.0, gaps_2, friction_2, 0.0
-    contact_2, *parts_2 = model.comm.allreduce(squares, MPI.SUM)
     floor_2, lost = round_off(admissible)
-    if lost or not np.isfinite([bulk_2, scale_2, contact_2, *parts_2]).all():
-        raise InputError(
-            "The energy of this scene is no number of double precision; loads or moduli are too large or too small. "
-            "Choose units in which they are nearer to 1."
-        )
-    if scale_2 <= NOISE**2 * floor_2 and moves_rigidly(
-        admissible, floor_2
-    ):  # the rest is round-off
-        per_cell[:] = geometry[:] = bulk_2 = contact_2 = scale_2 = geometry_2 = 0.0
-    e = float(np.sqrt(bulk_2 + contact_2))
-    norm = float(np.sqrt(scale_2))
-    indicators, total_indicators = (
-        np.sqrt(square) / (norm or 1.0) for square in (per_cell, per_cell + geometry)
-    )
-    seconds = model.comm.allreduce(perf_counter() - began, MPI.MAX)
+    raise_if_no_number(lost, np.array([bulk_2, scale_2, contact_2, *oscillations_2]))
+    # What is left of a rigid motion is round-off.
+    if scale_2 <= RIGID_NOISE**2 * floor_2 and moves_rigidly(admissible, floor_2):
+        cells_2[:] = 0.0
+        geometry_cells_2[:] = 0.0
+        bulk_2 = contact_2 = scale_2 = geometry_2 = 0.0
+    scale = float(np.sqrt(scale_2))
+    indicators = np.sqrt(cells_2) / (scale or 1.0)
+    total_indicators = np.sqrt(cells_2 + geometry_cells_2) / (scale or 1.0)
+    oscillations = [float(np.sqrt(square)) for square in oscillations_2]
+    seconds = comm.allreduce(perf_counter() - began, MPI.MAX)
     return ConstitutiveError(
-        admissible,
-        e,
-        norm,
-        float(np.sqrt(bulk_2)),
-        float(np.sqrt(contact_2)),
-        float(np.sqrt(geometry_2)),
-        Oscillations(*(float(np.sqrt(part)) for part in parts_2)),
-        indicators,
-        total_indicators,
-        seconds,
+        admissible=admissible,
+        absolute=float(np.sqrt(bulk_2 + contact_2)),
+        scale=scale,
+        bulk_error=float(np.sqrt(bulk_2)),
+        contact_error=float(np.sqrt(contact_2)),
+        geometry_error=float(np.sqrt(geometry_2)),
+        oscillations=Oscillations(*oscillations),
+        indicators=indicators,
+        total_indicators=total_indicators,
+        seconds=seconds,
     )

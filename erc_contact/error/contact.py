@@ -10,28 +10,23 @@ ours.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
 
 from erc_contact.admissible.traction import ContactTraction
-from erc_contact.error.oscillation import COARSE, EXACT, UNKNOWN
-from erc_contact.mesh.quadrature import facet_pieces, integrate, polynomials
-from erc_contact.mesh.simplex import barycentric, rule
+from erc_contact.error.oscillation import DATA_ROUND_OFF, OSCILLATION_SHARE, UNKNOWN_SHARE
+from erc_contact.error.slip_rules import rule_between_zeros, same_rule, slip_may_vanish
+from erc_contact.mesh.quadrature import Integral, facet_pieces, integrate, polynomials
 from erc_contact.model.expressions import evaluate, varies_in_cells
 from erc_contact.model.foundation import CONCAVE, BoundContact, ContactData, pressures
 from erc_contact.model.model import Model
 from erc_contact.model.trace import split
 
 CONTACT_DEGREE = 21
-"""Quadrature degree in space where the slip is far from zero, and its length smooth but no polynomial."""
-AWAY = 0.5
-"""Greatest distance of the slip from its mean on a facet, over that mean, where its length counts as smooth [-].
+"""Quadrature degree in space where the slip is far from zero.
 
-The length ``sqrt(slip . slip)`` of a linear slip is then analytic on a facet 1.4 times
-as large, and the rule of degree CONTACT_DEGREE is exact to 1e-8.
+Its length is then smooth, but no polynomial.
 """
 
 
@@ -40,11 +35,13 @@ def contact_density(
     n: np.ndarray,
     r: np.ndarray,
     w: np.ndarray,
-    s: Any,
-    gap: Any,
+    s: np.ndarray | float,
+    gap: np.ndarray | float,
     bound: np.ndarray,
 ) -> np.ndarray:
-    """Twice the contact term, ``2 (b(p^) |w_t - s| + r^_t.(w_t - s) + r^_n (w_n - g))``, at points, shape (n, q).
+    """Evaluate twice the contact term at points [force/length^(d-2)].
+
+    It is ``2 (b(p^) |w_t - s| + r^_t.(w_t - s) + r^_n (w_n - g))``.
 
     Args:
         contact: The contact.
@@ -55,39 +52,52 @@ def contact_density(
             or 0 without history.
         gap: The gap there [length], shape (n, q), or a number.
         bound: The friction bound there [force/area], shape (n, q).
+
+    Returns:
+        The term, shape (n, q).
     """
-    (r_n, r_t, _), (w_n, w_t, slip) = split(r, n), split(w - s, n)
+    r_n, r_t, _ = split(r, n)
+    w_n, w_t, slip = split(w - s, n)
+    # A gap that is closed everywhere, with a traction of any sign, does no work.
     density = np.zeros(r_n.shape) if contact.bilateral else r_n * (w_n - gap)
     if contact.friction is not None:
         density += bound * slip + (r_t * w_t).sum(axis=-1)
-    # a difference of two works that are equal up to round-off is no error; otherwise e
-    # would stop at 1e-8 of the norm
+    # A difference of two works that are equal up to round-off is no error. Otherwise e
+    # would stop at 1e-8 of the norm.
     size = np.linalg.norm(w, axis=-1) + np.linalg.norm(np.broadcast_to(s, w.shape), axis=-1)
     resolution = 16 * np.finfo(float).eps * np.linalg.norm(r, axis=-1) * (size + abs(gap))
     return 2 * np.where(abs(density) <= resolution, 0.0, density)
 
 
 def contact_parts(model: Model, hat: fem.Function, traction: ContactTraction) -> np.ndarray:
-    """Twice the integral of the contact term over each facet [force length]; collective. Facets of ghosts get 0."""
-    return contact_squares(model, hat, traction, 0.0)[0]
+    """Integrate twice the contact term over each facet [force length]; collective.
+
+    Facets of ghosts get 0.
+    """
+    parts, _, _ = contact_squares(model, hat, traction, 0.0)
+    return parts
 
 
 def contact_squares(
     model: Model, hat: fem.Function, traction: ContactTraction, floor: float
 ) -> tuple[np.ndarray, float, float]:
-    """:func:`contact_parts`, and the squares of the oscillations of gap and friction bound on this rank.
+    """Compute the contact part of each facet, and oscillations; collective.
 
     The integrals are exact where the integrand is a polynomial or, in the plane, one on
     each side of the points where the slip is zero. Else they are adapted: where the
     data of the contact vary, the friction bound is nonlinear in the pressure, or, in
     space, the slip may vanish. Adapted integrals may leave ``floor`` or the share
-    UNKNOWN of their values unknown, and contain what they leave unknown.
+    UNKNOWN_SHARE of their values unknown, and contain what they leave unknown.
 
     Args:
         model: The scene on a mesh.
         hat: The admissible displacement u^ [length].
         traction: r^ on the contact.
         floor: What the integrals may leave unknown [force length].
+
+    Returns:
+        :func:`contact_parts`, shape (f,), and the squares of the oscillations of the
+        gap and of the friction bound on this rank.
     """
     contact = traction.contact
     friction = contact.friction
@@ -98,17 +108,17 @@ def contact_squares(
     if contact.varies or (friction is not None and friction.dependence == CONCAVE):
         return _adapted_squares(model, traction, of_w, of_s, area, floor)
     if friction is None:
-        points, weights = _same_rule(model.d, 2 * model.degree)
+        points, weights = same_rule(model.d, 2 * model.degree)
     elif model.d == 2:
-        points, weights = _rule_between_zeros(contact, of_w - of_s)
+        points, weights = rule_between_zeros(contact, of_w - of_s)
     else:
-        points, weights = _same_rule(model.d, CONTACT_DEGREE)
+        points, weights = same_rule(model.d, CONTACT_DEGREE)
     parts = area * _means(model, traction, of_w, of_s, points, weights)
     if friction is None or model.d == 2:
         return parts, 0.0, 0.0
     # In space the length of a slip that may vanish has a kink at a point that is no
     # corner of a piece.
-    kinked = _slip_may_vanish(contact, of_w - of_s)
+    kinked = slip_may_vanish(contact, of_w - of_s)
     adapted, gaps, bounds = _adapted_squares(
         model, traction, of_w, of_s, np.where(kinked, area, 0.0), floor
     )
@@ -123,7 +133,7 @@ def _means(
     points: np.ndarray,
     weights: np.ndarray,
 ) -> np.ndarray:
-    """Twice the mean of the contact term on each facet [force/length^(d-2)], shape (f,), by rules of the facets.
+    """Compute twice the mean of the contact term on each facet [force/length^(d-2)].
 
     The data of the contact must not vary inside the facets.
 
@@ -135,6 +145,9 @@ def _means(
         points: Points of each facet in barycentric coordinates, shape (f, q, d) or (1,
             q, d).
         weights: Their weights, of sum 1, shape (f, q) or (1, q).
+
+    Returns:
+        The means, shape (f,).
     """
     contact = traction.contact
     middle = np.full((1, model.d - 1), 1 / model.d)
@@ -150,71 +163,6 @@ def _means(
     return (density * weights).sum(axis=1)
 
 
-def _same_rule(d: int, degree: int) -> tuple[np.ndarray, np.ndarray]:
-    """Points (1, q, d), barycentric, and weights (1, q) of a rule that is the same on all facets."""
-    points, weights = rule(d - 1, degree)
-    return barycentric(points)[None], weights[None]
-
-
-def _rule_between_zeros(contact: BoundContact, slip: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Points (f, q, 2), barycentric, and weights (f, q) of rules that are exact between the zeros of the slip.
-
-    A facet in the plane is cut where the slip is zero. On each part the length of the
-    slip is a polynomial of the degree of the slip, so that its product with a pressure
-    of the same degree is integrated exactly.
-
-    Args:
-        contact: The contact.
-        slip: Coefficients of ``w - s`` [length], shape (f, m, 2).
-    """
-    normal = contact.direction
-    tangent = np.column_stack([-normal[:, 1], normal[:, 0]])
-    along = np.einsum("fmi,fi->fm", slip, tangent)
-    degree = along.shape[1] - 1
-    if degree == 1:  # as a polynomial of degree 2
-        along = np.column_stack([along, along.mean(axis=1)])
-    zeros = _zeros(*along.T)
-    ends = np.column_stack([np.zeros(len(zeros)), np.sort(zeros, axis=1), np.ones(len(zeros))])
-    lengths = np.diff(ends, axis=1)
-    points, weights = rule(1, 2 * degree)
-    places = ends[:, :-1, None] + lengths[..., None] * points[:, 0]
-    shape = len(zeros), lengths.shape[1] * len(points)
-    places = places.reshape(shape)
-    weights = (lengths[..., None] * weights).reshape(shape)
-    return np.stack([1 - places, places], axis=-1), weights
-
-
-def _zeros(start: np.ndarray, end: np.ndarray, middle: np.ndarray) -> np.ndarray:
-    """The zeros in (0, 1) of quadratic polynomials with these Bernstein coefficients (n,), shape (n, 2).
-
-    A zero that does not exist is 0.
-    """
-    # a x^2 + b x + c, by the formula that does not cancel
-    a = start - 2 * middle + end
-    b = 2 * (middle - start)
-    c = start
-    root = np.sqrt(np.maximum(b**2 - 4 * a * c, 0.0))
-    sum_of_signs = -0.5 * (b + np.where(b < 0, -root, root))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        zeros = np.column_stack([sum_of_signs / a, c / sum_of_signs])
-    inside = (zeros > 0) & (zeros < 1)
-    return np.where(inside, zeros, 0.0)
-
-
-def _slip_may_vanish(contact: BoundContact, slip: np.ndarray) -> np.ndarray:
-    """Tell on which facets the slip may be zero, or so near to it that its length is not smooth, shape (f,).
-
-    Args:
-        contact: The contact.
-        slip: Coefficients of ``w - s`` [length], shape (f, m, d).
-    """
-    _, tangential, size = split(slip, contact.direction[:, None, :])
-    mean = tangential.mean(axis=1, keepdims=True)
-    farthest = np.linalg.norm(tangential - mean, axis=2).max(axis=1)
-    slides = size.max(axis=1) > 0
-    return slides & (farthest > AWAY * np.linalg.norm(mean[:, 0], axis=1))
-
-
 def _adapted_squares(
     model: Model,
     traction: ContactTraction,
@@ -223,7 +171,7 @@ def _adapted_squares(
     area: np.ndarray,
     floor: float,
 ) -> tuple[np.ndarray, float, float]:
-    """The numbers of :func:`contact_squares` by adapted integrals; collective.
+    """Compute the numbers of :func:`contact_squares` by adapted integrals; collective.
 
     Args:
         model: The scene on a mesh.
@@ -234,46 +182,76 @@ def _adapted_squares(
         floor: What the integrals may leave unknown [force length].
     """
     contact = traction.contact
-    given = ContactData(contact, model.mesh)
-    least = [
-        EXACT * model.comm.allreduce(float(abs(v).max(initial=0.0)), MPI.MAX)
-        for v in (of_w, *[traction.values] * 2)
-    ]
+    data = ContactData(contact, model.mesh)
+    least_gap = _round_off(model, of_w)
+    least_force = _round_off(model, traction.values)
 
-    def terms(of: np.ndarray, at: np.ndarray, x: np.ndarray) -> np.ndarray:
-        shape, n = polynomials(model.degree, at), contact.direction[of][:, None, :]
-        r, w = np.matmul(shape, traction.values[of]), np.matmul(shape, of_w[of])
+    def terms(facet: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
+        """Evaluate the contact term, and what gap, normal and bound are exceeded by."""
+        n = contact.direction[facet][:, None, :]
+        shape = polynomials(model.degree, places)
+        r = np.matmul(shape, traction.values[facet])
+        w = np.matmul(shape, of_w[facet])
+        s = np.matmul(shape, of_s[facet])
         r_n, _, friction = split(r, n)
-        gap, normal, bound = (
-            given.gap(of, x),
-            given.normal(of, x),
-            given.bound(of, x, np.maximum(-r_n, 0.0)),
-        )
-        beyond = (w * normal).sum(axis=-1) - gap
-        beyond = abs(beyond) if contact.bilateral else np.maximum(beyond, 0.0)
-        turned = np.linalg.norm(r, axis=-1) * np.linalg.norm(normal - n, axis=-1)
-        excess = friction - bound
-        beyond, turned, excess = (
-            np.where(v <= most, 0.0, v)
-            for v, most in zip((beyond, turned, excess), least, strict=True)
-        )
-        soft = (1 / contact.trace.stiffness)[of][:, None]
-        density = contact_density(contact, n, r, w, np.matmul(shape, of_s[of]), gap, bound)
-        return np.stack([density, beyond**2 / soft + turned**2 * soft, excess**2 * soft], axis=-1)
+        gap = data.gap(facet, x)
+        normal = data.normal(facet, x)
+        bound = data.bound(facet, x, np.maximum(-r_n, 0.0))
+        density = contact_density(contact, n, r, w, s, gap, bound)
 
-    corners, share = contact.trace.here.corners, np.array([UNKNOWN, COARSE, COARSE])
-    floors = np.array([floor, 0.0, 0.0])
+        opening = (w * normal).sum(axis=-1) - gap
+        beyond = abs(opening) if contact.bilateral else np.maximum(opening, 0.0)
+        beyond = np.where(beyond <= least_gap, 0.0, beyond)
+        turned = np.linalg.norm(r, axis=-1) * np.linalg.norm(normal - n, axis=-1)
+        turned = np.where(turned <= least_force, 0.0, turned)
+        excess = friction - bound
+        excess = np.where(excess <= least_force, 0.0, excess)
+        # A violation of the gap is measured as that of a support, E/h |.|^2, and one of
+        # normal and bound as that of a load, h/E |.|^2.
+        compliance = (1 / contact.trace.stiffness)[facet][:, None]
+        gaps = beyond**2 / compliance + turned**2 * compliance
+        return np.stack([density, gaps, excess**2 * compliance], axis=-1)
+
+    corners = contact.trace.here.corners
     total = integrate(
-        model.comm, terms, corners, area, facet_pieces(model.d - 1), share=share, floor=floors
+        model.comm,
+        terms,
+        corners,
+        area,
+        facet_pieces(model.d - 1),
+        share=np.array([UNKNOWN_SHARE, OSCILLATION_SHARE, OSCILLATION_SHARE]),
+        floor=np.array([floor, 0.0, 0.0]),
     )
-    parts, gaps, friction = total.value.T
-    unknown = np.zeros(2)
+    return _with_unknown(contact, total)
+
+
+def _with_unknown(contact: BoundContact, total: Integral) -> tuple[np.ndarray, float, float]:
+    """Add what adapted integrals leave unknown to the parts and to the oscillations.
+
+    Args:
+        contact: The contact.
+        total: Integrals of the contact term, and of the oscillations of the gap and of
+            the friction bound, on each facet.
+
+    Returns:
+        The results of :func:`contact_squares`.
+    """
+    parts, of_gap, of_friction = total.value.T
+    parts_unknown = total.rest[:, 0]
+    gap_unknown = 0.0
+    friction_unknown = 0.0
     if not total.resolved[0]:
-        unknown[0 if contact.gap is not None and varies_in_cells(contact.gap) else 1] = total.rest[
-            :, 0
-        ].sum()
-    return (
-        parts + total.rest[:, 0],
-        float(gaps.sum() + unknown[0]),
-        float(friction.sum() + unknown[1]),
-    )
+        # A varying gap is the likely reason, otherwise the friction bound.
+        if contact.gap is not None and varies_in_cells(contact.gap):
+            gap_unknown = float(parts_unknown.sum())
+        else:
+            friction_unknown = float(parts_unknown.sum())
+    gaps_2 = float(of_gap.sum()) + gap_unknown
+    friction_2 = float(of_friction.sum()) + friction_unknown
+    return parts + parts_unknown, gaps_2, friction_2
+
+
+def _round_off(model: Model, values: np.ndarray) -> float:
+    """Return the round-off of data of the size of values; collective."""
+    local = float(abs(values).max(initial=0.0))
+    return DATA_ROUND_OFF * model.comm.allreduce(local, MPI.MAX)

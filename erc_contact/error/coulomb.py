@@ -1,29 +1,29 @@
-"""Proofs with Coulomb friction: a bound of all solutions without a term of unknown sign, and uniqueness.
+"""Proofs with Coulomb friction: a bound of all solutions, and uniqueness.
 
-The derivation is in docs/coulomb.md. Symbols: u^, sigma^, r^ an admissible pair and its
-contact traction, w^ = u^ on the contact; v = u - u^ and tau = sigma - sigma^ the errors
-of any solution, in energy norms a = |v| and b = |tau|; e the error in the constitutive
-relation, beta = |sigma^ - C eps(u^)| its bulk part. For every tangential field t on the
-contact with |t| <= mu let
+The bound has no term of unknown sign. The derivation is in docs/coulomb.md. Symbols:
+u^, sigma^, r^ an admissible pair and its contact traction, w^ = u^ on the contact; v =
+u - u^ and tau = sigma - sigma^ the errors of any solution, in energy norms a = |v| and
+b = |tau|; e the error in the constitutive relation, beta = |sigma^ - C eps(u^)| its
+bulk part. For every tangential field t on the contact with |t| <= mu let
 
     q = the norm of the map W from v to the displacement of least energy that equals
-    (t.v) n on the contact, A = the energy norm of the displacement of least energy that
-    equals (mu |w^_t| - t.w^_t) n there, B = the energy norm of the stress of least
-    energy that balances the traction rho = r^_t + |r^_n| t, e_t^2 = e^2 - 2 int
-    rho.w^_t  >=  beta^2.
+        (t.v) n on the contact,
+    A = the energy norm of the displacement of least energy that equals
+        (mu |w^_t| - t.w^_t) n there,
+    B = the energy norm of the stress of least energy that balances the traction
+        rho = r^_t + |r^_n| t,
+    e_t^2 = e^2 - 2 int rho.w^_t  >=  beta^2.
 
 W maps tangential displacements to normal ones, so W W = 0. With ``s = |C eps(v) +
 tau|/2``, ``a^2 + b^2 = 2 s^2 + beta^2/2``, this gives, without absolute values in the
 derivation,
 
-    a^2 + b^2  <=  e_t^2 + q (s + beta/2)^2 + 2 sqrt(A^2 + B^2) sqrt(a^2 + b^2),
-    (1)
+    a^2 + b^2  <=  e_t^2 + q (s + beta/2)^2 + 2 sqrt(A^2 + B^2) sqrt(a^2 + b^2),   (1)
 
 which bounds a and b if q < 2. Where the pair has slip and traction in the direction of
 t, A = B = 0 and e_t = e = beta:
 
-    sqrt(a^2 + b^2)  <=  e sqrt(4 + q^2)/(2 - q).
-    (2)
+    sqrt(a^2 + b^2)  <=  e sqrt(4 + q^2)/(2 - q).                                  (2)
 
 An exact solution of direction t has e = 0: if q < 2 it is the only solution.
 
@@ -51,15 +51,23 @@ from erc_contact.error.surface import PairOnSurface, has_coulomb, pair_on_surfac
 from erc_contact.model.foundation import CONSTANT
 from erc_contact.newton.linear.solver import Traces
 
-SMOOTH = 1
-"""Which of the fields of :func:`slip_fields` is taken where trying all of them costs a linear solve each."""
-BALANCED = 1e-8
-"""Work of a traction on a rigid motion, over the works of its parts, that counts as none [-]."""
+SMOOTH_FIELD = 1
+"""Which of the fields of :func:`slip_fields` is taken where trying one is expensive.
+
+A field costs a linear solve there.
+"""
+BALANCED_WORK = 1e-8
+"""Work of a traction on a rigid motion that counts as none [-].
+
+It is over the works of its parts.
+"""
 
 
 @dataclass(frozen=True)
 class CoulombCertificate:
-    """A certificate of a scene with Coulomb friction: a bound of all solutions, and uniqueness, with the estimate of q.
+    """Hold the certificate of a scene with Coulomb friction, with the estimate of q.
+
+    It is a bound of all solutions, and uniqueness.
 
     Attributes:
         friction: The greatest friction coefficient mu on the contacts [-].
@@ -97,41 +105,51 @@ class CoulombCertificate:
 
     @property
     def M(self) -> float:
-        """``q/mu``, the norm of the map from tangential to normal displacements [-]."""
+        """Return ``q/mu``, the norm of the map W without friction [-]."""
         return self.q / self.friction if self.friction > 0 else 0.0
 
     @property
     def M_change(self) -> float:
-        """``q_change/mu`` [-]."""
+        """Return ``q_change/mu`` [-]."""
         return self.q_change / self.friction if self.friction > 0 else 0.0
 
     @property
     def factor(self) -> float:
-        """The bound over e [-]."""
-        return (
-            self.bound / self.absolute
-            if self.absolute > 0
-            else (1.0 if self.bound == 0 else np.inf)
-        )
+        """Return the bound over e [-]."""
+        if self.absolute > 0:
+            return self.bound / self.absolute
+        return 1.0 if self.bound == 0 else np.inf
 
     def __str__(self) -> str:
         if self.friction == 0 and self.q == 0:
-            return f"No friction grows with the pressure: there is one solution, and e = {self.absolute:.3g} bounds it."
+            return (
+                "No friction grows with the pressure: there is one solution, and "
+                f"e = {self.absolute:.3g} bounds it."
+            )
         if not np.isfinite(self.q):
-            return "Nothing is proved of other solutions: the body moves rigidly along a contact, or the law is another."
+            return (
+                "Nothing is proved of other solutions: the body moves rigidly along a contact, "
+                "or the law is another."
+            )
         q = f"q = {self.q:.3g} (+- {self.q_change:.1g})"
         if self.bound < np.inf:
             return (
-                f"With the estimate {q} < 2 every solution lies within {self.factor:.3g} e = {self.bound:.3g} of the "
-                "pair, and one at most has its direction of slip."
+                f"With the estimate {q} < 2 every solution lies within {self.factor:.3g} e = "
+                f"{self.bound:.3g} of the pair, and one at most has its direction of slip."
             )
         if self.unique:
-            return f"With the estimate {q} < 2 one solution at most has this direction of slip; a bound is not claimed."
-        return f"Nothing is proved of other solutions: {q} is not safely below 2. e bounds up to a term of higher order."
+            return (
+                f"With the estimate {q} < 2 one solution at most has this direction of slip; "
+                "a bound is not claimed."
+            )
+        return (
+            f"Nothing is proved of other solutions: {q} is not safely below 2. "
+            "e bounds up to a term of higher order."
+        )
 
 
 def coulomb_certificate(error: ConstitutiveError | Run) -> CoulombCertificate:
-    """Compute the certificate of a scene with Coulomb friction: bound and uniqueness; collective.
+    """Compute the certificate of a scene with Coulomb friction; collective.
 
     Args:
         error: The error of an admissible pair, or a history, whose error is taken.
@@ -143,30 +161,35 @@ def coulomb_certificate(error: ConstitutiveError | Run) -> CoulombCertificate:
     """
     error = error_of(error)
     pair = error.admissible
-    model = pair.solution.model
+    model = pair.model
     raise_together(model.comm, None)
-    contacts = [
-        c for c in model.contacts if c.friction is not None and c.friction.dependence != CONSTANT
-    ]
-    if not all(has_coulomb(c) for c in contacts):
-        return CoulombCertificate(
-            0.0, np.inf, np.inf, False, np.inf, error.absolute, np.inf, np.inf
-        )
+    contacts = []
+    for contact in model.contacts:
+        friction = contact.friction
+        if friction is not None and friction.dependence != CONSTANT:
+            contacts.append(contact)
+    e = error.absolute
+    if not all(has_coulomb(contact) for contact in contacts):
+        return CoulombCertificate(0.0, np.inf, np.inf, False, np.inf, e, np.inf, np.inf)
     if not contacts:
-        return CoulombCertificate(0.0, 0.0, 0.0, True, error.absolute, error.absolute, 0.0, 0.0)
+        return CoulombCertificate(0.0, 0.0, 0.0, True, e, e, 0.0, 0.0)
     on_surface = pair_on_surface(pair)
     traces = pair.solution.stiffness.traces(on_surface.surface.numbers)
+    certify = _best if traces.cheap else _single
     try:
-        return (_best if traces.cheap else _single)(error, on_surface, traces)
+        return certify(error, on_surface, traces)
     finally:
         traces.free()
 
 
 def _best(error: ConstitutiveError, pair: PairOnSurface, traces: Traces) -> CoulombCertificate:
-    """The certificate of the field with the least bound, or of the roughest where there is no bound."""
+    """Return the certificate of the field with the least bound; collective.
+
+    It is that of the roughest field where there is no bound.
+    """
     surface = pair.surface
     normal, x = surface.normal, surface.positions()
-    other = other_mesh(error.solution.model)
+    other = other_mesh(error.model)
     tried = []
     for smoothing, t in zip(LENGTHS, slip_fields(pair), strict=True):
         q = coupling(normal, traces, t, x)[0]
@@ -179,15 +202,18 @@ def _best(error: ConstitutiveError, pair: PairOnSurface, traces: Traces) -> Coul
 
 
 def _single(error: ConstitutiveError, pair: PairOnSurface, traces: Traces) -> CoulombCertificate:
-    """The certificate of one field, with the coupling of another mesh to start from."""
+    """Return the certificate of one field; collective.
+
+    The coupling of another mesh is what q starts from.
+    """
     surface = pair.surface
-    t = slip_fields(pair)[SMOOTH]
-    other = other_mesh(error.solution.model)
+    t = slip_fields(pair)[SMOOTH_FIELD]
+    other = other_mesh(error.model)
     other_q, start = (0.0, None) if other is None else other.norm(surface, t)
     q, missing, _ = coupling(surface.normal, traces, t, surface.positions(), start)
     change = change_of_norm(q, surface, other_q, other) + missing
     certificate = _tried(error, pair, traces, t, q, change)
-    return replace(certificate, smoothing=LENGTHS[SMOOTH], q_largest=q + change)
+    return replace(certificate, smoothing=LENGTHS[SMOOTH_FIELD], q_largest=q + change)
 
 
 def _tried(
@@ -198,20 +224,21 @@ def _tried(
     q: float,
     change: float,
 ) -> CoulombCertificate:
-    """The certificate with a field t (M, d) at the nodes of the surface; collective."""
+    """Return the certificate with a field t (M, d) at the nodes; collective."""
     surface = pair.surface
     forces, work = pair.unbalanced(t)
     eta = pair.unaligned(t)[:, None] * surface.normal
-    A, B = _energy(eta, traces.lifted(eta, rough=True)), _energy(forces, traces.moved(forces))
-    # Lengths of vectors, not components: a motion along the normal meets only the round-off
-    # of rho, which is tangential, and nothing else to compare it with.
-    shear_forces = pair.unbalanced(np.zeros_like(t))[0]
-    sizes = np.linalg.norm(shear_forces, axis=1) + np.linalg.norm(forces, axis=1)
-    if any(
-        abs(np.sum(motion * forces)) > BALANCED * (np.linalg.norm(motion, axis=1) @ sizes)
-        for motion in traces.motions
-    ):
-        B = np.inf
+    A = _energy(eta, traces.lifted(eta, rough=True))
+    B = _energy(forces, traces.moved(forces))
+    # No stress balances forces that work on a rigid motion. The scale is that of lengths of
+    # vectors, not of components: a motion along the normal meets only round-off of rho,
+    # which is tangential, and components have nothing else to compare this with.
+    without_field, _ = pair.unbalanced(np.zeros_like(t))
+    sizes = np.linalg.norm(without_field, axis=1) + np.linalg.norm(forces, axis=1)
+    for motion in traces.motions:
+        work_on_motion = abs(np.sum(motion * forces))
+        if work_on_motion > BALANCED_WORK * (np.linalg.norm(motion, axis=1) @ sizes):
+            B = np.inf
     e_t = float(np.sqrt(max(error.absolute**2 - 2 * work, error.bulk_error**2)))
     bound = bound_of_both(q + change, e_t, error.bulk_error, float(np.hypot(A, B)))
     friction = float(pair.friction.max())
@@ -219,16 +246,17 @@ def _tried(
 
 
 def _energy(displacement: np.ndarray, forces: np.ndarray) -> float:
+    """Return the energy norm of displacements and their forces [sqrt(force length)]."""
     return float(np.sqrt(max(np.sum(displacement * forces), 0.0)))
 
 
 def bound_of_both(q: float, e_t: float, bulk: float, rest: float) -> float:
-    """The largest ``x = sqrt(a^2 + b^2)`` that satisfies (1) [sqrt(force length)]; infinite if q >= 2.
+    """Compute the largest ``sqrt(a^2 + b^2)`` that satisfies (1) [sqrt(force length)].
 
-    (1) is ``x^2 - e_t^2 - q (s + beta/2)^2 - 2 rest x <= 0`` with ``2 s^2 = x^2 -
-    beta^2/2``. The left side is convex in x. Newton's method falls to its largest root
-    from a point above: the root with ``sqrt(2) (s + beta/2) >= x`` in the place of x in
-    the last term.
+    It is called x, and infinite if q >= 2. (1) is ``x^2 - e_t^2 - q (s + beta/2)^2 - 2
+    rest x <= 0`` with ``2 s^2 = x^2 - beta^2/2``. The left side is convex in x.
+    Newton's method falls to its largest root from a point above: the root with
+    ``sqrt(2) (s + beta/2) >= x`` in the place of x in the last term.
 
     Args:
         q: Norm of W [-].

@@ -35,26 +35,28 @@ def other_solutions(solution: Solution | Run, most: int = 4) -> list[Constitutiv
         InputError: If ``most`` is not a whole number > 0.
     """
     solution = solution if isinstance(solution, Solution) else error_of(solution).solution
-    model, comm = solution.model, solution.model.comm
+    model = solution.model
+    comm = model.comm
     raise_together(comm, None)
     most = together(comm, whole, "other_solutions: most", most, 1)
-    if not any(
-        c.friction is not None and c.friction.dependence != CONSTANT for c in model.contacts
-    ):
+    # Without friction that depends on the pressure there is no other solution.
+    frictions = [contact.friction for contact in model.contacts]
+    if all(friction is None or friction.dependence == CONSTANT for friction in frictions):
         return []
-    stiffness = Stiffness(model)  # the one of the solution has lost its factor, or is iterative
+    # The stiffness of the solution has lost its factor, or is iterative.
+    stiffness = Stiffness(model)
     if not stiffness.contact_size:
         return []
     errors = []
-    for found in other_states(stiffness, solution.method, solution.u, most):
+    for state in other_states(stiffness, solution.method, solution.u, most):
         other = replace(
             solution,
-            u=found.u,
-            multipliers=found.multipliers,
+            u=state.u,
+            multipliers=state.multipliers,
             newton_steps=0,
             reason="found beside another solution",
-            distance=found.distance,
-            least_singular_value=found.least_singular_value,
+            distance=state.distance,
+            least_singular_value=state.least_singular_value,
             stiffness=stiffness,
             seconds=0.0,
         )

@@ -12,22 +12,28 @@ from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.percent import percent
 from erc_contact.error.constitutive import ConstitutiveError
-from erc_contact.error.sizes import KNOWN, size_map
+from erc_contact.error.sizes import PREDICTIVE_ERROR, size_map
 from erc_contact.error.strategy import mark, refined
 from erc_contact.mesh.domain import Domain
 
 CLOSE = 1.2
-"""If the error is below this multiple of the accuracy, marked elements are refined
-instead. A new mesh of nearly the same sizes might miss the accuracy again and again,
+"""Multiple of the accuracy below which marked elements are refined instead [-].
+
+A new mesh of nearly the same sizes might miss the accuracy again and again,
 because the prediction is right to 5 or 10% only.
 """
 DOUBT = 8.0
-"""Factor by which such a prediction may be too large [-]. A run ends if it exceeds ``max_cells`` by more."""
+"""Factor by which such a prediction may be too large [-].
+
+A run ends if it exceeds ``max_cells`` by more.
+"""
 
 
 @dataclass(frozen=True)
 class SizeMap:
-    """Mesh the true geometry again with the optimal sizes, which may be larger than before.
+    """Mesh the true geometry again with the optimal sizes.
+
+    They may be larger than before.
 
     Args:
         aim: Factor of the accuracy for which the sizes are optimal. It is below 1,
@@ -50,33 +56,36 @@ class SizeMap:
             raise InputError(f"SizeMap: leap is {self.leap!r}; it must be > 1.")
 
     def next(self, error: ConstitutiveError, accuracy: float, max_cells: int) -> Domain:
-        """The domain meshed again, or marked elements refined where the error is near the accuracy; collective.
+        """Return the domain meshed again; collective.
+
+        Where the error is near the accuracy, it has marked elements refined instead.
 
         Raises:
             InputError: If the accuracy takes more cells than allowed, as far as this
                 mesh can predict, or the geometry is not known or cannot be meshed.
         """
-        aim, domain = self.aim * accuracy, error.domain
+        aim = self.aim * accuracy
+        domain = error.domain
         if error.total <= CLOSE * accuracy:
-            gain = (
-                1 - 4.0**-error.solution.model.degree
-            )  # of the square, where an element is halved
-            return refined(
-                domain, mark(error, min((1 - (aim / error.total) ** 2) / gain, 1.0)), max_cells
-            )
-        end, way = size_map(error, aim), error.total / aim
-        leaps = ceil(log(way) / log(self.leap))
-        sizes = end if leaps == 1 else size_map(error, error.total / way ** (1 / leaps))
-        while (
-            sizes.predicted_cells > max_cells and way ** (1 / leaps) > CLOSE
-        ):  # a smaller leap may know better
+            # Halving an element leaves 4^-k of its squared error.
+            gain = 1 - 4.0**-error.degree
+            fraction = min((1 - (aim / error.total) ** 2) / gain, 1.0)
+            return refined(domain, mark(error, fraction), max_cells)
+        end = size_map(error, aim)
+        fall = error.total / aim
+        leaps = ceil(log(fall) / log(self.leap))
+        sizes = end
+        if leaps > 1:
+            sizes = size_map(error, error.total / fall ** (1 / leaps))
+        # The next mesh may predict fewer cells, so try smaller leaps first.
+        while sizes.predicted_cells > max_cells and fall ** (1 / leaps) > CLOSE:
             leaps += 1
-            sizes = size_map(error, error.total / way ** (1 / leaps))
-        if sizes.predicted_cells > max_cells or (
-            error.total <= KNOWN and end.predicted_cells > DOUBT * max_cells
-        ):
+            sizes = size_map(error, error.total / fall ** (1 / leaps))
+        predictive = error.total <= PREDICTIVE_ERROR
+        hopeless = predictive and end.predicted_cells > DOUBT * max_cells
+        if sizes.predicted_cells > max_cells or hopeless:
             raise InputError(
-                f"{percent(accuracy)} takes about {end.predicted_cells:.0f} cells, more than max_cells = {max_cells}; "
-                "allow more, or a larger error."
+                f"{percent(accuracy)} takes about {end.predicted_cells:.0f} cells, more than "
+                f"max_cells = {max_cells}; allow more, or a larger error."
             )
         return domain.remeshed(sizes)

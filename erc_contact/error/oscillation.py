@@ -1,8 +1,9 @@
-"""The oscillation: the part of the data that the mesh cannot represent, in energy norms, not part of e.
+"""The oscillation: the part of the data that the mesh cannot represent.
 
-sigma^ balances projections of the loads, and u^ interpolates the supports. So the pair
-is admissible for these other data, and e bounds its error in the problem with them. The
-distance of the two problems is, up to constants of Korn and Poincare,
+It is measured in energy norms, and not part of e. sigma^ balances projections of the
+loads, and u^ interpolates the supports. So the pair is admissible for these other data,
+and e bounds its error in the problem with them. The distance of the two problems is, up
+to constants of Korn and Poincare,
 
     sum h^2/(pi^2 E) |f - f_T|^2 + sum h/E |F - F_h|^2 + sum E/h |U - U_h|^2,
 
@@ -30,17 +31,23 @@ from erc_contact.mesh.simplex import coefficients, from_means
 from erc_contact.model.expressions import Everywhere, varies_in_cells
 from erc_contact.model.model import Model
 
-EXACT = 1e-12
-"""Difference between data and their projection that counts as round-off, over the largest value [-]."""
-UNKNOWN = 1e-4
-"""Share of e^2 that the integrals with varying data may leave unknown; e^2 contains it [-]."""
-COARSE = 1e-2
+DATA_ROUND_OFF = 1e-12
+"""Difference between data and their projection that counts as round-off [-].
+
+It is over the largest value.
+"""
+UNKNOWN_SHARE = 1e-4
+"""Share of e^2 that integrals with varying data may leave unknown [-].
+
+e^2 contains it.
+"""
+OSCILLATION_SHARE = 1e-2
 """Share of an oscillation that its integral may leave unknown [-]."""
 
 
 @dataclass(frozen=True)
 class Oscillations:
-    """Estimates of the part of the data that the mesh cannot represent [sqrt(force length)].
+    """Hold estimates of what the mesh cannot represent [sqrt(force length)].
 
     Attributes:
         loads: Part of tractions and body forces.
@@ -62,12 +69,12 @@ class Oscillations:
 
     @property
     def total(self) -> float:
-        """Root of the sum of the squares."""
+        """Return the root of the sum of the squares."""
         return float(np.linalg.norm(astuple(self)))
 
 
 def of_loads(model: Model, cells: CellGeometry, force: np.ndarray | None) -> float:
-    """Square of the oscillation of the loads on this rank; collective.
+    """Compute the square of the oscillation of the loads on this rank; collective.
 
     Args:
         model: The scene on a mesh.
@@ -75,104 +82,126 @@ def of_loads(model: Model, cells: CellGeometry, force: np.ndarray | None) -> flo
         force: Body force times volume, projected on degree k-1 [force], shape (n,
             N_(k-1), d), or None.
     """
-    d, k, owned, total = model.d, model.degree, model.domain.owned_cells, 0.0
+    d, k = model.d, model.degree
+    total = 0.0
     if force is not None and varies_in_cells(model.body_force):
-        volume, of_cells = cells.volume[:owned], model.owned_cells
-        corners = sorted_corners(model, cells)[:owned]
-        projected = force[:owned] / volume[:, None, None]
-        rest = _squares(model, Everywhere(model.body_force, model.mesh), of_cells, projected, k - 1)
-        square = integrate(model.comm, rest, corners, volume, cell_pieces(d), share=COARSE).value[
-            :, 0
-        ]
-        total += float(
-            np.sum(
-                volume ** (2 / d) / np.pi**2 * square / model.at_middles(model.modulus, of_cells)
-            )
-        )
+        total += _of_body_force(model, cells, force)
     for load in model.surface_loads:
         if load.varies:
             facets = _owned(model, load.facets)
-            moments = (
-                traction_moments(model, facets, load.density)
-                / model.facet_areas(facets)[:, None, None]
-            )
-            projected = from_means(d - 1, k, moments)
+            # The projection is that of the reconstruction: sigma^ balances it.
+            moments = traction_moments(model, facets, load.density)
+            means = moments / model.facet_areas(facets)[:, None, None]
+            projected = from_means(d - 1, k, means)
             square = _on_facets(model, Everywhere(load.density, model.mesh), facets, projected)
-            total += float(
-                np.sum(
-                    square
-                    * facet_sizes(model, facets)
-                    / model.at_middles(model.modulus, facets[:, 0])
-                )
-            )
+            modulus = model.at_middles(model.modulus, facets[:, 0])
+            total += float(np.sum(square * facet_sizes(model, facets) / modulus))
     return total
 
 
+def _of_body_force(model: Model, cells: CellGeometry, force: np.ndarray) -> float:
+    """Compute the square of the oscillation of the body force; collective."""
+    d, k = model.d, model.degree
+    owned = model.domain.owned_cells
+    volume = cells.volume[:owned]
+    corners = sorted_corners(model, cells)[:owned]
+    projected = force[:owned] / volume[:, None, None]
+    data = Everywhere(model.body_force, model.mesh)
+    difference = _squares(model, data, model.owned_cells, projected, k - 1)
+    integral = integrate(
+        model.comm, difference, corners, volume, cell_pieces(d), share=OSCILLATION_SHARE
+    )
+    square = integral.value[:, 0]
+    modulus = model.at_middles(model.modulus, model.owned_cells)
+    return float(np.sum(volume ** (2 / d) / np.pi**2 * square / modulus))
+
+
 def of_supports(model: Model) -> float:
-    """Square of the oscillation of the prescribed displacements on this rank; collective."""
+    """Compute the square of the oscillation of the supports; collective.
+
+    It is that of the facets of this rank.
+    """
+    d, k = model.d, model.degree
+    prescribed = model.prescribed.x.array.reshape(-1, d)
     total = 0.0
     for support in model.scene.supports:
         for i, component in enumerate(support.value):
             if not callable(component):
                 continue
             facets = _owned(model, support.facets)
-            nodal = model.prescribed.x.array.reshape(-1, model.d)[model.facet_nodes(facets), i]
-            given = Everywhere(component(model.x), model.mesh)
-            square = _on_facets(
-                model, given, facets, (nodal @ coefficients(model.d - 1, model.degree).T)[..., None]
-            )
-            total += float(
-                np.sum(
-                    square
-                    * model.at_middles(model.modulus, facets[:, 0])
-                    / facet_sizes(model, facets)
-                )
-            )
+            # u^ interpolates the support at the nodes.
+            nodal = prescribed[model.facet_nodes(facets), i]
+            interpolated = (nodal @ coefficients(d - 1, k).T)[..., None]
+            data = Everywhere(component(model.x), model.mesh)
+            square = _on_facets(model, data, facets, interpolated)
+            modulus = model.at_middles(model.modulus, facets[:, 0])
+            total += float(np.sum(square * modulus / facet_sizes(model, facets)))
     return total
 
 
 def of_history(model: Model) -> float:
-    """Square of the oscillation of the tangential displacement of the last step on this rank: that of a support."""
+    """Compute the square of the oscillation of the last step on this rank.
+
+    It is that of its tangential displacement, measured as that of a support.
+    """
     total = 0.0
     for contact in model.contacts:
         if contact.lost is not None:
             trace = contact.trace
-            total += float(np.sum((contact.lost * trace.stiffness)[trace.here.owned]))
+            square = contact.lost * trace.stiffness
+            total += float(np.sum(square[trace.here.owned]))
     return total
 
 
 def _on_facets(
-    model: Model, given: Everywhere, facets: np.ndarray, coefficients: np.ndarray
+    model: Model, data: Everywhere, facets: np.ndarray, coefficients: np.ndarray
 ) -> np.ndarray:
-    """``int_F |given - polynomial|^2`` on each facet for polynomials of coefficients (f, m, c), shape (f,)."""
-    rest = _squares(model, given, facets, coefficients, model.degree)
-    corners, area = model.facet_corners(facets), model.facet_areas(facets)
-    return integrate(
-        model.comm, rest, corners, area, facet_pieces(model.d - 1), share=COARSE
-    ).value[:, 0]
+    """Compute ``int_F |data - polynomial|^2`` on each facet; collective.
+
+    Args:
+        model: The scene on a mesh.
+        data: The data, of c components.
+        facets: Pairs (cell, local facet), shape (f, 2).
+        coefficients: Those of the polynomials, shape (f, m, c).
+
+    Returns:
+        The integrals, shape (f,).
+    """
+    difference = _squares(model, data, facets, coefficients, model.degree)
+    corners = model.facet_corners(facets)
+    area = model.facet_areas(facets)
+    integral = integrate(
+        model.comm, difference, corners, area, facet_pieces(model.d - 1), share=OSCILLATION_SHARE
+    )
+    return integral.value[:, 0]
 
 
 def _squares(
-    model: Model, given: Everywhere, entities: np.ndarray, coefficients: np.ndarray, degree: int
+    model: Model, data: Everywhere, entities: np.ndarray, coefficients: np.ndarray, degree: int
 ) -> Integrand:
-    """``|given - polynomial|^2`` at points of cells or facets; differences that are round-off count as zero."""
-    local = float(abs(coefficients).max(initial=0.0))
-    least = EXACT * model.comm.allreduce(local, MPI.MAX)
+    """Return the integrand ``|data - polynomial|^2`` on cells or facets; collective.
 
-    def square(of: np.ndarray, at: np.ndarray, x: np.ndarray) -> np.ndarray:
-        polynomial = np.matmul(polynomials(degree, at), coefficients[of])
-        rest = given(x, entities[of]).reshape(polynomial.shape) - polynomial
-        return np.where(abs(rest) <= least, 0.0, rest**2).sum(axis=2, keepdims=True)
+    Differences that are round-off count as zero.
+    """
+    local = float(abs(coefficients).max(initial=0.0))
+    # All ranks must agree, also those that have none of the facets.
+    least = DATA_ROUND_OFF * model.comm.allreduce(local, MPI.MAX)
+
+    def square(entity: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
+        polynomial = np.matmul(polynomials(degree, places), coefficients[entity])
+        difference = data(x, entities[entity]).reshape(polynomial.shape) - polynomial
+        squares = np.where(abs(difference) <= least, 0.0, difference**2)
+        return squares.sum(axis=2, keepdims=True)
 
     return square
 
 
 def facet_sizes(model: Model, facets: np.ndarray) -> np.ndarray:
-    """Approximate diameters of facets [length]."""
+    """Return approximate diameters of facets [length]."""
     return model.facet_areas(facets) ** (1 / (model.d - 1))
 
 
 def _owned(model: Model, name: str) -> np.ndarray:
-    """The facets of a boundary part that this rank owns, shape (n, 2)."""
+    """Return the facets of a boundary part that this rank owns, shape (n, 2)."""
     facets = model.domain.facets(name)
     return facets[model.owned(facets)]

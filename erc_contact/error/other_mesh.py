@@ -1,4 +1,4 @@
-"""The same body on another mesh, as its contact sees it, and what it tells of the limit of a norm.
+"""The same body on another mesh, and what it tells of the limit of a norm.
 
 The norm q of the map of :mod:`erc_contact.error.coupling` changes with the mesh. How
 far it is from its limit is told by the same body on another mesh, with the same field
@@ -30,15 +30,15 @@ MOST_CELLS = {2: 1000, 3: 3000}
 """Greatest number of cells of another mesh, by dimension."""
 COARSER = 3.0
 """A coarser mesh has cells of this many times the size, or larger ones."""
-UNKNOWN = 0.1
+UNKNOWN_CHANGE = 0.1
 """Share of q that is its change where there is no other mesh to compare with [-]."""
-SAME = 0.01
-"""Relative difference of ``1/log(1 + L/h)`` below which a contact has the same mesh as before [-]."""
+SAME_MESH = 0.01
+"""Relative difference of ``1/log(1 + L/h)`` below which two meshes are the same [-]."""
 
 
 @dataclass(frozen=True, eq=False)
 class OtherMesh:
-    """The same body on another mesh, as its contact sees it.
+    """Represent the same body on another mesh, as its contact sees it.
 
     Attributes:
         surface: The contacts with Coulomb friction.
@@ -56,6 +56,8 @@ class OtherMesh:
             shape (M,).
         """
         here = self.surface
+        # The field is that of the other surface, but its own edges and supports block
+        # it.
         x = here.positions()
         field = np.where(here.blocked[:, None], 0.0, surface.interpolated(t, x))
         q, _, phi = coupling(here.normal, self.traces, field, x)
@@ -70,12 +72,14 @@ def other_mesh(model: Model) -> OtherMesh | None:
         A finer mesh, or a coarser one; None where the body is known only as a mesh, or
         cannot be meshed so coarsely.
     """
-    domain, d = model.domain, model.d
+    domain = model.domain
+    d = model.d
     try:
         if domain.cells * 2**d <= MOST_CELLS[d]:
             return body_on(model, domain.refined())
         if domain.geometry is None:
             return None
+        # It must be coarse enough to cost little, and to differ from this one.
         factor = max(COARSER, (domain.cells / MOST_CELLS[d]) ** (1 / d))
         return body_on(model, domain.remeshed(factor * NodalMesh(domain).mean_size()))
     except ErcContactError:
@@ -83,7 +87,7 @@ def other_mesh(model: Model) -> OtherMesh | None:
 
 
 def body_on(model: Model, domain: Domain) -> OtherMesh:
-    """Make the body of a model on another mesh, as its contact sees it; collective."""
+    """Make the body of a model on another mesh; collective."""
     other = bind(model.scene, domain, model.degree)
     stiffness = Stiffness(other)
     stiffness.free()
@@ -92,7 +96,9 @@ def body_on(model: Model, domain: Domain) -> OtherMesh:
 
 
 def change_of_norm(q: float, surface: Surface, other_q: float, other: OtherMesh | None) -> float:
-    """Estimate how far the norm q of a field is from its limit, from its value on another mesh [-].
+    """Estimate how far the norm q of a field is from its limit [-].
+
+    The value on another mesh tells.
 
     Args:
         q: The norm on the mesh of the body [-].
@@ -104,15 +110,16 @@ def change_of_norm(q: float, surface: Surface, other_q: float, other: OtherMesh 
         c/log(1 + L/h); a tenth of q where the other mesh tells nothing.
     """
     if other is None or not np.isfinite(q):
-        return UNKNOWN * q
-    here, there = _missing(surface), _missing(other.surface)
-    if abs(here - there) < SAME * here:
-        return max(UNKNOWN * q, abs(q - other_q))
+        return UNKNOWN_CHANGE * q
+    here = _missing(surface)
+    there = _missing(other.surface)
+    if abs(here - there) < SAME_MESH * here:
+        return max(UNKNOWN_CHANGE * q, abs(q - other_q))
     return here * abs(q - other_q) / abs(here - there)
 
 
 def _missing(surface: Surface) -> float:
-    """``1/log(1 + L/h)``, what is missing of q on a mesh, over c [-]."""
+    """Return what is missing of q on a mesh, over c: ``1/log(1 + L/h)`` [-]."""
     d = surface.normal.shape[1]
     size = float(surface.area.mean()) ** (1 / (d - 1))
     length = float(np.ptp(surface.positions(), axis=0).max())

@@ -1,4 +1,6 @@
-"""The optimal mesh: the sizes of elements that reach a prescribed accuracy with the fewest elements.
+"""The optimal mesh: it reaches a prescribed accuracy with the fewest elements.
+
+The sizes of its elements follow from
 
     minimise  N* = sum_E r_E^-d   subject to   sum_E r_E^(2 q_E) eps_E^2 = eps_0^2,
     r_E = h*_E / h_E,
@@ -36,19 +38,26 @@ from erc_contact.mesh.simplex import barycentric, rule
 
 RATIO = (0.02, 3.0)
 """Least and largest r_E [-]. A mesh predicts nothing for sizes beyond them."""
-FACETS = 1.0
+FACET_RATE = 1.0
 """Rate q_E of the error by flat facets."""
-LEAST = 0.3
-"""Least exponent lambda taken from the data, because an error that is not tightened shows too small ones."""
-KNOWN = 0.25
+LEAST_EXPONENT = 0.3
+"""Least exponent lambda taken from the data.
+
+An error that is not tightened shows too small ones.
+"""
+PREDICTIVE_ERROR = 0.25
 """Relative error below which a mesh can predict the number of cells for an accuracy.
+
 For a half disc pressed on a plane a first mesh with an error of 79% predicted 7 million
-cells where 2200 were enough. A mesh with 11% predicted twice as many as needed."""
+cells where 2200 were enough. A mesh with 11% predicted twice as many as needed.
+"""
+BISECTIONS = 100
+"""Limit of the bisections for a root."""
 
 
 @dataclass(frozen=True, eq=False)
 class Sizes:
-    """Sizes of the next mesh, an argument of ``domain.remeshed``.
+    """Hold the sizes of the next mesh, an argument of ``domain.remeshed``.
 
     Attributes:
         error: The error from which they follow.
@@ -68,17 +77,23 @@ class Sizes:
     predicted_eps: float
 
     def __repr__(self) -> str:
-        """Tell what it is in a line; nothing is computed, so one rank alone may ask."""
+        """Describe the sizes in a line.
+
+        Nothing is computed, so one rank alone may ask.
+        """
         predicted = percent(self.predicted_eps)
-        return f"<Sizes of a mesh of about {self.predicted_cells:.0f} cells, predicted eps {predicted}>"
+        return (
+            f"<Sizes of a mesh of about {self.predicted_cells:.0f} cells, "
+            f"predicted eps {predicted}>"
+        )
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
-        """The sizes at the nodes, for numpy."""
+        """Return the sizes at the nodes, for numpy."""
         return np.array(self.values, dtype=dtype, copy=copy)
 
 
 def size_map(error: ConstitutiveError | Run, accuracy: float) -> Sizes:
-    """The sizes of the mesh with the fewest elements whose error is the one prescribed; collective.
+    """Compute the sizes of the optimal mesh for an error; collective.
 
     r_E follows from the formula of the module. The densities of elements are then
     averaged around each node, and the growth is limited to :data:`GROW`. At last all
@@ -98,66 +113,89 @@ def size_map(error: ConstitutiveError | Run, accuracy: float) -> Sizes:
 
     Source: Coorevits, Hild, Hjiaj, definition of the optimal mesh.
     """
-    error, accuracy = error_of(error), checks.accuracy("size_map: accuracy", accuracy)
+    error = error_of(error)
+    accuracy = checks.accuracy("size_map: accuracy", accuracy)
     raise_together(error.domain.mesh.comm, None)
     mesh = NodalMesh(error.domain)
-    d, square = mesh.domain.dim, error.total_indicators**2
-    q = _rates(mesh, error.indicators**2, error.solution.model.degree)
+    d = mesh.domain.dim
+    square = error.total_indicators**2
+    q = _rates(mesh, error.indicators**2, error.degree)
     share = np.divide(error.indicators**2, square, out=np.ones_like(square), where=square > 0)
-    q = share * q + (1 - share) * FACETS
+    q = share * q + (1 - share) * FACET_RATE
 
     def ratio(multiplier: float) -> np.ndarray:
+        """Return r_E by the formula of the module."""
         with np.errstate(divide="ignore"):
-            return np.clip((d / (2 * q * multiplier * square)) ** (1 / (2 * q + d)), *RATIO)
+            r = (d / (2 * q * multiplier * square)) ** (1 / (2 * q + d))
+        return np.clip(r, *RATIO)
 
-    def above(r: np.ndarray) -> float:
-        return mesh.total(square * r ** (2 * q)) - accuracy**2
+    def below_accuracy(multiplier: float) -> float:
+        """Return how far the square of the error is below the prescribed one."""
+        total = mesh.total(square * ratio(multiplier) ** (2 * q))
+        return -(total - accuracy**2)
 
-    r = ratio(_root(lambda m: -above(ratio(m)), 1e-12, 1e24))
+    # A larger multiplier makes smaller elements, and so a smaller error.
+    r = ratio(_root(below_accuracy, 1e-12, 1e24))
     density = mesh.around(r**-d) / mesh.around(mesh.volume)
     h = mesh.limited((FILL[d] / density) ** (1 / d))
 
+    # Smoothing has changed the error, so all sizes are scaled.
     points, weights = rule(d, 4)
     smooth = h[mesh.nodes] @ barycentric(points).T / mesh.size[:, None]
 
     def predicted(scale: float) -> float:
+        """Return the square of the error for scaled sizes."""
         return mesh.total(square * ((scale * smooth) ** (2 * q[:, None]) @ weights))
 
-    scale = _root(lambda s: predicted(s) - accuracy**2, 0.1, 10.0) if error.total > 0 else 1.0
+    def above_accuracy(scale: float) -> float:
+        """Return how far the square of the error is above the prescribed one."""
+        return predicted(scale) - accuracy**2
+
+    scale = _root(above_accuracy, 0.1, 10.0) if error.total > 0 else 1.0
     values = scale * h
     return Sizes(error, values, r, q, count(mesh.domain, values), predicted(scale) ** 0.5)
 
 
 def _rates(mesh: NodalMesh, square: np.ndarray, degree: int) -> np.ndarray:
-    """Rates q_E of the owned cells, from the concentration of the error around their nodes.
+    """Estimate the rates q_E of the owned cells [-]; collective.
 
-    Where the displacement is like distance^lambda, ``eps_E^2 / (|E| h_E^2k)`` falls
-    like distance^(2 lambda - 2 - 2k). So lambda follows from the means over the cells
-    around a node and over the next ring of cells. The rate is the mean of lambda and k,
+    They follow from the concentration of the error around the nodes. Where the
+    displacement is like distance^lambda, ``eps_E^2 / (|E| h_E^2k)`` falls like
+    distance^(2 lambda - 2 - 2k). So lambda follows from the means over the cells around
+    a node and over the next ring of cells. The rate is the mean of lambda and k,
     because the new mesh is graded within the old elements and their error falls faster
     than h^lambda. Measured on five scenes with clamped corners and fillets, from meshes
     that are not the first: the errors are within 6% of the prediction. With q = k they
     differ by 10 to 20%, and with q = lambda by as much with the opposite sign.
     """
     d = mesh.domain.dim
-    near, near_volume = mesh.around(square * mesh.size ** (-2 * degree)), mesh.around(mesh.volume)
-    ring, ring_volume = (
-        mesh.beside(v) - d * v for v in (near, near_volume)
-    )  # cells around have d other nodes here
+    near = mesh.around(square * mesh.size ** (-2 * degree))
+    near_volume = mesh.around(mesh.volume)
+    # Each cell around a node has d other nodes, which count it, too.
+    ring = mesh.beside(near) - d * near
+    ring_volume = mesh.beside(near_volume) - d * near_volume
     edge = mesh.edge_length()
     next_edge = mesh.beside(edge) / mesh.beside(np.ones_like(edge))
     with np.errstate(divide="ignore", invalid="ignore"):
         fall = np.log((near / near_volume) / (ring / ring_volume))
-        lam = degree + 1 - fall / (2 * np.log((edge + next_edge / 2) / (2 / 3 * edge)))
-    lam = np.clip(np.where(np.isfinite(lam), lam, degree), LEAST, degree)
-    return 0.5 * (degree + lam[mesh.nodes].min(axis=1, initial=degree))
+        distances = np.log((edge + next_edge / 2) / (2 / 3 * edge))
+        exponent = degree + 1 - fall / (2 * distances)
+    exponent = np.where(np.isfinite(exponent), exponent, degree)
+    exponent = np.clip(exponent, LEAST_EXPONENT, degree)
+    return 0.5 * (degree + exponent[mesh.nodes].min(axis=1, initial=degree))
 
 
 def _root(f: Callable[[float], float], low: float, high: float) -> float:
-    """Root of an increasing function of a positive number, by bisection of the logarithm; an end if there is none."""
-    for _ in range(100):
+    """Find the root of an increasing function by bisection of the logarithm.
+
+    The root is a positive number; it is an end of the interval if there is none.
+    """
+    for _ in range(BISECTIONS):
         middle = (low * high) ** 0.5
-        low, high = (low, middle) if f(middle) > 0 else (middle, high)
+        if f(middle) > 0:
+            high = middle
+        else:
+            low = middle
         if high < low * (1 + 1e-12):
             break
     return low

@@ -1,11 +1,12 @@
-"""Fields t on a contact surface: mu times a direction of slip, continuous, at various smoothness.
+"""Fields t on a contact surface: mu times a direction of slip.
 
-Where the body slips t should be mu times the direction of slip, where it sticks
-``-r^_t/|r^_n|``; the two are one where slip and traction are opposite, as the law
-wants. At each node t0 is the mean of both, with the squares of the pressure p and of
-``E |slip|/h`` as weights: a slip that is less than ``p h/E`` is an error of the mesh.
-Where slip or traction change from node to node, a smoother t makes the coupling
-smaller, at the price of terms that measure by how much t misses. A smoother t minimises
+They are continuous, at various smoothness. Where the body slips t should be mu times
+the direction of slip, where it sticks ``-r^_t/|r^_n|``; the two are one where slip and
+traction are opposite, as the law wants. At each node t0 is the mean of both, with the
+squares of the pressure p and of ``E |slip|/h`` as weights: a slip that is less than ``p
+h/E`` is an error of the mesh. Where slip or traction change from node to node, a
+smoother t makes the coupling smaller, at the price of terms that measure by how much t
+misses. A smoother t minimises
 
     sum_i c_i |t_i - t0_i|^2 A_i + l^2 int |grad t|^2
 
@@ -26,92 +27,114 @@ SMALLEST = 1e-6
 """Least weight c_i [-]."""
 ACCURACY = 1e-6
 """Relative accuracy of the smooth field [-]."""
-STEPS = 500
+SMOOTHING_STEPS = 500
 """Greatest number of conjugate gradients that make a field smooth."""
 
 
 def slip_fields(pair: PairOnSurface) -> list[np.ndarray]:
-    """Fields t at the nodes, |t| <= mu, linear between them, from rough to smooth; each of shape (M, d)."""
-    surface, (rough, weight) = pair.surface, _rough(pair)
+    """Return fields t at the nodes, |t| <= mu, from rough to smooth.
+
+    They are linear between the nodes. Each has the shape (M, d).
+    """
+    surface = pair.surface
+    rough, weight = _rough(pair)
     size = float(np.ptp(surface.corners.reshape(-1, rough.shape[1]), axis=0).max())
-    return [_limited(pair, _smooth(surface, rough, weight, length * size)) for length in LENGTHS]
+    fields = []
+    for length in LENGTHS:
+        smooth = _smooth(surface, rough, weight, length * size)
+        fields.append(_limited(pair, smooth))
+    return fields
 
 
 def _rough(pair: PairOnSurface) -> tuple[np.ndarray, np.ndarray]:
-    """The field t0 at the nodes, shape (M, d), and the weights c_i A_i, shape (M,)."""
+    """Return the field t0 at the nodes, and the weights c_i A_i.
+
+    Their shapes are (M, d) and (M,).
+    """
     s = pair.surface
     area, hats, pressures, shears = pair.at_points(s.degree + 1)
     shape = len(s.pieces), hats.shape[1]
 
     def moments(values: np.ndarray) -> np.ndarray:
-        return s.summed(
-            np.einsum("fcq...,qm->fcm...", values, hats).reshape(*shape, *values.shape[3:]),
-            s.pieces,
-        )
+        """Integrate values against the hat functions of the nodes."""
+        of_pieces = np.einsum("fcq...,qm->fcm...", values, hats)
+        return s.summed(of_pieces.reshape(*shape, *values.shape[3:]), s.pieces)
 
-    shear, pressure, of_nodes = (
-        moments(area[..., None] * shears),
-        moments(area * pressures),
-        moments(area),
-    )
-    pressure /= of_nodes
+    shear = moments(area[..., None] * shears)
+    pressure = moments(area * pressures)
+    node_area = moments(area)
+    pressure /= node_area
+
+    # E slip/h has the unit of the pressure, which makes the two comparable.
     _, w_t, _ = split(pair.displacement, s.direction[:, None, :])
     share = np.broadcast_to(s.area[:, None], s.facets.shape)
     pull = s.summed(share[..., None] * pair.stiffness[:, None, None] * w_t, s.facets)
     pull /= s.summed(share, s.facets)[:, None]
     length = np.linalg.norm(pull, axis=1)
-    by_traction = -shear / np.where(pressure > 0, pressure * of_nodes, 1.0)[:, None]
-    by_slip = pair.least_friction()[:, None] * pull / np.where(length > 0, length, 1.0)[:, None]
+
+    by_traction = -shear / _or_one(pressure * node_area, pressure > 0)[:, None]
+    by_slip = pair.least_friction()[:, None] * pull / _or_one(length, length > 0)[:, None]
     largest = max(float(pressure.max()), float(length.max())) or 1.0
     square = (np.stack([pressure, length]) / largest) ** 2
     both = square.sum(axis=0)
-    rough = (square[0][:, None] * by_traction + square[1][:, None] * by_slip) / np.where(
-        both > 0, both, 1.0
-    )[:, None]
-    mean = float(of_nodes @ pressure / of_nodes.sum()) or largest
+    weighted = square[0][:, None] * by_traction + square[1][:, None] * by_slip
+    rough = weighted / _or_one(both, both > 0)[:, None]
+    mean = float(node_area @ pressure / node_area.sum()) or largest
     c = (pressure + np.minimum(length, mean)) / mean
-    return _limited(pair, rough), (c + SMALLEST) * of_nodes
+    return _limited(pair, rough), (c + SMALLEST) * node_area
+
+
+def _or_one(values: np.ndarray, positive: np.ndarray) -> np.ndarray:
+    """Replace values by 1 where they are not positive, so that they divide."""
+    return np.where(positive, values, 1.0)
 
 
 def _smooth(surface: Surface, rough: np.ndarray, weight: np.ndarray, length: float) -> np.ndarray:
-    """The smooth field, zero at blocked nodes, by conjugate gradients."""
+    """Compute the smooth field by conjugate gradients, zero at blocked nodes."""
     free = ~surface.blocked[:, None]
     if length == 0:
         return rough * free
-    x, pieces = surface.positions(), surface.pieces
-    edges = (x[pieces[:, 1:]] - x[pieces[:, :1]]).transpose(0, 2, 1)
-    along = np.linalg.pinv(edges)
-    gradients = np.concatenate([-along.sum(axis=1, keepdims=True), along], axis=1)
-    area = (
-        np.repeat(surface.area, len(pieces) // len(surface.facets))
-        * len(surface.facets)
-        / len(pieces)
-    )
-    stiffness = (length**2 * area)[:, None, None] * (gradients @ gradients.transpose(0, 2, 1))
-    inverse = (
-        1 / (weight + surface.summed(np.diagonal(stiffness, axis1=1, axis2=2), pieces))[:, None]
-    )
+    stiffness = _piece_stiffness(surface, length)
+    pieces = surface.pieces
+    diagonal = weight + surface.summed(np.diagonal(stiffness, axis1=1, axis2=2), pieces)
+    inverse = 1 / diagonal[:, None]
 
     def operator(t: np.ndarray) -> np.ndarray:
+        """Apply the matrix of the minimisation, without the blocked nodes."""
         return free * (weight[:, None] * t + surface.summed(stiffness @ t[pieces], pieces))
 
     t = rough * free
-    rest = free * weight[:, None] * rough - operator(t)
-    step = inverse * rest
-    square = first = float(np.sum(rest * step))
-    for _ in range(STEPS):
+    residual = free * weight[:, None] * rough - operator(t)
+    step = inverse * residual
+    square = first = float(np.sum(residual * step))
+    for _ in range(SMOOTHING_STEPS):
         if square <= ACCURACY**2 * first:
             break
         image = operator(step)
         share = square / float(np.sum(step * image))
-        t, rest = t + share * step, rest - share * image
-        before, square = square, float(np.sum(rest * inverse * rest))
-        step = inverse * rest + square / before * step
+        t = t + share * step
+        residual = residual - share * image
+        before = square
+        square = float(np.sum(residual * inverse * residual))
+        step = inverse * residual + square / before * step
     return t
 
 
+def _piece_stiffness(surface: Surface, length: float) -> np.ndarray:
+    """Return the matrices of ``l^2 int grad . grad`` on the pieces, shape (P, d, d)."""
+    x = surface.positions()
+    pieces = surface.pieces
+    edges = (x[pieces[:, 1:]] - x[pieces[:, :1]]).transpose(0, 2, 1)
+    # The gradients along the surface are the rows of the pseudo-inverse.
+    along = np.linalg.pinv(edges)
+    gradients = np.concatenate([-along.sum(axis=1, keepdims=True), along], axis=1)
+    count = len(surface.facets)
+    area = np.repeat(surface.area, len(pieces) // count) * count / len(pieces)
+    return (length**2 * area)[:, None, None] * (gradients @ gradients.transpose(0, 2, 1))
+
+
 def _limited(pair: PairOnSurface, t: np.ndarray) -> np.ndarray:
-    """The nearest tangential field with |t| <= mu, zero at blocked nodes."""
+    """Return the nearest tangential field with |t| <= mu, zero at blocked nodes."""
     _, tangential, size = split(t, pair.surface.normal)
     share = np.minimum(1.0, pair.least_friction() / np.where(size > 0, size, 1.0))
     return np.where(pair.surface.blocked[:, None], 0.0, share[:, None] * tangential)

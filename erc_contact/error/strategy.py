@@ -19,17 +19,22 @@ from erc_contact.error.constitutive import ConstitutiveError, Run, error_of
 from erc_contact.mesh.domain import Domain
 
 TIE = 1e-6
-"""Elements whose errors differ by less than this fraction are marked together, so that round-off does not choose."""
+"""Fraction by which errors of elements differ that are marked together.
+
+So round-off does not choose between them.
+"""
 
 
 class Strategy(Protocol):
-    """A way to choose the next mesh from an error.
+    """Choose the next mesh from an error.
 
     Example: ``demos/extend/strategy.py``.
     """
 
     def next(self, error: ConstitutiveError, accuracy: float, max_cells: int) -> Domain:
-        """The next domain; collective: it is called on all ranks, and all must come to the same decision.
+        """Return the next domain; collective.
+
+        It is called on all ranks, and all must come to the same decision.
 
         ``error.domain.refined(marked)`` refines cells of each rank, given by their
         numbers. ``error.domain.remeshed(h)`` makes a mesh with sizes h. A domain equal
@@ -38,9 +43,8 @@ class Strategy(Protocol):
         Args:
             error: The error of the last mesh, above the accuracy.
                 ``error.total_indicators`` has the errors of the cells that this rank
-                    owns: a rank may have none. Greatest values and sums are to be
-                        reduced over all
-                ranks, by ``error.domain.mesh.comm``.
+                owns: a rank may have none. Greatest values and sums are to be reduced
+                over all ranks, by ``error.domain.mesh.comm``.
             accuracy: Prescribed relative error of the run.
             max_cells: Greatest number of cells of a mesh that will be solved. A domain
                 with more cells ends the run.
@@ -53,7 +57,9 @@ class Strategy(Protocol):
 
 @dataclass(frozen=True)
 class Mark:
-    """Refine the fewest elements that carry a fraction of the squared error (Doerfler marking).
+    """Refine the fewest elements that carry a fraction of the squared error.
+
+    This is Doerfler marking.
 
     Args:
         fraction: Share of eps^2 that the marked elements carry, in (0, 1].
@@ -68,7 +74,7 @@ class Mark:
         checks.fraction("Mark: fraction", self.fraction)
 
     def next(self, error: ConstitutiveError, accuracy: float, max_cells: int) -> Domain:
-        """The domain with the marked elements refined; collective; see :func:`refined`."""
+        """Return the domain with the marked elements refined; collective."""
         return refined(error.domain, mark(error, self.fraction), max_cells)
 
 
@@ -77,20 +83,22 @@ class Uniform:
     """Refine all elements, for comparison."""
 
     def next(self, error: ConstitutiveError, accuracy: float, max_cells: int) -> Domain:
-        """The domain with all elements refined; collective; see :func:`refined`."""
-        return refined(error.domain, np.arange(error.domain.owned_cells, dtype=np.int32), max_cells)
+        """Return the domain with all elements refined; collective."""
+        every_cell = np.arange(error.domain.owned_cells, dtype=np.int32)
+        return refined(error.domain, every_cell, max_cells)
 
 
 def refined(domain: Domain, marked: np.ndarray, max_cells: int) -> Domain:
-    """The domain with marked cells of this rank refined, unless it would surely have too many cells; collective.
+    """Refine marked cells of this rank; collective.
 
-    Of a marked cell bisection makes 2^d at least. So a mesh that no run would solve is
-    mostly not made.
+    It does not if the mesh would surely have too many cells. Of a marked cell bisection
+    makes 2^d at least. So a mesh that no run would solve is mostly not made.
 
     Raises:
         InputError: If more than ``max_cells`` cells would come.
     """
-    least = domain.cells + (2**domain.dim - 1) * domain.mesh.comm.allreduce(len(marked), MPI.SUM)
+    count = domain.mesh.comm.allreduce(len(marked), MPI.SUM)
+    least = domain.cells + (2**domain.dim - 1) * count
     if least > max_cells:
         raise InputError(
             f"the next mesh has at least {least} cells, more than max_cells = {max_cells}."
@@ -99,10 +107,10 @@ def refined(domain: Domain, marked: np.ndarray, max_cells: int) -> Domain:
 
 
 def mark(error: ConstitutiveError | Run, fraction: float = 0.5) -> np.ndarray:
-    """Doerfler marking: the fewest elements over all ranks that carry a fraction of the squared error; collective.
+    """Mark the fewest elements that carry a fraction of the squared error; collective.
 
-    Elements whose errors differ by less than 1e-6 from that of the last marked element
-    are marked, too.
+    This is Doerfler marking over all ranks. Elements whose errors differ by less than
+    1e-6 from that of the last marked element are marked, too.
 
     Args:
         error: The error, whose ``total_indicators`` are compared over all ranks, or a
@@ -113,13 +121,14 @@ def mark(error: ConstitutiveError | Run, fraction: float = 0.5) -> np.ndarray:
         Marked cells of this rank.
     """
     error = error_of(error)
-    fraction, comm = checks.fraction("mark: fraction", fraction), error.domain.mesh.comm
+    comm = error.domain.mesh.comm
+    fraction = checks.fraction("mark: fraction", fraction)
     raise_together(comm, None)
     return largest(comm, error.total_indicators, fraction)
 
 
 def largest(comm: MPI.Comm, values: np.ndarray, fraction: float) -> np.ndarray:
-    """Find the fewest values over all ranks whose squares sum to a fraction of all squares; collective.
+    """Find the fewest values with a fraction of the sum of all squares; collective.
 
     Args:
         comm: Communicator.
@@ -130,30 +139,36 @@ def largest(comm: MPI.Comm, values: np.ndarray, fraction: float) -> np.ndarray:
         Their places on this rank; values that differ by less than TIE from the least of
         them are among them.
     """
+    # Equal errors are marked together, so that round-off does not choose.
     threshold = _threshold(comm, values, fraction)
     return np.flatnonzero(values >= threshold * (1 - TIE)).astype(np.int32)
 
 
 def _threshold(comm: MPI.Comm, values: np.ndarray, fraction: float) -> float:
-    """The greatest number such that the values of all ranks from it on carry a fraction of their squares; collective.
+    """Find the least of the values that :func:`largest` returns; collective.
 
-    It is one of the values, which are >= 0. Bisection finds it among all numbers of
-    double precision, as these have the order of their binary digits; each step adds up
-    one number over the ranks.
+    From it on the values of all ranks carry the fraction of their squares. It is one of
+    the values, which are >= 0. Bisection finds it among all numbers of double
+    precision, as these have the order of their binary digits; each step adds up one
+    number over the ranks.
     """
     ascending = np.sort(values)
+    # At each place the sum of the squares from there on.
     carried = np.append(np.cumsum(ascending[::-1] ** 2)[::-1], 0.0)
     enough = fraction * comm.allreduce(float(carried[0]), MPI.SUM) * (1 - TIE)
 
     def carries(digits: int) -> bool:
+        """Tell whether the values from these binary digits on carry enough."""
         first = np.searchsorted(ascending, np.int64(digits).view(np.float64))
         return comm.allreduce(float(carried[first]), MPI.SUM) >= enough
 
-    low, high = (
-        0,
-        int(np.float64(comm.allreduce(float(ascending.max(initial=0.0)), MPI.MAX)).view(np.int64)),
-    )
+    greatest = comm.allreduce(float(ascending.max(initial=0.0)), MPI.MAX)
+    low = 0
+    high = int(np.float64(greatest).view(np.int64))
     while low < high:
         middle = (low + high + 1) // 2
-        low, high = (middle, high) if carries(middle) else (low, middle - 1)
+        if carries(middle):
+            low = middle
+        else:
+            high = middle - 1
     return float(np.int64(low).view(np.float64))

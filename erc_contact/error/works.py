@@ -1,13 +1,13 @@
-"""Work of stresses, loads and friction on displacements, with what the integrals leave unknown.
+"""Work of stresses, loads and friction on displacements.
 
-The integrals are exact where no data vary inside cells. Elsewhere they are adapted to
-the data (:mod:`erc_contact.mesh.quadrature`).
+It is known up to what the integrals leave unknown. The integrals are exact where no
+data vary inside cells. Elsewhere they are adapted to the data
+(:mod:`erc_contact.mesh.quadrature`).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from dolfinx import fem
@@ -19,6 +19,7 @@ from erc_contact.admissible.macro import macro_points
 from erc_contact.admissible.pair import Admissible
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.base.runtime import compiled
+from erc_contact.base.ufl_types import Ufl
 from erc_contact.mesh.quadrature import (
     Integral,
     Integrand,
@@ -36,7 +37,7 @@ from erc_contact.model.trace import split
 
 @dataclass(frozen=True)
 class BoundedNumber:
-    """A number with a bound of its error: an integral over all ranks.
+    """Hold a number with a bound of its error: an integral over all ranks.
 
     Attributes:
         value: Its value.
@@ -50,11 +51,10 @@ class BoundedNumber:
     resolved: bool = True
 
     @classmethod
-    def of(cls, comm: MPI.Comm, integral: Integral) -> BoundedNumber:
+    def summed(cls, comm: MPI.Comm, integral: Integral) -> BoundedNumber:
         """Add up all integrals of all ranks; collective."""
-        value, bound = comm.allreduce(
-            np.array([integral.value.sum(), integral.rest.sum()]), MPI.SUM
-        )
+        local = np.array([integral.value.sum(), integral.rest.sum()])
+        value, bound = comm.allreduce(local, MPI.SUM)
         return cls(float(value), float(bound), bool(integral.resolved.all()))
 
     def __add__(self, other: BoundedNumber) -> BoundedNumber:
@@ -69,32 +69,42 @@ class BoundedNumber:
 
 
 def elastic_work(pair: Admissible, v: fem.Function, w: fem.Function) -> BoundedNumber:
-    """``a(v, w)`` [force length]; collective."""
-    model, cells = pair.solution.model, pair.cell_geometry
+    """Compute ``a(v, w)`` [force length]; collective."""
+    model = pair.model
+    cells = pair.cell_geometry
     if not model.elasticity.varies_in_cells:
         return BoundedNumber(assembled(model, model.stiffness(v, w)))
-    owned, k = model.domain.owned_cells, model.degree
-    of_cells, of_v, of_w = model.owned_cells, strains(cells, v), strains(cells, w)
+    owned = model.domain.owned_cells
+    of_cells = model.owned_cells
+    strain_v = strains(cells, v)
+    strain_w = strains(cells, w)
 
-    def density(of: np.ndarray, at: np.ndarray, x: np.ndarray) -> np.ndarray:
-        shape = polynomials(k - 1, at)
-        image = act(model.elasticity(x, of_cells[of]), np.matmul(shape, of_v[of]))
-        return (image * np.matmul(shape, of_w[of])).sum(axis=-1, keepdims=True)
+    def density(entity: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
+        shape = polynomials(model.degree - 1, places)
+        stress = act(model.elasticity(x, of_cells[entity]), np.matmul(shape, strain_v[entity]))
+        return (stress * np.matmul(shape, strain_w[entity])).sum(axis=-1, keepdims=True)
 
-    corners, volume = sorted_corners(model, cells)[:owned], cells.volume[:owned]
-    return BoundedNumber.of(
-        model.comm, integrate(model.comm, density, corners, volume, cell_pieces(model.d))
-    )
+    corners = sorted_corners(model, cells)[:owned]
+    volume = cells.volume[:owned]
+    integral = integrate(model.comm, density, corners, volume, cell_pieces(model.d))
+    return BoundedNumber.summed(model.comm, integral)
 
 
 def stress_work(pair: Admissible, v: fem.Function) -> BoundedNumber:
-    """``(sigma^, eps(v))`` [force length], exact; collective. It is the work of r^ and of the projected loads."""
-    model, cells, k = pair.solution.model, pair.cell_geometry, pair.cell_geometry.degree
+    """Compute ``(sigma^, eps(v))``, which is exact [force length]; collective.
+
+    It is the work of r^ and of the projected loads.
+    """
+    model = pair.model
+    cells = pair.cell_geometry
+    k = cells.degree
     owned = model.domain.owned_cells
     shape, points, weights = macro_points(model.d, k)
     sigma = np.matmul(shape, pair.stress).reshape(owned, len(points), pair.stress.shape[3])
     strain = np.matmul(bernstein(model.d, k - 1, points), strains(cells, v)[:owned])
-    local = float(np.sum(cells.volume[:owned] * np.einsum("nqs,nqs,q->n", sigma, strain, weights)))
+    # sigma^ is a polynomial on each sub-simplex, so the rule is exact.
+    means = np.einsum("nqs,nqs,q->n", sigma, strain, weights)
+    local = float(np.sum(cells.volume[:owned] * means))
     return BoundedNumber(float(model.comm.allreduce(local, MPI.SUM)))
 
 
@@ -104,67 +114,89 @@ def friction_work(
     """Add up :func:`friction_works`; collective."""
     if traction.contact.friction is None:
         return BoundedNumber(0.0)
-    return BoundedNumber.of(model.comm, friction_works(model, traction, u, floor))
+    return BoundedNumber.summed(model.comm, friction_works(model, traction, u, floor))
 
 
 def friction_works(
     model: Model, traction: ContactTraction, u: fem.Function, floor: float
 ) -> Integral:
-    """``int b(p^) |u_t - s|`` on each facet of a contact [force length], 0 for ghosts, s of the last step; collective.
+    """Compute ``int b(p^) |u_t - s|`` on each facet [force length]; collective.
 
-    It is never below zero. The integrals may leave their share or ``floor`` unknown.
+    It is 0 for ghosts; s is of the last step. It is never below zero. The integrals may
+    leave their share or ``floor`` unknown.
     """
-    contact, d, k = traction.contact, model.d, model.degree
-    given = ContactData(contact, model.mesh)
+    contact = traction.contact
     trace = contact.trace
+    data = ContactData(contact, model.mesh)
+    since_last_step = trace.coefficients(trace.since(u.x.array))
+
+    def density(entity: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
+        n = contact.direction[entity][:, None, :]
+        shape = polynomials(model.degree, places)
+        pressure = pressures(np.matmul(shape, traction.values[entity]), n)
+        _, _, slip = split(np.matmul(shape, since_last_step[entity]), n)
+        return (data.bound(entity, x, pressure) * slip)[..., None]
+
+    pieces = facet_pieces(model.d - 1)
     area = trace.here.owned_areas
-    hat = trace.coefficients(trace.since(u.x.array))
-
-    def density(of: np.ndarray, at: np.ndarray, x: np.ndarray) -> np.ndarray:
-        shape, n = polynomials(k, at), contact.direction[of][:, None, :]
-        pressure = pressures(np.matmul(shape, traction.values[of]), n)
-        return (given.bound(of, x, pressure) * split(np.matmul(shape, hat[of]), n)[2])[..., None]
-
-    corners = contact.trace.here.corners
-    return integrate(model.comm, density, corners, area, facet_pieces(d - 1), floor=floor)
+    return integrate(model.comm, density, trace.here.corners, area, pieces, floor=floor)
 
 
 def load_work(model: Model, v: fem.Function) -> BoundedNumber:
-    """``f(v) + F(v)`` [force length]; collective."""
-    d, k, domain = model.d, model.degree, model.domain
-    loads = model.loads(v, varying=False)
-    total = BoundedNumber(0.0 if loads is None else assembled(model, loads))
-    nodal = v.x.array.reshape(-1, d)
+    """Compute ``f(v) + F(v)`` [force length]; collective."""
+    constant_loads = model.loads(v, varying=False)
+    # Loads that do not vary in space are exact in a form, the others are adapted.
+    total = BoundedNumber(0.0)
+    if constant_loads is not None:
+        total = BoundedNumber(assembled(model, constant_loads))
     for load in model.surface_loads:
         if load.varies:
-            facets = domain.facets(load.facets)
-            area = np.where(model.owned(facets), model.facet_areas(facets), 0.0)
-            on_facets = np.matmul(coefficients(d - 1, k), nodal[model.facet_nodes(facets)])
-            work = _products(Everywhere(load.density, domain.mesh), facets, on_facets, k)
-            total += BoundedNumber.of(
-                model.comm,
-                integrate(model.comm, work, model.facet_corners(facets), area, facet_pieces(d - 1)),
-            )
+            total += _surface_work(model, load.facets, load.density, v)
     if model.body_force is not None and varies_in_cells(model.body_force):
-        cells = cell_geometry(model)
-        owned, in_cells = domain.owned_cells, np.matmul(coefficients(d, k), nodal[cells.nodes])
-        work = _products(Everywhere(model.body_force, domain.mesh), model.owned_cells, in_cells, k)
-        corners, volume = sorted_corners(model, cells)[:owned], cells.volume[:owned]
-        total += BoundedNumber.of(
-            model.comm, integrate(model.comm, work, corners, volume, cell_pieces(d))
-        )
+        total += _body_work(model, v)
     return total
 
 
-def _products(load: Everywhere, entities: np.ndarray, of_v: np.ndarray, degree: int) -> Integrand:
-    """Return the work of each component of a load on a polynomial of coefficients (entities, N, d)."""
+def _surface_work(model: Model, part: str, density: Ufl, v: fem.Function) -> BoundedNumber:
+    """Compute the work of a varying traction [force length]; collective."""
+    d, k = model.d, model.degree
+    nodal = v.x.array.reshape(-1, d)
+    facets = model.domain.facets(part)
+    # Every facet counts on one rank.
+    area = np.where(model.owned(facets), model.facet_areas(facets), 0.0)
+    on_facets = np.matmul(coefficients(d - 1, k), nodal[model.facet_nodes(facets)])
+    work = _products(Everywhere(density, model.mesh), facets, on_facets, k)
+    corners = model.facet_corners(facets)
+    integral = integrate(model.comm, work, corners, area, facet_pieces(d - 1))
+    return BoundedNumber.summed(model.comm, integral)
 
-    def components(of: np.ndarray, at: np.ndarray, x: np.ndarray) -> np.ndarray:
-        return load(x, entities[of]) * np.matmul(polynomials(degree, at), of_v[of])
+
+def _body_work(model: Model, v: fem.Function) -> BoundedNumber:
+    """Compute the work of a varying body force [force length]; collective."""
+    d, k = model.d, model.degree
+    nodal = v.x.array.reshape(-1, d)
+    owned = model.domain.owned_cells
+    cells = cell_geometry(model)
+    in_cells = np.matmul(coefficients(d, k), nodal[cells.nodes])
+    work = _products(Everywhere(model.body_force, model.mesh), model.owned_cells, in_cells, k)
+    corners = sorted_corners(model, cells)[:owned]
+    volume = cells.volume[:owned]
+    integral = integrate(model.comm, work, corners, volume, cell_pieces(d))
+    return BoundedNumber.summed(model.comm, integral)
+
+
+def _products(load: Everywhere, entities: np.ndarray, of_v: np.ndarray, degree: int) -> Integrand:
+    """Return the work of each component of a load on a polynomial.
+
+    Its coefficients have the shape (entities, N, d).
+    """
+
+    def components(entity: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
+        return load(x, entities[entity]) * np.matmul(polynomials(degree, places), of_v[entity])
 
     return components
 
 
-def assembled(model: Model, form: Any) -> float:
+def assembled(model: Model, form: Ufl) -> float:
     """Return the value of a UFL form without arguments, all ranks; collective."""
     return float(model.comm.allreduce(fem.assemble_scalar(compiled.form(form)), MPI.SUM))

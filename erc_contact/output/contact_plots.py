@@ -78,7 +78,7 @@ def plot_contact(
         InputError: If no contact has this name, or it has no facet, or there is another
             number of axes.
     """
-    model = admissible.solution.model
+    model = admissible.model
     names = [t.contact.name for t in admissible.tractions]
     if name not in names:
         raise InputError(

@@ -111,7 +111,7 @@ def plot_loop(
     Raises:
         InputError: If no contact or no part has this name.
     """
-    scene, model = history.errors[0].solution.scene, history.errors[0].solution.model
+    scene, model = history.errors[0].solution.scene, history.errors[0].model
     parts = [support.facets for support in scene.supports]
     parts += [load.facets for load in scene.loads if load.facets is not None]
     where = [*parts, contact][0] if part is None else part
@@ -221,7 +221,7 @@ def animate(history: History, path: str | Path, seconds: float = 0.15) -> None:
 
 def _mean_displacement(error: ConstitutiveError, part: str) -> np.ndarray:
     """The mean of u^ on a boundary part [length], shape (d,); collective."""
-    model = error.solution.model
+    model = error.model
     facets = model.domain.facets(part)
     facets = facets[model.owned(facets)]
     points, weights = rule(model.d - 1, model.degree)

@@ -74,7 +74,7 @@ def mean_normal(surface: Surface) -> np.ndarray:
 
 def whole_contact(admissible: Admissible, traction: ContactTraction) -> Surface | None:
     """The facets of a contact on all ranks, on rank 0; None on other ranks; collective."""
-    model, contact = admissible.solution.model, traction.contact
+    model, contact = admissible.model, traction.contact
     own, gap = contact.trace.here.owned, model.gap_at_nodes(contact)
     since = contact.trace.since(admissible.displacement.x.array)
     u_n, slip, _ = split(since, contact.direction[:, None])
@@ -120,7 +120,7 @@ def body_nodes(model: Model) -> dict[str, np.ndarray]:
 
 def nodal_displacement(admissible: Admissible) -> np.ndarray:
     """u^ at the points of :func:`body_nodes` of this rank [length], shape (n, 3)."""
-    model = admissible.solution.model
+    model = admissible.model
     return in_space(
         admissible.displacement.x.array.reshape(-1, model.d)[: model.V.dofmap.index_map.size_local]
     )

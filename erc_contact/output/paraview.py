@@ -68,7 +68,7 @@ def write_fields(error: ConstitutiveError, folder: str | Path) -> None:
         Rank 0 writes the files through pyvista, because DOLFINx 0.11 writes only one
         array to a file.
     """
-    admissible, model = error.admissible, error.solution.model
+    admissible, model = error.admissible, error.model
     body = gathered(model.comm, **body_nodes(model), displacement=nodal_displacement(admissible))
     cells = gathered(model.comm, **cell_stresses(admissible), eps_E=error.indicators)
     contacts = [whole_contact(admissible, t) for t in admissible.tractions]

@@ -108,7 +108,7 @@ def draw_deformed(
     Returns:
         The axes on rank 0, None on the other ranks; in 3D an array of two.
     """
-    admissible, model = error.admissible, error.solution.model
+    admissible, model = error.admissible, error.model
     comm, size, d = model.comm, model.domain.extent, model.d
     body = gathered(comm, **body_nodes(model), u=nodal_displacement(admissible))
     volume = admissible.cell_geometry.volume[: model.domain.owned_cells]
@@ -164,7 +164,7 @@ def draw_deformed(
 
 def magnification(error: ConstitutiveError) -> float:
     """Find the greatest magnification of a picture of the deformed body; infinite if nothing moves; collective."""
-    admissible, model = error.admissible, error.solution.model
+    admissible, model = error.admissible, error.model
     contacts = [whole_contact(admissible, traction) for traction in admissible.tractions]
     largest = error.maximum("displacement").value
     factor = np.inf
@@ -189,7 +189,7 @@ def _title(foundations: Sequence[Foundation], factor: float, size: float) -> str
 
 def _shown_stress(admissible: Admissible) -> np.ndarray:
     """Von Mises stress of sigma^ in each owned cell, for degree 2 at its vertices, shape (owned, 1 or d+1)."""
-    if admissible.solution.model.degree == 1:
+    if admissible.model.degree == 1:
         return von_mises(mean_stress(admissible))[:, None]
     stress = vertex_stress(admissible)
     return np.stack([von_mises(stress[:, vertex]) for vertex in range(stress.shape[1])], axis=1)
@@ -214,7 +214,7 @@ def draw_cells(
     Returns:
         The axes on rank 0, None on the other ranks.
     """
-    domain = admissible.solution.domain
+    domain = admissible.domain
     comm, up = domain.mesh.comm, _up(admissible)
     body, cells = gathered(comm, **body_mesh(domain)), gathered(comm, values=values)
 
@@ -252,7 +252,7 @@ def _up(admissible: Admissible) -> np.ndarray:
     It is the coordinate axis, with its sign, that points away from the first
     foundation.
     """
-    total, model = np.zeros(3), admissible.solution.model
+    total, model = np.zeros(3), admissible.model
     for traction in admissible.tractions[:1]:
         own = model.owned(traction.contact.facets)
         total[: model.d] = traction.area[own] @ traction.contact.direction[own]

@@ -45,7 +45,7 @@ def write_series(history: History, path: str | Path) -> None:
     which, points, cells = [], [], []
     last: Any = None
     for error in history.errors:
-        pair, model = error.admissible, error.solution.model
+        pair, model = error.admissible, error.model
         if error.domain is not last:
             meshes.append(gathered(comm, **body_nodes(model)))
         last = error.domain

@@ -89,7 +89,7 @@ def _of_the_data(error: ConstitutiveError) -> list[tuple[str, str]]:
 
 def _of_the_steps_before(error: ConstitutiveError) -> list[tuple[str, str]]:
     """What is left out of the error of a step of a loading history."""
-    if all(contact.trace.before is None for contact in error.solution.model.contacts):
+    if all(contact.trace.before is None for contact in error.model.contacts):
         return []
     words = (
         "e is the error of this step given the slip of the steps before. Their errors are in that slip, and no proof "

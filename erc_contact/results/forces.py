@@ -26,7 +26,7 @@ def force(result: Any, part: str) -> Force:
         InputError: If no boundary part has this name.
     """
     pair = pair_of(result)
-    model, cells = pair.solution.model, pair.cell_geometry
+    model, cells = pair.model, pair.cell_geometry
     sides = model.domain.facets(part)
     facets = model.facet_numbers(sides[model.owned(sides)])
     d, k = model.d, model.degree
@@ -41,12 +41,12 @@ def force(result: Any, part: str) -> Force:
 def reactions(result: Any) -> dict[str, Force]:
     """The forces on the body by their cause, see :func:`erc_contact.model.forces.by_cause`; collective."""
     pair = pair_of(result)
-    return by_cause(pair.solution.model, lambda part: force(pair, part), lambda: _body_force(pair))
+    return by_cause(pair.model, lambda part: force(pair, part), lambda: _body_force(pair))
 
 
 def _body_force(pair: Admissible) -> Force:
     """Resultant and moment of the loads in the body; collective."""
-    model, cells, owned = pair.solution.model, pair.cell_geometry, pair.solution.domain.owned_cells
+    model, cells, owned = pair.model, pair.cell_geometry, pair.domain.owned_cells
     assert pair.cell_forces is not None
     forces = np.matmul(mass(model.d, 1, model.degree - 1), pair.cell_forces[:owned])
     return total_force(model, cells.vertices[:owned].ravel(), forces.reshape(-1, model.d))

@@ -30,7 +30,7 @@ def peaks(pair: Admissible) -> dict[str, float]:
         profiles, nan without a contact; and of each the size of the cell or facet
         [length], with the name ``peak_stress_size`` and so on.
     """
-    model = pair.solution.model
+    model = pair.model
     volume = pair.cell_geometry.volume[: model.domain.owned_cells]
     found = [_greatest(von_mises(mean_stress(pair)), volume ** (1 / model.d))]
     shape = bernstein(model.d - 1, model.degree, profile_points(model))

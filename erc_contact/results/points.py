@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from erc_contact.admissible.macro import tensors
 from erc_contact.admissible.pair import Admissible, pair_of
+from erc_contact.admissible.reference import tensors
 from erc_contact.mesh.simplex import barycentric, bernstein, lagrange
 from erc_contact.model.points import at_points, elastic_stress_at
 
@@ -50,7 +50,7 @@ def at(result: Any, points: Any) -> Values:
             outside the mesh.
     """
     pair = pair_of(result)
-    model, d = pair.solution.model, pair.solution.model.d
+    model, d = pair.model, pair.model.d
     total = at_points(model, points, lambda cell, x: _values(pair, cell, x))
     u, sigma, elastic = np.split(total, [d, d + d * d], axis=1)
     return Values(u, sigma.reshape(-1, d, d), elastic.reshape(-1, d, d))
@@ -58,7 +58,7 @@ def at(result: Any, points: Any) -> Values:
 
 def _values(pair: Admissible, cell: np.ndarray, x: np.ndarray) -> np.ndarray:
     """u^, sigma^ and C eps(u^) at points (n, d) of owned cells (n,), each row by row, shape (n, d + 2 d^2)."""
-    model, cells = pair.solution.model, pair.cell_geometry
+    model, cells = pair.model, pair.cell_geometry
     d, k = model.d, model.degree
     corner = model.V.tabulate_dof_coordinates()[cells.vertices[cell, 0], :d]
     local = barycentric(np.einsum("nij,nj->ni", cells.inverse[cell], x - corner))

@@ -22,7 +22,7 @@ def contact_of(pair: Admissible, name: str) -> ContactTraction:
     Raises:
         InputError: If no contact has this name.
     """
-    model = pair.solution.model
+    model = pair.model
     return pair.tractions[model.contacts.index(model.contact(name))]
 
 
@@ -40,7 +40,7 @@ def profile(result: Any, name: str) -> np.ndarray:
         InputError: If no contact has this name.
     """
     pair = pair_of(result)
-    model, traction = pair.solution.model, contact_of(pair, name)
+    model, traction = pair.model, contact_of(pair, name)
     shape = bernstein(model.d - 1, model.degree, profile_points(model))
     status = contact_status(traction, greatest_pressure(model, -traction.normal_component))
     r, bound = np.matmul(shape, traction.values), traction.friction_bound @ shape.T

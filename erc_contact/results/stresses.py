@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from erc_contact.admissible.macro import tensors
 from erc_contact.admissible.pair import Admissible, pair_of
+from erc_contact.admissible.reference import tensors
 from erc_contact.mesh.simplex import from_means, mass
 from erc_contact.model.stress import stress_in_space, tells_out_of_plane, von_mises
 
@@ -22,7 +22,7 @@ def mean_stress(result: Any) -> np.ndarray:
         result: An admissible pair, an error, or a history.
     """
     admissible = pair_of(result)
-    model, stress = admissible.solution.model, admissible.stress
+    model, stress = admissible.model, admissible.stress
     coefficients = stress.reshape(len(stress), -1, stress.shape[-1])
     share = np.full(
         coefficients.shape[1], 1 / coefficients.shape[1]
@@ -40,7 +40,7 @@ def vertex_stress(admissible: Admissible) -> np.ndarray:
         Shape (owned, d+1, 3, 3). In 2D the stress out of plane is as in
         :func:`mean_stress`.
     """
-    model, d = admissible.solution.model, admissible.solution.model.d
+    model, d = admissible.model, admissible.model.d
     vertices = np.tile(
         np.eye(d + 1), (d + 1, 1, 1)
     )  # their hat functions, by those of each sub-simplex
@@ -54,7 +54,7 @@ def vertex_stress(admissible: Admissible) -> np.ndarray:
 
 def cell_stresses(admissible: Admissible) -> dict[str, np.ndarray]:
     """Means of stresses in the cells of this rank, by their names in files for ParaView."""
-    model = admissible.solution.model
+    model = admissible.model
     stress = mean_stress(admissible)
     fe = stress_in_space(model, admissible.fe_stress[: model.domain.owned_cells].mean(axis=1))
     mises = "von_mises" if tells_out_of_plane(model) else "von_mises_in_plane"

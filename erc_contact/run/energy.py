@@ -78,7 +78,7 @@ def energies(error: ConstitutiveError, last: ConstitutiveError | None) -> Energi
     """
     before = None if last is None else last.admissible
     pair = error.admissible
-    model = error.solution.model
+    model = error.model
     contacts = {contact.name: contact for contact in model.contacts}
     work, contact_work, friction_work = _work_in_body(pair, before), 0.0, 0.0
     parts = _working(pair) | (set() if before is None else _working(before))
@@ -102,7 +102,7 @@ def _dissipated(
     """What friction takes on a contact in a step [force length]; collective."""
     if traction.contact.friction is None:
         return 0.0
-    model, slip = pair.solution.model, pair.displacement
+    model, slip = pair.model, pair.displacement
     at_begin = friction_work(model, _traction_at_begin(model, before, traction), slip, floor)
     at_end = friction_work(model, traction, slip, floor)
     return 0.5 * (at_begin.value + at_end.value)
@@ -119,7 +119,7 @@ def _traction_at_begin(
     contact = traction.contact
     if before is None:  # from rest, without pressure
         return replace(traction, values=np.zeros_like(traction.values))
-    old = before.solution.model
+    old = before.model
     if old.domain is model.domain and old.degree == model.degree:
         last = contact_of(before, contact.name)
         friction, values = last.contact.friction, last.values
@@ -135,7 +135,7 @@ def _traction_at_begin(
 
 def _working(pair: Admissible) -> set[str]:
     """The names of the boundary parts whose tractions may do work."""
-    scene = pair.solution.model.scene
+    scene = pair.model.scene
     loaded = {load.facets for load in scene.loads if load.facets is not None}
     return (
         loaded
@@ -155,14 +155,14 @@ def _works(
         The work, and the part of it that the tangential tractions of a contact do; 0
         without contact.
     """
-    model = pair.solution.model
+    model = pair.model
     points, weights = rule(model.d - 1, 2 * model.degree)
     facets = model.domain.facets(part)
     own = model.owned(facets)
     facets = facets[own]
     t, u = _at(pair, part, points)
     if before is not None:
-        if before.solution.domain is model.domain and before.solution.model.degree == model.degree:
+        if before.domain is model.domain and before.model.degree == model.degree:
             old_t, old_u = _at(before, part, points)
         else:
             x = np.matmul(barycentric(points), model.facet_corners(facets))
@@ -182,7 +182,7 @@ def _works(
 
 def _at(pair: Admissible, part: str, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """sigma^ n [force/area] and u^ [length] at reference points of the owned facets of a part, shape (f, q, d) each."""
-    model = pair.solution.model
+    model = pair.model
     _, t, u = _facets(pair, part)
     shape = (
         bernstein(model.d - 1, model.degree, points),
@@ -193,7 +193,7 @@ def _at(pair: Admissible, part: str, points: np.ndarray) -> tuple[np.ndarray, np
 
 def _facets(pair: Admissible, part: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Corners (f, d, d), coefficients of sigma^ n (f, m, d) and nodal values of u^ (f, m, d) of owned facets."""
-    model, d, k = pair.solution.model, pair.solution.model.d, pair.solution.model.degree
+    model, d, k = pair.model, pair.model.d, pair.model.degree
     facets = model.domain.facets(part)
     facets = facets[model.owned(facets)]
     nodes = model.facet_nodes(facets)
@@ -206,7 +206,7 @@ def _facets(pair: Admissible, part: str) -> tuple[np.ndarray, np.ndarray, np.nda
 
 def _carried(pair: Admissible, part: str, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """sigma^ n and u^ of another mesh at points (f, q, d) of this one, on the nearest facets; collective."""
-    model, d, k = pair.solution.model, pair.solution.model.d, pair.solution.model.degree
+    model, d, k = pair.model, pair.model.d, pair.model.degree
     gathered = model.comm.allgather(_facets(pair, part))
     corners, t, u = (np.concatenate(of) for of in zip(*gathered, strict=True))
     number, local, _ = nearest(x.reshape(-1, d), corners)
@@ -217,8 +217,8 @@ def _carried(pair: Admissible, part: str, x: np.ndarray) -> tuple[np.ndarray, np
 
 def _work_in_body(pair: Admissible, before: Admissible | None) -> float:
     """Work of the loads in the body in a step [force length]; collective."""
-    model = pair.solution.model
-    old = None if before is None else before.solution.model
+    model = pair.model
+    old = None if before is None else before.model
     total = 0.5 * _of_body_force(model, model, pair)
     if old is not None and before is not None:
         total -= 0.5 * _of_body_force(old, old, before)

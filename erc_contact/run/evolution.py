@@ -63,7 +63,7 @@ def row_of(
     error = history.best
     energy = energies(error, last)
     sums = {name: getattr(before, name) if before else 0.0 for name in SUMS}
-    forces = {contact.name: error.force(contact.name) for contact in error.solution.model.contacts}
+    forces = {contact.name: error.force(contact.name) for contact in error.model.contacts}
     return TimeStep(
         time=time,
         cells=error.domain.cells,

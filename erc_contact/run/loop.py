@@ -16,7 +16,7 @@ from erc_contact.base.percent import percent
 from erc_contact.base.progress import stage
 from erc_contact.base.runtime.interrupts import Interrupts
 from erc_contact.error.constitutive import ConstitutiveError, constitutive_error
-from erc_contact.error.sizes import KNOWN, size_map
+from erc_contact.error.sizes import PREDICTIVE_ERROR, size_map
 from erc_contact.mesh.domain import Domain
 from erc_contact.newton.doubts import DoubtsOfRun
 from erc_contact.newton.ladder import NODAL
@@ -166,7 +166,7 @@ class Loop:
     def _add(self, error: ConstitutiveError, mesh_seconds: float) -> Step:
         """Add a row; collective."""
         admissible, scale = error.admissible, error.scale or 1.0
-        solution, domain = admissible.solution, admissible.solution.domain
+        solution, domain = admissible.solution, admissible.domain
         greatest = peaks(admissible)
         step = Step(
             cells=domain.cells,
@@ -261,7 +261,7 @@ class Loop:
 
 def _warn(error: ConstitutiveError, accuracy: float, max_cells: int) -> None:
     """Say before the time is spent that even the optimal mesh has too many cells, if the mesh can know it."""
-    cells = size_map(error, accuracy).predicted_cells if error.total <= KNOWN else 0.0
+    cells = size_map(error, accuracy).predicted_cells if error.total <= PREDICTIVE_ERROR else 0.0
     if cells > max_cells:
         log_of(error.domain.mesh.comm).warning(
             f"{percent(accuracy)} takes some {cells:.2g} cells, it seems; max_cells = {max_cells} will end the run."

@@ -70,7 +70,7 @@ def level_of(error: ConstitutiveError, steps: Sequence[Any]) -> Level:
     Raises:
         InputError: If the true shape of the domain cannot be kept.
     """
-    solution, domain, model = error.solution, error.domain, error.solution.model
+    solution, domain, model = error.solution, error.domain, error.model
     geometry = model.comm.bcast(described(domain.geometry))  # its text is on rank 0
     x = model.V.tabulate_dof_coordinates()
     x[model.vertices] = domain.mesh.geometry.x[domain.mesh.geometry.dofmaps[0]]  # to the last digit

@@ -1,4 +1,4 @@
-"""C kernels of the reconstruction: what is done for each cell, facet and patch again and again."""
+"""C kernels of the reconstruction: the work for each cell, facet and patch."""
 
 from pathlib import Path
 
@@ -9,5 +9,5 @@ FOLDER = Path(__file__).parent
 
 
 def kernels() -> Library:
-    """The compiled kernels; they are compiled at the first call on a machine."""
+    """Return the kernels, which are compiled at the first call on a machine."""
     return library(FOLDER)

@@ -1,1 +1,1 @@
-"""Lower the error for the same displacement: a stress of less complementary energy, computed patch by patch."""
+"""Lower the error for the same displacement by a stress of less energy."""

@@ -1,9 +1,9 @@
-"""The quadratic part of the facet tractions: one small problem of complementary energy for each facet.
+"""The quadratic part of the facet tractions: one small problem for each facet.
 
-A traction of degree 2 is the sum of a linear part, which balances the cells
-(:mod:`erc_contact.admissible.tighten.patches`), and a part orthogonal to all linear
-functions on its facet. The latter does no work on rigid motions, so it can be chosen
-freely on each facet.
+The problem is one of complementary energy. A traction of degree 2 is the sum of a
+linear part, which balances the cells (:mod:`erc_contact.admissible.tighten.patches`),
+and a part orthogonal to all linear functions on its facet. The latter does no work on
+rigid motions, so it can be chosen freely on each facet.
 
 Symbols as in :mod:`erc_contact.admissible.tighten.complementary`; j = m - d quadratic
 moments a component.
@@ -19,7 +19,7 @@ from erc_contact.admissible.tighten.tables import stress_map
 
 
 class Blocks:
-    """Solves the minimisation for the quadratic moments of every facet of this rank.
+    """Solve the minimisation for the quadratic moments of every facet of this rank.
 
     Args:
         cells: Geometry, n cells.
@@ -35,36 +35,53 @@ class Blocks:
     def __init__(
         self, cells: CellGeometry, compliance: np.ndarray, free: np.ndarray, mine: np.ndarray
     ) -> None:
-        d = cells.d
-        quadratic = stress_map(d, cells.degree)[:, :, :, d:]  # (s, Q, d+1, j, d)
-        s, j = len(quadratic), quadratic.shape[3]
-        matrices = np.zeros((len(free), j * d, j * d))
-        units = [quadratic[:, :, f].reshape(s, -1, j * d) for f in range(d + 1)]
-        products = np.array(
-            [np.einsum("aQx,bQy->abxy", unit, unit).reshape(s * s, -1) for unit in units]
-        )
-        for some in chunks(len(cells.nodes)):
-            metric = reference_metric(cells, some, compliance.mean(axis=1, keepdims=True))
-            inverse = cells.inverse[some]
-            for f in range(d + 1):
-                local = (metric.reshape(-1, s * s) @ products[f]).reshape(-1, j * d * j, d)
-                local = np.matmul(local, inverse).reshape(-1, j, d, j * d).transpose(0, 1, 3, 2)
-                local = np.matmul(local.reshape(len(local), -1, d), inverse).reshape(
-                    -1, j, j * d, d
-                )
-                np.add.at(
-                    matrices,
-                    cells.facets[some, f],
-                    local.transpose(0, 1, 3, 2).reshape(-1, j * d, j * d),
-                )
+        matrices = _facet_matrices(cells, compliance, len(free))
+        size = matrices.shape[1]
+        j = size // cells.d
+        # Components without energy have no equation.
         keep = np.tile(free, j) & mine[:, None]
         keep &= np.einsum("nii->ni", matrices) > 0
         both = keep[:, :, None] & keep[:, None, :]
-        inverse = np.linalg.inv(np.where(both, matrices, np.eye(j * d)))
+        inverse = np.linalg.inv(np.where(both, matrices, np.eye(size)))
         # The patches add up d corrections of each facet, as many as it has centres. The
         # blocks get the same weight.
-        self.inverse = np.where(both, d * inverse, 0.0)
+        self.inverse = np.where(both, cells.d * inverse, 0.0)
 
     def __call__(self, r: np.ndarray) -> np.ndarray:
-        """Corrections for the residual r of the quadratic moments [length], shape (F, j, d)."""
-        return np.matmul(self.inverse, r.reshape(*self.inverse.shape[:2], 1)).reshape(r.shape)
+        """Correct for the residual of the quadratic moments [length], (F, j, d)."""
+        columns = r.reshape(*self.inverse.shape[:2], 1)
+        return np.matmul(self.inverse, columns).reshape(r.shape)
+
+
+def _facet_matrices(cells: CellGeometry, compliance: np.ndarray, count: int) -> np.ndarray:
+    """Assemble the energies of the quadratic moments of every facet.
+
+    Args:
+        cells: Geometry, n cells.
+        compliance: C^-1 [area/force], shape (n or 1, Q or 1, s, s).
+        count: Number of facets.
+
+    Returns:
+        Matrices, shape (count, j d, j d).
+    """
+    d = cells.d
+    quadratic = stress_map(d, cells.degree)[:, :, :, d:]  # (s, Q, d+1, j, d)
+    s = len(quadratic)
+    j = quadratic.shape[3]
+    products = []
+    for f in range(d + 1):
+        unit = quadratic[:, :, f].reshape(s, -1, j * d)
+        products.append(np.einsum("aQx,bQy->abxy", unit, unit).reshape(s * s, -1))
+    mean = compliance.mean(axis=1, keepdims=True)
+    matrices = np.zeros((count, j * d, j * d))
+    for chunk in chunks(len(cells.nodes)):
+        metric = reference_metric(cells, chunk, mean).reshape(-1, s * s)
+        inverse = cells.inverse[chunk]
+        for f in range(d + 1):
+            # The Jacobian maps both moments: the columns first, then the rows.
+            local = (metric @ products[f]).reshape(-1, j * d * j, d)
+            local = np.matmul(local, inverse).reshape(-1, j, d, j * d).transpose(0, 1, 3, 2)
+            local = np.matmul(local.reshape(len(local), -1, d), inverse)
+            local = local.reshape(-1, j, j * d, d).transpose(0, 1, 3, 2)
+            np.add.at(matrices, cells.facets[chunk, f], local.reshape(-1, j * d, j * d))
+    return matrices

@@ -21,20 +21,19 @@ import numpy as np
 
 from erc_contact.admissible.cells import CellGeometry
 from erc_contact.admissible.kernels import kernels
-from erc_contact.admissible.macro import (
-    bubbles,
-    chunks,
-    macro_points,
-    piola,
-    reference_metric,
-    tensors,
-)
+from erc_contact.admissible.macro import chunks, macro_points, piola, reference_metric
+from erc_contact.admissible.reference import bubbles, tensors
 from erc_contact.admissible.tighten.tables import macro_table
 
 
 @cache
 def _bubble_map(d: int, k: int) -> tuple[np.ndarray, np.ndarray]:
-    """Bubbles at the points times the roots of the weights, (s, Q, number), and the products of their components."""
+    """Return the bubbles at the points, and the products of their components.
+
+    Returns:
+        Bubbles times the roots of the weights, shape (s, Q, number), and products,
+        shape (number, number, s, s).
+    """
     near, _, weights = macro_points(d, k)
     s, number = bubbles(d, k).shape[2:]
     at_points = np.einsum("qm,kmsb->skqb", near, bubbles(d, k)).reshape(s, len(weights), number)
@@ -43,8 +42,15 @@ def _bubble_map(d: int, k: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _bubble_inverse(d: int, k: int, metric: np.ndarray) -> np.ndarray:
-    """Inverses of the energy matrices of the bubbles in some cells, from the metric (c, Q or 1, s, s)."""
+    """Invert the energies of the bubbles in some cells.
+
+    Args:
+        d: Dimension.
+        k: Degree.
+        metric: Metric of reference stresses, shape (c, Q or 1, s, s).
+    """
     at_points, products = _bubble_map(d, k)
+    # A metric that is the same at all points is taken out of their sum.
     if metric.shape[1] == 1:
         energy = np.tensordot(metric[:, 0], products, axes=((1, 2), (2, 3)))
     else:
@@ -55,7 +61,9 @@ def _bubble_inverse(d: int, k: int, metric: np.ndarray) -> np.ndarray:
 def relaxed(
     cells: CellGeometry, sigma: np.ndarray, elastic: np.ndarray, compliance: np.ndarray
 ) -> np.ndarray:
-    """The stress of the same tractions and divergence that is nearest to ``C eps(u^)``, cell by cell.
+    """Return the stress nearest to ``C eps(u^)`` with the same tractions, cell by cell.
+
+    Its divergence is the same, too: the bubbles get their amounts of least energy.
 
     Args:
         cells: Geometry.
@@ -66,29 +74,32 @@ def relaxed(
         compliance: C^-1 [area/force], shape (n or 1, Q or 1, s, s).
 
     Returns:
-        Of the same shape as sigma.
+        The stress [force/area], of the same shape as sigma.
     """
     d, k = cells.d, cells.degree
     near, _, weights = macro_points(d, k)
     at_points, _ = _bubble_map(d, k)
     result = np.empty_like(sigma)
-    for some in chunks(len(sigma)):
-        here, P = sigma[some], piola(cells, some)
-        difference = np.matmul(near, here).reshape(len(here), -1, here.shape[3]) - elastic[some]
-        local = compliance[some] if len(compliance) > 1 else compliance
-        dual = np.matmul(np.matmul(local, difference[..., None])[..., 0], P.transpose(0, 2, 1))
-        dual *= cells.volume[some, None, None] * np.sqrt(weights)[:, None]
+    for chunk in chunks(len(sigma)):
+        here = sigma[chunk]
+        P = piola(cells, chunk)
+        values = np.matmul(near, here).reshape(len(here), -1, here.shape[3])
+        difference = values - elastic[chunk]
+        # Work of the difference on the bubbles, whose least energy is where it is zero.
+        local = compliance[chunk] if len(compliance) > 1 else compliance
+        strain = np.matmul(local, difference[..., None])[..., 0]
+        dual = np.matmul(strain, P.transpose(0, 2, 1))
+        dual *= cells.volume[chunk, None, None] * np.sqrt(weights)[:, None]
         work = np.tensordot(dual, at_points, axes=((1, 2), (1, 0)))
-        amount = np.matmul(
-            _bubble_inverse(d, k, reference_metric(cells, some, compliance)), work[:, :, None]
-        )[..., 0]
+        inverse = _bubble_inverse(d, k, reference_metric(cells, chunk, compliance))
+        amount = np.matmul(inverse, work[:, :, None])[..., 0]
         added = np.tensordot(amount, bubbles(d, k), axes=(1, 3))
-        result[some] = here - np.matmul(added, P[:, None])
+        result[chunk] = here - np.matmul(added, P[:, None])
     return result
 
 
 class ComplementaryEnergy:
-    """The complementary energy as a quadratic form of hierarchical facet moments.
+    """Compute the complementary energy as a quadratic form of hierarchical moments.
 
     Args:
         cells: Geometry, n cells.
@@ -97,21 +108,28 @@ class ComplementaryEnergy:
     """
 
     def __init__(self, cells: CellGeometry, owned: int, compliance: np.ndarray) -> None:
-        self.cells, self.owned, self.compliance = cells, owned, np.ascontiguousarray(compliance)
+        self.cells = cells
+        self.owned = owned
+        self.compliance = np.ascontiguousarray(compliance)
         self.table = macro_table(cells.d, cells.degree, compliance.shape[1] > 1)
 
     def __call__(self, x: np.ndarray) -> tuple[float, np.ndarray]:
-        """The energy of moments x of the owned cells, and half its derivative, shape (F, m, d)."""
+        """Compute the energy of moments x of the owned cells, and half its derivative.
+
+        Moments and derivative have the shape (F, m, d).
+        """
         half = np.zeros_like(x)
-        return self._add(slice(0, self.owned), x, None, None, half), half
+        energy = self._add(slice(0, self.owned), x, None, None, half)
+        return energy, half
 
     def start(
         self, moment: np.ndarray, force: np.ndarray | None, elastic: np.ndarray
     ) -> tuple[float, np.ndarray]:
-        """``|sigma^ - C eps(u^)|^2`` of the owned cells and half its derivative by the moments.
+        """Compute ``|sigma^ - C eps(u^)|^2`` and half its derivative.
 
-        The map from moments to stresses reproduces constant stresses. So the mean of C
-        eps(u^) in a cell is subtracted from its tractions.
+        They are those of the owned cells.         The map from moments to stresses
+        reproduces constant stresses. So the mean of C eps(u^) in a cell is subtracted
+        from its tractions.
 
         Args:
             moment: Hierarchical moments, shape (F, m, d).
@@ -119,28 +137,30 @@ class ComplementaryEnergy:
                 or None.
             elastic: ``C eps(u^)`` of the owned cells, shape (owned, Q or 1, s).
         """
-        cells, d, square = self.cells, self.cells.d, 0.0
-        weights = macro_points(d, cells.degree)[2]
+        cells = self.cells
+        d = cells.d
         half = np.zeros_like(moment)
         if elastic.shape[1] == 1:
-            return self._add(
-                slice(0, self.owned), moment, tensors(elastic[:, 0], d), None, half
-            ), half
-        for some in chunks(self.owned):
-            means = weights @ elastic[some]
-            rest = np.matmul(self.table.from_points, means[:, None] - elastic[some])
-            offset = np.linalg.solve(
-                piola(cells, some).transpose(0, 2, 1), rest.transpose(0, 2, 1)
-            ).transpose(0, 2, 1)
+            mean = tensors(elastic[:, 0], d)
+            return self._add(slice(0, self.owned), moment, mean, None, half), half
+        _, _, weights = macro_points(d, cells.degree)
+        square = 0.0
+        for chunk in chunks(self.owned):
+            means = weights @ elastic[chunk]
+            # What C eps(u^) has beside its mean, pulled back to the reference simplex.
+            deviation = np.matmul(self.table.from_points, means[:, None] - elastic[chunk])
+            transposed = piola(cells, chunk).transpose(0, 2, 1)
+            offset = np.linalg.solve(transposed, deviation.transpose(0, 2, 1)).transpose(0, 2, 1)
             if force is not None:
-                inside = np.matmul(force[some], cells.inverse[some].transpose(0, 2, 1))
+                inside = np.matmul(force[chunk], cells.inverse[chunk].transpose(0, 2, 1))
                 offset = offset + np.tensordot(inside, self.table.body, axes=((1, 2), (2, 3)))
-            square += self._add(some, moment, tensors(means, d), np.ascontiguousarray(offset), half)
+            offset = np.ascontiguousarray(offset)
+            square += self._add(chunk, moment, tensors(means, d), offset, half)
         return square, half
 
     def _add(
         self,
-        some: slice,
+        chunk: slice,
         x: np.ndarray,
         mean: np.ndarray | None,
         offset: np.ndarray | None,
@@ -153,31 +173,22 @@ class ComplementaryEnergy:
         metric ``|T| P C^-1 P^T`` of reference stresses.
 
         Args:
-            some: Cells.
+            chunk: Cells.
             x: Hierarchical moments on the first sides of the facets, shape (F, m, d).
             mean: A stress in each cell whose tractions are subtracted, shape (c, d, d),
                 or None.
             offset: Reference stresses that are added, shape (c, Q, s), or None.
             half: Half the derivative, which the result is added to, shape (F, m, d).
         """
-        cells, table, compliance = self.cells, self.table, self.compliance
+        cells = self.cells
+        table = self.table
+        compliance = self.compliance
+        sizes = (cells.d, x.shape[1], chunk.start, chunk.stop)
+        geometry = (cells.edges, cells.facets, cells.side)
+        material = (compliance, len(compliance) > 1, compliance.shape[1])
+        to_stress = (table.to_coefficients, table.count, *table.stress, *table.back)
+        to_energy = (*table.weights, table.bubbles.shape[1], table.bubbles, table.products)
+        fields = (x, mean, offset, half)
         return kernels()(
-            "macro_energy",
-            *(cells.d, x.shape[1], some.start, some.stop, cells.edges, cells.facets, cells.side),
-            *(
-                compliance,
-                len(compliance) > 1,
-                compliance.shape[1],
-                table.to_coefficients,
-                table.count,
-            ),
-            *(
-                *table.stress,
-                *table.back,
-                *table.weights,
-                table.bubbles.shape[1],
-                table.bubbles,
-                table.products,
-            ),
-            *(x, mean, offset, half),
+            "macro_energy", *sizes, *geometry, *material, *to_stress, *to_energy, *fields
         )

@@ -1,4 +1,4 @@
-"""Tighten the admissible stress: less complementary energy, with every iterate in equilibrium.
+"""Tighten the admissible stress: less complementary energy, always in equilibrium.
 
 The bulk part of the error is ``|sigma^ - C eps(u^)|``, and sigma^ is linear in the
 moments of the facet tractions. Corrections of these moments that leave every cell in
@@ -84,14 +84,16 @@ def tightened(
 
     r = shared.total(r)
     np.negative(r, out=r)
-    x = moment if m == d else np.zeros_like(r)  # linear moments are their own hierarchical ones
+    # Linear moments are their own hierarchical ones.
+    x = moment if m == d else np.zeros_like(r)
     p, rz, done = np.zeros_like(r), 1.0, 0
     while done < iterations:
         check_interrupts(comm)
         at(comm, f"tightening {done + 1} of at most {iterations}")
         z = precondition(r)
         new = shared.dot(r, z)
-        if not new > np.finfo(float).eps ** 2 * square:  # at the minimum, or nothing is free
+        # At the minimum, or where nothing is free, there is no step.
+        if not new > np.finfo(float).eps ** 2 * square:
             break
         p *= new / rz if done else 0.0
         p += z
@@ -113,7 +115,7 @@ def tightened(
 
 
 class _SharedMoments:
-    """Sums and products over the ranks of values for the moments of facets, shape (F, m, d).
+    """Sum and multiply values for the moments of facets (F, m, d) over the ranks.
 
     Args:
         space: The mesh.
@@ -129,9 +131,8 @@ class _SharedMoments:
         self.comm = space.comm
         self.facets = space.mesh.topology.index_map(cells.d - 1)
         vertices = cells.vertices_of_facets
-        order = facet_order(
-            space.global_numbers(vertices), cells.degree
-        )  # ranks sort the nodes differently
+        # Ranks number, and so sort, the nodes differently.
+        order = facet_order(space.global_numbers(vertices), cells.degree)
         least = np.take_along_axis(vertices, order[:, :1], axis=1)[:, 0]
         self.mine = least < space.V.dofmap.index_map.size_local
         if self.comm.size > 1:
@@ -143,8 +144,9 @@ class _SharedMoments:
             self.vector = la.vector(self.facets, order.shape[1] * cells.d)
 
     def total(self, values: np.ndarray) -> np.ndarray:
-        """Sum of the values of all ranks for each facet, in place; collective."""
+        """Sum the values of all ranks for each facet, in place; collective."""
         if self.comm.size > 1:
+            # The vector has an order of the nodes that all ranks agree on.
             rows = self.vector.array.reshape(values.shape)
             rows[self.shared] = np.take_along_axis(values[self.shared], self.order, axis=1)
             self.vector.scatter_reverse(la.InsertMode.add)
@@ -155,9 +157,9 @@ class _SharedMoments:
         return values
 
     def dot(self, a: np.ndarray, b: np.ndarray) -> float:
-        """Scalar product over the owned facets of all ranks; collective."""
+        """Compute the scalar product over the owned facets of all ranks; collective."""
         owned = self.facets.size_local
-        # einsum, not vdot: the threads of BLAS cost a hundred times the product where
-        # other processes want the cores.
+        # This is einsum, not vdot: the threads of BLAS cost a hundred times the product
+        # where other processes want the cores.
         local = float(np.einsum("fmi,fmi->", a[:owned], b[:owned]))
         return self.comm.allreduce(local, MPI.SUM)

@@ -1,8 +1,9 @@
-"""Small problems of complementary energy on patches of cells: the preconditioner of the tightening.
+"""Small problems of complementary energy on patches of cells.
 
-The centre of a patch is a vertex in 2D and an edge in 3D; the patch is the ring of
-facets and cells around it. A moment ``int_F t phi_l`` is a force at node l of a facet.
-What is in balance on every cell of a ring is a sum of
+They are the preconditioner of the tightening. The centre of a patch is a vertex in 2D
+and an edge in 3D; the patch is the ring of facets and cells around it. A moment ``int_F
+t phi_l`` is a force at node l of a facet. What is in balance on every cell of a ring is
+a sum of
 
 - the same force at a node of the centre on all facets of the ring, passed on from cell
   to cell;
@@ -35,12 +36,12 @@ import numpy as np
 from erc_contact.admissible.cells import CellGeometry
 from erc_contact.admissible.kernels import kernels
 from erc_contact.admissible.tighten.rings import rings
-from erc_contact.admissible.tighten.tables import stress_map
+from erc_contact.admissible.tighten.tables import stress_map, upper_entries
 from erc_contact.model.space import Space
 
 
 class Patches:
-    """Solves the minimisation on each patch of this rank, and adds up the results.
+    """Solve the minimisation on each patch of this rank, and add up the results.
 
     The unknowns of a patch are d(d-1) forces at the nodes of its centre, the couple,
     and the bars of each facet.
@@ -63,66 +64,59 @@ class Patches:
     def __init__(
         self, space: Space, cells: CellGeometry, compliance: np.ndarray, free: np.ndarray
     ) -> None:
-        self.cells, d = cells, cells.d
+        d = cells.d
+        self.cells = cells
         self.ring, self.size = rings(space, cells)
         sizes, counts = np.unique(self.size, return_counts=True)
+        unknowns = (d - 1) * d + 1 + d * (d - 1) // 2 * sizes
+        entries = unknowns * (unknowns + 1) // 2
+        # The processor factorises as many patches of one size at once as it has lanes.
         lanes = kernels()("lane_count")
-        unknowns, batches = (d - 1) * d + 1 + d * (d - 1) // 2 * sizes, -(-counts // lanes)
-        self.factor = np.empty(
-            lanes * int(batches @ (unknowns * (unknowns + 1) // 2)), dtype=np.int32
-        )
+        batches = -(-counts // lanes)
+        self.factor = np.empty(lanes * int(batches @ entries), dtype=np.int32)
         self.unit = np.empty(lanes * int(batches @ unknowns), dtype=np.float32)
         self.scale = np.empty(lanes * int(batches.sum()))
+        patches = (d, len(self.size), self.ring, self.size)
+        geometry = (cells.edges, cells.facets, cells.side)
+        # A preconditioner needs the mean of the moduli of a cell only.
+        mean = np.ascontiguousarray(compliance.mean(axis=1))
+        material = (mean, len(compliance) > 1)
+        factors = (self.factor, self.unit, self.scale)
         kernels()(
             "factor_patches",
-            *(
-                d,
-                len(self.size),
-                self.ring,
-                self.size,
-                cells.edges,
-                cells.facets,
-                cells.side,
-                len(free),
-                free,
-            ),
-            *(np.ascontiguousarray(compliance.mean(axis=1)), len(compliance) > 1, _facet_pair(d)),
-            *(self.factor, self.unit, self.scale),
+            *patches,
+            *geometry,
+            len(free),
+            free,
+            *material,
+            _facet_pair(d),
+            *factors,
         )
 
     def __call__(self, r: np.ndarray) -> np.ndarray:
-        """Sum of the corrections of all patches for the residual r [length], shape (F, m, d).
+        """Sum the corrections of all patches for the residual r [length].
 
         Only the first d moments count; the others are linearly independent of them, and
-        0 in the result.
+        0 in the result. Residual and result have the shape (F, m, d).
         """
         z = np.zeros_like(r)
-        kernels()(
-            "apply_patches",
-            *(
-                self.cells.d,
-                r.shape[1],
-                len(self.size),
-                self.ring,
-                self.size,
-                self.cells.edges,
-                self.cells.side,
-            ),
-            *(self.factor, self.unit, self.scale, r, z),
-        )
+        patches = (self.cells.d, r.shape[1], len(self.size), self.ring, self.size)
+        geometry = (self.cells.edges, self.cells.side)
+        factors = (self.factor, self.unit, self.scale)
+        kernels()("apply_patches", *patches, *geometry, *factors, r, z)
         return z
 
 
 @cache
 def _facet_pair(d: int) -> np.ndarray:
-    """Energies of moments on facets d and d-1 of the reference simplex, for degree 1.
+    """Compute the energies of moments on two facets of the reference simplex.
+
+    The facets are d and d-1, the degree is 1.
 
     Returns:
         For each two of the moments, a lower triangle row by row, the factors of the
         entries a <= b of the metric, shape (d^2 (2 d^2 + 1), s (s + 1)/2).
     """
     unit = stress_map(d, 1)[:, :, [d, d - 1]].reshape(d * (d + 1) // 2, -1, 2 * d * d)
-    a, b = np.triu_indices(len(unit))
-    products = np.einsum("aqx,bqy->xyab", unit, unit)
-    products = (products + products.transpose(0, 1, 3, 2))[..., a, b] / np.where(a == b, 2, 1)
+    products = upper_entries(np.einsum("aqx,bqy->xyab", unit, unit))
     return np.ascontiguousarray(products[np.tril_indices(2 * d * d)])

@@ -20,7 +20,7 @@ from erc_contact.model.space import Space
 
 
 def rings(space: Space, cells: CellGeometry) -> tuple[np.ndarray, np.ndarray]:
-    """The rings of this rank, one after the other, the smaller ones first.
+    """Find the rings of this rank, one after the other, the smaller ones first.
 
     A centre belongs to the rank that owns its node of least global number. That rank
     has all cells around it. Each ring is walked along, all in the same sense. It starts
@@ -29,19 +29,26 @@ def rings(space: Space, cells: CellGeometry) -> tuple[np.ndarray, np.ndarray]:
     Returns:
         The steps of all rings, and the number of facets of each, both of type int32.
     """
-    d, nodes = cells.d, cells.vertices_of_facets
-    number, owned = space.global_numbers(nodes), space.V.dofmap.index_map.size_local
+    d = cells.d
+    nodes = cells.vertices_of_facets
+    number = space.global_numbers(nodes)
+    owned = space.V.dofmap.index_map.size_local
+    has_cell = cells.side[0] >= 0
+    facets = np.arange(len(nodes))
     mine = np.empty(nodes.shape, dtype=bool)
-    for j, others in enumerate(facet_vertices(d - 1)):  # the nodes of the centre
-        first = number[:, others].argmin(axis=1)
-        mine[:, j] = (nodes[np.arange(len(nodes)), others[first]] < owned) & (cells.side[0] >= 0)
+    for j, centre in enumerate(facet_vertices(d - 1)):
+        first = number[:, centre].argmin(axis=1)
+        mine[:, j] = (nodes[facets, centre[first]] < owned) & has_cell
     steps = int(mine.sum())
     ring, size = np.empty((2, steps), dtype=np.int32)
     count = kernels()(
         "find_rings", d, mine.size, cells.edges, cells.facets, cells.side, mine, ring, size
     )
+    # Sort the rings by size: a step moves by the difference of the starts of its ring.
     size = size[:count]
     start = np.cumsum(size) - size
     by_size = np.argsort(size, kind="stable")
     size = size[by_size]
-    return ring[np.repeat(start[by_size] - (np.cumsum(size) - size), size) + np.arange(steps)], size
+    new_start = np.cumsum(size) - size
+    shift = np.repeat(start[by_size] - new_start, size)
+    return ring[shift + np.arange(steps)], size

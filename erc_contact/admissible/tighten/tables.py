@@ -15,11 +15,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
+from math import factorial
 from typing import NamedTuple, Self
 
 import numpy as np
 
-from erc_contact.admissible.macro import bubbles, macro_points, reference_map
+from erc_contact.admissible.macro import macro_points
+from erc_contact.admissible.reference import bubbles, reference_map
 from erc_contact.mesh.simplex import (
     bernstein,
     coefficients,
@@ -32,15 +34,15 @@ from erc_contact.scene.material import mandel_basis
 
 
 class Sparse(NamedTuple):
-    """A sparse matrix by rows: entries start[i] to start[i+1] are of row i."""
+    """Hold a sparse matrix by rows: entries start[i] to start[i+1] are of row i."""
 
     start: np.ndarray
     column: np.ndarray
     value: np.ndarray
 
     @classmethod
-    def of(cls, matrix: np.ndarray) -> Self:
-        """The entries of a matrix that are not round-off."""
+    def from_matrix(cls, matrix: np.ndarray) -> Self:
+        """Return the entries of a matrix that are not round-off."""
         row, column = np.nonzero(abs(matrix) > 1e-12 * abs(matrix).max(initial=0.0))
         start = np.searchsorted(row, np.arange(len(matrix) + 1)).astype(np.int32)
         return cls(start, column.astype(np.int32), matrix[row, column])
@@ -48,7 +50,7 @@ class Sparse(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class MacroTable:
-    """How facet moments make reference stresses, and these an energy.
+    """Hold the maps from facet moments to reference stresses, and their energies.
 
     Attributes:
         count: Q.
@@ -79,10 +81,12 @@ class MacroTable:
 
 @cache
 def hierarchical(d: int, k: int) -> np.ndarray:
-    """Matrix (m, m) from moments against Bernstein polynomials on a facet to the hierarchical moments."""
-    linear = (
-        coefficients(d - 1, k) @ bernstein(d - 1, 1, nodes(d - 1, k))
-    ).T  # hat functions in Bernstein polynomials
+    """Return the matrix (m, m) to hierarchical moments of a facet.
+
+    It acts on moments against Bernstein polynomials.
+    """
+    # hat functions in Bernstein polynomials
+    linear = (coefficients(d - 1, k) @ bernstein(d - 1, 1, nodes(d - 1, k))).T
     if k == 1:
         return linear
     on_linear = from_means(d - 1, 1, mass(d - 1, 1, k))[:, d:]  # P B_e
@@ -90,13 +94,16 @@ def hierarchical(d: int, k: int) -> np.ndarray:
 
 
 def _to_coefficients(d: int, k: int) -> np.ndarray:
-    """Matrix (m, m) from hierarchical moments to Bernstein coefficients of the area times the traction."""
+    """Return the matrix (m, m) from hierarchical moments to coefficients.
+
+    They are Bernstein coefficients of the area times the traction.
+    """
     return from_means(d - 1, k, np.linalg.inv(hierarchical(d, k)))
 
 
 @cache
 def macro_table(d: int, k: int, at_points: bool) -> MacroTable:
-    """The table of a degree.
+    """Compute the table of a degree.
 
     Args:
         d: Dimension.
@@ -108,25 +115,26 @@ def macro_table(d: int, k: int, at_points: bool) -> MacroTable:
     s = d * (d + 1) // 2
     near, _, point_weights = macro_points(d, k)
     stress, body, bubble, spread = _vertex_stresses(d) if k == 1 else _nodal_stresses(d, k)
-    values = np.kron(np.eye(d + 1), near) @ spread  # at the points, from the nodes
+    # values at the points from those at the nodes
+    values = np.kron(np.eye(d + 1), near) @ spread
     weights = values.T * point_weights @ values
     from_points = np.linalg.pinv(values)
     if at_points:
         values *= np.sqrt(point_weights)[:, None]
-        stress, body, bubble = (
-            np.tensordot(values, table, axes=1) for table in (stress, body, bubble)
-        )
-        weights, from_points = np.eye(len(values)), np.diag(np.sqrt(point_weights))
+        stress = np.tensordot(values, stress, axes=1)
+        body = np.tensordot(values, body, axes=1)
+        bubble = np.tensordot(values, bubble, axes=1)
+        weights = np.eye(len(values))
+        from_points = np.diag(np.sqrt(point_weights))
     matrix = stress.reshape(len(stress) * s, -1)
-    a, b = np.triu_indices(s)
     products = np.einsum("qax,qr,rby->xyab", bubble, weights, bubble, optimize=True)
-    products = (products + products.transpose(0, 1, 3, 2))[..., a, b] / np.where(a == b, 2, 1)
+    products = upper_entries(products)
     return MacroTable(
         len(stress),
         _to_coefficients(d, k),
-        Sparse.of(matrix),
-        Sparse.of(matrix.T),
-        Sparse.of(weights),
+        Sparse.from_matrix(matrix),
+        Sparse.from_matrix(matrix.T),
+        Sparse.from_matrix(weights),
         body,
         np.ascontiguousarray(bubble.reshape(len(matrix), -1)),
         np.ascontiguousarray(products[np.tril_indices(bubble.shape[2])]),
@@ -134,9 +142,25 @@ def macro_table(d: int, k: int, at_points: bool) -> MacroTable:
     )
 
 
+def upper_entries(products: np.ndarray) -> np.ndarray:
+    """Return the factors of the entries a <= b of a symmetric metric.
+
+    Args:
+        products: Factors of all entries, shape (..., s, s).
+
+    Returns:
+        Shape (..., s (s + 1)/2).
+    """
+    a, b = np.triu_indices(products.shape[-1])
+    both = products + products.transpose(0, 1, 3, 2)
+    return both[..., a, b] / np.where(a == b, 2, 1)
+
+
 @cache
 def stress_map(d: int, k: int) -> np.ndarray:
-    """Matrix from hierarchical moments on the reference simplex to stresses at points times the roots of the weights.
+    """Return the matrix from hierarchical moments to stresses at points.
+
+    The simplex is the reference one. The stresses are times the roots of the weights.
 
     Returns:
         Shape (s, Q, d+1, m, d): component, point, facet, number of the moment, its
@@ -145,52 +169,67 @@ def stress_map(d: int, k: int) -> np.ndarray:
     near, _, weights = macro_points(d, k)
     m = len(nodes(d - 1, k))
     at_points = np.einsum("qn,insfc->siqfc", near, reference_map(d, k)[:, :, :, : (d + 1) * m])
-    at_points = (
-        at_points.reshape(len(at_points), -1, d + 1, m, d) * np.sqrt(weights)[:, None, None, None]
-    )
+    at_points = at_points.reshape(len(at_points), -1, d + 1, m, d)
+    at_points = at_points * np.sqrt(weights)[:, None, None, None]
     return np.einsum("sQfmc,ml->sQflc", at_points, _to_coefficients(d, k))
 
 
 def _nodal_stresses(d: int, k: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Stresses at the nodes of all sub-simplices from coefficients of tractions and body force, and the bubbles.
+    """Return the stresses at the nodes of all sub-simplices.
 
-    The last matrix gives the coefficients in the sub-simplices from those at the nodes,
-    here the identity.
+    Returns:
+        The maps from coefficients of tractions and of body force, the bubbles, and the
+        matrix that gives the coefficients in the sub-simplices from those at the nodes,
+        here the identity.
     """
     m = len(nodes(d - 1, k))
-    table = reference_map(d, k).reshape(-1, *reference_map(d, k).shape[2:])
+    full = reference_map(d, k)
+    table = full.reshape(-1, *full.shape[2:])
     bubble = bubbles(d, k).reshape(len(table), table.shape[1], -1)
-    return table[:, :, : (d + 1) * m], table[:, :, (d + 1) * m :], bubble, np.eye(len(table))
+    of_tractions = table[:, :, : (d + 1) * m]
+    of_body_force = table[:, :, (d + 1) * m :]
+    return of_tractions, of_body_force, bubble, np.eye(len(table))
 
 
 def _vertex_stresses(d: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """The same for degree 1, with one stress for each vertex of each sub-simplex, and one at the barycentre.
+    """Return the same for degree 1, with fewer stresses.
 
-    A constant body force changes nothing: its work on linear displacements about the
+    There is one for each vertex of each sub-simplex, and one at the barycentre. A
+    constant body force changes nothing: its work on linear displacements about the
     barycentre is zero.
     """
-    basis, vertices, n = mandel_basis(d), facet_vertices(d), d + 1
-    s, volume = len(basis), 1 / (2, 6)[d - 2]
-    slopes = np.vstack(
-        [-np.ones(d), np.eye(d)]
-    )  # of the barycentric coordinates; -d volume slopes[i] is area i
-    number = {(i, v): q for q, (i, v) in enumerate((i, v) for i in range(n) for v in vertices[i])}
+    n = d + 1
+    basis = mandel_basis(d)
+    s = len(basis)
+    vertices = facet_vertices(d)
+    volume = 1 / factorial(d)
+    # of the barycentric coordinates: -d volume slopes[i] is area i
+    slopes = np.vstack([-np.ones(d), np.eye(d)])
+    number: dict[tuple[int, int], int] = {}
+    for i in range(n):
+        for v in vertices[i]:
+            number[i, v] = len(number)
     inputs = np.eye(n * d * d).reshape(n, d, d, -1)  # facet, node, component
-    rows, data = [], []
+    rows = []
+    data = []
 
     def equation(factors: dict[int, float], act: np.ndarray, right: np.ndarray) -> None:
+        """Add the condition that act on a sum of stresses is right."""
         row = np.zeros((len(act), n * d + 1, s))
         row[:, list(factors)] = np.multiply.outer(list(factors.values()), act).transpose(1, 0, 2)
         rows.append(row.reshape(len(act), -1))
         data.append(right)
 
     for (i, v), q in number.items():
-        equation({q: -d * volume}, (basis @ slopes[i]).T, inputs[i, list(vertices[i]).index(v)])
-        for other in set(range(i)) - {v}:  # the traction between two sub-simplices is continuous
+        # The force on the facet of the cell is given.
+        node = list(vertices[i]).index(v)
+        equation({q: -d * volume}, (basis @ slopes[i]).T, inputs[i, node])
+        # The traction between two sub-simplices is continuous.
+        for other in set(range(i)) - {v}:
             normal = slopes[i] - slopes[other]
-            equation(
-                {q: 1.0, number[other, v]: -1.0}, (basis @ normal).T, np.zeros_like(inputs[0, 0])
-            )
+            jump = {q: 1.0, number[other, v]: -1.0}
+            equation(jump, (basis @ normal).T, np.zeros_like(inputs[0, 0]))
+    # The mean stress is the dyad of tractions and positions.
     moments = np.einsum("lm,fmcz->flcz", mass(d - 1, 1, 1), inputs)
     mean = np.einsum("flcz,fle->cez", moments, (nodes(d, 1) - 1 / n)[vertices]) / volume
     shares = dict.fromkeys(number.values(), 1 / n**2) | {n * d: 1 / n}
@@ -200,9 +239,6 @@ def _vertex_stresses(d: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.nda
     for (i, v), q in number.items():
         spread[i, v, q] = 1.0
     spread[range(n), range(n), -1] = 1.0  # vertex i of sub-simplex i is the barycentre
-    return (
-        stress,
-        np.zeros((n * d + 1, s, 1, d)),
-        np.zeros((n * d + 1, s, 0)),
-        spread.reshape(n * n, -1),
-    )
+    no_body_force = np.zeros((n * d + 1, s, 1, d))
+    no_bubbles = np.zeros((n * d + 1, s, 0))
+    return stress, no_body_force, no_bubbles, spread.reshape(n * n, -1)

@@ -1,0 +1,74 @@
+"""Parts of the balance: weights, free motions, facets with a level pressure.
+
+Symbols: f facets, m number of coefficients of a facet, d dimension, K free motions.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from erc_contact.admissible.balance import Part
+from erc_contact.admissible.cells import moments
+from erc_contact.admissible.cones import Cones
+from erc_contact.admissible.traction import ContactTraction
+from erc_contact.base.exceptions import NotHeldError
+from erc_contact.model.model import Model
+
+ACCEPTED_IMBALANCE = 1e-8
+"""Imbalance that counts as none, over the forces [-].
+
+1e-15 to 1e-11 remains where an allowed traction exists.
+"""
+
+
+def weights_and_motions(model: Model, traction: ContactTraction) -> tuple[np.ndarray, np.ndarray]:
+    """Compute the weights of the nodes of a contact, and the free motions there.
+
+    Returns:
+        ``|F|/m`` of the facets that this rank owns, else 0, shape (f, 1), and the
+        means of the motions at the nodes, shape (f, m, d, K), as :class:`Part` has
+        them.
+    """
+    trace = traction.contact.trace
+    share = traction.area / traction.nodes.shape[1]
+    # A motion is linear: its values at the nodes are also its coefficients.
+    by_motion = [
+        moments(traction.area, trace.of(motion.x.array), model.degree)
+        for motion in model.free_motions
+    ]
+    weight = np.where(trace.here.owned, share, 0.0)[:, None]
+    return weight, np.stack(by_motion, axis=-1) / share[:, None, None, None]
+
+
+def ray_part(rays: np.ndarray, start: np.ndarray, weight: np.ndarray, motions: np.ndarray) -> Part:
+    """Make the part of facets whose tractions are multiples >= 0 of given ones.
+
+    All nodes of a facet are one long vector. A cone without friction whose normal is
+    opposite to this vector contains just its multiples.
+    """
+    f, m, d = rays.shape
+    long = rays.reshape(f, 1, m * d)
+    size = np.linalg.norm(long, axis=2, keepdims=True)
+    unit = np.divide(-long, size, out=np.zeros_like(long), where=size > 0)
+    none = np.zeros((f, 1))
+    cones = Cones(unit, none, none, none > 0)
+    start = start.reshape(f, 1, m * d)
+    motions = motions.reshape(f, 1, m * d, motions.shape[-1])
+    return Part(cones, start, np.zeros_like(start), weight, motions)
+
+
+def raise_if_unbalanced(imbalance: np.ndarray, forces: float) -> None:
+    """Raise an error if the tractions do not balance the loads.
+
+    Args:
+        imbalance: Work on the free motions that is left [force], shape (K,).
+        forces: Size of the forces [force].
+    """
+    size = np.linalg.norm(imbalance)
+    if size > ACCEPTED_IMBALANCE * forces:
+        raise NotHeldError(
+            "No contact traction that the law allows, a polynomial on each facet, balances the "
+            f"loads on a rigid motion that no support holds (imbalance {size / forces:.1e} of "
+            "the forces). Look at the direction of the loads, add a Displacement or friction, or "
+            "refine the mesh at the contact."
+        )

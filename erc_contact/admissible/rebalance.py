@@ -1,0 +1,166 @@
+"""Nodal forces, and the finite element stress in discrete equilibrium with them.
+
+The stress of the contact solve balances the tractions of the contact method. An elastic
+solve for the missing forces makes it balance the admissible ones.
+
+Symbols: d dimension, k degree, m moments of a facet, n cells, N_(k-1) coefficients of a
+polynomial of degree k-1 in a cell.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from dolfinx import fem, la
+from mpi4py import MPI
+
+from erc_contact.admissible.cells import CellGeometry, facet_forces
+from erc_contact.admissible.elastic import cell_stress
+from erc_contact.admissible.facets import divergence
+from erc_contact.mesh.simplex import coefficients, local_facet_nodes, mass
+from erc_contact.model.model import Model
+from erc_contact.newton.linear.solver import ElasticSolver
+
+FORCE_ROUND_OFF = 1e-12
+"""Unbalanced nodal forces that are round-off, over the forces of the stress [-]."""
+BALANCE_SOLVES = 4
+"""Greatest number of solves for unbalanced forces.
+
+One is usual, two if the body slides far.
+"""
+SOLVE_SHARE = 0.3
+"""What such a solve may leave of :data:`FORCE_ROUND_OFF` [-]."""
+
+
+def nodal_forces(
+    model: Model, cells: CellGeometry, moments: np.ndarray, force: np.ndarray | None
+) -> fem.Function:
+    """Assemble nodal forces from moments on facets and cell forces [force].
+
+    They are not yet summed over ranks.
+
+    Args:
+        model: The scene on a mesh.
+        cells: Geometry, n cells.
+        moments: Moments of tractions on facets [force], shape (facets, m, d).
+        force: Body force times volume of each cell [force], shape (n, N_(k-1), d), or
+            None.
+    """
+    d, k = model.d, model.degree
+    owned = model.domain.owned_cells
+    b = model.function()
+    nodal = b.x.array.reshape(-1, d)
+    # The rank that owns the first cell of a facet adds its force, and no other one.
+    first = cells.side[0]
+    is_owned = (first >= 0) & (first < owned * (d + 1))
+    loaded = np.flatnonzero(moments.any(axis=(1, 2)) & is_owned)
+    cell, i = np.divmod(first[loaded], d + 1)
+    facet_nodes = np.take_along_axis(cells.nodes[cell], local_facet_nodes(d, k)[i], axis=1)
+    on_facets = np.matmul(coefficients(d - 1, k).T, moments[loaded])
+    np.add.at(nodal, facet_nodes, on_facets)
+    if force is not None:
+        to_nodes = coefficients(d, k).T @ mass(d, k, k - 1)
+        np.add.at(nodal, cells.nodes[:owned], np.matmul(to_nodes, force[:owned]))
+    return b
+
+
+def work_on_motions(model: Model, b: fem.Function) -> tuple[np.ndarray, float]:
+    """Compute the work of nodal forces on the free motions [force]; collective.
+
+    Returns:
+        The work on each motion, shape (motions,), and the sum of the sizes of the
+        forces.
+    """
+    works = [b.x.array @ motion.x.array for motion in model.free_motions]
+    local = np.array([*works, abs(b.x.array).sum()])
+    total = model.comm.allreduce(local, MPI.SUM)
+    return total[:-1], float(total[-1])
+
+
+def rebalanced_stress(
+    model: Model, elastic: ElasticSolver, cells: CellGeometry, u: fem.Function, b: fem.Function
+) -> np.ndarray:
+    """Compute the stress in exact discrete equilibrium with nodal forces b; collective.
+
+    The stress of the contact solve is not: b has the admissible tractions. An elastic
+    solve for the forces that are missing makes it so, with the factor or hierarchy of
+    the contact solve. If displacements are large compared to the strains, as in a body
+    that slides far, their round-off is not small compared to the forces, and another
+    solve follows. A scene without contact, whose loads do not vary in space, needs
+    none.
+
+    Args:
+        model: The scene on a mesh.
+        elastic: The elastic solver of the contact solve; its memory is freed.
+        cells: Geometry, n cells.
+        u: Displacement of the contact solve [length].
+        b: Nodal forces, not yet summed over ranks [force].
+
+    Returns:
+        Coefficients [force/area], shape (n, N_(k-1), d, d).
+    """
+    stress = cell_stress(model, cells, u)
+    for _ in range(BALANCE_SOLVES):
+        residual, size = _residual(model, cells, b, stress)
+        if size <= FORCE_ROUND_OFF:
+            break
+        tolerance = max(SOLVE_SHARE * FORCE_ROUND_OFF / size, np.finfo(float).eps)
+        change = elastic.solve(residual, supports=False, tolerance=tolerance)
+        stress += cell_stress(model, cells, change)
+    elastic.free()
+    return _stress_of_owners(model, cells, stress)
+
+
+def _stress_of_owners(model: Model, cells: CellGeometry, stress: np.ndarray) -> np.ndarray:
+    """Return the stress of each cell as its owner has computed it; collective.
+
+    After a large slide the round-off of two ranks differs by more than the balance
+    allows. So a rank that has the cell as a ghost takes the stress of the owner.
+    """
+    if model.comm.size == 1:
+        return stress
+    # The ranks do not agree on the order of the vertices that sorts them, but on
+    # DOLFINx's order, in which the coefficients are sent.
+    order = cells.order[:, :, None, None]
+    is_constant = stress.shape[1] == 1
+    cell_map = model.mesh.topology.index_map(model.d)
+    vector = la.vector(cell_map, int(np.prod(stress.shape[1:])))
+    shared = vector.array.reshape(stress.shape)
+    if is_constant:
+        shared[:] = stress
+    else:
+        np.put_along_axis(shared, order, stress, axis=1)
+    vector.scatter_forward()
+    if is_constant:
+        return shared.copy()
+    return np.take_along_axis(shared, order, axis=1)
+
+
+def _residual(
+    model: Model, cells: CellGeometry, b: fem.Function, stress: np.ndarray
+) -> tuple[fem.Function, float]:
+    """Subtract the nodal forces of a stress from b [force]; collective.
+
+    Returns:
+        The difference, not yet summed over ranks, and its greatest size over that of
+        the forces of the stress on facets [-].
+    """
+    d, k = model.d, model.degree
+    owned = model.domain.owned_cells
+    to_cells = divergence(d, k)
+    on_facets = facet_forces(cells.area[:owned], stress[:owned])
+    by_cell = on_facets.reshape(owned, to_cells.shape[1], d)
+    of_cells = np.matmul(coefficients(d, k).T @ to_cells, by_cell)
+    residual = model.function()
+    residual.x.array[:] = b.x.array
+    np.add.at(residual.x.array.reshape(-1, d), cells.nodes[:owned], of_cells)
+
+    # Only sums over all ranks tell the size. Reactions of the supports are no residual.
+    total = residual.copy()
+    total.x.scatter_reverse(la.InsertMode.add)
+    free = ~model.fixed[: model.V.dofmap.index_map.size_local].ravel()
+    unbalanced = abs(total.x.array[: len(free)][free]).max(initial=0.0)
+    largest = np.array([unbalanced, abs(on_facets).max(initial=0.0)])
+    model.comm.Allreduce(MPI.IN_PLACE, largest, MPI.MAX)
+    if largest[1] == 0:
+        return residual, 0.0
+    return residual, float(largest[0] / largest[1])
