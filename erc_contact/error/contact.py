@@ -20,9 +20,10 @@ from erc_contact.admissible.traction import ContactTraction
 from erc_contact.error.oscillation import COARSE, EXACT, UNKNOWN
 from erc_contact.mesh.quadrature import facet_pieces, integrate, polynomials
 from erc_contact.mesh.simplex import barycentric, rule
-from erc_contact.model.expressions import evaluate, varies_in_cells
+from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import CONCAVE, BoundContact, ContactData, pressures
 from erc_contact.model.model import Model
+from erc_contact.model.symbolic import varies_in_cells
 from erc_contact.model.trace import split
 
 CONTACT_DEGREE = 21

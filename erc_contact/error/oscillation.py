@@ -27,8 +27,9 @@ from erc_contact.admissible.cells import CellGeometry, sorted_corners
 from erc_contact.admissible.loads import traction_moments
 from erc_contact.mesh.quadrature import Integrand, cell_pieces, facet_pieces, integrate, polynomials
 from erc_contact.mesh.simplex import coefficients, from_means
-from erc_contact.model.expressions import Everywhere, varies_in_cells
+from erc_contact.model.expressions import Everywhere
 from erc_contact.model.model import Model
+from erc_contact.model.symbolic import varies_in_cells
 
 EXACT = 1e-12
 """Difference between data and their projection that counts as round-off, over the largest value [-]."""

@@ -9,13 +9,8 @@ from typing import Any
 import numpy as np
 from dolfinx import mesh as dmesh
 
-from erc_contact.model.expressions import (
-    Everywhere,
-    OfNumbers,
-    constant_value,
-    stand_in,
-    varies_in_cells,
-)
+from erc_contact.model.expressions import Everywhere, OfNumbers, stand_in
+from erc_contact.model.symbolic import constant_value, varies_in_cells
 from erc_contact.scene.material import Elastic, Material, mandel_matrix
 
 

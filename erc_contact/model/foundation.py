@@ -15,7 +15,8 @@ from ufl.corealg.traversal import unique_pre_traversal
 
 from erc_contact.base.runtime import compiled
 from erc_contact.base.runtime.patches import forms_freed
-from erc_contact.model.expressions import Everywhere, pointwise, varies_in_cells
+from erc_contact.model.expressions import Everywhere, pointwise
+from erc_contact.model.symbolic import varies_in_cells
 from erc_contact.model.trace import Trace
 from erc_contact.model.users import call_of_user, scalar
 from erc_contact.scene.law import Law, project

@@ -16,12 +16,13 @@ from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.simplex import rule
 from erc_contact.model.contacts import bind_contact
 from erc_contact.model.elasticity import ElasticMatrix
-from erc_contact.model.expressions import evaluate, varies_in_cells, without_plain_numbers
+from erc_contact.model.expressions import evaluate, without_plain_numbers
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.last_step import LastStep
 from erc_contact.model.motions import free_motions
 from erc_contact.model.space import Space
 from erc_contact.model.supports import bind_supports
+from erc_contact.model.symbolic import varies_in_cells
 from erc_contact.model.users import IN_UFL, call_of_user, try_material, vector
 from erc_contact.model.values import DATA_DEGREE, moduli, parameter, value_of
 from erc_contact.scene.load import Load
