@@ -190,11 +190,12 @@ class OfNumbers:
         fields: Counter[tuple[int, ...]] = Counter()
         parameters: Counter[tuple[int, ...]] = Counter()
         for terminal in traverse_unique_terminals(expression):
-            shape = terminal.ufl_shape
             if isinstance(terminal, ufl.classes.Coefficient | ufl.classes.GeometricQuantity):
+                shape = terminal.ufl_shape
                 self.numbers[terminal] = stand_in(shape, fields[shape])
                 fields[shape] += 1
             elif isinstance(terminal, fem.Constant | ufl.classes.FloatValue):
+                shape = terminal.ufl_shape
                 self._constants[terminal] = _parameter(shape, parameters[shape])
                 parameters[shape] += 1
         replaced = ufl.replace(expression, {**self.numbers, **self._constants})

@@ -13,6 +13,7 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import NotHeldError
+from erc_contact.mesh.graphs import components
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.space import Space
 
@@ -99,24 +100,6 @@ def bodies_of_nodes(space: Space) -> tuple[np.ndarray, int]:
     joined = components(sum(counts), np.concatenate(comm.allgather(seen)))
     bodies, number = np.unique(joined, return_inverse=True)
     return number[label], len(bodies)
-
-
-def components(number: int, pairs: np.ndarray) -> np.ndarray:
-    """The least vertex of the connected component of each vertex of a graph.
-
-    Args:
-        number: Number of vertices.
-        pairs: Edges, shape (n, 2).
-    """
-    label = np.arange(number)
-    while True:
-        ends = label[pairs]
-        low, high = ends.min(axis=1, initial=number), ends.max(axis=1, initial=-1)
-        if np.array_equal(low, high):
-            return label
-        np.minimum.at(label, high, low)
-        while not np.array_equal(label, jumped := label[label]):
-            label = jumped
 
 
 def _summed(space: Space, body: np.ndarray, bodies: int, held: np.ndarray) -> np.ndarray:
