@@ -277,7 +277,7 @@ def _geometric(
 
 
 _cache_of_expressions: dict[Any, fem.Expression] = {}
-"""The expressions that know no mesh of the user's, as this process has compiled them."""
+"""The compiled expressions of this process that know no mesh of the user's."""
 
 
 def _compiled(expression: Ufl, points: np.ndarray, comm: MPI.Comm) -> fem.Expression:

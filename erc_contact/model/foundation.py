@@ -1,4 +1,4 @@
-"""Hold a contact on a mesh: its measure, and normal, gap and friction of its foundation."""
+"""Hold a contact on a mesh: its measure, and the normal, gap and friction law."""
 
 from __future__ import annotations
 

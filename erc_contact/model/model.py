@@ -31,7 +31,7 @@ from erc_contact.scene.scene import Scene
 
 
 class Model(Space):
-    """Hold a scene on a domain: its data as UFL and nodal values, and forms of elasticity.
+    """Hold a scene on a domain: its data as UFL, and forms of elasticity.
 
     Construction is collective.
 
@@ -195,15 +195,16 @@ class Model(Space):
         return values
 
     def gap_at_nodes(self, contact: BoundContact) -> np.ndarray:
-        """Evaluate the gap at the nodes of each facet of a contact [length], shape (f, m)."""
+        """Evaluate the gap at the nodes of a contact [length], shape (f, m)."""
         if contact.gap is None:
             return np.zeros((len(contact.facets), len(self.facet_points)))
         return evaluate(contact.gap, self.mesh, self.facet_points, contact.facets)
 
     def at_nodes(self, contact: BoundContact) -> BoundContact:
-        """Return the contact with its data as Functions, for quadrature at nodes; collective.
+        """Return a contact with its data as Functions; collective.
 
-        So the forms do not contain the callables of the user. The nodal values of the
+        It is for quadrature at the nodes. So the forms do not contain the callables of
+        the user. The nodal values of the
         Functions are the values of the friction parameters, and the Bernstein
         coefficients of the gap and of the displacement of the last step.
         """
@@ -245,7 +246,7 @@ class Model(Space):
 
 
 def _check_dimension(scene: Scene, d: int) -> None:
-    """Check that a scene fits the dimension of the mesh: its vectors, and its hypothesis."""
+    """Check that vectors and hypothesis of a scene fit the dimension of the mesh."""
     vectors: list[tuple[Any, Any]] = [(support, support.value) for support in scene.supports]
     vectors += [(contact, contact.normal) for contact in scene.contacts]
     for load in scene.loads:

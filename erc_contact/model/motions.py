@@ -120,7 +120,7 @@ def _by_contact(
 
 
 def _summed(space: Space, body: np.ndarray, count: int, resisted: np.ndarray) -> np.ndarray:
-    """Sum up the products of resisted components over the nodes of each body; collective.
+    """Sum up products of resisted components over each body; collective.
 
     Args:
         space: The mesh.
@@ -196,7 +196,7 @@ def _boundary_parts(space: Space, inside: np.ndarray) -> str:
 
 
 def _rigid_motions(space: Space, body: np.ndarray, count: int) -> tuple[np.ndarray, list[str]]:
-    """Compute rigid motions at the nodes, shape (nodes, d, m), and their names; collective.
+    """Compute rigid motions (nodes, d, m) at the nodes, and their names; collective.
 
     Rotations are about the centre of the body, and divided by its size.
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from erc_contact.admissible.pair import Admissible
 from erc_contact.mesh.simplex import bernstein
-from erc_contact.model.maximum import TIE
+from erc_contact.model.maximum import EQUAL_MAXIMA
 from erc_contact.model.profile import profile_points
 from erc_contact.model.stress import von_mises
 from erc_contact.results.stresses import mean_stress
@@ -63,4 +63,4 @@ def _greatest(values: np.ndarray, sizes: np.ndarray) -> tuple[float, float]:
 
 def _near(values: np.ndarray, top: float) -> np.ndarray:
     """Which values equal the greatest one but for round-off."""
-    return values >= top - TIE * abs(top) if np.isfinite(top) else values == top
+    return values >= top - EQUAL_MAXIMA * abs(top) if np.isfinite(top) else values == top
