@@ -46,7 +46,7 @@ from erc_contact.error.oscillation import UNKNOWN, Oscillations, of_history, of_
 from erc_contact.error.rigid import NOISE, moves_rigidly, round_off
 from erc_contact.mesh.domain import Domain
 from erc_contact.model.forces import Force
-from erc_contact.model.foundation import CONSTANT
+from erc_contact.model.friction import CONSTANT
 from erc_contact.model.maximum import Maximum, greatest
 from erc_contact.model.stress import von_mises
 from erc_contact.newton.solution import Solution

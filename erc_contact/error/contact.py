@@ -21,7 +21,8 @@ from erc_contact.error.oscillation import COARSE, EXACT, UNKNOWN
 from erc_contact.mesh.quadrature import facet_pieces, integrate, polynomials
 from erc_contact.mesh.simplex import barycentric, rule
 from erc_contact.model.expressions import evaluate
-from erc_contact.model.foundation import CONCAVE, BoundContact, ContactData, pressures
+from erc_contact.model.foundation import BoundContact, ContactData, pressures
+from erc_contact.model.friction import CONCAVE
 from erc_contact.model.model import Model
 from erc_contact.model.symbolic import varies_in_cells
 from erc_contact.model.trace import split

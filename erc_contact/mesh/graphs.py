@@ -67,3 +67,38 @@ def to_chain_ends(successor: np.ndarray, lengths: np.ndarray) -> tuple[np.ndarra
         distance = distance + distance[last]
         last = last[last]
     return distance, last
+
+
+def order_along_curves(start: np.ndarray, end: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """Order facets along the open and closed curves that they form, curve after curve.
+
+    The curve with the lowest first point comes first. A closed curve begins at its
+    lowest point.
+
+    Args:
+        start: Number of the first vertex of each facet, shape (f,).
+        end: Number of its last vertex.
+        x: Position of the first vertex, shape (f, 2).
+
+    Returns:
+        Numbers of the facets in order, shape (f,).
+    """
+    count = len(start)
+    height = np.empty(count, dtype=int)
+    height[np.lexsort(x.T[::-1])] = np.arange(count)
+    successor = successors(start, end)
+    to_end, last = to_chain_ends(successor, np.ones(count))
+    closed = successor[last] != last
+    if closed.any():
+        # A closed curve gets a last facet: the one in front of its lowest point.
+        lowest = components(count, np.column_stack([height, height[successor]]))
+        cut = np.flatnonzero(closed & (height[successor] == lowest[height]))
+        successor[cut] = cut
+        to_end, last = to_chain_ends(successor, np.ones(count))
+    # The place of a curve among all is the height of its first facet, which succeeds
+    # no other one.
+    has_successor = successor != np.arange(count)
+    first = np.setdiff1d(np.arange(count), successor[has_successor])
+    place = np.empty(count, dtype=int)
+    place[last[first]] = height[first]
+    return np.lexsort([-to_end, place[last]])

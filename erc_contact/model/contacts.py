@@ -10,7 +10,8 @@ from erc_contact.base.runtime import compiled
 from erc_contact.base.runtime.patches import forms_freed
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.expressions import evaluate
-from erc_contact.model.foundation import BoundContact, Friction, bind_friction
+from erc_contact.model.foundation import BoundContact
+from erc_contact.model.friction import Friction, bind_friction
 from erc_contact.model.last_step import LastStep
 from erc_contact.model.space import Space
 from erc_contact.model.trace import Trace

@@ -50,7 +50,7 @@ class LastStep:
     def on(
         self, space: Space, name: str, direction: np.ndarray
     ) -> tuple[fem.Function, np.ndarray | None]:
-        """Interpolate the displacement at the nodes of a contact of another mesh; collective.
+        """Interpolate the displacement on a contact of another mesh; collective.
 
         Args:
             space: The other mesh, or the same.
@@ -185,7 +185,9 @@ def nearest(x: np.ndarray, corners: np.ndarray) -> tuple[np.ndarray, np.ndarray,
 
 
 def _clusters(x: np.ndarray) -> Iterator[np.ndarray]:
-    """Divide points (n, d) into clusters of near points, by halves along the longest axis.
+    """Divide points (n, d) into clusters of near points.
+
+    A cluster is cut into halves along its longest axis.
 
     Yields:
         Numbers of at most :data:`CLUSTER_SIZE` points.
@@ -239,6 +241,6 @@ def _check_place(space: Space, name: str, x: np.ndarray, corners: np.ndarray) ->
 
 
 def _longest_edge(corners: np.ndarray) -> float:
-    """Return the longest edge of facets (f, d, d) of this rank, 0 without facets [length]."""
+    """Return the longest edge of facets (f, d, d), 0 without facets [length]."""
     edges = corners - np.roll(corners, 1, axis=1)
     return float(np.linalg.norm(edges, axis=2).max(initial=0.0))

@@ -1,4 +1,4 @@
-"""Check friction laws of users at samples: the bound of the error needs their properties."""
+"""Check at samples that a friction law has what the bound of the error needs."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
 
-from erc_contact.mesh.graphs import components, successors, to_chain_ends
+from erc_contact.mesh.graphs import order_along_curves
 from erc_contact.mesh.simplex import barycentric, bernstein, lagrange, lattice
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import BoundContact
@@ -29,20 +29,20 @@ Linear functions need only their ends.
 POINT_ON_SIDE = 1e-9
 """Barycentric coordinate below which a point of a facet lies on its side [-]."""
 ROUND_OFF_PRESSURE = 1e-10
-"""Share of the greatest pressure of a contact up to which a pressure is round-off [-]."""
+"""Share of a contact's greatest pressure up to which a pressure is round-off [-]."""
 ROUND_OFF_SHEAR = 1e-6
-"""Share of the friction bound by which the shear of a slipping facet may be below it [-]."""
+"""Share of the friction bound by which the shear of slip may be below it [-]."""
 PLACE_DIGITS = 9
 """Digits of coordinates over the extent of the body that tell points apart [-]."""
 
 
 def profile_points(model: Model) -> np.ndarray:
-    """Return the reference points of a facet at which a profile has values, shape (q, d-1)."""
+    """Return the reference points of a profile on a facet, shape (q, d-1)."""
     return lattice(model.d - 1, FACET_POINTS[model.degree])
 
 
 def profile_weights(model: Model) -> np.ndarray:
-    """Compute the shares of a facet's area that its profile points stand for, shape (q,).
+    """Compute the shares of a facet's area of its profile points, shape (q,).
 
     They integrate polynomials of the model's degree exactly. Of all weights that do,
     they are nearest to those of the trapezoidal rule, which integrates linear functions
@@ -109,7 +109,7 @@ def profile_table(
     bound: np.ndarray,
     status: np.ndarray,
 ) -> np.ndarray:
-    """Tabulate gap, slip, tractions and status along a contact, point by point; collective.
+    """Tabulate gap, slip, tractions and status along a contact; collective.
 
     Args:
         model: The scene on a mesh.
@@ -164,7 +164,7 @@ def profile_table(
 
 
 def greatest_pressure(model: Model, pressure: np.ndarray) -> float:
-    """Return the greatest of pressures (f, q) over all ranks, at least 0; collective."""
+    """Return the greatest pressure of all ranks, at least 0 [force/area]; collective."""
     return model.comm.allreduce(float(pressure.max(initial=0.0)), MPI.MAX)
 
 
@@ -267,38 +267,3 @@ def _by_place(table: np.ndarray, extent: float) -> np.ndarray:
     rank_of_row = np.repeat(rank_of_facet, place.shape[1])
     order = np.lexsort([*place.reshape(-1, 3).T, rank_of_row])
     return table.reshape(-1, table.shape[2])[order]
-
-
-def order_along_curves(start: np.ndarray, end: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """Order facets along the open and closed curves that they form, curve after curve.
-
-    The curve with the lowest first point comes first. A closed curve begins at its
-    lowest point.
-
-    Args:
-        start: Number of the first vertex of each facet, shape (f,).
-        end: Number of its last vertex.
-        x: Position of the first vertex, shape (f, 2).
-
-    Returns:
-        Numbers of the facets in order, shape (f,).
-    """
-    count = len(start)
-    height = np.empty(count, dtype=int)
-    height[np.lexsort(x.T[::-1])] = np.arange(count)
-    successor = successors(start, end)
-    to_end, last = to_chain_ends(successor, np.ones(count))
-    closed = successor[last] != last
-    if closed.any():
-        # A closed curve gets a last facet: the one in front of its lowest point.
-        lowest = components(count, np.column_stack([height, height[successor]]))
-        cut = np.flatnonzero(closed & (height[successor] == lowest[height]))
-        successor[cut] = cut
-        to_end, last = to_chain_ends(successor, np.ones(count))
-    # The place of a curve among all is the height of its first facet, which succeeds
-    # no other one.
-    has_successor = successor != np.arange(count)
-    first = np.setdiff1d(np.arange(count), successor[has_successor])
-    place = np.empty(count, dtype=int)
-    place[last[first]] = height[first]
-    return np.lexsort([-to_end, place[last]])

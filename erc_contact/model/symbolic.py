@@ -19,7 +19,7 @@ from erc_contact.base.ufl_types import Ufl
 
 
 def varies(expression: Ufl) -> bool:
-    """Tell whether a UFL expression varies in space: it contains more than constants."""
+    """Tell whether a UFL expression varies in space, so is more than constants."""
     in_space = (ufl.classes.GeometricQuantity, ufl.classes.Coefficient)
     return any(isinstance(terminal, in_space) for terminal in traverse_unique_terminals(expression))
 

@@ -174,7 +174,9 @@ class Trace:
         u.reshape(-1, self.here.d)[self.here.nodes] = w
 
     def back(self, forces: np.ndarray) -> np.ndarray:
-        """Add up the nodal forces that do the work of forces on w, the transpose of :meth:`of`.
+        """Add up nodal forces from forces on w, the transpose of :meth:`of`.
+
+        Both do the same work.
 
         Args:
             forces: Forces on w at the nodes of the facets [force], shape (f, m, d).
@@ -245,7 +247,7 @@ class Trace:
 
     @cached_property
     def partners(self) -> np.ndarray:
-        """Find the nodes of the other side that face those of this side, shape (f, m)."""
+        """Find the nodes of the other side that face this side, shape (f, m)."""
         if self.there is None:
             raise TypeError("A contact with a rigid foundation has no other side.")
         here = _about_middle(self.here.places)
