@@ -164,7 +164,7 @@ def profile_table(
 
 
 def greatest_pressure(model: Model, pressure: np.ndarray) -> float:
-    """Return the greatest pressure of all ranks, at least 0 [force/area]; collective."""
+    """Return the greatest pressure of all ranks, at least 0; collective."""
     return model.comm.allreduce(float(pressure.max(initial=0.0)), MPI.MAX)
 
 
