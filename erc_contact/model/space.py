@@ -170,7 +170,7 @@ class Space:
         return np.take_along_axis(self.nodes[facets[:, 0]], number, axis=1)
 
     def global_numbers(self, nodes: np.ndarray) -> np.ndarray:
-        """Return the global numbers of nodes of this rank, in the shape of the array."""
+        """Return the global numbers of nodes of this rank, in the same shape."""
         local = nodes.ravel().astype(np.int32)
         return self.V.dofmap.index_map.local_to_global(local).reshape(nodes.shape)
 

@@ -34,7 +34,8 @@ def stress_in_space(model: Model, stress: np.ndarray) -> np.ndarray:
     elif d == 2:
         basis = mandel_basis(d)
         material: Any = model.scene.material
-        # The stress out of plane is linear in the stress: its values for a basis tell all.
+        # The stress out of plane is linear in the stress: its values for a basis are
+        # enough.
         images = []
         for matrix in basis:
             tensor = ufl.as_matrix(matrix.tolist())
