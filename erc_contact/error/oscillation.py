@@ -92,7 +92,7 @@ def of_loads(model: Model, cells: CellGeometry, force: np.ndarray | None) -> flo
         )
     for load in model.surface_loads:
         if load.varies:
-            facets = _owned(model, load.facets)
+            facets = model.domain.owned_facets(load.facets)
             moments = (
                 traction_moments(model, facets, load.density)
                 / model.facet_areas(facets)[:, None, None]
@@ -116,7 +116,7 @@ def of_supports(model: Model) -> float:
         for i, component in enumerate(support.value):
             if not callable(component):
                 continue
-            facets = _owned(model, support.facets)
+            facets = model.domain.owned_facets(support.facets)
             nodal = model.prescribed.x.array.reshape(-1, model.d)[model.facet_nodes(facets), i]
             given = Everywhere(component(model.x), model.mesh)
             square = _on_facets(
@@ -171,9 +171,3 @@ def _squares(
 def facet_sizes(model: Model, facets: np.ndarray) -> np.ndarray:
     """Approximate diameters of facets [length]."""
     return model.facet_areas(facets) ** (1 / (model.d - 1))
-
-
-def _owned(model: Model, name: str) -> np.ndarray:
-    """The facets of a boundary part that this rank owns, shape (n, 2)."""
-    facets = model.domain.facets(name)
-    return facets[model.owned(facets)]

@@ -101,17 +101,6 @@ class Space:
         """
         return facets[:, 0] < self.domain.owned_cells
 
-    def owned_facets(self, name: str) -> np.ndarray:
-        """Return the facets (cell, local facet) of a boundary part that this rank owns.
-
-        Over all ranks they are each facet of the part once. Shape (n, 2).
-
-        Raises:
-            InputError: If no part has this name, or it has facets inside the body.
-        """
-        facets = self.domain.facets(name)
-        return facets[self.owned(facets)]
-
     @property
     def node_count(self) -> int:
         """Return the number of nodes of this rank, ghosts included."""

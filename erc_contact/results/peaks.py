@@ -36,7 +36,7 @@ def peaks(pair: Admissible) -> dict[str, float]:
     shape = bernstein(model.d - 1, model.degree, profile_points(model))
     pressure, shear, size = [np.empty(0)], [np.empty(0)], [np.empty(0)]
     for traction in pair.tractions:
-        own = model.owned(traction.contact.facets)
+        own = traction.contact.trace.here.owned
         tangential = np.matmul(shape, traction.tangential_part[own])
         pressure.append((-traction.normal_component[own] @ shape.T).max(axis=1))
         shear.append(np.linalg.norm(tangential, axis=2).max(axis=1))

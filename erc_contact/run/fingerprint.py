@@ -116,9 +116,7 @@ def _of_mesh(domain: Domain) -> Fingerprint:
     parts = comm.gather(np.round(own / domain.extent, DIGITS) + 0.0)
     x = np.concatenate(parts) if parts else np.empty((0, 3))
     digest = hashlib.sha256(x[np.lexsort(x.T)].tobytes()).hexdigest()[:16]
-    facets = {
-        name: int((domain.facets(name)[:, 0] < domain.owned_cells).sum()) for name in domain.outer
-    }
+    facets = {name: len(domain.owned_facets(name)) for name in domain.outer}
     regions = {
         name: int((domain.region(name) < domain.owned_cells).sum()) for name in domain.regions
     }
