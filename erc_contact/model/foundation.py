@@ -12,7 +12,7 @@ from dolfinx import mesh as dmesh
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.expressions import Everywhere
 from erc_contact.model.friction import Friction
-from erc_contact.model.symbolic import varies_in_cells
+from erc_contact.model.symbolic import has_arguments, varies_in_cells
 from erc_contact.model.trace import Trace
 from erc_contact.scene.law import project
 
@@ -101,12 +101,15 @@ class BoundContact:
         end of the last step, of which friction remembers the tangential displacement s:
         ``u - s``.
 
+        Its variation has no s: for a test or trial function v the jump is v itself. So
+        the work of a traction r is ``inner(r, jump(v))``.
+
         Args:
-            u: A displacement [length], a Function or UFL. A test or trial function has
-                no history: use it as it is.
+            u: A displacement [length], a Function or UFL; or a test or trial function,
+                or UFL that is linear in one.
         """
         before = self.trace.before
-        if before is None:
+        if before is None or has_arguments(u):
             return u
         return u - (before - ufl.dot(before, self.normal) * self.normal)
 

@@ -47,6 +47,12 @@ def has_fields(expression: Ufl) -> bool:
     return False
 
 
+def has_arguments(expression: Ufl) -> bool:
+    """Tell whether a UFL expression contains a test or trial function."""
+    terminals = traverse_unique_terminals(expression)
+    return any(isinstance(terminal, ufl.Argument) for terminal in terminals)
+
+
 def is_data(expression: Ufl) -> bool:
     """Tell whether a UFL expression has only data that are known in each cell.
 
