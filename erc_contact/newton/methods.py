@@ -68,9 +68,9 @@ class Method(Protocol):
     ) -> Any:
         """What the contact adds to the residual ``a(u, v) - f(v) - F(v)`` [force], a UFL form linear in v.
 
-        Without a multiplier that is minus the work of its traction, ``- int r .
-        jump(v)``, and what the method adds to it. With one it is the equation of the multiplier at
-        each node.
+        Without a multiplier that is minus the work of its traction,
+        ``- int r . jump(v)``, and what the method adds to it. With one it is the
+        equation of the multiplier at each node.
 
         Args:
             model: The scene on a mesh.
