@@ -50,6 +50,7 @@ class ElasticMatrix:
         for name, parameter in self._parameters.items():
             if parameter.plain is not None:
                 constants[name] = float(parameter.plain)
+        # A material that does not vary needs no compiled code.
         if len(constants) == len(parameters):
             if type(material) is Elastic:
                 self.plain = _constant(material.hypothesis, d, inverse, **constants)
@@ -90,5 +91,6 @@ def _constant(hypothesis: str, d: int, inverse: bool, E: float, nu: float) -> np
     """Return the matrix of :class:`Elastic` where it does not vary."""
     material = Elastic(E, nu, hypothesis)
     matrix = constant_value(_matrix(material, d, inverse, {"E": E, "nu": nu}))
+    # The array is shared by all callers.
     matrix.flags.writeable = False
     return matrix

@@ -81,10 +81,11 @@ def by_cause(
     """
     supports = [support.facets for support in model.scene.supports]
     contacts = [contact.facets for contact in model.scene.contacts]
-    held = dict.fromkeys(supports + contacts)
-    result = {name: force(name) for name in held}
+    # A part may have several supports: each name counts once.
+    reacting = dict.fromkeys(supports + contacts)
+    result = {name: force(name) for name in reacting}
     loads = [load.facets for load in model.surface_loads]
-    loaded = dict.fromkeys(name for name in loads if name not in held)
+    loaded = dict.fromkeys(name for name in loads if name not in reacting)
     if loaded:
         result[TRACTIONS] = _sum([force(name) for name in loaded])
     if model.body_force is not None:
@@ -136,6 +137,7 @@ def nodal_reactions(
     for support, (facets, components) in zip(model.scene.supports, model.fixed_facets, strict=True):
         claim = claims.setdefault(support.facets, np.zeros(residual.shape, dtype=bool))
         claim[model.facet_nodes(facets)] |= components
+    # What the tractions leave of the residual is shared by those who fix the node.
     number_of_claims = sum(claims.values(), start=np.zeros(residual.shape))
     share = residual / np.maximum(number_of_claims, 1.0)
     reactions = {}

@@ -138,6 +138,7 @@ class BoundContact:
         r_n = ufl.dot(r, self.normal)
         r_t = r - r_n * self.normal
         limit = self.friction.bound(-r_n) if self.friction else 0
+        # The projection makes |r_t| equal to the bound up to round-off where it slips.
         slips = ufl.ge(ufl.dot(r_t, r_t), (1 - 1e-9) * limit**2)
         closed = ufl.conditional(slips, 1, 2)
         return closed if self.bilateral else ufl.conditional(ufl.lt(r_n, 0), closed, 0)
@@ -160,7 +161,7 @@ class BoundContact:
 class ContactData:
     """Evaluate gap, normal and friction bound of a contact at any points of its facets.
 
-    Construction is collective. The methods get ``of``, the number in the contact of
+    Construction is collective. The methods get ``facet``, the number in the contact of
     each of n facets, and ``x``, q points of each [length], shape (n, q, d).
     """
 
@@ -177,31 +178,31 @@ class ContactData:
             for name, value in contact.friction.parameters.items():
                 self._parameters[name] = Everywhere(value, mesh)
 
-    def gap(self, of: np.ndarray, x: np.ndarray) -> np.ndarray:
+    def gap(self, facet: np.ndarray, x: np.ndarray) -> np.ndarray:
         """Evaluate the gap at the points [length], shape (n, q)."""
         if self._gap is None:
             return np.zeros(x.shape[:2])
-        return self._gap(x, self.contact.facets[of])
+        return self._gap(x, self.contact.facets[facet])
 
-    def normal(self, of: np.ndarray, x: np.ndarray) -> np.ndarray:
+    def normal(self, facet: np.ndarray, x: np.ndarray) -> np.ndarray:
         """Evaluate the unit normal of the foundation at the points.
 
         Returns:
             Shape (n, q, d), or (n, 1, d) where the normal does not vary.
         """
         if self._normal is None:
-            return self.contact.direction[of][:, None, :]
-        normal = self._normal(x, self.contact.facets[of])
+            return self.contact.direction[facet][:, None, :]
+        normal = self._normal(x, self.contact.facets[facet])
         return normal / np.linalg.norm(normal, axis=-1, keepdims=True)
 
-    def bound(self, of: np.ndarray, x: np.ndarray, pressure: np.ndarray) -> np.ndarray:
+    def bound(self, facet: np.ndarray, x: np.ndarray, pressure: np.ndarray) -> np.ndarray:
         """Evaluate the friction bound at the points [force/area], shape (n, q).
 
         Args:
-            of: Numbers of the facets, shape (n,).
+            facet: Numbers of the facets, shape (n,).
             x: Points [length], shape (n, q, d).
             pressure: Pressures there [force/area], shape (n, q).
         """
-        facets = self.contact.facets[of]
+        facets = self.contact.facets[facet]
         parameters = {name: value(x, facets) for name, value in self._parameters.items()}
         return self.contact.friction_bound(pressure, parameters)

@@ -93,6 +93,7 @@ def bind_friction(mesh: dmesh.Mesh, what: str, law: Law, parameters: dict[str, U
     def bound(pressure: Ufl) -> Ufl:
         return scalar(what, law.friction_bound(pressure, **parameters))
 
+    # The arrays that the error estimate passes have two axes, facets and points.
     pressure = np.ones((1, 1))
     values = {name: np.ones((1, 1)) for name in parameters}
     dependence = call_of_user(mesh.comm, what, _dependence, mesh, bound)

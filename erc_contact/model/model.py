@@ -105,6 +105,8 @@ class Model(Space):
 
     def stiffness(self, u: Ufl, v: Ufl) -> Ufl:
         """Return the UFL form ``a(u, v) = int sigma(u) : eps(v)``."""
+        # The solver and the reconstruction integrate a varying modulus by one rule, so
+        # that both know the same material.
         dx = self.dx
         if any(varies_in_cells(value) for value in self.parameters.values()):
             dx = self.dx(metadata={"quadrature_degree": DATA_DEGREE})
@@ -215,6 +217,8 @@ class Model(Space):
             before = trace.before.copy()
             self.to_coefficients(before.x.array.reshape(-1, self.d), [contact])
             trace = replace(trace, before=before)
+        # The projection holds between Bernstein coefficients, so the gap is given by
+        # its own; the parameters of the law are values at the nodes.
         if contact.gap_varies:
             gap = self._nodal(contact, self.gap_at_nodes(contact), coefficients=True)
         if friction is not None:

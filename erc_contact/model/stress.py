@@ -55,9 +55,9 @@ def von_mises(stress: np.ndarray) -> np.ndarray:
     Args:
         stress: Tensors [force/area], shape (n, 3, 3).
     """
-    known = np.nan_to_num(stress)
-    trace = np.einsum("nii->n", known)
-    deviator = known - trace[:, None, None] / 3 * np.eye(3)
+    finite = np.nan_to_num(stress)
+    trace = np.einsum("nii->n", finite)
+    deviator = finite - trace[:, None, None] / 3 * np.eye(3)
     return np.sqrt(1.5 * np.einsum("nij,nij->n", deviator, deviator))
 
 

@@ -75,6 +75,7 @@ def call_of_user(
                 )
             return result
         except ErcContactError:
+            # Errors of the package say already what to do.
             raise
         except Exception as reason:
             raise InputError(
@@ -114,6 +115,8 @@ def linear(what: str, integrand: Ufl, *arguments: Ufl) -> None:
     Raises:
         InputError: If it is not linear.
     """
+    # UFL's check knows basic operations alone: compound ones and derivatives are
+    # carried out first.
     real = remove_complex_nodes(apply_algebra_lowering(integrand))
     with forms_freed():
         lowered = apply_derivatives(real)

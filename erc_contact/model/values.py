@@ -142,12 +142,14 @@ def _by_region(space: Space, name: str, value: Mapping[str, Any]) -> Ufl:
         cells = space.domain.region(region)
         covered[cells] += 1
         if callable(entry):
+            # A callable counts in its region only.
             indicator = space.domain.function("DG", 0)
             indicator.x.array[cells] = 1.0
             what = f"Material parameter {name} in {region!r}"
             terms.append(indicator * number(space, entry, what))
         else:
             numbers.x.array[cells] = float(entry)
+    # Each cell must be in one region. Ghosts are counted by their owners.
     wrong = int(np.count_nonzero(covered[: space.domain.owned_cells] != 1))
     wrong = space.comm.allreduce(wrong, MPI.SUM)
     if wrong:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.scene.given import check_name, check_value, check_vector
+from erc_contact.scene.checks import check_name, check_value, check_vector
 from erc_contact.scene.law import Coulomb, Law
 from erc_contact.scene.material import Value
 
@@ -59,6 +59,7 @@ class Contact:
         if isinstance(self.normal, str):
             self._check_normal_by_name(what)
         elif self.normal is not None and not callable(self.normal):
+            # The class is frozen: only here an attribute may change.
             object.__setattr__(self, "normal", _unit_normal(what, self.normal))
 
     def _check_friction(self, what: str) -> None:

@@ -12,7 +12,7 @@ from typing import ClassVar, Protocol
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.scene.given import Vector, check_name, check_value, check_vector
+from erc_contact.scene.checks import Vector, check_name, check_value, check_vector
 from erc_contact.scene.material import Value
 
 

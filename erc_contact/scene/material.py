@@ -41,6 +41,7 @@ def mandel_basis(d: int) -> np.ndarray:
     basis = [np.outer(e, e) for e in np.eye(d)]
     for i in range(d):
         for j in range(i + 1, d):
+            # Twice the square of 1/sqrt(2) is 1: the matrix has unit norm.
             shear = np.zeros((d, d))
             shear[i, j] = 1 / sqrt(2)
             shear[j, i] = 1 / sqrt(2)
@@ -204,6 +205,8 @@ class Elastic:
         shear = E / (1 + nu)
         if d == 3:
             return shear, E / (1 - 2 * nu)
+        # In 2D the sphere is that in plane, b = 2 (lambda + G); plane stress has a
+        # lambda of its own.
         if self.hypothesis == PLANE_STRESS:
             return shear, E / (1 - nu)
         return shear, shear / (1 - 2 * nu)

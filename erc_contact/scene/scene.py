@@ -101,6 +101,7 @@ class Scene:
         for entry in entries:
             if not fits(entry):
                 raise InputError(f"Scene: {name} holds {entry!r}; allowed are {allowed}.")
+        # The class is frozen: only here an attribute may change.
         object.__setattr__(self, name, entries)
 
     def _check_conflicts(self) -> None:
@@ -136,6 +137,7 @@ class Scene:
             fixed: Boundary part and number of each prescribed component.
         """
         supports = [support for support in self.supports if support.facets == load.facets]
+        # Supports of one part may each prescribe some of its components.
         components = {i for support in supports for i in range(len(support.value))}
         free = components - {i for facets, i in fixed if facets == load.facets}
         if supports and not free:

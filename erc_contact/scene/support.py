@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.scene.given import check_name, check_vector
+from erc_contact.scene.checks import check_name, check_vector
 from erc_contact.scene.material import Value
 
 
