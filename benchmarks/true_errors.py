@@ -32,7 +32,7 @@ from dolfinx.io.utils import distribute_entity_data
 from erc_contact.admissible.pair import Admissible
 from erc_contact.mesh.simplex import bernstein, rule
 from erc_contact.model.expressions import evaluate
-from erc_contact.model.foundation import CONSTANT
+from erc_contact.model.friction import CONSTANT
 from erc_contact.model.model import Model
 from erc_contact.scene.material import mandel_basis, strain
 

@@ -28,7 +28,7 @@ nitpick_ignore = [
     for name in (
         "admissible.cells.CellGeometry",
         "model.elasticity.ElasticMatrix",
-        "model.foundation.Friction",
+        "model.friction.Friction",
         "model.last_step.LastStep",
         "newton.linear.solver.ElasticSolver",
         "output.curves.Run",

@@ -106,5 +106,5 @@ __all__ = [
 
 
 def __dir__() -> list[str]:
-    """List the public names alone: what users complete, and see in ``dir``."""
+    """List the public names alone, which users complete and see in ``dir``."""
     return sorted([*__all__, "output", "results"])

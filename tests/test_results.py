@@ -16,7 +16,7 @@ from test_bad_input import refused
 
 import erc_contact as ec
 from erc_contact import results
-from erc_contact.model.profile import _in_order
+from erc_contact.mesh.graphs import order_along_curves
 
 COMM = MPI.COMM_WORLD
 
@@ -192,7 +192,7 @@ def test_order_along_curves():
     expected = [*open_2[:-1], *open_1[:-1], *np.roll(closed, -8)]
     for _ in range(5):
         mixed = rng.permutation(len(start))
-        order = _in_order(names[start[mixed]], names[end[mixed]], x[start[mixed]])
+        order = order_along_curves(names[start[mixed]], names[end[mixed]], x[start[mixed]])
         assert start[mixed][order].tolist() == [int(v) for v in expected]
 
 

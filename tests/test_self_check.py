@@ -20,7 +20,7 @@ def test_tells_versions_and_passes(capsys):
 
 
 def test_a_property_that_fails_is_told(capsys, monkeypatch):
-    monkeypatch.setattr(command, "BALANCE", 0.0)
+    monkeypatch.setattr(command, "UNBALANCED_FORCE", 0.0)
     assert command.main() == 1
     if MPI.COMM_WORLD.rank == 0:
         assert "FAILED: the forces are in balance" in capsys.readouterr().out

@@ -182,6 +182,26 @@ def test_foundation(degree):
     assert trace.here.owned_areas.sum() == pytest.approx(0.25 * trace.here.owned.sum())
 
 
+@pytest.mark.parametrize("degree", [1, 2])
+def test_jump_of_a_test_function_is_its_variation(degree):
+    """The derivative of the jump in a direction v is the jump of v, with a history and without."""
+    block = ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(4, 4))
+    top = ec.Displacement("top", (0.01, -0.02))
+    scene = ec.Scene(ec.Elastic(2.0, 0.3), top, contacts=ec.Contact("bottom", 0.3))
+    first = ec.solve(scene, block, degree=degree)
+    second = ec.solve(scene, block, degree=degree, after=first)
+    for solution in (first, second):
+        contact, u = solution.model.contact("bottom"), solution.u
+        v, du = ufl.TestFunction(u.function_space), ufl.TrialFunction(u.function_space)
+        assert contact.jump(v) is v
+        assert contact.jump(du) is du
+        twice = 2.0 * v
+        assert contact.jump(twice) is twice
+        variation = ufl.derivative(contact.jump(u), u, du)
+        assert ufl.algorithms.expand_derivatives(variation) == du
+    assert contact.jump(u) != u  # the second step has a history
+
+
 @pytest.mark.serial
 def test_only_door_to_the_contact():
     """Modules of the method ask the trace, and take no values at the nodes of a contact by themselves."""

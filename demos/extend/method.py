@@ -33,8 +33,8 @@ import erc_contact as ec
 # %%
 # A method is hashable, as a frozen dataclass is: the solver looks its forms up by it.
 # gamma E/h is the stiffness of the springs [force/volume]; as a Constant it is compiled
-# once for all values. ``jump`` is u, but in a loading history friction acts on what
-# has changed since the last step.
+# once for all values. ``jump(u)`` is u, but in a loading history friction acts on what
+# has changed since the last step; ``jump(v)`` is its variation, on which r does work.
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class Penalty:
     def equations(self, model, contact, u, v, multiplier=None):
         """What the contact adds to the residual: minus the work of its traction."""
         ds = contact.ds(metadata={"quadrature_degree": model.contact_degree})
-        return -ufl.inner(self.traction(model, contact, u), v) * ds
+        return -ufl.inner(self.traction(model, contact, u), contact.jump(v)) * ds
 
     def traction(self, model, contact, u, multiplier=None):
         """The contact traction on the body [force/area]."""

@@ -18,7 +18,8 @@ import numpy as np
 
 from erc_contact.admissible.cones import Cones, clip
 from erc_contact.mesh.simplex import at_nodes, coefficients
-from erc_contact.model.foundation import PROPORTIONAL, BoundContact, pressures
+from erc_contact.model.foundation import BoundContact, pressures
+from erc_contact.model.friction import PROPORTIONAL
 from erc_contact.model.model import Model
 from erc_contact.model.trace import split
 

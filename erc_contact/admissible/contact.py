@@ -27,7 +27,8 @@ from erc_contact.admissible.traction import ContactTraction
 from erc_contact.base.exceptions import NotHeldError
 from erc_contact.mesh.simplex import averages, projection, rule
 from erc_contact.model.expressions import evaluate
-from erc_contact.model.foundation import CONSTANT, BoundContact, pressures
+from erc_contact.model.foundation import BoundContact, pressures
+from erc_contact.model.friction import CONSTANT
 from erc_contact.model.model import Model
 
 CONTACT_PASSES = 10

@@ -22,8 +22,9 @@ from dolfinx import fem
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.mesh.peaks import upper_bounds
 from erc_contact.mesh.quadrature import facet_pieces, polynomials
-from erc_contact.model.expressions import Everywhere, varies_in_cells
+from erc_contact.model.expressions import Everywhere
 from erc_contact.model.model import Model
+from erc_contact.model.symbolic import varies_in_cells
 from erc_contact.model.trace import split
 
 CORNER_PASSES = 100

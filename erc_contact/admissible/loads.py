@@ -17,8 +17,9 @@ from erc_contact.admissible.cells import CellGeometry
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.mesh.quadrature import cell_pieces, facet_pieces, integrate, polynomials
 from erc_contact.mesh.simplex import bernstein, from_means, nodes, rule
-from erc_contact.model.expressions import Everywhere, evaluate, varies_in_cells
+from erc_contact.model.expressions import Everywhere, evaluate
 from erc_contact.model.model import Model
+from erc_contact.model.symbolic import varies_in_cells
 from erc_contact.model.values import DATA_DEGREE
 
 

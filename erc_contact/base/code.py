@@ -30,10 +30,9 @@ def code_of(value: Any) -> str:
     :func:`definitions` belong in front of the code. Where a source cannot be had, it is
     the word "callable". It never fails.
     """
-    if value is None or isinstance(value, bool | str):
-        return without_paths(repr(value))
-    if isinstance(value, Real):
-        return repr(int(value) if isinstance(value, Integral) else float(value))
+    words = literal(value)
+    if words is not None:
+        return without_paths(words)
     if isinstance(value, tuple | list | np.ndarray):
         inside = ", ".join(code_of(one) for one in value)
         return f"({inside}{',' * (len(value) == 1)})" if isinstance(value, tuple) else f"[{inside}]"
@@ -43,6 +42,20 @@ def code_of(value: Any) -> str:
     if callable(value) and not given:
         return _code_of_function(value)
     return f"{_name(value)}({', '.join(f'{name}={code_of(one)}' for name, one in given.items())})"
+
+
+def literal(value: Any) -> str | None:
+    """Return None, a bool, a text or a number as a literal; None for other values.
+
+    Numbers of numpy are those of Python.
+    """
+    if value is None or isinstance(value, bool | str):
+        return repr(value)
+    if isinstance(value, Integral):
+        return repr(int(value))
+    if isinstance(value, Real):
+        return repr(float(value))
+    return None
 
 
 def definitions(value: Any, outer: tuple[Any, ...] = ()) -> list[str]:

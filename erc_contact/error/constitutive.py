@@ -47,7 +47,7 @@ from erc_contact.error.rigid import RIGID_NOISE, moves_rigidly, round_off
 from erc_contact.error.squares import contact_and_oscillations, raise_if_no_number
 from erc_contact.mesh.domain import Domain
 from erc_contact.model.forces import Force
-from erc_contact.model.foundation import CONSTANT
+from erc_contact.model.friction import CONSTANT
 from erc_contact.model.maximum import Maximum, greatest
 from erc_contact.model.model import Model
 from erc_contact.model.stress import von_mises

@@ -18,9 +18,11 @@ from erc_contact.admissible.traction import ContactTraction
 from erc_contact.error.oscillation import DATA_ROUND_OFF, OSCILLATION_SHARE, UNKNOWN_SHARE
 from erc_contact.error.slip_rules import rule_between_zeros, same_rule, slip_may_vanish
 from erc_contact.mesh.quadrature import Integral, facet_pieces, integrate, polynomials
-from erc_contact.model.expressions import evaluate, varies_in_cells
-from erc_contact.model.foundation import CONCAVE, BoundContact, ContactData, pressures
+from erc_contact.model.expressions import evaluate
+from erc_contact.model.foundation import BoundContact, ContactData, pressures
+from erc_contact.model.friction import CONCAVE
 from erc_contact.model.model import Model
+from erc_contact.model.symbolic import varies_in_cells
 from erc_contact.model.trace import split
 
 CONTACT_DEGREE = 21

@@ -48,7 +48,7 @@ from erc_contact.error.coupling import coupling
 from erc_contact.error.other_mesh import change_of_norm, other_mesh
 from erc_contact.error.slip_direction import LENGTHS, slip_fields
 from erc_contact.error.surface import PairOnSurface, has_coulomb, pair_on_surface
-from erc_contact.model.foundation import CONSTANT
+from erc_contact.model.friction import CONSTANT
 from erc_contact.newton.linear.solver import Traces
 
 SMOOTH_FIELD = 1

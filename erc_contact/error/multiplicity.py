@@ -8,7 +8,7 @@ from erc_contact.admissible.pair import equilibrate
 from erc_contact.base.checks import whole
 from erc_contact.base.exceptions import raise_together, together
 from erc_contact.error.constitutive import ConstitutiveError, Run, constitutive_error, error_of
-from erc_contact.model.foundation import CONSTANT
+from erc_contact.model.friction import CONSTANT
 from erc_contact.newton.deflation import other_states
 from erc_contact.newton.linear.stiffness import Stiffness
 from erc_contact.newton.solution import Solution

@@ -28,8 +28,9 @@ from erc_contact.admissible.cells import CellGeometry, sorted_corners
 from erc_contact.admissible.loads import traction_moments
 from erc_contact.mesh.quadrature import Integrand, cell_pieces, facet_pieces, integrate, polynomials
 from erc_contact.mesh.simplex import coefficients, from_means
-from erc_contact.model.expressions import Everywhere, varies_in_cells
+from erc_contact.model.expressions import Everywhere
 from erc_contact.model.model import Model
+from erc_contact.model.symbolic import varies_in_cells
 
 DATA_ROUND_OFF = 1e-12
 """Difference between data and their projection that counts as round-off [-].
@@ -88,7 +89,7 @@ def of_loads(model: Model, cells: CellGeometry, force: np.ndarray | None) -> flo
         total += _of_body_force(model, cells, force)
     for load in model.surface_loads:
         if load.varies:
-            facets = _owned(model, load.facets)
+            facets = model.domain.owned_facets(load.facets)
             # The projection is that of the reconstruction: sigma^ balances it.
             moments = traction_moments(model, facets, load.density)
             means = moments / model.facet_areas(facets)[:, None, None]
@@ -128,7 +129,7 @@ def of_supports(model: Model) -> float:
         for i, component in enumerate(support.value):
             if not callable(component):
                 continue
-            facets = _owned(model, support.facets)
+            facets = model.domain.owned_facets(support.facets)
             # u^ interpolates the support at the nodes.
             nodal = prescribed[model.facet_nodes(facets), i]
             interpolated = (nodal @ coefficients(d - 1, k).T)[..., None]
@@ -199,9 +200,3 @@ def _squares(
 def facet_sizes(model: Model, facets: np.ndarray) -> np.ndarray:
     """Return approximate diameters of facets [length]."""
     return model.facet_areas(facets) ** (1 / (model.d - 1))
-
-
-def _owned(model: Model, name: str) -> np.ndarray:
-    """Return the facets of a boundary part that this rank owns, shape (n, 2)."""
-    facets = model.domain.facets(name)
-    return facets[model.owned(facets)]

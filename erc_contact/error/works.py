@@ -29,9 +29,10 @@ from erc_contact.mesh.quadrature import (
     polynomials,
 )
 from erc_contact.mesh.simplex import bernstein, coefficients
-from erc_contact.model.expressions import Everywhere, varies_in_cells
+from erc_contact.model.expressions import Everywhere
 from erc_contact.model.foundation import ContactData, pressures
 from erc_contact.model.model import Model
+from erc_contact.model.symbolic import varies_in_cells
 from erc_contact.model.trace import split
 
 

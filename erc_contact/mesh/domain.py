@@ -253,6 +253,17 @@ class Domain:
             np.int32
         )
 
+    def owned_facets(self, name: str) -> np.ndarray:
+        """Return the facets of a boundary part whose cells this rank owns, shape (n, 2).
+
+        They are pairs (cell, local facet). All ranks together have each facet once.
+
+        Raises:
+            InputError: If no part has this name, or it has facets inside the body.
+        """
+        facets = self.facets(name)
+        return facets[facets[:, 0] < self.owned_cells]
+
     def region(self, name: str) -> np.ndarray:
         """The cells of a region, ghosts included.
 

@@ -1,1 +1,4 @@
-"""A scene on a mesh: numbers become Constants, callables become UFL, and what the scene promises is checked."""
+"""Put a scene on a mesh.
+
+Numbers become Constants, callables become UFL, and what the scene promises is checked.
+"""

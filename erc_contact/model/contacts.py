@@ -1,8 +1,6 @@
-"""The contacts of a scene on a mesh: gap, normal of the foundation and friction bound as UFL."""
+"""Put the contacts of a scene on a mesh: gap, normal and friction bound as UFL."""
 
 from __future__ import annotations
-
-from typing import Any
 
 import numpy as np
 import ufl
@@ -10,22 +8,24 @@ import ufl
 from erc_contact.base.exceptions import InputError, raise_together
 from erc_contact.base.runtime import compiled
 from erc_contact.base.runtime.patches import forms_freed
+from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.expressions import evaluate
-from erc_contact.model.foundation import BoundContact, Friction, bind_friction
+from erc_contact.model.foundation import BoundContact
+from erc_contact.model.friction import Friction, bind_friction
 from erc_contact.model.last_step import LastStep
 from erc_contact.model.space import Space
 from erc_contact.model.trace import Trace
 from erc_contact.model.values import components, number, parameter
 from erc_contact.scene.contact import Contact
 
-FLAT = 1e-8
+FLAT_NORMALS = 1e-8
 """Largest deviation of the facet normals of a contact that counts as flat [-]."""
 
 
 def bind_contact(
-    space: Space, contact: Contact, modulus: Any, last: LastStep | None = None
+    space: Space, contact: Contact, modulus: Ufl, last: LastStep | None = None
 ) -> BoundContact:
-    """A contact on a mesh; collective.
+    """Put a contact on a mesh; collective.
 
     Args:
         space: The mesh.
@@ -37,20 +37,23 @@ def bind_contact(
         InputError: If gap, normal or friction are no numbers, or cannot be worked with,
             or the last step was one of another body.
     """
-    facets, what = space.domain.facets(contact.facets), f"Contact({contact.facets!r})"
+    facets = space.domain.facets(contact.facets)
+    what = f"Contact({contact.facets!r})"
     surface = _true_surface(space, contact)
-    gap = None if contact.gap == 0 else number(space, contact.gap, f"{what}: gap", surface)
+    gap = None
+    if contact.gap != 0:
+        gap = number(space, contact.gap, f"{what}: gap", surface)
     if callable(contact.gap):
         values = evaluate(gap, space.mesh, space.facet_points, facets)
         if not np.isfinite(space.extremes(values)).all():
             raise InputError(f"{what}: the gap is not finite everywhere; look at it.")
     normal, direction, given_normal = _normal(space, contact, facets, surface)
     friction = _friction(space, contact, facets)
-    before, lost = (
-        (None, None)
-        if last is None or friction is None
-        else last.on(space, contact.facets, direction)
-    )
+    # Friction alone remembers where the contact was.
+    before = None
+    lost = None
+    if last is not None and friction is not None:
+        before, lost = last.on(space, contact.facets, direction)
     return BoundContact(
         name=contact.facets,
         trace=Trace(space.side(facets, modulus), direction, before),
@@ -66,70 +69,86 @@ def bind_contact(
 
 
 def _friction(space: Space, contact: Contact, facets: np.ndarray) -> Friction | None:
-    law, what = contact.law, f"Contact({contact.facets!r})"
+    """Put the law of a contact on a mesh, None without friction; collective."""
+    law = contact.law
+    what = f"Contact({contact.facets!r})"
     if law is None:
         return None
     parameters = {}
     for name in law.parameters:
         value = parameter(law, name)
         parameters[name] = number(space, value, f"{what}: {name}")
-        if callable(value):
-            low, high = space.extremes(
-                evaluate(parameters[name], space.mesh, space.facet_points, facets)
-            )
-            if not 0 <= low <= high < np.inf:
-                raise InputError(
-                    f"{what}: {name} is {low:g} somewhere; it must be >= 0 and finite."
-                )
+        if not callable(value):
+            continue
+        at_nodes = evaluate(parameters[name], space.mesh, space.facet_points, facets)
+        low, high = space.extremes(at_nodes)
+        if not 0 <= low <= high < np.inf:
+            raise InputError(f"{what}: {name} is {low:g} somewhere; it must be >= 0 and finite.")
     return bind_friction(space.mesh, f"{what}: the friction bound", law, parameters)
 
 
-def _true_surface(space: Space, contact: Contact) -> Any:
-    """The position at which gap and normal are taken, UFL.
+def _true_surface(space: Space, contact: Contact) -> Ufl:
+    """Return the position at which gap and normal are taken, UFL.
 
     It is the nearest point of the true surface where that is known: at the flat facets
     they would be wrong by O(h^2).
     """
     varies = callable(contact.gap) or callable(contact.normal)
-    return space.x if not varies or space.domain.offset is None else space.x + space.domain.offset
+    if not varies or space.domain.offset is None:
+        return space.x
+    return space.x + space.domain.offset
 
 
 def _normal(
-    space: Space, contact: Contact, facets: np.ndarray, surface: Any
-) -> tuple[Any, np.ndarray, Any]:
-    """The normal of the foundation in three ways: as UFL, on each facet (f, d), and as the scene gives it.
+    space: Space, contact: Contact, facets: np.ndarray, surface: Ufl
+) -> tuple[Ufl, np.ndarray, Ufl | None]:
+    """Find the normal of the foundation; collective.
 
-    The last one has any length; it is None where the normal does not vary.
+    Returns:
+        The unit normal as UFL, the unit normal on each facet (f, d), and the normal as
+        the scene gives it, of any length, UFL; None where it does not vary.
     """
-    centre = np.full((1, space.d - 1), 1.0 / space.d)
     if contact.normal is None:
-        normals = evaluate(space.n, space.mesh, centre, facets)[:, 0]
-        first = next(
-            n for n in space.comm.allgather(normals[0] if len(normals) else None) if n is not None
-        )
-        error = None
-        if len(normals) and abs(normals - first).max() > FLAT:
-            error = InputError(
-                f"Contact({contact.facets!r}): the boundary part is not flat; give the normal of the foundation, "
-                f"e.g. normal={(0.0, -1.0) if space.d == 2 else (0.0, 0.0, -1.0)}, and the gap along it."
-            )
-        raise_together(space.comm, error)
-        direction = first + 0.0
+        direction = _flat_normal(space, contact, facets)
     elif isinstance(contact.normal, tuple):
         direction = np.array(contact.normal)
     else:
-        return _varying_normal(space, contact, facets, centre, surface)
-    return (
-        compiled.constant(space.mesh, direction),
-        np.broadcast_to(direction, (len(facets), space.d)),
-        None,
-    )
+        return _varying_normal(space, contact, facets, surface)
+    on_facets = np.broadcast_to(direction, (len(facets), space.d))
+    return compiled.constant(space.mesh, direction), on_facets, None
+
+
+def _middle(space: Space) -> np.ndarray:
+    """Return the middle of the reference facet, shape (1, d-1)."""
+    return np.full((1, space.d - 1), 1.0 / space.d)
+
+
+def _flat_normal(space: Space, contact: Contact, facets: np.ndarray) -> np.ndarray:
+    """Return the outward normal of a flat boundary part, shape (d,); collective.
+
+    Raises:
+        InputError: If the part is not flat.
+    """
+    normals = evaluate(space.n, space.mesh, _middle(space), facets)[:, 0]
+    # All ranks compare their facets with the first one of the first rank that has any.
+    first_of_rank = normals[0] if len(normals) else None
+    firsts = [n for n in space.comm.allgather(first_of_rank) if n is not None]
+    first = firsts[0]
+    error = None
+    if len(normals) and abs(normals - first).max() > FLAT_NORMALS:
+        example = (0.0, -1.0) if space.d == 2 else (0.0, 0.0, -1.0)
+        error = InputError(
+            f"Contact({contact.facets!r}): the boundary part is not flat; give the normal of"
+            f" the foundation, e.g. normal={example}, and the gap along it."
+        )
+    raise_together(space.comm, error)
+    return first + 0.0  # no negative zeros
 
 
 def _varying_normal(
-    space: Space, contact: Contact, facets: np.ndarray, centre: np.ndarray, surface: Any
-) -> tuple[Any, np.ndarray, Any]:
-    """A normal that varies, in the three ways of :func:`_normal`.
+    space: Space, contact: Contact, facets: np.ndarray, surface: Ufl
+) -> tuple[Ufl, np.ndarray, Ufl]:
+    """Find a normal that varies, as :func:`_normal` returns it; collective.
 
     Each cell at the contact has one normal, the mean of the normals at the middles of
     its contact facets.
@@ -142,19 +161,20 @@ def _varying_normal(
         expression = ufl.replace(slope, {space.x: surface})
     else:
         expression = components(space, contact.normal, f"{what}: normal", surface)
-    given = evaluate(expression, space.mesh, centre, facets)[:, 0]
-    length = np.linalg.norm(given, axis=1)
+    at_middles = evaluate(expression, space.mesh, _middle(space), facets)[:, 0]
+    length = np.linalg.norm(at_middles, axis=1)
     error = None
     if not (np.isfinite(length).all() and np.all(length > 0)):
+        source = "the gap" if contact.normal == "gap" else "its callable"
         error = InputError(
-            f"{what}: the normal is zero or not finite at the middle of a facet; look at "
-            f"{'the gap' if contact.normal == 'gap' else 'its callable'}."
+            f"{what}: the normal is zero or not finite at the middle of a facet; look at {source}."
         )
     raise_together(space.comm, error)
     function = space.domain.function("DG", 0, (space.d,))
-    of_cell = function.x.array.reshape(-1, space.d)
-    np.add.at(of_cell, facets[:, 0], given / length[:, None])
-    direction = of_cell[facets[:, 0]]
+    of_cells = function.x.array.reshape(-1, space.d)
+    cells = facets[:, 0]
+    np.add.at(of_cells, cells, at_middles / length[:, None])
+    direction = of_cells[cells]
     direction /= np.linalg.norm(direction, axis=1)[:, None]
-    of_cell[facets[:, 0]] = direction
+    of_cells[cells] = direction
     return function, direction, expression

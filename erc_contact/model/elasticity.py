@@ -1,29 +1,25 @@
-"""The matrices of stress and compliance of a material, in Mandel components, at points."""
+"""Evaluate stiffness and compliance of a material in Mandel components at points."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 from dolfinx import mesh as dmesh
 
-from erc_contact.model.expressions import (
-    Everywhere,
-    OfNumbers,
-    constant_value,
-    stand_in,
-    varies_in_cells,
-)
+from erc_contact.base.ufl_types import Ufl
+from erc_contact.model.expressions import Everywhere, OfNumbers, stand_in
+from erc_contact.model.symbolic import constant_value, varies_in_cells
 from erc_contact.scene.material import Elastic, Material, mandel_matrix
 
 
 class ElasticMatrix:
-    """C or C^-1 of a material in Mandel components at points of cells; construction is collective.
+    """Evaluate C or C^-1 of a material in Mandel components at points of cells.
 
-    The matrix knows the place by the parameters of the material only. So it is compiled
-    as a function of their numbers, once for all data and meshes.
+    Construction is collective. The matrix knows the place by the parameters of the
+    material only. So it is compiled as a function of their numbers, once for all data
+    and meshes.
 
     Args:
         material: The material.
@@ -40,7 +36,7 @@ class ElasticMatrix:
     def __init__(
         self,
         material: Material,
-        parameters: Mapping[str, Any],
+        parameters: Mapping[str, Ufl],
         mesh: dmesh.Mesh,
         *,
         inverse: bool = False,
@@ -50,14 +46,14 @@ class ElasticMatrix:
         self.varies_in_cells = any(varies_in_cells(value) for value in parameters.values())
         self.plain: np.ndarray | None = None
         self._parameters = {name: Everywhere(value, mesh) for name, value in parameters.items()}
-        plain = {
-            name: float(value.plain)
-            for name, value in self._parameters.items()
-            if value.plain is not None
-        }
-        if len(plain) == len(parameters):
+        constants = {}
+        for name, parameter in self._parameters.items():
+            if parameter.plain is not None:
+                constants[name] = float(parameter.plain)
+        # A material that does not vary needs no compiled code.
+        if len(constants) == len(parameters):
             if type(material) is Elastic:
-                self.plain = _constant(material.hypothesis, d, inverse, **plain)
+                self.plain = _constant(material.hypothesis, d, inverse, **constants)
             else:
                 self.plain = constant_value(_matrix(material, d, inverse, parameters))
             return
@@ -65,7 +61,7 @@ class ElasticMatrix:
         self._matrix = OfNumbers(_matrix(material, d, inverse, self._numbers), mesh.comm)
 
     def __call__(self, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
-        """Matrices at points.
+        """Evaluate the matrix at points.
 
         Args:
             x: Points of each cell [length], shape (n, q, d).
@@ -74,23 +70,27 @@ class ElasticMatrix:
         Returns:
             Shape (n, q, s, s).
         """
-        shape = *x.shape[:2], self.size, self.size
+        n, q, _ = x.shape
+        shape = (n, q, self.size, self.size)
         if self.plain is not None:
             return np.broadcast_to(self.plain, shape)
-        values = {
-            self._numbers[name]: value(x, cells).reshape(-1, 1)
-            for name, value in self._parameters.items()
-        }
-        return self._matrix(values, x.shape[0] * x.shape[1]).reshape(shape)
+        values = {}
+        for name, parameter in self._parameters.items():
+            values[self._numbers[name]] = parameter(x, cells).reshape(-1, 1)
+        return self._matrix(values, n * q).reshape(shape)
 
 
-def _matrix(material: Material, d: int, inverse: bool, parameters: Mapping[str, Any]) -> Any:
-    return mandel_matrix(material.compliance if inverse else material.stress, d, **parameters)
+def _matrix(material: Material, d: int, inverse: bool, parameters: Mapping[str, Ufl]) -> Ufl:
+    """Return C or C^-1 of a material in Mandel components, UFL."""
+    act = material.compliance if inverse else material.stress
+    return mandel_matrix(act, d, **parameters)
 
 
 @lru_cache(maxsize=64)
 def _constant(hypothesis: str, d: int, inverse: bool, E: float, nu: float) -> np.ndarray:
-    """The matrix of :class:`Elastic` where it does not vary."""
-    matrix = constant_value(_matrix(Elastic(E, nu, hypothesis), d, inverse, {"E": E, "nu": nu}))
+    """Return the matrix of :class:`Elastic` where it does not vary."""
+    material = Elastic(E, nu, hypothesis)
+    matrix = constant_value(_matrix(material, d, inverse, {"E": E, "nu": nu}))
+    # The array is shared by all callers.
     matrix.flags.writeable = False
     return matrix

@@ -1,4 +1,4 @@
-"""Values of UFL expressions at points of cells and facets, and at numbers."""
+"""Evaluate UFL expressions at points of cells and facets, and at numbers."""
 
 from __future__ import annotations
 
@@ -12,55 +12,39 @@ import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
-from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
-from ufl.corealg.traversal import traverse_unique_terminals, unique_pre_traversal
-from ufl.utils.stacks import StackDict
+from ufl.corealg.traversal import traverse_unique_terminals
 
 from erc_contact.base.runtime import compiled
-from erc_contact.base.runtime.patches import forms_freed
+from erc_contact.base.ufl_types import Ufl
+from erc_contact.model.symbolic import (
+    constant_value,
+    has_fields,
+    is_data,
+    varies,
+    varies_in_cells,
+    without_derivatives,
+)
 
-CHUNK = 4096
+POINT_CHUNK = 4096
 """Number of points at which an expression is evaluated at once."""
 
 
-def varies(expression: Any) -> bool:
-    """Tell whether a UFL expression varies in space: it contains more than constants."""
-    in_space = (ufl.classes.GeometricQuantity, ufl.classes.Coefficient)
-    return any(isinstance(terminal, in_space) for terminal in traverse_unique_terminals(expression))
-
-
-def varies_in_cells(expression: Any) -> bool:
-    """Tell whether a UFL expression varies inside straight cells and facets.
-
-    It does if it contains x, or a function that varies there.
-    """
-    return any(
-        isinstance(terminal, ufl.classes.SpatialCoordinate)
-        or (
-            isinstance(terminal, ufl.classes.Coefficient)
-            and terminal.ufl_element().embedded_superdegree > 0
-        )
-        for terminal in traverse_unique_terminals(ufl.as_ufl(expression))
-    )
-
-
-def without_plain_numbers(expression: Any, mesh: dmesh.Mesh) -> Any:
-    """A UFL expression whose plain numbers are replaced by Constants.
+def without_plain_numbers(expression: Ufl, mesh: dmesh.Mesh) -> Ufl:
+    """Replace the plain numbers of a UFL expression by Constants.
 
     Expressions that differ only in these numbers are then compiled once.
     """
-    plain = [
-        t for t in traverse_unique_terminals(expression) if isinstance(t, ufl.classes.FloatValue)
-    ]
-    return ufl.replace(
-        expression, {number: compiled.constant(mesh, float(number)) for number in plain}
-    )
+    constants = {}
+    for terminal in traverse_unique_terminals(expression):
+        if isinstance(terminal, ufl.classes.FloatValue):
+            constants[terminal] = compiled.constant(mesh, float(terminal))
+    return ufl.replace(expression, constants)
 
 
 def evaluate(
-    expression: Any, mesh: dmesh.Mesh, points: np.ndarray, entities: np.ndarray
+    expression: Ufl, mesh: dmesh.Mesh, points: np.ndarray, entities: np.ndarray
 ) -> np.ndarray:
-    """Values of a UFL expression at reference points of cells or of facets.
+    """Evaluate a UFL expression at reference points of cells or of facets.
 
     Args:
         expression: UFL expression of shape s.
@@ -75,63 +59,23 @@ def evaluate(
     if isinstance(expression, ufl.SpatialCoordinate | ufl.FacetNormal):
         return _geometric(type(expression), mesh, points).eval(mesh, entities)
     expression = ufl.as_ufl(expression)
-    if not _has_fields(expression):
-        expression = _without_derivatives(expression)
-        if not varies(
-            expression
-        ):  # a number, constants, derivatives that became constant: nothing to compile
-            return np.broadcast_to(
-                constant_value(expression), (len(entities), len(points), *expression.ufl_shape)
-            )
-        few = len(points) == 1 or entities.ndim == 2
-        if few and _is_data(expression):  # compiled once for all points; slower for many
-            return Everywhere(expression, mesh)(
-                evaluate(ufl.SpatialCoordinate(mesh), mesh, points, entities), entities
-            )
+    if not has_fields(expression):
+        expression = without_derivatives(expression)
+        # Numbers, constants, and derivatives that became constant need no compiler.
+        if not varies(expression):
+            shape = (len(entities), len(points), *expression.ufl_shape)
+            return np.broadcast_to(constant_value(expression), shape)
+        # Data are compiled once for all points. For many points in a cell that is
+        # slower than an expression that is compiled for these points.
+        on_facets = entities.ndim == 2
+        if (len(points) == 1 or on_facets) and is_data(expression):
+            x = evaluate(ufl.SpatialCoordinate(mesh), mesh, points, entities)
+            return Everywhere(expression, mesh)(x, entities)
     return compiled.expression(expression, points, mesh.comm).eval(mesh, entities)
 
 
-def _without_derivatives(expression: Any) -> Any:
-    """UFL with its derivatives carried out, or as it is where it has none."""
-    expression = ufl.as_ufl(expression)
-    has = any(isinstance(node, ufl.classes.Derivative) for node in unique_pre_traversal(expression))
-    if not has:
-        return expression
-    with forms_freed():
-        return ufl.algorithms.expand_derivatives(expression)
-
-
-def _has_fields(expression: Any) -> bool:
-    """Tell whether a UFL expression contains functions that vary inside cells."""
-    return any(
-        isinstance(terminal, ufl.classes.Coefficient) and varies_in_cells(terminal)
-        for terminal in traverse_unique_terminals(expression)
-    )
-
-
-def _is_data(expression: Any) -> bool:
-    """Tell whether a UFL expression has only the position, constants, and functions constant in cells."""
-    return all(
-        isinstance(node, ufl.classes.SpatialCoordinate | ufl.classes.ConstantValue | fem.Constant)
-        or (isinstance(node, ufl.classes.Coefficient) and not varies_in_cells(node))
-        for node in traverse_unique_terminals(expression)
-        if not isinstance(node, ufl.classes.MultiIndex | ufl.classes.Label)
-    )
-
-
-def constant_value(expression: Any) -> np.ndarray:
-    """The value of an expression that does not vary."""
-    if isinstance(expression, fem.Constant):
-        return expression.value.astype(float)
-    expression = apply_algebra_lowering(expression)
-    shape, constants = expression.ufl_shape, ufl.algorithms.analysis.extract_constants(expression)
-    known = {c: c.value if c.ufl_shape else float(c.value) for c in constants}
-    plain = [expression.evaluate((), known, index, StackDict()) for index in np.ndindex(shape)]
-    return np.reshape(plain, shape).astype(float)
-
-
 class Everywhere:
-    """A UFL expression at points that differ from cell to cell.
+    """Evaluate a UFL expression at points that differ from cell to cell.
 
     The position, the functions and the facet normals in the expression are replaced by
     their values at each point. So the expression is compiled once for all points.
@@ -139,21 +83,27 @@ class Everywhere:
     Args:
         expression: UFL expression of shape s; functions in it without derivatives.
         mesh: Where it lives. Construction is collective; evaluation is not.
+
+    Attributes:
+        plain: The value where the expression does not vary, else None.
     """
 
-    def __init__(self, expression: Any, mesh: dmesh.Mesh) -> None:
-        expression = _without_derivatives(expression)
-        self.shape, self.mesh = expression.ufl_shape, mesh
+    def __init__(self, expression: Ufl, mesh: dmesh.Mesh) -> None:
+        expression = without_derivatives(expression)
+        self.shape = expression.ufl_shape
+        self.mesh = mesh
         self.plain = None if varies(expression) else constant_value(expression)
         if self.plain is not None:
             return
         self.values = OfNumbers(expression, mesh.comm)
-        middle = np.full((1, mesh.geometry.dim - 1), 1 / mesh.geometry.dim)
-        needed = ufl.FacetNormal(mesh) in self.values.numbers
-        self.normal: Any = _geometric(ufl.FacetNormal, mesh, middle) if needed else None
+        self.normal: Any = None
+        if ufl.FacetNormal(mesh) in self.values.numbers:
+            d = mesh.geometry.dim
+            middle = np.full((1, d - 1), 1 / d)
+            self.normal = _geometric(ufl.FacetNormal, mesh, middle)
 
     def __call__(self, x: np.ndarray, entities: np.ndarray) -> np.ndarray:
-        """Values at points.
+        """Evaluate the expression at points.
 
         Args:
             x: Points of each entity [length], shape (n, q, d).
@@ -162,32 +112,41 @@ class Everywhere:
         Returns:
             Values, shape (n, q, *s).
         """
-        n, q, d = x.shape
+        n, q, _ = x.shape
         if self.plain is not None:
             return np.broadcast_to(self.plain, (n, q, *self.shape))
+        numbers = {terminal: self._at(terminal, x, entities) for terminal in self.values.numbers}
+        return self.values(numbers, n * q).reshape(n, q, *self.shape)
+
+    def _at(self, terminal: Ufl, x: np.ndarray, entities: np.ndarray) -> np.ndarray:
+        """Evaluate a terminal of the expression at points, shape (n q, size).
+
+        Args:
+            terminal: The position, the facet normal, or a function.
+            x: As in :meth:`__call__`.
+            entities: As in :meth:`__call__`.
+        """
+        n, q, d = x.shape
+        if isinstance(terminal, ufl.classes.SpatialCoordinate):
+            return x.reshape(-1, d)
+        if isinstance(terminal, ufl.classes.FacetNormal):
+            normals = self.normal.eval(self.mesh, entities) if n else np.zeros((0, 1, d))
+            return np.repeat(normals.reshape(n, d), q, axis=0)
+        cells = entities if entities.ndim == 1 else entities[:, 0]
+        cells = np.repeat(cells, q).astype(np.int32)
+        size = int(np.prod(terminal.ufl_shape))
+        if not varies_in_cells(terminal):
+            blocks = terminal.x.array.reshape(-1, size)
+            return blocks[terminal.function_space.dofmap.list[cells, 0]]
+        if n == 0:
+            return np.empty((0, size))
         places = np.zeros((n * q, 3))
         places[:, :d] = x.reshape(-1, d)
-        cells = np.repeat(entities if entities.ndim == 1 else entities[:, 0], q).astype(np.int32)
-        numbers = {}
-        for terminal in self.values.numbers:
-            size = int(np.prod(terminal.ufl_shape))
-            if isinstance(terminal, ufl.classes.SpatialCoordinate):
-                numbers[terminal] = places[:, :d]
-            elif isinstance(terminal, ufl.classes.FacetNormal):
-                normals = self.normal.eval(self.mesh, entities) if n else np.zeros((0, 1, d))
-                numbers[terminal] = np.repeat(normals.reshape(n, d), q, axis=0)
-            elif not varies_in_cells(terminal):
-                blocks = terminal.x.array.reshape(-1, size)
-                numbers[terminal] = blocks[terminal.function_space.dofmap.list[cells, 0]]
-            else:
-                numbers[terminal] = (
-                    terminal.eval(places, cells).reshape(n * q, size) if n else np.empty((0, size))
-                )
-        return self.values(numbers, n * q).reshape(n, q, *self.shape)
+        return terminal.eval(places, cells).reshape(n * q, size)
 
 
 def pointwise(
-    function: Callable[..., Any], first: np.ndarray, named: Mapping[str, np.ndarray]
+    function: Callable[..., Ufl], first: np.ndarray, named: Mapping[str, np.ndarray]
 ) -> np.ndarray:
     """Evaluate a function of numbers that is written in UFL at every entry of arrays.
 
@@ -196,19 +155,21 @@ def pointwise(
         first: Numbers of any shape.
         named: Others, of shapes that broadcast with it.
     """
-    shape = np.broadcast_shapes(first.shape, *(a.shape for a in named.values()))
+    shape = np.broadcast_shapes(first.shape, *(array.shape for array in named.values()))
     size = int(np.prod(shape))
-    number, *others = (stand_in((), i) for i in range(1 + len(named)))
-    expression = ufl.as_ufl(function(number, **dict(zip(named, others, strict=True))))
+    symbol = stand_in((), 0)
+    symbols = {name: stand_in((), i) for i, name in enumerate(named, start=1)}
+    expression = ufl.as_ufl(function(symbol, **symbols))
     if not varies(expression):
         return np.broadcast_to(constant_value(expression), shape)
-    arrays = dict(zip((number, *others), (first, *named.values()), strict=True))
-    numbers = {one: np.broadcast_to(array, shape).reshape(size, 1) for one, array in arrays.items()}
+    numbers = {symbol: np.broadcast_to(first, shape).reshape(size, 1)}
+    for name, array in named.items():
+        numbers[symbols[name]] = np.broadcast_to(array, shape).reshape(size, 1)
     return OfNumbers(expression, MPI.COMM_SELF)(numbers, size).reshape(shape)
 
 
 class OfNumbers:
-    """A UFL expression whose terminals are numbers of each point.
+    """Evaluate a UFL expression whose terminals are numbers of each point.
 
     Fields and constants are replaced by those of a common mesh. So expressions that
     differ only in what they stand for are compiled once, on all meshes of a process.
@@ -218,92 +179,114 @@ class OfNumbers:
         comm: The ranks that compile it together.
 
     Attributes:
-        numbers: What stands for each terminal that varies.
+        numbers: The function that stands for each terminal that varies.
     """
 
-    def __init__(self, expression: Any, comm: MPI.Comm) -> None:
-        self.numbers: dict[Any, fem.Function] = {}
-        self._constants: dict[Any, fem.Constant] = {}
-        used: Counter[Any] = Counter()
+    def __init__(self, expression: Ufl, comm: MPI.Comm) -> None:
+        self.numbers: dict[Ufl, fem.Function] = {}
+        self._constants: dict[Ufl, fem.Constant] = {}
+        # The terminals of a shape get the same stand-ins in every expression, in their
+        # order. So equal expressions have equal signatures.
+        fields: Counter[tuple[int, ...]] = Counter()
+        parameters: Counter[tuple[int, ...]] = Counter()
         for terminal in traverse_unique_terminals(expression):
-            for kinds, make, known in (
-                ((ufl.classes.Coefficient, ufl.classes.GeometricQuantity), stand_in, self.numbers),
-                ((fem.Constant, ufl.classes.FloatValue), _parameter, self._constants),
-            ):
-                if isinstance(terminal, kinds):
-                    known[terminal] = make(terminal.ufl_shape, used[make, terminal.ufl_shape])
-                    used[make, terminal.ufl_shape] += 1
+            if isinstance(terminal, ufl.classes.Coefficient | ufl.classes.GeometricQuantity):
+                shape = terminal.ufl_shape
+                self.numbers[terminal] = stand_in(shape, fields[shape])
+                fields[shape] += 1
+            elif isinstance(terminal, fem.Constant | ufl.classes.FloatValue):
+                shape = terminal.ufl_shape
+                self._constants[terminal] = _parameter(shape, parameters[shape])
+                parameters[shape] += 1
         replaced = ufl.replace(expression, {**self.numbers, **self._constants})
         self._compiled = _compiled(replaced, np.array([[0.5]]), comm)
 
-    def __call__(self, numbers: Mapping[Any, np.ndarray], count: int) -> np.ndarray:
-        """Values for numbers of the terminals, arrays (count, size of the terminal); shape (count, size)."""
+    def __call__(self, numbers: Mapping[Ufl, np.ndarray], count: int) -> np.ndarray:
+        """Evaluate the expression for numbers of its terminals.
+
+        Args:
+            numbers: Values of each terminal, shape (count, size of the terminal).
+            count: Number of points.
+
+        Returns:
+            Values, shape (count, size).
+        """
         for terminal, constant in self._constants.items():
-            constant.value = (
-                terminal.value if isinstance(terminal, fem.Constant) else float(terminal)
-            )
-        values = np.empty((count, self._compiled.value_size))
-        for start in range(0, count, CHUNK):
-            some = slice(start, min(start + CHUNK, count))
-            cells = np.arange(some.stop - start, dtype=np.int32)
+            if isinstance(terminal, fem.Constant):
+                constant.value = terminal.value
+            else:
+                constant.value = float(terminal)
+        size = self._compiled.value_size
+        values = np.empty((count, size))
+        for start in range(0, count, POINT_CHUNK):
+            chunk = slice(start, min(start + POINT_CHUNK, count))
+            cells = np.arange(chunk.stop - start, dtype=np.int32)
             for terminal, array in numbers.items():
                 if terminal in self.numbers:
                     function = self.numbers[terminal]
-                    function.x.array.reshape(CHUNK, -1)[
-                        function.function_space.dofmap.list[cells, 0]
-                    ] = array[some]
-            values[some] = self._compiled.eval(_line(), cells).reshape(
-                len(cells), self._compiled.value_size
-            )
+                    dofs = function.function_space.dofmap.list[cells, 0]
+                    function.x.array.reshape(POINT_CHUNK, -1)[dofs] = array[chunk]
+            values[chunk] = self._compiled.eval(_line(), cells).reshape(len(cells), size)
         return values
 
 
 @cache
 def _line() -> dmesh.Mesh:
-    """A mesh whose CHUNK cells carry the values of as many points; it has no other meaning."""
-    return dmesh.create_interval(MPI.COMM_SELF, CHUNK, (0.0, 1.0))
+    """Make a mesh whose POINT_CHUNK cells carry the values of as many points.
+
+    It has no other meaning.
+    """
+    return dmesh.create_interval(MPI.COMM_SELF, POINT_CHUNK, (0.0, 1.0))
 
 
 @cache
 def _numbers(shape: tuple[int, ...]) -> fem.FunctionSpace:
+    """Make the space of functions with a value of this shape for each point."""
     return fem.functionspace(_line(), ("DG", 0, shape))
 
 
 @cache
 def stand_in(shape: tuple[int, ...], which: int) -> fem.Function:
-    """A function that stands for values of this shape in an expression, one for each point."""
+    """Make a function that stands for values of a shape, one for each point."""
     return fem.Function(_numbers(shape))
 
 
 @cache
 def _parameter(shape: tuple[int, ...], which: int) -> fem.Constant:
-    """Return what stands in an expression for a constant of this shape."""
+    """Make a Constant that stands for a constant of a shape."""
     return compiled.constant(_line(), np.zeros(shape))
 
 
 @cache
 def _cell(element: Any) -> dmesh.Mesh:
-    """One cell with this coordinate element, for expressions that know nothing but the geometry of any mesh."""
+    """Make a mesh of one cell with a coordinate element.
+
+    It is for expressions that know nothing but the geometry of any mesh.
+    """
     (d,) = element.reference_value_shape
     corners = np.vstack([np.zeros(d), np.eye(d)])
     return dmesh.create_mesh(MPI.COMM_SELF, np.arange(d + 1)[None], ufl.Mesh(element), corners)
 
 
 def _geometric(
-    quantity: Callable[[dmesh.Mesh], Any], mesh: dmesh.Mesh, points: np.ndarray
+    quantity: Callable[[dmesh.Mesh], Ufl], mesh: dmesh.Mesh, points: np.ndarray
 ) -> fem.Expression:
-    """A geometric quantity at reference points of the entities of any mesh, compiled; collective."""
-    return _compiled(quantity(_cell(mesh.ufl_domain().ufl_coordinate_element())), points, mesh.comm)
+    """Compile a geometric quantity at reference points of any mesh; collective."""
+    cell = _cell(mesh.ufl_domain().ufl_coordinate_element())
+    return _compiled(quantity(cell), points, mesh.comm)
 
 
-_known: dict[Any, fem.Expression] = {}
-"""The expressions that know no mesh of the user's, as this process has compiled them."""
+_cache_of_expressions: dict[Any, fem.Expression] = {}
+"""The compiled expressions of this process that know no mesh of the user's."""
 
 
-def _compiled(expression: Any, points: np.ndarray, comm: MPI.Comm) -> fem.Expression:
-    """The compiled expression at reference points; collective."""
+def _compiled(expression: Ufl, points: np.ndarray, comm: MPI.Comm) -> fem.Expression:
+    """Compile an expression at reference points once in a process; collective."""
     key = expression, points.shape, points.tobytes()
-    known = key in _known
-    if not (known if comm.size == 1 else comm.allreduce(known, MPI.LAND)):
-        _known[key] = compiled.expression(expression, points, comm)
-    return _known[key]
+    ready = key in _cache_of_expressions
+    # All ranks compile together, or none: the compiler is collective.
+    if comm.size > 1:
+        ready = comm.allreduce(ready, MPI.LAND)
+    if not ready:
+        _cache_of_expressions[key] = compiled.expression(expression, points, comm)
+    return _cache_of_expressions[key]

@@ -1,4 +1,4 @@
-"""Forces of supports, contacts and loads on the body, with their moments.
+"""Compute forces of supports, contacts and loads on the body, with their moments.
 
 The residual ``R(v) = a(u, v) - f(v) - F(v)`` of elasticity, tested with the basis
 function of a node, is the force that supports and contacts exert on this node. For a
@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import ufl
@@ -21,6 +20,7 @@ from dolfinx import fem, la
 from mpi4py import MPI
 
 from erc_contact.base.runtime import compiled
+from erc_contact.base.ufl_types import Ufl
 from erc_contact.mesh.simplex import in_space, lagrange, rule
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import BoundContact
@@ -30,7 +30,7 @@ from erc_contact.scene.scene import BALANCE, BODY_FORCE, TRACTIONS
 
 @dataclass(frozen=True, eq=False)
 class Force:
-    """A force on the body with its moment.
+    """Hold a force on the body with its moment.
 
     Attributes:
         force: Resultant [force], shape (d,).
@@ -41,15 +41,23 @@ class Force:
     moment: np.ndarray
 
     def __add__(self, other: Force) -> Force:
+        """Return the sum of two forces with their moments."""
         return Force(self.force + other.force, self.moment + other.moment)
 
 
 def total_force(model: Model, nodes: np.ndarray, forces: np.ndarray) -> Force:
-    """Resultant and moment of forces (n, d) [force] at nodes (n,), summed over all ranks; collective."""
+    """Compute resultant and moment of forces at nodes over all ranks; collective.
+
+    Args:
+        model: The scene on a mesh.
+        nodes: Nodes of this rank, shape (n,).
+        forces: Forces at them [force], shape (n, d).
+    """
     x = model.V.tabulate_dof_coordinates()[nodes]
-    f = in_space(forces)
-    moment = np.cross(x, f).sum(axis=0)
-    local = np.concatenate([forces.sum(axis=0), moment[[2]] if model.d == 2 else moment])
+    moment = np.cross(x, in_space(forces)).sum(axis=0)
+    if model.d == 2:
+        moment = moment[[2]]
+    local = np.concatenate([forces.sum(axis=0), moment])
     total = model.comm.allreduce(local, MPI.SUM)
     return Force(total[: model.d], total[model.d :])
 
@@ -57,7 +65,7 @@ def total_force(model: Model, nodes: np.ndarray, forces: np.ndarray) -> Force:
 def by_cause(
     model: Model, force: Callable[[str], Force], body_force: Callable[[], Force]
 ) -> dict[str, Force]:
-    """The forces on the body by their cause; collective.
+    """Compute the forces on the body by their cause; collective.
 
     Args:
         model: The scene on a mesh.
@@ -71,25 +79,30 @@ def by_cause(
         the loads in the body, where the scene has them. "balance" is the sum of all,
         which is zero up to round-off.
     """
-    held = dict.fromkeys(
-        [s.facets for s in model.scene.supports] + [c.facets for c in model.scene.contacts]
-    )
-    result = {name: force(name) for name in held}
-    loaded = dict.fromkeys(load.facets for load in model.surface_loads if load.facets not in held)
+    supports = [support.facets for support in model.scene.supports]
+    contacts = [contact.facets for contact in model.scene.contacts]
+    # A part may have several supports: each name counts once.
+    reacting = dict.fromkeys(supports + contacts)
+    result = {name: force(name) for name in reacting}
+    loads = [load.facets for load in model.surface_loads]
+    loaded = dict.fromkeys(name for name in loads if name not in reacting)
     if loaded:
-        forces = [force(name) for name in loaded]
-        result[TRACTIONS] = sum(forces[1:], start=forces[0])
+        result[TRACTIONS] = _sum([force(name) for name in loaded])
     if model.body_force is not None:
         result[BODY_FORCE] = body_force()
-    parts = list(result.values())
-    result[BALANCE] = sum(parts[1:], start=parts[0])
+    result[BALANCE] = _sum(list(result.values()))
     return result
 
 
+def _sum(forces: list[Force]) -> Force:
+    """Add up forces, at least one."""
+    return sum(forces[1:], start=forces[0])
+
+
 def nodal_reactions(
-    model: Model, u: fem.Function, traction: Callable[[BoundContact], Any], *, in_layer: bool
+    model: Model, u: fem.Function, traction: Callable[[BoundContact], Ufl], *, in_layer: bool
 ) -> dict[str, np.ndarray]:
-    """Nodal forces of each support and each contact; collective.
+    """Compute the nodal forces of each support and each contact; collective.
 
     A contact first gets the integrals of its traction against the basis functions of
     its nodes. The rest of the residual goes to the supports that fix the component at
@@ -108,27 +121,33 @@ def nodal_reactions(
         are not complete.
     """
     v = ufl.TestFunction(model.V)
-    rest = _assembled(model, model.stiffness(u, v)) - _assembled(model, model.loads(v))
-    forces, claims = {}, {}
+    residual = _assembled(model, model.stiffness(u, v)) - _assembled(model, model.loads(v))
+    forces = {}
+    claims = {}
     for contact in model.contacts:
         forces[contact.name] = _of_traction(model, contact, traction(contact))
-        rest -= forces[contact.name]
-        nodes = model.nodes[contact.facets[:, 0]] if in_layer else contact.trace.here.nodes
-        claims[contact.name] = np.zeros(rest.shape, dtype=bool)
-        claims[contact.name][nodes] = True
-        claims[contact.name] &= ~model.fixed
+        residual -= forces[contact.name]
+        nodes = contact.trace.here.nodes
+        if in_layer:
+            nodes = model.nodes[contact.facets[:, 0]]
+        claim = np.zeros(residual.shape, dtype=bool)
+        claim[nodes] = True
+        # A component that a support fixes is the support's.
+        claims[contact.name] = claim & ~model.fixed
     for support, (facets, components) in zip(model.scene.supports, model.fixed_facets, strict=True):
-        claims.setdefault(support.facets, np.zeros(rest.shape, dtype=bool))[
-            model.facet_nodes(facets)
-        ] |= components
-    share = rest / np.maximum(sum(claims.values(), start=np.zeros(rest.shape)), 1.0)
-    return {
-        name: forces.get(name, 0.0) + np.where(claim, share, 0.0) for name, claim in claims.items()
-    }
+        claim = claims.setdefault(support.facets, np.zeros(residual.shape, dtype=bool))
+        claim[model.facet_nodes(facets)] |= components
+    # What the tractions leave of the residual is shared by those who fix the node.
+    number_of_claims = sum(claims.values(), start=np.zeros(residual.shape))
+    share = residual / np.maximum(number_of_claims, 1.0)
+    reactions = {}
+    for name, claim in claims.items():
+        reactions[name] = forces.get(name, 0.0) + np.where(claim, share, 0.0)
+    return reactions
 
 
 def part_force(model: Model, part: str, nodal: dict[str, np.ndarray]) -> Force:
-    """Resultant and moment of reactions and loads on a part of the boundary; collective.
+    """Compute the force of reactions and loads on a boundary part; collective.
 
     Args:
         model: The scene on a mesh.
@@ -144,20 +163,24 @@ def part_force(model: Model, part: str, nodal: dict[str, np.ndarray]) -> Force:
 
 
 def body_force(model: Model) -> Force:
-    """Resultant and moment of the loads in the body; collective."""
-    return _of_nodes(model, _assembled(model, model.loads(ufl.TestFunction(model.V), on=[None])))
+    """Compute resultant and moment of the loads in the body; collective."""
+    loads = model.loads(ufl.TestFunction(model.V), on=[None])
+    return _of_nodes(model, _assembled(model, loads))
 
 
 def _of_nodes(model: Model, forces: np.ndarray) -> Force:
-    """Resultant and moment of nodal forces (nodes, d), with the force of each node from its owner; collective."""
+    """Compute resultant and moment of nodal forces (nodes, d); collective.
+
+    The force of each node comes from its owner.
+    """
     owned = np.arange(model.V.dofmap.index_map.size_local)
     return total_force(model, owned, forces[owned])
 
 
-def _assembled(model: Model, form: Any | None) -> np.ndarray:
-    """The values of a linear form at the nodes [force], shape (nodes, d), zero for None; collective.
+def _assembled(model: Model, form: Ufl | None) -> np.ndarray:
+    """Assemble a linear form at the nodes [force], shape (nodes, d); collective.
 
-    At ghost nodes they are not complete.
+    It is zero for None. At ghost nodes the values are not complete.
     """
     b = model.function()
     if form is not None:
@@ -166,10 +189,15 @@ def _assembled(model: Model, form: Any | None) -> np.ndarray:
     return b.x.array.reshape(-1, model.d)
 
 
-def _of_traction(model: Model, contact: BoundContact, traction: Any) -> np.ndarray:
-    """The integrals of a traction against the basis function of each node [force], shape (nodes, d); collective."""
+def _of_traction(model: Model, contact: BoundContact, traction: Ufl) -> np.ndarray:
+    """Integrate a traction against the basis function of each node [force]; collective.
+
+    Returns:
+        Shape (nodes, d); at ghost nodes the integrals are not complete.
+    """
     points, weights = rule(model.d - 1, model.contact_degree)
     weighted = weights[:, None] * lagrange(model.d - 1, model.degree, points)
     values = evaluate(traction, model.mesh, points, contact.facets)
-    at_nodes = np.einsum("qm,fqi->fmi", weighted, values) * contact.trace.here.areas[:, None, None]
+    areas = contact.trace.here.areas[:, None, None]
+    at_nodes = np.einsum("qm,fqi->fmi", weighted, values) * areas
     return contact.trace.back(at_nodes)

@@ -1,4 +1,7 @@
-"""Functions of DOLFINx among the values of a scene: each lives on one mesh, and so does such a scene."""
+"""Look for Functions of DOLFINx among the values of a scene.
+
+Each lives on one mesh, and so does a scene that has one.
+"""
 
 from __future__ import annotations
 
@@ -10,45 +13,53 @@ from ufl.corealg.traversal import traverse_unique_terminals
 
 from erc_contact.base.code import arguments
 from erc_contact.base.exceptions import InputError
+from erc_contact.base.ufl_types import Ufl
 from erc_contact.mesh.domain import Domain
 from erc_contact.scene.scene import Scene
 
 
 def check_no_functions(scene: Scene, domain: Domain) -> None:
-    """Check that a scene can be put on further meshes: its callables return no Functions; collective.
+    """Check that the callables of a scene return no Functions; collective.
+
+    Only then can the scene be put on further meshes.
 
     Raises:
         InputError: If one does, on all ranks.
     """
     x = ufl.SpatialCoordinate(domain.mesh)
     named = [name for name, value in _callables(scene) if _has_function(value, x)]
-    everywhere = domain.mesh.comm.allgather(named)
-    first = next((names[0] for names in everywhere if names), None)
-    if first is not None:
+    names = [name for of_rank in domain.mesh.comm.allgather(named) for name in of_rank]
+    if names:
         raise InputError(
-            f"{first} returns a Function, which lives on one mesh, and a run makes further ones. Give UFL of x; or "
-            "solve on this mesh alone: ec.solve, ec.equilibrate and ec.constitutive_error, or max_steps=1."
+            f"{names[0]} returns a Function, which lives on one mesh, and a run makes further"
+            " ones. Give UFL of x; or solve on this mesh alone: ec.solve, ec.equilibrate and"
+            " ec.constitutive_error, or max_steps=1."
         )
 
 
 def _callables(scene: Scene) -> Iterator[tuple[str, Any]]:
-    """The callables of x among the values of a scene, with names for messages."""
-    laws = [
-        contact.friction
-        for contact in scene.contacts
-        if hasattr(contact.friction, "friction_bound")
-    ]
-    for owner in (scene.material, *scene.supports, *scene.loads, *scene.contacts, *laws):
+    """List the callables of x among the values of a scene, with names for messages."""
+    owners: list[Any] = [scene.material, *scene.supports, *scene.loads, *scene.contacts]
+    for contact in scene.contacts:
+        if hasattr(contact.friction, "friction_bound"):
+            owners.append(contact.friction)
+    for owner in owners:
         facets = getattr(owner, "facets", None)
-        what = type(owner).__name__ + (f"({facets!r})" if facets else "")
-        for name, given in arguments(owner).items():
-            values = list(given.values()) if isinstance(given, Mapping) else given
-            for value in values if isinstance(values, list | tuple) else [values]:
+        what = type(owner).__name__
+        if facets:
+            what += f"({facets!r})"
+        for name, argument in arguments(owner).items():
+            values = argument
+            if isinstance(argument, Mapping):
+                values = list(argument.values())
+            if not isinstance(values, list | tuple):
+                values = [values]
+            for value in values:
                 if callable(value):
                     yield f"{what}: {name}", value
 
 
-def _has_function(value: Any, x: Any) -> bool:
+def _has_function(value: Any, x: Ufl) -> bool:
     """Tell whether a callable of x returns UFL with a Function.
 
     A callable that fails is reported when the scene meets its mesh.
@@ -56,7 +67,9 @@ def _has_function(value: Any, x: Any) -> bool:
     try:
         result = value(x)
         parts = result if isinstance(result, list | tuple) else [result]
-        terminals = [t for part in parts for t in traverse_unique_terminals(ufl.as_ufl(part))]
+        terminals = []
+        for part in parts:
+            terminals += traverse_unique_terminals(ufl.as_ufl(part))
     except Exception:
         return False
     return any(isinstance(terminal, ufl.Coefficient) for terminal in terminals)

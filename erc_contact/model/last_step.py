@@ -1,4 +1,4 @@
-"""The last step of a history: where its contacts were, and what another mesh knows of it.
+"""Carry the last step of a history to another mesh.
 
 Friction acts on the tangential displacement since the last step, ``w_t - s``. Here s is
 the tangential displacement at the end of that step, a polynomial of degree k on the
@@ -23,20 +23,21 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.mesh.simplex import barycentric, lagrange, rule
 from erc_contact.model.space import Space
 
-CLUSTER = 64
+CLUSTER_SIZE = 64
 """Number of points for which the nearest facets are found together."""
-EXACT = 1e-12
-"""Difference of interpolants that counts as round-off, over the greatest displacement [-]."""
-NEAR = 0.5
-"""Distance of a contact to its place in the last step that tells another body, over the
-longest edge of its facets [-]. Flat facets of a curved body are nearer to each other on
-any two meshes.
+INTERPOLATION_ROUND_OFF = 1e-12
+"""Difference of interpolants that is round-off, over the greatest displacement [-]."""
+SAME_PLACE = 0.5
+"""Distance of a contact to its place in the last step that tells another body [-].
+
+It is over the longest edge of the facets. Flat facets of a curved body are nearer to
+each other on any two meshes.
 """
 
 
 @dataclass(frozen=True, eq=False)
 class LastStep:
-    """The displacement at the end of the last step.
+    """Hold the displacement at the end of the last step.
 
     Attributes:
         space: The mesh that it was computed on.
@@ -49,7 +50,7 @@ class LastStep:
     def on(
         self, space: Space, name: str, direction: np.ndarray
     ) -> tuple[fem.Function, np.ndarray | None]:
-        """The displacement at the nodes of a contact of another mesh; collective.
+        """Interpolate the displacement on a contact of another mesh; collective.
 
         Args:
             space: The other mesh, or the same.
@@ -64,43 +65,64 @@ class LastStep:
         Raises:
             InputError: If the contact was elsewhere in the last step.
         """
-        facets, old, d = space.domain.facets(name), self.space.domain.facets(name), space.d
-        nodes, before = space.facet_nodes(facets), space.function()
+        d = space.d
+        facets = space.domain.facets(name)
+        old_facets = self.space.domain.facets(name)
+        nodes = space.facet_nodes(facets)
+        before = space.function()
         values = before.x.array.reshape(-1, d)
         if space.domain is self.space.domain and space.degree == self.space.degree:
-            values[nodes] = self.displacement.x.array.reshape(-1, d)[self.space.facet_nodes(old)]
+            old_nodes = self.space.facet_nodes(old_facets)
+            values[nodes] = self.displacement.x.array.reshape(-1, d)[old_nodes]
             return before, None
-        corners, known = gathered_facets(self.space, [old], self.displacement)
-        some = np.unique(nodes)
-        x = space.V.tabulate_dof_coordinates()[some, :d]
+        corners, old_values = gathered_facets(self.space, [old_facets], self.displacement)
+        on_contact = np.unique(nodes)
+        x = space.V.tabulate_dof_coordinates()[on_contact, :d]
         _check_place(space, name, x, corners)
-        values[some] = interpolate(x, corners, known, self.space.degree)
+        values[on_contact] = interpolate(x, corners, old_values, self.space.degree)
+        # What is lost: the old field less its interpolant, at points of a rule that is
+        # exact for the square of both, without the normal part.
         points, weights = rule(d - 1, 2 * max(space.degree, self.space.degree))
-        at = np.matmul(barycentric(points), space.facet_corners(facets))
-        exact = interpolate(at.reshape(-1, d), corners, known, self.space.degree).reshape(at.shape)
-        rest = exact - np.matmul(lagrange(d - 1, space.degree, points), values[nodes])
-        rest -= (rest * direction[:, None]).sum(axis=-1, keepdims=True) * direction[:, None]
-        most = space.comm.allreduce(float(abs(rest).max(initial=0.0)), MPI.MAX)
-        if most <= EXACT * abs(known).max(initial=0.0):
+        places = np.matmul(barycentric(points), space.facet_corners(facets))
+        exact = interpolate(places.reshape(-1, d), corners, old_values, self.space.degree)
+        shape = lagrange(d - 1, space.degree, points)
+        difference = exact.reshape(places.shape) - np.matmul(shape, values[nodes])
+        n = direction[:, None]
+        difference -= (difference * n).sum(axis=-1, keepdims=True) * n
+        greatest = space.comm.allreduce(float(abs(difference).max(initial=0.0)), MPI.MAX)
+        if greatest <= INTERPOLATION_ROUND_OFF * abs(old_values).max(initial=0.0):
             return before, None
-        return before, space.facet_areas(facets) * ((rest**2).sum(axis=-1) @ weights)
+        means = (difference**2).sum(axis=-1) @ weights
+        return before, space.facet_areas(facets) * means
 
 
 def gathered_facets(
     space: Space, parts: Sequence[np.ndarray], u: fem.Function
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Corners (f, d, d) and displacements of the nodes (f, m, d) of facets (cell, local facet) of all ranks."""
-    x, at = space.V.tabulate_dof_coordinates()[:, : space.d], u.x.array.reshape(-1, space.d)
-    own = [part[space.owned(part)] for part in parts]
-    nodes = space.facet_nodes(np.vstack(own))
-    gathered = space.comm.allgather((x[nodes[:, : space.d]], at[nodes]))
-    return np.concatenate([p[0] for p in gathered]), np.concatenate([p[1] for p in gathered])
+    """Gather facets of all ranks with their displacements; collective.
+
+    Args:
+        space: The mesh.
+        parts: Facets (cell, local facet) of each part, ghosts included.
+        u: Displacement [length].
+
+    Returns:
+        Corners of the facets (f, d, d), and the displacement at their nodes (f, m, d).
+    """
+    x = space.V.tabulate_dof_coordinates()[:, : space.d]
+    nodal = u.x.array.reshape(-1, space.d)
+    owned = [part[space.owned(part)] for part in parts]
+    nodes = space.facet_nodes(np.vstack(owned))
+    of_ranks = space.comm.allgather((x[nodes[:, : space.d]], nodal[nodes]))
+    corners = np.concatenate([corners for corners, _ in of_ranks])
+    values = np.concatenate([values for _, values in of_ranks])
+    return corners, values
 
 
 def interpolate(
     x: np.ndarray, corners: np.ndarray, values: np.ndarray, degree: int = 1
 ) -> np.ndarray:
-    """Interpolants on the nearest facets.
+    """Evaluate interpolants on the nearest facets.
 
     Args:
         x: Points, shape (n, d).
@@ -112,82 +134,113 @@ def interpolate(
         Values at the points, shape (n, d).
     """
     facet, local, _ = nearest(x, corners)
-    return np.einsum("nm,nmi->ni", lagrange(x.shape[1] - 1, degree, local[:, 1:]), values[facet])
+    shape = lagrange(x.shape[1] - 1, degree, local[:, 1:])
+    return np.einsum("nm,nmi->ni", shape, values[facet])
 
 
 def nearest(x: np.ndarray, corners: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The nearest facets (f, d, d) of points (n, d).
+    """Find the nearest facets of points.
 
     Points that are near to each other are worked on together, with the facets that may
     be the nearest of one of them.
+
+    Args:
+        x: Points, shape (n, d).
+        corners: Corners of the facets, shape (f, d, d).
 
     Returns:
         The numbers of the facets, shape (n,); barycentric coordinates of the nearest
         points on them, shape (n, d); the distances, shape (n,).
     """
     edges = corners[:, 1:] - corners[:, :1]
-    # of each facet: from a point to its barycentric coordinates
+    # Of each facet: the map from a point to its barycentric coordinates.
     to_barycentric = np.linalg.inv(edges @ edges.transpose(0, 2, 1)) @ edges
     middle = corners.mean(axis=1)
     radius = np.linalg.norm(corners - middle[:, None], axis=2).max(axis=1, initial=0.0)
-    facet, at, far = np.empty(len(x), dtype=int), np.empty_like(x), np.empty(len(x))
-    for some in _clusters(x):
-        centre = x[some].mean(axis=0)
-        spread = np.linalg.norm(x[some] - centre, axis=1).max()
+    facet = np.empty(len(x), dtype=int)
+    local = np.empty_like(x)
+    distance = np.empty(len(x))
+    for cluster in _clusters(x):
+        points = x[cluster]
+        centre = points.mean(axis=0)
+        spread = np.linalg.norm(points - centre, axis=1).max()
         away = np.linalg.norm(middle - centre, axis=1)
-        near = np.flatnonzero(away - radius <= (away + radius).min() + 2 * spread)
-        local = np.einsum("fki,nfi->nfk", to_barycentric[near], x[some][:, None] - corners[near, 0])
-        shape = np.maximum(
-            np.concatenate([1 - local.sum(axis=2, keepdims=True), local], axis=2), 0.0
-        )
+        # A facet is at least ``away - radius`` from the centre, and at most
+        # ``away + radius``. At another point of the cluster each differs by the spread.
+        candidates = np.flatnonzero(away - radius <= (away + radius).min() + 2 * spread)
+        from_corner = points[:, None] - corners[candidates, 0]
+        inner = np.einsum("fki,nfi->nfk", to_barycentric[candidates], from_corner)
+        shape = np.concatenate([1 - inner.sum(axis=2, keepdims=True), inner], axis=2)
+        # A foot outside its facet is moved onto it.
+        shape = np.maximum(shape, 0.0)
         shape /= shape.sum(axis=2, keepdims=True)
-        distance = np.linalg.norm(
-            np.einsum("nfm,fmi->nfi", shape, corners[near]) - x[some][:, None], axis=2
-        )
-        number, every = distance.argmin(axis=1), np.arange(len(some))
-        facet[some], at[some], far[some] = (
-            near[number],
-            shape[every, number],
-            distance[every, number],
-        )
-    return facet, at, far
+        feet = np.einsum("nfm,fmi->nfi", shape, corners[candidates])
+        to_feet = np.linalg.norm(feet - points[:, None], axis=2)
+        row = np.arange(len(cluster))
+        chosen = to_feet.argmin(axis=1)
+        facet[cluster] = candidates[chosen]
+        local[cluster] = shape[row, chosen]
+        distance[cluster] = to_feet[row, chosen]
+    return facet, local, distance
 
 
 def _clusters(x: np.ndarray) -> Iterator[np.ndarray]:
-    """Numbers of points (n, d) that are near to each other, at most :data:`CLUSTER` at once."""
+    """Divide points (n, d) into clusters of near points.
+
+    A cluster is cut into halves along its longest axis.
+
+    Yields:
+        Numbers of at most :data:`CLUSTER_SIZE` points.
+    """
     waiting = [np.arange(len(x))] if len(x) else []
     while waiting:
-        some = waiting.pop()
-        if len(some) <= CLUSTER:
-            yield some
+        cluster = waiting.pop()
+        if len(cluster) <= CLUSTER_SIZE:
+            yield cluster
             continue
-        axis = np.ptp(x[some], axis=0).argmax()
-        half = len(some) // 2
-        order = np.argpartition(x[some, axis], half)
-        waiting += [some[order[:half]], some[order[half:]]]
+        axis = np.ptp(x[cluster], axis=0).argmax()
+        half = len(cluster) // 2
+        order = np.argpartition(x[cluster, axis], half)
+        waiting.append(cluster[order[:half]])
+        waiting.append(cluster[order[half:]])
 
 
 def _check_place(space: Space, name: str, x: np.ndarray, corners: np.ndarray) -> None:
-    """Check that a contact with nodes x (n, d) is where it was, on facets of all ranks (f, d, d); collective."""
-    here = space.facet_corners(space.domain.facets(name))
-    longest = [
-        float(np.linalg.norm(c - np.roll(c, 1, axis=1), axis=2).max(initial=0.0))
-        for c in (here, corners)
-    ]
-    reach = NEAR * space.comm.allreduce(max(longest), MPI.MAX)
-    low, high = np.full(space.d, np.inf), np.full(space.d, -np.inf)
-    low, high = (
-        np.minimum(low, x.min(axis=0, initial=np.inf)),
-        np.maximum(high, x.max(axis=0, initial=-np.inf)),
-    )
+    """Check that a contact is where it was in the last step; collective.
+
+    Args:
+        space: The new mesh.
+        name: Name of the contact.
+        x: Its nodes, shape (n, d).
+        corners: Corners of its old facets, of all ranks, shape (f, d, d).
+
+    Raises:
+        InputError: If it is elsewhere.
+    """
+    new_corners = space.facet_corners(space.domain.facets(name))
+    longest = max(_longest_edge(new_corners), _longest_edge(corners))
+    reach = SAME_PLACE * space.comm.allreduce(longest, MPI.MAX)
+    low = x.min(axis=0, initial=np.inf)
+    high = x.max(axis=0, initial=-np.inf)
     space.comm.Allreduce(MPI.IN_PLACE, low, MPI.MIN)
     space.comm.Allreduce(MPI.IN_PLACE, high, MPI.MAX)
-    ends = corners.reshape(-1, space.d)
-    away = float(nearest(x, corners)[2].max(initial=0.0))
-    away = max(away, abs(low - ends.min(axis=0)).max(), abs(high - ends.max(axis=0)).max())
-    away = space.comm.allreduce(float(away), MPI.MAX)
+    # The boxes around the contact are compared, too: it may have become smaller.
+    old_points = corners.reshape(-1, space.d)
+    _, _, distance = nearest(x, corners)
+    away = max(
+        float(distance.max(initial=0.0)),
+        float(abs(low - old_points.min(axis=0)).max()),
+        float(abs(high - old_points.max(axis=0)).max()),
+    )
+    away = space.comm.allreduce(away, MPI.MAX)
     if away > reach:
         raise InputError(
-            f"after: the contact {name!r} is {away:.3g} [length] away from where it was in that solution, which is one "
-            "of another body. Give a solution on a mesh of the same body."
+            f"after: the contact {name!r} is {away:.3g} [length] away from where it was in that"
+            " solution, which is one of another body. Give a solution on a mesh of the same body."
         )
+
+
+def _longest_edge(corners: np.ndarray) -> float:
+    """Return the longest edge of facets (f, d, d), 0 without facets [length]."""
+    edges = corners - np.roll(corners, 1, axis=1)
+    return float(np.linalg.norm(edges, axis=2).max(initial=0.0))

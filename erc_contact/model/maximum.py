@@ -1,4 +1,4 @@
-"""The greatest value of a quantity in the body or on its contacts, and where it is."""
+"""Find the greatest value of a quantity in the body or on its contacts."""
 
 from __future__ import annotations
 
@@ -16,26 +16,30 @@ IN_BODY = ("displacement", "von Mises")
 """Quantities of the body."""
 ON_CONTACT = ("pressure", "shear", "slip", "gap")
 """Quantities of contacts."""
-TIE = 1e-9
-"""Values that differ by less, relative to the greatest, count as equal [-]. Of their
-places the one with the least coordinates is taken."""
+EQUAL_MAXIMA = 1e-9
+"""Relative difference up to which values count as equal to the greatest [-].
 
-
-ROWS, SPAN, TAIL = 3, 4.0, 2.0
-"""Least number of meshes that tell a trend, factor by which the elements at the maximum
-must shrink over them, and over the last ones of them, which must have the same trend
-[-].
+Of their places the one with the least coordinates is taken.
 """
-GROWTH = 0.2
-"""Least exponent a of values h^-a at elements of size h that counts as growth [-]: 15%
-with each halving. At the edges of clamped parts it was 0.22 to 0.29; maxima that were
-resolved had less than 0.19.
+TREND_MESHES = 3
+"""Least number of meshes that tell a trend."""
+TREND_SHRINKAGE = 4.0
+"""Factor by which the elements at the maximum must shrink over these meshes [-]."""
+LAST_MESHES = 2
+"""Least number of last meshes that must have the same trend."""
+LAST_SHRINKAGE = 2.0
+"""Factor by which the elements at the maximum must shrink over the last meshes [-]."""
+GROWTH_EXPONENT = 0.2
+"""Least exponent a of values h^-a at elements of size h that counts as growth [-].
+
+It is 15% with each halving. At the edges of clamped parts it was 0.22 to 0.29; maxima
+that were resolved had less than 0.19.
 """
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Maximum:
-    """The greatest value of a quantity.
+    """Hold the greatest value of a quantity.
 
     That of a run knows the values on all meshes, for stress and contact traction. They
     tell whether it has a limit: at a sharp edge the stress of linear elasticity is
@@ -58,6 +62,7 @@ class Maximum:
     sizes: tuple[float, ...] = ()
 
     def __repr__(self) -> str:
+        """Return value, place and trend in words."""
         place = ", ".join(f"{x:.4g}" for x in self.place)
         if not self.values:
             return f"{self.value:.6g} at ({place})"
@@ -71,26 +76,38 @@ class Maximum:
 
     @property
     def grows(self) -> bool | None:
-        """Tell whether the value grows with refinement; None if there are too few meshes to tell.
+        """Tell whether the value grows with refinement; None if too few meshes tell.
 
         It does if values on the last meshes, at least three, over which the size h of
         the elements at the maximum falls to a quarter, are like h^-a with a > 0.2, and
         so on those over which it falls to a half. A singularity that is weaker is not
         seen. A maximum that the meshes do not resolve yet grows, too.
         """
-        exponents = [self._exponent(SPAN, ROWS), self._exponent(TAIL, 2)]
-        known = [exponent for exponent in exponents if exponent is not None]
-        return min(known) > GROWTH if len(known) == len(exponents) else None
+        over_all = self._exponent(TREND_SHRINKAGE, TREND_MESHES)
+        over_last = self._exponent(LAST_SHRINKAGE, LAST_MESHES)
+        if over_all is None or over_last is None:
+            return None
+        return min(over_all, over_last) > GROWTH_EXPONENT
 
-    def _exponent(self, span: float, least: int) -> float | None:
-        """Fit a to the last values, as many as have sizes of that span; None if there are not so many."""
-        values, sizes = np.array(self.values), np.array(self.sizes)
+    def _exponent(self, shrinkage: float, least: int) -> float | None:
+        """Fit the exponent a of values h^-a to the last meshes.
+
+        Args:
+            shrinkage: Factor between the sizes h of the meshes that are taken.
+            least: Least number of these meshes.
+
+        Returns:
+            The exponent; None if the meshes do not have that span.
+        """
+        values = np.array(self.values)
+        sizes = np.array(self.sizes)
         if not np.all(values > 0):
             return None
         for number in range(least, len(values) + 1):
             h = sizes[-number:]
-            if h.max() >= span * h.min():
-                return -float(np.polyfit(np.log(h), np.log(values[-number:]), 1)[0])
+            if h.max() >= shrinkage * h.min():
+                slope, _ = np.polyfit(np.log(h), np.log(values[-number:]), 1)
+                return -float(slope)
         return None
 
 
@@ -101,7 +118,9 @@ def greatest(
     von_mises: Callable[[], np.ndarray],
     profile: Callable[[str], np.ndarray],
 ) -> Maximum:
-    """The greatest value of a quantity, and where it is; collective. All ranks get the same, for any number of ranks.
+    """Find the greatest value of a quantity, and where it is; collective.
+
+    All ranks get the same, for any number of ranks.
 
     Args:
         model: The scene on a mesh.
@@ -119,25 +138,29 @@ def greatest(
     Raises:
         InputError: If the quantity is another one, or the scene has no contact.
     """
-    if quantity not in (*IN_BODY, *ON_CONTACT):
-        allowed = ", ".join(map(repr, (*IN_BODY, *ON_CONTACT)))
+    quantities = (*IN_BODY, *ON_CONTACT)
+    if quantity not in quantities:
+        allowed = ", ".join(map(repr, quantities))
         raise InputError(f"maximum: the quantity is {quantity!r}; allowed are {allowed}.")
     if quantity in ON_CONTACT:
         if not model.contacts:
             raise InputError(f"maximum: {quantity!r} is of contacts, and this scene has none.")
-        along = [profile(contact.name) for contact in model.contacts]
-        values = np.concatenate([abs(one[quantity]) for one in along])
-        x = np.concatenate(
-            [np.column_stack([one[axis] for axis in "xyz"[: model.d]]) for one in along]
-        )
+        profiles = [profile(contact.name) for contact in model.contacts]
+        values = np.concatenate([abs(table[quantity]) for table in profiles])
+        axes = ["x", "y", "z"][: model.d]
+        x = np.column_stack([np.concatenate([table[axis] for table in profiles]) for axis in axes])
     elif quantity == "displacement":
         owned = model.V.dofmap.index_map.size_local
-        values = np.linalg.norm(displacement.x.array.reshape(-1, model.d)[:owned], axis=1)
+        nodal = displacement.x.array.reshape(-1, model.d)[:owned]
+        values = np.linalg.norm(nodal, axis=1)
         x = model.V.tabulate_dof_coordinates()[:owned, : model.d]
     else:
-        values, x = von_mises(), model.cell_corners()[: model.domain.owned_cells].mean(axis=1)
+        values = von_mises()
+        x = model.cell_corners()[: model.domain.owned_cells].mean(axis=1)
     top = model.comm.allreduce(float(values.max(initial=-np.inf)), MPI.MAX)
-    near = x[values >= top - TIE * abs(top)]
-    every = np.concatenate(model.comm.allgather(near))
-    first = np.lexsort((every / model.domain.extent).round(9).T[::-1])[0]
-    return Maximum(top, every[first] + 0.0)
+    near = x[values >= top - EQUAL_MAXIMA * abs(top)]
+    places = np.concatenate(model.comm.allgather(near))
+    # Rounded, so that the place does not depend on the ranks.
+    rounded = (places / model.domain.extent).round(9)
+    first = np.lexsort(rounded.T[::-1])[0]
+    return Maximum(top, places[first] + 0.0)

@@ -1,9 +1,9 @@
-"""A scene on a mesh: the data of the scene as UFL, and the forms of elasticity."""
+"""Put a scene on a mesh: its data as UFL, and the forms of elasticity."""
 
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
@@ -12,45 +12,28 @@ import ufl
 from dolfinx import fem
 
 from erc_contact.base.exceptions import InputError
+from erc_contact.base.ufl_types import Ufl
 from erc_contact.mesh.domain import Domain
-from erc_contact.mesh.simplex import rule
 from erc_contact.model.contacts import bind_contact
 from erc_contact.model.elasticity import ElasticMatrix
-from erc_contact.model.expressions import evaluate, varies_in_cells, without_plain_numbers
+from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.last_step import LastStep
+from erc_contact.model.loads import bind_loads, sum_of
 from erc_contact.model.motions import free_motions
 from erc_contact.model.space import Space
 from erc_contact.model.supports import bind_supports
-from erc_contact.model.users import IN_UFL, call_of_user, try_material, vector
-from erc_contact.model.values import DATA_DEGREE, moduli, parameter, value_of
-from erc_contact.scene.load import Load
+from erc_contact.model.symbolic import varies_in_cells
+from erc_contact.model.users import try_material
+from erc_contact.model.values import DATA_DEGREE, moduli, parameter
 from erc_contact.scene.material import PLANE_STRAIN, Elastic, strain
 from erc_contact.scene.scene import Scene
 
 
-@dataclass(frozen=True, eq=False)
-class SurfaceLoad:
-    """A load on a part of the boundary of a mesh.
-
-    Attributes:
-        facets: Name of the boundary part.
-        ds: Measure of the part.
-        density: Force per area [force/area], UFL, shape (d,).
-    """
-
-    facets: str
-    ds: Any
-    density: Any
-
-    @property
-    def varies(self) -> bool:
-        """Tell whether the load varies inside facets."""
-        return varies_in_cells(self.density)
-
-
 class Model(Space):
-    """A scene on a domain: its data as UFL and nodal values, and the forms of elasticity. Construction is collective.
+    """Hold a scene on a domain: its data as UFL, and forms of elasticity.
+
+    Construction is collective.
 
     Args:
         scene: The scene.
@@ -89,50 +72,50 @@ class Model(Space):
         if type(scene.material) is not Elastic:
             try_material(self.V, scene.material, self.parameters)
         supports = bind_supports(self, scene.supports)
-        self.fixed, self.prescribed, self.bcs = supports.fixed, supports.prescribed, supports.bcs
+        self.fixed = supports.fixed
+        self.prescribed = supports.prescribed
+        self.bcs = supports.bcs
         self.fixed_facets = supports.facets
-        loads = [(load.facets, self._density(load)) for load in scene.loads]
-        self.surface_loads = [
-            SurfaceLoad(f, self.ds(domain.tag(f)), density) for f, density in loads if f is not None
-        ]
-        self.body_force = _sum([density for facets, density in loads if facets is None])
-        self.contacts = [
-            bind_contact(self, contact, self.modulus, last) for contact in scene.contacts
-        ]
+        self.surface_loads, self.body_force = bind_loads(self, scene.loads)
+        self.contacts = []
+        for contact in scene.contacts:
+            self.contacts.append(bind_contact(self, contact, self.modulus, last))
         self.free_motions = free_motions(self, self.fixed, self.contacts)
 
     # -- forms
-    # -----------------------------------------------------------------------------------------
 
-    def stress(self, u: Any) -> Any:
-        """``sigma(u) = C eps(u)`` [force/area]."""
+    def stress(self, u: Ufl) -> Ufl:
+        """Return the stress ``sigma(u) = C eps(u)`` [force/area], UFL."""
         return self.scene.material.stress(strain(u), **self.parameters)
 
     @cached_property
-    def modulus(self) -> Any:
-        """The modulus of the material, which scales contact parameters [force/area], UFL."""
+    def modulus(self) -> Ufl:
+        """Return the modulus that scales contact parameters [force/area], UFL."""
         return self.scene.material.modulus(**self.parameters)
 
     @cached_property
     def elasticity(self) -> ElasticMatrix:
-        """C in Mandel components [force/area] at points; collective."""
+        """Return C in Mandel components [force/area] at points; collective."""
         return ElasticMatrix(self.scene.material, self.parameters, self.mesh)
 
     @cached_property
     def compliance(self) -> ElasticMatrix:
-        """C^-1 in Mandel components [area/force] at points; collective."""
+        """Return C^-1 in Mandel components [area/force] at points; collective."""
         return ElasticMatrix(self.scene.material, self.parameters, self.mesh, inverse=True)
 
-    def stiffness(self, u: Any, v: Any) -> Any:
-        """``a(u, v) = int sigma(u) : eps(v)``, a UFL form."""
-        varies = any(varies_in_cells(parameter) for parameter in self.parameters.values())
-        dx = self.dx(metadata={"quadrature_degree": DATA_DEGREE}) if varies else self.dx
+    def stiffness(self, u: Ufl, v: Ufl) -> Ufl:
+        """Return the UFL form ``a(u, v) = int sigma(u) : eps(v)``."""
+        # The solver and the reconstruction integrate a varying modulus by one rule, so
+        # that both know the same material.
+        dx = self.dx
+        if any(varies_in_cells(value) for value in self.parameters.values()):
+            dx = self.dx(metadata={"quadrature_degree": DATA_DEGREE})
         return ufl.inner(self.stress(u), strain(v)) * dx
 
     def loads(
-        self, v: Any, *, varying: bool = True, on: Collection[str | None] | None = None
-    ) -> Any | None:
-        """``f(v) + F(v)``, a UFL form, or None without loads.
+        self, v: Ufl, *, varying: bool = True, on: Collection[str | None] | None = None
+    ) -> Ufl | None:
+        """Return the UFL form ``f(v) + F(v)``, or None without loads.
 
         Args:
             v: Test function, or a displacement.
@@ -140,154 +123,134 @@ class Model(Space):
             on: Names of the boundary parts whose loads are included; None among them
                 stands for the body. By default all loads are included.
         """
-        loads: list[tuple[str | None, Any, Any]] = [
-            (one.facets, one.density, one.ds) for one in self.surface_loads
-        ]
+        loads: list[tuple[str | None, Ufl, Ufl]] = []
+        for load in self.surface_loads:
+            loads.append((load.facets, load.density, load.ds))
         if self.body_force is not None:
             loads.append((None, self.body_force, self.dx))
-        taken = [(density, measure) for part, density, measure in loads if on is None or part in on]
-        return _sum(
-            [ufl.inner(f, v) * measure for f, measure in taken if varying or not varies_in_cells(f)]
-        )
+        terms = []
+        for part, density, measure in loads:
+            if on is not None and part not in on:
+                continue
+            if varying or not varies_in_cells(density):
+                terms.append(ufl.inner(density, v) * measure)
+        return sum_of(terms)
 
     @cached_property
     def cell_modulus(self) -> fem.Function:
-        """The modulus at the middle of each cell [force/area], constant in cells; collective.
+        """Return the modulus at the middle of each cell [force/area]; collective.
 
-        Forms that need only the size of the modulus contain this. They are then the
-        same for all materials.
+        It is constant in cells. Forms that need only the size of the modulus contain
+        this. They are then the same for all materials.
         """
         modulus = self.domain.function("DG", 0)
         cells = np.arange(len(modulus.x.array), dtype=np.int32)
         modulus.x.array[:] = self.at_middles(self.modulus, cells)
         return modulus
 
-    def stiffness_per_area(self, gamma: Any, modulus: Any = None) -> Any:
-        """``gamma E k^2/h`` [force/volume] with h the height of a cell over its facet, UFL on facets.
+    def stiffness_per_area(self, gamma: Ufl, modulus: Ufl = None) -> Ufl:
+        """Return ``gamma E k^2/h`` on facets [force/volume], UFL.
+
+        Here h is the height of a cell over its facet.
 
         Args:
             gamma: Factor gamma_0 [-].
             modulus: E [force/area], by default the modulus of the material.
         """
         h = self.d * ufl.CellVolume(self.mesh) / ufl.FacetArea(self.mesh)
-        return gamma * self.degree**2 * (self.modulus if modulus is None else modulus) / h
+        E = self.modulus if modulus is None else modulus
+        return gamma * self.degree**2 * E / h
 
     def stiffest(self) -> float:
-        """Greatest modulus at the middle of the cells of all ranks [force/area]; collective."""
-        return self.extremes(self.at_middles(self.modulus, self.owned_cells))[1]
+        """Return the greatest modulus at middles of cells [force/area]; collective."""
+        _, highest = self.extremes(self.at_middles(self.modulus, self.owned_cells))
+        return highest
 
     # -- data on contacts
-    # ------------------------------------------------------------------------------
 
     def contact(self, name: str) -> BoundContact:
-        """The contact of a name.
+        """Return the contact of a name.
 
         Raises:
             InputError: If no contact has this name.
         """
-        found = {contact.name: contact for contact in self.contacts}
-        if name not in found:
-            raise InputError(
-                f"No contact is called {name!r}; this scene has {', '.join(sorted(found)) or 'none'}."
-            )
-        return found[name]
+        contacts = {contact.name: contact for contact in self.contacts}
+        if name not in contacts:
+            names = ", ".join(sorted(contacts)) or "none"
+            raise InputError(f"No contact is called {name!r}; this scene has {names}.")
+        return contacts[name]
 
     def friction_parameters(
         self, contact: BoundContact, points: np.ndarray
     ) -> dict[str, np.ndarray]:
-        """The law's parameters at reference points (q, d-1) of the facets of a contact, each of shape (f, q)."""
-        parameters = contact.friction.parameters if contact.friction else {}
-        return {k: evaluate(v, self.mesh, points, contact.facets) for k, v in parameters.items()}
+        """Evaluate the parameters of a contact's friction law, each of shape (f, q).
+
+        Args:
+            contact: The contact.
+            points: Reference points of its facets, shape (q, d-1).
+        """
+        if contact.friction is None:
+            return {}
+        values = {}
+        for name, value in contact.friction.parameters.items():
+            values[name] = evaluate(value, self.mesh, points, contact.facets)
+        return values
 
     def gap_at_nodes(self, contact: BoundContact) -> np.ndarray:
-        """The gap at the nodes of each facet of a contact [length], shape (facets, m)."""
+        """Evaluate the gap at the nodes of a contact [length], shape (f, m)."""
         if contact.gap is None:
             return np.zeros((len(contact.facets), len(self.facet_points)))
         return evaluate(contact.gap, self.mesh, self.facet_points, contact.facets)
 
     def at_nodes(self, contact: BoundContact) -> BoundContact:
-        """The contact with gap and friction parameters as Functions, for quadrature at its nodes; collective.
+        """Return a contact with its data as Functions; collective.
 
-        So the forms do not contain the callables of the user. The nodal values of the
+        It is for quadrature at the nodes. So the forms do not contain the callables of
+        the user. The nodal values of the
         Functions are the values of the friction parameters, and the Bernstein
         coefficients of the gap and of the displacement of the last step.
         """
-        gap, friction, trace = contact.gap, contact.friction, contact.trace
+        gap = contact.gap
+        friction = contact.friction
+        trace = contact.trace
         if trace.before is not None:
             before = trace.before.copy()
             self.to_coefficients(before.x.array.reshape(-1, self.d), [contact])
             trace = replace(trace, before=before)
+        # The projection holds between Bernstein coefficients, so the gap is given by
+        # its own; the parameters of the law are values at the nodes.
         if contact.gap_varies:
             gap = self._nodal(contact, self.gap_at_nodes(contact), coefficients=True)
         if friction is not None:
-            varying = {
-                name: value for name, value in friction.parameters.items() if varies_in_cells(value)
-            }
-            at = {
-                name: evaluate(v, self.mesh, self.facet_points, contact.facets)
-                for name, v in varying.items()
-            }
-            nodal = {name: self._nodal(contact, values) for name, values in at.items()}
-            friction = replace(friction, parameters={**friction.parameters, **nodal})
+            parameters = dict(friction.parameters)
+            for name, value in friction.parameters.items():
+                if varies_in_cells(value):
+                    values = evaluate(value, self.mesh, self.facet_points, contact.facets)
+                    parameters[name] = self._nodal(contact, values)
+            friction = replace(friction, parameters=parameters)
         return replace(contact, gap=gap, friction=friction, trace=trace)
 
     def _nodal(
         self, contact: BoundContact, values: np.ndarray, *, coefficients: bool = False
-    ) -> Any:
-        """A scalar, UFL, from its values (facets, m) at the nodes of a contact.
+    ) -> Ufl:
+        """Make a scalar, UFL, from its values at the nodes of a contact.
 
-        Its nodal values are these values, or their Bernstein coefficients.
+        Args:
+            contact: The contact.
+            values: The values, shape (f, m).
+            coefficients: Whether the nodal values of the scalar become the Bernstein
+                coefficients of these values, instead of the values.
         """
-        nodal = self.function()
-        at = nodal.x.array.reshape(-1, self.d)
-        at[contact.trace.here.nodes, 0] = values
+        function = self.function()
+        nodal = function.x.array.reshape(-1, self.d)
+        nodal[contact.trace.here.nodes, 0] = values
         if coefficients:
-            self.to_coefficients(at, [contact])
-        return nodal[0]
-
-    # -- loads
-    # -----------------------------------------------------------------------------------------
-
-    def _density(self, load: Load) -> Any:
-        """The density of a load [force/area] or [force/volume], UFL, shape (d,); collective.
-
-        Raises:
-            InputError: If it has another shape, is not finite, or the code of the user
-                raises.
-        """
-        on_boundary = load.facets is not None
-        what = type(load).__name__ + (f"({load.facets!r})" if on_boundary else "")
-        parameters = {
-            name: value_of(
-                self, parameter(load, name), what if name == "value" else f"{what}: {name}"
-            )
-            for name in load.parameters
-        }
-        normal = self.n if on_boundary else None
-        density = call_of_user(
-            self.comm, what, lambda: vector(load.density(self.x, normal, **parameters))
-        )
-        density = without_plain_numbers(density, self.mesh)
-        if density.ufl_shape != (self.d,):
-            raise InputError(
-                f"{what} has shape {density.ufl_shape}; the mesh needs ({self.d},). {IN_UFL}"
-            )
-        if varies_in_cells(density):
-            entities = (
-                self.domain.facets(load.facets) if load.facets is not None else self.owned_cells
-            )
-            points, _ = rule(self.d - 1 if on_boundary else self.d, DATA_DEGREE)
-            if not np.isfinite(self.extremes(evaluate(density, self.mesh, points, entities))).all():
-                raise InputError(f"{what} is not finite everywhere; look at its callables.")
-        return density
-
-
-def _sum(terms: list[Any]) -> Any | None:
-    return sum(terms[1:], start=terms[0]) if terms else None
+            self.to_coefficients(nodal, [contact])
+        return function[0]
 
 
 def _check_dimension(scene: Scene, d: int) -> None:
-    """Check that the vectors of the scene have as many components as the mesh has dimensions."""
+    """Check that vectors and hypothesis of a scene fit the dimension of the mesh."""
     vectors: list[tuple[Any, Any]] = [(support, support.value) for support in scene.supports]
     vectors += [(contact, contact.normal) for contact in scene.contacts]
     for load in scene.loads:
@@ -296,12 +259,12 @@ def _check_dimension(scene: Scene, d: int) -> None:
         if isinstance(value, tuple) and len(value) != d:
             part = "" if owner.facets is None else f"({owner.facets!r})"
             raise InputError(
-                f"{type(owner).__name__}{part} has the vector {value} of {len(value)} components, but the mesh is "
-                f"{d}D: give {d}."
+                f"{type(owner).__name__}{part} has the vector {value} of {len(value)}"
+                f" components, but the mesh is {d}D: give {d}."
             )
     hypothesis = getattr(scene.material, "hypothesis", PLANE_STRAIN)
     if d == 3 and hypothesis != PLANE_STRAIN:
         raise InputError(
-            f"{type(scene.material).__name__}: hypothesis is {hypothesis!r}, and the mesh is 3D: leave it out, a body "
-            "in space has none."
+            f"{type(scene.material).__name__}: hypothesis is {hypothesis!r}, and the mesh is"
+            " 3D: leave it out, a body in space has none."
         )

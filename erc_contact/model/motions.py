@@ -1,4 +1,4 @@
-"""Rigid motions of the bodies of a mesh, and which of them are held by supports and contacts.
+"""Find rigid motions of the bodies of a mesh that no support and no contact holds.
 
 A mesh may have several bodies, which share no node. Each body has its own rigid
 motions, and each must be held.
@@ -7,26 +7,28 @@ motions, and each must be held.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import combinations
 
 import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import NotHeldError
+from erc_contact.mesh.graphs import components
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.space import Space
 
-SMALL = 1e-10
+FREE_SHARE = 1e-10
 """Share of the largest eigenvalue below which a motion counts as not held [-]."""
 
 
 def free_motions(
     space: Space, fixed: np.ndarray, contacts: Sequence[BoundContact]
 ) -> list[fem.Function]:
-    """Rigid motions that no support holds, Functions of V, each of one body; collective.
+    """Find the rigid motions that no support holds, Functions of V; collective.
 
-    The motions of a body are orthonormal combinations of its translations and of its
-    rotations over its size.
+    Each is of one body. The motions of a body are orthonormal combinations of its
+    translations and of its rotations over its size.
 
     Args:
         space: The mesh.
@@ -36,144 +38,195 @@ def free_motions(
     Raises:
         NotHeldError: If contacts do not hold one of them either.
     """
-    body, bodies = bodies_of_nodes(space)
-    motions, names = _rigid_motions(space, body, bodies)
+    body, count = bodies_of_nodes(space)
+    motions, names = _rigid_motions(space, body, count)
     owned = space.V.dofmap.index_map.size_local
-    held = motions[:owned] * fixed[:owned, :, None]
-    by_supports = _summed(space, body[:owned], bodies, held)
+    resisted = motions[:owned] * fixed[:owned, :, None]
+    by_supports = _summed(space, body[:owned], count, resisted)
     by_all = by_supports
     for contact in contacts:
-        nodes = contact.trace.here.nodes
-        at = motions[nodes]
-        along = np.einsum("fmdi,fd->fmi", at, contact.direction)[:, :, None, :]
-        held = at if contact.friction is not None else along
-        by_all = by_all + _summed(
-            space, body[nodes.ravel()], bodies, held.reshape(nodes.size, *held.shape[2:])
-        )
-    loose = []
-    for number, of_body in enumerate(by_all):
-        kernel = _kernel(of_body)
-        if kernel.shape[1]:
-            which = ", ".join(names[i] for i in np.unique(abs(kernel).argmax(axis=0)))
-            loose.append(
-                which
-                if bodies == 1
-                else f"{which} of the body with {_parts(space, body == number)}"
-            )
-    if loose:
-        raise NotHeldError(
-            f"Nothing holds the body against: {'; '.join(loose)} (no support, and contact cannot hold it). "
-            "Add a Displacement (None leaves a component free), or friction."
-        )
+        by_all = by_all + _by_contact(space, body, count, motions, contact)
+    _check_all_held(space, body, by_all, names)
     functions = []
-    for number, of_body in enumerate(by_supports):
-        for column in _kernel(of_body).T:
+    for number, products in enumerate(by_supports):
+        for combination in _kernel(products).T:
             motion = space.function()
-            motion.x.array[:] = (motions @ column * (body == number)[:, None]).ravel()
+            of_body = (body == number)[:, None]
+            motion.x.array[:] = (motions @ combination * of_body).ravel()
             functions.append(motion)
     return functions
 
 
 def rigid_motions(space: Space) -> np.ndarray:
-    """The rigid motions of all bodies at the nodes, shape (nodes, d, motions); collective."""
-    body, bodies = bodies_of_nodes(space)
-    motions, _ = _rigid_motions(space, body, bodies)
-    return np.concatenate([(body == b)[:, None, None] * motions for b in range(bodies)], axis=2)
+    """Return the rigid motions of all bodies at the nodes; collective.
+
+    Returns:
+        Shape (nodes, d, motions); a motion of a body is zero on the others.
+    """
+    body, count = bodies_of_nodes(space)
+    motions, _ = _rigid_motions(space, body, count)
+    of_bodies = [(body == number)[:, None, None] * motions for number in range(count)]
+    return np.concatenate(of_bodies, axis=2)
 
 
 def bodies_of_nodes(space: Space) -> tuple[np.ndarray, int]:
-    """The body of each node of this rank, ghosts included, and the number of bodies of all ranks; collective.
+    """Number the bodies of the mesh, from 0 over all ranks; collective.
 
-    Each rank finds its bodies. Bodies of two ranks that have a node in common are one.
+    Returns:
+        The body of each node of this rank, ghosts included, and the number of bodies.
     """
-    comm, cells = space.comm, space.nodes
-    pairs = np.column_stack([np.repeat(cells[:, 0], cells.shape[1] - 1), cells[:, 1:].ravel()])
-    here, label = np.unique(components(space.node_count, pairs), return_inverse=True)
-    counts = comm.allgather(len(here))
+    comm = space.comm
+    cells = space.nodes
+    # Each rank joins the nodes of its cells, and numbers its bodies after those of the
+    # ranks before it.
+    first = np.repeat(cells[:, 0], cells.shape[1] - 1)
+    edges = np.column_stack([first, cells[:, 1:].ravel()])
+    bodies_here, label = np.unique(components(space.node_count, edges), return_inverse=True)
+    counts = comm.allgather(len(bodies_here))
     label += sum(counts[: comm.rank])
+    # Bodies of two ranks that have a node in common are one.
     at_owner = space.function()
     at_owner.x.array[:] = np.repeat(label, space.d)
     at_owner.x.scatter_forward()
     labels = np.column_stack([label, at_owner.x.array[:: space.d].astype(int)])
-    seen = np.unique(labels[labels[:, 0] != labels[:, 1]], axis=0)
-    joined = components(sum(counts), np.concatenate(comm.allgather(seen)))
+    shared = np.unique(labels[labels[:, 0] != labels[:, 1]], axis=0)
+    joined = components(sum(counts), np.concatenate(comm.allgather(shared)))
     bodies, number = np.unique(joined, return_inverse=True)
     return number[label], len(bodies)
 
 
-def components(number: int, pairs: np.ndarray) -> np.ndarray:
-    """The least vertex of the connected component of each vertex of a graph.
+def _by_contact(
+    space: Space, body: np.ndarray, count: int, motions: np.ndarray, contact: BoundContact
+) -> np.ndarray:
+    """Sum up the products of motions that a contact resists; collective.
 
     Args:
-        number: Number of vertices.
-        pairs: Edges, shape (n, 2).
+        space: The mesh.
+        body: Body of each node.
+        count: Number of bodies.
+        motions: The m motions at the nodes, shape (nodes, d, m).
+        contact: The contact. It resists motions along its normal, with friction all.
+
+    Returns:
+        Sums as those of :func:`_summed`, shape (bodies, m, m).
     """
-    label = np.arange(number)
-    while True:
-        ends = label[pairs]
-        low, high = ends.min(axis=1, initial=number), ends.max(axis=1, initial=-1)
-        if np.array_equal(low, high):
-            return label
-        np.minimum.at(label, high, low)
-        while not np.array_equal(label, jumped := label[label]):
-            label = jumped
+    nodes = contact.trace.here.nodes
+    resisted = motions[nodes]
+    if contact.friction is None:
+        normal_part = np.einsum("fmdi,fd->fmi", resisted, contact.direction)
+        resisted = normal_part[:, :, None, :]
+    at_nodes = resisted.reshape(nodes.size, *resisted.shape[2:])
+    return _summed(space, body[nodes.ravel()], count, at_nodes)
 
 
-def _summed(space: Space, body: np.ndarray, bodies: int, held: np.ndarray) -> np.ndarray:
-    """Products of the held components of motions, summed over the nodes of each body; collective.
+def _summed(space: Space, body: np.ndarray, count: int, resisted: np.ndarray) -> np.ndarray:
+    """Sum up products of resisted components over each body; collective.
 
     Args:
         space: The mesh.
         body: Body of each node, shape (n,).
-        bodies: Number of bodies.
-        held: Held components of the m motions at the nodes, shape (n, components, m).
+        count: Number of bodies.
+        resisted: Resisted components of the m motions at the nodes, shape
+            (n, components, m).
 
     Returns:
         The sums over all ranks, shape (bodies, m, m).
     """
-    total = np.zeros((bodies, held.shape[2], held.shape[2]))
+    total = np.zeros((count, resisted.shape[2], resisted.shape[2]))
     for number in np.unique(body):
-        some = held[body == number]
-        total[number] = np.einsum("ndi,ndj->ij", some, some)
+        of_body = resisted[body == number]
+        total[number] = np.einsum("ndi,ndj->ij", of_body, of_body)
     return space.comm.allreduce(total, MPI.SUM)
 
 
-def _kernel(squares: np.ndarray) -> np.ndarray:
-    """The combinations of m motions that are not held, from a matrix of :func:`_summed` (m, m), shape (m, free)."""
-    values, vectors = np.linalg.eigh(squares)
-    return vectors[:, values <= SMALL * max(values[-1], 1.0)]
+def _kernel(products: np.ndarray) -> np.ndarray:
+    """Find the combinations of m motions that nothing resists, shape (m, free).
+
+    Args:
+        products: A matrix of :func:`_summed`, shape (m, m).
+    """
+    values, vectors = np.linalg.eigh(products)
+    return vectors[:, values <= FREE_SHARE * max(values[-1], 1.0)]
 
 
-def _parts(space: Space, inside: np.ndarray) -> str:
-    """The names of the boundary parts of a body, for a message; collective. ``inside`` tells its nodes."""
-    nodes = {name: space.nodes[space.domain.facets(name)[:, 0]] for name in space.domain.outer}
-    here = {name for name, some in nodes.items() if inside[some].any()}
-    every = set().union(*space.comm.allgather(here))
-    return ", ".join(map(repr, sorted(every))) if every else "no named boundary part"
+def _check_all_held(space: Space, body: np.ndarray, by_all: np.ndarray, names: list[str]) -> None:
+    """Check that supports and contacts together resist all motions; collective.
+
+    Args:
+        space: The mesh.
+        body: Body of each node.
+        by_all: Products of the resisted motions, shape (bodies, m, m).
+        names: Names of the motions.
+
+    Raises:
+        NotHeldError: If a motion is free.
+    """
+    loose = []
+    for number, products in enumerate(by_all):
+        kernel = _kernel(products)
+        if kernel.shape[1] == 0:
+            continue
+        # A combination is told by the motion that has the greatest share in it.
+        greatest = np.unique(abs(kernel).argmax(axis=0))
+        message = ", ".join(names[i] for i in greatest)
+        if len(by_all) > 1:
+            message += f" of the body with {_boundary_parts(space, body == number)}"
+        loose.append(message)
+    if loose:
+        raise NotHeldError(
+            f"Nothing holds the body against: {'; '.join(loose)} (no support, and contact"
+            " cannot hold it). Add a Displacement (None leaves a component free), or friction."
+        )
 
 
-def _rigid_motions(space: Space, body: np.ndarray, bodies: int) -> tuple[np.ndarray, list[str]]:
-    """Rigid motions at the nodes, shape (nodes, d, m), and their names.
+def _boundary_parts(space: Space, inside: np.ndarray) -> str:
+    """List the boundary parts of a body for a message; collective.
+
+    Args:
+        space: The mesh.
+        inside: Which nodes of this rank are of the body.
+    """
+    here = set()
+    for name in space.domain.outer:
+        cells = space.domain.facets(name)[:, 0]
+        if inside[space.nodes[cells]].any():
+            here.add(name)
+    names = set().union(*space.comm.allgather(here))
+    return ", ".join(map(repr, sorted(names))) if names else "no named boundary part"
+
+
+def _rigid_motions(space: Space, body: np.ndarray, count: int) -> tuple[np.ndarray, list[str]]:
+    """Compute rigid motions (nodes, d, m) at the nodes, and their names; collective.
 
     Rotations are about the centre of the body, and divided by its size.
+
+    Args:
+        space: The mesh.
+        body: Body of each node.
+        count: Number of bodies.
     """
-    x = space.V.tabulate_dof_coordinates()[:, : space.d]
+    d = space.d
+    x = space.V.tabulate_dof_coordinates()[:, :d]
     owned = space.V.dofmap.index_map.size_local
-    sums = np.zeros((bodies, space.d + 1))
+    sums = np.zeros((count, d + 1))
     np.add.at(sums, body[:owned], np.column_stack([x[:owned], np.ones(owned)]))
     sums = space.comm.allreduce(sums, MPI.SUM)
-    low, high = np.full((bodies, space.d), np.inf), np.full((bodies, space.d), -np.inf)
+    centre = sums[:, :-1] / sums[:, -1:]
+    low = np.full((count, d), np.inf)
+    high = np.full((count, d), -np.inf)
     np.minimum.at(low, body, x)
     np.maximum.at(high, body, x)
     space.comm.Allreduce(MPI.IN_PLACE, low, MPI.MIN)
     space.comm.Allreduce(MPI.IN_PLACE, high, MPI.MAX)
-    x = (x - (sums[:, :-1] / sums[:, -1:])[body]) / np.linalg.norm(high - low, axis=1)[body, None]
-    pairs = [(i, j) for i in range(space.d) for j in range(i + 1, space.d)]
-    motions = np.zeros((*x.shape, space.d + len(pairs)))
-    motions[:, range(space.d), range(space.d)] = 1.0
-    for k, (i, j) in enumerate(pairs, start=space.d):
-        motions[:, i, k], motions[:, j, k] = -x[:, j], x[:, i]
+    size = np.linalg.norm(high - low, axis=1)
+    x = (x - centre[body]) / size[body, None]
+    planes = list(combinations(range(d), 2))
+    motions = np.zeros((*x.shape, d + len(planes)))
+    motions[:, range(d), range(d)] = 1.0
     axes = "xyz"
-    names = [f"translation in {axes[i]}" for i in range(space.d)]
-    names += [f"rotation in the plane {axes[i]}{axes[j]}" for i, j in pairs]
+    names = [f"translation in {axes[i]}" for i in range(d)]
+    for number, (i, j) in enumerate(planes, start=d):
+        motions[:, i, number] = -x[:, j]
+        motions[:, j, number] = x[:, i]
+        names.append(f"rotation in the plane {axes[i]}{axes[j]}")
     return motions, names

@@ -1,4 +1,4 @@
-"""Values at points that a user gives: the cells that hold them, and the elastic stress there.
+"""Evaluate fields at points of the body that a user gives.
 
 Symbols: d dimension, k degree of the displacement, s = d(d+1)/2 Mandel components.
 """
@@ -22,7 +22,7 @@ from erc_contact.scene.material import mandel_basis, strain
 def at_points(
     model: Model, points: Any, values: Callable[[np.ndarray, np.ndarray], np.ndarray]
 ) -> np.ndarray:
-    """Values at points of the body, the same on all ranks; collective.
+    """Evaluate a field at points of the body, the same on all ranks; collective.
 
     At a point between several cells it is the mean of their values.
 
@@ -45,44 +45,51 @@ def at_points(
         raise InputError(
             f"The points have shape {np.shape(points)}; give finite numbers of shape (n, {d})."
         )
-    three = in_space(x)
+    in_3d = in_space(x)
     tree = geometry.bb_tree(mesh, d, padding=1e-10 * model.domain.extent)
-    near = geometry.compute_colliding_cells(
-        mesh, geometry.compute_collisions_points(tree, three), three
-    )
-    point, own = (
-        np.repeat(np.arange(len(x)), np.diff(near.offsets)),
-        near.array < model.domain.owned_cells,
-    )
-    point, cell = point[own], near.array[own]
-    found = np.column_stack([np.ones(len(point)), values(cell, x[point])])
-    local = np.zeros((len(x), found.shape[1]))
-    np.add.at(local, point, found)
-    count, total = np.split(comm.allreduce(local, MPI.SUM), [1], axis=1)
+    candidates = geometry.compute_collisions_points(tree, in_3d)
+    colliding = geometry.compute_colliding_cells(mesh, candidates, in_3d)
+    # Pairs of a point and an owned cell that contains it.
+    owned = colliding.array < model.domain.owned_cells
+    point = np.repeat(np.arange(len(x)), np.diff(colliding.offsets))[owned]
+    cell = colliding.array[owned]
+    in_cells = np.column_stack([np.ones(len(point)), values(cell, x[point])])
+    local = np.zeros((len(x), in_cells.shape[1]))
+    np.add.at(local, point, in_cells)
+    sums = comm.allreduce(local, MPI.SUM)
+    count = sums[:, :1]
+    total = sums[:, 1:]
     outside = np.flatnonzero(count == 0)
     if len(outside):
+        first = tuple(map(float, x[outside[0]]))
         raise InputError(
-            f"{len(outside)} of the {len(x)} points lie outside the mesh, the first is "
-            f"{tuple(map(float, x[outside[0]]))}; give points of the body (facets cut off a little of a curved one)."
+            f"{len(outside)} of the {len(x)} points lie outside the mesh, the first is {first};"
+            " give points of the body (facets cut off a little of a curved one)."
         )
     return total / count
 
 
 def elastic_stress_at(model: Model, u: fem.Function, cell: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """``C eps(u)`` [force/area] at points (n, d) of owned cells (n,), shape (n, d, d); collective."""
+    """Evaluate the stress ``C eps(u)`` [force/area] at points of cells; collective.
+
+    Args:
+        model: The scene on a mesh.
+        u: Displacement [length].
+        cell: An owned cell of each point, shape (n,).
+        x: Points, shape (n, d).
+
+    Returns:
+        Stresses, shape (n, d, d).
+    """
     d = model.d
     W = fem.functionspace(model.mesh, ("DG", model.degree - 1, (d, d)))
     eps = fem.Function(W)
     eps.interpolate(compiled.expression(strain(u), W.element.interpolation_points, model.comm))
-    local = (
-        eps.eval(in_space(x), cell.astype(np.int32)).reshape(len(x), d, d)
-        if len(x)
-        else np.zeros((0, d, d))
-    )
+    strains = np.zeros((len(x), d, d))
+    if len(x):
+        strains = eps.eval(in_space(x), cell.astype(np.int32)).reshape(len(x), d, d)
     basis = mandel_basis(d)
-    stress = np.einsum(
-        "nab,nb->na",
-        model.elasticity(x[:, None], cell)[:, 0],
-        np.einsum("bij,nij->nb", basis, local),
-    )
+    mandel_strains = np.einsum("bij,nij->nb", basis, strains)
+    matrices = model.elasticity(x[:, None], cell)[:, 0]
+    stress = np.einsum("nab,nb->na", matrices, mandel_strains)
     return np.einsum("na,aij->nij", stress, basis)

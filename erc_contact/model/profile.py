@@ -1,4 +1,4 @@
-"""Profiles of contacts: a displacement and a traction along a contact, and which facets are open, slip or stick.
+"""Make profiles of contacts: displacement, traction and status along a contact.
 
 Symbols: u displacement, r contact traction, n normal of the foundation, d dimension, k
 degree, f facets, q points of a facet.
@@ -7,12 +7,12 @@ degree, f facets, q points of a facet.
 from __future__ import annotations
 
 from math import factorial
-from typing import Any
 
 import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
 
+from erc_contact.mesh.graphs import order_along_curves
 from erc_contact.mesh.simplex import barycentric, bernstein, lagrange, lattice
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import BoundContact
@@ -22,19 +22,27 @@ from erc_contact.model.trace import split
 OPEN, SLIP, STICK = 0, 1, 2
 """Codes of the status of a contact."""
 FACET_POINTS = {1: 1, 2: 4}
-"""Parts of a facet's edge between the points of a profile, by degree: linear functions need only their ends."""
+"""Number of parts of a facet's edge between the points of a profile, by degree.
 
+Linear functions need only their ends.
+"""
 POINT_ON_SIDE = 1e-9
 """Barycentric coordinate below which a point of a facet lies on its side [-]."""
+ROUND_OFF_PRESSURE = 1e-10
+"""Share of a contact's greatest pressure up to which a pressure is round-off [-]."""
+ROUND_OFF_SHEAR = 1e-6
+"""Share of the friction bound by which the shear of slip may be below it [-]."""
+PLACE_DIGITS = 9
+"""Digits of coordinates over the extent of the body that tell points apart [-]."""
 
 
 def profile_points(model: Model) -> np.ndarray:
-    """The reference points of a facet at which a profile has values, shape (q, d-1)."""
+    """Return the reference points of a profile on a facet, shape (q, d-1)."""
     return lattice(model.d - 1, FACET_POINTS[model.degree])
 
 
 def profile_weights(model: Model) -> np.ndarray:
-    """Compute the shares of a facet's area that its profile points stand for, shape (q,).
+    """Compute the shares of a facet's area of its profile points, shape (q,).
 
     They integrate polynomials of the model's degree exactly. Of all weights that do,
     they are nearest to those of the trapezoidal rule, which integrates linear functions
@@ -47,9 +55,8 @@ def profile_weights(model: Model) -> np.ndarray:
     parts = 1 / np.array([factorial(number + 1) for number in on_sides])
     trapezoids = parts / parts.sum()
     shape = bernstein(model.d - 1, model.degree, points)
-    means = np.full(
-        shape.shape[1], 1 / shape.shape[1]
-    )  # all Bernstein polynomials have the same integral
+    # All Bernstein polynomials have the same integral.
+    means = np.full(shape.shape[1], 1 / shape.shape[1])
     return trapezoids + np.linalg.lstsq(shape.T, means - shape.T @ trapezoids)[0]
 
 
@@ -61,7 +68,7 @@ def facet_status(
     peak: float,
     margin: float = 0.0,
 ) -> np.ndarray:
-    """Which facets of a contact are open, slip or stick.
+    """Decide which facets of a contact are open, slip or stick.
 
     A facet without pressure is ``OPEN``, except in a bilateral contact. A facet whose
     shear reaches the friction bound, up to 1e-6, is ``SLIP``; without friction this is
@@ -82,11 +89,15 @@ def facet_status(
         OPEN, SLIP or STICK, shape (f,).
     """
     slope = np.divide(bound, pressure, out=np.zeros_like(pressure), where=pressure > 0)
-    most = slope.max(axis=1, initial=0.0)
-    variation = np.divide(np.ptp(slope, axis=1), most, out=np.zeros_like(most), where=most > 0)
-    variation = np.where(contact.sampled, variation, 0.0)
-    slips = shear.sum(axis=1) >= (1 - 1e-6 - (1 + margin) * variation) * bound.sum(axis=1)
-    opens = (pressure.max(axis=1, initial=0.0) <= 1e-10 * peak) & (not contact.bilateral)
+    steepest = slope.max(axis=1, initial=0.0)
+    variation = np.zeros_like(steepest)
+    np.divide(np.ptp(slope, axis=1), steepest, out=variation, where=steepest > 0)
+    if not contact.sampled:
+        variation = np.zeros_like(variation)
+    least_share = 1 - ROUND_OFF_SHEAR - (1 + margin) * variation
+    slips = shear.sum(axis=1) >= least_share * bound.sum(axis=1)
+    unpressed = pressure.max(axis=1, initial=0.0) <= ROUND_OFF_PRESSURE * peak
+    opens = unpressed & (not contact.bilateral)
     return np.where(opens, OPEN, np.where(slips, SLIP, STICK))
 
 
@@ -98,7 +109,7 @@ def profile_table(
     bound: np.ndarray,
     status: np.ndarray,
 ) -> np.ndarray:
-    """Gap, slip, tractions and status along a contact, point by point; collective.
+    """Tabulate gap, slip, tractions and status along a contact; collective.
 
     Args:
         model: The scene on a mesh.
@@ -128,95 +139,131 @@ def profile_table(
         positive in this order. Each facet has points of its own, because tractions jump
         from one facet to the next.
     """
-    d, k, comm = model.d, model.degree, model.comm
-    points, nodes = profile_points(model), contact.trace.here.nodes
-    n = contact.direction[:, None, :]
-    w = np.matmul(lagrange(d - 1, k, points), contact.trace.since(u.x.array))
-    (w_n, w_t, slip), (r_n, r_t, shear) = split(w, n), split(r, n)
-    gap: Any = (
-        0.0 if contact.gap is None else evaluate(contact.gap, model.mesh, points, contact.facets)
-    )
-    x = evaluate(model.x, model.mesh, points, contact.facets)
-    numbers = model.global_numbers(nodes[:, :d])
-    if d == 2:
-        tangent = np.stack([-n[..., 1], n[..., 0]], axis=-1)
-        slip, shear = (w_t * tangent).sum(axis=-1), (r_t * tangent).sum(axis=-1)
-    weight = contact.trace.here.areas[:, None] * profile_weights(model)
-    columns = [
-        *np.moveaxis(x, 2, 0),
-        gap - w_n,
-        slip,
-        0.0 - r_n,
-        shear,
-        bound,
-        status[:, None],
-        weight,
-    ]
-    table = np.stack(np.broadcast_arrays(*columns), axis=2)
-    if d == 2:  # all facets in the direction of the tangent
-        back = ((x[:, -1] - x[:, 0]) * tangent[:, 0]).sum(axis=1) < 0
-        table[back], numbers[back] = table[back, ::-1], numbers[back, ::-1]
-    own = contact.trace.here.owned
-    parts = comm.allgather((table[own], numbers[own]))
-    table, numbers = (np.concatenate(part) for part in zip(*parts, strict=True))
-    names = [*"xyz"[:d], "gap", "slip", "pressure", "shear", "friction_bound", "status", "weight"]
-    if d == 3:
-        place = np.round(table[..., :3] / model.domain.extent, 9)
-        facet = np.argsort(np.lexsort(place.mean(axis=1).round(8).T))
-        within = np.lexsort([*place.reshape(-1, 3).T, np.repeat(facet, place.shape[1])])
-        table = table.reshape(-1, table.shape[2])[within][:, None]
+    columns = _columns(model, contact, u, r, bound, status)
+    table = np.stack(np.broadcast_arrays(*columns.values()), axis=2)
+    vertices = model.global_numbers(contact.trace.here.nodes[:, : model.d])
+    if model.d == 2:
+        _turn_facets(table, vertices, _tangents(contact))
+    # Each facet comes from its owner alone.
+    owned = contact.trace.here.owned
+    of_ranks = model.comm.allgather((table[owned], vertices[owned]))
+    table = np.concatenate([part for part, _ in of_ranks])
+    vertices = np.concatenate([part for _, part in of_ranks])
+    names = list(columns)
+    if model.d == 2:
+        table = _along_curves(table, vertices)
+        names = ["s", *names]
     else:
-        table = table[_in_order(numbers[:, 0], numbers[:, 1], table[:, 0, :2])]
-        edge = np.linalg.norm(np.diff(table[..., :2], axis=1), axis=2)
-        along = np.pad(np.cumsum(edge, axis=1), ((0, 0), (1, 0)))
-        along += np.pad(np.cumsum(edge.sum(axis=1))[:-1], (1, 0))[:, None]
-        table, names = np.concatenate([along[..., None], table], axis=2), ["s", *names]
+        table = _by_place(table, model.domain.extent)
     rows = table.reshape(-1, len(names))
-    result = np.empty(
-        len(rows), dtype=[(name, int if name == "status" else float) for name in names]
-    )
-    for key, column in zip(names, rows.T, strict=True):
-        result[key] = column
+    kinds = [(name, int if name == "status" else float) for name in names]
+    result = np.empty(len(rows), dtype=kinds)
+    for name, column in zip(names, rows.T, strict=True):
+        result[name] = column
     return result
 
 
 def greatest_pressure(model: Model, pressure: np.ndarray) -> float:
-    """The greatest of pressures (f, q) over all ranks, at least 0; collective."""
+    """Return the greatest pressure of all ranks, at least 0; collective."""
     return model.comm.allreduce(float(pressure.max(initial=0.0)), MPI.MAX)
 
 
-def _in_order(start: np.ndarray, end: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """The order of facets along the open and closed curves that they form, one curve after the other.
-
-    The curve with the lowest first point comes first.
-
-    Args:
-        start: Number of the first vertex of each facet, shape (f,).
-        end: Number of its last vertex.
-        x: Position of the first vertex, shape (f, 2).
+def _columns(
+    model: Model,
+    contact: BoundContact,
+    u: fem.Function,
+    r: np.ndarray,
+    bound: np.ndarray,
+    status: np.ndarray,
+) -> dict[str, np.ndarray]:
+    """Compute the columns of :func:`profile_table` on this rank, ghosts included.
 
     Returns:
-        Numbers of the facets in order, shape (f,); found by pointer doubling.
+        Arrays that broadcast to (f, q), by the names of the columns.
     """
-    f = len(start)
-    key = np.empty(f, dtype=int)
-    key[np.lexsort(x.T[::-1])] = np.arange(f)
-    by_start = np.argsort(start)
-    place = np.minimum(np.searchsorted(start[by_start], end), f - 1)
-    follower = np.append(np.where(start[by_start[place]] == end, by_start[place], f), f)
-    rounds = range(int(f).bit_length())
-    least, jump = np.append(key, f), follower
-    for _ in rounds:
-        least, jump = np.minimum(least, least[jump]), jump[jump]
-    cut = (jump[:-1] < f) & (
-        key[follower[:-1] % f] == least[:-1]
-    )  # a closed curve is cut before its lowest point
-    follower[:-1][cut] = f
-    left, jump = (follower < f).astype(int), follower
-    last = np.arange(f + 1)
-    for _ in rounds:
-        last = np.where(jump < f, last[jump], last)
-        left, jump = left + left[jump], jump[jump]
-    first = np.full(f + 1, f)
-    np.minimum.at(first, last, np.append(np.where(np.isin(np.arange(f), follower[:-1]), f, key), f))
-    return np.lexsort([-left[:-1], first[last[:-1]]])
+    points = profile_points(model)
+    facets = contact.facets
+    n = contact.direction[:, None, :]
+    shape = lagrange(model.d - 1, model.degree, points)
+    w = np.matmul(shape, contact.trace.since(u.x.array))
+    w_n, w_t, slip = split(w, n)
+    r_n, r_t, shear = split(r, n)
+    gap = np.zeros(1)
+    if contact.gap is not None:
+        gap = evaluate(contact.gap, model.mesh, points, facets)
+    if model.d == 2:
+        # In the plane slip and shear have a sign.
+        tangent = _tangents(contact)[:, None, :]
+        slip = (w_t * tangent).sum(axis=-1)
+        shear = (r_t * tangent).sum(axis=-1)
+    x = evaluate(model.x, model.mesh, points, facets)
+    columns = {name: x[..., axis] for axis, name in enumerate("xyz"[: model.d])}
+    columns["gap"] = gap - w_n
+    columns["slip"] = slip
+    columns["pressure"] = 0.0 - r_n
+    columns["shear"] = shear
+    columns["friction_bound"] = bound
+    columns["status"] = status[:, None]
+    columns["weight"] = contact.trace.here.areas[:, None] * profile_weights(model)
+    return columns
+
+
+def _tangents(contact: BoundContact) -> np.ndarray:
+    """Return the unit tangent of each facet of a contact in 2D, shape (f, 2)."""
+    n = contact.direction
+    return np.stack([-n[:, 1], n[:, 0]], axis=-1)
+
+
+def _turn_facets(table: np.ndarray, vertices: np.ndarray, tangents: np.ndarray) -> None:
+    """Give all facets in 2D the direction of the tangent, in place.
+
+    Args:
+        table: Rows of the points of each facet, which begin with x and y, shape
+            (f, q, c).
+        vertices: Vertices of each facet, shape (f, 2).
+        tangents: Unit tangents, shape (f, 2).
+    """
+    chord = table[:, -1, :2] - table[:, 0, :2]
+    backward = (chord * tangents).sum(axis=1) < 0
+    table[backward] = table[backward, ::-1]
+    vertices[backward] = vertices[backward, ::-1]
+
+
+def _along_curves(table: np.ndarray, vertices: np.ndarray) -> np.ndarray:
+    """Order facets in 2D along their curves, and put the arc length in front.
+
+    Args:
+        table: Rows of the points of each facet, which begin with x and y, shape
+            (f, q, c).
+        vertices: First and last vertex of each facet, shape (f, 2).
+
+    Returns:
+        The rows with one more column, shape (f, q, c + 1).
+    """
+    table = table[order_along_curves(vertices[:, 0], vertices[:, 1], table[:, 0, :2])]
+    edge = np.linalg.norm(np.diff(table[..., :2], axis=1), axis=2)
+    within = np.pad(np.cumsum(edge, axis=1), ((0, 0), (1, 0)))
+    before = np.pad(np.cumsum(edge.sum(axis=1))[:-1], (1, 0))
+    arc_length = within + before[:, None]
+    return np.concatenate([arc_length[..., None], table], axis=2)
+
+
+def _by_place(table: np.ndarray, extent: float) -> np.ndarray:
+    """Order facets in 3D by their middles, and the points of each by their places.
+
+    So the order does not depend on the ranks.
+
+    Args:
+        table: Rows of the points of each facet, which begin with x, y and z, shape
+            (f, q, c).
+        extent: Extent of the body [length].
+
+    Returns:
+        The rows, shape (f q, c).
+    """
+    place = np.round(table[..., :3] / extent, PLACE_DIGITS)
+    middle = place.mean(axis=1).round(PLACE_DIGITS - 1)
+    rank_of_facet = np.argsort(np.lexsort(middle.T))
+    rank_of_row = np.repeat(rank_of_facet, place.shape[1])
+    order = np.lexsort([*place.reshape(-1, 3).T, rank_of_row])
+    return table.reshape(-1, table.shape[2])[order]

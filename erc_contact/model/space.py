@@ -1,4 +1,6 @@
-"""A domain with the displacement's space on it: nodes, facets, measures. It knows nothing of a scene.
+"""Put the displacement's space on a domain: nodes, facets, measures.
+
+Nothing here knows of a scene.
 
 Symbols: d dimension, k degree, V continuous vector P_k, N nodes of a cell, m nodes of a
 facet, x position [length].
@@ -15,6 +17,7 @@ import ufl
 from dolfinx import fem
 
 from erc_contact.base.exceptions import InputError
+from erc_contact.base.ufl_types import Ufl
 from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.partition import check_shape
 from erc_contact.mesh.simplex import (
@@ -30,20 +33,20 @@ from erc_contact.mesh.simplex import (
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.trace import Side
 
-SAMPLES = 12
+FACET_SAMPLES = 12
 """Number of parts of a facet's edge between the samples of data that vary along it."""
 
 
 class OnFacets(Protocol):
-    """Anything that lives on facets, as a contact does."""
+    """Describe anything that lives on facets, as a contact does."""
 
     @property
     def facets(self) -> np.ndarray:
-        """Pairs (cell, local facet), shape (f, 2)."""
+        """Return the pairs (cell, local facet), shape (f, 2)."""
 
 
 class Space:
-    """The displacement's space on a domain.
+    """Hold the displacement's space on a domain.
 
     Args:
         domain: The mesh with names.
@@ -66,8 +69,10 @@ class Space:
     def __init__(self, domain: Domain, degree: int) -> None:
         if degree not in (1, 2):
             raise InputError(f"degree is {degree!r}; allowed are 1 and 2.")
-        self.domain, self.degree = domain, degree
-        self.mesh, self.d = domain.mesh, domain.dim
+        self.domain = domain
+        self.degree = degree
+        self.mesh = domain.mesh
+        self.d = domain.dim
         self.comm = self.mesh.comm
         check_shape(self.mesh)
         self.x = ufl.SpatialCoordinate(self.mesh)
@@ -81,41 +86,51 @@ class Space:
         self.dx = ufl.Measure("dx", domain=self.mesh)
 
     def function(self) -> fem.Function:
-        """A new Function of V, zero everywhere."""
+        """Make a new Function of V, zero everywhere."""
         return self.domain.function("Lagrange", self.degree, (self.d,))
 
     @property
     def owned_cells(self) -> np.ndarray:
-        """The numbers of the cells of this rank."""
+        """Return the numbers of the cells that this rank owns."""
         return np.arange(self.domain.owned_cells, dtype=np.int32)
 
     def owned(self, facets: np.ndarray) -> np.ndarray:
-        """Which boundary facets (n, 2) this rank owns, shape (n,): the facets of the cells that it owns."""
+        """Tell which boundary facets (n, 2) this rank owns, shape (n,).
+
+        These are the facets of the cells that it owns.
+        """
         return facets[:, 0] < self.domain.owned_cells
 
     @property
     def node_count(self) -> int:
-        """Number of nodes of this rank, ghosts included."""
-        return self.V.dofmap.index_map.size_local + self.V.dofmap.index_map.num_ghosts
+        """Return the number of nodes of this rank, ghosts included."""
+        index_map = self.V.dofmap.index_map
+        return index_map.size_local + index_map.num_ghosts
 
     @property
     def facet_points(self) -> np.ndarray:
-        """Reference points of the nodes of a facet, shape (m, d-1)."""
+        """Return the reference points of the nodes of a facet, shape (m, d-1)."""
         return nodes(self.d - 1, self.degree)
 
     @property
     def facet_samples(self) -> np.ndarray:
-        """Reference points of a fine sampling of a facet, its edges included, shape (q, d-1)."""
-        return lattice(self.d - 1, SAMPLES)
+        """Return fine samples of a reference facet, edges included, shape (q, d-1)."""
+        return lattice(self.d - 1, FACET_SAMPLES)
 
     @property
     def contact_degree(self) -> int:
-        """Quadrature degree on contact facets. The traction has kinks there, so no rule is exact."""
+        """Return the quadrature degree on contact facets.
+
+        The traction has kinks there, so no rule is exact.
+        """
         return 2 * self.degree + 2
 
     @property
     def nodal_rule(self) -> dict[str, Any]:
-        """Metadata of a measure for quadrature at the nodes of a facet with equal weights. It decouples the nodes."""
+        """Return metadata of a measure for quadrature at nodes with equal weights.
+
+        It decouples the nodes.
+        """
         points = self.facet_points
         weights = np.full(len(points), 1 / (len(points) * factorial(self.d - 1)))
         return {
@@ -125,43 +140,49 @@ class Space:
         }
 
     def facet_nodes(self, facets: np.ndarray) -> np.ndarray:
-        """Nodes of facets given as (cell, local facet), in the order of a facet's reference nodes, shape (n, m).
+        """Return the nodes of facets in the order of a facet's reference nodes.
 
         DOLFINx turns the reference facet by the global numbers of its vertices. The
         order here is found from the places of the reference vertices in each facet. So
         nodal values and :func:`evaluate` agree.
+
+        Args:
+            facets: Facets given as (cell, local facet), shape (n, 2).
+
+        Returns:
+            Nodes of this rank, shape (n, m).
         """
-        ends = self._facet_vertices[facets[:, 0], facets[:, 1]][
-            :, node_vertices(self.d - 1, self.degree)
-        ]
+        vertices = self._facet_vertices[facets[:, 0], facets[:, 1]]
+        # A node lies between two vertices of the facet, or twice at the same one.
+        ends = vertices[:, node_vertices(self.d - 1, self.degree)]
         number = node_between(self.d, self.degree)[ends[..., 0], ends[..., 1]]
         return np.take_along_axis(self.nodes[facets[:, 0]], number, axis=1)
 
     def global_numbers(self, nodes: np.ndarray) -> np.ndarray:
-        """Global numbers of nodes of this rank."""
-        return self.V.dofmap.index_map.local_to_global(nodes.ravel().astype(np.int32)).reshape(
-            nodes.shape
-        )
+        """Return the global numbers of nodes of this rank, in the same shape."""
+        local = nodes.ravel().astype(np.int32)
+        return self.V.dofmap.index_map.local_to_global(local).reshape(nodes.shape)
 
     def global_dofs(self, dofs: np.ndarray) -> np.ndarray:
-        """Global numbers of degrees of freedom of this rank, shape (n,)."""
+        """Return the global numbers of degrees of freedom of this rank, shape (n,)."""
         return self.global_numbers(dofs // self.d) * self.d + dofs % self.d
 
     def facet_numbers(self, facets: np.ndarray) -> np.ndarray:
-        """Indices of facets given as (cell, local facet), shape (n,)."""
-        of_cell = self.mesh.topology.connectivity(self.d, self.d - 1).array.reshape(-1, self.d + 1)
-        return of_cell[facets[:, 0], facets[:, 1]]
+        """Return the indices of facets given as (cell, local facet), shape (n,)."""
+        cell_to_facet = self.mesh.topology.connectivity(self.d, self.d - 1)
+        of_cells = cell_to_facet.array.reshape(-1, self.d + 1)
+        return of_cells[facets[:, 0], facets[:, 1]]
 
     def facet_areas(self, facets: np.ndarray) -> np.ndarray:
-        """Areas of facets given as (cell, local facet) [length^(d-1)], shape (n,)."""
+        """Compute areas of facets (cell, local facet) [length^(d-1)], shape (n,)."""
         return measures(self.facet_corners(facets))
 
-    def side(self, facets: np.ndarray, modulus: Any) -> Side:
-        """Make the side of a contact from facets (cell, local facet) and the modulus of the material; collective.
+    def side(self, facets: np.ndarray, modulus: Ufl) -> Side:
+        """Make the side of a contact; collective.
 
         Args:
-            facets: The facets, ghosts included, shape (f, 2).
-            modulus: The modulus [force/area], UFL.
+            facets: Its facets (cell, local facet), ghosts included, shape (f, 2).
+            modulus: The modulus of the material [force/area], UFL.
         """
         return Side(
             facets=facets,
@@ -175,13 +196,23 @@ class Space:
         )
 
     def facet_corners(self, facets: np.ndarray) -> np.ndarray:
-        """Vertices of facets given as (cell, local facet) in the order of the reference facet [length], (n, d, d)."""
-        local = self.mesh.geometry.dofmaps[0][facets[:, 0]]
-        ends = self._facet_vertices[facets[:, 0], facets[:, 1]]
-        return self.mesh.geometry.x[np.take_along_axis(local, ends, axis=1), : self.d]
+        """Return vertices of facets in the order of the reference facet [length].
+
+        Args:
+            facets: Facets given as (cell, local facet), shape (n, 2).
+
+        Returns:
+            Positions, shape (n, d, d).
+        """
+        of_cells = self.mesh.geometry.dofmaps[0][facets[:, 0]]
+        vertices = self._facet_vertices[facets[:, 0], facets[:, 1]]
+        points = np.take_along_axis(of_cells, vertices, axis=1)
+        return self.mesh.geometry.x[points, : self.d]
 
     def true_places(self, facets: np.ndarray) -> np.ndarray:
-        """Find the nodes of facets on the true surface; where that is unknown, on the facets; collective.
+        """Find the nodes of facets on the true surface; collective.
+
+        Where that is unknown, they are on the facets.
 
         Args:
             facets: Facets given as (cell, local facet), shape (n, 2).
@@ -194,18 +225,23 @@ class Space:
         return evaluate(self.x + self.domain.offset, self.mesh, self.facet_points, facets)
 
     def cell_corners(self) -> np.ndarray:
-        """Vertices of all cells in DOLFINx's order [length], shape (cells, d+1, d)."""
+        """Return vertices of cells in DOLFINx's order [length], (cells, d+1, d)."""
         return self.mesh.geometry.x[self.mesh.geometry.dofmaps[0], : self.d]
 
-    def at_middles(self, expression: Any, cells: np.ndarray) -> np.ndarray:
-        """Values of a UFL expression at the middle of cells, shape (n, *s)."""
-        return evaluate(expression, self.mesh, np.full((1, self.d), 1 / (self.d + 1)), cells)[:, 0]
+    def at_middles(self, expression: Ufl, cells: np.ndarray) -> np.ndarray:
+        """Evaluate a UFL expression at the middle of cells, shape (n, *s)."""
+        middle = np.full((1, self.d), 1 / (self.d + 1))
+        return evaluate(expression, self.mesh, middle, cells)[:, 0]
 
     def extremes(self, values: np.ndarray) -> tuple[float, float]:
-        """Least and greatest value over all ranks (nan is passed on); collective."""
-        low = float(values.min(initial=np.inf)) if not np.isnan(values).any() else np.nan
-        high = float(values.max(initial=-np.inf)) if not np.isnan(values).any() else np.nan
-        lows, highs = self.comm.allgather(low), self.comm.allgather(high)
+        """Return the least and the greatest value of all ranks, or nan; collective."""
+        low = high = np.nan
+        if not np.isnan(values).any():
+            low = float(values.min(initial=np.inf))
+            high = float(values.max(initial=-np.inf))
+        # Minimum and maximum of numpy pass nan on, those of MPI need not.
+        lows = self.comm.allgather(low)
+        highs = self.comm.allgather(high)
         return float(np.min(lows)), float(np.max(highs))
 
     def to_coefficients(
@@ -220,18 +256,25 @@ class Space:
         """
         if self.degree == 1:
             return
-        matrix = (at_nodes if back else coefficients)(self.d - 1, self.degree)
+        transform = at_nodes if back else coefficients
+        matrix = transform(self.d - 1, self.degree)
         facets = np.concatenate([self.facet_nodes(part.facets) for part in parts])
         values[facets] = np.matmul(matrix, values[facets])
 
     def _ordered_vertices(self) -> np.ndarray:
-        """Local vertices of the named facets in the order of the reference facet, shape (cells, d+1, d)."""
+        """Find local vertices of named facets in the order of the reference facet.
+
+        Returns:
+            Shape (cells, d+1, d); other facets keep the order of the cell.
+        """
         facets = np.concatenate([self.domain.facets(name) for name in self.domain.outer])
         vertices = self._local_facets[facets[:, 1]]
         local = np.take_along_axis(self.mesh.geometry.dofmaps[0][facets[:, 0]], vertices, axis=1)
-        known = self.mesh.geometry.x[local][:, None, :, : self.d]
-        found = evaluate(self.x, self.mesh, nodes(self.d - 1, 1), facets)[:, :, None, :]
-        order = np.linalg.norm(found - known, axis=-1).argmin(axis=2)
-        every = np.tile(self._local_facets.astype(np.int8), (len(self.nodes), 1, 1))
-        every[facets[:, 0], facets[:, 1]] = np.take_along_axis(vertices, order, axis=1)
-        return every
+        places = self.mesh.geometry.x[local][:, None, :, : self.d]
+        # The position at a vertex of the reference facet tells which vertex it is.
+        reference_places = evaluate(self.x, self.mesh, nodes(self.d - 1, 1), facets)
+        distance = np.linalg.norm(reference_places[:, :, None, :] - places, axis=-1)
+        order = distance.argmin(axis=2)
+        of_cells = np.tile(self._local_facets.astype(np.int8), (len(self.nodes), 1, 1))
+        of_cells[facets[:, 0], facets[:, 1]] = np.take_along_axis(vertices, order, axis=1)
+        return of_cells

@@ -1,4 +1,4 @@
-"""Stresses of cells in space, and their von Mises stress."""
+"""Complete stresses of cells to tensors in space, with their von Mises stress."""
 
 from __future__ import annotations
 
@@ -14,10 +14,17 @@ from erc_contact.scene.material import mandel_basis
 
 
 def stress_in_space(model: Model, stress: np.ndarray) -> np.ndarray:
-    """Stresses of owned cells (owned, d, d) as tensors in space [force/area], shape (owned, 3, 3).
+    """Complete stresses of owned cells to tensors in space [force/area].
 
     In 2D the material gives the stress out of plane, at the middle of each cell; nan
     stands for one that is not known.
+
+    Args:
+        model: The scene on a mesh.
+        stress: Stresses [force/area], shape (owned, d, d).
+
+    Returns:
+        Shape (owned, 3, 3).
     """
     d = model.d
     full = np.zeros((len(stress), 3, 3))
@@ -27,9 +34,12 @@ def stress_in_space(model: Model, stress: np.ndarray) -> np.ndarray:
     elif d == 2:
         basis = mandel_basis(d)
         material: Any = model.scene.material
-        images = [
-            material.out_of_plane(ufl.as_matrix(b.tolist()), **model.parameters) for b in basis
-        ]
+        # The stress out of plane is linear in the stress: its values for a basis are
+        # enough.
+        images = []
+        for matrix in basis:
+            tensor = ufl.as_matrix(matrix.tolist())
+            images.append(material.out_of_plane(tensor, **model.parameters))
         cells = np.arange(len(stress), dtype=np.int32)
         row = evaluate(ufl.as_vector(images), model.mesh, nodes(d, 0), cells)[:, 0]
         full[:, 2, 2] = np.einsum("nk,kij,nij->n", row, basis, stress)
@@ -37,17 +47,23 @@ def stress_in_space(model: Model, stress: np.ndarray) -> np.ndarray:
 
 
 def von_mises(stress: np.ndarray) -> np.ndarray:
-    """Von Mises stress ``sqrt(3/2) |dev sigma|`` of tensors (n, 3, 3) [force/area], shape (n,).
+    """Compute von Mises stresses ``sqrt(3/2) |dev sigma|`` [force/area], shape (n,).
 
     A stress out of plane that is not known (nan) counts as 0. The result is then the
     von Mises stress of the part in plane.
+
+    Args:
+        stress: Tensors [force/area], shape (n, 3, 3).
     """
-    known = np.nan_to_num(stress)
-    trace = np.einsum("nii->n", known)
-    deviator = known - trace[:, None, None] / 3 * np.eye(3)
+    finite = np.nan_to_num(stress)
+    trace = np.einsum("nii->n", finite)
+    deviator = finite - trace[:, None, None] / 3 * np.eye(3)
     return np.sqrt(1.5 * np.einsum("nij,nij->n", deviator, deviator))
 
 
 def tells_out_of_plane(model: Model) -> bool:
-    """Tell whether all stresses are known: in 3D, and where the material has a method ``out_of_plane``."""
+    """Tell whether the stress out of plane is known.
+
+    It is in 3D, and where the material has a method ``out_of_plane``.
+    """
     return model.d == 3 or hasattr(model.scene.material, "out_of_plane")

@@ -1,4 +1,4 @@
-"""The supports of a scene on a mesh: prescribed values at the nodes."""
+"""Put the supports of a scene on a mesh: prescribed values at the nodes."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from erc_contact.model.space import Space
 from erc_contact.model.values import number
 from erc_contact.scene.support import Displacement
 
-AGREE = 1e-9
-"""Relative difference of the values of two supports at a common node that counts as none [-]."""
+EQUAL_VALUES = 1e-9
+"""Relative difference of two supports at a common node that counts as none [-]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Supports:
-    """The prescribed components of the displacement.
+    """Hold the prescribed components of the displacement.
 
     Attributes:
         fixed: Which components are prescribed at each node, shape (nodes, d).
@@ -37,7 +37,7 @@ class Supports:
 
 
 def bind_supports(space: Space, supports: Sequence[Displacement]) -> Supports:
-    """Nodal values of supports; collective.
+    """Compute the nodal values of supports; collective.
 
     Raises:
         InputError: If two supports contradict each other at a node, or a value is not
@@ -46,28 +46,30 @@ def bind_supports(space: Space, supports: Sequence[Displacement]) -> Supports:
     prescribed = space.function()
     values = prescribed.x.array.reshape(-1, space.d)
     fixed = np.zeros(values.shape, dtype=bool)
-    error, on_facets = None, []
+    error = None
+    on_facets = []
     for support in supports:
-        facets, what = space.domain.facets(support.facets), f"Displacement({support.facets!r})"
+        facets = space.domain.facets(support.facets)
+        what = f"Displacement({support.facets!r})"
         nodes = space.facet_nodes(facets)
-        on_facets.append((facets, np.array([value is not None for value in support.value])))
+        is_prescribed = np.array([value is not None for value in support.value])
+        on_facets.append((facets, is_prescribed))
         for i, value in enumerate(support.value):
             if value is None:
                 continue
-            new = np.full(nodes.shape, 0.0 if callable(value) else float(value))
             if callable(value):
-                new[:] = evaluate(
-                    number(space, value, what), space.mesh, space.facet_points, facets
-                )
-            clash = fixed[nodes, i] & (
-                abs(values[nodes, i] - new) > AGREE * float(abs(new).max(initial=1e-300))
-            )
-            if clash.any():
+                expression = number(space, value, what)
+                at_nodes = evaluate(expression, space.mesh, space.facet_points, facets)
+            else:
+                at_nodes = np.full(nodes.shape, float(value))
+            tolerance = EQUAL_VALUES * float(abs(at_nodes).max(initial=1e-300))
+            differs = abs(values[nodes, i] - at_nodes) > tolerance
+            if (fixed[nodes, i] & differs).any():
                 error = InputError(
-                    f"{what} contradicts another support at a common node in component {i}; make the values agree "
-                    "there, or free a component (None)."
+                    f"{what} contradicts another support at a common node in component {i};"
+                    " make the values agree there, or free a component (None)."
                 )
-            values[nodes, i] = new
+            values[nodes, i] = at_nodes
             fixed[nodes, i] = True
     raise_together(space.comm, error)
     if not np.isfinite(values).all():
@@ -75,14 +77,12 @@ def bind_supports(space: Space, supports: Sequence[Displacement]) -> Supports:
             "A prescribed displacement is not finite; look at the callables of the supports."
         )
     raise_together(space.comm, error)
-    marks = (
-        space.function()
-    )  # a rank may see a node without the facet that fixes it: its owner sees all
+    # A rank may see a node without the facet that fixes it: its owner sees all.
+    marks = space.function()
     marks.x.array[:] = fixed.ravel()
-    for function in (marks, prescribed):
-        function.x.scatter_forward()
+    marks.x.scatter_forward()
+    prescribed.x.scatter_forward()
     fixed = marks.x.array.reshape(-1, space.d) > 0.5
     dofs = np.flatnonzero(fixed).astype(np.int32)
-    return Supports(
-        fixed, prescribed, [fem.dirichletbc(prescribed, [dofs, dofs], space.V)], on_facets
-    )
+    bcs = [fem.dirichletbc(prescribed, [dofs, dofs], space.V)]
+    return Supports(fixed, prescribed, bcs, on_facets)

@@ -1,4 +1,4 @@
-"""The displacement of a contact, and everything that is made of it: values on facets, forces back, matrix, stiffness.
+"""Take the displacement of a contact: values on facets, forces back, matrix, stiffness.
 
 A contact reads of a displacement u only w, its value at the contact. On a rigid
 foundation w is u itself; between two bodies it is the jump, u on this side less u at
@@ -39,7 +39,7 @@ def split(z: np.ndarray, n: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndar
 
 @dataclass(frozen=True, eq=False)
 class Side:
-    """The facets of one body at a contact; ``Space.side`` makes it.
+    """Hold the facets of one body at a contact; ``Space.side`` makes it.
 
     Attributes:
         facets: Pairs (cell, local facet), ghosts included, shape (f, 2).
@@ -64,34 +64,40 @@ class Side:
 
     @property
     def d(self) -> int:
-        """Dimension of space."""
+        """Return the dimension of space."""
         return self.corners.shape[2]
 
     @cached_property
     def areas(self) -> np.ndarray:
-        """Areas of the facets [length^(d-1)], shape (f,)."""
+        """Compute the areas of the facets [length^(d-1)], shape (f,)."""
         return measures(self.corners)
 
     @cached_property
     def owned_areas(self) -> np.ndarray:
-        """Areas of the facets that this rank owns, zero for the others [length^(d-1)], shape (f,)."""
+        """Return the areas of the owned facets, zero for the others [length^(d-1)].
+
+        Sums over all ranks then count each facet once. Shape (f,).
+        """
         return np.where(self.owned, self.areas, 0.0)
 
     @cached_property
     def stiffness(self) -> np.ndarray:
-        """The approximate stiffness of the body at each facet, ``E/h`` with its diameter h [force/length^3], (f,)."""
+        """Estimate the stiffness ``E/h`` of the body at each facet [force/length^3].
+
+        Here h is the diameter of the facet. Shape (f,).
+        """
         diameters = self.areas ** (1 / (self.d - 1))
         return self.modulus / diameters
 
     @property
     def places(self) -> np.ndarray:
-        """Positions of the nodes of each facet [length], shape (f, m, d)."""
+        """Return the positions of the nodes of each facet [length], shape (f, m, d)."""
         return self.corners[:, node_vertices(self.d - 1, self.degree)].mean(axis=2)
 
 
 @dataclass(frozen=True, eq=False)
 class Trace:
-    """The displacement w of a contact.
+    """Take the displacement w of a contact from nodal values.
 
     Attributes:
         here: The side whose body the contact traction acts on.
@@ -109,7 +115,7 @@ class Trace:
     there: Side | None = None
 
     def of(self, u: np.ndarray) -> np.ndarray:
-        """Give w at the nodes of the facets [length], shape (f, m, d).
+        """Return w at the nodes of the facets [length], shape (f, m, d).
 
         Args:
             u: Displacement at all nodes of this rank [length], shape (nodes d,) as the
@@ -117,17 +123,26 @@ class Trace:
         """
         nodal = u.reshape(-1, self.here.d)
         w = nodal[self.here.nodes]
-        return w if self.there is None else w - nodal[self.partners]
+        if self.there is None:
+            return w
+        return w - nodal[self.partners]
 
     @cached_property
     def slip_before(self) -> np.ndarray:
-        """The tangential part s of w at the end of the last step, zero without one [length], shape (f, m, d)."""
+        """Return the tangential part s of w at the end of the last step [length].
+
+        It is zero without one. Shape (f, m, d).
+        """
         if self.before is None:
             return np.zeros((*self.here.nodes.shape, self.here.d))
-        return split(self.of(self.before.x.array), self.direction[:, None, :])[1]
+        w = self.of(self.before.x.array)
+        _, tangential, _ = split(w, self.direction[:, None, :])
+        return tangential
 
     def since(self, u: np.ndarray) -> np.ndarray:
-        """Give w with its tangential part counted from the last step, ``w - s`` [length], shape (f, m, d).
+        """Return ``w - s``, the jump since the last step [length], shape (f, m, d).
+
+        Its tangential part counts from the end of that step.
 
         Args:
             u: As in :meth:`of`.
@@ -135,7 +150,7 @@ class Trace:
         return self.of(u) - self.slip_before
 
     def coefficients(self, values: np.ndarray) -> np.ndarray:
-        """Give Bernstein coefficients of polynomials on the facets.
+        """Compute Bernstein coefficients of polynomials on the facets.
 
         Args:
             values: Values at the nodes of the facets, shape (f, m, ...), such as
@@ -147,7 +162,9 @@ class Trace:
         return np.matmul(matrix, long).reshape(values.shape)
 
     def assign(self, u: np.ndarray, w: np.ndarray) -> None:
-        """Set the displacement of this side so that :meth:`of` gives w where the other side is at rest, in place.
+        """Set the displacement of this side to w, in place.
+
+        Where the other side is at rest, :meth:`of` then returns w.
 
         Args:
             u: Displacement at all nodes, as in :meth:`of`.
@@ -157,7 +174,9 @@ class Trace:
         u.reshape(-1, self.here.d)[self.here.nodes] = w
 
     def back(self, forces: np.ndarray) -> np.ndarray:
-        """Add up the nodal forces that do the work of forces on w, the transpose of :meth:`of`.
+        """Add up nodal forces from forces on w, the transpose of :meth:`of`.
+
+        Both do the same work.
 
         Args:
             forces: Forces on w at the nodes of the facets [force], shape (f, m, d).
@@ -173,36 +192,44 @@ class Trace:
         return nodal
 
     def matrix(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Give :meth:`of` as a sparse matrix from degrees of freedom of this rank to the components of w.
+        """Return :meth:`of` as the entries of a sparse matrix.
+
+        It maps degrees of freedom of this rank to the components of w.
 
         Returns:
             Rows, in the order of w raveled, columns and values of its entries.
         """
-        d = self.here.d
-        columns = (self.here.nodes[..., None] * d + np.arange(d)).ravel()
+        columns = self._dofs(self.here.nodes)
         rows = np.arange(columns.size)
         values = np.ones(columns.size)
         if self.there is None:
             return rows, columns, values
-        other = (self.partners[..., None] * d + np.arange(d)).ravel()
-        return np.tile(rows, 2), np.concatenate([columns, other]), np.concatenate([values, -values])
+        # The other side has a minus, because w is this side less the other one.
+        both_columns = np.concatenate([columns, self._dofs(self.partners)])
+        both_values = np.concatenate([values, -values])
+        return np.tile(rows, 2), both_columns, both_values
+
+    def _dofs(self, nodes: np.ndarray) -> np.ndarray:
+        """Return the degrees of freedom of nodes (f, m), shape (f m d,)."""
+        d = self.here.d
+        return (nodes[..., None] * d + np.arange(d)).ravel()
 
     @cached_property
     def stiffness(self) -> np.ndarray:
-        """The approximate stiffness of the bodies at each facet, ``E/h`` [force/length^3], shape (f,).
+        """Estimate the stiffness ``E/h`` of the bodies at each facet [force/length^3].
 
-        That of two bodies is that of two springs in a row.
+        That of two bodies is that of two springs in a row. Shape (f,).
         """
+        here = self.here.stiffness
         if self.there is None:
-            return self.here.stiffness
-        return (
-            self.here.stiffness
-            * self.there.stiffness
-            / (self.here.stiffness + self.there.stiffness)
-        )
+            return here
+        there = self.there.stiffness
+        return here * there / (here + there)
 
     def share(self, values: np.ndarray) -> np.ndarray:
-        """Give values of facets to their cells; two bodies get shares in proportion to their compliances.
+        """Add up values of facets in their cells.
+
+        Two bodies get shares in proportion to their compliances.
 
         Args:
             values: A value of each facet, shape (f,).
@@ -220,7 +247,7 @@ class Trace:
 
     @cached_property
     def partners(self) -> np.ndarray:
-        """The nodes of the other side that face those of this side, shape (f, m)."""
+        """Find the nodes of the other side that face this side, shape (f, m)."""
         if self.there is None:
             raise TypeError("A contact with a rigid foundation has no other side.")
         here = _about_middle(self.here.places)
@@ -232,10 +259,11 @@ class Trace:
 
 
 def _about_middle(x: np.ndarray) -> np.ndarray:
-    """Positions of the nodes of facets (f, m, d) from the mean of each facet."""
+    """Return positions of the nodes of facets (f, m, d) from the mean of each facet."""
     return x - x.mean(axis=1, keepdims=True)
 
 
 def _add_to_owned(cells: np.ndarray, side: Side, values: np.ndarray) -> None:
-    """Add values of the facets of a side (f,) to those of the cells of this rank, in place."""
-    np.add.at(cells, side.facets[side.owned, 0], values[side.owned])
+    """Add values of the facets of a side (f,) to those of owned cells, in place."""
+    owned = side.owned
+    np.add.at(cells, side.facets[owned, 0], values[owned])

@@ -1,4 +1,4 @@
-"""Calls of the user's code: callables, laws and materials in UFL, tried when a scene meets its mesh.
+"""Call the user's code when a scene meets its mesh: callables, laws, materials.
 
 An exception that the code raises on one rank becomes an :class:`InputError` on all
 ranks.
@@ -22,30 +22,35 @@ from ufl.corealg.traversal import unique_post_traversal
 from erc_contact.base.checks import description
 from erc_contact.base.exceptions import ErcContactError, InputError, together
 from erc_contact.base.runtime.patches import forms_freed
+from erc_contact.base.ufl_types import Ufl
 from erc_contact.scene.material import Material, mandel_matrix, strain
 
 IN_UFL = (
-    "It gets UFL and returns a number or UFL: write ufl.sin(x[0]) instead of np.sin or math.sin, "
-    "ufl.conditional(ufl.lt(x[0], 1), a, b) instead of if, ufl.max_value and ufl.min_value instead of max and min."
+    "It gets UFL and returns a number or UFL: write ufl.sin(x[0]) instead of np.sin or math.sin,"
+    " ufl.conditional(ufl.lt(x[0], 1), a, b) instead of if, ufl.max_value and ufl.min_value"
+    " instead of max and min."
 )
+"""Advice to a user whose code does not work with UFL."""
+NESTING_LIMIT = 120
+"""Levels of nested UFL that can be differentiated and compiled [-].
+
+Python's stack ends at some 160.
+"""
 
 
-LEVELS = 120
-"""Levels of nested UFL that can be differentiated and compiled; Python's stack ends at some 160 [-]."""
-
-
-def levels(expression: Any) -> int:
-    """Number of levels of nested operations in UFL, without recursion."""
-    depth: dict[Any, int] = {}
+def nesting(expression: Ufl) -> int:
+    """Count the levels of nested operations in UFL, without recursion."""
+    depth: dict[Ufl, int] = {}
     for node in unique_post_traversal(expression):
-        depth[node] = 1 + max((depth[operand] for operand in node.ufl_operands), default=0)
+        depths = [depth[operand] for operand in node.ufl_operands]
+        depth[node] = 1 + max(depths, default=0)
     return depth[expression]
 
 
 def call_of_user(
     comm: MPI.Comm, what: str, function: Callable[..., Any], *arguments: Any, **named: Any
 ) -> Any:
-    """Call a function of the user's with UFL arguments and return its result; collective.
+    """Call a function of the user's with UFL arguments; collective.
 
     Args:
         comm: Communicator; every rank must call.
@@ -61,14 +66,16 @@ def call_of_user(
     def attempt() -> Any:
         try:
             result = function(*arguments, **named)
-            if isinstance(result, ufl.core.expr.Expr) and levels(result) > LEVELS:
+            levels = nesting(result) if isinstance(result, ufl.core.expr.Expr) else 0
+            if levels > NESTING_LIMIT:
                 raise InputError(
-                    f"{what} is nested {levels(result)} levels deep; UFL follows at most {LEVELS}. Write a table of "
-                    "many pieces as a sum of sums, or as fewer pieces: ufl.conditional in ufl.conditional nests, a sum "
-                    "term by term, too."
+                    f"{what} is nested {levels} levels deep; UFL follows at most"
+                    f" {NESTING_LIMIT}. Write a table of many pieces as a sum of sums, or as fewer"
+                    " pieces: ufl.conditional in ufl.conditional nests, a sum term by term, too."
                 )
             return result
         except ErcContactError:
+            # Errors of the package say already what to do.
             raise
         except Exception as reason:
             raise InputError(
@@ -78,37 +85,38 @@ def call_of_user(
     return together(comm, attempt)
 
 
-def scalar(what: str, value: Any) -> Any:
-    """A number or a scalar UFL expression, as UFL.
+def scalar(what: str, value: Any) -> Ufl:
+    """Return a number or a scalar UFL expression as UFL.
 
     Raises:
         InputError: If the value is neither.
     """
-    value = float(value) if isinstance(value, Real) else value
-    if (
-        not isinstance(value, float | ufl.core.expr.Expr)
-        or ufl.as_ufl(value).ufl_shape
-        or ufl.as_ufl(value).ufl_free_indices
-    ):
-        raise InputError(f"{what} returned {description(value)}, which is no scalar. {IN_UFL}")
-    return ufl.as_ufl(value)
+    if isinstance(value, Real):
+        value = float(value)
+    if isinstance(value, float | ufl.core.expr.Expr):
+        expression = ufl.as_ufl(value)
+        if not expression.ufl_shape and not expression.ufl_free_indices:
+            return expression
+    raise InputError(f"{what} returned {description(value)}, which is no scalar. {IN_UFL}")
 
 
-def vector(value: Any) -> Any:
-    """A UFL expression, or a sequence of numbers and scalar UFL expressions, as UFL."""
-    return (
-        value
-        if isinstance(value, ufl.core.expr.Expr)
-        else ufl.as_vector([scalar("A component", c) for c in value])
-    )
+def vector(value: Any) -> Ufl:
+    """Return UFL, or a sequence of numbers and scalar UFL expressions, as UFL."""
+    if isinstance(value, ufl.core.expr.Expr):
+        return value
+    return ufl.as_vector([scalar("A component", component) for component in value])
 
 
-def linear(what: str, integrand: Any, *arguments: Any) -> None:
-    """Check that an integrand is linear in each of its arguments, before it is compiled.
+def linear(what: str, integrand: Ufl, *arguments: Ufl) -> None:
+    """Check that an integrand is linear in each of its arguments.
+
+    It is not compiled for that.
 
     Raises:
         InputError: If it is not linear.
     """
+    # UFL's check knows basic operations alone: compound ones and derivatives are
+    # carried out first.
     real = remove_complex_nodes(apply_algebra_lowering(integrand))
     with forms_freed():
         lowered = apply_derivatives(real)
@@ -118,7 +126,7 @@ def linear(what: str, integrand: Any, *arguments: Any) -> None:
         raise InputError(f"{what} must be linear in its argument, and is not: {reason}") from None
 
 
-def try_material(V: fem.FunctionSpace, material: Material, parameters: Mapping[str, Any]) -> None:
+def try_material(V: fem.FunctionSpace, material: Material, parameters: Mapping[str, Ufl]) -> None:
     """Call the functions of a material of the user's to see that they work; collective.
 
     Args:
@@ -129,17 +137,21 @@ def try_material(V: fem.FunctionSpace, material: Material, parameters: Mapping[s
     Raises:
         InputError: If one fails.
     """
-    comm, what = V.mesh.comm, f"The material {type(material).__name__}"
-    u, v = ufl.TrialFunction(V), ufl.TestFunction(V)
+    comm = V.mesh.comm
+    what = f"The material {type(material).__name__}"
+    u = ufl.TrialFunction(V)
+    v = ufl.TestFunction(V)
     for name in ("stress", "compliance"):
         act = getattr(material, name)
         call_of_user(comm, f"{what}: {name}", mandel_matrix, act, V.mesh.geometry.dim, **parameters)
-        product = call_of_user(
-            comm,
-            f"{what}: {name}",
-            lambda act=act: ufl.inner(act(strain(u), **parameters), strain(v)),
-        )
-        linear(f"{what}: {name}", product, v, u)
-    call_of_user(
-        comm, f"{what}: modulus", lambda: scalar(f"{what}: modulus", material.modulus(**parameters))
-    )
+
+        def product(act: Callable[..., Ufl] = act) -> Ufl:
+            return ufl.inner(act(strain(u), **parameters), strain(v))
+
+        integrand = call_of_user(comm, f"{what}: {name}", product)
+        linear(f"{what}: {name}", integrand, v, u)
+
+    def modulus() -> Ufl:
+        return scalar(f"{what}: modulus", material.modulus(**parameters))
+
+    call_of_user(comm, f"{what}: modulus", modulus)

@@ -41,10 +41,10 @@ class Method(Protocol):
     ``at_nodes(contact)``, the contact with its data at the nodes, for a multiplier; of
     a contact ``ds``, ``normal`` (of the foundation), ``gap`` [length], None where it is
     zero, ``jump(u)``, the displacement that the law is about, in a history since the
-    last step, and ``project(z)``, the traction that the law allows for a trial traction
-    z. Write a parameter as ``fem.Constant(model.mesh, value)``: a plain number is
-    compiled into the forms. A script that imports ``dolfinx`` begins with ``from mpi4py
-    import MPI``.
+    last step, ``jump(v)``, its variation for a test function v, and ``project(z)``, the
+    traction that the law allows for a trial traction z. Write a parameter as
+    ``fem.Constant(model.mesh, value)``: a plain number is compiled into the forms. A
+    script that imports ``dolfinx`` begins with ``from mpi4py import MPI``.
 
     Example: ``demos/extend/method.py``.
 
@@ -68,9 +68,9 @@ class Method(Protocol):
     ) -> Any:
         """What the contact adds to the residual ``a(u, v) - f(v) - F(v)`` [force], a UFL form linear in v.
 
-        Without a multiplier that is minus the work of its traction, ``- int r . v``,
-        and what the method adds to it. With one it is the equation of the multiplier at
-        each node.
+        Without a multiplier that is minus the work of its traction,
+        ``- int r . jump(v)``, and what the method adds to it. With one it is the
+        equation of the multiplier at each node.
 
         Args:
             model: The scene on a mesh.
@@ -144,7 +144,7 @@ class Nitsche:
         """
         ds = contact.ds(metadata={"quadrature_degree": model.contact_degree})
         r = self.traction(model, contact, u)
-        residual = -ufl.inner(r, v) * ds
+        residual = -ufl.inner(r, contact.jump(v)) * ds
         if self.theta:
             theta = compiled.constant(model.mesh, float(self.theta))
             difference = ufl.dot(model.stress(u), model.n) - r

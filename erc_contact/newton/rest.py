@@ -12,7 +12,8 @@ from mpi4py import MPI
 
 from erc_contact.mesh.simplex import lattice
 from erc_contact.model.expressions import evaluate
-from erc_contact.model.foundation import PROPORTIONAL, BoundContact
+from erc_contact.model.foundation import BoundContact
+from erc_contact.model.friction import PROPORTIONAL
 from erc_contact.model.model import Model
 from erc_contact.model.values import DATA_DEGREE
 

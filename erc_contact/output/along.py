@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from erc_contact.mesh.graphs import successors, to_chain_ends
 from erc_contact.output.drawing import coordinate, tangents, words
 from erc_contact.output.gathered import AXIS, Surface, mean_normal
 
@@ -23,9 +24,7 @@ def along(surface: Surface) -> tuple[np.ndarray, str]:
 def _arc_length(surface: Surface) -> tuple[np.ndarray, str]:
     """The arc length s along a curved contact, which may have several parts or be closed, and its label.
 
-    Each facet first knows its successor, then the facet 2, 4, ... places further on,
-    until it knows the end of its part and the length to it (pointer jumping). A closed
-    part is cut far from the mean place of the pressure, where s is zero.
+    A closed part is cut far from the mean place of the pressure, where s is zero.
     """
     traction, ends = surface.traction, surface.x[:, :2, :2]
     n, area, many = traction.contact.direction, traction.area, len(traction.area)
@@ -35,13 +34,9 @@ def _arc_length(surface: Surface) -> tuple[np.ndarray, str]:
     first, last = np.where(forward, surface.vertices.T, surface.vertices.T[::-1])
     force = area * np.maximum(-traction.normal_component, 0).mean(axis=1)
     centre = np.average(ends.mean(axis=1), axis=0, weights=force if force.any() else area)
-    order = np.argsort(first)
-    found = order[np.minimum(np.searchsorted(first, last, sorter=order), many - 1)]
-    successor = np.where(first[found] == last, found, np.arange(many))
+    successor = successors(first, last)
     while True:
-        rest, end = np.where(successor == np.arange(many), 0.0, area), successor
-        for _ in range(many.bit_length()):
-            rest, end = rest + rest[end], end[end]
+        rest, end = to_chain_ends(successor, area)
         closed = np.flatnonzero(successor[end] != end)
         if len(closed) == 0:
             break

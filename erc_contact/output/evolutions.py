@@ -116,8 +116,8 @@ def plot_loop(
     parts += [load.facets for load in scene.loads if load.facets is not None]
     where = [*parts, contact][0] if part is None else part
     force = history.force(contact)
-    n = model.contact(contact).direction
-    total = model.comm.allreduce(n[model.owned(model.contact(contact).facets)].sum(axis=0))
+    trace = model.contact(contact).trace
+    total = model.comm.allreduce(trace.direction[trace.here.owned].sum(axis=0))
     along = tangents(total / (np.linalg.norm(total) or 1.0))
     chosen = along[np.ptp(force @ along.T, axis=0).argmax()]
     moved = np.array([_mean_displacement(error, where) @ chosen for error in history.errors])
@@ -222,8 +222,7 @@ def animate(history: History, path: str | Path, seconds: float = 0.15) -> None:
 def _mean_displacement(error: ConstitutiveError, part: str) -> np.ndarray:
     """The mean of u^ on a boundary part [length], shape (d,); collective."""
     model = error.model
-    facets = model.domain.facets(part)
-    facets = facets[model.owned(facets)]
+    facets = model.domain.owned_facets(part)
     points, weights = rule(model.d - 1, model.degree)
     nodal = error.admissible.displacement.x.array.reshape(-1, model.d)[model.facet_nodes(facets)]
     means = weights @ np.matmul(lagrange(model.d - 1, model.degree, points), nodal)

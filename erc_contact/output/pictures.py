@@ -254,7 +254,7 @@ def _up(admissible: Admissible) -> np.ndarray:
     """
     total, model = np.zeros(3), admissible.model
     for traction in admissible.tractions[:1]:
-        own = model.owned(traction.contact.facets)
+        own = traction.contact.trace.here.owned
         total[: model.d] = traction.area[own] @ traction.contact.direction[own]
     total = np.array(model.comm.allgather(total)).sum(axis=0)
     axis = int(abs(total).argmax()) if total.any() else 1

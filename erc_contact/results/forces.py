@@ -27,8 +27,7 @@ def force(result: Any, part: str) -> Force:
     """
     pair = pair_of(result)
     model, cells = pair.model, pair.cell_geometry
-    sides = model.domain.facets(part)
-    facets = model.facet_numbers(sides[model.owned(sides)])
+    facets = model.facet_numbers(model.domain.owned_facets(part))
     d, k = model.d, model.degree
     cell, i = np.divmod(cells.side[0][facets], d + 1)
     corners = np.take_along_axis(cells.vertices[cell], facet_vertices(d)[i], axis=1)

@@ -12,7 +12,7 @@ import numpy as np
 
 from erc_contact.admissible.pair import Admissible
 from erc_contact.mesh.simplex import bernstein
-from erc_contact.model.maximum import TIE
+from erc_contact.model.maximum import EQUAL_MAXIMA
 from erc_contact.model.profile import profile_points
 from erc_contact.model.stress import von_mises
 from erc_contact.results.stresses import mean_stress
@@ -36,7 +36,7 @@ def peaks(pair: Admissible) -> dict[str, float]:
     shape = bernstein(model.d - 1, model.degree, profile_points(model))
     pressure, shear, size = [np.empty(0)], [np.empty(0)], [np.empty(0)]
     for traction in pair.tractions:
-        own = model.owned(traction.contact.facets)
+        own = traction.contact.trace.here.owned
         tangential = np.matmul(shape, traction.tangential_part[own])
         pressure.append((-traction.normal_component[own] @ shape.T).max(axis=1))
         shear.append(np.linalg.norm(tangential, axis=2).max(axis=1))
@@ -63,4 +63,4 @@ def _greatest(values: np.ndarray, sizes: np.ndarray) -> tuple[float, float]:
 
 def _near(values: np.ndarray, top: float) -> np.ndarray:
     """Which values equal the greatest one but for round-off."""
-    return values >= top - TIE * abs(top) if np.isfinite(top) else values == top
+    return values >= top - EQUAL_MAXIMA * abs(top) if np.isfinite(top) else values == top

@@ -157,9 +157,7 @@ def _works(
     """
     model = pair.model
     points, weights = rule(model.d - 1, 2 * model.degree)
-    facets = model.domain.facets(part)
-    own = model.owned(facets)
-    facets = facets[own]
+    facets = model.domain.owned_facets(part)
     t, u = _at(pair, part, points)
     if before is not None:
         if before.domain is model.domain and before.model.degree == model.degree:
@@ -174,7 +172,8 @@ def _works(
     total = float(areas @ ((t * u).sum(axis=-1) @ weights))
     tangential = 0.0
     if contact is not None:
-        _, t_t, _ = split(t, contact.direction[own][:, None, :])
+        n = contact.direction[contact.trace.here.owned]
+        _, t_t, _ = split(t, n[:, None, :])
         tangential = float(areas @ ((t_t * u).sum(axis=-1) @ weights))
     total, tangential = model.comm.allreduce(np.array([total, tangential]), MPI.SUM)
     return float(total), float(tangential)
@@ -194,8 +193,7 @@ def _at(pair: Admissible, part: str, points: np.ndarray) -> tuple[np.ndarray, np
 def _facets(pair: Admissible, part: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Corners (f, d, d), coefficients of sigma^ n (f, m, d) and nodal values of u^ (f, m, d) of owned facets."""
     model, d, k = pair.model, pair.model.d, pair.model.degree
-    facets = model.domain.facets(part)
-    facets = facets[model.owned(facets)]
+    facets = model.domain.owned_facets(part)
     nodes = model.facet_nodes(facets)
     moments = np.empty((*nodes.shape, d))
     order = facet_order(nodes[:, :d], k)[:, :, None]

@@ -14,7 +14,7 @@ import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from functools import partial
-from numbers import Integral, Real
+from numbers import Real
 from typing import Any
 
 import basix.ufl
@@ -26,6 +26,7 @@ from ufl.algorithms.analysis import extract_coefficients, extract_constants
 from ufl.algorithms.signature import compute_expression_signature
 from ufl.domain import extract_domains, extract_unique_domain
 
+from erc_contact.base.code import literal
 from erc_contact.base.exceptions import together
 from erc_contact.base.versions import versions
 from erc_contact.mesh.domain import Domain
@@ -116,9 +117,7 @@ def _of_mesh(domain: Domain) -> Fingerprint:
     parts = comm.gather(np.round(own / domain.extent, DIGITS) + 0.0)
     x = np.concatenate(parts) if parts else np.empty((0, 3))
     digest = hashlib.sha256(x[np.lexsort(x.T)].tobytes()).hexdigest()[:16]
-    facets = {
-        name: int((domain.facets(name)[:, 0] < domain.owned_cells).sum()) for name in domain.outer
-    }
+    facets = {name: len(domain.owned_facets(name)) for name in domain.outer}
     regions = {
         name: int((domain.region(name) < domain.owned_cells).sum()) for name in domain.regions
     }
@@ -152,10 +151,9 @@ def _of_object(what: str, value: Any, x: Any) -> Iterator[tuple[str, str]]:
 
 def _in_words(value: Any, x: Any) -> str | None:
     """A value in words, None if it is an object with attributes."""
-    if value is None or isinstance(value, bool | str):
-        return repr(value)
-    if isinstance(value, Real):
-        return repr(int(value) if isinstance(value, Integral) else float(value))
+    words = literal(value)
+    if words is not None:
+        return words
     if isinstance(value, tuple | list | np.ndarray):
         return f"({', '.join(str(_in_words(v, x)) for v in value)})"
     if isinstance(value, Mapping):

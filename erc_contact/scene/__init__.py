@@ -1,1 +1,1 @@
-"""What is declared: materials, friction laws, supports, loads and contacts. Data and UFL, no mesh."""
+"""Declare materials, laws, supports, loads and contacts: data and UFL, no mesh."""

@@ -1,4 +1,4 @@
-"""Contact and friction laws: the admissible tractions of a foundation (UFL, no mesh).
+"""Declare contact and friction laws: the admissible tractions of a foundation.
 
 Symbols, with n the unit normal of the foundation that points into it (outward from the
 body): w = u on the contact boundary, w_n = w.n, w_t = w - w_n n [length]; r the contact
@@ -29,11 +29,12 @@ from typing import Any, ClassVar, Protocol
 import ufl
 
 from erc_contact.base.exceptions import InputError
+from erc_contact.base.ufl_types import Ufl
 from erc_contact.scene.material import Value
 
 
 class Law(Protocol):
-    """A friction law.
+    """Describe a friction law.
 
     Example: ``demos/extend/law.py``.
 
@@ -45,8 +46,8 @@ class Law(Protocol):
     @property
     def parameters(self) -> tuple[str, ...]: ...  # noqa: D102
 
-    def friction_bound(self, pressure: Any, *values: Any, **parameters: Any) -> Any:
-        """The friction bound b(p) [force/area], UFL, a scalar.
+    def friction_bound(self, pressure: Ufl, *values: Ufl, **parameters: Ufl) -> Ufl:
+        """Return the friction bound b(p) [force/area], UFL, a scalar.
 
         It is >= 0, never decreases and is concave in p. Of a bilateral contact it does
         not depend on p.
@@ -61,15 +62,16 @@ class Law(Protocol):
 
 
 def _check(what: str, value: Any) -> None:
-    if not callable(value) and not (
-        isinstance(value, Real) and isfinite(value) and float(value) >= 0
-    ):
+    """Check that a parameter is a number >= 0 or a callable."""
+    if callable(value):
+        return
+    if not isinstance(value, Real) or not isfinite(value) or not float(value) >= 0:
         raise InputError(f"{what} is {value!r}; give a finite number >= 0, or a callable of x.")
 
 
 @dataclass(frozen=True)
 class Coulomb:
-    """Coulomb friction, ``b = mu p``.
+    """Declare Coulomb friction, ``b = mu p``.
 
     Args:
         friction: Friction coefficient mu >= 0 [-], number or callable of x.
@@ -82,16 +84,17 @@ class Coulomb:
     parameters: ClassVar[tuple[str, ...]] = ("friction",)
 
     def __post_init__(self) -> None:
+        """Check the friction coefficient."""
         _check("Coulomb: friction", self.friction)
 
-    def friction_bound(self, pressure: Any, friction: Any) -> Any:
-        """``b(p) = mu p`` [force/area]."""
+    def friction_bound(self, pressure: Ufl, friction: Ufl) -> Ufl:
+        """Return ``b(p) = mu p`` [force/area]."""
         return friction * pressure
 
 
 @dataclass(frozen=True)
 class Tresca:
-    """Given friction, ``b = s`` whatever the pressure.
+    """Declare Tresca friction, ``b = s`` whatever the pressure.
 
     Args:
         limit: Friction bound s >= 0 [force/area], number or callable of x.
@@ -104,16 +107,18 @@ class Tresca:
     parameters: ClassVar[tuple[str, ...]] = ("limit",)
 
     def __post_init__(self) -> None:
+        """Check the friction bound."""
         _check("Tresca: limit", self.limit)
 
-    def friction_bound(self, pressure: Any, limit: Any) -> Any:
-        """``b(p) = s`` [force/area]."""
+    def friction_bound(self, pressure: Ufl, limit: Ufl) -> Ufl:
+        """Return ``b(p) = s`` [force/area]."""
         return limit
 
 
-def project(z: Any, n: Any, bound: Callable[[Any], Any] | None, *, bilateral: bool = False) -> Any:
-    """Project a traction on the tractions that a law allows, first its normal part, then its tangential part.
+def project(z: Ufl, n: Ufl, bound: Callable[[Ufl], Ufl] | None, *, bilateral: bool = False) -> Ufl:
+    """Project a traction on the tractions that a law allows [force/area], UFL.
 
+    First its normal part is projected, then its tangential part with the bound there:
     ``r_n = min(z_n, 0)``, or z_n where the contact is bilateral; ``r_t = z_t`` if
     ``|z_t| < b(p)`` (stick), else ``b(p) z_t/|z_t|`` (slip).
 
@@ -134,7 +139,7 @@ def project(z: Any, n: Any, bound: Callable[[Any], Any] | None, *, bilateral: bo
     z_t = z - z_n * n
     size = ufl.sqrt(ufl.dot(z_t, z_t))
     limit = bound(-r_n)
-    divisor = ufl.conditional(
-        ufl.gt(size, 0), size, 1
-    )  # an open contact has b = 0 and may have z_t = 0
-    return r_n * n + ufl.conditional(ufl.lt(size, limit), 1, limit / divisor) * z_t
+    # An open contact has b = 0 and may have z_t = 0: no division by zero.
+    divisor = ufl.conditional(ufl.gt(size, 0), size, 1)
+    share = ufl.conditional(ufl.lt(size, limit), 1, limit / divisor)
+    return r_n * n + share * z_t

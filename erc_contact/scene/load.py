@@ -1,4 +1,4 @@
-"""Loads: forces on a part of the boundary or in the body.
+"""Declare loads: forces on a part of the boundary or in the body.
 
 A load of a new kind is a class with the members of :class:`Load`. Its form, its moments
 on facets and cells, what the mesh does not carry of it and its checks follow from its
@@ -8,15 +8,16 @@ density.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar, Protocol
+from typing import ClassVar, Protocol
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.scene.given import Vector, check_name, check_value, check_vector
+from erc_contact.base.ufl_types import Ufl
+from erc_contact.scene.checks import Vector, check_name, check_value, check_vector
 from erc_contact.scene.material import Value
 
 
 class Load(Protocol):
-    """A load.
+    """Describe a load.
 
     Example: ``demos/extend/load.py``.
 
@@ -34,8 +35,10 @@ class Load(Protocol):
     @property
     def parameters(self) -> tuple[str, ...]: ...  # noqa: D102
 
-    def density(self, x: Any, n: Any, *values: Any, **parameters: Any) -> Any:
-        """The force per area [force/area], or per volume [force/volume], UFL or a sequence of d components.
+    def density(self, x: Ufl, n: Ufl, *values: Ufl, **parameters: Ufl) -> Ufl:
+        """Return the force per area [force/area] or per volume [force/volume].
+
+        It is UFL, or a sequence of d components.
 
         Args:
             x: Position [length], UFL, shape (d,).
@@ -49,7 +52,7 @@ class Load(Protocol):
 
 @dataclass(frozen=True)
 class Traction:
-    """Given surface force on a part of the boundary: a vector F, or a pressure p with ``F = -p n``.
+    """Declare a surface force F, or a pressure p with ``F = -p n``, on a boundary part.
 
     Args:
         facets: Name of the boundary part.
@@ -66,6 +69,7 @@ class Traction:
     pressure: Value | None = None
 
     def __post_init__(self) -> None:
+        """Check the arguments."""
         check_name("Traction", self.facets)
         what = f"Traction({self.facets!r})"
         if (self.value is None) == (self.pressure is None):
@@ -79,17 +83,17 @@ class Traction:
 
     @property
     def parameters(self) -> tuple[str, ...]:
-        """The one of the two that is given."""
+        """Return the name of the argument that is not None."""
         return ("value",) if self.pressure is None else ("pressure",)
 
-    def density(self, x: Any, n: Any, value: Any = None, pressure: Any = None) -> Any:
-        """``F`` or ``-p n`` [force/area], UFL, shape (d,)."""
+    def density(self, x: Ufl, n: Ufl, value: Ufl = None, pressure: Ufl = None) -> Ufl:
+        """Return ``F`` or ``-p n`` [force/area], UFL, shape (d,)."""
         return value if pressure is None else -pressure * n
 
 
 @dataclass(frozen=True)
 class BodyForce:
-    """Given force per volume f in the whole body [force/volume].
+    """Declare a force per volume f in the whole body [force/volume].
 
     Args:
         value: Vector of numbers or callables, or one callable of x that returns a
@@ -101,10 +105,11 @@ class BodyForce:
     parameters: ClassVar[tuple[str, ...]] = ("value",)
 
     def __post_init__(self) -> None:
+        """Check the vector."""
         check_vector("BodyForce", self.value)
         if not callable(self.value):
             object.__setattr__(self, "value", tuple(self.value))
 
-    def density(self, x: Any, n: Any, value: Any) -> Any:
-        """``f`` [force/volume], UFL, shape (d,)."""
+    def density(self, x: Ufl, n: Ufl, value: Ufl) -> Ufl:
+        """Return ``f`` [force/volume], UFL, shape (d,)."""
         return value

@@ -1,4 +1,4 @@
-"""Linear elastic materials: strain, stress, compliance (UFL, no mesh).
+"""Declare linear elastic materials: strain, stress, compliance (UFL, no mesh).
 
 Symbols: u displacement [length], eps strain [-], sigma stress [force/area], E Young's
 modulus [force/area], nu Poisson's ratio [-], G shear modulus, d the dimension.
@@ -24,46 +24,61 @@ import numpy as np
 import ufl
 
 from erc_contact.base.exceptions import InputError
+from erc_contact.base.ufl_types import Ufl
 
 Value = float | Callable[[Any], Any]
-"""A number, or a callable of the position x that returns a number or a UFL expression of x."""
+"""A number, or a callable of the position x that returns a number or UFL of x."""
 
 HYPOTHESES = PLANE_STRAIN, PLANE_STRESS = ("plane strain", "plane stress")
 
 
 @cache
 def mandel_basis(d: int) -> np.ndarray:
-    """Orthonormal basis of the symmetric (d, d) matrices, shape (s, d, d) with s = d(d+1)/2."""
+    """Return an orthonormal basis of the symmetric (d, d) matrices.
+
+    Shape (s, d, d) with s = d(d+1)/2.
+    """
     basis = [np.outer(e, e) for e in np.eye(d)]
     for i in range(d):
         for j in range(i + 1, d):
-            b = np.zeros((d, d))
-            b[i, j] = b[j, i] = 1 / sqrt(2)
-            basis.append(b)
+            # Twice the square of 1/sqrt(2) is 1: the matrix has unit norm.
+            shear = np.zeros((d, d))
+            shear[i, j] = 1 / sqrt(2)
+            shear[j, i] = 1 / sqrt(2)
+            basis.append(shear)
     return np.array(basis)
 
 
-def mandel_matrix(act: Callable[..., Any], d: int, **parameters: Any) -> Any:
-    """The matrix of a linear map of symmetric tensors, stress or compliance, in Mandel components, UFL (s, s)."""
-    basis = [ufl.as_tensor(b.tolist()) for b in mandel_basis(d)]
-    images = [act(b, **parameters) for b in basis]
-    return ufl.as_matrix([[ufl.inner(b, image) for image in images] for b in basis])
+def mandel_matrix(act: Callable[..., Ufl], d: int, **parameters: Ufl) -> Ufl:
+    """Return a linear map of symmetric tensors in Mandel components, UFL (s, s).
+
+    Args:
+        act: The map, stress or compliance.
+        d: Dimension.
+        parameters: Its parameters, UFL.
+    """
+    basis = [ufl.as_tensor(tensor.tolist()) for tensor in mandel_basis(d)]
+    images = [act(tensor, **parameters) for tensor in basis]
+    rows = []
+    for tensor in basis:
+        rows.append([ufl.inner(tensor, image) for image in images])
+    return ufl.as_matrix(rows)
 
 
-def strain(u: Any) -> Any:
-    """Linearised strain ``eps(u) = (grad u + grad u^T)/2`` [-], shape (d, d)."""
+def strain(u: Ufl) -> Ufl:
+    """Return the strain ``eps(u) = (grad u + grad u^T)/2`` [-], shape (d, d)."""
     return ufl.sym(ufl.grad(u))
 
 
-def scale_parts(tensor: Any, deviator: Any, sphere: Any) -> Any:
-    """Scale the deviator and the sphere of a (d, d) tensor: ``deviator * dev + sphere * sph``."""
+def scale_parts(tensor: Ufl, deviator: Ufl, sphere: Ufl) -> Ufl:
+    """Return ``deviator * dev + sphere * sph`` of a (d, d) tensor."""
     d = tensor.ufl_shape[0]
     sph = ufl.tr(tensor) / d * ufl.Identity(d)
     return deviator * (tensor - sph) + sphere * sph
 
 
 class Material(Protocol):
-    """A linear elastic material.
+    """Describe a linear elastic material.
 
     Stress, compliance and modulus get the parameters by their names, as UFL: a class
     with the parameters ("lam", "G") has ``stress(self, eps, lam, G)``; ``*values`` is
@@ -83,29 +98,33 @@ class Material(Protocol):
     def parameters(self) -> tuple[str, ...]: ...  # noqa: D102
 
     def check(self, name: str, low: float, high: float) -> None:
-        """Refuse the range ``[low, high]`` that a parameter takes in the body, by an InputError.
+        """Check the range ``[low, high]`` that a parameter takes in the body.
 
-        It is called for callables and mappings, when the scene meets its mesh. It is
-        not called for numbers: a class checks these itself when it is made.
+        A wrong one is refused by an InputError. The method is called for callables and
+        mappings, when the scene meets its mesh. It is not called for numbers: a class
+        checks these itself when it is made.
         """
 
-    def stress(self, eps: Any, *values: Any, **parameters: Any) -> Any:
-        """``C eps`` [force/area], UFL, shape (d, d).
+    def stress(self, eps: Ufl, *values: Ufl, **parameters: Ufl) -> Ufl:
+        """Return ``C eps`` [force/area], UFL, shape (d, d).
 
         It is linear in eps, a (d, d) tensor [-]; ``a : C b = b : C a``, and ``a : C a >
         0`` unless a is zero.
         """
 
-    def compliance(self, sigma: Any, *values: Any, **parameters: Any) -> Any:
-        """``C^-1 sigma`` [-], UFL, shape (d, d): the inverse of stress to 8 digits."""
+    def compliance(self, sigma: Ufl, *values: Ufl, **parameters: Ufl) -> Ufl:
+        """Return ``C^-1 sigma`` [-], UFL, shape (d, d).
 
-    def modulus(self, *values: Any, **parameters: Any) -> Any:
-        """A modulus > 0 that scales contact parameters [force/area], UFL."""
+        It inverts the stress to 8 digits.
+        """
+
+    def modulus(self, *values: Ufl, **parameters: Ufl) -> Ufl:
+        """Return a modulus > 0 that scales contact parameters [force/area], UFL."""
 
 
 @dataclass(frozen=True)
 class Elastic:
-    """Isotropic linear elasticity.
+    """Declare isotropic linear elasticity.
 
     A material of the user's own is a class with the same members: ``parameters`` (names
     of the attributes that are values in space), ``check``, ``stress`` (symmetric and
@@ -131,23 +150,32 @@ class Elastic:
     parameters: ClassVar[tuple[str, ...]] = ("E", "nu")
 
     def __repr__(self) -> str:
-        """Tell the hypothesis only if it is not the usual one: in space there is none."""
-        hypothesis = "" if self.hypothesis == PLANE_STRAIN else f", hypothesis={self.hypothesis!r}"
+        """Return the material in words.
+
+        The hypothesis is named only if it is not the usual one: in space there is none.
+        """
+        hypothesis = ""
+        if self.hypothesis != PLANE_STRAIN:
+            hypothesis = f", hypothesis={self.hypothesis!r}"
         return f"{type(self).__name__}(E={self.E!r}, nu={self.nu!r}{hypothesis})"
 
     def __post_init__(self) -> None:
+        """Check the hypothesis and the numbers."""
         if self.hypothesis not in HYPOTHESES:
             raise InputError(
-                f"Elastic: hypothesis is {self.hypothesis!r}; allowed are {' and '.join(HYPOTHESES)}."
+                f"Elastic: hypothesis is {self.hypothesis!r}; allowed are"
+                f" {' and '.join(HYPOTHESES)}."
             )
         for name in self.parameters:
             value = getattr(self, name)
-            for number in value.values() if isinstance(value, Mapping) else (value,):
+            numbers = value.values() if isinstance(value, Mapping) else [value]
+            for number in numbers:
                 if callable(number):
                     continue
                 if not isinstance(number, Real):
                     raise InputError(
-                        f"Elastic: {name} is {number!r}; give a number, a callable of x, or a mapping of regions."
+                        f"Elastic: {name} is {number!r}; give a number, a callable of x, or a"
+                        " mapping of regions."
                     )
                 self.check(name, float(number), float(number))
 
@@ -165,29 +193,40 @@ class Elastic:
         if name == "nu" and not -1.0 < low <= high < 0.5:
             wrong = low if not low > -1.0 else high
             raise InputError(
-                f"Elastic: Poisson's ratio nu is {wrong:g}; it must lie in the open interval (-1, 1/2)."
+                f"Elastic: Poisson's ratio nu is {wrong:g}; it must lie in the open interval"
+                " (-1, 1/2)."
             )
 
-    def moduli(self, d: int, E: Any, nu: Any) -> tuple[Any, Any]:
-        """The factors (a, b) of deviator and sphere [force/area]: ``a = 2G``, ``b = 2G + d lambda``."""
+    def moduli(self, d: int, E: Ufl, nu: Ufl) -> tuple[Ufl, Ufl]:
+        """Return the factors a and b of deviator and sphere [force/area].
+
+        They are ``a = 2G`` and ``b = 2G + d lambda``.
+        """
         shear = E / (1 + nu)
         if d == 3:
             return shear, E / (1 - 2 * nu)
-        return shear, E / (1 - nu) if self.hypothesis == "plane stress" else shear / (1 - 2 * nu)
+        # In 2D the sphere is that in plane, b = 2 (lambda + G); plane stress has a
+        # lambda of its own.
+        if self.hypothesis == PLANE_STRESS:
+            return shear, E / (1 - nu)
+        return shear, shear / (1 - 2 * nu)
 
-    def stress(self, eps: Any, E: Any, nu: Any) -> Any:
-        """``sigma = C eps`` [force/area], shape (d, d)."""
-        return scale_parts(eps, *self.moduli(eps.ufl_shape[0], E, nu))
+    def stress(self, eps: Ufl, E: Ufl, nu: Ufl) -> Ufl:
+        """Return ``sigma = C eps`` [force/area], shape (d, d)."""
+        a, b = self.moduli(eps.ufl_shape[0], E, nu)
+        return scale_parts(eps, a, b)
 
-    def compliance(self, sigma: Any, E: Any, nu: Any) -> Any:
-        """``eps = C^-1 sigma`` [-], shape (d, d)."""
+    def compliance(self, sigma: Ufl, E: Ufl, nu: Ufl) -> Ufl:
+        """Return ``eps = C^-1 sigma`` [-], shape (d, d)."""
         a, b = self.moduli(sigma.ufl_shape[0], E, nu)
         return scale_parts(sigma, 1 / a, 1 / b)
 
-    def out_of_plane(self, sigma: Any, E: Any, nu: Any) -> Any:
-        """The stress ``sigma_zz`` of a plane stress tensor (2, 2) [force/area]."""
-        return 0.0 if self.hypothesis == "plane stress" else nu * ufl.tr(sigma)
+    def out_of_plane(self, sigma: Ufl, E: Ufl, nu: Ufl) -> Ufl:
+        """Return the stress ``sigma_zz`` of a plane tensor (2, 2) [force/area]."""
+        if self.hypothesis == PLANE_STRESS:
+            return 0.0
+        return nu * ufl.tr(sigma)
 
-    def modulus(self, E: Any, nu: Any) -> Any:
-        """The modulus that scales contact parameters [force/area]: Young's."""
+    def modulus(self, E: Ufl, nu: Ufl) -> Ufl:
+        """Return the modulus that scales contact parameters [force/area]: Young's."""
         return E

@@ -1,14 +1,14 @@
-"""What the user declares: a body's material, supports, loads and contacts. Frozen data, no mesh.
+"""Declare a scene: a body's material, supports, loads and contacts.
 
-A scene names the parts of the boundary; it is put on a mesh by
-:class:`erc_contact.model.model.Model`. Values that vary in space are callables of x
-(UFL in, UFL out), so a scene survives every new mesh.
+It is frozen data without a mesh. A scene names the parts of the boundary; it is put on
+a mesh by :class:`erc_contact.model.model.Model`. Values that vary in space are
+callables of x (UFL in, UFL out), so a scene survives every new mesh.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -21,17 +21,17 @@ from erc_contact.scene.material import Material
 from erc_contact.scene.support import Displacement
 from erc_contact.scene.words import in_words
 
-MATERIAL = ("parameters", "check", "stress", "compliance", "modulus")
-"""What a material has."""
-LOAD = ("facets", "parameters", "density")
-"""What a load has."""
+MATERIAL_MEMBERS = ("parameters", "check", "stress", "compliance", "modulus")
+"""Names of the members of a material."""
+LOAD_MEMBERS = ("facets", "parameters", "density")
+"""Names of the members of a load."""
 CAUSES = TRACTIONS, BODY_FORCE, BALANCE = "tractions", "body force", "balance"
-"""Names of forces in the result ``reactions()``, beside those of supports and contacts."""
+"""Names of forces in ``reactions()``, beside those of supports and contacts."""
 
 
 @dataclass(frozen=True)
 class Scene:
-    """An elastic body, what holds it, what loads it and what it may touch.
+    """Declare an elastic body, its supports, its loads and its contacts.
 
     Args:
         material: :class:`Elastic`, or a class of the user's with the same methods.
@@ -53,93 +53,146 @@ class Scene:
     contacts: Sequence[Contact] = ()
 
     def __post_init__(self) -> None:
-        missing = [member for member in MATERIAL if not hasattr(self.material, member)]
+        """Check the entries and their names, and make tuples of them."""
+        missing = [name for name in MATERIAL_MEMBERS if not hasattr(self.material, name)]
         if missing or isinstance(self.material, type):
             raise InputError(
-                f"Scene: material is {self.material!r}; give an Elastic(E, nu), or an object of a class of your own "
-                f"with {', '.join(MATERIAL)}."
+                f"Scene: material is {self.material!r}; give an Elastic(E, nu), or an object of a"
+                f" class of your own with {', '.join(MATERIAL_MEMBERS)}."
             )
-        for name, what, fits in (
-            ("supports", "Displacement", lambda entry: isinstance(entry, Displacement)),
-            ("loads", "Traction and BodyForce", _is_load),
-            ("contacts", "Contact", lambda entry: isinstance(entry, Contact)),
-        ):
-            given: Any = getattr(self, name)
-            if not isinstance(given, list | tuple) and not fits(given):
-                raise InputError(f"Scene: {name} is {given!r}; give a list of {what}.")
-            entries = tuple(given) if isinstance(given, list | tuple) else (given,)
-            for entry in entries:
-                if not fits(entry):
-                    own = f", and objects with {', '.join(LOAD)}" if name == "loads" else ""
-                    raise InputError(f"Scene: {name} holds {entry!r}; allowed are {what}{own}.")
-            object.__setattr__(self, name, entries)
-        for facets in (*(s.facets for s in self.supports), *(c.facets for c in self.contacts)):
-            if facets in CAUSES:
+        members = ", ".join(LOAD_MEMBERS)
+        loads = "Traction and BodyForce"
+        loads_or_own = f"{loads}, and objects with {members}"
+        self._check_entries("supports", _is_support, "Displacement", "Displacement")
+        self._check_entries("loads", _is_load, loads, loads_or_own)
+        self._check_entries("contacts", _is_contact, "Contact", "Contact")
+        parts = [support.facets for support in self.supports]
+        parts += [contact.facets for contact in self.contacts]
+        for part in parts:
+            if part in CAUSES:
                 raise InputError(
-                    f"Scene: the boundary part {facets!r} has a name that reactions() has for another force; rename "
-                    f"it, and avoid {', '.join(map(repr, CAUSES))}."
+                    f"Scene: the boundary part {part!r} has a name that reactions() has"
+                    f" for another force; rename it, and avoid {', '.join(map(repr, CAUSES))}."
                 )
         self._check_conflicts()
 
     def _repr_html_(self) -> str:
-        """The scene in a notebook."""
+        """Return the scene as a table in a notebook."""
         return table(in_words(self), caption="Scene")
 
+    def _check_entries(
+        self, name: str, fits: Callable[[Any], bool], kinds: str, allowed: str
+    ) -> None:
+        """Check the entries of a list, and make a tuple of them.
+
+        Args:
+            name: Name of the list. A single entry needs no list.
+            fits: Tells whether an entry is of the right kind.
+            kinds: The kinds of entries in words.
+            allowed: All that is allowed in words.
+        """
+        value: Any = getattr(self, name)
+        if isinstance(value, list | tuple):
+            entries = tuple(value)
+        elif fits(value):
+            entries = (value,)
+        else:
+            raise InputError(f"Scene: {name} is {value!r}; give a list of {kinds}.")
+        for entry in entries:
+            if not fits(entry):
+                raise InputError(f"Scene: {name} holds {entry!r}; allowed are {allowed}.")
+        # The class is frozen: only here an attribute may change.
+        object.__setattr__(self, name, entries)
+
     def _check_conflicts(self) -> None:
-        fixed = [
-            (s.facets, i)
-            for s in self.supports
-            for i, value in enumerate(s.value)
-            if value is not None
-        ]
+        """Check that no two entries prescribe different things at one place."""
+        fixed = _fixed_components(self.supports)
         for (facets, component), times in Counter(fixed).items():
             if times > 1:
                 raise InputError(
-                    f"Component {component} of {facets!r} is fixed by {times} supports; keep one of them."
+                    f"Component {component} of {facets!r} is fixed by {times} supports; keep one"
+                    " of them."
                 )
-        touching = Counter(c.facets for c in self.contacts)
-        for facets, times in touching.items():
+        contacts = Counter(contact.facets for contact in self.contacts)
+        for facets, times in contacts.items():
             if times > 1:
                 raise InputError(f"{facets!r} is in {times} contacts; keep one of them.")
-            others = [
-                type(o).__name__
-                for o in (*self.supports, *self.loads)
-                if getattr(o, "facets", None) == facets
-            ]
-            if others:
-                raise InputError(
-                    f"{facets!r} is in a Contact and in a {others[0]}; a boundary part can be in one of them."
-                )
-        for load in self.loads:
-            if load.facets is None:
-                continue
-            free = {
-                i for s in self.supports if s.facets == load.facets for i in range(len(s.value))
-            }
-            free -= {i for facets, i in fixed if facets == load.facets}
-            held = any(s.facets == load.facets for s in self.supports)
-            if held and not free:
-                raise InputError(
-                    f"{load.facets!r} has a {type(load).__name__} and a Displacement of all components; free a "
-                    "component (None) or remove one of the two."
-                )
-            given = value if isinstance(value := getattr(load, "value", None), tuple) else ()
-            for i, value in enumerate(given):
-                if (load.facets, i) in fixed and (callable(value) or value != 0):
+            others: list[Any] = [*self.supports, *self.loads]
+            for entry in others:
+                if entry.facets == facets:
                     raise InputError(
-                        f"{load.facets!r} has a {type(load).__name__} and a Displacement in component {i}; "
-                        "make the load 0 there, or free the Displacement (None)."
+                        f"{facets!r} is in a Contact and in a {type(entry).__name__}; a boundary"
+                        " part can be in one of them."
                     )
-        owners: list[tuple[Any, Any]] = [(one, one.value) for one in self.supports]
-        owners += [(one, one.normal) for one in self.contacts if isinstance(one.normal, tuple)]
-        for (first, one), (second, other) in pairwise(owners):
-            if len(one) != len(other):
+        for load in self.loads:
+            if load.facets is not None:
+                self._check_load_on_support(load, fixed)
+        self._check_dimensions()
+
+    def _check_load_on_support(self, load: Load, fixed: list[tuple[str, int]]) -> None:
+        """Check that a load acts on free components of its boundary part.
+
+        Args:
+            load: The load.
+            fixed: Boundary part and number of each prescribed component.
+        """
+        supports = [support for support in self.supports if support.facets == load.facets]
+        # Supports of one part may each prescribe some of its components.
+        components = {i for support in supports for i in range(len(support.value))}
+        free = components - {i for facets, i in fixed if facets == load.facets}
+        if supports and not free:
+            raise InputError(
+                f"{load.facets!r} has a {type(load).__name__} and a Displacement of all"
+                " components; free a component (None) or remove one of the two."
+            )
+        value = getattr(load, "value", None)
+        if not isinstance(value, tuple):
+            return
+        for i, component in enumerate(value):
+            acts = callable(component) or component != 0
+            if acts and (load.facets, i) in fixed:
                 raise InputError(
-                    f"The scene mixes vectors of {len(one)} components, {type(first).__name__}({first.facets!r}), and "
-                    f"of {len(other)}, {type(second).__name__}({second.facets!r}); give one for each dimension."
+                    f"{load.facets!r} has a {type(load).__name__} and a Displacement in component"
+                    f" {i}; make the load 0 there, or free the Displacement (None)."
                 )
+
+    def _check_dimensions(self) -> None:
+        """Check that all vectors of supports and contacts have as many components."""
+        vectors: list[tuple[Any, Any]] = [(support, support.value) for support in self.supports]
+        for contact in self.contacts:
+            if isinstance(contact.normal, tuple):
+                vectors.append((contact, contact.normal))
+        for (first, one_value), (second, other_value) in pairwise(vectors):
+            if len(one_value) != len(other_value):
+                raise InputError(
+                    f"The scene mixes vectors of {len(one_value)} components,"
+                    f" {type(first).__name__}({first.facets!r}), and of {len(other_value)},"
+                    f" {type(second).__name__}({second.facets!r}); give one for each dimension."
+                )
+
+
+def _fixed_components(supports: Sequence[Displacement]) -> list[tuple[str, int]]:
+    """List boundary part and number of each component that supports prescribe."""
+    fixed = []
+    for support in supports:
+        for i, value in enumerate(support.value):
+            if value is not None:
+                fixed.append((support.facets, i))
+    return fixed
+
+
+def _is_support(entry: Any) -> bool:
+    """Tell whether an entry is a support."""
+    return isinstance(entry, Displacement)
 
 
 def _is_load(entry: Any) -> bool:
-    """Whether it has the members of a load, and is no class."""
-    return not isinstance(entry, type) and all(hasattr(entry, member) for member in LOAD)
+    """Tell whether an entry has the members of a load, and is no class."""
+    if isinstance(entry, type):
+        return False
+    return all(hasattr(entry, name) for name in LOAD_MEMBERS)
+
+
+def _is_contact(entry: Any) -> bool:
+    """Tell whether an entry is a contact."""
+    return isinstance(entry, Contact)

@@ -1,4 +1,4 @@
-"""Supports: prescribed displacements."""
+"""Declare supports: prescribed displacements."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.scene.given import check_name, check_vector
+from erc_contact.scene.checks import check_name, check_vector
 from erc_contact.scene.material import Value
 
 
 @dataclass(frozen=True)
 class Displacement:
-    """Prescribed displacement ``u = U`` on a part of the boundary, per component.
+    """Declare a prescribed displacement ``u = U`` on a boundary part, per component.
 
     Args:
         facets: Name of the boundary part.
@@ -27,11 +27,13 @@ class Displacement:
     value: Sequence[Value | None]
 
     def __post_init__(self) -> None:
+        """Check the arguments."""
         check_name("Displacement", self.facets)
         what = f"Displacement({self.facets!r})"
         if callable(self.value):
             raise InputError(
-                f"{what}: give one value or callable for each component, (ux, uy), not one callable."
+                f"{what}: give one value or callable for each component, (ux, uy),"
+                " not one callable."
             )
         check_vector(what, self.value, free=True)
         object.__setattr__(self, "value", tuple(self.value))

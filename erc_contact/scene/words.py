@@ -1,4 +1,4 @@
-"""A scene in words, part by part."""
+"""Write a scene in words, part by part."""
 
 from __future__ import annotations
 
@@ -8,36 +8,55 @@ from erc_contact.base.code import arguments, code_of
 
 
 def in_words(scene: Any) -> list[tuple[str, str]]:
-    """What a scene says of each part of the body: name of the part and words; callables by their source."""
-    flat = not any(len(one.value) == 3 for one in scene.supports)
-    rows = [("material", _object(scene.material, hypothesis=flat))]
-    rows += [(one.facets, f"displacement {_vector(one.value)}") for one in scene.supports]
-    rows += [(one.facets or "whole body", _object(one)) for one in scene.loads]
-    return rows + [(one.facets, _contact(one)) for one in scene.contacts]
+    """Return what a scene says of each part of the body: names of parts and words.
+
+    Callables are shown by their source.
+    """
+    in_3d = any(len(support.value) == 3 for support in scene.supports)
+    rows = [("material", _object(scene.material, hypothesis=not in_3d))]
+    for support in scene.supports:
+        rows.append((support.facets, f"displacement {_vector(support.value)}"))
+    for load in scene.loads:
+        rows.append((load.facets or "whole body", _object(load)))
+    for contact in scene.contacts:
+        rows.append((contact.facets, _contact(contact)))
+    return rows
 
 
 def _object(value: Any, *, hypothesis: bool = False) -> str:
-    """Class of a material, load or law and what it has, without the name of the part."""
-    has = {
-        name: one for name, one in arguments(value).items() if name not in ("facets", "hypothesis")
-    }
+    """Return class and arguments of a material, load or law, without its part.
+
+    Args:
+        value: The object.
+        hypothesis: Whether its hypothesis is shown.
+    """
+    shown = {}
+    for name, argument in arguments(value).items():
+        if name not in ("facets", "hypothesis"):
+            shown[name] = argument
     if hypothesis and hasattr(value, "hypothesis"):
-        has["hypothesis"] = value.hypothesis
-    words = (
-        one if isinstance(one, str) else f"{name} = {code_of(one)}" for name, one in has.items()
-    )
+        shown["hypothesis"] = value.hypothesis
+    words = []
+    for name, argument in shown.items():
+        words.append(argument if isinstance(argument, str) else f"{name} = {code_of(argument)}")
     return f"{type(value).__name__}: {', '.join(words)}"
 
 
 def _vector(value: Any) -> str:
-    return f"({', '.join('free' if one is None else code_of(one) for one in value)})"
+    """Return the components of a prescribed displacement in words."""
+    words = ["free" if component is None else code_of(component) for component in value]
+    return f"({', '.join(words)})"
 
 
 def _contact(contact: Any) -> str:
+    """Return a contact in words."""
     law = contact.law
-    friction = "no friction" if law is None else _object(law)
-    if type(law).__name__ == "Coulomb":
+    if law is None:
+        friction = "no friction"
+    elif type(law).__name__ == "Coulomb":
         friction = f"Coulomb friction {code_of(law.friction)}"
+    else:
+        friction = _object(law)
     kind = "bilateral contact" if contact.bilateral else "contact"
     normal = "" if contact.normal is None else f", normal {code_of(contact.normal)}"
     return f"{kind}, {friction}, gap {code_of(contact.gap)}{normal}"

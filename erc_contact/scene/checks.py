@@ -1,4 +1,7 @@
-"""Checks of what a scene is given: names, numbers, vectors. Callables are checked on the mesh."""
+"""Check names, numbers and vectors of a scene.
+
+Callables are checked on the mesh.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +21,7 @@ Vector = Sequence[Value] | Callable[[Any], Any]
 
 
 def check_name(what: str, name: Any) -> None:
-    """Refuse what is no name of a boundary part."""
+    """Check that a value is the name of a boundary part."""
     if not isinstance(name, str):
         raise InputError(
             f"{what} is for {name!r}; give the name of one boundary part, e.g. {what}('top', ...)."
@@ -26,11 +29,15 @@ def check_name(what: str, name: Any) -> None:
 
 
 def check_value(what: str, value: Any, low: float = -float("inf"), unit: str = "") -> None:
-    """Check a number (callables are checked on the mesh)."""
-    if isinstance(value, ufl.core.expr.Expr):
-        raise InputError(
-            f"{what} is UFL or a Function; give a callable of x that returns it, e.g. lambda x: value."
-        )
+    """Check that a value is a number, or a callable.
+
+    Args:
+        what: The value, in words for messages.
+        value: The value.
+        low: Least number that is allowed.
+        unit: Unit, in words for messages.
+    """
+    _check_no_ufl(what, value)
     if callable(value):
         return
     if not isinstance(value, Real) or not isfinite(value) or value < low:
@@ -41,21 +48,31 @@ def check_value(what: str, value: Any, low: float = -float("inf"), unit: str = "
 
 
 def check_vector(what: str, value: Any, *, free: bool = False) -> None:
-    """Refuse what is no sequence of two or three numbers or callables; with ``free`` a component may be None."""
-    if isinstance(value, ufl.core.expr.Expr):
-        raise InputError(
-            f"{what} is UFL or a Function; give a callable of x that returns it, e.g. lambda x: value."
-        )
+    """Check that a value is a sequence of two or three numbers or callables.
+
+    Args:
+        what: The vector, in words for messages.
+        value: The value, or a callable.
+        free: Whether a component may be None.
+    """
+    _check_no_ufl(what, value)
     if callable(value):
         return
-    if (
-        isinstance(value, str)
-        or not isinstance(value, (Sequence, np.ndarray))
-        or len(value) not in (2, 3)
-    ):
+    is_sequence = isinstance(value, Sequence | np.ndarray) and not isinstance(value, str)
+    if not is_sequence or len(value) not in (2, 3):
         raise InputError(
-            f"{what} is {value!r}; give one value for each dimension, e.g. (0.0, -1.0), or a callable."
+            f"{what} is {value!r}; give one value for each dimension, e.g. (0.0, -1.0),"
+            " or a callable."
         )
     for component in value:
         if not (free and component is None):
             check_value(f"{what}: a component", component)
+
+
+def _check_no_ufl(what: str, value: Any) -> None:
+    """Check that a value is no UFL: it would live on one mesh."""
+    if isinstance(value, ufl.core.expr.Expr):
+        raise InputError(
+            f"{what} is UFL or a Function; give a callable of x that returns it,"
+            " e.g. lambda x: value."
+        )

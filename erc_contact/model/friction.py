@@ -1,0 +1,142 @@
+"""Put a friction law on a mesh, and find how its bound depends on the pressure."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from numbers import Real
+
+import numpy as np
+import ufl
+from dolfinx import mesh as dmesh
+from ufl.classes import Division, Product, Sum, Variable, Zero
+from ufl.corealg.traversal import unique_pre_traversal
+
+from erc_contact.base.runtime import compiled
+from erc_contact.base.runtime.patches import forms_freed
+from erc_contact.base.ufl_types import Ufl
+from erc_contact.model.expressions import pointwise
+from erc_contact.model.symbolic import varies_in_cells
+from erc_contact.model.users import call_of_user, scalar
+from erc_contact.scene.law import Law
+
+CONSTANT, PROPORTIONAL, CONCAVE = "constant", "proportional", "concave"
+"""Kinds of friction bounds by their dependence on the pressure.
+
+They do not depend on it, are a multiple of it, or depend on it in another concave way.
+"""
+
+
+@dataclass(frozen=True, eq=False)
+class Friction:
+    """Hold a friction law on a mesh.
+
+    Attributes:
+        law: The law.
+        parameters: Values of its parameters, UFL.
+        dependence: How its bound depends on the pressure: CONSTANT, PROPORTIONAL or
+            CONCAVE.
+        arithmetic: Whether its bound takes numpy arrays as well as UFL.
+        share: Factor of the bound, UFL, with which a solver raises friction in steps;
+            None outside a solver.
+    """
+
+    law: Law
+    parameters: dict[str, Ufl]
+    dependence: str
+    arithmetic: bool
+    share: Ufl = None
+
+    @property
+    def convex(self) -> bool:
+        """Tell whether Bernstein coefficients decide on a whole facet.
+
+        The law then allows a traction on a facet if it allows its coefficients.
+        """
+        if self.dependence == CONCAVE:
+            return False
+        return not any(varies_in_cells(value) for value in self.parameters.values())
+
+    def bound(self, pressure: Ufl) -> Ufl:
+        """Return the friction bound b(p) [force/area], UFL."""
+        bound = self.law.friction_bound(pressure, **self.parameters)
+        return bound if self.share is None else self.share * bound
+
+    def numbers(self, pressure: np.ndarray, values: Mapping[str, np.ndarray]) -> np.ndarray:
+        """Evaluate the friction bound [force/area].
+
+        Args:
+            pressure: Pressures p >= 0 [force/area], of any shape.
+            values: Values of the parameters, of shapes that broadcast with it.
+        """
+        if self.arithmetic:
+            bound = self.law.friction_bound(pressure, **values)
+            return np.broadcast_to(bound, pressure.shape)
+        return pointwise(self.law.friction_bound, pressure, values)
+
+
+def bind_friction(mesh: dmesh.Mesh, what: str, law: Law, parameters: dict[str, Ufl]) -> Friction:
+    """Put a friction law on a mesh; collective.
+
+    The bound is called once as solver and error will call it.
+
+    Args:
+        mesh: The mesh.
+        what: The bound, in words for messages.
+        law: The law.
+        parameters: Values of its parameters, UFL.
+
+    Raises:
+        InputError: If the bound fails, or is no scalar.
+    """
+
+    def bound(pressure: Ufl) -> Ufl:
+        return scalar(what, law.friction_bound(pressure, **parameters))
+
+    # The arrays that the error estimate passes have two axes, facets and points.
+    pressure = np.ones((1, 1))
+    values = {name: np.ones((1, 1)) for name in parameters}
+    dependence = call_of_user(mesh.comm, what, _dependence, mesh, bound)
+    friction = Friction(law, parameters, dependence, _takes_arrays(law, pressure, values))
+    call_of_user(mesh.comm, what, friction.numbers, pressure, values)
+    return friction
+
+
+def _takes_arrays(law: Law, pressure: np.ndarray, values: Mapping[str, np.ndarray]) -> bool:
+    """Tell whether a friction bound takes numpy arrays as well as UFL."""
+    try:
+        bound = law.friction_bound(pressure, **values)
+    except Exception:  # UFL functions do not understand arrays
+        return False
+    return isinstance(bound, Real | np.ndarray)
+
+
+def _dependence(mesh: dmesh.Mesh, bound: Callable[[Ufl], Ufl]) -> str:
+    """Tell how a friction bound, UFL of the pressure, depends on the pressure.
+
+    The derivative alone does not tell: that of ``sign(p)``, or of a conditional between
+    two numbers, is symbolically zero, although the bound jumps. So a bound is CONSTANT
+    only if the pressure is no operand of it, and PROPORTIONAL only if sums, products
+    and quotients alone join the pressure to the bound. All else counts as CONCAVE, of
+    which nothing is claimed that needs more.
+    """
+    pressure = ufl.variable(compiled.constant(mesh, 1.0))
+    expression = ufl.as_ufl(bound(pressure))
+    nodes = unique_pre_traversal(expression)
+    dependent = [node for node in nodes if _contains(node, pressure)]
+    if not dependent:
+        return CONSTANT
+    if not all(isinstance(node, Variable | Sum | Product | Division) for node in dependent):
+        return CONCAVE
+    with forms_freed():
+        slope = ufl.algorithms.apply_derivatives.apply_derivatives(ufl.diff(expression, pressure))
+    if _contains(slope, pressure):
+        return CONCAVE
+    # A bound with a constant slope is proportional only if it is zero at p = 0.
+    through_zero = isinstance(bound(ufl.as_ufl(0.0)), Zero)
+    return PROPORTIONAL if through_zero else CONCAVE
+
+
+def _contains(expression: Ufl, part: Ufl) -> bool:
+    """Tell whether a UFL expression has another one as an operand, at any depth."""
+    return any(node == part for node in unique_pre_traversal(expression))

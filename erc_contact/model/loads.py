@@ -1,0 +1,102 @@
+"""Put the loads of a scene on a mesh: their densities as UFL."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from erc_contact.base.exceptions import InputError
+from erc_contact.base.ufl_types import Ufl
+from erc_contact.mesh.simplex import rule
+from erc_contact.model.expressions import evaluate, without_plain_numbers
+from erc_contact.model.space import Space
+from erc_contact.model.symbolic import varies_in_cells
+from erc_contact.model.users import IN_UFL, call_of_user, vector
+from erc_contact.model.values import DATA_DEGREE, parameter, value_of
+from erc_contact.scene.load import Load
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceLoad:
+    """Hold a load on a part of the boundary of a mesh.
+
+    Attributes:
+        facets: Name of the boundary part.
+        ds: Measure of the part.
+        density: Force per area [force/area], UFL, shape (d,).
+    """
+
+    facets: str
+    ds: Ufl
+    density: Ufl
+
+    @property
+    def varies(self) -> bool:
+        """Tell whether the load varies inside facets."""
+        return varies_in_cells(self.density)
+
+
+def bind_loads(space: Space, loads: Sequence[Load]) -> tuple[list[SurfaceLoad], Ufl | None]:
+    """Put loads on a mesh; collective.
+
+    Returns:
+        The loads on parts of the boundary, and the sum of the loads in the body
+        [force/volume], UFL of shape (d,), or None without them.
+
+    Raises:
+        InputError: If a density has another shape, is not finite, or the code of the
+            user raises.
+    """
+    on_surface = []
+    in_body = []
+    densities = [_density(space, load) for load in loads]
+    for load, density in zip(loads, densities, strict=True):
+        if load.facets is None:
+            in_body.append(density)
+        else:
+            ds = space.ds(space.domain.tag(load.facets))
+            on_surface.append(SurfaceLoad(load.facets, ds, density))
+    return on_surface, sum_of(in_body)
+
+
+def sum_of(terms: Sequence[Ufl]) -> Ufl | None:
+    """Add up UFL terms; None if there are none."""
+    return sum(terms[1:], start=terms[0]) if terms else None
+
+
+def _density(space: Space, load: Load) -> Ufl:
+    """Return the density of a load [force/area] or [force/volume], UFL; collective.
+
+    Raises:
+        InputError: If it has another shape than (d,), is not finite, or the code of the
+            user raises.
+    """
+    on_boundary = load.facets is not None
+    what = type(load).__name__
+    if on_boundary:
+        what += f"({load.facets!r})"
+    parameters = {}
+    for name in load.parameters:
+        what_value = what if name == "value" else f"{what}: {name}"
+        parameters[name] = value_of(space, parameter(load, name), what_value)
+    normal = space.n if on_boundary else None
+
+    def call() -> Ufl:
+        return vector(load.density(space.x, normal, **parameters))
+
+    density = without_plain_numbers(call_of_user(space.comm, what, call), space.mesh)
+    if density.ufl_shape != (space.d,):
+        raise InputError(
+            f"{what} has shape {density.ufl_shape}; the mesh needs ({space.d},). {IN_UFL}"
+        )
+    if varies_in_cells(density):
+        entities = space.owned_cells
+        if load.facets is not None:
+            entities = space.domain.facets(load.facets)
+        points, _ = rule(space.d - 1 if on_boundary else space.d, DATA_DEGREE)
+        values = evaluate(density, space.mesh, points, entities)
+        if not np.isfinite(space.extremes(values)).all():
+            raise InputError(f"{what} is not finite everywhere; look at its callables.")
+    return density
