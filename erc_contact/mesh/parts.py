@@ -1,0 +1,160 @@
+"""Check and describe the parts of a domain: mesh, names, tags, cells, sizes, shape."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from numbers import Integral
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import mesh as dmesh
+from mpi4py import MPI
+
+from erc_contact.base.checks import description
+from erc_contact.base.exceptions import InputError, raise_together
+
+
+def check_types(mesh: dmesh.Mesh, names: Mapping[str, int], regions: Mapping[str, int]) -> None:
+    """Check the types of the arguments of a domain.
+
+    Raises:
+        InputError: If the mesh is none of DOLFINx, or names are not mapped to tags.
+    """
+    if not isinstance(mesh, dmesh.Mesh):
+        raise InputError(
+            f"Domain: mesh is {description(mesh)}; give a mesh of DOLFINx, or use read_mesh, "
+            "rectangle, box."
+        )
+    for argument, tags in (("names", names), ("regions", regions)):
+        is_mapping = isinstance(tags, Mapping)
+        if not is_mapping or not all(isinstance(tag, Integral) for tag in tags.values()):
+            raise InputError(
+                f"Domain: {argument} is {tags!r}; give a mapping from names to whole numbers, "
+                "the tags."
+            )
+
+
+def check_tags(
+    mesh: dmesh.Mesh,
+    facet_tags: dmesh.MeshTags | None,
+    names: Mapping[str, int],
+    cell_tags: dmesh.MeshTags | None,
+    regions: Mapping[str, int],
+) -> None:
+    """Check that there are tags of facets and cells for the names; collective.
+
+    Raises:
+        InputError: If there are none, or they have the wrong dimension.
+    """
+    tdim = mesh.topology.dim
+    error: Exception | None = None
+    if not names:
+        error = InputError(
+            "The mesh has no named boundary part; give facet tags and names, "
+            "e.g. names={'bottom': 1} (in gmsh: physical groups of the boundary)."
+        )
+    elif facet_tags is None:
+        error = InputError(
+            f"The mesh has no tagged facet, but the names {listed(names)}; tag their facets."
+        )
+    elif facet_tags.dim != tdim - 1:
+        error = InputError(
+            f"The facet tags have dimension {facet_tags.dim}; facets have {tdim - 1}."
+        )
+    elif regions and (cell_tags is None or cell_tags.dim != tdim):
+        error = InputError(f"The regions {listed(regions)} need cell tags of dimension {tdim}.")
+    raise_together(mesh.comm, error)
+
+
+def parts_inside(
+    mesh: dmesh.Mesh, facet_tags: dmesh.MeshTags, names: Mapping[str, int]
+) -> set[str]:
+    """Return the names of the parts that have facets inside the body; collective.
+
+    Raises:
+        InputError: If a part has no facet.
+    """
+    owned = mesh.topology.index_map(mesh.topology.dim - 1).size_local
+    exterior = dmesh.exterior_facet_indices(mesh.topology)
+    inside = set()
+    for name, tag in names.items():
+        facets = facet_tags.find(tag)
+        # A ghost facet is counted by the rank that owns it.
+        facets = facets[facets < owned]
+        local_counts = np.array([len(facets), np.isin(facets, exterior).sum()])
+        count, exterior_count = mesh.comm.allreduce(local_counts, MPI.SUM)
+        if not count:
+            raise InputError(
+                f"Boundary part {name!r} (tag {tag}) has no facet; remove it or tag its facets."
+            )
+        if exterior_count < count:
+            inside.add(name)
+    return inside
+
+
+def checked_cells(cells: npt.ArrayLike | None, owned: int) -> np.ndarray:
+    """Return the cells of this rank that are to be refined, after a check.
+
+    Args:
+        cells: Numbers of cells of this rank, shape (n,); None for all.
+        owned: Number of cells of this rank.
+
+    Raises:
+        InputError: If they are not numbers of cells of this rank.
+    """
+    if cells is None:
+        return np.arange(owned, dtype=np.int32)
+    numbers = np.asarray(cells)
+    if numbers.size == 0:
+        return np.empty(0, dtype=np.int32)
+    if numbers.ndim != 1 or not np.issubdtype(numbers.dtype, np.integer):
+        raise InputError(
+            f"refined: the cells are {description(cells)}; give numbers of cells of this rank, "
+            "e.g. np.flatnonzero(mask)."
+        )
+    if numbers.min() < 0 or numbers.max() >= owned:
+        raise InputError(
+            f"refined: the cells go from {numbers.min()} to {numbers.max()}; this rank has 0 to "
+            f"{owned - 1}."
+        )
+    return numbers.astype(np.int32)
+
+
+def checked_sizes(sizes: npt.ArrayLike) -> np.ndarray:
+    """Return sizes of cells as an array of numbers [length].
+
+    Raises:
+        InputError: If they are not numbers.
+    """
+    try:
+        return np.asarray(sizes, dtype=float)
+    except (TypeError, ValueError) as reason:
+        raise InputError(
+            f"remeshed: the sizes are {sizes!r}; give a number, or one for each node."
+        ) from reason
+
+
+def listed(names: Mapping[str, int]) -> str:
+    """Return names in alphabetical order as text, or "none"."""
+    return ", ".join(sorted(names)) if names else "none"
+
+
+def shape_in_words(geometry: object | None, dim: int, *, curved: bool) -> str:
+    """Describe in words what is known of the true shape of a body.
+
+    Args:
+        geometry: The true shape, or None.
+        dim: Dimension of space.
+        curved: Whether the body has curved facets.
+    """
+    if geometry is None:
+        return "that of the mesh, with flat facets"
+    # Rectangles and boxes alone have two corners.
+    low = getattr(geometry, "low", None)
+    high = getattr(geometry, "high", None)
+    if low is not None and high is not None:
+        kind = "rectangle" if dim == 2 else "box"
+        return f"{kind} from {low} to {high}"
+    if curved:
+        return "curved, its geometry is known"
+    return "flat sides, its geometry is known"
