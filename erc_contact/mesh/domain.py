@@ -18,10 +18,10 @@ from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
+from erc_contact.base.checks import description
 from erc_contact.base.exceptions import InputError, together
 from erc_contact.base.html import table
-from erc_contact.mesh import parts
-from erc_contact.mesh.partition import check_mesh, partitioner, patches_complete, redistributed
+from erc_contact.mesh import partition, parts
 from erc_contact.mesh.refinement import refine
 from erc_contact.mesh.surface import offset, snap
 from erc_contact.mesh.tags import shared
@@ -77,8 +77,13 @@ class Domain:
     )
 
     def __post_init__(self) -> None:
-        parts.check_types(self.mesh, self.names, self.regions)
-        check_mesh(self.mesh)
+        if not isinstance(self.mesh, dmesh.Mesh):
+            raise InputError(
+                f"Domain: mesh is {description(self.mesh)}; give a mesh of DOLFINx, or use "
+                "read_mesh, rectangle, box."
+            )
+        parts.check_names(self.names, self.regions)
+        partition.check_mesh(self.mesh)
         tdim = self.mesh.topology.dim
         self.mesh.topology.create_connectivity(tdim - 1, tdim)
         self.mesh.topology.create_connectivity(tdim, tdim - 1)
@@ -90,17 +95,14 @@ class Domain:
     def _complete(self) -> None:
         """Give every rank complete vertex patches with all their tags; collective."""
         mesh = self.mesh
-        all_tags = (self.facet_tags, self.cell_tags, self.curved_facets)
-        facet_tags, cell_tags, curved_facets = (shared(mesh, tags) for tags in all_tags)
-        if not patches_complete(mesh):
-            mesh, (facet_tags, cell_tags, curved_facets) = redistributed(
-                mesh, facet_tags, cell_tags, curved_facets
-            )
+        tag_names = ("facet_tags", "cell_tags", "curved_facets")
+        tag_sets = [shared(mesh, getattr(self, name)) for name in tag_names]
+        if not partition.patches_complete(mesh):
+            mesh, tag_sets = partition.redistributed(mesh, *tag_sets)
         # A frozen dataclass sets its own members by this detour.
         object.__setattr__(self, "mesh", mesh)
-        object.__setattr__(self, "facet_tags", facet_tags)
-        object.__setattr__(self, "cell_tags", cell_tags)
-        object.__setattr__(self, "curved_facets", curved_facets)
+        for name, tags in zip(tag_names, tag_sets, strict=True):
+            object.__setattr__(self, name, tags)
 
     def __repr__(self) -> str:
         """Describe the domain in a line; one rank alone may do so."""
@@ -144,12 +146,7 @@ class Domain:
     @cached_property
     def sides(self) -> np.ndarray:
         """Return the sides of the bounding box [length], shape (d,); collective."""
-        x = self.mesh.geometry.x
-        low = np.full(3, np.inf)
-        high = np.full(3, -np.inf)
-        self.mesh.comm.Allreduce(x.min(axis=0, initial=np.inf), low, MPI.MIN)
-        self.mesh.comm.Allreduce(x.max(axis=0, initial=-np.inf), high, MPI.MAX)
-        return (high - low)[: self.dim]
+        return parts.box_sides(self.mesh)[: self.dim]
 
     @property
     def extent(self) -> float:
@@ -217,14 +214,8 @@ class Domain:
             InputError: If no part has this name, or it has facets inside the body.
         """
         facets = self.facet_tags.find(self.tag(name))
-        topology = self.mesh.topology
-        facet_to_cell = topology.connectivity(self.dim - 1, self.dim)
-        cell_to_facet = topology.connectivity(self.dim, self.dim - 1)
-        # A facet on the boundary has one cell, the first of its list.
-        cell = facet_to_cell.array[facet_to_cell.offsets[facets]]
-        cell_facets = cell_to_facet.array.reshape(-1, self.dim + 1)[cell]
-        local = np.argmax(cell_facets == facets[:, None], axis=1)
-        return np.column_stack([cell, local]).astype(np.int32)
+        cell, local_facet = partition.boundary_sides(self.mesh, facets)
+        return np.column_stack([cell, local_facet]).astype(np.int32)
 
     def region(self, name: str) -> np.ndarray:
         """Return the cells of a region, ghosts included.
@@ -254,9 +245,8 @@ class Domain:
         Raises:
             InputError: If ``marked`` are not numbers of cells of this rank.
         """
-        comm = self.mesh.comm
-        cells = together(comm, parts.checked_cells, marked, self.owned_cells)
-        refinement = refine(self.mesh, cells, partitioner(comm))
+        cells = together(self.mesh.comm, self._checked_cells, marked)
+        refinement = refine(self.mesh, cells, partition.partitioner(self.mesh.comm))
         fine = refinement.mesh
         facet_tags = refinement.inherited(self.facet_tags)
         cell_tags = refinement.inherited(self.cell_tags)
@@ -264,6 +254,21 @@ class Domain:
         if curved is not None and self.geometry is not None:
             snap(fine, curved, self.geometry.nearest)
         return Domain(fine, facet_tags, self.names, cell_tags, self.regions, self.geometry, curved)
+
+    def _checked_cells(self, cells: npt.ArrayLike | None) -> np.ndarray:
+        """Return cells of this rank that are to be refined, after a check."""
+        if cells is None:
+            return np.arange(self.owned_cells, dtype=np.int32)
+        numbers = np.asarray(cells)
+        if numbers.size == 0:
+            return np.empty(0, dtype=np.int32)
+        if numbers.ndim != 1 or not np.issubdtype(numbers.dtype, np.integer):
+            raise InputError(
+                f"refined: the cells are {description(cells)}; give numbers of cells of this "
+                "rank, e.g. np.flatnonzero(mask)."
+            )
+        parts.check_range(numbers, self.owned_cells)
+        return numbers.astype(np.int32)
 
     def remeshed(self, sizes: npt.ArrayLike) -> Domain:
         """Mesh the true geometry again with other sizes, by gmsh on rank 0; collective.

@@ -193,6 +193,22 @@ def _moved(tags: dmesh.MeshTags, mesh: dmesh.Mesh, new: dmesh.Mesh) -> dmesh.Mes
     return dmesh.meshtags_from_entities(new, dim, graph.adjacencylist(vertices), values)
 
 
+def boundary_sides(mesh: dmesh.Mesh, facets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the cell of each boundary facet, and the local number of the facet there.
+
+    Args:
+        mesh: A mesh whose facets are connected to its cells.
+        facets: Numbers of the facets, shape (n,).
+    """
+    tdim = mesh.topology.dim
+    facet_to_cell = mesh.topology.connectivity(tdim - 1, tdim)
+    cell_to_facet = mesh.topology.connectivity(tdim, tdim - 1)
+    # A facet on the boundary has one cell, the first of its list.
+    cell = facet_to_cell.array[facet_to_cell.offsets[facets]]
+    cell_facets = cell_to_facet.array.reshape(-1, tdim + 1)[cell]
+    return cell, np.argmax(cell_facets == facets[:, None], axis=1)
+
+
 def check_mesh(mesh: dmesh.Mesh) -> None:
     """Check that a mesh has cells that the package works with; collective.
 
@@ -241,12 +257,8 @@ def check_shape(mesh: dmesh.Mesh) -> None:
     owned = mesh.topology.index_map(tdim).size_local
     cells = x[mesh.geometry.dofmaps[0]]
     facets = dmesh.exterior_facet_indices(mesh.topology)
-    facet_to_cell = mesh.topology.connectivity(tdim - 1, tdim)
-    cell_to_facet = mesh.topology.connectivity(tdim, tdim - 1)
-    cell = facet_to_cell.array[facet_to_cell.offsets[facets]]
-    cell_facets = cell_to_facet.array.reshape(-1, tdim + 1)[cell]
     # Facet i of a cell is opposite to its vertex i.
-    opposite = np.argmax(cell_facets == facets[:, None], axis=1)
+    cell, opposite = boundary_sides(mesh, facets)
     facet_corners = facet_vertices(tdim)[opposite]
     corners = np.take_along_axis(cells[cell], facet_corners[:, :, None], axis=1)
     apex = cells[cell, opposite]

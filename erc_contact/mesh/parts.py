@@ -1,4 +1,4 @@
-"""Check and describe the parts of a domain: mesh, names, tags, cells, sizes, shape."""
+"""Check and describe what a domain is made of: names, tags, sizes, shape."""
 
 from __future__ import annotations
 
@@ -10,21 +10,15 @@ import numpy.typing as npt
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
-from erc_contact.base.checks import description
 from erc_contact.base.exceptions import InputError, raise_together
 
 
-def check_types(mesh: dmesh.Mesh, names: Mapping[str, int], regions: Mapping[str, int]) -> None:
-    """Check the types of the arguments of a domain.
+def check_names(names: Mapping[str, int], regions: Mapping[str, int]) -> None:
+    """Check that names of boundary parts and of regions are mapped to tags.
 
     Raises:
-        InputError: If the mesh is none of DOLFINx, or names are not mapped to tags.
+        InputError: If they are not.
     """
-    if not isinstance(mesh, dmesh.Mesh):
-        raise InputError(
-            f"Domain: mesh is {description(mesh)}; give a mesh of DOLFINx, or use read_mesh, "
-            "rectangle, box."
-        )
     for argument, tags in (("names", names), ("regions", regions)):
         is_mapping = isinstance(tags, Mapping)
         if not is_mapping or not all(isinstance(tag, Integral) for tag in tags.values()):
@@ -92,32 +86,17 @@ def parts_inside(
     return inside
 
 
-def checked_cells(cells: npt.ArrayLike | None, owned: int) -> np.ndarray:
-    """Return the cells of this rank that are to be refined, after a check.
-
-    Args:
-        cells: Numbers of cells of this rank, shape (n,); None for all.
-        owned: Number of cells of this rank.
+def check_range(cells: np.ndarray, owned: int) -> None:
+    """Check that cells to refine have numbers from 0 to ``owned - 1``.
 
     Raises:
-        InputError: If they are not numbers of cells of this rank.
+        InputError: If one has not.
     """
-    if cells is None:
-        return np.arange(owned, dtype=np.int32)
-    numbers = np.asarray(cells)
-    if numbers.size == 0:
-        return np.empty(0, dtype=np.int32)
-    if numbers.ndim != 1 or not np.issubdtype(numbers.dtype, np.integer):
+    if cells.min() < 0 or cells.max() >= owned:
         raise InputError(
-            f"refined: the cells are {description(cells)}; give numbers of cells of this rank, "
-            "e.g. np.flatnonzero(mask)."
-        )
-    if numbers.min() < 0 or numbers.max() >= owned:
-        raise InputError(
-            f"refined: the cells go from {numbers.min()} to {numbers.max()}; this rank has 0 to "
+            f"refined: the cells go from {cells.min()} to {cells.max()}; this rank has 0 to "
             f"{owned - 1}."
         )
-    return numbers.astype(np.int32)
 
 
 def checked_sizes(sizes: npt.ArrayLike) -> np.ndarray:
@@ -132,6 +111,16 @@ def checked_sizes(sizes: npt.ArrayLike) -> np.ndarray:
         raise InputError(
             f"remeshed: the sizes are {sizes!r}; give a number, or one for each node."
         ) from reason
+
+
+def box_sides(mesh: dmesh.Mesh) -> np.ndarray:
+    """Compute the sides of the bounding box [length], shape (3,); collective."""
+    x = mesh.geometry.x
+    low = np.full(3, np.inf)
+    high = np.full(3, -np.inf)
+    mesh.comm.Allreduce(x.min(axis=0, initial=np.inf), low, MPI.MIN)
+    mesh.comm.Allreduce(x.max(axis=0, initial=-np.inf), high, MPI.MAX)
+    return high - low
 
 
 def listed(names: Mapping[str, int]) -> str:
