@@ -57,10 +57,10 @@ def contact_status(traction: ContactTraction, peak: float | None = None) -> np.n
     """Tell which facets of a contact are open, slip or stick.
 
     This follows from the coefficients of r^ on each facet, see
-    :func:`erc_contact.model.profile.facet_status`. If the friction bound must be sampled
-    on a facet, the friction of r^ is lowered there, so that r^ is allowed between the
-    nodes, too. A facet with friction that is lower by this amount still counts as
-    slipping.
+    :func:`erc_contact.model.profile.facet_status`. If the friction bound must be
+    sampled on a facet, the friction of r^ is lowered there, so that r^ is allowed
+    between the nodes, too. A facet with friction that is lower by this amount still
+    counts as slipping.
 
     Args:
         traction: r^ on a contact.
