@@ -121,12 +121,13 @@ def name_groups(model: Any, names: Mapping[int | tuple[int, int], str]) -> None:
     for group in groups:
         group_names.setdefault(group, model.getPhysicalName(*group) or str(group[1]))
     for group, name in group_names.items():
-        same = [
-            other for other in group_names if other[0] == group[0] and group_names[other] == name
-        ]
-        if len(same) > 1:
+        same_tags = []
+        for (other_dim, tag), other_name in group_names.items():
+            if other_dim == group[0] and other_name == name:
+                same_tags.append(tag)
+        if len(same_tags) > 1:
             raise InputError(
-                f"The name {name!r} is that of the tags {same[0][1]} and {same[1][1]}; take "
+                f"The name {name!r} is that of the tags {same_tags[0]} and {same_tags[1]}; take "
                 "another one."
             )
         model.removePhysicalName(name)
@@ -198,7 +199,8 @@ def marked_facets(
     mesh.topology.create_connectivity(d - 1, 0)
     mesh.topology.create_connectivity(d - 1, d)
     local_nodes, local_values = distribute_entity_data(mesh, d - 1, nodes, values)
-    return dmesh.meshtags_from_entities(mesh, d - 1, graph.adjacencylist(local_nodes), local_values)
+    facets = graph.adjacencylist(local_nodes)
+    return dmesh.meshtags_from_entities(mesh, d - 1, facets, local_values)
 
 
 def prepare(model: Any) -> tuple[int, dict[str, int], dict[str, int]]:

@@ -89,7 +89,11 @@ def upper_bounds(
 
 
 def _of_chunk(
-    f: Samples, numbers: np.ndarray, vertices: np.ndarray, pieces: np.ndarray, round_off: np.ndarray
+    f: Samples,
+    numbers: np.ndarray,
+    vertices: np.ndarray,
+    pieces: np.ndarray,
+    round_off: np.ndarray,
 ) -> np.ndarray:
     """Bound a function on the simplices of a chunk, see :func:`upper_bounds`.
 
@@ -150,7 +154,8 @@ def _on_pieces(
     least = values.min(axis=1)
     span = greatest - least
     below = greatest[:, None] - values
-    jumps = (np.minimum(below, span[:, None] - below) <= JUMP_SHARE * span[:, None]).all(axis=1)
+    distance = np.minimum(below, span[:, None] - below)
+    jumps = (distance <= JUMP_SHARE * span[:, None]).all(axis=1)
     roughness = CUSP_RISE * abs(values @ residual.T).max(axis=1)
     # A cusp that happens to look smooth in a piece did not in the piece around it.
     roughness = np.maximum(roughness, inherited)

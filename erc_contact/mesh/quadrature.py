@@ -141,11 +141,9 @@ def integrate(
         bad_count = comm.allreduce(int(bad.sum()), MPI.SUM)
         total = comm.allreduce(unknown.sum(axis=0) + piece_unknown.sum(axis=0), MPI.SUM)
         excess.append(_greatest_ratio(total, allowed))
-        # All ranks take the same branch: all of this is known to all of them.
-        hopeless = size > 1 and turn >= PATIENT_ROUNDS and excess[-1] > LEAST_GAIN * excess[-3]
+        # All ranks decide alike, as they know the same numbers.
         too_many = bad_count > first_count + PIECE_BUDGET[size]
-        resolved = excess[-1] <= 1 or not bad_count
-        last = resolved or too_many or turn == BISECTION_ROUNDS[size] or hopeless
+        last = not bad_count or too_many or _ends(size, excess)
         done = np.ones_like(bad) if last else ~bad
         np.add.at(value, simplex[done], piece_value[done])
         np.add.at(unknown, simplex[done], piece_unknown[done])
@@ -157,6 +155,20 @@ def integrate(
         count += bad_count
     total_unknown = comm.allreduce(unknown.sum(axis=0), MPI.SUM)
     return Integral(value, unknown, total_unknown <= allowed)
+
+
+def _ends(size: int, excess: list[float]) -> bool:
+    """Tell whether bisections end.
+
+    Args:
+        size: Dimension of the simplices.
+        excess: Ratio of what is unknown to what is allowed after each round [-].
+    """
+    turn = len(excess) - 1
+    resolved = excess[-1] <= 1
+    # A jump in several dimensions loses little by each round, for ever.
+    hopeless = size > 1 and turn >= PATIENT_ROUNDS and excess[-1] > LEAST_GAIN * excess[-3]
+    return resolved or hopeless or turn == BISECTION_ROUNDS[size]
 
 
 def _greatest_ratio(total: np.ndarray, allowed: np.ndarray) -> float:

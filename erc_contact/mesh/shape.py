@@ -189,7 +189,8 @@ def drawing_of(model: Any) -> tuple[str, str, frozenset[int]] | None:
         return None
     suffix = ".xao" if occ_entities else ".geo_unrolled"
     facets = model.getEntities(model.getDimension() - 1)
-    curved = frozenset(int(tag) for dim, tag in facets if model.getType(dim, tag) not in FLAT_TYPES)
+    curved_tags = [tag for dim, tag in facets if model.getType(dim, tag) not in FLAT_TYPES]
+    curved = frozenset(map(int, curved_tags))
     groups = []
     if curved and occ_entities:
         # OpenCASCADE does not keep tags, so physical groups carry them to the file.

@@ -1,5 +1,8 @@
 """Write the fields of an admissible pair for ParaView: u^, sigma^, r^, eps_E.
 
+Rank 0 writes the files through pyvista, because DOLFINx 0.11 writes only one array to a
+file.
+
 Symbols: u^ and sigma^ admissible displacement and stress, r^ admissible contact
 traction, r_n and r_t its normal and tangential parts, b friction bound, g gap before
 the deformation, u^_n part of u^ along the normal of the foundation, eps_E share of one
@@ -64,10 +67,6 @@ def write_fields(error: ConstitutiveError, folder: str | Path) -> None:
 
     Raises:
         OSError: If a file cannot be written.
-
-    Note:
-        Rank 0 writes the files through pyvista, because DOLFINx 0.11 writes only one
-        array to a file.
     """
     admissible = error.admissible
     model = error.solution.model

@@ -251,7 +251,7 @@ class Scale:
     label: str
 
 
-# -- pictures, on rank 0 -----------------------------------------------------------------
+# -- pictures, on rank 0 ---------------------------------------------------------------
 
 
 def _up(admissible: Admissible) -> np.ndarray:

@@ -122,8 +122,8 @@ def write_report(
     comm = run.error.domain.mesh.comm
 
     def write() -> None:
-        paragraphs = [_paragraph(text) for text in (without_paths(run.outcome), note) if text]
-        sections = {"": "".join(paragraphs)}
+        introduction = [without_paths(run.outcome), note]
+        sections = {"": "".join(_paragraph(text) for text in introduction if text)}
         if claims:
             sections["What the number means"] = _wide(table(claims), "verdict")
         # An error that is read from a folder has no scene.
