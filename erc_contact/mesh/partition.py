@@ -155,7 +155,7 @@ def patches_complete(mesh: dmesh.Mesh) -> bool:
 
 def redistributed(
     mesh: dmesh.Mesh, *tag_sets: dmesh.MeshTags | None
-) -> tuple[dmesh.Mesh, list[Any]]:
+) -> tuple[dmesh.Mesh, list[dmesh.MeshTags | None]]:
     """Balance a mesh anew over the ranks, with complete vertex patches; collective.
 
     Args:

@@ -34,9 +34,10 @@ def facet_vertices(d: int) -> np.ndarray:
 
     Facet i is opposite to vertex i.
     """
-    vertices = np.tile(np.arange(d + 1), (d + 1, 1))
-    opposite = np.eye(d + 1, dtype=bool)
-    return vertices[~opposite].reshape(d + 1, d)
+    facets = []
+    for opposite in range(d + 1):
+        facets.append([vertex for vertex in range(d + 1) if vertex != opposite])
+    return np.array(facets)
 
 
 def in_space(x: np.ndarray) -> np.ndarray:

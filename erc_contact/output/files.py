@@ -109,16 +109,18 @@ def subdivided(d: int, divisions: int) -> tuple[np.ndarray, np.ndarray]:
         one, shape (n, d+1).
     """
     points = lattice(d, divisions)
-    number = {tuple(p): i for i, p in enumerate((points * divisions).round().astype(int).tolist())}
+    steps = (points * divisions).round().astype(int).tolist()
+    number = {tuple(step): i for i, step in enumerate(steps)}
     if d == 1:
         return points, np.array([[number[i,], number[i + 1,]] for i in range(divisions)])
-    upward = [[(i, j), (i + 1, j), (i, j + 1)] for i, j in number if i + j < divisions]
-    downward = [
-        [(i + 1, j), (i + 1, j + 1), (i, j + 1)] for i, j in number if i + j < divisions - 1
-    ]
-    return points, np.array(
-        [[number[corner] for corner in corners] for corners in upward + downward]
-    )
+    upward = []
+    downward = []
+    for i, j in number:
+        if i + j < divisions:
+            upward.append([number[i, j], number[i + 1, j], number[i, j + 1]])
+        if i + j < divisions - 1:
+            downward.append([number[i + 1, j], number[i + 1, j + 1], number[i, j + 1]])
+    return points, np.array(upward + downward)
 
 
 def vtk_cells(cells: np.ndarray, d: int) -> tuple[int, np.ndarray]:
