@@ -115,9 +115,9 @@ def subdivided(d: int, divisions: int) -> tuple[np.ndarray, np.ndarray]:
         return points, np.array([[number[i,], number[i + 1,]] for i in range(divisions)])
     upward = []
     downward = []
-    for i, j in number:
+    for (i, j), corner in number.items():
         if i + j < divisions:
-            upward.append([number[i, j], number[i + 1, j], number[i, j + 1]])
+            upward.append([corner, number[i + 1, j], number[i, j + 1]])
         if i + j < divisions - 1:
             downward.append([number[i + 1, j], number[i + 1, j + 1], number[i, j + 1]])
     return points, np.array(upward + downward)
