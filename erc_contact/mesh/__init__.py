@@ -1,1 +1,4 @@
-"""Meshes whose parts have names: where they come from, the true shape, how ranks share them, rules on simplices."""
+"""Make, refine and distribute meshes whose parts have names.
+
+Here is also what is known of the true shape of a body, and rules on simplices.
+"""

@@ -1,8 +1,9 @@
-"""Sessions of gmsh on rank 0, and nodes and facets of a meshed model as DOLFINx needs them."""
+"""Run gmsh on rank 0, and prepare a meshed model as DOLFINx needs it."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -16,7 +17,7 @@ from erc_contact.base.checks import description
 from erc_contact.base.exceptions import InputError, raise_together
 
 SESSION = {"General.Terminal": 0, "Mesh.ElementOrder": 1, "Mesh.RecombineAll": 0}
-"""gmsh's options during a session of ours; a user's own session gets its options back."""
+"""gmsh's options during our session; a user's own session gets its options back."""
 FIELD = {
     "Mesh.MeshSizeMin": 0,
     "Mesh.MeshSizeMax": 1e22,
@@ -27,24 +28,29 @@ FIELD = {
     "Mesh.Algorithm": 6,
     "Mesh.Algorithm3D": 1,
 }
-"""gmsh's options where a size field alone gives the sizes: Frontal-Delaunay in 2D, Delaunay in 3D."""
+"""gmsh's options where a size field alone gives the sizes.
+
+The algorithms are Frontal-Delaunay in 2D and Delaunay in 3D.
+"""
 
 
-def as_input_error(reason: Exception, what: str) -> InputError:
-    """An error of gmsh's, or of ours, as an :class:`InputError`."""
-    return (
-        reason if isinstance(reason, InputError) else InputError(f"{what} cannot be used: {reason}")
-    )
+def as_input_error(reason: Exception, subject: str) -> InputError:
+    """Return an error of gmsh's, or of ours, as an :class:`InputError`."""
+    if isinstance(reason, InputError):
+        return reason
+    return InputError(f"{subject} cannot be used: {reason}")
 
 
 @contextmanager
-def session(comm: MPI.Comm, build: Callable[[Any], None], what: str) -> Iterator[Any]:
-    """A silent gmsh session on rank 0 with a new model; collective. Afterwards a user's session is as it was.
+def session(comm: MPI.Comm, build: Callable[[Any], None], subject: str) -> Iterator[Any]:
+    """Open a silent gmsh session on rank 0 with a new model; collective.
+
+    Afterwards a user's session is as it was.
 
     Args:
         comm: Communicator.
         build: Function that makes the model, called with the module gmsh on rank 0.
-        what: Subject of the message if it raises.
+        subject: Subject of the message if it raises.
 
     Yields:
         ``gmsh.model`` on rank 0, None on other ranks.
@@ -52,18 +58,16 @@ def session(comm: MPI.Comm, build: Callable[[Any], None], what: str) -> Iterator
     Raises:
         InputError: On all ranks, if gmsh cannot be loaded or ``build`` raises.
     """
-    error: Exception | None = None
     if comm.rank != 0:
+        # It meets one of the calls below, which rank 0 makes.
         raise_together(comm, None)
         yield None
         return
     try:
         import gmsh  # noqa: PLC0415 - only rank 0 needs it
     except (ImportError, OSError) as reason:  # OSError: a shared library that gmsh's wheel expects
-        raise_together(
-            comm,
-            InputError(f"gmsh cannot be loaded: {reason}. Install it, or give cells= or a Domain."),
-        )
+        message = f"gmsh cannot be loaded: {reason}. Install it, or give cells= or a Domain."
+        raise_together(comm, InputError(message))
 
     started_here = not gmsh.isInitialized()
     if started_here:
@@ -73,10 +77,11 @@ def session(comm: MPI.Comm, build: Callable[[Any], None], what: str) -> Iterator
     for name, value in SESSION.items():
         gmsh.option.setNumber(name, value)
     gmsh.model.add("erc_contact")
+    error: Exception | None = None
     try:
         build(gmsh)
     except Exception as reason:  # every rank must learn of it
-        error = as_input_error(reason, what)
+        error = as_input_error(reason, subject)
     try:
         raise_together(comm, error)
         yield gmsh.model
@@ -101,40 +106,53 @@ def name_groups(model: Any, names: Mapping[int | tuple[int, int], str]) -> None:
         InputError: If the names are no mapping to texts, no group or two groups have a
             tag, or two groups of the same dimension get the same name.
     """
-    if not isinstance(names, Mapping) or not all(
-        isinstance(name, str) and name for name in names.values()
-    ):
+    is_mapping = isinstance(names, Mapping)
+    if not is_mapping or not all(isinstance(name, str) and name for name in names.values()):
         example = "names={1: 'bottom', 2: 'top'}"
         raise InputError(
             f"names is {description(names)}; give names of parts by their tags, e.g. {example}."
         )
     dim = int(model.getDimension())
     groups = [group for group in model.getPhysicalGroups() if group[0] >= dim - 1]
-    named: dict[tuple[int, int], str] = {}
+    group_names: dict[tuple[int, int], str] = {}
     for key, name in names.items():
-        meant = [group for group in groups if key in (group, group[1])]
-        if not meant:
-            tags = ", ".join(str(tag) for _, tag in groups)
-            raise InputError(
-                f"names has {key!r}, and no part of the mesh has this tag; the mesh has {tags}."
-            )
-        if len(meant) > 1:
-            both = " and ".join(map(str, meant))
-            raise InputError(
-                f"names has {key!r}, which is a boundary part and a region; give one of {both}."
-            )
-        named[meant[0]] = name
+        group_names[_group_of(key, groups)] = name
+    # Other groups keep their names, or are called by their tags.
     for group in groups:
-        named.setdefault(group, model.getPhysicalName(*group) or str(group[1]))
-    for group, name in named.items():
-        same = [other for other in named if other[0] == group[0] and named[other] == name]
-        if len(same) > 1:
+        group_names.setdefault(group, model.getPhysicalName(*group) or str(group[1]))
+    for group, name in group_names.items():
+        same_tags = []
+        for (other_dim, tag), other_name in group_names.items():
+            if other_dim == group[0] and other_name == name:
+                same_tags.append(tag)
+        if len(same_tags) > 1:
             raise InputError(
-                f"The name {name!r} is that of the tags {same[0][1]} and {same[1][1]}; take another one."
+                f"The name {name!r} is that of the tags {same_tags[0]} and {same_tags[1]}; take "
+                "another one."
             )
         model.removePhysicalName(name)
-    for group, name in named.items():
+    for group, name in group_names.items():
         model.setPhysicalName(*group, name)
+
+
+def _group_of(key: int | tuple[int, int], groups: list[tuple[int, int]]) -> tuple[int, int]:
+    """Find the physical group (dimension, tag) that a key of names means.
+
+    Raises:
+        InputError: If no group or two groups have this tag.
+    """
+    matching = [group for group in groups if key in (group, group[1])]
+    if not matching:
+        tags = ", ".join(str(tag) for _, tag in groups)
+        raise InputError(
+            f"names has {key!r}, and no part of the mesh has this tag; the mesh has {tags}."
+        )
+    if len(matching) > 1:
+        both = " and ".join(map(str, matching))
+        raise InputError(
+            f"names has {key!r}, which is a boundary part and a region; give one of {both}."
+        )
+    return matching[0]
 
 
 def renumber(model: Any, dim: int) -> None:
@@ -144,17 +162,17 @@ def renumber(model: Any, dim: int) -> None:
     other nodes have lower numbers. Otherwise it sends to a rank that does not exist,
     and the process ends.
     """
-    every = model.mesh.getNodes()[0]
-    used = np.isin(every, np.concatenate(model.mesh.getElements(dim)[2]))
-    every = np.concatenate([np.sort(every[used]), np.sort(every[~used])])
-    if np.any(np.diff(every.astype(np.int64)) != 1) or every[0] != 1:
-        model.mesh.renumberNodes(every, np.arange(1, len(every) + 1))
+    nodes = model.mesh.getNodes()[0]
+    in_cell = np.isin(nodes, np.concatenate(model.mesh.getElements(dim)[2]))
+    nodes = np.concatenate([np.sort(nodes[in_cell]), np.sort(nodes[~in_cell])])
+    if np.any(np.diff(nodes.astype(np.int64)) != 1) or nodes[0] != 1:
+        model.mesh.renumberNodes(nodes, np.arange(1, len(nodes) + 1))
 
 
 def marked_facets(
     model: Any, comm: MPI.Comm, rank: int, mesh: dmesh.Mesh, tags: Mapping[int, int] | None
 ) -> dmesh.MeshTags:
-    """Marks of the facets that lie on curves (2D) or surfaces (3D) of a meshed model; collective.
+    """Mark the facets on curves (2D) or surfaces (3D) of a meshed model; collective.
 
     Args:
         model: gmsh's current model on ``rank``.
@@ -164,16 +182,108 @@ def marked_facets(
         tags: gmsh's tag of each mark on ``rank``; None where the marks are the tags.
     """
     d = mesh.topology.dim
-    nodes, values = np.empty((0, d), dtype=np.int64), np.empty(0, dtype=np.int32)
+    nodes = np.empty((0, d), dtype=np.int64)
+    values = np.empty(0, dtype=np.int32)
     if comm.rank == rank:
-        tags = tags or {int(tag): int(tag) for _, tag in model.getEntities(d - 1)}
-        found = {
-            m: np.concatenate([[], *model.mesh.getElements(d - 1, tag)[2]])
-            for m, tag in tags.items()
-        }
-        nodes = np.concatenate(list(found.values())).astype(np.int64).reshape(-1, d) - 1
-        values = np.repeat(list(found), [len(of) // d for of in found.values()]).astype(np.int32)
+        if not tags:
+            tags = {int(tag): int(tag) for _, tag in model.getEntities(d - 1)}
+        mark_nodes = []
+        mark_values = []
+        for mark, tag in tags.items():
+            entity_nodes = np.concatenate([[], *model.mesh.getElements(d - 1, tag)[2]])
+            mark_nodes.append(entity_nodes)
+            mark_values.append(np.full(len(entity_nodes) // d, mark, dtype=np.int32))
+        # gmsh numbers the nodes from 1, see renumber.
+        nodes = np.concatenate(mark_nodes).astype(np.int64).reshape(-1, d) - 1
+        values = np.concatenate(mark_values)
     mesh.topology.create_connectivity(d - 1, 0)
     mesh.topology.create_connectivity(d - 1, d)
-    found_nodes, found_values = distribute_entity_data(mesh, d - 1, nodes, values)
-    return dmesh.meshtags_from_entities(mesh, d - 1, graph.adjacencylist(found_nodes), found_values)
+    local_nodes, local_values = distribute_entity_data(mesh, d - 1, nodes, values)
+    facets = graph.adjacencylist(local_nodes)
+    return dmesh.meshtags_from_entities(mesh, d - 1, facets, local_values)
+
+
+def prepare(model: Any) -> tuple[int, dict[str, int], dict[str, int]]:
+    """Mesh a model if needed, check it, and number its nodes as DOLFINx expects.
+
+    Returns:
+        Its dimension, and the tags of boundary parts and of regions by name.
+
+    Raises:
+        InputError: If the mesh or its physical groups cannot be used.
+    """
+    dim = int(model.getDimension())
+    if dim < 2:
+        raise InputError(
+            f"The gmsh model has dimension {max(dim, 0)}; give a surface in the plane or a volume."
+        )
+    if not len(model.mesh.getElements(dim)[0]):
+        model.mesh.generate(dim)
+    _check_cells(model, dim)
+    groups = {d: model.getPhysicalGroups(d) for d in (dim - 1, dim)}
+    if not groups[dim - 1]:
+        kind = "Curve" if dim == 2 else "Surface"
+        raise InputError(
+            "The mesh has no groups of facets: name the parts of the boundary by physical groups "
+            f'of dimension {dim - 1} in gmsh, e.g. Physical {kind}("bottom") = {{1}};'
+        )
+    if not groups[dim]:
+        model.addPhysicalGroup(dim, [tag for _, tag in model.getEntities(dim)], name="body")
+        groups[dim] = model.getPhysicalGroups(dim)
+    _members(model, groups[dim - 1], "boundary part")
+    in_regions = _members(model, groups[dim], "region")
+    ungrouped = [tag for _, tag in model.getEntities(dim) if tag not in in_regions]
+    if ungrouped:
+        raise InputError(
+            f"Entity {ungrouped[0]} of dimension {dim} is in no physical group, others are; put "
+            "all in one, or none."
+        )
+    renumber(model, dim)
+    return dim, _names(model, groups[dim - 1]), _names(model, groups[dim])
+
+
+def _check_cells(model: Any, dim: int) -> None:
+    """Check that the cells are straight-sided simplices, in 2D in a plane z = constant.
+
+    Raises:
+        InputError: If they are not.
+    """
+    kinds, _, cell_nodes = model.mesh.getElements(dim)
+    names = {model.mesh.getElementProperties(kind)[0] for kind in kinds}
+    wrong = [name for name in sorted(names) if name not in ("Triangle 3", "Tetrahedron 4")]
+    if wrong:
+        raise InputError(
+            f"The mesh has cells of type {', '.join(wrong)}; allowed are straight-sided triangles "
+            "and tetrahedra. In gmsh: no recombination, Mesh.ElementOrder = 1."
+        )
+    nodes, x, _ = model.mesh.getNodes()
+    # Only nodes of cells count: the centre of an arc may lie anywhere.
+    in_cell = np.isin(nodes, np.concatenate(cell_nodes))
+    x = x.reshape(-1, 3)[in_cell]
+    if dim == 2 and np.ptp(x[:, 2]) > 1e-9 * np.ptp(x, axis=0).max():
+        raise InputError(
+            "The mesh is a surface in space; allowed are a surface in the plane (x, y) or a volume."
+        )
+
+
+def _members(model: Any, groups: Sequence[tuple[int, int]], kind: str) -> set[int]:
+    """Return the entities in physical groups of one dimension.
+
+    Raises:
+        InputError: If an entity is in two groups.
+    """
+    memberships: Counter[int] = Counter()
+    for dim, tag in groups:
+        memberships.update(int(entity) for entity in model.getEntitiesForPhysicalGroup(dim, tag))
+    for entity, times in memberships.items():
+        if times > 1:
+            raise InputError(
+                f"Entity {entity} of dimension {groups[0][0]} is in two physical groups; each "
+                f"can be in one {kind} only."
+            )
+    return set(memberships)
+
+
+def _names(model: Any, groups: Sequence[tuple[int, int]]) -> dict[str, int]:
+    """Return tags of physical groups by name; a group without is called by its tag."""
+    return {model.getPhysicalName(dim, tag) or str(tag): int(tag) for dim, tag in groups}

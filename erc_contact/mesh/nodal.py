@@ -1,4 +1,4 @@
-"""Values at the nodes of a mesh from those of its cells and edges, on any number of ranks."""
+"""Compute values at nodes from those of cells and edges, on any number of ranks."""
 
 from __future__ import annotations
 
@@ -13,19 +13,24 @@ from erc_contact.mesh.simplex import measures
 
 GROW = 0.5
 """Largest growth of sizes over a length [-]: neighbouring layers grow by at most 1.5.
-From 0.3 to 0.5 no count and no error changed by more than the scatter of meshes."""
+
+From 0.3 to 0.5 no count and no error changed by more than the scatter of meshes.
+"""
 
 
 class NodalMesh:
-    """Cells, edges and nodes of a domain on this rank.
+    """Hold cells, edges and nodes of a domain on this rank.
 
     Values at nodes are those of all nodes of this rank, ghosts included, shape (n,).
     """
 
     def __init__(self, domain: Domain) -> None:
-        mesh, self.domain, self.comm = domain.mesh, domain, domain.mesh.comm
-        dim, x = domain.dim, mesh.geometry.x[:, : domain.dim]
-        self._at = la.vector(mesh.geometry.index_map(), dtype=np.float64)
+        mesh = domain.mesh
+        dim = domain.dim
+        x = mesh.geometry.x[:, :dim]
+        self.domain = domain
+        self.comm = mesh.comm
+        self._vector = la.vector(mesh.geometry.index_map(), dtype=np.float64)
         self.nodes = mesh.geometry.dofmaps[0][: domain.owned_cells]
         self.volume = measures(x[self.nodes])
         self.size = (FILL[dim] * self.volume) ** (1 / dim)
@@ -33,53 +38,61 @@ class NodalMesh:
         mesh.topology.create_connectivity(1, dim)
         mesh.topology.create_connectivity(dim, 1)
         edges = mesh.topology.index_map(1)
-        every = np.arange(edges.size_local + edges.num_ghosts, dtype=np.int32)
-        self.edges = dmesh.entities_to_geometry(mesh, 1, every).reshape(-1, 2)
+        numbers = np.arange(edges.size_local + edges.num_ghosts, dtype=np.int32)
+        self.edges = dmesh.entities_to_geometry(mesh, 1, numbers).reshape(-1, 2)
         self.own = slice(0, edges.size_local)
         self.length = np.linalg.norm(x[self.edges[:, 0]] - x[self.edges[:, 1]], axis=1)
 
     def total(self, values: np.ndarray) -> float:
-        """Sum over the cells of all ranks."""
+        """Sum over the cells of all ranks; collective."""
         return float(self.comm.allreduce(float(values.sum()), MPI.SUM))
 
     def _added(self, nodes: np.ndarray, values: np.ndarray) -> np.ndarray:
-        """Sums over all ranks at nodes (m, c) of values that each rank has for its own cells or edges."""
-        at = self._at.array
-        at[:] = np.bincount(nodes.ravel(), np.broadcast_to(values, nodes.shape).ravel(), len(at))
-        self._at.scatter_reverse(la.InsertMode.add)
-        self._at.scatter_forward()
-        return at.copy()
+        """Sum values of cells or edges at their nodes over all ranks; collective.
+
+        Args:
+            nodes: Nodes of the cells or edges that this rank owns, shape (m, c).
+            values: Their values, shape (m, 1) or (m, c).
+        """
+        total = self._vector.array
+        weights = np.broadcast_to(values, nodes.shape)
+        total[:] = np.bincount(nodes.ravel(), weights.ravel(), len(total))
+        self._vector.scatter_reverse(la.InsertMode.add)
+        self._vector.scatter_forward()
+        return total.copy()
 
     def around(self, values: np.ndarray) -> np.ndarray:
-        """Sum of values of cells over the cells around each node."""
+        """Sum values of cells over the cells around each node; collective."""
         return self._added(self.nodes, values[:, None])
 
     def beside(self, values: np.ndarray) -> np.ndarray:
-        """Sum of values of nodes over the neighbours of each node."""
+        """Sum values of nodes over the neighbours of each node; collective."""
         edges = self.edges[self.own]
         return self._added(edges, values[edges[:, ::-1]])
 
     def mean_size(self) -> np.ndarray:
-        """Mean size of the cells around each node [length]."""
+        """Compute the mean size of the cells at each node [length]; collective."""
         return self.around(self.size) / self.around(np.ones_like(self.size))
 
     def edge_length(self) -> np.ndarray:
-        """Mean length of the edges at each node."""
-        of_edges = self._added(self.edges[self.own], self.length[self.own, None])
-        return of_edges / self.beside(np.ones(len(self._at.array)))
+        """Compute the mean length of the edges at each node [length]; collective."""
+        total = self._added(self.edges[self.own], self.length[self.own, None])
+        return total / self.beside(np.ones(len(self._vector.array)))
 
     def limited(self, h: np.ndarray) -> np.ndarray:
-        """The largest sizes below h whose growth over a length is at most GROW.
+        """Limit sizes h to the largest ones that grow by at most GROW; collective.
 
         A rank has all edges at the nodes that it owns, because it has all cells around
         them.
         """
-        at, (a, b) = self._at.array, self.edges.T
-        at[:] = h
+        a, b = self.edges.T
+        size = self._vector.array
+        size[:] = h
         while True:
-            before = at.copy()
-            np.minimum.at(at, a, before[b] + GROW * self.length)
-            np.minimum.at(at, b, before[a] + GROW * self.length)
-            self._at.scatter_forward()
-            if self.comm.allreduce(bool(np.all(at >= before * (1 - 1e-9))), MPI.LAND):
-                return at.copy()
+            before = size.copy()
+            np.minimum.at(size, a, before[b] + GROW * self.length)
+            np.minimum.at(size, b, before[a] + GROW * self.length)
+            self._vector.scatter_forward()
+            still = bool(np.all(size >= before * (1 - 1e-9)))
+            if self.comm.allreduce(still, MPI.LAND):
+                return size.copy()

@@ -1,4 +1,4 @@
-"""Upper bounds of functions on simplices, such as the excess of a displacement over a gap.
+"""Bound functions on simplices from above, as the excess of a displacement over a gap.
 
 Each simplex (a facet) is cut into the pieces of :mod:`erc_contact.mesh.quadrature`, and
 the function is sampled on each of them. It may be greater between the samples of a
@@ -22,30 +22,37 @@ import numpy as np
 
 from erc_contact.mesh.quadrature import bisected, piece_samples
 
-BETWEEN = 0.1
-"""Share of the range at the samples of a piece that the function may rise between them where it is smooth [-]."""
-CUSP = 20.0
-"""The same as a multiple of the greatest distance from the nearest polynomial, where it is not smooth [-].
+SMOOTH_RISE = 0.1
+"""Rise of a smooth function between its samples, as a share of their range [-]."""
+CUSP_RISE = 20.0
+"""The same where it is not smooth, as a multiple of a distance from a polynomial [-].
 
-With it the bounds of cusps ``-|x - c|^a`` at 4000 random places c in a facet, a from
+The distance is the greatest one of the samples from the nearest polynomial. With this
+multiple the bounds of cusps ``-|x - c|^a`` at 4000 random places c in a facet, a from
 0.25 to 4, were all above the peak, also those of cusps that are three times as steep on
 one side.
 """
-JUMP = 0.02
-"""A piece is one with a jump, and nothing hides between its samples, if each of its
-values is within this share of the range from the greatest or the least [-]."""
-SMOOTH_TOLERANCE, TOLERANCE = 1e-3, 1e-5
-"""The bound may be too large by these shares of the range on the simplex, in smooth and in other pieces [-]."""
-INHERITED = 0.5
-"""Share of the rise of a piece that is not smooth that its halves have at least [-]."""
-ROUNDS = 60
-"""Greatest number of bisections of a piece."""
-MOST = 1000
-"""Number of pieces of a simplex that may be bisected in one round. So a line of cusps
-in a triangle ends. The limit is that of each simplex, so that a bound does not depend
-on which other simplices a rank has.
+JUMP_SHARE = 0.02
+"""Distance from the greatest or the least value in a piece with a jump [-].
+
+If each value of a piece is within this share of the range from one of the two, nothing
+hides between the samples.
 """
-CHUNK = 256
+SMOOTH_TOLERANCE = 1e-3
+"""Excess of a bound in smooth pieces, as a share of the range on the simplex [-]."""
+ROUGH_TOLERANCE = 1e-5
+"""The same in other pieces [-]."""
+INHERITED_SHARE = 0.5
+"""Share of the rise of a piece that is not smooth that its halves have at least [-]."""
+PEAK_ROUNDS = 60
+"""Greatest number of bisections of a piece."""
+MOST_PIECES = 1000
+"""Number of pieces of a simplex that may be bisected in one round.
+
+So a line of cusps in a triangle ends. The limit is that of each simplex, so that a
+bound does not depend on which other simplices a rank has.
+"""
+CHUNK_SIMPLICES = 256
 """Number of simplices that are worked on at once, for the sake of memory."""
 
 Samples = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
@@ -58,7 +65,9 @@ coordinates, shape (n, q, P), and in true coordinates, (n, q, d).
 def upper_bounds(
     f: Samples, vertices: np.ndarray, pieces: np.ndarray, round_off: np.ndarray
 ) -> np.ndarray:
-    """Bound a function from above on each simplex; the result is also at least its value at all samples.
+    """Bound a function from above on each simplex.
+
+    A bound is also at least the value of the function at all samples.
 
     Args:
         f: The function.
@@ -72,17 +81,24 @@ def upper_bounds(
         The bounds, shape (simplices,).
     """
     bounds = np.empty(len(vertices))
-    for start in range(0, len(vertices), CHUNK):
-        chunk = slice(start, start + CHUNK)
+    for start in range(0, len(vertices), CHUNK_SIMPLICES):
+        chunk = slice(start, start + CHUNK_SIMPLICES)
         numbers = np.arange(len(vertices))[chunk]
         bounds[chunk] = _of_chunk(f, numbers, vertices[chunk], pieces, round_off[chunk])
     return bounds
 
 
 def _of_chunk(
-    f: Samples, numbers: np.ndarray, vertices: np.ndarray, pieces: np.ndarray, round_off: np.ndarray
+    f: Samples,
+    numbers: np.ndarray,
+    vertices: np.ndarray,
+    pieces: np.ndarray,
+    round_off: np.ndarray,
 ) -> np.ndarray:
-    """Bound a function on some simplices, of which f knows the numbers (s,); see :func:`upper_bounds`."""
+    """Bound a function on the simplices of a chunk, see :func:`upper_bounds`.
+
+    The function knows them by ``numbers``, shape (s,).
+    """
     count = len(vertices)
     simplex = np.repeat(np.arange(count), len(pieces))
     corners = np.tile(pieces, (count, 1, 1))
@@ -91,28 +107,30 @@ def _of_chunk(
     bound = np.full(count, -np.inf)
     inherited = np.zeros(len(simplex))
 
-    def values_at(simplex: np.ndarray, at: np.ndarray, x: np.ndarray) -> np.ndarray:
-        return f(numbers[simplex], at, x)
+    def values_at(simplex: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
+        return f(numbers[simplex], places, x)
 
-    for turn in range(ROUNDS + 1):
+    for turn in range(PEAK_ROUNDS + 1):
         greatest, least, roughness = _on_pieces(values_at, vertices, simplex, corners, inherited)
-        share_of_range = BETWEEN * (greatest - least)
+        share_of_range = SMOOTH_RISE * (greatest - least)
         smooth = roughness <= share_of_range
         peak = greatest + share_of_range + roughness
+        # The tolerance follows the range of all samples of the simplex so far.
         np.maximum.at(highest, simplex, greatest)
         np.minimum.at(lowest, simplex, least)
-        share = np.where(smooth, SMOOTH_TOLERANCE, TOLERANCE)
+        share = np.where(smooth, SMOOTH_TOLERANCE, ROUGH_TOLERANCE)
         tolerance = np.maximum(share * (highest - lowest)[simplex], round_off[simplex])
+        # A piece that cannot hold the peak, by more than the tolerance, is finished.
         goes_on = peak > highest[simplex] + tolerance
-        too_many = np.bincount(simplex[goes_on], minlength=count) > MOST
-        goes_on &= ~too_many[simplex] & (turn < ROUNDS)
+        too_many = np.bincount(simplex[goes_on], minlength=count) > MOST_PIECES
+        goes_on &= ~too_many[simplex] & (turn < PEAK_ROUNDS)
         np.maximum.at(bound, simplex[~goes_on], peak[~goes_on])
         if not goes_on.any():
             break
         simplex = simplex[goes_on]
         corners = bisected(corners[goes_on], vertices[simplex])
         simplex = np.repeat(simplex, 2)
-        inherited = np.repeat(INHERITED * roughness[goes_on], 2)
+        inherited = np.repeat(INHERITED_SHARE * roughness[goes_on], 2)
     return bound
 
 
@@ -123,7 +141,12 @@ def _on_pieces(
     corners: np.ndarray,
     inherited: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Greatest and least sample of each piece, and its rise where it is not smooth, shape (n,) each."""
+    """Sample the function on each piece.
+
+    Returns:
+        The greatest and the least sample of each piece, and the rise between the
+        samples where the function is not smooth, shape (n,) each.
+    """
     points, residual = piece_samples(vertices.shape[1] - 1)
     places = np.matmul(points, corners)
     values = f(simplex, places, np.matmul(places, vertices[simplex]))
@@ -131,8 +154,9 @@ def _on_pieces(
     least = values.min(axis=1)
     span = greatest - least
     below = greatest[:, None] - values
-    jumps = (np.minimum(below, span[:, None] - below) <= JUMP * span[:, None]).all(axis=1)
-    roughness = CUSP * abs(values @ residual.T).max(axis=1)
+    distance = np.minimum(below, span[:, None] - below)
+    jumps = (distance <= JUMP_SHARE * span[:, None]).all(axis=1)
+    roughness = CUSP_RISE * abs(values @ residual.T).max(axis=1)
     # A cusp that happens to look smooth in a piece did not in the piece around it.
     roughness = np.maximum(roughness, inherited)
     return greatest, least, np.where(jumps, 0.0, roughness)

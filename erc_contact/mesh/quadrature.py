@@ -1,4 +1,4 @@
-"""Integrals over cells and facets of data that are not polynomials, with bounds of their errors.
+"""Integrate data that are not polynomials over cells and facets, with error bounds.
 
 Each simplex (a cell or a facet) is cut into a few pieces. The integrand is evaluated at
 points inside a piece and near its boundary, and compared with a polynomial of degree 4
@@ -28,28 +28,40 @@ from mpi4py import MPI
 
 from erc_contact.mesh.simplex import CELLS, barycentric, bernstein, lattice, rule
 
-SHARE = 1e-8
+UNKNOWN_SHARE = 1e-8
 """Share of an integral that may stay unknown by default [-]."""
-SMOOTH = (0, 4, 4, 3)
+FIT_DEGREE = (0, 4, 4, 3)
 """Degree of the polynomials with which the integrand is compared, for each d'."""
-LATTICE = (0, 4, 3, 2)
-"""Number of parts of an edge of a piece between the points near its boundary, for each d'."""
-INSIDE = 1e-6
-"""Distance of these points from the boundary [-]. They do not lie on it, as data may jump from cell to cell."""
-DEGREE = 6
+LATTICE_PARTS = (0, 4, 3, 2)
+"""Number of parts of an edge of a piece between the points near its boundary.
+
+One for each d'.
+"""
+INSET = 1e-6
+"""Distance of these points from the boundary [-].
+
+They do not lie on it, as data may jump from cell to cell.
+"""
+RULE_DEGREE = 6
 """Degree of the quadrature, whose points are inside a piece."""
-ROUNDS = (0, 40, 20, 15)
+BISECTION_ROUNDS = (0, 40, 20, 15)
 """Limit of the bisections of a piece, for each d'."""
-PATIENCE = 6
-"""From this bisection on they end as soon as the last two left more than GAIN of what
-was unknown. This is for jumps in d' > 1 dimensions, which cannot be resolved."""
-GAIN = 0.4
-"""See PATIENCE [-]."""
-BUDGET = (0, 50_000, 50_000, 20_000)
-"""Number of pieces on all ranks that may be bisected in one round, beyond the number of first pieces, for each d'."""
-ALONG = np.array([1.0, 1.618, 0.733])
-"""A direction in which the middles of the edges of a piece hardly ever lie at the same place."""
-CHUNK = 1024
+PATIENT_ROUNDS = 6
+"""Number of bisections after which they must gain something to go on.
+
+They then end as soon as the last two left more than LEAST_GAIN of what was unknown.
+This is for jumps in d' > 1 dimensions, which cannot be resolved.
+"""
+LEAST_GAIN = 0.4
+"""See PATIENT_ROUNDS [-]."""
+PIECE_BUDGET = (0, 50_000, 50_000, 20_000)
+"""Number of pieces on all ranks that may be bisected in one round, for each d'.
+
+The number of first pieces is added to it.
+"""
+TIE_DIRECTION = np.array([1.0, 1.618, 0.733])
+"""A direction along which the middles of edges hardly ever lie at the same place."""
+CHUNK_PIECES = 1024
 """Number of pieces that are worked on at once. Their arrays stay in the cache."""
 
 Integrand = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
@@ -62,7 +74,7 @@ d).
 
 @dataclass(frozen=True, eq=False)
 class Integral:
-    """Integrals over simplices.
+    """Hold integrals over simplices.
 
     Attributes:
         value: The integrals, shape (simplices, m).
@@ -84,10 +96,12 @@ def integrate(
     measure: np.ndarray,
     pieces: np.ndarray,
     *,
-    share: float | np.ndarray = SHARE,
+    share: float | np.ndarray = UNKNOWN_SHARE,
     floor: float | np.ndarray = 0.0,
 ) -> Integral:
-    """Integrate over simplices, with bisections where the integrand is not near a polynomial; collective.
+    """Integrate over simplices, with bisections where needed; collective.
+
+    They are needed where the integrand is not near a polynomial.
 
     Args:
         comm: Communicator.
@@ -106,47 +120,73 @@ def integrate(
         The integrals.
     """
     size = vertices.shape[1] - 1
-    of = np.repeat(np.flatnonzero(measure > 0), len(pieces))
-    corners = np.tile(pieces, (len(of) // len(pieces), 1, 1))
-    part = measure[of] / len(pieces)
-    value = rest = most = np.zeros((len(vertices), 0))
-    begun = count = comm.allreduce(len(of), MPI.SUM)
+    simplex = np.repeat(np.flatnonzero(measure > 0), len(pieces))
+    corners = np.tile(pieces, (len(simplex) // len(pieces), 1, 1))
+    piece_measure = measure[simplex] / len(pieces)
+    first_count = comm.allreduce(len(simplex), MPI.SUM)
+    count = first_count
+    value = unknown = allowed = np.zeros((len(vertices), 0))
     excess: list[float] = []
-    for turn in range(ROUNDS[size] + 1):
-        found, unknown = _on_pieces(f, vertices, of, corners, part)
+    for turn in range(BISECTION_ROUNDS[size] + 1):
+        piece_value, piece_unknown = _on_pieces(f, vertices, simplex, corners, piece_measure)
         if turn == 0:
-            value, rest = (np.zeros((len(vertices), found.shape[1])) for _ in range(2))
-            most = np.maximum(share * comm.allreduce(abs(found).sum(axis=0), MPI.SUM), floor)
-        bad = ~np.all(unknown <= 0.1 * most / max(count, 1), axis=1)
-        left = comm.allreduce(int(bad.sum()), MPI.SUM)
-        total = comm.allreduce(rest.sum(axis=0) + unknown.sum(axis=0), MPI.SUM)
-        excess.append(
-            float(
-                np.divide(total, most, out=1e300 * np.sign(total), where=most > 0).max(initial=0.0)
-            )
-        )
-        hopeless = size > 1 and turn >= PATIENCE and excess[-1] > GAIN * excess[-3]
-        last = (
-            excess[-1] <= 1
-            or not left
-            or left > begun + BUDGET[size]
-            or turn == ROUNDS[size]
-            or hopeless
-        )
+            # The first evaluation tells the number of integrands, and their size.
+            integrands = piece_value.shape[1]
+            value = np.zeros((len(vertices), integrands))
+            unknown = np.zeros((len(vertices), integrands))
+            size_of_integrals = comm.allreduce(abs(piece_value).sum(axis=0), MPI.SUM)
+            allowed = np.maximum(share * size_of_integrals, floor)
+        # Each piece may leave its part of a tenth of what is allowed.
+        bad = ~np.all(piece_unknown <= 0.1 * allowed / max(count, 1), axis=1)
+        bad_count = comm.allreduce(int(bad.sum()), MPI.SUM)
+        total = comm.allreduce(unknown.sum(axis=0) + piece_unknown.sum(axis=0), MPI.SUM)
+        excess.append(_greatest_ratio(total, allowed))
+        # All ranks decide alike, as they know the same numbers.
+        too_many = bad_count > first_count + PIECE_BUDGET[size]
+        last = not bad_count or too_many or _ends(size, excess)
         done = np.ones_like(bad) if last else ~bad
-        np.add.at(value, of[done], found[done])
-        np.add.at(rest, of[done], unknown[done])
+        np.add.at(value, simplex[done], piece_value[done])
+        np.add.at(unknown, simplex[done], piece_unknown[done])
         if last:
             break
-        of, part, count = np.repeat(of[bad], 2), np.repeat(part[bad] / 2, 2), count + left
-        corners = bisected(corners[bad], vertices[of[::2]])
-    return Integral(value, rest, comm.allreduce(rest.sum(axis=0), MPI.SUM) <= most)
+        corners = bisected(corners[bad], vertices[simplex[bad]])
+        simplex = np.repeat(simplex[bad], 2)
+        piece_measure = np.repeat(piece_measure[bad] / 2, 2)
+        count += bad_count
+    total_unknown = comm.allreduce(unknown.sum(axis=0), MPI.SUM)
+    return Integral(value, unknown, total_unknown <= allowed)
+
+
+def _ends(size: int, excess: list[float]) -> bool:
+    """Tell whether bisections end.
+
+    Args:
+        size: Dimension of the simplices.
+        excess: Ratio of what is unknown to what is allowed after each round [-].
+    """
+    turn = len(excess) - 1
+    resolved = excess[-1] <= 1
+    # A jump in several dimensions loses little by each round, for ever.
+    hopeless = size > 1 and turn >= PATIENT_ROUNDS and excess[-1] > LEAST_GAIN * excess[-3]
+    return resolved or hopeless or turn == BISECTION_ROUNDS[size]
+
+
+def _greatest_ratio(total: np.ndarray, allowed: np.ndarray) -> float:
+    """Compute the greatest ratio of what is unknown to what is allowed [-]."""
+    # Where nothing is allowed, anything is too much.
+    without = 1e300 * np.sign(total)
+    ratio = np.divide(total, allowed, out=without, where=allowed > 0)
+    return float(ratio.max(initial=0.0))
 
 
 def _on_pieces(
-    f: Integrand, vertices: np.ndarray, of: np.ndarray, corners: np.ndarray, part: np.ndarray
+    f: Integrand,
+    vertices: np.ndarray,
+    simplex: np.ndarray,
+    corners: np.ndarray,
+    piece_measure: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The integrals over pieces, and what is unknown of them, each of shape (n, m).
+    """Compute integrals over pieces and what is unknown of them, each (n, m).
 
     Unknown is twice the mean distance from a polynomial times the size of the piece.
     For 3000 random jumps at points, lines and planes this was on average 3 to 10 times
@@ -154,44 +194,53 @@ def _on_pieces(
     pieces was above.
     """
     points, weights, residual = _points(vertices.shape[1] - 1)
-    parts = []
-    for start in range(
-        0, max(len(of), 1), CHUNK
-    ):  # a rank without pieces does this once, to know m
-        some = slice(start, start + CHUNK)
-        places = np.matmul(points, corners[some])
-        values = f(of[some], places, np.matmul(places, vertices[of[some]]))
-        found = np.tensordot(values, weights, axes=(1, 0))
+    chunks = []
+    # A rank without pieces does this once, to know the number of integrands.
+    for start in range(0, max(len(simplex), 1), CHUNK_PIECES):
+        chunk = slice(start, start + CHUNK_PIECES)
+        places = np.matmul(points, corners[chunk])
+        values = f(simplex[chunk], places, np.matmul(places, vertices[simplex[chunk]]))
+        mean = np.tensordot(values, weights, axes=(1, 0))
         unknown = 2 * abs(np.matmul(residual, values)).mean(axis=1)
-        parts.append(np.stack([found, unknown]) * part[some, None])
-    found, unknown = np.concatenate(parts, axis=1)
-    return found, unknown
+        chunks.append(np.stack([mean, unknown]) * piece_measure[chunk, None])
+    value, unknown = np.concatenate(chunks, axis=1)
+    return value, unknown
 
 
 @cache
 def _points(size: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Barycentric points of a piece (q, P), weights (q,), matrix (q, q) from values to distances from polynomials."""
-    inner, weights = rule(size, DEGREE)
-    outer = (1 - INSIDE) * lattice(size, LATTICE[size]) + INSIDE / (size + 1)
+    """Return points of a piece, weights, and the matrix to distances from polynomials.
+
+    Returns:
+        Barycentric coordinates, shape (q, P); weights of the quadrature, zero near the
+        boundary, shape (q,); and the matrix (q, q) that takes values at the points to
+        their distances from the polynomial that is nearest to them.
+    """
+    inner, weights = rule(size, RULE_DEGREE)
+    outer = (1 - INSET) * lattice(size, LATTICE_PARTS[size]) + INSET / (size + 1)
     points = np.vstack([inner, outer])
-    smooth = basix.tabulate_polynomials(
-        basix.PolynomialType.legendre, CELLS[size], SMOOTH[size], points
-    ).T
-    residual = np.eye(len(points)) - smooth @ np.linalg.pinv(smooth)
+    legendre = basix.PolynomialType.legendre
+    fit = basix.tabulate_polynomials(legendre, CELLS[size], FIT_DEGREE[size], points).T
+    residual = np.eye(len(points)) - fit @ np.linalg.pinv(fit)
     return barycentric(points), np.concatenate([weights, np.zeros(len(outer))]), residual
 
 
 def piece_samples(size: int) -> tuple[np.ndarray, np.ndarray]:
-    """The samples of a piece, barycentric (q, P), and the matrix (q, q) from values to distances from polynomials."""
+    """Return the samples of a piece, and the matrix to distances from polynomials.
+
+    Returns:
+        Barycentric coordinates, shape (q, P), and the matrix (q, q).
+    """
     points, _, residual = _points(size)
     return points, residual
 
 
 def bisected(corners: np.ndarray, vertices: np.ndarray) -> np.ndarray:
-    """The two halves of each piece, cut at the middle of its longest edge, (n, P, P) -> (2n, P, P).
+    """Cut pieces at the middle of their longest edge, (n, P, P) -> (2n, P, P).
 
-    Of edges of equal length the one is cut whose middle comes last along :data:`ALONG`.
-    So the order of the vertices, which depends on the number of ranks, does not matter.
+    Of edges of equal length the one is cut whose middle comes last along
+    :data:`TIE_DIRECTION`. So the order of the vertices, which depends on the number of
+    ranks, does not matter.
 
     Args:
         corners: Barycentric coordinates of the corners.
@@ -201,37 +250,46 @@ def bisected(corners: np.ndarray, vertices: np.ndarray) -> np.ndarray:
     x = np.matmul(corners, vertices)
     lengths = np.linalg.norm(x[:, pairs[:, 0]] - x[:, pairs[:, 1]], axis=2)
     longest = lengths > 0.999 * lengths.max(axis=1, initial=0.0)[:, None]
-    place = (x[:, pairs[:, 0]] + x[:, pairs[:, 1]]) @ ALONG[: x.shape[2]]
+    place = (x[:, pairs[:, 0]] + x[:, pairs[:, 1]]) @ TIE_DIRECTION[: x.shape[2]]
     a, b = pairs[np.where(longest, place, -np.inf).argmax(axis=1)].T
-    every = np.arange(len(corners))
-    middle = 0.5 * (corners[every, a] + corners[every, b])
+    piece = np.arange(len(corners))
+    middle = 0.5 * (corners[piece, a] + corners[piece, b])
+    # The middle replaces one end of the edge in each half.
     halves = np.repeat(corners, 2, axis=0)
-    halves[2 * every, a] = halves[2 * every + 1, b] = middle
+    halves[2 * piece, a] = middle
+    halves[2 * piece + 1, b] = middle
     return halves
 
 
 @cache
 def facet_pieces(size: int) -> np.ndarray:
-    """The first pieces of a facet: 8 of a segment, 16 of a triangle, shape (c, P, P).
+    """Return the first pieces of a facet, shape (c, P, P).
 
-    They do not depend on the order of the vertices, which depends on the number of
-    ranks.
+    There are 8 of a segment and 16 of a triangle. They do not depend on the order of
+    the vertices, which depends on the number of ranks.
     """
     corners = np.eye(size + 1)[None]
     for _ in range((0, 3, 2)[size]):
+        # Middle i lies between the corners i and i + 1.
         middles = 0.5 * (corners + np.roll(corners, -1, axis=1))
         if size == 1:
-            parts = [[corners[:, 0], middles[:, 0]], [middles[:, 0], corners[:, 1]]]
+            halves = [[corners[:, 0], middles[:, 0]], [middles[:, 0], corners[:, 1]]]
+            corners = _joined(halves)
         else:
-            parts = [[corners[:, i], middles[:, i], middles[:, i - 1]] for i in range(3)]
-            parts.append([middles[:, i] for i in range(3)])
-        corners = np.concatenate([np.stack(part, axis=1) for part in parts])
+            outer = [[corners[:, i], middles[:, i], middles[:, i - 1]] for i in range(3)]
+            inner = [middles[:, i] for i in range(3)]
+            corners = _joined([*outer, inner])
     return corners
+
+
+def _joined(parts: list[list[np.ndarray]]) -> np.ndarray:
+    """Join pieces given part by part and corner by corner in an array (n, P, P)."""
+    return np.concatenate([np.stack(part, axis=1) for part in parts])
 
 
 @cache
 def cell_pieces(size: int) -> np.ndarray:
-    """The first pieces of a cell, the sub-simplices of sigma^, shape (P, P, P).
+    """Return the first pieces of a cell, the sub-simplices of sigma^, shape (P, P, P).
 
     In piece i the barycentre of the cell replaces vertex i.
     """
@@ -240,8 +298,8 @@ def cell_pieces(size: int) -> np.ndarray:
     return corners
 
 
-def polynomials(degree: int, at: np.ndarray) -> np.ndarray:
-    """Bernstein polynomials at barycentric points (n, q, P), shape (n, q, N)."""
-    n, q, P = at.shape
-    values = bernstein(P - 1, degree, at.reshape(n * q, P)[:, 1:])
+def polynomials(degree: int, points: np.ndarray) -> np.ndarray:
+    """Evaluate Bernstein polynomials at barycentric points, shape (n, q, N)."""
+    n, q, P = points.shape
+    values = bernstein(P - 1, degree, points.reshape(n * q, P)[:, 1:])
     return values.reshape(n, q, values.shape[1])

@@ -1,4 +1,4 @@
-"""Meshes of a geometry with given sizes, by gmsh on rank 0.
+"""Mesh a geometry with given sizes, by gmsh on rank 0.
 
 Symbols: h size [length], the edge of the simplex that is wanted at a point; d
 dimension.
@@ -13,41 +13,57 @@ import numpy as np
 from dolfinx.io import gmsh as dgmsh
 from mpi4py import MPI
 
-from erc_contact.base.exceptions import InputError, raise_together
+from erc_contact.base.exceptions import InputError, together
 from erc_contact.mesh.domain import Domain, Geometry
 from erc_contact.mesh.gmsh_model import FIELD, marked_facets, renumber, session
 from erc_contact.mesh.partition import partitioner
 from erc_contact.mesh.simplex import barycentric, measures, rule
 
 FILL = {2: 4 / np.sqrt(3), 3: 5.0}
-"""Number of simplices of size 1 in a unit of area or volume, by dimension. In 2D they
-are equilateral triangles. In 3D regular tetrahedra would give 8.5, but they do not fill
-space: gmsh makes 4.7 on fine uniform meshes and 5.6 on graded meshes."""
-GMSH = {2: 1.06, 3: 1.08}
-"""Number of simplices that gmsh makes over the number from :data:`FILL`, measured on
-small graded meshes. It is the first guess."""
-ROUND = 1e-3
-"""Step to which the logarithm of sizes is rounded before gmsh gets them [-]: round-off must not change the mesh."""
+"""Number of simplices of size 1 in a unit of area or volume, by dimension.
+
+In 2D they are equilateral triangles. In 3D regular tetrahedra would give 8.5, but they
+do not fill space: gmsh makes 4.7 on fine uniform meshes and 5.6 on graded meshes.
+"""
+GMSH_EXCESS = {2: 1.06, 3: 1.08}
+"""Number of simplices that gmsh makes over the number from :data:`FILL`.
+
+It was measured on small graded meshes, and is the first guess.
+"""
+SIZE_STEP = 1e-3
+"""Step to which the logarithm of sizes is rounded before gmsh gets them [-].
+
+Round-off must not change the mesh.
+"""
 COUNT_TOLERANCE = {2: 0.02, 3: 0.05}
-"""A mesh is made again with scaled sizes if its number of cells misses the count by more than this share [-]."""
+"""Greatest share by which the number of cells may miss the count [-].
+
+Beyond it the mesh is made again with scaled sizes.
+"""
 ATTEMPTS = 4
-"""Greatest number of meshes that are made to come near the count. If the last one is
-not the best, the best one is made again."""
+"""Greatest number of meshes that are made to come near the count.
+
+If the last one is not the best, the best one is made again.
+"""
 
 
 def count(domain: Domain, sizes: np.ndarray) -> float:
-    """The number of cells of a mesh with given sizes, ``int c / h^d`` with c of :data:`FILL`; collective.
+    """Predict the number of cells of a mesh with given sizes; collective.
+
+    It is ``int c / h^d`` with c of :data:`FILL`.
 
     Args:
         domain: The mesh that carries the sizes.
         sizes: h at the nodes ``domain.mesh.geometry.x`` [length], shape (n,).
     """
-    mesh, dim = domain.mesh, domain.dim
+    mesh = domain.mesh
+    dim = domain.dim
     points, weights = rule(dim, 6)
     nodes = mesh.geometry.dofmaps[0][: domain.owned_cells]
     volume = measures(mesh.geometry.x[nodes][:, :, :dim])
     h = sizes[nodes] @ barycentric(points).T
-    return float(FILL[dim] * mesh.comm.allreduce(float(volume @ (h**-dim @ weights)), MPI.SUM))
+    integral = float(volume @ (h**-dim @ weights))
+    return float(FILL[dim] * mesh.comm.allreduce(integral, MPI.SUM))
 
 
 def meshed(
@@ -56,7 +72,9 @@ def meshed(
     domain: Domain,
     sizes: np.ndarray,
 ) -> Domain:
-    """Mesh a geometry with the sizes at the nodes of a mesh, see :meth:`Domain.remeshed`; collective.
+    """Mesh a geometry with the sizes at the nodes of a mesh; collective.
+
+    See :meth:`Domain.remeshed`.
 
     Args:
         geometry: The geometry, which the new domain keeps.
@@ -72,96 +90,141 @@ def meshed(
         InputError: If a size is not > 0 and finite, the sizes have another shape, or
             gmsh fails.
     """
-    mesh, comm, dim = domain.mesh, domain.mesh.comm, domain.dim
-    error, h = None, np.asarray(sizes, dtype=float)
-    if h.ndim == 0:
-        h = np.full(len(mesh.geometry.x), h)
-    if h.shape != (len(mesh.geometry.x),):
-        error = InputError(
-            f"The sizes have shape {h.shape}; give a number, or one for each node of this rank: domain.mesh.geometry.x "
-            f"has {len(mesh.geometry.x)}."
-        )
-    elif not np.all((h > 0) & np.isfinite(h)):
-        wrong = h[~((h > 0) & np.isfinite(h))]
-        error = InputError(
-            f"{len(wrong)} sizes are not > 0 and finite, the first is {wrong[0]:g}; sizes are lengths."
-        )
-    raise_together(comm, error)
-    h = np.exp(ROUND * np.round(np.log(h) / ROUND))
-    wanted = round(count(domain, h))
+    mesh = domain.mesh
+    comm = mesh.comm
+    dim = domain.dim
+    h = together(comm, _checked, sizes, len(mesh.geometry.x))
+    h = np.exp(SIZE_STEP * np.round(np.log(h) / SIZE_STEP))
+    target = round(count(domain, h))
     nodes = mesh.geometry.dofmaps[0][: domain.owned_cells]
     parts = comm.gather((mesh.geometry.x[nodes], h[nodes]))
-
     tags: dict[int, int] = {}
 
-    def model_of(gmsh: Any) -> None:
+    def build_mesh(gmsh: Any) -> None:
         tags.update(build(gmsh) or {})
         assert parts is not None
-        x, values = (np.concatenate(part) for part in zip(*parts, strict=True))
-        _mesh_to_sizes(gmsh, dim, *_sorted(x, values), wanted)
+        corners = np.concatenate([x for x, _ in parts])
+        corner_sizes = np.concatenate([values for _, values in parts])
+        corners, corner_sizes = _sorted(corners, corner_sizes)
+        _mesh_to_sizes(gmsh, dim, corners, corner_sizes, target)
         renumber(gmsh.model, dim)
 
-    with session(comm, model_of, "The geometry, meshed again,") as model:
+    with session(comm, build_mesh, "The geometry, meshed again,") as model:
         data = dgmsh.model_to_mesh(model, comm, 0, gdim=dim, partitioner=partitioner(comm))
-        marks = (
-            marked_facets(model, comm, 0, data.mesh, tags)
-            if domain.curved_facets is not None
-            else None
-        )
-    regions = data.cell_tags if domain.regions else None
+        marks = None
+        if domain.curved_facets is not None:
+            marks = marked_facets(model, comm, 0, data.mesh, tags)
+    # Without regions gmsh's tags are those of the group "body", which nobody asked for.
+    cell_tags = data.cell_tags if domain.regions else None
     return Domain(
-        data.mesh, data.facet_tags, domain.names, regions, domain.regions, geometry, marks
+        data.mesh, data.facet_tags, domain.names, cell_tags, domain.regions, geometry, marks
     )
+
+
+def _checked(sizes: np.ndarray, count: int) -> np.ndarray:
+    """Return the sizes at all nodes of this rank [length], after a check.
+
+    Args:
+        sizes: Sizes at the nodes, or one for all [length].
+        count: Number of nodes.
+
+    Raises:
+        InputError: If there is another number of sizes, or one is not > 0 and finite.
+    """
+    h = np.asarray(sizes, dtype=float)
+    if h.ndim == 0:
+        h = np.full(count, h)
+    if h.shape != (count,):
+        raise InputError(
+            f"The sizes have shape {h.shape}; give a number, or one for each node of this rank: "
+            f"domain.mesh.geometry.x has {count}."
+        )
+    good = (h > 0) & np.isfinite(h)
+    if not good.all():
+        wrong = h[~good]
+        raise InputError(
+            f"{len(wrong)} sizes are not > 0 and finite, the first is {wrong[0]:g}; sizes are "
+            "lengths."
+        )
+    return h
 
 
 def _sorted(x: np.ndarray, sizes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Simplices (n, d+1, 3) with sizes at their corners, in an order that does not depend on the ranks.
+    """Sort simplices and their corners, so that the ranks do not matter.
 
     gmsh takes the size at a point on an edge from the first simplex that holds it. So
     another order gives another mesh.
+
+    Args:
+        x: Corners [length], shape (n, d+1, 3).
+        sizes: Sizes at the corners [length], shape (n, d+1).
     """
     corners = np.lexsort(x.transpose(2, 0, 1)[::-1], axis=1)
-    x, sizes = (
-        np.take_along_axis(x, corners[..., None], axis=1),
-        np.take_along_axis(sizes, corners, axis=1),
-    )
+    x = np.take_along_axis(x, corners[..., None], axis=1)
+    sizes = np.take_along_axis(sizes, corners, axis=1)
     order = np.lexsort(x.reshape(len(x), -1).T[::-1])
     return x[order], sizes[order]
 
 
-def _mesh_to_sizes(gmsh: Any, dim: int, x: np.ndarray, sizes: np.ndarray, wanted: int) -> None:
-    """Mesh gmsh's current model with sizes at the corners x (n, d+1, 3) of simplices, and a wanted number of cells.
+def _mesh_to_sizes(gmsh: Any, dim: int, x: np.ndarray, sizes: np.ndarray, target: int) -> None:
+    """Mesh gmsh's current model with sizes at the corners of simplices.
 
     The number of cells that gmsh makes depends on gradation and shape. If it misses the
-    wanted number, all sizes are scaled and the mesh is made again; this is cheap beside
-    a contact solve.
+    target, all sizes are scaled and the mesh is made again; this is cheap beside a
+    contact solve.
+
+    Args:
+        gmsh: The module gmsh.
+        dim: Dimension.
+        x: Corners [length], shape (n, d+1, 3).
+        sizes: Sizes at the corners [length], shape (n, d+1).
+        target: Number of cells.
+
+    Raises:
+        InputError: If gmsh makes no cell.
     """
     for name, value in FIELD.items():
         gmsh.option.setNumber(name, value)
-    scale = GMSH[dim] ** (1 / dim)
-    best = (np.inf, scale)
+    scale = GMSH_EXCESS[dim] ** (1 / dim)
+    least_miss = np.inf
+    best_scale = scale
     for attempt in range(ATTEMPTS + 1):
-        view = gmsh.view.add("sizes")
-        rows = np.hstack([x.transpose(0, 2, 1).reshape(len(x), -1), scale * sizes])
-        gmsh.view.addListData(view, ("ST", "SS")[dim - 2], len(rows), rows.ravel())
-        background = gmsh.model.mesh.field.add("PostView")
-        gmsh.model.mesh.field.setNumber(background, "ViewTag", view)
-        gmsh.model.mesh.field.setAsBackgroundMesh(background)
-        try:
-            gmsh.model.mesh.clear()
-            gmsh.model.mesh.generate(dim)
-        finally:
-            gmsh.model.mesh.field.remove(background)
-            gmsh.view.remove(view)
-        got = sum(len(tags) for tags in gmsh.model.mesh.getElements(dim)[1])
-        if not got:
-            raise InputError("gmsh made no cell of it.")
-        miss = abs(got / wanted - 1)
-        if (
-            miss <= COUNT_TOLERANCE[dim]
-            or attempt == ATTEMPTS
-            or (attempt == ATTEMPTS - 1 and miss <= best[0])
-        ):
+        cells = _mesh_once(gmsh, dim, x, scale * sizes)
+        miss = abs(cells / target - 1)
+        last_is_best = attempt == ATTEMPTS - 1 and miss <= least_miss
+        if miss <= COUNT_TOLERANCE[dim] or last_is_best or attempt == ATTEMPTS:
             return
-        best = min(best, (miss, scale))
-        scale = best[1] if attempt == ATTEMPTS - 1 else scale * (got / wanted) ** (1 / dim)
+        if (miss, scale) < (least_miss, best_scale):
+            least_miss = miss
+            best_scale = scale
+        # The final attempt makes the best mesh again.
+        if attempt == ATTEMPTS - 1:
+            scale = best_scale
+        else:
+            scale *= (cells / target) ** (1 / dim)
+
+
+def _mesh_once(gmsh: Any, dim: int, x: np.ndarray, sizes: np.ndarray) -> int:
+    """Mesh gmsh's current model with sizes, see :func:`_mesh_to_sizes`.
+
+    Returns:
+        The number of cells.
+    """
+    view = gmsh.view.add("sizes")
+    rows = np.hstack([x.transpose(0, 2, 1).reshape(len(x), -1), sizes])
+    # Scalar values on triangles or on tetrahedra.
+    kind = "ST" if dim == 2 else "SS"
+    gmsh.view.addListData(view, kind, len(rows), rows.ravel())
+    background = gmsh.model.mesh.field.add("PostView")
+    gmsh.model.mesh.field.setNumber(background, "ViewTag", view)
+    gmsh.model.mesh.field.setAsBackgroundMesh(background)
+    try:
+        gmsh.model.mesh.clear()
+        gmsh.model.mesh.generate(dim)
+    finally:
+        gmsh.model.mesh.field.remove(background)
+        gmsh.view.remove(view)
+    cells = sum(len(tags) for tags in gmsh.model.mesh.getElements(dim)[1])
+    if not cells:
+        raise InputError("gmsh made no cell of it.")
+    return cells

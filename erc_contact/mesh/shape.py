@@ -1,4 +1,4 @@
-"""The true shape of a body, in the form that gmsh needs to mesh the body again with other sizes.
+"""Keep the true shape of a body, for gmsh to mesh it again with other sizes.
 
 A mesh does not know the circles that it was made from. So domains from gmsh keep a
 :class:`Drawing`, and rectangles and boxes a :class:`Brick`, on rank 0. Refined and
@@ -29,16 +29,21 @@ SIDES = {
     2: (("left", "right"), ("bottom", "top")),
     3: (("left", "right"), ("front", "back"), ("bottom", "top")),
 }
-"""Names of the sides of a rectangle or box, by dimension: low and high end of x, y and z. The last axis is up."""
-MARK = "erc_contact mark "
+"""Names of the sides of a rectangle or box, by dimension.
+
+They are those of the low and the high end of x, y and z. The last axis is up.
+"""
+MARK_PREFIX = "erc_contact mark "
 """Beginning of the names of physical groups that keep marks."""
-FLAT = ("Line", "Plane")
+FLAT_TYPES = ("Line", "Plane")
 """gmsh's types of curves and surfaces that facets represent exactly."""
+ON_SIDE = 1e-12
+"""Distance from a side of a brick that is round-off, as a share of its length [-]."""
 
 
 @dataclass(frozen=True)
 class Brick:
-    """A rectangle or a box.
+    """Represent a rectangle or a box.
 
     Args:
         low: Corner of least coordinates [length].
@@ -49,53 +54,61 @@ class Brick:
     high: tuple[float, ...]
 
     def build(self, gmsh: Any) -> None:
-        """Make geometry and physical groups in gmsh's current model, by the OpenCASCADE kernel."""
+        """Make geometry and physical groups in gmsh's model, by OpenCASCADE."""
         dim = len(self.low)
-        occ, extent = gmsh.model.occ, np.subtract(self.high, self.low)
-        body = (
-            occ.addRectangle(*self.low, 0.0, *extent)
-            if dim == 2
-            else occ.addBox(*self.low, *extent)
-        )
+        occ = gmsh.model.occ
+        extent = np.subtract(self.high, self.low)
+        if dim == 2:
+            body = occ.addRectangle(*self.low, 0.0, *extent)
+        else:
+            body = occ.addBox(*self.low, *extent)
         occ.synchronize()
         gmsh.model.addPhysicalGroup(dim, [body], name="body")
-        sides = gmsh.model.getBoundary([(dim, body)], oriented=False)
-        centre = {tag: np.array(occ.getCenterOfMass(dim - 1, tag)[:dim]) for _, tag in sides}
-        for number, (name, axis, at) in enumerate(self.sides(), start=1):
-            distance = {tag: abs(x[axis] - at) for tag, x in centre.items()}
-            gmsh.model.addPhysicalGroup(
-                dim - 1, [min(distance, key=distance.__getitem__)], tag=number, name=name
-            )
+        boundary = gmsh.model.getBoundary([(dim, body)], oriented=False)
+        centres = {tag: np.array(occ.getCenterOfMass(dim - 1, tag)[:dim]) for _, tag in boundary}
+        for number, (name, axis, coordinate) in enumerate(self.sides(), start=1):
+            distance = {tag: abs(x[axis] - coordinate) for tag, x in centres.items()}
+            side = min(distance, key=distance.__getitem__)
+            gmsh.model.addPhysicalGroup(dim - 1, [side], tag=number, name=name)
 
     def sides(self) -> Iterator[tuple[str, int, float]]:
-        """Name, axis and coordinate [length] of each side. The tags of the sides are 1, 2, ... in this order."""
-        for axis, pair in enumerate(SIDES[len(self.low)]):
-            for name, at in zip(pair, (self.low[axis], self.high[axis]), strict=True):
-                yield name, axis, at
+        """Iterate over the sides: name, axis and coordinate [length].
+
+        The tags of the sides are 1, 2, ... in this order.
+        """
+        for axis, (low_name, high_name) in enumerate(SIDES[len(self.low)]):
+            yield low_name, axis, self.low[axis]
+            yield high_name, axis, self.high[axis]
 
     def exact(self, domain: Domain) -> Domain:
-        """The same domain with its nodes exactly on the sides of the brick: a side at y = 0 must not be at 1e-17.
+        """Put the nodes of a domain exactly on the sides of the brick.
+
+        A side at y = 0 must not be at 1e-17.
 
         Args:
             domain: A new mesh of this brick, which is changed in place.
+
+        Returns:
+            The same domain.
         """
         x = domain.mesh.geometry.x
-        for _, axis, at in self.sides():
-            x[abs(x[:, axis] - at) < 1e-12 * (self.high[axis] - self.low[axis]), axis] = at
+        for _, axis, coordinate in self.sides():
+            distance = ON_SIDE * (self.high[axis] - self.low[axis])
+            x[abs(x[:, axis] - coordinate) < distance, axis] = coordinate
         return domain
 
     def meshed(self, domain: Domain, sizes: np.ndarray) -> Domain:
-        """See :meth:`Domain.remeshed`; collective."""
+        """Mesh the shape with other sizes, see :meth:`Domain.remeshed`; collective."""
         return self.exact(meshed(self, self.build, domain, sizes))
 
     def nearest(self, comm: MPI.Comm, points: np.ndarray, marks: np.ndarray) -> np.ndarray:
-        """The points themselves, because the facets are the true surface."""
+        """Return the points themselves: the facets are the true surface."""
         return points
 
 
 @dataclass(frozen=True)
 class Drawing:
-    """The geometry of a gmsh model, as the text of a file of gmsh's.
+    """Represent the geometry of a gmsh model by the text of a file of gmsh's.
 
     Args:
         suffix: Suffix of the file: ".xao" (shapes of OpenCASCADE) or ".geo_unrolled"
@@ -110,64 +123,80 @@ class Drawing:
     curved: frozenset[int] = frozenset()
 
     def build(self, gmsh: Any) -> dict[int, int]:
-        """Make geometry and physical groups in gmsh's current model; return the tag of each mark there.
+        """Make geometry and physical groups in gmsh's model.
 
         OpenCASCADE gives a shape new tags each time it is read. So marks are kept as
         physical groups.
+
+        Returns:
+            gmsh's tag of each mark.
         """
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / f"body{self.suffix}"
             path.write_text(self.text)
             gmsh.merge(str(path))
-        model, tags = gmsh.model, {}
+        model = gmsh.model
+        tags = {}
         for dim, group in model.getPhysicalGroups():
             name = model.getPhysicalName(dim, group)
-            if name.startswith(MARK):
-                tags[int(name.removeprefix(MARK))] = int(
-                    model.getEntitiesForPhysicalGroup(dim, group)[0]
-                )
+            if name.startswith(MARK_PREFIX):
+                mark = int(name.removeprefix(MARK_PREFIX))
+                tags[mark] = int(model.getEntitiesForPhysicalGroup(dim, group)[0])
                 model.removePhysicalGroups([(dim, group)])
-        return tags or {
-            int(tag): int(tag) for _, tag in model.getEntities(model.getDimension() - 1)
-        }
+        if tags:
+            return tags
+        # gmsh's own kernel keeps the tags, which are the marks then.
+        return {int(tag): int(tag) for _, tag in model.getEntities(model.getDimension() - 1)}
 
     def meshed(self, domain: Domain, sizes: np.ndarray) -> Domain:
-        """See :meth:`Domain.remeshed`; collective."""
+        """Mesh the shape with other sizes, see :meth:`Domain.remeshed`; collective."""
         return meshed(self, self.build, domain, sizes)
 
     def nearest(self, comm: MPI.Comm, points: np.ndarray, marks: np.ndarray) -> np.ndarray:
-        """Nearest points of the true surface, see :data:`erc_contact.mesh.surface.Nearest`; collective."""
-        bent = np.isin(marks, list(self.curved)).any(axis=1)
-        parts = comm.gather((points[bent], marks[bent]))
-        found: list[np.ndarray] = []
+        """Return the nearest points of the true surface [length]; collective.
+
+        See :data:`erc_contact.mesh.surface.Nearest`.
+        """
+        curved = np.isin(marks, list(self.curved)).any(axis=1)
+        # gmsh runs on rank 0 only, which works for all ranks.
+        parts = comm.gather((points[curved], marks[curved]))
+        answers: list[np.ndarray] = []
 
         def build(gmsh: Any) -> None:
             tags = self.build(gmsh)
-            found.extend(_nearest(gmsh.model, tags, x, of) for x, of in parts or ())
+            for rank_points, rank_marks in parts or ():
+                answers.append(_nearest(gmsh.model, tags, rank_points, rank_marks))
 
         with session(comm, build, "The geometry"):
             result = points.copy()
-            result[bent] = comm.scatter(found if comm.rank == 0 else None)
+            result[curved] = comm.scatter(answers if comm.rank == 0 else None)
         return result
 
 
 def drawing_of(model: Any) -> tuple[str, str, frozenset[int]] | None:
-    """Suffix, text and curved marks of the :class:`Drawing` of gmsh's current model; None if it has none.
+    """Return suffix, text and curved marks of the :class:`Drawing` of gmsh's model.
 
-    A model from a mesh file has no geometry. One that mixes gmsh's two kernels cannot
-    be kept by either format.
+    It is None if the model has none. A model from a mesh file has no geometry. One that
+    mixes gmsh's two kernels cannot be kept by either format.
     """
     import gmsh  # noqa: PLC0415 - whoever has a model has gmsh
 
-    entities, drawn = set(model.getEntities()), set(model.occ.getEntities())
+    entities = set(model.getEntities())
+    occ_entities = set(model.occ.getEntities())
     discrete = any(model.getType(*entity).startswith("Discrete") for entity in entities)
-    if discrete or (drawn and drawn != entities):
+    mixed = bool(occ_entities) and occ_entities != entities
+    if discrete or mixed:
         return None
-    suffix = ".xao" if drawn else ".geo_unrolled"
+    suffix = ".xao" if occ_entities else ".geo_unrolled"
     facets = model.getEntities(model.getDimension() - 1)
-    curved = frozenset(int(tag) for dim, tag in facets if model.getType(dim, tag) not in FLAT)
-    marks = facets if curved and drawn else ()
-    groups = [(dim, model.addPhysicalGroup(dim, [tag], name=f"{MARK}{tag}")) for dim, tag in marks]
+    curved_tags = [tag for dim, tag in facets if model.getType(dim, tag) not in FLAT_TYPES]
+    curved = frozenset(map(int, curved_tags))
+    groups = []
+    if curved and occ_entities:
+        # OpenCASCADE does not keep tags, so physical groups carry them to the file.
+        for dim, tag in facets:
+            group = model.addPhysicalGroup(dim, [tag], name=f"{MARK_PREFIX}{tag}")
+            groups.append((dim, group))
     try:
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / f"body{suffix}"
@@ -179,22 +208,37 @@ def drawing_of(model: Any) -> tuple[str, str, frozenset[int]] | None:
 
 
 def _nearest(model: Any, tags: Mapping[int, int], x: np.ndarray, marks: np.ndarray) -> np.ndarray:
-    """Nearest points (n, d) on the curves or surfaces of the marks (n, 2).
+    """Find the nearest points on the curves or surfaces of marks [length].
 
     A point with two marks goes to the common edge of both.
+
+    Args:
+        model: gmsh's current model.
+        tags: gmsh's tag of each mark.
+        x: Points [length], shape (n, d).
+        marks: One or two marks of each point, the second one -1 if there is one only,
+            shape (n, 2).
+
+    Returns:
+        Shape (n, d).
     """
-    d, result = x.shape[1], x.copy()
+    d = x.shape[1]
+    result = x.copy()
     for pair in np.unique(marks, axis=0):
-        here = np.all(marks == pair, axis=1)
+        selected = np.all(marks == pair, axis=1)
         places = [(d - 1, tags[pair[0]])]
         if pair[1] >= 0:
-            below = [set(map(int, model.getAdjacencies(d - 1, tags[m])[1])) for m in pair]
-            places = [(d - 2, tag) for tag in below[0] & below[1]]
-        flat = in_space(x[here]).ravel()
-        found = np.array(
-            [np.reshape(model.getClosestPoint(*place, flat)[0], (-1, 3))[:, :d] for place in places]
-        )
-        if len(found):
-            best = np.linalg.norm(found - x[here], axis=2).argmin(axis=0)
-            result[here] = found[best, np.arange(len(best))]
+            first = set(map(int, model.getAdjacencies(d - 1, tags[pair[0]])[1]))
+            second = set(map(int, model.getAdjacencies(d - 1, tags[pair[1]])[1]))
+            places = [(d - 2, tag) for tag in first & second]
+        flat = in_space(x[selected]).ravel()
+        candidates = []
+        for place in places:
+            closest = np.reshape(model.getClosestPoint(*place, flat)[0], (-1, 3))
+            candidates.append(closest[:, :d])
+        # Two surfaces may have several common edges, or none: then points stay.
+        if candidates:
+            points = np.array(candidates)
+            best = np.linalg.norm(points - x[selected], axis=2).argmin(axis=0)
+            result[selected] = points[best, np.arange(len(best))]
     return result

@@ -1,4 +1,4 @@
-"""Tables of the reference simplex, for any dimension and degree.
+"""Tabulate the reference simplex, for any dimension and degree.
 
 The order of the nodes is DOLFINx's: the vertices, then the edges. Polynomials are given
 by their Bernstein coefficients. There is one for each node; at a vertex it is the value
@@ -30,109 +30,140 @@ CELLS = (
 
 
 def facet_vertices(d: int) -> np.ndarray:
-    """Local vertices of each local facet of a simplex (facet i is opposite to vertex i), shape (d+1, d)."""
-    return np.array([[j for j in range(d + 1) if j != i] for i in range(d + 1)])
+    """Return the local vertices of each local facet of a simplex, shape (d+1, d).
+
+    Facet i is opposite to vertex i.
+    """
+    facets = []
+    for opposite in range(d + 1):
+        facets.append([vertex for vertex in range(d + 1) if vertex != opposite])
+    return np.array(facets)
 
 
 def in_space(x: np.ndarray) -> np.ndarray:
-    """Points or vectors (n, d) with three components, as gmsh, DOLFINx and VTK want them, shape (n, 3)."""
+    """Return points or vectors (n, d) with three components, shape (n, 3).
+
+    gmsh, DOLFINx and VTK want them so.
+    """
     return np.pad(x, ((0, 0), (0, 3 - x.shape[1])))
 
 
 def barycentric(points: np.ndarray) -> np.ndarray:
-    """Barycentric coordinates of reference points, shape (q, d) -> (q, d+1)."""
+    """Compute barycentric coordinates of reference points, shape (q, d) -> (q, d+1)."""
     return np.column_stack([1 - points.sum(axis=1), points])
 
 
 def edges(d: int) -> np.ndarray:
-    """Vertices of the edges, in the order of their nodes, shape (e, 2)."""
+    """Return the vertices of the edges, in the order of their nodes, shape (e, 2)."""
     return np.array(basix.topology(CELLS[d])[1])
 
 
 @cache
 def node_between(d: int, k: int) -> np.ndarray:
-    """Node of each pair of vertices, on the edge between them or at the vertex, shape (d+1, d+1)."""
+    """Return the node of each pair of vertices, shape (d+1, d+1).
+
+    It lies on the edge between them, or at the vertex that is given twice. There is
+    none (-1) on the edges for degree 1.
+    """
     number = np.full((d + 1, d + 1), -1)
     np.fill_diagonal(number, np.arange(d + 1))
     if k == 2:
         a, b = edges(d).T
-        number[a, b] = number[b, a] = d + 1 + np.arange(len(a))
+        edge_nodes = d + 1 + np.arange(len(a))
+        number[a, b] = edge_nodes
+        number[b, a] = edge_nodes
     return number
 
 
 @cache
 def node_vertices(d: int, k: int) -> np.ndarray:
-    """The two vertices of the edge of each node, shape (N, 2); for a node at a vertex, this vertex twice."""
-    own = np.repeat(np.arange(d + 1)[:, None], 2, axis=1)
-    return own if k == 1 else np.vstack([own, edges(d)])
+    """Return the two vertices of the edge of each node, shape (N, 2).
+
+    A node at a vertex has this vertex twice.
+    """
+    at_vertices = np.repeat(np.arange(d + 1)[:, None], 2, axis=1)
+    return at_vertices if k == 1 else np.vstack([at_vertices, edges(d)])
 
 
 @cache
 def local_facet_nodes(d: int, k: int) -> np.ndarray:
-    """Local nodes of each local facet of the reference simplex, in the order of a facet's nodes, shape (d+1, m)."""
+    """Return the local nodes of each local facet, shape (d+1, m).
+
+    They are in the order of a facet's nodes.
+    """
     pairs = facet_vertices(d)[:, node_vertices(d - 1, k)]
     return node_between(d, k)[pairs[..., 0], pairs[..., 1]]
 
 
 @cache
 def nodes(d: int, k: int) -> np.ndarray:
-    """Reference points of the nodes, shape (N, d)."""
-    return (
-        np.vstack([np.zeros(d), np.eye(d)])[node_vertices(d, k)].mean(axis=1)
-        if k
-        else np.full((1, d), 1 / (d + 1))
-    )
+    """Return the reference points of the nodes, shape (N, d)."""
+    if k == 0:
+        return np.full((1, d), 1 / (d + 1))
+    vertices = np.vstack([np.zeros(d), np.eye(d)])
+    return vertices[node_vertices(d, k)].mean(axis=1)
 
 
 def bernstein(d: int, k: int, points: np.ndarray) -> np.ndarray:
-    """Bernstein polynomials at reference points, shape (q, N)."""
+    """Evaluate Bernstein polynomials at reference points, shape (q, N)."""
     if k == 0:
         return np.ones((len(points), 1))
     a, b = node_vertices(d, k).T
-    at = barycentric(points)
-    return at[:, a] if k == 1 else at[:, a] * at[:, b] * np.where(a == b, 1.0, 2.0)
+    lambdas = barycentric(points)
+    if k == 1:
+        return lambdas[:, a]
+    return lambdas[:, a] * lambdas[:, b] * np.where(a == b, 1.0, 2.0)
 
 
 @cache
 def at_nodes(d: int, k: int) -> np.ndarray:
-    """Matrix (N, N) from Bernstein coefficients to values at the nodes."""
+    """Return the matrix (N, N) from Bernstein coefficients to values at the nodes."""
     return bernstein(d, k, nodes(d, k))
 
 
 @cache
 def coefficients(d: int, k: int) -> np.ndarray:
-    """Matrix (N, N) from values at the nodes to Bernstein coefficients."""
+    """Return the matrix (N, N) from values at the nodes to Bernstein coefficients."""
     return np.linalg.inv(at_nodes(d, k))
 
 
 def lagrange(d: int, k: int, points: np.ndarray) -> np.ndarray:
-    """Shape functions of the nodes at reference points, shape (q, N)."""
+    """Evaluate the shape functions of the nodes at reference points, shape (q, N)."""
     return bernstein(d, k, points) @ coefficients(d, k)
 
 
 @cache
 def rule(d: int, degree: int) -> tuple[np.ndarray, np.ndarray]:
-    """Points (q, d) and weights (q,) of a quadrature. The weights have sum 1; permuted vertices permute the points."""
+    """Return points (q, d) and weights (q,) of a quadrature.
+
+    The weights have sum 1. Permuted vertices permute the points.
+    """
     points, weights = basix.make_quadrature(CELLS[d], degree)
     return points, weights / weights.sum()
 
 
 @cache
 def mass(d: int, k: int, l: int) -> np.ndarray:  # noqa: E741
-    """Means of products of Bernstein polynomials of degrees k and l, shape (N_k, N_l)."""
+    """Compute means of products of Bernstein polynomials of degrees k and l.
+
+    Returns:
+        Shape (N_k, N_l).
+    """
     points, weights = rule(d, k + l)
     return bernstein(d, k, points).T @ (weights[:, None] * bernstein(d, l, points))
 
 
 @cache
 def _inverse_mass(d: int, k: int) -> np.ndarray:
+    """Return the inverse of the matrix :func:`mass` of one degree, shape (N, N)."""
     return np.linalg.inv(mass(d, k, k))
 
 
 def from_means(d: int, k: int, means: np.ndarray) -> np.ndarray:
-    """Bernstein coefficients of the polynomial with given means against the Bernstein polynomials.
+    """Compute Bernstein coefficients of a polynomial from its means.
 
-    This is the L2 projection on degree k of any function that has these means.
+    The means are those of its products with the Bernstein polynomials. This is the L2
+    projection on degree k of any function that has these means.
 
     Args:
         d: Dimension.
@@ -143,31 +174,46 @@ def from_means(d: int, k: int, means: np.ndarray) -> np.ndarray:
 
 
 def projection(d: int, k: int, points: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """Bernstein coefficients of the L2 projection on degree k from values at the points of a rule, shape (N, q)."""
+    """Return the matrix (N, q) of the L2 projection on degree k.
+
+    It takes values at the points of a rule to Bernstein coefficients.
+    """
     return from_means(d, k, bernstein(d, k, points).T * weights)
 
 
 def averages(d: int, k: int, points: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """Weighted means ``int f B / int B`` for each Bernstein polynomial B, from values at the points, shape (N, q).
+    """Return the matrix (N, q) to ``int f B / int B`` for each Bernstein polynomial B.
 
-    Such means lie in the convex hull of the values.
+    It takes values of f at the points of a rule to weighted means. Such means lie in
+    the convex hull of the values.
     """
     shape = bernstein(d, k, points)
     return shape.T * weights / (weights @ shape)[:, None]
 
 
 def measures(corners: np.ndarray) -> np.ndarray:
-    """Lengths, areas or volumes of simplices with corners of shape (..., p+1, d), p <= d; shape (...)."""
+    """Compute lengths, areas or volumes of simplices [length^p].
+
+    Args:
+        corners: Corners [length], shape (..., p+1, d), p <= d.
+
+    Returns:
+        Shape (...).
+    """
     edges = corners[..., 1:, :] - corners[..., :1, :]
     p, d = edges.shape[-2:]
-    square = edges if p == d else edges @ edges.swapaxes(-1, -2)
-    size = abs(np.linalg.det(square))
-    return (size if p == d else np.sqrt(size)) / factorial(p)
+    if p == d:
+        return abs(np.linalg.det(edges)) / factorial(p)
+    # Gram's determinant is the square of the measure, times (p!)^2.
+    gram = edges @ edges.swapaxes(-1, -2)
+    return np.sqrt(abs(np.linalg.det(gram))) / factorial(p)
 
 
 @cache
 def gradients(d: int, k: int) -> np.ndarray:
-    """Derivatives ``d/d lambda_j`` of Bernstein polynomials of degree k, as coefficients of degree k-1.
+    """Tabulate the derivatives ``d/d lambda_j`` of Bernstein polynomials of degree k.
+
+    They are given as coefficients of degree k-1.
 
     The barycentric coordinates are independent variables here. With their gradients,
     ``grad B_v`` is the sum over j of these derivatives times ``grad lambda_j``.
@@ -176,18 +222,18 @@ def gradients(d: int, k: int) -> np.ndarray:
         Shape (N_(k-1), d+1, N_k): coefficient, j, v.
     """
     table = np.zeros((len(nodes(d, k - 1)), d + 1, len(nodes(d, k))))
+    # B_v is lambda_a for k = 1, and (1 + [a != b]) lambda_a lambda_b for k = 2.
     for v, (a, b) in enumerate(node_vertices(d, k)):
-        for one, other in (
-            (a, b),
-            (b, a),
-        ):  # B = 1 for k = 1, (1 + [a != b]) lambda_a lambda_b for k = 2
-            if k == 1:
-                table[0, a, v] = 1.0
-            else:
-                table[other, one, v] += 1.0 if a == b else 2.0
+        if k == 1:
+            table[0, a, v] = 1.0
+        elif a == b:
+            table[a, a, v] = 2.0
+        else:
+            table[b, a, v] = 2.0
+            table[a, b, v] = 2.0
     return table
 
 
 def lattice(d: int, divisions: int) -> np.ndarray:
-    """Reference points of a regular lattice, the boundary included, shape (q, d)."""
+    """Return reference points of a regular lattice with its boundary, shape (q, d)."""
     return basix.create_lattice(CELLS[d], divisions, basix.LatticeType.equispaced, True)

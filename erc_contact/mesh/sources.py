@@ -1,4 +1,4 @@
-"""Where domains come from: rectangles, boxes, gmsh models and mesh files.
+"""Make domains from rectangles, boxes, gmsh models and mesh files.
 
 gmsh runs on one rank, and every rank receives its part of the mesh. The names of gmsh's
 physical groups become the names of boundary parts and cell regions.
@@ -6,11 +6,7 @@ physical groups become the names of boundary parts and cell regions.
 
 from __future__ import annotations
 
-import io
-import tempfile
-from collections import Counter
-from collections.abc import Mapping, Sequence
-from contextlib import redirect_stderr, redirect_stdout
+from collections.abc import Callable, Mapping, Sequence
 from numbers import Integral
 from pathlib import Path
 from typing import Any
@@ -22,20 +18,21 @@ from mpi4py import MPI
 
 from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError, raise_together
-from erc_contact.mesh.domain import Domain
+from erc_contact.mesh.domain import Domain, Geometry
 from erc_contact.mesh.gmsh_model import (
     as_input_error,
     marked_facets,
     name_groups,
-    renumber,
+    prepare,
     session,
 )
+from erc_contact.mesh.mesh_files import open_mesh_file
 from erc_contact.mesh.partition import partitioner
 from erc_contact.mesh.shape import Brick, Drawing, drawing_of
 from erc_contact.mesh.tags import tags_of
 
-CAD = (".step", ".stp", ".iges", ".igs", ".brep", ".stl")
-"""Endings of files of drawings, which have no names of parts."""
+ON_SIDE = 1e-6
+"""Distance from a side that counts as none, as a share of the cell size [-]."""
 
 
 def rectangle(
@@ -46,7 +43,7 @@ def rectangle(
     cells: Sequence[int] | None = None,
     comm: MPI.Comm = MPI.COMM_WORLD,
 ) -> Domain:
-    """A rectangle with the boundary parts left, right, bottom and top.
+    """Make a rectangle with the boundary parts left, right, bottom and top.
 
     Args:
         p0: Lower left corner (x, y) [length].
@@ -71,7 +68,9 @@ def box(
     cells: Sequence[int] | None = None,
     comm: MPI.Comm = MPI.COMM_WORLD,
 ) -> Domain:
-    """A box with the boundary parts left, right (x), front, back (y), bottom and top (z).
+    """Make a box with six boundary parts.
+
+    They are left and right (x), front and back (y), bottom and top (z).
 
     Args:
         p0: Corner of least coordinates (x, y, z) [length].
@@ -96,63 +95,91 @@ def _brick(
     comm: MPI.Comm,
     dim: int,
 ) -> Domain:
-    try:
-        low, high = np.asarray(p0, dtype=float), np.asarray(p1, dtype=float)
-    except (TypeError, ValueError):
-        low = high = np.empty(0)
-    if (
-        low.shape != (dim,)
-        or high.shape != (dim,)
-        or not np.all(low < high)
-        or not np.isfinite([low, high]).all()
-    ):
-        raise InputError(
-            f"The corners are {p0} and {p1}; each must have {dim} numbers, the first below the second."
-        )
+    """Make a rectangle or a box, see :func:`rectangle`; collective."""
+    brick = _checked_brick(p0, p1, dim)
     if (size is None) == (cells is None):
         raise InputError(
             "Give either size= (an unstructured mesh by gmsh) or cells= (a structured mesh)."
         )
-    brick = Brick(tuple(map(float, low)), tuple(map(float, high)))
     if size is not None:
-        checks.positive("The size of cells", size, "a length > 0")
-
-        def model(gmsh: Any) -> None:
-            brick.build(gmsh)
-            gmsh.option.setNumber("Mesh.MeshSizeMin", size)
-            gmsh.option.setNumber("Mesh.MeshSizeMax", size)
-
-        with session(comm, model, "The geometry") as made:
-            return brick.exact(_from_model(made, comm, 0, brick))
+        return _unstructured(brick, size, comm)
     assert cells is not None
-    whole = isinstance(cells, Sequence | np.ndarray) and all(
-        isinstance(n, Integral) and n >= 1 for n in cells
-    )
+    is_sequence = isinstance(cells, Sequence | np.ndarray)
+    whole = is_sequence and all(isinstance(n, Integral) and n >= 1 for n in cells)
     if not whole or len(cells) != dim:
         raise InputError(
             f"cells is {cells!r}; give {dim} whole numbers >= 1, e.g. cells={(4, 8, 4)[:dim]}."
         )
-    if dim == 2:
-        mesh = dmesh.create_rectangle(comm, [low, high], list(cells), partitioner=partitioner(comm))
-    else:
-        mesh = dmesh.create_box(comm, [low, high], list(cells), partitioner=partitioner(comm))
-    mesh.topology.create_connectivity(dim - 1, dim)
-    facets, values = [], []
-    names: dict[str, int] = {}
-    for number, (name, axis, at) in enumerate(brick.sides(), start=1):
-        names[name] = number
-        near = 1e-6 * (high[axis] - low[axis]) / cells[axis]
-        found = dmesh.locate_entities(
-            mesh, dim - 1, lambda x, a=axis, v=at, t=near: abs(x[a] - v) < t
+    return _structured(brick, cells, comm)
+
+
+def _checked_brick(p0: Sequence[float], p1: Sequence[float], dim: int) -> Brick:
+    """Return the brick between two corners.
+
+    Raises:
+        InputError: If the corners do not span a brick.
+    """
+    try:
+        low = np.asarray(p0, dtype=float)
+        high = np.asarray(p1, dtype=float)
+    except (TypeError, ValueError):
+        low = high = np.empty(0)
+    right_shape = low.shape == (dim,) and high.shape == (dim,)
+    if not right_shape or not np.all(low < high) or not np.isfinite([low, high]).all():
+        raise InputError(
+            f"The corners are {p0} and {p1}; each must have {dim} numbers, the first below the "
+            "second."
         )
-        facets.append(found)
-        values.append(np.full(len(found), number, dtype=np.int32))
-    tags = tags_of(mesh, dim - 1, np.concatenate(facets), np.concatenate(values))
-    return brick.exact(Domain(mesh, tags, names, geometry=brick))
+    return Brick(tuple(map(float, low)), tuple(map(float, high)))
+
+
+def _unstructured(brick: Brick, size: float, comm: MPI.Comm) -> Domain:
+    """Mesh a brick by gmsh with simplices of a size [length]; collective."""
+    checks.positive("The size of cells", size, "a length > 0")
+
+    def build(gmsh: Any) -> None:
+        brick.build(gmsh)
+        gmsh.option.setNumber("Mesh.MeshSizeMin", size)
+        gmsh.option.setNumber("Mesh.MeshSizeMax", size)
+
+    with session(comm, build, "The geometry") as model:
+        return brick.exact(_from_model(model, comm, 0, brick))
+
+
+def _structured(brick: Brick, cells: Sequence[int], comm: MPI.Comm) -> Domain:
+    """Mesh a brick with equal parts along each axis, cut into simplices; collective."""
+    dim = len(brick.low)
+    corners = [np.array(brick.low), np.array(brick.high)]
+    create = dmesh.create_rectangle if dim == 2 else dmesh.create_box
+    mesh = create(comm, corners, list(cells), partitioner=partitioner(comm))
+    mesh.topology.create_connectivity(dim - 1, dim)
+    facets = []
+    tags = []
+    names: dict[str, int] = {}
+    for tag, (name, axis, coordinate) in enumerate(brick.sides(), start=1):
+        names[name] = tag
+        distance = ON_SIDE * (brick.high[axis] - brick.low[axis]) / cells[axis]
+        on_side = _near_plane(axis, coordinate, distance)
+        side_facets = dmesh.locate_entities(mesh, dim - 1, on_side)
+        facets.append(side_facets)
+        tags.append(np.full(len(side_facets), tag, dtype=np.int32))
+    facet_tags = tags_of(mesh, dim - 1, np.concatenate(facets), np.concatenate(tags))
+    return brick.exact(Domain(mesh, facet_tags, names, geometry=brick))
+
+
+def _near_plane(
+    axis: int, coordinate: float, distance: float
+) -> Callable[[np.ndarray], np.ndarray]:
+    """Return a function that marks the points (3, n) near a plane normal to an axis."""
+
+    def near(x: np.ndarray) -> np.ndarray:
+        return abs(x[axis] - coordinate) < distance
+
+    return near
 
 
 def from_gmsh(model: Any, comm: MPI.Comm = MPI.COMM_WORLD, rank: int = 0) -> Domain:
-    """A domain from a gmsh model in memory; collective.
+    """Make a domain from a gmsh model in memory; collective.
 
     The model is meshed if it has no mesh yet. A physical group on the boundary becomes
     a part with the same name, and a physical group of cells becomes a region. Without
@@ -204,7 +231,7 @@ def read_mesh(
     path = Path(path)
 
     def build(gmsh: Any) -> None:
-        _open(gmsh, path)
+        open_mesh_file(gmsh, path)
         if names is not None:
             name_groups(gmsh.model, names)
 
@@ -212,146 +239,27 @@ def read_mesh(
         return from_gmsh(model, comm)
 
 
-def _open(gmsh: Any, path: Path) -> None:
-    if not path.is_file():
-        raise InputError(
-            f"The mesh file {str(path)!r} does not exist; look at the path and the working folder."
-        )
-    if path.suffix.lower() in CAD:
-        raise InputError(
-            f"{str(path)!r} is a drawing, in which no part of the boundary has a name: open it in gmsh, name the parts "
-            f"and take from_gmsh: gmsh.initialize(); gmsh.model.occ.importShapes({path.name!r}); "
-            'gmsh.model.occ.synchronize(); gmsh.model.addPhysicalGroup(2, [1], name="bottom"), one for each part; '
-            "body = ec.from_gmsh(gmsh.model). For a drawing in the plane the groups have dimension 1."
-        )
-    if path.suffix in (".msh", ".geo"):
-        gmsh.open(str(path))
-        return
-    with tempfile.TemporaryDirectory() as folder:
-        converted = Path(folder) / "mesh.msh"
-        _convert(path, converted)
-        gmsh.open(str(converted))
-
-
-def _convert(path: Path, target: Path) -> None:
-    """Convert what meshio reads to a .msh file with physical groups."""
-    import meshio  # noqa: PLC0415 - paid for only by those who read other formats
-
-    said = io.StringIO()
-    try:
-        with redirect_stdout(said), redirect_stderr(said):
-            mesh = meshio.read(path)
-    except SystemExit as end:  # meshio's way to say that a file is broken
-        raise InputError(
-            f"The mesh file {str(path)!r} cannot be read: {' '.join(said.getvalue().split())}"
-        ) from end
-    tags = {
-        key: data
-        for key, data in mesh.cell_data.items()
-        if all(np.issubdtype(d.dtype, np.integer) for d in data)
-    }
-    names = dict(mesh.field_data)
-    if not tags and mesh.cell_sets:
-        mark = [np.zeros(len(block), dtype=int) for block in mesh.cells]
-        for number, (name, members) in enumerate(mesh.cell_sets.items(), start=1):
-            for block, where in enumerate(members):
-                if where is not None and len(where):
-                    mark[block][where] = number
-                    names[name] = np.array([number, mesh.cells[block].dim])
-        tags = {"sets": mark}
-    if not tags:
-        raise InputError(
-            f"The mesh file {str(path)!r} has no groups of facets; write integer cell data for the boundary cells, "
-            "or convert to .msh with physical groups."
-        )
-    physical = next(
-        (tags[key] for key in ("gmsh:physical", "medit:ref", "cell_tags") if key in tags), None
-    )
-    physical = [np.abs(t).astype(np.int32) for t in (physical or next(iter(tags.values())))]
-    body = max(block.dim for block in mesh.cells)
-    for block, mark in zip(mesh.cells, physical, strict=True):
-        if block.dim == body:
-            mark[mark == 0] = mark.max() + 1
-    keep = [i for i, block in enumerate(mesh.cells) if block.dim >= body - 1]
-    converted = meshio.Mesh(
-        mesh.points,
-        [(mesh.cells[i].type, mesh.cells[i].data) for i in keep],
-        cell_data={
-            key: [physical[i] for i in keep] for key in ("gmsh:physical", "gmsh:geometrical")
-        },
-        field_data=names,
-    )
-    converted.write(target, file_format="gmsh22", binary=False)
-
-
-def _prepared(model: Any) -> tuple[int, dict[str, int], dict[str, int]]:
-    """Mesh a model if needed; return its dimension, and the tags of boundary parts and of regions by name."""
-    dim = int(model.getDimension())
-    if dim < 2:
-        raise InputError(
-            f"The gmsh model has dimension {max(dim, 0)}; give a surface in the plane or a volume."
-        )
-    if not len(model.mesh.getElements(dim)[0]):
-        model.mesh.generate(dim)
-    kinds = {model.mesh.getElementProperties(kind)[0] for kind in model.mesh.getElements(dim)[0]}
-    wrong = [kind for kind in sorted(kinds) if kind not in ("Triangle 3", "Tetrahedron 4")]
-    if wrong:
-        raise InputError(
-            f"The mesh has cells of type {', '.join(wrong)}; allowed are straight-sided triangles and tetrahedra. "
-            "In gmsh: no recombination, Mesh.ElementOrder = 1."
-        )
-    numbers, x, _ = model.mesh.getNodes()
-    used = np.isin(
-        numbers, np.concatenate(model.mesh.getElements(dim)[2])
-    )  # an arc's centre may lie anywhere
-    x = x.reshape(-1, 3)[used]
-    if dim == 2 and np.ptp(x[:, 2]) > 1e-9 * np.ptp(x, axis=0).max():
-        raise InputError(
-            "The mesh is a surface in space; allowed are a surface in the plane (x, y) or a volume."
-        )
-    groups = {d: model.getPhysicalGroups(d) for d in (dim - 1, dim)}
-    if not groups[dim - 1]:
-        raise InputError(
-            "The mesh has no groups of facets: name the parts of the boundary by physical groups of dimension "
-            f'{dim - 1} in gmsh, e.g. Physical {("Curve", "Surface")[dim - 2]}("bottom") = {{1}};'
-        )
-    if not groups[dim]:
-        model.addPhysicalGroup(dim, [tag for _, tag in model.getEntities(dim)], name="body")
-        groups[dim] = model.getPhysicalGroups(dim)
-    for d, what in ((dim - 1, "boundary part"), (dim, "region")):
-        member = Counter(
-            int(e) for _, tag in groups[d] for e in model.getEntitiesForPhysicalGroup(d, tag)
-        )
-        twice = [entity for entity, times in member.items() if times > 1]
-        if twice:
-            raise InputError(
-                f"Entity {twice[0]} of dimension {d} is in two physical groups; each can be in one {what} only."
-            )
-    without = [tag for _, tag in model.getEntities(dim) if tag not in member]
-    if without:
-        raise InputError(
-            f"Entity {without[0]} of dimension {dim} is in no physical group, others are; put all in one, or none."
-        )
-    renumber(model, dim)
-    facets, cells = (
-        {model.getPhysicalName(d, tag) or str(tag): int(tag) for _, tag in groups[d]}
-        for d in groups
-    )
-    return dim, facets, cells
-
-
 def _from_model(model: Any, comm: MPI.Comm, rank: int, geometry: Brick | None = None) -> Domain:
-    """The domain of a gmsh model on a rank. It keeps the geometry that is given, else that of the model."""
+    """Make the domain of a gmsh model on a rank; collective.
+
+    It keeps the geometry that is given, else the drawing of the model.
+    """
     error: Exception | None = None
     prepared = None
+    drawing = None
     if comm.rank == rank:
         try:
-            prepared = (*_prepared(model), None if geometry else drawing_of(model))
+            prepared = prepare(model)
+            drawing = None if geometry else drawing_of(model)
         except Exception as reason:  # every rank must learn of it
             error = as_input_error(reason, "The gmsh model")
     raise_together(comm, error)
-    dim, names, regions, drawn = comm.bcast(prepared, root=rank)
-    shape = Drawing(drawn[0], drawn[1] if comm.rank == 0 else "", drawn[2]) if drawn else geometry
+    dim, names, regions = comm.bcast(prepared, root=rank)
+    suffix, text, curved = comm.bcast(drawing, root=rank) or ("", "", frozenset())
+    shape: Geometry | None = geometry
+    if suffix:
+        # Rank 0 alone calls gmsh, so it alone keeps the text, which may be long.
+        shape = Drawing(suffix, text if comm.rank == 0 else "", curved)
     data = dgmsh.model_to_mesh(model, comm, rank, gdim=dim, partitioner=partitioner(comm))
-    marks = marked_facets(model, comm, rank, data.mesh, None) if drawn and drawn[2] else None
+    marks = marked_facets(model, comm, rank, data.mesh, None) if curved else None
     return Domain(data.mesh, data.facet_tags, names, data.cell_tags, regions, shape, marks)

@@ -1,4 +1,4 @@
-"""The distance between the flat facets of a mesh and the curved surface of the body.
+"""Compute the offset of the flat facets of a mesh from the curved surface of the body.
 
 A mesh of a curved body has its boundary vertices on the true surface, or near it, and
 flat facets between them. If the true surface is known, each of these facets has a mark:
@@ -29,29 +29,46 @@ mark has this mark and -1. A point where two marks meet has both, and goes to th
 common edge.
 """
 LEAST_VOLUME = 0.3
-"""A vertex does not move to the true surface if a cell would keep less than this share
-of its volume [-]. This happens on a mesh that is too coarse for its curves."""
+"""Share of its volume that each cell keeps when vertices move to the true surface [-].
+
+A vertex of a cell that would keep less does not move. This happens on a mesh that is
+too coarse for its curves.
+"""
 OFFSET_DEGREE = 6
-"""Quadrature degree for the length of the offset, a square root of a polynomial of degree 4."""
+"""Quadrature degree for the length of the offset.
+
+The length is the square root of a polynomial of degree 4.
+"""
+OFFSET_ROUND_OFF = 1e-12
+"""Offset that is round-off of the search, as a share of the greatest coordinate [-]."""
 
 
 def pairs(mesh: dmesh.Mesh, facets: np.ndarray) -> np.ndarray:
-    """All (cell, local facet) of facets of this rank, one row for each cell of a facet, shape (n, 2)."""
+    """Return all pairs (cell, local facet) of facets of this rank, shape (n, 2).
+
+    There is one for each cell of a facet.
+    """
     d = mesh.topology.dim
-    chosen = np.zeros(
-        mesh.topology.index_map(d - 1).size_local + mesh.topology.index_map(d - 1).num_ghosts,
-        dtype=bool,
-    )
+    index_map = mesh.topology.index_map(d - 1)
+    chosen = np.zeros(index_map.size_local + index_map.num_ghosts, dtype=bool)
     chosen[facets] = True
-    of_cell = mesh.topology.connectivity(d, d - 1).array.reshape(-1, d + 1)
-    return np.argwhere(chosen[of_cell])
+    cell_to_facet = mesh.topology.connectivity(d, d - 1).array.reshape(-1, d + 1)
+    return np.argwhere(chosen[cell_to_facet])
+
+
+def _facet_closures(W: fem.FunctionSpace) -> np.ndarray:
+    """Return the local nodes of each local facet of a P2 space, shape (d+1, m)."""
+    d = W.mesh.topology.dim
+    layout = W.dofmap.dof_layout
+    return np.array([layout.entity_closure_dofs(d - 1, i) for i in range(d + 1)])
 
 
 def offset(mesh: dmesh.Mesh, marks: dmesh.MeshTags, nearest: Nearest) -> fem.Function:
-    """The offset of the marked facets [length], a continuous P2 Function that is zero elsewhere; collective.
+    """Compute the offset of the marked facets [length]; collective.
 
-    On a facet it interpolates the offset of the vertices and of the middles of the
-    edges, up to O(h^4/R^3) in 2D.
+    It is a continuous P2 Function, zero on other facets and inside. On a facet it
+    interpolates the offset of the vertices and of the middles of the edges, up to
+    O(h^4/R^3) in 2D.
 
     Args:
         mesh: Straight-sided simplices.
@@ -60,14 +77,13 @@ def offset(mesh: dmesh.Mesh, marks: dmesh.MeshTags, nearest: Nearest) -> fem.Fun
     """
     d = mesh.topology.dim
     W = fem.functionspace(mesh, ("Lagrange", 2, (d,)))
-    cell, local = pairs(mesh, marks.indices).T
-    closure = np.array([W.dofmap.dof_layout.entity_closure_dofs(d - 1, i) for i in range(d + 1)])
     function = fem.Function(W)
-    values = function.x.array.reshape(-1, d)
     x = W.tabulate_dof_coordinates()[:, :d]
-    nodes = W.dofmap.list[cell[:, None], closure[local]]
-    at, found = _moves(mesh, marks, cell, local, nodes, W.dofmap.index_map.size_local, x, nearest)
-    values[at] = found
+    cell, local = pairs(mesh, marks.indices).T
+    nodes = W.dofmap.list[cell[:, None], _facet_closures(W)[local]]
+    owned = W.dofmap.index_map.size_local
+    moved_nodes, moves = _moves(mesh, marks, cell, local, nodes, owned, x, nearest)
+    function.x.array.reshape(-1, d)[moved_nodes] = moves
     function.x.scatter_forward()
     return function
 
@@ -81,34 +97,40 @@ def snap(mesh: dmesh.Mesh, marks: dmesh.MeshTags, nearest: Nearest) -> None:
         marks: Marks of facets.
         nearest: Nearest points of the true surface.
     """
-    geometry, d = mesh.geometry, mesh.topology.dim
-    cell, local = pairs(mesh, marks.indices).T
-    nodes = geometry.dofmaps[0][cell[:, None], facet_vertices(d)[local]]
-    moves = la.vector(geometry.index_map(), d)
-    move = moves.array.reshape(-1, d)
-    x = geometry.x[:, :d].copy()
-    at, found = _moves(mesh, marks, cell, local, nodes, geometry.index_map().size_local, x, nearest)
-    move[at] = found
-    moves.scatter_forward()
+    geometry = mesh.geometry
+    d = mesh.topology.dim
     cells = geometry.dofmaps[0]
+    x = geometry.x[:, :d].copy()
+    cell, local = pairs(mesh, marks.indices).T
+    nodes = cells[cell[:, None], facet_vertices(d)[local]]
+    owned = geometry.index_map().size_local
+    moved_nodes, moves = _moves(mesh, marks, cell, local, nodes, owned, x, nearest)
+    vector = la.vector(geometry.index_map(), d)
+    move = vector.array.reshape(-1, d)
+    move[moved_nodes] = moves
+    vector.scatter_forward()
     before = np.linalg.det(x[cells[:, 1:]] - x[cells[:, :1]])
-    while True:  # each round holds back at least one vertex more
+    # Each round holds back at least one vertex more.
+    while True:
         moved = x + move
         after = np.linalg.det(moved[cells[:, 1:]] - moved[cells[:, :1]])
         crushed = np.unique(cells[after / before < LEAST_VOLUME])
         back = crushed[move[crushed].any(axis=1)]
         if not mesh.comm.allreduce(len(back), MPI.SUM):
             break
-        held = la.vector(geometry.index_map(), 1)
-        held.array[back] = 1.0
-        held.scatter_reverse(la.InsertMode.add)
-        held.scatter_forward()
-        move[held.array > 0] = 0.0
+        # A vertex that one rank holds back stays on all of them.
+        stays = la.vector(geometry.index_map(), 1)
+        stays.array[back] = 1.0
+        stays.scatter_reverse(la.InsertMode.add)
+        stays.scatter_forward()
+        move[stays.array > 0] = 0.0
     geometry.x[:, :d] += move
 
 
 def swept(offset: fem.Function, sides: np.ndarray, areas: np.ndarray) -> np.ndarray:
-    """The volume between each facet and the true surface, ``int_F |offset|`` [length^d].
+    """Compute the volume between each facet and the true surface [length^d].
+
+    It is ``int_F |offset|``.
 
     Args:
         offset: The offset from :func:`offset` [length].
@@ -120,10 +142,11 @@ def swept(offset: fem.Function, sides: np.ndarray, areas: np.ndarray) -> np.ndar
     """
     W = offset.function_space
     d = W.mesh.topology.dim
-    closure = np.array([W.dofmap.dof_layout.entity_closure_dofs(d - 1, i) for i in range(d + 1)])
     points, weights = rule(d - 1, OFFSET_DEGREE)
-    nodal = offset.x.array.reshape(-1, d)[W.dofmap.list[sides[:, :1], closure[sides[:, 1]]]]
-    return areas * (np.linalg.norm(np.matmul(lagrange(d - 1, 2, points), nodal), axis=2) @ weights)
+    nodes = W.dofmap.list[sides[:, :1], _facet_closures(W)[sides[:, 1]]]
+    nodal = offset.x.array.reshape(-1, d)[nodes]
+    length = np.linalg.norm(np.matmul(lagrange(d - 1, 2, points), nodal), axis=2)
+    return areas * (length @ weights)
 
 
 def _moves(
@@ -136,24 +159,40 @@ def _moves(
     x: np.ndarray,
     nearest: Nearest,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Owned nodes (n,) of marked facets, and the vectors (n, d) from there to the true surface [length]; collective.
+    """Find the vectors from nodes of marked facets to the true surface; collective.
 
     A node where two marks meet in 2D, or three in 3D, is a corner of the drawing. It is
     left out and stays in place.
+
+    Args:
+        mesh: The mesh.
+        marks: Marks of facets.
+        cell: Cell of each marked facet, shape (f,).
+        local: Local number of the facet there, shape (f,).
+        nodes: Nodes of the facet, shape (f, m).
+        owned: Number of nodes that this rank owns.
+        x: Positions of all nodes of this rank [length], shape (N, d).
+        nearest: Nearest points of the true surface.
+
+    Returns:
+        Owned nodes, shape (n,), and their vectors [length], shape (n, d).
     """
     d = mesh.topology.dim
-    of_cell = mesh.topology.connectivity(d, d - 1).array.reshape(-1, d + 1)
-    facet = of_cell[cell, local]
+    cell_to_facet = mesh.topology.connectivity(d, d - 1).array.reshape(-1, d + 1)
+    facet = cell_to_facet[cell, local]
     mark = marks.values[np.searchsorted(marks.indices, facet)]
-    every = np.unique(np.column_stack([nodes.ravel(), np.repeat(mark, nodes.shape[1])]), axis=0)
-    every = every[every[:, 0] < owned]
-    at, first, count = np.unique(every[:, 0], return_index=True, return_counts=True)
-    known = np.full((len(at), 2), -1)
-    known[:, 0] = every[first, 1]
-    known[count > 1, 1] = every[first[count > 1] + 1, 1]
+    # All different pairs (node, mark), sorted by node.
+    node_marks = np.column_stack([nodes.ravel(), np.repeat(mark, nodes.shape[1])])
+    node_marks = np.unique(node_marks, axis=0)
+    node_marks = node_marks[node_marks[:, 0] < owned]
+    chosen, first, count = np.unique(node_marks[:, 0], return_index=True, return_counts=True)
+    two_marks = np.full((len(chosen), 2), -1)
+    two_marks[:, 0] = node_marks[first, 1]
+    several = count > 1
+    two_marks[several, 1] = node_marks[first[several] + 1, 1]
     keep = count < d
-    at, known = at[keep], known[keep]
-    move = nearest(mesh.comm, x[at], known) - x[at]
+    chosen = chosen[keep]
+    move = nearest(mesh.comm, x[chosen], two_marks[keep]) - x[chosen]
     size = mesh.comm.allreduce(float(abs(x).max(initial=0.0)), MPI.MAX)
-    move[abs(move).max(axis=1, initial=0.0) <= 1e-12 * size] = 0.0  # round-off of the search
-    return at, move
+    move[abs(move).max(axis=1, initial=0.0) <= OFFSET_ROUND_OFF * size] = 0.0
+    return chosen, move

@@ -1,9 +1,9 @@
-"""A domain as tables that know no ranks, one row for each cell; and back, on any number of ranks.
+"""Convert a domain to tables that know no ranks, and back on any number of ranks.
 
-Numbers of nodes in the tables are those of the mesh that was written. A cell of a mesh
-that is made from them may have its vertices in another order, so whatever belongs to a
-vertex or a facet of a cell is put in order by these numbers. Facet i is opposite to
-vertex i.
+The tables have one row for each cell. Numbers of nodes in them are those of the mesh
+that was written. A cell of a mesh that is made from them may have its vertices in
+another order, so whatever belongs to a vertex or a facet of a cell is put in order by
+these numbers. Facet i is opposite to vertex i.
 
 Symbols: d dimension, m number of cells, N nodes of a cell.
 """
@@ -27,16 +27,25 @@ from erc_contact.mesh.tags import tag_table, tags_of
 
 
 def tag_tables(domain: Domain) -> dict[str, np.ndarray]:
-    """Tags of the owned cells, shape (m,), and of their facets and curved facets, shape (m, d+1)."""
-    topology, d, owned = domain.mesh.topology, domain.dim, domain.owned_cells
-    facets = topology.connectivity(d, d - 1).array.reshape(-1, d + 1)[:owned]
-    every = {"facets": (domain.facet_tags, facets), "curved": (domain.curved_facets, facets)}
-    every["regions"] = (domain.cell_tags, np.arange(owned))
-    return {name: tag_table(tags)[of] for name, (tags, of) in every.items() if tags is not None}
+    """Return the tags of the owned cells, and those of their facets.
+
+    Returns:
+        "facets" and, where there are any, "curved", shape (m, d+1), and "regions",
+        shape (m,).
+    """
+    d = domain.dim
+    owned = domain.owned_cells
+    facets = domain.mesh.topology.connectivity(d, d - 1).array.reshape(-1, d + 1)[:owned]
+    tables = {"facets": tag_table(domain.facet_tags)[facets]}
+    if domain.curved_facets is not None:
+        tables["curved"] = tag_table(domain.curved_facets)[facets]
+    if domain.cell_tags is not None:
+        tables["regions"] = tag_table(domain.cell_tags)[:owned]
+    return tables
 
 
 def described(geometry: Geometry | None) -> dict[str, Any] | None:
-    """The true shape in plain data; its text is that of rank 0.
+    """Return the true shape in plain data; its text is that of rank 0.
 
     Raises:
         InputError: If the shape is an object of a class of the user's.
@@ -45,8 +54,9 @@ def described(geometry: Geometry | None) -> dict[str, Any] | None:
         return None
     if not isinstance(geometry, Brick | Drawing):
         raise InputError(
-            f"A checkpoint cannot keep the true geometry of this domain, an object of type {type(geometry).__name__}. "
-            "Run without checkpoint=, or take a domain of rectangle, box, from_gmsh or read_mesh."
+            "A checkpoint cannot keep the true geometry of this domain, an object of type "
+            f"{type(geometry).__name__}. Run without checkpoint=, or take a domain of rectangle, "
+            "box, from_gmsh or read_mesh."
         )
     plain = asdict(geometry)
     if isinstance(geometry, Drawing):
@@ -55,7 +65,7 @@ def described(geometry: Geometry | None) -> dict[str, Any] | None:
 
 
 def geometry_of(plain: Mapping[str, Any] | None) -> Geometry | None:
-    """The true shape from what :func:`described` gave."""
+    """Return the true shape from what :func:`described` gave."""
     if plain is None:
         return None
     if plain["kind"] == "Brick":
@@ -64,7 +74,9 @@ def geometry_of(plain: Mapping[str, Any] | None) -> Geometry | None:
 
 
 class CellRows:
-    """Rows of tables for the cells of a mesh that was made from them; all methods are collective.
+    """Give the cells of a mesh their rows of the tables that it was made from.
+
+    All methods are collective.
 
     Args:
         comm: Communicator that shares the mesh.
@@ -76,42 +88,59 @@ class CellRows:
     def __init__(
         self, comm: MPI.Comm, points: np.ndarray | None, cells: np.ndarray | None, d: int
     ) -> None:
-        self.comm, self.d = comm, d
-        vertices, x = np.empty((0, d + 1), dtype=np.int64), np.empty((0, d))
+        self.comm = comm
+        self.d = d
+        vertices = np.empty((0, d + 1), dtype=np.int64)
+        x = np.empty((0, d))
         if points is not None and cells is not None:
-            used, vertices = np.unique(cells[:, : d + 1], return_inverse=True)
-            vertices, x = vertices.reshape(-1, d + 1).astype(np.int64), points[used, :d]
+            used, numbers = np.unique(cells[:, : d + 1], return_inverse=True)
+            vertices = numbers.reshape(-1, d + 1).astype(np.int64)
+            x = points[used, :d]
         self.mesh = distributed(comm, vertices, np.ascontiguousarray(x))
-        self._wanted = comm.gather(self.mesh.topology.original_cell_index)
-        number = self.mesh.geometry.input_global_indices[self.mesh.geometry.dofmaps[0]]
-        self.order = np.argmax(self.of_cells(vertices)[:, None, :] == number[:, :, None], axis=2)
+        self._rows_of_ranks = comm.gather(self.mesh.topology.original_cell_index)
+        # Position in the table of each vertex of each cell here, see the module.
+        geometry = self.mesh.geometry
+        numbers_here = geometry.input_global_indices[geometry.dofmaps[0]]
+        in_table = self.of_cells(vertices)
+        self.order = np.argmax(in_table[:, None, :] == numbers_here[:, :, None], axis=2)
 
     def of_cells(self, table: np.ndarray | None) -> np.ndarray:
-        """The rows of a table on rank 0, one for each cell of this rank, ghosts included."""
-        return self.comm.scatter(
-            None if self._wanted is None or table is None else [table[w] for w in self._wanted]
-        )
+        """Return the rows for the cells of this rank, of a table on rank 0.
+
+        Ghosts are included.
+        """
+        parts = None
+        if self._rows_of_ranks is not None and table is not None:
+            parts = [table[rows] for rows in self._rows_of_ranks]
+        return self.comm.scatter(parts)
 
     def of_facets(self, table: np.ndarray | None) -> np.ndarray:
-        """The same for a table of facets (m, d+1), in the order of the facets of each cell."""
+        """Return the same for a table of facets (m, d+1), in the order of each cell."""
         return np.take_along_axis(self.of_cells(table), self.order, axis=1)
 
     def of_nodes(
         self, table: np.ndarray | None, cells: np.ndarray | None, degree: int
     ) -> np.ndarray:
-        """Values at the nodes of the cells of this rank, shape (local cells, N, ...), from a table of nodes."""
-        values = self.of_cells(None if table is None or cells is None else table[cells])
+        """Return values at the nodes of the cells of this rank, from a table of nodes.
+
+        Returns:
+            Shape (local cells, N, ...).
+        """
+        of_table = None
+        if table is not None and cells is not None:
+            of_table = table[cells]
+        values = self.of_cells(of_table)
         ends = self.order[:, node_vertices(self.d, degree)]
         place = node_between(self.d, degree)[ends[..., 0], ends[..., 1]]
         return np.take_along_axis(values, place[..., None], axis=1)
 
     def cell_tags(self, table: np.ndarray | None) -> dmesh.MeshTags:
-        """Tags of cells from a table of tags."""
+        """Make tags of cells from a table of tags."""
         values = self.of_cells(table)
         return tags_of(self.mesh, self.d, np.arange(len(values)), values)
 
     def facet_tags(self, table: np.ndarray | None) -> dmesh.MeshTags:
-        """Tags of facets from a table of tags."""
+        """Make tags of facets from a table of tags."""
         topology = self.mesh.topology
         topology.create_entities(self.d - 1)
         topology.create_connectivity(self.d, self.d - 1)

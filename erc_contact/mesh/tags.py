@@ -1,4 +1,4 @@
-"""Tags of cells and facets as plain tables, one number for each, and back."""
+"""Convert tags of cells and facets to plain tables, one number for each, and back."""
 
 from __future__ import annotations
 
@@ -12,7 +12,10 @@ NO_TAG = -1
 
 
 def tag_table(tags: dmesh.MeshTags) -> np.ndarray:
-    """The tag of each cell or facet of this rank, ghosts included, :data:`NO_TAG` where there is none."""
+    """Return the tag of each cell or facet of this rank, ghosts included.
+
+    It is :data:`NO_TAG` where there is none.
+    """
     index_map = tags.topology.index_map(tags.dim)
     table = np.full(index_map.size_local + index_map.num_ghosts, NO_TAG, dtype=np.int32)
     table[tags.indices] = tags.values
@@ -20,33 +23,39 @@ def tag_table(tags: dmesh.MeshTags) -> np.ndarray:
 
 
 def tags_of(mesh: dmesh.Mesh, dim: int, entities: np.ndarray, values: np.ndarray) -> dmesh.MeshTags:
-    """Mesh tags of entities in any order, repeated ones included; those with :data:`NO_TAG` are left out."""
+    """Make mesh tags of entities in any order, repeated ones included.
+
+    Those with :data:`NO_TAG` are left out.
+    """
     tagged = values != NO_TAG
-    entities, first = np.unique(entities[tagged], return_index=True)
-    return dmesh.meshtags(
-        mesh, dim, entities.astype(np.int32), values[tagged][first].astype(np.int32)
-    )
+    numbers, first = np.unique(entities[tagged], return_index=True)
+    tags = values[tagged][first].astype(np.int32)
+    return dmesh.meshtags(mesh, dim, numbers.astype(np.int32), tags)
 
 
 def shared(mesh: dmesh.Mesh, tags: dmesh.MeshTags | None) -> dmesh.MeshTags | None:
-    """The tags, known on all ranks that have the cell or facet, whichever of them had its tag; collective.
+    """Share tags between all ranks that have the cell or facet; collective.
 
-    DOLFINx locates facets on the rank that owns them. The others have them, too, as
-    ghosts.
+    Any of the ranks may have the tag. DOLFINx locates facets on the rank that owns
+    them. The others have them, too, as ghosts.
     """
     if tags is None or mesh.comm.size == 1:
         return tags
-    table, index_map = tag_table(tags), tags.topology.index_map(tags.dim)
-    known = np.column_stack([table + 1, table != NO_TAG])
+    table = tag_table(tags)
+    index_map = tags.topology.index_map(tags.dim)
+    owned = index_map.size_local
     vector = la.vector(index_map, 2)
-    rows, owned = vector.array.reshape(-1, 2), index_map.size_local
-    rows[owned:] = known[owned:]  # of facets that their owner does not know
+    # The columns are the tag plus 1, zero for none, and whether there is a tag.
+    rows = vector.array.reshape(-1, 2)
     rows[:owned] = 0.0
+    rows[owned:, 0] = table[owned:] + 1
+    rows[owned:, 1] = table[owned:] != NO_TAG
+    # The owner gets the sums over its ghosts, and takes the mean where it has no tag.
     vector.scatter_reverse(la.InsertMode.add)
-    theirs = rows[:owned, 0] / np.maximum(rows[:owned, 1], 1.0)
-    rows[:owned, 0] = np.where(table[:owned] != NO_TAG, table[:owned] + 1, theirs)
+    ghost_tags = rows[:owned, 0] / np.maximum(rows[:owned, 1], 1.0)
+    rows[:owned, 0] = np.where(table[:owned] != NO_TAG, table[:owned] + 1, ghost_tags)
     vector.scatter_forward()
-    every = rows[:, 0].astype(np.int32) - 1
-    if not mesh.comm.allreduce(not np.array_equal(every, table), MPI.LOR):
+    shared_table = rows[:, 0].astype(np.int32) - 1
+    if not mesh.comm.allreduce(not np.array_equal(shared_table, table), MPI.LOR):
         return tags
-    return tags_of(mesh, tags.dim, np.arange(len(every)), every)
+    return tags_of(mesh, tags.dim, np.arange(len(shared_table)), shared_table)

@@ -1,8 +1,9 @@
-"""Files, plots and pictures of a run: curves and maps by matplotlib, bodies by pyvista, files for ParaView.
+"""Draw plots and pictures of a run, and write files for ParaView.
 
-All functions are collective. Data are gathered on rank 0 of the mesh's communicator,
-which draws and writes. The other ranks import neither matplotlib nor pyvista. An
-exception on rank 0 is raised on all ranks. No display is needed.
+Curves and maps are drawn by matplotlib, bodies by pyvista. All functions are
+collective. Data are gathered on rank 0 of the mesh's communicator, which draws and
+writes. The other ranks import neither matplotlib nor pyvista. An exception on rank 0 is
+raised on all ranks. No display is needed.
 
 Pictures and plots go to a file, whose suffix gives the format (png, pdf or svg), and
 whose folder is made if it is missing; or on axes of matplotlib that are given as

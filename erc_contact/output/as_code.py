@@ -1,4 +1,4 @@
-"""Runs as the code that makes them again, for reports."""
+"""Write runs as the code that makes them again, for reports."""
 
 from __future__ import annotations
 
@@ -6,50 +6,55 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from erc_contact.base.code import code_of, definitions
-from erc_contact.mesh.domain import Domain, shape_in_words
+from erc_contact.mesh.domain import Domain
+from erc_contact.mesh.parts import shape_in_words
 from erc_contact.scene.scene import Scene
 
 
-def run_as_code(scene: Scene, domain: Domain, given: Mapping[str, Any]) -> str:
-    """An adaptive run.
+def run_as_code(scene: Scene, domain: Domain, arguments: Mapping[str, Any]) -> str:
+    """Return the code of an adaptive run.
 
     Args:
         scene: Its scene.
         domain: Its first mesh, which is told in words.
-        given: The other arguments of :func:`erc_contact.adapt` by their names.
+        arguments: The other arguments of :func:`erc_contact.adapt` by their names.
     """
-    lists = [f"    material={code_of(scene.material)},"]
+    lines = [f"    material={code_of(scene.material)},"]
     for name in ("supports", "loads", "contacts"):
-        entries = "".join(f"        {code_of(one)},\n" for one in getattr(scene, name))
-        lists += [f"    {name}=[\n{entries}    ],"] if entries else []
-    made = "\n".join([*definitions(scene), "scene = ec.Scene(", *lists, ")"])
-    return _script(made, domain, "history = ec.adapt", "scene", given)
+        entries = [f"        {code_of(entry)}," for entry in getattr(scene, name)]
+        if entries:
+            lines += [f"    {name}=[", *entries, "    ],"]
+    scene_code = "\n".join([*definitions(scene), "scene = ec.Scene(", *lines, ")"])
+    return _script(scene_code, domain, "history = ec.adapt", "scene", arguments)
 
 
 def evolution_as_code(
-    scene_at: Callable[[float], Scene], domain: Domain, given: Mapping[str, Any]
+    scene_at: Callable[[float], Scene], domain: Domain, arguments: Mapping[str, Any]
 ) -> str:
-    """A loading history.
+    """Return the code of a loading history.
 
     Args:
         scene_at: The scene of each time.
         domain: Its first mesh, which is told in words.
-        given: The other arguments of :func:`erc_contact.evolve` by their names.
+        arguments: The other arguments of :func:`erc_contact.evolve` by their names.
     """
-    made = "\n".join(definitions([scene_at]))
-    return _script(made, domain, "evolution = ec.evolve", code_of(scene_at), given)
+    scene_code = "\n".join(definitions([scene_at]))
+    return _script(scene_code, domain, "evolution = ec.evolve", code_of(scene_at), arguments)
 
 
-def _script(made: str, domain: Domain, call: str, first: str, given: Mapping[str, Any]) -> str:
-    """The call of a run with arguments, below the code of what it works with."""
-    facts = f"{domain.cells} cells and {domain.vertices} vertices; parts {', '.join(domain.names)}"
-    return "\n".join(
-        [
-            "import ufl\n\nimport erc_contact as ec\n",
-            *([made] if made else []),
-            f"# domain: {shape_in_words(domain)}; the first mesh has {facts}",
-            f"{call}(\n    {first},\n    domain,",
-            *(f"    {name}={code_of(one)}," for name, one in given.items()),
-            ")",
-        ]
-    )
+def _script(
+    scene_code: str, domain: Domain, call: str, first: str, arguments: Mapping[str, Any]
+) -> str:
+    """Return the call of a run with its arguments, below the code of the scene."""
+    shape = shape_in_words(domain.geometry, domain.dim, curved=domain.curved_facets is not None)
+    parts = ", ".join(domain.names)
+    facts = f"{domain.cells} cells and {domain.vertices} vertices; parts {parts}"
+    lines = ["import ufl\n\nimport erc_contact as ec\n"]
+    if scene_code:
+        lines.append(scene_code)
+    lines.append(f"# domain: {shape}; the first mesh has {facts}")
+    lines.append(f"{call}(\n    {first},\n    domain,")
+    for name, argument in arguments.items():
+        lines.append(f"    {name}={code_of(argument)},")
+    lines.append(")")
+    return "\n".join(lines)

@@ -1,4 +1,4 @@
-"""Bodies as triangles and lines, and pictures of them: in 3D images by pyvista. On rank 0.
+"""Draw bodies as triangles and lines, in 3D as images by pyvista; on rank 0.
 
 Triangles and lines of degree 2 are cut into straight parts, so that curved edges look
 curved.
@@ -21,7 +21,10 @@ from erc_contact.output.flat import draw_flat, limits
 DIVISIONS = 6
 """Greatest number of straight parts of a curved edge."""
 TRIANGLES = 40_000
-"""Greatest number of straight triangles, about, in which curved ones are cut. Edges have fewer parts if need be."""
+"""Greatest number of straight triangles, about, in which curved ones are cut.
+
+Edges have fewer parts if need be.
+"""
 PIXELS = 1100
 """Greatest number of pixels of the longer side of the image of a body, for which the
 widths of lines are given.
@@ -38,7 +41,9 @@ WORDS = 1.1
 
 @dataclass(frozen=True, eq=False)
 class Skin:
-    """The visible part of a body: triangles of degree k, and their edges. In 2D the triangles are the elements.
+    """Hold the visible part of a body: triangles of degree k, and their edges.
+
+    In 2D the triangles are the elements.
 
     Attributes:
         points: Nodes of the body [length], shape (n, 3).
@@ -54,20 +59,20 @@ class Skin:
 
     @property
     def divisions(self) -> int:
-        """Number of straight parts in which an edge is drawn."""
+        """Return the number of straight parts in which an edge is drawn."""
         many = int(np.sqrt(TRIANGLES / len(self.triangles)))
         return 1 if degree_of(self.lines, 1) == 1 else min(max(many, 1), DIVISIONS)
 
     def faces(self, x: np.ndarray, **look: Any) -> tuple[Any, dict[str, Any]]:
-        """The triangles with the nodes at x (n, 3) for pyvista, and the options with which they are drawn.
+        """Return the triangles for pyvista, and the options with which they are drawn.
 
-        The option ``scalars`` has one colour for each of their parts, in the order of
-        :meth:`of_parts`.
+        The nodes are at x [length], shape (n, 3). The option ``scalars`` has one colour
+        for each of their parts, in the order of :meth:`of_parts`.
         """
         return straight(*sampled(x[self.triangles], 2, self.divisions)), look
 
     def of_parts(self, values: np.ndarray) -> np.ndarray:
-        """Values in the straight parts of the triangles, triangle by triangle.
+        """Return values in the straight parts of the triangles, triangle by triangle.
 
         Args:
             values: One value for each element, shape (m,), or three at the corners of
@@ -79,12 +84,15 @@ class Skin:
         return (values @ bernstein(2, 1, points[parts].mean(axis=1)).T).ravel()
 
     def edges(self, x: np.ndarray, **look: Any) -> tuple[Any, dict[str, Any]]:
-        """The edges with the nodes at x (n, 3) for pyvista, and the options with which they are drawn."""
+        """Return the edges for pyvista, and the options with which they are drawn.
+
+        The nodes are at x [length], shape (n, 3).
+        """
         return straight(*sampled(x[self.lines], 1, self.divisions)), look
 
 
 def skin_of(points: np.ndarray, cells: np.ndarray, d: int) -> Skin:
-    """The skin of a body.
+    """Find the skin of a body.
 
     Args:
         points: Nodes [length], shape (n, 3).
@@ -98,7 +106,7 @@ def skin_of(points: np.ndarray, cells: np.ndarray, d: int) -> Skin:
     local = (cells[cell, None, : d + 1] == corners[:, :, None]).argmax(axis=2)
 
     def between(pairs: np.ndarray) -> np.ndarray:
-        """Nodes between pairs of vertices of each triangle, shape (f, pairs)."""
+        """Return nodes between pairs of vertices of each triangle, shape (f, pairs)."""
         first, second = local[:, pairs.reshape(-1, 2).T].swapaxes(0, 1)
         return np.take_along_axis(cells[cell], node_between(d, k)[first, second], axis=1)
 
@@ -109,7 +117,7 @@ def skin_of(points: np.ndarray, cells: np.ndarray, d: int) -> Skin:
 
 
 def sampled(x: np.ndarray, d: int, divisions: int) -> tuple[np.ndarray, np.ndarray]:
-    """Values at the nodes of lines or triangles, interpolated at the points of smaller straight ones.
+    """Interpolate values at the nodes of lines or triangles on smaller straight ones.
 
     Args:
         x: Values at the nodes, shape (n, m, c), for instance their positions with c =
@@ -129,7 +137,10 @@ def sampled(x: np.ndarray, d: int, divisions: int) -> tuple[np.ndarray, np.ndarr
 
 
 def straight(points: np.ndarray, parts: np.ndarray) -> Any:
-    """Straight lines or triangles for pyvista, from points (p, 3) and numbers of points (n, 2) or (n, 3)."""
+    """Make straight lines or triangles for pyvista.
+
+    They are given by points (p, 3) and numbers of points (n, 2) or (n, 3).
+    """
     import pyvista  # noqa: PLC0415
 
     if parts.shape[1] == 3:
@@ -138,10 +149,11 @@ def straight(points: np.ndarray, parts: np.ndarray) -> Any:
 
 
 def views_of(d: int, up: np.ndarray) -> dict[str, np.ndarray]:
-    """Names and axes of the views of a body: one view in 2D, two from opposite sides in 3D.
+    """Return names and axes of the views of a body.
 
-    The rows of the axes, shape (3, 3), point to the right, upward, and towards the eye.
-    ``up`` is the coordinate axis that points upward in 3D, shape (3,).
+    There is one view in 2D, and two from opposite sides in 3D. The rows of the axes,
+    shape (3, 3), point to the right, upward, and towards the eye. ``up`` is the
+    coordinate axis that points upward in 3D, shape (3,).
     """
     if d == 2:
         return {"": np.eye(3)}
@@ -155,7 +167,10 @@ def views_of(d: int, up: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def seen(parts: Sequence[tuple[Any, dict[str, Any]]], view: np.ndarray) -> np.ndarray:
-    """Low and high corner of some parts in the axes of a view, with a margin [length], shape (2, 3)."""
+    """Find the low and the high corner of parts in the axes of a view [length].
+
+    They have a margin; shape (2, 3).
+    """
     points = np.concatenate([data.points for data, _ in parts]) @ view.T
     low, high = points.min(axis=0), points.max(axis=0)
     margin = 0.01 * float(np.linalg.norm(high - low))
@@ -165,7 +180,7 @@ def seen(parts: Sequence[tuple[Any, dict[str, Any]]], view: np.ndarray) -> np.nd
 def rendered(
     parts: Sequence[tuple[Any, dict[str, Any]]], view: np.ndarray, longest: float
 ) -> np.ndarray:
-    """The image of some parts in parallel projection; it ends where :func:`seen` says.
+    """Draw the image of parts in parallel projection; it ends where :func:`seen` says.
 
     Args:
         parts: Data of pyvista, and options with which they are drawn.
@@ -205,7 +220,9 @@ def rendered(
 
 
 def show(axes: Any, parts: Sequence[tuple[Any, dict[str, Any]]], view: np.ndarray) -> None:
-    """Show parts of a body in axes of matplotlib, with coordinates; in 3D along three edges of a box around them.
+    """Show parts of a body in axes of matplotlib, with coordinates.
+
+    In 3D these stand along three edges of a box around the parts.
 
     Args:
         axes: Axes of matplotlib.

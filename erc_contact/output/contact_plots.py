@@ -1,4 +1,4 @@
-"""Plots by matplotlib: the traction on a contact and its status.
+"""Plot the traction on a contact and its status by matplotlib.
 
 Symbols: r^ admissible contact traction, r_n and r_t its normal and tangential parts, b
 friction bound, n normal of the foundation, t tangent of the contact, s coordinate along
@@ -34,11 +34,17 @@ from erc_contact.results.profile import contact_status
 STATUS = ("open", "slip", "stick")
 """Names of the codes OPEN, SLIP and STICK."""
 COLOURS = ("#f0f0f0", "#fbdcb4", "#c9e0f2")
-"""Colours of open, slip and stick: grey, orange and blue, which the colour-blind can tell apart."""
+"""Colours of open, slip and stick, which the colour-blind can tell apart.
+
+They are grey, orange and blue.
+"""
 PRESSURE, SHEAR = "#0072B2", "#D55E00"
 """Colours of the curves of pressure and shear."""
 PEAK = 8.0
-"""Where a traction exceeds its 90% level by more than this factor, the axis is logarithmic above the level [-]."""
+"""Factor from the 90% level of a traction to its peak [-].
+
+Where it is exceeded, the axis is logarithmic above the level.
+"""
 
 
 def plot_contact(
@@ -82,7 +88,8 @@ def plot_contact(
     names = [t.contact.name for t in admissible.tractions]
     if name not in names:
         raise InputError(
-            f"plot_contact: no contact is called {name!r}; the scene has {', '.join(names) or 'none'}."
+            f"plot_contact: no contact is called {name!r}; the scene has "
+            f"{', '.join(names) or 'none'}."
         )
     surface = whole_contact(admissible, admissible.tractions[names.index(name)])
     if not model.comm.bcast(surface is not None and len(surface.x)):
@@ -94,7 +101,7 @@ def plot_contact(
 
 
 def contact_curves(surface: Any, ax: Any = None) -> Any:
-    """The axes of :func:`plot_contact` in 2D; on rank 0."""
+    """Draw the axes of :func:`plot_contact` in 2D; on rank 0."""
     from matplotlib.lines import Line2D  # noqa: PLC0415
     from matplotlib.patches import Patch  # noqa: PLC0415
 
@@ -110,12 +117,12 @@ def contact_curves(surface: Any, ax: Any = None) -> Any:
     parts = np.flatnonzero(at[1:, 0] - at[:-1, -1] > AXIS * np.ptp(at)) + 1
 
     def computed(coefficients: np.ndarray) -> np.ndarray:
-        """Values of r^ at points of the facets, in their order along the contact, shape (n, q)."""
+        """Return r^ at points of the facets, in order along the contact, (n, q)."""
         sampled = coefficients @ bernstein(1, surface.degree, points).T
         return np.where(turned, sampled[:, ::-1], sampled)[order]
 
     def curve(coefficients: np.ndarray) -> np.ndarray:
-        """Values that are drawn, shape (n, q)."""
+        """Return the values that are drawn, shape (n, q)."""
         if surface.degree > 1:
             return computed(coefficients)
         return through_means(
@@ -123,7 +130,7 @@ def contact_curves(surface: Any, ax: Any = None) -> Any:
         )
 
     def path(sampled: np.ndarray) -> np.ndarray:
-        """Values (n, q) in one row, with nan between parts of the contact that do not touch."""
+        """Return values (n, q) in one row, with nan between parts that do not touch."""
         return np.insert(sampled, parts, np.nan, axis=0).ravel()
 
     t = np.column_stack([-n[:, 1], n[:, 0]])
@@ -176,7 +183,10 @@ def contact_curves(surface: Any, ax: Any = None) -> Any:
 
 
 def _keep_peaks(axes: Any, level: float, peak: float) -> None:
-    """Make the axis of a traction logarithmic above its level if its peak would flatten all the rest."""
+    """Make an axis of traction logarithmic above its level if a peak needs it.
+
+    The peak would else flatten everything beside it.
+    """
     from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator, NullLocator  # noqa: PLC0415
 
     if not 0 < PEAK * level < peak:
@@ -197,7 +207,7 @@ def _keep_peaks(axes: Any, level: float, peak: float) -> None:
 
 
 def contact_maps(surface: Any, ax: Any = None) -> Any:
-    """The axes of :func:`plot_contact` in 3D; on rank 0."""
+    """Draw the axes of :func:`plot_contact` in 3D; on rank 0."""
     from matplotlib.colors import BoundaryNorm, ListedColormap  # noqa: PLC0415
 
     traction, status, n = surface.traction, contact_status(surface.traction), mean_normal(surface)
@@ -262,6 +272,6 @@ def contact_maps(surface: Any, ax: Any = None) -> Any:
 
 
 def _around(all_of_it: np.ndarray, closed: np.ndarray) -> np.ndarray:
-    """Ends of an axis that shows the closed part and as much around it."""
+    """Find the ends of an axis that shows the closed part and as much around it."""
     margin = 0.5 * np.ptp(closed)
     return np.clip([closed.min() - margin, closed.max() + margin], all_of_it.min(), all_of_it.max())

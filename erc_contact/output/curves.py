@@ -1,4 +1,4 @@
-"""Plots by matplotlib: the error of adaptive runs.
+"""Plot the error of adaptive runs by matplotlib.
 
 Symbols: eps relative error, d dimension, k degree.
 """
@@ -22,33 +22,39 @@ SPAN = 4.0
 
 
 class Run(Protocol):
-    """An adaptive run, as far as it is drawn. A ``History`` has these members."""
+    """Represent an adaptive run, as far as it is drawn.
+
+    A ``History`` has these members.
+    """
 
     @property
     def accuracy(self) -> float:
-        """The prescribed relative error."""
+        """Return the prescribed relative error."""
 
     @property
     def error(self) -> ConstitutiveError:
-        """The best result."""
+        """Return the best result."""
 
     def column(self, name: str) -> np.ndarray:
-        """One value for each mesh: "dofs", "eps" or "seconds"."""
+        """Return one value for each mesh: "dofs", "eps" or "seconds"."""
 
     def slope(self, against: str) -> float:
-        """Slope of log(eps) against the logarithm of a column; nan if there are too few meshes for it."""
+        """Fit the slope of log(eps) against the logarithm of a column.
+
+        It is nan if there are too few meshes for it.
+        """
 
 
 def plot_history(
     histories: Mapping[str, Run], path: str | Path | None = None, *, ax: Any = None
 ) -> Any:
-    """Draw the relative error against run time and against degrees of freedom, with logarithmic axes; collective.
+    """Draw the relative error against run time and degrees of freedom; collective.
 
-    Each history has one curve. Its label has the measured slope against the degrees of
-    freedom, if there are three meshes or more and the degrees of freedom grow by a
-    factor of 4. Dotted lines show the prescribed accuracies. Where the degrees of
-    freedom of all histories have that factor, too, a dashed line shows the slope -k/d,
-    the best one for elements of degree k.
+    The axes are logarithmic. Each history has one curve. Its label has the measured
+    slope against the degrees of freedom, if there are three meshes or more and the
+    degrees of freedom grow by a factor of 4. Dotted lines show the prescribed
+    accuracies. Where the degrees of freedom of all histories have that factor, too, a
+    dashed line shows the slope -k/d, the best one for elements of degree k.
 
     Args:
         histories: The histories by their names, e.g. ``{"adaptive": history, "uniform":

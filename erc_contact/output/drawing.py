@@ -1,4 +1,4 @@
-"""Figures, directions and labels that plots and pictures share.
+"""Make figures, directions and labels that plots and pictures share.
 
 Symbols: n normal of the foundation.
 """
@@ -17,7 +17,10 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.output.files import DPI, STYLE, on_root
 
 CYCLE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#000000")
-"""Colours of curves that the colour-blind can tell apart. Source: Okabe, Ito, Color Universal Design (2008)."""
+"""Colours of curves that the colour-blind can tell apart.
+
+Source: Okabe, Ito, Color Universal Design (2008).
+"""
 
 
 COMPRESSION = 3
@@ -31,7 +34,9 @@ MARGIN = 0.1
 def draw_figure(
     comm: MPI.Comm, path: str | Path | None, ax: Any, draw: Callable[[Any], Any]
 ) -> Any:
-    """Draw on axes of the user's or in a new figure, and save it if there is a path; collective.
+    """Draw on axes of the user's or in a new figure, and save it; collective.
+
+    It is saved if there is a path.
 
     Args:
         comm: Communicator.
@@ -80,7 +85,7 @@ def save_figure(figure: Any, path: str | Path) -> None:
 
 
 def new_figure(width: float, height: float, layout: str = "constrained") -> Any:
-    """An empty figure of this width and height [inches].
+    """Make an empty figure of this width and height [inches].
 
     The layout is one of matplotlib's: "constrained" for plots, "compressed" for
     pictures, which keep their shape.
@@ -91,7 +96,7 @@ def new_figure(width: float, height: float, layout: str = "constrained") -> Any:
 
 
 def panels_of(ax: Any, many: int, what: str) -> np.ndarray:
-    """The axes that a user gave, as an array.
+    """Return the axes that a user gave, as an array.
 
     Raises:
         InputError: If there are not so many.
@@ -106,12 +111,16 @@ def only_in_2d(what: str, ax: Any, d: int) -> None:
     """Refuse axes for a body in space, whose pictures have several."""
     if ax is not None and d == 3:
         raise InputError(
-            f"{what} in 3D makes a figure of its own; leave ax out, and take the axes that are returned."
+            f"{what} in 3D makes a figure of its own; leave ax out, and take the axes that are "
+            "returned."
         )
 
 
 def log_ticks(low: float, high: float) -> np.ndarray:
-    """Ticks of a logarithmic scale with plain numbers: powers of ten, or more of them if the range is narrow."""
+    """Find ticks of a logarithmic scale with plain numbers.
+
+    They are powers of ten, or more numbers if the range is narrow.
+    """
     from matplotlib.ticker import MaxNLocator  # noqa: PLC0415
 
     powers = 10.0 ** np.arange(-30, 30)
@@ -121,7 +130,7 @@ def log_ticks(low: float, high: float) -> np.ndarray:
 
 
 def tangents(n: np.ndarray) -> np.ndarray:
-    """d-1 orthonormal tangents for a normal n (d,), shape (d-1, d).
+    """Compute d-1 orthonormal tangents for a normal n (d,), shape (d-1, d).
 
     They are near to the coordinate axes that make the largest angles with the normal.
     """
@@ -133,19 +142,22 @@ def tangents(n: np.ndarray) -> np.ndarray:
 
 
 def words(vector: np.ndarray, scale: float = 1.0) -> str:
-    """The components of a direction or a place as text, rounded to three digits of a scale."""
+    """Write the components of a direction or a place, with three digits of a scale."""
     digits = 3 - int(np.floor(np.log10(scale)))
     return "({})".format(", ".join(f"{c:.4g}" for c in np.round(vector, digits) + 0.0))
 
 
 def coordinate(tangent: np.ndarray) -> str:
-    """Label of the axis of a coordinate along a tangent."""
+    """Return the label of the axis of a coordinate along a tangent."""
     along = f"${'xyz'[tangent.argmax()]}$" if tangent.max() == 1.0 else f"along {words(tangent)}"
     return f"{along} [length]"
 
 
 def weighted_level(values: np.ndarray, weights: np.ndarray, share: float) -> float:
-    """The quantile of weighted values: the least value such that values up to it have this share of the weight."""
+    """Compute a quantile of weighted values.
+
+    It is the least value such that values up to it have this share of the weight.
+    """
     order = np.argsort(values)
     carried = np.cumsum(weights[order])
     return float(values[order][np.searchsorted(carried, share * carried[-1])])

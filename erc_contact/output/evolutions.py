@@ -1,4 +1,4 @@
-"""Figures and an animation of a loading history."""
+"""Draw figures and an animation of a loading history."""
 
 from __future__ import annotations
 
@@ -25,21 +25,26 @@ FRAMES = 60
 
 
 class History(Protocol):
-    """A loading history, as far as it is drawn. An ``Evolution`` has these members."""
+    """Represent a loading history, as far as it is drawn.
+
+    An ``Evolution`` has these members.
+    """
 
     @property
     def errors(self) -> tuple[ConstitutiveError, ...]:
-        """The error at the end of each step."""
+        """Return the error at the end of each step."""
 
     def column(self, name: str) -> np.ndarray:
-        """One number of each step: "time", "work", "dissipated", ..."""
+        """Return one number of each step: "time", "work", "dissipated", ..."""
 
     def force(self, contact: str) -> np.ndarray:
-        """The resultant on a contact at the end of each step [force], shape (steps, d)."""
+        """Return the resultant on a contact after each step [force], (steps, d)."""
 
 
 def plot_energies(history: History, path: str | Path | None = None, *, ax: Any = None) -> Any:
-    """Draw work, strain energy and dissipation against time, and what is left of their balance; collective.
+    """Draw work, strain energy and dissipation against time; collective.
+
+    Beside them is what is left of their balance.
 
     Args:
         history: The history.
@@ -93,9 +98,10 @@ def plot_loop(
     *,
     ax: Any = None,
 ) -> Any:
-    """Draw the shear force of a contact against the displacement of a boundary part; collective.
+    """Draw the shear force of a contact against a displacement; collective.
 
-    Both are taken in the tangential direction in which the force changes most.
+    The displacement is that of a boundary part. Both are taken in the tangential
+    direction in which the force changes most.
 
     Args:
         history: The history.
@@ -138,7 +144,9 @@ def plot_loop(
 def plot_zones(
     history: History, contact: str, path: str | Path | None = None, *, ax: Any = None
 ) -> Any:
-    """Draw which parts of a contact in 2D are open, slip or stick, along the contact and in time; collective.
+    """Draw what of a contact in 2D is open, slips or sticks; collective.
+
+    This is shown along the contact and in time.
 
     Args:
         history: The history.
@@ -187,7 +195,9 @@ def plot_zones(
 
 
 def animate(history: History, path: str | Path, seconds: float = 0.15) -> None:
-    """Write a gif of the deformed body, with the same magnification at all times; collective.
+    """Write a gif of the deformed body; collective.
+
+    It has the same magnification at all times.
 
     Args:
         history: The history.
@@ -220,7 +230,7 @@ def animate(history: History, path: str | Path, seconds: float = 0.15) -> None:
 
 
 def _mean_displacement(error: ConstitutiveError, part: str) -> np.ndarray:
-    """The mean of u^ on a boundary part [length], shape (d,); collective."""
+    """Compute the mean of u^ on a boundary part [length], shape (d,); collective."""
     model = error.model
     facets = model.domain.owned_facets(part)
     points, weights = rule(model.d - 1, model.degree)
@@ -232,6 +242,6 @@ def _mean_displacement(error: ConstitutiveError, part: str) -> np.ndarray:
 
 
 def _status_at(profile: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """The status at places along a contact, as shares of its length."""
+    """Return the status at places along a contact, as shares of its length."""
     share = profile["s"] / profile["s"].max()
     return profile["status"][np.minimum(np.searchsorted(share, at), len(share) - 1)]

@@ -1,4 +1,4 @@
-"""Arrays of all ranks gathered on rank 0, and grids and files for ParaView that are made of them.
+"""Gather arrays of all ranks on rank 0, and make grids and files of them.
 
 Symbols: d dimension of simplices, N number of nodes of a simplex.
 """
@@ -23,25 +23,30 @@ STYLE = {
     "font.size": 11.0,
     "pdf.fonttype": 42,
 }
-"""matplotlib's settings for figures of ours; journals want fonts of type 42 in pdf files."""
+"""matplotlib's settings for our figures; journals want fonts of type 42 in pdf."""
 DPI = 200
 """Pixels an inch of a saved figure."""
 VTK_EDGES = np.array([(0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3)])
-"""Vertices of the edges of a tetrahedron, in the order of VTK's nodes. The first one is
-the edge of a line, and the first three are those of a triangle."""
+"""Vertices of the edges of a tetrahedron, in the order of VTK's nodes.
+
+The first one is the edge of a line, and the first three are those of a triangle.
+"""
 VTK_KINDS = {1: (3, 5, 10), 2: (21, 22, 24)}
 """VTK's numbers of line, triangle and tetrahedron, by degree."""
 PARTS = 24
-"""Number of straight parts in which a facet in 2D is drawn or written if its fields are quadratic."""
-CHUNK, COMPRESSION = 1000, 4
-"""Number of rows in a block of a file, and its level of compression. VTK's default is
-blocks of 25 000 rows, which are written in full even if a mesh is small: 133 triangles
-then take 5.7 MB.
+"""Number of straight parts of a facet in 2D with quadratic fields, drawn or written."""
+CHUNK_ROWS = 1000
+"""Number of rows in a block of a file.
+
+VTK's default is blocks of 25 000 rows, which are written in full even if a mesh is
+small: 133 triangles then take 5.7 MB.
 """
+COMPRESSION = 4
+"""Level of compression of a block."""
 
 
 def on_root(comm: MPI.Comm, path: str | Path | None, draw: Callable[[], None]) -> None:
-    """Draw or write on rank 0; collective. An exception there is raised on all ranks.
+    """Draw or write on rank 0, and raise an exception there on all ranks; collective.
 
     Args:
         comm: Communicator.
@@ -60,12 +65,13 @@ def on_root(comm: MPI.Comm, path: str | Path | None, draw: Callable[[], None]) -
 
 
 def made_folder(comm: MPI.Comm, folder: str | Path) -> Path:
-    """Make the folder of a run's files, and check that it can be written, before anything is drawn; collective.
+    """Make the folder of a run's files before anything is drawn; collective.
 
     Raises:
-        InputError: If it cannot be.
+        InputError: If it cannot be written.
     """
-    path, error = Path(folder), None
+    path = Path(folder)
+    error = None
     if comm.rank == 0:
         try:
             path.mkdir(parents=True, exist_ok=True)
@@ -73,56 +79,71 @@ def made_folder(comm: MPI.Comm, folder: str | Path) -> Path:
                 pass
         except OSError as reason:
             error = InputError(
-                f"Nothing can be saved in {str(folder)!r}: {reason.strerror}. The results are as they were; call "
-                "save() again with a folder that you may write to."
+                f"Nothing can be saved in {str(folder)!r}: {reason.strerror}. The results are as "
+                "they were; call save() again with a folder that you may write to."
             )
     raise_together(comm, error)
     return path
 
 
 def gathered(comm: MPI.Comm, **arrays: np.ndarray) -> dict[str, np.ndarray]:
-    """The arrays of all ranks, one after the other, on rank 0; an empty dictionary on other ranks; collective."""
+    """Gather arrays of all ranks, one after the other, on rank 0; collective.
+
+    Other ranks get an empty dictionary.
+    """
     parts = comm.gather(arrays) if comm.size > 1 else [arrays]
-    return (
-        {name: np.concatenate([part[name] for part in parts]) for name in arrays} if parts else {}
-    )
+    if not parts:
+        return {}
+    return {name: np.concatenate([part[name] for part in parts]) for name in arrays}
 
 
 def degree_of(cells: np.ndarray, d: int) -> int:
-    """Degree, 1 or 2, of simplices of dimension d that are given by their nodes (n, N)."""
+    """Return the degree, 1 or 2, of simplices of dimension d with nodes (n, N)."""
     return 1 if cells.shape[1] == d + 1 else 2
 
 
 @cache
 def subdivided(d: int, divisions: int) -> tuple[np.ndarray, np.ndarray]:
-    """The reference line or triangle cut into smaller ones.
+    """Cut the reference line or triangle into smaller ones.
 
     Returns:
         Reference points, shape (q, d), and the numbers of the points of each smaller
         one, shape (n, d+1).
     """
     points = lattice(d, divisions)
-    number = {tuple(p): i for i, p in enumerate((points * divisions).round().astype(int).tolist())}
+    steps = (points * divisions).round().astype(int).tolist()
+    number = {tuple(step): i for i, step in enumerate(steps)}
     if d == 1:
         return points, np.array([[number[i,], number[i + 1,]] for i in range(divisions)])
-    upward = [[(i, j), (i + 1, j), (i, j + 1)] for i, j in number if i + j < divisions]
-    downward = [
-        [(i + 1, j), (i + 1, j + 1), (i, j + 1)] for i, j in number if i + j < divisions - 1
-    ]
-    return points, np.array(
-        [[number[corner] for corner in corners] for corners in upward + downward]
-    )
+    upward = []
+    downward = []
+    for (i, j), corner in number.items():
+        if i + j < divisions:
+            upward.append([corner, number[i + 1, j], number[i, j + 1]])
+        if i + j < divisions - 1:
+            downward.append([number[i + 1, j], number[i + 1, j + 1], number[i, j + 1]])
+    return points, np.array(upward + downward)
 
 
 def vtk_cells(cells: np.ndarray, d: int) -> tuple[int, np.ndarray]:
-    """VTK's number of the kind of simplices of dimension d by their nodes (n, N), and these in its order."""
+    """Return VTK's number of a kind of simplices, and their nodes in its order.
+
+    Args:
+        cells: Nodes of the simplices, shape (n, N).
+        d: Their dimension.
+    """
     k = degree_of(cells, d)
-    order = node_between(d, k)[*VTK_EDGES[: d * (d + 1) // 2].T] if k == 2 else []
-    return VTK_KINDS[k][d - 1], cells[:, [*range(d + 1), *order]]
+    order = list(range(d + 1))
+    if k == 2:
+        first, second = VTK_EDGES[: d * (d + 1) // 2].T
+        order += node_between(d, k)[first, second].tolist()
+    return VTK_KINDS[k][d - 1], cells[:, order]
 
 
 def grid_of(points: np.ndarray, cells: np.ndarray, d: int) -> Any:
-    """A grid of pyvista of lines, triangles or tetrahedra of degree 1 or 2, or of polylines.
+    """Make a grid of pyvista.
+
+    It is one of lines, triangles or tetrahedra of degree 1 or 2, or of polylines.
 
     Args:
         points: Nodes [length], shape (p, 3).
@@ -150,7 +171,7 @@ def save_grid(grid: Any, path: Path) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     path.open("wb").close()
     writer = pyvista.HDFWriter(path, grid).writer
-    writer.SetChunkSize(CHUNK)
+    writer.SetChunkSize(CHUNK_ROWS)
     writer.SetCompressionLevel(COMPRESSION)
     if not writer.Write():
         raise OSError(f"{path} could not be written.")

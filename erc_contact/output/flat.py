@@ -1,4 +1,7 @@
-"""Bodies in the plane as polygons and lines of matplotlib, which vector formats keep. On rank 0."""
+"""Draw bodies in the plane as polygons and lines of matplotlib; on rank 0.
+
+Vector formats keep them.
+"""
 
 from __future__ import annotations
 
@@ -49,5 +52,5 @@ def add_flat(axes: Any, data: Any, look: dict[str, Any]) -> None:
 
 
 def limits(low: np.ndarray, high: np.ndarray) -> dict[str, tuple[float, float]]:
-    """Limits of axes that show all from a low to a high corner."""
+    """Return limits of axes that show all from a low to a high corner."""
     return {"xlim": (float(low[0]), float(high[0])), "ylim": (float(low[1]), float(high[1]))}

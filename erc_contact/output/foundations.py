@@ -1,4 +1,4 @@
-"""Foundations in pictures of deformed bodies: where they are drawn, and how far a displacement may be magnified.
+"""Draw foundations in pictures of deformed bodies, and find their magnification.
 
 A body is drawn at X + s u^ with a magnification s. A foundation is drawn as it is, at Y
 = X + g n: a plane stays a plane below a curved body. For s > 1 it is moved with the
@@ -30,22 +30,22 @@ from erc_contact.output.gathered import Surface, mean_normal
 from erc_contact.results.profile import contact_status
 
 REACH = 0.15
-"""The foundation is drawn where the gap is below this share of the body's size [-]."""
+"""Share of the body's size below which a gap has its foundation drawn [-]."""
 BAND, EXCESS = 0.03, 0.06
 """Width of the band of a foundation in 2D, and length by which a flat foundation
 extends beyond each end of its contact, as shares of the body's size [-]."""
 FLAT = 1e-6
-"""Distance from a plane below which a foundation is flat, as a share of the body's size [-]."""
+"""Distance from a plane of a flat foundation, as a share of the body's size [-]."""
 CLOSED = "#D55E00"
 """Colour of lines that show what is closed."""
 LARGEST = 0.06
-"""Share of the body's size with which the largest displacement is drawn by default [-]."""
+"""Share of the body's size with which the largest displacement is drawn [-]."""
 STILL = 1e-12
 """Share of the body's size below which a displacement is round-off [-]."""
 NEARLY = 1.2
 """Magnification below which a displacement is not magnified by default [-]."""
 UNSEEN = 0.003
-"""Share of the body's size by which a closed contact may look open or entered in a picture by default [-]."""
+"""Share of the body's size by which a closed contact may look open or entered [-]."""
 WIDE = 0.1
 """Least root mean square width of the closed part, as a share of the contact, for which
 a foundation turns [-]. A narrow part knows the slope of the foundation below it, and
@@ -55,7 +55,7 @@ not how the foundation as a whole should turn.
 
 @dataclass(frozen=True, eq=False)
 class Foundation:
-    """A foundation and its rigid motion rho.
+    """Hold a foundation and its rigid motion rho.
 
     Attributes:
         surface: The contact.
@@ -75,11 +75,11 @@ class Foundation:
 
     @property
     def moves(self) -> bool:
-        """Whether rho is not zero."""
+        """Tell whether rho is not zero."""
         return bool(self.shift.any() or self.turn.any())
 
     def entry(self, factor: float) -> float:
-        """Compute by how much a closed contact looks open, or the body seems to enter the foundation [length].
+        """Compute by how much a closed contact looks open or entered [length].
 
         Args:
             factor: Magnification of the displacement [-].
@@ -90,7 +90,10 @@ class Foundation:
         return float(max(entered, opened))
 
     def greatest_factor(self, allowed: float) -> float:
-        """Find the greatest magnification, at least 1, with an :meth:`entry` that is allowed [length]."""
+        """Find the greatest magnification with an allowed :meth:`entry` [-].
+
+        It is at least 1.
+        """
         normal_motion, missing, closed = self._normal_parts()
         enters = missing > 0
         limits = (allowed + normal_motion[enters]) / missing[enters]
@@ -99,7 +102,10 @@ class Foundation:
         return max(1.0, float(limits.min(initial=np.inf)))
 
     def _normal_parts(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Compute g - rho_n and u^_n - rho_n at the nodes of the contact, and which of them are of closed facets."""
+        """Compute g - rho_n and u^_n - rho_n at the nodes of the contact [length].
+
+        The third array tells which of the nodes are of closed facets.
+        """
         surface = self.surface
         direction = surface.traction.contact.direction[:, None]
         left = surface.gap - (self.motion(position(surface)) * direction).sum(axis=-1)
@@ -108,12 +114,18 @@ class Foundation:
 
 
 def position(surface: Surface) -> np.ndarray:
-    """Compute the points X + g n of a foundation at the nodes of its contact [length], shape (n, m, d)."""
+    """Compute the points X + g n of a foundation at the nodes of its contact [length].
+
+    Their shape is (n, m, d).
+    """
     return surface.place + surface.gap[..., None] * surface.traction.contact.direction[:, None]
 
 
 def nearest_nodes(surface: Surface) -> np.ndarray:
-    """Find the nodes of closed facets, or where all are open those with the least gap left, shape (n, m)."""
+    """Find the nodes of closed facets, shape (n, m).
+
+    Where all are open, they are those with the least gap left.
+    """
     closed = contact_status(surface.traction) != OPEN
     if not closed.any():
         return surface.gap_left <= surface.gap_left.min()
@@ -121,9 +133,10 @@ def nearest_nodes(surface: Surface) -> np.ndarray:
 
 
 def foundation_of(surface: Surface) -> Foundation:
-    """Fit the rigid motion of a foundation to the gap where its contact is closed, by least squares.
+    """Fit the rigid motion of a foundation to the gap where its contact is closed.
 
-    Of all motions with the same normal part it is the smallest.
+    The fit is by least squares. Of all motions with the same normal part it is the
+    smallest.
     """
     nearest, d = nearest_nodes(surface), surface.d
     weight = np.broadcast_to(np.sqrt(surface.traction.area)[:, None], nearest.shape)[nearest]
@@ -142,7 +155,9 @@ def foundation_of(surface: Surface) -> Foundation:
 
 
 def greatest_factor(foundations: Sequence[Foundation], largest: float, size: float) -> float:
-    """Find the greatest magnification that a picture has by default; infinite if nothing moves.
+    """Find the greatest magnification of a picture by default [-].
+
+    It is infinite if nothing moves.
 
     Args:
         foundations: The foundations of a body.
@@ -229,7 +244,7 @@ def closed_part(surface: Surface, x: np.ndarray) -> Any:
 
 
 def _border(nodes: np.ndarray) -> np.ndarray:
-    """Find the edges that belong to one facet only, of facets in space with nodes (f, m).
+    """Find the edges that belong to one facet only, of facets with nodes (f, m).
 
     Returns:
         Nodes of these edges, their two ends first, shape (e, 2) or (e, 3).
@@ -242,10 +257,10 @@ def _border(nodes: np.ndarray) -> np.ndarray:
 
 
 def ground(surface: Any, size: float) -> list[tuple[Any, dict[str, Any]]]:
-    """Give the parts of a :func:`drawn_foundation` the options with which they are drawn, in a body of a size [length].
+    """Give the parts of a :func:`drawn_foundation` their options.
 
-    In 2D the foundation is a line with a band beyond it, in 3D a grey surface. Nothing
-    is drawn of an empty one.
+    The size is that of the body [length]. In 2D the foundation is a line with a band
+    beyond it, in 3D a grey surface. Nothing is drawn of an empty one.
     """
     import pyvista  # noqa: PLC0415
 

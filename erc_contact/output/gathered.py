@@ -1,4 +1,4 @@
-"""Meshes and contacts of all ranks, gathered on rank 0 for pictures and files.
+"""Gather meshes and contacts of all ranks on rank 0 for pictures and files.
 
 Symbols: r^ admissible contact traction, u^ admissible displacement, u^_n its part along
 the normal of the foundation.
@@ -20,12 +20,12 @@ from erc_contact.model.trace import split
 from erc_contact.output.files import degree_of, gathered
 
 AXIS = 1e-6
-"""A direction counts as a coordinate axis if 1 less its cosine with the axis is below this [-]."""
+"""Difference from 1 of the cosine with a coordinate axis that counts as none [-]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """The n facets of a contact on all ranks; on rank 0.
+    """Hold the n facets of a contact on all ranks; on rank 0.
 
     Attributes:
         traction: r^ on these facets. Of ``traction.contact`` only ``direction`` belongs
@@ -51,33 +51,38 @@ class Surface:
 
     @property
     def d(self) -> int:
-        """Dimension of the body."""
+        """Return the dimension of the body."""
         return self.traction.values.shape[-1]
 
     @property
     def degree(self) -> int:
-        """Degree of r^."""
+        """Return the degree of r^."""
         return 1 if self.x.shape[1] == self.d else 2
 
 
 def mean_normal(surface: Surface) -> np.ndarray:
-    """The normal of the foundation, shape (d,). If it varies, this is the unit vector of its mean.
+    """Compute the normal of the foundation, shape (d,).
 
-    It is zero if the mean is zero, as around a closed contact.
+    If it varies, this is the unit vector of its mean. It is zero if the mean is zero,
+    as around a closed contact.
     """
-    n = surface.traction.area @ surface.traction.contact.direction
+    area = surface.traction.area
+    n = area @ surface.traction.contact.direction
     length = np.linalg.norm(n)
-    n = n / length if length > AXIS * surface.traction.area.sum() else 0 * n
+    n = n / length if length > AXIS * area.sum() else 0 * n
+    # Round-off must not turn an axis.
     axis = np.eye(len(n))[abs(n).argmax()]
     return np.sign(n) * axis if abs(n).max() > 1 - AXIS else n
 
 
 def whole_contact(admissible: Admissible, traction: ContactTraction) -> Surface | None:
-    """The facets of a contact on all ranks, on rank 0; None on other ranks; collective."""
-    model, contact = admissible.model, traction.contact
-    own, gap = contact.trace.here.owned, model.gap_at_nodes(contact)
-    since = contact.trace.since(admissible.displacement.x.array)
-    u_n, slip, _ = split(since, contact.direction[:, None])
+    """Gather the facets of a contact on rank 0; None on other ranks; collective."""
+    model = admissible.model
+    contact = traction.contact
+    own = contact.trace.here.owned
+    gap = model.gap_at_nodes(contact)
+    displacement = contact.trace.since(admissible.displacement.x.array)
+    u_n, slip, _ = split(displacement, contact.direction[:, None])
     parts = gathered(
         model.comm,
         area=traction.area[own],
@@ -93,41 +98,59 @@ def whole_contact(admissible: Admissible, traction: ContactTraction) -> Surface 
     )
     if not parts:
         return None
-    vertices = parts["nodes"][:, : model.d]
-    contact = replace(contact, trace=replace(contact.trace, direction=parts.pop("direction")))
-    at_nodes = {name: parts.pop(name) for name in ("x", "gap", "gap_left", "slip", "place")}
-    return Surface(ContactTraction(contact, **parts), vertices=vertices, **at_nodes)
-
-
-def body_mesh(domain: Domain) -> dict[str, np.ndarray]:
-    """The part of a mesh that this rank owns, with the arguments of :func:`erc_contact.output.bodies.skin_of`.
-
-    Returns:
-        "points", the vertices [length], shape (n, 3), and "cells", the global numbers
-        of the vertices of each cell, shape (m, d+1). All cells are positively oriented.
-    """
-    geometry = domain.mesh.geometry
-    return _numbered(
-        geometry.x, geometry.dofmaps[0][: domain.owned_cells], geometry.index_map(), domain.dim
+    # Of the contact only the direction is that of all ranks.
+    trace = replace(contact.trace, direction=parts["direction"])
+    whole_traction = ContactTraction(
+        replace(contact, trace=trace),
+        area=parts["area"],
+        values=parts["values"],
+        friction_bound=parts["friction_bound"],
+        nodes=parts["nodes"],
+    )
+    return Surface(
+        whole_traction,
+        x=parts["x"],
+        vertices=parts["nodes"][:, : model.d],
+        gap=parts["gap"],
+        gap_left=parts["gap_left"],
+        slip=parts["slip"],
+        place=parts["place"],
     )
 
 
+def body_mesh(domain: Domain) -> dict[str, np.ndarray]:
+    """Return the part of a mesh that this rank owns.
+
+    Returns:
+        Arguments of :func:`erc_contact.output.bodies.skin_of`: "points", the vertices
+        [length], shape (n, 3), and "cells", the global numbers of the vertices of each
+        cell, shape (m, d+1). All cells are positively oriented.
+    """
+    geometry = domain.mesh.geometry
+    cells = geometry.dofmaps[0][: domain.owned_cells]
+    return _numbered(geometry.x, cells, geometry.index_map(), domain.dim)
+
+
 def body_nodes(model: Model) -> dict[str, np.ndarray]:
-    """As :func:`body_mesh`, with all nodes of the displacement: "points" (n, 3) and "cells" (m, N)."""
-    cells, x = model.nodes[: model.domain.owned_cells], model.V.tabulate_dof_coordinates()
+    """Return the same as :func:`body_mesh`, with all nodes of the displacement.
+
+    Returns:
+        "points", shape (n, 3), and "cells", shape (m, N).
+    """
+    cells = model.nodes[: model.domain.owned_cells]
+    x = model.V.tabulate_dof_coordinates()
     return _numbered(x, cells, model.V.dofmap.index_map, model.d)
 
 
 def nodal_displacement(admissible: Admissible) -> np.ndarray:
-    """u^ at the points of :func:`body_nodes` of this rank [length], shape (n, 3)."""
+    """Return u^ at the points of :func:`body_nodes` [length], shape (n, 3)."""
     model = admissible.model
-    return in_space(
-        admissible.displacement.x.array.reshape(-1, model.d)[: model.V.dofmap.index_map.size_local]
-    )
+    owned = model.V.dofmap.index_map.size_local
+    return in_space(admissible.displacement.x.array.reshape(-1, model.d)[:owned])
 
 
 def _numbered(x: np.ndarray, cells: np.ndarray, nodes: Any, d: int) -> dict[str, np.ndarray]:
-    """Owned nodes, and cells by global numbers, positively oriented.
+    """Return owned nodes, and cells by global numbers, positively oriented.
 
     Args:
         x: Positions of the nodes of this rank [length], shape (n, 3).
@@ -137,10 +160,11 @@ def _numbered(x: np.ndarray, cells: np.ndarray, nodes: Any, d: int) -> dict[str,
     """
     k = degree_of(cells, d)
     ends = x[cells[:, : d + 1], :d]
-    turned = np.linalg.det(ends[:, 1:] - ends[:, :1]) < 0
-    swapped = np.array([*range(d - 1), d, d - 1])[node_vertices(d, k)]
-    cells = np.where(
-        turned[:, None], cells[:, node_between(d, k)[swapped[:, 0], swapped[:, 1]]], cells
-    )
+    negative = np.linalg.det(ends[:, 1:] - ends[:, :1]) < 0
+    # Two swapped vertices turn the orientation; the nodes on the edges go with them.
+    swapped_vertices = np.array([*range(d - 1), d, d - 1])
+    first, second = swapped_vertices[node_vertices(d, k)].T
+    swapped_nodes = node_between(d, k)[first, second]
+    cells = np.where(negative[:, None], cells[:, swapped_nodes], cells)
     numbers = nodes.local_to_global(cells.ravel().astype(np.int32)).reshape(cells.shape)
     return {"points": x[: nodes.size_local].copy(), "cells": numbers}

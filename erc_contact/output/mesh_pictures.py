@@ -1,4 +1,4 @@
-"""A picture of the meshes of a run."""
+"""Draw a picture of the meshes of a run."""
 
 from __future__ import annotations
 
@@ -21,9 +21,10 @@ from erc_contact.output.gathered import body_mesh
 def draw_meshes(
     meshes: Sequence[tuple[Domain, np.ndarray]], path: str | Path | None = None, *, ax: Any = None
 ) -> Any:
-    """Draw meshes of a sequence side by side: the last, the first and some between; collective.
+    """Draw meshes of a sequence side by side; collective.
 
-    There are at most six of them in 2D, and three in 3D.
+    They are the last, the first and some between. There are at most six of them in 2D,
+    and three in 3D.
 
     Args:
         meshes: Pairs of a domain and eps_E of its owned cells, as in
@@ -86,7 +87,7 @@ def draw_meshes(
 
 
 def _panels(ratio: float, many: int, dim: int) -> Any:
-    """Axes of a new figure for meshes side by side, whose width over height is ``ratio``."""
+    """Make axes of a new figure for meshes with a width over height of ``ratio``."""
     shapes = (
         [(-(-many // columns), columns) for columns in range(1, many + 1)]
         if dim == 2

@@ -1,4 +1,7 @@
-"""Files for ParaView with the fields of an admissible pair: u^, sigma^, r^, and the error of each element.
+"""Write the fields of an admissible pair for ParaView: u^, sigma^, r^, eps_E.
+
+Rank 0 writes the files through pyvista, because DOLFINx 0.11 writes only one array to a
+file.
 
 Symbols: u^ and sigma^ admissible displacement and stress, r^ admissible contact
 traction, r_n and r_t its normal and tangential parts, b friction bound, g gap before
@@ -9,6 +12,7 @@ element of the relative error.
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -63,15 +67,12 @@ def write_fields(error: ConstitutiveError, folder: str | Path) -> None:
 
     Raises:
         OSError: If a file cannot be written.
-
-    Note:
-        Rank 0 writes the files through pyvista, because DOLFINx 0.11 writes only one
-        array to a file.
     """
-    admissible, model = error.admissible, error.model
+    admissible = error.admissible
+    model = error.model
     body = gathered(model.comm, **body_nodes(model), displacement=nodal_displacement(admissible))
     cells = gathered(model.comm, **cell_stresses(admissible), eps_E=error.indicators)
-    contacts = [whole_contact(admissible, t) for t in admissible.tractions]
+    contacts = [whole_contact(admissible, traction) for traction in admissible.tractions]
 
     def write() -> None:
         grid = grid_of(body["points"], body["cells"], model.d)
@@ -80,29 +81,44 @@ def write_fields(error: ConstitutiveError, folder: str | Path) -> None:
         save_grid(grid, Path(folder) / "body.vtkhdf")
         for contact in contacts:
             assert contact is not None
-            traction, points = contact.traction, _written(contact)
-            shape = bernstein(model.d - 1, contact.degree, points)
-            nodal = lagrange(model.d - 1, contact.degree, points)
-            x = np.matmul(nodal, contact.x)
-            surface = grid_of(
-                x.reshape(-1, 3), np.arange(x[..., 0].size).reshape(x.shape[:2]), model.d - 1
-            )
-            values = np.matmul(shape, traction.values)
-            surface.point_data["traction"] = in_space(values.reshape(-1, model.d))
-            surface.point_data["pressure"] = (-traction.normal_component @ shape.T).ravel()
-            surface.point_data["friction_bound"] = (traction.friction_bound @ shape.T).ravel()
-            surface.point_data["gap"] = (contact.gap_left @ nodal.T).ravel()
-            surface.point_data["slip"] = in_space(
-                np.matmul(nodal, contact.slip).reshape(-1, model.d)
-            )
-            surface.cell_data["mean_traction"] = in_space(traction.values.mean(axis=1))
-            surface.cell_data["status"] = contact_status(traction)
-            save_grid(surface, Path(folder) / f"contact_{traction.contact.name}.vtkhdf")
+            name = contact.traction.contact.name
+            save_grid(_contact_grid(contact), Path(folder) / f"contact_{name}.vtkhdf")
 
     on_root(model.comm, Path(folder) / "body.vtkhdf", write)
 
 
-def _written(surface: Surface) -> np.ndarray:
-    """Reference points of the values that are written on a facet, shape (q, d-1): its nodes, or those of a polyline."""
-    d, k = surface.d - 1, surface.degree
-    return subdivided(d, PARTS)[0] if (d, k) == (1, 2) else nodes(d, k)
+def _contact_grid(surface: Surface) -> Any:
+    """Make the grid of a contact with its fields, see :func:`write_fields`."""
+    traction = surface.traction
+    d = surface.d
+    points = _written_points(surface)
+    # r^ is given by Bernstein coefficients, gap and slip by values at the nodes.
+    shape = bernstein(d - 1, surface.degree, points)
+    nodal = lagrange(d - 1, surface.degree, points)
+    x = np.matmul(nodal, surface.x)
+    facets = np.arange(x[..., 0].size).reshape(x.shape[:2])
+    grid = grid_of(x.reshape(-1, 3), facets, d - 1)
+    values = np.matmul(shape, traction.values)
+    slip = np.matmul(nodal, surface.slip)
+    grid.point_data["traction"] = in_space(values.reshape(-1, d))
+    grid.point_data["pressure"] = (-traction.normal_component @ shape.T).ravel()
+    grid.point_data["friction_bound"] = (traction.friction_bound @ shape.T).ravel()
+    grid.point_data["gap"] = (surface.gap_left @ nodal.T).ravel()
+    grid.point_data["slip"] = in_space(slip.reshape(-1, d))
+    grid.cell_data["mean_traction"] = in_space(traction.values.mean(axis=1))
+    grid.cell_data["status"] = contact_status(traction)
+    return grid
+
+
+def _written_points(surface: Surface) -> np.ndarray:
+    """Return the reference points of the values that are written on a facet.
+
+    They are its nodes, or the points of a polyline.
+
+    Returns:
+        Shape (q, d-1).
+    """
+    d = surface.d - 1
+    if d == 1 and surface.degree == 2:
+        return subdivided(d, PARTS)[0]
+    return nodes(d, surface.degree)

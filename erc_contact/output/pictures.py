@@ -1,4 +1,4 @@
-"""Pictures of bodies: in the plane by matplotlib, in space images by pyvista in figures by matplotlib.
+"""Draw pictures of bodies: by matplotlib in the plane, by pyvista in space.
 
 Bodies of degree 2 are drawn with curved edges. A body in space is seen twice: from
 above with the foundation, and from the other side and below without it, to show the
@@ -44,9 +44,12 @@ from erc_contact.output.gathered import body_mesh, body_nodes, nodal_displacemen
 from erc_contact.results.stresses import mean_stress, vertex_stress
 
 WIDE = 1.6
-"""A body whose width over its height is larger than this has its colour bar below [-]."""
+"""Width over height of a body above which its colour bar is below [-]."""
 FEW = 15_000
-"""Greatest number of elements whose edges are shown in a map. More edges would hide the colours."""
+"""Greatest number of elements whose edges are shown in a map.
+
+More edges would hide the colours.
+"""
 
 
 def draw_error(error: ConstitutiveError, path: str | Path | None = None, *, ax: Any = None) -> Any:
@@ -80,14 +83,14 @@ def draw_deformed(
     *,
     ax: Any = None,
 ) -> Any:
-    """Draw the deformed body on its foundation, coloured by the von Mises stress of sigma^; collective.
+    """Draw the deformed body on its foundation; collective.
 
-    Points of the body are drawn at X + factor u^. The foundation is drawn as it is, and
-    not magnified: what is flat is flat. It is moved with the body, so that what is
-    closed looks closed as nearly as a rigid motion can make it
-    (:mod:`erc_contact.output.foundations`). It is left out where it would be far from
-    the body. Orange lines show what is closed, in 3D its border, and black ones the
-    outline of the body before the deformation.
+    The colours are those of the von Mises stress of sigma^. Points of the body are
+    drawn at X + factor u^. The foundation is drawn as it is, and not magnified: what is
+    flat is flat. It is moved with the body, so that what is closed looks closed as
+    nearly as a rigid motion can make it (:mod:`erc_contact.output.foundations`). It is
+    left out where it would be far from the body. Orange lines show what is closed, in
+    3D its border, and black ones the outline of the body before the deformation.
 
     The von Mises stress is that of the mean of sigma^ in each element; for degree 2 it
     is linear there (:func:`erc_contact.results.stresses.vertex_stress`). If the
@@ -163,7 +166,10 @@ def draw_deformed(
 
 
 def magnification(error: ConstitutiveError) -> float:
-    """Find the greatest magnification of a picture of the deformed body; infinite if nothing moves; collective."""
+    """Find the greatest magnification of a deformed body [-]; collective.
+
+    It is infinite if nothing moves.
+    """
     admissible, model = error.admissible, error.model
     contacts = [whole_contact(admissible, traction) for traction in admissible.tractions]
     largest = error.maximum("displacement").value
@@ -177,7 +183,7 @@ def magnification(error: ConstitutiveError) -> float:
 
 
 def _title(foundations: Sequence[Foundation], factor: float, size: float) -> str:
-    """Say what a picture of a deformed body magnifies, and what that makes look wrong."""
+    """Say what a picture of a deformed body magnifies, and what then looks wrong."""
     title = f"displacement × {factor:g}"
     if factor != 1.0 and any(foundation.moves for foundation in foundations):
         title += ", foundation moved with it"
@@ -188,7 +194,10 @@ def _title(foundations: Sequence[Foundation], factor: float, size: float) -> str
 
 
 def _shown_stress(admissible: Admissible) -> np.ndarray:
-    """Von Mises stress of sigma^ in each owned cell, for degree 2 at its vertices, shape (owned, 1 or d+1)."""
+    """Compute the von Mises stress of sigma^ in each owned cell [force/area].
+
+    For degree 2 it is that at the vertices; shape (owned, 1 or d+1).
+    """
     if admissible.model.degree == 1:
         return von_mises(mean_stress(admissible))[:, None]
     stress = vertex_stress(admissible)
@@ -228,7 +237,7 @@ def draw_cells(
 
 @dataclass(frozen=True)
 class Scale:
-    """The colours of values.
+    """Hold the colours of values.
 
     Attributes:
         norm: matplotlib's norm, from values to colours.
@@ -242,12 +251,11 @@ class Scale:
     label: str
 
 
-# -- pictures, on rank 0
-# -------------------------------------------------------------------------------------------
+# -- pictures, on rank 0 ---------------------------------------------------------------
 
 
 def _up(admissible: Admissible) -> np.ndarray:
-    """The upward direction of a picture, shape (3,); collective.
+    """Find the upward direction of a picture, shape (3,); collective.
 
     It is the coordinate axis, with its sign, that points away from the first
     foundation.
@@ -262,7 +270,7 @@ def _up(admissible: Admissible) -> np.ndarray:
 
 
 def _ticks(bar: Any, norm: Any, *, known: bool) -> None:
-    """Write plain numbers at a colour bar, or only 0 if no value other than zero is known."""
+    """Write plain numbers at a colour bar, or only 0 if all values are zero."""
     from matplotlib.colors import LogNorm  # noqa: PLC0415
 
     if not known:
@@ -284,7 +292,7 @@ def _map(
     foundations: Sequence[Any] = (),
     closed: Sequence[Any] = (),
 ) -> Any:
-    """Axes with a body, with coloured elements and a colour bar.
+    """Draw a body with coloured elements and a colour bar in axes.
 
     Args:
         ax: Axes of the user's in 2D, or None.

@@ -1,6 +1,7 @@
-"""The report of a run: one page of HTML that holds all it shows, and links to nothing; and the run as plain data.
+"""Write the report of a run as one page of HTML, and the run as plain data.
 
-The run is an adaptive one or a loading history.
+The page holds all it shows, and links to nothing. The run is an adaptive one or a
+loading history.
 """
 
 from __future__ import annotations
@@ -23,20 +24,25 @@ from erc_contact.model.forces import Force
 from erc_contact.output.files import on_root
 from erc_contact.scene.words import in_words
 
-STYLE = """
-body { font: 16px/1.5 Georgia, serif; color: #1a1a1a; background: white; max-width: 62rem; margin: auto;
-  padding: 0 1rem 3rem; overflow-wrap: break-word; }
-h1 { font-size: 1.7rem; line-height: 1.2; margin: 1.5rem 0 0.3rem; } h2 { font-size: 1.25rem; margin: 2.2rem 0 0.5rem; }
-img { max-width: 100%; max-height: 42rem; display: block; margin: 0.5rem auto; } figure { margin: 1rem 0; }
+PAGE_STYLE = """
+body { font: 16px/1.5 Georgia, serif; color: #1a1a1a; background: white;
+  max-width: 62rem; margin: auto; padding: 0 1rem 3rem; overflow-wrap: break-word; }
+h1 { font-size: 1.7rem; line-height: 1.2; margin: 1.5rem 0 0.3rem; }
+h2 { font-size: 1.25rem; margin: 2.2rem 0 0.5rem; }
+img { max-width: 100%; max-height: 42rem; display: block; margin: 0.5rem auto; }
+figure { margin: 1rem 0; }
 .broad img { max-width: none; width: 100%; min-width: 34rem; }
 figcaption { font-size: 0.9rem; color: #444; } .wide { overflow-x: auto; }
 table { border-collapse: collapse; font-size: 0.9rem; font-variant-numeric: tabular-nums; }
-th, td { padding: 0.2rem 0.7rem 0.2rem 0; text-align: left; vertical-align: top; border-bottom: 1px solid #ddd; }
-th { font-weight: normal; } thead th { color: #555; } .numbers td, .numbers thead th + th { text-align: right; }
+th, td { padding: 0.2rem 0.7rem 0.2rem 0; text-align: left; vertical-align: top;
+  border-bottom: 1px solid #ddd; }
+th { font-weight: normal; } thead th { color: #555; }
+.numbers td, .numbers thead th + th { text-align: right; }
 .numbers td { white-space: nowrap; } .verdict th { font-weight: bold; min-width: 5rem; }
-pre { background: #f5f5f5; padding: 0.8rem; overflow-x: auto; font-size: 0.85rem; line-height: 1.35; }
+pre { background: #f5f5f5; padding: 0.8rem; overflow-x: auto; font-size: 0.85rem;
+  line-height: 1.35; }
 """
-NUMBERS = (
+ERROR_NUMBERS = (
     "relative",
     "total",
     "absolute",
@@ -52,31 +58,34 @@ BROAD = 1.3
 
 
 class Run(Protocol):
-    """An adaptive run or a loading history, as far as it is reported: a ``History``, an ``Evolution``."""
+    """Represent an adaptive run or a loading history, as far as it is reported.
+
+    A ``History`` and an ``Evolution`` have these members.
+    """
 
     @property
     def steps(self) -> Sequence[Any]:
-        """The rows of its table."""
+        """Return the rows of its table."""
 
     @property
     def accuracy(self) -> float:
-        """The prescribed relative error."""
+        """Return the prescribed relative error."""
 
     @property
     def reached(self) -> bool:
-        """Whether it was reached."""
+        """Tell whether it was reached."""
 
     @property
     def outcome(self) -> str:
-        """Why it ended."""
+        """Say why it ended."""
 
     @property
     def error(self) -> ConstitutiveError:
-        """The best result, or that at the end of the history."""
+        """Return the best result, or that at the end of the history."""
 
     @property
     def settings(self) -> Mapping[str, Any]:
-        """The other arguments of the run by their names."""
+        """Return the other arguments of the run by their names."""
 
 
 def write_report(
@@ -109,75 +118,95 @@ def write_report(
         code: The run as code, see :mod:`erc_contact.output.as_code`.
         note: What else has to be said of it, below the heading.
     """
-    file, comm = Path(path), run.error.domain.mesh.comm
+    file = Path(path)
+    comm = run.error.domain.mesh.comm
 
     def write() -> None:
-        sections = {
-            "": "".join(_paragraph(text) for text in (without_paths(run.outcome), note) if text)
-        }
+        introduction = [without_paths(run.outcome), note]
+        sections = {"": "".join(_paragraph(text) for text in introduction if text)}
         if claims:
             sections["What the number means"] = _wide(table(claims), "verdict")
-        if isinstance(run.error, ConstitutiveError):  # one that is read from a folder has no scene
+        # An error that is read from a folder has no scene.
+        if isinstance(run.error, ConstitutiveError):
             words = in_words(run.error.solution.scene)
             sections["Scene"] = _wide(table(words, ("part", "what holds there")))
-        sections |= {heading: _wide(rows, "numbers") for heading, rows in tables.items()}
+        for heading, rows in tables.items():
+            sections[heading] = _wide(rows, "numbers")
         if pictures:
-            sections["Pictures"] = "".join(
-                _figure(file.parent / name, words) for name, words in pictures.items()
-            )
+            figures = [_figure(file.parent / name, words) for name, words in pictures.items()]
+            sections["Pictures"] = "".join(figures)
         if forces:
             sections["Forces on the body"] = _forces(forces)
         if code:
             sections["How to reproduce it"] = f"<pre>{escape(code)}</pre>"
-        made = {**versions(), **machine(), "ranks": str(comm.size)}
-        sections["Software and machine"] = _wide(table(made.items()))
+        software = {**versions(), **machine(), "ranks": str(comm.size)}
+        sections["Software and machine"] = _wide(table(software.items()))
         file.write_text(_page(title, sections))
 
     on_root(comm, path, write)
 
 
 def _page(title: str, sections: Mapping[str, str]) -> str:
-    """The page; sections are HTML by their headings."""
-    body = "".join(
-        f"<h2>{escape(name)}</h2>{text}" if name else text for name, text in sections.items()
-    )
+    """Return the page; sections are HTML by their headings."""
+    body = ""
+    for name, text in sections.items():
+        if name:
+            body += f"<h2>{escape(name)}</h2>"
+        body += text
     return (
         '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<title>{escape(title)}</title><style>{STYLE}</style></head>\n"
+        f"<title>{escape(title)}</title><style>{PAGE_STYLE}</style></head>\n"
         f"<body><h1>{escape(title)}</h1>{body}</body></html>\n"
     )
 
 
 def _paragraph(text: str) -> str:
+    """Return text as a paragraph of HTML."""
     return f"<p>{escape(text)}</p>"
 
 
 def _wide(text: str, kind: str = "") -> str:
-    """Something that scrolls by itself where the screen is narrow."""
+    """Return HTML that scrolls by itself where the screen is narrow."""
     return f'<div class="wide {kind}">{text}</div>'
 
 
 def _figure(file: Path, words: str) -> str:
-    """A picture inside the page; one that is broad scrolls where the screen is narrow."""
+    """Return a picture inside the page.
+
+    One that is broad scrolls where the screen is narrow.
+    """
     content = file.read_bytes()
-    width, height = struct.unpack(">II", content[16:24])  # of a png file
-    image = f'<img src="data:image/png;base64,{b64encode(content).decode()}" alt="{escape(words)}">'
-    shown = _wide(image, "broad" if width > BROAD * height else "")
-    return f"<figure>{shown}<figcaption>{escape(words)}</figcaption></figure>"
+    # The header of a png file has the size at a fixed place.
+    width, height = struct.unpack(">II", content[16:24])
+    data = b64encode(content).decode()
+    image = f'<img src="data:image/png;base64,{data}" alt="{escape(words)}">'
+    frame = _wide(image, "broad" if width > BROAD * height else "")
+    return f"<figure>{frame}<figcaption>{escape(words)}</figcaption></figure>"
 
 
 def _forces(forces: Mapping[str, Force]) -> str:
+    """Return the table of forces by their cause."""
     first = next(iter(forces.values()))
-    header = ["cause", *(f"F{axis}" for axis in "xyz"[: len(first.force)])]
+    header = ["cause"]
+    header += [f"F{axis}" for axis in "xyz"[: len(first.force)]]
+    # In the plane the moment is that about z.
     header += [f"M{axis}" for axis in "xyz"[-len(first.moment) :]]
-    rows = [[name, *(f"{c:.6g}" for c in (*of.force, *of.moment))] for name, of in forces.items()]
-    words = "Resultants and moments about the origin of the admissible stress. The balance is zero up to round-off."
+    rows = []
+    for cause, force in forces.items():
+        components = (*force.force, *force.moment)
+        rows.append([cause, *(f"{component:.6g}" for component in components)])
+    words = (
+        "Resultants and moments about the origin of the admissible stress. The balance is zero "
+        "up to round-off."
+    )
     return _paragraph(words) + _wide(table(rows, header), "numbers")
 
 
 def write_record(run: Run, path: str | Path, forces: Mapping[str, Force]) -> None:
-    """Write the rows of a run, its error, forces on the body, settings and software as JSON; collective.
+    """Write the data of a run as JSON; collective.
+
+    They are its rows, its error, forces on the body, settings and software.
 
     Args:
         run: The run.
@@ -192,32 +221,34 @@ def write_record(run: Run, path: str | Path, forces: Mapping[str, Force]) -> Non
 
 
 def _record(run: Run, forces: Mapping[str, Force]) -> dict[str, Any]:
-    """The data of a run; numbers that are none are None."""
-    error = {name: getattr(run.error, name) for name in NUMBERS}
-    if isinstance(run.error, ConstitutiveError):  # one that is read from a folder has no more
+    """Return the data of a run; numbers that are none are None."""
+    error = {name: getattr(run.error, name) for name in ERROR_NUMBERS}
+    # An error that is read from a folder has no more.
+    if isinstance(run.error, ConstitutiveError):
         error["oscillations"] = asdict(run.error.oscillations)
-    return _plain(
-        {
-            "outcome": run.outcome,
-            "reached": run.reached,
-            "accuracy": run.accuracy,
-            "error": error,
-            "forces": {
-                name: {"force": of.force.tolist(), "moment": of.moment.tolist()}
-                for name, of in forces.items()
-            },
-            "steps": [asdict(step) for step in run.steps],
-            "settings": {name: code_of(one) for name, one in run.settings.items()},
-            "versions": versions(),
-            "machine": {**machine(), "ranks": run.error.domain.mesh.comm.size},
-        }
-    )
+    force_lists = {}
+    for cause, force in forces.items():
+        force_lists[cause] = {"force": force.force.tolist(), "moment": force.moment.tolist()}
+    record = {
+        "outcome": run.outcome,
+        "reached": run.reached,
+        "accuracy": run.accuracy,
+        "error": error,
+        "forces": force_lists,
+        "steps": [asdict(step) for step in run.steps],
+        "settings": {name: code_of(value) for name, value in run.settings.items()},
+        "versions": versions(),
+        "machine": {**machine(), "ranks": run.error.domain.mesh.comm.size},
+    }
+    return _plain(record)
 
 
 def _plain(value: Any) -> Any:
-    """Data without nan and infinity, which JSON does not know."""
+    """Return data without nan and infinity, which JSON does not know."""
     if isinstance(value, dict):
-        return {name: _plain(one) for name, one in value.items()}
+        return {name: _plain(entry) for name, entry in value.items()}
     if isinstance(value, list):
-        return [_plain(one) for one in value]
-    return None if isinstance(value, float) and not isfinite(value) else value
+        return [_plain(entry) for entry in value]
+    if isinstance(value, float) and not isfinite(value):
+        return None
+    return value

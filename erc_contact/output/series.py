@@ -1,4 +1,7 @@
-"""Files with several meshes for ParaView: all steps of a loading history, or all meshes of an adaptive run."""
+"""Write files with several meshes for ParaView.
+
+They hold all steps of a loading history, or all meshes of an adaptive run.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +10,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
+import numpy.typing as npt
 
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.mesh.domain import Domain
@@ -16,22 +20,26 @@ from erc_contact.results.stresses import cell_stresses
 
 
 class History(Protocol):
-    """A loading history, as far as it is written. An ``Evolution`` has these members."""
+    """Represent a loading history, as far as it is written.
+
+    An ``Evolution`` has these members.
+    """
 
     @property
     def errors(self) -> tuple[ConstitutiveError, ...]:
-        """The error at the end of each step."""
+        """Return the error at the end of each step."""
 
     def column(self, name: str) -> np.ndarray:
-        """One number of each step: "time"."""
+        """Return one number of each step: "time"."""
 
 
 def write_series(history: History, path: str | Path) -> None:
-    """Write the fields of all steps to one VTKHDF file with times, which opens in ParaView as it is; collective.
+    """Write the fields of all steps to one VTKHDF file with times; collective.
 
-    It has the displacement u^ at the nodes; in the cells eps_E, the mean of sigma^, its
-    von Mises stress, and that of the finite elements, with the names of
-    :func:`erc_contact.output.write_fields`. A mesh of several steps is written once.
+    ParaView opens it as it is. It has the displacement u^ at the nodes; in the cells
+    eps_E, the mean of sigma^, its von Mises stress, and that of the finite elements,
+    with the names of :func:`erc_contact.output.write_fields`. A mesh of several steps
+    is written once.
 
     Args:
         history: The history.
@@ -42,34 +50,34 @@ def write_series(history: History, path: str | Path) -> None:
     """
     comm = history.errors[0].domain.mesh.comm
     meshes: list[dict[str, np.ndarray]] = []
-    which, points, cells = [], [], []
-    last: Any = None
+    mesh_numbers = []
+    points = []
+    cells = []
+    last: Domain | None = None
     for error in history.errors:
-        pair, model = error.admissible, error.model
+        pair = error.admissible
+        model = error.model
+        # Steps on the same mesh share it in the file.
         if error.domain is not last:
             meshes.append(gathered(comm, **body_nodes(model)))
         last = error.domain
-        which.append(len(meshes) - 1)
+        mesh_numbers.append(len(meshes) - 1)
         points.append(gathered(comm, displacement=nodal_displacement(pair)))
         cells.append(gathered(comm, **cell_stresses(pair), eps_E=error.indicators))
+    dim = history.errors[0].domain.dim
 
     def write() -> None:
-        _write_series(
-            Path(path),
-            history.column("time"),
-            meshes,
-            which,
-            (points, cells),
-            history.errors[0].domain.dim,
-        )
+        times = history.column("time")
+        _write_series(Path(path), times, meshes, mesh_numbers, points, cells, dim)
 
     on_root(comm, path, write)
 
 
 def write_meshes(meshes: Sequence[tuple[Domain, np.ndarray]], path: str | Path) -> None:
-    """Write all meshes of a run with eps_E to one VTKHDF file, which opens in ParaView as it is; collective.
+    """Write all meshes of a run with eps_E to one VTKHDF file; collective.
 
-    The times of the file are the numbers of the meshes, from 1 on.
+    ParaView opens it as it is. The times of the file are the numbers of the meshes,
+    from 1 on.
 
     Args:
         meshes: Pairs of a domain and eps_E of its owned cells, as in
@@ -79,15 +87,16 @@ def write_meshes(meshes: Sequence[tuple[Domain, np.ndarray]], path: str | Path) 
     Raises:
         OSError: If the file cannot be written.
     """
-    comm, dim = meshes[0][0].mesh.comm, meshes[0][0].dim
+    first = meshes[0][0]
+    comm = first.mesh.comm
     bodies = [gathered(comm, **body_mesh(domain)) for domain, _ in meshes]
     cells = [gathered(comm, eps_E=eps) for _, eps in meshes]
-    numbers = np.arange(len(meshes))
+    points: list[dict[str, np.ndarray]] = [{} for _ in meshes]
+    mesh_numbers = list(range(len(meshes)))
 
     def write() -> None:
-        _write_series(
-            Path(path), numbers + 1.0, bodies, numbers.tolist(), ([{} for _ in meshes], cells), dim
-        )
+        times = np.arange(len(meshes)) + 1.0
+        _write_series(Path(path), times, bodies, mesh_numbers, points, cells, first.dim)
 
     on_root(comm, path, write)
 
@@ -96,8 +105,9 @@ def _write_series(
     path: Path,
     times: np.ndarray,
     meshes: Sequence[dict[str, np.ndarray]],
-    which: Sequence[int],
-    data: tuple[Sequence[dict[str, np.ndarray]], Sequence[dict[str, np.ndarray]]],
+    mesh_numbers: Sequence[int],
+    points: Sequence[dict[str, np.ndarray]],
+    cells: Sequence[dict[str, np.ndarray]],
     d: int,
 ) -> None:
     """Write a VTKHDF file with several times.
@@ -106,44 +116,69 @@ def _write_series(
         path: The file.
         times: Times of the steps.
         meshes: Points and cells of each mesh.
-        which: Number of the mesh of each step.
-        data: Values at the points and in the cells of each step.
+        mesh_numbers: Number of the mesh of each step.
+        points: Values at the points of each step.
+        cells: Values in the cells of each step.
         d: Dimension of the cells.
     """
     import h5py  # noqa: PLC0415
 
-    kinds = [vtk_cells(mesh["cells"], d) for mesh in meshes]
-    counts = {
-        "NumberOfPoints": np.array([len(mesh["points"]) for mesh in meshes]),
-        "NumberOfCells": np.array([len(cells) for _, cells in kinds]),
-        "NumberOfConnectivityIds": np.array([cells.size for _, cells in kinds]),
-    }
-    starts = {
-        name: np.concatenate([[0], np.cumsum(of)[:-1]])[list(which)] for name, of in counts.items()
-    }
+    steps_data = {"PointData": points, "CellData": cells}
     with h5py.File(path, "w") as file:
         vtk = file.create_group("VTKHDF")
-        vtk.attrs["Version"], vtk.attrs["Type"] = (2, 0), np.bytes_("UnstructuredGrid")
-        for name, of in counts.items():
-            vtk[name] = of
-        vtk["Points"] = np.concatenate([mesh["points"] for mesh in meshes])
-        vtk["Connectivity"] = np.concatenate([cells.ravel() for _, cells in kinds])
-        vtk["Offsets"] = np.concatenate(
-            [np.arange(0, cells.size + 1, cells.shape[1]) for _, cells in kinds]
-        )
-        vtk["Types"] = np.concatenate(
-            [np.full(len(cells), kind, dtype=np.uint8) for kind, cells in kinds]
-        )
+        vtk.attrs["Version"] = (2, 0)
+        vtk.attrs["Type"] = np.bytes_("UnstructuredGrid")
         steps = vtk.create_group("Steps")
         steps.attrs["NSteps"] = len(times)
         steps["Values"] = times
-        steps["PartOffsets"] = np.array(which)
+        steps["PartOffsets"] = np.array(mesh_numbers)
         steps["NumberOfParts"] = np.ones(len(times), dtype=int)
-        steps["PointOffsets"] = starts["NumberOfPoints"]
-        steps["CellOffsets"] = starts["NumberOfCells"][:, None]
-        steps["ConnectivityIdOffsets"] = starts["NumberOfConnectivityIds"][:, None]
-        for kind, values in zip(("PointData", "CellData"), data, strict=True):
-            for name in values[0]:
-                lengths = np.array([len(of[name]) for of in values])
-                vtk[f"{kind}/{name}"] = np.concatenate([of[name] for of in values])
-                steps[f"{kind}Offsets/{name}"] = np.concatenate([[0], np.cumsum(lengths)[:-1]])
+        _write_meshes(vtk, meshes, mesh_numbers, d)
+        for kind, data in steps_data.items():
+            # Values of all steps stand in one array, each step from its offset on.
+            for name in data[0]:
+                arrays = [step[name] for step in data]
+                vtk[f"{kind}/{name}"] = np.concatenate(arrays)
+                steps[f"{kind}Offsets/{name}"] = _starts([len(array) for array in arrays])
+
+
+def _write_meshes(
+    vtk: Any, meshes: Sequence[dict[str, np.ndarray]], mesh_numbers: Sequence[int], d: int
+) -> None:
+    """Write the meshes to a group of a VTKHDF file, and where that of each step begins.
+
+    Args:
+        vtk: The group, which has a group "Steps".
+        meshes: Points and cells of each mesh.
+        mesh_numbers: Number of the mesh of each step.
+        d: Dimension of the cells.
+    """
+    points = [mesh["points"] for mesh in meshes]
+    cells = []
+    offsets = []
+    types = []
+    for mesh in meshes:
+        kind, nodes = vtk_cells(mesh["cells"], d)
+        cells.append(nodes)
+        offsets.append(np.arange(0, nodes.size + 1, nodes.shape[1]))
+        types.append(np.full(len(nodes), kind, dtype=np.uint8))
+    point_counts = np.array([len(x) for x in points])
+    cell_counts = np.array([len(nodes) for nodes in cells])
+    node_counts = np.array([nodes.size for nodes in cells])
+    vtk["NumberOfPoints"] = point_counts
+    vtk["NumberOfCells"] = cell_counts
+    vtk["NumberOfConnectivityIds"] = node_counts
+    vtk["Points"] = np.concatenate(points)
+    vtk["Connectivity"] = np.concatenate([nodes.ravel() for nodes in cells])
+    vtk["Offsets"] = np.concatenate(offsets)
+    vtk["Types"] = np.concatenate(types)
+    steps = vtk["Steps"]
+    mesh_of_step = list(mesh_numbers)
+    steps["PointOffsets"] = _starts(point_counts)[mesh_of_step]
+    steps["CellOffsets"] = _starts(cell_counts)[mesh_of_step][:, None]
+    steps["ConnectivityIdOffsets"] = _starts(node_counts)[mesh_of_step][:, None]
+
+
+def _starts(lengths: npt.ArrayLike) -> np.ndarray:
+    """Return where each of several arrays begins if they stand one after the other."""
+    return np.concatenate([[0], np.cumsum(lengths)[:-1]])

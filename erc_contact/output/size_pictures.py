@@ -1,4 +1,4 @@
-"""A picture of the sizes of the next mesh."""
+"""Draw a picture of the sizes of the next mesh."""
 
 from __future__ import annotations
 
@@ -12,7 +12,9 @@ from erc_contact.output.pictures import Scale, draw_cells
 
 
 def draw_sizes(sizes: Sizes, path: str | Path | None = None, *, ax: Any = None) -> Any:
-    """Draw r_E of each element, the ratio of its new size to its old size, on a logarithmic colour scale; collective.
+    """Draw r_E of each element on a logarithmic colour scale; collective.
+
+    This is the ratio of its new size to its old size.
 
     Args:
         sizes: The sizes, whose ``ratio`` is drawn on the mesh from which they follow.

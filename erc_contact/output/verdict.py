@@ -1,4 +1,4 @@
-"""What an error proves, what it estimates and what it leaves open, in words.
+"""Say in words what an error proves, what it estimates and what it leaves open.
 
 The words follow from the scene and from numbers that the error has already; nothing is
 computed.
@@ -13,8 +13,14 @@ from erc_contact.base.percent import percent
 from erc_contact.error.constitutive import ROUND_OFF, ConstitutiveError
 from erc_contact.model.maximum import Maximum
 
-BOUND, UP_TO, ESTIMATE, OPEN = "bound", "bound up to a term", "estimate", "not known"
-"""Kinds of statements."""
+BOUND = "bound"
+"""Kind of a statement that is proved."""
+BOUND_UP_TO = "bound up to a term"
+"""Kind of a statement that is proved but for a term."""
+ESTIMATE = "estimate"
+"""Kind of a statement that is not proved."""
+NOT_KNOWN = "not known"
+"""Kind of a statement about what is left open."""
 MEANS = {
     "loads": "loads",
     "supports": "prescribed displacements",
@@ -27,7 +33,10 @@ MEANS = {
 
 
 def verdict(error: ConstitutiveError) -> list[tuple[str, str]]:
-    """Statements about an error, each with its kind: :data:`BOUND`, :data:`UP_TO`, :data:`ESTIMATE`, :data:`OPEN`."""
+    """Make statements about an error, each with its kind.
+
+    Kinds are :data:`BOUND`, :data:`BOUND_UP_TO`, :data:`ESTIMATE`, :data:`NOT_KNOWN`.
+    """
     return [
         *_of_the_bound(error),
         *_of_the_data(error),
@@ -38,79 +47,91 @@ def verdict(error: ConstitutiveError) -> list[tuple[str, str]]:
 
 
 def _of_the_bound(error: ConstitutiveError) -> list[tuple[str, str]]:
-    """What e bounds, and up to what."""
-    size = f"e = {error.absolute:.4g} is {percent(error.relative)} of |sigma^ + C eps(u^)| = {error.scale:.4g}"
-    rough = error.pressure_dependent
-    if not rough:
-        proved = (
-            "This is proved, up to round-off and to integrals that are resolved at the points of quadrature."
-            if error.guaranteed
-            else "This is proved for the problem on this mesh with the data that the mesh carries; what differs from "
-            "your data is estimated below."
-        )
-        return [
-            (BOUND, f"{size}. e bounds the errors of u^ and of sigma^ in the energy norm. {proved}")
-        ]
+    """Say what e bounds, and up to what."""
+    size = (
+        f"e = {error.absolute:.4g} is {percent(error.relative)} of |sigma^ + C eps(u^)| = "
+        f"{error.scale:.4g}"
+    )
+    bounds = "e bounds the errors of u^ and of sigma^ in the energy norm"
+    if not error.pressure_dependent:
+        if error.guaranteed:
+            proved = (
+                "This is proved, up to round-off and to integrals that are resolved at the points "
+                "of quadrature."
+            )
+        else:
+            proved = (
+                "This is proved for the problem on this mesh with the data that the mesh carries; "
+                "what differs from your data is estimated below."
+            )
+        return [(BOUND, f"{size}. {bounds}. {proved}")]
+    contacts = ", ".join(error.pressure_dependent)
     term = (
-        f"{size}. e bounds the errors of u^ and of sigma^ in the energy norm, up to a third term: the friction "
-        f"bound of {', '.join(rough)} depends on the pressure. The term is a product of two errors and has no sign. It "
-        "is of higher order, and it is not proved to be harmless."
+        f"{size}. {bounds}, up to a third term: the friction bound of {contacts} depends on the "
+        "pressure. The term is a product of two errors and has no sign. It is of higher order, "
+        "and it is not proved to be harmless."
     )
     certificate = (
-        "Whether more is proved with this friction: ec.coulomb_certificate(error) computes it. A run does not, so "
-        "nothing is said here."
+        "Whether more is proved with this friction: ec.coulomb_certificate(error) computes it. A "
+        "run does not, so nothing is said here."
     )
-    return [(UP_TO, term), (OPEN, certificate)]
+    return [(BOUND_UP_TO, term), (NOT_KNOWN, certificate)]
 
 
 def _of_the_data(error: ConstitutiveError) -> list[tuple[str, str]]:
-    """What the mesh does not carry of shape and data."""
-    found, scale = [], error.scale or 1.0
+    """Say what the mesh does not carry of shape and data."""
+    statements = []
+    scale = error.scale or 1.0
     if error.domain.geometry is None:
-        found.append(
-            (
-                OPEN,
-                "The body is that of the mesh given, with its flat facets. No true shape is known to compare with.",
-            )
+        words = (
+            "The body is that of the mesh given, with its flat facets. No true shape is known to "
+            "compare with."
         )
+        statements.append((NOT_KNOWN, words))
     elif error.geometry_error > ROUND_OFF * scale:
-        found.append(
-            (
-                ESTIMATE,
-                f"Flat facets of the curved body: {percent(error.geometry_error / scale)} beside e.",
-            )
-        )
+        share = percent(error.geometry_error / scale)
+        words = f"Flat facets of the curved body: {share} beside e."
+        statements.append((ESTIMATE, words))
     for name, part in asdict(error.oscillations).items():
         if part > ROUND_OFF * scale:
-            words = f"What the mesh does not carry of the {MEANS[name]}: {percent(part / scale)} beside e"
-            found.append((ESTIMATE, f"{words}, without constants of Korn and Poincare type."))
-    return found
+            words = (
+                f"What the mesh does not carry of the {MEANS[name]}: {percent(part / scale)} "
+                "beside e, without constants of Korn and Poincare type."
+            )
+            statements.append((ESTIMATE, words))
+    return statements
 
 
 def _of_the_steps_before(error: ConstitutiveError) -> list[tuple[str, str]]:
-    """What is left out of the error of a step of a loading history."""
+    """Say what is left out of the error of a step of a loading history."""
     if all(contact.trace.before is None for contact in error.model.contacts):
         return []
     words = (
-        "e is the error of this step given the slip of the steps before. Their errors are in that slip, and no proof "
-        "sums them up. What the length of the steps costs is not in e."
+        "e is the error of this step given the slip of the steps before. Their errors are in that "
+        "slip, and no proof sums them up. What the length of the steps costs is not in e."
     )
-    return [(OPEN, words)]
+    return [(NOT_KNOWN, words)]
 
 
 def _of_other_solutions(error: ConstitutiveError) -> list[tuple[str, str]]:
+    """Say whether there may be other solutions."""
     if not error.solution.singular:
         return []
-    words = "The tangent of the contact problem is singular: there may be other solutions arbitrarily near."
-    return [(OPEN, words)]
+    words = (
+        "The tangent of the contact problem is singular: there may be other solutions arbitrarily "
+        "near."
+    )
+    return [(NOT_KNOWN, words)]
 
 
 def _of_points() -> tuple[str, str]:
+    """Say what e leaves open of forces and stresses."""
     words = (
-        "Forces, pressures and stresses below are those of the admissible pair. e bounds its error in the energy norm, "
-        "and not at single points. ec.resultant(error, contact, direction) gives an interval for a contact force."
+        "Forces, pressures and stresses below are those of the admissible pair. e bounds its "
+        "error in the energy norm, and not at single points. ec.resultant(error, contact, "
+        "direction) gives an interval for a contact force."
     )
-    return OPEN, words
+    return NOT_KNOWN, words
 
 
 def of_maxima(maxima: Mapping[str, Maximum]) -> list[tuple[str, str]]:
@@ -118,15 +139,16 @@ def of_maxima(maxima: Mapping[str, Maximum]) -> list[tuple[str, str]]:
 
     Nothing is said of one whose trend is not known.
     """
-    found = []
+    statements = []
     for quantity, maximum in maxima.items():
         if maximum.grows is None:
             continue
-        words = f"The greatest {quantity}{' stress' * (quantity == 'von Mises')} is {maximum}."
+        name = "von Mises stress" if quantity == "von Mises" else quantity
+        words = f"The greatest {name} is {maximum}."
         if maximum.grows:
             words += (
-                " At a sharp edge the stress of linear elasticity is infinite; then this value tells the size of the "
-                "elements there, not the load of the part."
+                " At a sharp edge the stress of linear elasticity is infinite; then this value "
+                "tells the size of the elements there, not the load of the part."
             )
-        found.append((OPEN if maximum.grows else ESTIMATE, words))
-    return found
+        statements.append((NOT_KNOWN if maximum.grows else ESTIMATE, words))
+    return statements

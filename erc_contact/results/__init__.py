@@ -1,4 +1,4 @@
-"""Results of an admissible pair: forces, profiles of contacts, values at points, mean stresses.
+"""Compute results of an admissible pair: forces, profiles, values at points, stresses.
 
 They are the same on all ranks. Forces balance to round-off, and the friction law allows
 the contact tractions. A :class:`erc_contact.Solution` has the same results of its own

@@ -1,7 +1,11 @@
-"""Forces of supports, contacts and loads on the body, with their moments, from an admissible pair."""
+"""Compute the forces of an admissible pair on the body, with their moments.
+
+They are those of supports, contacts and loads.
+"""
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,7 +16,7 @@ from erc_contact.model.forces import Force, by_cause, total_force
 
 
 def force(result: Any, part: str) -> Force:
-    """Resultant and moment of the tractions sigma^ n on a part of the boundary; collective.
+    """Compute resultant and moment of sigma^ n on a boundary part; collective.
 
     On a contact it is the force of the foundation on the body. On a support it is the
     reaction, together with the loads on the components that the support leaves free. On
@@ -26,26 +30,36 @@ def force(result: Any, part: str) -> Force:
         InputError: If no boundary part has this name.
     """
     pair = pair_of(result)
-    model, cells = pair.model, pair.cell_geometry
+    model = pair.model
+    cells = pair.cell_geometry
+    d = model.d
+    k = model.degree
     facets = model.facet_numbers(model.domain.owned_facets(part))
-    d, k = model.d, model.degree
-    cell, i = np.divmod(cells.side[0][facets], d + 1)
-    corners = np.take_along_axis(cells.vertices[cell], facet_vertices(d)[i], axis=1)
-    linear = bernstein(d - 1, 1, nodes(d - 1, k)).T @ coefficients(d - 1, k).T
-    return total_force(
-        model, corners.ravel(), np.matmul(linear, pair.facet_moments[facets]).reshape(-1, d)
-    )
+    cell, local = np.divmod(cells.side[0][facets], d + 1)
+    corners = np.take_along_axis(cells.vertices[cell], facet_vertices(d)[local], axis=1)
+    # The moments against hat functions are forces at the corners, with the resultant
+    # and the moment of the tractions. They follow from those against Bernstein
+    # polynomials.
+    hats = bernstein(d - 1, 1, nodes(d - 1, k)).T @ coefficients(d - 1, k).T
+    forces = np.matmul(hats, pair.facet_moments[facets])
+    return total_force(model, corners.ravel(), forces.reshape(-1, d))
 
 
 def reactions(result: Any) -> dict[str, Force]:
-    """The forces on the body by their cause, see :func:`erc_contact.model.forces.by_cause`; collective."""
+    """Compute the forces on the body by their cause; collective.
+
+    See :func:`erc_contact.model.forces.by_cause`.
+    """
     pair = pair_of(result)
-    return by_cause(pair.model, lambda part: force(pair, part), lambda: _body_force(pair))
+    return by_cause(pair.model, partial(force, pair), partial(_body_force, pair))
 
 
 def _body_force(pair: Admissible) -> Force:
-    """Resultant and moment of the loads in the body; collective."""
-    model, cells, owned = pair.model, pair.cell_geometry, pair.domain.owned_cells
+    """Compute resultant and moment of the loads in the body; collective."""
     assert pair.cell_forces is not None
+    model = pair.model
+    owned = model.domain.owned_cells
+    vertices = pair.cell_geometry.vertices[:owned]
+    # Means of the load times the hat functions are forces at the vertices.
     forces = np.matmul(mass(model.d, 1, model.degree - 1), pair.cell_forces[:owned])
-    return total_force(model, cells.vertices[:owned].ravel(), forces.reshape(-1, model.d))
+    return total_force(model, vertices.ravel(), forces.reshape(-1, model.d))

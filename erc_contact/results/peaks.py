@@ -1,7 +1,7 @@
-"""The greatest stress and contact traction of an admissible pair, with the size of the element where each is.
+"""Find the greatest stress and contact traction of an admissible pair.
 
-An adaptive run keeps them for each mesh: they tell whether a maximum grows with
-refinement.
+Each comes with the size of the element where it is. An adaptive run keeps them for each
+mesh: they tell whether a maximum grows with refinement.
 
 Symbols: sigma^ and r^ admissible stress and contact traction, d dimension.
 """
@@ -22,7 +22,7 @@ PEAKS = {"von Mises": "peak_stress", "pressure": "peak_pressure", "shear": "peak
 
 
 def peaks(pair: Admissible) -> dict[str, float]:
-    """Find the greatest stress and contact traction, and the size of the element where each is; collective.
+    """Find the greatest stress and contact traction, and where they are; collective.
 
     Returns:
         ``peak_stress``, the greatest von Mises stress of the mean of sigma^ in a cell
@@ -32,35 +32,45 @@ def peaks(pair: Admissible) -> dict[str, float]:
     """
     model = pair.model
     volume = pair.cell_geometry.volume[: model.domain.owned_cells]
-    found = [_greatest(von_mises(mean_stress(pair)), volume ** (1 / model.d))]
     shape = bernstein(model.d - 1, model.degree, profile_points(model))
-    pressure, shear, size = [np.empty(0)], [np.empty(0)], [np.empty(0)]
+    # A rank without facets of a contact has empty lists of them.
+    pressure = [np.empty(0)]
+    shear = [np.empty(0)]
+    size = [np.empty(0)]
     for traction in pair.tractions:
         own = traction.contact.trace.here.owned
         tangential = np.matmul(shape, traction.tangential_part[own])
         pressure.append((-traction.normal_component[own] @ shape.T).max(axis=1))
         shear.append(np.linalg.norm(tangential, axis=2).max(axis=1))
         size.append(traction.area[own] ** (1 / (model.d - 1)))
-    found += [
-        _greatest(np.concatenate(values), np.concatenate(size)) for values in (pressure, shear)
+    facet_size = np.concatenate(size)
+    local = [
+        _greatest(von_mises(mean_stress(pair)), volume ** (1 / model.d)),
+        _greatest(np.concatenate(pressure), facet_size),
+        _greatest(np.concatenate(shear), facet_size),
     ]
-    ranks = np.array(model.comm.allgather(found))
+    ranks = np.array(model.comm.allgather(local))
     result = {}
     for number, name in enumerate(PEAKS.values()):
         values, sizes = ranks[:, number].T
         top = values.max()
-        known = np.isfinite(top)
-        result[name] = float(top) if known else np.nan
-        result[f"{name}_size"] = float(sizes[_near(values, top)].min()) if known else np.nan
+        if np.isfinite(top):
+            result[name] = float(top)
+            result[f"{name}_size"] = float(sizes[_near(values, top)].min())
+        else:
+            result[name] = np.nan
+            result[f"{name}_size"] = np.nan
     return result
 
 
 def _greatest(values: np.ndarray, sizes: np.ndarray) -> tuple[float, float]:
-    """The greatest value of this rank, and the least size where it is."""
+    """Return the greatest value of this rank, and the least size where it is."""
     top = values.max(initial=-np.inf)
     return float(top), float(sizes[_near(values, top)].min(initial=np.inf))
 
 
 def _near(values: np.ndarray, top: float) -> np.ndarray:
-    """Which values equal the greatest one but for round-off."""
-    return values >= top - EQUAL_MAXIMA * abs(top) if np.isfinite(top) else values == top
+    """Tell which values equal the greatest one but for round-off."""
+    if not np.isfinite(top):
+        return values == top
+    return values >= top - EQUAL_MAXIMA * abs(top)

@@ -1,4 +1,4 @@
-"""Displacement and stresses of an admissible pair at points that a user gives.
+"""Compute displacement and stresses of an admissible pair at points of a user.
 
 Symbols: u^ and sigma^ admissible displacement and stress, d dimension, k degree.
 """
@@ -6,6 +6,7 @@ Symbols: u^ and sigma^ admissible displacement and stress, d dimension, k degree
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -15,13 +16,13 @@ from erc_contact.admissible.reference import tensors
 from erc_contact.mesh.simplex import barycentric, bernstein, lagrange
 from erc_contact.model.points import at_points, elastic_stress_at
 
-BETWEEN = 1e-9
-"""Difference of barycentric coordinates below which a point lies between two sub-simplices [-]."""
+BORDER = 1e-9
+"""Difference of barycentric coordinates at the border of two sub-simplices [-]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Values:
-    """Values at points.
+    """Hold values at points.
 
     Attributes:
         displacement: u^ [length], shape (n, d).
@@ -36,7 +37,7 @@ class Values:
 
 
 def at(result: Any, points: Any) -> Values:
-    """Displacement and stresses at points of the body; collective.
+    """Compute displacement and stresses at points of the body; collective.
 
     Stresses jump between cells, and sigma^ jumps between its sub-simplices. At a point
     between several of them the result is their mean.
@@ -50,32 +51,43 @@ def at(result: Any, points: Any) -> Values:
             outside the mesh.
     """
     pair = pair_of(result)
-    model, d = pair.model, pair.model.d
-    total = at_points(model, points, lambda cell, x: _values(pair, cell, x))
-    u, sigma, elastic = np.split(total, [d, d + d * d], axis=1)
+    model = pair.model
+    d = model.d
+    rows = at_points(model, points, partial(_values, pair))
+    u, sigma, elastic = np.split(rows, [d, d + d * d], axis=1)
     return Values(u, sigma.reshape(-1, d, d), elastic.reshape(-1, d, d))
 
 
 def _values(pair: Admissible, cell: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """u^, sigma^ and C eps(u^) at points (n, d) of owned cells (n,), each row by row, shape (n, d + 2 d^2)."""
-    model, cells = pair.model, pair.cell_geometry
-    d, k = model.d, model.degree
+    """Compute u^, sigma^ and C eps(u^) at points of owned cells.
+
+    Args:
+        pair: The admissible pair.
+        cell: Cell of each point, shape (n,).
+        x: The points [length], shape (n, d).
+
+    Returns:
+        Rows of u^ [length] and the two stresses [force/area], shape (n, d + 2 d^2).
+    """
+    model = pair.model
+    cells = pair.cell_geometry
+    d = model.d
+    k = model.degree
     corner = model.V.tabulate_dof_coordinates()[cells.vertices[cell, 0], :d]
     local = barycentric(np.einsum("nij,nj->ni", cells.inverse[cell], x - corner))
-    u = np.einsum(
-        "nv,nvi->ni",
-        lagrange(d, k, local[:, 1:]),
-        pair.displacement.x.array.reshape(-1, d)[cells.nodes[cell]],
-    )
+    nodal = pair.displacement.x.array.reshape(-1, d)[cells.nodes[cell]]
+    u = np.einsum("nv,nvi->ni", lagrange(d, k, local[:, 1:]), nodal)
     sigma = np.zeros((len(cell), pair.stress.shape[3]))
-    lowest = local.min(
-        axis=1
-    )  # of the vertex that the barycentre replaces in the sub-simplex of the point
-    among = local <= lowest[:, None] + BETWEEN
+    # The barycentre of the cell replaces a vertex in each sub-simplex. A point is in
+    # the one without the vertex of its least coordinate; at a border in several.
+    lowest = local.min(axis=1)
+    inside = local <= lowest[:, None] + BORDER
     for sub in range(d + 1):
-        inside = local - local[:, [sub]]
-        inside[:, sub] = (d + 1) * local[:, sub]
-        values = np.einsum("nm,nms->ns", bernstein(d, k, inside[:, 1:]), pair.stress[cell, sub])
-        sigma += (among[:, sub] / among.sum(axis=1))[:, None] * values
+        sub_local = local - local[:, [sub]]
+        sub_local[:, sub] = (d + 1) * local[:, sub]
+        polynomials = bernstein(d, k, sub_local[:, 1:])
+        values = np.einsum("nm,nms->ns", polynomials, pair.stress[cell, sub])
+        sigma += (inside[:, sub] / inside.sum(axis=1))[:, None] * values
     elastic = elastic_stress_at(model, pair.displacement, cell, x)
-    return np.hstack([u, tensors(sigma, d).reshape(len(x), d * d), elastic.reshape(len(x), d * d)])
+    n = len(x)
+    return np.hstack([u, tensors(sigma, d).reshape(n, d * d), elastic.reshape(n, d * d)])

@@ -1,4 +1,4 @@
-"""Profiles of contacts from an admissible pair: gap, slip, tractions and status along a contact.
+"""Compute gap, slip, tractions and status along a contact from an admissible pair.
 
 Symbols: u^ admissible displacement, r^ admissible contact traction.
 """
@@ -17,7 +17,7 @@ from erc_contact.model.profile import facet_status, greatest_pressure, profile_p
 
 
 def contact_of(pair: Admissible, name: str) -> ContactTraction:
-    """The traction on the contact of a name.
+    """Return the traction on the contact of a name.
 
     Raises:
         InputError: If no contact has this name.
@@ -27,7 +27,9 @@ def contact_of(pair: Admissible, name: str) -> ContactTraction:
 
 
 def profile(result: Any, name: str) -> np.ndarray:
-    """Gap, slip, tractions and status along a contact, point by point, from u^ and r^; collective.
+    """Compute gap, slip, tractions and status along a contact; collective.
+
+    They are those of u^ and r^, point by point.
 
     Args:
         result: An admissible pair, an error, or a history.
@@ -40,17 +42,22 @@ def profile(result: Any, name: str) -> np.ndarray:
         InputError: If no contact has this name.
     """
     pair = pair_of(result)
-    model, traction = pair.model, contact_of(pair, name)
+    model = pair.model
+    traction = contact_of(pair, name)
     shape = bernstein(model.d - 1, model.degree, profile_points(model))
-    status = contact_status(traction, greatest_pressure(model, -traction.normal_component))
-    r, bound = np.matmul(shape, traction.values), traction.friction_bound @ shape.T
+    # The greatest pressure of all ranks, so that the status does not depend on them.
+    peak = greatest_pressure(model, -traction.normal_component)
+    status = contact_status(traction, peak)
+    r = np.matmul(shape, traction.values)
+    bound = traction.friction_bound @ shape.T
     return profile_table(model, traction.contact, pair.displacement, r, bound, status)
 
 
 def contact_status(traction: ContactTraction, peak: float | None = None) -> np.ndarray:
-    """Which facets of a contact are open, slip or stick, from the coefficients of r^ on each facet.
+    """Tell which facets of a contact are open, slip or stick.
 
-    See :func:`erc_contact.model.profile.facet_status`. If the friction bound must be
+    This follows from the coefficients of r^ on each facet, see
+    :func:`erc_contact.model.profile.facet_status`. If the friction bound must be
     sampled on a facet, the friction of r^ is lowered there, so that r^ is allowed
     between the nodes, too. A facet with friction that is lower by this amount still
     counts as slipping.
@@ -64,6 +71,7 @@ def contact_status(traction: ContactTraction, peak: float | None = None) -> np.n
     Returns:
         OPEN, SLIP or STICK for each facet of ``traction.contact.facets``, shape (n,).
     """
-    pressure, shear = -traction.normal_component, np.linalg.norm(traction.tangential_part, axis=-1)
+    pressure = -traction.normal_component
+    shear = np.linalg.norm(traction.tangential_part, axis=-1)
     largest = pressure.max(initial=0.0) if peak is None else peak
     return facet_status(traction.contact, pressure, shear, traction.friction_bound, largest, MARGIN)

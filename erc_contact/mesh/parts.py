@@ -1,0 +1,149 @@
+"""Check and describe what a domain is made of: names, tags, sizes, shape."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from numbers import Integral
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import mesh as dmesh
+from mpi4py import MPI
+
+from erc_contact.base.exceptions import InputError, raise_together
+
+
+def check_names(names: Mapping[str, int], regions: Mapping[str, int]) -> None:
+    """Check that names of boundary parts and of regions are mapped to tags.
+
+    Raises:
+        InputError: If they are not.
+    """
+    for argument, tags in (("names", names), ("regions", regions)):
+        is_mapping = isinstance(tags, Mapping)
+        if not is_mapping or not all(isinstance(tag, Integral) for tag in tags.values()):
+            raise InputError(
+                f"Domain: {argument} is {tags!r}; give a mapping from names to whole numbers, "
+                "the tags."
+            )
+
+
+def check_tags(
+    mesh: dmesh.Mesh,
+    facet_tags: dmesh.MeshTags | None,
+    names: Mapping[str, int],
+    cell_tags: dmesh.MeshTags | None,
+    regions: Mapping[str, int],
+) -> None:
+    """Check that there are tags of facets and cells for the names; collective.
+
+    Raises:
+        InputError: If there are none, or they have the wrong dimension.
+    """
+    tdim = mesh.topology.dim
+    error: Exception | None = None
+    if not names:
+        error = InputError(
+            "The mesh has no named boundary part; give facet tags and names, "
+            "e.g. names={'bottom': 1} (in gmsh: physical groups of the boundary)."
+        )
+    elif facet_tags is None:
+        error = InputError(
+            f"The mesh has no tagged facet, but the names {listed(names)}; tag their facets."
+        )
+    elif facet_tags.dim != tdim - 1:
+        error = InputError(
+            f"The facet tags have dimension {facet_tags.dim}; facets have {tdim - 1}."
+        )
+    elif regions and (cell_tags is None or cell_tags.dim != tdim):
+        error = InputError(f"The regions {listed(regions)} need cell tags of dimension {tdim}.")
+    raise_together(mesh.comm, error)
+
+
+def parts_inside(
+    mesh: dmesh.Mesh, facet_tags: dmesh.MeshTags, names: Mapping[str, int]
+) -> set[str]:
+    """Return the names of the parts that have facets inside the body; collective.
+
+    Raises:
+        InputError: If a part has no facet.
+    """
+    owned = mesh.topology.index_map(mesh.topology.dim - 1).size_local
+    exterior = dmesh.exterior_facet_indices(mesh.topology)
+    inside = set()
+    for name, tag in names.items():
+        facets = facet_tags.find(tag)
+        # A ghost facet is counted by the rank that owns it.
+        facets = facets[facets < owned]
+        local_counts = np.array([len(facets), np.isin(facets, exterior).sum()])
+        count, exterior_count = mesh.comm.allreduce(local_counts, MPI.SUM)
+        if not count:
+            raise InputError(
+                f"Boundary part {name!r} (tag {tag}) has no facet; remove it or tag its facets."
+            )
+        if exterior_count < count:
+            inside.add(name)
+    return inside
+
+
+def check_range(cells: np.ndarray, owned: int) -> None:
+    """Check that cells to refine have numbers from 0 to ``owned - 1``.
+
+    Raises:
+        InputError: If one has not.
+    """
+    if cells.min() < 0 or cells.max() >= owned:
+        raise InputError(
+            f"refined: the cells go from {cells.min()} to {cells.max()}; this rank has 0 to "
+            f"{owned - 1}."
+        )
+
+
+def checked_sizes(sizes: npt.ArrayLike) -> np.ndarray:
+    """Return sizes of cells as an array of numbers [length].
+
+    Raises:
+        InputError: If they are not numbers.
+    """
+    try:
+        return np.asarray(sizes, dtype=float)
+    except (TypeError, ValueError) as reason:
+        raise InputError(
+            f"remeshed: the sizes are {sizes!r}; give a number, or one for each node."
+        ) from reason
+
+
+def box_sides(mesh: dmesh.Mesh) -> np.ndarray:
+    """Compute the sides of the bounding box [length], shape (3,); collective."""
+    x = mesh.geometry.x
+    low = np.full(3, np.inf)
+    high = np.full(3, -np.inf)
+    mesh.comm.Allreduce(x.min(axis=0, initial=np.inf), low, MPI.MIN)
+    mesh.comm.Allreduce(x.max(axis=0, initial=-np.inf), high, MPI.MAX)
+    return high - low
+
+
+def listed(names: Mapping[str, int]) -> str:
+    """Return names in alphabetical order as text, or "none"."""
+    return ", ".join(sorted(names)) if names else "none"
+
+
+def shape_in_words(geometry: object | None, dim: int, *, curved: bool) -> str:
+    """Describe in words what is known of the true shape of a body.
+
+    Args:
+        geometry: The true shape, or None.
+        dim: Dimension of space.
+        curved: Whether the body has curved facets.
+    """
+    if geometry is None:
+        return "that of the mesh, with flat facets"
+    # Rectangles and boxes alone have two corners.
+    low = getattr(geometry, "low", None)
+    high = getattr(geometry, "high", None)
+    if low is not None and high is not None:
+        kind = "rectangle" if dim == 2 else "box"
+        return f"{kind} from {low} to {high}"
+    if curved:
+        return "curved, its geometry is known"
+    return "flat sides, its geometry is known"
