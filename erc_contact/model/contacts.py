@@ -9,7 +9,7 @@ import ufl
 
 from erc_contact.base.exceptions import InputError, raise_together
 from erc_contact.base.runtime import compiled
-from erc_contact.base.runtime.patches import forms_freed
+from erc_contact.base.runtime.patches import method_caches_off
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import BoundContact, Friction, bind_friction
 from erc_contact.model.last_step import LastStep
@@ -137,7 +137,7 @@ def _varying_normal(
     what = f"Contact({contact.facets!r})"
     if contact.normal == "gap":
         gap = number(space, contact.gap, f"{what}: gap")
-        with forms_freed():
+        with method_caches_off():
             slope = ufl.algorithms.expand_derivatives(-ufl.grad(gap))
         expression = ufl.replace(slope, {space.x: surface})
     else:

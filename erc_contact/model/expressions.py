@@ -17,7 +17,7 @@ from ufl.corealg.traversal import traverse_unique_terminals, unique_pre_traversa
 from ufl.utils.stacks import StackDict
 
 from erc_contact.base.runtime import compiled
-from erc_contact.base.runtime.patches import forms_freed
+from erc_contact.base.runtime.patches import method_caches_off
 
 CHUNK = 4096
 """Number of points at which an expression is evaluated at once."""
@@ -97,7 +97,7 @@ def _without_derivatives(expression: Any) -> Any:
     has = any(isinstance(node, ufl.classes.Derivative) for node in unique_pre_traversal(expression))
     if not has:
         return expression
-    with forms_freed():
+    with method_caches_off():
         return ufl.algorithms.expand_derivatives(expression)
 
 
