@@ -14,7 +14,7 @@ because the equations away from the contact are linear and hold at every step.
 
 For degree 2, the equations of a multiplier use Bernstein coefficients of u and lambda
 instead of nodal values; the affine functions contain this change
-(:mod:`erc_contact.newton.multipliers`).
+(:mod:`erc_contact.newton.reactions`).
 
 The dense matrices are on rank 0. It asks the other ranks to assemble the terms of their
 facets (:mod:`erc_contact.newton.assembly`).
@@ -34,10 +34,11 @@ from erc_contact.base.ranks import from_first
 from erc_contact.model.model import Model
 from erc_contact.newton.assembly import Assembly
 from erc_contact.newton.forms import ContactForms
+from erc_contact.newton.linear.sparse import sparse, times
 from erc_contact.newton.linear.stiffness import Stiffness
 from erc_contact.newton.methods import Method
-from erc_contact.newton.multipliers import Places, contact_edges, multiplier_rows
 from erc_contact.newton.pressing import contact_normals
+from erc_contact.newton.reactions import Entries, MultiplierMap
 
 
 class Condensed:
@@ -86,9 +87,9 @@ class Condensed:
         # Gathering is collective; the dense algebra is done on rank 0 alone.
         self.w = stiffness.gather(w)
         u_L = stiffness.gather(self.u)
-        self.edges = None
+        self._map: MultiplierMap | None = None
         if method.multiplier:
-            self.edges = contact_edges(model, stiffness.numbers[: self.size])
+            self._map = MultiplierMap(model)
         slip = _slip_before(model)
         largest_w = float(abs(w.x.array).max(initial=0.0))
         largest_slip = float(abs(slip.x.array).max(initial=0.0))
@@ -101,8 +102,9 @@ class Condensed:
         column[stiffness.local] = stiffness.place
         columns = [column]
         self.field_size = len(stiffness.numbers)
-        if self.multipliers:
-            columns += self._add_multipliers()
+        if self._map is not None:
+            columns += self._columns_of_multipliers(self._map)
+            together(model.comm, self._add_multipliers, self._map)
         self.assembly = Assembly(self.forms, columns, self.size)
         together(model.comm, self._allocate)
 
@@ -212,52 +214,52 @@ class Condensed:
         self.loads = self.schur @ w_A
         forces = abs(self.matrix) @ np.maximum(abs(w_A), abs(slip_A))
         self.force = float(forces.max()) or 1.0
-        if self.edges:
-            lift = self.edges.coefficients(lift)
+        if self._map is not None and self._map.coefficients is not None:
+            # The nodes of L that are not in A have no coefficients of their own.
+            change = self._at_A(self._map.coefficients, self.stiffness.numbers[:a])
+            lift = np.vstack([times(change, lift[:a]), lift[a:]])
+            change.destroy()
         constant = u_L - lift @ w_A
         self._affine = np.hstack([lift, constant[:, None]])
 
-    def _add_multipliers(self) -> list[np.ndarray]:
-        """Add the multipliers to z; return the places in z of those of each contact.
-
-        They follow from the reactions of the nodes, or are means of their neighbours
-        where their own are redundant.
-        """
+    def _columns_of_multipliers(self, multiplier_map: MultiplierMap) -> list[np.ndarray]:
+        """Return the places in z of the multipliers of each contact, -1 elsewhere."""
         model, d = self.model, self.model.d
         columns = []
-        nodes_of = []
-        for contact in model.contacts:
-            side = contact.trace.here
-            nodes = side.nodes[side.owned]
-            numbers = model.global_numbers(nodes)
-            m = nodes.shape[1]
-            shares = np.repeat(side.areas[side.owned][:, None] / m, m, axis=1)
-            parts = model.comm.allgather((numbers, shares))
-            all_numbers = np.concatenate([part[0].ravel() for part in parts])
-            all_shares = np.concatenate([part[1].ravel() for part in parts])
-            unique, place = np.unique(all_numbers, return_inverse=True)
-            area = np.bincount(place, all_shares)
-            nodes_of.append((unique, place.reshape(-1, m), area))
-
+        for contact, nodes in zip(model.contacts, multiplier_map.contacts, strict=True):
             # Ghost facets count here: the forms of this rank read their multipliers.
-            visible = np.unique(side.nodes)
-            number = np.searchsorted(unique, model.global_numbers(visible))
+            visible = np.unique(contact.trace.here.nodes)
+            number = np.searchsorted(nodes.numbers, model.global_numbers(visible))
             column = np.full((len(model.fixed), d), -1)
             column[visible] = self.field_size + number[:, None] * d + np.arange(d)
             columns.append(column.ravel())
-            self.field_size += len(unique) * d
-        together(model.comm, self._append, nodes_of)
+            self.field_size += len(nodes.numbers) * d
         return columns
 
-    def _append(self, contacts: list[tuple[np.ndarray, np.ndarray, np.ndarray]]) -> None:
+    def _add_multipliers(self, multiplier_map: MultiplierMap) -> None:
         """Add the multipliers to the affine functions on rank 0."""
         if self.stiffness.schur is None:
             return
+        d = self.model.d
         reaction = np.hstack([self.matrix, -self.loads[:, None]])
-        if self.edges:
-            reaction = self.edges.forces(reaction)
-        places = Places(self.stiffness.numbers[: self.size], self.model.d)
-        self._affine = np.vstack([self._affine, *multiplier_rows(contacts, places, reaction)])
+        rows = [self._affine]
+        for nodes, entries in zip(multiplier_map.contacts, multiplier_map.multipliers, strict=True):
+            dofs = (nodes.numbers[:, None] * d + np.arange(d)).ravel()
+            to_multiplier = self._at_A(entries, dofs)
+            rows.append(times(to_multiplier, reaction))
+            to_multiplier.destroy()
+        self._affine = np.vstack(rows)
+
+    def _at_A(self, entries: Entries, dofs: np.ndarray) -> PETSc.Mat:
+        """Make a matrix from A to degrees of freedom, on rank 0.
+
+        Args:
+            entries: Its entries.
+            dofs: Global degrees of freedom of its rows, ascending.
+        """
+        rows = np.searchsorted(dofs, entries.rows)
+        columns = np.searchsorted(self.stiffness.numbers[: self.size], entries.columns)
+        return sparse(len(dofs), self.size, rows, columns, [entries.values])
 
     def _allocate(self) -> None:
         """Make the matrices whose product is the tangent, on rank 0."""

@@ -80,8 +80,8 @@ class FullSpace:
         self._rows = ~self._fixed
         """Degrees of freedom of this rank whose row has contact terms."""
         if method.multiplier:
-            self._reactions = Reactions(model)
-            self._rows = self._reactions.free.ravel()[: elastic.owned]
+            self._reactions = Reactions(model, elastic.matrix)
+            self._rows = self._reactions.free.ravel()
         self._tangent = Tangent(self.forms, elastic, self._reactions, length, force)
         self._elastic_residual = self.vector()
         self._last_x: PETSc.Vec | None = None
@@ -244,11 +244,14 @@ class FullSpace:
         if self._reactions is not None:
             shape = self.model.fixed.shape
             self.model.to_coefficients(u.array.reshape(shape), self.model.contacts)
-            force = np.zeros(shape)
-            force.ravel()[:owned] = residual.array_r
-            multipliers = self._reactions.multipliers(force)
-            for multiplier, values in zip(self.forms.multipliers, multipliers, strict=True):
-                multiplier.x.array[:] = values.ravel()
+            work = self.vector()
+            for multiplier, matrix in zip(
+                self.forms.multipliers, self._reactions.matrices, strict=True
+            ):
+                matrix.mult(residual, work)
+                multiplier.x.array[:owned] = work.array_r
+                multiplier.x.scatter_forward()
+            work.destroy()
         if self._last_x is None:
             self._last_x = x.copy()
         else:
@@ -257,4 +260,6 @@ class FullSpace:
     def free(self) -> None:
         """Free PETSc's objects; they know this one, so that nobody else would."""
         self._tangent.free()
+        if self._reactions is not None:
+            self._reactions.destroy()
         self._elastic_residual.destroy()

@@ -17,6 +17,7 @@ import numpy as np
 from petsc4py import PETSc
 
 from erc_contact.model.model import Model
+from erc_contact.newton.linear.sparse import sparse_like
 from erc_contact.newton.reactions import Reactions
 
 
@@ -37,27 +38,22 @@ class Springs:
         self, model: Model, stiffness: PETSc.Mat, glue: np.ndarray, reactions: Reactions
     ) -> None:
         d = model.d
-        owned_nodes = model.V.dofmap.index_map.size_local
-        self._reactions = reactions
-        self._shape = model.fixed.shape
-        self._nodes = np.flatnonzero(reactions.free[:owned_nodes].any(axis=1))
+        self._d = d
+        self._nodes = np.flatnonzero(reactions.free.any(axis=1))
         self._free = reactions.free[self._nodes]
         self._area = reactions.area[self._nodes]
         nodal_glue = glue.reshape(-1, d)[self._nodes]
         self._glue = nodal_glue.max(axis=1, initial=0.0)
+        self._coefficients = reactions.coefficients
+        self._first_dof, _ = stiffness.getOwnershipRange()
+        self._work = stiffness.createVecs()
 
         # A block of d x d entries for each node.
-        dofs = model.global_numbers(self._nodes)[:, None] * d + np.arange(d)
+        dofs = self._first_dof + self._nodes[:, None] * d + np.arange(d)
         blocks = (len(dofs), d, d)
         rows = np.broadcast_to(dofs[:, :, None], blocks).ravel()
         cols = np.broadcast_to(dofs[:, None, :], blocks).ravel()
-        self._nodal = _sparse(stiffness, rows, cols)
-        self._first_dof, _ = stiffness.getOwnershipRange()
-        self._coefficients: PETSc.Mat | None = None
-        if model.degree > 1:
-            row, col, value = reactions.coefficients()
-            self._coefficients = _sparse(stiffness, row, col)
-            self._coefficients.setValuesCOO(value)
+        self._nodal = sparse_like(stiffness, rows, cols)
         self.matrix = self._nodal
 
     def update(self, tangents: list[PETSc.Mat]) -> None:
@@ -84,18 +80,30 @@ class Springs:
         Args:
             x: Residual of the equations, at the degrees of freedom of this rank.
         """
-        force = np.zeros(self._shape)
-        force.ravel()[: len(x)] = x
-        residual = np.where(self._free, force[self._nodes], 0.0)
-        at_contact = np.zeros(self._shape)
-        at_contact[self._nodes] = np.matmul(self._h, residual[..., None])[..., 0]
-        force[self._nodes] = np.where(self._free, 0.0, force[self._nodes])
-        force += np.where(self._reactions.free, self._reactions.back(at_contact), 0.0)
-        return force.ravel()[: len(x)]
+        force = x.reshape(-1, self._d).copy()
+        at_nodes = force[self._nodes]
+        residual = np.where(self._free, at_nodes, 0.0)
+        spring = np.matmul(self._h, residual[..., None])[..., 0]
+        if self._coefficients is not None:
+            on_coefficients, at_contact = self._work
+            on_coefficients.set(0.0)
+            on_coefficients.array.reshape(-1, self._d)[self._nodes] = spring
+            self._coefficients.multTranspose(on_coefficients, at_contact)
+            spring = at_contact.array_r.reshape(-1, self._d)[self._nodes]
+        force[self._nodes] = np.where(self._free, spring, at_nodes)
+        return force.ravel()
+
+    def free(self) -> None:
+        """Free PETSc's objects."""
+        if self.matrix is not self._nodal:
+            self.matrix.destroy()
+        self._nodal.destroy()
+        for vector in self._work:
+            vector.destroy()
 
     def _blocks(self, tangent: PETSc.Mat) -> np.ndarray:
         """Return the block of each node in a matrix, shape (nodes, d, d)."""
-        d = self._shape[1]
+        d = self._d
         begin, column, value = tangent.getValuesCSR()
         row = np.repeat(np.arange(len(begin) - 1), np.diff(begin))
         column = column - self._first_dof
@@ -109,12 +117,3 @@ def _set_rows_and_columns_to_zero(blocks: np.ndarray, components: np.ndarray) ->
     """Set rows and columns of blocks (n, d, d) to zero in place, at (n, d)."""
     blocks[components] = 0.0
     blocks.transpose(0, 2, 1)[components] = 0.0
-
-
-def _sparse(like: PETSc.Mat, rows: np.ndarray, cols: np.ndarray) -> PETSc.Mat:
-    """Make a matrix of the size of another one, with entries at the given places."""
-    matrix = PETSc.Mat().create(comm=like.comm)
-    matrix.setSizes(like.getSizes())
-    matrix.setType("aij")
-    matrix.setPreallocationCOO(rows.astype(PETSc.IntType), cols.astype(PETSc.IntType))
-    return matrix

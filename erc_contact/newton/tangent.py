@@ -146,27 +146,26 @@ class Tangent:
         for petsc_object in (*self._terms, *self._work, self.matrix):
             petsc_object.destroy()
         if self._springs is not None:
-            self._springs.matrix.destroy()
+            self._springs.free()
 
     def _mult_equations(self, reactions: Reactions, x: PETSc.Vec, y: PETSc.Vec) -> None:
         """Replace the rows of A in ``y = K x`` by those of the equations."""
-        model = self.model
         own = self.elastic.owned
-        shape = model.fixed.shape
-        # The multipliers are linear in the reactions K x, the coefficients in x.
-        force = np.zeros(shape)
-        force.ravel()[:own] = y.array_r
-        u = model.function()
+        u = self.model.function()
         u.x.array[:own] = x.array_r
         u.x.scatter_forward()
-        model.to_coefficients(u.x.array.reshape(shape), model.contacts)
-        fields = (u.x.array, *reactions.multipliers(force))
+        nodal = u.x.array.reshape(-1, self.model.d)
+        self.model.to_coefficients(nodal, self.model.contacts)
 
         field, product = self._work
-        total = np.zeros(own)
-        for term, values in zip(self._terms, fields, strict=True):
-            field.array[:] = values.ravel()[:own]
+        by_u, *by_multipliers = self._terms
+        field.array[:] = u.x.array[:own]
+        by_u.mult(field, product)
+        total = product.array_r.copy()
+        # The multipliers are linear in the reactions K x.
+        for term, matrix in zip(by_multipliers, reactions.matrices, strict=True):
+            matrix.mult(y, field)
             term.mult(field, product)
             total += product.array_r
-        rows = reactions.free.ravel()[:own]
+        rows = reactions.free.ravel()
         y.array[rows] = total[rows]
