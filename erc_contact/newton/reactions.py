@@ -168,7 +168,7 @@ class MultiplierMap:
         contact = self.contacts[k]
         places = self._places[k]
         node, component = np.nonzero(active)
-        i, j = _neighbours(contact.facets)
+        i, j = _neighbours(contact.facets, ~active.all(axis=1))
         pair, pair_component = np.nonzero(~active[i] & active[j])
         i, j = i[pair], j[pair]
         count = np.zeros(active.shape)
@@ -188,16 +188,17 @@ class MultiplierMap:
             of_facet: The change on a facet, (m, m), the same from all facets of a node.
         """
         p, q = np.nonzero(abs(of_facet) > NO_ENTRY)
-        pairs = []
+        size = len(self.numbers)
+        keys = []
         values = []
         for contact, places in zip(self.contacts, self._places, strict=True):
             nodes = places[contact.facets]
-            pairs.append(np.stack([nodes[:, p], nodes[:, q]], axis=-1).reshape(-1, 2))
+            keys.append((nodes[:, p] * size + nodes[:, q]).ravel())
             values.append(np.tile(of_facet[p, q], len(nodes)))
-        # Facets that share two nodes give the same entry.
-        unique, first = np.unique(np.concatenate(pairs), axis=0, return_index=True)
+        # Facets that share two nodes give the same entry, which counts once.
+        unique, first = np.unique(np.concatenate(keys), return_index=True)
         value = np.concatenate(values)[first]
-        i, j = unique.T
+        i, j = np.divmod(unique, size)
         pair, component = np.nonzero(self.free[i] & self.free[j])
         rows = i[pair] * self._d + component
         columns = j[pair] * self._d + component
@@ -261,14 +262,16 @@ def _distributed(like: PETSc.Mat, entries: Entries) -> PETSc.Mat:
     return matrix
 
 
-def _neighbours(facets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return all pairs of different nodes that have a facet in common, each once.
+def _neighbours(facets: np.ndarray, first: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return pairs of different nodes that have a facet in common, each once.
 
     Args:
         facets: Nodes of the facets, shape (f, m).
+        first: Which nodes may be the first of a pair, shape (n,).
     """
-    pairs = []
+    # A pair as one number: to sort numbers is faster than to sort rows of a table.
+    keys = []
     for p, q in permutations(range(facets.shape[1]), 2):
-        pairs.append(facets[:, [p, q]])
-    i, j = np.unique(np.concatenate(pairs), axis=0).T
-    return i, j
+        begins = first[facets[:, p]]
+        keys.append(facets[begins, p] * len(first) + facets[begins, q])
+    return np.divmod(np.unique(np.concatenate(keys)), len(first))
