@@ -12,9 +12,9 @@ approximations of Coulomb's friction problem"; the same authors, SIAM J. Sci. Co
 
 import importlib.util
 
-from erc_contact.base.runtime.held import sigterm_held
+from erc_contact.base.runtime.sigterm import sigterm_blocked
 
-with sigterm_held():  # the threads that MPI starts block it, too
+with sigterm_blocked():  # the threads that MPI starts block it, too
     if importlib.util.find_spec("dolfinx_solver"):  # the wheel of DOLFINx must load MPI first
         import dolfinx_solver  # noqa: F401
     from mpi4py import MPI  # noqa: F401

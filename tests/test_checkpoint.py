@@ -513,7 +513,7 @@ LARGE_FACTORS = """
 import erc_contact as ec
 import os, signal
 from petsc4py import PETSc
-from erc_contact.base.runtime.held import sigterm_held
+from erc_contact.base.runtime.sigterm import sigterm_blocked
 from erc_contact.model.promises import bind
 from erc_contact.newton.linear.mumps import LARGE, factorised, schur_complement
 from erc_contact.newton.linear.stiffness import Stiffness
@@ -525,7 +525,7 @@ elastic = Stiffness(model)
 matrix = elastic.stiffness()
 elastic.add_glue(matrix)
 matrix.setOption(PETSc.Mat.Option.SPD, True)
-with sigterm_held() as held:
+with sigterm_blocked() as held:
     assert held and matrix.getSize()[0] > LARGE
 signal.signal(signal.SIGTERM, lambda *_: told.append(1))
 print("ready", flush=True)

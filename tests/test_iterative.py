@@ -162,10 +162,10 @@ def test_the_hierarchy_follows_the_tangent(method, monkeypatch):
         tangent.assemble()
         elastic.renew(tangent)
         elastic.cycle(x, followed)
-    pc = elastic._pc
+    pc = elastic.hierarchy.pc
     assert pc.getMGLevels() > 2
     pc.setReusePreconditioner(False)
-    pc.setOperators(elastic._fine)
+    pc.setOperators(elastic.hierarchy.matrix)
     pc.setUp()
     elastic.cycle(x, anew)
     followed.axpy(-1.0, anew)

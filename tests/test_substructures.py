@@ -156,7 +156,7 @@ def test_what_cannot_be_factorised_is_told_on_all_ranks(monkeypatch):
             matrix.scale(0.0)
         return inside(matrix, *arguments)
 
-    monkeypatch.setattr("erc_contact.newton.linear.substructures.factorised", failing)
+    monkeypatch.setattr("erc_contact.newton.linear.parts.factorised", failing)
     with pytest.raises(ec.InputError, match="cannot be factorised"):
         Substructures(model, elastic.form, elastic.glue, elastic.local)
 
@@ -171,7 +171,7 @@ def test_a_joint_that_is_not_definite_is_told():
 def test_compressed_factors_solve_as_the_others(monkeypatch):
     """Units far from 1: what is left out of a factor is measured by the softest equation."""
     monkeypatch.setattr(
-        mumps, "sigterm_held", lambda: nullcontext(True)
+        mumps, "sigterm_blocked", lambda: nullcontext(True)
     )  # other threads of pytest might take it
     for E in (1e-9, 1.0, 2.1e11):
         scene = ec.Scene(

@@ -1,1 +1,1 @@
-"""What every module may use: errors, checks of arguments, progress, interrupts, the formatting of numbers."""
+"""Errors, checks of arguments, progress, and whatever else every module may use."""

@@ -1,4 +1,4 @@
-"""Checks of numbers that users give: Python's and numpy's are welcome, the rest is refused in words."""
+"""Checks of numbers that users give; those of Python and of numpy are welcome."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ LONG = 80
 
 
 def description(value: Any) -> str:
-    """Return what was got, in words that are not too many."""
+    """Return a value in words that are not too many, for a message."""
     words = repr(value)
     return words if len(words) <= LONG else f"an object of type {type(value).__name__}"
 
 
 def positive(what: str, value: Any, meaning: str) -> float:
-    """A finite number > 0.
+    """Return a finite number > 0.
 
     Args:
         what: Name of the argument.
@@ -31,41 +31,40 @@ def positive(what: str, value: Any, meaning: str) -> float:
     Raises:
         InputError: If it is none.
     """
-    if (
-        isinstance(value, bool)
-        or not isinstance(value, Real)
-        or not isfinite(value)
-        or not float(value) > 0
-    ):
+    is_number = isinstance(value, Real) and not isinstance(value, bool)
+    if not is_number or not isfinite(value) or not float(value) > 0:
         raise InputError(f"{what} is {value!r}; it must be {meaning}.")
     return float(value)
 
 
 def fraction(what: str, value: Any) -> float:
-    """A number in (0, 1].
+    """Return a number in (0, 1].
 
     Raises:
         InputError: If it is none.
     """
-    if isinstance(value, bool) or not isinstance(value, Real) or not 0 < float(value) <= 1:
+    is_number = isinstance(value, Real) and not isinstance(value, bool)
+    if not is_number or not 0 < float(value) <= 1:
         raise InputError(f"{what} is {value!r}; it must lie in (0, 1].")
     return float(value)
 
 
 def whole(what: str, value: Any, least: int) -> int:
-    """A whole number; 1e6 is one, too.
+    """Return a whole number; 1e6 is one, too.
 
     Raises:
         InputError: If it is none, or below ``least``.
     """
-    number = isinstance(value, Integral) or (isinstance(value, Real) and float(value).is_integer())
-    if isinstance(value, bool) or not number or int(value) < least:
+    is_whole = isinstance(value, Integral)
+    if isinstance(value, Real) and not is_whole:
+        is_whole = float(value).is_integer()
+    if isinstance(value, bool) or not is_whole or int(value) < least:
         raise InputError(f"{what} is {value!r}; it must be a whole number, >= {least}.")
     return int(value)
 
 
 def accuracy(what: str, value: Any) -> float:
-    """A relative error.
+    """Return a relative error > 0 [-].
 
     Raises:
         InputError: If it is none.
@@ -74,18 +73,22 @@ def accuracy(what: str, value: Any) -> float:
 
 
 def increasing(what: str, values: Any) -> list[float]:
-    """Finite numbers that increase.
+    """Return finite numbers that increase.
 
     Raises:
         InputError: If they are none, or there is none.
     """
-    given = list(values) if isinstance(values, Iterable) and not isinstance(values, str) else []
-    if not given or not all(isinstance(v, Real) and isfinite(v) for v in given):
+    entries: list[Any] = []
+    if isinstance(values, Iterable) and not isinstance(values, str):
+        entries = list(values)
+    are_numbers = all(isinstance(entry, Real) and isfinite(entry) for entry in entries)
+    if not entries or not are_numbers:
         raise InputError(
-            f"{what} is {description(values)}; give finite numbers that increase, e.g. np.linspace(0, 1, 21)."
+            f"{what} is {description(values)}; give finite numbers that increase, e.g. "
+            "np.linspace(0, 1, 21)."
         )
-    numbers = [float(v) for v in given]
-    for one, following in pairwise(numbers):
-        if not following > one:
-            raise InputError(f"{what} must increase; {following:g} comes after {one:g}.")
+    numbers = [float(entry) for entry in entries]
+    for previous, following in pairwise(numbers):
+        if not following > previous:
+            raise InputError(f"{what} must increase; {following:g} comes after {previous:g}.")
     return numbers

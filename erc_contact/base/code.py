@@ -15,15 +15,15 @@ from typing import Any
 import numpy as np
 
 IMPORTED = ("import ufl as ufl", "import erc_contact as ec")
-"""What code of ours imports anyhow."""
+"""Imports of code that the package writes."""
 UNKNOWN = "callable"
-"""Told of a callable whose source cannot be had."""
+"""Word for a callable whose source cannot be had."""
 PATH = re.compile(r"""(["'])(?:/|~|[A-Za-z]:\\)[^"'\n]*\1""")
 """A text in quotes that is the path of a file."""
 
 
 def code_of(value: Any) -> str:
-    """A value as code: ``ec.Elastic(E=1.0, nu=0.3)``.
+    """Return a value as code: ``ec.Elastic(E=1.0, nu=0.3)``.
 
     Arguments that have their default are left out. Of a lambda it is the source, in
     which numbers from around it are defaults. Of another function it is the name, whose
@@ -34,14 +34,15 @@ def code_of(value: Any) -> str:
     if words is not None:
         return without_paths(words)
     if isinstance(value, tuple | list | np.ndarray):
-        inside = ", ".join(code_of(one) for one in value)
-        return f"({inside}{',' * (len(value) == 1)})" if isinstance(value, tuple) else f"[{inside}]"
+        return _code_of_sequence(value)
     if isinstance(value, Mapping):
-        return f"{{{', '.join(f'{key!r}: {code_of(one)}' for key, one in value.items())}}}"
-    given = {} if inspect.isroutine(value) else arguments(value)
-    if callable(value) and not given:
+        items = [f"{key!r}: {code_of(entry)}" for key, entry in value.items()]
+        return f"{{{', '.join(items)}}}"
+    keywords = {} if inspect.isroutine(value) else arguments(value)
+    if callable(value) and not keywords:
         return _code_of_function(value)
-    return f"{_name(value)}({', '.join(f'{name}={code_of(one)}' for name, one in given.items())})"
+    inside = [f"{name}={code_of(argument)}" for name, argument in keywords.items()]
+    return f"{_name(value)}({', '.join(inside)})"
 
 
 def literal(value: Any) -> str | None:
@@ -59,114 +60,146 @@ def literal(value: Any) -> str | None:
 
 
 def definitions(value: Any, outer: tuple[Any, ...] = ()) -> list[str]:
-    """What the code of a value needs in front of it: imports, sources of named functions, and what these take.
+    """Return what the code of a value needs in front of it.
 
-    A function takes numbers, parts of scenes and other functions from around it.
+    These are imports, sources of named functions, and what these take from around
+    them: numbers, parts of scenes and other functions.
 
     Args:
         value: The value.
         outer: Functions whose definitions are under way.
     """
-    if isinstance(value, Mapping | tuple | list):
-        inside = list(value.values() if isinstance(value, Mapping) else value)
-        return list(dict.fromkeys(source for one in inside for source in definitions(one, outer)))
+    if isinstance(value, Mapping):
+        value = list(value.values())
+    if isinstance(value, tuple | list):
+        needed: list[str] = []
+        for entry in value:
+            needed += definitions(entry, outer)
+        return _without_repetitions(needed)
     if not inspect.isfunction(value):
         return definitions(list(arguments(value).values()), outer)
     if value in outer:
         return []
-    text, taken = _source(value)
-    found = [
-        f"import {one.__name__} as {name}" for name, one in taken.items() if inspect.ismodule(one)
-    ]
-    found = [line for line in found if line not in IMPORTED]
-    if text[:4] != "def ":
-        return found
+    text, surroundings = _source(value)
+    needed = []
+    for name, neighbour in surroundings.items():
+        if inspect.ismodule(neighbour):
+            line = f"import {neighbour.__name__} as {name}"
+            if line not in IMPORTED:
+                needed.append(line)
+    if not text.startswith("def "):
+        return needed
     outer = (*outer, value)
-    for name, one in taken.items():
-        if inspect.isfunction(one) and one.__module__ == value.__module__:
-            found += definitions(one, outer)
-        elif isinstance(one, Real) or type(one).__module__.startswith("erc_contact.scene."):
-            found += [*definitions(one, outer), f"{name} = {code_of(one)}"]
-    return list(dict.fromkeys([*found, text]))
+    for name, neighbour in surroundings.items():
+        is_part = type(neighbour).__module__.startswith("erc_contact.scene.")
+        if inspect.isfunction(neighbour) and neighbour.__module__ == value.__module__:
+            needed += definitions(neighbour, outer)
+        elif isinstance(neighbour, Real) or is_part:
+            needed += definitions(neighbour, outer)
+            needed.append(f"{name} = {code_of(neighbour)}")
+    return _without_repetitions([*needed, text])
 
 
 def arguments(value: Any) -> dict[str, Any]:
-    """What makes an object: fields of a dataclass that have not their default, or the public attributes."""
+    """Return the arguments that make an object.
+
+    They are the fields of a dataclass that have not their default, or the public
+    attributes of another object.
+    """
+    result = {}
     if not is_dataclass(value):
-        return {
-            name: one
-            for name, one in getattr(value, "__dict__", {}).items()
-            if not name.startswith("_")
-        }
-    given = {}
+        for name, attribute in getattr(value, "__dict__", {}).items():
+            if not name.startswith("_"):
+                result[name] = attribute
+        return result
     for field in fields(value):
-        one = getattr(value, field.name)
-        plain = isinstance(one, tuple | str | Real | None)
-        if field.init and not (plain and field.default is not MISSING and one == field.default):
-            given[field.name] = one
-    return given
+        attribute = getattr(value, field.name)
+        # Only plain values are compared: arrays and expressions have no truth value.
+        is_plain = isinstance(attribute, tuple | str | Real | None)
+        is_default = is_plain and field.default is not MISSING and attribute == field.default
+        if field.init and not is_default:
+            result[field.name] = attribute
+    return result
+
+
+def without_paths(text: str) -> str:
+    """Return a text without the paths of files that it quotes."""
+    return PATH.sub(r"\1...\1", text)
+
+
+def _without_repetitions(lines: list[str]) -> list[str]:
+    """Return lines in order, each of them once."""
+    return list(dict.fromkeys(lines))
+
+
+def _code_of_sequence(values: Any) -> str:
+    """Return a tuple, a list or an array as code."""
+    inside = ", ".join(code_of(entry) for entry in values)
+    if not isinstance(values, tuple):
+        return f"[{inside}]"
+    comma = "," if len(values) == 1 else ""
+    return f"({inside}{comma})"
 
 
 def _code_of_function(function: Any) -> str:
-    text, taken = _source(function)
+    """Return the source of a lambda, or the name of another function."""
+    text, surroundings = _source(function)
     if text.startswith("lambda "):
-        defaults = "".join(
-            f", {name}={code_of(one)}" for name, one in taken.items() if isinstance(one, Real)
-        )
+        defaults = ""
+        for name, neighbour in surroundings.items():
+            if isinstance(neighbour, Real):
+                defaults += f", {name}={code_of(neighbour)}"
         return text.replace(":", f"{defaults}:", 1)
     return getattr(function, "__name__", UNKNOWN) if text else UNKNOWN
 
 
 def _source(function: Any) -> tuple[str, dict[str, Any]]:
-    """The source of a function without paths of files, and what it takes from around it; empty if unknown.
+    """Return the source of a function without paths, and what it takes from around it.
 
-    A report must not fail for want of a source.
+    Both are empty if the source is unknown: a report must not fail for want of it.
     """
     try:
         code = function.__code__
-        whole = "".join(linecache.getlines(code.co_filename))
-        text = textwrap.dedent(
-            ast.get_source_segment(whole, _node(ast.parse(whole), code), padded=True) or ""
-        ).strip()
+        module = "".join(linecache.getlines(code.co_filename))
+        node = _node(ast.parse(module), code)
+        text = ast.get_source_segment(module, node, padded=True) or ""
         around = inspect.getclosurevars(function)
     except Exception:
         return "", {}
-    return without_paths(text), {**around.globals, **around.nonlocals}
-
-
-def without_paths(text: str) -> str:
-    """A text without the paths of files that it quotes."""
-    return PATH.sub(r"\1...\1", text)
+    plain = textwrap.dedent(text).strip()
+    return without_paths(plain), {**around.globals, **around.nonlocals}
 
 
 def _node(tree: ast.AST, code: Any) -> Any:
-    """The function or lambda in a module that has this code."""
-    ends = {place[2:] for place in code.co_positions() if None not in place}
-    found = []
+    """Find the function or lambda in a module that has this code.
+
+    Raises:
+        StopIteration: If there is none.
+    """
+    lambdas = []
     for node in ast.walk(tree):
-        if (
-            isinstance(node, ast.FunctionDef)
-            and node.name == code.co_name
-            and _first_line(node) == code.co_firstlineno
-        ):
-            return node
-        if (
-            isinstance(node, ast.Lambda)
-            and node.lineno == code.co_firstlineno
-            and code.co_name == "<lambda>"
-        ):
-            found.append(node)
-    return next(
-        n for n in found if len(found) == 1 or (n.body.col_offset, n.body.end_col_offset) in ends
-    )
+        if isinstance(node, ast.FunctionDef):
+            if node.name == code.co_name and _first_line(node) == code.co_firstlineno:
+                return node
+            continue
+        if not isinstance(node, ast.Lambda) or code.co_name != "<lambda>":
+            continue
+        if node.lineno == code.co_firstlineno:
+            lambdas.append(node)
+    if len(lambdas) == 1:
+        return lambdas[0]
+    # Several lambdas on a line: the one whose body ends where the code ends.
+    ends = {position[2:] for position in code.co_positions() if None not in position}
+    return next(n for n in lambdas if (n.body.col_offset, n.body.end_col_offset) in ends)
 
 
 def _first_line(node: ast.FunctionDef) -> int:
+    """Return the line where a function with its decorators begins."""
     return min([node.lineno, *(decorator.lineno for decorator in node.decorator_list)])
 
 
 def _name(value: Any) -> str:
+    """Return the name of the type of a value in code."""
     kind = type(value)
-    return (
-        f"ec.{kind.__name__}" if kind.__module__.split(".")[0] == "erc_contact" else kind.__name__
-    )
+    is_ours = kind.__module__.split(".")[0] == "erc_contact"
+    return f"ec.{kind.__name__}" if is_ours else kind.__name__

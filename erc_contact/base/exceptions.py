@@ -16,19 +16,19 @@ if TYPE_CHECKING:
 
 
 class ErcContactError(Exception):
-    """Root of all errors that the package raises on purpose."""
+    """Stand for all errors that the package raises on purpose."""
 
 
 class InputError(ErcContactError, ValueError):
-    """The scene, the mesh or an argument cannot be worked with."""
+    """Tell that the scene, the mesh or an argument cannot be worked with."""
 
 
 class NotHeldError(InputError):
-    """A rigid motion of the body is held by no support and by no contact."""
+    """Tell that no support and no contact holds a rigid motion of the body."""
 
 
 class NotConverged(ErcContactError, RuntimeError):
-    """The contact solve ended without a solution.
+    """Tell that the contact solve ended without a solution.
 
     Attributes:
         rungs: One line for each attempt: start, line search, Newton steps, PETSc's
@@ -40,7 +40,7 @@ class NotConverged(ErcContactError, RuntimeError):
         self.rungs = rungs
 
     def __reduce__(self) -> tuple[type[NotConverged], tuple[str, tuple[str, ...]]]:
-        """How it travels to other ranks."""
+        """Return how it travels to other ranks."""
         return type(self), (str(self), self.rungs)
 
 
@@ -60,23 +60,25 @@ def raise_together(comm: MPI.Comm, error: BaseException | None) -> None:
     """
     if error is not None and getattr(error, "known_to_all", False):
         raise error
-    found = [
-        e for e in comm.allgather(error if error is None else _portable(error)) if e is not None
-    ]
-    if error is None and not found:
+    portable = None if error is None else _portable(error)
+    errors = [other for other in comm.allgather(portable) if other is not None]
+    if not errors:
         return
-    raised: Any = found[0] if error is None else error
+    raised: Any = errors[0] if error is None else error
     raised.known_to_all = True
     raise raised
 
 
 def together[T](comm: MPI.Comm, call: Callable[..., T], *arguments: Any) -> T:
-    """Call on every rank what may fail on one of them only, as a user's code may; collective.
+    """Call on every rank what may fail on one of them only; collective.
+
+    A user's code may do so.
 
     Raises:
         Exception: On all ranks, what failed on one.
     """
-    result, error = None, None
+    result = None
+    error = None
     try:
         result = call(*arguments)
     except Exception as reason:
@@ -86,12 +88,9 @@ def together[T](comm: MPI.Comm, call: Callable[..., T], *arguments: Any) -> T:
 
 
 def _portable(error: BaseException) -> BaseException:
-    """The error, or one that says the same where it cannot be sent to other ranks."""
+    """Return the error, or one with the same words if it cannot be sent to ranks."""
     try:
-        return (
-            error
-            if isinstance(pickle.loads(pickle.dumps(error)), BaseException)
-            else RuntimeError(repr(error))
-        )
+        copy = pickle.loads(pickle.dumps(error))
+        return error if isinstance(copy, BaseException) else RuntimeError(repr(error))
     except Exception:
         return RuntimeError(f"{type(error).__name__}: {error}")

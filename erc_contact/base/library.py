@@ -1,4 +1,4 @@
-"""Small C libraries of the package: compiled once, kept beside DOLFINx's compiled forms.
+"""Small C libraries of the package, compiled once and kept beside DOLFINx's forms.
 
 A library is a folder with C sources, its header ``kernels.h``, which Python reads, too,
 and other headers. It is compiled for the processor of this machine by the C compiler
@@ -28,21 +28,22 @@ from dolfinx.jit import get_options
 
 from erc_contact.base.exceptions import ErcContactError
 
-FLAGS = ("-std=gnu11", "-O3", "-march=native", "-fno-math-errno", "-Wno-psabi", "-fPIC")
+COMPILER_FLAGS = ("-std=gnu11", "-O3", "-march=native", "-fno-math-errno", "-Wno-psabi", "-fPIC")
 """Options of the compiler; none of them changes the order of operations."""
-TYPES = {
+C_TYPES = {
     "float64": "double",
     "float32": "float",
     "int64": "long long",
     "int32": "int",
     "bool": "_Bool",
 }
-ARRAYS = {np.dtype(name): f"{known}[]" for name, known in TYPES.items()}
-"""C's names of arrays of numpy's types."""
+"""Names of numpy's types -> C's types."""
+C_ARRAYS = {np.dtype(name): f"{c_type}[]" for name, c_type in C_TYPES.items()}
+"""numpy's types -> C's names of arrays of them."""
 
 
 class Library:
-    """The functions of a C library for numpy arrays.
+    """Call the functions of a C library with numpy arrays.
 
     Args:
         folder: Where its sources are.
@@ -70,79 +71,84 @@ class Library:
         return result
 
     def _passed(self, argument: Any) -> Any:
+        """Return an argument as cffi wants it."""
         if argument is None:
             return self._ffi.NULL
         if isinstance(argument, np.ndarray):
-            return self._ffi.from_buffer(ARRAYS[argument.dtype], argument)
+            return self._ffi.from_buffer(C_ARRAYS[argument.dtype], argument)
         return argument
 
 
 @cache
 def library(folder: Path) -> Library:
-    """The library of a folder, loaded once in a process."""
+    """Return the library of a folder, loaded once in a process."""
     return Library(folder)
 
 
 def _compiled(folder: Path) -> Path:
-    """Path of the compiled library."""
+    """Return the path of the compiled library; compile it if it is not there."""
     texts = [path.read_text() for path in sorted(folder.glob("*.[ch]"))]
-    key = sha256("\0".join([*texts, *_compiler(), *FLAGS, _processor()]).encode()).hexdigest()[:20]
+    ingredients = [*texts, *_compiler(), *COMPILER_FLAGS, _processor()]
+    key = sha256("\0".join(ingredients).encode()).hexdigest()[:20]
     name = f"liberc_contact_{key}.so"
     cache_folder = Path(get_options()["cache_dir"]).expanduser()
-    if (cache_folder / name).exists():
-        return cache_folder / name
+    path = cache_folder / name
+    if path.exists():
+        return path
     try:
         cache_folder.mkdir(parents=True, exist_ok=True)
         lock = (cache_folder / f"{name}.lock").open("w")
     except OSError:
         return _compile(folder, Path(tempfile.mkdtemp(prefix="erc_contact_")) / name)
     with lock:
-        flock(lock, LOCK_EX)  # the others wait, and find it
-        return (
-            cache_folder / name
-            if (cache_folder / name).exists()
-            else _compile(folder, cache_folder / name)
-        )
+        # Other ranks and processes wait here, and then find it.
+        flock(lock, LOCK_EX)
+        if not path.exists():
+            _compile(folder, path)
+        return path
 
 
 def _compile(folder: Path, path: Path) -> Path:
-    """Compile all sources at the same time; the library appears at its path when it is complete."""
-    with tempfile.TemporaryDirectory(dir=path.parent) as made:
-        runs = [
-            subprocess.Popen(
-                [*_compiler(), *FLAGS, "-c", str(source), "-o", f"{made}/{source.stem}.o"],
-                stderr=subprocess.PIPE,
-                text=True,
-            )
-            for source in sorted(folder.glob("*.c"))
-        ]
-        said = "".join(run.communicate()[1] for run in runs)
-        part, objects = (
-            Path(made) / path.name,
-            [f"{made}/{source.stem}.o" for source in folder.glob("*.c")],
-        )
-        link = [*_compiler(), "-shared", *objects, "-lm", "-o", str(part)]
-        if any(run.returncode for run in runs) or subprocess.run(link, check=False).returncode:
+    """Compile all sources at the same time, and link them.
+
+    The library appears at its path when it is complete.
+
+    Raises:
+        ErcContactError: If the C compiler fails.
+    """
+    compiler = _compiler()
+    with tempfile.TemporaryDirectory(dir=path.parent) as temporary:
+        runs = []
+        objects = []
+        for source in sorted(folder.glob("*.c")):
+            compiled = f"{temporary}/{source.stem}.o"
+            command = [*compiler, *COMPILER_FLAGS, "-c", str(source), "-o", compiled]
+            runs.append(subprocess.Popen(command, stderr=subprocess.PIPE, text=True))
+            objects.append(compiled)
+        messages = "".join(run.communicate()[1] for run in runs)
+        linked = Path(temporary) / path.name
+        link = [*compiler, "-shared", *objects, "-lm", "-o", str(linked)]
+        failed = any(run.returncode for run in runs)
+        if failed or subprocess.run(link, check=False).returncode:
             raise ErcContactError(
-                f"The C compiler {shlex.join(_compiler())} failed:\n{said}\nDOLFINx needs one, too; set the "
-                "environment variable CC to a compiler that works, GCC or Clang."
+                f"The C compiler {shlex.join(compiler)} failed:\n{messages}\nDOLFINx needs one, "
+                "too; set the environment variable CC to a compiler that works, GCC or Clang."
             )
-        part.replace(path)
+        linked.replace(path)
     return path
 
 
 def _compiler() -> list[str]:
-    """The C compiler: that of the environment, that of Python, or cc."""
+    """Return the C compiler: that of the environment, that of Python, or cc."""
     command = shlex.split(os.environ.get("CC") or sysconfig.get_config_var("CC") or "cc")
     return command if shutil.which(command[0]) else ["cc"]
 
 
 def _processor() -> str:
-    """What the compiled library depends on: the instructions of the processor."""
-    known = Path("/proc/cpuinfo")
-    flags = (
-        re.search(r"^(flags|Features).*", known.read_text(), re.MULTILINE)
-        if known.exists()
-        else None
-    )
-    return f"{platform.machine()} {flags.group() if flags else platform.processor()}"
+    """Return what the code depends on: the instructions of the processor."""
+    table = Path("/proc/cpuinfo")
+    flags = None
+    if table.exists():
+        flags = re.search(r"^(flags|Features).*", table.read_text(), re.MULTILINE)
+    instructions = flags.group() if flags else platform.processor()
+    return f"{platform.machine()} {instructions}"

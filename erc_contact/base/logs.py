@@ -1,4 +1,4 @@
-"""Progress and warnings: each is told once, by rank 0 of the communicator that it concerns."""
+"""Progress and warnings, each told once by rank 0 of the communicator concerned."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from mpi4py import MPI
 
 from erc_contact.base.progress import show_on
 
-NAME = "erc_contact console"
+HANDLER_NAME = "erc_contact console"
 """Name of the handler that shows progress."""
 _SILENT = logging.getLogger("erc_contact.other_ranks")
 _SILENT.disabled = True
 
 
 def log_of(comm: MPI.Comm) -> logging.Logger:
-    """The package's logger on rank 0 of a communicator, one that says nothing on the other ranks."""
+    """Return the package's logger on rank 0, one that says nothing on other ranks."""
     return logging.getLogger("erc_contact") if comm.rank == 0 else _SILENT
 
 
@@ -42,15 +42,19 @@ def log_to_console(level: int = logging.INFO, comm: MPI.Comm = MPI.COMM_WORLD) -
         log.addHandler(logging.NullHandler())
         log.propagate = False
         return
-    for earlier in [one for one in log.handlers if one.name == NAME]:
-        log.removeHandler(earlier)
+    for handler_before in list(log.handlers):
+        if handler_before.name == HANDLER_NAME:
+            log.removeHandler(handler_before)
     console = Console()
     show_on(console if console.is_terminal else None)
     handler: logging.Handler = logging.StreamHandler(sys.stdout)
     if console.is_terminal:
-        plain = NullHighlighter()
         handler = RichHandler(
-            console=console, show_path=False, show_level=False, show_time=False, highlighter=plain
+            console=console,
+            show_path=False,
+            show_level=False,
+            show_time=False,
+            highlighter=NullHighlighter(),
         )
-    handler.set_name(NAME)
+    handler.set_name(HANDLER_NAME)
     log.addHandler(handler)

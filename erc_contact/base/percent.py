@@ -4,19 +4,21 @@ from __future__ import annotations
 
 
 def percent(ratio: float, digits: int = 4) -> str:
-    """A ratio in percent, with about so many significant digits: 12.3%, 0.0123%, 1.2e-5%, 2345%.
+    """Return a ratio in percent, with about so many significant digits.
 
-    With 3 digits it takes at most 7 characters, so that it fits a column.
+    Examples are 12.3%, 0.0123%, 1.2e-5% and 2345%. With 3 digits it takes at most 7
+    characters, so that it fits a column.
 
     Args:
-        ratio: What is told, >= 0 [-].
-        digits: Significant digits; powers of ten are told with one less, and round-off
-            with two less.
+        ratio: The ratio, >= 0 [-].
+        digits: Significant digits; numbers with an exponent have one less, and
+            round-off has two less.
     """
     size = 100.0 * ratio
     if size >= 100 and size < 1e6:
         return f"{size:.0f}%"
     if size == 0 or 0.01 <= size < 100:
         return f"{size:.{digits}g}%"
-    mantissa, power, exponent = f"{size:.{digits - 2 - (size < 1e-9)}e}".partition("e")
-    return f"{mantissa}{f'e{int(exponent)}' if power else ''}%"
+    is_round_off = size < 1e-9
+    mantissa, power, exponent = f"{size:.{digits - 2 - is_round_off}e}".partition("e")
+    return f"{mantissa}e{int(exponent)}%" if power else f"{mantissa}%"

@@ -1,8 +1,9 @@
-"""Where a run is: one line on a terminal, below what the log tells; elsewhere a line of the log now and then.
+"""Progress of a run: one line on a terminal, elsewhere a line of the log now and then.
 
-A stage that may take long says what it is, and within it how far it is. Only rank 0
-tells it, and only after :func:`erc_contact.log_to_console`. The file of a batch system
-gets it where nothing was told for some time.
+The line is below what the log tells. A stage that may take long says what it is, and
+within it how far it is. Only rank 0 tells it, and only after
+:func:`erc_contact.log_to_console`. The file of a batch system gets it where nothing was
+told for some time.
 """
 
 from __future__ import annotations
@@ -16,15 +17,15 @@ from typing import Any
 from mpi4py import MPI
 
 OFTEN = 0.1
-"""Time between two tellings of how far a stage is [s]; one costs about a millisecond."""
-
-
+"""Time between two updates of the line [s]; one costs about a millisecond."""
 SELDOM = 10.0
 """Time without a line after which the log tells where a run is [s]."""
 
 
 class _Line:
-    """The line of a terminal, or the last line of the log. It is state, as the terminal is.
+    """Represent the line of a terminal, or the last line of the log.
+
+    It is state of the process, as the terminal is.
 
     Attributes:
         console: Console of rich; None without a terminal.
@@ -45,14 +46,17 @@ class _Line:
             self._draw()
 
     def begin(self, words: str) -> None:
-        """Add a stage. The log's silence counts from the outermost one on, before which a row was told."""
+        """Add a stage.
+
+        The log's silence counts from the outermost one on, before which it had a row.
+        """
         if not self.stages:
             self._told = monotonic()
         self.stages.append(words)
         self.show()
 
     def end(self, place: int) -> None:
-        """Take away the stages from a place on."""
+        """Remove the stages from a place on."""
         del self.stages[place:]
         if self.console is not None:
             self._draw()
@@ -82,11 +86,12 @@ class _Line:
 
     @property
     def may_tell(self) -> bool:
-        """Whether the last telling is long enough ago."""
+        """Tell whether the last update is long enough ago."""
         return monotonic() - self._told > OFTEN
 
 
 _line = _Line()
+"""The line of this process."""
 
 
 def show_on(console: Any) -> None:
@@ -96,7 +101,7 @@ def show_on(console: Any) -> None:
 
 @contextmanager
 def stage(comm: MPI.Comm, words: str) -> Iterator[None]:
-    """A stage of a run, which is shown while it lasts."""
+    """Show a stage of a run while it lasts."""
     if comm.rank != 0:
         yield
         return

@@ -1,4 +1,6 @@
-"""What goes to rank 0 and comes from there, and rows of tables that go from any rank to any other; collective.
+"""Values that go to rank 0 and come from there, and rows of tables between ranks.
+
+All functions are collective.
 
 mpi4py turns each object into bytes and back, with a single rank, too. For arrays of
 some hundred numbers this takes longer than what is done with them. A single rank keeps
@@ -14,12 +16,12 @@ from mpi4py import MPI
 
 
 def gathered(comm: MPI.Comm, value: Any) -> Any:
-    """The list of the values of all ranks, on rank 0; None elsewhere."""
+    """Return the list of the values of all ranks, on rank 0; None elsewhere."""
     return [value] if comm.size == 1 else comm.gather(value)
 
 
 def from_first(comm: MPI.Comm, value: Any) -> Any:
-    """The value of rank 0, on all ranks."""
+    """Return the value of rank 0, on all ranks."""
     return value if comm.size == 1 else comm.bcast(value)
 
 
@@ -47,13 +49,21 @@ def exchange(
 
 
 def fetched(comm: MPI.Comm, rows: np.ndarray, wanted: np.ndarray) -> np.ndarray:
-    """Rows of a table that the ranks hold one after the other, by their numbers in it; collective."""
+    """Return rows of a table whose parts the ranks hold; collective.
+
+    Args:
+        comm: Communicator.
+        rows: The part of this rank; the parts follow each other in the table.
+        wanted: Numbers of rows in the table.
+    """
     if comm.size == 1:
         return rows[wanted]
     ends = np.cumsum(comm.allgather(len(rows)))
+    begin = ends[comm.rank] - len(rows)
     owner = np.searchsorted(ends, wanted, side="right")
-    asked, source = exchange(comm, owner, wanted[:, None])
-    answer, _ = exchange(comm, source, rows[asked[:, 0] - (ends[comm.rank] - len(rows))])
-    found = np.empty_like(answer)
-    found[np.argsort(owner, kind="stable")] = answer
-    return found
+    requests, source = exchange(comm, owner, wanted[:, None])
+    answer, _ = exchange(comm, source, rows[requests[:, 0] - begin])
+    # The answers come rank by rank, in the order of the requests to each.
+    result = np.empty_like(answer)
+    result[np.argsort(owner, kind="stable")] = answer
+    return result

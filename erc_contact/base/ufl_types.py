@@ -1,7 +1,7 @@
-"""Name the type of UFL expressions.
+"""The type of UFL expressions.
 
-UFL has no type hints, so for a type checker its expressions are `Any`. The alias tells a
-reader where an expression, a form or an argument of UFL is meant.
+UFL has no type hints, so for a type checker its expressions are `Any`. The alias tells
+a reader where an expression, a form or an argument of UFL is meant.
 """
 
 from typing import Any

@@ -1,4 +1,4 @@
-"""Versions of the package and of what it stands on, and what is known of the machine."""
+"""Versions of the package and of what it stands on, and the kind of the machine."""
 
 from __future__ import annotations
 
@@ -9,20 +9,28 @@ from importlib import metadata
 import dolfinx
 from petsc4py import PETSc
 
-KNOWN = ("gmsh", "pyvista", "matplotlib", "meshio", "h5py", "numpy")
-"""Packages whose versions are told beside those of DOLFINx and PETSc."""
+OTHER_PACKAGES = ("gmsh", "pyvista", "matplotlib", "meshio", "h5py", "numpy")
+"""Packages whose versions count beside those of DOLFINx and PETSc."""
 
 
 def versions() -> dict[str, str]:
-    """The version of each package by its name; "unknown" where it is not installed as one."""
-    told = {"erc_contact": _installed("erc-contact"), "DOLFINx": dolfinx.__version__}
-    told["PETSc"] = ".".join(map(str, PETSc.Sys.getVersion()))
-    told["Python"] = platform.python_version()
-    return told | {name: _installed(name) for name in KNOWN}
+    """Return the version of each package by its name.
+
+    It is "unknown" where it is not installed as a package.
+    """
+    result = {
+        "erc_contact": _installed("erc-contact"),
+        "DOLFINx": dolfinx.__version__,
+        "PETSc": ".".join(map(str, PETSc.Sys.getVersion())),
+        "Python": platform.python_version(),
+    }
+    for name in OTHER_PACKAGES:
+        result[name] = _installed(name)
+    return result
 
 
 def machine() -> dict[str, str]:
-    """What a run time depends on, without a name of the machine."""
+    """Return what a run time depends on, without a name of the machine."""
     return {
         "system": f"{platform.system()} {platform.machine()}",
         "processors": str(os.cpu_count()),
@@ -30,6 +38,7 @@ def machine() -> dict[str, str]:
 
 
 def _installed(name: str) -> str:
+    """Return the version of an installed package, or "unknown"."""
     try:
         return metadata.version(name)
     except metadata.PackageNotFoundError:

@@ -7,7 +7,7 @@ import ufl
 
 from erc_contact.base.exceptions import InputError, raise_together
 from erc_contact.base.runtime import compiled
-from erc_contact.base.runtime.patches import forms_freed
+from erc_contact.base.runtime.patches import method_caches_off
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import BoundContact
@@ -156,7 +156,7 @@ def _varying_normal(
     what = f"Contact({contact.facets!r})"
     if contact.normal == "gap":
         gap = number(space, contact.gap, f"{what}: gap")
-        with forms_freed():
+        with method_caches_off():
             slope = ufl.algorithms.expand_derivatives(-ufl.grad(gap))
         expression = ufl.replace(slope, {space.x: surface})
     else:

@@ -13,7 +13,7 @@ from ufl.classes import Division, Product, Sum, Variable, Zero
 from ufl.corealg.traversal import unique_pre_traversal
 
 from erc_contact.base.runtime import compiled
-from erc_contact.base.runtime.patches import forms_freed
+from erc_contact.base.runtime.patches import method_caches_off
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.expressions import pointwise
 from erc_contact.model.symbolic import varies_in_cells
@@ -128,7 +128,7 @@ def _dependence(mesh: dmesh.Mesh, bound: Callable[[Ufl], Ufl]) -> str:
         return CONSTANT
     if not all(isinstance(node, Variable | Sum | Product | Division) for node in dependent):
         return CONCAVE
-    with forms_freed():
+    with method_caches_off():
         slope = ufl.algorithms.apply_derivatives.apply_derivatives(ufl.diff(expression, pressure))
     if _contains(slope, pressure):
         return CONCAVE

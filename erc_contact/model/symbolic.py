@@ -14,7 +14,7 @@ from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
 from ufl.corealg.traversal import traverse_unique_terminals, unique_pre_traversal
 from ufl.utils.stacks import StackDict
 
-from erc_contact.base.runtime.patches import forms_freed
+from erc_contact.base.runtime.patches import method_caches_off
 from erc_contact.base.ufl_types import Ufl
 
 
@@ -75,7 +75,7 @@ def without_derivatives(expression: Ufl) -> Ufl:
     nodes = unique_pre_traversal(expression)
     if not any(isinstance(node, ufl.classes.Derivative) for node in nodes):
         return expression
-    with forms_freed():
+    with method_caches_off():
         return ufl.algorithms.expand_derivatives(expression)
 
 

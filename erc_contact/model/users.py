@@ -21,7 +21,7 @@ from ufl.corealg.traversal import unique_post_traversal
 
 from erc_contact.base.checks import description
 from erc_contact.base.exceptions import ErcContactError, InputError, together
-from erc_contact.base.runtime.patches import forms_freed
+from erc_contact.base.runtime.patches import method_caches_off
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.scene.material import Material, mandel_matrix, strain
 
@@ -118,7 +118,7 @@ def linear(what: str, integrand: Ufl, *arguments: Ufl) -> None:
     # UFL's check knows basic operations alone: compound ones and derivatives are
     # carried out first.
     real = remove_complex_nodes(apply_algebra_lowering(integrand))
-    with forms_freed():
+    with method_caches_off():
         lowered = apply_derivatives(real)
     try:
         check_integrand_arity(lowered, arguments)

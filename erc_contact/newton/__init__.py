@@ -1,1 +1,5 @@
-"""The contact solve: methods, elastic stiffness, condensed problem, Newton, first guesses. It ends in a Solution."""
+"""The contact solve: from a scene on a mesh to a Solution.
+
+It has the methods, the elastic solvers, the contact problems, Newton's method and its
+first guesses.
+"""

@@ -1,4 +1,4 @@
-"""What the next step of a loading history takes from a solution.
+"""The displacement that the next step of a loading history counts from.
 
 Friction acts on the tangential displacement since the last step. Points in slip go on
 from where they are. Points in stick go on from where they stuck: Nitsche's method and
@@ -8,8 +8,6 @@ would creep. A multiplier keeps them there to round-off.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from dolfinx import la
 from mpi4py import MPI
@@ -18,13 +16,14 @@ from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError
 from erc_contact.mesh.domain import Domain
 from erc_contact.model.expressions import evaluate
+from erc_contact.model.foundation import BoundContact
 from erc_contact.model.last_step import LastStep
 from erc_contact.model.profile import STICK
 from erc_contact.newton.solution import Solution
 from erc_contact.scene.scene import Scene
 
 
-def check_after(scene: Scene, domain: Domain, after: Any) -> None:
+def check_after(scene: Scene, domain: Domain, after: object) -> None:
     """Check that a scene can follow after a solution.
 
     Raises:
@@ -39,47 +38,59 @@ def check_after(scene: Scene, domain: Domain, after: Any) -> None:
         raise InputError(
             f"after is a solution in {after.domain.dim}D, and the domain is in {domain.dim}D."
         )
-    if MPI.Comm.Compare(after.domain.mesh.comm, domain.mesh.comm) not in (MPI.IDENT, MPI.CONGRUENT):
+    comms = MPI.Comm.Compare(after.domain.mesh.comm, domain.mesh.comm)
+    if comms not in (MPI.IDENT, MPI.CONGRUENT):
         raise InputError(
             "after is a solution of other ranks than the domain; give one of the same communicator."
         )
-    names, known = ({contact.facets for contact in of.contacts} for of in (scene, after.scene))
-    if names != known:
-        told = [", ".join(map(repr, sorted(of))) or "no contact" for of in (names, known)]
+    names = {contact.facets for contact in scene.contacts}
+    names_before = {contact.facets for contact in after.scene.contacts}
+    if names != names_before:
         raise InputError(
-            f"The scene has {told[0]} in contact, and that of after {told[1]}. All scenes of a history have the same "
-            "contacts; one that must not touch yet can have a gap."
+            f"The scene has {_listed(names)} in contact, and that of after "
+            f"{_listed(names_before)}. All scenes of a history have the same contacts; one that "
+            "must not touch yet can have a gap."
         )
 
 
+def _listed(names: set[str]) -> str:
+    """Return names of contacts in words."""
+    return ", ".join(map(repr, sorted(names))) or "no contact"
+
+
 def last_step(solution: Solution) -> LastStep:
-    """The displacement that the next step counts from; collective.
+    """Return the displacement that the next step counts from; collective.
 
     A node keeps the tangential displacement from which it was counted where the
     traction sticks on all its facets.
     """
-    model, d = solution.model, solution.model.d
+    model = solution.model
     u = solution.u.copy()
     if solution.method.multiplier:
         return LastStep(model, u)
-    values = u.x.array.reshape(-1, d)
+    values = u.x.array.reshape(-1, model.d)
     for contact in model.contacts:
         if contact.friction is None:
             continue
         nodes = contact.trace.here.nodes
-        trial = solution.method.projected(model, contact, solution.u)
-        status = evaluate(contact.status(trial), model.mesh, model.facet_points, contact.facets)
-        moves = model.function()
-        own = contact.trace.here.owned
-        np.add.at(
-            moves.x.array.reshape(-1, d),
-            nodes[own],
-            np.where(status[own] < STICK, 1.0, 0.0)[..., None],
-        )
-        moves.x.scatter_reverse(la.InsertMode.add)
-        moves.x.scatter_forward()
-        stuck = moves.x.array.reshape(-1, d)[nodes] == 0.0
+        stuck = _stuck(solution, contact)[nodes]
         n = contact.direction[:, None, :]
-        along = (values[nodes] * n).sum(axis=-1, keepdims=True) * n
-        values[nodes] = np.where(stuck, along + contact.trace.slip_before, values[nodes])
+        normal = (values[nodes] * n).sum(axis=-1, keepdims=True) * n
+        values[nodes] = np.where(stuck, normal + contact.trace.slip_before, values[nodes])
     return LastStep(model, u)
+
+
+def _stuck(solution: Solution, contact: BoundContact) -> np.ndarray:
+    """Find the components of nodes that stick on all facets, (nodes, d); collective."""
+    model = solution.model
+    trial = solution.method.projected(model, contact, solution.u)
+    status = evaluate(contact.status(trial), model.mesh, model.facet_points, contact.facets)
+    side = contact.trace.here
+    moves = np.where(status[side.owned] < STICK, 1.0, 0.0)
+    # A node sticks if no facet of any rank lets it slip.
+    sum_of_moves = model.function()
+    of_node = sum_of_moves.x.array.reshape(-1, model.d)
+    np.add.at(of_node, side.nodes[side.owned], moves[..., None])
+    sum_of_moves.x.scatter_reverse(la.InsertMode.add)
+    sum_of_moves.x.scatter_forward()
+    return of_node == 0.0

@@ -1,4 +1,4 @@
-"""Other solutions of a contact problem: Newton's method that is repelled by the solutions it knows, from many starts.
+"""Other solutions of a contact problem, by Newton's method with deflation.
 
 With Coulomb friction a contact problem may have many solutions. Let R be the residual
 of the condensed problem and x_i its known solutions. Newton's method for ``M(x) R(x) =
@@ -20,6 +20,7 @@ the deflation.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 from dolfinx import fem
@@ -31,56 +32,65 @@ from erc_contact.newton.linear.stiffness import Stiffness
 from erc_contact.newton.methods import Method
 from erc_contact.newton.snes import Found
 
-STEPS = 40
+DEFLATED_STEPS = 40
 """Greatest number of Newton steps from one start."""
 SHARES = (0.5, 0.8, 0.95, 1.05, 1.25, 2.0)
 """Shares of the friction bound whose solutions are starts [-]."""
 MOVES = (-1.0, -0.3, -0.1, 0.1, 0.3, 1.0)
 """Moves of the contact along itself, over the largest displacement [-]."""
 DISTINCT = 1e-3
-"""Largest difference of two solutions that count as one, over the largest displacement [-]."""
+"""Difference of two solutions that count as one, over the largest displacement [-]."""
 REACH = 10.0
 """Bound of the factor of a step [-]."""
 STILL = 1e-12
-"""A step of less than this, over the largest displacement, is the last one [-]."""
+"""Step that is the last one, over the largest displacement [-]."""
 NEARLY = 1e-4
-"""Residual of a state that counts as a solution where Newton's method stands still,
-over the forces that cancel in it. Data that are rounded have nearly a branch of
-solutions. The error of the state tells how near it is [-].
+"""Residual of a state that counts as a solution where Newton's method stands still.
+
+It is relative to the forces that cancel in it [-]. Data that are rounded have nearly a
+branch of solutions. The error of the state tells how near it is.
 """
-RANK = 1e-6
-"""Singular value of the scaled tangent, over the largest one, that counts as zero [-]."""
+SINGULAR_RATIO = 1e-6
+"""Singular value of the scaled tangent that counts as zero, over the largest [-]."""
 
 
 def other_states(stiffness: Stiffness, method: Method, u: fem.Function, most: int) -> list[Found]:
-    """Solutions of the discrete problem other than a known one; collective.
+    """Search other solutions of the discrete problem than a known one; collective.
 
     Args:
         stiffness: The elastic stiffness of the model.
         method: The contact method.
         u: The known solution [length].
-        most: How many are looked for, > 0.
+        most: Greatest number of solutions, > 0.
 
     Returns:
-        What was found; none does not mean that there is none.
+        The solutions; none does not mean that there is none.
     """
     guess = stiffness.glued(stiffness.load_vector())
     problem = Condensed(stiffness.model, method, stiffness, guess)
-    states = [stiffness.gather(field)[: problem.size] for field in (u, *_along(stiffness.model))]
-    found = problem.run(lambda: _Search(problem, states[0], states[1:]).found(most))
-    return [
-        Found(
-            stiffness.expand(guess, x, force),
-            problem.multipliers_at(x),
-            distance,
-            least_singular_value,
+    first = stiffness.gather(u)[: problem.size]
+    directions = []
+    for field in _unit_slips(stiffness.model):
+        directions.append(stiffness.gather(field)[: problem.size])
+    states = problem.run(lambda: _Search(problem, first, directions).states(most))
+    solutions = []
+    for state in states:
+        solutions.append(
+            Found(
+                u=stiffness.expand(guess, state.displacement, state.force),
+                multipliers=problem.multipliers_at(state.displacement),
+                distance=state.distance,
+                least_singular_value=state.least_singular_value,
+            )
         )
-        for x, force, distance, least_singular_value in found
-    ]
+    return solutions
 
 
-def _along(model: Model) -> list[fem.Function]:
-    """For each axis the unit displacement of the contact nodes along it, without its normal part, zero elsewhere."""
+def _unit_slips(model: Model) -> list[fem.Function]:
+    """Return the unit displacement of the contact along itself for each axis [-].
+
+    It is the axis without its normal part at contact nodes, and zero elsewhere.
+    """
     fields = []
     for axis in np.eye(model.d):
         field = model.function()
@@ -92,8 +102,25 @@ def _along(model: Model) -> list[fem.Function]:
     return fields
 
 
+@dataclass(frozen=True, eq=False)
+class _State:
+    """Hold a solution of the condensed problem.
+
+    Attributes:
+        displacement: u_A [length].
+        force: Contact forces at A [force].
+        distance: Energy norm of the distance to the exact one [sqrt(force length)].
+        least_singular_value: That of the scaled tangent [-].
+    """
+
+    displacement: np.ndarray
+    force: np.ndarray
+    distance: float
+    least_singular_value: float
+
+
 class _Search:
-    """A search on rank 0, within :meth:`Condensed.run`.
+    """Search solutions on rank 0, within :meth:`Condensed.run`.
 
     Args:
         problem: The condensed problem.
@@ -102,62 +129,89 @@ class _Search:
     """
 
     def __init__(self, problem: Condensed, start: np.ndarray, along: list[np.ndarray]) -> None:
-        self.problem, self.dense, self.along = problem, Dense(problem), along
+        self.problem = problem
+        self.dense = Dense(problem)
+        self.along = along
         self.known = [start]
 
-    def found(self, most: int) -> list[tuple[np.ndarray, np.ndarray, float, float]]:
-        """States, contact forces, energy norms of the rest and regularities of at most so many other solutions."""
-        problem, dense = self.problem, self.dense
+    def states(self, most: int) -> list[_State]:
+        """Return at most so many other solutions."""
+        problem = self.problem
         for start in self._starts():
             x = self.newton(start)
-            if x is not None and all(
-                abs(x - one).max() > DISTINCT * problem.length for one in self.known
-            ):
+            if x is not None and self._is_new(x):
                 self.known.append(x)
                 if len(self.known) > most:
                     break
-        numbers = [
-            (dense.distance(problem.residual(x)), dense.least_singular_value(x))
-            for x in self.known[1:]
-        ]
-        dense.destroy()
-        return [
-            (x, problem.matrix @ x - problem.loads, *two)
-            for x, two in zip(self.known[1:], numbers, strict=True)
-        ]
+        states = []
+        for x in self.known[1:]:
+            states.append(
+                _State(
+                    displacement=x,
+                    force=problem.matrix @ x - problem.loads,
+                    distance=self.dense.distance(problem.residual(x)),
+                    least_singular_value=self.dense.least_singular_value(x),
+                )
+            )
+        self.dense.destroy()
+        return states
 
     def newton(self, x: np.ndarray, *, deflated: bool = True) -> np.ndarray | None:
-        """The solution, or nearly one, that Newton's method comes to from x, or None."""
+        """Return the solution, or nearly one, that Newton's method finds from x.
+
+        Args:
+            x: The start [length].
+            deflated: Whether known solutions repel it.
+
+        Returns:
+            The solution [length]; None if there is none.
+        """
         problem = self.problem
-        scale, step = 1 / np.sqrt(problem.schur.diagonal()), None
-        for _ in range(STEPS):
+        scale = 1 / np.sqrt(problem.schur.diagonal())
+        step = None
+        for _ in range(DEFLATED_STEPS):
             residual = problem.residual(x)
-            vector = self.dense.vector()
-            vector.array[:] = x / problem.length
-            small = self.dense.round_off(vector)
-            vector.destroy()
             if not np.isfinite(residual).all():
                 return None
-            if np.linalg.norm(residual) <= small * problem.force:
+            if np.linalg.norm(residual) <= self._round_off(x) * problem.force:
                 return x
             if step is not None and abs(step).max() <= STILL * problem.length:
                 break
             tangent = scale[:, None] * problem.tangent(x) * scale
-            step = scale * np.linalg.lstsq(tangent, -scale * residual, rcond=RANK)[0]
-            x = x + (self._factor(x, step) if deflated else 1.0) * step
-        return x if np.linalg.norm(problem.residual(x)) <= NEARLY * problem.force else None
+            solution, *_ = np.linalg.lstsq(tangent, -scale * residual, rcond=SINGULAR_RATIO)
+            step = scale * solution
+            factor = self._factor(x, step) if deflated else 1.0
+            x = x + factor * step
+        if np.linalg.norm(problem.residual(x)) <= NEARLY * problem.force:
+            return x
+        return None
+
+    def _is_new(self, x: np.ndarray) -> bool:
+        """Tell whether a solution differs from all known ones."""
+        least = DISTINCT * self.problem.length
+        return all(abs(x - solution).max() > least for solution in self.known)
+
+    def _round_off(self, x: np.ndarray) -> float:
+        """Return the norm of the scaled residual that counts as round-off at x [-]."""
+        vector = self.dense.vector()
+        vector.array[:] = x / self.problem.length
+        small = self.dense.round_off(vector)
+        vector.destroy()
+        return small
 
     def _factor(self, x: np.ndarray, step: np.ndarray) -> float:
-        """What the known solutions make of a step [-]."""
+        """Return the factor of a step, ``1/(1 - M' step/M)`` [-]."""
         slope = 0.0
-        for one in self.known:
-            away, along = (x - one) / self.problem.length, step / self.problem.length
+        along = step / self.problem.length
+        for solution in self.known:
+            away = (x - solution) / self.problem.length
             square = max(float(away @ away), np.finfo(float).tiny)
             slope -= 2 * float(away @ along) / (square * (1 + square))
         factor = 1 / (1 - slope) if slope != 1 else REACH
         return float(np.clip(factor, -REACH, REACH))
 
     def _starts(self) -> Iterator[np.ndarray]:
+        """Generate starts; the list of known solutions grows meanwhile."""
         problem = self.problem
         first = self.known[0]
         for share in SHARES:
@@ -167,7 +221,9 @@ class _Search:
             if x is not None:
                 yield x
         for along in self.along:
-            for move in MOVES if np.any(along) else ():
+            if not np.any(along):
+                continue
+            for move in MOVES:
                 yield first + move * problem.length * along
         for i in range(1, len(self.known)):
             yield (self.known[i] + first) / 2

@@ -13,19 +13,20 @@ from petsc4py import PETSc
 
 from erc_contact.newton.condensed import Condensed
 from erc_contact.newton.linear.mumps import dense_factor
+from erc_contact.newton.pressing import PRESSING
 from erc_contact.newton.snes import ZERO_PIVOT, Outcome, attempt
 
-TOLERANCE = 1e-12
-"""Newton's method stops when the residual is below this fraction of the forces that cancel in it [-]."""
-FAR = 1e5
-"""Bound of the forces that cancel in the residual, as a multiple of those with the contact glued [-]."""
-PRESS = 1e-5
-"""How far a state is pressed into the foundation for another tangent, over the size of the displacement [-]."""
+SOLVED_DENSE = 1e-12
+"""Residual at which Newton's method stops, over the forces that cancel in it [-]."""
+MOST_FORCES = 1e5
+"""Bound of the forces that cancel in the residual, over those with the glue [-]."""
+INVERSE_ITERATIONS = 4
+"""Steps of the inverse iteration for the least singular value."""
 
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """The last state of an attempt, on rank 0.
+    """Hold the last state of an attempt, on rank 0.
 
     Attributes:
         displacement: u_A [length].
@@ -37,7 +38,9 @@ class State:
 
 
 class Dense:
-    """One condensed problem as SNES sees it, used on rank 0 within :meth:`Condensed.run`.
+    """Represent a condensed problem as SNES sees it.
+
+    It is used on rank 0 within :meth:`Condensed.run`.
 
     Args:
         problem: The condensed problem.
@@ -46,7 +49,8 @@ class Dense:
     """
 
     def __init__(self, problem: Condensed, tolerance: float | None = None) -> None:
-        self.problem, self.tolerance = problem, tolerance
+        self.problem = problem
+        self.tolerance = tolerance
         self.scale = problem.length / problem.force
         size = problem.size
         self.jacobian = PETSc.Mat().createDense((size, size), comm=PETSc.COMM_SELF)
@@ -54,7 +58,12 @@ class Dense:
         self.elastic: PETSc.KSP | None = None
 
     def solve(self, start: np.ndarray, line_search: str) -> tuple[State, Outcome]:
-        """Make one attempt from the displacement start; return the last state and how the attempt ended."""
+        """Make one attempt; return the last state and how the attempt ended.
+
+        Args:
+            start: The displacement where Newton's method starts [length].
+            line_search: Name of PETSc's line search.
+        """
         x = self.vector()
         x.array[:] = start / self.problem.length
         outcome = attempt(self, x, line_search, self.tolerance)
@@ -63,7 +72,7 @@ class Dense:
         return State(u, self.problem.residual(u)), outcome
 
     def vector(self) -> PETSc.Vec:
-        """A new vector of unknowns."""
+        """Return a new vector of unknowns."""
         return self.jacobian.createVecRight()
 
     def function(self, _: Any, x: PETSc.Vec, f: PETSc.Vec) -> None:
@@ -72,58 +81,60 @@ class Dense:
 
     def prepare(self, snes: PETSc.SNES) -> None:
         """Give SNES the tangent and a direct solver."""
-        snes.setJacobian(self._tangent, self.jacobian)
+        snes.setJacobian(self._set_tangent, self.jacobian)
         ksp = snes.getKSP()
         ksp.setType("preonly")
         ksp.getPC().setType("lu")
 
     def round_off(self, x: PETSc.Vec) -> float:
-        """The norm of the scaled residual that counts as round-off [-].
+        """Return the norm of the scaled residual that counts as round-off [-].
 
         The forces that cancel in it are bounded: a body that nothing holds moves so far
         that any residual would be round-off of its forces.
         """
         problem = self.problem
         forces = abs(problem.matrix) @ abs(self._displacement(x)) + abs(problem.loads)
-        return TOLERANCE * min(max(1.0, float(forces.max(initial=0.0)) / problem.force), FAR)
+        size = max(1.0, float(forces.max(initial=0.0)) / problem.force)
+        return SOLVED_DENSE * min(size, MOST_FORCES)
 
     def accurate(self, x: PETSc.Vec, tolerance: float) -> bool:
-        """Whether the energy norm of the distance to the solution is below a tolerance [sqrt(force length)]."""
+        """Tell whether the distance to the solution is below a tolerance."""
         return self.distance(self.problem.residual(self._displacement(x))) <= tolerance
 
     def status(self, x: PETSc.Vec) -> tuple[bytes, tuple[int, int, int]]:
-        """A key of the contact status of all points, and the numbers of open, slipping and sticking points."""
-        found = self.problem.status(self._displacement(x))
-        open_, slip, stick = (int(n) for n in np.bincount(found, minlength=3))
-        return found.tobytes(), (open_, slip, stick)
+        """Return a key of the contact status of all points, and numbers of points.
+
+        They are those of open, slipping and sticking points.
+        """
+        status = self.problem.status(self._displacement(x))
+        open_, slip, stick = (int(count) for count in np.bincount(status, minlength=3))
+        return status.tobytes(), (open_, slip, stick)
 
     def distance(self, residual: np.ndarray) -> float:
-        """Return the energy norm of the distance to the solution, ``sqrt(R.K^-1 R)`` [sqrt(force length)].
+        """Return the distance to the solution, ``sqrt(R.K^-1 R)`` [sqrt(force length)].
 
-        If r^ is the traction of the method, the rebalance of the last state adds this
-        to the error in the constitutive relation.
+        It is an energy norm. If r^ is the traction of the method, the rebalance of the
+        last state adds this to the error in the constitutive relation.
         """
         if self.elastic is None:
-            self.elastic = dense_factor(
-                self.problem.stiffness.definite(self.problem.size), "cholesky"
-            )
+            definite = self.problem.stiffness.definite(self.problem.size)
+            self.elastic = dense_factor(definite, "cholesky")
         force, u = self.jacobian.createVecs()
         force.array[:] = residual
         self.elastic.solve(force, u)
         return float(np.sqrt(max(u.dot(force), 0.0)))
 
     def least_singular_value(self, u_A: np.ndarray) -> float:
-        """Estimate the least singular value of the tangent, scaled by the elastic diagonal [-]; zero if singular.
+        """Estimate the least singular value of the tangent [-]; zero if singular.
 
-        It is the lesser one of two tangents: at u_A, and at u_A pressed into the
-        foundation by a tiny length. At points that touch without pressure the equations
-        have a kink, and the tangent under pressure may be the singular one.
+        The elastic diagonal scales it. It is the lesser one of two tangents: at u_A,
+        and at u_A pressed into the foundation (:mod:`erc_contact.newton.pressing`).
         """
-        pressed = u_A + PRESS * self.problem.length * self.problem.normals
-        return min(self._by_inverse_iteration(u) for u in (u_A, pressed))
+        pressed = u_A + PRESSING * self.problem.length * self.problem.normals
+        return min(self._by_inverse_iteration(u_A), self._by_inverse_iteration(pressed))
 
     def _by_inverse_iteration(self, u_A: np.ndarray) -> float:
-        """Estimate the least singular value by inverse iteration on ``J^T J``."""
+        """Estimate the least singular value by inverse iteration on ``J^T J`` [-]."""
         diagonal = 1 / np.sqrt(self.problem.schur.diagonal())
         scaled = self.problem.tangent(u_A) * diagonal * diagonal[:, None]
         ksp = dense_factor(scaled, "lu")
@@ -131,7 +142,7 @@ class Dense:
         x.array[:] = np.random.default_rng(0).standard_normal(len(diagonal))
         norm = x.norm()
         try:
-            for _ in range(4):
+            for _ in range(INVERSE_ITERATIONS):
                 x.scale(1 / norm)
                 ksp.solveTranspose(x, y)
                 ksp.solve(y, x)
@@ -145,9 +156,11 @@ class Dense:
         return float(1 / np.sqrt(norm))
 
     def _displacement(self, x: PETSc.Vec) -> np.ndarray:
+        """Return u_A [length]."""
         return x.array_r * self.problem.length
 
-    def _tangent(self, _: Any, x: PETSc.Vec, matrix: PETSc.Mat, __: PETSc.Mat) -> None:
+    def _set_tangent(self, _: Any, x: PETSc.Vec, matrix: PETSc.Mat, __: PETSc.Mat) -> None:
+        """Set a matrix to the scaled tangent at x."""
         matrix.getDenseArray()[:] = self.problem.tangent(self._displacement(x)) * self.scale
         matrix.assemble()
 

@@ -1,4 +1,7 @@
-"""The contact solve with a direct solver: one factor, and Newton's method for the problem condensed on the contact."""
+"""The contact solve with a direct solver: one factor for all attempts.
+
+Newton's method solves the problem condensed on the contact.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +12,7 @@ import numpy as np
 from dolfinx import fem
 
 from erc_contact.model.model import Model
-from erc_contact.newton import first_guess as starts
+from erc_contact.newton import first_guess
 from erc_contact.newton.condensed import Condensed
 from erc_contact.newton.dense import Dense
 from erc_contact.newton.ladder import Attempt
@@ -19,7 +22,9 @@ from erc_contact.newton.snes import Found, Outcome
 
 
 class Direct:
-    """The contact solve of a model by a direct solver; a state is u at the contact nodes, on rank 0; collective.
+    """Make attempts of a contact solve with a direct solver; collective.
+
+    A state is the displacement of the contact nodes, on rank 0.
 
     Args:
         model: The scene on a mesh.
@@ -32,24 +37,30 @@ class Direct:
     nodal_first: ClassVar[bool] = True
 
     def __init__(self, model: Model) -> None:
-        self.model, self.elastic = model, Stiffness(model)
+        self.model = model
+        self.elastic = Stiffness(model)
         self.guess = self.elastic.glued(self.elastic.load_vector())
         self._problems: dict[Method, Condensed] = {}
 
-    def glued(self) -> Any:
-        """The state with the contact glued."""
-        return starts.glued(self.elastic, self.guess)
+    def glued(self) -> np.ndarray | None:
+        """Return the state with the contact glued."""
+        return first_guess.glued(self.elastic, self.guess)
 
-    def warm(self, old: Model, u: fem.Function) -> Any:
-        """The state of a displacement u of a model on another mesh."""
-        field = starts.from_mesh(old, u, self.model)
-        given = self.elastic.gather(field)[: self.elastic.contact_size]
-        return None if self.elastic.schur is None else given
+    def warm(self, old: Model, u: fem.Function) -> np.ndarray | None:
+        """Return the state of a displacement u of a model on another mesh."""
+        field = first_guess.from_mesh(old, u, self.model)
+        state = self.elastic.gather(field)[: self.elastic.contact_size]
+        return None if self.elastic.schur is None else state
 
     def attempt(
         self, attempt: Attempt, state: Any, tolerance: float | None
     ) -> tuple[Outcome, Any, Found | None]:
-        """Make one attempt from a state; return how it ended, its last state, and what it found if that is final."""
+        """Make one attempt from a state.
+
+        Returns:
+            How it ended, its last state, and its solution if it is a final attempt
+            that converged.
+        """
         if attempt.method not in self._problems:
             self._problems[attempt.method] = Condensed(
                 self.model, attempt.method, self.elastic, self.guess
@@ -58,34 +69,32 @@ class Direct:
 
         def work() -> tuple[Outcome, Any, Any]:
             dense = Dense(problem, tolerance)
-            start, steps = problem.from_contact(state), 0
+            u_A = problem.from_contact(state)
+            steps = 0
             for share in attempt.friction_shares:
                 problem.raise_friction(share)
-                last, outcome = dense.solve(start, attempt.line_search)
-                start, steps = last.displacement, steps + outcome.steps
+                last, outcome = dense.solve(u_A, attempt.line_search)
+                u_A = last.displacement
+                steps += outcome.steps
                 if not outcome.converged:
                     break
             problem.raise_friction(1.0)
             results = None
             if attempt.final and outcome.converged:
-                numbers = dense.distance(last.residual), dense.least_singular_value(start)
-                results = *numbers, start, problem.matrix @ start - problem.loads
+                distance = dense.distance(last.residual)
+                least = dense.least_singular_value(u_A)
+                force = problem.matrix @ u_A - problem.loads
+                results = distance, least, u_A, force
             dense.destroy()
-            return replace(outcome, steps=steps), start[: self.elastic.contact_size], results
+            return replace(outcome, steps=steps), u_A[: self.elastic.contact_size], results
 
         outcome, state, results = problem.run(work)
-        return outcome, state, None if results is None else self._found(problem, *results)
-
-    def _found(
-        self,
-        problem: Condensed,
-        distance: float,
-        least_singular_value: float,
-        u_A: np.ndarray,
-        force: np.ndarray,
-    ) -> Found:
+        if results is None:
+            return outcome, state, None
+        distance, least_singular_value, u_A, force = results
         u = self.elastic.expand(self.guess, u_A, force)
-        return Found(u, problem.multipliers_at(u_A), distance, least_singular_value)
+        multipliers = problem.multipliers_at(u_A)
+        return outcome, state, Found(u, multipliers, distance, least_singular_value)
 
     def destroy(self) -> None:
-        """Nothing is left to free: the factor belongs to the solution."""
+        """Free nothing: the factor belongs to the solution."""

@@ -20,7 +20,10 @@ from erc_contact.newton.linear.stiffness import Stiffness
 
 
 def across_gap(model: Model) -> fem.Function:
-    """The displacement of the contact nodes that closes their gaps and undoes slip [length], zero elsewhere."""
+    """Return the displacement that closes gaps and undoes slip [length].
+
+    It is that of the contact nodes, and zero elsewhere.
+    """
     across = model.function()
     for contact in model.contacts:
         if contact.gap is not None or contact.trace.before is not None:
@@ -31,7 +34,9 @@ def across_gap(model: Model) -> fem.Function:
 
 
 def glued(stiffness: Stiffness, w: fem.Function) -> np.ndarray | None:
-    """Displacement of the contact nodes glued to the foundations, where a gap is closed and nothing slips.
+    """Return the displacement of the contact nodes glued to the foundations [length].
+
+    There a gap is closed and nothing slips.
 
     Args:
         stiffness: The condensed elastic stiffness.
@@ -41,20 +46,22 @@ def glued(stiffness: Stiffness, w: fem.Function) -> np.ndarray | None:
         The free components on rank 0, None on other ranks; collective.
     """
     a = stiffness.contact_size
-    given, start = stiffness.gather(across_gap(stiffness.model))[:a], stiffness.gather(w)[:a]
+    gap = stiffness.gather(across_gap(stiffness.model))[:a]
+    start = stiffness.gather(w)[:a]
 
     def across() -> np.ndarray | None:
         if stiffness.schur is None:
             return None
-        if not given.any():
+        if not gap.any():
             return start
-        return start + np.linalg.solve(stiffness.reduced(a)[0], stiffness.glued_by[:a] * given)
+        schur, _ = stiffness.reduced(a)
+        return start + np.linalg.solve(schur, stiffness.glued_by[:a] * gap)
 
     return together(stiffness.model.comm, across)
 
 
 def from_mesh(model: Model, u: fem.Function, new: Model) -> fem.Function:
-    """Displacement of the contact nodes of a new mesh from that on another one; collective.
+    """Return the displacement of the contact nodes of a new mesh; collective.
 
     Args:
         model: The scene on the old mesh.
@@ -65,7 +72,8 @@ def from_mesh(model: Model, u: fem.Function, new: Model) -> fem.Function:
         The displacement at the contact nodes of this rank [length], zero elsewhere.
     """
     corners, values = gathered_facets(model, [c.facets for c in model.contacts], u)
-    nodes = np.unique(np.concatenate([c.trace.here.nodes.ravel() for c in new.contacts]))
+    all_nodes = np.concatenate([c.trace.here.nodes.ravel() for c in new.contacts])
+    nodes = np.unique(all_nodes)
     x = new.V.tabulate_dof_coordinates()[nodes, : new.d]
     field = new.function()
     field.x.array.reshape(-1, new.d)[nodes] = interpolate(x, corners, values, model.degree)

@@ -1,8 +1,6 @@
-"""What a method adds to the elastic equations of a model, as compiled forms."""
+"""The equations that a method adds to those of elasticity, as compiled forms."""
 
 from __future__ import annotations
-
-from typing import Any
 
 import numpy as np
 import ufl
@@ -11,6 +9,7 @@ from dolfinx import fem
 from erc_contact.base.checks import description
 from erc_contact.base.exceptions import InputError, together
 from erc_contact.base.runtime import compiled
+from erc_contact.base.ufl_types import Ufl
 from erc_contact.mesh.simplex import rule
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.model import Model
@@ -19,7 +18,7 @@ from erc_contact.newton.methods import OURS, Method
 
 
 class ContactForms:
-    """The equations of a method on all contacts of a model.
+    """Hold the equations of a method on all contacts of a model.
 
     Args:
         model: The scene on a mesh.
@@ -42,56 +41,83 @@ class ContactForms:
     """
 
     def __init__(self, model: Model, method: Method) -> None:
-        self.model, self.method = model, method
+        self.model = model
+        self.method = method
         self.share = compiled.constant(model.mesh, 1.0)
-        self.contacts = [c.with_share(self.share) for c in model.contacts]
+        self.contacts = [contact.with_share(self.share) for contact in model.contacts]
         self.u = model.function()
-        self.multipliers = (
-            tuple(model.function() for _ in model.contacts) if method.multiplier else ()
-        )
-        fields: tuple[Any, ...] = self.multipliers or (None,) * len(self.contacts)
-        v, du = ufl.TestFunction(model.V), ufl.TrialFunction(model.V)
-        pairs = list(zip(self.contacts, fields, strict=True))
-        with compiled.numbers_alike():  # for Constants that a method of the user's makes
-            parts = together(model.comm, lambda: [self._equations(c, f, v) for c, f in pairs])
-            shown = together(
-                model.comm,
-                lambda: [c.status(method.projected(model, c, self.u, f)) for c, f in pairs],
-            )
+        self.multipliers: tuple[fem.Function, ...] = ()
+        if method.multiplier:
+            self.multipliers = tuple(model.function() for _ in model.contacts)
+
+        # A method of the user's may make Constants, and may fail on one rank only.
+        with compiled.constants_with_ten_digits():
+            parts = together(model.comm, self._parts)
+            status = together(model.comm, self._status)
         equations = sum(parts[1:], start=parts[0])
-        tangents = [ufl.derivative(equations, f, du) for f in (self.u, *self.multipliers)]
+        du = ufl.TrialFunction(model.V)
+        tangents = []
+        for field in (self.u, *self.multipliers):
+            tangents.append(ufl.derivative(equations, field, du))
         compiled.compile_together(model.comm, [equations, *tangents])
-        self.residual, self.tangents = (
-            compiled.form(equations),
-            [compiled.form(tangent) for tangent in tangents],
-        )
+        self.residual = compiled.form(equations)
+        self.tangents = [compiled.form(tangent) for tangent in tangents]
+
         points, _ = rule(model.d - 1, 2 * model.degree)
-        self._shown = []
-        for contact, status in zip(self.contacts, shown, strict=True):
+        self._status_of_facets = []
+        for contact, expression in zip(self.contacts, status, strict=True):
             own = contact.facets[contact.trace.here.owned]
-            self._shown.append((compiled.expression(status, points, model.comm), own))
+            compiled_status = compiled.expression(expression, points, model.comm)
+            self._status_of_facets.append((compiled_status, own))
 
     def status(self) -> np.ndarray:
-        """The status open (0), slip (1) or stick (2) at points of the contact facets of this rank."""
-        local = [
-            e.eval(self.model.mesh, facets).ravel().astype(np.int8) for e, facets in self._shown
-        ]
-        return np.concatenate(local)
+        """Return the status open (0), slip (1) or stick (2) at points of the contact.
 
-    def found_multipliers(self) -> tuple[fem.Function, ...]:
-        """The multipliers as new Functions of nodal values [force/area]."""
-        found = []
-        for contact, multiplier in zip(
-            self.model.contacts, self.multipliers, strict=bool(self.multipliers)
-        ):
-            found.append(multiplier.copy())
-            self.model.to_coefficients(
-                found[-1].x.array.reshape(-1, self.model.d), [contact], back=True
-            )
-        return tuple(found)
+        They are the points of the contact facets that this rank owns.
+        """
+        values = []
+        for expression, facets in self._status_of_facets:
+            values.append(expression.eval(self.model.mesh, facets).ravel().astype(np.int8))
+        return np.concatenate(values)
 
-    def _equations(self, contact: BoundContact, multiplier: Any, v: Any) -> Any:
-        """The equations of the method on a contact, a form linear in v; a method of the user's is tried."""
+    def nodal_multipliers(self) -> tuple[fem.Function, ...]:
+        """Return the multipliers as new Functions of nodal values [force/area]."""
+        model = self.model
+        nodal = []
+        for contact, multiplier in zip(model.contacts, self.multipliers, strict=False):
+            values = multiplier.copy()
+            model.to_coefficients(values.x.array.reshape(-1, model.d), [contact], back=True)
+            nodal.append(values)
+        return tuple(nodal)
+
+    def _with_multipliers(self) -> list[tuple[BoundContact, fem.Function | None]]:
+        """Return each contact with its multiplier, None for a method without."""
+        fields: tuple[fem.Function | None, ...] = self.multipliers
+        if not fields:
+            fields = (None,) * len(self.contacts)
+        return list(zip(self.contacts, fields, strict=True))
+
+    def _parts(self) -> list[Ufl]:
+        """Return the equations of the method on each contact, in UFL."""
+        v = ufl.TestFunction(self.model.V)
+        parts = []
+        for contact, multiplier in self._with_multipliers():
+            parts.append(self._equations(contact, multiplier, v))
+        return parts
+
+    def _status(self) -> list[Ufl]:
+        """Return the status of each contact, in UFL."""
+        status = []
+        for contact, multiplier in self._with_multipliers():
+            trial = self.method.projected(self.model, contact, self.u, multiplier)
+            status.append(contact.status(trial))
+        return status
+
+    def _equations(self, contact: BoundContact, multiplier: Ufl, v: Ufl) -> Ufl:
+        """Return the equations of the method on a contact, a form linear in v.
+
+        Those of a method of the user's are checked.
+        """
         if type(self.method) in OURS:
             return self.method.equations(self.model, contact, self.u, v, multiplier)
         self.method.traction(self.model, contact, self.u, multiplier)
@@ -99,7 +125,8 @@ class ContactForms:
         form = self.method.equations(self.model, contact, self.u, v, multiplier)
         if not isinstance(form, ufl.Form):
             raise InputError(
-                f"{what} are {description(form)}; return a UFL form, e.g. -ufl.inner(r, v) * contact.ds."
+                f"{what} are {description(form)}; return a UFL form, e.g. "
+                "-ufl.inner(r, v) * contact.ds."
             )
         for integral in form.integrals():
             linear(what, integral.integrand(), v)

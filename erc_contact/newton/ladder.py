@@ -1,4 +1,6 @@
-"""The ladder of attempts of a contact solve, cheapest first: where Newton's method starts, and for which method.
+"""The ladder of attempts of a contact solve, cheapest first.
+
+An attempt is a start of Newton's method, a contact method and a line search.
 
 A start is a displacement of the contact nodes. "glued" is the solution with the contact
 glued, "warm" a solution on another mesh, "nodal" a solution of the augmented
@@ -15,21 +17,22 @@ from erc_contact.newton.methods import AugmentedLagrangian, Method, Nitsche
 FRICTION_STEPS = ((0.5, 1.0), (0.9, 1.0), tuple(0.05 * k for k in range(21)))
 """Shares of the friction bound when friction is raised in steps."""
 LINE_SEARCHES = ("l2", "cp", "bt", "nleqerr")
-"""Line searches that are tried where bisection fails, each of which may avoid a cycle of the others."""
+"""Line searches where bisection fails; each may avoid a cycle of the others."""
 NODAL = AugmentedLagrangian(gamma=1.0)
 """The method whose solution is the start of the others."""
 OTHERS = tuple(AugmentedLagrangian(gamma) for gamma in (0.1, 10.0, 1000.0))
-"""The same method with other parameters, which do not change its solution; tried where Newton's method fails."""
+"""The same method with other parameters, which do not change its solution."""
 STIFFER = (100.0, 30.0, 10.0, 5.0, 3.0, 2.0, 1.4)
-"""Factors of Nitsche's gamma for a sequence of problems that starts from the augmented
-Lagrangian, the limit of a large gamma. The solutions of two near gammas are near each
-other.
+"""Factors of Nitsche's gamma for a sequence of problems.
+
+It starts from the augmented Lagrangian, the limit of a large gamma. The solutions of
+two near gammas are near each other.
 """
 
 
 @dataclass(frozen=True)
 class Attempt:
-    """One attempt of a contact solve.
+    """Describe one attempt of a contact solve.
 
     Attributes:
         method: The contact method.
@@ -49,22 +52,22 @@ class Attempt:
 
     @property
     def gives(self) -> str:
-        """Name of the start that its solution is for other attempts."""
+        """Return the name of the start that its solution is for other attempts."""
         return "nodal" if self.method.multiplier else "stiffer"
 
     def __str__(self) -> str:
-        steps = (
-            f", friction in {len(self.friction_shares)} steps"
-            if len(self.friction_shares) > 1
-            else ""
-        )
+        steps = ""
+        if len(self.friction_shares) > 1:
+            steps = f", friction in {len(self.friction_shares)} steps"
         return f"{self.start} start, {self.method}, {self.line_search}{steps}"
 
 
 def attempts(
     method: Method, known: Container[str], *, friction: bool, fallback: bool, nodal_first: bool
 ) -> Iterator[Attempt]:
-    """The attempts, cheapest first. The caller skips those whose start is not known.
+    """Generate the attempts, cheapest first.
+
+    The caller skips those whose start is not known.
 
     Without a gap the problem is positively homogeneous, so steps of the load would all
     be the same problem. Friction is raised in steps instead.
@@ -77,18 +80,20 @@ def attempts(
         fallback: Whether a solution of the augmented Lagrangian is accepted instead.
         nodal_first: Whether another method starts from the solution of the augmented
             Lagrangian where no solution on another mesh is known. This takes less steps
-                at the end, and more in all: it pays where steps cost little.
+            at the end, and more in all: it pays where steps cost little.
     """
     nodal = method if method.multiplier else NODAL
-    itself = nodal == method
+    is_nodal = nodal == method
     first = "warm" if "warm" in known else "glued"
-    if not itself and (first == "warm" or not nodal_first):
+    if not is_nodal and (first == "warm" or not nodal_first):
         yield Attempt(method, first)
-    yield Attempt(nodal, first, final=itself)
-    if not itself:
+    yield Attempt(nodal, first, final=is_nodal)
+    if not is_nodal:
         yield Attempt(method, "nodal")
-    if not itself or first == "warm":
+    if not is_nodal or first == "warm":
         yield Attempt(method, "glued")
+
+    # Another parameter of the augmented Lagrangian goes another way to its solution.
     for other in (NODAL, *OTHERS):
         if "nodal" not in known and other != method:
             yield Attempt(other, "glued", final=False)
@@ -96,13 +101,18 @@ def attempts(
     if isinstance(method, Nitsche):
         start = "nodal"
         for factor in STIFFER:
-            yield Attempt(replace(method, gamma=factor * method.gamma), start, final=False)
+            stiffer = replace(method, gamma=factor * method.gamma)
+            yield Attempt(stiffer, start, final=False)
             start = "stiffer"
         yield Attempt(method, "stiffer")
-    if fallback and not itself:
+    accepted = [method]
+    if fallback and not is_nodal:
         yield Attempt(nodal, "nodal")
-    for own in (method, nodal) if fallback and not itself else (method,):
-        for shares in FRICTION_STEPS if friction else ():
-            yield Attempt(own, "glued", friction_shares=shares)
+        accepted.append(nodal)
+
+    for last_method in accepted:
+        if friction:
+            for shares in FRICTION_STEPS:
+                yield Attempt(last_method, "glued", friction_shares=shares)
         for line_search in LINE_SEARCHES:
-            yield Attempt(own, "glued", line_search)
+            yield Attempt(last_method, "glued", line_search)

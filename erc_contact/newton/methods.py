@@ -1,4 +1,4 @@
-"""Contact methods: a contact and a displacement -> UFL equations and a contact traction.
+"""Contact methods: their equations and their contact tractions, in UFL.
 
 A method is two things, its equations and its traction; every later stage reads only the
 traction. The equations are what one contact adds to elasticity ``a(u, v) - f(v) -
@@ -14,22 +14,23 @@ the projection of the law, gamma = gamma_0 E k^2/h [force/volume] with h = d
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar, Protocol
+from typing import ClassVar, Protocol
 
 import ufl
 
 from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.runtime import compiled
+from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.model import Model
 
 GAMMA = "> 0 (dimensionless; 1 to 100 is usual)"
-"""What gamma must be, in words."""
+"""Words for the range of gamma in messages."""
 
 
 class Method(Protocol):
-    """A contact method.
+    """Define the equations and the traction of a contact method.
 
     An object of it must be hashable, as one of a frozen dataclass is: the solver keeps
     the compiled forms of each method. Messages show its ``repr``. Without a multiplier
@@ -64,13 +65,13 @@ class Method(Protocol):
     def in_layer(self) -> bool: ...  # noqa: D102
 
     def equations(
-        self, model: Model, contact: BoundContact, u: Any, v: Any, multiplier: Any = None
-    ) -> Any:
-        """What the contact adds to the residual ``a(u, v) - f(v) - F(v)`` [force], a UFL form linear in v.
+        self, model: Model, contact: BoundContact, u: Ufl, v: Ufl, multiplier: Ufl = None
+    ) -> Ufl:
+        """Return what the contact adds to the residual [force], a form linear in v.
 
-        Without a multiplier that is minus the work of its traction,
-        ``- int r . jump(v)``, and what the method adds to it. With one it is the
-        equation of the multiplier at each node.
+        The residual is ``a(u, v) - f(v) - F(v)``. Without a multiplier that is minus
+        the work of its traction, ``- int r . jump(v)``, and what the method adds to it.
+        With one it is the equation of the multiplier at each node.
 
         Args:
             model: The scene on a mesh.
@@ -81,26 +82,34 @@ class Method(Protocol):
             multiplier: The multiplier [force/area], or None without.
         """
 
-    def traction(self, model: Model, contact: BoundContact, u: Any, multiplier: Any = None) -> Any:
-        """The contact traction on the body [force/area], UFL, shape (d,): all that later stages read."""
+    def traction(self, model: Model, contact: BoundContact, u: Ufl, multiplier: Ufl = None) -> Ufl:
+        """Return the contact traction on the body [force/area], UFL, shape (d,).
 
-    def projected(self, model: Model, contact: BoundContact, u: Any, multiplier: Any = None) -> Any:
-        """The projection that the equations use [force/area], UFL, shape (d,): it shows open, slip and stick.
+        It is all that later stages read.
+        """
 
-        It is a result of ``contact.project``; without a multiplier it is mostly the
-        traction.
+    def projected(self, model: Model, contact: BoundContact, u: Ufl, multiplier: Ufl = None) -> Ufl:
+        """Return the projection of the equations [force/area], UFL, shape (d,).
+
+        It shows open, slip and stick. It is a result of ``contact.project``; without a
+        multiplier it is mostly the traction.
         """
 
 
-def _beyond(contact: BoundContact, u: Any) -> Any:
-    """``u - s - g n``: the displacement beyond first touch, tangentially since the last step [length]."""
+def _beyond(contact: BoundContact, u: Ufl) -> Ufl:
+    """Return the displacement beyond first touch, ``u - s - g n`` [length].
+
+    Its tangential part counts from the last step of a history.
+    """
     w = contact.jump(u)
     return w if contact.gap is None else w - contact.gap * contact.normal
 
 
 @dataclass(frozen=True)
 class Nitsche:
-    """Nitsche's method for contact with friction; it has no unknowns beside the displacement.
+    """Define Nitsche's method for contact with friction.
+
+    It has no unknowns beside the displacement.
 
     Args:
         theta: 0 (simplest, default), 1 (symmetric without friction) or -1 (skew;
@@ -127,13 +136,15 @@ class Nitsche:
 
     @property
     def in_layer(self) -> bool:
-        """Whether the stress is tested, too."""
+        """Tell whether the stress is tested, too."""
         return self.theta != 0
 
     def equations(
-        self, model: Model, contact: BoundContact, u: Any, v: Any, multiplier: Any = None
-    ) -> Any:
-        """``- int_C r(u).v - theta int_C (sigma(u)n - r(u))/gamma . sigma(v)n``, a UFL form linear in v.
+        self, model: Model, contact: BoundContact, u: Ufl, v: Ufl, multiplier: Ufl = None
+    ) -> Ufl:
+        """Return the equations of a contact [force], a UFL form linear in v.
+
+        They are ``- int_C r(u).v - theta int_C (sigma(u)n - r(u))/gamma . sigma(v)n``.
 
         Args:
             model: The scene on a mesh.
@@ -148,43 +159,42 @@ class Nitsche:
         if self.theta:
             theta = compiled.constant(model.mesh, float(self.theta))
             difference = ufl.dot(model.stress(u), model.n) - r
-            residual -= (
-                theta
-                / self._gamma(model)
-                * ufl.inner(difference, ufl.dot(model.stress(v), model.n))
-                * ds
-            )
+            tested = ufl.dot(model.stress(v), model.n)
+            residual -= theta / self._gamma(model) * ufl.inner(difference, tested) * ds
         return residual
 
-    def traction(self, model: Model, contact: BoundContact, u: Any, multiplier: Any = None) -> Any:
-        """The contact traction ``r(u) = P(sigma(u)n - gamma (u - s - g n))`` [force/area], UFL, shape (d,)."""
-        return contact.project(
-            ufl.dot(model.stress(u), model.n) - self._gamma(model) * _beyond(contact, u)
-        )
+    def traction(self, model: Model, contact: BoundContact, u: Ufl, multiplier: Ufl = None) -> Ufl:
+        """Return the contact traction [force/area], UFL, shape (d,).
+
+        It is ``r(u) = P(sigma(u)n - gamma (u - s - g n))``.
+        """
+        stress = ufl.dot(model.stress(u), model.n)
+        return contact.project(stress - self._gamma(model) * _beyond(contact, u))
 
     projected = traction
 
-    def _gamma(self, model: Model) -> Any:
+    def _gamma(self, model: Model) -> Ufl:
+        """Return gamma [force/volume]."""
         return model.stiffness_per_area(compiled.constant(model.mesh, float(self.gamma)))
 
 
 @dataclass(frozen=True)
 class AugmentedLagrangian:
-    """Augmented Lagrangian: a multiplier at the nodes of the contact, and the projection of Alart and Curnier.
+    """Define the augmented Lagrangian, with a multiplier at the nodes of the contact.
 
-    The multiplier lives in the trace of the displacement's space on the contact facets:
-    the space that elements on a submesh of these facets give, without a second mesh.
-    Its equations hold at each node, between the Bernstein coefficients of u, s, g and
-    lambda (for degree 1 their nodal values); lambda there is the force on the
-    coefficient of u over its share of the area. So at the solution u does not penetrate
-    at any point, friction holds for the force on every Bernstein polynomial, and no
-    weight of a node is zero or negative, as nodal quadrature of degree 2 has it on
-    triangles. (This smooths its traction of degree 2: on a smooth contact e is 1.05 to
-    1.2 times the true error of u^, where that of Nitsche's is 1.01 to 1.07. The
-    traction that does the work of the forces was better there, and twice as bad where
-    friction begins: it overshoots.) A component that a support fixes at a contact node,
-    and a node that an earlier contact has already, take the multiplier from their
-    neighbours: their own would be redundant.
+    The projection is that of Alart and Curnier. The multiplier lives in the trace of
+    the displacement's space on the contact facets: the space that elements on a submesh
+    of these facets give, without a second mesh. Its equations hold at each node,
+    between the Bernstein coefficients of u, s, g and lambda (for degree 1 their nodal
+    values); lambda there is the force on the coefficient of u over its share of the
+    area. So at the solution u does not penetrate at any point, friction holds for the
+    force on every Bernstein polynomial, and no weight of a node is zero or negative, as
+    nodal quadrature of degree 2 has it on triangles. (This smooths its traction of
+    degree 2: on a smooth contact e is 1.05 to 1.2 times the true error of u^, where
+    that of Nitsche's is 1.01 to 1.07. The traction that does the work of the forces was
+    better there, and twice as bad where friction begins: it overshoots.) A component
+    that a support fixes at a contact node, and a node that an earlier contact has
+    already, take the multiplier from their neighbours: their own would be redundant.
 
     Args:
         gamma: Dimensionless augmentation parameter gamma_0 > 0; it changes the way of
@@ -205,9 +215,12 @@ class AugmentedLagrangian:
         checks.positive("AugmentedLagrangian: gamma", self.gamma, GAMMA)
 
     def equations(
-        self, model: Model, contact: BoundContact, u: Any, v: Any, multiplier: Any = None
-    ) -> Any:
-        """``int_C (lambda - P(lambda - gamma (u - s - g n))).q`` by quadrature at the nodes, a UFL form linear in q.
+        self, model: Model, contact: BoundContact, u: Ufl, v: Ufl, multiplier: Ufl = None
+    ) -> Ufl:
+        """Return the equations of the multiplier, a UFL form linear in q.
+
+        They are ``int_C (lambda - P(lambda - gamma (u - s - g n))).q`` by quadrature at
+        the nodes.
 
         Args:
             model: The scene on a mesh.
@@ -217,19 +230,20 @@ class AugmentedLagrangian:
             v: Test function q of the multiplier.
             multiplier: The same for lambda [force/area].
         """
-        return ufl.inner(
-            multiplier - self.projected(model, contact, u, multiplier), v
-        ) * contact.ds(metadata=model.nodal_rule)
+        difference = multiplier - self.projected(model, contact, u, multiplier)
+        return ufl.inner(difference, v) * contact.ds(metadata=model.nodal_rule)
 
-    def traction(self, model: Model, contact: BoundContact, u: Any, multiplier: Any = None) -> Any:
-        """The contact traction, the multiplier [force/area], UFL, shape (d,)."""
+    def traction(self, model: Model, contact: BoundContact, u: Ufl, multiplier: Ufl = None) -> Ufl:
+        """Return the contact traction, the multiplier [force/area], UFL, shape (d,)."""
         return multiplier
 
-    def projected(self, model: Model, contact: BoundContact, u: Any, multiplier: Any = None) -> Any:
-        """``P(lambda - gamma (u - s - g n))`` [force/area] at the nodes, UFL, shape (d,)."""
-        gamma = model.stiffness_per_area(
-            compiled.constant(model.mesh, float(self.gamma)), model.cell_modulus
-        )
+    def projected(self, model: Model, contact: BoundContact, u: Ufl, multiplier: Ufl = None) -> Ufl:
+        """Return the projection at the nodes [force/area], UFL, shape (d,).
+
+        It is ``P(lambda - gamma (u - s - g n))``.
+        """
+        gamma_0 = compiled.constant(model.mesh, float(self.gamma))
+        gamma = model.stiffness_per_area(gamma_0, model.cell_modulus)
         nodal = model.at_nodes(contact)
         return nodal.project(multiplier - gamma * _beyond(nodal, u))
 

@@ -1,13 +1,18 @@
-"""The multipliers of a contact problem from the reactions of its nodes, on each rank for its own nodes.
+"""The multipliers of a contact problem as linear functions of the nodal forces.
 
-The reaction is what the elastic equations leave at the nodes of the contact. For degree
-2, the equations of a multiplier use Bernstein coefficients of u and lambda instead of
-nodal values. With ``c_e = 2 u_e - (u_a + u_b)/2`` for the edge e between the vertices a
-and b, the force on c_e is half of the force on u_e, and a quarter of the force on u_e
-is added to the force at each end.
+The force is the reaction, what the elastic equations leave at the nodes of the contact.
+The multiplier of a node belongs to the first contact that has the node. There ``a
+lambda`` is the force less the multipliers of later contacts. At the nodes of earlier
+contacts, and for components that a support fixes, it is the mean of its neighbours in
+the contact: its own would be redundant.
 
-It is the same map as in :mod:`erc_contact.newton.multipliers`, which is for dense
-matrices on one rank.
+For degree 2, the equations of a multiplier use Bernstein coefficients of u and lambda
+instead of nodal values. With the coefficients ``c = C u``, the forces on them are
+``C^-T`` times the forces at the nodes.
+
+All this is a sparse matrix for each contact. The full problem applies it on each rank
+to its own nodes (:class:`Reactions`). The condensed problem multiplies it by the
+stiffness of the contact on rank 0 (:mod:`erc_contact.newton.condensed`).
 
 Symbols: A free degrees of freedom of the contact nodes, a area of a node, d dimension,
 m nodes of a facet.
@@ -15,195 +20,258 @@ m nodes of a facet.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import permutations
 
 import numpy as np
-from dolfinx import la
+from petsc4py import PETSc
 
-from erc_contact.mesh.simplex import edges
+from erc_contact.mesh.simplex import at_nodes, coefficients
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.model import Model
+from erc_contact.newton.linear.sparse import diagonal, sparse, sparse_like
+
+NO_ENTRY = 1e-14
+"""Entry of a matrix of Bernstein coefficients that is round-off [-]."""
 
 
-class Reactions:
-    """The linear map from nodal forces at A to the multipliers of all contacts; its members are collective.
+@dataclass(frozen=True, eq=False)
+class Entries:
+    """Hold the entries of a sparse matrix, which add up where they coincide.
+
+    Attributes:
+        rows: Global degrees of freedom, shape (n,).
+        columns: Global degrees of freedom, shape (n,).
+        values: Shape (n,).
+    """
+
+    rows: np.ndarray
+    columns: np.ndarray
+    values: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class ContactNodes:
+    """Hold the nodes and facets of a contact of all ranks, the same on all ranks.
+
+    Attributes:
+        numbers: Global numbers of the nodes, ascending, shape (n,).
+        facets: Nodes of each facet as places in `numbers`, shape (f, m).
+        area: Areas of the nodes [length^(d-1)], shape (n,).
+        free: Components that no support fixes, shape (n, d).
+    """
+
+    numbers: np.ndarray
+    facets: np.ndarray
+    area: np.ndarray
+    free: np.ndarray
+
+
+def contact_nodes(model: Model, contact: BoundContact) -> ContactNodes:
+    """Gather the nodes and facets of a contact; collective."""
+    side = contact.trace.here
+    nodes = side.nodes[side.owned]
+    m = nodes.shape[1]
+    shares = np.repeat(side.areas[side.owned][:, None] / m, m, axis=1)
+    parts = model.comm.allgather((model.global_numbers(nodes), shares, ~model.fixed[nodes]))
+    all_numbers, all_shares, all_free = (np.concatenate(part) for part in zip(*parts, strict=True))
+    numbers, place = np.unique(all_numbers.ravel(), return_inverse=True)
+    area = np.bincount(place, all_shares.ravel())
+    free = np.zeros((len(numbers), model.d), dtype=bool)
+    free[place] = all_free.reshape(-1, model.d)
+    return ContactNodes(numbers, place.reshape(-1, m), area, free)
+
+
+class MultiplierMap:
+    """Hold the matrices from nodal forces to multipliers, the same on all ranks.
+
+    Construction is collective.
 
     Args:
         model: The scene on a mesh.
 
     Attributes:
-        free: Which degrees of freedom of this rank, ghosts included, are in A, shape
-            (nodes, d).
+        contacts: Nodes and facets of each contact.
+        numbers: Global numbers of the nodes of all contacts, ascending, shape (N,).
+        free: Components that no support fixes, shape (N, d).
         area: Area of the nodes in the contact that their multiplier belongs to
-            [length^(d-1)], elsewhere 1, (nodes,).
+            [length^(d-1)], shape (N,).
+        multipliers: For each contact the matrix from nodal forces at A [force] to the
+            Bernstein coefficients of the multiplier [force/area].
+        coefficients: C at A; None for degree 1.
     """
 
     def __init__(self, model: Model) -> None:
-        self._model, add_up = model, _Sums(model)
-        self.free = np.zeros(model.fixed.shape, dtype=bool)
-        self.area = np.ones(len(model.fixed))
-        self._parts = []
-        for contact in model.contacts:
-            part = _Part(model, contact, self.free, add_up)
-            new = part.nodes & ~self.free.any(axis=1)
-            self.area[new] = part.area[new]
-            self.free |= part.active
-            self._parts.append(part)
-        self._edges = _Edges(model, add_up) if model.degree > 1 else None
+        self._d = model.d
+        self.contacts = [contact_nodes(model, contact) for contact in model.contacts]
+        self.numbers = np.unique(np.concatenate([c.numbers for c in self.contacts]))
+        self._places = [np.searchsorted(self.numbers, c.numbers) for c in self.contacts]
+        self.free = np.zeros((len(self.numbers), model.d), dtype=bool)
+        self.area = np.ones(len(self.numbers))
+        # From the last contact to the first, so that the first one has the last word.
+        for contact, places in zip(self.contacts[::-1], self._places[::-1], strict=True):
+            self.free[places] = contact.free
+            self.area[places] = contact.area
 
-    def multipliers(self, force: np.ndarray) -> list[np.ndarray]:
-        """The multipliers of all contacts [force/area], shape (nodes, d) each, Bernstein coefficients.
+        self.coefficients: Entries | None = None
+        forces = diagonal(self.free.ravel().astype(float))
+        if model.degree > 1:
+            change = self._change_of_basis(coefficients(model.d - 1, model.degree))
+            self.coefficients = self._entries(change)
+            change.destroy()
+            forces.destroy()
+            forces = self._change_of_basis(at_nodes(model.d - 1, model.degree).T)
+        self.multipliers = self._from_forces(forces)
+        forces.destroy()
 
-        The multiplier of a node belongs to the first contact that has the node. There
-        ``a lambda`` is the force less the multipliers of later contacts. At the nodes
-        of earlier contacts, and for components that a support fixes, it is the mean of
-        its neighbours in the contact.
+    def _from_forces(self, forces: PETSc.Mat) -> list[Entries]:
+        """Return the matrices from nodal forces to the multipliers of all contacts.
 
         Args:
-            force: Forces at the nodes [force], right on their owners, shape (nodes, d);
-                those not in A are not used.
+            forces: The matrix from nodal forces to those on Bernstein coefficients; it
+                becomes that to the forces that earlier contacts leave, in place.
         """
-        force = np.where(self.free, force, 0.0)
-        if self._edges is not None:
-            force = np.where(self.free, self._edges.spread(force, 0.5, 0.25), 0.0)
-        found: list[np.ndarray] = []
-        for part in reversed(self._parts):
-            values = part.completed(np.where(part.active, force / part.area[:, None], 0.0))
-            force = force - np.where(part.active, 0.0, values * part.area[:, None])
-            found.insert(0, values)
-        return found
+        maps = []
+        for k in reversed(range(len(self.contacts))):
+            earlier = np.zeros(len(self.numbers), dtype=bool)
+            for places in self._places[:k]:
+                earlier[places] = True
+            active = self.contacts[k].free & ~earlier[self._places[k]][:, None]
+            completion = self._completion(k, active)
+            of_contact = completion.matMult(forces)
+            maps.append(self._entries(of_contact))
 
-    def back(self, force: np.ndarray) -> np.ndarray:
-        """Forces at the nodes from those on the Bernstein coefficients ``c = C u``: ``C^T`` times them, (nodes, d)."""
-        return force if self._edges is None else self._edges.spread(force, 2.0, -0.5)
+            # What a node of an earlier contact has here, that one need not bear.
+            passive_area = np.zeros(self.free.shape)
+            area = self.contacts[k].area[:, None]
+            passive_area[self._places[k]] = np.where(active, 0.0, area)
+            if passive_area.any():
+                bearing = diagonal(passive_area.ravel())
+                borne = bearing.matMult(of_contact)
+                forces.axpy(-1.0, borne)
+                bearing.destroy()
+                borne.destroy()
+            completion.destroy()
+            of_contact.destroy()
+        return maps[::-1]
 
-    def coefficients(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """C of the degrees of freedom in A, for degree 2: global rows, global columns and values that add up."""
-        assert self._edges is not None
-        edges, model, d = self._edges, self._model, self._model.d
-        owned = model.V.dofmap.index_map.size_local
-        node = np.flatnonzero(self.free[:owned].any(axis=1))
-        row = np.concatenate([node, edges.edge])
-        col = np.concatenate([node, edges.end])
-        value = np.concatenate([np.where(edges.inside[node], 2.0, 1.0), -0.5 * edges.share[:, 0]])
-        pair, component = np.nonzero(self.free[row] & self.free[col])
-        rows, cols = (model.global_numbers(of[pair]) * d + component for of in (row, col))
-        return rows, cols, value[pair]
+    def _completion(self, k: int, active: np.ndarray) -> PETSc.Mat:
+        """Return the matrix from forces to the multiplier of one contact alone.
+
+        It divides by areas, and takes means over neighbours where a component is not
+        active.
+
+        Args:
+            k: Place of the contact.
+            active: Components with a multiplier of their own, shape (n, d).
+        """
+        contact = self.contacts[k]
+        places = self._places[k]
+        node, component = np.nonzero(active)
+        i, j = _neighbours(contact.facets, ~active.all(axis=1))
+        pair, pair_component = np.nonzero(~active[i] & active[j])
+        i, j = i[pair], j[pair]
+        count = np.zeros(active.shape)
+        np.add.at(count, (i, pair_component), 1.0)
+
+        own_value = 1.0 / contact.area[node]
+        mean_value = 1.0 / (count[i, pair_component] * contact.area[j])
+        own_dof = places[node] * self._d + component
+        rows = np.concatenate([own_dof, places[i] * self._d + pair_component])
+        columns = np.concatenate([own_dof, places[j] * self._d + pair_component])
+        return sparse(self.free.size, self.free.size, rows, columns, [own_value, mean_value])
+
+    def _change_of_basis(self, of_facet: np.ndarray) -> PETSc.Mat:
+        """Return a change of basis of polynomials on facets as a matrix for A.
+
+        Args:
+            of_facet: The change on a facet, (m, m), the same from all facets of a node.
+        """
+        p, q = np.nonzero(abs(of_facet) > NO_ENTRY)
+        size = len(self.numbers)
+        keys = []
+        values = []
+        for contact, places in zip(self.contacts, self._places, strict=True):
+            nodes = places[contact.facets]
+            keys.append((nodes[:, p] * size + nodes[:, q]).ravel())
+            values.append(np.tile(of_facet[p, q], len(nodes)))
+        # Facets that share two nodes give the same entry, which counts once.
+        unique, first = np.unique(np.concatenate(keys), return_index=True)
+        value = np.concatenate(values)[first]
+        i, j = np.divmod(unique, size)
+        pair, component = np.nonzero(self.free[i] & self.free[j])
+        rows = i[pair] * self._d + component
+        columns = j[pair] * self._d + component
+        return sparse(self.free.size, self.free.size, rows, columns, [value[pair]])
+
+    def _entries(self, matrix: PETSc.Mat) -> Entries:
+        """Return the entries of a matrix between the nodes of all contacts."""
+        begin, columns, values = matrix.getValuesCSR()
+        rows = np.repeat(np.arange(len(begin) - 1), np.diff(begin))
+        dofs = (self.numbers[:, None] * self._d + np.arange(self._d)).ravel()
+        return Entries(dofs[rows], dofs[columns], values)
 
 
-class _Sums:
-    """Sums of nodal values over the ranks that share a node; collective."""
+class Reactions:
+    """Map nodal forces to multipliers, each rank for its own nodes.
 
-    def __init__(self, model: Model) -> None:
-        self._field, self._d = model.function(), model.d
+    Construction and products are collective.
 
-    def __call__(self, values: np.ndarray) -> np.ndarray:
-        """The sum for all nodes of this rank, shape (nodes, c) with c at most d."""
-        array = self._field.x.array.reshape(-1, self._d)
-        array[:] = 0.0
-        array[:, : values.shape[1]] = values
-        self._field.x.scatter_reverse(la.InsertMode.add)
-        self._field.x.scatter_forward()
-        return array[:, : values.shape[1]].copy()
-
-    def of_owners(self, values: np.ndarray) -> np.ndarray:
-        """The values that the owners of the nodes have, shape (nodes, d)."""
-        array = self._field.x.array.reshape(-1, self._d)
-        array[:] = values
-        self._field.x.scatter_forward()
-        return array.copy()
-
-
-class _Part:
-    """One contact: its nodes, their areas, and which components have a multiplier of their own.
+    Args:
+        model: The scene on a mesh.
+        like: A matrix for the degrees of freedom of the model.
 
     Attributes:
-        nodes: Which nodes it has, shape (nodes,).
-        area: Area of its nodes [length^(d-1)], elsewhere 1, shape (nodes,).
-        active: Components that no support fixes, at nodes of no earlier contact, shape
+        free: Which degrees of freedom of the nodes that this rank owns are in A, shape
             (nodes, d).
+        area: Area of these nodes in the contact that their multiplier belongs to
+            [length^(d-1)], elsewhere 1, shape (nodes,).
+        matrices: For each contact the matrix from nodal forces [force] to the Bernstein
+            coefficients of the multiplier [force/area].
+        coefficients: C at A; None for degree 1.
     """
 
-    def __init__(
-        self, model: Model, contact: BoundContact, taken: np.ndarray, add_up: _Sums
-    ) -> None:
-        self._add_up = add_up
-        side = contact.trace.here
-        facets = side.nodes[side.owned]
-        area = np.zeros((len(model.fixed), 1))
-        np.add.at(area[:, 0], facets, side.areas[side.owned][:, None] / facets.shape[1])
-        area = add_up(area)[:, 0]
-        self.nodes = area > 0
-        self.area = np.where(self.nodes, area, 1.0)
-        earlier = taken.any(axis=1)
-        self.active = self.nodes[:, None] & ~model.fixed & ~earlier[:, None]
-        passive = self.nodes & ~self.active.all(axis=1)
-        self._pairs = _pairs(model, facets, passive)
-        i, j = self._pairs
-        count = np.zeros(model.fixed.shape)
-        np.add.at(count, i, self._from(j))
-        self._count = np.maximum(add_up(count), 1.0)
-        self._needed = bool(model.comm.allreduce(bool(passive.any())))
+    def __init__(self, model: Model, like: PETSc.Mat) -> None:
+        multiplier_map = MultiplierMap(model)
+        low, high = model.V.dofmap.index_map.local_range
+        own = (multiplier_map.numbers >= low) & (multiplier_map.numbers < high)
+        nodes = multiplier_map.numbers[own] - low
+        self.free = np.zeros((high - low, model.d), dtype=bool)
+        self.free[nodes] = multiplier_map.free[own]
+        self.area = np.ones(high - low)
+        self.area[nodes] = multiplier_map.area[own]
+        self.matrices = [_distributed(like, entries) for entries in multiplier_map.multipliers]
+        self.coefficients: PETSc.Mat | None = None
+        if multiplier_map.coefficients is not None:
+            self.coefficients = _distributed(like, multiplier_map.coefficients)
 
-    def _from(self, j: np.ndarray) -> np.ndarray:
-        return self.active[j].astype(float)
-
-    def completed(self, values: np.ndarray) -> np.ndarray:
-        """Values of the active components, with the means of active neighbours at the other ones, shape (nodes, d)."""
-        values = self._add_up.of_owners(values)
-        if not self._needed:
-            return values
-        i, j = self._pairs
-        sums = np.zeros(values.shape)
-        np.add.at(sums, i, values[j] * self._from(j))
-        means = self._add_up(sums) / self._count
-        return np.where(self.active, values, np.where(self.nodes[:, None], means, 0.0))
+    def destroy(self) -> None:
+        """Free PETSc's objects."""
+        for matrix in self.matrices:
+            matrix.destroy()
+        if self.coefficients is not None:
+            self.coefficients.destroy()
 
 
-def _pairs(model: Model, facets: np.ndarray, passive: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Pairs of neighbours on facets (f, m) whose first node is passive; each pair is on one rank; collective."""
-    i, j = (
-        facets[:, list(p)].ravel()
-        for p in zip(*permutations(range(facets.shape[1]), 2), strict=True)
-    )
-    i, j = i[passive[i]], j[passive[i]]
-    mine = model.global_numbers(np.column_stack([i, j]))
-    parts = model.comm.allgather(mine)
-    every = np.concatenate(parts)
-    _, first = np.unique(every, axis=0, return_index=True)
-    keep = np.zeros(len(every), dtype=bool)
-    keep[first] = True
-    begin = sum(len(part) for part in parts[: model.comm.rank])
-    here = keep[begin : begin + len(mine)]
-    return i[here], j[here]
+def _distributed(like: PETSc.Mat, entries: Entries) -> PETSc.Mat:
+    """Make a matrix of all ranks from entries that all of them have; collective."""
+    low, high = like.getOwnershipRange()
+    own = (entries.rows >= low) & (entries.rows < high)
+    matrix = sparse_like(like, entries.rows[own], entries.columns[own])
+    matrix.setValuesCOO(entries.values[own])
+    return matrix
 
 
-class _Edges:
-    """The edges of all contacts: nodes between two vertices.
+def _neighbours(facets: np.ndarray, first: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return pairs of different nodes that have a facet in common, each once.
 
-    Attributes:
-        inside: Which nodes are on an edge, shape (nodes,).
-        edge: Edge of each pair of an edge and its end, from the facets of this rank,
-            shape (p,).
-        end: The end, shape (p,).
-        share: One over the number of facets with the edge, shape (p, 1).
+    Args:
+        facets: Nodes of the facets, shape (f, m).
+        first: Which nodes may be the first of a pair, shape (n,).
     """
-
-    def __init__(self, model: Model, add_up: _Sums) -> None:
-        self._add_up, d = add_up, model.d
-        sides = [c.trace.here for c in model.contacts]
-        nodes = np.concatenate([side.nodes[side.owned] for side in sides])
-        count = np.zeros((len(model.fixed), 1))
-        np.add.at(count[:, 0], nodes[:, d:], 1.0)
-        count = add_up(count)[:, 0]
-        self.inside = count > 0
-        self.edge = np.repeat(nodes[:, d:].ravel(), 2)
-        self.end = nodes[:, edges(d - 1)].reshape(-1)
-        self.share = 1 / count[self.edge][:, None]
-
-    def spread(self, force: np.ndarray, of_edge: float, to_end: float) -> np.ndarray:
-        """Forces with those at edges times one factor, and times another one added at both ends, shape (nodes, d)."""
-        force = self._add_up.of_owners(force)
-        added = np.zeros(force.shape)
-        np.add.at(added, self.end, to_end * self.share * force[self.edge])
-        return force * np.where(self.inside, of_edge, 1.0)[:, None] + self._add_up(added)
+    # A pair as one number: to sort numbers is faster than to sort rows of a table.
+    keys = []
+    for p, q in permutations(range(facets.shape[1]), 2):
+        begins = first[facets[:, p]]
+        keys.append(facets[begins, p] * len(first) + facets[begins, q])
+    return np.divmod(np.unique(np.concatenate(keys)), len(first))

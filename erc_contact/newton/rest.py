@@ -1,7 +1,7 @@
-"""Bodies at rest: nothing loads or moves them, so a motion without strain and without contact forces is exact.
+"""Bodies at rest: nothing loads or moves them.
 
-Newton's method finds round-off there, and what is measured of it later is round-off
-over round-off.
+A motion without strain and without contact forces is then exact. Newton's method finds
+round-off there, and what is measured of it later is round-off over round-off.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ PARALLEL = 1e-12
 
 
 def displacement_at_rest(model: Model, loads: fem.Function) -> fem.Function | None:
-    """Return the displacement of a body at rest, None if it is not known to be at rest; collective.
+    """Return the displacement of a body at rest [length]; collective.
 
     A body that has not slid yet has u = 0. One that has slid on a plane stays where it
     is when it is released: all of it moves by the mean of its slip. That is known where
@@ -35,7 +35,8 @@ def displacement_at_rest(model: Model, loads: fem.Function) -> fem.Function | No
         loads: Nodal forces of its loads [force], not yet summed over ranks.
 
     Returns:
-        The displacement [length], the same vector at all nodes, as a new Function.
+        The same vector at all nodes, as a new Function; None if the body is not known
+        to be at rest.
     """
     moves = bool(loads.x.array.any() or model.prescribed.x.array.any())
     pushes = [_pushes(model, contact) for contact in model.contacts]
@@ -51,10 +52,14 @@ def displacement_at_rest(model: Model, loads: fem.Function) -> fem.Function | No
 
 
 def _pushes(model: Model, contact: BoundContact) -> bool:
-    """Whether a contact has a gap below zero on this rank, or any gap if it is bilateral."""
+    """Tell whether the gap of a contact pushes the body, on this rank.
+
+    It does so below zero, and anywhere if the contact is bilateral.
+    """
     if contact.gap is None:
         return False
-    points = lattice(model.d - 1, DATA_DEGREE)  # the nodes are among them
+    # The nodes are among these points.
+    points = lattice(model.d - 1, DATA_DEGREE)
     gap = evaluate(contact.gap, model.mesh, points, contact.facets)
     allowed = ROUND_OFF * model.domain.extent
     if contact.bilateral:
@@ -63,22 +68,32 @@ def _pushes(model: Model, contact: BoundContact) -> bool:
 
 
 def _is_loose_on_a_plane(model: Model) -> bool:
-    """Whether all contacts have one normal, friction needs pressure, and no support holds any node; collective."""
-    held = bool(model.fixed.any())
+    """Tell whether nothing but one plane can press the body; collective.
+
+    All contacts then have one normal, friction needs pressure, and no support fixes any
+    node.
+    """
+    pressed = bool(model.fixed.any())
     for contact in model.contacts:
         needs_pressure = contact.friction is None or contact.friction.dependence == PROPORTIONAL
-        held = held or contact.bilateral or not needs_pressure
+        pressed = pressed or contact.bilateral or not needs_pressure
     normals = np.concatenate([contact.direction for contact in model.contacts])
-    low, high = np.full(model.d, np.inf), np.full(model.d, -np.inf)
+    low = np.full(model.d, np.inf)
+    high = np.full(model.d, -np.inf)
     if len(normals):
-        low, high = normals.min(axis=0), normals.max(axis=0)
+        low = normals.min(axis=0)
+        high = normals.max(axis=0)
     lowest = np.min(model.comm.allgather(low), axis=0)
     highest = np.max(model.comm.allgather(high), axis=0)
-    return not model.comm.allreduce(held, MPI.LOR) and bool(np.all(highest - lowest <= PARALLEL))
+    is_plane = bool(np.all(highest - lowest <= PARALLEL))
+    return not model.comm.allreduce(pressed, MPI.LOR) and is_plane
 
 
 def _mean_slip(model: Model) -> np.ndarray:
-    """The mean over all contacts of the tangential displacement at the end of the last step [length], shape (d,)."""
+    """Return the mean slip of all contacts in the last step [length], shape (d,).
+
+    It is the tangential displacement at the end of that step.
+    """
     total = np.zeros(model.d + 1)
     for contact in model.contacts:
         side = contact.trace.here

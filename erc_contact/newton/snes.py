@@ -19,16 +19,19 @@ from erc_contact.base.runtime.interrupts import check_interrupts, interrupted
 from erc_contact.newton.linear.mumps import LIBRARY, ZERO_PIVOT
 
 PREFIX = "erc_contact_"
-"""Prefix of PETSc options, as in ``-erc_contact_snes_monitor``; they override our settings."""
-STEPS = 100
+"""Prefix of PETSc options, as in ``-erc_contact_snes_monitor``.
+
+They override the settings of the package.
+"""
+NEWTON_STEPS = 100
 """Limit of Newton steps of one attempt."""
 CYCLE = 0.9
-"""A contact status that comes back is a cycle unless the residual has fallen below this fraction meanwhile [-]."""
+"""Fall of the residual below which a status that comes back is a cycle [-]."""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """How one attempt ended.
+    """Tell how one attempt ended.
 
     Attributes:
         converged: Whether it ended at a solution.
@@ -47,7 +50,7 @@ class Outcome:
 
     @property
     def open(self) -> bool:
-        """Whether the contact is open at all its points."""
+        """Tell whether the contact is open at all its points."""
         opened, *closed = self.status
         return opened > 0 and not any(closed)
 
@@ -58,7 +61,7 @@ class Outcome:
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """What a final attempt has found.
+    """Hold the solution of a final attempt.
 
     Attributes:
         u: Displacement [length].
@@ -76,10 +79,13 @@ class Found:
 
 
 class Equations(Protocol):
-    """A contact problem ``F(x) = R(u)/force`` with ``u = length x``; members are collective over the ranks of x."""
+    """Represent a contact problem ``F(x) = R(u)/force`` with ``u = length x``.
+
+    Members are collective over the ranks of x.
+    """
 
     def vector(self) -> PETSc.Vec:
-        """A new vector of unknowns."""
+        """Return a new vector of unknowns."""
 
     def function(self, snes: Any, x: PETSc.Vec, f: PETSc.Vec) -> None:
         """Set f to F(x)."""
@@ -88,13 +94,19 @@ class Equations(Protocol):
         """Give SNES the tangent and a linear solver."""
 
     def round_off(self, x: PETSc.Vec) -> float:
-        """The norm of F that counts as round-off at x [-]."""
+        """Return the norm of F that counts as round-off at x [-]."""
 
     def accurate(self, x: PETSc.Vec, tolerance: float) -> bool:
-        """Whether the energy norm of the distance to the solution is below a tolerance [sqrt(force length)]."""
+        """Tell whether the distance to the solution is below a tolerance.
+
+        Both are energy norms [sqrt(force length)].
+        """
 
     def status(self, x: PETSc.Vec) -> tuple[bytes, tuple[int, int, int]]:
-        """A key of the contact status of all points, and the numbers of open, slipping and sticking points."""
+        """Return a key of the contact status of all points, and numbers of points.
+
+        They are those of open, slipping and sticking points.
+        """
 
 
 def attempt(
@@ -111,10 +123,10 @@ def attempt(
     """
     snes = PETSc.SNES().create(x.comm)
     snes.setOptionsPrefix(PREFIX)
-    f, text = problem.vector(), ""
+    f = problem.vector()
     snes.setFunction(problem.function, f)
     snes.setType("newtonls")
-    snes.setTolerances(rtol=0.0, atol=0.0, stol=0.0, max_it=STEPS)
+    snes.setTolerances(rtol=0.0, atol=0.0, stol=0.0, max_it=NEWTON_STEPS)
     problem.prepare(snes)
     snes.getLineSearch().setType(line_search)
     test = _StoppingTest(problem, tolerance)
@@ -122,22 +134,31 @@ def attempt(
     snes.setFromOptions()
     try:
         snes.solve(None, x)
-        reason, norm = snes.getConvergedReason(), snes.getFunctionNorm()
+        code = snes.getConvergedReason()
+        norm = snes.getFunctionNorm()
+        reason = test.reason or REASONS.get(code, str(code))
         check_interrupts(x.comm.tompi4py())
     except PETSc.Error as failure:
         if failure.ierr not in (ZERO_PIVOT, LIBRARY):
             raise
-        text, reason, norm = "singular tangent", -1, np.inf
-    converged = reason > 0 and bool(np.isfinite(norm))
-    text = text or test.reason or REASONS.get(reason, str(reason))
-    outcome = Outcome(converged, text, snes.getIterationNumber(), norm, problem.status(x)[1])
+        code = -1
+        norm = np.inf
+        reason = "singular tangent"
+    _, counts = problem.status(x)
+    outcome = Outcome(
+        converged=code > 0 and bool(np.isfinite(norm)),
+        reason=reason,
+        steps=snes.getIterationNumber(),
+        residual=norm,
+        status=counts,
+    )
     snes.destroy()
     f.destroy()
     return outcome
 
 
 class _StoppingTest:
-    """Convergence test of one attempt, for SNES.
+    """Test the convergence of one attempt, for SNES.
 
     An attempt converges at round-off or when it is accurate enough. It diverges when
     the contact status repeats itself.
@@ -147,22 +168,26 @@ class _StoppingTest:
     """
 
     def __init__(self, problem: Equations, tolerance: float | None) -> None:
-        self.problem, self.tolerance, self.reason = problem, tolerance, ""
-        self._before: dict[
-            bytes, tuple[int, float]
-        ] = {}  # last step and least residual of each status
+        self.problem = problem
+        self.tolerance = tolerance
+        self.reason = ""
+        self._before: dict[bytes, tuple[int, float]] = {}
+        """Last step and least residual of each contact status."""
 
     def __call__(
         self, snes: PETSc.SNES, step: int, norms: tuple[float, float, float]
     ) -> PETSc.SNES.ConvergedReason:
-        """PETSc's reason to end, or to go on, at one step."""
-        reasons, norm = PETSc.SNES.ConvergedReason, norms[2]
+        """Return PETSc's reason to end, or to go on, at one step."""
+        reasons = PETSc.SNES.ConvergedReason
+        norm = norms[2]
         if not np.isfinite(norm):
             return reasons.DIVERGED_FUNCTION_NANORINF
-        x, atol = snes.getSolution(), snes.getTolerances()[1]
+        x = snes.getSolution()
+        _, atol, *_ = snes.getTolerances()
         comm = x.comm.tompi4py()
         at(comm, f"Newton step {step}")
-        if interrupted(comm):  # raised when SNES has ended: it may lose what is raised within it
+        if interrupted(comm):
+            # The exception comes when SNES has ended: it may lose one raised here.
             return reasons.DIVERGED_INNER
         if norm <= max(atol, self.problem.round_off(x)):
             self.reason = "converged to round-off"
@@ -171,9 +196,9 @@ class _StoppingTest:
             self.reason = "accurate enough"
             return reasons.CONVERGED_ITS
         key, _ = self.problem.status(x)
-        before, least = self._before.get(key, (step, norm))
-        if before < step - 1 and norm > CYCLE * least:
-            self.reason = f"cycle of {step - before} steps"
+        last_step, least = self._before.get(key, (step, norm))
+        if last_step < step - 1 and norm > CYCLE * least:
+            self.reason = f"cycle of {step - last_step} steps"
             return reasons.DIVERGED_INNER
         self._before[key] = (step, min(least, norm))
         return reasons.ITERATING

@@ -1,4 +1,4 @@
-"""The result of a contact solve."""
+"""The solution of a contact problem."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from erc_contact.base.html import table
+from erc_contact.base.ufl_types import Ufl
 from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.simplex import in_space
 from erc_contact.model.expressions import evaluate
@@ -30,7 +31,7 @@ from erc_contact.scene.scene import Scene
 
 @dataclass(frozen=True, eq=False)
 class ElasticValues:
-    """Values of a solution at points.
+    """Hold values of a solution at points.
 
     Attributes:
         displacement: u [length], shape (n, d).
@@ -44,12 +45,12 @@ class ElasticValues:
 REST = 1e-14
 """Displacement over the size of a body that is round-off [-]."""
 SINGULAR = 1e-12
-"""The tangent counts as singular below this least singular value, scaled by the elastic diagonal [-]."""
+"""Least singular value of the scaled tangent below which it counts as singular [-]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """A converged displacement, with the model, the method and the stiffness that it was computed with.
+    """Hold a converged displacement, its model, its method and its elastic solver.
 
     Attributes:
         model: The scene on its domain, with forms.
@@ -64,7 +65,8 @@ class Solution:
             [sqrt(force length)].
         least_singular_value: Least singular value of the tangents of the contact
             problem at the solution, scaled by the elastic diagonal [-].
-        stiffness: The elastic stiffness; see :attr:`factorised`.
+        stiffness: The elastic solver; :mod:`erc_contact.newton.linear.solver` tells
+            when its factor is made and freed. See :attr:`factorised`.
         seconds: Wall time, the largest over the ranks [s].
     """
 
@@ -80,15 +82,15 @@ class Solution:
     seconds: float
 
     def __repr__(self) -> str:
-        """Tell what it is in a line; nothing is computed, so one rank alone may ask."""
+        """Return one line; nothing is computed, so one rank alone may call it."""
         tangent = ", singular tangent" if self.singular else ""
         return (
-            f"<Solution of degree {self.model.degree} on {self.domain.cells} cells by {self.method}, "
-            f"{self.newton_steps} Newton steps{tangent}>"
+            f"<Solution of degree {self.model.degree} on {self.domain.cells} cells by "
+            f"{self.method}, {self.newton_steps} Newton steps{tangent}>"
         )
 
     def _repr_html_(self) -> str:
-        """The solution in a notebook; nothing is computed, so one rank alone may ask."""
+        """Return a table for a notebook; one rank alone may call it."""
         rows = [
             ("method", self.method),
             ("cells", self.domain.cells),
@@ -103,17 +105,20 @@ class Solution:
 
     @property
     def domain(self) -> Domain:
-        """The mesh with names."""
+        """Return the mesh with names."""
         return self.model.domain
 
     @property
     def scene(self) -> Scene:
-        """What the user declared."""
+        """Return the scene that the user declared."""
         return self.model.scene
 
     @property
     def factorised(self) -> bool:
-        """Whether the factor of the stiffness is in memory; :func:`equilibrate` makes it if it is not, and frees it."""
+        """Tell whether the factor of the stiffness is in memory.
+
+        :func:`equilibrate` makes it if it is not, and frees it.
+        """
         return self.stiffness.factorised
 
     @property
@@ -123,17 +128,23 @@ class Solution:
 
     @property
     def regularity(self) -> float:
-        """Return :attr:`least_singular_value`: its former name, kept for one version."""
+        """Return :attr:`least_singular_value`; a former name, kept a version."""
         return self.least_singular_value
 
     @property
     def singular(self) -> bool:
-        """Whether the tangent is singular; there may be other solutions arbitrarily near."""
+        """Tell whether the tangent is singular.
+
+        There may then be other solutions arbitrarily near.
+        """
         return self.least_singular_value < SINGULAR
 
     @cached_property
     def at_rest(self) -> bool:
-        """Whether nothing loads or moves the body, and u is that of a body at rest up to round-off; collective."""
+        """Tell whether nothing loads or moves the body; collective.
+
+        Then u is that of a body at rest, up to round-off.
+        """
         rest = displacement_at_rest(self.model, self.stiffness.load_vector())
         if rest is None:
             return False
@@ -141,11 +152,12 @@ class Solution:
         return bool(self.domain.mesh.comm.allreduce(moved, MPI.MAX) <= REST * self.domain.extent)
 
     def force(self, part: str) -> Force:
-        """Resultant and moment of the consistent nodal forces on a boundary part; collective.
+        """Return the force and the moment on a boundary part; collective.
 
-        On a contact it is what the foundation exerts on the body, on a support the
-        reaction with the loads on the components that it leaves free, elsewhere the
-        load. See :mod:`erc_contact.model.forces`.
+        They are those of the consistent nodal forces [force; force length]. On a
+        contact it is what the foundation exerts on the body, on a support the reaction
+        with the loads on the components that it leaves free, elsewhere the load. See
+        :mod:`erc_contact.model.forces`.
 
         Raises:
             InputError: If no boundary part has this name.
@@ -153,49 +165,56 @@ class Solution:
         return part_force(self.model, part, self._nodal_reactions())
 
     def reactions(self) -> dict[str, Force]:
-        """Forces of supports, contacts and loads, and their balance, zero up to round-off; collective.
+        """Return the forces of supports, contacts and loads [force]; collective.
 
-        See :func:`erc_contact.model.forces.by_cause`.
+        Their balance, zero up to round-off, is among them. See
+        :func:`erc_contact.model.forces.by_cause`.
         """
         nodal = self._nodal_reactions()
-        return by_cause(
-            self.model,
-            lambda part: part_force(self.model, part, nodal),
-            lambda: body_force(self.model),
-        )
+
+        def force_on(part: str) -> Force:
+            return part_force(self.model, part, nodal)
+
+        def force_in_body() -> Force:
+            return body_force(self.model)
+
+        return by_cause(self.model, force_on, force_in_body)
 
     def profile(self, contact: str) -> np.ndarray:
-        """Gap, slip and the tractions of the method along a contact; collective.
+        """Return gap, slip and tractions of the method along a contact; collective.
 
         The columns are those of :func:`erc_contact.model.profile.profile_table`.
 
         Raises:
             InputError: If no contact has this name.
         """
-        model, where = self.model, self.model.contact(contact)
+        model = self.model
+        where = model.contact(contact)
         points = profile_points(model)
         r = evaluate(self.traction(where), model.mesh, points, where.facets)
         r_n, _, shear = split(r, where.direction[:, None, :])
-        bound = where.friction_bound(
-            np.maximum(-r_n, 0.0), model.friction_parameters(where, points)
-        )
-        status = facet_status(where, -r_n, shear, bound, greatest_pressure(model, -r_n))
+        pressure = -r_n
+        parameters = model.friction_parameters(where, points)
+        bound = where.friction_bound(np.maximum(pressure, 0.0), parameters)
+        most = greatest_pressure(model, pressure)
+        status = facet_status(where, pressure, shear, bound, most)
         return profile_table(model, where, self.u, r, bound, status)
 
     def maximum(self, quantity: str) -> Maximum:
-        """Greatest "von Mises" stress, "pressure", ... and its place; collective.
+        """Return the greatest value of a quantity and its place; collective.
 
-        "displacement" is that of u, "von Mises" that of the elastic stress at the
-        middle of a cell, and the profiles are those of :meth:`profile`. See
-        :func:`erc_contact.model.maximum.greatest`.
+        It may be the "von Mises" stress, the "pressure", ...: see
+        :func:`erc_contact.model.maximum.greatest`. "displacement" is that of u, "von
+        Mises" that of the elastic stress at the middle of a cell, and the profiles are
+        those of :meth:`profile`.
         """
         return greatest(self.model, quantity, self.u, self._von_mises, self.profile)
 
     def at(self, points: Any) -> ElasticValues:
-        """Displacement and elastic stress at points; a point between several cells has the mean; collective.
+        """Return displacement and elastic stress at points; collective.
 
-        The stress is that of the displacement. It is not in equilibrium; that of an
-        error is (``error.at``).
+        A point between several cells has the mean of these. The stress is that of the
+        displacement. It is not in equilibrium; that of an error is (``error.at``).
 
         Args:
             points: The same on all ranks [length], shape (n, d) or (d,).
@@ -207,14 +226,18 @@ class Solution:
         model, d = self.model, self.model.d
 
         def values(cell: np.ndarray, x: np.ndarray) -> np.ndarray:
-            u = self.u.eval(in_space(x), cell).reshape(-1, d) if len(x) else np.zeros((0, d))
-            return np.hstack([u, elastic_stress_at(model, self.u, cell, x).reshape(-1, d * d)])
+            # DOLFINx does not evaluate at no points.
+            u = np.zeros((0, d))
+            if len(x):
+                u = self.u.eval(in_space(x), cell).reshape(-1, d)
+            stress = elastic_stress_at(model, self.u, cell, x)
+            return np.hstack([u, stress.reshape(-1, d * d)])
 
         u, stress = np.split(at_points(model, points, values), [d], axis=1)
         return ElasticValues(u, stress.reshape(-1, d, d))
 
-    def traction(self, contact: str | BoundContact) -> Any:
-        """The contact traction of the method on a contact [force/area], UFL, shape (d,).
+    def traction(self, contact: str | BoundContact) -> Ufl:
+        """Return the traction of the method on a contact [force/area], UFL, shape (d,).
 
         Args:
             contact: Its name, or the contact of the model.
@@ -222,18 +245,19 @@ class Solution:
         Raises:
             InputError: If no contact has this name.
         """
-        contact = self.model.contact(contact) if isinstance(contact, str) else contact
+        if isinstance(contact, str):
+            contact = self.model.contact(contact)
         place = self.model.contacts.index(contact)
         multiplier = self.multipliers[place] if self.multipliers else None
         return self.method.traction(self.model, contact, self.u, multiplier)
 
     def _nodal_reactions(self) -> dict[str, np.ndarray]:
+        """Return the nodal forces of each cause [force]; collective."""
         return nodal_reactions(self.model, self.u, self.traction, in_layer=self.method.in_layer)
 
     def _von_mises(self) -> np.ndarray:
-        """The von Mises stress of the elastic stress at the middle of each owned cell [force/area]; collective."""
+        """Return the von Mises stress in the middle of owned cells [force/area]."""
         cells = self.model.owned_cells
         middles = self.model.cell_corners()[cells].mean(axis=1)
-        return von_mises(
-            stress_in_space(self.model, elastic_stress_at(self.model, self.u, cells, middles))
-        )
+        stress = elastic_stress_at(self.model, self.u, cells, middles)
+        return von_mises(stress_in_space(self.model, stress))

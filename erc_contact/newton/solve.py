@@ -1,8 +1,9 @@
-"""One contact solve: from a first guess to a :class:`Solution`, or :class:`NotConverged`.
+"""Solve a scene on a mesh: from a first guess to a :class:`Solution`.
 
 Whether Newton's method converges depends on where it starts. One elastic factorisation
 serves all attempts (:mod:`erc_contact.newton.linear.stiffness`), so it costs little to
 try several starts and line searches, the cheapest first.
+
 Nitsche's method starts from a solution on another mesh, which takes it as many steps as
 both methods together, or from the solution of the augmented Lagrangian. The two are the
 nearer the larger gamma is, and this takes fewer steps (GRECO, 256 x 256 squares: 11 and
@@ -22,31 +23,30 @@ from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError, NotConverged, raise_together
 from erc_contact.base.logs import log_of
 from erc_contact.base.progress import stage
-from erc_contact.base.runtime.garbage import free_dropped, register_owner
-from erc_contact.base.runtime.interrupts import check_interrupts
+from erc_contact.base.runtime.garbage import free_dropped, track_communicator
 from erc_contact.mesh.domain import Domain
 from erc_contact.model.model import Model
 from erc_contact.model.promises import bind
 from erc_contact.newton.after import check_after, last_step
 from erc_contact.newton.arguments import check_arguments
+from erc_contact.newton.contact_solve import DEFAULT, ContactSolve
 from erc_contact.newton.direct import Direct
 from erc_contact.newton.doubts import doubts, tell
 from erc_contact.newton.iterative import Iterative
-from erc_contact.newton.ladder import NODAL, attempts
-from erc_contact.newton.linear.multigrid import DIRECT
+from erc_contact.newton.ladder import NODAL
 from erc_contact.newton.linear.solver import ElasticSolver
-from erc_contact.newton.methods import Method, Nitsche
+from erc_contact.newton.methods import Method
 from erc_contact.newton.rest import displacement_at_rest
-from erc_contact.newton.snes import Found, Outcome
-from erc_contact.newton.solution import SINGULAR, Solution
+from erc_contact.newton.solution import Solution
 from erc_contact.scene.scene import Scene
 
-DEFAULT = Nitsche()
-"""The method where none is given."""
-SLOW = 5
-"""Number of attempts whose linear solver does not converge after which multigrid is given up."""
 LARGE = {2: (2_000_000, 8_000), 3: (5_000, 1_000)}
-"""Numbers of degrees of freedom, of the body and about of the contact, beyond which multigrid is faster."""
+"""Degrees of freedom, by dimension, beyond which multigrid is faster than a factor.
+
+Those of the body, and about those of the contact.
+"""
+ENERGY_RANGE = 1e-290, 1e290
+"""Energies that double precision can work with, in any unit."""
 
 
 def solve(
@@ -80,10 +80,9 @@ def solve(
         after: The solution of the last step of a loading history, of the same body with
             the same contacts, on this mesh or on any other. Friction then acts on the
             tangential displacement since that solution (backward Euler). So does all
-                that follows: r^, u^, e and its bounds, slip in profiles. A refined mesh
-                    carries it without loss;
-            what another mesh loses is ``error.oscillations.history``. Without it the
-            body comes from rest, once.
+            that follows: r^, u^, e and its bounds, slip in profiles. A refined mesh
+            carries it without loss; what another mesh loses is
+            ``error.oscillations.history``. Without it the body comes from rest, once.
         start: A solution on another mesh of the same body; Newton starts from its
             displacement on the contacts. By default it is ``after``.
         tolerance: Newton may stop at this distance to the solution of the discrete
@@ -130,26 +129,30 @@ def solved(
     tolerance: float | None,
     solver: str,
 ) -> Solution:
-    """Do what :func:`solve` does, but leave doubts to a run, which tells each of them once; collective."""
+    """Solve as :func:`solve` does, but leave doubts to the caller; collective.
+
+    A run tells each doubt once, whatever the number of its meshes.
+    """
     began = perf_counter()
     check_arguments(scene, domain, method, degree, solver, start)
     if after is not None:
         check_after(scene, domain, after)
-    tolerance = (
-        None
-        if tolerance is None
-        else checks.positive("tolerance", tolerance, "an energy norm > 0, or None")
-    )
+    if tolerance is not None:
+        tolerance = checks.positive("tolerance", tolerance, "an energy norm > 0, or None")
     raise_together(domain.mesh.comm, None)
-    model = bind(scene, domain, int(degree), None if after is None else last_step(after))
+
+    before = None if after is None else last_step(after)
+    model = bind(scene, domain, int(degree), before)
     if after is not None:
-        method, start = method or NODAL, start or after
+        method = method or NODAL
+        start = start or after
+
     iterative = solver == "iterative" or (solver == "auto" and large(model))
+    kind: type[Direct | Iterative] = Iterative if iterative else Direct
+    name = "multigrid" if iterative else "the direct solver"
     try:
-        with stage(model.comm, f"solving with {'multigrid' if iterative else 'the direct solver'}"):
-            solution = _solution(
-                Iterative if iterative else Direct, model, method, start, tolerance
-            )
+        with stage(model.comm, f"solving with {name}"):
+            solution = _solution(kind, model, method, start, tolerance)
     except NotConverged as failure:
         if solver != "auto" or not iterative:
             raise
@@ -158,6 +161,7 @@ def solved(
         )
         with stage(model.comm, "solving with the direct solver"):
             solution = _solution(Direct, model, method, start, tolerance)
+
     seconds = model.comm.allreduce(perf_counter() - began, MPI.MAX)
     log_of(model.comm).debug(
         "%d cells: %s; %d Newton steps, %.2f s",
@@ -176,6 +180,7 @@ def _solution(
     start: Solution | None,
     tolerance: float | None,
 ) -> Solution:
+    """Solve a model with one kind of solver."""
     solver = kind(model)
     try:
         loads = solver.elastic.load_vector()
@@ -184,148 +189,93 @@ def _solution(
             return _at_rest(rest, model, method or DEFAULT, solver.elastic)
         _check_size(model, loads, solver.guess)
         if solver.elastic.contact_size:
-            return _ContactSolve(solver, method, tolerance).solve(start)
-        return Solution(
-            model,
-            method or DEFAULT,
-            solver.guess,
-            (),
-            0,
-            "linear solve",
-            0.0,
-            1.0,
-            solver.elastic,
-            0.0,
-        )
+            return ContactSolve(solver, method, tolerance).solve(start)
+        reason = "linear solve"
+        return _linear(model, method or DEFAULT, solver.guess, (), reason, solver.elastic)
     finally:
         solver.destroy()
-        register_owner(model.domain, model.comm)
+        track_communicator(model.domain, model.comm)
         free_dropped(model.comm)
 
 
 def _at_rest(rest: fem.Function, model: Model, method: Method, elastic: ElasticSolver) -> Solution:
-    """The exact solution of a body at rest."""
-    multipliers = tuple(model.function() for _ in model.contacts) if method.multiplier else ()
+    """Make the exact solution of a body at rest, without contact forces."""
+    multipliers = []
+    if method.multiplier:
+        for _ in model.contacts:
+            multipliers.append(model.function())
     reason = "at rest: nothing loads or moves the body"
-    return Solution(model, method, rest, multipliers, 0, reason, 0.0, 1.0, elastic, 0.0)
+    return _linear(model, method, rest, tuple(multipliers), reason, elastic)
+
+
+def _linear(
+    model: Model,
+    method: Method,
+    u: fem.Function,
+    multipliers: tuple[fem.Function, ...],
+    reason: str,
+    elastic: ElasticSolver,
+) -> Solution:
+    """Make a solution for which Newton's method was not needed."""
+    return Solution(
+        model=model,
+        method=method,
+        u=u,
+        multipliers=multipliers,
+        newton_steps=0,
+        reason=reason,
+        distance=0.0,
+        least_singular_value=1.0,
+        stiffness=elastic,
+        seconds=0.0,
+    )
 
 
 def large(model: Model) -> bool:
-    """Whether multigrid is the faster solver for a model, as measured; collective.
+    """Tell whether multigrid is the faster solver for a model, as measured; collective.
 
     In the plane a factor and a dense matrix of the contact are faster up to some
     million degrees of freedom. In space the factor grows like n^(4/3) and the matrix of
     the contact like n^(4/3) or, on meshes that are fine there, n^2.
     """
     nodes = model.V.dofmap.index_map.size_global
-    own = sum(int(np.count_nonzero(c.trace.here.owned)) for c in model.contacts)
-    facets = model.comm.allreduce(own, MPI.SUM)
-    unknowns, contact = nodes * model.d, facets * model.degree ** (model.d - 1) * model.d
-    limits = LARGE[model.d]
-    return unknowns > limits[0] or contact > limits[1]
+    facets = 0
+    for contact in model.contacts:
+        facets += int(np.count_nonzero(contact.trace.here.owned))
+    facets = model.comm.allreduce(facets, MPI.SUM)
+    body = nodes * model.d
+    # A facet has about k^(d-1) nodes that it does not share.
+    contact_size = facets * model.degree ** (model.d - 1) * model.d
+    most_of_body, most_of_contact = LARGE[model.d]
+    return body > most_of_body or contact_size > most_of_contact
 
 
 def _check_size(model: Model, b: fem.Function, w: fem.Function) -> None:
-    """Raise an error if forces, displacements or their products overflow or underflow double precision."""
-    local = [float(abs(f.x.array).max(initial=0.0)) for f in (b, w)] + [
-        float(np.isnan(w.x.array).any())
-    ]
+    """Check that energies neither overflow nor underflow double precision; collective.
+
+    Args:
+        model: The scene on a mesh.
+        b: Nodal forces of the loads [force].
+        w: The displacement with the contact glued [length].
+
+    Raises:
+        InputError: If forces, displacements or their products do so.
+    """
+    local_force = float(abs(b.x.array).max(initial=0.0))
+    local_length = float(abs(w.x.array).max(initial=0.0))
+    local_nan = float(np.isnan(w.x.array).any())
+    local = [local_force, local_length, local_nan]
     force, length, nan = np.max(model.comm.allgather(local), axis=0)
-    least, most = 1e-290, 1e290
     stiffest = model.stiffest() * model.domain.extent ** (model.d - 2)
     with np.errstate(over="ignore", under="ignore"):
         energies = np.array([force * length, stiffest * length * length])
-    energies = energies[np.array([force > 0, length > 0 or force > 0])]
+    # Without loads, or without any displacement, a product is zero and no underflow.
+    meaningful = np.array([force > 0, length > 0 or force > 0])
+    energies = energies[meaningful]
+    least, most = ENERGY_RANGE
     if nan or np.any((energies < least) | (energies > most)):
         raise InputError(
-            f"The loads (nodal forces up to {force:.1e}) move the body by {length:.1e}: the energy is no number of "
-            "double precision. Choose units in which moduli, lengths and loads are nearer to 1."
-        )
-
-
-class _ContactSolve:
-    """The contact solve of one model: it makes the attempts of the ladder until one converges; collective."""
-
-    def __init__(
-        self, solver: Direct | Iterative, method: Method | None, tolerance: float | None
-    ) -> None:
-        self.solver, self.model = solver, solver.model
-        self.method, self.fallback = method or DEFAULT, method is None
-        self.tolerance, self.log = tolerance, log_of(self.model.comm)
-        self.tried: list[str] = []
-        self.outcomes: list[Outcome] = []
-        self.steps = 0
-
-    def solve(self, start: Solution | None) -> Solution:
-        """Make the attempts one after the other until one of the wanted method converges."""
-        states, slow = {"glued": self.solver.glued()}, 0
-        if start is not None and start.model.contacts:
-            states["warm"] = self.solver.warm(start.model, start.u)
-        friction = any(c.friction is not None for c in self.model.contacts)
-        kind = {
-            "friction": friction,
-            "fallback": self.fallback,
-            "nodal_first": self.solver.nodal_first,
-        }
-        for attempt in attempts(self.method, states, **kind):
-            if attempt.start not in states:
-                continue
-            check_interrupts(self.model.comm)
-            outcome, state, found = self.solver.attempt(
-                attempt, states[attempt.start], self.tolerance
-            )
-            self.steps += outcome.steps
-            self.tried.append(f"{attempt}: {outcome}")
-            self.outcomes.append(outcome)
-            self.log.debug(self.tried[-1])
-            if found is not None:
-                return self._solution(attempt.method, found)
-            if outcome.converged:
-                states[attempt.gives] = state
-            slow += outcome.reason == "diverged_linear_solve"
-            if slow == SLOW:
-                raise NotConverged(
-                    f"The linear solver did not converge: {self.tried[-1]}. {DIRECT}",
-                    tuple(self.tried),
-                )
-        raise NotConverged(self._failed(), tuple(self.tried))
-
-    def _failed(self) -> str:
-        """Say what was tried and what to do first, where no attempt converged."""
-        also = " or the augmented Lagrangian" if self.fallback else ""
-        failed = (
-            f"The contact solve did not converge on {self.model.domain.cells} cells with {self.method}{also}, in "
-            f"{len(self.tried)} attempts (`rungs` of this exception lists them)"
-        )
-        if all(outcome.open for outcome in self.outcomes):
-            return (
-                f"{failed}. The contact ends all open in each of them: the loads take the body from its foundation, "
-                "and nothing else may hold the body. Look at the signs of loads and gap, or add a Displacement."
-            )
-        nearest = min(range(len(self.tried)), key=lambda number: self.outcomes[number].residual)
-        other = "" if self.fallback else ", the other method (method=None tries both)"
-        return (
-            f"{failed}. The nearest: {self.tried[nearest]}. Look first whether supports, or loads that press the body "
-            "on its foundation with enough friction, hold the body; a Displacement does. Else try a finer mesh at the "
-            f"contact, less friction{other}, or another gamma (1 to 1000)."
-        )
-
-    def _solution(self, method: Method, found: Found) -> Solution:
-        cells, reason = self.model.domain.cells, self.tried[-1]
-        if method != self.method:
-            reason = f"{self.method} did not converge: {reason}"
-            self.log.info(
-                "%d cells: %s did not converge, the solution is that of %s.",
-                cells,
-                self.method,
-                method,
-            )
-        if found.least_singular_value < SINGULAR:
-            reason += f"; the tangent is singular ({found.least_singular_value:.0e}), the solution may be one of many"
-            self.log.warning(
-                "The tangent of the contact problem is singular at its solution: it may be one of many."
-            )
-        numbers = self.steps, reason, found.distance, found.least_singular_value
-        return Solution(
-            self.model, method, found.u, found.multipliers, *numbers, self.solver.elastic, 0.0
+            f"The loads (nodal forces up to {force:.1e}) move the body by {length:.1e}: "
+            "the energy is no number of double precision. Choose units in which moduli, "
+            "lengths and loads are nearer to 1."
         )

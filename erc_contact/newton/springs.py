@@ -1,4 +1,4 @@
-"""Springs at the contact nodes that stand for the equations of a method with multiplier, in a preconditioner.
+"""Springs at the contact nodes: a preconditioner of the equations of a multiplier.
 
 The equations ``e(C u, lambda) = 0`` of a node, linearised and solved for the reaction,
 are springs G. Where they do not determine the reaction, some compliance is added:
@@ -17,83 +17,103 @@ import numpy as np
 from petsc4py import PETSc
 
 from erc_contact.model.model import Model
-from erc_contact.newton.linear.multigrid import Multigrid
+from erc_contact.newton.linear.sparse import sparse_like
 from erc_contact.newton.reactions import Reactions
 
 
 class Springs:
-    """G and H of a method with multiplier, at the contact nodes of this rank.
+    """Hold G and H of a method with multiplier, at the contact nodes of this rank.
+
+    Args:
+        model: The scene on a mesh.
+        stiffness: K [force/length].
+        glue: D at the degrees of freedom of this rank [force/length].
+        reactions: The map from reactions to multipliers.
 
     Attributes:
         matrix: G [force/length].
     """
 
-    def __init__(self, model: Model, elastic: Multigrid, reactions: Reactions) -> None:
-        d, count = model.d, elastic.owned // model.d
-        self.model, self.reactions, self.shape = model, reactions, model.fixed.shape
-        self.free = reactions.free[:count]
-        self.nodes = np.flatnonzero(self.free.any(axis=1))
-        self.free = self.free[self.nodes]
-        self.area = reactions.area[self.nodes]
-        self.glue = elastic.glue.x.array.reshape(-1, d)[self.nodes].max(axis=1, initial=0.0)
-        dofs = model.global_numbers(self.nodes)[:, None] * d + np.arange(d)
-        rows, cols = (
-            np.broadcast_to(one, (len(dofs), d, d)).ravel()
-            for one in (dofs[:, :, None], dofs[:, None, :])
-        )
-        self._nodal = _sparse(elastic.matrix, rows, cols)
-        self._first = elastic.matrix.getOwnershipRange()[0]
-        self._coefficients: PETSc.Mat | None = None
-        if model.degree > 1:
-            row, col, value = reactions.coefficients()
-            self._coefficients = _sparse(elastic.matrix, row, col)
-            self._coefficients.setValuesCOO(value)
+    def __init__(
+        self, model: Model, stiffness: PETSc.Mat, glue: np.ndarray, reactions: Reactions
+    ) -> None:
+        d = model.d
+        self._d = d
+        self._nodes = np.flatnonzero(reactions.free.any(axis=1))
+        self._free = reactions.free[self._nodes]
+        self._area = reactions.area[self._nodes]
+        nodal_glue = glue.reshape(-1, d)[self._nodes]
+        self._glue = nodal_glue.max(axis=1, initial=0.0)
+        self._coefficients = reactions.coefficients
+        self._first_dof, _ = stiffness.getOwnershipRange()
+        self._work = stiffness.createVecs()
+
+        # A block of d x d entries for each node.
+        dofs = self._first_dof + self._nodes[:, None] * d + np.arange(d)
+        blocks = (len(dofs), d, d)
+        rows = np.broadcast_to(dofs[:, :, None], blocks).ravel()
+        cols = np.broadcast_to(dofs[:, None, :], blocks).ravel()
+        self._nodal = sparse_like(stiffness, rows, cols)
         self.matrix = self._nodal
 
     def update(self, tangents: list[PETSc.Mat]) -> None:
         """Set G and H from the derivatives of e by u and by the multipliers."""
-        by_u, *by_multipliers = (self._blocks(tangent) for tangent in tangents)
-        fixed = ~self.free
-        inverse = sum(by_multipliers) / self.area[:, None, None] + by_u / self.glue[:, None, None]
-        inverse[fixed] = 0.0
-        inverse.transpose(0, 2, 1)[fixed] = 0.0
-        node, i = np.nonzero(fixed)
-        inverse[node, i, i] = 1.0
-        self.h = np.linalg.inv(inverse)
-        springs = np.matmul(self.h, by_u)
-        springs[fixed] = 0.0
-        springs.transpose(0, 2, 1)[fixed] = 0.0
+        by_u = self._blocks(tangents[0])
+        by_multipliers = sum(self._blocks(tangent) for tangent in tangents[1:])
+        inverse = by_multipliers / self._area[:, None, None] + by_u / self._glue[:, None, None]
+        # A component that a support fixes has no spring: H is the identity there.
+        fixed = ~self._free
+        _set_rows_and_columns_to_zero(inverse, fixed)
+        node, component = np.nonzero(fixed)
+        inverse[node, component, component] = 1.0
+        self._h = np.linalg.inv(inverse)
+        springs = np.matmul(self._h, by_u)
+        _set_rows_and_columns_to_zero(springs, fixed)
         self._nodal.setValuesCOO(springs.ravel())
         if self._coefficients is not None:
-            known = None if self.matrix is self._nodal else self.matrix
-            self.matrix = self._nodal.ptap(self._coefficients, result=known)
+            reused = None if self.matrix is self._nodal else self.matrix
+            self.matrix = self._nodal.ptap(self._coefficients, result=reused)
 
     def right_side(self, x: np.ndarray) -> np.ndarray:
-        """Nodal forces from the residual x of the equations: ``C^T H x`` at A and x elsewhere."""
-        force, at_contact = np.zeros(self.shape), np.zeros(self.shape)
-        force.ravel()[: len(x)] = x
-        values = np.matmul(self.h, np.where(self.free, force[self.nodes], 0.0)[..., None])[..., 0]
-        at_contact[self.nodes] = values
-        force[self.nodes] = np.where(self.free, 0.0, force[self.nodes])
-        force += np.where(self.reactions.free, self.reactions.back(at_contact), 0.0)
-        return force.ravel()[: len(x)]
+        """Return ``C^T H x`` at A and x elsewhere: nodal forces [force].
+
+        Args:
+            x: Residual of the equations, at the degrees of freedom of this rank.
+        """
+        force = x.reshape(-1, self._d).copy()
+        at_nodes = force[self._nodes]
+        residual = np.where(self._free, at_nodes, 0.0)
+        spring = np.matmul(self._h, residual[..., None])[..., 0]
+        if self._coefficients is not None:
+            on_coefficients, at_contact = self._work
+            on_coefficients.set(0.0)
+            on_coefficients.array.reshape(-1, self._d)[self._nodes] = spring
+            self._coefficients.multTranspose(on_coefficients, at_contact)
+            spring = at_contact.array_r.reshape(-1, self._d)[self._nodes]
+        force[self._nodes] = np.where(self._free, spring, at_nodes)
+        return force.ravel()
+
+    def free(self) -> None:
+        """Free PETSc's objects."""
+        if self.matrix is not self._nodal:
+            self.matrix.destroy()
+        self._nodal.destroy()
+        for vector in self._work:
+            vector.destroy()
 
     def _blocks(self, tangent: PETSc.Mat) -> np.ndarray:
-        """The block of each node in a matrix, shape (nodes, d, d)."""
-        d = self.shape[1]
+        """Return the block of each node in a matrix, shape (nodes, d, d)."""
+        d = self._d
         begin, column, value = tangent.getValuesCSR()
         row = np.repeat(np.arange(len(begin) - 1), np.diff(begin))
-        column = column - self._first
+        column = column - self._first_dof
         own = row // d == column // d
         place = row[own] * d + column[own] % d
         blocks = np.bincount(place, value[own], (len(begin) - 1) * d).reshape(-1, d, d)
-        return blocks[self.nodes]
+        return blocks[self._nodes]
 
 
-def _sparse(like: PETSc.Mat, rows: np.ndarray, cols: np.ndarray) -> PETSc.Mat:
-    """A matrix of the size of another one, with entries at the given places."""
-    matrix = PETSc.Mat().create(comm=like.comm)
-    matrix.setSizes(like.getSizes())
-    matrix.setType("aij")
-    matrix.setPreallocationCOO(rows.astype(PETSc.IntType), cols.astype(PETSc.IntType))
-    return matrix
+def _set_rows_and_columns_to_zero(blocks: np.ndarray, components: np.ndarray) -> None:
+    """Set rows and columns of blocks (n, d, d) to zero in place, at (n, d)."""
+    blocks[components] = 0.0
+    blocks.transpose(0, 2, 1)[components] = 0.0

@@ -1,4 +1,4 @@
-"""The tangent of the contact problem for all degrees of freedom, and its preconditioner.
+"""The tangent of the contact problem for all degrees of freedom, with preconditioner.
 
 The tangent is ``K + e_u``; with a multiplier it is ``S K + e_u C + e_lambda lambda'
 K``, with the symbols of :mod:`erc_contact.newton.full`. It is applied, not assembled:
@@ -20,16 +20,20 @@ from erc_contact.newton.linear.multigrid import Multigrid
 from erc_contact.newton.reactions import Reactions
 from erc_contact.newton.springs import Springs
 
-REGULAR, NO_INVERSE = 1e-4, 1e-9
-"""Tolerance of the linear solve that shows whether the tangent has an inverse, and the ratio that counts as none [-].
+REGULARITY_TOLERANCE = 1e-4
+"""Tolerance of the linear solve that shows whether the tangent has an inverse [-]."""
+NO_INVERSE = 1e-9
+"""Least singular value that counts as none [-].
 
-Beside the branch of demos/many_solutions.py the ratio is 1e-4 to 1e-1, on it 1e-15 to
+Beside the branch of demos/many_solutions.py the value is 1e-4 to 1e-1, on it 1e-15 to
 1e-10.
 """
 
 
 class Tangent:
-    """The tangent at the state that the forms read, scaled by ``length/force``; members are collective.
+    """Apply the tangent at the state that the forms read; members are collective.
+
+    It is scaled by ``length/force``.
 
     Args:
         forms: The equations of the method.
@@ -51,11 +55,19 @@ class Tangent:
         length: float,
         force: float,
     ) -> None:
-        self.model, self.forms, self.elastic = elastic.model, forms, elastic
-        self.length, self.force = length, force
+        self.model = elastic.model
+        self.forms = forms
+        self.elastic = elastic
+        self.length = length
+        self.force = force
         self._reactions = reactions
-        self._springs = None if reactions is None else Springs(self.model, elastic, reactions)
-        self._bcs = self.model.bcs if reactions is None else []
+        self._springs: Springs | None = None
+        self._bcs = self.model.bcs
+        if reactions is not None:
+            glue = elastic.glue.x.array
+            self._springs = Springs(self.model, elastic.matrix, glue, reactions)
+            # The rows of the multiplier's equations stay: they are not equilibrium.
+            self._bcs = []
         self._terms = [fp.create_matrix(form) for form in forms.tangents]
         self._work = [elastic.matrix.createVecRight() for _ in range(2)]
         self.matrix = shell(self.mult, self._work[0])
@@ -83,68 +95,77 @@ class Tangent:
         if self._springs is None:
             self.elastic.cycle(x, y)
         else:
-            right, _ = self._work
+            right = self._work[0]
             right.array[:] = self._springs.right_side(x.array_r)
             self.elastic.cycle(right, y)
         y.scale(self.force / self.length)
 
     def prepare(self, ksp: PETSc.KSP) -> None:
-        """Let a linear solver be FGMRES with the preconditioner."""
+        """Set a linear solver to FGMRES with the preconditioner."""
         set_up(ksp, self.precondition)
 
     def renew(self) -> None:
-        """Let the hierarchy be that of the tangent."""
-        self.elastic.renew(self._terms[0] if self._springs is None else self._springs.matrix)
+        """Set the hierarchy to that of the tangent."""
+        change = self._terms[0] if self._springs is None else self._springs.matrix
+        self.elastic.renew(change)
 
     def least_singular_value(self, u: PETSc.Vec) -> float:
-        """Estimate the least singular value of the tangent, scaled by the elastic diagonal [-]; zero if singular.
+        """Estimate the least singular value of the tangent [-]; zero if singular.
 
-        It is the ratio of a force without structure to the displacement that this
-        causes, as far as FGMRES solves for it. Without an inverse FGMRES does not
-        converge, and the displacement grows to the inverse of round-off; where
-        multigrid is only slow it does not.
+        The elastic diagonal scales it. It is the ratio of a force without structure to
+        the displacement that this causes, as far as FGMRES solves for it. Without an
+        inverse FGMRES does not converge, and the displacement grows to the inverse of
+        round-off; where multigrid is only slow it does not.
 
         Args:
             u: A displacement that may be near [-], e.g. that of another tangent; it
                 becomes the one of this tangent.
         """
-        diagonal, force = self.elastic.matrix.getDiagonal(), u.duplicate()
+        diagonal = self.elastic.matrix.getDiagonal()
+        force = u.duplicate()
         fixed = self.model.fixed.ravel()[: self.elastic.owned]
         diagonal.sqrtabs()
+        # A force without structure that does not depend on the number of ranks.
         force.array[:] = np.sin(1.0 + np.arange(*force.getOwnershipRange()) ** 2)
         force.array[fixed] = 0.0
         size = force.norm()
         force.pointwiseMult(force, diagonal)
-        fgmres(self.mult, self.precondition, force, u, REGULAR)
+        fgmres(self.mult, self.precondition, force, u, REGULARITY_TOLERANCE)
         diagonal.pointwiseMult(diagonal, u)
         diagonal.array[fixed] = 0.0
         length = diagonal.norm()
         diagonal.destroy()
         force.destroy()
-        found = size / length * self.force / self.length if length > 0 else 1.0
-        return float(found) if found > NO_INVERSE else 0.0
+        value = 1.0
+        if length > 0:
+            value = size / length * self.force / self.length
+        return float(value) if value > NO_INVERSE else 0.0
 
     def free(self) -> None:
-        """Free PETSc's objects; the matrix and this object know each other, and neither would be freed."""
-        for made in (*self._terms, *self._work, self.matrix):
-            made.destroy()
+        """Free PETSc's objects; the matrix and this object know each other."""
+        for petsc_object in (*self._terms, *self._work, self.matrix):
+            petsc_object.destroy()
         if self._springs is not None:
-            self._springs.matrix.destroy()
+            self._springs.free()
 
     def _mult_equations(self, reactions: Reactions, x: PETSc.Vec, y: PETSc.Vec) -> None:
         """Replace the rows of A in ``y = K x`` by those of the equations."""
-        model, (given, found), own = self.model, self._work, self.elastic.owned
-        shape, rows = model.fixed.shape, reactions.free.ravel()[:own]
-        force, u = np.zeros(shape), model.function()
-        force.ravel()[:own] = y.array_r
+        own = self.elastic.owned
+        u = self.model.function()
         u.x.array[:own] = x.array_r
         u.x.scatter_forward()
-        model.to_coefficients(u.x.array.reshape(shape), model.contacts)
-        total = np.zeros(own)
-        for term, values in zip(
-            self._terms, (u.x.array, *reactions.multipliers(force)), strict=True
-        ):
-            given.array[:] = values.ravel()[:own]
-            term.mult(given, found)
-            total += found.array_r
+        nodal = u.x.array.reshape(-1, self.model.d)
+        self.model.to_coefficients(nodal, self.model.contacts)
+
+        field, product = self._work
+        by_u, *by_multipliers = self._terms
+        field.array[:] = u.x.array[:own]
+        by_u.mult(field, product)
+        total = product.array_r.copy()
+        # The multipliers are linear in the reactions K x.
+        for term, matrix in zip(by_multipliers, reactions.matrices, strict=True):
+            matrix.mult(y, field)
+            term.mult(field, product)
+            total += product.array_r
+        rows = reactions.free.ravel()
         y.array[rows] = total[rows]

@@ -1,5 +1,5 @@
-"""Repair or speed up other libraries while this package calls them: DOLFINx, FFCx, UFL, PETSc, MPI and signals.
+"""Repair or speed up other libraries while this package calls them.
 
-The page "What import does" has a table of the modules, with the reason of each and when
-it can go.
+They are DOLFINx, FFCx, UFL, PETSc, MPI and signals. The page "What import does" has
+a table of the modules, with the reason of each and when it can go.
 """

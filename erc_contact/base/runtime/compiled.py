@@ -1,4 +1,4 @@
-"""Forms that were compiled once are found again, on later meshes and in later runs, and stay at hand in the process.
+"""Forms that were compiled once are found again, on later meshes and in later runs.
 
 A form is made anew on each mesh. DOLFINx then asks UFL for its signature, and FFCx
 looks for it in the folder of compiled forms, where it reads the list of all files. With
@@ -39,17 +39,21 @@ from dolfinx import mesh as dmesh
 from ffcx.codegeneration import jit
 from mpi4py import MPI
 
-from erc_contact.base.runtime.patches import forms_freed, refused, replaced
+from erc_contact.base.runtime.patches import method_caches_off, refused, replaced
+from erc_contact.base.ufl_types import Ufl
 
 FIRST = 10**9
-"""Number of the first Constant of the package; those of the user's begin with 0."""
+"""Number of the package's first Constant; those of the user's begin with 0."""
 _numbers = count(FIRST)
 """Numbers of the Constants of the package."""
 _known: dict[Any, tuple[Any, Any, Any]] = {}
-"""What DOLFINx needs of each form and each expression that this process has compiled or loaded: object and module."""
+"""What this process has compiled or loaded: key -> object, module, source as DOLFINx.
+
+There is one for each form and each expression.
+"""
 
 
-def numbers_alike() -> AbstractContextManager[None]:
+def constants_with_ten_digits() -> AbstractContextManager[None]:
     """Give new Constants numbers of ten digits within a context."""
     if refused():
         return nullcontext()
@@ -58,26 +62,26 @@ def numbers_alike() -> AbstractContextManager[None]:
 
 def constant(mesh: dmesh.Mesh, value: npt.ArrayLike) -> fem.Constant:
     """Make a Constant whose number does not change the code of a form."""
-    with numbers_alike():
+    with constants_with_ten_digits():
         return fem.Constant(mesh, value)
 
 
 def form(integrals: ufl.Form) -> fem.Form:
-    """Compile a form, or find it among those that this process knows; collective."""
+    """Compile a form, or find it among those of this process; collective."""
     with _remembering():
         return fem.form(integrals)
 
 
-def expression(value: Any, points: np.ndarray, comm: MPI.Comm) -> fem.Expression:
-    """Compile an expression at reference points, or find it among those that this process knows; collective."""
+def expression(value: Ufl, points: np.ndarray, comm: MPI.Comm) -> fem.Expression:
+    """Compile an expression at reference points, or find it; collective."""
     with _remembering():
         return fem.Expression(value, points, comm=comm, dtype=np.float64)
 
 
 @contextmanager
 def _remembering() -> Iterator[None]:
-    """Let DOLFINx compile or load each form and each expression once in a process, within a context."""
-    with forms_freed():
+    """Set DOLFINx to compile or load each form once in a process, within a context."""
+    with method_caches_off():
         if refused():
             yield
             return
@@ -88,60 +92,64 @@ def _remembering() -> Iterator[None]:
 def _remembered(
     compile_one: Callable[..., Any],
     comm: MPI.Comm,
-    one: Any,
+    source: Any,
     form_compiler_options: Any = None,
     jit_options: Any = None,
 ) -> tuple[Any, Any, Any]:
     """Do what ``dolfinx.jit.ffcx_jit`` does, once for each key; collective."""
-    key = _key(one, form_compiler_options, jit_options)
+    key = _key(source, form_compiler_options, jit_options)
     if not _all_known(comm, [key]):
-        made, module = compile_one(comm, one, form_compiler_options, jit_options)[:2]
-        _known[key] = made, module, (None, None)
+        compiled, module, *_ = compile_one(comm, source, form_compiler_options, jit_options)
+        _known[key] = compiled, module, (None, None)
     return _known[key]
 
 
 def compile_together(comm: MPI.Comm, forms: Sequence[ufl.Form]) -> None:
-    """Compile forms in one module, in which :func:`form` then finds each of them; collective."""
+    """Compile forms in one module; :func:`form` then finds each of them; collective."""
     if refused():
         return
     options = {"scalar_type": np.float64}
     keys = [_key(form, options, None) for form in forms]
-    if not _all_known(comm, keys):
-        with forms_freed():
-            made, module = _compiled(comm, list(forms), options)
-        _known.update(
-            {key: (one, module, (None, None)) for key, one in zip(keys, made, strict=True)}
-        )
+    if _all_known(comm, keys):
+        return
+    with method_caches_off():
+        objects, module = _compiled(comm, list(forms), options)
+    for key, compiled_form in zip(keys, objects, strict=True):
+        _known[key] = compiled_form, module, (None, None)
 
 
 @dolfinx_jit.mpi_jit_decorator
 def _compiled(forms: list[ufl.Form], options: dict[str, Any]) -> tuple[list[Any], Any]:
-    """FFCx's objects for forms and their module; the ranks, which come first in a call, make them together."""
-    return jit.compile_forms(forms, options=ffcx.get_options(options), **dolfinx_jit.get_options())[
-        :2
-    ]
+    """Return FFCx's objects for forms, and their module; collective.
+
+    The decorator adds the communicator as first argument of a call. Rank 0 compiles,
+    and the others load what it has made.
+    """
+    objects, module, *_ = jit.compile_forms(
+        forms, options=ffcx.get_options(options), **dolfinx_jit.get_options()
+    )
+    return objects, module
 
 
 def _all_known(comm: MPI.Comm, keys: list[Any]) -> bool:
-    """Whether all ranks know all of these keys; collective."""
+    """Tell whether all ranks know all of these keys; collective."""
     known = all(key in _known for key in keys)
     return known if comm.size == 1 else comm.allreduce(known, MPI.LAND)
 
 
 # -- the key
-# --------------------------------------------------------------------------------------------------
 
 
-def _key(one: Any, options: Any, settings: Any) -> Any:
-    """What decides on the code of a form, or of an expression and its points, with these options."""
-    if isinstance(one, ufl.Form):
-        if "structure" not in one._cache:  # UFL keeps this dictionary with a form for such things
-            integrals = one.integrals()
-            one._cache["structure"] = _structure(
-                [part.integrand() for part in integrals], integrals
-            )
-        return one._cache["structure"], repr(options), repr(settings)
-    expression, points = one
+def _key(source: Any, options: Any, settings: Any) -> Any:
+    """Return what decides on the code of a form, or of an expression and its points."""
+    if isinstance(source, ufl.Form):
+        # UFL keeps this dictionary with a form for such things.
+        if "structure" not in source._cache:
+            integrals = source.integrals()
+            integrands = [integral.integrand() for integral in integrals]
+            source._cache["structure"] = _structure(integrands, integrals)
+        return source._cache["structure"], repr(options), repr(settings)
+    expression, points = source
     return (
         _structure([expression], ()),
         points.shape,
@@ -151,8 +159,8 @@ def _key(one: Any, options: Any, settings: Any) -> Any:
     )
 
 
-def _structure(roots: Sequence[Any], integrals: Sequence[Any]) -> Any:
-    """Expressions, and how each is integrated, as tuples of numbers and words that are the same on all meshes.
+def _structure(roots: Sequence[Ufl], integrals: Sequence[Ufl]) -> Any:
+    """Return expressions as tuples of numbers and words, the same on all meshes.
 
     They hold all that UFL's signature holds: the kind and the operands of each node,
     what UFL signs of a terminal, and the data of the integrals. A node is followed by
@@ -160,6 +168,10 @@ def _structure(roots: Sequence[Any], integrals: Sequence[Any]) -> Any:
     their identity here, not by their content, which is quick. So a form that is built
     in another way may have another structure with the same signature: it is looked for
     once more.
+
+    Args:
+        roots: The expressions.
+        integrals: How each is integrated.
     """
     numbers = _Numbers()
     nodes: list[Any] = []
@@ -174,37 +186,38 @@ def _structure(roots: Sequence[Any], integrals: Sequence[Any]) -> Any:
         operands = node.ufl_operands
         nodes += node._ufl_typecode_, len(operands) or numbers.signed(node)
         todo += operands
-    measures = [
-        (
-            [
-                (mesh._ufl_signature_data_(numbers), kind)
-                for mesh, kind in one.extra_domain_integral_type_map().items()
-            ],
-            (
-                one.ufl_domain()._ufl_signature_data_(numbers),
-                one.integral_type(),
-                one.subdomain_id(),
-            ),
-            sorted((name, _told(value)) for name, value in one.metadata().items()),
-        )
-        for one in integrals
-    ]
+    measures = [_measure(integral, numbers) for integral in integrals]
     return tuple(nodes), repr(measures), numbers.in_order()
 
 
+def _measure(integral: Ufl, numbers: _Numbers) -> tuple[Any, ...]:
+    """Return how an integral is made: its domains, their parts, and its metadata."""
+    extra = []
+    for mesh, kind in integral.extra_domain_integral_type_map().items():
+        extra.append((mesh._ufl_signature_data_(numbers), kind))
+    domain = integral.ufl_domain()._ufl_signature_data_(numbers)
+    own = (domain, integral.integral_type(), integral.subdomain_id())
+    metadata = []
+    for name, value in integral.metadata().items():
+        metadata.append((name, _in_full(value)))
+    return extra, own, sorted(metadata)
+
+
 class _Numbers(dict[Any, int]):
-    """Numbers of meshes, coefficients, constants, labels and free indices, in the order in which they are met."""
+    """Number meshes, coefficients, constants, labels and free indices in order."""
 
-    def __missing__(self, one: Any) -> int:
-        self[one] = len(self)
-        return self[one]
+    def __missing__(self, key: Any) -> int:
+        self[key] = len(self)
+        return self[key]
 
-    def signed(self, terminal: Any) -> tuple[Any, ...] | str:
-        """What UFL signs of a terminal; of an operator without operands it is nothing."""
+    def signed(self, terminal: Ufl) -> tuple[Any, ...] | str:
+        """Return what UFL signs of a terminal, nothing of an empty operator."""
         if isinstance(terminal, ufl.classes.MultiIndex):
-            return tuple(
-                int(i) if isinstance(i, ufl.classes.FixedIndex) else (self[i],) for i in terminal
-            )
+            indices: list[Any] = []
+            for index in terminal:
+                fixed = isinstance(index, ufl.classes.FixedIndex)
+                indices.append(int(index) if fixed else (self[index],))
+            return tuple(indices)
         if isinstance(terminal, ufl.classes.Label):
             return (self[terminal],)
         if isinstance(terminal, ufl.classes.Zero):
@@ -213,15 +226,24 @@ class _Numbers(dict[Any, int]):
         return terminal._ufl_signature_data_(self) if terminal._ufl_is_terminal_ else ()
 
     def in_order(self) -> tuple[Any, ...]:
-        """Numbers of coefficients, constants and meshes in the order in which these were made, as UFL numbers them."""
-        kinds = (ufl.Coefficient, "count"), (ufl.Constant, "count"), (ufl.AbstractDomain, "ufl_id")
-        some = ([one for one in self if isinstance(one, kind)] for kind, _ in kinds)
-        return tuple(
-            tuple(self[one] for one in sorted(of, key=methodcaller(age)))
-            for of, (_, age) in zip(some, kinds, strict=True)
-        )
+        """Return numbers of coefficients, constants and meshes by their age.
+
+        UFL numbers these in the order in which they were made.
+        """
+        coefficients = self._by_age(ufl.Coefficient, "count")
+        constants = self._by_age(ufl.Constant, "count")
+        meshes = self._by_age(ufl.AbstractDomain, "ufl_id")
+        return coefficients, constants, meshes
+
+    def _by_age(self, kind: type, age: str) -> tuple[int, ...]:
+        """Return the numbers of objects of a kind, ordered by their method ``age``."""
+        objects = [key for key in self if isinstance(key, kind)]
+        objects.sort(key=methodcaller(age))
+        return tuple(self[key] for key in objects)
 
 
-def _told(value: Any) -> str:
-    """A value of the metadata in full: UFL shortens the text of an array."""
-    return repr((value.shape, value.tolist()) if isinstance(value, np.ndarray) else value)
+def _in_full(value: Any) -> str:
+    """Return a value of the metadata in full: UFL shortens the text of an array."""
+    if isinstance(value, np.ndarray):
+        return repr((value.shape, value.tolist()))
+    return repr(value)

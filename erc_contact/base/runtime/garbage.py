@@ -1,4 +1,4 @@
-"""Memory of PETSc's objects that several ranks share, and that nobody uses any more.
+"""Memory of PETSc's objects that several ranks have dropped.
 
 Ranks drop an object at different times, so petsc4py cannot free it then: it waits for a
 call that all ranks make, once for each communicator. Each mesh has a communicator of
@@ -13,30 +13,40 @@ import weakref
 from mpi4py import MPI
 from petsc4py import PETSc
 
-_owners: list[tuple[weakref.ref, PETSc.IS]] = []
-"""What may own PETSc's objects, and an object that keeps their communicator valid."""
+_tracked: list[tuple[weakref.ref, PETSc.IS]] = []
+"""Users of a communicator, and for each an object of PETSc that keeps it valid."""
 
 
-def register_owner(owner: object, comm: MPI.Comm) -> None:
-    """Register an owner, so that :func:`free_dropped` frees what was made for it; collective.
+def track_communicator(user: object, comm: MPI.Comm) -> None:
+    """Remember a communicator, so that :func:`free_dropped` cleans it; collective.
 
     Args:
-        owner: Whatever lives as long as these objects are in use, a domain. It is not
-            kept alive.
+        user: An object that lives as long as PETSc's objects on this communicator are
+            in use, a domain. It is not kept alive.
         comm: Its communicator. One with a single rank needs none of this.
     """
-    if comm.size > 1 and all(known() is not owner for known, _ in _owners):
-        _owners.append((weakref.ref(owner), PETSc.IS().createGeneral([], comm=comm)))
+    if comm.size == 1:
+        return
+    for reference, _ in _tracked:
+        if reference() is user:
+            return
+    anchor = PETSc.IS().createGeneral([], comm=comm)
+    _tracked.append((weakref.ref(user), anchor))
 
 
 def free_dropped(comm: MPI.Comm) -> None:
-    """Free PETSc's objects that all ranks of a communicator have dropped, whatever mesh they are of; collective."""
-    for entry in list(_owners):
-        owner, anchor = entry
+    """Free PETSc's objects that all ranks have dropped, of any mesh; collective.
+
+    Args:
+        comm: Communicator of a run. Those of all its meshes have the same ranks.
+    """
+    for entry in list(_tracked):
+        user, anchor = entry
         if MPI.Comm.Compare(anchor.comm.tompi4py(), comm) not in (MPI.IDENT, MPI.CONGRUENT):
             continue
-        gone = comm.allreduce(owner() is None, MPI.LAND)
+        gone = comm.allreduce(user() is None, MPI.LAND)
         PETSc.garbage_cleanup(anchor.comm)
         if gone:
+            # Nothing of this communicator is left to clean.
             anchor.destroy()
-            _owners.remove(entry)
+            _tracked.remove(entry)

@@ -1,4 +1,6 @@
-"""Ctrl-C and SIGTERM during a run: put off until a place is reached that all ranks share, the end of a stage at most.
+"""Ctrl-C and SIGTERM during a run, put off to a place that all ranks share.
+
+That is the end of a stage at the latest.
 
 An exception in the middle of anything would leave a half-written form in the compiler's
 cache, and under MPI it would come at another place of every rank, or on one rank only,
@@ -21,35 +23,34 @@ from mpi4py import MPI
 from erc_contact.base.logs import log_of
 
 SAME = 1.0
-"""Signals within this time are one Ctrl-C: a terminal and mpiexec may both send it [s]."""
+"""Time within which signals are one: a terminal and mpiexec may both send it [s]."""
 USUAL: dict[int, Any] = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL}
-"""The signals, and what handles them where nobody has asked for anything else."""
+"""The signals, and what handles them by default."""
 _running: ContextVar[tuple[Interrupts, ...]] = ContextVar("_running", default=())
 """The runs that are under way, the innermost last."""
 
 
 def interrupted(comm: MPI.Comm) -> bool:
-    """Whether the run that is under way on these ranks was interrupted, on any of them; collective."""
-    same = [
-        run
-        for run in _running.get()
-        if MPI.Comm.Compare(comm, run.comm) in (MPI.IDENT, MPI.CONGRUENT)
-    ]
-    found = [run.asked() for run in same]  # each of them, on all ranks
-    return any(found)
+    """Tell whether the run on these ranks was interrupted; collective."""
+    found = False
+    for run in _running.get():
+        if MPI.Comm.Compare(comm, run.comm) in (MPI.IDENT, MPI.CONGRUENT):
+            # All ranks ask each of the runs, as asking is collective.
+            found = run.asked() or found
+    return found
 
 
 def check_interrupts(comm: MPI.Comm) -> None:
-    """Raise KeyboardInterrupt on all ranks if the run that is under way on them was interrupted; collective."""
+    """Raise KeyboardInterrupt on all ranks if their run was interrupted; collective."""
     if interrupted(comm):
         raise KeyboardInterrupt
 
 
 class Interrupts:
-    """A context in which a first Ctrl-C or SIGTERM is noted, and a second one has its usual effect at once.
+    """Note a first Ctrl-C or SIGTERM within a context.
 
-    Where somebody else handles a signal already, or outside the main thread, it does
-    nothing.
+    A second one has its usual effect at once. Where somebody else handles a signal
+    already, or outside the main thread, it does nothing.
 
     Args:
         comm: All its ranks end together, whichever of them got the signal.
@@ -63,9 +64,10 @@ class Interrupts:
 
     def __enter__(self) -> Interrupts:
         if threading.current_thread() is threading.main_thread():
-            self.ours = [
-                number for number, usual in USUAL.items() if signal.getsignal(number) == usual
-            ]
+            self.ours = []
+            for number, usual in USUAL.items():
+                if signal.getsignal(number) == usual:
+                    self.ours.append(number)
         for number in self.ours:
             signal.signal(number, self._note)
         self._token = _running.set((*_running.get(), self))
@@ -77,7 +79,7 @@ class Interrupts:
             signal.signal(number, USUAL[number])
 
     def asked(self) -> bool:
-        """Whether any rank was interrupted; collective."""
+        """Tell whether any rank was interrupted; collective."""
         self.shared = bool(self.comm.allreduce(self.first is not None, MPI.LOR))
         return self.shared
 
@@ -87,7 +89,7 @@ class Interrupts:
             raise KeyboardInterrupt
 
     def ended(self, failure: BaseException) -> bool:
-        """Whether an interrupt is the cause of a failure, all ranks have it, and it is this run that it ends.
+        """Tell whether a failure is an interrupt on all ranks that ends this run.
 
         A run within another one, as a step of a loading history, leaves it to that one.
         A compiler that is killed by the same signal ends in an error of another type.
@@ -99,6 +101,7 @@ class Interrupts:
         return self.first is not None
 
     def _note(self, number: int, frame: FrameType | None) -> None:
+        """Handle a signal."""
         now = monotonic()
         if self.first is None:
             self.first = now

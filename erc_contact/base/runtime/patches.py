@@ -1,11 +1,12 @@
-"""What this package changes in other libraries: only while it calls them itself, and not at all where that is refused.
+"""Changes of other libraries, only while this package calls them itself.
 
-There are three such changes:
+The user may refuse them. There are three such changes:
 
 - DOLFINx finds a form that it has compiled already
   (:mod:`erc_contact.base.runtime.compiled`),
 - the Constants of the package have numbers of equally many digits (the same module),
-- UFL's methods do not keep objects for ever, on Python 3.13.0 (:func:`forms_freed`).
+- UFL's methods do not keep objects for ever, on Python 3.13.0
+(:func:`method_caches_off`).
 
 ``functools.singledispatchmethod`` of Python 3.13.0 keeps a weak dictionary of objects
 whose values hold these objects: nothing in it is ever freed. UFL differentiates with
@@ -29,7 +30,7 @@ from typing import Any
 from ufl.corealg.dag_traverser import DAGTraverser
 
 SWITCH = "ERC_CONTACT_PATCHES"
-"""Environment variable that refuses all changes if it is 0; it must be the same on all ranks."""
+"""Environment variable that refuses all changes if it is 0, on all ranks alike."""
 
 
 def refused() -> bool:
@@ -55,7 +56,7 @@ def replaced(owner: Any, name: str, value: Any) -> Iterator[None]:
 
 
 def keeps_objects() -> bool:
-    """Whether an object stays alive because one of its single-dispatch methods was called."""
+    """Tell whether calling a single-dispatch method of an object keeps it alive."""
 
     class Probe:
         @singledispatchmethod
@@ -70,11 +71,12 @@ def keeps_objects() -> bool:
 
 
 @contextmanager
-def forms_freed() -> Iterator[None]:
-    """Switch the dictionaries of UFL's methods off within a context, where the interpreter has the fault.
+def method_caches_off() -> Iterator[None]:
+    """Switch the dictionaries of UFL's methods off within a context.
 
-    The methods themselves do without one: they set it to None for objects that cannot
-    be referred to weakly. All that makes UFL differentiate stands in such a context.
+    It does nothing unless the interpreter has the fault. The methods themselves do
+    without one: they set it to None for objects that cannot be referred to weakly. All
+    that makes UFL differentiate stands in such a context.
     """
     methods = [] if refused() else _faulty_methods()
     dictionaries = [method._method_cache for method in methods]
@@ -89,7 +91,7 @@ def forms_freed() -> Iterator[None]:
 
 @cache
 def _faulty_methods() -> list[Any]:
-    """Find the methods of UFL that would keep objects: none, unless the interpreter has the fault."""
+    """Find the methods of UFL that would keep objects, none without the fault."""
     if not keeps_objects():
         return []
     methods = []
@@ -101,6 +103,7 @@ def _faulty_methods() -> list[Any]:
 
 
 def _subclasses(cls: Any) -> Iterator[Any]:
+    """Generate a class and all classes derived from it."""
     yield cls
     for child in cls.__subclasses__():
         yield from _subclasses(child)

@@ -1,4 +1,4 @@
-"""PETSc's algebraic multigrid for elastic bodies: its options, and the rigid motions that its aggregates keep."""
+"""PETSc's algebraic multigrid for elastic bodies: options and near null space."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from petsc4py import PETSc
 from erc_contact.model.model import Model
 
 PREFIX = "erc_contact_elastic_"
-"""Prefix of PETSc options of the solver of elastic equations, as in ``-erc_contact_elastic_pc_type hypre``."""
+"""Prefix of PETSc options, as in ``-erc_contact_elastic_pc_type hypre``."""
 OPTIONS = {
     "pc_type": "gamg",
     "pc_gamg_threshold": 0.02,
@@ -19,48 +19,61 @@ OPTIONS = {
 }
 """Options that the user's override."""
 RICHARDSON = 2
-"""Greatest number of ranks with Richardson's method as smoother. The symmetric sweeps
-are those of each rank alone. Where n ranks meet they may go n times as far as the whole
-matrix allows, and from twice on the cycle is not positive definite: it was 2.1 times on
-three ranks with nu = 0.49, and 2.5 times on eight. Chebyshev's method estimates this
-number and goes less far, in as few cycles.
+"""Greatest number of ranks with Richardson's method as smoother.
+
+The symmetric sweeps are those of each rank alone. Where n ranks meet they may go n
+times as far as the whole matrix allows, and from twice on the cycle is not positive
+definite: it was 2.1 times on three ranks with nu = 0.49, and 2.5 times on eight.
+Chebyshev's method estimates this number and goes less far, in as few cycles.
 """
 
 
 def with_defaults(pc: PETSc.PC) -> None:
-    """Set a preconditioner from PETSc's options, and from :data:`OPTIONS` where the user gives none."""
-    options, prefix = PETSc.Options(), pc.getOptionsPrefix()
+    """Set up a preconditioner from PETSc's options, and :data:`OPTIONS` beside them.
+
+    PETSc reads options from a table of the process. Defaults are put there for as long
+    as it reads, so that they override nothing of the user's.
+    """
+    options = PETSc.Options()
+    prefix = pc.getOptionsPrefix()
     smoother = "richardson" if pc.comm.size <= RICHARDSON else "chebyshev"
-    wanted = {**OPTIONS, "mg_levels_ksp_type": smoother}
-    ours = {
-        prefix + name: value for name, value in wanted.items() if not options.hasName(prefix + name)
-    }
-    for name, value in ours.items():
-        options[name] = value
+    defaults = {**OPTIONS, "mg_levels_ksp_type": smoother}
+    added = []
+    for name, value in defaults.items():
+        if not options.hasName(prefix + name):
+            options[prefix + name] = value
+            added.append(prefix + name)
     pc.setFromOptions()
     pc.setUp()  # the levels read their options here
-    for name in ours:
+    for name in added:
         options.delValue(name)
 
 
 def rigid_motions(model: Model, matrix: PETSc.Mat) -> PETSc.NullSpace:
-    """The rigid motions of the plane or of space at the nodes: the near null space of the aggregates."""
+    """Return the rigid motions of the plane or of space at the nodes.
+
+    They are the near null space that the aggregates keep.
+    """
     x = model.V.tabulate_dof_coordinates()[: model.V.dofmap.index_map.size_local, : model.d]
-    x = x - model.comm.allreduce(x.sum(axis=0), MPI.SUM) / model.V.dofmap.index_map.size_global
+    # Rotations are about the middle: far from the origin they would be translations.
+    middle = model.comm.allreduce(x.sum(axis=0), MPI.SUM) / model.V.dofmap.index_map.size_global
+    x = x - middle
     vectors = []
     for k in range(model.d):
-        vectors.append(matrix.createVecRight())
-        vectors[-1].array[k :: model.d] = 1.0
+        translation = matrix.createVecRight()
+        translation.array[k :: model.d] = 1.0
+        vectors.append(translation)
     for i in range(model.d):
         for j in range(i):
-            vectors.append(matrix.createVecRight())
-            vectors[-1].array[i :: model.d] = x[:, j]
-            vectors[-1].array[j :: model.d] = -x[:, i]
+            rotation = matrix.createVecRight()
+            rotation.array[i :: model.d] = x[:, j]
+            rotation.array[j :: model.d] = -x[:, i]
+            vectors.append(rotation)
     return PETSc.NullSpace().create(vectors=orthonormal(vectors), comm=matrix.comm)
 
 
 def orthonormal(vectors: list[PETSc.Vec]) -> list[PETSc.Vec]:
-    """The vectors orthonormalised, in place."""
+    """Orthonormalise vectors in place, and return them."""
     for k, vector in enumerate(vectors):
         for _ in range(2):  # once loses digits
             for before in vectors[:k]:

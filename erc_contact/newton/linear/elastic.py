@@ -23,7 +23,7 @@ GLUE = 10.0
 
 
 class Elastic:
-    """The elastic equations of a model with its supports.
+    """Represent the elastic equations of a model with its supports.
 
     Args:
         model: The scene on a mesh.
@@ -37,18 +37,19 @@ class Elastic:
 
     def __init__(self, model: Model) -> None:
         self.model = model
-        self.form = compiled.form(
-            model.stiffness(ufl.TrialFunction(model.V), ufl.TestFunction(model.V))
-        )
+        u = ufl.TrialFunction(model.V)
+        v = ufl.TestFunction(model.V)
+        self.form = compiled.form(model.stiffness(u, v))
         self.glue = _glue(model)
         self.owned = model.V.dofmap.index_map.size_local * model.d
 
     def load_vector(self) -> fem.Function:
-        """The loads of the scene as a new Function of nodal forces (not yet summed over ranks)."""
+        """Return the nodal forces of the loads [force], not yet summed over ranks."""
         return self._loads.copy()
 
     @cached_property
     def _loads(self) -> fem.Function:
+        """Assemble the nodal forces of the loads [force]."""
         b = self.model.function()
         loads = self.model.loads(ufl.TestFunction(self.model.V))
         if loads is not None:
@@ -56,16 +57,19 @@ class Elastic:
         return b
 
     def stiffness(self) -> PETSc.Mat:
-        """K, where supports fix a component the row and column of the identity."""
+        """Assemble K [force/length].
+
+        Where supports fix a component it has the row and column of the identity.
+        """
         matrix = fp.assemble_matrix(self.form, bcs=self.model.bcs)
         matrix.assemble()
         return matrix
 
     def right_side(self, b: fem.Function, *, supports: bool) -> PETSc.Vec:
-        """The right side for nodal forces b, whose ghost contributions are added up here.
+        """Return the right side for nodal forces, summed over ranks [force].
 
         Args:
-            b: Nodal forces [force].
+            b: Nodal forces [force], whose ghost contributions are added up here.
             supports: Whether fixed components take the values of the supports, else
                 zero.
         """
@@ -81,28 +85,41 @@ class Elastic:
         return vector
 
     def displacement(self, x: PETSc.Vec) -> fem.Function:
-        """A vector of nodal values as a Function."""
+        """Return a vector of nodal values as a Function."""
         u = self.model.function()
         u.x.array[: self.owned] = x.array_r
         u.x.scatter_forward()
         return u
 
-    def add_glue(self, matrix: PETSc.Mat, share: float = 1.0) -> None:
-        """Add a share of D to the diagonal of a matrix, in place."""
-        diagonal = matrix.createVecRight()
-        diagonal.array[:] = share * self.glue.x.array[: self.owned]
-        matrix.setDiagonal(diagonal, addv=PETSc.InsertMode.ADD)
-        diagonal.destroy()
+    def add_glue(self, matrix: PETSc.Mat) -> None:
+        """Add D to the diagonal of a matrix, in place."""
+        add_diagonal(matrix, self.glue.x.array[: self.owned])
+
+
+def add_diagonal(matrix: PETSc.Mat, values: np.ndarray) -> None:
+    """Add values to the diagonal of a matrix, in place.
+
+    Args:
+        matrix: The matrix; its pattern has the diagonal.
+        values: Those of the rows of this rank.
+    """
+    diagonal = matrix.createVecRight()
+    diagonal.array[:] = values
+    matrix.setDiagonal(diagonal, addv=PETSc.InsertMode.ADD)
+    diagonal.destroy()
 
 
 def _glue(model: Model) -> fem.Function:
+    """Assemble D [force/length]."""
     glue = model.function()
     if not model.contacts:
         return glue
     ones = ufl.as_vector([1.0] * model.d)
     v = ufl.TestFunction(model.V)
     gamma = model.stiffness_per_area(compiled.constant(model.mesh, GLUE), model.cell_modulus)
-    terms = [gamma * ufl.inner(ones, v) * c.ds(metadata=model.nodal_rule) for c in model.contacts]
+    terms = []
+    for contact in model.contacts:
+        terms.append(gamma * ufl.inner(ones, v) * contact.ds(metadata=model.nodal_rule))
     fem.assemble_vector(glue.x.array, compiled.form(sum(terms[1:], start=terms[0])))
     glue.x.scatter_reverse(la.InsertMode.add)
     glue.x.scatter_forward()

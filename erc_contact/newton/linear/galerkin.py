@@ -1,4 +1,4 @@
-"""A multigrid hierarchy of K + C that follows a change of C, which is zero away from the contact.
+"""A multigrid hierarchy of K + C that follows C, which is zero away from the contact.
 
 The coarse matrices of algebraic multigrid are ``A_coarse = P^T A P`` with the
 interpolation P. If C changes to C', each level gets ``P^T (C' - C) P`` added. This is a
@@ -10,11 +10,12 @@ from __future__ import annotations
 
 from petsc4py import PETSc
 
-SAME, SUBSET = PETSc.Mat.Structure.SAME_NONZERO_PATTERN, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN
+SAME = PETSc.Mat.Structure.SAME_NONZERO_PATTERN
+SUBSET = PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN
 
 
 class CoarseMatrices:
-    """The coarse matrices of a hierarchy, which follow C; members are collective.
+    """Hold the coarse matrices of a hierarchy, which follow C; members are collective.
 
     Args:
         pc: PETSc's GAMG, set up for K + C.
@@ -30,44 +31,41 @@ class CoarseMatrices:
         self._layer = layer
         self._change = stiffness.createSubMatrix(layer, layer)
         self._difference = self._change.duplicate()
-        self._set(start)
-        self._interpolations = [pc.getMGInterpolation(level) for level in range(top, 0, -1)]
+        self._set_change(start)
+        self._interpolations = []
+        self._coarse = []
+        for level in range(top, 0, -1):
+            self._interpolations.append(pc.getMGInterpolation(level))
+            self._coarse.append(_matrix_of(pc, level - 1))
         if top:
+            # C has entries in the layer only, so these rows of P are enough.
             whole = self._interpolations[0]
             self._interpolations[0] = whole.createSubMatrix(layer, None)
             whole.destroy()
-        self._coarse = [_matrix_of(pc, level) for level in range(top - 1, -1, -1)]
         self._products: list[PETSc.Mat | None] = [None] * top
 
     def follow(self, change: PETSc.Mat) -> None:
-        """Let the coarse matrices be those of K plus a change [force/length]."""
+        """Change the coarse matrices to those of K plus a change [force/length]."""
         difference = self._difference
         self._change.copy(difference, SAME)
-        self._set(change)
+        self._set_change(change)
         difference.aypx(-1.0, self._change, SAME)
-        for k, (interpolation, coarse) in enumerate(
-            zip(self._interpolations, self._coarse, strict=True)
-        ):
-            self._products[k] = difference = difference.ptap(
-                interpolation, result=self._products[k]
-            )
+        levels = zip(self._interpolations, self._coarse, strict=True)
+        for k, (interpolation, coarse) in enumerate(levels):
+            difference = difference.ptap(interpolation, result=self._products[k])
+            self._products[k] = difference
             coarse.axpy(1.0, difference, SUBSET)
 
     def free(self) -> None:
         """Free PETSc's objects, which it would keep on several ranks."""
-        for made in (
-            self._layer,
-            self._change,
-            self._difference,
-            *self._interpolations,
-            *self._coarse,
-            *self._products,
-        ):
-            if made is not None:
-                made.destroy()
+        for owned in (self._layer, self._change, self._difference):
+            owned.destroy()
+        for matrix in (*self._interpolations, *self._coarse, *self._products):
+            if matrix is not None:
+                matrix.destroy()
 
-    def _set(self, change: PETSc.Mat) -> None:
-        """Let C be a change."""
+    def _set_change(self, change: PETSc.Mat) -> None:
+        """Set C to a change."""
         part = change.createSubMatrix(self._layer, self._layer)
         self._change.zeroEntries()
         self._change.axpy(1.0, part, SUBSET)
@@ -75,7 +73,7 @@ class CoarseMatrices:
 
 
 def _matrix_of(pc: PETSc.PC, level: int) -> PETSc.Mat:
-    """The matrix of a level of a hierarchy."""
+    """Return the matrix of a level of a hierarchy."""
     smoother = pc.getMGSmoother(level)
     matrix, preconditioner = smoother.getOperators()
     preconditioner.destroy()

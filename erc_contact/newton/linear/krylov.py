@@ -8,13 +8,15 @@ from typing import Any
 from petsc4py import PETSc
 
 Apply = Callable[[PETSc.Vec, PETSc.Vec], None]
-"""Sets the second vector to a linear function of the first one."""
-LIMIT, RESTART = 200, 50
-"""Limit of the cycles of one linear solve, and vectors that it keeps."""
+"""Function that sets the second vector to a linear function of the first one."""
+LIMIT = 200
+"""Limit of the cycles of one linear solve."""
+RESTART = 50
+"""Number of vectors that FGMRES keeps."""
 
 
 class _Shell:
-    """A linear function, as PETSc wants a matrix or a preconditioner."""
+    """Represent a linear function as PETSc wants a matrix or a preconditioner."""
 
     def __init__(self, apply: Apply) -> None:
         self._apply = apply
@@ -29,16 +31,22 @@ class _Shell:
 
 
 def shell(apply: Apply, like: PETSc.Vec) -> PETSc.Mat:
-    """A square matrix for vectors like the given one; to be destroyed, as it and the function may know each other."""
-    matrix = PETSc.Mat().createPython(
-        (like.getSizes(), like.getSizes()), context=_Shell(apply), comm=like.comm
-    )
+    """Make a square matrix of a function.
+
+    The caller destroys it: the matrix and the function may know each other.
+
+    Args:
+        apply: The function.
+        like: A vector of the same sizes.
+    """
+    sizes = like.getSizes()
+    matrix = PETSc.Mat().createPython((sizes, sizes), context=_Shell(apply), comm=like.comm)
     matrix.setUp()
     return matrix
 
 
 def set_up(ksp: Any, precondition: Apply) -> None:
-    """Let a linear solver be FGMRES with a preconditioner."""
+    """Set a linear solver to FGMRES with a preconditioner."""
     ksp.setType("fgmres")
     ksp.setGMRESRestart(RESTART)
     ksp.setTolerances(max_it=LIMIT)
@@ -47,8 +55,17 @@ def set_up(ksp: Any, precondition: Apply) -> None:
 
 
 def fgmres(apply: Apply, precondition: Apply, b: PETSc.Vec, x: PETSc.Vec, tolerance: float) -> None:
-    """Solve for x, from x on, until the residual is a tolerance of b [-], or as far as it goes."""
-    matrix, ksp = shell(apply, b), PETSc.KSP().create(b.comm)
+    """Solve linear equations by FGMRES, as far as it goes.
+
+    Args:
+        apply: The matrix.
+        precondition: About its inverse.
+        b: Right side.
+        x: The first guess, which becomes the solution, in place.
+        tolerance: Residual over b at which it stops [-].
+    """
+    matrix = shell(apply, b)
+    ksp = PETSc.KSP().create(b.comm)
     ksp.setOperators(matrix)
     set_up(ksp, precondition)
     ksp.setTolerances(rtol=tolerance)

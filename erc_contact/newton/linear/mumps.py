@@ -1,4 +1,4 @@
-"""Direct solvers: MUMPS' factors of symmetric matrices, and the Schur complements that it makes with them.
+"""Direct solvers: MUMPS' factors of symmetric matrices, and their Schur complements.
 
 petsc4py has no names for Schur complements, so PETSc's own functions are called through
 ctypes.
@@ -14,10 +14,13 @@ import numpy as np
 from petsc4py import PETSc
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.base.runtime.held import sigterm_held
+from erc_contact.base.runtime.sigterm import sigterm_blocked
 
 WORKSPACE = 80
-"""Workspace of MUMPS beyond its estimate [%]; its default of 20 was too small for 322 tetrahedra on three ranks."""
+"""Workspace of MUMPS beyond its estimate [%].
+
+Its default of 20 was too small for 322 tetrahedra on three ranks.
+"""
 AMD, AMF = 0, 2
 """MUMPS' numbers of the orderings by approximate minimum degree and minimum fill.
 
@@ -30,7 +33,7 @@ Plain factors by AMF take 0.9 of the time of AMD in the plane on two ranks, and 
 37 000 tetrahedra.
 """
 LARGE = 100_000
-"""Number of equations from which on blocks of the factor are compressed, by BLR [-].
+"""Number of equations from which on blocks of the factor are compressed (BLR) [-].
 
 What is left out is below round-off, :data:`DROPPED` of the least diagonal entry, so
 that the solution is the same. A factor of 1 011 042 equations of a rectangle then takes
@@ -42,22 +45,28 @@ back; where it cannot be, nothing is compressed.
 DROPPED = 1e-16
 """What compression may leave out [-]."""
 NOT_FACTORISED = (
-    "The elastic stiffness cannot be factorised: its numbers are too far apart for double precision. "
-    "Choose units in which moduli and lengths are nearer to 1; look for degenerate cells."
+    "The elastic stiffness cannot be factorised: its numbers are too far apart for double "
+    "precision. Choose units in which moduli and lengths are nearer to 1; look for degenerate "
+    "cells."
 )
 NOT_DEFINITE = 81
 """PETSc's code of a matrix without a Cholesky factor."""
-ZERO_PIVOT, LIBRARY = 71, 76
-"""PETSc's codes of a matrix that cannot be factorised, PETSC_ERR_MAT_LU_ZRPVT, and of a failure in LAPACK."""
+ZERO_PIVOT = 71
+"""PETSc's code of a matrix that cannot be factorised, PETSC_ERR_MAT_LU_ZRPVT."""
+LIBRARY = 76
+"""PETSc's code of a failure in a library, such as LAPACK."""
 
 
 def factorised(matrix: PETSc.Mat, schur_on: np.ndarray | None = None) -> PETSc.KSP:
-    """A solver with MUMPS' factor of a symmetric matrix; collective.
+    """Factorise a symmetric matrix with MUMPS; collective.
 
     Args:
         matrix: Assembled.
         schur_on: Rows on which MUMPS makes a Schur complement, of a matrix on one rank;
             None for a plain factor.
+
+    Returns:
+        A solver with the factor.
 
     Raises:
         InputError: If the matrix cannot be factorised.
@@ -78,12 +87,15 @@ def factorised(matrix: PETSc.Mat, schur_on: np.ndarray | None = None) -> PETSc.K
         indices = PETSc.IS().createGeneral(schur_on.astype(PETSc.IntType), comm=comm)
         _call("MatFactorSetSchurIS", factor.handle, indices.handle)
         indices.destroy()
+
+    # Compression calls METIS, which no signal may interrupt.
     large = comm.size == 1 and matrix.getSize()[0] >= LARGE
-    with sigterm_held() if large else nullcontext(False) as held:
-        if held:
+    with sigterm_blocked() if large else nullcontext(False) as blocked:
+        if blocked:
             _compress(factor, matrix)
         ksp.setUp()
-    reasons, failed = PETSc.PC.FailedReason, pc.getFailedReason()
+    reasons = PETSc.PC.FailedReason
+    failed = pc.getFailedReason()
     if failed == reasons.FACTOR_OUTMEMORY:
         raise MemoryError(f"the factor of {matrix.getSize()[0]} elastic equations")
     if failed != reasons.NOERROR:
@@ -92,24 +104,23 @@ def factorised(matrix: PETSc.Mat, schur_on: np.ndarray | None = None) -> PETSc.K
 
 
 def _compress(factor: PETSc.Mat, matrix: PETSc.Mat) -> None:
-    """Let MUMPS compress blocks of the factor by what is below the round-off of the softest equation.
+    """Set MUMPS to compress blocks of the factor below round-off.
 
-    An equation of a component that a support fixes is that of the identity, and does
-    not count.
+    It is the round-off of the softest equation. An equation of a component that a
+    support fixes is that of the identity, and does not count.
     """
     diagonal = abs(matrix.getDiagonal().array_r)
     softest = diagonal[diagonal != 1.0].min(initial=np.inf)
     factor.setMumpsIcntl(35, 2)  # block low-rank, in solves, too
-    factor.setMumpsIcntl(
-        36, 1
-    )  # compressed after they have served: what is left out is not amplified
+    # Blocks are compressed after they have served, so no error is amplified.
+    factor.setMumpsIcntl(36, 1)
     factor.setMumpsCntl(7, DROPPED * softest if np.isfinite(softest) else 0.0)
 
 
 _LIBRARY = ctypes.CDLL(PETSc.__file__)
 """PETSc itself: petsc4py has no names for its Schur complements."""
 _HANDLE, _ADDRESS, _ENUM = ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int
-"""C's types of an object of PETSc, of where a function writes a result, and of one of PETSc's enumerations."""
+"""C's types of a PETSc object, of the address of a result, and of an enumeration."""
 _ARGUMENTS = {
     "MatFactorSetSchurIS": (_HANDLE, _HANDLE),
     "MatFactorGetSchurComplement": (_HANDLE, _ADDRESS, _ADDRESS),
@@ -117,10 +128,18 @@ _ARGUMENTS = {
     "MatDenseGetArrayRead": (_HANDLE, _ADDRESS),
     "MatDenseRestoreArrayRead": (_HANDLE, _ADDRESS),
 }
-"""PETSc's functions that are called here, and the types of their arguments in C; each returns an error code, an int."""
+"""PETSc's functions that are called here -> C's types of their arguments.
+
+Each returns an error code, an int.
+"""
 
 
 def _call(name: str, *arguments: Any) -> None:
+    """Call a function of PETSc.
+
+    Raises:
+        RuntimeError: If it fails.
+    """
     function = getattr(_LIBRARY, name)
     function.argtypes = _ARGUMENTS[name]
     function.restype = ctypes.c_int
@@ -129,12 +148,18 @@ def _call(name: str, *arguments: Any) -> None:
 
 
 def schur_complement(ksp: PETSc.KSP, size: int) -> np.ndarray:
-    """The Schur complement that MUMPS made with a factor on one rank; of its array only the upper triangle is that."""
+    """Return the Schur complement that MUMPS made with a factor on one rank.
+
+    Args:
+        ksp: The solver with the factor.
+        size: Number of rows of the Schur complement.
+    """
     schur, status = _HANDLE(), _ENUM()
     data = ctypes.POINTER(ctypes.c_double)()
     factor = ksp.getPC().getFactorMatrix().handle
     _call("MatFactorGetSchurComplement", factor, ctypes.addressof(schur), ctypes.addressof(status))
     _call("MatDenseGetArrayRead", schur, ctypes.addressof(data))
+    # Of MUMPS' array only the upper triangle is the Schur complement.
     values = np.ctypeslib.as_array(data, (size, size))
     symmetric = np.where(np.tri(size, k=-1, dtype=bool), values.T, values)
     _call("MatDenseRestoreArrayRead", schur, ctypes.addressof(data))
@@ -143,17 +168,23 @@ def schur_complement(ksp: PETSc.KSP, size: int) -> np.ndarray:
 
 
 def interior_only(ksp: PETSc.KSP) -> None:
-    """Let a factor with a Schur complement solve ``K_II u_I = b_I``, with u zero where the Schur complement is."""
+    """Set a factor with a Schur complement to solve ``K_II u_I = b_I``.
+
+    The rows I are those that the Schur complement is not on; elsewhere u is zero.
+    """
     ksp.getPC().getFactorMatrix().setMumpsIcntl(26, 0)
 
 
 def dense_factor(values: np.ndarray, kind: str) -> PETSc.KSP:
-    """A solver for a dense matrix of this rank.
+    """Factorise a dense matrix of this rank.
 
     Args:
         values: The matrix.
         kind: "cholesky" for a positive definite one, whose factor is made here, or
             "lu", made when it is needed.
+
+    Returns:
+        A solver with the factor.
 
     Raises:
         InputError: If the matrix is not positive definite.
@@ -178,7 +209,7 @@ def dense_factor(values: np.ndarray, kind: str) -> PETSc.KSP:
 
 
 def dense_solve(factor: PETSc.KSP, b: np.ndarray) -> np.ndarray:
-    """Solution of dense equations for a right side (n,) or several (n, m)."""
+    """Solve dense equations for a right side (n,) or several (n, m)."""
     if b.size == 0:
         return np.zeros_like(b)
     right = PETSc.Mat().createDense(

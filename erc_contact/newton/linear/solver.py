@@ -1,4 +1,11 @@
-"""What later stages may ask of the solver that a contact solve leaves behind, whichever it is.
+"""The elastic solver of a solution, as later stages see it, whichever it is.
+
+A contact solve makes it, and the solution keeps it as ``Solution.stiffness``. Its
+factor or hierarchy takes most of the memory of a solution, so it lives as follows: the
+contact solve makes it; the rebalance of the admissible stress uses it last as a rule,
+and frees it; bounds of quantities that solve again make it again, and free it. Whoever
+solves after a ``free`` therefore frees again. If nobody does, it goes with the
+solution.
 
 Symbols: K elastic stiffness with the supports [force/length]; S its Schur complement on
 the nodes of all contacts.
@@ -14,7 +21,9 @@ from petsc4py import PETSc
 
 
 class Traces(Protocol):
-    """The body as its contact sees it: forces and displacements of a surface, the same on all ranks.
+    """Represent the body as its contact sees it, by a surface.
+
+    Forces and displacements of the surface are the same on all ranks.
 
     Attributes:
         motions: Rigid motions of the body that no support holds, at the nodes of the
@@ -28,17 +37,17 @@ class Traces(Protocol):
     cheap: ClassVar[bool]
 
     def lifted(self, y: np.ndarray, *, rough: bool = False) -> np.ndarray:
-        """Return the forces ``S y`` that hold the displacement y (M, d) of the surface [force], shape (M, d).
+        """Return the forces ``S y`` that hold the displacement y [force]; collective.
 
-        Collective. Nodes of contacts beside the surface are held. Four digits of the
-        energy are right if it may be rough, else ten.
+        Both have the shape (M, d). Nodes of contacts beside the surface do not move.
+        Four digits of the energy are right if it may be rough, else ten.
         """
 
     def moved(self, f: np.ndarray) -> np.ndarray:
-        """Return the displacement ``S^+ f`` of the surface under forces f (M, d) [length], shape (M, d); collective.
+        """Return the displacement ``S^+ f`` under forces f [length]; collective.
 
-        Nodes of contacts beside the surface are free of forces. The forces do no work
-        on the free motions.
+        Both have the shape (M, d). Nodes of contacts beside the surface are free of
+        forces. The forces do no work on the free motions.
         """
 
     def free(self) -> None:
@@ -46,7 +55,7 @@ class Traces(Protocol):
 
 
 class ElasticSolver(Protocol):
-    """What later stages ask of the solver that a contact solve leaves behind.
+    """Solve the elastic equations of a model for the stages after a contact solve.
 
     Attributes:
         iterative: Whether it solves by iterations, to a tolerance.
@@ -59,7 +68,7 @@ class ElasticSolver(Protocol):
     def factorised(self) -> bool: ...  # noqa: D102
 
     def load_vector(self) -> fem.Function:
-        """Return the nodal forces of the loads of the scene [force], not yet summed over ranks."""
+        """Return the nodal forces of the loads [force], not yet summed over ranks."""
 
     def solve(
         self, b: fem.Function, *, supports: bool = True, tolerance: float | None = None
@@ -77,7 +86,9 @@ class ElasticSolver(Protocol):
     def solve_with_springs(
         self, springs: PETSc.Mat, b: fem.Function, near: fem.Function
     ) -> fem.Function:
-        """Return the displacement u of ``(K + C) u = b`` [length], zero where supports fix it; collective.
+        """Return the displacement u of ``(K + C) u = b`` [length]; collective.
+
+        It is zero where supports fix it.
 
         Args:
             springs: C, stiffness at the contact [force/length]; without rows and

@@ -1,4 +1,4 @@
-"""The elastic stiffness, glued to the foundations, factorised once and condensed on the contact.
+"""The elastic stiffness, glued to the foundations, factorised and condensed.
 
 Between two states of a contact only forces at the contact change. So the nonlinear
 problem needs only the stiffness condensed on the contact, a small dense matrix. One
@@ -10,8 +10,9 @@ facets; L the free degrees of freedom of the cells at the contact, those of the 
 nodes first; A the first ones of L (the contact nodes, or all); S_A the Schur complement
 of K + D on A. Then S_A - D_A is the Schur complement of K, and at the contact
 
-    K u = b + (forces c at A)   <=>   (S_A - D_A) u_A = S_A w_A + c,    u = w + (K +
-    D)^-1 (D u_A + c)
+    K u = b + (forces c at A)   <=>   (S_A - D_A) u_A = S_A w_A + c,
+
+    u = w + (K + D)^-1 (D u_A + c)
 
 with ``w = (K + D)^-1 b``. K + D is positive definite even if only contacts hold the
 body. MUMPS makes the Schur complement on L with the factor; the degrees of freedom of L
@@ -37,7 +38,7 @@ from erc_contact.newton.linear.traces import DenseTraces
 
 
 class Stiffness(Elastic):
-    """The elastic stiffness of a model with its supports.
+    """Solve the elastic equations of a model with a factor.
 
     Attributes:
         local: Degrees of freedom of this rank (with ghosts) that are in L.
@@ -57,21 +58,22 @@ class Stiffness(Elastic):
 
     def __init__(self, model: Model) -> None:
         super().__init__(model)
-        self.contact_size, self.local = 0, np.zeros(0, dtype=np.int64)
+        self.contact_size = 0
+        self.local = np.zeros(0, dtype=np.int64)
         self.schur: np.ndarray | None = None
         self._reduced: tuple[np.ndarray, np.ndarray] | None = None
         self._factor: PETSc.KSP | Substructures | None = None
         self._matrix: PETSc.Mat | None = None
         if model.contacts:
-            self.local, self.place, self.numbers = self._layer()
+            self._number_layer()
         if self.contact_size:
             self._condense()
 
     def glued(self, b: fem.Function, *, supports: bool = True) -> fem.Function:
-        """``w = (K + D)^-1 b`` [length] under nodal forces b [force], whose ghost contributions are added up here.
+        """Solve ``(K + D) w = b`` for the displacement w [length].
 
         Args:
-            b: Nodal forces.
+            b: Nodal forces [force], whose ghost contributions are added up here.
             supports: Whether fixed components take the values of the supports, else
                 zero.
         """
@@ -86,54 +88,64 @@ class Stiffness(Elastic):
     def solve(
         self, b: fem.Function, *, supports: bool = True, tolerance: float | None = None
     ) -> fem.Function:
-        """Displacement u of ``K u = b`` [length] under nodal forces b [force]; see :meth:`glued`.
+        """Solve ``K u = b`` for u [length] under nodal forces b [force].
 
-        The loads must do no work on rigid motions that no support holds. At the
-        contact, u then has no part in these motions.
+        The arguments are those of :meth:`glued`. The loads must do no work on rigid
+        motions that no support holds. At the contact, u then has no part in these
+        motions.
         """
         w = self.glued(b, supports=supports)
         if not self.contact_size:
             return w
         a = self.contact_size
         w_A = self.gather(w)[:a]
-        u_A = together(self.model.comm, lambda: None if self.schur is None else self._freed(a, w_A))
+
+        def unglue() -> np.ndarray | None:
+            if self.schur is None:
+                return None
+            schur, _ = self.reduced(a)
+            return np.linalg.solve(self.definite(a), schur @ w_A)
+
+        u_A = together(self.model.comm, unglue)
         return self.expand(w, u_A, None)
 
     def solve_with_springs(
         self, springs: PETSc.Mat, b: fem.Function, near: fem.Function
     ) -> fem.Function:
-        """Return the displacement u of ``(K + C) u = b`` [length] by a factor made for it.
+        """Solve ``(K + C) u = b`` for u [length] by a factor made for it.
 
         See :class:`.solver.ElasticSolver`.
         """
         matrix = self.stiffness()
         matrix.axpy(1.0, springs, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
-        ksp, vector = factorised(matrix), self.right_side(b, supports=False)
+        ksp = factorised(matrix)
+        vector = self.right_side(b, supports=False)
         x = vector.duplicate()
         ksp.solve(vector, x)
         u = self.displacement(x)
-        for made in (ksp, matrix, vector, x):
-            made.destroy()
+        for done in (ksp, matrix, vector, x):
+            done.destroy()
         return u
 
     def traces(self, numbers: np.ndarray) -> DenseTraces:
         """Return the body as a surface sees it, see :class:`.solver.ElasticSolver`."""
         count = self.contact_size
-        return DenseTraces(
-            self.model,
-            numbers,
-            self.numbers[:count],
-            lambda: (self.unglued(count), np.linalg.inv(self.definite(count))),
-        )
 
-    def _freed(self, a: int, w_A: np.ndarray) -> np.ndarray:
-        """Displacement of the contact nodes without the glue, from that with it, on rank 0."""
-        return np.linalg.solve(self.definite(a), self.reduced(a)[0] @ w_A)
+        def matrices() -> tuple[np.ndarray, np.ndarray]:
+            return self.unglued(count), np.linalg.inv(self.definite(count))
+
+        return DenseTraces(self.model, numbers, self.numbers[:count], matrices)
 
     def expand(
         self, w: fem.Function, u_A: np.ndarray | None, force: np.ndarray | None
     ) -> fem.Function:
-        """``u = w + (K + D)^-1 (D u_A + c)`` from u_A and the contact forces c at A, both on rank 0 (c may be None)."""
+        """Return ``u = w + (K + D)^-1 (D u_A + c)`` [length]; collective.
+
+        Args:
+            w: The glued displacement [length].
+            u_A: Displacement at A [length], on rank 0.
+            force: Contact forces c at A [force], on rank 0; None for zero.
+        """
         added = None
         if u_A is not None and self.schur is not None:
             added = self.glued_by[: len(u_A)] * u_A + (0.0 if force is None else force)
@@ -145,7 +157,14 @@ class Stiffness(Elastic):
         return u
 
     def reduced(self, count: int) -> tuple[np.ndarray, np.ndarray]:
-        """S_A for the first ``count`` of L, shape (A, A), and the derivative of u_L by u_A, shape (L, A), on rank 0."""
+        """Return S_A and the derivative of u_L by u_A, on rank 0.
+
+        Args:
+            count: Size of A, the first ones of L.
+
+        Returns:
+            S_A, shape (A, A), and the derivative, shape (L, A).
+        """
         full = np.asarray(self.schur)
         if count == len(full):
             return full, np.eye(count)
@@ -157,7 +176,10 @@ class Stiffness(Elastic):
         return self._reduced
 
     def gather(self, u: fem.Function) -> np.ndarray:
-        """Values at L on rank 0 (elsewhere an empty array), from the owners of the nodes; collective."""
+        """Return values at L, from the owners of the nodes; collective.
+
+        They are on rank 0; elsewhere the array is empty.
+        """
         own = self.local < self.model.V.dofmap.index_map.size_local * self.model.d
         parts = gathered(self.model.comm, (self.place[own], u.x.array[self.local[own]]))
         values = np.zeros(len(self.numbers) if parts else 0)
@@ -166,15 +188,20 @@ class Stiffness(Elastic):
         return values
 
     def scatter(self, values: np.ndarray | None, u: fem.Function) -> None:
-        """Set u at L, or at the first ones of L, to the values on rank 0, and to zero elsewhere; collective."""
+        """Set u at L, or at the first ones of L, and to zero elsewhere; collective.
+
+        Args:
+            values: The values, on rank 0.
+            u: The Function, in place.
+        """
         values = from_first(self.model.comm, values)
-        known = self.place < len(values)
+        inside = self.place < len(values)
         u.x.array[:] = 0.0
-        u.x.array[self.local[known]] = values[self.place[known]]
+        u.x.array[self.local[inside]] = values[self.place[inside]]
 
     @property
     def factorised(self) -> bool:
-        """Whether there is a factor to solve with."""
+        """Tell whether there is a factor to solve with."""
         return self._factor is not None
 
     def free(self) -> None:
@@ -187,45 +214,62 @@ class Stiffness(Elastic):
             self._matrix = None
 
     def definite(self, count: int) -> np.ndarray:
-        """The stiffness of u_A, see :meth:`unglued`, made definite on rigid motions that no support holds."""
+        """Return the stiffness of u_A [force/length], definite on free rigid motions.
+
+        See :meth:`unglued`. Springs hold the motions that no support holds.
+        """
         matrix = self.unglued(count)
         if self.motions:
             kernel, _ = np.linalg.qr(np.column_stack(self.motions)[:count])
-            matrix += np.mean(self.reduced(count)[0].diagonal()) * kernel @ kernel.T
+            schur, _ = self.reduced(count)
+            matrix += np.mean(schur.diagonal()) * kernel @ kernel.T
         return matrix
 
     def unglued(self, count: int) -> np.ndarray:
-        """``S_A - D_A`` for the first ``count`` of L, the stiffness of u_A, on rank 0."""
-        matrix = self.reduced(count)[0].copy()
+        """Return ``S_A - D_A``, the stiffness of u_A [force/length], on rank 0.
+
+        Args:
+            count: Size of A, the first ones of L.
+        """
+        schur, _ = self.reduced(count)
+        matrix = schur.copy()
         matrix.flat[:: count + 1] -= self.glued_by[:count]
         return matrix
 
-    def _layer(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Local degrees of freedom in L, their places, and the global numbers of L in order."""
+    def _number_layer(self) -> None:
+        """Find the degrees of freedom of L and their places; collective."""
         model, d = self.model, self.model.d
-        facets = np.vstack([c.facets for c in model.contacts])
-        touching = np.zeros(len(model.fixed), dtype=bool)
+        facets = np.vstack([contact.facets for contact in model.contacts])
+        node_count = len(model.fixed)
+        nodes = model.nodes[facets[:, 0]]
         on_facet = local_facet_nodes(d, model.degree)[facets[:, 1]]
-        touching[np.take_along_axis(model.nodes[facets[:, 0]], on_facet, axis=1)] = True
-        layer = np.zeros(len(model.fixed), dtype=bool)
-        layer[model.nodes[facets[:, 0]]] = True
+        touching = np.zeros(node_count, dtype=bool)
+        touching[np.take_along_axis(nodes, on_facet, axis=1)] = True
+        layer = np.zeros(node_count, dtype=bool)
+        layer[nodes] = True
+
         dofs = np.flatnonzero((layer[:, None] & ~model.fixed).ravel())
         at_contact = np.repeat(touching, d)[dofs]
         numbers = model.global_dofs(dofs)
         contact = np.unique(np.concatenate(model.comm.allgather(numbers[at_contact])))
-        rest = np.setdiff1d(np.concatenate(model.comm.allgather(numbers[~at_contact])), contact)
-        every = np.concatenate([contact, rest])
+        others = np.concatenate(model.comm.allgather(numbers[~at_contact]))
+        # A degree of freedom may be at the contact on another rank only.
+        off_contact = np.setdiff1d(others, contact)
+
         self.contact_size = len(contact)
-        order = np.argsort(every)
-        return dofs, order[np.searchsorted(every, numbers, sorter=order)], every
+        self.numbers = np.concatenate([contact, off_contact])
+        order = np.argsort(self.numbers)
+        self.local = dofs
+        self.place = order[np.searchsorted(self.numbers, numbers, sorter=order)]
 
     def _free_components(self) -> int:
-        """The number of degrees of freedom of all ranks that no support fixes; collective."""
+        """Count the free degrees of freedom of all ranks; collective."""
         fixed = self.model.fixed.ravel()[: self.owned]
         free = int(np.count_nonzero(~fixed))
         return self.model.comm.allreduce(free)
 
     def _assemble(self) -> PETSc.Mat:
+        """Assemble K + D [force/length]."""
         matrix = self.stiffness()
         if self.contact_size:
             self.add_glue(matrix)
@@ -234,15 +278,18 @@ class Stiffness(Elastic):
 
     def _condense(self) -> None:
         """Factorise with the Schur complement on L."""
-        comm, solver = self.model.comm, self._solver()
+        comm = self.model.comm
+        solver = self._solver()
         self.glued_by = self.gather(self.glue)
         self.motions = [self.gather(motion) for motion in self.model.free_motions]
-        self.schur = together(
-            comm, lambda: self._schur_complement(solver) if comm.rank == 0 else None
-        )
+
+        def condense() -> np.ndarray | None:
+            return self._schur_complement(solver) if comm.rank == 0 else None
+
+        self.schur = together(comm, condense)
 
     def _schur_complement(self, solver: PETSc.KSP | Substructures) -> np.ndarray:
-        """S_L, on rank 0."""
+        """Return S_L [force/length], on rank 0."""
         if isinstance(solver, Substructures):
             assert solver.interface is not None
             order = np.searchsorted(solver.interface.numbers, self.numbers)
@@ -257,15 +304,18 @@ class Stiffness(Elastic):
         return schur
 
     def _solver(self) -> PETSc.KSP | Substructures:
-        if self._factor is None:
-            # MUMPS makes no Schur complement on all rows: something must be left to
-            # eliminate. On coarse meshes L is the whole body; a tree of one rank then
-            # factorises densely.
-            layer_is_body = self.contact_size > 0 and len(self.numbers) == self._free_components()
-            if self.model.comm.size > 1 or layer_is_body:
-                self._factor = Substructures(self.model, self.form, self.glue, self.local)
-            else:
-                self._matrix = self._assemble()
-                wanted = self.contact_size > 0 and self.schur is None
-                self._factor = factorised(self._matrix, self.numbers if wanted else None)
+        """Return the factor of K + D; make it if there is none."""
+        if self._factor is not None:
+            return self._factor
+        # MUMPS makes no Schur complement on all rows: something must be left to
+        # eliminate. On coarse meshes L is the whole body; a tree of one rank then
+        # factorises densely.
+        layer_is_body = self.contact_size > 0 and len(self.numbers) == self._free_components()
+        if self.model.comm.size > 1 or layer_is_body:
+            self._factor = Substructures(self.model, self.form, self.glue, self.local)
+        else:
+            self._matrix = self._assemble()
+            # A later factor need not make the Schur complement again.
+            first = self.contact_size > 0 and self.schur is None
+            self._factor = factorised(self._matrix, self.numbers if first else None)
         return self._factor

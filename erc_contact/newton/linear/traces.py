@@ -1,10 +1,10 @@
-"""The body as its contact sees it: forces that lift its surface, and displacements under forces on its surface.
+"""The body as its contact sees it: forces and displacements of its surface.
 
 With K the elastic stiffness with the supports and S its Schur complement on the nodes
 of all contacts: ``lifted(y)`` are the forces ``S y`` that hold the displacement y of
 the surface [force], ``moved(f)`` is the displacement ``S^+ f`` of the surface under
 forces f [length]. A surface is M nodes of contacts, by their global numbers; the other
-nodes of contacts are held in the first and free of forces in the second.
+nodes of contacts do not move in the first and are free of forces in the second.
 """
 
 from __future__ import annotations
@@ -18,23 +18,27 @@ from dolfinx import fem
 from erc_contact.base.exceptions import together
 from erc_contact.model.model import Model
 
-ROUGH, FINE = 1e-2, 3e-6
-"""Tolerances of the linear solves: of a lifting whose energy is asked for, to four
-digits, and else [-]. Norms of maps then differ between numbers of ranks by less than
-1e-6 of themselves.
+ROUGH_LIFTING = 1e-2
+"""Tolerance of a lifting of whose energy four digits are wanted [-]."""
+FINE = 3e-6
+"""Tolerance of the other linear solves [-].
+
+Norms of maps then differ between numbers of ranks by less than 1e-6 of themselves.
 """
 
 
 class DenseTraces:
-    """Traces from the dense Schur complement that a direct solve leaves behind; construction is collective.
+    """Represent the body by the dense Schur complement of a direct solve.
+
+    Construction is collective.
 
     Args:
         model: The scene on a mesh.
         numbers: Global numbers of the nodes of the surface, shape (M,).
         contact: Global numbers of the free degrees of freedom of the contact nodes, in
             order, shape (A,).
-        matrices: Returns S and its inverse, where rigid motions are held by springs,
-            both (A, A); asked on rank 0.
+        matrices: Returns S and its inverse, where springs hold rigid motions, both
+            (A, A); called on rank 0.
     """
 
     tolerance: ClassVar[float] = 1e-8
@@ -52,15 +56,16 @@ class DenseTraces:
         self.motions = _motions(model, numbers)
         dofs = (numbers[:, None] * model.d + np.arange(model.d)).ravel()
         place = np.searchsorted(contact, dofs)
-        self.known = contact[np.minimum(place, len(contact) - 1)] == dofs
-        place = place[self.known]
+        # Components that a support fixes are not in the matrices.
+        self._free = contact[np.minimum(place, len(contact) - 1)] == dofs
+        place = place[self._free]
 
         def parts() -> tuple[np.ndarray, ...] | None:
             if self.comm.rank > 0:
                 return None
             return tuple(matrix[np.ix_(place, place)] for matrix in matrices())
 
-        self.matrices = together(self.comm, parts)
+        self._matrices = together(self.comm, parts)
 
     def lifted(self, y: np.ndarray, *, rough: bool = False) -> np.ndarray:
         """Return ``S y``, to round-off."""
@@ -72,20 +77,21 @@ class DenseTraces:
 
     def free(self) -> None:
         """Free the memory."""
-        self.matrices = None
+        self._matrices = None
 
     def _times(self, which: int, values: np.ndarray) -> np.ndarray:
+        """Return the product of one of the matrices and values (M, d); collective."""
         result = np.zeros(values.size)
-        if self.matrices is not None:
-            result[self.known] = self.matrices[which] @ values.ravel()[self.known]
+        if self._matrices is not None:
+            result[self._free] = self._matrices[which] @ values.ravel()[self._free]
         return self.comm.bcast(result).reshape(self.shape)
 
 
 class Lifting(Protocol):
-    """An elastic solver that lifts displacements of the contact by solves, as multigrid does."""
+    """Lift displacements of the contact by linear solves, as multigrid does."""
 
     def lifted(self, y: fem.Function, tolerance: float) -> fem.Function:
-        """Return the forces that hold the contact nodes at displacements y [force]; collective."""
+        """Return the forces that hold the contact nodes at y [force]; collective."""
 
     def solve(
         self, b: fem.Function, *, supports: bool = True, tolerance: float | None = None
@@ -97,24 +103,28 @@ class Lifting(Protocol):
 
 
 class IterativeTraces:
-    """Traces by conjugate gradients with multigrid, one linear solve each; construction is collective.
+    """Represent the body by linear solves, one for each question.
+
+    Construction is collective.
 
     Args:
         model: The scene on a mesh.
         numbers: Global numbers of the nodes of the surface, shape (M,).
-        elastic: What solves.
+        elastic: The solver.
     """
 
     tolerance: ClassVar[float] = 3e-2
     cheap: ClassVar[bool] = False
 
     def __init__(self, model: Model, numbers: np.ndarray, elastic: Lifting) -> None:
-        self.model, self.numbers, self.elastic = model, numbers, elastic
+        self.model = model
+        self.numbers = numbers
+        self.elastic = elastic
         self.motions = _motions(model, numbers)
 
     def lifted(self, y: np.ndarray, *, rough: bool = False) -> np.ndarray:
         """Return ``S y``."""
-        forces = self.elastic.lifted(self._nodal(y), ROUGH if rough else FINE)
+        forces = self.elastic.lifted(self._nodal(y), ROUGH_LIFTING if rough else FINE)
         return _of_owners(self.model, self.numbers, forces.x.array)
 
     def moved(self, f: np.ndarray) -> np.ndarray:
@@ -127,7 +137,7 @@ class IterativeTraces:
         self.elastic.free()
 
     def _nodal(self, values: np.ndarray) -> fem.Function:
-        """Return a Function with these values (M, d) at the nodes that this rank owns, zero elsewhere."""
+        """Return values (M, d) as a Function, at the nodes that this rank owns."""
         nodal = self.model.function()
         own, local = _owned(self.model, self.numbers)
         nodal.x.array.reshape(-1, self.model.d)[local] = values[own]
@@ -135,13 +145,21 @@ class IterativeTraces:
 
 
 def _motions(model: Model, numbers: np.ndarray) -> np.ndarray:
-    """Return the free motions at the nodes of the surface, from their owners, shape (K, M, d); collective."""
-    motions = [_of_owners(model, numbers, motion.x.array) for motion in model.free_motions]
+    """Return the free motions at the surface [-], shape (K, M, d); collective."""
+    motions = []
+    for motion in model.free_motions:
+        motions.append(_of_owners(model, numbers, motion.x.array))
     return np.array(motions).reshape(-1, len(numbers), model.d)
 
 
 def _of_owners(model: Model, numbers: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Return nodal values of this rank's nodes, (nodes * d,), at the nodes of the surface, (M, d); collective."""
+    """Return nodal values at the surface, on all ranks, shape (M, d); collective.
+
+    Args:
+        model: The scene on a mesh.
+        numbers: Global numbers of the nodes of the surface, shape (M,).
+        values: Values at the nodes of this rank, right on their owners, (nodes d,).
+    """
     own, local = _owned(model, numbers)
     nodal = np.zeros((len(numbers), model.d))
     nodal[own] = values.reshape(-1, model.d)[local]
@@ -149,7 +167,7 @@ def _of_owners(model: Model, numbers: np.ndarray, values: np.ndarray) -> np.ndar
 
 
 def _owned(model: Model, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return which nodes of the surface this rank owns, shape (M,), and the local numbers of these."""
+    """Find the nodes of the surface that this rank owns, and their local numbers."""
     low, high = model.V.dofmap.index_map.local_range
     own = (numbers >= low) & (numbers < high)
     return own, numbers[own] - low

@@ -1,0 +1,181 @@
+"""The contact solve of one model: attempts from several starts until one converges.
+
+One elastic factorisation or hierarchy serves all attempts, so that it costs little to
+try several starts and line searches, the cheapest first
+(:mod:`erc_contact.newton.ladder`).
+"""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar, Protocol
+
+from dolfinx import fem
+
+from erc_contact.base.exceptions import NotConverged
+from erc_contact.base.logs import log_of
+from erc_contact.base.runtime.interrupts import check_interrupts
+from erc_contact.model.model import Model
+from erc_contact.newton.ladder import Attempt, attempts
+from erc_contact.newton.linear.multigrid import DIRECT
+from erc_contact.newton.linear.solver import ElasticSolver
+from erc_contact.newton.methods import Method, Nitsche
+from erc_contact.newton.snes import Found, Outcome
+from erc_contact.newton.solution import SINGULAR, Solution
+
+DEFAULT = Nitsche()
+"""The method where the user names none."""
+SLOW = 5
+"""Number of attempts without convergence of the linear solver that ends multigrid."""
+
+
+class Solver(Protocol):
+    """Solve the contact problem of one model from a state; members are collective.
+
+    What a state is, only the solver knows.
+
+    Attributes:
+        model: The scene on a mesh.
+        elastic: Its elastic equations.
+        guess: The displacement with the contact glued [length].
+        nodal_first: Whether the augmented Lagrangian pays as a first attempt.
+    """
+
+    nodal_first: ClassVar[bool]
+    model: Model
+    guess: fem.Function
+
+    @property
+    def elastic(self) -> ElasticSolver: ...  # noqa: D102
+
+    def glued(self) -> Any:
+        """Return the state with the contact glued."""
+
+    def warm(self, old: Model, u: fem.Function) -> Any:
+        """Return the state of a displacement u of a model on another mesh."""
+
+    def attempt(
+        self, attempt: Attempt, state: Any, tolerance: float | None
+    ) -> tuple[Outcome, Any, Found | None]:
+        """Make one attempt from a state; return its outcome, last state and result."""
+
+
+class ContactSolve:
+    """Make the attempts of the ladder until one converges; collective.
+
+    Args:
+        solver: What makes an attempt.
+        method: The method whose solution is wanted; with None it is :data:`DEFAULT`,
+            or the augmented Lagrangian where only that one converges.
+        tolerance: Distance to the solution that is enough [sqrt(force length)]; None
+            for round-off.
+    """
+
+    def __init__(self, solver: Solver, method: Method | None, tolerance: float | None) -> None:
+        self.solver = solver
+        self.model = solver.model
+        self.method = method or DEFAULT
+        self.fallback = method is None
+        self.tolerance = tolerance
+        self.log = log_of(self.model.comm)
+        self.rungs: list[str] = []
+        self.outcomes: list[Outcome] = []
+        self.steps = 0
+
+    def solve(self, start: Solution | None) -> Solution:
+        """Make the attempts one after the other until one of the method converges.
+
+        Raises:
+            NotConverged: If none does, or the linear solver fails again and again.
+        """
+        states = {"glued": self.solver.glued()}
+        if start is not None and start.model.contacts:
+            states["warm"] = self.solver.warm(start.model, start.u)
+        slow = 0
+        friction = any(contact.friction is not None for contact in self.model.contacts)
+        for attempt in attempts(
+            self.method,
+            states,
+            friction=friction,
+            fallback=self.fallback,
+            nodal_first=self.solver.nodal_first,
+        ):
+            if attempt.start not in states:
+                continue
+            check_interrupts(self.model.comm)
+            outcome, state, found = self.solver.attempt(
+                attempt, states[attempt.start], self.tolerance
+            )
+            self.steps += outcome.steps
+            self.rungs.append(f"{attempt}: {outcome}")
+            self.outcomes.append(outcome)
+            self.log.debug(self.rungs[-1])
+            if found is not None:
+                return self._solution(attempt.method, found)
+            if outcome.converged:
+                # The ladder sees the new state: it asks for attempts that start there.
+                states[attempt.gives] = state
+            slow += outcome.reason == "diverged_linear_solve"
+            if slow == SLOW:
+                raise NotConverged(
+                    f"The linear solver did not converge: {self.rungs[-1]}. {DIRECT}",
+                    tuple(self.rungs),
+                )
+        raise NotConverged(self._failure(), tuple(self.rungs))
+
+    def _failure(self) -> str:
+        """Say what was tried and what to do first, where no attempt converged."""
+        also = " or the augmented Lagrangian" if self.fallback else ""
+        failed = (
+            f"The contact solve did not converge on {self.model.domain.cells} cells with "
+            f"{self.method}{also}, in {len(self.rungs)} attempts (`rungs` of this exception "
+            "lists them)"
+        )
+        if all(outcome.open for outcome in self.outcomes):
+            return (
+                f"{failed}. The contact ends all open in each of them: the loads take the body "
+                "from its foundation, and nothing else may hold the body. Look at the signs of "
+                "loads and gap, or add a Displacement."
+            )
+        residuals = [outcome.residual for outcome in self.outcomes]
+        nearest = self.rungs[residuals.index(min(residuals))]
+        other = "" if self.fallback else ", the other method (method=None tries both)"
+        return (
+            f"{failed}. The nearest: {nearest}. Look first whether supports, or loads that press "
+            "the body on its foundation with enough friction, hold the body; a Displacement does. "
+            f"Else try a finer mesh at the contact, less friction{other}, or another gamma (1 to "
+            "1000)."
+        )
+
+    def _solution(self, method: Method, found: Found) -> Solution:
+        """Make the solution of a final attempt; warn if it may be one of many."""
+        cells = self.model.domain.cells
+        reason = self.rungs[-1]
+        if method != self.method:
+            reason = f"{self.method} did not converge: {reason}"
+            self.log.info(
+                "%d cells: %s did not converge, the solution is that of %s.",
+                cells,
+                self.method,
+                method,
+            )
+        if found.least_singular_value < SINGULAR:
+            reason += (
+                f"; the tangent is singular ({found.least_singular_value:.0e}), "
+                "the solution may be one of many"
+            )
+            self.log.warning(
+                "The tangent of the contact problem is singular at its solution: "
+                "it may be one of many."
+            )
+        return Solution(
+            model=self.model,
+            method=method,
+            u=found.u,
+            multipliers=found.multipliers,
+            newton_steps=self.steps,
+            reason=reason,
+            distance=found.distance,
+            least_singular_value=found.least_singular_value,
+            stiffness=self.solver.elastic,
+            seconds=0.0,
+        )
