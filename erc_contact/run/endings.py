@@ -7,6 +7,12 @@ from erc_contact.base.runtime.interrupts import Interrupts
 
 OUT_OF_MEMORY = 55
 """PETSc's code of memory that could not be had, PETSC_ERR_MEM."""
+AT_REST = "The body is at rest: nothing loads or moves it, so that it has no stress and no error."
+"""Outcome of a run whose body is at rest."""
+NO_TRUE_SHAPE = (
+    " The body is that of the mesh given, with its flat facets: no true shape of it is known."
+)
+"""End of the outcome where the geometry of the body is unknown."""
 
 
 def ending(failure: BaseException, interrupts: Interrupts, where: str) -> str:

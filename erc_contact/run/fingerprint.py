@@ -119,7 +119,7 @@ def _of_mesh(domain: Domain) -> Fingerprint:
     vertices = mesh.geometry.x[: mesh.geometry.index_map().size_local]
     rounded = np.round(vertices / domain.extent, DIGITS) + 0.0  # no -0.0
     parts = comm.gather(rounded)
-    # only rank 0 has coordinates; the order of the vertices must not depend on the ranks
+    # only rank 0 has coordinates; their order must not depend on the number of ranks
     x = np.concatenate(parts) if parts else np.empty((0, 3))
     digest = hashlib.sha256(x[np.lexsort(x.T)].tobytes()).hexdigest()[:16]
     counts = []

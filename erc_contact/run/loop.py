@@ -22,9 +22,9 @@ from erc_contact.newton.doubts import DoubtsOfRun
 from erc_contact.newton.ladder import NODAL
 from erc_contact.newton.solve import DEFAULT, solved
 from erc_contact.run.checkpoint import Checkpoint
-from erc_contact.run.endings import ending
+from erc_contact.run.endings import AT_REST, NO_TRUE_SHAPE, ending
 from erc_contact.run.history import History
-from erc_contact.run.new_row import new_step
+from erc_contact.run.new_step import new_step
 from erc_contact.run.plan import SETTINGS, Plan
 from erc_contact.run.step import CURVED, HEADER, Step, line
 
@@ -210,10 +210,7 @@ class Loop:
         best = self.best
         assert best is not None
         if error.solution.at_rest:
-            self.outcome = (
-                "The body is at rest: nothing loads or moves it, "
-                "so that it has no stress and no error."
-            )
+            self.outcome = AT_REST
         elif best.total <= plan.accuracy:
             self.outcome = f"Reached: {percent(best.total)} <= {percent(plan.accuracy)}."
         elif len(self.steps) >= plan.max_steps:
@@ -267,10 +264,7 @@ class Loop:
         if fallback:
             self._tell_other_method()
         if best.domain.geometry is None:
-            self.outcome += (
-                " The body is that of the mesh given, with its flat facets: "
-                "no true shape of it is known."
-            )
+            self.outcome += NO_TRUE_SHAPE
         reached = best.total <= self.plan.accuracy or best.solution.at_rest
         self._log(self.outcome, logging.INFO if reached else logging.WARNING)
         self.doubts.end()
@@ -287,10 +281,10 @@ class Loop:
     def _tell_other_method(self) -> None:
         """Add to the outcome on how many meshes the default method did not converge."""
         default = type(DEFAULT).__name__
-        other = [step.method for step in self.steps if step.method != default]
-        if other:
-            meshes = f"{len(other)} of {len(self.steps)} meshes"
-            self.outcome += f" {other[0]} on {meshes}, where {DEFAULT} did not converge."
+        others = [step.method for step in self.steps if step.method != default]
+        if others:
+            meshes = f"{len(others)} of {len(self.steps)} meshes"
+            self.outcome += f" {others[0]} on {meshes}, where {DEFAULT} did not converge."
 
 
 def _warn_of_cells(error: ConstitutiveError, accuracy: float, max_cells: int) -> None:

@@ -65,9 +65,9 @@ def unknown_of_dissipation(row: TimeStep, before: TimeStep, accuracy: float) -> 
     """Compute what a step leaves unknown of its dissipation, over the limit [-].
 
     Unknown is what the length of the step costs of the energy that friction takes in
-    it. The friction part of e^2/2 is in both, and remains where a step is very short. So a
-    step is short enough where it leaves less than twice that, the contact part of e^2.
-    This ends the halving after a turn of the load, where friction takes little at
+    it. The friction part of e^2/2 is in both, and remains where a step is very short.
+    So a step is short enough where it leaves less than twice that, the contact part of
+    e^2. This ends the halving after a turn of the load, where friction takes little at
     first.
 
     Args:

@@ -31,7 +31,7 @@ from erc_contact.run.endings import ending
 from erc_contact.run.evolution import Evolution
 from erc_contact.run.history import History
 from erc_contact.run.loop import Loop
-from erc_contact.run.new_row import new_row
+from erc_contact.run.new_time_step import new_time_step
 from erc_contact.run.plan import SETTINGS, Plan
 from erc_contact.run.time_row import HEADER, TimeStep, line
 from erc_contact.run.time_steps import (
@@ -182,7 +182,7 @@ class Walk:
         self, time: float, history: History, last: ConstitutiveError | None, before: TimeStep | None
     ) -> tuple[ConstitutiveError, TimeStep]:
         """Return the error and the row at the end of a step; collective."""
-        return history.best, new_row(time, history, last, before)
+        return history.best, new_time_step(time, history, last, before)
 
     def _inaccuracy(self, ended: list[tuple[ConstitutiveError, TimeStep]]) -> tuple[float, str]:
         """Compare a step with its halves, and its dissipation with the unknown part.
