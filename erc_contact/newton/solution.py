@@ -66,6 +66,12 @@ class Solution:
             problem at the solution, scaled by the elastic diagonal [-].
         stiffness: The elastic stiffness; see :attr:`factorised`.
         seconds: Wall time, the largest over the ranks [s].
+
+    Example:
+        >>> solution.force("bottom").force.round(1)
+        array([-0.1, 25.1])
+        >>> solution.at((1.0, 0.5)).displacement.shape
+        (1, 2)
     """
 
     model: Model
