@@ -26,6 +26,11 @@ class Strategy(Protocol):
     """A way to choose the next mesh from an error.
 
     Example: ``demos/extend/strategy.py``.
+
+    Example:
+        >>> strategy: ec.Strategy = ec.Uniform()
+        >>> strategy.next(error, accuracy=0.1, max_cells=1000).cells
+        64
     """
 
     def next(self, error: ConstitutiveError, accuracy: float, max_cells: int) -> Domain:
@@ -60,6 +65,10 @@ class Mark:
 
     Raises:
         InputError: If the fraction is outside (0, 1].
+
+    Example:
+        >>> ec.Mark(fraction=0.5).next(error, accuracy=0.1, max_cells=1000).cells
+        38
     """
 
     fraction: float = 0.5
@@ -74,7 +83,12 @@ class Mark:
 
 @dataclass(frozen=True)
 class Uniform:
-    """Refine all elements, for comparison."""
+    """Refine all elements, for comparison.
+
+    Example:
+        >>> ec.Uniform().next(error, accuracy=0.1, max_cells=1000).cells
+        64
+    """
 
     def next(self, error: ConstitutiveError, accuracy: float, max_cells: int) -> Domain:
         """The domain with all elements refined; collective; see :func:`refined`."""
@@ -111,6 +125,10 @@ def mark(error: ConstitutiveError | Run, fraction: float = 0.5) -> np.ndarray:
 
     Returns:
         Marked cells of this rank.
+
+    Example:
+        >>> ec.mark(error, fraction=0.5)
+        array([ 0,  5, 10, 15], dtype=int32)
     """
     error = error_of(error)
     fraction, comm = checks.fraction("mark: fraction", fraction), error.domain.mesh.comm
