@@ -88,6 +88,11 @@ def adapt(
         NotConverged: If the contact solve fails on the first mesh.
         Exception: What else is raised on a later mesh, by a strategy or callback of the
             user's say, has the history so far in its attribute ``history``.
+
+    Example:
+        >>> history = ec.adapt(scene, block, accuracy=0.1)
+        >>> history.outcome
+        'Reached: 9.165% <= 10%.'
     """
     every = checks.whole("every", every, 1)
     plan = checked_plan(

@@ -68,6 +68,12 @@ class Evolution(RunResult):
         scene_at: Gives the scene at a time.
         domain: The first mesh.
         settings: The other arguments of the run by their names.
+
+    Example:
+        >>> evolution
+        <Evolution of 2 steps. All 2 steps to t = 1 are done.>
+        >>> evolution.force("bottom").shape, bool(np.all(evolution.column("dissipated") >= 0))
+        ((2, 2), True)
     """
 
     steps: tuple[TimeStep, ...]

@@ -100,6 +100,11 @@ def evolve(
         NotConverged: If the contact solve fails at the first time.
         Exception: What else is raised later, by ``scene_at`` say, has the history so
             far in its attribute ``history``.
+
+    Example:
+        >>> evolution = ec.evolve(scene_at, block, times=[0.5, 1.0], accuracy=0.2)
+        >>> evolution.outcome
+        'All 2 steps to t = 1 are done.'
     """
     ends = checks.increasing("times", times)
     in_time = InTime.checked(path, accuracy_in_time)

@@ -55,6 +55,12 @@ class History(RunResult):
         best: The error of least ``total``, with the admissible pair and the solution.
         meshes: Domain and eps_E of every step, for pictures.
         settings: The other arguments of the run by their names.
+
+    Example:
+        >>> history
+        <History of 2 meshes. Reached: 9.165% <= 10%.>
+        >>> [f"{eps:.1%}" for eps in history.column("eps")]
+        ['12.3%', '9.2%']
     """
 
     steps: tuple[Step, ...]

@@ -48,7 +48,7 @@ class SavedError:
         )
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class SavedHistory(History):
     """Hold a history that is read; ``best`` and ``error`` are a :class:`SavedError`.
 
@@ -87,6 +87,11 @@ def read_history(folder: str | Path, comm: MPI.Comm = MPI.COMM_WORLD) -> History
 
     Raises:
         InputError: If there is no such folder, or no good mesh in it.
+
+    Example:
+        >>> _ = ec.adapt(scene, block, accuracy=0.1, checkpoint="run")
+        >>> ec.read_history("run")
+        <History of 2 meshes. Reached: 9.165%, asked for 10%.>
     """
     store = Checkpoint(comm, folder)
     if not store.numbers:

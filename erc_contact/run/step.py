@@ -38,6 +38,11 @@ class Step:
         peak_pressure_size: Size of its facet [length].
         peak_shear: Greatest shear of r^ [force/area]; nan without a contact.
         peak_shear_size: Size of its facet [length].
+
+    Example:
+        >>> step = history.steps[0]
+        >>> f"{step.cells} cells, eps = {step.eps:.1%}, {step.method}"
+        '16 cells, eps = 12.3%, Nitsche'
     """
 
     cells: int

@@ -68,6 +68,11 @@ class TimeStep:
         solve_seconds: Seconds of the contact solves of the step.
         equilibrate_seconds: Seconds of the admissible pairs of the step.
         seconds: Seconds from the start of the run.
+
+    Example:
+        >>> step = evolution.steps[-1]
+        >>> f"t = {step.time:g}, {step.cells} cells, eps = {step.eps:.0%}"
+        't = 1, 16 cells, eps = 12%'
     """
 
     time: float
