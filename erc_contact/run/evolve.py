@@ -55,9 +55,10 @@ def evolve(
 
     Args:
         scene_at: Gives the scene at a time t. All scenes have contacts of the same
-            names. Callables of x may contain t: ``lambda t: Scene(...,
-                loads=[Traction("top", lambda x: t * x[0])])``. Nothing is compiled anew
-            for another time where scenes differ in numbers only.
+            names. Callables of x may contain t:
+            ``lambda t: Scene(..., loads=[Traction("top", lambda x: t * x[0])])``.
+            Nothing is compiled anew for another time where scenes differ in numbers
+            only.
         domain: The first mesh, coarse.
         times: Ends of the steps, increasing, e.g. ``np.linspace(0, 1, 21)`` for 20
             steps after the first state.

@@ -6,7 +6,7 @@ tables of :mod:`erc_contact.mesh.tables` by the same numbers of nodes, and plain
 level is restored without a contact solve: its admissible pair and its error follow from
 the displacement and the multipliers.
 
-Symbols: d dimension, n number of nodes, m number of cells, N nodes of a cell.
+Symbols: d dimension, n number of nodes, c number of cells, N nodes of a cell.
 """
 
 from __future__ import annotations
@@ -123,7 +123,7 @@ def _owned(error: ConstitutiveError, function: fem.Function) -> np.ndarray:
 
 
 def _drawn(points: np.ndarray, cells: np.ndarray, d: int) -> dict[str, np.ndarray]:
-    """Return points (n, d) and cells (m, N) as the arrays of VTKHDF."""
+    """Return points (n, d) and cells (c, N) as the arrays of VTKHDF."""
     kind, cells = vtk_cells(cells, d)
     whole = {
         "Points": points,
