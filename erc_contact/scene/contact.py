@@ -26,9 +26,8 @@ class Contact:
         normal: Unit normal of the foundation that points into it: d numbers, a callable
             of x, or "gap" for ``-grad g/|grad g|``, the normal of a foundation whose
             gap is its distance. One that varies is taken at the middle of each facet:
-                the foundation becomes a polyhedron, as a curved body becomes its mesh.
-                None takes
-            the outward normal of the part, which must then be flat.
+            the foundation becomes a polyhedron, as a curved body becomes its mesh. None
+            takes the outward normal of the part, which must then be flat.
         bilateral: Whether the contact cannot open: ``u_n = g``. Needs a friction bound
             without pressure.
 
