@@ -45,7 +45,7 @@ class Domain:
     Args:
         mesh: Straight-sided triangles in 2D or tetrahedra in 3D. Under MPI a mesh
             without complete vertex patches is distributed anew: use ``domain.mesh``
-                afterwards, not the mesh that you gave.
+            afterwards, not the mesh that you gave.
         facet_tags: Tags of boundary facets.
         names: Name of each boundary part -> its tag.
         cell_tags: Tags of cells, or None.
@@ -54,7 +54,7 @@ class Domain:
             body is then the mesh with its flat facets.
         curved_facets: Tags of the facets on the boundary and on interfaces of a curved
             body: the number of the curve or surface of the geometry on which a facet
-                lies. None if the body is not curved, or not known.
+            lies. None if the body is not curved, or not known.
 
     Raises:
         InputError: If the mesh is not of straight-sided simplices, names and tags do

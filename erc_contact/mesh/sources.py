@@ -203,8 +203,8 @@ def read_mesh(
         path: The file.
         comm: Communicator that shares the mesh.
         names: Names of boundary parts and regions by their tags. A tag that both a
-            boundary part and a region have is told apart by its dimension: ``{(1, 3):
-                "bottom", (2, 3): "steel"}`` in 2D.
+            boundary part and a region have is told apart by its dimension:
+            ``{(1, 3): "bottom", (2, 3): "steel"}`` in 2D.
 
     Raises:
         InputError: If the file is missing or unreadable, has no groups of facets, or is
