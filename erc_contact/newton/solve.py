@@ -80,10 +80,9 @@ def solve(
         after: The solution of the last step of a loading history, of the same body with
             the same contacts, on this mesh or on any other. Friction then acts on the
             tangential displacement since that solution (backward Euler). So does all
-                that follows: r^, u^, e and its bounds, slip in profiles. A refined mesh
-                    carries it without loss;
-            what another mesh loses is ``error.oscillations.history``. Without it the
-            body comes from rest, once.
+            that follows: r^, u^, e and its bounds, slip in profiles. A refined mesh
+            carries it without loss; what another mesh loses is
+            ``error.oscillations.history``. Without it the body comes from rest, once.
         start: A solution on another mesh of the same body; Newton starts from its
             displacement on the contacts. By default it is ``after``.
         tolerance: Newton may stop at this distance to the solution of the discrete
