@@ -71,11 +71,12 @@ class ConstitutiveError:
         contact_error: Contact part of e; ``bulk_error^2 + contact_error^2 = e^2``.
         geometry_error: Estimate of the error by the flat facets of a curved body
             [sqrt(force length)], not part of e. It is the energy norm of the stress
-            between the facets and the true surface: its square is ``int |offset|
-                |sigma|^2``, at an interface with the difference of ``|sigma|^2``. Half of its square is
-            about the change of the potential energy by the facets (0.78 to 0.94 of it
-            on a pressed ring of 5 to 30 facets). It is zero if all facets are exact,
-                and if only a mesh is known: the body is then the mesh.
+            between the facets and the true surface: its square is
+            ``int |offset| |sigma|^2``, at an interface with the difference of
+            ``|sigma|^2``. Half of its square is about the change of the potential
+            energy by the facets (0.78 to 0.94 of it on a pressed ring of 5 to 30
+            facets). It is zero if all facets are exact, and if only a mesh is known:
+            the body is then the mesh.
         oscillations: Parts of the data that the mesh cannot represent, estimates
             without constants of Korn and Poincare type, not part of e.
         indicators: The local error indicators eps_E (18) of the owned cells [-]; the

@@ -43,9 +43,8 @@ class Strategy(Protocol):
         Args:
             error: The error of the last mesh, above the accuracy.
                 ``error.total_indicators`` has the errors of the cells that this rank
-                    owns: a rank may have none. Greatest values and sums are to be
-                        reduced over all
-                ranks, by ``error.domain.mesh.comm``.
+                owns: a rank may have none. Greatest values and sums are to be reduced
+                over all ranks, by ``error.domain.mesh.comm``.
             accuracy: Prescribed relative error of the run.
             max_cells: Greatest number of cells of a mesh that will be solved. A domain
                 with more cells ends the run.
