@@ -1,4 +1,6 @@
-"""Scenes at the edge of what a contact solver meets: units, materials, friction, shapes, meshes, supports, loads.
+"""Make scenes at the edge of what a contact solver meets.
+
+Units, materials, friction, shapes, meshes, supports and loads are extreme.
 
 Each is small (below 2000 cells) and says whether it has a solution at all.
 `benchmarks/extremes.py` runs them.
@@ -32,7 +34,7 @@ Pair = tuple[ec.Scene, ec.Domain]
 
 @dataclass(frozen=True)
 class Extreme:
-    """A scene of the grid.
+    """Hold a scene of the grid.
 
     Attributes:
         build: Makes the scene and its domain.
@@ -57,11 +59,11 @@ class Extreme:
 
 
 # -- domains
-# -------------------------------------------------------------------------------------------------
+# ------------------------------------------------------------------------------------
 
 
 def mapped(domain: ec.Domain, new: Callable[[np.ndarray], Sequence[Any]]) -> ec.Domain:
-    """The same mesh with its vertices moved to ``new(x)``, x of shape (d, vertices)."""
+    """Move the vertices of a mesh to ``new(x)``, x of shape (d, vertices)."""
     x = domain.mesh.geometry.x
     x[:, : domain.dim] = np.column_stack(new(x[:, : domain.dim].T.copy()))
     return domain
@@ -75,7 +77,10 @@ def rotated(domain: ec.Domain, degrees: float) -> ec.Domain:
 def with_part(
     domain: ec.Domain, name: str, of: str, where: Callable[[np.ndarray], Any]
 ) -> ec.Domain:
-    """Give the facets of a boundary part whose middles x, shape (3, n), satisfy ``where`` a name of their own."""
+    """Give a name of their own to some facets of a boundary part.
+
+    They are those whose middles x, shape (3, n), satisfy ``where``.
+    """
     tags = domain.facet_tags
     middle = dmesh.compute_midpoints(domain.mesh, tags.dim, tags.indices).T
     own = (tags.values == domain.names[of]) & where(middle)
@@ -87,7 +92,7 @@ def with_part(
 
 
 def halved(domain: ec.Domain, axis: int, at: float) -> ec.Domain:
-    """The same domain with its cells in two regions, low and high."""
+    """Divide the cells of a domain into two regions, low and high."""
     cells = domain.mesh.topology.index_map(domain.dim)
     every = np.arange(cells.size_local + cells.num_ghosts, dtype=np.int32)
     high = dmesh.compute_midpoints(domain.mesh, domain.dim, every)[:, axis] > at
@@ -96,7 +101,7 @@ def halved(domain: ec.Domain, axis: int, at: float) -> ec.Domain:
 
 
 def from_occ(build: Callable[[Any], None]) -> ec.Domain:
-    """A domain from a model of gmsh in a session of its own."""
+    """Make a domain from a model of gmsh in a session of its own."""
     import gmsh  # noqa: PLC0415 - only these scenes need it
 
     gmsh.initialize(readConfigFiles=False, interruptible=False)
@@ -113,7 +118,10 @@ def square(nx: int = 8, ny: int = 8) -> ec.Domain:
 
 
 def graded_tensor(nx: int, ny: int, least: float) -> ec.Domain:
-    """The unit square with rows whose heights above the contact grow geometrically from ``least`` to 1."""
+    """Make the unit square with rows that are graded towards the contact.
+
+    Their heights grow geometrically from ``least`` to 1.
+    """
     return mapped(
         square(nx, ny),
         lambda x: (x[0], np.where(x[1] > 0, least ** (1 - (ny * x[1] - 1) / (ny - 1)), 0.0)),
@@ -121,7 +129,11 @@ def graded_tensor(nx: int, ny: int, least: float) -> ec.Domain:
 
 
 def graded_corner(least: float) -> ec.Domain:
-    """The unit square with triangles of size ``least`` at a corner of the contact, about 0.3 far from it."""
+    """Make the unit square with a mesh that is graded towards a corner.
+
+    Triangles have the size ``least`` at a corner of the contact, and about 0.3 far from
+    it.
+    """
 
     def build(gmsh: Any) -> None:
         geo = gmsh.model.geo
@@ -137,7 +149,10 @@ def graded_corner(least: float) -> ec.Domain:
 
 
 def cap_row(n: int, angle: float) -> ec.Domain:
-    """The unit square whose row at the contact is of flat triangles, the least angle ``angle`` degrees."""
+    """Make the unit square with flat triangles in the row at the contact.
+
+    Their least angle is ``angle`` degrees.
+    """
     height = np.tan(radians(angle))
 
     def new(x: np.ndarray) -> Sequence[Any]:
@@ -148,7 +163,10 @@ def cap_row(n: int, angle: float) -> ec.Domain:
 
 
 def half_disc(radius: float, size: float) -> ec.Domain:
-    """The lower half of a disc with its lowest point in 0, refined there; parts top and arc."""
+    """Make the lower half of a disc with its lowest point in 0, refined there.
+
+    Its parts are top and arc.
+    """
 
     def build(gmsh: Any) -> None:
         occ = gmsh.model.occ
@@ -172,7 +190,7 @@ def half_disc(radius: float, size: float) -> ec.Domain:
 
 
 # -- scenes
-# --------------------------------------------------------------------------------------------------
+# ------------------------------------------------------------------------------------
 
 
 def block(
@@ -185,7 +203,10 @@ def block(
     size: float = 1.0,
     n: int = 4,
 ) -> Pair:
-    """The 2 x 7 block of several contact codes, its top displaced, its right side pushed, in chosen units."""
+    """Make the scene of the 2 x 7 block of several contact codes, in chosen units.
+
+    Its top is displaced, its right side pushed.
+    """
     scene = ec.Scene(
         material=ec.Elastic(E, nu),
         supports=[ec.Displacement("top", tuple(size * p for p in push))],
@@ -196,7 +217,7 @@ def block(
 
 
 def pressed(domain: ec.Domain, push: Sequence[float] = (0.02, -0.05), **contact: Any) -> Pair:
-    """A body with its top displaced, its bottom on a foundation."""
+    """Make a body with its top displaced, its bottom on a foundation."""
     contacts = [ec.Contact("bottom", **{"friction": 0.3, **contact})]
     return ec.Scene(
         ec.Elastic(1.0, 0.3), [ec.Displacement("top", tuple(push))], contacts=contacts
@@ -211,7 +232,10 @@ def layered(domain: ec.Domain, low: float, high: float) -> Pair:
 
 
 def greco(*, E: float = 130e3, size: float = 1.0, n: int = 8, friction: float = 1.0) -> Pair:
-    """Compressed and pushed block (GRECO): only the contact holds it vertically."""
+    """Make the compressed and pushed block (GRECO).
+
+    Only the contact holds it vertically.
+    """
     scene = ec.Scene(
         material=ec.Elastic(E, 0.2),
         supports=[ec.Displacement("right", (0.0, None))],
@@ -224,27 +248,36 @@ def greco(*, E: float = 130e3, size: float = 1.0, n: int = 8, friction: float = 
 def standing(
     push: Sequence[float], domain: ec.Domain | None = None, parts: Any = ("bottom",), **contact: Any
 ) -> Pair:
-    """A body with nothing but contact to hold it, under a body force (in thousandths of E)."""
+    """Make a body with nothing but contact to hold it, under a body force.
+
+    The force is in thousandths of E.
+    """
     contacts = [ec.Contact(part, **{"friction": 0.5, **contact}) for part in parts]
     weight = ec.BodyForce(tuple(1e-3 * p for p in push))
     return ec.Scene(ec.Elastic(1.0, 0.3), loads=[weight], contacts=contacts), domain or square()
 
 
 def wedge(friction: float, weight: float = -1.0) -> Pair:
-    """A wedge between two planes of slope 1:2 from the vertical, pressed in (or pulled out) by its weight."""
+    """Make a wedge between two planes of slope 1:2 from the vertical.
+
+    Its weight presses it in, or pulls it out.
+    """
     domain = mapped(square(), lambda x: ((x[0] - 0.5) * (0.4 + x[1]), x[1]))
     return standing((0.0, weight), domain, ("left", "right"), friction=friction)
 
 
 def in_a_corner() -> Pair:
-    """A square pressed into a frictionless corner."""
+    """Make a square pressed into a frictionless corner."""
     loads = [ec.Traction("top", pressure=0.02), ec.Traction("right", pressure=0.01)]
     contacts = [ec.Contact("left"), ec.Contact("bottom")]
     return ec.Scene(ec.Elastic(1.0, 0.3), loads=loads, contacts=contacts), square()
 
 
 def in_a_channel() -> Pair:
-    """A square pressed into a channel, whose walls it meets as it expands; three contacts with friction."""
+    """Make a square pressed into a channel: three contacts with friction.
+
+    It meets the walls as it expands.
+    """
     contacts = [ec.Contact("bottom", friction=0.3)]
     contacts += [ec.Contact(side, friction=0.3, gap=0.002) for side in ("left", "right")]
     return ec.Scene(
@@ -253,14 +286,17 @@ def in_a_channel() -> Pair:
 
 
 def partly_clamped(clamped: Callable[[np.ndarray], Any], n: int = 8) -> Pair:
-    """A square with a part of its bottom clamped, the rest in contact, pressed and sheared at its top."""
+    """Make a square with a part of its bottom clamped, the rest in contact.
+
+    It is pressed and sheared at its top.
+    """
     scene, domain = pressed(with_part(square(n, n), "clamped", "bottom", clamped), (0.02, -0.02))
     supports = [ec.Displacement("clamped", (0.0, 0.0)), *scene.supports]
     return ec.Scene(scene.material, supports, contacts=scene.contacts), domain
 
 
 def one_facet() -> Pair:
-    """A square that touches with one facet in the middle of its bottom."""
+    """Make a square that touches with one facet in the middle of its bottom."""
     domain = with_part(square(9, 9), "foot", "bottom", lambda x: abs(x[0] - 0.5) < 0.05)
     scene, domain = pressed(domain)
     return ec.Scene(
@@ -269,14 +305,20 @@ def one_facet() -> Pair:
 
 
 def held_at_the_side() -> Pair:
-    """A cantilever on a foundation: a corner of the contact is fixed by the support."""
+    """Make a cantilever on a foundation.
+
+    A corner of the contact is fixed by the support.
+    """
     supports, loads = [ec.Displacement("left", (0.0, 0.0))], [ec.Traction("top", (0.002, -0.01))]
     scene = ec.Scene(ec.Elastic(1.0, 0.3), supports, loads, [ec.Contact("bottom", friction=0.3)])
     return scene, ec.rectangle((0.0, 0.0), (3.0, 1.0), cells=(18, 6))
 
 
 def rod_on_its_side() -> Pair:
-    """A rod 100 : 1 that lies on a foundation, pressed along its length and pulled at one end."""
+    """Make a rod 100 : 1 that lies on a foundation.
+
+    It is pressed along its length and pulled at one end.
+    """
     supports = [ec.Displacement("left", (0.0, 0.0))]
     loads = [ec.Traction("top", pressure=1e-3), ec.Traction("right", (5e-3, 0.0))]
     scene = ec.Scene(ec.Elastic(1.0, 0.3), supports, loads, [ec.Contact("bottom", friction=0.3)])
@@ -284,7 +326,10 @@ def rod_on_its_side() -> Pair:
 
 
 def continuum_of_solutions() -> Pair:
-    """One triangle with friction 2 that slides along a branch of exact solutions: each has e = 0."""
+    """Make a triangle that slides along a branch of exact solutions.
+
+    Its friction is 2, and each solution has e = 0.
+    """
     x = np.array([[0.0, 0.0], [1.0, 0.0], [0.4, 0.3]])
     element = basix.ufl.element("Lagrange", "triangle", 1, shape=(2,))
     mesh = dmesh.create_mesh(MPI.COMM_SELF, np.array([[0, 1, 2]]), ufl.Mesh(element), x)
@@ -305,7 +350,7 @@ def continuum_of_solutions() -> Pair:
 
 
 def hertz(push: Sequence[float], friction: float) -> Pair:
-    """A half disc of radius 1 on a plane."""
+    """Make a half disc of radius 1 on a plane."""
     contact = ec.Contact("arc", friction=friction, normal=(0.0, -1.0), gap=lambda x: x[1])
     scene = ec.Scene(
         ec.Elastic(1.0, 0.3), [ec.Displacement("top", tuple(push))], contacts=[contact]
@@ -334,7 +379,7 @@ def tower() -> ec.Domain:
 
 
 def roller_pulled_off(friction: float) -> Pair:
-    """A block on a roller that leaves it free to rise, pulled upwards."""
+    """Make a block on a roller that leaves it free to rise, pulled upwards."""
     supports, loads = [ec.Displacement("left", (0.0, None))], [ec.Traction("top", (0.0, 0.01))]
     scene = ec.Scene(
         ec.Elastic(1.0, 0.3), supports, loads, [ec.Contact("bottom", friction=friction)]
@@ -343,7 +388,10 @@ def roller_pulled_off(friction: float) -> Pair:
 
 
 def _units() -> dict[str, Extreme]:
-    """Sweeps of Young's modulus and of the size of the body, of a held body and of one that contact holds."""
+    """Make sweeps of Young's modulus and of the size of the body.
+
+    They are of a held body and of one that contact holds.
+    """
     scenes = {}
     for what, build in (("block", block), ("GRECO", greco)):
         for k in range(-9, 13, 3):
@@ -358,7 +406,7 @@ def _units() -> dict[str, Extreme]:
 
 
 def _parameters() -> dict[str, Extreme]:
-    """Poisson's ratio, friction, and the parameters of the methods."""
+    """Make scenes of extreme Poisson's ratio, friction, and method parameters."""
     scenes = {}
     for v in (0.0, 0.3, 0.45, 0.49, 0.499, 0.4999):
         for n in (4, 8):
@@ -382,7 +430,10 @@ def _parameters() -> dict[str, Extreme]:
 
 
 def _states() -> dict[str, Extreme]:
-    """What the contact does: open, close, slip, tip; bodies that only contact holds."""
+    """Make scenes whose contacts open, close, slip and tip.
+
+    In some of them only contact holds the body.
+    """
     return {
         "opens altogether": Extreme(lambda: block((0.0, 0.05))),
         "closes from a gap": Extreme(lambda: block(gap=0.02), levels=3),
@@ -419,7 +470,11 @@ def _states() -> dict[str, Extreme]:
 
 
 def _meshes() -> dict[str, Extreme]:
-    """Slender bodies, jumps of stiffness, graded meshes, slivers, few facets, curved foundations, 3D."""
+    """Make scenes of extreme meshes and shapes.
+
+    Slender bodies, jumps of stiffness, graded meshes, slivers, few facets, curved
+    foundations, 3D.
+    """
     needle = 1 / np.tan(radians(1.0))
     return {
         "rod 100:1 on its side": Extreme(rod_on_its_side),
@@ -461,7 +516,7 @@ def _meshes() -> dict[str, Extreme]:
 
 
 def _loads() -> dict[str, Extreme]:
-    """No load, loads at the ends of double precision, and loads that nothing balances."""
+    """Make scenes of no load, of extreme loads, and of loads that nothing balances."""
     scenes = {"zero load": Extreme(lambda: pressed(square(), (0.0, 0.0)))}
     for k in (-300, -150, -100, -50, 0, 50, 100, 150, 300):
         for what, build, force in (("displacement", pressed, 0.4), ("force", standing, 0.3)):
