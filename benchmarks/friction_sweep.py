@@ -23,7 +23,8 @@ import numpy as np
 
 import erc_contact as ec
 
-from extreme_scenes import Pair, cube, greco, halved, on_a_sphere  # isort: skip - after erc_contact, which loads MPI
+from extreme_bodies import Pair, greco, on_a_sphere  # isort: skip - after erc_contact, which loads MPI
+from extreme_domains import cube, halved  # isort: skip
 
 
 def block(friction: float, nu: float = 0.3, push: tuple[float, float] = (0.1, -0.05)) -> Pair:

@@ -21,7 +21,8 @@ from collections.abc import Callable
 from math import isclose
 from typing import Any
 
-from extreme_scenes import cube, halved, mapped, on_a_sphere, standing
+from extreme_bodies import on_a_sphere, standing
+from extreme_domains import cube, halved, mapped
 
 import erc_contact as ec
 

@@ -72,8 +72,8 @@ class Evolution(RunResult):
     Example:
         >>> evolution
         <Evolution of 2 steps. All 2 steps to t = 1 are done.>
-        >>> evolution.force("bottom").shape, bool(np.all(evolution.column("dissipated") >= 0))
-        ((2, 2), True)
+        >>> evolution.force("bottom").shape, evolution.column("cells")
+        ((2, 2), array([16, 16]))
     """
 
     steps: tuple[TimeStep, ...]
