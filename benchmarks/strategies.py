@@ -16,7 +16,7 @@ from pathlib import Path
 from time import process_time
 from typing import Any
 
-import effectivity
+import effectivity_scenes
 
 import erc_contact as ec
 from erc_contact.output import plot_history
@@ -48,11 +48,11 @@ STRATEGIES["Hybrid"] = Hybrid()
 
 
 def block() -> tuple[ec.Scene, ec.Domain, float]:
-    return effectivity.block(0.3), ec.read_mesh(MESHES / "block.geo"), 0.01
+    return effectivity_scenes.block(0.3), ec.read_mesh(MESHES / "block.geo"), 0.01
 
 
 def greco() -> tuple[ec.Scene, ec.Domain, float]:
-    return effectivity.greco(), ec.read_mesh(MESHES / "greco.geo"), 0.005
+    return effectivity_scenes.greco(), ec.read_mesh(MESHES / "greco.geo"), 0.005
 
 
 def hertz() -> tuple[ec.Scene, ec.Domain, float]:
