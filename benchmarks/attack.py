@@ -1,4 +1,6 @@
-"""Random scenes that the claims of the pages are measured on: none was chosen, and the seed is an argument.
+"""Measure the claims of the pages on random scenes.
+
+None of the scenes was chosen, and the seed is an argument.
 
 ``coarse``: every mesh of 1 x 1 to 4 x 4 squares, degrees 1 and 2, every set of sides in
 contact, no support; the number of scenes that are solved. It may be run on several
@@ -41,6 +43,7 @@ import numpy as np  # isort: skip - after erc_contact, which loads MPI first
 from attack_certificates import certificates  # isort: skip
 from attack_certificates import summary as summary_of_certificates  # isort: skip
 from attack_families import random_sliding_block, random_sliding_box  # isort: skip
+from attack_tables import quantile_table  # isort: skip
 from attack_tightening import summary as summary_of_tightening, tightening as tightened  # isort: skip
 from true_errors import reference, true_errors  # isort: skip
 
@@ -85,7 +88,10 @@ def sides_in_contact() -> Iterator[tuple[str, ...]]:
 
 
 def closed_by(sides: tuple[str, ...]) -> ec.Scene:
-    """Make a scene without supports that contacts on these sides hold: they are too near, or pressed by a weight."""
+    """Make a scene without supports that contacts on these sides hold.
+
+    The sides are too near, or the body is pressed on them by a weight.
+    """
     push = 0.01 * np.sum([SIDES[side] for side in sides], axis=0)
     loads = [ec.BodyForce(tuple(float(part) for part in push))] if push.any() else []
     contacts = [ec.Contact(side, friction=0.5, gap=-0.01) for side in sides]
@@ -98,7 +104,10 @@ def certified(scene: ec.Scene, domain: ec.Domain, degree: int) -> ec.Constitutiv
 
 
 def pushed_block(rng: np.random.Generator) -> tuple[Callable[[float], ec.Scene], ec.Domain, int]:
-    """Make a block whose top is moved: its scene as a function of the share of the push, mesh and degree."""
+    """Make a block whose top is moved.
+
+    Returns its scene as a function of the share of the push, its mesh and its degree.
+    """
     columns, rows = (int(count) for count in rng.integers(1, 9, 2))
     height = float(rng.uniform(0.3, 2.0))
     friction = float(rng.uniform(0.2, 0.8))
@@ -117,7 +126,7 @@ def pushed_block(rng: np.random.Generator) -> tuple[Callable[[float], ec.Scene],
 
 
 def kinks(seed: int = 0, count: int = 200) -> None:
-    """Print the quantiles of the contact part over that of a composite rule, minus 1."""
+    """Print quantiles of the contact part over that of a composite rule, minus 1."""
     deviations = []
     for number in range(count):
         scene, domain, degree = pushed_block(np.random.default_rng([seed, number]))
@@ -131,7 +140,10 @@ def kinks(seed: int = 0, count: int = 200) -> None:
 
 
 def composite_contact_part(pair: ec.Admissible, traction: ContactTraction) -> float:
-    """Integrate the contact part of e^2 with many Gauss points on each facet of a contact without gap, in the plane."""
+    """Integrate the contact part of e^2 with many Gauss points [force length].
+
+    The contact is one without gap, in the plane.
+    """
     contact = traction.contact
     model = pair.solution.model
     points, weights = np.polynomial.legendre.leggauss(4)
@@ -159,7 +171,10 @@ def pushed(seed: int = 0, count: int = 80) -> None:
 
 
 def steps(seed: int = 0, count: int = 30) -> None:
-    """Print the same of steps that turn the push back by a random share, given their history."""
+    """Print the same of steps that turn the push back by a random share.
+
+    The errors are those given the history of the step.
+    """
     cases: list[Case] = []
     for number in range(count):
         rng = np.random.default_rng([seed, number])
@@ -217,13 +232,9 @@ def space(seed: int = 0, count: int = 4) -> None:
 
 
 def show(columns: dict[str, list[float]], form: str) -> None:
-    """Print the quantiles of columns of numbers as a table."""
-    print(f"| | scenes | {' | '.join(f'{share:.0%}' for share in QUANTILES)} |")
-    print("|---" * (2 + len(QUANTILES)) + "|")
-    for name, numbers in columns.items():
-        if numbers:
-            quantiles = " | ".join(form.format(value) for value in np.quantile(numbers, QUANTILES))
-            print(f"| {name} | {len(numbers)} | {quantiles} |", flush=True)
+    """Print the quantiles of columns of numbers as a table, without empty columns."""
+    filled = {name: numbers for name, numbers in columns.items() if numbers}
+    print(quantile_table(filled, QUANTILES, form), flush=True)
 
 
 def tell(line: str) -> None:

@@ -1,4 +1,6 @@
-"""The certificate of Coulomb friction on random blocks: whether q +- change and what is claimed hold after refinement.
+"""Test the certificate of Coulomb friction on random blocks and their refinements.
+
+The question is whether q +- change and what is claimed hold on the refined mesh.
 
     OMP_NUM_THREADS=1 python benchmarks/attack_certificates.py [seed] [count in the
     plane] [count in space]
@@ -23,7 +25,8 @@ from dataclasses import dataclass
 import erc_contact as ec
 
 import numpy as np  # isort: skip - after erc_contact, which loads MPI first
-from attack_families import Sample, random_sliding_block, random_sliding_box, scene_generator
+from attack_families import Sample, random_sliding_block, random_sliding_box
+from attack_tables import measure_scenes, quantile_table
 
 from erc_contact.error.other_mesh import body_on
 from erc_contact.error.slip_direction import LENGTHS, slip_fields
@@ -34,7 +37,7 @@ QUANTILES = (0.5, 0.9, 0.95, 0.98, 1.0)
 
 @dataclass(frozen=True)
 class Certificates:
-    """What was measured of one scene.
+    """Hold what was measured of one scene.
 
     Attributes:
         sample: The scene.
@@ -53,17 +56,7 @@ def certificates(
     seed: int, count: int, family: Callable[[np.random.Generator], Sample] = random_sliding_block
 ) -> list[Certificates]:
     """Certify the first scenes of a seed, a row for each that has a solution."""
-    rows = []
-    for number in range(count):
-        sample = family(scene_generator(seed, number))
-        try:
-            rows.append(measured(sample))
-        except ec.ErcContactError as reason:
-            print(
-                f"scene {number} of seed {seed} ({sample.name}) ends in {type(reason).__name__}",
-                flush=True,
-            )
-    return rows
+    return measure_scenes(seed, count, family, measured)
 
 
 def measured(sample: Sample) -> Certificates:
@@ -79,10 +72,9 @@ def measured(sample: Sample) -> Certificates:
 
 
 def _error(sample: Sample, domain: ec.Domain, start: ec.Solution | None) -> ec.ConstitutiveError:
-    """The error of a scene on a mesh."""
-    return ec.constitutive_error(
-        ec.equilibrate(ec.solve(sample.scene, domain, degree=sample.degree, start=start))
-    )
+    """Measure the error of a scene on a mesh."""
+    solution = ec.solve(sample.scene, domain, degree=sample.degree, start=start)
+    return ec.constitutive_error(ec.equilibrate(solution))
 
 
 def summary(rows: Sequence[Certificates]) -> str:
@@ -96,33 +88,24 @@ def summary(rows: Sequence[Certificates]) -> str:
     bounded = [row for row in rows if np.isfinite(row.first.bound)]
     no_longer_unique = [row for row in unique if not row.refined.unique]
     no_longer_bounded = [row for row in bounded if not np.isfinite(row.refined.bound)]
-    held = (
-        f"q + change holds on the refined mesh in {np.count_nonzero(same <= limits)} of {len(rows)} scenes with the "
-        f"same field, in {np.count_nonzero(own <= limits)} with the field of the refined mesh; this q is below "
-        f"q_largest in {np.count_nonzero(own <= largest)}."
-    )
-    withdrawn = (
+    below_limit = np.count_nonzero(same <= limits)
+    own_below_limit = np.count_nonzero(own <= limits)
+    own_below_largest = np.count_nonzero(own <= largest)
+    columns = {
+        "q": norms,
+        "change/q": (limits - norms) / norms,
+        "q on the refined mesh/q, same field": same / norms,
+        "q on the refined mesh/q, own field": own / norms,
+        "bound/e": np.array([row.first.factor for row in bounded]),
+    }
+    claims = (
+        f"q + change holds on the refined mesh in {below_limit} of {len(rows)} scenes with the "
+        f"same field, in {own_below_limit} with the field of the refined mesh; this q is below "
+        f"q_largest in {own_below_largest}.\n"
         f"Withdrawn: {len(no_longer_unique)} of {len(unique)} claims of uniqueness, "
         f"{len(no_longer_bounded)} of {len(bounded)} bounds."
     )
-    lines = [
-        held,
-        withdrawn,
-        "",
-        f"| | {' | '.join(f'{share:.0%}' for share in QUANTILES)} |",
-        "|---" * (1 + len(QUANTILES)) + "|",
-        _line("q", norms),
-        _line("change/q", (limits - norms) / norms),
-        _line("q on the refined mesh/q, same field", same / norms),
-        _line("q on the refined mesh/q, own field", own / norms),
-        _line("bound/e", np.array([row.first.factor for row in bounded])),
-    ]
-    return "\n".join(lines)
-
-
-def _line(name: str, values: np.ndarray) -> str:
-    """One line of the table."""
-    return f"| {name} | {' | '.join(f'{value:.2f}' for value in np.quantile(values, QUANTILES))} |"
+    return f"{claims}\n\n{quantile_table(columns, QUANTILES, counts=False)}"
 
 
 def main() -> None:

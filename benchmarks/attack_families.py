@@ -1,4 +1,4 @@
-"""Families of random scenes on which the claims of the pages are measured, each scene from a random generator.
+"""Make the random scenes on which the claims of the pages are measured.
 
 The code was not written for these scenes. A family is a function of a generator of
 numpy: the same seed gives the same scenes. Lengths are about 1.
@@ -18,7 +18,7 @@ import ufl  # isort: skip
 
 @dataclass(frozen=True)
 class Sample:
-    """A scene of a family with its mesh.
+    """Hold a scene of a family with its mesh.
 
     Attributes:
         name: What is random in the scene, in a few words.
@@ -34,7 +34,10 @@ class Sample:
 
 
 def scene_generator(seed: int, number: int) -> np.random.Generator:
-    """Make the generator of one scene of a family, so that a scene does not depend on those before it."""
+    """Make the random generator of one scene of a family.
+
+    A scene does not depend on those before it.
+    """
     return np.random.default_rng([seed, number])
 
 
@@ -43,7 +46,9 @@ def scene_generator(seed: int, number: int) -> np.random.Generator:
 
 
 def random_block(rng: np.random.Generator) -> Sample:
-    """Make a block in the plane of 4 to 128 triangles, with any modulus, Poisson's ratio, friction, gap and support.
+    """Make a block in the plane of 4 to 128 triangles.
+
+    Modulus, Poisson's ratio, friction, gap and support are random.
 
     Half of the bodies have Poisson's ratios between -0.7 and 0.49, half between 0.49
     and 0.4999, as many in each decade of ``1/2 - nu``.
@@ -71,7 +76,11 @@ def random_block(rng: np.random.Generator) -> Sample:
 
 
 def random_modulus(rng: np.random.Generator, law: str, width: float) -> Any:
-    """Make Young's modulus: constant, linear, exponential, or with a jump along a line that is not one of facets."""
+    """Make Young's modulus [force/area].
+
+    It is constant, linear, exponential, or has a jump along a line that is not one of
+    facets.
+    """
     contrast = float(10 ** rng.uniform(-2.0, 2.0))
     slope_x, slope_y = (float(slope) for slope in rng.uniform(-1.0, 1.0, 2))
     offset = float(rng.uniform(0.3, 0.7))
@@ -94,7 +103,7 @@ def random_modulus(rng: np.random.Generator, law: str, width: float) -> Any:
 def _supports_and_loads(
     rng: np.random.Generator, support: str, width: float
 ) -> tuple[list[ec.Displacement], list[Any]]:
-    """Supports and loads that press the block on its foundation."""
+    """Make supports and loads that press the block on its foundation."""
     push, press, tilt = (
         float(rng.uniform(low, high)) for low, high in ((-0.05, 0.05), (0.01, 0.05), (-0.02, 0.02))
     )
@@ -107,7 +116,7 @@ def _supports_and_loads(
 
 
 def _friction(rng: np.random.Generator, width: float, largest: float) -> Any:
-    """A friction coefficient, constant or growing along the contact."""
+    """Make a friction coefficient [-], constant or growing along the contact."""
     mu = float(rng.uniform(0.05, largest))
     growth = float(rng.uniform(0.0, 0.5))
     if rng.random() < 0.5:
@@ -116,7 +125,7 @@ def _friction(rng: np.random.Generator, width: float, largest: float) -> Any:
 
 
 def _gap(rng: np.random.Generator, width: float) -> Any:
-    """No gap, or a parabola that is zero inside the contact."""
+    """Make no gap, or a parabola that is zero inside the contact [length]."""
     curvature = float(rng.uniform(0.0, 0.04))
     middle = float(rng.uniform(0.3, 0.7)) * width
     if rng.random() < 0.5:

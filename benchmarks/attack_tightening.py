@@ -1,4 +1,4 @@
-"""Tightening on random blocks: how near the default comes to the least error, and the index of e.
+"""Measure tightening on random blocks: how near it comes to the least error.
 
     OMP_NUM_THREADS=1 python benchmarks/attack_tightening.py [seed] [count]
 
@@ -19,7 +19,8 @@ from unittest.mock import patch
 import erc_contact as ec
 
 import numpy as np  # isort: skip - after erc_contact, which loads MPI first
-from attack_families import Sample, random_block, scene_generator
+from attack_families import Sample, random_block
+from attack_tables import measure_scenes, quantile_table
 from true_errors import reference, true_errors
 
 from erc_contact.admissible.tighten import iteration
@@ -27,7 +28,10 @@ from erc_contact.admissible.tighten import iteration
 LONG = 200
 """Iterations after which e counts as the least one."""
 LEVELS = 2
-"""Refinements of the nested mesh of the reference: cells of a seventh of the size, of degree 2."""
+"""Refinements of the nested mesh of the reference.
+
+Its cells have a seventh of the size, and degree 2.
+"""
 WITHIN = 1.1
 """Ratio that the default is to keep."""
 SMALL = 0.2
@@ -37,7 +41,7 @@ QUANTILES = (0.5, 0.9, 0.95, 0.98, 1.0)
 
 @dataclass(frozen=True)
 class Tightening:
-    """What was measured of one scene.
+    """Hold what was measured of one scene.
 
     Attributes:
         sample: The scene.
@@ -56,17 +60,7 @@ class Tightening:
 
 def tightening(seed: int, count: int) -> list[Tightening]:
     """Measure the first scenes of a seed, a row for each that has a solution."""
-    rows = []
-    for number in range(count):
-        sample = random_block(scene_generator(seed, number))
-        try:
-            rows.append(measured(sample))
-        except ec.ErcContactError as reason:
-            print(
-                f"scene {number} of seed {seed} ({sample.name}) ends in {type(reason).__name__}",
-                flush=True,
-            )
-    return rows
+    return measure_scenes(seed, count, random_block, measured)
 
 
 def measured(sample: Sample) -> Tightening:
@@ -89,30 +83,18 @@ def measured(sample: Sample) -> Tightening:
 def summary(rows: Sequence[Tightening]) -> str:
     """Write the quantiles of all rows as a table in Markdown."""
     ratios = np.array([row.ratio for row in rows])
-    lines = [
-        f"{np.count_nonzero(ratios <= WITHIN)} of {len(rows)} scenes are within {WITHIN} of the least e.",
-        "",
-        f"| | scenes | {' | '.join(f'{share:.0%}' for share in QUANTILES)} |",
-        "|---" * (2 + len(QUANTILES)) + "|",
-        _line("ratio", ratios),
-        _line("iterations", np.array([row.iterations for row in rows])),
-    ]
+    within = np.count_nonzero(ratios <= WITHIN)
+    columns: dict[str, Sequence[float] | np.ndarray] = {
+        "ratio": ratios,
+        "iterations": [row.iterations for row in rows],
+    }
     for degree in (1, 2):
         of_degree = [row for row in rows if row.sample.degree == degree]
         small = [row for row in of_degree if row.eps < SMALL]
-        lines.append(_line(f"index, degree {degree}", np.array([row.index for row in of_degree])))
-        lines.append(
-            _line(
-                f"index, degree {degree}, eps < {SMALL:.0%}", np.array([row.index for row in small])
-            )
-        )
-    return "\n".join(lines)
-
-
-def _line(name: str, values: np.ndarray) -> str:
-    """One line of the table."""
-    quantiles = np.quantile(values, QUANTILES) if len(values) else np.full(len(QUANTILES), np.nan)
-    return f"| {name} | {len(values)} | {' | '.join(f'{value:.2f}' for value in quantiles)} |"
+        columns[f"index, degree {degree}"] = [row.index for row in of_degree]
+        columns[f"index, degree {degree}, eps < {SMALL:.0%}"] = [row.index for row in small]
+    head = f"{within} of {len(rows)} scenes are within {WITHIN} of the least e."
+    return f"{head}\n\n{quantile_table(columns, QUANTILES)}"
 
 
 def main() -> None:

@@ -1,4 +1,4 @@
-"""Cost of the stages, as multiples of one linear elastic solve of the same size.
+"""Measure the stages as multiples of one linear elastic solve of the same size.
 
 In 2D the common block of several contact codes: (0, 2) x (0, 7), E = 1, nu = 0.3,
 friction 0.3, pressed and sheared at its top, pushed at its right side, on n x 3.5 n
@@ -46,7 +46,9 @@ def problem(dim: int, n: int) -> tuple[ec.Scene, ec.Domain]:
 
 
 def linear_solve(scene: ec.Scene, domain: ec.Domain, degree: int) -> tuple[float, float]:
-    """Seconds of one linear elastic solve, assembly and MUMPS (LU), and megabytes of the factor.
+    """Measure one linear elastic solve: seconds, and megabytes of the factor.
+
+    The seconds are those of assembly and MUMPS (LU).
 
     The contact is held by nothing but the stiffness.
     """
@@ -71,7 +73,7 @@ def linear_solve(scene: ec.Scene, domain: ec.Domain, degree: int) -> tuple[float
 
 
 def peak() -> float:
-    """Largest memory of the process so far [MB]."""
+    """Return the largest memory of the process so far [MB]."""
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
@@ -97,11 +99,13 @@ def main() -> None:
     linear, *stages = np.median(rows, axis=0)
     unknowns = solution.model.V.dofmap.index_map.size_global * domain.dim
     print(
-        f"{unknowns} degrees of freedom, {domain.cells} cells, {solution.newton_steps} Newton steps,"
+        f"{unknowns} degrees of freedom, {domain.cells} cells, "
+        f"{solution.newton_steps} Newton steps,"
     )
     print(f"eps = {error.relative:.3%} after {admissible.tightening} steps of tightening;")
     print(
-        f"medians of {options.rounds} rounds, one linear solve = {linear:.2f} s; its factor {factor:.0f} MB"
+        f"medians of {options.rounds} rounds, one linear solve = {linear:.2f} s; "
+        f"its factor {factor:.0f} MB"
     )
     names = ("contact solve", "admissible pair, loose", "admissible pair, tightened", "error")
     print(f"{'stage':<28}{'seconds':>9}{'linear solves':>15}{'microseconds a cell':>21}")
@@ -111,7 +115,8 @@ def main() -> None:
         )
     after = stages[2] + stages[3]
     print(
-        f"{'tightened pair and error':<28}{after:9.2f}{after / linear:15.2f}{after / domain.cells * 1e6:21.1f}"
+        f"{'tightened pair and error':<28}{after:9.2f}{after / linear:15.2f}"
+        f"{after / domain.cells * 1e6:21.1f}"
     )
 
 

@@ -1,4 +1,6 @@
-"""What is proved with Coulomb friction, against the truth: the numbers of docs/coulomb.md.
+"""Compare what is proved with Coulomb friction with the truth.
+
+These are the numbers of docs/coulomb.md.
 
     python benchmarks/coulomb.py [triangles] [bounds] [random] [meshes] [cost]
 
@@ -30,7 +32,7 @@ from erc_contact.newton.linear.stiffness import Stiffness
 
 
 def greco(friction: Any) -> ec.Scene:
-    """The compressed and pushed block: N, mm."""
+    """Make the compressed and pushed block: N, mm."""
     return ec.Scene(
         ec.Elastic(E=130e3, nu=0.2),
         [ec.Displacement("right", (0.0, None))],
@@ -40,7 +42,7 @@ def greco(friction: Any) -> ec.Scene:
 
 
 def pressed(friction: Any, push: tuple[float, ...] = (0.02, -0.05), **options: Any) -> ec.Scene:
-    """A body that is pressed on its foundation at its top and sheared."""
+    """Make a body that is pressed on its foundation at its top and sheared."""
     return ec.Scene(
         options.get("material", ec.Elastic(1.0, 0.3)),
         [ec.Displacement("top", push)],
@@ -50,12 +52,14 @@ def pressed(friction: Any, push: tuple[float, ...] = (0.02, -0.05), **options: A
 
 
 def square(n: int, x: float = 40.0, y: float = 40.0) -> ec.Domain:
-    """A rectangle with n squares on its height."""
+    """Make a rectangle with n squares on its height."""
     return ec.rectangle((0.0, 0.0), (x, y), cells=(round(n * x / y), n))
 
 
 def triangle(nu: float, friction: float, size: float) -> tuple[ec.Scene, ec.Domain]:
-    """The triangle whose solutions are many at ``friction = 1``, in units of the critical friction.
+    """Make the triangle whose solutions are many at ``friction = 1``.
+
+    Friction is in units of the critical friction.
 
     Source: P. Hild, Q. J. Mech. Appl. Math. 57 (2004).
     """
@@ -89,13 +93,13 @@ def triangle(nu: float, friction: float, size: float) -> tuple[ec.Scene, ec.Doma
 def certified(
     scene: ec.Scene, domain: ec.Domain, **options: Any
 ) -> tuple[ec.ConstitutiveError, ec.CoulombCertificate]:
-    """Error and certificate of a scene on a mesh."""
+    """Compute error and certificate of a scene on a mesh."""
     error = ec.constitutive_error(ec.equilibrate(ec.solve(scene, domain, **options)))
     return error, ec.coulomb_certificate(error)
 
 
 def triangles() -> None:
-    """M, claims and other solutions on both triangles."""
+    """Print M, claims and other solutions on both triangles."""
     print(
         "| nu | size | mu / critical | M | q | unique | eps | eps of other solutions |\n|"
         + "---|" * 8
@@ -113,20 +117,25 @@ def triangles() -> None:
             error, found = certified(*triangle(nu, share, size))
             others = ", ".join(f"{one.relative:.0e}" for one in ec.other_solutions(error.solution))
             print(
-                f"| {nu} | {size} | {share} | {found.M:.4f} +- {found.M_change:.4f} | {found.q:.3f} | {found.unique} "
+                f"| {nu} | {size} | {share} | {found.M:.4f} +- {found.M_change:.4f} "
+                f"| {found.q:.3f} | {found.unique} "
                 f"| {error.relative:.0e} | {others or 'none found'} |",
                 flush=True,
             )
 
 
 def row(name: str, scene: ec.Scene, domain: ec.Domain, levels: int, **options: Any) -> bool | None:
-    """Print a line of the table of bounds; return whether the truth is below the bound, None if none is claimed."""
+    """Print a line of the table of bounds.
+
+    Returns whether the truth is below the bound, None if none is claimed.
+    """
     error, found = certified(scene, domain, **options)
     true = true_errors(error.admissible, reference(error.solution, levels, **_solver(options)))
     e = error.absolute
     limit = 1 / np.sqrt(1 - found.q) if found.q < 1 else np.inf
     print(
-        f"| {name} | {domain.cells} | {found.q:.3f} +- {found.q_change:.3f} | {found.misaligned / e:.3f} "
+        f"| {name} | {domain.cells} | {found.q:.3f} +- {found.q_change:.3f} "
+        f"| {found.misaligned / e:.3f} "
         f"| {found.unbalanced / e:.3f} | {found.factor:.3f} | {found.factor / limit:.3f} "
         f"| {found.bound / true.of_both:.3f} | {true.friction / e**2:.1e} |",
         flush=True,
@@ -139,13 +148,16 @@ def _solver(options: dict[str, Any]) -> dict[str, Any]:
 
 
 TABLE = (
-    "| scene | cells | q | A/e | B/e | bound/e | bound/e sqrt(1 - q) | bound/true | third term/e^2 |\n|"
-    + "---|" * 9
+    "| scene | cells | q | A/e | B/e | bound/e | bound/e sqrt(1 - q) "
+    "| bound/true | third term/e^2 |\n|" + "---|" * 9
 )
 
 
 def bounds() -> None:
-    """Ten scenes and more, with references four times finer than the cut mesh, two times in space."""
+    """Print the bounds of ten scenes and more.
+
+    References are four times finer than the cut mesh, two times in space.
+    """
     print(TABLE)
     for mu in (0.1, 0.3, 0.6, 0.8):
         for n in (8, 16):
@@ -165,7 +177,10 @@ def bounds() -> None:
 
 
 def scenes(count: int) -> Iterator[tuple[str, ec.Scene, ec.Domain]]:
-    """Random blocks in the plane: size, load, friction, gap, materials; some are open, some slip both ways."""
+    """Make random blocks in the plane: size, load, friction, gap, materials.
+
+    Some are open, some slip both ways.
+    """
     rng = np.random.default_rng(15)
     for number in range(count):
         nu, mu = float(rng.uniform(0.0, 0.4)), float(rng.uniform(0.05, 0.7))
@@ -188,7 +203,10 @@ def scenes(count: int) -> Iterator[tuple[str, ec.Scene, ec.Domain]]:
 def _fields(
     number: int, mu: float, steep: float, curve: float, wide: float, press: float, tilt: float
 ) -> tuple[Any, Any, Any]:
-    """Friction and gap, which vary in some of the scenes, and the vertical displacement of the top."""
+    """Make friction, gap and the vertical displacement of the top.
+
+    They vary in some of the scenes.
+    """
 
     def friction(x: Any) -> Any:
         return mu * (1 + steep * x[0])
@@ -203,16 +221,17 @@ def _fields(
 
 
 def random_scenes(count: int = 60) -> None:
-    """Random scenes; the number of bounds that the truth exceeds."""
+    """Print the table of bounds of random scenes, and how many the truth exceeds."""
     print(TABLE)
     held = [row(name, scene, domain, 3) for name, scene, domain in scenes(count)]
     print(
-        f"{count} scenes: {held.count(True)} bounds above the truth, {held.count(False)} below, the rest not claimed"
+        f"{count} scenes: {held.count(True)} bounds above the truth, "
+        f"{held.count(False)} below, the rest not claimed"
     )
 
 
 def meshes() -> None:
-    """M on uniform meshes, each of half the size."""
+    """Print M on uniform meshes, each of half the size."""
     print("| scene | M |\n|---|---|")
     for name, scene, shape, start, degree in (
         ("GRECO 0.3", greco(0.3), (40.0, 40.0), 4, 1),
@@ -228,9 +247,13 @@ def meshes() -> None:
 
 
 def cost() -> None:
-    """Processor time of the certificate over that of one linear solve, set-up included."""
+    """Print processor time of the certificate over that of one linear solve.
+
+    Both include the set-up.
+    """
     print(
-        "| scene | cells | one linear solve, s | certificate | contact solve |\n|---|---|---|---|---|"
+        "| scene | cells | one linear solve, s | certificate | contact solve |\n"
+        "|---|---|---|---|---|"
     )
     cube, push = ec.box((0.0,) * 3, (1.0,) * 3, cells=(26, 26, 26)), (0.02, 0.01, -0.05)
     for name, scene, domain, degree in (

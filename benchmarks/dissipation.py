@@ -1,4 +1,4 @@
-"""Dissipated energy of a cycle against the length of the steps in time.
+"""Measure the dissipated energy of a cycle against the length of the steps.
 
 A punch stands on a plane by friction. A vertical load presses it, and a horizontal load
 rocks it back and forth. The energy of one cycle is told in three ways, which are the
@@ -29,11 +29,14 @@ HORIZONTAL_LOADS = (0.0, 0.0, 300.0, -300.0, 300.0, -300.0)
 CYCLE = (1.5, 3.5)
 LENGTHS = (0.25, 0.125, 0.0625)
 ACCURACIES = (0.1, 0.03)
-HEADER = "| steps | of them in the cycle | dissipated | -contact_work | loop area | in_time | cells | seconds |"
+HEADER = (
+    "| steps | of them in the cycle | dissipated | -contact_work | loop area | in_time | cells "
+    "| seconds |"
+)
 
 
 def punch() -> ec.Domain:
-    """A rectangle whose lower corners are rounded, meshed by gmsh; its parts are foot and top."""
+    """Make a rectangle whose lower corners are rounded; its parts are foot and top."""
     gmsh.initialize()
     gmsh.option.setNumber("General.Terminal", 0)
     gmsh.option.setNumber("Mesh.MeshSizeMax", 1.5)
@@ -54,19 +57,19 @@ def punch() -> ec.Domain:
 
 
 def horizontal_load(t: float) -> float:
-    """The horizontal force on the top at a time [force]."""
+    """Return the horizontal force on the top at a time [force]."""
     return float(np.interp(t, TIMES, HORIZONTAL_LOADS))
 
 
 def scene_at(t: float) -> ec.Scene:
-    """The pressed and rocked punch at a time."""
+    """Make the scene of the pressed and rocked punch at a time."""
     load = ec.Traction("top", (horizontal_load(t) / WIDTH, -PRESSURE))
     foot = ec.Contact("foot", friction=0.5, gap=lambda x: x[1], normal=(0.0, -1.0))
     return ec.Scene(ec.Elastic(210e3, 0.3), [], [load], [foot])
 
 
 def displacement_of_top(error: ec.ConstitutiveError) -> float:
-    """The horizontal displacement of the top of u^, in the mean over its length [length]."""
+    """Compute the mean horizontal displacement of the top of u^ [length]."""
     across = (np.arange(100) + 0.5) / 100 - 0.5
     points = np.column_stack([WIDTH * across, np.full(100, HEIGHT)])
     return float(error.at(points).displacement[:, 0].mean())
@@ -96,7 +99,7 @@ def row(name: str, times: np.ndarray, accuracy_in_time: float | None = None) -> 
 
 
 def steps() -> None:
-    """Prescribed steps."""
+    """Print the rows of prescribed steps."""
     for length in LENGTHS:
         count = round((CYCLE[1] - TIMES[1]) / length)
         loaded = np.linspace(TIMES[1], CYCLE[1], count + 1)
@@ -104,7 +107,7 @@ def steps() -> None:
 
 
 def chosen() -> None:
-    """Steps that the accuracy of the dissipated energy chooses."""
+    """Print the rows of steps that the accuracy of the dissipated energy chooses."""
     for accuracy in ACCURACIES:
         row(f"{accuracy:.0%}", np.array(TIMES[:5]), accuracy)
 

@@ -1,4 +1,4 @@
-"""Effectivity of the error: indices against true errors, per-element correlation, error against run time.
+"""Measure indices against true errors, per-element correlation, and time.
 
 For every scene, degree and mesh of a uniform and of an adaptive sequence, without and
 with tightening:
@@ -22,197 +22,37 @@ from __future__ import annotations
 
 import csv
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from time import process_time
 from typing import Any
 
 import erc_contact as ec
+from erc_contact.output import plot_history
 
-import ufl  # isort: skip - after erc_contact, which loads MPI first
-from erc_contact.output import plot_history  # isort: skip
-from true_errors import Reference, known, rank_correlation, reference, true_errors  # isort: skip
+from effectivity_scenes import CASES, block, blocks  # isort: skip - after erc_contact
+from true_errors import rank_correlation, true_errors  # isort: skip
 
 DEGREES = (1, 2)
 """Degrees of the displacement that are studied."""
 TIGHTEN = (0, 10)
-MAX_FINE = 1_600_000
-"""Cells of a reference at most: about 3 GB in 2D."""
 CORNER = 0.7112
-"""Exponent of the clamped-free corners of the block at nu = 0.3: eps ~ h^CORNER on uniform meshes."""
+"""Exponent of the clamped-free corners of the block at nu = 0.3.
+
+On uniform meshes eps ~ h^CORNER.
+"""
 LINE = 0.01
 """Eps that the figures mark [-]."""
 FOLDER = Path("results/effectivity")
 
 
 @dataclass(frozen=True)
-class Case:
-    """A scene with its meshes.
-
-    Attributes:
-        scene: The scene, or a function of the degree that gives it.
-        meshes: The uniform sequence, coarse to fine; the adaptive one starts from its
-            first.
-        levels: Uniform refinements of the reference beyond the cut at the barycentres.
-        exact: Known displacement, a function of the degree that gives a callable of x;
-            or None.
-        max_cells: Cells at most in a figure of error against run time.
-        max_fine: Cells of a reference at most.
-    """
-
-    scene: Any
-    meshes: tuple[Callable[[], ec.Domain], ...]
-    levels: int = 4
-    exact: Any = None
-    max_cells: int = 120_000
-    max_fine: int = MAX_FINE
-
-    def of_degree(self, degree: int) -> ec.Scene:
-        """The scene whose data the degree carries exactly."""
-        return self.scene if isinstance(self.scene, ec.Scene) else self.scene(degree)
-
-    def truth(self, solution: ec.Solution, degree: int) -> Reference:
-        """What counts as exact on the mesh of a solution."""
-        return (
-            known(solution, self.exact(degree)) if self.exact else reference(solution, self.levels)
-        )
-
-    def affordable(self, cells: int, d: int, degree: int) -> bool:
-        """Whether the reference of a mesh fits into memory."""
-        return (
-            bool(self.exact)
-            or cells * (d + 1) * 2 ** (d * self.levels) * degree**d <= self.max_fine
-        )
-
-
-# -- scenes
-# --------------------------------------------------------------------------------------------------------
-
-
-def block(friction: Any, nu: float = 0.3) -> ec.Scene:
-    """The pressed and sheared block, (0, 2) x (0, 7)."""
-    return ec.Scene(
-        material=ec.Elastic(E=1.0, nu=nu),
-        supports=[ec.Displacement("top", (0.02, -0.05))],
-        contacts=[ec.Contact("bottom", friction=friction)],
-    )
-
-
-def opening(friction: Any) -> ec.Scene:
-    """The block tilted and pushed: its contact opens on the left, and with friction slips where it is closed."""
-    return ec.Scene(
-        material=ec.Elastic(E=1.0, nu=0.3),
-        supports=[ec.Displacement("top", (0.1, lambda x: 0.02 - 0.04 * x[0]))],
-        contacts=[ec.Contact("bottom", friction=friction)],
-    )
-
-
-def greco() -> ec.Scene:
-    """Compressed and pushed block (GRECO): N, mm."""
-    return ec.Scene(
-        material=ec.Elastic(E=130e3, nu=0.2),
-        supports=[ec.Displacement("right", (0.0, None))],
-        loads=[ec.Traction("top", pressure=50.0), ec.Traction("left", pressure=150.0)],
-        contacts=[ec.Contact("bottom", friction=1.0)],
-    )
-
-
-def cube(friction: float) -> ec.Scene:
-    """A pressed cube with its top held."""
-    return ec.Scene(
-        material=ec.Elastic(E=1.0, nu=0.3),
-        supports=[ec.Displacement("top", (0.02, 0.01, -0.05))],
-        contacts=[ec.Contact("bottom", friction=friction)],
-    )
-
-
-def smooth(degree: int) -> Callable[[Any], Any]:
-    """A displacement of degree k + 1 on the unit square that keeps frictionless contact at y = 0, closed all over.
-
-    u_y = 0 and sigma_xy = 0 at y = 0, u_x = 0 at x = 0; elements of degree k carry all
-    its data.
-    """
-    return lambda x: ufl.as_vector(
-        [
-            0.02 * x[0] + 0.03 * x[0] ** (degree + 1),
-            -0.1 * x[1] - 0.02 * x[0] ** degree * x[1] + 0.03 * x[1] ** (degree + 1),
-        ]
-    )
-
-
-def manufactured(degree: int) -> ec.Scene:
-    """The scene that :func:`smooth` solves: contact below, a roller on the left, tractions on the other sides."""
-    material, exact, k = ec.Elastic(E=1.0, nu=0.3), smooth(degree), degree
-    shear = 1 / 2.6
-    lame = 2 * shear * 0.3 / 0.4
-
-    def stress(x: Any) -> Any:
-        eps = ufl.sym(ufl.grad(exact(x)))
-        return material.stress(eps, E=material.E, nu=material.nu)
-
-    return ec.Scene(
-        material=material,
-        supports=[ec.Displacement("left", (0.0, None))],
-        loads=[
-            ec.Traction("left", (0.0, lambda x: -stress(x)[0, 1])),
-            ec.Traction("right", lambda x: stress(x)[:, 0]),
-            ec.Traction("top", lambda x: stress(x)[:, 1]),
-            ec.BodyForce(
-                (
-                    lambda x: (
-                        -k
-                        * (0.03 * (k + 1) * (lame + 2 * shear) - 0.02 * (lame + shear))
-                        * x[0] ** (k - 1)
-                    ),
-                    lambda x: (
-                        -k
-                        * (
-                            0.03 * (k + 1) * (lame + 2 * shear) * x[1] ** (k - 1)
-                            - 0.02 * (k - 1) * shear * x[0] ** max(k - 2, 0) * x[1]
-                        )
-                    ),
-                )
-            ),
-        ],
-        contacts=[ec.Contact("bottom")],
-    )
-
-
-def blocks(*n: int) -> tuple[Callable[[], ec.Domain], ...]:
-    return tuple(lambda n=n: ec.rectangle((0.0, 0.0), (2.0, 7.0), cells=(n, 7 * n // 2)) for n in n)
-
-
-def squares(side: float, *n: int) -> tuple[Callable[[], ec.Domain], ...]:
-    return tuple(lambda n=n: ec.rectangle((0.0, 0.0), (side, side), cells=(n, n)) for n in n)
-
-
-def cubes(*n: int) -> tuple[Callable[[], ec.Domain], ...]:
-    return tuple(lambda n=n: ec.box((0.0,) * 3, (1.0,) * 3, cells=(n,) * 3) for n in n)
-
-
-CASES = {
-    "block, friction 0.3": Case(block(0.3), blocks(4, 8, 16)),
-    "block, frictionless": Case(block(0.0), blocks(4, 8, 16)),
-    "block, given friction": Case(block(ec.Tresca(0.0015)), blocks(4, 8, 16)),
-    "opening block, frictionless": Case(opening(0.0), blocks(4, 8, 16)),
-    "opening block, given friction": Case(opening(ec.Tresca(0.0015)), blocks(4, 8, 16)),
-    "block, nu 0.49": Case(block(0.3, 0.49), blocks(8, 16)),
-    "block, frictionless, nu 0.49": Case(block(0.0, 0.49), blocks(8, 16)),
-    "GRECO": Case(greco(), squares(40.0, 8, 16, 32)),
-    "manufactured": Case(manufactured, squares(1.0, 4, 8, 16, 32), exact=smooth),
-    "cube, friction 0.3": Case(cube(0.3), cubes(2, 4), levels=3, max_cells=50_000),
-    "cube, frictionless": Case(cube(0.0), cubes(2, 4), levels=3, max_cells=50_000),
-}
-
-
-# -- the table
-# -----------------------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
 class Row:
-    """One mesh and one number of iterations of tightening; see the head of the file."""
+    """Hold the measures of one mesh and one number of iterations of tightening.
+
+    See the head of the file.
+    """
 
     scene: str
     degree: int
@@ -231,19 +71,24 @@ class Row:
 
     def __str__(self) -> str:
         return (
-            f"{self.scene:<30}{self.degree} {self.sequence:<9}{self.cells:6d}{self.tighten:4d}{self.iterations:4d}"
-            f"{self.eps:9.3%}{self.bulk_index:8.3f}{self.index:8.3f}{self.both - 1:+11.1e}{self.third:+10.1e}"
+            f"{self.scene:<30}{self.degree} {self.sequence:<9}{self.cells:6d}"
+            f"{self.tighten:4d}{self.iterations:4d}"
+            f"{self.eps:9.3%}{self.bulk_index:8.3f}{self.index:8.3f}"
+            f"{self.both - 1:+11.1e}{self.third:+10.1e}"
             f"{self.rank_u:8.3f}{self.rank_both:8.3f}{self.fine_cells:9d}"
         )
 
 
-HEADER = f"{'scene':<30}k sequence  cells max its      eps  bulk/u     e/u   both - 1     third  rank u  rank 2  fine cells"
+HEADER = (
+    f"{'scene':<30}k sequence  cells max its      eps  bulk/u     e/u   both - 1     third"
+    "  rank u  rank 2  fine cells"
+)
 
 
 def measured(
     name: str, degree: int, sequence: str, domain: ec.Domain
 ) -> tuple[list[Row], ec.ConstitutiveError]:
-    """The rows of one mesh, and the tightest error."""
+    """Return the rows of one mesh, and the tightest error."""
     case = CASES[name]
     solution = ec.solve(case.of_degree(degree), domain, degree=degree)
     exact = case.truth(solution, degree)
@@ -274,7 +119,11 @@ def measured(
 
 
 def table(name: str, degree: int) -> Iterator[Row]:
-    """All rows of a scene: the uniform sequence, then the adaptive one from the same first mesh."""
+    """Return all rows of a scene.
+
+    First come those of the uniform sequence, then those of the adaptive one from the
+    same first mesh.
+    """
     case = CASES[name]
     for make in case.meshes:
         domain = make()
@@ -288,11 +137,12 @@ def table(name: str, degree: int) -> Iterator[Row]:
 
 
 def summary(rows: list[Row]) -> Iterator[str]:
-    """Least and greatest of each measure, scene by scene."""
+    """Give the least and greatest of each measure, scene by scene."""
     for name, degree, tighten in dict.fromkeys((r.scene, r.degree, r.tighten) for r in rows):
         own = [r for r in rows if (r.scene, r.degree, r.tighten) == (name, degree, tighten)]
         ranges = ", ".join(
-            f"{what} {min(getattr(r, key) for r in own):.3f} to {max(getattr(r, key) for r in own):.3f}"
+            f"{what} {min(getattr(row, key) for row in own):.3f}"
+            f" to {max(getattr(row, key) for row in own):.3f}"
             for what, key in (
                 ("bulk/u", "bulk_index"),
                 ("rank u", "rank_u"),
@@ -315,18 +165,22 @@ def write(rows: list[Row]) -> None:
 
 
 # -- error against run time
-# ----------------------------------------------------------------------------------------
+# ------------------------------------------------------------------------------------
 
 
 def figure(name: str) -> None:
-    """Eps against run time and degrees of freedom: tightening off and on, uniform and adaptive, all degrees."""
+    """Draw eps against run time and degrees of freedom.
+
+    Tightening is off and on, refinement uniform and adaptive, for all degrees.
+    """
     case, histories = CASES[name], {}
     for degree in DEGREES:
         scene, start = case.of_degree(degree), case.meshes[0]()
         for tighten in TIGHTEN:
             warm_up(scene, start, degree, tighten)
             for strategy in (ec.Uniform(), ec.Mark()):
-                label = f"k = {degree}, {'uniform' if strategy == ec.Uniform() else 'adaptive'}, tighten {tighten}"
+                sequence = "uniform" if strategy == ec.Uniform() else "adaptive"
+                label = f"k = {degree}, {sequence}, tighten {tighten}"
                 options: dict[str, Any] = {
                     "strategy": strategy,
                     "tighten": tighten,
@@ -335,7 +189,8 @@ def figure(name: str) -> None:
                 history = ec.adapt(scene, start, 1e-6, degree=degree, **options)
                 histories[label] = replace(history, accuracy=LINE, meshes=())
                 print(
-                    f"{name}: {label}: {history.steps[-1].eps:.3%} after {history.steps[-1].seconds:.1f} s",
+                    f"{name}: {label}: {history.steps[-1].eps:.3%} "
+                    f"after {history.steps[-1].seconds:.1f} s",
                     flush=True,
                 )
                 history.to_csv(
@@ -354,7 +209,9 @@ def warm_up(scene: ec.Scene, start: ec.Domain, degree: int, tighten: int) -> Non
 
 
 def race(accuracy: float = 0.01) -> None:
-    """Time to a certified accuracy on the block: adaptive runs, against uniform P1 with the loose error.
+    """Measure the time to a certified accuracy on the block.
+
+    Adaptive runs are compared with uniform P1 with the loose error.
 
     The uniform side runs twice: refining all cells from the same first mesh, as one
     does who knows nothing; and on the one structured mesh that just reaches the
@@ -385,7 +242,8 @@ def race(accuracy: float = 0.01) -> None:
     )
     refining = process_time() - began
     print(
-        f"uniform, tighten 0, refining: {history.steps[-1].cells} cells, {history.steps[-1].eps:.3%}, {refining:.2f} s"
+        f"uniform, tighten 0, refining: {history.steps[-1].cells} cells, "
+        f"{history.steps[-1].eps:.3%}, {refining:.2f} s"
     )
     n, reached = 256, False
     while not reached:
@@ -394,12 +252,16 @@ def race(accuracy: float = 0.01) -> None:
         n = 2 * round(n * max((eps / accuracy) ** (1 / CORNER), 1.01) / 2)
     for label, seconds in times.items():
         print(
-            f"{label}: {refining / seconds:.1f} times faster than refining, {alone / seconds:.1f} than that mesh alone"
+            f"{label}: {refining / seconds:.1f} times faster than refining, "
+            f"{alone / seconds:.1f} than that mesh alone"
         )
 
 
 def one_mesh(scene: ec.Scene, n: int) -> tuple[float, float]:
-    """Eps with the loose error, and seconds, of one uniform mesh of n squares across, each cut by one diagonal."""
+    """Measure eps with the loose error, and seconds, of one uniform mesh.
+
+    It has n squares across, each cut by one diagonal.
+    """
     began = process_time()
     error = ec.constitutive_error(ec.equilibrate(ec.solve(scene, blocks(n)[0]()), tighten=0))
     seconds = process_time() - began

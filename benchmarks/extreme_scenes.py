@@ -1,4 +1,6 @@
-"""Scenes at the edge of what a contact solver meets: units, materials, friction, shapes, meshes, supports, loads.
+"""Make scenes at the edge of what a contact solver meets.
+
+Units, materials, friction, shapes, meshes, supports and loads are extreme.
 
 Each is small (below 2000 cells) and says whether it has a solution at all.
 `benchmarks/extremes.py` runs them.
@@ -10,29 +12,50 @@ one if the loads lie strictly inside what the friction cones can balance.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from math import cos, pi, radians, sin
-from typing import Any
+from math import cos, radians, sin
 
 import numpy as np
+from extreme_bodies import (
+    Pair,
+    block,
+    continuum_of_solutions,
+    greco,
+    held_at_the_side,
+    hertz,
+    in_a_channel,
+    in_a_corner,
+    layered,
+    on_a_cylinder,
+    on_a_sine,
+    on_a_sphere,
+    one_facet,
+    partly_clamped,
+    pressed,
+    rod_on_its_side,
+    roller_pulled_off,
+    standing,
+    wedge,
+)
+from extreme_domains import (
+    cap_row,
+    cube,
+    graded_corner,
+    graded_tensor,
+    halved,
+    mapped,
+    rotated,
+    square,
+    tower,
+)
 
 import erc_contact as ec
-
-import basix.ufl  # isort: skip - after erc_contact, which loads MPI first
-import ufl  # isort: skip
-
-from erc_contact.scene.material import Value
-
-from dolfinx import mesh as dmesh  # isort: skip
-from mpi4py import MPI  # isort: skip
-
-Pair = tuple[ec.Scene, ec.Domain]
 
 
 @dataclass(frozen=True)
 class Extreme:
-    """A scene of the grid.
+    """Hold a scene of the grid.
 
     Attributes:
         build: Makes the scene and its domain.
@@ -56,294 +79,11 @@ class Extreme:
     same_as: str = ""
 
 
-# -- domains
-# -------------------------------------------------------------------------------------------------
-
-
-def mapped(domain: ec.Domain, new: Callable[[np.ndarray], Sequence[Any]]) -> ec.Domain:
-    """The same mesh with its vertices moved to ``new(x)``, x of shape (d, vertices)."""
-    x = domain.mesh.geometry.x
-    x[:, : domain.dim] = np.column_stack(new(x[:, : domain.dim].T.copy()))
-    return domain
-
-
-def rotated(domain: ec.Domain, degrees: float) -> ec.Domain:
-    c, s = cos(radians(degrees)), sin(radians(degrees))
-    return mapped(domain, lambda x: (c * x[0] - s * x[1], s * x[0] + c * x[1]))
-
-
-def with_part(
-    domain: ec.Domain, name: str, of: str, where: Callable[[np.ndarray], Any]
-) -> ec.Domain:
-    """Give the facets of a boundary part whose middles x, shape (3, n), satisfy ``where`` a name of their own."""
-    tags = domain.facet_tags
-    middle = dmesh.compute_midpoints(domain.mesh, tags.dim, tags.indices).T
-    own = (tags.values == domain.names[of]) & where(middle)
-    number = max(domain.names.values()) + 1
-    new = dmesh.meshtags(
-        domain.mesh, tags.dim, tags.indices, np.where(own, number, tags.values).astype(np.int32)
-    )
-    return ec.Domain(domain.mesh, new, {**domain.names, name: number})
-
-
-def halved(domain: ec.Domain, axis: int, at: float) -> ec.Domain:
-    """The same domain with its cells in two regions, low and high."""
-    cells = domain.mesh.topology.index_map(domain.dim)
-    every = np.arange(cells.size_local + cells.num_ghosts, dtype=np.int32)
-    high = dmesh.compute_midpoints(domain.mesh, domain.dim, every)[:, axis] > at
-    tags = dmesh.meshtags(domain.mesh, domain.dim, every, np.where(high, 2, 1).astype(np.int32))
-    return ec.Domain(domain.mesh, domain.facet_tags, domain.names, tags, {"low": 1, "high": 2})
-
-
-def from_occ(build: Callable[[Any], None]) -> ec.Domain:
-    """A domain from a model of gmsh in a session of its own."""
-    import gmsh  # noqa: PLC0415 - only these scenes need it
-
-    gmsh.initialize(readConfigFiles=False, interruptible=False)
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
-        build(gmsh)
-        return ec.from_gmsh(gmsh.model)
-    finally:
-        gmsh.finalize()
-
-
-def square(nx: int = 8, ny: int = 8) -> ec.Domain:
-    return ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(nx, ny))
-
-
-def graded_tensor(nx: int, ny: int, least: float) -> ec.Domain:
-    """The unit square with rows whose heights above the contact grow geometrically from ``least`` to 1."""
-    return mapped(
-        square(nx, ny),
-        lambda x: (x[0], np.where(x[1] > 0, least ** (1 - (ny * x[1] - 1) / (ny - 1)), 0.0)),
-    )
-
-
-def graded_corner(least: float) -> ec.Domain:
-    """The unit square with triangles of size ``least`` at a corner of the contact, about 0.3 far from it."""
-
-    def build(gmsh: Any) -> None:
-        geo = gmsh.model.geo
-        corners = [(0, 0, least), (1, 0, 0.3), (1, 1, 0.3), (0, 1, 0.3)]
-        points = [geo.addPoint(x, y, 0, size) for x, y, size in corners]
-        lines = [geo.addLine(points[i], points[(i + 1) % 4]) for i in range(4)]
-        geo.addPlaneSurface([geo.addCurveLoop(lines)])
-        geo.synchronize()
-        for line, name in zip(lines, ("bottom", "right", "top", "left"), strict=True):
-            gmsh.model.addPhysicalGroup(1, [line], name=name)
-
-    return from_occ(build)
-
-
-def cap_row(n: int, angle: float) -> ec.Domain:
-    """The unit square whose row at the contact is of flat triangles, the least angle ``angle`` degrees."""
-    height = np.tan(radians(angle))
-
-    def new(x: np.ndarray) -> Sequence[Any]:
-        first, inner = np.isclose(x[1], 1 / n), np.minimum(x[0], 1 - x[0]) > 1e-9
-        return x[0] - np.where(first & inner, 0.5 / n, 0.0), np.where(first, height / n, x[1])
-
-    return mapped(square(n, n), new)
-
-
-def half_disc(radius: float, size: float) -> ec.Domain:
-    """The lower half of a disc with its lowest point in 0, refined there; parts top and arc."""
-
-    def build(gmsh: Any) -> None:
-        occ = gmsh.model.occ
-        disc, box = (
-            occ.addDisk(0, radius, 0, radius, radius),
-            occ.addRectangle(-radius, 0, 0, 2 * radius, radius),
-        )
-        occ.intersect([(2, disc)], [(2, box)])
-        occ.synchronize()
-        curves = gmsh.model.getEntities(1)
-        top = [tag for d, tag in curves if occ.getCenterOfMass(d, tag)[1] > radius * (1 - 1e-6)]
-        gmsh.model.addPhysicalGroup(1, top, name="top")
-        gmsh.model.addPhysicalGroup(1, [tag for _, tag in curves if tag not in top], name="arc")
-        fields = gmsh.model.mesh.field
-        fields.add("MathEval", 1)
-        fields.setString(1, "F", f"{size} + 0.25 * sqrt(x * x + y * y)")
-        fields.setAsBackgroundMesh(1)
-        gmsh.option.setNumber("Mesh.MeshSizeExtendFromBoundary", 0)
-
-    return from_occ(build)
-
-
-# -- scenes
-# --------------------------------------------------------------------------------------------------
-
-
-def block(
-    push: Sequence[float] = (0.1, -0.05),
-    *,
-    E: float = 1.0,
-    nu: float = 0.3,
-    friction: Value = 0.3,
-    gap: Value = 0.0,
-    size: float = 1.0,
-    n: int = 4,
-) -> Pair:
-    """The 2 x 7 block of several contact codes, its top displaced, its right side pushed, in chosen units."""
-    scene = ec.Scene(
-        material=ec.Elastic(E, nu),
-        supports=[ec.Displacement("top", tuple(size * p for p in push))],
-        loads=[ec.Traction("right", (-0.0002 * E, 0.0))],
-        contacts=[ec.Contact("bottom", friction=friction, gap=gap)],
-    )
-    return scene, ec.rectangle((0.0, 0.0), (2 * size, 7 * size), cells=(n, 7 * n // 2))
-
-
-def pressed(domain: ec.Domain, push: Sequence[float] = (0.02, -0.05), **contact: Any) -> Pair:
-    """A body with its top displaced, its bottom on a foundation."""
-    contacts = [ec.Contact("bottom", **{"friction": 0.3, **contact})]
-    return ec.Scene(
-        ec.Elastic(1.0, 0.3), [ec.Displacement("top", tuple(push))], contacts=contacts
-    ), domain
-
-
-def layered(domain: ec.Domain, low: float, high: float) -> Pair:
-    scene, _ = pressed(domain)
-    return ec.Scene(
-        ec.Elastic({"low": low, "high": high}, 0.3), scene.supports, contacts=scene.contacts
-    ), domain
-
-
-def greco(*, E: float = 130e3, size: float = 1.0, n: int = 8, friction: float = 1.0) -> Pair:
-    """Compressed and pushed block (GRECO): only the contact holds it vertically."""
-    scene = ec.Scene(
-        material=ec.Elastic(E, 0.2),
-        supports=[ec.Displacement("right", (0.0, None))],
-        loads=[ec.Traction("top", pressure=E / 2600), ec.Traction("left", pressure=3 * E / 2600)],
-        contacts=[ec.Contact("bottom", friction=friction)],
-    )
-    return scene, ec.rectangle((0.0, 0.0), (40 * size, 40 * size), cells=(n, n))
-
-
-def standing(
-    push: Sequence[float], domain: ec.Domain | None = None, parts: Any = ("bottom",), **contact: Any
-) -> Pair:
-    """A body with nothing but contact to hold it, under a body force (in thousandths of E)."""
-    contacts = [ec.Contact(part, **{"friction": 0.5, **contact}) for part in parts]
-    weight = ec.BodyForce(tuple(1e-3 * p for p in push))
-    return ec.Scene(ec.Elastic(1.0, 0.3), loads=[weight], contacts=contacts), domain or square()
-
-
-def wedge(friction: float, weight: float = -1.0) -> Pair:
-    """A wedge between two planes of slope 1:2 from the vertical, pressed in (or pulled out) by its weight."""
-    domain = mapped(square(), lambda x: ((x[0] - 0.5) * (0.4 + x[1]), x[1]))
-    return standing((0.0, weight), domain, ("left", "right"), friction=friction)
-
-
-def in_a_corner() -> Pair:
-    """A square pressed into a frictionless corner."""
-    loads = [ec.Traction("top", pressure=0.02), ec.Traction("right", pressure=0.01)]
-    contacts = [ec.Contact("left"), ec.Contact("bottom")]
-    return ec.Scene(ec.Elastic(1.0, 0.3), loads=loads, contacts=contacts), square()
-
-
-def in_a_channel() -> Pair:
-    """A square pressed into a channel, whose walls it meets as it expands; three contacts with friction."""
-    contacts = [ec.Contact("bottom", friction=0.3)]
-    contacts += [ec.Contact(side, friction=0.3, gap=0.002) for side in ("left", "right")]
-    return ec.Scene(
-        ec.Elastic(1.0, 0.3), loads=[ec.Traction("top", pressure=0.05)], contacts=contacts
-    ), square()
-
-
-def partly_clamped(clamped: Callable[[np.ndarray], Any], n: int = 8) -> Pair:
-    """A square with a part of its bottom clamped, the rest in contact, pressed and sheared at its top."""
-    scene, domain = pressed(with_part(square(n, n), "clamped", "bottom", clamped), (0.02, -0.02))
-    supports = [ec.Displacement("clamped", (0.0, 0.0)), *scene.supports]
-    return ec.Scene(scene.material, supports, contacts=scene.contacts), domain
-
-
-def one_facet() -> Pair:
-    """A square that touches with one facet in the middle of its bottom."""
-    domain = with_part(square(9, 9), "foot", "bottom", lambda x: abs(x[0] - 0.5) < 0.05)
-    scene, domain = pressed(domain)
-    return ec.Scene(
-        scene.material, scene.supports, contacts=[ec.Contact("foot", friction=0.3)]
-    ), domain
-
-
-def held_at_the_side() -> Pair:
-    """A cantilever on a foundation: a corner of the contact is fixed by the support."""
-    supports, loads = [ec.Displacement("left", (0.0, 0.0))], [ec.Traction("top", (0.002, -0.01))]
-    scene = ec.Scene(ec.Elastic(1.0, 0.3), supports, loads, [ec.Contact("bottom", friction=0.3)])
-    return scene, ec.rectangle((0.0, 0.0), (3.0, 1.0), cells=(18, 6))
-
-
-def rod_on_its_side() -> Pair:
-    """A rod 100 : 1 that lies on a foundation, pressed along its length and pulled at one end."""
-    supports = [ec.Displacement("left", (0.0, 0.0))]
-    loads = [ec.Traction("top", pressure=1e-3), ec.Traction("right", (5e-3, 0.0))]
-    scene = ec.Scene(ec.Elastic(1.0, 0.3), supports, loads, [ec.Contact("bottom", friction=0.3)])
-    return scene, ec.rectangle((0.0, 0.0), (100.0, 1.0), cells=(200, 2))
-
-
-def continuum_of_solutions() -> Pair:
-    """One triangle with friction 2 that slides along a branch of exact solutions: each has e = 0."""
-    x = np.array([[0.0, 0.0], [1.0, 0.0], [0.4, 0.3]])
-    element = basix.ufl.element("Lagrange", "triangle", 1, shape=(2,))
-    mesh = dmesh.create_mesh(MPI.COMM_SELF, np.array([[0, 1, 2]]), ufl.Mesh(element), x)
-    mesh.topology.create_entities(1)
-    mesh.topology.create_connectivity(1, 2)
-    middle = dmesh.compute_midpoints(mesh, 1, np.arange(3, dtype=np.int32))
-    names = {"bottom": 1, "right": 2, "left": 3}
-    values = np.select([middle[:, 1] < 0.1, middle[:, 0] > 0.5], [1, 2], 3).astype(np.int32)
-    scene = ec.Scene(
-        material=ec.Elastic(1.2, 0.2),
-        supports=[ec.Displacement("left", (lambda x: 0.1 + 1.6 / 3 * x[1], lambda x: -0.1 * x[1]))],
-        loads=[ec.Traction("right", (0.1 * 5**0.5, 0.0))],
-        contacts=[ec.Contact("bottom", friction=2.0)],
-    )
-    return scene, ec.Domain(
-        mesh, dmesh.meshtags(mesh, 1, np.arange(3, dtype=np.int32), values), names
-    )
-
-
-def hertz(push: Sequence[float], friction: float) -> Pair:
-    """A half disc of radius 1 on a plane."""
-    contact = ec.Contact("arc", friction=friction, normal=(0.0, -1.0), gap=lambda x: x[1])
-    scene = ec.Scene(
-        ec.Elastic(1.0, 0.3), [ec.Displacement("top", tuple(push))], contacts=[contact]
-    )
-    return scene, half_disc(1.0, 0.01)
-
-
-def on_a_cylinder(x: Any) -> Any:
-    return 2.0 - ufl.sqrt(4.0 - (x[0] - 0.5) ** 2)
-
-
-def on_a_sphere(x: Any) -> Any:
-    return 2.0 - ufl.sqrt(4.0 - (x[0] - 0.5) ** 2 - (x[1] - 0.5) ** 2)
-
-
-def on_a_sine(x: Any) -> Any:
-    return 0.01 * (1 - ufl.cos(6 * pi * x[0]))
-
-
-def cube(n: int = 4) -> ec.Domain:
-    return ec.box((0.0, 0.0, 0.0), (1.0, 1.0, 1.0), cells=(n, n, n))
-
-
-def tower() -> ec.Domain:
-    return ec.rectangle((0.0, 0.0), (1.0, 4.0), cells=(6, 24))
-
-
-def roller_pulled_off(friction: float) -> Pair:
-    """A block on a roller that leaves it free to rise, pulled upwards."""
-    supports, loads = [ec.Displacement("left", (0.0, None))], [ec.Traction("top", (0.0, 0.01))]
-    scene = ec.Scene(
-        ec.Elastic(1.0, 0.3), supports, loads, [ec.Contact("bottom", friction=friction)]
-    )
-    return scene, square()
-
-
 def _units() -> dict[str, Extreme]:
-    """Sweeps of Young's modulus and of the size of the body, of a held body and of one that contact holds."""
+    """Make sweeps of Young's modulus and of the size of the body.
+
+    They are of a held body and of one that contact holds.
+    """
     scenes = {}
     for what, build in (("block", block), ("GRECO", greco)):
         for k in range(-9, 13, 3):
@@ -358,7 +98,7 @@ def _units() -> dict[str, Extreme]:
 
 
 def _parameters() -> dict[str, Extreme]:
-    """Poisson's ratio, friction, and the parameters of the methods."""
+    """Make scenes of extreme Poisson's ratio, friction, and method parameters."""
     scenes = {}
     for v in (0.0, 0.3, 0.45, 0.49, 0.499, 0.4999):
         for n in (4, 8):
@@ -382,7 +122,10 @@ def _parameters() -> dict[str, Extreme]:
 
 
 def _states() -> dict[str, Extreme]:
-    """What the contact does: open, close, slip, tip; bodies that only contact holds."""
+    """Make scenes whose contacts open, close, slip and tip.
+
+    In some of them only contact holds the body.
+    """
     return {
         "opens altogether": Extreme(lambda: block((0.0, 0.05))),
         "closes from a gap": Extreme(lambda: block(gap=0.02), levels=3),
@@ -419,7 +162,11 @@ def _states() -> dict[str, Extreme]:
 
 
 def _meshes() -> dict[str, Extreme]:
-    """Slender bodies, jumps of stiffness, graded meshes, slivers, few facets, curved foundations, 3D."""
+    """Make scenes of extreme meshes and shapes.
+
+    Slender bodies, jumps of stiffness, graded meshes, slivers, few facets, curved
+    foundations, 3D.
+    """
     needle = 1 / np.tan(radians(1.0))
     return {
         "rod 100:1 on its side": Extreme(rod_on_its_side),
@@ -461,7 +208,7 @@ def _meshes() -> dict[str, Extreme]:
 
 
 def _loads() -> dict[str, Extreme]:
-    """No load, loads at the ends of double precision, and loads that nothing balances."""
+    """Make scenes of no load, of extreme loads, and of loads that nothing balances."""
     scenes = {"zero load": Extreme(lambda: pressed(square(), (0.0, 0.0)))}
     for k in (-300, -150, -100, -50, 0, 50, 100, 150, 300):
         for what, build, force in (("displacement", pressed, 0.4), ("force", standing, 0.3)):

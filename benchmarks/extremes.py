@@ -1,4 +1,6 @@
-"""Extreme scenes with every contact method: does it converge, how, and does the answer keep the contact conditions?
+"""Run extreme scenes with every contact method.
+
+Does it converge, how, and does the answer keep the contact conditions?
 
 A pair (scene, method) runs through the solve, the admissible pair and its error. The
 table has, from the method's own u and traction r at the quadrature points of the
@@ -50,7 +52,10 @@ SAME = 1e-6
 
 @dataclass(frozen=True)
 class Row:
-    """One pair (scene, method); numbers are nan where there are none."""
+    """Hold the measures of one pair (scene, method).
+
+    Numbers are nan where there are none.
+    """
 
     scene: str
     method: str
@@ -68,32 +73,36 @@ class Row:
     message: str = ""
 
     def __str__(self) -> str:
+        """Write the row of the table; a dash stands for a number that is missing."""
+        violations = (self.penetration, self.cone, self.complementarity, self.friction)
         numbers = [
             f"{self.steps:5.0f}",
             f"{self.seconds:7.2f}",
             f"{self.eps:9.2e}",
             f"{self.effectivity:6.2f}",
+            *(f"{violation:9.1e}" for violation in violations),
         ]
-        numbers += [
-            f"{v:9.1e}" for v in (self.penetration, self.cone, self.complementarity, self.friction)
-        ]
-        cells = [f"{self.scene:<36}{self.method:<21}{self.outcome:<26}{self.rung:<42}"]
+        entries = [f"{self.scene:<36}{self.method:<21}{self.outcome:<26}{self.rung:<42}"]
+        for number in numbers:
+            entries.append(f"{'-':>{len(number)}}" if "nan" in number else number)
         mark = "" if self.expected else "  <-"
-        return (
-            " ".join([*cells, *(n if "nan" not in n else f"{'-':>{len(n)}}" for n in numbers)])
-            + mark
-        )
+        return " ".join(entries) + mark
 
 
 HEADER = (
-    f"{'scene':<36}{'method':<21}{'outcome':<26}{'rung':<42} steps seconds       eps effect. penetrat.      cone"
-    "  complem.  friction"
+    f"{'scene':<36}{'method':<21}{'outcome':<26}{'rung':<42}"
+    " steps seconds       eps effect. penetrat.      cone  complem.  friction"
 )
 
 
 def violations(solution: ec.Solution) -> tuple[float, float, float, float]:
-    """Penetration, distance from the cone, complementarity and power of friction; see above (serial)."""
-    model, u = solution.model, solution.u
+    """Measure how far a solution violates the contact conditions (serial).
+
+    Returns penetration, distance from the cone, complementarity and power of friction;
+    see above.
+    """
+    model = solution.model
+    u = solution.u
     points, weights = rule(model.d - 1, model.contact_degree)
     shape = lagrange(model.d - 1, model.degree, points)
     values = u.x.array.reshape(-1, model.d)
@@ -101,22 +110,25 @@ def violations(solution: ec.Solution) -> tuple[float, float, float, float]:
     tractions = [
         evaluate(solution.traction(c), model.mesh, points, c.facets) for c in model.contacts
     ]
-    inside = abs(
-        cell_stress(model, cell_geometry(model), u)
-    ).max()  # an open contact has round-off of it
-    peak = max(inside, *(np.linalg.norm(r, axis=-1).max() for r in tractions)) or 1.0
+    # an open contact has round-off of the stress inside, so that this is a scale, too
+    peaks = [abs(cell_stress(model, cell_geometry(model), u)).max()]
+    peaks += [np.linalg.norm(traction, axis=-1).max() for traction in tractions]
+    peak = max(peaks) or 1.0
     work = fem.assemble_scalar(fem.form(model.stiffness(u, u / (size * peak)))) or 1.0
-    penetration, cone, complementarity, friction = 0.0, 0.0, 0.0, 0.0
+    penetration = 0.0
+    cone = 0.0
+    complementarity = 0.0
+    friction = 0.0
     for contact, traction in zip(model.contacts, tractions, strict=True):
-        n, r = contact.direction[:, None, :], traction / peak
+        n = contact.direction[:, None, :]
+        r = traction / peak
         w = np.einsum("qm,fmi->fqi", shape, values[model.facet_nodes(contact.facets)]) / size
-        gap = (
-            0.0
-            if contact.gap is None
-            else evaluate(contact.gap, model.mesh, points, contact.facets) / size
-        )
+        gap: float | np.ndarray = 0.0
+        if contact.gap is not None:
+            gap = evaluate(contact.gap, model.mesh, points, contact.facets) / size
         area = model.facet_areas(contact.facets)
-        (r_n, r_t, shear), (w_n, w_t, slip) = split(r, n), split(w, n)
+        r_n, r_t, shear = split(r, n)
+        w_n, w_t, slip = split(w, n)
         beyond = w_n - gap
         parameters = model.friction_parameters(contact, points)
         bound = contact.friction_bound(np.maximum(-r_n, 0.0) * peak, parameters) / peak
@@ -128,7 +140,10 @@ def violations(solution: ec.Solution) -> tuple[float, float, float, float]:
 
 
 def effectivity(error: ec.ConstitutiveError, levels: int) -> float:
-    """E over the true errors of u^ and sigma^ together, against a mesh cut and refined ``levels`` times; or nan."""
+    """Compute e over the true errors of u^ and sigma^ together; or nan.
+
+    The reference is on a mesh that is cut and refined ``levels`` times.
+    """
     try:
         exact = reference(error.solution, levels)
     except ec.ErcContactError:
@@ -147,66 +162,80 @@ def run(name: str, extreme: Extreme, method: Any) -> Row:
         solution = ec.solve(scene, domain, method)
         error = ec.constitutive_error(ec.equilibrate(solution))
     except ec.ErcContactError as reason:
-        outcome = type(reason).__name__ + (" after the solve" if solution else "")
-        expected = (
-            not solution
-            if not extreme.solvable
-            else extreme.refusable and isinstance(reason, ec.InputError)
-        )
-        return Row(
-            name, label, outcome, expected, seconds=perf_counter() - began, message=str(reason)
-        )
+        seconds = perf_counter() - began
+        outcome = type(reason).__name__
+        if solution:
+            outcome += " after the solve"
+        if extreme.solvable:
+            expected = extreme.refusable and isinstance(reason, ec.InputError)
+        else:
+            expected = not solution
+        return Row(name, label, outcome, expected, seconds=seconds, message=str(reason))
+    penetration, cone, complementarity, friction = violations(solution)
     return Row(
-        name,
-        label,
-        "converged",
-        extreme.solvable,
-        solution.reason.split(":")[0],
-        solution.newton_steps,
-        solution.seconds,
-        error.relative,
-        effectivity(error, extreme.levels) if extreme.levels else np.nan,
-        *violations(solution),
+        scene=name,
+        method=label,
+        outcome="converged",
+        expected=extreme.solvable,
+        rung=solution.reason.split(":")[0],
+        steps=solution.newton_steps,
+        seconds=solution.seconds,
+        eps=error.relative,
+        effectivity=effectivity(error, extreme.levels) if extreme.levels else np.nan,
+        penetration=penetration,
+        cone=cone,
+        complementarity=complementarity,
+        friction=friction,
     )
 
 
 def pairs(filter_by: str = "") -> Iterator[tuple[str, Extreme, Any]]:
-    """Every scene with every method that has the parameters it sets."""
+    """Give every scene with every method that has the parameters it sets."""
     for name, extreme in SCENES.items():
+        if filter_by not in name:
+            continue
         for method in METHODS:
-            if filter_by in name and set(extreme.parameters) <= {f.name for f in fields(method)}:
+            parameters = {parameter.name for parameter in fields(method)}
+            if set(extreme.parameters) <= parameters:
                 yield name, extreme, replace(method, **extreme.parameters)
 
 
 def difference(row: Row, rows: list[Row]) -> float:
-    """Relative difference of eps from that of the scene that is the same in other units; 0 if there is none."""
-    same = [r.eps for r in rows if r.method == row.method and r.scene == SCENES[row.scene].same_as]
-    return abs(row.eps / same[0] - 1) if same else 0.0
+    """Compute the relative difference of eps from that in other units.
+
+    It is 0 if no other scene is the same in other units.
+    """
+    original = SCENES[row.scene].same_as
+    for candidate in rows:
+        if candidate.method == row.method and candidate.scene == original:
+            return abs(row.eps / candidate.eps - 1)
+    return 0.0
 
 
 def unit_independence(rows: list[Row]) -> dict[tuple[str, str], tuple[list[float], float]]:
-    """Newton steps and largest difference of eps (nan: some failed) for each scene in several units and each method.
+    """Collect Newton steps and differences of eps of scenes in several units.
 
-    What was refused for being beyond double precision is left out.
+    The greatest difference is nan where some failed. What was refused for being beyond
+    double precision is left out.
     """
     sweeps: dict[tuple[str, str], list[Row]] = {}
     for row in rows:
         extreme = SCENES[row.scene]
         if extreme.same_as and not (extreme.refusable and row.outcome != "converged"):
             sweeps.setdefault((extreme.same_as, row.method), []).append(row)
-    return {
-        key: ([row.steps for row in sweep], float(np.max([difference(row, rows) for row in sweep])))
-        for key, sweep in sweeps.items()
-    }
+    spreads = {}
+    for key, sweep in sweeps.items():
+        steps = [row.steps for row in sweep]
+        differences = [difference(row, rows) for row in sweep]
+        spreads[key] = (steps, float(np.max(differences)))
+    return spreads
 
 
 def summary(rows: list[Row]) -> Iterator[str]:
+    """Give the lines below the table: units, what was unexpected, and each method."""
     for (scene, method), (steps, spread) in unit_independence(rows).items():
-        verdict = (
-            "independent of units"
-            if len(set(steps)) == 1 and spread <= SAME
-            else "DEPENDS ON UNITS"
-        )
+        independent = len(set(steps)) == 1 and spread <= SAME
+        verdict = "independent of units" if independent else "DEPENDS ON UNITS"
         counts = " ".join(f"{n:g}" for n in steps)
         yield f"{scene}, {method}: {verdict}; steps {counts}; eps differs by {spread:.1e} at most"
     right = {
@@ -220,14 +249,21 @@ def summary(rows: list[Row]) -> Iterator[str]:
     slowest = max(rows, key=lambda row: row.seconds)
     yield f"slowest: {slowest.scene}, {slowest.method}: {slowest.seconds:.1f} s"
     for method in dict.fromkeys(row.method for row in rows):
-        own = [row for row in rows if row.method == method]
-        solvable = [
-            row for row in own if SCENES[row.scene].solvable and not SCENES[row.scene].refusable
-        ]
-        hopeless = [row for row in own if not SCENES[row.scene].solvable]
+        solvable = []
+        hopeless = []
+        for row in rows:
+            extreme = SCENES[row.scene]
+            if row.method != method:
+                continue
+            if not extreme.solvable:
+                hopeless.append(row)
+            elif not extreme.refusable:
+                solvable.append(row)
+        solved = sum(id(row) in right for row in solvable)
+        refused = sum(row.expected for row in hopeless)
         yield (
-            f"{method}: {sum(id(row) in right for row in solvable)} of {len(solvable)} scenes that have a solution "
-            f"converged to it; {sum(row.expected for row in hopeless)} of {len(hopeless)} that have none were refused"
+            f"{method}: {solved} of {len(solvable)} scenes that have a solution converged to it; "
+            f"{refused} of {len(hopeless)} that have none were refused"
         )
 
 

@@ -1,4 +1,6 @@
-"""Does the default method solve every friction coefficient? 500 from 0.001 to 2 on four scenes, of degree 1 and 2.
+"""Sweep the friction coefficient with the default method.
+
+Does it solve every one? 500 from 0.001 to 2 on four scenes, of degree 1 and 2.
 
 The scenes: the block that several contact codes agree on without its traction, (0, 2) x
 (0, 7), pressed and sheared; the same with nu = 0.35, sheared more; GRECO, which only
@@ -21,11 +23,12 @@ import numpy as np
 
 import erc_contact as ec
 
-from extreme_scenes import Pair, cube, greco, halved, on_a_sphere  # isort: skip - after erc_contact, which loads MPI
+from extreme_bodies import Pair, greco, on_a_sphere  # isort: skip - after erc_contact, which loads MPI
+from extreme_domains import cube, halved  # isort: skip
 
 
 def block(friction: float, nu: float = 0.3, push: tuple[float, float] = (0.1, -0.05)) -> Pair:
-    """The block, pressed and sheared at its top."""
+    """Make the scene of the block, pressed and sheared at its top."""
     scene = ec.Scene(
         ec.Elastic(1.0, nu),
         [ec.Displacement("top", push)],
@@ -35,7 +38,7 @@ def block(friction: float, nu: float = 0.3, push: tuple[float, float] = (0.1, -0
 
 
 def dome(friction: float) -> Pair:
-    """A cube of two materials above a sphere."""
+    """Make a cube of two materials above a sphere."""
     scene = ec.Scene(
         ec.Elastic({"low": 1.0, "high": 10.0}, 0.3),
         [ec.Displacement("top", (0.04, -0.08, 0.02))],
@@ -54,7 +57,7 @@ SCENES: dict[str, Callable[[float], Pair]] = {
 
 @dataclass
 class Row:
-    """What a sweep of one scene and degree found.
+    """Hold what a sweep of one scene and degree found.
 
     Attributes:
         failures: Coefficients without a solution.
@@ -91,13 +94,15 @@ def sweep(name: str, degree: int, frictions: Iterable[float]) -> Row:
 def main() -> None:
     frictions = np.linspace(0.001, 2.0, int((sys.argv[1:] or ["500"])[0])).tolist()
     print(
-        "scene             degree  solves  failures  augmented Lagrangian  Newton steps: mean, most  seconds"
+        "scene             degree  solves  failures  augmented Lagrangian"
+        "  Newton steps: mean, most  seconds"
     )
     for name in SCENES:
         for degree in (1, 2):
             row = sweep(name, degree, frictions)
             print(
-                f"{name:17s} {degree:6d} {len(frictions):7d} {len(row.failures):9d} {len(row.other):21d} "
+                f"{name:17s} {degree:6d} {len(frictions):7d} {len(row.failures):9d} "
+                f"{len(row.other):21d} "
                 f"{np.mean(row.steps):19.1f}, {max(row.steps):4d} {row.seconds:8.1f}"
             )
             for what, which in (("failures", row.failures), ("augmented Lagrangian", row.other)):

@@ -1,4 +1,4 @@
-"""Loading histories: true errors of steps given their history, and what a history costs.
+"""Measure true errors and costs of loading histories.
 
 ``errors``: a step that turns the shear back, after a step that has sheared the pressed
 body. e is compared with the true error of the step. Its reference has the same history:
@@ -30,20 +30,20 @@ TIMES = [0.0, *np.linspace(1.0, 2.0, 21)[1:]]
 
 
 def block(press: float, shear: float) -> ec.Scene:
-    """The pressed and sheared block."""
+    """Make the scene of the pressed and sheared block."""
     support = ec.Displacement("top", (shear, -0.05 * press))
     return ec.Scene(ec.Elastic(1.0, 0.3), [support], contacts=[ec.Contact("bottom", friction=0.3)])
 
 
 def pushed(press: float, shear: float) -> ec.Scene:
-    """A block under loads, held by a wall."""
+    """Make a block under loads, held by a wall."""
     loads = [ec.Traction("top", pressure=0.05 * press), ec.Traction("left", (10 * shear, 0.0))]
     contact = ec.Contact("bottom", friction=0.3)
     return ec.Scene(ec.Elastic(1.0, 0.2), [ec.Displacement("right", (0.0, None))], loads, [contact])
 
 
 def cylinder(press: float, shear: float) -> ec.Scene:
-    """A block pressed on a cylinder: contact, slip and stick are small."""
+    """Make a block pressed on a cylinder: contact, slip and stick are small."""
     support = ec.Displacement("top", (0.3 * shear, -0.05 * press))
     contact = ec.Contact("bottom", friction=0.3, gap=lambda x: (x[0] - 1.0) ** 2 / 4)
     return ec.Scene(ec.Elastic(1.0, 0.3), [support], contacts=[contact])
@@ -61,7 +61,7 @@ def square() -> ec.Domain:
 
 
 def errors() -> None:
-    """The table of true errors."""
+    """Print the table of true errors of steps given their history."""
     print(f"{'scene':10} {'method':20} degree    eps    both   third   open slip stick")
     for name, (scene, size) in CASES.items():
         for method in METHODS:
@@ -76,12 +76,13 @@ def errors() -> None:
                 both, third = error.absolute / true.of_both, true.friction / error.absolute**2
                 kind = type(method).__name__
                 print(
-                    f"{name:10} {kind:20} {degree:6d} {error.relative:6.2%} {both:7.4f} {third:7.0e}   {status}"
+                    f"{name:10} {kind:20} {degree:6d} {error.relative:6.2%} {both:7.4f} "
+                    f"{third:7.0e}   {status}"
                 )
 
 
 def cost() -> None:
-    """The cost of a history against that of single steps."""
+    """Print the cost of a history against that of single steps."""
 
     def scene_at(t: float) -> ec.Scene:
         return block(min(t, 1.0), 0.04 * np.sin(2 * np.pi * max(t - 1.0, 0.0)))
@@ -101,7 +102,7 @@ def cost() -> None:
 
 
 def steps() -> None:
-    """Proportional loading in several steps."""
+    """Print proportional loading in several steps against one step."""
     domain = square()
     for method in METHODS:
         static = ec.solve(block(1.0, 0.03), domain, method)
@@ -111,13 +112,15 @@ def steps() -> None:
                 last = ec.solve(block(t, 0.03 * t), domain, method, after=last)
             assert last is not None
             u = abs(last.u.x.array - static.u.x.array).max() / abs(static.u.x.array).max()
-            force, same = (of.force("bottom").force for of in (last, static))
+            force = last.force("bottom").force
+            same = static.force("bottom").force
             zones = np.count_nonzero(
                 last.profile("bottom")["status"] != static.profile("bottom")["status"]
             )
-            rest = abs(force - same).max() / abs(same).max()
+            deviation = abs(force - same).max() / abs(same).max()
             print(
-                f"{method}: {count} steps, u {u:.1e}, force {rest:.1e}, {zones} points in other zones"
+                f"{method}: {count} steps, u {u:.1e}, force {deviation:.1e}, "
+                f"{zones} points in other zones"
             )
 
 

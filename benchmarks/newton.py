@@ -1,4 +1,6 @@
-"""Cost of the contact solve and of one Newton step, for both methods, as multiples of a linear elastic solve.
+"""Measure the contact solve as multiples of a linear elastic solve.
+
+For both methods, the whole solve and one Newton step.
 
 The common block of several contact codes: (0, 2) x (0, 7), E = 1, nu = 0.3, friction
 0.3, pressed and sheared at its top, pushed at its right side, on n x 3.5 n squares cut
@@ -30,7 +32,7 @@ from erc_contact.model.model import Model  # isort: skip
 
 
 def linear_solves(scene: ec.Scene, domain: ec.Domain) -> tuple[float, float]:
-    """Seconds of a first linear elastic solve, and of a second one on the same pattern."""
+    """Measure a first linear elastic solve, and a second one on its pattern [s]."""
     model = Model(scene, domain)
     began = perf_counter()
     form = fem.form(model.stiffness(ufl.TrialFunction(model.V), ufl.TestFunction(model.V)))
@@ -57,7 +59,10 @@ def linear_solves(scene: ec.Scene, domain: ec.Domain) -> tuple[float, float]:
 
 
 def forces(solution: ec.Solution) -> tuple[np.ndarray, list[int]]:
-    """Resultant of the method's traction, and numbers of nodes that are open, stick and slip."""
+    """Compute the resultant of the method's traction, and the status of the nodes.
+
+    The numbers are those of nodes that are open, stick and slip.
+    """
     contact = solution.model.contacts[0]
     traction, ds = solution.traction(contact), contact.ds(metadata={"quadrature_degree": 4})
     force = np.array([fem.assemble_scalar(fem.form(traction[i] * ds)) for i in range(2)])
@@ -86,7 +91,8 @@ def main() -> None:
     print(f"{2 * domain.vertices} degrees of freedom; medians of {rounds} rounds")
     print(f"linear elastic solve: first {first:.2f} s, again on the same pattern {again:.2f} s")
     print(
-        f"{'method':<42}{'seconds':>8}{'first solves':>14}{'steps':>7}{'step / again':>14}  force, open/stick/slip"
+        f"{'method':<42}{'seconds':>8}{'first solves':>14}{'steps':>7}{'step / again':>14}"
+        "  force, open/stick/slip"
     )
     for method, solution, time in zip(methods, solutions, seconds, strict=True):
         force, zones = forces(solution)

@@ -1,4 +1,6 @@
-"""Error against run time and against degrees of freedom: adaptive against uniform refinement of the block.
+"""Measure error against run time and against degrees of freedom on the block.
+
+Adaptive refinement is compared with uniform refinement.
 
 The pressed and sheared block (0, 2) x (0, 7) with a clamped top. The clamped-free
 corners are singular with exponent 0.7112 (nu = 0.3): uniform meshes converge like

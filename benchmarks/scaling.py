@@ -1,4 +1,4 @@
-"""How seconds and memory of each stage grow with the mesh, on one rank and on several.
+"""Measure how seconds and memory of each stage grow with the mesh and the ranks.
 
 The scene is that of benchmarks/cost.py: a cube (or a block in the plane) pressed and
 sheared at its top, friction 0.3. Each size runs in processes of its own, a small mesh
@@ -45,7 +45,7 @@ RESULTS = Path(__file__).parent / "results"
 
 
 def unit(scene: ec.Scene, domain: ec.Domain, degree: int) -> None:
-    """One elastic solve by conjugate gradients with multigrid to 1e-8."""
+    """Measure one elastic solve by conjugate gradients with multigrid to 1e-8."""
     elastic = Multigrid(Model(scene, domain, degree))
     elastic.glued(elastic.load_vector(), tolerance=1e-8)
     elastic.free()
@@ -74,7 +74,7 @@ def measure(options: argparse.Namespace) -> dict[str, Any] | None:
 def measured_stages(
     pair: tuple[ec.Scene, ec.Domain], options: argparse.Namespace
 ) -> tuple[list[float], ec.ConstitutiveError]:
-    """Processor seconds of all stages, and the error."""
+    """Return processor seconds of all stages, and the error."""
     (scene, domain), comm, seconds = pair, pair[1].mesh.comm, []
     method = getattr(ec, options.method)()
 
@@ -97,7 +97,7 @@ def measured_stages(
 
 
 def show(rows: list[dict[str, Any]], path: Path) -> None:
-    """Print seconds in units and growth exponents, and draw seconds against unknowns."""
+    """Print seconds in units and growth exponents, and draw seconds."""
     print(
         f"{'ranks':>5}{'unknowns':>10}{'unit s':>8}"
         + "".join(f"{s + ' U':>18}" for s in STAGES[1:])

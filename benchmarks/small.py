@@ -1,4 +1,4 @@
-"""What small meshes cost: processor time once all forms are known to the process.
+"""Measure what small meshes cost once all forms are known to the process.
 
 The block of demos/block.py, with degree 1 on 112 triangles: a contact solve, the
 admissible pair and its error; with degree 2: adaptive runs to 1% and 0.1%, on 5 and 11

@@ -1,4 +1,6 @@
-"""A process that solves for days: mesh, solve, pair, error, refine, save, again and again.
+"""Let a process solve for days.
+
+Mesh, solve, pair, error, refine, save, again and again.
 
 Each cycle meshes a square anew with gmsh, runs `adapt` through two meshes in a new
 checkpoint, and saves the fields and the table; every hundredth cycle saves the
@@ -70,7 +72,7 @@ def cycle(scene: ec.Scene, dim: int, folder: Path, *, pictures: bool) -> None:
 
 
 def free_communicators(comm: MPI.Comm) -> int:
-    """How many communicators MPI can still make."""
+    """Count the communicators that MPI can still make."""
     made: list[MPI.Comm] = []
     try:
         while len(made) < MANY:
@@ -94,7 +96,7 @@ def measured(comm: MPI.Comm) -> dict[str, float]:
 
 
 def flat(first: dict[str, float], last: dict[str, float]) -> bool:
-    """Whether nothing has grown, or run out."""
+    """Tell whether nothing has grown, or run out."""
     grown = [last[name] <= GROWTH * first[name] for name in ("memory", "files", "temporary")]
     return all(grown) and last["communicators"] >= first["communicators"] / GROWTH
 

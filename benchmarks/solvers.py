@@ -1,4 +1,6 @@
-"""A grid of scenes in space with both solvers and both methods: do they converge, and to the same error?
+"""Run a grid of scenes in space with both solvers and both methods.
+
+Do they converge, and to the same error?
 
 Poisson's ratio to 0.4999 with friction 0 to 5, slender bodies, flat and graded cells,
 jumps of the modulus, spheres, rollers, several contacts, bodies that only contacts
@@ -19,14 +21,18 @@ from collections.abc import Callable
 from math import isclose
 from typing import Any
 
-from extreme_scenes import cube, halved, mapped, on_a_sphere, standing
+from extreme_bodies import on_a_sphere, standing
+from extreme_domains import cube, halved, mapped
 
 import erc_contact as ec
 
 Pair = tuple[ec.Scene, ec.Domain]
 METHODS = (ec.Nitsche(), ec.AugmentedLagrangian())
 SAME, NOTHING = 1e-7, 1e-9
-"""Difference of eps that counts as none: relative, and absolute where the solution is exact [-]."""
+"""Difference of eps that counts as none [-].
+
+It is relative, and absolute where the solution is exact.
+"""
 
 
 def pressed(
@@ -36,7 +42,7 @@ def pressed(
     nu: float = 0.3,
     **contact: Any,
 ) -> Pair:
-    """A body pressed and sheared at its top."""
+    """Make a body pressed and sheared at its top."""
     scene = ec.Scene(
         material=ec.Elastic(E=E, nu=nu),
         supports=[ec.Displacement("top", push)],
@@ -46,7 +52,7 @@ def pressed(
 
 
 def on_rollers() -> Pair:
-    """A cube that slides along its rollers as far as friction lets it."""
+    """Make a cube that slides along its rollers as far as friction lets it."""
     scene = ec.Scene(
         material=ec.Elastic(E=1.0, nu=0.3),
         supports=[
@@ -59,14 +65,17 @@ def on_rollers() -> Pair:
 
 
 def beside_a_wall() -> Pair:
-    """A cube on a foundation, with a wall at a small distance of its left side."""
+    """Make a cube with a wall at a small distance of its left side.
+
+    Below it is a foundation.
+    """
     scene, domain = pressed(cube(4), friction=0.3)
     wall = ec.Contact("left", friction=0.2, gap=0.001)
     return ec.Scene(scene.material, scene.supports, contacts=[*scene.contacts, wall]), domain
 
 
 def scenes() -> dict[str, Callable[[], Pair]]:
-    """The grid."""
+    """Make the scenes of the grid."""
     grid: dict[str, Callable[[], Pair]] = {}
     for nu in (0.0, 0.3, 0.45, 0.49, 0.499, 0.4999):
         for mu in (0.0, 0.3, 1.0, 5.0):
@@ -108,7 +117,7 @@ def scenes() -> dict[str, Callable[[], Pair]]:
 
 
 def outcome(pair: Pair, method: Any, degree: int, solver: str) -> float | str:
-    """The error eps, or what the solver says."""
+    """Return the error eps, or what the solver says."""
     try:
         return ec.constitutive_error(
             ec.equilibrate(ec.solve(*pair, method, degree=degree, solver=solver))

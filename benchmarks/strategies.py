@@ -1,4 +1,6 @@
-"""Error against run time and against elements: uniform refinement, marking and the optimal mesh, on five scenes.
+"""Compare strategies: error against run time and against elements.
+
+Uniform refinement, marking and the optimal mesh, on five scenes.
 
     OMP_NUM_THREADS=1 python benchmarks/strategies.py [scene] [variant: 0, 1 or 2]
 
@@ -14,7 +16,7 @@ from pathlib import Path
 from time import process_time
 from typing import Any
 
-import effectivity
+import effectivity_scenes
 
 import erc_contact as ec
 from erc_contact.output import plot_history
@@ -29,10 +31,13 @@ STRATEGIES: dict[str, Any] = {
 
 
 class Hybrid:
-    """The optimal mesh up to twice the accuracy, then marking: whether it wins is what this benchmark asks."""
+    """Make the optimal mesh up to twice the accuracy, then mark.
+
+    Whether it wins is what this benchmark asks.
+    """
 
     def next(self, error: ec.ConstitutiveError, accuracy: float, max_cells: int) -> ec.Domain:
-        """The optimal mesh, or the marked one."""
+        """Make the optimal mesh, or the marked one."""
         strategy = ec.SizeMap() if error.relative > 2 * accuracy else ec.Mark(0.5)
         return strategy.next(
             error, max(accuracy, min(error.relative / 2, 1.5 * accuracy)), max_cells
@@ -43,11 +48,11 @@ STRATEGIES["Hybrid"] = Hybrid()
 
 
 def block() -> tuple[ec.Scene, ec.Domain, float]:
-    return effectivity.block(0.3), ec.read_mesh(MESHES / "block.geo"), 0.01
+    return effectivity_scenes.block(0.3), ec.read_mesh(MESHES / "block.geo"), 0.01
 
 
 def greco() -> tuple[ec.Scene, ec.Domain, float]:
-    return effectivity.greco(), ec.read_mesh(MESHES / "greco.geo"), 0.005
+    return effectivity_scenes.greco(), ec.read_mesh(MESHES / "greco.geo"), 0.005
 
 
 def hertz() -> tuple[ec.Scene, ec.Domain, float]:
@@ -122,7 +127,8 @@ def main() -> None:
                 cpu, histories[label], last = process_time() - began, history, history.steps[-1]
                 print(
                     f"{name:<9}{degree:2d}{tighten:8d}{label:>12}{len(history.steps):8d}{last.cells:9d}{last.eps:9.3%}"
-                    f"{last.seconds:9.2f}{cpu:8.2f}  {'' if history.reached else 'not '}{accuracy:.1%}",
+                    f"{last.seconds:9.2f}{cpu:8.2f}  "
+                    f"{'' if history.reached else 'not '}{accuracy:.1%}",
                     flush=True,
                 )
             plot_history(histories, folder / f"{name}_{degree}_{tighten}.png")

@@ -1,15 +1,16 @@
-"""Runs that are killed, damaged and hindered: does the same call end with the same history, and never with a wrong one?
+"""Kill, damage and hinder runs that are kept.
+
+Does the same call end with the same history, and never with a wrong one?
 
 - `kills`: a run in 2D (marking), one of a curved body (gmsh meshes its true shape
   again) and one in 3D, on 1, 2 or 3 ranks, are killed (SIGKILL to all) at a random
   moment and go on, on another number of ranks each time, until they are through. The
-      history must be that of the undisturbed run: cells, Newton steps, eps to 1e-8. (In
-          3D the solver is the
-  direct one: with multigrid round-off, and so the ranks, may decide on one Newton step
-      more or less.)
+  history must be that of the undisturbed run: cells, Newton steps, eps to 1e-8. (In 3D
+  the solver is the direct one: with multigrid round-off, and so the ranks, may decide
+  on one Newton step more or less.)
 - `damage`: each file of a checkpoint truncated, emptied, removed, and with one byte
   changed: all bytes of the smallest file, samples of the others. Each must be found,
-      and the run must go on from the last good level, or say why not.
+  and the run must go on from the last good level, or say why not.
 - `faults`: a full disk, a folder that cannot be written, a folder that is removed, a
   rank that dies. The first two mount a tmpfs of their own, which takes root.
 - `cost`: seconds of writing over those of the run.
@@ -91,7 +92,7 @@ def run(name: str, folder: Path | None, **changes: object) -> ec.History:
 
 
 def child(name: str, folder: str) -> None:
-    """A run in a process of its own; tells of each mesh, and its rows at the end."""
+    """Run in a process of its own; print each mesh, and the rows at the end."""
     comm = MPI.COMM_WORLD
 
     def tell(*_: object) -> None:
@@ -127,7 +128,10 @@ def started(name: str, folder: Path | str, ranks: int) -> subprocess.Popen:
 
 
 def after_death(process: subprocess.Popen, moment: float) -> str:
-    """Kill all ranks some seconds after they began, unless they are through; what they have told."""
+    """Kill all ranks some seconds after they began; return what they have told.
+
+    They may be through before.
+    """
     assert process.stdout is not None
     pids = [int(word) for word in process.stdout.readline().split()[1:]]
     ends = monotonic() + moment
@@ -236,7 +240,7 @@ def damaged(path: Path, kind: str, content: bytes, rng: np.random.Generator, oth
 
 
 def faults() -> Counter:
-    """What stops a run from being kept; and a rank that dies."""
+    """Hinder a run from being kept; and let a rank die."""
     result, undisturbed = Counter[str](), rows(run("flat", None, max_steps=6))
     for kind in ("full disk", "read-only", "removed"):
         with tempfile.TemporaryDirectory() as own:
@@ -281,14 +285,18 @@ def faults() -> Counter:
         seconds, levels = monotonic() - began, len(Folder(Path(own) / "kept").numbers())
         good = seconds < SOON and levels >= 2
         result[
-            f"rank that dies: {'ended' if good else 'FAILED'} in {seconds:.2f} s with {levels} levels"
+            f"rank that dies: {'ended' if good else 'FAILED'} in {seconds:.2f} s "
+            f"with {levels} levels"
         ] += 1
         result["failures"] += not good
     return result
 
 
 def cost() -> Counter:
-    """Seconds of writing over those of the run, of the processor: what waits for the disk depends on the disk."""
+    """Print seconds of writing over those of the run.
+
+    They are those of the processor: what waits for the disk depends on the disk.
+    """
     result, add = Counter[str](), checkpoint.Checkpoint.add
     spent = 0.0
 
@@ -307,7 +315,8 @@ def cost() -> Counter:
             whole = process_time() - began
             size = sum(path.stat().st_size for path in Path(own).iterdir()) / 1e6
         print(
-            f"{name}: {history.steps[-1].cells} cells, {whole:.2f} s, writing {spent / whole:.1%}, {size:.1f} MB"
+            f"{name}: {history.steps[-1].cells} cells, {whole:.2f} s, "
+            f"writing {spent / whole:.1%}, {size:.1f} MB"
         )
         result["failures"] += spent > 0.1 * whole
     checkpoint.Checkpoint.add = add  # type: ignore[method-assign]

@@ -1,4 +1,6 @@
-"""True errors of an admissible pair, cell by cell, against a nested reference or a known solution (serial).
+"""Compute the true errors of an admissible pair, cell by cell (serial).
+
+They are against a nested reference or a known solution.
 
 The reference lives on a mesh that cuts each cell at its barycentre, as the admissible
 stress does, and is then refined uniformly: on each of its cells u^ and sigma^ are
@@ -42,7 +44,7 @@ FACET_DEGREE = 4
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """What counts as the exact solution.
+    """Hold what counts as the exact solution.
 
     Attributes:
         model: The scene on the fine mesh.
@@ -59,7 +61,7 @@ class Reference:
 
 @dataclass(frozen=True, eq=False)
 class TrueErrors:
-    """Errors in the energy norm.
+    """Hold errors in the energy norm [sqrt(force length)].
 
     Attributes:
         displacement: |u - u^| of each cell [sqrt(force length)].
@@ -74,22 +76,25 @@ class TrueErrors:
 
     @property
     def of_u(self) -> float:
-        """|u - u^|."""
+        """Compute ``|u - u^|`` [sqrt(force length)]."""
         return float(np.linalg.norm(self.displacement))
 
     @property
     def of_both(self) -> float:
-        """sqrt(|u - u^|^2 + |sigma - sigma^|^2)."""
+        """Compute ``sqrt(|u - u^|^2 + |sigma - sigma^|^2)`` [sqrt(force length)]."""
         return float(np.hypot(self.of_u, np.linalg.norm(self.stress)))
 
     @property
     def both(self) -> np.ndarray:
-        """The same of each cell."""
+        """Compute the same of each cell [sqrt(force length)]."""
         return np.hypot(self.displacement, self.stress)
 
 
 def nested(domain: ec.Domain, levels: int) -> tuple[ec.Domain, np.ndarray]:
-    """The mesh cut at the barycentres of its cells and refined uniformly, and the old cell of each of its cells."""
+    """Cut the mesh at the barycentres of its cells and refine it uniformly.
+
+    Returns the mesh, and the old cell of each of its cells.
+    """
     mesh, d = domain.mesh, domain.dim
     x, cells = mesh.geometry.x[:, :d], mesh.geometry.dofmaps[0]
     points = np.vstack([x, x[cells].mean(axis=1)])
@@ -117,7 +122,9 @@ def nested(domain: ec.Domain, levels: int) -> tuple[ec.Domain, np.ndarray]:
 def reference(
     solution: ec.Solution, levels: int, degree: int | None = None, **options: Any
 ) -> Reference:
-    """The solution on the nested mesh, ``levels`` uniform refinements finer than the cut one.
+    """Compute the solution on the nested mesh.
+
+    It is ``levels`` uniform refinements finer than the cut one.
 
     Its degree is that of the solution, unless a higher one is given.
     """
@@ -130,14 +137,14 @@ def reference(
 
 
 def known(solution: ec.Solution, u: Any) -> Reference:
-    """A known displacement, a callable of x, to be integrated on the cut mesh."""
+    """Make a reference of a known displacement, a callable of x, on the cut mesh."""
     fine, origin = nested(solution.domain, 0)
     model = Model(solution.scene, fine, solution.model.degree)
     return Reference(model, origin, u(model.x))
 
 
 def true_errors(pair: Admissible, exact: Reference) -> TrueErrors:
-    """Errors of a pair in each of its cells."""
+    """Compute the errors of a pair in each of its cells."""
     model, parent = exact.model, exact.parent
     hat = _displacement_on(pair, exact)
     degree = hat.function_space.element.basix_element.degree
@@ -161,7 +168,7 @@ def true_errors(pair: Admissible, exact: Reference) -> TrueErrors:
 
 
 def _displacement_on(pair: Admissible, exact: Reference) -> fem.Function:
-    """u^ on the fine mesh, which carries it exactly."""
+    """Interpolate u^ on the fine mesh, which carries it exactly."""
     V = exact.model.V
     hat = fem.Function(V)
     cell = np.empty(len(V.tabulate_dof_coordinates()), dtype=np.int32)
@@ -171,7 +178,11 @@ def _displacement_on(pair: Admissible, exact: Reference) -> fem.Function:
 
 
 def stress_at(pair: Admissible, parent: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """sigma^ in Mandel components at points x (n, q, d) of fine cells within cells ``parent``, shape (n, q, s)."""
+    """Evaluate sigma^ in Mandel components at points of fine cells [force/area].
+
+    The points x (n, q, d) lie within the cells ``parent``; the result has the shape (n,
+    q, s).
+    """
     cells, d, every = pair.cell_geometry, pair.cell_geometry.d, np.arange(len(parent))
     origin = pair.solution.model.V.tabulate_dof_coordinates()[:, :d][cells.vertices[parent, 0]]
     local = np.einsum("nij,nqj->nqi", cells.inverse[parent], x - origin[:, None])
@@ -185,7 +196,10 @@ def stress_at(pair: Admissible, parent: np.ndarray, x: np.ndarray) -> np.ndarray
 
 
 def bound_at(pair: Admissible, which: int, cell: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """The friction bound of r^ at points x (f, q, d) of the contact in coarse cells, shape (f, q)."""
+    """Evaluate the friction bound of r^ at points of the contact [force/area].
+
+    The points x (f, q, d) lie in coarse cells; the result has the shape (f, q).
+    """
     traction, model = pair.tractions[which], pair.solution.model
     facet = np.zeros(model.domain.cells, dtype=int)
     facet[traction.contact.facets[:, 0]] = np.arange(len(traction.nodes))
@@ -222,5 +236,5 @@ def _third_term(pair: Admissible, exact: Reference, hat: fem.Function) -> float:
 
 
 def rank_correlation(a: np.ndarray, b: np.ndarray) -> float:
-    """Spearman's: the correlation of the ranks of two arrays."""
+    """Compute Spearman's correlation of the ranks of two arrays [-]."""
     return float(np.corrcoef(a.argsort().argsort(), b.argsort().argsort())[0, 1])

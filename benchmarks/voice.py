@@ -1,9 +1,9 @@
 """Measure how densely a package is written: `python benchmarks/voice.py [folder ...]`.
 
-One row a package (a folder with modules) and one of all: characters a code line with its
-indentation, comprehensions in 100 code lines, comment lines in 1000 code lines, the longest
-line, and the longest module. Docstrings, comments and blank lines are not code. For
-comparison, DOLFINx has 39 characters, 1.8 comprehensions, 86 comment lines.
+One row a package (a folder with modules) and one of all: characters a code line with
+its indentation, comprehensions in 100 code lines, comment lines in 1000 code lines, the
+longest line, and the longest module. Docstrings, comments and blank lines are not code.
+For comparison, DOLFINx has 39 characters, 1.8 comprehensions, 86 comment lines.
 """
 
 import ast
@@ -49,7 +49,7 @@ class Figures:
 
 
 def figures_of(path: Path) -> Figures:
-    """Count the lines, characters, comprehensions and comments of the module at `path`."""
+    """Count lines, characters, comprehensions and comments of a module."""
     text = path.read_text()
     lines = text.splitlines()
     tree = ast.parse(text)
@@ -82,7 +82,8 @@ def figures_of(path: Path) -> Figures:
 def main(folders: list[str]) -> None:
     """Print the table of the packages in `folders`."""
     print(
-        f"{'package':40s} {'code':>6s} {'chars':>6s} {'compr':>6s} {'comm':>6s} {'line':>5s} {'module':>5s}"
+        f"{'package':40s} {'code':>6s} {'chars':>6s} {'compr':>6s} {'comm':>6s}"
+        f" {'line':>5s} {'module':>5s}"
     )
     total = Figures()
     for folder in folders:

@@ -67,6 +67,10 @@ class Admissible:
             [force], shape (n, N_(k-1), d), or None without body force.
         tightening: Number of iterations that tightened sigma^.
         seconds: Wall time, the largest over the ranks [s].
+
+    Example:
+        >>> admissible.stress.shape, admissible.displacement.x.array.size
+        ((16, 3, 3, 3), 30)
     """
 
     solution: Solution
@@ -133,6 +137,10 @@ def equilibrate(solution: Solution, tighten: int = TIGHTEN) -> Admissible:
     Raises:
         NotHeldError: If no contact traction that the law allows balances the loads on a
             free rigid motion.
+
+    Example:
+        >>> ec.equilibrate(solution)
+        <Admissible pair of degree 1 on 16 cells, 1 contacts, tightened 4 times>
     """
     began = perf_counter()
     model = solution.model

@@ -16,15 +16,34 @@ if TYPE_CHECKING:
 
 
 class ErcContactError(Exception):
-    """Stand for all errors that the package raises on purpose."""
+    """Stand for all errors that the package raises on purpose.
+
+    Example:
+        >>> issubclass(ec.InputError, ec.ErcContactError)
+        True
+        >>> issubclass(ec.NotConverged, ec.ErcContactError)
+        True
+    """
 
 
 class InputError(ErcContactError, ValueError):
-    """Tell that the scene, the mesh or an argument cannot be worked with."""
+    """Tell that the scene, the mesh or an argument cannot be worked with.
+
+    Example:
+        >>> ec.Contact("bottom", friction=-0.3)
+        Traceback (most recent call last):
+        erc_contact.base.exceptions.InputError: ...
+    """
 
 
 class NotHeldError(InputError):
-    """Tell that no support and no contact holds a rigid motion of the body."""
+    """Tell that no support and no contact holds a rigid motion of the body.
+
+    Example:
+        >>> ec.solve(ec.Scene(scene.material, loads=[ec.BodyForce((0.0, -1.0))]), block)
+        Traceback (most recent call last):
+        erc_contact.base.exceptions.NotHeldError: ...
+    """
 
 
 class NotConverged(ErcContactError, RuntimeError):
@@ -33,6 +52,11 @@ class NotConverged(ErcContactError, RuntimeError):
     Attributes:
         rungs: One line for each attempt: start, line search, Newton steps, PETSc's
             reason, last residual.
+
+    Example:
+        >>> failure = ec.NotConverged("No solution.", rungs=("from rest: 50 Newton steps",))
+        >>> print(failure, *failure.rungs, sep="; ")
+        No solution.; from rest: 50 Newton steps
     """
 
     def __init__(self, message: str, rungs: tuple[str, ...]) -> None:

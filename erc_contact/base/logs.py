@@ -31,6 +31,10 @@ def log_to_console(level: int = logging.INFO, comm: MPI.Comm = MPI.COMM_WORLD) -
         level: ``logging.INFO`` shows a row a mesh, ``logging.DEBUG`` every attempt of
             the contact solve.
         comm: Its rank 0 writes.
+
+    Example:
+        >>> import logging
+        >>> ec.log_to_console(logging.WARNING)  # warnings alone
     """
     from rich.console import Console  # noqa: PLC0415 - only those who want progress pay for it
     from rich.highlighter import NullHighlighter  # noqa: PLC0415

@@ -92,6 +92,11 @@ class Bounds:
             r.phi``, where phi changes from the direction to this value across the
             facets at the edge. The rest of the resultant has no finite bound; it is
             smaller on finer meshes.
+
+    Example:
+        >>> bounds = ec.potential_energy(error)
+        >>> f"{bounds.low:.3f} <= J(u) <= {bounds.high:.3f}"
+        '0.119 <= J(u) <= 0.126'
     """
 
     value: float
@@ -118,6 +123,11 @@ def resultant(error: ConstitutiveError | Run, contact: str, direction: Sequence[
     Raises:
         InputError: If no contact has this name, or the direction is not d finite
             numbers.
+
+    Example:
+        >>> bounds = ec.resultant(error, "bottom", direction=(0.0, 1.0))
+        >>> f"{bounds.value:.1f} in [{bounds.low:.1f}, {bounds.high:.1f}]"
+        '25.1 in [22.0, 28.2]'
     """
     error = error_of(error)
     pair = error.admissible
@@ -154,6 +164,11 @@ def potential_energy(error: ConstitutiveError | Run) -> Bounds:
     Returns:
         An interval that ends in J(u^) [force length]. With Coulomb friction J is that
         of the bound of r^.
+
+    Example:
+        >>> bounds = ec.potential_energy(error)
+        >>> bool(bounds.low <= bounds.value <= bounds.high)
+        True
     """
     error = error_of(error)
     pair = error.admissible
@@ -183,6 +198,11 @@ def work_of_loads(error: ConstitutiveError | Run) -> Bounds:
 
     Raises:
         InputError: If the scene has friction, a gap or a support that is not zero.
+
+    Example:
+        >>> bounds = ec.work_of_loads(loaded)  # the error of a scene with loads alone
+        >>> bool(bounds.low <= bounds.value <= bounds.high)
+        True
     """
     error = error_of(error)
     _raise_if_no_cone(error.solution.scene)

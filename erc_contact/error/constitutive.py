@@ -86,6 +86,12 @@ class ConstitutiveError:
         total_indicators: The same with the share of the geometry, which refinement
             uses; the squares sum to total^2.
         seconds: Wall time, the largest over the ranks [s].
+
+    Example:
+        >>> error
+        <ConstitutiveError: eps = 12.34%, e = 0.1241, 16 cells of degree 1>
+        >>> bool(np.isclose(np.linalg.norm(error.indicators), error.relative))  # on one rank
+        True
     """
 
     admissible: Admissible
@@ -262,6 +268,11 @@ def constitutive_error(admissible: Admissible) -> ConstitutiveError:
 
     Raises:
         InputError: If the energy overflows or underflows double precision.
+
+    Example:
+        >>> error = ec.constitutive_error(admissible)
+        >>> f"{error.relative:.1%}"
+        '12.3%'
     """
     began = perf_counter()
     comm = admissible.model.comm

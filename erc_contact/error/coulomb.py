@@ -90,6 +90,11 @@ class CoulombCertificate:
         q_largest: The largest ``q + q_change`` of all fields t that were tried [-]. q
             is that of the field with the least bound; on another mesh it may be that of
             a rougher field, with a q up to this.
+
+    Example:
+        >>> certificate = ec.coulomb_certificate(error)
+        >>> f"q = {certificate.q:.2f}, factor = {certificate.factor:.2f}, {certificate.unique}"
+        'q = 0.48, factor = 1.54, True'
     """
 
     friction: float
@@ -158,6 +163,10 @@ def coulomb_certificate(error: ConstitutiveError | Run) -> CoulombCertificate:
         q and the bound. Without friction that grows with the pressure q is 0 and the
         bound is e. If the friction bound of a contact is another function of the
         pressure than a multiple, q is infinite and nothing is claimed.
+
+    Example:
+        >>> print(ec.coulomb_certificate(error))
+        With the estimate q = 0.484 (+- 0.01) < 2 every solution lies within 1.54 e ...
     """
     error = error_of(error)
     pair = error.admissible

@@ -33,6 +33,10 @@ def other_solutions(solution: Solution | Run, most: int = 4) -> list[Constitutiv
 
     Raises:
         InputError: If ``most`` is not a whole number > 0.
+
+    Example:
+        >>> ec.other_solutions(solution)
+        []
     """
     solution = solution if isinstance(solution, Solution) else error_of(solution).solution
     model = solution.model

@@ -45,6 +45,10 @@ class SizeMap:
 
     Raises:
         InputError: If aim is outside (0, 1], or leap is not > 1.
+
+    Example:
+        >>> ec.SizeMap().next(error, accuracy=0.1, max_cells=1000)
+        <Domain in 2D: ... cells, boundary parts left, right, bottom, top>
     """
 
     aim: float = 0.95

@@ -59,6 +59,10 @@ class Oscillations:
         friction: Part of friction bounds.
         history: Part of the tangential displacement at the end of the last step, which
             a mesh that does not refine that of the last step interpolates.
+
+    Example:
+        >>> error.oscillations  # the mesh represents all data of this scene
+        Oscillations(loads=0.0, supports=0.0, ..., history=0.0)
     """
 
     loads: float = 0.0

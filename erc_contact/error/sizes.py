@@ -67,6 +67,11 @@ class Sizes:
         rates: q_E of the owned cells.
         predicted_cells: Predicted number of elements N* for the smoothed sizes.
         predicted_eps: Predicted relative error.
+
+    Example:
+        >>> sizes = ec.size_map(error, accuracy=0.05)
+        >>> sizes.values.shape, bool(sizes.predicted_eps <= 0.051)
+        ((15,), True)
     """
 
     error: ConstitutiveError
@@ -112,6 +117,10 @@ def size_map(error: ConstitutiveError | Run, accuracy: float) -> Sizes:
         InputError: If the accuracy is not > 0 and finite.
 
     Source: Coorevits, Hild, Hjiaj, definition of the optimal mesh.
+
+    Example:
+        >>> ec.size_map(error, accuracy=0.05)
+        <Sizes of a mesh of about 91 cells, predicted eps 5%>
     """
     error = error_of(error)
     accuracy = checks.accuracy("size_map: accuracy", accuracy)

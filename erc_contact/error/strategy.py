@@ -29,6 +29,11 @@ class Strategy(Protocol):
     """Choose the next mesh from an error.
 
     Example: ``demos/extend/strategy.py``.
+
+    Example:
+        >>> strategy: ec.Strategy = ec.Uniform()
+        >>> strategy.next(error, accuracy=0.1, max_cells=1000).cells
+        64
     """
 
     def next(self, error: ConstitutiveError, accuracy: float, max_cells: int) -> Domain:
@@ -66,6 +71,10 @@ class Mark:
 
     Raises:
         InputError: If the fraction is outside (0, 1].
+
+    Example:
+        >>> ec.Mark(fraction=0.5).next(error, accuracy=0.1, max_cells=1000).cells
+        38
     """
 
     fraction: float = 0.5
@@ -80,7 +89,12 @@ class Mark:
 
 @dataclass(frozen=True)
 class Uniform:
-    """Refine all elements, for comparison."""
+    """Refine all elements, for comparison.
+
+    Example:
+        >>> ec.Uniform().next(error, accuracy=0.1, max_cells=1000).cells
+        64
+    """
 
     def next(self, error: ConstitutiveError, accuracy: float, max_cells: int) -> Domain:
         """Return the domain with all elements refined; collective."""
@@ -119,6 +133,10 @@ def mark(error: ConstitutiveError | Run, fraction: float = 0.5) -> np.ndarray:
 
     Returns:
         Marked cells of this rank.
+
+    Example:
+        >>> ec.mark(error, fraction=0.5)
+        array([ 0,  5, 10, 15], dtype=int32)
     """
     error = error_of(error)
     comm = error.domain.mesh.comm

@@ -62,6 +62,12 @@ class Domain:
         InputError: If the mesh is not of straight-sided simplices, names and tags do
             not fit, or no facet has the tag of a name. A part may have facets inside
             the body, as an interface has, but a scene cannot use it.
+
+    Example:
+        >>> block
+        <Domain in 2D: 16 cells, boundary parts left, right, bottom, top>
+        >>> block.refined(np.array([0], dtype=np.int32)).cells
+        20
     """
 
     mesh: dmesh.Mesh

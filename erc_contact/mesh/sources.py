@@ -56,6 +56,10 @@ def rectangle(
     Raises:
         InputError: If the corners do not span a rectangle, or not exactly one of size
             and cells is given.
+
+    Example:
+        >>> ec.rectangle((0.0, 0.0), (2.0, 1.0), cells=(4, 2))
+        <Domain in 2D: 16 cells, boundary parts left, right, bottom, top>
     """
     return _brick(p0, p1, size, cells, comm, 2)
 
@@ -83,6 +87,10 @@ def box(
     Raises:
         InputError: If the corners do not span a box, or not exactly one of size and
             cells is given.
+
+    Example:
+        >>> ec.box((0.0, 0.0, 0.0), (1.0, 1.0, 2.0), cells=(1, 1, 2))
+        <Domain in 3D: ... cells, boundary parts left, right, front, back, bottom, top>
     """
     return _brick(p0, p1, size, cells, comm, 3)
 
@@ -194,6 +202,10 @@ def from_gmsh(model: Any, comm: MPI.Comm = MPI.COMM_WORLD, rank: int = 0) -> Dom
         InputError: If the mesh has no physical group on its boundary, an entity is in
             two groups, a part of the body is in none, or the mesh is not of
             straight-sided simplices.
+
+    Example:
+        >>> ec.from_gmsh(gmsh.model)  # a square with the groups "body", "top" and "bottom"
+        <Domain in 2D: ... cells, boundary parts bottom, top...>
     """
     return _from_model(model, comm, rank)
 
@@ -218,13 +230,17 @@ def read_mesh(
         path: The file.
         comm: Communicator that shares the mesh.
         names: Names of boundary parts and regions by their tags. A tag that both a
-            boundary part and a region have is told apart by its dimension: ``{(1, 3):
-                "bottom", (2, 3): "steel"}`` in 2D.
+            boundary part and a region have is told apart by its dimension:
+            ``{(1, 3): "bottom", (2, 3): "steel"}`` in 2D.
 
     Raises:
         InputError: If the file is missing or unreadable, has no groups of facets, or is
             not of straight-sided simplices; or if the file does not have a tag of
             ``names``, or a name is given twice.
+
+    Example:
+        >>> ec.read_mesh("square.msh")  # a square with the groups "body", "top" and "bottom"
+        <Domain in 2D: ... cells, boundary parts bottom, top...>
     """
     if not isinstance(path, str | Path):
         raise InputError(f"read_mesh: the path is {path!r}; give the name of a file.")

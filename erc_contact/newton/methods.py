@@ -56,6 +56,11 @@ class Method(Protocol):
         in_layer: Whether its equations test the stress, hence all nodes of the cells at
             the contact. Without it what the equations have at nodes off the contact is
             left out, and nothing warns of it.
+
+    Example:
+        >>> method: ec.Method = ec.Nitsche(theta=1)
+        >>> ec.solve(scene, block, method).method
+        Nitsche(theta=1, gamma=10.0)
     """
 
     @property
@@ -123,6 +128,10 @@ class Nitsche:
     method for contact problems in elasticity", Math. Comp. 84 (2015); with Coulomb
     friction: Chouly et al., "An overview of recent results on Nitsche's method for
     contact problems" (2017).
+
+    Example:
+        >>> ec.solve(scene, block, method=ec.Nitsche(theta=-1))
+        <Solution of degree 1 on 16 cells by Nitsche(theta=-1, gamma=10.0), ... Newton steps>
     """
 
     theta: int = 0
@@ -205,6 +214,10 @@ class AugmentedLagrangian:
 
     Source: Alart, Curnier, "A mixed formulation for frictional contact problems prone
     to Newton like solution methods", Comput. Methods Appl. Mech. Engrg. 92 (1991).
+
+    Example:
+        >>> ec.solve(scene, block, method=ec.AugmentedLagrangian())
+        <Solution of degree 1 on 16 cells by AugmentedLagrangian(gamma=1.0), ... Newton steps>
     """
 
     gamma: float = 1.0

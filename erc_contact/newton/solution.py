@@ -68,6 +68,12 @@ class Solution:
         stiffness: The elastic solver; :mod:`erc_contact.newton.linear.solver` tells
             when its factor is made and freed. See :attr:`factorised`.
         seconds: Wall time, the largest over the ranks [s].
+
+    Example:
+        >>> solution.force("bottom").force.round(1)
+        array([-0.1, 25.1])
+        >>> solution.at((1.0, 0.5)).displacement.shape
+        (1, 2)
     """
 
     model: Model

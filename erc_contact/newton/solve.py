@@ -103,6 +103,10 @@ def solve(
         InputError: If scene and domain do not fit, or the loads are no numbers that
             double precision can work with.
         NotConverged: If no attempt converged.
+
+    Example:
+        >>> ec.solve(scene, block)
+        <Solution of degree 1 on 16 cells by Nitsche(theta=0, gamma=10.0), 3 Newton steps>
     """
     solution = solved(
         scene,

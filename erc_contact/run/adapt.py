@@ -1,4 +1,4 @@
-"""The adaptive loop: solve, measure, refine where the error is, until a prescribed accuracy is reached.
+"""Solve, measure and refine until a prescribed accuracy is reached.
 
 Source of the idea: Coorevits, Hild, Hjiaj.
 """
@@ -56,7 +56,7 @@ def adapt(
         degree: Degree of the displacement, 1 or 2.
         stop: "converged" ends Newton at round-off; "certified" as soon as the rest is
             at most a tenth of the error of the mesh: it is part of e, which bounds the
-                error of any state.
+            error of any state.
         solver: "direct", "iterative" or "auto", as in :func:`solve`.
         tighten: Iterations that tighten the admissible stress, as in
             :func:`equilibrate`.
@@ -67,9 +67,9 @@ def adapt(
             row of the table. It ends the run by raising StopIteration.
         checkpoint: Folder that keeps each mesh with its result. The same call goes on
             from what the folder holds, on any number of ranks: it solves no mesh again,
-                and makes the same further meshes. Accuracy, limits, solver
-            and callback may be others; the callback is not called for meshes that are
-            read. Each file opens in ParaView. See also :func:`read_history`.
+            and makes the same further meshes. Accuracy, limits, solver and callback may
+            be others; the callback is not called for meshes that are read. Each file
+            opens in ParaView. See also :func:`read_history`.
         every: Every how many meshes one is kept; the last one is kept at the end of the
             run in any case. After a restart ``best`` and ``meshes`` are of the meshes
             that are kept.
@@ -77,7 +77,7 @@ def adapt(
     Returns:
         The history with the best result. What ends a run before its accuracy is reached
         is named in ``outcome``, with a warning: a limit; a next mesh that cannot be
-            made, or that the scene cannot be solved on; memory that does not
+        made, or that the scene cannot be solved on; memory that does not
         suffice; Ctrl-C or SIGTERM, within an iteration of Newton's method or of
         tightening, or when the stage that is under way has ended. An accuracy that will
         take more cells than the limit is told on the second mesh.
@@ -88,6 +88,11 @@ def adapt(
         NotConverged: If the contact solve fails on the first mesh.
         Exception: What else is raised on a later mesh, by a strategy or callback of the
             user's say, has the history so far in its attribute ``history``.
+
+    Example:
+        >>> history = ec.adapt(scene, block, accuracy=0.1)
+        >>> history.outcome
+        'Reached: 9.165% <= 10%.'
     """
     every = checks.whole("every", every, 1)
     plan = checked_plan(
@@ -104,13 +109,15 @@ def adapt(
         max_cells=max_cells,
         max_steps=max_steps,
     )
-    kept = None
+    comm = domain.mesh.comm
+    store = None
     if checkpoint is not None:
         check_folder(checkpoint, domain)
-        given = fingerprint(scene, domain, {name: getattr(plan, name) for name in DECISIVE})
-        kept = Checkpoint(domain.mesh.comm, checkpoint, given, plan.accuracy, every)
+        identity = fingerprint(scene, domain, plan.arguments(DECISIVE))
+        store = Checkpoint(comm, checkpoint, identity, plan.accuracy, every)
     try:
-        return Loop(plan, domain.mesh.comm, kept).go(domain)
+        return Loop(plan, comm, store).go(domain)
     finally:
-        if kept is not None:
-            kept.close()
+        # the lock on the folder ends with the run, however the run ends
+        if store is not None:
+            store.close()

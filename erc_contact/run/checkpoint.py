@@ -1,4 +1,4 @@
-"""The checkpoint of a run: what a folder holds of it, and what is added; all ranks together.
+"""Keep a run in a folder and go on from it; all ranks together.
 
 Levels that are damaged are left out, with a warning that names the file: the run goes
 on from the last good one. A folder of another run is refused, and so is one that
@@ -22,17 +22,17 @@ from erc_contact.run.fingerprint import Fingerprint, differences
 from erc_contact.run.levels import Damaged, Folder, Level
 from erc_contact.run.states import Restored, level_of
 
-TOLD = 3
-"""Differences between two runs that a message names."""
+DIFFERENCES = 3
+"""Greatest number of differences between two runs that a message names."""
 
 
 class Checkpoint:
-    """The folder of a run; all methods are collective.
+    """Keep the levels of a run in a folder; all methods are collective.
 
     Args:
         comm: Communicator of the run.
         path: The folder.
-        given: The fingerprint of the run; None only reads.
+        fingerprint: The fingerprint of the run; None only reads.
         accuracy: The prescribed relative error of the run, which is kept beside it.
         every: Number of meshes from one that is written to the next.
 
@@ -48,28 +48,39 @@ class Checkpoint:
         self,
         comm: MPI.Comm,
         path: str | Path,
-        given: Fingerprint | None = None,
+        fingerprint: Fingerprint | None = None,
         accuracy: float = 0.0,
         every: int = 1,
     ) -> None:
-        self.comm, self.given, self.accuracy, self.every = comm, given, accuracy, every
-        self.folder, self._written = Folder(Path(path)), 0
+        self.comm = comm
+        self.fingerprint = fingerprint
+        self.accuracy = accuracy
+        self.every = every
+        self.folder = Folder(Path(path))
+        self._written = 0
         error: Exception | None = None
-        found: list[int] = []
+        good: list[int] = []
+        # rank 0 alone reads; whatever it meets is raised on all ranks
         if comm.rank == 0:
             try:
                 self._open()
-                found = self._good()
+                good = self._good_levels()
             except Exception as reason:
                 self.folder.close()
                 error = reason
         raise_together(comm, error)
-        self.numbers: list[int] = comm.bcast(found)
+        self.numbers: list[int] = comm.bcast(good)
         self._written = max(self.numbers, default=0)
 
     def read(self, number: int, before: Restored | None = None) -> Restored:
-        """A good level; ``before`` is another one, read already, that may have the same mesh."""
-        level, error = None, None
+        """Read a good level.
+
+        Args:
+            number: Its number.
+            before: Another level, read already, that may have the same mesh.
+        """
+        level = None
+        error = None
         if self.comm.rank == 0:
             try:
                 level = self.folder.read(number)
@@ -80,50 +91,68 @@ class Checkpoint:
         return Restored(self.comm, level or Level(about, {}), before)
 
     def add(self, error: ConstitutiveError, steps: Sequence[Any], *, last: bool = False) -> None:
-        """Write the level that was measured last, if its turn has come or it is the last; failures are warnings."""
+        """Write the level that was measured last, if its turn has come.
+
+        What cannot be written is a warning.
+
+        Args:
+            error: The error of the level.
+            steps: The rows of the run so far.
+            last: Whether the run ends with it, so that it is written in any case.
+        """
         number = len(steps)
-        if number <= self._written or not (last or (number - 1) % self.every == 0):
+        its_turn = last or (number - 1) % self.every == 0
+        if number <= self._written or not its_turn:
             return
-        self._written, failure = number, None
+        self._written = number
+        failure = None
         try:
             level = level_of(error, steps)
             if self.comm.rank == 0:
-                about = level.about | {"fingerprint": self.given, "accuracy": self.accuracy}
+                about = level.about | {"fingerprint": self.fingerprint, "accuracy": self.accuracy}
                 self.folder.write(number, replace(level, about=about))
         except (InputError, OSError, MemoryError) as reason:
             log_of(self.comm).warning(
-                "The mesh of %d cells is not kept: %s. The run goes on; what %s has stays as it is.",
-                *(steps[-1].cells, reason, self.folder.path),
+                "The mesh of %d cells is not kept: %s. The run goes on; "
+                "what %s has stays as it is.",
+                steps[-1].cells,
+                reason,
+                self.folder.path,
             )
         except Exception as reason:  # every rank must learn of it
             failure = reason
         raise_together(self.comm, failure)  # when a rank goes on, the file is on the disk
 
     def go_on_from(self, number: int) -> None:
-        """Let levels after this one be written again: the run makes them anew, since one of them is damaged."""
+        """Allow levels after this one to be written again.
+
+        The run makes them anew, since one of them is damaged.
+        """
         self._written = number
 
     def close(self) -> None:
-        """Let other runs have the folder."""
+        """Unlock the folder for other runs."""
         self.folder.close()
 
     def _open(self) -> None:
-        if self.given is None:
+        """Open the folder on rank 0; without a fingerprint it is read alone."""
+        path = str(self.folder.path)
+        if self.fingerprint is None:
             if not self.folder.path.is_dir():
                 raise InputError(
-                    f"There is no folder {str(self.folder.path)!r}; look at the path and the working folder."
+                    f"There is no folder {path!r}; look at the path and the working folder."
                 )
             return
         try:
             self.folder.open()
         except OSError as reason:
             raise InputError(
-                f"checkpoint: nothing can be written to the folder {str(self.folder.path)!r} ({reason.strerror}); give "
-                "another folder, or None for a run that is not kept."
+                f"checkpoint: nothing can be written to the folder {path!r} "
+                f"({reason.strerror}); give another folder, or None for a run that is not kept."
             ) from reason
 
-    def _good(self) -> list[int]:
-        """The numbers of the good levels, on rank 0."""
+    def _good_levels(self) -> list[int]:
+        """Return the numbers of the good levels, on rank 0."""
         good = []
         for number in self.folder.numbers():
             try:
@@ -131,12 +160,19 @@ class Checkpoint:
             except Damaged as reason:
                 log_of(self.comm).warning("%s is left out: %s.", self.folder.file(number), reason)
                 continue
-            differ = differences(self.given, about["fingerprint"]) if self.given is not None else []
-            if differ:
-                more = f"; and {len(differ) - TOLD} more" if len(differ) > TOLD else ""
-                raise InputError(
-                    f"The folder {str(self.folder.path)!r} is that of another run: {'; '.join(differ[:TOLD])}{more}. "
-                    "Give another folder, or the same call."
-                )
+            if self.fingerprint is not None:
+                self._check_same_run(differences(self.fingerprint, about["fingerprint"]))
             good.append(number)
         return good
+
+    def _check_same_run(self, differing: list[str]) -> None:
+        """Raise an InputError if this run differs from that of the folder."""
+        if not differing:
+            return
+        words = "; ".join(differing[:DIFFERENCES])
+        if len(differing) > DIFFERENCES:
+            words += f"; and {len(differing) - DIFFERENCES} more"
+        raise InputError(
+            f"The folder {str(self.folder.path)!r} is that of another run: {words}. "
+            "Give another folder, or the same call."
+        )

@@ -1,4 +1,4 @@
-"""How a run ends before it is through: in words, with what it has, or by an exception."""
+"""Say in words how a run ends before it is through, or that it ends by an exception."""
 
 from __future__ import annotations
 
@@ -7,10 +7,16 @@ from erc_contact.base.runtime.interrupts import Interrupts
 
 OUT_OF_MEMORY = 55
 """PETSc's code of memory that could not be had, PETSC_ERR_MEM."""
+AT_REST = "The body is at rest: nothing loads or moves it, so that it has no stress and no error."
+"""Outcome of a run whose body is at rest."""
+NO_TRUE_SHAPE = (
+    " The body is that of the mesh given, with its flat facets: no true shape of it is known."
+)
+"""End of the outcome where the geometry of the body is unknown."""
 
 
 def ending(failure: BaseException, interrupts: Interrupts, where: str) -> str:
-    """The outcome of a run that a failure ends with what it has; "" if it must be raised.
+    """Return the outcome of a run that a failure ends; "" if it must be raised.
 
     Args:
         failure: What was raised.
@@ -19,8 +25,11 @@ def ending(failure: BaseException, interrupts: Interrupts, where: str) -> str:
     """
     if isinstance(failure, (InputError, NotConverged)):
         return f"Stopped{where}: {failure}"
-    if isinstance(failure, MemoryError) or getattr(failure, "ierr", None) == OUT_OF_MEMORY:
+    petsc_code = getattr(failure, "ierr", None)
+    if isinstance(failure, MemoryError) or petsc_code == OUT_OF_MEMORY:
         return f"Stopped{where}: the memory does not suffice for what comes next ({failure})."
     if isinstance(failure, StopIteration):
         return f"Stopped{where}: by the callback. {failure}".rstrip()
-    return f"Interrupted{where}." if interrupts.ended(failure) else ""
+    if interrupts.ended(failure):
+        return f"Interrupted{where}."
+    return ""

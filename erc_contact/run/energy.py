@@ -1,4 +1,4 @@
-"""The energies of a step of a history: strain energy, work of the loads and supports, work of the contacts.
+"""Compute strain energy, works and dissipation of a step of a loading history.
 
 Between two steps displacement and forces change along straight lines. So the work of a
 traction t on a boundary part is
@@ -51,7 +51,7 @@ from erc_contact.results.profile import contact_of
 
 @dataclass(frozen=True)
 class Energies:
-    """Energies of a step [force length].
+    """Hold the energies of a step [force length].
 
     Attributes:
         work: Work of loads and supports on the body in the step.
@@ -69,19 +69,22 @@ class Energies:
 
 
 def energies(error: ConstitutiveError, last: ConstitutiveError | None) -> Energies:
-    """The energies of a step; collective.
+    """Compute the energies of a step [force length]; collective.
 
     Args:
         error: The error at its end.
         last: The error at the end of the last step; None starts from rest, without
             forces.
     """
-    before = None if last is None else last.admissible
     pair = error.admissible
-    model = error.model
-    contacts = {contact.name: contact for contact in model.contacts}
-    work, contact_work, friction_work = _work_in_body(pair, before), 0.0, 0.0
-    parts = _working(pair) | (set() if before is None else _working(before))
+    before = None if last is None else last.admissible
+    contacts = {contact.name: contact for contact in error.model.contacts}
+    work = _work_in_body(pair, before)
+    contact_work = 0.0
+    friction_work = 0.0
+    parts = _working(pair)
+    if before is not None:
+        parts |= _working(before)
     for part in sorted(parts):  # the same order on all ranks
         contact = contacts.get(part)
         total, tangential = _works(pair, before, part, contact)
@@ -92,29 +95,34 @@ def energies(error: ConstitutiveError, last: ConstitutiveError | None) -> Energi
             friction_work += tangential
     stored = 0.5 * elastic_work(pair, pair.displacement, pair.displacement).value
     floor = ROUND_OFF * stored
-    dissipated = sum(_dissipated(pair, before, traction, floor) for traction in pair.tractions)
+    dissipated = 0.0
+    for traction in pair.tractions:
+        dissipated += _dissipated(pair, before, traction, floor)
     return Energies(work, contact_work, friction_work, dissipated, stored)
 
 
 def _dissipated(
     pair: Admissible, before: Admissible | None, traction: ContactTraction, floor: float
 ) -> float:
-    """What friction takes on a contact in a step [force length]; collective."""
+    """Compute what friction takes on a contact in a step [force length]; collective."""
     if traction.contact.friction is None:
         return 0.0
-    model, slip = pair.model, pair.displacement
-    at_begin = friction_work(model, _traction_at_begin(model, before, traction), slip, floor)
-    at_end = friction_work(model, traction, slip, floor)
+    model = pair.model
+    u = pair.displacement
+    begin = _traction_at_begin(model, before, traction)
+    # both friction bounds act on the slip of this step
+    at_begin = friction_work(model, begin, u, floor)
+    at_end = friction_work(model, traction, u, floor)
     return 0.5 * (at_begin.value + at_end.value)
 
 
 def _traction_at_begin(
     model: Model, before: Admissible | None, traction: ContactTraction
 ) -> ContactTraction:
-    """The traction at the begin of a step, with the friction law of that time, on the mesh of its end; collective.
+    """Return the traction at the begin of a step, on the mesh of its end; collective.
 
-    On a mesh that refines the last one it is the same field, on another one a
-    projection of it.
+    It has the friction law of that time. On a mesh that refines the last one it is the
+    same field, on another one a projection of it.
     """
     contact = traction.contact
     if before is None:  # from rest, without pressure
@@ -122,9 +130,12 @@ def _traction_at_begin(
     old = before.model
     if old.domain is model.domain and old.degree == model.degree:
         last = contact_of(before, contact.name)
-        friction, values = last.contact.friction, last.values
+        friction = last.contact.friction
+        values = last.values
     else:
-        declared = next(of for of in old.scene.contacts if of.facets == contact.name)
+        declared = next(
+            candidate for candidate in old.scene.contacts if candidate.facets == contact.name
+        )
         friction = bind_contact(model, declared, model.modulus).friction
         points, weights = rule(model.d - 1, 2 * model.degree)
         x = np.matmul(barycentric(points), contact.trace.here.corners)
@@ -134,20 +145,18 @@ def _traction_at_begin(
 
 
 def _working(pair: Admissible) -> set[str]:
-    """The names of the boundary parts whose tractions may do work."""
+    """Return the names of the boundary parts whose tractions may do work."""
     scene = pair.model.scene
-    loaded = {load.facets for load in scene.loads if load.facets is not None}
-    return (
-        loaded
-        | {support.facets for support in scene.supports}
-        | {contact.facets for contact in scene.contacts}
-    )
+    parts = {load.facets for load in scene.loads if load.facets is not None}
+    parts |= {support.facets for support in scene.supports}
+    parts |= {contact.facets for contact in scene.contacts}
+    return parts
 
 
 def _works(
     pair: Admissible, before: Admissible | None, part: str, contact: BoundContact | None
 ) -> tuple[float, float]:
-    """Work of the tractions on a boundary part in a step [force length]; collective.
+    """Compute the work of the tractions on a boundary part [force length]; collective.
 
     On a mesh that refines the last one the integral is exact, on another one it is not.
 
@@ -158,16 +167,18 @@ def _works(
     model = pair.model
     points, weights = rule(model.d - 1, 2 * model.degree)
     facets = model.domain.owned_facets(part)
-    t, u = _at(pair, part, points)
-    if before is not None:
-        if before.domain is model.domain and before.model.degree == model.degree:
-            old_t, old_u = _at(before, part, points)
+    t, u = _fields(pair, part, points)
+    if before is None:  # from rest, without forces
+        t = 0.5 * t
+    else:
+        old = before.model
+        if old.domain is model.domain and old.degree == model.degree:
+            old_t, old_u = _fields(before, part, points)
         else:
             x = np.matmul(barycentric(points), model.facet_corners(facets))
             old_t, old_u = _carried(before, part, x)
-        t, u = 0.5 * (t + old_t), u - old_u
-    else:
-        t = 0.5 * t
+        t = 0.5 * (t + old_t)
+        u = u - old_u
     areas = model.facet_areas(facets)
     total = float(areas @ ((t * u).sum(axis=-1) @ weights))
     tangential = 0.0
@@ -179,20 +190,34 @@ def _works(
     return float(total), float(tangential)
 
 
-def _at(pair: Admissible, part: str, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """sigma^ n [force/area] and u^ [length] at reference points of the owned facets of a part, shape (f, q, d) each."""
+def _fields(pair: Admissible, part: str, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Evaluate sigma^ n [force/area] and u^ [length] on the owned facets of a part.
+
+    Args:
+        pair: The admissible pair.
+        part: Name of the boundary part.
+        points: Points of the reference facet, shape (q, d - 1).
+
+    Returns:
+        Both fields, shape (f, q, d) each.
+    """
     model = pair.model
     _, t, u = _facets(pair, part)
-    shape = (
-        bernstein(model.d - 1, model.degree, points),
-        lagrange(model.d - 1, model.degree, points),
-    )
-    return np.matmul(shape[0], t), np.matmul(shape[1], u)
+    shape_t = bernstein(model.d - 1, model.degree, points)
+    shape_u = lagrange(model.d - 1, model.degree, points)
+    return np.matmul(shape_t, t), np.matmul(shape_u, u)
 
 
 def _facets(pair: Admissible, part: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Corners (f, d, d), coefficients of sigma^ n (f, m, d) and nodal values of u^ (f, m, d) of owned facets."""
-    model, d, k = pair.model, pair.model.d, pair.model.degree
+    """Return the fields on the owned facets of a part.
+
+    Returns:
+        Corners (f, d, d), coefficients of sigma^ n (f, m, d) [force/area], and nodal
+        values of u^ (f, m, d) [length].
+    """
+    model = pair.model
+    d = model.d
+    k = model.degree
     facets = model.domain.owned_facets(part)
     nodes = model.facet_nodes(facets)
     moments = np.empty((*nodes.shape, d))
@@ -203,29 +228,44 @@ def _facets(pair: Admissible, part: str) -> tuple[np.ndarray, np.ndarray, np.nda
 
 
 def _carried(pair: Admissible, part: str, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """sigma^ n and u^ of another mesh at points (f, q, d) of this one, on the nearest facets; collective."""
-    model, d, k = pair.model, pair.model.d, pair.model.degree
+    """Evaluate sigma^ n and u^ of another mesh at points (f, q, d); collective.
+
+    Each point takes the values of the nearest facet.
+    """
+    model = pair.model
+    d = model.d
+    # facets of the other mesh are on other ranks, so that each rank needs all of them
     gathered = model.comm.allgather(_facets(pair, part))
-    corners, t, u = (np.concatenate(of) for of in zip(*gathered, strict=True))
+    corners, t, u = (np.concatenate(arrays) for arrays in zip(*gathered, strict=True))
     number, local, _ = nearest(x.reshape(-1, d), corners)
-    shape = bernstein(d - 1, k, local[:, 1:]), lagrange(d - 1, k, local[:, 1:])
-    values = [np.einsum("nm,nmi->ni", s, v[number]) for s, v in zip(shape, (t, u), strict=True)]
-    return values[0].reshape(x.shape), values[1].reshape(x.shape)
+    shape_t = bernstein(d - 1, model.degree, local[:, 1:])
+    shape_u = lagrange(d - 1, model.degree, local[:, 1:])
+    t = np.einsum("nm,nmi->ni", shape_t, t[number])
+    u = np.einsum("nm,nmi->ni", shape_u, u[number])
+    return t.reshape(x.shape), u.reshape(x.shape)
 
 
 def _work_in_body(pair: Admissible, before: Admissible | None) -> float:
-    """Work of the loads in the body in a step [force length]; collective."""
+    """Compute the work of the loads in the body [force length]; collective."""
     model = pair.model
-    old = None if before is None else before.model
-    total = 0.5 * _of_body_force(model, model, pair)
-    if old is not None and before is not None:
-        total -= 0.5 * _of_body_force(old, old, before)
-        total += 0.5 * (_of_body_force(old, model, pair) - _of_body_force(model, old, before))
+    total = 0.5 * _work_of_body_force(model, model, pair)
+    if before is not None:
+        # (f + f_old)/2 . (u - u_old), each product on the mesh of its displacement
+        old = before.model
+        total -= 0.5 * _work_of_body_force(old, old, before)
+        crossed = _work_of_body_force(old, model, pair) - _work_of_body_force(model, old, before)
+        total += 0.5 * crossed
     return total
 
 
-def _of_body_force(loads: Model, model: Model, pair: Admissible) -> float:
-    """Work of the loads in the body of one scene on u^ of a pair, on the model of the pair."""
+def _work_of_body_force(loads: Model, model: Model, pair: Admissible) -> float:
+    """Compute the work of a body force on u^ of a pair [force length]; collective.
+
+    Args:
+        loads: Model of the scene that has the body force.
+        model: Model of the pair, on whose mesh the work is.
+        pair: The admissible pair.
+    """
     if loads.body_force is None:
         return 0.0
     there = model if loads is model else Model(loads.scene, model.domain, model.degree)

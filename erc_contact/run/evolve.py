@@ -1,4 +1,4 @@
-"""A loading history: one adaptive contact solve after the other, each from where the last one ended.
+"""Solve a loading history: adaptive contact solves, each from where the last one ended.
 
 Friction is about slip rates. In each step it acts on the tangential displacement since
 the last one (backward Euler), so what a body does depends on the way its loads came.
@@ -7,7 +7,6 @@ the last one (backward Euler), so what a body does depends on the way its loads 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict
 from pathlib import Path
 
 from erc_contact.admissible.tighten.iteration import TIGHTEN
@@ -20,12 +19,10 @@ from erc_contact.newton.ladder import NODAL
 from erc_contact.newton.methods import Method
 from erc_contact.run.checkpoint import Checkpoint
 from erc_contact.run.evolution import Evolution
-from erc_contact.run.fingerprint import of_history
+from erc_contact.run.fingerprint import fingerprint_of_history
 from erc_contact.run.plan import DECISIVE, check_callback, check_folder, checked_plan
 from erc_contact.run.time_row import TimeStep
-from erc_contact.run.time_steps import (
-    InTime,
-)
+from erc_contact.run.time_steps import InTime
 from erc_contact.run.walk import Walk
 from erc_contact.scene.scene import Scene
 
@@ -58,10 +55,10 @@ def evolve(
 
     Args:
         scene_at: Gives the scene at a time t. All scenes have contacts of the same
-            names. Callables of x may contain t: ``lambda t: Scene(...,
-                loads=[Traction("top", lambda x: t * x[0])])``. Nothing is compiled anew
-                for another
-            time where scenes differ in numbers only.
+            names. Callables of x may contain t:
+            ``lambda t: Scene(..., loads=[Traction("top", lambda x: t * x[0])])``.
+            Nothing is compiled anew for another time where scenes differ in numbers
+            only.
         domain: The first mesh, coarse.
         times: Ends of the steps, increasing, e.g. ``np.linspace(0, 1, 21)`` for 20
             steps after the first state.
@@ -77,9 +74,9 @@ def evolve(
             :func:`equilibrate`.
         path: Prescribed accuracy of the steps in time [-], or None to take the times as
             they are. Each step is then compared with its two halves: the difference of
-                the displacements at its end, in the energy norm, relative
-            to them, is at most this. Times between the given ones are added as needed;
-            the result has the halves.
+            the displacements at its end, in the energy norm, relative to them, is at
+            most this. Times between the given ones are added as needed; the result has
+            the halves.
         accuracy_in_time: Prescribed accuracy of the energy that friction takes in a
             step [-], e.g. 0.05, or None to take the times as they are. What the length
             of a step leaves unknown of this energy (``TimeStep.in_time``) is at most
@@ -104,24 +101,28 @@ def evolve(
         NotConverged: If the contact solve fails at the first time.
         Exception: What else is raised later, by ``scene_at`` say, has the history so
             far in its attribute ``history``.
+
+    Example:
+        >>> evolution = ec.evolve(scene_at, block, times=[0.5, 1.0], accuracy=0.2)
+        >>> evolution.outcome
+        'All 2 steps to t = 1 are done.'
     """
-    wanted = checks.increasing("times", times)
-    in_time = InTime(
-        None if path is None else checks.accuracy("path", path),
-        None if accuracy_in_time is None else checks.accuracy("accuracy_in_time", accuracy_in_time),
-    )
+    ends = checks.increasing("times", times)
+    in_time = InTime.checked(path, accuracy_in_time)
     if not callable(scene_at):
         raise InputError(
-            f"scene_at is {checks.description(scene_at)}; give a function of the time that returns a Scene."
+            f"scene_at is {checks.description(scene_at)}; "
+            "give a function of the time that returns a Scene."
         )
     if not isinstance(domain, Domain):
         raise InputError(
-            f"domain is {checks.description(domain)}; give a Domain: rectangle(...), read_mesh(...)."
+            f"domain is {checks.description(domain)}; "
+            "give a Domain: rectangle(...), read_mesh(...)."
         )
     check_callback(callback)
     comm = domain.mesh.comm
     plan = checked_plan(
-        together(comm, scene_at, wanted[0]),
+        together(comm, scene_at, ends[0]),
         domain,
         strategy,
         accuracy=accuracy,
@@ -133,16 +134,17 @@ def evolve(
         max_cells=max_cells,
         max_steps=max_steps,
     )
-    kept = None
+    store = None
     if checkpoint is not None:
         check_folder(checkpoint, domain)
-        numbers = {
-            name: getattr(plan, name) for name in (*DECISIVE, "accuracy", "max_cells", "max_steps")
-        }
-        given = of_history(scene_at, domain, wanted, numbers | {"times": wanted} | asdict(in_time))
-        kept = Checkpoint(comm, checkpoint, given, plan.accuracy)
+        # unlike in adapt, accuracy and limits decide where the next step begins
+        arguments = plan.arguments((*DECISIVE, "accuracy", "max_cells", "max_steps"))
+        arguments |= {"times": ends, **in_time.arguments()}
+        identity = fingerprint_of_history(scene_at, domain, ends, arguments)
+        store = Checkpoint(comm, checkpoint, identity, plan.accuracy)
     try:
-        return Walk(plan, scene_at, wanted, in_time, callback, kept).go(domain)
+        return Walk(plan, scene_at, ends, in_time, callback, store).go(domain)
     finally:
-        if kept is not None:
-            kept.close()
+        # the lock on the folder ends with the run, however the run ends
+        if store is not None:
+            store.close()

@@ -1,10 +1,10 @@
-"""What a run is, in words that can be compared: its scene, first mesh, method, strategy, numbers and versions.
+"""Describe a run in words that can be compared with those of another run.
 
-Numbers and names are compared by value, objects by their class and attributes.
-Callables cannot be compared, but what they return can: their UFL at the position on the
-mesh, with all numbers in it. So are the formulas of materials, laws and loads. A
-fingerprint does not depend on the ranks, on the process, or on where a mesh is in a
-run.
+They are about its scene, first mesh, method, strategy, numbers and versions. Numbers
+and names are compared by value, objects by their class and attributes. Callables cannot
+be compared, but what they return can: their UFL at the position on the mesh, with all
+numbers in it. So are the formulas of materials, laws and loads. A fingerprint does not
+depend on the ranks, on the process, or on where a mesh is in a run.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ from ufl.domain import extract_domains, extract_unique_domain
 
 from erc_contact.base.code import literal
 from erc_contact.base.exceptions import together
+from erc_contact.base.ufl_types import Ufl
 from erc_contact.base.versions import versions
 from erc_contact.mesh.domain import Domain
 from erc_contact.model.users import vector
@@ -36,20 +37,20 @@ from erc_contact.scene.material import mandel_matrix
 from erc_contact.scene.scene import Scene
 
 DIGITS = 9
-"""Digits of the coordinates that make a first mesh the same [-], of the extent of the body."""
-SHORT = 60
-"""Longest expression that is told in full."""
+"""Digits that make coordinates the same [-], relative to the extent of the body."""
+LONGEST = 60
+"""Number of characters of the longest expression that is written in full."""
 NOTHING = "nothing of the kind"
-"""Told where one of two runs has something that the other one lacks."""
+"""Words for what one of two runs has and the other one lacks."""
 COUNTED = re.compile(r"_\{?\d")
-"""A name with a number in an expression, which is another one in each process."""
+"""Pattern of a name with a number, which is another one in each process."""
 
 Fingerprint = dict[str, str]
 """What is compared -> its value in words."""
 
 
 def fingerprint(scene: Scene, domain: Domain, numbers: Mapping[str, Any]) -> Fingerprint:
-    """The fingerprint of a run; collective.
+    """Describe an adaptive run; collective.
 
     Args:
         scene: The problem.
@@ -59,167 +60,179 @@ def fingerprint(scene: Scene, domain: Domain, numbers: Mapping[str, Any]) -> Fin
     """
     mesh = _of_mesh(domain)
     kind = ("triangle", "tetrahedron")[domain.dim - 2]
-    symbols = ufl.Mesh(
-        basix.ufl.element("Lagrange", kind, 1, shape=(domain.dim,))
-    )  # that of a mesh has variants
-    x, n = ufl.SpatialCoordinate(symbols), ufl.FacetNormal(symbols)
+    # a mesh of symbols alone: the element of a real mesh has variants
+    symbols = ufl.Mesh(basix.ufl.element("Lagrange", kind, 1, shape=(domain.dim,)))
+    x = ufl.SpatialCoordinate(symbols)
+    n = ufl.FacetNormal(symbols)
     entries = list(_of_object("material", scene.material, x))
     entries += _formulas("material", scene.material, x, domain.dim)
     for name in ("supports", "loads", "contacts"):
-        for number, one in enumerate(getattr(scene, name)):
-            entries += _of_object(f"{name}[{number}]", one, x)
+        for number, part in enumerate(getattr(scene, name)):
+            entries += _of_object(f"{name}[{number}]", part, x)
     for number, load in enumerate(scene.loads):
-        entries.append((f"loads[{number}]: its density", _in_ufl(partial(_density, load, x, n))))
+        density = _in_ufl(partial(_density, load, x, n))
+        entries.append((f"loads[{number}]: its density", density))
     for number, contact in enumerate(scene.contacts):
         if contact.law is not None:
-            entries += _formulas(
-                f"contacts[{number}]: its friction law", contact.law, x, domain.dim
-            )
+            name = f"contacts[{number}]: its friction law"
+            entries += _formulas(name, contact.law, x, domain.dim)
     for name, value in numbers.items():
         entries += _of_object(name, value, x)
     made_by = versions()
-    return (
-        mesh
-        | dict(entries)
-        | {f"version of {name}": made_by[name] for name in ("DOLFINx", "erc_contact")}
-    )
+    for name in ("DOLFINx", "erc_contact"):
+        entries.append((f"version of {name}", made_by[name]))
+    return mesh | dict(entries)
 
 
-def of_history(
+def fingerprint_of_history(
     scene_at: Callable[[float], Scene],
     domain: Domain,
     times: Sequence[float],
     numbers: Mapping[str, Any],
 ) -> Fingerprint:
-    """The fingerprint of a loading history: that of its first time, and what differs from it later; collective."""
-    every = [fingerprint(together(domain.mesh.comm, scene_at, t), domain, numbers) for t in times]
-    found = dict(every[0])
-    for t, later in zip(times, every, strict=True):
-        for name in sorted(every[0].keys() | later.keys()):
-            if later.get(name) != every[0].get(name):
-                found[f"{name} at t = {t!r}"] = later.get(name, NOTHING)
-    return found
+    """Describe a loading history: its first time, and later changes; collective."""
+    comm = domain.mesh.comm
+    prints = [fingerprint(together(comm, scene_at, t), domain, numbers) for t in times]
+    first = prints[0]
+    history = dict(first)
+    for t, later in zip(times, prints, strict=True):
+        for name in sorted(first.keys() | later.keys()):
+            if later.get(name) != first.get(name):
+                history[f"{name} at t = {t!r}"] = later.get(name, NOTHING)
+    return history
 
 
-def differences(given: Fingerprint, kept: Fingerprint) -> list[str]:
-    """What differs between this call and a folder, in words."""
-    names = [*given, *(name for name in kept if name not in given)]
-    return [
-        f"{name} is {given.get(name, NOTHING)}, in the folder {kept.get(name, NOTHING)}"
-        for name in names
-        if given.get(name) != kept.get(name)
-    ]
+def differences(this: Fingerprint, kept: Fingerprint) -> list[str]:
+    """Say in words what differs between this call and the run that a folder keeps."""
+    words = []
+    for name in this | kept:
+        here = this.get(name, NOTHING)
+        there = kept.get(name, NOTHING)
+        if this.get(name) != kept.get(name):
+            words.append(f"{name} is {here}, in the folder {there}")
+    return words
 
 
 def _of_mesh(domain: Domain) -> Fingerprint:
-    mesh, comm = domain.mesh, domain.mesh.comm
-    own = mesh.geometry.x[: mesh.geometry.index_map().size_local]
-    parts = comm.gather(np.round(own / domain.extent, DIGITS) + 0.0)
+    """Describe the first mesh: vertices, sizes of parts, true shape; collective."""
+    mesh = domain.mesh
+    comm = mesh.comm
+    vertices = mesh.geometry.x[: mesh.geometry.index_map().size_local]
+    rounded = np.round(vertices / domain.extent, DIGITS) + 0.0  # no -0.0
+    parts = comm.gather(rounded)
+    # only rank 0 has coordinates; their order must not depend on the number of ranks
     x = np.concatenate(parts) if parts else np.empty((0, 3))
     digest = hashlib.sha256(x[np.lexsort(x.T)].tobytes()).hexdigest()[:16]
-    facets = {name: len(domain.owned_facets(name)) for name in domain.outer}
-    regions = {
-        name: int((domain.region(name) < domain.owned_cells).sum()) for name in domain.regions
-    }
-    own_parts = [
-        *(("part", *item) for item in facets.items()),
-        *(("region", *item) for item in regions.items()),
-    ]
-    sizes = [
-        f"{what} {name!r} of {comm.allreduce(n, MPI.SUM)}" for what, name, n in sorted(own_parts)
-    ]
-    shape = f"true shape {type(domain.geometry).__name__}"
-    mesh_words = f"{domain.cells} cells in {domain.dim}D, {domain.vertices} vertices {digest}"
-    return {"the first mesh": ", ".join([mesh_words, *sizes, shape])}
+    counts = []
+    for name in domain.outer:
+        counts.append(("part", name, len(domain.owned_facets(name))))
+    for name in domain.regions:
+        owned = domain.region(name) < domain.owned_cells
+        counts.append(("region", name, int(owned.sum())))
+    words = [f"{domain.cells} cells in {domain.dim}D, {domain.vertices} vertices {digest}"]
+    for kind, name, count in sorted(counts):
+        words.append(f"{kind} {name!r} of {comm.allreduce(count, MPI.SUM)}")
+    words.append(f"true shape {type(domain.geometry).__name__}")
+    return {"the first mesh": ", ".join(words)}
 
 
-def _of_object(what: str, value: Any, x: Any) -> Iterator[tuple[str, str]]:
-    """Entries for a value, or for an object and each of its attributes."""
+def _of_object(name: str, value: Any, x: Ufl) -> Iterator[tuple[str, str]]:
+    """Return entries for a value, or for an object and each of its attributes."""
     plain = _in_words(value, x)
     if plain is not None:
-        yield what, plain
+        yield name, plain
         return
-    yield what, type(value).__qualname__
-    known = (
-        {f.name for f in fields(value)}
-        if is_dataclass(value)
-        else set(getattr(value, "__dict__", ()))
-    )
-    for name in sorted(known):
-        yield from _of_object(f"{what}.{name}", getattr(value, name), x)
+    yield name, type(value).__qualname__
+    if is_dataclass(value):
+        attributes = {attribute.name for attribute in fields(value)}
+    else:
+        attributes = set(getattr(value, "__dict__", ()))
+    for attribute in sorted(attributes):
+        yield from _of_object(f"{name}.{attribute}", getattr(value, attribute), x)
 
 
-def _in_words(value: Any, x: Any) -> str | None:
-    """A value in words, None if it is an object with attributes."""
+def _in_words(value: Any, x: Ufl) -> str | None:
+    """Write a value in words; None if it is an object with attributes."""
     words = literal(value)
     if words is not None:
         return words
     if isinstance(value, tuple | list | np.ndarray):
-        return f"({', '.join(str(_in_words(v, x)) for v in value)})"
+        entries = [str(_in_words(entry, x)) for entry in value]
+        return f"({', '.join(entries)})"
     if isinstance(value, Mapping):
-        return (
-            f"{{{', '.join(f'{k!r}: {_in_words(value[k], x)}' for k in sorted(value, key=repr))}}}"
-        )
+        entries = [f"{key!r}: {_in_words(value[key], x)}" for key in sorted(value, key=repr)]
+        return f"{{{', '.join(entries)}}}"
     if callable(value) and not isinstance(value, type):
+        # a callable that is no field of x is known by its name alone
         return _in_ufl(lambda: value(x)) or getattr(value, "__qualname__", type(value).__qualname__)
     return None
 
 
-def _formulas(what: str, owner: Any, x: Any, d: int) -> Iterator[tuple[str, str]]:
-    """Entries for the formulas of a material or a friction law, with symbols for its parameters."""
-    symbols = {name: ufl.Constant(extract_unique_domain(x)) for name in owner.parameters}
+def _formulas(name: str, owner: Any, x: Ufl, d: int) -> Iterator[tuple[str, str]]:
+    """Return entries for the formulas of a material or a friction law.
+
+    Symbols stand for their parameters, whose values are entries of their own.
+    """
+    mesh = extract_unique_domain(x)
+    symbols = {symbol: ufl.Constant(mesh) for symbol in owner.parameters}
     if hasattr(owner, "friction_bound"):
-        pressure = ufl.Constant(extract_unique_domain(x))
-        yield (
-            f"{what}: its friction bound",
-            _in_ufl(lambda: owner.friction_bound(pressure, **symbols)),
-        )
+        pressure = ufl.Constant(mesh)
+        bound = _in_ufl(lambda: owner.friction_bound(pressure, **symbols))
+        yield f"{name}: its friction bound", bound
         return
-    for name in ("stress", "compliance"):
-        yield (
-            f"{what}: its {name}",
-            _in_ufl(partial(mandel_matrix, getattr(owner, name), d, **symbols)),
-        )
-    yield f"{what}: its modulus", _in_ufl(lambda: owner.modulus(**symbols))
+    for formula in ("stress", "compliance"):
+        matrix = partial(mandel_matrix, getattr(owner, formula), d, **symbols)
+        yield f"{name}: its {formula}", _in_ufl(matrix)
+    yield f"{name}: its modulus", _in_ufl(lambda: owner.modulus(**symbols))
 
 
-def _density(load: Any, x: Any, n: Any) -> Any:
+def _density(load: Any, x: Ufl, n: Ufl) -> Ufl:
+    """Evaluate the density of a load [force/area] or [force/volume] at x."""
     values = {name: _value(parameter(load, name), x) for name in load.parameters}
     return load.density(x, None if load.facets is None else n, **values)
 
 
-def _value(value: Any, x: Any) -> Any:
+def _value(value: Any, x: Ufl) -> Ufl:
+    """Evaluate a parameter at x: a number, a vector, or a callable of x."""
     if callable(value):
         value = value(x)
-    return (
-        ufl.as_vector([_value(v, x) for v in value])
-        if isinstance(value, tuple | list)
-        else ufl.as_ufl(value)
-    )
+    if isinstance(value, tuple | list):
+        return ufl.as_vector([_value(component, x) for component in value])
+    return ufl.as_ufl(value)
 
 
 def _in_ufl(make: Callable[[], Any]) -> str:
-    """An expression in words: how it begins, and its signature; empty if it cannot be had (the solver will say why).
+    """Write an expression in words: how it begins, and its signature.
 
     Constants of the user's count by their values. Symbols and functions count by their
-    order.
+    order. The words are empty if the expression cannot be had: the solver will say why.
     """
     try:
         made = make()
         expression = ufl.as_ufl(float(made)) if isinstance(made, Real) else vector(made)
-        given = [c for c in extract_constants(expression) if isinstance(c, fem.Constant)]
-        values = [
-            ufl.as_tensor(c.value.tolist()) if c.ufl_shape else ufl.as_ufl(float(c.value))
-            for c in given
-        ]
-        expression = ufl.replace(expression, dict(zip(given, values, strict=True)))
+        values = {}
+        for constant in extract_constants(expression):
+            if isinstance(constant, fem.Constant):
+                values[constant] = _value_of(constant)
+        expression = ufl.replace(expression, values)
+        # the signature takes numbers instead of the names that count in each process
         terminals = [*extract_constants(expression), *extract_coefficients(expression)]
-        numbers: dict[Any, int] = {one: number for number, one in enumerate(terminals)}
-        numbers |= {domain: number for number, domain in enumerate(extract_domains(expression))}
+        numbers: dict[Any, int] = {}
+        for number, terminal in enumerate(terminals):
+            numbers[terminal] = number
+        for number, domain in enumerate(extract_domains(expression)):
+            numbers[domain] = number
         signature = compute_expression_signature(expression, numbers)
     except Exception:
         return ""
-    told = str(expression)
-    return (
-        f"{told if len(told) <= SHORT and not COUNTED.search(told) else 'UFL'} [{signature[:16]}]"
-    )
+    words = str(expression)
+    if len(words) > LONGEST or COUNTED.search(words):
+        words = "UFL"
+    return f"{words} [{signature[:16]}]"
+
+
+def _value_of(constant: fem.Constant) -> Ufl:
+    """Return the value of a constant as UFL."""
+    if constant.ufl_shape:
+        return ufl.as_tensor(constant.value.tolist())
+    return ufl.as_ufl(float(constant.value))

@@ -1,4 +1,4 @@
-"""What an adaptive run did: one row a mesh, the best result, and why it ended."""
+"""Hold what an adaptive run did: one row a mesh, the best result, and why it ended."""
 
 from __future__ import annotations
 
@@ -13,15 +13,14 @@ from mpi4py import MPI
 
 from erc_contact.base.html import table
 from erc_contact.base.percent import percent
-from erc_contact.base.progress import at, stage
+from erc_contact.base.progress import at
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.coulomb import CoulombCertificate, coulomb_certificate
 from erc_contact.mesh.domain import Domain
-from erc_contact.newton.solution import Solution
 from erc_contact.output.as_code import run_as_code
 from erc_contact.output.contact_plots import plot_contact
 from erc_contact.output.curves import SPAN, plot_history
-from erc_contact.output.files import made_folder, on_root
+from erc_contact.output.files import on_root
 from erc_contact.output.foundations import STILL
 from erc_contact.output.mesh_pictures import draw_meshes
 from erc_contact.output.paraview import write_fields
@@ -31,12 +30,22 @@ from erc_contact.output.series import write_meshes
 from erc_contact.output.verdict import of_maxima, verdict
 from erc_contact.results import OPEN, Force, Maximum, Values
 from erc_contact.results.peaks import PEAKS
+from erc_contact.run.result import RunResult
 from erc_contact.run.step import COLUMNS, CURVED, HEADER, SHOWN, Step, line, shown
 
 
 @dataclass(frozen=True, eq=False)
-class History:
-    """What an adaptive run did, one row a mesh.
+class History(RunResult):
+    """Hold what an adaptive run did, one row a mesh.
+
+    :meth:`save` writes ``report.html`` (one page that holds all it shows: scene, what
+    the error proves, pictures, forces, versions), ``history.csv``, ``history.json``,
+    ``body.vtkhdf``, ``meshes.vtkhdf`` (all meshes with eps_E), and for each contact its
+    profile ``contact_<name>.csv`` and ``contact_<name>.vtkhdf``. Pictures are drawn
+    where they show something: ``error.png`` (error against run time and degrees of
+    freedom) and ``meshes.png`` of several meshes, ``error_map.png`` of an error,
+    ``deformed.png`` of a body that moves, ``contact_<name>.png`` of a contact that is
+    closed somewhere.
 
     Attributes:
         steps: The rows.
@@ -46,6 +55,12 @@ class History:
         best: The error of least ``total``, with the admissible pair and the solution.
         meshes: Domain and eps_E of every step, for pictures.
         settings: The other arguments of the run by their names.
+
+    Example:
+        >>> history
+        <History of 2 meshes. Reached: 9.165% <= 10%.>
+        >>> [f"{eps:.1%}" for eps in history.column("eps")]
+        ['12.3%', '9.2%']
     """
 
     steps: tuple[Step, ...]
@@ -57,77 +72,87 @@ class History:
     settings: Mapping[str, Any] = field(repr=False, default_factory=dict, kw_only=True)
 
     def __repr__(self) -> str:
-        """Tell what it is in a line; ``print`` shows the table."""
+        """Describe it in a line; ``print`` shows the table."""
         return f"<History of {len(self.steps)} meshes. {self.outcome}>"
 
     def __str__(self) -> str:
+        """Write the table, and why the run ended."""
         curved = self.best.domain.curved_facets is not None
         rows = [line(step, curved=curved) for step in self.steps]
-        return "\n".join([CURVED if curved else HEADER, *rows, self.outcome])
+        header = CURVED if curved else HEADER
+        return "\n".join([header, *rows, self.outcome])
 
     def _repr_html_(self) -> str:
-        """The table in a notebook; nothing is computed, so one rank alone may ask."""
+        """Write the table for a notebook; nothing is computed, so one rank may ask."""
         return self._table(self.outcome)
 
     def _table(self, caption: str = "") -> str:
-        return table(
-            (shown(number, step) for number, step in enumerate(self.steps, start=1)), SHOWN, caption
-        )
+        """Write the table as HTML."""
+        rows = [shown(number, step) for number, step in enumerate(self.steps, start=1)]
+        return table(rows, SHOWN, caption)
 
     @property
     def error(self) -> ConstitutiveError:
-        """The error of least ``total``, which is ``best``, as in ``history.error.force("bottom")``."""
+        """Return ``best``, the error of least ``total``."""
         return self.best
 
-    @property
-    def solution(self) -> Solution:
-        """The solution of least error."""
-        return self.best.solution
-
     def force(self, part: str) -> Force:
-        """Resultant and moment on a boundary part, of the best result; see :func:`erc_contact.results.force`."""
+        """Compute resultant and moment on a boundary part, of the best result.
+
+        See :func:`erc_contact.results.force`.
+        """
         return self.best.force(part)
 
     def reactions(self) -> dict[str, Force]:
-        """Forces of supports, contacts and loads, and their balance; see :func:`erc_contact.results.reactions`."""
+        """Compute forces of supports, contacts and loads, and their balance.
+
+        See :func:`erc_contact.results.reactions`.
+        """
         return self.best.reactions()
 
     def profile(self, contact: str) -> np.ndarray:
-        """Gap, slip and tractions along a contact; see :func:`erc_contact.results.profile`."""
+        """Compute gap, slip and tractions along a contact, of the best result.
+
+        See :func:`erc_contact.results.profile`.
+        """
         return self.best.profile(contact)
 
     def at(self, points: Any) -> Values:
-        """Displacement and stresses at points; see :func:`erc_contact.results.at`."""
+        """Evaluate displacement and stresses at points, of the best result.
+
+        See :func:`erc_contact.results.at`.
+        """
         return self.best.at(points)
 
     def maximum(self, quantity: str) -> Maximum:
-        """Find the greatest "von Mises" stress, "pressure", ... and its place; collective.
+        """Find the greatest value of a quantity and its place; collective.
 
-        See :meth:`ConstitutiveError.maximum`. Of von Mises stress, pressure and shear
-        the result also has the values on all meshes, and tells whether they grow with
+        The quantity is "von Mises", "pressure", ...; see
+        :meth:`ConstitutiveError.maximum`. Of von Mises stress, pressure and shear the
+        result also has the values on all meshes, and tells whether they grow with
         refinement (``grows``).
         """
-        found = self.best.maximum(quantity)
+        greatest = self.best.maximum(quantity)
         if quantity not in PEAKS:
-            return found
+            return greatest
         name = PEAKS[quantity]
-        values, sizes = self.column(name), self.column(f"{name}_size")
-        return replace(found, values=tuple(values.tolist()), sizes=tuple(sizes.tolist()))
+        values = self.column(name)
+        sizes = self.column(f"{name}_size")
+        return replace(greatest, values=tuple(values.tolist()), sizes=tuple(sizes.tolist()))
 
     def coulomb_certificate(self) -> CoulombCertificate:
-        """What is proved with Coulomb friction, of the best result; see :func:`erc_contact.coulomb_certificate`.
+        """Compute what is proved with Coulomb friction, of the best result.
 
-        ``factor`` is what the bound of all solutions has over e. A run does not compute
-        it: it costs up to a linear solve in the plane, and three in space.
+        See :func:`erc_contact.coulomb_certificate`. ``factor`` is what the bound of all
+        solutions has over e. A run does not compute it: it costs up to a linear solve
+        in the plane, and three in space.
         """
         return coulomb_certificate(self.best)
 
-    def column(self, name: str) -> np.ndarray:
-        """One column of the rows as an array."""
-        return np.array([getattr(step, name) for step in self.steps])
-
     def slope(self, against: str = "cells", last: int | None = None) -> float:
-        """Slope of log(eps) against the log of a column, least squares over the last rows.
+        """Compute the slope of log(eps) against the log of a column [-].
+
+        It is that of least squares over the last rows.
 
         Args:
             against: Name of the column: cells, dofs or seconds.
@@ -139,7 +164,8 @@ class History:
             more have that factor.
         """
         number = self._rows_of_slope() if last is None else last
-        x, eps = self.column(against)[-number:], self.column("eps")[-number:]
+        x = self.column(against)[-number:]
+        eps = self.column("eps")[-number:]
         if len(x) < 2 or not np.all(eps > 0):
             return float("nan")
         return float(np.polyfit(np.log(x), np.log(eps), 1)[0])
@@ -161,48 +187,28 @@ class History:
                 writer.writerows(asdict(step) for step in self.steps)
 
     def to_json(self, path: str | Path) -> None:
-        """Write the rows, the best error, forces, settings and versions as JSON; collective."""
+        """Write rows, best error, forces, settings and versions as JSON; collective."""
         write_record(self, path, self.reactions())
 
-    def save(self, folder: str | Path, *, pictures: bool = True) -> None:
-        """Write table, report, figures, pictures and ParaView files to a folder; collective.
-
-        ``report.html`` (one page that holds all it shows: scene, what the error proves,
-        pictures, forces, versions), ``history.csv``, ``history.json``, ``body.vtkhdf``,
-        ``meshes.vtkhdf`` (all meshes with eps_E), and for each contact its profile
-        ``contact_<name>.csv`` and ``contact_<name>.vtkhdf``. Pictures are drawn where
-        they show something: ``error.png`` (error against run time and degrees of
-        freedom) and ``meshes.png`` of several meshes, ``error_map.png`` of an error,
-        ``deformed.png`` of a body that moves, ``contact_<name>.png`` of a contact that
-        is closed somewhere.
-
-        Args:
-            folder: The folder, made if it is missing.
-            pictures: Whether figures and pictures are drawn, which takes most of the
-                time.
-
-        Raises:
-            InputError: If the folder cannot be written; nothing is drawn then.
-        """
+    def _save(self, folder: Path, *, pictures: bool) -> None:
+        """Write the files to a folder that exists; collective."""
         comm = self.best.domain.mesh.comm
-        folder = made_folder(comm, folder)
-        with stage(comm, "saving"):
-            forces = self.reactions()
-            self._save_table(folder, forces)
-            for traction in self.best.admissible.tractions:
-                name = traction.contact.name
-                _write_profile(comm, self.profile(name), folder / f"contact_{name}.csv")
-            at(comm, "fields")
-            write_fields(self.best, folder)
-            drawn = self._draw(folder) if pictures else {}
-            given = {"accuracy": self.accuracy, **self.settings}
-            code = run_as_code(self.solution.scene, self.meshes[0][0], given)
-            quantities = PEAKS if self.best.admissible.tractions else ["von Mises"]
-            claims = [
-                *verdict(self.best),
-                *of_maxima({name: self.maximum(name) for name in quantities}),
-            ]
-            self._write_report(folder, drawn, claims=claims, forces=forces, code=code)
+        tractions = self.best.admissible.tractions
+        forces = self.reactions()
+        self._save_table(folder, forces)
+        for traction in tractions:
+            name = traction.contact.name
+            _write_profile(comm, self.profile(name), folder / f"contact_{name}.csv")
+        at(comm, "fields")
+        write_fields(self.best, folder)
+        drawn = self._draw(folder) if pictures else {}
+        arguments = {"accuracy": self.accuracy, **self.settings}
+        code = run_as_code(self.solution.scene, self.meshes[0][0], arguments)
+        # pressure and shear exist on a contact alone
+        quantities = PEAKS if tractions else ["von Mises"]
+        maxima = {name: self.maximum(name) for name in quantities}
+        claims = [*verdict(self.best), *of_maxima(maxima)]
+        self._write_report(folder, drawn, claims=claims, forces=forces, code=code)
 
     def _save_table(self, folder: Path, forces: Mapping[str, Force]) -> None:
         """Write what needs no scene and no drawing; collective."""
@@ -212,7 +218,11 @@ class History:
         write_meshes(self.meshes, folder / "meshes.vtkhdf")
 
     def _draw_run(self, folder: Path) -> dict[str, str]:
-        """Draw what needs no scene; return the names of the pictures, and what they show; collective."""
+        """Draw what needs no scene; collective.
+
+        Returns:
+            Names of the pictures, and what they show.
+        """
         if len(self.steps) == 1:
             return {}
         comm = self.best.domain.mesh.comm
@@ -226,12 +236,16 @@ class History:
         }
 
     def _draw(self, folder: Path) -> dict[str, str]:
-        """Draw all pictures of a run that show something; return their names, and what they show; collective.
+        """Draw all pictures of a run that show something; collective.
 
         An exact solution has no map of its error, and a body that does not move is not
         drawn deformed.
+
+        Returns:
+            Names of the pictures, and what they show.
         """
-        comm, drawn = self.best.domain.mesh.comm, self._draw_run(folder)
+        comm = self.best.domain.mesh.comm
+        drawn = self._draw_run(folder)
         if self.best.absolute > 0:
             at(comm, "error on the best mesh")
             draw_error(self.best, folder / "error_map.png")
@@ -245,24 +259,22 @@ class History:
             if np.any(self.profile(name)["status"] != OPEN):
                 at(comm, f"contact {name}")
                 plot_contact(self.best.admissible, name, folder / f"contact_{name}.png")
-                drawn[f"contact_{name}.png"] = (
-                    f"Traction on the contact {name}, of the admissible stress."
-                )
+                words = f"Traction on the contact {name}, of the admissible stress."
+                drawn[f"contact_{name}.png"] = words
         return drawn
 
     def _write_report(self, folder: Path, pictures: Mapping[str, str], **more: Any) -> None:
+        """Write ``report.html``; collective."""
         title = f"Relative error {percent(self.best.total)}, asked for {percent(self.accuracy)}"
-        write_report(
-            self, folder / "report.html", title, {"Meshes": self._table()}, pictures, **more
-        )
+        tables = {"Meshes": self._table()}
+        write_report(self, folder / "report.html", title, tables, pictures, **more)
 
 
 def _write_profile(comm: MPI.Comm, profile: np.ndarray, path: Path) -> None:
     """Write a profile as CSV, which pandas reads; collective."""
-    columns = {
-        "header": ",".join(profile.dtype.names or ()),
-        "comments": "",
-        "delimiter": ",",
-        "fmt": "%.17g",
-    }
-    on_root(comm, path, lambda: np.savetxt(path, profile, **columns))
+    header = ",".join(profile.dtype.names or ())
+
+    def write() -> None:
+        np.savetxt(path, profile, header=header, comments="", delimiter=",", fmt="%.17g")
+
+    on_root(comm, path, write)

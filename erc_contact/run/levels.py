@@ -1,4 +1,4 @@
-"""A folder of files, one for each mesh of a run: what is in it is whole, or is known to be damaged.
+"""Keep one file for each mesh of a run in a folder; each is whole, or known as damaged.
 
 A file is HDF5, made in memory by h5py and written by rank 0. In front of HDF5's part is
 a block of 512 bytes, which HDF5 leaves to its users: format and SHA-256 of all the
@@ -35,19 +35,23 @@ BLOCK = 512
 """Length of the block in front [bytes]."""
 TITLE = "erc_contact level, format "
 """Beginning of a file; the number of the format follows."""
-NAME, UNFINISHED, ASIDE = "level_{:04d}.vtkhdf", ".part", ".damaged"
-"""Name of a file, and what is added to it while it is written, and when a better one takes the place of a damaged."""
-FILE = re.compile(r"level_(\d{4,})\.vtkhdf")
+FILE_NAME = "level_{:04d}.vtkhdf"
+"""Name of the file of a level by its number."""
+FILE_PATTERN = re.compile(r"level_(\d{4,})\.vtkhdf")
 """The same as a pattern."""
+UNFINISHED = ".part"
+"""Added to the name of a file while it is written."""
+ASIDE = ".damaged"
+"""Added to the name of a damaged file when a better one takes its place."""
 
 
 class Damaged(ValueError):
-    """A file is not what was written."""
+    """Report that a file is not what was written."""
 
 
 @dataclass(frozen=True, eq=False)
 class Level:
-    """What a file holds.
+    """Hold the contents of a file.
 
     Attributes:
         about: Plain data, as JSON has them; "rows" are those of the run up to this
@@ -60,7 +64,7 @@ class Level:
 
 
 def packed(level: Level) -> tuple[bytes, memoryview]:
-    """The contents of a file: the block in front, and HDF5's part."""
+    """Return the contents of a file: the block in front, and HDF5's part."""
     import h5py  # noqa: PLC0415 - only runs that are kept need it
 
     buffer = io.BytesIO()
@@ -68,14 +72,15 @@ def packed(level: Level) -> tuple[bytes, memoryview]:
         for name, table in level.tables.items():
             file.create_dataset(name, data=table)
         vtk = file.require_group("VTKHDF")
-        vtk.attrs["Version"], vtk.attrs["Type"] = (2, 0), np.bytes_("UnstructuredGrid")
+        vtk.attrs["Version"] = (2, 0)
+        vtk.attrs["Type"] = np.bytes_("UnstructuredGrid")
         file["about"] = json.dumps(level.about)
     content = buffer.getbuffer()[BLOCK:]
     return _block(FORMAT, content), content
 
 
 def unpacked(whole: bytes) -> Level:
-    """What the contents of a file hold.
+    """Read a level from the contents of a file.
 
     Raises:
         Damaged: If they are not what was written.
@@ -85,30 +90,30 @@ def unpacked(whole: bytes) -> Level:
 
     title = whole[: whole.find(b"\n")].decode(errors="replace")
     number = title.removeprefix(TITLE)
-    if (
-        not title.startswith(TITLE)
-        or not number.isdecimal()
-        or whole[:BLOCK] != _block(int(number), whole[BLOCK:])
-    ):
+    titled = title.startswith(TITLE) and number.isdecimal()
+    # the checksum comes before the format: a changed byte may be in the number
+    if not titled or whole[:BLOCK] != _block(int(number), whole[BLOCK:]):
         raise Damaged("it is damaged, or no level of a run")
     if int(number) != FORMAT:
         raise InputError(
-            f"it has format {number}, and this version of erc_contact knows format {FORMAT}: take the version that "
-            "wrote it, or another folder"
+            f"it has format {number}, and this version of erc_contact knows format {FORMAT}: "
+            "take the version that wrote it, or another folder"
         )
     tables: dict[str, np.ndarray] = {}
+
+    def read_table(name: str, item: Any) -> None:
+        if isinstance(item, h5py.Dataset):
+            tables[name] = item[()]
+
     with h5py.File(io.BytesIO(whole), "r") as file:
         about = json.loads(file["about"][()])
-        file.visititems(
-            lambda name, item: (
-                tables.update({name: item[()]}) if isinstance(item, h5py.Dataset) else None
-            )
-        )
+        file.visititems(read_table)
     del tables["about"]
     return Level(about, tables)
 
 
 def _block(number: int, content: bytes | memoryview) -> bytes:
+    """Return the block in front of a content: title with the format, and SHA-256."""
     title = f"{TITLE}{number}\n".encode()
     digest = hashlib.sha256(title)
     digest.update(content)
@@ -116,7 +121,7 @@ def _block(number: int, content: bytes | memoryview) -> bytes:
 
 
 class Folder:
-    """The folder of a run, as rank 0 sees it.
+    """Read and write the folder of a run on rank 0.
 
     Args:
         path: The folder.
@@ -127,20 +132,21 @@ class Folder:
         self._lock: int | None = None
 
     def numbers(self) -> list[int]:
-        """Numbers of the files, in order."""
-        found = (
-            [FILE.fullmatch(path.name) for path in self.path.iterdir()]
-            if self.path.is_dir()
-            else []
-        )
-        return sorted(int(one[1]) for one in found if one)
+        """Return the numbers of the files, in order."""
+        numbers = []
+        if self.path.is_dir():
+            for path in self.path.iterdir():
+                match = FILE_PATTERN.fullmatch(path.name)
+                if match:
+                    numbers.append(int(match[1]))
+        return sorted(numbers)
 
     def file(self, number: int) -> Path:
-        """The file of a number."""
-        return self.path / NAME.format(number)
+        """Return the path of the file of a number."""
+        return self.path / FILE_NAME.format(number)
 
     def read(self, number: int) -> Level:
-        """What a file holds.
+        """Read the level of a number.
 
         Raises:
             Damaged: If it cannot be read, or is not what was written.
@@ -171,6 +177,7 @@ class Folder:
                 os.fsync(file.fileno())
             if path.exists():
                 path.replace(path.with_name(path.name + ASIDE))
+            # the name comes last: a file that has it is whole
             unfinished.replace(path)
             self._flush()
         except OSError:
@@ -179,7 +186,9 @@ class Folder:
             raise
 
     def open(self) -> None:
-        """Make the folder and hold it for this run until :meth:`close`, or until the process ends however it does.
+        """Make the folder and lock it for this run.
+
+        The lock lasts until :meth:`close`, or until the process ends, however it ends.
 
         Raises:
             InputError: If another run holds it.
@@ -192,15 +201,17 @@ class Folder:
         except BlockingIOError as reason:
             self.close()
             raise InputError(
-                f"The folder {str(self.path)!r} is that of a run that is going on; wait for it, or give another folder."
+                f"The folder {str(self.path)!r} is that of a run that is going on; "
+                "wait for it, or give another folder."
             ) from reason
         except OSError:  # a file system without locks
             pass
-        for left in self.path.glob(f"*{UNFINISHED}"):
-            left.unlink()
+        # files that an earlier run, which was killed, did not finish
+        for unfinished in self.path.glob(f"*{UNFINISHED}"):
+            unfinished.unlink()
 
     def close(self) -> None:
-        """Let other runs have the folder."""
+        """Unlock the folder for other runs."""
         if self._lock is not None:
             os.close(self._lock)
             self._lock = None

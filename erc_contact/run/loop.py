@@ -1,4 +1,4 @@
-"""One adaptive run: solve, measure, refine; what it has so far, and how it ends."""
+"""Run adaptively: solve, measure, refine; hold what the run has so far, and end it."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from erc_contact.mesh.domain import Domain
 from erc_contact.newton.doubts import DoubtsOfRun
 from erc_contact.newton.ladder import NODAL
 from erc_contact.newton.solve import DEFAULT, solved
-from erc_contact.results.peaks import peaks
 from erc_contact.run.checkpoint import Checkpoint
-from erc_contact.run.endings import ending
+from erc_contact.run.endings import AT_REST, NO_TRUE_SHAPE, ending
 from erc_contact.run.history import History
+from erc_contact.run.new_step import new_step
 from erc_contact.run.plan import SETTINGS, Plan
 from erc_contact.run.step import CURVED, HEADER, Step, line
 
-SHARE = 0.1
+NEWTON_SHARE = 0.1
 """Share of e that Newton may leave when it stops certified [-]; it adds 0.5% to e.
 
 The error of the mesh to come is taken as 2^-k of the last one: uniform refinement of
@@ -37,12 +37,12 @@ degree k leaves no less.
 
 
 class Loop:
-    """What a run has so far.
+    """Hold what an adaptive run has so far, and go on with it.
 
     Args:
         plan: What is asked for.
         comm: Communicator of the run.
-        kept: Where the run is kept, or None.
+        store: Where the run is kept, or None.
         quiet: Whether its rows are for debugging only, as in a step of a loading
             history.
 
@@ -55,9 +55,12 @@ class Loop:
     """
 
     def __init__(
-        self, plan: Plan, comm: MPI.Comm, kept: Checkpoint | None, *, quiet: bool = False
+        self, plan: Plan, comm: MPI.Comm, store: Checkpoint | None, *, quiet: bool = False
     ) -> None:
-        self.plan, self.comm, self.kept, self.quiet = plan, comm, kept, quiet
+        self.plan = plan
+        self.comm = comm
+        self.store = store
+        self.quiet = quiet
         self.began = comm.bcast(perf_counter() if comm.rank == 0 else None)
         self.steps: list[Step] = []
         self.meshes: list[tuple[Domain, np.ndarray]] = []
@@ -75,44 +78,51 @@ class Loop:
                 while not self._ends(error):
                     domain, seconds = self._next(error, interrupts)
                     if domain.cells > self.plan.max_cells:
-                        too_many = (
-                            f"{domain.cells} cells, more than max_cells = {self.plan.max_cells}"
-                        )
-                        self.outcome = f"Stopped{self.above}: the next mesh has {too_many}."
+                        limit = f"max_cells = {self.plan.max_cells}"
+                        too_many = f"the next mesh has {domain.cells} cells, more than {limit}"
+                        self.outcome = f"Stopped{self.above}: {too_many}."
                         break
                     error = self._level(domain, error, seconds, interrupts)
             except (Exception, KeyboardInterrupt) as failure:
                 self._end(failure, interrupts)
-            if self.kept is not None and self.last is not None:
-                self.kept.add(self.last, self.steps, last=True)
+            if self.store is not None and self.last is not None:
+                self.store.add(self.last, self.steps, last=True)
         return self._history(fallback=self.plan.method is None)
 
     @property
     def above(self) -> str:
-        """How far the run came, in words."""
+        """Say how far the run came."""
         assert self.best is not None
         return f" at {percent(self.best.total)}, above {percent(self.plan.accuracy)}"
 
     def _resumed(self) -> ConstitutiveError | None:
-        """The error of the last mesh that is kept, None if there is none; what is kept becomes that of this run."""
-        kept, plan = self.kept, self.plan
-        if kept is None or not kept.numbers:
+        """Make what is kept that of this run; collective.
+
+        Returns:
+            The error of the last mesh that is kept, None if there is none.
+        """
+        store = self.store
+        plan = self.plan
+        if store is None or not store.numbers:
             return None
-        last = kept.read(kept.numbers[-1])
+        last_number = store.numbers[-1]
+        last = store.read(last_number)
         self.steps = list(last.steps)
         self.began -= self.steps[-1].seconds
-        least = min(kept.numbers, key=lambda number: self.steps[number - 1].total)
+        least = min(store.numbers, key=lambda number: self.steps[number - 1].total)
         methods = (DEFAULT, NODAL) if plan.method is None else (plan.method,)
-        for number in kept.numbers:
-            level = last if number == kept.numbers[-1] else kept.read(number)
+        for number in store.numbers:
+            level = last if number == last_number else store.read(number)
             self.meshes.append((level.domain, level.indicators))
-            if number in (least, kept.numbers[-1]):
+            # to measure costs an admissible pair, and of the others nothing is needed
+            if number in (least, last_number):
                 error = level.error(plan.scene, methods, plan.tighten)
-                self.best = error if number == least else self.best
+                if number == least:
+                    self.best = error
         for step in self.steps:
-            self._tell(step, error.domain)
+            self._log_row(step, error.domain)
         self.doubts.see(error.solution)
-        log_of(self.comm).info("Read from %s; the run goes on from here.", kept.folder.path)
+        log_of(self.comm).info("Read from %s; the run goes on from here.", store.folder.path)
         return error
 
     def _level(
@@ -122,18 +132,20 @@ class Loop:
         mesh_seconds: float,
         interrupts: Interrupts,
     ) -> ConstitutiveError:
-        """Solve on a mesh, measure, add the row, keep it."""
-        plan, allowed = self.plan, None
+        """Solve on a mesh, measure, add the row, keep it; collective."""
+        plan = self.plan
+        allowed = None
         if plan.stop == "certified" and last is not None:
-            allowed = SHARE * last.absolute / 2**plan.degree
+            allowed = NEWTON_SHARE * last.absolute / 2**plan.degree
         with stage(self.comm, f"mesh {len(self.steps) + 1}, {domain.cells} cells"):
             error = self._measured(domain, last, allowed, interrupts)
         step = self._add(error, mesh_seconds)
         if not self.quiet:
             self.doubts.see(error.solution)
-        if self.kept is not None:
+        # the mesh is kept before the callback, which may end the run
+        if self.store is not None:
             with stage(self.comm, "keeping the mesh"):
-                self.kept.add(error, self.steps)
+                self.store.add(error, self.steps)
         if plan.callback is not None:
             together(self.comm, plan.callback, error, step)
         interrupts.check()
@@ -146,10 +158,20 @@ class Loop:
         allowed: float | None,
         interrupts: Interrupts,
     ) -> ConstitutiveError:
-        """Solve on a mesh and measure, where Newton's method may leave an energy norm."""
+        """Solve on a mesh and measure the error; collective.
+
+        Args:
+            domain: The mesh.
+            last: The error on the last mesh, whose solution is the first guess.
+            allowed: Energy norm that Newton's method may leave [sqrt(force length)], or
+                None.
+            interrupts: The signals of the run.
+        """
         plan = self.plan
         solution = solved(
-            *(plan.scene, domain, plan.method),
+            plan.scene,
+            domain,
+            plan.method,
             degree=plan.degree,
             after=plan.after,
             start=last.solution if last else None,
@@ -165,61 +187,48 @@ class Loop:
 
     def _add(self, error: ConstitutiveError, mesh_seconds: float) -> Step:
         """Add a row; collective."""
-        admissible, scale = error.admissible, error.scale or 1.0
-        solution, domain = admissible.solution, admissible.domain
-        greatest = peaks(admissible)
-        step = Step(
-            cells=domain.cells,
-            vertices=domain.vertices,
-            dofs=solution.model.V.dofmap.index_map.size_global * domain.dim,
-            newton_steps=solution.newton_steps,
-            method=type(solution.method).__name__,
-            eps=error.relative,
-            eps_bulk=error.bulk_error / scale,
-            eps_contact=error.contact_error / scale,
-            eps_geometry=error.geometry_error / scale,
-            solve_seconds=solution.seconds,
-            equilibrate_seconds=admissible.seconds,
-            error_seconds=error.seconds,
-            mesh_seconds=mesh_seconds,
-            seconds=self.comm.allreduce(perf_counter() - self.began, MPI.MAX),
-            **greatest,
-        )
+        step = new_step(error, mesh_seconds, self.began)
         self.steps.append(step)
         self.last = error
-        self.meshes.append((domain, error.indicators))
+        self.meshes.append((error.domain, error.indicators))
         if self.best is None or error.total < self.best.total:
             self.best = error
-        self._tell(step, domain)
+        self._log_row(step, error.domain)
         return step
 
-    def _tell(self, step: Step, domain: Domain) -> None:
+    def _log_row(self, step: Step, domain: Domain) -> None:
+        """Log the row of a mesh."""
         self._log(line(step, curved=domain.curved_facets is not None))
 
     def _log(self, text: str, level: int = logging.INFO) -> None:
+        """Log a text, for debugging alone if the run is quiet."""
         log_of(self.comm).log(logging.DEBUG if self.quiet else level, text)
 
     def _ends(self, error: ConstitutiveError) -> bool:
-        """Whether the run ends with this error; then the outcome says why."""
-        plan, best = self.plan, self.best
+        """Decide whether the run ends with this error; then the outcome says why."""
+        plan = self.plan
+        best = self.best
         assert best is not None
         if error.solution.at_rest:
-            self.outcome = "The body is at rest: nothing loads or moves it, so that it has no stress and no error."
+            self.outcome = AT_REST
         elif best.total <= plan.accuracy:
             self.outcome = f"Reached: {percent(best.total)} <= {percent(plan.accuracy)}."
         elif len(self.steps) >= plan.max_steps:
             self.outcome = f"Stopped after max_steps = {plan.max_steps} meshes{self.above}."
         elif len(self.steps) == 2:  # the first mesh is mostly too coarse to know
-            _warn(error, plan.accuracy, plan.max_cells)
+            _warn_of_cells(error, plan.accuracy, plan.max_cells)
         return bool(self.outcome)
 
     def _next(self, error: ConstitutiveError, interrupts: Interrupts) -> tuple[Domain, float]:
-        """The next mesh, and the seconds of making it."""
+        """Make the next mesh; collective.
+
+        Returns:
+            The mesh, and the wall time of making it [s].
+        """
+        plan = self.plan
         started = perf_counter()
         with stage(self.comm, f"making mesh {len(self.steps) + 1}"):
-            domain = together(
-                self.comm, self.plan.strategy.next, error, self.plan.accuracy, self.plan.max_cells
-            )
+            domain = together(self.comm, plan.strategy.next, error, plan.accuracy, plan.max_cells)
         interrupts.check()
         seconds = self.comm.allreduce(perf_counter() - started, MPI.MAX)
         if not isinstance(domain, Domain):
@@ -229,7 +238,10 @@ class Loop:
         return domain, seconds
 
     def _end(self, failure: BaseException, interrupts: Interrupts) -> None:
-        """End the run with what it has, or raise: where it has nothing, or for a failure that it does not know."""
+        """End the run with what it has, or raise.
+
+        It raises where it has nothing, or for a failure that it does not know.
+        """
         if self.best is None:
             raise failure
         self.outcome = ending(failure, interrupts, self.above)
@@ -242,27 +254,46 @@ class Loop:
             raise failure
 
     def _history(self, *, fallback: bool) -> History:
-        """The history; ``fallback`` tells that the method was the default one."""
-        assert self.best is not None
-        other = [step for step in self.steps if fallback and step.method != type(DEFAULT).__name__]
-        if other:
-            self.outcome += f" {other[0].method} on {len(other)} of {len(self.steps)} meshes, where {DEFAULT} did not converge."
-        if self.best.domain.geometry is None:
-            self.outcome += " The body is that of the mesh given, with its flat facets: no true shape of it is known."
-        reached = self.best.total <= self.plan.accuracy or self.best.solution.at_rest
+        """Make the history, and log its outcome; collective.
+
+        Args:
+            fallback: Whether the method was left to the package.
+        """
+        best = self.best
+        assert best is not None
+        if fallback:
+            self._tell_other_method()
+        if best.domain.geometry is None:
+            self.outcome += NO_TRUE_SHAPE
+        reached = best.total <= self.plan.accuracy or best.solution.at_rest
         self._log(self.outcome, logging.INFO if reached else logging.WARNING)
         self.doubts.end()
-        settings = {name: getattr(self.plan, name) for name in SETTINGS}
-        steps, meshes = tuple(self.steps), tuple(self.meshes)
         return History(
-            steps, self.plan.accuracy, reached, self.outcome, self.best, meshes, settings=settings
+            tuple(self.steps),
+            self.plan.accuracy,
+            reached,
+            self.outcome,
+            best,
+            tuple(self.meshes),
+            settings=self.plan.arguments(SETTINGS),
         )
 
+    def _tell_other_method(self) -> None:
+        """Add to the outcome on how many meshes the default method did not converge."""
+        default = type(DEFAULT).__name__
+        others = [step.method for step in self.steps if step.method != default]
+        if others:
+            meshes = f"{len(others)} of {len(self.steps)} meshes"
+            self.outcome += f" {others[0]} on {meshes}, where {DEFAULT} did not converge."
 
-def _warn(error: ConstitutiveError, accuracy: float, max_cells: int) -> None:
-    """Say before the time is spent that even the optimal mesh has too many cells, if the mesh can know it."""
-    cells = size_map(error, accuracy).predicted_cells if error.total <= PREDICTIVE_ERROR else 0.0
+
+def _warn_of_cells(error: ConstitutiveError, accuracy: float, max_cells: int) -> None:
+    """Warn before the time is spent that even the optimal mesh has too many cells."""
+    if error.total > PREDICTIVE_ERROR:  # too coarse to predict from
+        return
+    cells = size_map(error, accuracy).predicted_cells
     if cells > max_cells:
         log_of(error.domain.mesh.comm).warning(
-            f"{percent(accuracy)} takes some {cells:.2g} cells, it seems; max_cells = {max_cells} will end the run."
+            f"{percent(accuracy)} takes some {cells:.2g} cells, it seems; "
+            f"max_cells = {max_cells} will end the run."
         )

@@ -1,8 +1,8 @@
-"""What a run was asked for, checked: an adaptive run, or each step of a loading history."""
+"""Check what a run is asked for: an adaptive run, or each step of a loading history."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -30,7 +30,7 @@ SETTINGS = (*DECISIVE, "solver", "max_cells", "max_steps")
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """What :func:`erc_contact.run.adapt.adapt` was asked for, see there.
+    """Hold what :func:`erc_contact.run.adapt.adapt` was asked for, see there.
 
     Attributes:
         after: The solution of the last step of a loading history, or None.
@@ -49,29 +49,34 @@ class Plan:
     callback: Callable[[ConstitutiveError, Step], object] | None = None
     after: Solution | None = None
 
+    def arguments(self, names: Sequence[str]) -> dict[str, Any]:
+        """Return the arguments of these names."""
+        return {name: getattr(self, name) for name in names}
+
 
 def checked_plan(
-    scene: Scene, domain: Domain, strategy: Any, callback: Any = None, **given: Any
+    scene: Scene, domain: Domain, strategy: Any, callback: Any = None, **arguments: Any
 ) -> Plan:
-    """The plan of a run from what the user gave.
+    """Check the arguments of a run and return its plan.
 
     Raises:
         InputError: If an argument cannot be worked with.
     """
-    accuracy, tighten = (
-        checks.accuracy("accuracy", given["accuracy"]),
-        checks.whole("tighten", given["tighten"], 0),
-    )
-    limits = {name: checks.whole(name, given[name], 1) for name in ("max_cells", "max_steps")}
-    if given["stop"] not in ("converged", "certified"):
-        raise InputError(f'stop is {given["stop"]!r}; allowed are "converged" and "certified".')
-    check_arguments(scene, domain, given["method"], given["degree"], given["solver"])
-    if limits["max_steps"] > 1:
+    accuracy = checks.accuracy("accuracy", arguments["accuracy"])
+    arguments["accuracy"] = accuracy
+    arguments["tighten"] = checks.whole("tighten", arguments["tighten"], 0)
+    arguments["max_cells"] = checks.whole("max_cells", arguments["max_cells"], 1)
+    arguments["max_steps"] = checks.whole("max_steps", arguments["max_steps"], 1)
+    if arguments["stop"] not in ("converged", "certified"):
+        raise InputError(f'stop is {arguments["stop"]!r}; allowed are "converged" and "certified".')
+    check_arguments(scene, domain, arguments["method"], arguments["degree"], arguments["solver"])
+    if arguments["max_steps"] > 1:
+        # a finite element function is defined on one mesh alone
         check_no_functions(scene, domain)
     if accuracy > 1:
         log_of(domain.mesh.comm).warning(
-            f"accuracy is {accuracy:g}, a relative error of {percent(accuracy)}: any mesh reaches it. For "
-            f"{accuracy:g}% write {accuracy / 100:g}."
+            f"accuracy is {accuracy:g}, a relative error of {percent(accuracy)}: any mesh reaches "
+            f"it. For {accuracy:g}% write {accuracy / 100:g}."
         )
     strategy = Mark() if strategy is None else strategy
     if isinstance(strategy, type) or not callable(getattr(strategy, "next", None)):
@@ -79,8 +84,7 @@ def checked_plan(
             f"strategy is {strategy!r}; give an object, e.g. Mark(), SizeMap(), Uniform()."
         )
     check_callback(callback)
-    given |= {"accuracy": accuracy, "tighten": tighten, **limits}
-    return Plan(scene=scene, strategy=strategy, callback=callback, **given)
+    return Plan(scene=scene, strategy=strategy, callback=callback, **arguments)
 
 
 def check_callback(callback: Any) -> None:
@@ -91,7 +95,8 @@ def check_callback(callback: Any) -> None:
     """
     if callback is not None and not callable(callback):
         raise InputError(
-            f"callback is {callback!r}; give a function of two arguments, the error and the row, or None."
+            f"callback is {callback!r}; give a function of two arguments, "
+            "the error and the row, or None."
         )
 
 

@@ -1,4 +1,4 @@
-"""The history of a run from the folder that keeps it, without the scene and without a solve."""
+"""Read the history of a run from the folder that keeps it, without scene and solve."""
 
 from __future__ import annotations
 
@@ -14,16 +14,17 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.base.percent import percent
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.mesh.domain import Domain
-from erc_contact.output.files import made_folder, on_root
+from erc_contact.output.files import on_root
 from erc_contact.run.checkpoint import Checkpoint
 from erc_contact.run.history import History
 
 
 @dataclass(frozen=True, eq=False)
 class SavedError:
-    """What a folder tells of an error: its numbers, as those of :class:`ConstitutiveError`, mesh and indicators.
+    """Hold what a folder keeps of an error: its numbers, mesh and indicators.
 
-    All else needs the scene, and raises an :class:`InputError`.
+    The numbers are those of :class:`ConstitutiveError`. All else needs the scene, and
+    raises an :class:`InputError`.
     """
 
     absolute: float
@@ -41,14 +42,19 @@ class SavedError:
         if name.startswith("_"):
             raise AttributeError(name)
         raise InputError(
-            f"{name!r} of a result that is read from a folder needs the scene: call adapt(scene, ..., "
-            "checkpoint=folder) as for the run; no mesh that the folder holds is solved again."
+            f"{name!r} of a result that is read from a folder needs the scene: "
+            "call adapt(scene, ..., checkpoint=folder) as for the run; "
+            "no mesh that the folder holds is solved again."
         )
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class SavedHistory(History):
-    """A history that is read; ``best`` and ``error`` are a :class:`SavedError`.
+    """Hold a history that is read; ``best`` and ``error`` are a :class:`SavedError`.
+
+    :meth:`save` writes ``report.html`` (without the scene), ``history.csv``,
+    ``history.json``, ``meshes.vtkhdf``, ``body.vtkhdf``, and of several meshes
+    ``error.png`` and ``meshes.png``.
 
     Attributes:
         file: The file of the best mesh.
@@ -56,26 +62,19 @@ class SavedHistory(History):
 
     file: Path
 
-    def save(self, folder: str | Path, *, pictures: bool = True) -> None:
-        """Write the table, meshes and fields to a folder; collective.
-
-        ``report.html`` (without the scene), ``history.csv``, ``history.json``,
-        ``meshes.vtkhdf``, ``body.vtkhdf``, and of several meshes ``error.png`` and
-        ``meshes.png``.
-        """
-        comm = self.best.domain.mesh.comm
-        folder = made_folder(comm, folder)
+    def _save(self, folder: Path, *, pictures: bool) -> None:
+        """Write table, meshes and fields, which need no scene; collective."""
         self._save_table(folder, {})
         self._write_report(folder, self._draw_run(folder) if pictures else {})
 
         def copy() -> None:
             shutil.copyfile(self.file, folder / "body.vtkhdf")
 
-        on_root(comm, folder / "body.vtkhdf", copy)
+        on_root(self.best.domain.mesh.comm, folder / "body.vtkhdf", copy)
 
 
 def read_history(folder: str | Path, comm: MPI.Comm = MPI.COMM_WORLD) -> History:
-    """The history of a run from the folder of ``adapt(..., checkpoint=folder)``; collective.
+    """Read the history that ``adapt(..., checkpoint=folder)`` keeps; collective.
 
     Nothing is solved, and the run may be going on. Table, columns, meshes, figures and
     the fields for ParaView (:meth:`History.save`) are those of the run so far. Of
@@ -88,18 +87,29 @@ def read_history(folder: str | Path, comm: MPI.Comm = MPI.COMM_WORLD) -> History
 
     Raises:
         InputError: If there is no such folder, or no good mesh in it.
+
+    Example:
+        >>> _ = ec.adapt(scene, block, accuracy=0.1, checkpoint="run")
+        >>> ec.read_history("run")
+        <History of 2 meshes. Reached: 9.165%, asked for 10%.>
     """
-    kept = Checkpoint(comm, folder)
-    if not kept.numbers:
+    store = Checkpoint(comm, folder)
+    if not store.numbers:
         raise InputError(f"The folder {str(folder)!r} holds no mesh of a run; look at the path.")
-    levels = {number: kept.read(number) for number in kept.numbers}
-    last = levels[kept.numbers[-1]]
+    levels = {number: store.read(number) for number in store.numbers}
+    last = levels[store.numbers[-1]]
+    # the row of a mesh has the place of its number, also where not every mesh is kept
     number = min(levels, key=lambda number: last.steps[number - 1].total)
-    best: Any = SavedError(
-        **levels[number].numbers, domain=levels[number].domain, indicators=levels[number].indicators
-    )
+    level = levels[number]
+    best: Any = SavedError(**level.numbers, domain=level.domain, indicators=level.indicators)
     reached = best.total <= last.accuracy
-    outcome = f"{'Reached' if reached else 'So far'}: {percent(best.total)}, asked for {percent(last.accuracy)}."
-    meshes = tuple((level.domain, level.indicators) for level in levels.values())
-    result = last.accuracy, reached, outcome, cast(ConstitutiveError, best), meshes
-    return SavedHistory(last.steps, *result, kept.folder.file(number))
+    word = "Reached" if reached else "So far"
+    return SavedHistory(
+        last.steps,
+        last.accuracy,
+        reached,
+        f"{word}: {percent(best.total)}, asked for {percent(last.accuracy)}.",
+        cast(ConstitutiveError, best),
+        tuple((level.domain, level.indicators) for level in levels.values()),
+        store.folder.file(number),
+    )

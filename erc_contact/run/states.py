@@ -1,4 +1,4 @@
-"""What a file of a run holds of a mesh level: mesh, displacement, multipliers, fields; and the level from it.
+"""Turn a mesh level of a run into the tables of a file, and a file into the level.
 
 The file opens in ParaView as it is: body, displacement, eps_E, stresses (in single
 precision, nothing else needs them), as in ``body.vtkhdf``. Beside that it holds the
@@ -6,7 +6,7 @@ tables of :mod:`erc_contact.mesh.tables` by the same numbers of nodes, and plain
 level is restored without a contact solve: its admissible pair and its error follow from
 the displacement and the multipliers.
 
-Symbols: d dimension, n number of nodes, m number of cells, N nodes of a cell.
+Symbols: d dimension, n number of nodes, c number of cells, N nodes of a cell.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.error.constitutive import ConstitutiveError, constitutive_error
 from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.tables import CellRows, described, geometry_of, tag_tables
+from erc_contact.model.model import Model
 from erc_contact.model.promises import bind
 from erc_contact.newton.after import last_step
 from erc_contact.newton.linear.multigrid import Multigrid
@@ -37,7 +38,7 @@ from erc_contact.run.levels import Level
 from erc_contact.run.step import Step
 from erc_contact.scene.scene import Scene
 
-NUMBERS = (
+ERROR_NUMBERS = (
     "absolute",
     "scale",
     "bulk_error",
@@ -60,31 +61,38 @@ MESH = ("degree", "names", "regions", "geometry", "tags")
 """What a level tells of its mesh beside the tables."""
 TABLES = ("VTKHDF/Points", "cells", "facets", "regions", "curved")
 """The tables of a mesh."""
-SAME = 1e-8
-"""Difference of eps that round-off explains, of eps and [-]."""
+SAME_ERROR = 1e-8
+"""Difference of eps that round-off explains, relative to eps, and absolute [-]."""
 
 
 def level_of(error: ConstitutiveError, steps: Sequence[Any]) -> Level:
-    """What a file holds of an error, with the rows of the run so far; the tables are on rank 0; collective.
+    """Pack an error and the rows of the run so far for a file; collective.
+
+    The tables are on rank 0.
 
     Raises:
         InputError: If the true shape of the domain cannot be kept.
     """
-    solution, domain, model = error.solution, error.domain, error.model
-    geometry = model.comm.bcast(described(domain.geometry))  # its text is on rank 0
+    solution = error.solution
+    domain = error.domain
+    model = solution.model
+    comm = model.comm
+    geometry = comm.bcast(described(domain.geometry))  # its text is on rank 0
     x = model.V.tabulate_dof_coordinates()
-    x[model.vertices] = domain.mesh.geometry.x[domain.mesh.geometry.dofmaps[0]]  # to the last digit
+    # nodes at vertices have the coordinates of these to the last digit
+    x[model.vertices] = domain.mesh.geometry.x[domain.mesh.geometry.dofmaps[0]]
     u = _owned(error, solution.u)
-    fields = {f"multipliers/{i}": _owned(error, one) for i, one in enumerate(solution.multipliers)}
+    at_nodes = {}
+    for number, multiplier in enumerate(solution.multipliers):
+        at_nodes[f"multipliers/{number}"] = _owned(error, multiplier)
     tags = tag_tables(domain)
-    numbers = model.global_numbers(model.nodes[: domain.owned_cells])
-    hat = nodal_displacement(error.admissible)
-    points = gathered(model.comm, points=x[: len(u)], u=u, displacement=hat, **fields)
-    rows = gathered(model.comm, cells=numbers, drawn=body_nodes(model)["cells"], **tags)
-    stresses = {
-        name: values.astype(np.float32) for name, values in cell_stresses(error.admissible).items()
-    }
-    values = gathered(model.comm, **stresses, eps_E=error.indicators)
+    cells = model.global_numbers(model.nodes[: domain.owned_cells])
+    u_hat = nodal_displacement(error.admissible)
+    points = gathered(comm, points=x[: len(u)], u=u, displacement=u_hat, **at_nodes)
+    rows = gathered(comm, cells=cells, drawn=body_nodes(model)["cells"], **tags)
+    stresses = cell_stresses(error.admissible)
+    single = {name: values.astype(np.float32) for name, values in stresses.items()}
+    in_cells = gathered(comm, **single, eps_E=error.indicators)
     about = {
         "rows": [asdict(step) for step in steps],
         "dim": domain.dim,
@@ -97,25 +105,25 @@ def level_of(error: ConstitutiveError, steps: Sequence[Any]) -> Level:
         "method": repr(solution.method),
         "iterative": solution.stiffness.iterative,
         "solution": {name: getattr(solution, attribute) for name, attribute in STATE.items()},
-        "error": {name: getattr(error, name) for name in NUMBERS},
+        "error": {name: getattr(error, name) for name in ERROR_NUMBERS},
     }
-    if not rows:
+    if not rows:  # not on rank 0
         return Level(about, {})
-    drawn = _drawn(points.pop("points"), rows.pop("drawn"), domain.dim)
-    drawn |= {"VTKHDF/PointData/displacement": points.pop("displacement")}
-    drawn |= {f"VTKHDF/CellData/{name}": value for name, value in values.items()}
-    return Level(about, drawn | points | rows)
+    tables = _drawn(points.pop("points"), rows.pop("drawn"), domain.dim)
+    tables["VTKHDF/PointData/displacement"] = points.pop("displacement")
+    for name, values in in_cells.items():
+        tables[f"VTKHDF/CellData/{name}"] = values
+    return Level(about, tables | points | rows)
 
 
 def _owned(error: ConstitutiveError, function: fem.Function) -> np.ndarray:
-    """Values at the nodes of this rank, shape (n, d)."""
-    return function.x.array.reshape(-1, error.domain.dim)[
-        : function.function_space.dofmap.index_map.size_local
-    ]
+    """Return the values of a function at the nodes of this rank, shape (n, d)."""
+    owned = function.function_space.dofmap.index_map.size_local
+    return function.x.array.reshape(-1, error.domain.dim)[:owned]
 
 
 def _drawn(points: np.ndarray, cells: np.ndarray, d: int) -> dict[str, np.ndarray]:
-    """Points and cells as VTKHDF has them."""
+    """Return points (n, d) and cells (c, N) as the arrays of VTKHDF."""
     kind, cells = vtk_cells(cells, d)
     whole = {
         "Points": points,
@@ -130,7 +138,7 @@ def _drawn(points: np.ndarray, cells: np.ndarray, d: int) -> dict[str, np.ndarra
 
 
 class Restored:
-    """A level that is read; all members are collective.
+    """Restore a level that is read; all members are collective.
 
     Args:
         comm: Communicator that shares the mesh.
@@ -144,45 +152,47 @@ class Restored:
     """
 
     def __init__(self, comm: MPI.Comm, level: Level, before: Restored | None = None) -> None:
-        self.about, self._tables = level.about, level.tables
-        get, about = level.tables.get, level.about
+        self.about = level.about
+        self._tables = level.tables
+        table = level.tables.get  # None on the other ranks
         if before is not None and comm.bcast(_same_mesh(level, before)):
             self._rows: CellRows = before._rows
             self.domain: Domain = before.domain
         else:
-            self._rows = CellRows(comm, get("VTKHDF/Points"), get("cells"), about["dim"])
+            dim = level.about["dim"]
+            self._rows = CellRows(comm, table("VTKHDF/Points"), table("cells"), dim)
             self.domain = self._domain()
-        self.indicators = self._rows.of_cells(get("VTKHDF/CellData/eps_E"))[
-            : self.domain.owned_cells
-        ]
+        indicators = self._rows.of_cells(table("VTKHDF/CellData/eps_E"))
+        self.indicators = indicators[: self.domain.owned_cells]
 
     @property
     def steps(self) -> tuple[Step, ...]:
-        """The rows of the run up to this level.
+        """Return the rows of the run up to this level.
 
         Raises:
             InputError: If they are those of a loading history.
         """
         if "time" in self.about["rows"][-1]:
             raise InputError(
-                "The folder holds a loading history: call evolve(..., checkpoint=folder) as for the run."
+                "The folder holds a loading history: call evolve(..., checkpoint=folder) "
+                "as for the run."
             )
         return tuple(Step(**row) for row in self.about["rows"])
 
     @property
     def accuracy(self) -> float:
-        """The prescribed relative error of the run."""
+        """Return the prescribed relative error of the run [-]."""
         return float(self.about["accuracy"])
 
     @property
     def numbers(self) -> dict[str, Any]:
-        """The numbers of the error, by their names."""
+        """Return the numbers of the error, by their names."""
         return dict(self.about["error"])
 
     def error(
         self, scene: Scene, methods: Sequence[Method], tighten: int, after: Solution | None = None
     ) -> ConstitutiveError:
-        """The error of this level, measured anew without a contact solve.
+        """Measure the error of this level anew, without a contact solve.
 
         Args:
             scene: The problem.
@@ -193,56 +203,77 @@ class Restored:
         Raises:
             InputError: If it is not the error that was written.
         """
+        solution = self._solution(scene, methods, after)
+        error = constitutive_error(equilibrate(solution, tighten=tighten))
+        written = self.about["error"]["relative"]
+        if abs(error.relative - written) > SAME_ERROR * (written + SAME_ERROR):
+            raise InputError(
+                f"The error of the mesh of {self.domain.cells} cells is {error.relative:.10g}, "
+                f"in the folder {written:.10g}: the software is not the one that wrote it. "
+                "Take that, or another folder."
+            )
+        # the seconds are those of the run that was kept
+        seconds = self.about["rows"][-1]["equilibrate_seconds"]
+        return replace(error, admissible=replace(error.admissible, seconds=seconds))
+
+    def _solution(
+        self, scene: Scene, methods: Sequence[Method], after: Solution | None
+    ) -> Solution:
+        """Return the solution from its displacement and multipliers; collective."""
         about = self.about
-        model = bind(
-            scene, self.domain, about["degree"], None if after is None else last_step(after)
-        )
-        fields = [self._function(model, "u")]
-        fields += [self._function(model, f"multipliers/{i}") for i in range(about["multipliers"])]
-        method = next((one for one in methods if repr(one) == about["method"]), methods[0])
+        last = None if after is None else last_step(after)
+        model = bind(scene, self.domain, about["degree"], last)
+        u = self._function(model, "u")
+        multipliers = []
+        for number in range(about["multipliers"]):
+            multipliers.append(self._function(model, f"multipliers/{number}"))
+        method = methods[0]
+        for candidate in methods:
+            if repr(candidate) == about["method"]:
+                method = candidate
+                break
         stiffness = (Multigrid if about["iterative"] else Stiffness)(model)
         numbers = {attribute: about["solution"][name] for name, attribute in STATE.items()}
-        solution = Solution(
-            model, method, fields[0], tuple(fields[1:]), stiffness=stiffness, **numbers
-        )
-        error = constitutive_error(equilibrate(solution, tighten=tighten))
-        if abs(error.relative - about["error"]["relative"]) > SAME * (
-            about["error"]["relative"] + SAME
-        ):
-            raise InputError(
-                f"The error of the mesh of {self.domain.cells} cells is {error.relative:.10g}, in the folder "
-                f"{about['error']['relative']:.10g}: the software is not the one that wrote it. Take that, or another "
-                "folder."
-            )
-        return replace(
-            error,
-            admissible=replace(error.admissible, seconds=about["rows"][-1]["equilibrate_seconds"]),
-        )
+        return Solution(model, method, u, tuple(multipliers), stiffness=stiffness, **numbers)
 
     def _domain(self) -> Domain:
-        about, get = self.about, self._tables.get
-        facets = self._rows.facet_tags(get("facets"))
-        curved = self._rows.facet_tags(get("curved")) if "curved" in about["tags"] else None
-        cells = self._rows.cell_tags(get("regions")) if "regions" in about["tags"] else None
-        geometry = geometry_of(about["geometry"])
+        """Return the mesh with names, tags and true shape; collective."""
+        about = self.about
+        table = self._tables.get  # None on the other ranks
+        facets = self._rows.facet_tags(table("facets"))
+        # all ranks know from `about` which tags there are
+        curved = None
+        if "curved" in about["tags"]:
+            curved = self._rows.facet_tags(table("curved"))
+        cells = None
+        if "regions" in about["tags"]:
+            cells = self._rows.cell_tags(table("regions"))
         return Domain(
-            self._rows.mesh, facets, about["names"], cells, about["regions"], geometry, curved
+            self._rows.mesh,
+            facets,
+            about["names"],
+            cells,
+            about["regions"],
+            geometry_of(about["geometry"]),
+            curved,
         )
 
-    def _function(self, model: Any, name: str) -> fem.Function:
+    def _function(self, model: Model, name: str) -> fem.Function:
+        """Return a vector field from the table of its values; collective."""
         function = model.function()
-        values = self._rows.of_nodes(
-            self._tables.get(name), self._tables.get("cells"), model.degree
-        )
+        table = self._tables.get  # None on the other ranks
+        values = self._rows.of_nodes(table(name), table("cells"), model.degree)
         function.x.array.reshape(-1, model.d)[model.nodes] = values
         return function
 
 
 def _same_mesh(level: Level, before: Restored) -> bool:
-    """Whether two levels have the same mesh with the same names; only rank 0 can tell."""
+    """Compare the meshes of two levels with their names; only rank 0 can tell."""
     if any(level.about[name] != before.about[name] for name in MESH):
         return False
-    tables, theirs = level.tables, before._tables
-    return all(
-        bool(np.array_equal(tables[name], theirs[name])) for name in TABLES if name in tables
-    )
+    for name in TABLES:
+        if name not in level.tables:
+            continue
+        if not np.array_equal(level.tables[name], before._tables[name]):
+            return False
+    return True

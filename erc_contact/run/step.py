@@ -1,4 +1,4 @@
-"""One row of the table of an adaptive run."""
+"""Hold and print a row of the table of an adaptive run."""
 
 from __future__ import annotations
 
@@ -11,7 +11,9 @@ from erc_contact.base.percent import percent
 
 @dataclass(frozen=True)
 class Step:
-    """One mesh of an adaptive run; times are wall times, the largest over the ranks [s].
+    """Hold the numbers of one mesh of an adaptive run.
+
+    Times are wall times, the largest over the ranks [s].
 
     Attributes:
         cells: Number of elements.
@@ -36,6 +38,11 @@ class Step:
         peak_pressure_size: Size of its facet [length].
         peak_shear: Greatest shear of r^ [force/area]; nan without a contact.
         peak_shear_size: Size of its facet [length].
+
+    Example:
+        >>> step = history.steps[0]
+        >>> f"{step.cells} cells, eps = {step.eps:.1%}, {step.method}"
+        '16 cells, eps = 12.3%, Nitsche'
     """
 
     cells: int
@@ -61,11 +68,12 @@ class Step:
 
     @property
     def total(self) -> float:
-        """Eps with the estimate of the geometry [-], which a run lowers to its accuracy."""
+        """Compute eps with the estimate of the geometry [-], which a run lowers."""
         return float(np.hypot(self.eps, self.eps_geometry))
 
 
-COLUMNS = tuple(f.name for f in fields(Step))
+COLUMNS = tuple(column.name for column in fields(Step))
+"""Names of the columns in the CSV file, in order."""
 SHOWN = (
     "mesh",
     "cells",
@@ -88,20 +96,24 @@ The column "total" is eps with that: the number that a run lowers to its accurac
 
 
 def line(step: Step, *, curved: bool) -> str:
-    """The row of a step below :data:`HEADER` or :data:`CURVED`."""
+    """Write the row of a step below :data:`HEADER` or :data:`CURVED`."""
     counts = f"{step.cells:7d} {step.vertices:6d} {step.dofs:7d} {step.newton_steps:2d}"
-    errors = f"{percent(step.eps, 3):>7} {percent(step.eps_bulk, 3):>7} {percent(step.eps_contact, 3):>7}"
+    bulk = percent(step.eps_bulk, 3)
+    contact = percent(step.eps_contact, 3)
+    errors = f"{percent(step.eps, 3):>7} {bulk:>7} {contact:>7}"
     times = f"{step.solve_seconds:5.2f} {step.equilibrate_seconds:5.2f}"
     if curved:
-        total, geometry = percent(step.total, 3), percent(step.eps_geometry, 3)
+        total = percent(step.total, 3)
+        geometry = percent(step.eps_geometry, 3)
         return f"{counts} {total:>7} {errors} {geometry:>7} {times} {step.seconds:6.1f}"
-    return f"{counts} {errors} {times} {step.error_seconds:5.2f} {step.mesh_seconds:5.2f} {step.seconds:6.1f}"
+    times += f" {step.error_seconds:5.2f} {step.mesh_seconds:5.2f}"
+    return f"{counts} {errors} {times} {step.seconds:6.1f}"
 
 
 def shown(number: int, step: Step) -> list[str]:
-    """The row of a step below :data:`SHOWN`."""
-    counts = [str(one) for one in (number, step.cells, step.dofs, step.newton_steps)]
-    errors = [
-        percent(one, 3) for one in (step.eps, step.eps_bulk, step.eps_contact, step.eps_geometry)
-    ]
-    return [*counts, *errors, step.method, f"{step.seconds:.2f}"]
+    """Return the entries of a step below :data:`SHOWN`."""
+    counts = (number, step.cells, step.dofs, step.newton_steps)
+    errors = (step.eps, step.eps_bulk, step.eps_contact, step.eps_geometry)
+    row = [str(count) for count in counts]
+    row += [percent(error, 3) for error in errors]
+    return [*row, step.method, f"{step.seconds:.2f}"]

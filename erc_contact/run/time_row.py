@@ -1,4 +1,4 @@
-"""One row of the table of a loading history."""
+"""Hold and print a row of the table of a loading history."""
 
 from __future__ import annotations
 
@@ -9,7 +9,11 @@ import numpy as np
 from erc_contact.base.percent import percent
 
 HEADER = "       t  cells meshes  N     eps    cont  shear  dissipated  in_time  balance  total"
-"""``shear`` is that of the first contact over its pressure, ``balance`` the imbalance over the larger energy."""
+"""Header of the table of a history.
+
+``shear`` is that of the first contact over its pressure, ``balance`` the imbalance over
+the larger energy.
+"""
 WIDTHS = (8, 6, 6, 2, 7, 7, 6, 11, 8, 8, 6)
 """Widths of the columns below it."""
 SHOWN = (
@@ -26,16 +30,21 @@ SHOWN = (
     "seconds",
 )
 """The same columns in notebooks and reports."""
-NUMBERS = ("time", "cells", "meshes", "newton_steps", "eps", "eps_contact", "total", "reached")
+ROW_NUMBERS = ("time", "cells", "meshes", "newton_steps", "eps", "eps_contact", "total", "reached")
+"""Columns of the CSV file before forces and moments."""
 SUMS = ("work", "contact_work", "friction_work", "dissipated")
 """Energies of all steps so far."""
 ENERGIES = (*SUMS, "stored", "imbalance", "in_time")
+"""Columns of the CSV file after forces and moments: energies [force length]."""
 SECONDS = ("solve_seconds", "equilibrate_seconds", "seconds")
+"""Columns of the CSV file at its end: times [s]."""
 
 
 @dataclass(frozen=True)
 class TimeStep:
-    """One step of a history; energies are sums from the first time on, from rest.
+    """Hold the numbers of one step of a loading history.
+
+    Energies are sums from the first time on, from rest.
 
     Attributes:
         time: Its end.
@@ -59,6 +68,11 @@ class TimeStep:
         solve_seconds: Seconds of the contact solves of the step.
         equilibrate_seconds: Seconds of the admissible pairs of the step.
         seconds: Seconds from the start of the run.
+
+    Example:
+        >>> step = evolution.steps[-1]
+        >>> f"t = {step.time:g}, {step.cells} cells, eps = {step.eps:.0%}"
+        't = 1, 16 cells, eps = 12%'
     """
 
     time: float
@@ -83,38 +97,43 @@ class TimeStep:
 
     @property
     def imbalance(self) -> float:
-        """The sum ``work + contact_work - stored`` [force length], zero for the exact solution of all steps.
+        """Compute ``work + contact_work - stored`` [force length].
 
-        Both fields of the pair are in it, so it is of the order of their errors.
+        It is zero for the exact solution of all steps. Both fields of the pair are in
+        it, so it is of the order of their errors.
         """
         return self.work + self.contact_work - self.stored
 
     @property
     def in_time(self) -> float:
-        """``dissipated + friction_work`` [force length], an estimate of what the length of the steps costs.
+        """Estimate what the length of the steps costs [force length].
 
-        Both are of second order in the length of the steps, and differ where a point
-        begins to slide, or turns. The friction part of e^2/2 of the steps is in it,
-        too. See :mod:`erc_contact.run.energy`.
+        It is ``dissipated + friction_work``. Both are of second order in the length of
+        the steps, and differ where a point begins to slide, or turns. The friction part
+        of e^2/2 of the steps is in it, too. See :mod:`erc_contact.run.energy`.
         """
         return self.dissipated + self.friction_work
 
 
 def shown(row: TimeStep) -> list[str]:
-    """The row of a step below :data:`SHOWN`."""
-    size = max(row.stored, row.dissipated, 1e-300)
+    """Return the entries of a step below :data:`SHOWN`."""
+    size = max(row.stored, row.dissipated, 1e-300)  # never divide by zero
     ratio = "-"
     if row.force:
         force = np.array(next(iter(row.force.values())))
+        # the greatest component stands for the pressure, the others for the shear
         axis = int(abs(force).argmax())
-        rest = np.delete(force, axis)
-        ratio = f"{np.linalg.norm(rest) / abs(force[axis]):.4f}" if force[axis] else "-"
-    counts = [str(one) for one in (row.cells, row.meshes, row.newton_steps)]
-    energies = [f"{row.dissipated:.4g}", f"{row.in_time:.1e}", f"{row.imbalance / size:.0e}"]
+        pressure = abs(force[axis])
+        shear = np.linalg.norm(np.delete(force, axis))
+        if pressure != 0:
+            ratio = f"{shear / pressure:.4f}"
+    counts = [str(row.cells), str(row.meshes), str(row.newton_steps)]
     errors = [percent(row.eps, 3), percent(row.eps_contact, 3)]
+    energies = [f"{row.dissipated:.4g}", f"{row.in_time:.1e}", f"{row.imbalance / size:.0e}"]
     return [f"{row.time:.4g}", *counts, *errors, ratio, *energies, f"{row.seconds:.1f}"]
 
 
 def line(row: TimeStep) -> str:
-    """The row of a step below :data:`HEADER`."""
-    return " ".join(f"{entry:>{width}}" for entry, width in zip(shown(row), WIDTHS, strict=True))
+    """Write the row of a step below :data:`HEADER`."""
+    entries = zip(shown(row), WIDTHS, strict=True)
+    return " ".join(f"{entry:>{width}}" for entry, width in entries)

@@ -1,22 +1,27 @@
-"""The steps of a loading history in time: how long they are, and how far one step is from its halves."""
+"""Choose the length of the steps of a loading history, and measure what it costs."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 import numpy as np
 
+from erc_contact.base import checks
+from erc_contact.error.works import assembled
+from erc_contact.newton.solution import Solution
+from erc_contact.newton.solve import solve
+from erc_contact.run.plan import Plan
 from erc_contact.run.time_row import TimeStep
 
 HALVINGS = 8
 """How often a step is halved at most, one after the other."""
 LONGER = 0.25
-"""A step twice as long is tried where what it costs is below this share of what is allowed [-]."""
+"""Share of the allowed cost below which a step twice as long is tried [-]."""
 
 
 @dataclass(frozen=True)
 class InTime:
-    """What a history is asked for of the length of its steps, see :func:`erc_contact.evolve`.
+    """Hold what :func:`erc_contact.evolve` is asked for of the length of its steps.
 
     Attributes:
         path: Greatest difference of a step from its two halves [-], or None.
@@ -27,19 +32,42 @@ class InTime:
     path: float | None
     accuracy_in_time: float | None
 
+    @classmethod
+    def checked(cls, path: float | None, accuracy_in_time: float | None) -> InTime:
+        """Check both accuracies and return them.
+
+        Raises:
+            InputError: If an accuracy cannot be worked with.
+        """
+        if path is not None:
+            path = checks.accuracy("path", path)
+        if accuracy_in_time is not None:
+            accuracy_in_time = checks.accuracy("accuracy_in_time", accuracy_in_time)
+        return cls(path, accuracy_in_time)
+
+    def arguments(self) -> dict[str, float | None]:
+        """Return both accuracies by their names."""
+        return asdict(self)
+
 
 def until(begin: float, length: float, end: float) -> float:
-    """Where a step of about this length ends, so that no short one remains before the end."""
-    count = np.ceil((end - begin) / length * (1 - 1e-9)) if length < end - begin else 1.0
-    return end if count <= 1 else begin + (end - begin) / count
+    """Return where a step of about this length ends; no short one remains."""
+    if length >= end - begin:
+        return end
+    # round-off must not add a step where the length divides the interval
+    count = np.ceil((end - begin) / length * (1 - 1e-9))
+    if count <= 1:
+        return end
+    return begin + (end - begin) / count
 
 
 def unknown_of_dissipation(row: TimeStep, before: TimeStep, accuracy: float) -> float:
-    """What the length of a step leaves unknown of the energy that friction takes in it, over what is allowed [-].
+    """Compute what a step leaves unknown of its dissipation, over the limit [-].
 
-    The friction part of e^2/2 is in both, and remains where a step is very short. So a
-    step is short enough where it leaves less than twice that, the contact part of e^2.
-    This ends the halving after a turn of the load, where friction takes little at
+    Unknown is what the length of the step costs of the energy that friction takes in
+    it. The friction part of e^2/2 is in both, and remains where a step is very short.
+    So a step is short enough where it leaves less than twice that, the contact part of
+    e^2. This ends the halving after a turn of the load, where friction takes little at
     first.
 
     Args:
@@ -50,4 +78,36 @@ def unknown_of_dissipation(row: TimeStep, before: TimeStep, accuracy: float) -> 
     unknown = row.in_time - before.in_time
     of_mesh = (row.eps_contact * row.scale) ** 2
     allowed = max(accuracy * (row.dissipated - before.dissipated), of_mesh)
-    return unknown / allowed if allowed > 0 else 0.0
+    if allowed > 0:
+        return unknown / allowed
+    return 0.0
+
+
+def difference_from_halves(plan: Plan, last: Solution, halves: Solution) -> float:
+    """Compute the relative difference of a step from its two halves [-]; collective.
+
+    It is that of the displacements at the end, in the energy norm.
+
+    Args:
+        plan: What the step is asked for; its scene is that of the end.
+        last: The solution at its beginning.
+        halves: The solution at its end, after two halves; the step is made again on its
+            mesh.
+    """
+    whole = solve(
+        plan.scene,
+        halves.domain,
+        plan.method,
+        degree=plan.degree,
+        solver=plan.solver,
+        after=last,
+        start=halves,
+    )
+    difference = halves.u.copy()
+    difference.x.array[:] -= whole.u.x.array
+    model = halves.model
+    square = assembled(model, model.stiffness(difference, difference))
+    size = assembled(model, model.stiffness(halves.u, halves.u))
+    if size > 0:
+        return float(np.sqrt(square / size))
+    return 0.0

@@ -36,6 +36,10 @@ class Contact:
     Raises:
         InputError: If friction is negative, the normal is zero, or a bilateral contact
             has Coulomb friction.
+
+    Example:
+        >>> ec.Contact("bottom", friction=0.3, gap=lambda x: 0.01 * x[0] ** 2)
+        Contact(facets='bottom', friction=0.3, gap=<function ...>, normal=None, bilateral=False)
     """
 
     facets: str

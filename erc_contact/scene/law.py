@@ -41,6 +41,11 @@ class Law(Protocol):
     Attributes:
         parameters: Names of the attributes that are values in space (numbers or
             callables of x, each >= 0), a tuple.
+
+    Example:
+        >>> law: ec.Law = ec.Coulomb(0.3)
+        >>> law.parameters, round(law.friction_bound(2.0, friction=0.3), 12)
+        (('friction',), 0.6)
     """
 
     @property
@@ -78,6 +83,10 @@ class Coulomb:
 
     Raises:
         InputError: If the number is negative.
+
+    Example:
+        >>> ec.Contact("bottom", ec.Coulomb(0.3))  # the same as friction=0.3
+        Contact(facets='bottom', friction=Coulomb(friction=0.3), gap=0.0, ...)
     """
 
     friction: Value
@@ -101,6 +110,10 @@ class Tresca:
 
     Raises:
         InputError: If the number is negative.
+
+    Example:
+        >>> ec.Contact("bottom", ec.Tresca(1.5))  # a bound in [force/area]
+        Contact(facets='bottom', friction=Tresca(limit=1.5), gap=0.0, ...)
     """
 
     limit: Value

@@ -27,6 +27,11 @@ class Load(Protocol):
         parameters: Names of the attributes that are values in space: numbers, vectors,
             or callables of x that return either. A vector is a tuple of d numbers or
             callables of x; a list or an array is not taken.
+
+    Example:
+        >>> load: ec.Load = ec.Traction("left", pressure=2.0)
+        >>> load.facets, load.parameters
+        ('left', ('pressure',))
     """
 
     @property
@@ -62,6 +67,10 @@ class Traction:
     Raises:
         InputError: If not exactly one of value and pressure is given, or it is no
             number or callable.
+
+    Example:
+        >>> ec.Traction("right", (0.0, lambda x: 2.0 * x[1]))
+        Traction(facets='right', value=(0.0, <function ...>), pressure=None)
     """
 
     facets: str
@@ -98,6 +107,11 @@ class BodyForce:
     Args:
         value: Vector of numbers or callables, or one callable of x that returns a
             vector.
+
+    Example:
+        >>> weight = ec.BodyForce((0.0, -78.5e-6))
+        >>> ec.Scene(ec.Elastic(E=210e3, nu=0.3), supports=scene.supports, loads=[weight])
+        Scene(...loads=(BodyForce(value=(0.0, -7.85e-05)),)...)
     """
 
     value: Vector

@@ -92,6 +92,11 @@ class Material(Protocol):
     Attributes:
         parameters: Names of the attributes that are values in space: numbers, callables
             of x, or mappings from the names of regions to either.
+
+    Example:
+        >>> material: ec.Material = ec.Elastic(E=1000.0, nu=0.3)
+        >>> material.parameters, material.modulus(E=1000.0, nu=0.3)
+        (('E', 'nu'), 1000.0)
     """
 
     @property
@@ -141,6 +146,11 @@ class Elastic:
 
     Raises:
         InputError: If a number is outside its range or the hypothesis is unknown.
+
+    Example:
+        >>> material = ec.Elastic(E=lambda x: 1000.0 + 10.0 * x[1], nu=0.3)
+        >>> material.hypothesis
+        'plane strain'
     """
 
     E: Value | Mapping[str, Value]

@@ -45,6 +45,12 @@ class Scene:
         InputError: If a boundary part is in two conditions that conflict, or an entry
             is of another type, or a part with a support or a contact has the name of
             another force (:data:`CAUSES`).
+
+    Example:
+        >>> scene
+        Scene(material=Elastic(E=1000.0, ...), supports=(Displacement(facets='top', ...),), ...)
+        >>> [contact.facets for contact in scene.contacts]
+        ['bottom']
     """
 
     material: Material

@@ -21,6 +21,10 @@ class Displacement:
 
     Raises:
         InputError: If the value is no such sequence, or fixes nothing.
+
+    Example:
+        >>> ec.Displacement("left", (0.0, None))  # symmetry: free along y
+        Displacement(facets='left', value=(0.0, None))
     """
 
     facets: str

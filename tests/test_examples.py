@@ -1,0 +1,69 @@
+"""The examples in the docstrings of the public names run, and show what they say.
+
+The page of the API has the code that they share.
+"""
+
+import doctest
+import inspect
+import logging
+import re
+
+import pytest
+from processes import ROOT
+
+import erc_contact as ec
+
+PAGE = ROOT / "docs" / "api" / "index.md"
+CODE = re.compile(r"^```python\n(.*?)^```", re.MULTILINE | re.DOTALL)
+PUBLIC = [getattr(ec, name) for name in ec.__all__]
+OPTIONS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
+pytestmark = pytest.mark.serial
+
+
+def examples(value):
+    """Collect the examples of a function, or of a class and its members."""
+    name = value.__name__
+    module = inspect.getmodule(value)
+    found = doctest.DocTestFinder().find(value, name, module=module, globs={})
+    return [test for test in found if test.examples]
+
+
+@pytest.fixture(scope="module")
+def shared(tmp_path_factory):
+    """Names that all examples know, and the folder where they write."""
+    folder = tmp_path_factory.mktemp("examples")
+    names = {}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        for block in CODE.findall(PAGE.read_text()):
+            exec(compile(block, str(PAGE), "exec"), names)
+        yield names
+    names["gmsh"].finalize()
+
+
+@pytest.fixture
+def silent():
+    """The log as it was, whatever an example does to it."""
+    log = logging.getLogger("erc_contact")
+    handlers, level = list(log.handlers), log.level
+    yield
+    log.handlers[:] = handlers
+    log.setLevel(level)
+
+
+@pytest.mark.parametrize("value", PUBLIC, ids=lambda value: value.__name__)
+def test_public_name_has_an_example_that_runs(value, shared, silent):
+    tests = examples(value)
+    assert any(test.name == value.__name__ for test in tests), "give its docstring an Example"
+    for test in tests:
+        test.globs = dict(shared)
+        said = []
+        runner = doctest.DocTestRunner(optionflags=OPTIONS)
+        runner.run(test, out=said.append)
+        assert runner.failures == 0, "".join(said)
+
+
+@pytest.mark.parametrize("value", PUBLIC, ids=lambda value: value.__name__)
+def test_examples_are_short(value):
+    """Four statements at most: what needs more belongs to a page or a demo."""
+    assert all(len(test.examples) <= 4 for test in examples(value))
