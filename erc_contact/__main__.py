@@ -23,7 +23,7 @@ from erc_contact.scene.material import Elastic
 from erc_contact.scene.scene import Scene
 from erc_contact.scene.support import Displacement
 
-SOLVERS = {
+SOLVER_PACKAGES = {
     "mumps": "MUMPS (direct solver)",
     "hypre": "hypre (another multigrid)",
     "ptscotch": "PT-Scotch (partitions)",
@@ -69,7 +69,7 @@ def main() -> int:
     comm = MPI.COMM_WORLD
     lines = [f"{name:<12}{version}" for name, version in versions().items()]
     lines.append(f"{'ranks':<12}{comm.size}")
-    for name, use in SOLVERS.items():
+    for name, use in SOLVER_PACKAGES.items():
         available = "yes" if PETSc.Sys.hasExternalPackage(name) else "no"
         lines.append(f"{use}: {available}")
     if comm.rank == 0:
