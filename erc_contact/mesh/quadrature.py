@@ -33,10 +33,7 @@ UNKNOWN_SHARE = 1e-8
 FIT_DEGREE = (0, 4, 4, 3)
 """Degree of the polynomials with which the integrand is compared, for each d'."""
 LATTICE_PARTS = (0, 4, 3, 2)
-"""Number of parts of an edge of a piece between the points near its boundary.
-
-One for each d'.
-"""
+"""Number of parts of an edge between the points near the boundary, for each d'."""
 INSET = 1e-6
 """Distance of these points from the boundary [-].
 
@@ -226,11 +223,7 @@ def _points(size: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def piece_samples(size: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the samples of a piece, and the matrix to distances from polynomials.
-
-    Returns:
-        Barycentric coordinates, shape (q, P), and the matrix (q, q).
-    """
+    """Return points (q, P) and matrix (q, q) of :func:`_points`, without weights."""
     points, _, residual = _points(size)
     return points, residual
 

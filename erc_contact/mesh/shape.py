@@ -37,7 +37,7 @@ MARK_PREFIX = "erc_contact mark "
 """Beginning of the names of physical groups that keep marks."""
 FLAT_TYPES = ("Line", "Plane")
 """gmsh's types of curves and surfaces that facets represent exactly."""
-ON_SIDE = 1e-12
+SIDE_ROUND_OFF = 1e-12
 """Distance from a side of a brick that is round-off, as a share of its length [-]."""
 
 
@@ -93,7 +93,7 @@ class Brick:
         """
         x = domain.mesh.geometry.x
         for _, axis, coordinate in self.sides():
-            distance = ON_SIDE * (self.high[axis] - self.low[axis])
+            distance = SIDE_ROUND_OFF * (self.high[axis] - self.low[axis])
             x[abs(x[:, axis] - coordinate) < distance, axis] = coordinate
         return domain
 

@@ -31,7 +31,7 @@ from erc_contact.mesh.partition import partitioner
 from erc_contact.mesh.shape import Brick, Drawing, drawing_of
 from erc_contact.mesh.tags import tags_of
 
-ON_SIDE = 1e-6
+NEAR_SIDE = 1e-6
 """Distance from a side that counts as none, as a share of the cell size [-]."""
 
 
@@ -166,7 +166,7 @@ def _structured(brick: Brick, cells: Sequence[int], comm: MPI.Comm) -> Domain:
     names: dict[str, int] = {}
     for tag, (name, axis, coordinate) in enumerate(brick.sides(), start=1):
         names[name] = tag
-        distance = ON_SIDE * (brick.high[axis] - brick.low[axis]) / cells[axis]
+        distance = NEAR_SIDE * (brick.high[axis] - brick.low[axis]) / cells[axis]
         on_side = _near_plane(axis, coordinate, distance)
         side_facets = dmesh.locate_entities(mesh, dim - 1, on_side)
         facets.append(side_facets)
