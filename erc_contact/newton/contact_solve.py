@@ -16,7 +16,7 @@ from erc_contact.base.logs import log_of
 from erc_contact.base.runtime.interrupts import check_interrupts
 from erc_contact.model.model import Model
 from erc_contact.newton.ladder import Attempt, attempts
-from erc_contact.newton.linear.multigrid import DIRECT
+from erc_contact.newton.linear.multigrid import TRY_DIRECT
 from erc_contact.newton.linear.solver import ElasticSolver
 from erc_contact.newton.methods import Method, Nitsche
 from erc_contact.newton.snes import Found, Outcome
@@ -24,7 +24,7 @@ from erc_contact.newton.solution import SINGULAR, Solution
 
 DEFAULT = Nitsche()
 """The method where the user names none."""
-SLOW = 5
+SLOW_ATTEMPTS = 5
 """Number of attempts without convergence of the linear solver that ends multigrid."""
 
 
@@ -115,9 +115,9 @@ class ContactSolve:
                 # The ladder sees the new state: it asks for attempts that start there.
                 states[attempt.gives] = state
             slow += outcome.reason == "diverged_linear_solve"
-            if slow == SLOW:
+            if slow == SLOW_ATTEMPTS:
                 raise NotConverged(
-                    f"The linear solver did not converge: {self.rungs[-1]}. {DIRECT}",
+                    f"The linear solver did not converge: {self.rungs[-1]}. {TRY_DIRECT}",
                     tuple(self.rungs),
                 )
         raise NotConverged(self._failure(), tuple(self.rungs))

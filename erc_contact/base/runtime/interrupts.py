@@ -22,7 +22,7 @@ from mpi4py import MPI
 
 from erc_contact.base.logs import log_of
 
-SAME = 1.0
+SAME_SIGNAL = 1.0
 """Time within which signals are one: a terminal and mpiexec may both send it [s]."""
 USUAL: dict[int, Any] = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL}
 """The signals, and what handles them by default."""
@@ -108,6 +108,6 @@ class Interrupts:
             log_of(self.comm).warning(
                 "Interrupted: the run will end with what it has. The signal again ends it at once."
             )
-        elif now - self.first > SAME:
+        elif now - self.first > SAME_SIGNAL:
             signal.signal(number, USUAL[number])
             signal.raise_signal(number)

@@ -7,7 +7,7 @@ from petsc4py import PETSc
 
 from erc_contact.model.model import Model
 
-PREFIX = "erc_contact_elastic_"
+AMG_PREFIX = "erc_contact_elastic_"
 """Prefix of PETSc options, as in ``-erc_contact_elastic_pc_type hypre``."""
 OPTIONS = {
     "pc_type": "gamg",
