@@ -7,6 +7,7 @@ motions, and each must be held.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import combinations
 
 import numpy as np
 from dolfinx import fem
@@ -79,6 +80,26 @@ def rigid_motions(space: Space) -> np.ndarray:
     body, bodies = bodies_of_nodes(space)
     motions, _ = _rigid_motions(space, body, bodies)
     return np.concatenate([(body == b)[:, None, None] * motions for b in range(bodies)], axis=2)
+
+
+def translations_and_rotations(x: np.ndarray) -> np.ndarray:
+    """Return the rigid motions of the plane or of space about the origin.
+
+    Args:
+        x: Positions, shape (n, d).
+
+    Returns:
+        Displacements at the positions, shape (n, d, motions): one translation along
+        each axis, then one rotation for each pair of axes.
+    """
+    d = x.shape[1]
+    pairs = list(combinations(range(d), 2))
+    motions = np.zeros((*x.shape, d + len(pairs)))
+    motions[:, range(d), range(d)] = 1.0
+    for k, (i, j) in enumerate(pairs, start=d):
+        motions[:, i, k] = -x[:, j]
+        motions[:, j, k] = x[:, i]
+    return motions
 
 
 def bodies_of_nodes(space: Space) -> tuple[np.ndarray, int]:
@@ -168,11 +189,8 @@ def _rigid_motions(space: Space, body: np.ndarray, bodies: int) -> tuple[np.ndar
     space.comm.Allreduce(MPI.IN_PLACE, low, MPI.MIN)
     space.comm.Allreduce(MPI.IN_PLACE, high, MPI.MAX)
     x = (x - (sums[:, :-1] / sums[:, -1:])[body]) / np.linalg.norm(high - low, axis=1)[body, None]
-    pairs = [(i, j) for i in range(space.d) for j in range(i + 1, space.d)]
-    motions = np.zeros((*x.shape, space.d + len(pairs)))
-    motions[:, range(space.d), range(space.d)] = 1.0
-    for k, (i, j) in enumerate(pairs, start=space.d):
-        motions[:, i, k], motions[:, j, k] = -x[:, j], x[:, i]
+    motions = translations_and_rotations(x)
+    pairs = list(combinations(range(space.d), 2))
     axes = "xyz"
     names = [f"translation in {axes[i]}" for i in range(space.d)]
     names += [f"rotation in the plane {axes[i]}{axes[j]}" for i, j in pairs]
