@@ -60,7 +60,7 @@ class Outcome:
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class DiscreteSolution:
     """Hold the solution of a final attempt.
 
     Attributes:

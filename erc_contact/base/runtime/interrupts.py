@@ -32,12 +32,12 @@ _running: ContextVar[tuple[Interrupts, ...]] = ContextVar("_running", default=()
 
 def interrupted(comm: MPI.Comm) -> bool:
     """Tell whether the run on these ranks was interrupted; collective."""
-    found = False
+    was_interrupted = False
     for run in _running.get():
         if MPI.Comm.Compare(comm, run.comm) in (MPI.IDENT, MPI.CONGRUENT):
             # All ranks ask each of the runs, as asking is collective.
-            found = run.asked() or found
-    return found
+            was_interrupted = run.asked() or was_interrupted
+    return was_interrupted
 
 
 def check_interrupts(comm: MPI.Comm) -> None:

@@ -135,5 +135,5 @@ class Hierarchy:
         near.x.array.reshape(-1, model.d)[model.nodes[cells]] = 1.0
         near.x.scatter_reverse(la.InsertMode.add)
         first, _ = self._stiffness.getOwnershipRange()
-        own = np.flatnonzero(near.x.array[: len(self._glue)]) + first
-        return PETSc.IS().createGeneral(own.astype(PETSc.IntType), comm=self._stiffness.comm)
+        owned = np.flatnonzero(near.x.array[: len(self._glue)]) + first
+        return PETSc.IS().createGeneral(owned.astype(PETSc.IntType), comm=self._stiffness.comm)

@@ -184,8 +184,8 @@ class Stiffness(Elastic):
 
         They are on rank 0; elsewhere the array is empty.
         """
-        own = self.local < self.model.V.dofmap.index_map.size_local * self.model.d
-        parts = gathered(self.model.comm, (self.place[own], u.x.array[self.local[own]]))
+        owned = self.local < self.model.V.dofmap.index_map.size_local * self.model.d
+        parts = gathered(self.model.comm, (self.place[owned], u.x.array[self.local[owned]]))
         values = np.zeros(len(self.numbers) if parts else 0)
         for place, part in parts or ():
             values[place] = part
