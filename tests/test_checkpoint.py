@@ -515,7 +515,7 @@ import os, signal
 from petsc4py import PETSc
 from erc_contact.base.runtime.sigterm import sigterm_blocked
 from erc_contact.model.promises import bind
-from erc_contact.newton.linear.mumps import LARGE, factorised, schur_complement
+from erc_contact.newton.linear.mumps import COMPRESSED_FROM, factorised, schur_complement
 from erc_contact.newton.linear.stiffness import Stiffness
 
 told = []
@@ -526,7 +526,7 @@ matrix = elastic.stiffness()
 elastic.add_glue(matrix)
 matrix.setOption(PETSc.Mat.Option.SPD, True)
 with sigterm_blocked() as held:
-    assert held and matrix.getSize()[0] > LARGE
+    assert held and matrix.getSize()[0] > COMPRESSED_FROM
 signal.signal(signal.SIGTERM, lambda *_: told.append(1))
 print("ready", flush=True)
 for _ in range(8):

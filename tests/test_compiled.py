@@ -10,7 +10,7 @@ from scenes import block
 
 import erc_contact as ec
 from erc_contact.base.runtime import compiled
-from erc_contact.base.runtime.compiled import FIRST, _key
+from erc_contact.base.runtime.compiled import FIRST_NUMBER, _key
 
 
 def area(domain: ec.Domain) -> fem.Form:
@@ -31,7 +31,7 @@ def test_known_forms_are_not_searched(monkeypatch):
 def test_numbers_of_constants_have_as_many_digits():
     """UFL sorts factors by the text of these numbers: "10" comes before "9", but "11" after "10"."""
     mesh = block(2).mesh
-    assert FIRST <= compiled.constant(mesh, 1.0).count() < 10 * FIRST
+    assert FIRST_NUMBER <= compiled.constant(mesh, 1.0).count() < 10 * FIRST_NUMBER
 
 
 def forms(domain: ec.Domain) -> list[ufl.Form]:

@@ -221,9 +221,9 @@ def test_many_solutions_are_reported(method):
 def test_auto_falls_back_where_multigrid_fails(monkeypatch):
     scene, domain = SCENES["cube"]()
     expected = eps(ec.solve(scene, domain, solver="direct"))
-    monkeypatch.setattr(solving, "LARGE", {3: (0, 0)})
+    monkeypatch.setattr(solving, "MULTIGRID_FROM", {3: (0, 0)})
     assert ec.solve(scene, domain).stiffness.iterative
-    monkeypatch.setattr(krylov, "LIMIT", 1)
+    monkeypatch.setattr(krylov, "FGMRES_LIMIT", 1)
     with pytest.raises(ec.NotConverged, match="multigrid"):
         ec.solve(scene, domain, solver="iterative")
     solution = ec.solve(scene, domain)
@@ -235,7 +235,7 @@ def test_rebalance_falls_back_where_multigrid_is_slow(monkeypatch):
     scene, domain = SCENES["cube"]()
     solution = ec.solve(scene, domain, solver="iterative")
     expected = eps(solution)
-    monkeypatch.setattr(multigrid, "LIMIT", 8)
+    monkeypatch.setattr(krylov, "CG_LIMIT", 8)
     assert eps(solution) == pytest.approx(expected, rel=SAME)
 
 

@@ -164,7 +164,7 @@ def test_changes_are_refused_by_one_switch(monkeypatch):
     plain = ec.solve(prototype_block(), block(2), ec.Nitsche())
     assert seen.calls > 0
     assert len(compiled._known) == known
-    assert compiled.constant(domain.mesh, 1.0).count() < compiled.FIRST
+    assert compiled.constant(domain.mesh, 1.0).count() < compiled.FIRST_NUMBER
     assert np.allclose(plain.u.x.array, usual.u.x.array, rtol=0.0, atol=1e-12)
 
 

@@ -185,7 +185,7 @@ def test_compressed_factors_solve_as_the_others(monkeypatch):
         matrix.setOption(PETSc.Mat.Option.SPD, True)
         found = []
         for limit in (100, 10**9):
-            monkeypatch.setattr(mumps, "LARGE", limit)
+            monkeypatch.setattr(mumps, "COMPRESSED_FROM", limit)
             factor = mumps.factorised(matrix, elastic.numbers)
             compressed = factor.getPC().getFactorMatrix().getMumpsIcntl(35)
             found.append((compressed, mumps.schur_complement(factor, len(elastic.numbers))))

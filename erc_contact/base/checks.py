@@ -10,14 +10,14 @@ from typing import Any
 
 from erc_contact.base.exceptions import InputError
 
-LONG = 80
+LONGEST_VALUE = 80
 """Characters of a value that a message shows."""
 
 
 def description(value: Any) -> str:
     """Return a value in words that are not too many, for a message."""
     words = repr(value)
-    return words if len(words) <= LONG else f"an object of type {type(value).__name__}"
+    return words if len(words) <= LONGEST_VALUE else f"an object of type {type(value).__name__}"
 
 
 def positive(what: str, value: Any, meaning: str) -> float:

@@ -69,6 +69,26 @@ def rigid_motions(space: Space) -> np.ndarray:
     return np.concatenate(of_bodies, axis=2)
 
 
+def translations_and_rotations(x: np.ndarray) -> np.ndarray:
+    """Return the rigid motions of the plane or of space about the origin.
+
+    Args:
+        x: Positions, shape (n, d).
+
+    Returns:
+        Displacements at the positions, shape (n, d, motions): one translation along
+        each axis, then one rotation for each pair of axes.
+    """
+    d = x.shape[1]
+    pairs = list(combinations(range(d), 2))
+    motions = np.zeros((*x.shape, d + len(pairs)))
+    motions[:, range(d), range(d)] = 1.0
+    for k, (i, j) in enumerate(pairs, start=d):
+        motions[:, i, k] = -x[:, j]
+        motions[:, j, k] = x[:, i]
+    return motions
+
+
 def bodies_of_nodes(space: Space) -> tuple[np.ndarray, int]:
     """Number the bodies of the mesh, from 0 over all ranks; collective.
 
@@ -219,14 +239,8 @@ def _rigid_motions(space: Space, body: np.ndarray, count: int) -> tuple[np.ndarr
     space.comm.Allreduce(MPI.IN_PLACE, low, MPI.MIN)
     space.comm.Allreduce(MPI.IN_PLACE, high, MPI.MAX)
     size = np.linalg.norm(high - low, axis=1)
-    x = (x - centre[body]) / size[body, None]
-    planes = list(combinations(range(d), 2))
-    motions = np.zeros((*x.shape, d + len(planes)))
-    motions[:, range(d), range(d)] = 1.0
+    motions = translations_and_rotations((x - centre[body]) / size[body, None])
     axes = "xyz"
     names = [f"translation in {axes[i]}" for i in range(d)]
-    for number, (i, j) in enumerate(planes, start=d):
-        motions[:, i, number] = -x[:, j]
-        motions[:, j, number] = x[:, i]
-        names.append(f"rotation in the plane {axes[i]}{axes[j]}")
+    names += [f"rotation in the plane {axes[i]}{axes[j]}" for i, j in combinations(range(d), 2)]
     return motions, names

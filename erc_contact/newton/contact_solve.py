@@ -16,15 +16,15 @@ from erc_contact.base.logs import log_of
 from erc_contact.base.runtime.interrupts import check_interrupts
 from erc_contact.model.model import Model
 from erc_contact.newton.ladder import Attempt, attempts
-from erc_contact.newton.linear.multigrid import DIRECT
+from erc_contact.newton.linear.multigrid import TRY_DIRECT
 from erc_contact.newton.linear.solver import ElasticSolver
 from erc_contact.newton.methods import Method, Nitsche
-from erc_contact.newton.snes import Found, Outcome
+from erc_contact.newton.snes import DiscreteSolution, Outcome
 from erc_contact.newton.solution import SINGULAR, Solution
 
 DEFAULT = Nitsche()
 """The method where the user names none."""
-SLOW = 5
+SLOW_ATTEMPTS = 5
 """Number of attempts without convergence of the linear solver that ends multigrid."""
 
 
@@ -55,7 +55,7 @@ class Solver(Protocol):
 
     def attempt(
         self, attempt: Attempt, state: Any, tolerance: float | None
-    ) -> tuple[Outcome, Any, Found | None]:
+    ) -> tuple[Outcome, Any, DiscreteSolution | None]:
         """Make one attempt from a state; return its outcome, last state and result."""
 
 
@@ -102,22 +102,22 @@ class ContactSolve:
             if attempt.start not in states:
                 continue
             check_interrupts(self.model.comm)
-            outcome, state, found = self.solver.attempt(
+            outcome, state, solution = self.solver.attempt(
                 attempt, states[attempt.start], self.tolerance
             )
             self.steps += outcome.steps
             self.rungs.append(f"{attempt}: {outcome}")
             self.outcomes.append(outcome)
             self.log.debug(self.rungs[-1])
-            if found is not None:
-                return self._solution(attempt.method, found)
+            if solution is not None:
+                return self._solution(attempt.method, solution)
             if outcome.converged:
                 # The ladder sees the new state: it asks for attempts that start there.
                 states[attempt.gives] = state
             slow += outcome.reason == "diverged_linear_solve"
-            if slow == SLOW:
+            if slow == SLOW_ATTEMPTS:
                 raise NotConverged(
-                    f"The linear solver did not converge: {self.rungs[-1]}. {DIRECT}",
+                    f"The linear solver did not converge: {self.rungs[-1]}. {TRY_DIRECT}",
                     tuple(self.rungs),
                 )
         raise NotConverged(self._failure(), tuple(self.rungs))
@@ -146,7 +146,7 @@ class ContactSolve:
             "1000)."
         )
 
-    def _solution(self, method: Method, found: Found) -> Solution:
+    def _solution(self, method: Method, solution: DiscreteSolution) -> Solution:
         """Make the solution of a final attempt; warn if it may be one of many."""
         cells = self.model.domain.cells
         reason = self.rungs[-1]
@@ -158,9 +158,9 @@ class ContactSolve:
                 self.method,
                 method,
             )
-        if found.least_singular_value < SINGULAR:
+        if solution.least_singular_value < SINGULAR:
             reason += (
-                f"; the tangent is singular ({found.least_singular_value:.0e}), "
+                f"; the tangent is singular ({solution.least_singular_value:.0e}), "
                 "the solution may be one of many"
             )
             self.log.warning(
@@ -170,12 +170,12 @@ class ContactSolve:
         return Solution(
             model=self.model,
             method=method,
-            u=found.u,
-            multipliers=found.multipliers,
+            u=solution.u,
+            multipliers=solution.multipliers,
             newton_steps=self.steps,
             reason=reason,
-            distance=found.distance,
-            least_singular_value=found.least_singular_value,
+            distance=solution.distance,
+            least_singular_value=solution.least_singular_value,
             stiffness=self.solver.elastic,
             seconds=0.0,
         )

@@ -30,7 +30,7 @@ from erc_contact.newton.condensed import Condensed
 from erc_contact.newton.dense import Dense
 from erc_contact.newton.linear.stiffness import Stiffness
 from erc_contact.newton.methods import Method
-from erc_contact.newton.snes import Found
+from erc_contact.newton.snes import DiscreteSolution
 
 DEFLATED_STEPS = 40
 """Greatest number of Newton steps from one start."""
@@ -54,7 +54,9 @@ SINGULAR_RATIO = 1e-6
 """Singular value of the scaled tangent that counts as zero, over the largest [-]."""
 
 
-def other_states(stiffness: Stiffness, method: Method, u: fem.Function, most: int) -> list[Found]:
+def other_states(
+    stiffness: Stiffness, method: Method, u: fem.Function, most: int
+) -> list[DiscreteSolution]:
     """Search other solutions of the discrete problem than a known one; collective.
 
     Args:
@@ -76,7 +78,7 @@ def other_states(stiffness: Stiffness, method: Method, u: fem.Function, most: in
     solutions = []
     for state in states:
         solutions.append(
-            Found(
+            DiscreteSolution(
                 u=stiffness.expand(guess, state.displacement, state.force),
                 multipliers=problem.multipliers_at(state.displacement),
                 distance=state.distance,
@@ -132,7 +134,7 @@ class _Search:
         self.problem = problem
         self.dense = Dense(problem)
         self.along = along
-        self.known = [start]
+        self.solutions = [start]
 
     def states(self, most: int) -> list[_State]:
         """Return at most so many other solutions."""
@@ -140,11 +142,11 @@ class _Search:
         for start in self._starts():
             x = self.newton(start)
             if x is not None and self._is_new(x):
-                self.known.append(x)
-                if len(self.known) > most:
+                self.solutions.append(x)
+                if len(self.solutions) > most:
                     break
         states = []
-        for x in self.known[1:]:
+        for x in self.solutions[1:]:
             states.append(
                 _State(
                     displacement=x,
@@ -189,7 +191,7 @@ class _Search:
     def _is_new(self, x: np.ndarray) -> bool:
         """Tell whether a solution differs from all known ones."""
         least = DISTINCT * self.problem.length
-        return all(abs(x - solution).max() > least for solution in self.known)
+        return all(abs(x - solution).max() > least for solution in self.solutions)
 
     def _round_off(self, x: np.ndarray) -> float:
         """Return the norm of the scaled residual that counts as round-off at x [-]."""
@@ -203,7 +205,7 @@ class _Search:
         """Return the factor of a step, ``1/(1 - M' step/M)`` [-]."""
         slope = 0.0
         along = step / self.problem.length
-        for solution in self.known:
+        for solution in self.solutions:
             away = (x - solution) / self.problem.length
             square = max(float(away @ away), np.finfo(float).tiny)
             slope -= 2 * float(away @ along) / (square * (1 + square))
@@ -213,7 +215,7 @@ class _Search:
     def _starts(self) -> Iterator[np.ndarray]:
         """Generate starts; the list of known solutions grows meanwhile."""
         problem = self.problem
-        first = self.known[0]
+        first = self.solutions[0]
         for share in SHARES:
             problem.raise_friction(share)
             x = self.newton(first, deflated=False)
@@ -225,6 +227,6 @@ class _Search:
                 continue
             for move in MOVES:
                 yield first + move * problem.length * along
-        for i in range(1, len(self.known)):
-            yield (self.known[i] + first) / 2
-            yield (self.known[i] + self.known[i - 1]) / 2
+        for i in range(1, len(self.solutions)):
+            yield (self.solutions[i] + first) / 2
+            yield (self.solutions[i] + self.solutions[i - 1]) / 2

@@ -18,7 +18,7 @@ from erc_contact.newton.dense import Dense
 from erc_contact.newton.ladder import Attempt
 from erc_contact.newton.linear.stiffness import Stiffness
 from erc_contact.newton.methods import Method
-from erc_contact.newton.snes import Found, Outcome
+from erc_contact.newton.snes import DiscreteSolution, Outcome
 
 
 class Direct:
@@ -54,7 +54,7 @@ class Direct:
 
     def attempt(
         self, attempt: Attempt, state: Any, tolerance: float | None
-    ) -> tuple[Outcome, Any, Found | None]:
+    ) -> tuple[Outcome, Any, DiscreteSolution | None]:
         """Make one attempt from a state.
 
         Returns:
@@ -94,7 +94,7 @@ class Direct:
         distance, least_singular_value, u_A, force = results
         u = self.elastic.expand(self.guess, u_A, force)
         multipliers = problem.multipliers_at(u_A)
-        return outcome, state, Found(u, multipliers, distance, least_singular_value)
+        return outcome, state, DiscreteSolution(u, multipliers, distance, least_singular_value)
 
     def destroy(self) -> None:
         """Free nothing: the factor belongs to the solution."""

@@ -66,9 +66,9 @@ class ContactForms:
         points, _ = rule(model.d - 1, 2 * model.degree)
         self._status_of_facets = []
         for contact, expression in zip(self.contacts, status, strict=True):
-            own = contact.facets[contact.trace.here.owned]
+            owned = contact.facets[contact.trace.here.owned]
             compiled_status = compiled.expression(expression, points, model.comm)
-            self._status_of_facets.append((compiled_status, own))
+            self._status_of_facets.append((compiled_status, owned))
 
     def status(self) -> np.ndarray:
         """Return the status open (0), slip (1) or stick (2) at points of the contact.

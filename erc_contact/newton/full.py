@@ -33,7 +33,7 @@ from erc_contact.newton.tangent import Tangent
 
 SOLVED = 1e-10
 """Residual at which Newton's method stops, over the contact forces of the guess [-]."""
-ROUND_OFF = 1e-15
+ELASTIC_ROUND_OFF = 1e-15
 """Residual at which it stops, too, over the forces that cancel in K u - b [-]."""
 FAR_FROM_SOLVED = 1e-8
 """Residual above which it never stops, over the contact forces of the guess [-]."""
@@ -126,7 +126,7 @@ class FullSpace:
         diagonal.array[self._fixed] = 0.0
         forces = diagonal.norm() * self.length / self.force
         diagonal.destroy()
-        return max(SOLVED, min(ROUND_OFF * forces, FAR_FROM_SOLVED))
+        return max(SOLVED, min(ELASTIC_ROUND_OFF * forces, FAR_FROM_SOLVED))
 
     def accurate(self, x: PETSc.Vec, tolerance: float) -> bool:
         """Tell whether the distance to the solution is below a tolerance.

@@ -18,7 +18,7 @@ from erc_contact.newton.full import FullSpace
 from erc_contact.newton.ladder import Attempt
 from erc_contact.newton.linear.multigrid import EXACT, Multigrid
 from erc_contact.newton.methods import Method
-from erc_contact.newton.snes import Found, Outcome, attempt
+from erc_contact.newton.snes import DiscreteSolution, Outcome, attempt
 
 
 class Iterative:
@@ -61,7 +61,7 @@ class Iterative:
 
     def attempt(
         self, step: Attempt, state: fem.Function, tolerance: float | None
-    ) -> tuple[Outcome, fem.Function, Found | None]:
+    ) -> tuple[Outcome, fem.Function, DiscreteSolution | None]:
         """Make one attempt from a state.
 
         Returns:
@@ -84,11 +84,13 @@ class Iterative:
                 break
         problem.raise_friction(1.0)
         u, multipliers = problem.fields(x)
-        found = None
+        solution = None
         if step.final and outcome.converged:
-            found = Found(u, multipliers, problem.distance(x), problem.least_singular_value(x))
+            solution = DiscreteSolution(
+                u, multipliers, problem.distance(x), problem.least_singular_value(x)
+            )
         x.destroy()
-        return replace(outcome, steps=steps), u, found
+        return replace(outcome, steps=steps), u, solution
 
     def destroy(self) -> None:
         """Free the contact problems; the hierarchy belongs to the solution."""
@@ -102,12 +104,12 @@ class Iterative:
         The springs are the glue. The size of the displacement and of the forces in the
         springs scale the contact problem.
         """
-        own = slice(0, self.elastic.owned)
-        glue = self.elastic.glue.x.array[own]
+        owned = slice(0, self.elastic.owned)
+        glue = self.elastic.glue.x.array[owned]
         b = self._forces.copy()
-        b.x.array[own] += glue * target.x.array[own]
+        b.x.array[owned] += glue * target.x.array[owned]
         u = self.elastic.glued(b)
-        pull = glue * (target.x.array[own] - u.x.array[own])
+        pull = glue * (target.x.array[owned] - u.x.array[owned])
         comm = self.model.comm
         local_length = float(abs(u.x.array).max(initial=0.0))
         self._length = comm.allreduce(local_length, MPI.MAX) or 1.0

@@ -234,12 +234,12 @@ class Reactions:
     def __init__(self, model: Model, like: PETSc.Mat) -> None:
         multiplier_map = MultiplierMap(model)
         low, high = model.V.dofmap.index_map.local_range
-        own = (multiplier_map.numbers >= low) & (multiplier_map.numbers < high)
-        nodes = multiplier_map.numbers[own] - low
+        owned = (multiplier_map.numbers >= low) & (multiplier_map.numbers < high)
+        nodes = multiplier_map.numbers[owned] - low
         self.free = np.zeros((high - low, model.d), dtype=bool)
-        self.free[nodes] = multiplier_map.free[own]
+        self.free[nodes] = multiplier_map.free[owned]
         self.area = np.ones(high - low)
-        self.area[nodes] = multiplier_map.area[own]
+        self.area[nodes] = multiplier_map.area[owned]
         self.matrices = [_distributed(like, entries) for entries in multiplier_map.multipliers]
         self.coefficients: PETSc.Mat | None = None
         if multiplier_map.coefficients is not None:
@@ -256,9 +256,9 @@ class Reactions:
 def _distributed(like: PETSc.Mat, entries: Entries) -> PETSc.Mat:
     """Make a matrix of all ranks from entries that all of them have; collective."""
     low, high = like.getOwnershipRange()
-    own = (entries.rows >= low) & (entries.rows < high)
-    matrix = sparse_like(like, entries.rows[own], entries.columns[own])
-    matrix.setValuesCOO(entries.values[own])
+    owned = (entries.rows >= low) & (entries.rows < high)
+    matrix = sparse_like(like, entries.rows[owned], entries.columns[owned])
+    matrix.setValuesCOO(entries.values[owned])
     return matrix
 
 

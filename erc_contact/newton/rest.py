@@ -17,7 +17,7 @@ from erc_contact.model.friction import PROPORTIONAL
 from erc_contact.model.model import Model
 from erc_contact.model.values import DATA_DEGREE
 
-ROUND_OFF = 1e-14
+GAP_ROUND_OFF = 1e-14
 """Gap over the size of a body that counts as none [-]."""
 PARALLEL = 1e-12
 """Difference of two unit normals that counts as none [-]."""
@@ -61,7 +61,7 @@ def _pushes(model: Model, contact: BoundContact) -> bool:
     # The nodes are among these points.
     points = lattice(model.d - 1, DATA_DEGREE)
     gap = evaluate(contact.gap, model.mesh, points, contact.facets)
-    allowed = ROUND_OFF * model.domain.extent
+    allowed = GAP_ROUND_OFF * model.domain.extent
     if contact.bilateral:
         return bool((abs(gap) > allowed).any())
     return bool((gap < -allowed).any())

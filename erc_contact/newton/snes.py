@@ -18,7 +18,7 @@ from erc_contact.base.progress import at
 from erc_contact.base.runtime.interrupts import check_interrupts, interrupted
 from erc_contact.newton.linear.mumps import LIBRARY, ZERO_PIVOT
 
-PREFIX = "erc_contact_"
+SNES_PREFIX = "erc_contact_"
 """Prefix of PETSc options, as in ``-erc_contact_snes_monitor``.
 
 They override the settings of the package.
@@ -60,7 +60,7 @@ class Outcome:
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class DiscreteSolution:
     """Hold the solution of a final attempt.
 
     Attributes:
@@ -122,7 +122,7 @@ def attempt(
             length)]; None for round-off.
     """
     snes = PETSc.SNES().create(x.comm)
-    snes.setOptionsPrefix(PREFIX)
+    snes.setOptionsPrefix(SNES_PREFIX)
     f = problem.vector()
     snes.setFunction(problem.function, f)
     snes.setType("newtonls")

@@ -42,7 +42,7 @@ class ElasticValues:
     elastic_stress: np.ndarray
 
 
-REST = 1e-14
+REST_ROUND_OFF = 1e-14
 """Displacement over the size of a body that is round-off [-]."""
 SINGULAR = 1e-12
 """Least singular value of the scaled tangent below which it counts as singular [-]."""
@@ -155,7 +155,9 @@ class Solution:
         if rest is None:
             return False
         moved = float(abs(self.u.x.array - rest.x.array).max(initial=0.0))
-        return bool(self.domain.mesh.comm.allreduce(moved, MPI.MAX) <= REST * self.domain.extent)
+        return bool(
+            self.domain.mesh.comm.allreduce(moved, MPI.MAX) <= REST_ROUND_OFF * self.domain.extent
+        )
 
     def force(self, part: str) -> Force:
         """Return the force and the moment on a boundary part; collective.

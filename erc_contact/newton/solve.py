@@ -40,7 +40,7 @@ from erc_contact.newton.rest import displacement_at_rest
 from erc_contact.newton.solution import Solution
 from erc_contact.scene.scene import Scene
 
-LARGE = {2: (2_000_000, 8_000), 3: (5_000, 1_000)}
+MULTIGRID_FROM = {2: (2_000_000, 8_000), 3: (5_000, 1_000)}
 """Degrees of freedom, by dimension, beyond which multigrid is faster than a factor.
 
 Those of the body, and about those of the contact.
@@ -250,7 +250,7 @@ def large(model: Model) -> bool:
     body = nodes * model.d
     # A facet has about k^(d-1) nodes that it does not share.
     contact_size = facets * model.degree ** (model.d - 1) * model.d
-    most_of_body, most_of_contact = LARGE[model.d]
+    most_of_body, most_of_contact = MULTIGRID_FROM[model.d]
     return body > most_of_body or contact_size > most_of_contact
 
 

@@ -107,9 +107,9 @@ class Springs:
         begin, column, value = tangent.getValuesCSR()
         row = np.repeat(np.arange(len(begin) - 1), np.diff(begin))
         column = column - self._first_dof
-        own = row // d == column // d
-        place = row[own] * d + column[own] % d
-        blocks = np.bincount(place, value[own], (len(begin) - 1) * d).reshape(-1, d, d)
+        in_block = row // d == column // d
+        place = row[in_block] * d + column[in_block] % d
+        blocks = np.bincount(place, value[in_block], (len(begin) - 1) * d).reshape(-1, d, d)
         return blocks[self._nodes]
 
 

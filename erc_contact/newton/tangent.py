@@ -150,16 +150,16 @@ class Tangent:
 
     def _mult_equations(self, reactions: Reactions, x: PETSc.Vec, y: PETSc.Vec) -> None:
         """Replace the rows of A in ``y = K x`` by those of the equations."""
-        own = self.elastic.owned
+        owned = self.elastic.owned
         u = self.model.function()
-        u.x.array[:own] = x.array_r
+        u.x.array[:owned] = x.array_r
         u.x.scatter_forward()
         nodal = u.x.array.reshape(-1, self.model.d)
         self.model.to_coefficients(nodal, self.model.contacts)
 
         field, product = self._work
         by_u, *by_multipliers = self._terms
-        field.array[:] = u.x.array[:own]
+        field.array[:] = u.x.array[:owned]
         by_u.mult(field, product)
         total = product.array_r.copy()
         # The multipliers are linear in the reactions K x.

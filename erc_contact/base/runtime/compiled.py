@@ -42,9 +42,9 @@ from mpi4py import MPI
 from erc_contact.base.runtime.patches import method_caches_off, refused, replaced
 from erc_contact.base.ufl_types import Ufl
 
-FIRST = 10**9
+FIRST_NUMBER = 10**9
 """Number of the package's first Constant; those of the user's begin with 0."""
-_numbers = count(FIRST)
+_numbers = count(FIRST_NUMBER)
 """Numbers of the Constants of the package."""
 _known: dict[Any, tuple[Any, Any, Any]] = {}
 """What this process has compiled or loaded: key -> object, module, source as DOLFINx.

@@ -22,7 +22,7 @@ from mpi4py import MPI
 
 from erc_contact.base.logs import log_of
 
-SAME = 1.0
+SAME_SIGNAL = 1.0
 """Time within which signals are one: a terminal and mpiexec may both send it [s]."""
 USUAL: dict[int, Any] = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL}
 """The signals, and what handles them by default."""
@@ -32,12 +32,12 @@ _running: ContextVar[tuple[Interrupts, ...]] = ContextVar("_running", default=()
 
 def interrupted(comm: MPI.Comm) -> bool:
     """Tell whether the run on these ranks was interrupted; collective."""
-    found = False
+    was_interrupted = False
     for run in _running.get():
         if MPI.Comm.Compare(comm, run.comm) in (MPI.IDENT, MPI.CONGRUENT):
             # All ranks ask each of the runs, as asking is collective.
-            found = run.asked() or found
-    return found
+            was_interrupted = run.asked() or was_interrupted
+    return was_interrupted
 
 
 def check_interrupts(comm: MPI.Comm) -> None:
@@ -108,6 +108,6 @@ class Interrupts:
             log_of(self.comm).warning(
                 "Interrupted: the run will end with what it has. The signal again ends it at once."
             )
-        elif now - self.first > SAME:
+        elif now - self.first > SAME_SIGNAL:
             signal.signal(number, USUAL[number])
             signal.raise_signal(number)

@@ -6,8 +6,9 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from erc_contact.model.model import Model
+from erc_contact.model.motions import translations_and_rotations
 
-PREFIX = "erc_contact_elastic_"
+AMG_PREFIX = "erc_contact_elastic_"
 """Prefix of PETSc options, as in ``-erc_contact_elastic_pc_type hypre``."""
 OPTIONS = {
     "pc_type": "gamg",
@@ -57,18 +58,12 @@ def rigid_motions(model: Model, matrix: PETSc.Mat) -> PETSc.NullSpace:
     x = model.V.tabulate_dof_coordinates()[: model.V.dofmap.index_map.size_local, : model.d]
     # Rotations are about the middle: far from the origin they would be translations.
     middle = model.comm.allreduce(x.sum(axis=0), MPI.SUM) / model.V.dofmap.index_map.size_global
-    x = x - middle
+    motions = translations_and_rotations(x - middle)
     vectors = []
-    for k in range(model.d):
-        translation = matrix.createVecRight()
-        translation.array[k :: model.d] = 1.0
-        vectors.append(translation)
-    for i in range(model.d):
-        for j in range(i):
-            rotation = matrix.createVecRight()
-            rotation.array[i :: model.d] = x[:, j]
-            rotation.array[j :: model.d] = -x[:, i]
-            vectors.append(rotation)
+    for k in range(motions.shape[2]):
+        vector = matrix.createVecRight()
+        vector.array[:] = motions[:, :, k].ravel()
+        vectors.append(vector)
     return PETSc.NullSpace().create(vectors=orthonormal(vectors), comm=matrix.comm)
 
 

@@ -18,7 +18,7 @@ from petsc4py import PETSc
 from erc_contact.base.runtime import compiled
 from erc_contact.model.model import Model
 
-GLUE = 10.0
+GLUE_FACTOR = 10.0
 """gamma_0 of the glue [-]."""
 
 
@@ -116,7 +116,7 @@ def _glue(model: Model) -> fem.Function:
         return glue
     ones = ufl.as_vector([1.0] * model.d)
     v = ufl.TestFunction(model.V)
-    gamma = model.stiffness_per_area(compiled.constant(model.mesh, GLUE), model.cell_modulus)
+    gamma = model.stiffness_per_area(compiled.constant(model.mesh, GLUE_FACTOR), model.cell_modulus)
     terms = []
     for contact in model.contacts:
         terms.append(gamma * ufl.inner(ones, v) * contact.ds(metadata=model.nodal_rule))

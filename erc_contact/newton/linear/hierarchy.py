@@ -19,7 +19,7 @@ from dolfinx import la
 from petsc4py import PETSc
 
 from erc_contact.model.model import Model
-from erc_contact.newton.linear.amg import PREFIX, rigid_motions, with_defaults
+from erc_contact.newton.linear.amg import AMG_PREFIX, rigid_motions, with_defaults
 from erc_contact.newton.linear.elastic import add_diagonal
 from erc_contact.newton.linear.galerkin import SAME, SUBSET, CoarseMatrices
 from erc_contact.newton.linear.mumps import factorised
@@ -68,7 +68,7 @@ class Hierarchy:
             add_diagonal(self.matrix, share * glue)
         self.matrix.setOption(PETSc.Mat.Option.SPD, True)
         self.pc = PETSc.PC().create(self.matrix.comm)
-        self.pc.setOptionsPrefix(PREFIX)
+        self.pc.setOptionsPrefix(AMG_PREFIX)
         self.pc.setOperators(self.matrix)
         with_defaults(self.pc)
         if self.pc.getType() == PETSc.PC.Type.GAMG and self._has_contact:
@@ -135,5 +135,5 @@ class Hierarchy:
         near.x.array.reshape(-1, model.d)[model.nodes[cells]] = 1.0
         near.x.scatter_reverse(la.InsertMode.add)
         first, _ = self._stiffness.getOwnershipRange()
-        own = np.flatnonzero(near.x.array[: len(self._glue)]) + first
-        return PETSc.IS().createGeneral(own.astype(PETSc.IntType), comm=self._stiffness.comm)
+        owned = np.flatnonzero(near.x.array[: len(self._glue)]) + first
+        return PETSc.IS().createGeneral(owned.astype(PETSc.IntType), comm=self._stiffness.comm)

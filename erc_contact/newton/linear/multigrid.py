@@ -20,10 +20,10 @@ from erc_contact.base.exceptions import InputError, NotConverged
 from erc_contact.base.logs import log_of
 from erc_contact.base.runtime.garbage import free_dropped
 from erc_contact.model.model import Model
-from erc_contact.newton.linear.amg import PREFIX, orthonormal
+from erc_contact.newton.linear.amg import orthonormal
 from erc_contact.newton.linear.elastic import Elastic
 from erc_contact.newton.linear.hierarchy import Hierarchy
-from erc_contact.newton.linear.mumps import LIBRARY
+from erc_contact.newton.linear.krylov import conjugate_gradients
 from erc_contact.newton.linear.traces import IterativeTraces
 
 ROUGH, EXACT = 1e-4, 1e-12
@@ -32,15 +32,13 @@ ROUGH, EXACT = 1e-4, 1e-12
 Corrections are as rough as first guesses. A first guess to 1e-2 costs four cycles less
 and up to four Newton steps more.
 """
-DIRECT = (
+TRY_DIRECT = (
     'Take solver="direct": nearly incompressible bodies, slender ones and jumps of the moduli '
     "are hard for multigrid."
 )
 """What a user can do where multigrid fails."""
-NEAR = 1e3
+ENOUGH = 1e3
 """A residual of so many tolerances is enough; what is left is balanced again [-]."""
-LIMIT = 500
-"""Limit of the iterations of one linear solve; 15 to 60 are usual."""
 
 
 class Multigrid(Elastic):
@@ -230,52 +228,30 @@ class Multigrid(Elastic):
             )
         x = b.duplicate()
         if size > 0:
-            # PETSc's norms overflow earlier than numbers do.
+            # The squares in norms overflow earlier than the numbers do.
             b.scale(1 / size)
             if near is not None:
                 x.array[:] = near.x.array[: self.owned] / size
-            left = self._conjugate_gradients(matrix, b, x, tolerance)
-            if left > NEAR * tolerance and direct:
+            left = self._left(matrix, b, x, tolerance)
+            if left > ENOUGH * tolerance and direct:
                 log_of(self.model.comm).info(
                     "Multigrid left %.0e of the loads: a direct solver takes over.", left
                 )
                 self.hierarchy.factorise()
-                left = self._conjugate_gradients(matrix, b, x, tolerance)
-            if not left <= NEAR * tolerance:
-                raise NotConverged(
-                    f"Conjugate gradients with multigrid left {left:.0e} of the loads. {DIRECT}",
-                    (),
-                )
+                left = self._left(matrix, b, x, tolerance)
+            if not left <= ENOUGH * tolerance:
+                failed = f"Conjugate gradients with multigrid left {left:.0e} of the loads."
+                raise NotConverged(f"{failed} {TRY_DIRECT}", ())
             x.scale(size)
         u = self.displacement(x)
         x.destroy()
         b.destroy()
         return u
 
-    def _conjugate_gradients(
-        self, matrix: PETSc.Mat, b: PETSc.Vec, x: PETSc.Vec, tolerance: float
-    ) -> float:
-        """Solve for x; return the residual over the right side [-].
-
-        It is infinite if multigrid failed.
-        """
-        ksp = PETSc.KSP().create(matrix.comm)
-        ksp.setOptionsPrefix(PREFIX)
-        ksp.setPC(self.hierarchy.pc)
-        ksp.setOperators(matrix, self.hierarchy.matrix)
-        ksp.setType("cg")
-        ksp.setNormType(PETSc.KSP.NormType.UNPRECONDITIONED)
-        ksp.setTolerances(rtol=tolerance, atol=0.0, max_it=LIMIT)
-        ksp.setInitialGuessNonzero(True)
-        try:
-            ksp.solve(b, x)
-            left = ksp.getResidualNorm() / b.norm()
-        except PETSc.Error as failure:
-            if failure.ierr != LIBRARY:
-                raise
-            left = np.inf
-        ksp.destroy()
-        return float(left) if np.isfinite(left) else np.inf
+    def _left(self, matrix: PETSc.Mat, b: PETSc.Vec, x: PETSc.Vec, tolerance: float) -> float:
+        """Solve for x; return the residual over the right side [-]."""
+        hierarchy = self.hierarchy
+        return conjugate_gradients(matrix, hierarchy.pc, hierarchy.matrix, b, x, tolerance)
 
     def _weak_share(self) -> float:
         """Return the share of D that holds a loose body, ``h/(10 L)``, else zero [-].

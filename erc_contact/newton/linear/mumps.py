@@ -32,7 +32,7 @@ in the plane, with 20% more memory; in space a contact solve takes the same time
 Plain factors by AMF take 0.9 of the time of AMD in the plane on two ranks, and 0.6 at
 37 000 tetrahedra.
 """
-LARGE = 100_000
+COMPRESSED_FROM = 100_000
 """Number of equations from which on blocks of the factor are compressed (BLR) [-].
 
 What is left out is below round-off, :data:`DROPPED` of the least diagonal entry, so
@@ -89,7 +89,7 @@ def factorised(matrix: PETSc.Mat, schur_on: np.ndarray | None = None) -> PETSc.K
         indices.destroy()
 
     # Compression calls METIS, which no signal may interrupt.
-    large = comm.size == 1 and matrix.getSize()[0] >= LARGE
+    large = comm.size == 1 and matrix.getSize()[0] >= COMPRESSED_FROM
     with sigterm_blocked() if large else nullcontext(False) as blocked:
         if blocked:
             _compress(factor, matrix)

@@ -29,9 +29,9 @@ from petsc4py import PETSc
 
 from erc_contact.base.exceptions import InputError, together
 from erc_contact.base.ranks import from_first, gathered
-from erc_contact.mesh.simplex import local_facet_nodes
 from erc_contact.model.model import Model
 from erc_contact.newton.linear.elastic import Elastic
+from erc_contact.newton.linear.layer import contact_layer
 from erc_contact.newton.linear.mumps import factorised, schur_complement
 from erc_contact.newton.linear.substructures import Substructures
 from erc_contact.newton.linear.traces import DenseTraces
@@ -65,7 +65,11 @@ class Stiffness(Elastic):
         self._factor: PETSc.KSP | Substructures | None = None
         self._matrix: PETSc.Mat | None = None
         if model.contacts:
-            self._number_layer()
+            layer = contact_layer(model)
+            self.contact_size = layer.contact_size
+            self.numbers = layer.numbers
+            self.local = layer.local
+            self.place = layer.place
         if self.contact_size:
             self._condense()
 
@@ -180,8 +184,8 @@ class Stiffness(Elastic):
 
         They are on rank 0; elsewhere the array is empty.
         """
-        own = self.local < self.model.V.dofmap.index_map.size_local * self.model.d
-        parts = gathered(self.model.comm, (self.place[own], u.x.array[self.local[own]]))
+        owned = self.local < self.model.V.dofmap.index_map.size_local * self.model.d
+        parts = gathered(self.model.comm, (self.place[owned], u.x.array[self.local[owned]]))
         values = np.zeros(len(self.numbers) if parts else 0)
         for place, part in parts or ():
             values[place] = part
@@ -235,32 +239,6 @@ class Stiffness(Elastic):
         matrix = schur.copy()
         matrix.flat[:: count + 1] -= self.glued_by[:count]
         return matrix
-
-    def _number_layer(self) -> None:
-        """Find the degrees of freedom of L and their places; collective."""
-        model, d = self.model, self.model.d
-        facets = np.vstack([contact.facets for contact in model.contacts])
-        node_count = len(model.fixed)
-        nodes = model.nodes[facets[:, 0]]
-        on_facet = local_facet_nodes(d, model.degree)[facets[:, 1]]
-        touching = np.zeros(node_count, dtype=bool)
-        touching[np.take_along_axis(nodes, on_facet, axis=1)] = True
-        layer = np.zeros(node_count, dtype=bool)
-        layer[nodes] = True
-
-        dofs = np.flatnonzero((layer[:, None] & ~model.fixed).ravel())
-        at_contact = np.repeat(touching, d)[dofs]
-        numbers = model.global_dofs(dofs)
-        contact = np.unique(np.concatenate(model.comm.allgather(numbers[at_contact])))
-        others = np.concatenate(model.comm.allgather(numbers[~at_contact]))
-        # A degree of freedom may be at the contact on another rank only.
-        off_contact = np.setdiff1d(others, contact)
-
-        self.contact_size = len(contact)
-        self.numbers = np.concatenate([contact, off_contact])
-        order = np.argsort(self.numbers)
-        self.local = dofs
-        self.place = order[np.searchsorted(self.numbers, numbers, sorter=order)]
 
     def _free_components(self) -> int:
         """Count the free degrees of freedom of all ranks; collective."""

@@ -139,8 +139,8 @@ class IterativeTraces:
     def _nodal(self, values: np.ndarray) -> fem.Function:
         """Return values (M, d) as a Function, at the nodes that this rank owns."""
         nodal = self.model.function()
-        own, local = _owned(self.model, self.numbers)
-        nodal.x.array.reshape(-1, self.model.d)[local] = values[own]
+        owned, local = _owned(self.model, self.numbers)
+        nodal.x.array.reshape(-1, self.model.d)[local] = values[owned]
         return nodal
 
 
@@ -160,14 +160,14 @@ def _of_owners(model: Model, numbers: np.ndarray, values: np.ndarray) -> np.ndar
         numbers: Global numbers of the nodes of the surface, shape (M,).
         values: Values at the nodes of this rank, right on their owners, (nodes d,).
     """
-    own, local = _owned(model, numbers)
+    owned, local = _owned(model, numbers)
     nodal = np.zeros((len(numbers), model.d))
-    nodal[own] = values.reshape(-1, model.d)[local]
+    nodal[owned] = values.reshape(-1, model.d)[local]
     return np.asarray(model.comm.allreduce(nodal))
 
 
 def _owned(model: Model, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Find the nodes of the surface that this rank owns, and their local numbers."""
     low, high = model.V.dofmap.index_map.local_range
-    own = (numbers >= low) & (numbers < high)
-    return own, numbers[own] - low
+    owned = (numbers >= low) & (numbers < high)
+    return owned, numbers[owned] - low
