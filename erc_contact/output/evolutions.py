@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from erc_contact.output.drawing import CYCLE, draw_figure, new_figure, panels_of
 from erc_contact.output.files import on_root
 from erc_contact.output.foundations import rounded
 from erc_contact.output.pictures import draw_deformed, magnification
+from erc_contact.output.series import LoadingHistory
 
 ALONG = 400
 """Number of points along a contact in the picture of its zones."""
@@ -24,21 +25,9 @@ FRAMES = 60
 """Greatest number of frames of an animation."""
 
 
-class History(Protocol):
-    """A loading history, as far as it is drawn. An ``Evolution`` has these members."""
-
-    @property
-    def errors(self) -> tuple[ConstitutiveError, ...]:
-        """The error at the end of each step."""
-
-    def column(self, name: str) -> np.ndarray:
-        """One number of each step: "time", "work", "dissipated", ..."""
-
-    def force(self, contact: str) -> np.ndarray:
-        """The resultant on a contact at the end of each step [force], shape (steps, d)."""
-
-
-def plot_energies(history: History, path: str | Path | None = None, *, ax: Any = None) -> Any:
+def plot_energies(
+    history: LoadingHistory, path: str | Path | None = None, *, ax: Any = None
+) -> Any:
     """Draw work, strain energy and dissipation against time, and what is left of their balance; collective.
 
     Args:
@@ -86,7 +75,7 @@ def plot_energies(history: History, path: str | Path | None = None, *, ax: Any =
 
 
 def plot_loop(
-    history: History,
+    history: LoadingHistory,
     contact: str,
     path: str | Path | None = None,
     part: str | None = None,
@@ -136,7 +125,7 @@ def plot_loop(
 
 
 def plot_zones(
-    history: History, contact: str, path: str | Path | None = None, *, ax: Any = None
+    history: LoadingHistory, contact: str, path: str | Path | None = None, *, ax: Any = None
 ) -> Any:
     """Draw which parts of a contact in 2D are open, slip or stick, along the contact and in time; collective.
 
@@ -186,7 +175,7 @@ def plot_zones(
     return draw_figure(comm, path, ax, draw)
 
 
-def animate(history: History, path: str | Path, seconds: float = 0.15) -> None:
+def animate(history: LoadingHistory, path: str | Path, seconds: float = 0.15) -> None:
     """Write a gif of the deformed body, with the same magnification at all times; collective.
 
     Args:

@@ -15,18 +15,28 @@ from erc_contact.output.gathered import body_mesh, body_nodes, nodal_displacemen
 from erc_contact.results.stresses import cell_stresses
 
 
-class History(Protocol):
-    """A loading history, as far as it is written. An ``Evolution`` has these members."""
+class LoadingHistory(Protocol):
+    """Stand for a loading history, as far as it is drawn and written.
+
+    An ``Evolution`` has these members.
+    """
 
     @property
     def errors(self) -> tuple[ConstitutiveError, ...]:
-        """The error at the end of each step."""
+        """Return the error at the end of each step."""
 
     def column(self, name: str) -> np.ndarray:
-        """One number of each step: "time"."""
+        """Return one number of each step: "time", "work", "dissipated", ..."""
+
+    def force(self, contact: str) -> np.ndarray:
+        """Return the resultant on a contact at the end of each step [force].
+
+        Returns:
+            Forces, shape (steps, d).
+        """
 
 
-def write_series(history: History, path: str | Path) -> None:
+def write_series(history: LoadingHistory, path: str | Path) -> None:
     """Write the fields of all steps to one VTKHDF file with times, which opens in ParaView as it is; collective.
 
     It has the displacement u^ at the nodes; in the cells eps_E, the mean of sigma^, its
