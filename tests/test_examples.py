@@ -13,6 +13,8 @@ from processes import ROOT
 
 import erc_contact as ec
 
+import gmsh  # isort: skip - after erc_contact, as in all tests
+
 PAGE = ROOT / "docs" / "api" / "index.md"
 CODE = re.compile(r"^```python\n(.*?)^```", re.MULTILINE | re.DOTALL)
 PUBLIC = [getattr(ec, name) for name in ec.__all__]
@@ -29,16 +31,31 @@ def examples(value):
 
 
 @pytest.fixture(scope="module")
-def shared(tmp_path_factory):
-    """Names that all examples know, and the folder where they write."""
+def square(tmp_path_factory):
+    """A folder with ``square.msh``, which gmsh has in memory, too."""
+    gmsh.initialize(readConfigFiles=False, interruptible=False)
+    gmsh.option.setNumber("General.Terminal", 0)
+    square = gmsh.model.occ.addRectangle(0.0, 0.0, 0.0, 1.0, 1.0)
+    gmsh.model.occ.synchronize()
+    gmsh.model.addPhysicalGroup(2, [square], name="body")
+    gmsh.model.addPhysicalGroup(1, [1], name="bottom")
+    gmsh.model.addPhysicalGroup(1, [3], name="top")
+    gmsh.model.mesh.generate(2)
     folder = tmp_path_factory.mktemp("examples")
-    names = {}
+    gmsh.write(str(folder / "square.msh"))
+    yield folder
+    gmsh.finalize()
+
+
+@pytest.fixture(scope="module")
+def shared(square):
+    """Names that all examples know; they write to a folder of their own."""
+    names = {"gmsh": gmsh}
     with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(folder)
+        patch.chdir(square)
         for block in CODE.findall(PAGE.read_text()):
             exec(compile(block, str(PAGE), "exec"), names)
         yield names
-    names["gmsh"].finalize()
 
 
 @pytest.fixture

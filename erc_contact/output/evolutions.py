@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from erc_contact.output.drawing import CYCLE, draw_figure, new_figure, panels_of
 from erc_contact.output.files import on_root
 from erc_contact.output.foundations import rounded
 from erc_contact.output.pictures import draw_deformed, magnification
+from erc_contact.output.series import LoadingHistory
 
 ALONG = 400
 """Number of points along a contact in the picture of its zones."""
@@ -24,24 +25,9 @@ FRAMES = 60
 """Greatest number of frames of an animation."""
 
 
-class History(Protocol):
-    """Represent a loading history, as far as it is drawn.
-
-    An ``Evolution`` has these members.
-    """
-
-    @property
-    def errors(self) -> tuple[ConstitutiveError, ...]:
-        """Return the error at the end of each step."""
-
-    def column(self, name: str) -> np.ndarray:
-        """Return one number of each step: "time", "work", "dissipated", ..."""
-
-    def force(self, contact: str) -> np.ndarray:
-        """Return the resultant on a contact after each step [force], (steps, d)."""
-
-
-def plot_energies(history: History, path: str | Path | None = None, *, ax: Any = None) -> Any:
+def plot_energies(
+    history: LoadingHistory, path: str | Path | None = None, *, ax: Any = None
+) -> Any:
     """Draw work, strain energy and dissipation against time; collective.
 
     Beside them is what is left of their balance.
@@ -91,7 +77,7 @@ def plot_energies(history: History, path: str | Path | None = None, *, ax: Any =
 
 
 def plot_loop(
-    history: History,
+    history: LoadingHistory,
     contact: str,
     path: str | Path | None = None,
     part: str | None = None,
@@ -142,7 +128,7 @@ def plot_loop(
 
 
 def plot_zones(
-    history: History, contact: str, path: str | Path | None = None, *, ax: Any = None
+    history: LoadingHistory, contact: str, path: str | Path | None = None, *, ax: Any = None
 ) -> Any:
     """Draw what of a contact in 2D is open, slips or sticks; collective.
 
@@ -194,7 +180,7 @@ def plot_zones(
     return draw_figure(comm, path, ax, draw)
 
 
-def animate(history: History, path: str | Path, seconds: float = 0.15) -> None:
+def animate(history: LoadingHistory, path: str | Path, seconds: float = 0.15) -> None:
     """Write a gif of the deformed body; collective.
 
     It has the same magnification at all times.

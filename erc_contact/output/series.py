@@ -19,8 +19,8 @@ from erc_contact.output.gathered import body_mesh, body_nodes, nodal_displacemen
 from erc_contact.results.stresses import cell_stresses
 
 
-class History(Protocol):
-    """Represent a loading history, as far as it is written.
+class LoadingHistory(Protocol):
+    """Stand for a loading history, as far as it is drawn and written.
 
     An ``Evolution`` has these members.
     """
@@ -30,10 +30,17 @@ class History(Protocol):
         """Return the error at the end of each step."""
 
     def column(self, name: str) -> np.ndarray:
-        """Return one number of each step: "time"."""
+        """Return one number of each step: "time", "work", "dissipated", ..."""
+
+    def force(self, contact: str) -> np.ndarray:
+        """Return the resultant on a contact at the end of each step [force].
+
+        Returns:
+            Forces, shape (steps, d).
+        """
 
 
-def write_series(history: History, path: str | Path) -> None:
+def write_series(history: LoadingHistory, path: str | Path) -> None:
     """Write the fields of all steps to one VTKHDF file with times; collective.
 
     ParaView opens it as it is. It has the displacement u^ at the nodes; in the cells
