@@ -1,1 +1,1 @@
-"""The adaptive run: where to refine, the optimal mesh, the loop, and its history."""
+"""Run adaptively and through loading histories; keep runs, and go on with them."""
