@@ -83,7 +83,6 @@ def sweep(name: str, degree: int, frictions: Iterable[float]) -> Row:
         except ec.ErcContactError:
             row.failures.append(friction)
             continue
-        solution.stiffness.free()
         row.steps.append(solution.newton_steps)
         if solution.method.multiplier:
             row.other.append(friction)

@@ -83,8 +83,6 @@ def main() -> None:
     for number in range(rounds + 1):
         linear = linear_solves(scene, domain)
         solutions = [ec.solve(scene, domain, method) for method in methods]
-        for solution in solutions:
-            solution.stiffness.free()
         if number > 0:  # the first round compiles forms
             rows.append((*linear, *(solution.seconds for solution in solutions)))
     first, again, *seconds = np.median(rows, axis=0)

@@ -306,7 +306,6 @@ def test_both_solvers_see_the_same_body(d):
         norms.append(coupling(pair.surface.normal, traces, t, pair.surface.positions())[0])
         if traces.cheap:
             exact = _norm_by_columns(pair.surface, traces, t)
-        traces.free()
     for one, other in zip(*found, strict=True):
         assert np.linalg.norm(one - other) < 0.02 * np.linalg.norm(one)
     assert norms[0] == pytest.approx(exact, rel=1e-5)

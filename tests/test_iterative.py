@@ -285,3 +285,20 @@ def test_bad_solver_is_refused():
         ec.InputError, match="solver is 'multigrid'; allowed are 'auto', 'direct', 'iterative'"
     ):
         ec.solve(scene, domain, solver="multigrid")
+
+
+@pytest.mark.parametrize("solver", ["direct", "iterative"])
+def test_the_factor_lives_in_the_block_of_its_owner(solver):
+    """The contact solve leaves it, the outermost block frees it, and a later stage makes it again."""
+    solution = ec.solve(*pressed_cube(friction=0.3), solver=solver)
+    elastic = solution.stiffness
+    assert solution.factorised
+    with elastic.in_memory():
+        with elastic.in_memory():
+            assert solution.factorised
+        assert solution.factorised
+    assert not solution.factorised
+    pair = ec.equilibrate(solution)
+    assert not solution.factorised
+    assert ec.coulomb_certificate(ec.constitutive_error(pair)).bound < np.inf
+    assert not solution.factorised

@@ -90,7 +90,7 @@ def rebalanced_stress(
 
     Args:
         model: The scene on a mesh.
-        elastic: The elastic solver of the contact solve; its memory is freed.
+        elastic: The elastic solver of the contact solve; its factor ends here.
         cells: Geometry, n cells.
         u: Displacement of the contact solve [length].
         b: Nodal forces, not yet summed over ranks [force].
@@ -99,14 +99,14 @@ def rebalanced_stress(
         Coefficients [force/area], shape (n, N_(k-1), d, d).
     """
     stress = cell_stress(model, cells, u)
-    for _ in range(BALANCE_SOLVES):
-        residual, size = _residual(model, cells, b, stress)
-        if size <= FORCE_ROUND_OFF:
-            break
-        tolerance = max(SOLVE_SHARE * FORCE_ROUND_OFF / size, np.finfo(float).eps)
-        change = elastic.solve(residual, supports=False, tolerance=tolerance)
-        stress += cell_stress(model, cells, change)
-    elastic.free()
+    with elastic.in_memory():
+        for _ in range(BALANCE_SOLVES):
+            residual, size = _residual(model, cells, b, stress)
+            if size <= FORCE_ROUND_OFF:
+                break
+            tolerance = max(SOLVE_SHARE * FORCE_ROUND_OFF / size, np.finfo(float).eps)
+            change = elastic.solve(residual, supports=False, tolerance=tolerance)
+            stress += cell_stress(model, cells, change)
     return _stress_of_owners(model, cells, stress)
 
 

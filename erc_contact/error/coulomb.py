@@ -183,12 +183,11 @@ def coulomb_certificate(error: ConstitutiveError | Run) -> CoulombCertificate:
     if not contacts:
         return CoulombCertificate(0.0, 0.0, 0.0, True, e, e, 0.0, 0.0)
     on_surface = pair_on_surface(pair)
-    traces = pair.solution.stiffness.traces(on_surface.surface.numbers)
-    certify = _best if traces.cheap else _single
-    try:
+    elastic = pair.solution.stiffness
+    with elastic.in_memory():
+        traces = elastic.traces(on_surface.surface.numbers)
+        certify = _best if traces.cheap else _single
         return certify(error, on_surface, traces)
-    finally:
-        traces.free()
 
 
 def _best(error: ConstitutiveError, pair: PairOnSurface, traces: Traces) -> CoulombCertificate:

@@ -91,8 +91,8 @@ def _least_energy(model: Model, elastic: ElasticSolver, which: int, a: np.ndarra
     start = model.function()
     start.x.array.reshape(-1, model.d)[:] = _working_part(contact, a[None])
     start.x.array[model.fixed.ravel()] = 0.0
-    phi = elastic.solve_with_springs(matrix, b, start)
-    elastic.free()
+    with elastic.in_memory():
+        phi = elastic.solve_with_springs(matrix, b, start)
     matrix.destroy()
     error = None
     if not np.isfinite(phi.x.array).all():

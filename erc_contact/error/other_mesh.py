@@ -89,10 +89,10 @@ def other_mesh(model: Model) -> OtherMesh | None:
 def body_on(model: Model, domain: Domain) -> OtherMesh:
     """Make the body of a model on another mesh; collective."""
     other = bind(model.scene, domain, model.degree)
-    stiffness = Stiffness(other)
-    stiffness.free()
     surface = coulomb_surface(other)
-    return OtherMesh(surface, stiffness.traces(surface.numbers))
+    stiffness = Stiffness(other)
+    with stiffness.in_memory():
+        return OtherMesh(surface, stiffness.traces(surface.numbers))
 
 
 def change_of_norm(q: float, surface: Surface, other_q: float, other: OtherMesh | None) -> float:

@@ -7,6 +7,8 @@ facets.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import cached_property
 
 import numpy as np
@@ -42,6 +44,25 @@ class Elastic:
         self.form = compiled.form(model.stiffness(u, v))
         self.glue = _glue(model)
         self.owned = model.V.dofmap.index_map.size_local * model.d
+        self._owners = 0
+
+    @contextmanager
+    def in_memory(self) -> Iterator[None]:
+        """Own the factor or hierarchy inside the `with`, and free it on exit; collective.
+
+        What the contact solve has left in memory is used. Blocks may be nested, and then
+        the outermost one is the owner.
+        """
+        self._owners += 1
+        try:
+            yield
+        finally:
+            self._owners -= 1
+            if self._owners == 0:
+                self.free()
+
+    def free(self) -> None:
+        """Free the factor or hierarchy; a later solve makes it again."""
 
     def load_vector(self) -> fem.Function:
         """Return the nodal forces of the loads [force], not yet summed over ranks."""

@@ -1,11 +1,11 @@
 """The elastic solver of a solution, as later stages see it, whichever it is.
 
 A contact solve makes it, and the solution keeps it as ``Solution.stiffness``. Its
-factor or hierarchy takes most of the memory of a solution, so it lives as follows: the
-contact solve makes it; the rebalance of the admissible stress uses it last as a rule,
-and frees it; bounds of quantities that solve again make it again, and free it. Whoever
-solves after a ``free`` therefore frees again. If nobody does, it goes with the
-solution.
+factor or hierarchy takes most of the memory of a solution. The contact solve leaves it
+there for the next stage that solves. Each stage does so inside ``with
+elastic.in_memory()``, which owns the factor and frees it on exit: the rebalance of the
+admissible stress, bounds that solve, the Coulomb certificate. A later stage makes it
+again. If no stage follows, it goes with the solution.
 
 Symbols: K elastic stiffness with the supports [force/length]; S its Schur complement on
 the nodes of all contacts.
@@ -13,6 +13,7 @@ the nodes of all contacts.
 
 from __future__ import annotations
 
+from contextlib import AbstractContextManager
 from typing import ClassVar, Protocol
 
 import numpy as np
@@ -49,9 +50,6 @@ class Traces(Protocol):
         Both have the shape (M, d). Nodes of contacts beside the surface are free of
         forces. The forces do no work on the free motions.
         """
-
-    def free(self) -> None:
-        """Free the memory; the traces are of no use afterwards."""
 
 
 class ElasticSolver(Protocol):
@@ -105,5 +103,5 @@ class ElasticSolver(Protocol):
                 (M,).
         """
 
-    def free(self) -> None:
-        """Free the memory; a later solve makes it again."""
+    def in_memory(self) -> AbstractContextManager[None]:
+        """Own the factor or hierarchy inside a `with`, and free it on exit; collective."""

@@ -75,10 +75,6 @@ class DenseTraces:
         """Return ``S^+ f``, for forces that do no work on the free motions."""
         return self._times(1, f)
 
-    def free(self) -> None:
-        """Free the memory."""
-        self._matrices = None
-
     def _times(self, which: int, values: np.ndarray) -> np.ndarray:
         """Return the product of one of the matrices and values (M, d); collective."""
         result = np.zeros(values.size)
@@ -97,9 +93,6 @@ class Lifting(Protocol):
         self, b: fem.Function, *, supports: bool = True, tolerance: float | None = None
     ) -> fem.Function:
         """Return the displacement u of ``K u = b`` [length]; collective."""
-
-    def free(self) -> None:
-        """Free the memory; a later solve makes it again."""
 
 
 class IterativeTraces:
@@ -131,10 +124,6 @@ class IterativeTraces:
         """Return ``S^+ f``, for forces that do no work on the free motions."""
         moved = self.elastic.solve(self._nodal(f), supports=False, tolerance=FINE)
         return _of_owners(self.model, self.numbers, moved.x.array)
-
-    def free(self) -> None:
-        """Free the memory."""
-        self.elastic.free()
 
     def _nodal(self, values: np.ndarray) -> fem.Function:
         """Return values (M, d) as a Function, at the nodes that this rank owns."""
