@@ -56,11 +56,6 @@ SMOOTH_FIELD = 1
 
 A field costs a linear solve there.
 """
-MARGIN = 1.5
-"""Factor of the change of q with which it must be below 2 for a claim [-].
-
-The change is extrapolated from two meshes, and a claim should outlive the next one.
-"""
 BALANCED_WORK = 1e-8
 """Work of a traction on a rigid motion that counts as none [-].
 
@@ -81,7 +76,7 @@ class CoulombCertificate:
         q_change: How far q may be from its limit on fine meshes, as a finer or a
             coarser mesh tells with the same field t; where there is none, a tenth of q.
             After multigrid the last step of the iteration for q is added.
-        unique: Whether ``q + 1.5 q_change < 2``: at most one solution slips in the
+        unique: Whether ``q + q_change < 2``: at most one solution slips in the
             direction t of this pair.
         bound: Every solution has ``sqrt(|u - u^|^2 + |sigma - sigma^|^2) <= bound``
             [sqrt(force length)]; infinite where none is claimed.
@@ -253,12 +248,9 @@ def _tried(
         if work_on_motion > BALANCED_WORK * (np.linalg.norm(motion, axis=1) @ sizes):
             B = np.inf
     e_t = float(np.sqrt(max(error.absolute**2 - 2 * work, error.bulk_error**2)))
-    unique = q + MARGIN * change < 2
-    bound = np.inf
-    if unique:
-        bound = bound_of_both(q + change, e_t, error.bulk_error, float(np.hypot(A, B)))
+    bound = bound_of_both(q + change, e_t, error.bulk_error, float(np.hypot(A, B)))
     friction = float(pair.friction.max())
-    return CoulombCertificate(friction, q, change, unique, bound, error.absolute, A, B)
+    return CoulombCertificate(friction, q, change, q + change < 2, bound, error.absolute, A, B)
 
 
 def _energy(displacement: np.ndarray, forces: np.ndarray) -> float:
