@@ -31,15 +31,18 @@ import erc_contact as ec  # noqa: I001 - the package orders MPI before the compi
 
 import numpy as np
 import pytest
+from compiler import compiler_options
 from dolfinx import jit
 from mpi4py import MPI
-from processes import COMPILER
 
 from erc_contact.output import bodies
 
 COMM = MPI.COMM_WORLD
 gc.set_threshold(100_000, 20, 50)
-jit.DOLFINX_DEFAULT_JIT_OPTIONS["cffi_extra_compile_args"] = (COMPILER, "options of the C compiler")
+jit.DOLFINX_DEFAULT_JIT_OPTIONS["cffi_extra_compile_args"] = (
+    compiler_options(),
+    "options of the C compiler",
+)
 jit.DOLFINX_DEFAULT_JIT_OPTIONS["timeout"] = (
     30,
     "seconds that one process waits for a form that another compiles",
