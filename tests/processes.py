@@ -23,7 +23,12 @@ ROOT = Path(__file__).parent.parent
 
 def environment() -> dict[str, str]:
     """Variables of a process of its own: none of a running mpiexec, one thread, and the package beside the tests."""
-    own = {"OMP_NUM_THREADS": "1", "MPIR_CVAR_CH4_PROGRESS_THROTTLE": "1", "PYTHONPATH": str(ROOT)}
+    own = {
+        "OMP_NUM_THREADS": "1",
+        "MPIR_CVAR_CH4_PROGRESS_THROTTLE": "1",
+        "PYTHONHASHSEED": "7",  # another than that of the tests, on all ranks
+        "PYTHONPATH": str(ROOT),
+    }
     return {k: v for k, v in os.environ.items() if not k.startswith(("PMI", "MPI"))} | own
 
 
