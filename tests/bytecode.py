@@ -1,4 +1,4 @@
-"""Python keeps what it has compiled of modules, in the tests and in the processes that they start.
+"""Keep what Python has compiled of modules, also in the processes of tests.
 
 Without it each of some twenty processes would compile all that it imports, half of the
 time of an import.

@@ -1,4 +1,4 @@
-"""Options of the C compiler in tests, and Python's header in the form that it reads fast.
+"""Options of the C compiler in tests, and Python.h in the form that it reads fast.
 
 Each module of compiled forms includes Python.h, and gcc takes two thirds of its time to
 read it. Here it is read once: gcc keeps what it has read in a file beside the compiled
@@ -22,9 +22,9 @@ from setuptools._distutils.ccompiler import new_compiler
 from setuptools._distutils.sysconfig import customize_compiler
 
 FAST = ["-O0", "-g0"]
-"""Forms run nearly as fast as with -O2 on the small meshes of tests, and compile faster."""
+"""On small meshes forms run nearly as fast as with -O2, and they compile faster."""
 STANDARD = "-std=c17"
-"""Option that FFCx adds; a precompiled header is read only with the options that made it."""
+"""Option that FFCx adds; a precompiled header is read only with its own options."""
 HEADER = """\
 #include <pyconfig.h>
 #ifndef Py_LIMITED_API

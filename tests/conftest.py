@@ -30,7 +30,7 @@ from time import monotonic, sleep
 os.environ["MPLBACKEND"] = "Agg"
 
 import bytecode  # noqa: F401, I001 - before all that takes long to import
-import erc_contact as ec  # the package orders MPI before the compiled modules; it comes before them
+import erc_contact as ec  # it orders MPI before the compiled modules, so it comes first
 
 import basix.ufl
 import numpy as np

@@ -311,9 +311,9 @@ for folder in (None, "kept", None):
 @pytest.mark.serial
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_interrupted_runs_keep_their_histories(ranks, tmp_path):
-    """Real signals to three runs of a process: to one rank, and to mpiexec as Ctrl-C sends it.
+    """Send real signals to three runs of a process: to one rank, and to mpiexec.
 
-    SIGTERM comes as a batch system sends it, and each level of its run is in the folder.
+    The latter is what Ctrl-C does. SIGTERM comes as a batch system sends it, and each level of its run is in the folder.
     """
     with started(INTERRUPTED, ranks, tmp_path) as process:
         for number in (signal.SIGINT, signal.SIGTERM, "Ctrl-C"):

@@ -417,7 +417,7 @@ t.run(t.of_flat_body, 40, "kept", callback=tell)
 @pytest.mark.serial
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_killed_runs_go_on(ranks, tmp_path):
-    """SIGKILL at a moment of its own; on one rank it goes on. Hashes of strings differ between the processes."""
+    """Kill a run at some moment; on one rank it goes on, with other hashes of strings."""
     with started(KEPT.format(tests=str(Path(__file__).parent)), ranks, tmp_path) as process:
         elsewhere = told(process, "fingerprint")
         pids = [told(process, "mesh") for _ in range(2 + ranks)][-1]

@@ -71,7 +71,7 @@ def communicators():
 
 @pytest.fixture(scope="module", autouse=True)
 def few_communicators():
-    """Leave few communicators to the tests here: to count some thousand takes half a second."""
+    """Leave few communicators to the tests here: counting thousands takes 0.5 s."""
     made = new_communicators()
     free(made[-FEW:])
     reserve = made[:-FEW]
