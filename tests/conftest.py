@@ -9,10 +9,12 @@ demos, marked ``gallery``, run only if asked for, by ``-m gallery``.
 Under pytest-xdist each worker is a process of one rank. Workers share the cache of
 compiled forms: one may wait for a form that another compiles.
 
-In the first run some thousand forms are compiled. setuptools, which calls the C
+In the first run some hundred forms are compiled. setuptools, which calls the C
 compiler, looks for plug-ins of all installed packages six times for each of them, a
-sixth of the time; here it does so once. UFL makes millions of small objects; Python
-looks for cycles among them less often here, which takes a twentieth less.
+sixth of the time; here it does so once. UFL makes the same few cells with all their
+faces thousands of times; here each of them is made once. UFL makes millions of small
+objects; Python looks for cycles among them less often here, which takes a twentieth
+less. What else is done for the C compiler stands in ``compiler.py``.
 """
 
 import gc
@@ -27,24 +29,32 @@ from time import monotonic, sleep
 
 os.environ["MPLBACKEND"] = "Agg"
 
-import erc_contact as ec  # noqa: I001 - the package orders MPI before the compiled modules; it comes first
+import bytecode  # noqa: F401, I001 - before all that takes long to import
+import erc_contact as ec  # it orders MPI before the compiled modules, so it comes first
 
+import basix.ufl
 import numpy as np
 import pytest
+import ufl
+from compiler import compiler_options
 from dolfinx import jit
 from mpi4py import MPI
-from processes import COMPILER
 
 from erc_contact.output import bodies
 
 COMM = MPI.COMM_WORLD
 gc.set_threshold(100_000, 20, 50)
-jit.DOLFINX_DEFAULT_JIT_OPTIONS["cffi_extra_compile_args"] = (COMPILER, "options of the C compiler")
+jit.DOLFINX_DEFAULT_JIT_OPTIONS["cffi_extra_compile_args"] = (
+    compiler_options(),
+    "options of the C compiler",
+)
 jit.DOLFINX_DEFAULT_JIT_OPTIONS["timeout"] = (
     30,
     "seconds that one process waits for a form that another compiles",
 )
 importlib.metadata.entry_points = cache(importlib.metadata.entry_points)
+cell_named = cache(ufl.Cell)
+basix.ufl._ElementBase.cell = property(lambda element: cell_named(element._cellname))
 
 
 PATIENCE = 60.0

@@ -15,16 +15,20 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import pytest
+from compiler import compiler_options
 from mpi4py import MPI
 
 ROOT = Path(__file__).parent.parent
-COMPILER = ["-O1", "-g0"]
-"""Options of the C compiler in tests: forms run as fast as with -O2, and compile in three quarters of its time."""
 
 
 def environment() -> dict[str, str]:
     """Variables of a process of its own: none of a running mpiexec, one thread, and the package beside the tests."""
-    own = {"OMP_NUM_THREADS": "1", "MPIR_CVAR_CH4_PROGRESS_THROTTLE": "1", "PYTHONPATH": str(ROOT)}
+    own = {
+        "OMP_NUM_THREADS": "1",
+        "MPIR_CVAR_CH4_PROGRESS_THROTTLE": "1",
+        "PYTHONHASHSEED": "7",  # another than that of the tests, on all ranks
+        "PYTHONPATH": str(ROOT),
+    }
     return {k: v for k, v in os.environ.items() if not k.startswith(("PMI", "MPI"))} | own
 
 
@@ -47,7 +51,7 @@ def started(script: str, ranks: int, folder: Path) -> Iterator[subprocess.Popen]
 def launched(path: Path, ranks: int, folder: Path) -> Iterator[subprocess.Popen]:
     """The same for a script that is a file already; DOLFINx finds the options of the C compiler in the folder."""
     (folder / "dolfinx_jit_options.json").write_text(
-        json.dumps({"cffi_extra_compile_args": COMPILER})
+        json.dumps({"cffi_extra_compile_args": compiler_options()})
     )
     launch = [] if ranks == 1 else [str(Path(sys.executable).parent / "mpiexec"), "-n", str(ranks)]
     with subprocess.Popen(

@@ -14,6 +14,7 @@ import csv
 import dataclasses
 import os
 import signal
+from time import monotonic
 
 import numpy as np
 import pytest
@@ -27,6 +28,7 @@ from erc_contact.base.percent import percent
 from erc_contact.base.runtime.interrupts import Interrupts
 from erc_contact.error.strategy import TIE, largest
 from erc_contact.error.strategy import refined as refined_if_allowed
+from erc_contact.run.levels import Folder
 
 CORNER = 0.7112
 """Singular exponent of a clamped-free corner of 90 degrees, nu = 0.3."""
@@ -34,9 +36,9 @@ CORNER = 0.7112
 
 @pytest.mark.serial
 def test_adaptive_rate():
-    history = ec.adapt(prototype_block(), block(4), accuracy=0.004)
+    history = ec.adapt(prototype_block(), block(4), accuracy=0.006)
     assert history.reached
-    assert history.best.relative <= 0.004
+    assert history.best.relative <= 0.006
     print(f"slope {history.slope('cells', last=4):.3f}")
     assert history.slope("cells", last=4) == pytest.approx(-0.5, abs=0.05)
 
@@ -44,7 +46,7 @@ def test_adaptive_rate():
 @pytest.mark.serial
 def test_uniform_rate_is_that_of_the_corner():
     history = ec.adapt(
-        prototype_block(), block(8), accuracy=1e-6, strategy=ec.Uniform(), max_steps=5
+        prototype_block(), block(8), accuracy=1e-6, strategy=ec.Uniform(), max_steps=4
     )
     slope = history.slope("cells", last=3)
     print(f"\nuniform slope {slope:.3f}, corner {-CORNER / 2:.3f}")
@@ -279,45 +281,60 @@ def test_error_of_a_callback_comes_to_all_ranks_and_carries_the_history(rank):
 
 
 INTERRUPTED = """
+import os
 import signal
 import erc_contact as ec
-from erc_contact.base.percent import percent
 from mpi4py import MPI
 
 scene = ec.Scene(
     ec.Elastic(1.0, 0.3), [ec.Displacement("top", (0.02, -0.05))], contacts=[ec.Contact("bottom", friction=0.3)]
 )
 comm = MPI.COMM_WORLD
+HANDLERS = signal.SIG_DFL, signal.default_int_handler
 
 def tell(error, step):
     if comm.rank == comm.size - 1:
-        print("mesh", __import__("os").getpid(), flush=True)
+        print("mesh", os.getpid(), flush=True)
 
-history = ec.adapt(scene, ec.rectangle((0.0, 0.0), (2.0, 7.0), cells=(4, 14)), 1e-9, max_cells=10**9, callback=tell)
-assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
-every = comm.allgather((len(history.steps), history.outcome))
-assert len(set(every)) == 1, every
-if comm.rank == 0:
-    print("ended", *every[0])
-    history.to_csv("history.csv")
+for folder in (None, "kept", None):
+    domain = ec.rectangle((0.0, 0.0), (2.0, 7.0), cells=(4, 14))
+    history = ec.adapt(scene, domain, 1e-9, max_cells=10**9, callback=tell, checkpoint=folder)
+    assert (signal.getsignal(signal.SIGTERM), signal.getsignal(signal.SIGINT)) == HANDLERS
+    every = comm.allgather((len(history.steps), history.outcome))
+    assert len(set(every)) == 1, every
+    if comm.rank == 0:
+        history.to_csv("history.csv")
+        print("ended", *every[0], flush=True)
 """
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize(("ranks", "to"), [(1, "all"), (2, "all"), (2, "last rank")])
-def test_interrupted_run_keeps_its_history(ranks, to, tmp_path):
-    """A real SIGINT, to mpiexec as Ctrl-C sends it, or to one rank only."""
-    if (ranks, to) == (2, "all") and "Open MPI" in MPI.Get_library_version():
-        pytest.skip("mpiexec of Open MPI 6 kills its ranks at once")
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_interrupted_runs_keep_their_histories(ranks, tmp_path):
+    """Send real signals to three runs of a process: to one rank, and to mpiexec.
+
+    The latter is what Ctrl-C does. SIGTERM comes as a batch system sends it, and each level of its run is in the folder.
+    """
     with started(INTERRUPTED, ranks, tmp_path) as process:
-        pid = [int(told(process, "mesh")[0]) for _ in range(2)][-1]
-        os.kill(pid if to == "last rank" else process.pid, signal.SIGINT)
-        ended = [line for line in output(process, 60).splitlines() if line.startswith("ended")]
-    assert len(ended) == 1
-    steps = int(ended[0].split()[1])
-    assert steps >= 2
-    assert "Interrupted at" in ended[0]
-    assert len((tmp_path / "history.csv").read_text().splitlines()) == steps + 1
+        for number in (signal.SIGINT, signal.SIGTERM, "Ctrl-C"):
+            if number == "Ctrl-C" and ranks == 2 and "Open MPI" in MPI.Get_library_version():
+                break  # mpiexec of Open MPI 6 kills its ranks at once
+            pid = [int(told(process, "mesh")[0]) for _ in range(2)][-1]
+            began = monotonic()
+            if number == "Ctrl-C":
+                os.kill(process.pid, signal.SIGINT)
+            else:
+                os.kill(pid, number)
+            steps, *outcome = told(process, "ended")
+            assert number != signal.SIGTERM or monotonic() - began < 5.0
+            assert "Interrupted at" in " ".join(outcome)
+            assert int(steps) >= 2
+            rows = (tmp_path / "history.csv").read_text().splitlines()
+            assert len(rows) == int(steps) + 1
+            if number == signal.SIGTERM:
+                assert len(Folder(tmp_path / "kept").numbers()) == int(steps)
+        else:
+            assert "ended" not in output(process, 60)  # it ends by itself, on all ranks
 
 
 def test_interrupt_before_there_is_anything_to_keep_is_raised():

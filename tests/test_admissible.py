@@ -43,8 +43,10 @@ from erc_contact.model.expressions import evaluate
 from erc_contact.model.trace import split
 from erc_contact.scene.material import mandel_basis
 
-PAIRS = [*((seed, 1) for seed in (0, 2, 3, 5, 6, 7)), *((seed, 2) for seed in (2, 3, 7))]
-"""Seeds of random scenes, degrees."""
+PAIRS = [(0, 1), (2, 1), (3, 1), (6, 1), (7, 1), (2, 2), (3, 2)]
+"""Seeds of random scenes, degrees: scenes of other files, so that forms are shared."""
+AUGMENTED = [(0, 1), (3, 1)]
+"""Those of them that the augmented Lagrangian solves, in the plane and in space."""
 BALANCE = 1e-10
 CONE = 1e-12
 
@@ -52,7 +54,7 @@ CONE = 1e-12
 @pytest.fixture(scope="module", params=mostly_serial(PAIRS, [(2, 1), (3, 1), (2, 2), (3, 2)]))
 def pair(request: pytest.FixtureRequest) -> Admissible:
     seed, degree = request.param
-    method = ec.AugmentedLagrangian() if seed in (0, 5) else None
+    method = ec.AugmentedLagrangian() if request.param in AUGMENTED else None
     return ec.equilibrate(ec.solve(*random_scene(seed), method, degree=degree))
 
 
@@ -276,8 +278,7 @@ def test_contact_holds_on_all_meshes(E):
     assert history.steps[-1].cells > 600
 
 
-@pytest.mark.parametrize("degree", [1, 2])
-@pytest.mark.parametrize("d", [2, 3])
+@pytest.mark.parametrize(("d", "degree"), [(2, 1), (2, 2), (3, 1)])
 def test_elements_balance_where_the_body_slides_far(d, degree):
     """The displacement is 1e8 times the elastic one: its round-off was 1e-8 of the forces."""
     scene, domain = sliding_block(10.0, d, n=2 if d == 2 else 1)

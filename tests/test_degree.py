@@ -93,7 +93,7 @@ def pressed_everywhere() -> ec.Scene:
 )
 def test_rate_on_a_smooth_contact(degree, method):
     eps, index = [], []
-    for n in (4, 8, 16):
+    for n in (8, 16):
         domain = ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(n, n))
         pair = ec.equilibrate(ec.solve(pressed_everywhere(), domain, method, degree=degree))
         error = ec.constitutive_error(pair)
@@ -126,7 +126,7 @@ def test_adaptive_rate_and_index():
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize(("nu", "friction"), [(0.4999, 0.0), (0.4999, 0.3), (0.499999, 0.0)])
+@pytest.mark.parametrize(("nu", "friction"), [(0.4999, 0.3), (0.499999, 0.0)])
 def test_index_near_incompressibility(nu, friction):
     """The bound stays sharp; linear elements lock there, which eps shows: they need a finer mesh for a tenth of it."""
     scene = replace(

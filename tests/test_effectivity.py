@@ -60,7 +60,7 @@ CASES = {
     "known": (
         quadratic_contact(),
         ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(4, 4)),
-        4,
+        3,
         {"levels": 0, "degree": 2},
     ),
 }

@@ -112,7 +112,7 @@ def test_steps_are_those_by_hand(whole):
 
 def test_energy(whole):
     """What the balance leaves on fixed meshes is below the square of the error of the pairs; see the formulas."""
-    for times in (np.linspace(0.0, 2.0, 9), np.linspace(0.0, 2.0, 33)):
+    for times in (np.linspace(0.0, 2.0, 9), np.linspace(0.0, 2.0, 17)):
         history = cycle(
             accuracy=0.9, times=times, domain=ec.rectangle((0.0, 0.0), (1.0, 0.7), cells=(8, 6))
         )
@@ -148,14 +148,14 @@ def lifted(t):
 def test_dissipation_is_of_second_order_in_time():
     """Half as long steps have a quarter of the error."""
     taken, in_time = {}, {}
-    for count in (4, 8, 32):
+    for count in (4, 8, 16):
         history = ec.evolve(lifted, box(), np.linspace(0.0, 1.0, count + 1), 0.9)
         assert np.all(np.diff(history.column("dissipated")) >= 0)
         taken[count] = np.ptp(history.column("dissipated"))
         in_time[count] = np.diff(history.column("in_time"))
-    assert abs(taken[4] - taken[32]) < 0.06 * taken[32]
-    assert abs(taken[8] - taken[32]) < 0.3 * abs(taken[4] - taken[32])
-    assert all(unknown.min() >= -1e-12 * taken[32] for unknown in in_time.values())
+    assert abs(taken[4] - taken[16]) < 0.06 * taken[16]
+    assert abs(taken[8] - taken[16]) < 0.3 * abs(taken[4] - taken[16])  # 1/3 of first order
+    assert all(unknown.min() >= -1e-12 * taken[16] for unknown in in_time.values())
     header, *_, last, _ = str(history).splitlines()
     assert header.split()[8] == "in_time"
     assert last.split()[8] == f"{history.steps[-1].in_time:.1e}"

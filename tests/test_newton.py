@@ -62,7 +62,7 @@ def whole_residual(solution: ec.Solution) -> float:
 
 
 @pytest.mark.parametrize("method", METHODS, ids=str)
-@pytest.mark.parametrize("seed", mostly_serial([1, 2, 3], [2, 3]))
+@pytest.mark.parametrize("seed", mostly_serial([0, 2, 3], [2, 3]))
 def test_whole_body_is_in_equilibrium(method, seed):
     assert whole_residual(ec.solve(*random_scene(seed), method)) < 1e-9
 

@@ -366,7 +366,7 @@ def by_brute_force(scene: ec.Scene, n: int) -> np.ndarray:
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize("seed", [1, 2, 4, 7])
+@pytest.mark.parametrize("seed", [1, 4, 7])
 def test_what_is_guaranteed_is_true(seed):
     degree = 1 + seed // 4
     scene, carried = a_scene(seed, degree)

@@ -164,7 +164,7 @@ def test_profile_in_space():
 @pytest.mark.parametrize("d", [2, 3])
 def test_weights_of_a_profile_integrate(d, degree):
     """The force of a contact is a sum over the rows of its profile."""
-    scene, domain = (common_block(), block(4)) if d == 2 else random_scene(5)
+    scene, domain = (common_block(), block(4)) if d == 2 else random_scene(3)
     error = error_of(scene, domain, degree)
     name = scene.contacts[0].facets
     profile, force, model = error.profile(name), error.force(name), error.solution.model
