@@ -15,7 +15,7 @@ import numpy as np
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.percent import percent
 from erc_contact.error.constitutive import ConstitutiveError
-from erc_contact.output.drawing import CYCLE, draw_figure, log_ticks, new_figure, panels_of
+from erc_contact.output.drawing import COLOUR_CYCLE, draw_figure, log_ticks, new_figure, panels_of
 
 SPAN = 4.0
 """Factor by which unknowns must grow over the meshes of which a slope is told [-]."""
@@ -87,7 +87,7 @@ def plot_history(
         ):
             slope = history.slope("dofs")
             look = {"label": name if np.isnan(slope) else f"{name} (slope ${slope:.2f}$)"}
-            look["color"] = CYCLE[number % len(CYCLE)]
+            look["color"] = COLOUR_CYCLE[number % len(COLOUR_CYCLE)]
             for panel, column in ((left, "seconds"), (right, "dofs")):
                 panel.plot(
                     history.column(column),

@@ -16,18 +16,18 @@ from mpi4py import MPI
 from erc_contact.base.exceptions import InputError
 from erc_contact.output.files import DPI, STYLE, on_root
 
-CYCLE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#000000")
+COLOUR_CYCLE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#000000")
 """Colours of curves that the colour-blind can tell apart.
 
 Source: Okabe, Ito, Color Universal Design (2008).
 """
 
 
-COMPRESSION = 3
+PNG_COMPRESSION = 3
 """Level of compression of png files: files are a few per cent larger than with the default
 of Pillow, 6, and are written twice as fast.
 """
-MARGIN = 0.1
+FIGURE_MARGIN = 0.1
 """White margin around a saved figure [inches]."""
 
 
@@ -77,9 +77,9 @@ def save_figure(figure: Any, path: str | Path) -> None:
     layout = figure.get_layout_engine()
     layout.execute(figure)
     figure.set_layout_engine("none")  # it is done
-    box = figure.get_tightbbox().padded(MARGIN)
+    box = figure.get_tightbbox().padded(FIGURE_MARGIN)
     png = Path(path).suffix == ".png"
-    options = {"pil_kwargs": {"compress_level": COMPRESSION}} if png else {}
+    options = {"pil_kwargs": {"compress_level": PNG_COMPRESSION}} if png else {}
     figure.savefig(path, dpi=DPI, bbox_inches=box, **options)
     figure.set_layout_engine(layout)
 

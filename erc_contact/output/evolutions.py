@@ -13,10 +13,10 @@ from erc_contact.base.progress import at, stage
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.mesh.simplex import lagrange, rule
 from erc_contact.output.contact_plots import COLOURS, STATUS
-from erc_contact.output.drawing import CYCLE, draw_figure, new_figure, panels_of, tangents
+from erc_contact.output.deformed import draw_deformed, magnification
+from erc_contact.output.drawing import COLOUR_CYCLE, draw_figure, new_figure, panels_of, tangents
 from erc_contact.output.files import on_root
 from erc_contact.output.foundations import rounded
-from erc_contact.output.pictures import draw_deformed, magnification
 from erc_contact.output.series import LoadingHistory
 
 ALONG = 400
@@ -48,7 +48,7 @@ def plot_energies(
             new_figure(8.6, 3.9).subplots(1, 2) if ax is None else ax, 2, "plot_energies"
         )
         for axes in panels:
-            axes.set_prop_cycle(color=CYCLE)
+            axes.set_prop_cycle(color=COLOUR_CYCLE)
         for name, words in (
             ("work", "work of loads and supports"),
             ("stored", "stored"),
@@ -116,7 +116,7 @@ def plot_loop(
 
     def draw(ax: Any) -> Any:
         axes = new_figure(5.2, 4.2).subplots() if ax is None else ax
-        axes.plot(moved, -(force @ chosen), "o-", ms=3, lw=1.2, color=CYCLE[0])
+        axes.plot(moved, -(force @ chosen), "o-", ms=3, lw=1.2, color=COLOUR_CYCLE[0])
         axes.set(
             xlabel=f"mean displacement of {where} [length]",
             ylabel=f"shear on the foundation of {contact} [force]",

@@ -29,24 +29,24 @@ from erc_contact.output.drawing import tangents
 from erc_contact.output.gathered import Surface, mean_normal
 from erc_contact.results.profile import contact_status
 
-REACH = 0.15
+FOUNDATION_REACH = 0.15
 """Share of the body's size below which a gap has its foundation drawn [-]."""
 BAND, EXCESS = 0.03, 0.06
 """Width of the band of a foundation in 2D, and length by which a flat foundation
 extends beyond each end of its contact, as shares of the body's size [-]."""
-FLAT = 1e-6
+FLATNESS = 1e-6
 """Distance from a plane of a flat foundation, as a share of the body's size [-]."""
-CLOSED = "#D55E00"
+CLOSED_COLOUR = "#D55E00"
 """Colour of lines that show what is closed."""
-LARGEST = 0.06
+DISPLACEMENT_SHARE = 0.06
 """Share of the body's size with which the largest displacement is drawn [-]."""
-STILL = 1e-12
+STILL_SHARE = 1e-12
 """Share of the body's size below which a displacement is round-off [-]."""
-NEARLY = 1.2
+LEAST_MAGNIFICATION = 1.2
 """Magnification below which a displacement is not magnified by default [-]."""
 UNSEEN = 0.003
 """Share of the body's size by which a closed contact may look open or entered [-]."""
-WIDE = 0.1
+TURNING_WIDTH = 0.1
 """Least root mean square width of the closed part, as a share of the contact, for which
 a foundation turns [-]. A narrow part knows the slope of the foundation below it, and
 not how the foundation as a whole should turn.
@@ -150,7 +150,7 @@ def foundation_of(surface: Surface) -> Foundation:
     )
     turned = np.einsum("kij,pj,pi->pk", turns, y - centre, n)
     normal_parts = weight[:, None] * np.column_stack([n, turned])
-    parts = np.linalg.lstsq(normal_parts, weight * gap, rcond=WIDE)[0]
+    parts = np.linalg.lstsq(normal_parts, weight * gap, rcond=TURNING_WIDTH)[0]
     return Foundation(surface, centre, parts[:d], np.tensordot(parts[d:], turns, axes=1))
 
 
@@ -164,15 +164,15 @@ def greatest_factor(foundations: Sequence[Foundation], largest: float, size: flo
         largest: Its largest displacement [length].
         size: Its size [length].
     """
-    if largest <= STILL * size:
+    if largest <= STILL_SHARE * size:
         return np.inf
     limits = [foundation.greatest_factor(UNSEEN * size) for foundation in foundations]
-    return min([LARGEST * size / largest, *limits])
+    return min([DISPLACEMENT_SHARE * size / largest, *limits])
 
 
 def rounded(factor: float) -> float:
     """Round a magnification to two digits; 1 where it is near to 1, or infinite."""
-    return float(f"{factor:.2g}") if NEARLY < factor < np.inf else 1.0
+    return float(f"{factor:.2g}") if LEAST_MAGNIFICATION < factor < np.inf else 1.0
 
 
 def drawn_foundation(foundation: Foundation, factor: float, size: float) -> Any:
@@ -195,15 +195,19 @@ def drawn_foundation(foundation: Foundation, factor: float, size: float) -> Any:
     points, parts = sampled(position(surface), d - 1, DIVISIONS)
     gap = sampled(surface.gap[..., None], d - 1, DIVISIONS)[0][:, 0]
     normal = np.repeat(direction, len(points) // len(direction), axis=0)
-    near = gap < REACH * size
-    flat = n.any() and np.ptp(points @ n) <= FLAT * size and np.ptp(direction, axis=0).max() <= FLAT
+    near = gap < FOUNDATION_REACH * size
+    flat = (
+        n.any()
+        and np.ptp(points @ n) <= FLATNESS * size
+        and np.ptp(direction, axis=0).max() <= FLATNESS
+    )
     if flat and near.any():
         points, parts = _rectangle(points[near], n, EXCESS * size)
         normal, gap = normal[: len(points)], np.zeros(len(points))
     moved = points + (factor - 1) * foundation.motion(points)
     drawn = straight(in_space(moved), parts)
     drawn.point_data.update({"gap": gap, "normal": in_space(normal)})
-    return drawn.clip_scalar(scalars="gap", value=REACH * size)
+    return drawn.clip_scalar(scalars="gap", value=FOUNDATION_REACH * size)
 
 
 def _rectangle(points: np.ndarray, n: np.ndarray, margin: float) -> tuple[np.ndarray, np.ndarray]:

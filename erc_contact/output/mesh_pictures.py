@@ -12,10 +12,11 @@ from mpi4py import MPI
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.percent import percent
 from erc_contact.mesh.domain import Domain
-from erc_contact.output.bodies import SPACE, WORDS, seen, show, skin_of, views_of
+from erc_contact.output.bodies import skin_of
 from erc_contact.output.drawing import draw_figure, new_figure, only_in_2d
 from erc_contact.output.files import gathered
 from erc_contact.output.gathered import body_mesh
+from erc_contact.output.views import SPACE, WORDS, seen, show, views_of
 
 
 def draw_meshes(

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from erc_contact.error.sizes import Sizes
-from erc_contact.output.pictures import Scale, draw_cells
+from erc_contact.output.maps import Scale
+from erc_contact.output.pictures import draw_cells
 
 
 def draw_sizes(sizes: Sizes, path: str | Path | None = None, *, ax: Any = None) -> Any:
