@@ -94,7 +94,7 @@ def draw_map(
 
 
 def _figure_of(ratio: float, *, is_flat: bool, is_below: bool) -> Any:
-    """Make a figure for views of a ratio of width and height, and for its colour bar."""
+    """Make a figure for views with a ratio of width to height, and a colour bar."""
     width = min(6.0, 6.0 * ratio) if is_flat else min(SPACE, 3.0 * ratio)
     height = width / ratio
     words_beside = 0.7 if is_below else 1.9
