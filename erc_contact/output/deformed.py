@@ -117,18 +117,12 @@ def draw_deformed(
             stress = 0 * stress
         closed = _closed_lines(foundations, x)
         lines = _outline(body, d) + closed
-        grounds: list[Part] = []
-        for foundation in foundations:
-            surface = drawn_foundation(foundation, times, size)
-            grounds += ground(surface, float(np.ptp(x, axis=0).max()))
+        grounds = _grounds(foundations, times, size, float(np.ptp(x, axis=0).max()))
         axes = draw_map(ax, skin, x, stress, scale, views_of(d, up), lines, grounds)
         title = _title(foundations, times, size)
         if closed:
             title += "\norange: closed contact"
-        if d == 2:
-            axes.set_title(title, fontsize=11)
-        else:
-            axes[0].figure.suptitle(title, fontsize=11)
+        _write_title(axes, title, d)
         return axes
 
     return draw_figure(model.comm, path, ax, draw)
@@ -190,6 +184,23 @@ def _outline(body: Mapping[str, np.ndarray], d: int) -> list[Part]:
     return [(outline, {"color": "black", "line_width": 3.0})]
 
 
+def _grounds(
+    foundations: Sequence[Foundation], factor: float, size: float, drawn_size: float
+) -> list[Part]:
+    """Draw the foundations.
+
+    Args:
+        foundations: The foundations.
+        factor: Magnification of the displacement [-].
+        size: Size of the body, the diagonal of its box [length].
+        drawn_size: Longest side of the box of the body as it is drawn [length].
+    """
+    grounds: list[Part] = []
+    for foundation in foundations:
+        grounds += ground(drawn_foundation(foundation, factor, size), drawn_size)
+    return grounds
+
+
 def _closed_lines(foundations: Sequence[Foundation], x: np.ndarray) -> list[Part]:
     """Draw the lines that show what is closed, for nodes at x [length], (n, 3)."""
     closed: list[Part] = []
@@ -209,6 +220,14 @@ def _title(foundations: Sequence[Foundation], factor: float, size: float) -> str
     if entry > 1.1 * UNSEEN * size:  # more than rounding of the magnification makes of it
         title += f"\nand so the contact looks open or entered by up to {entry:.2g} [length]"
     return title
+
+
+def _write_title(axes: Any, title: str, d: int) -> None:
+    """Write a title above the axes in 2D, or above both views in 3D."""
+    if d == 2:
+        axes.set_title(title, fontsize=11)
+    else:
+        axes[0].figure.suptitle(title, fontsize=11)
 
 
 def _shown_stress(admissible: Admissible) -> np.ndarray:
