@@ -87,7 +87,9 @@ def draw_deformed(
     """
     admissible = error.admissible
     model = error.model
-    size, d = model.domain.extent, model.d
+    # All ranks ask for the size, which is collective; rank 0 alone draws.
+    size = model.domain.extent
+    d = model.d
     owned = model.domain.owned_cells
     body = gathered(model.comm, **body_nodes(model), u=nodal_displacement(admissible))
     cells = gathered(
@@ -113,6 +115,7 @@ def draw_deformed(
         x = skin.points + times * body["u"]
         scale = _stress_scale(cells, label)
         stress = _stress_on_skin(skin, cells)
+        # Round-off would else fill the whole range of colours.
         if only_round_off:
             stress = 0 * stress
         closed = _closed_lines(foundations, x)
@@ -137,9 +140,10 @@ def magnification(error: ConstitutiveError) -> float:
     model = error.model
     contacts = [whole_contact(admissible, traction) for traction in admissible.tractions]
     largest = error.maximum("displacement").value
+    size = model.domain.extent
     factor = np.inf
     if model.comm.rank == 0:
-        factor = greatest_factor(_foundations(contacts), largest, model.domain.extent)
+        factor = greatest_factor(_foundations(contacts), largest, size)
     return model.comm.bcast(factor)
 
 
