@@ -1,4 +1,7 @@
-"""Sphinx: pages in Markdown, the demos as a gallery, the API from the docstrings; CONTRIBUTING.md has the commands."""
+"""Configure Sphinx: pages in Markdown, demos as a gallery, the API from docstrings.
+
+CONTRIBUTING.md has the commands.
+"""
 
 import logging
 import sys
@@ -6,9 +9,8 @@ from importlib import metadata, util
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent))
-logging.getLogger(
-    "erc_contact"
-).propagate = False  # a style that furo needs makes the root logger repeat all rows
+# A style that furo needs makes the root logger repeat all rows.
+logging.getLogger("erc_contact").propagate = False
 
 project = "erc_contact"
 author = "The erc_contact authors"

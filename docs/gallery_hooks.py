@@ -1,4 +1,4 @@
-"""What sphinx-gallery is told about the demos: where each is, and where its pictures are."""
+"""Tell sphinx-gallery about the demos: where each is, and where its pictures are."""
 
 import builtins
 import shutil
@@ -9,11 +9,17 @@ from sphinx_gallery.scrapers import figure_rst
 
 DEMOS = Path(__file__).parents[1] / "demos"
 FIRST = ("deformed", "error_map")
-"""Pictures that tell what a demo is about. The first picture of a page is its thumbnail in the gallery."""
+"""Pictures that tell what a demo is about.
+
+The first picture of a page is its thumbnail in the gallery.
+"""
 
 
 def pictures(block: Any, block_vars: dict[str, Any], gallery_conf: dict[str, Any]) -> str:
-    """The pictures that a block of a demo has written to its folder in results, moved into the gallery."""
+    """Move the pictures that a block of a demo has written into the gallery.
+
+    They are in the folder of the demo in results.
+    """
     found = sorted(Path("results", Path(block_vars["src_file"]).stem).rglob("*.png"), key=_place)
     moved = [shutil.move(path, next(block_vars["image_path_iterator"])) for path in found]
     return figure_rst(moved, gallery_conf["src_dir"])
@@ -25,6 +31,9 @@ def _place(picture: Path) -> tuple[int, str]:
 
 
 def name_file(gallery_conf: dict[str, Any], name: str | None) -> None:
-    """Define ``__file__`` for a demo, which finds its mesh by it: sphinx-gallery runs scripts without it."""
+    """Define ``__file__`` for a demo, which finds its mesh by it.
+
+    sphinx-gallery runs scripts without it.
+    """
     if name is not None:
         builtins.__file__ = str(next(DEMOS.rglob(name)))

@@ -40,7 +40,7 @@ from compiler import compiler_options
 from dolfinx import jit
 from mpi4py import MPI
 
-from erc_contact.output import bodies
+from erc_contact.output import views
 
 COMM = MPI.COMM_WORLD
 gc.set_threshold(100_000, 20, 50)
@@ -173,7 +173,7 @@ class Measures:
 @pytest.fixture(autouse=True)
 def few_pixels(monkeypatch):
     """Bodies are drawn with a quarter of the pixels on a side: VTK takes half a second for each view otherwise."""
-    monkeypatch.setattr(bodies, "PIXELS", bodies.PIXELS // 4)
+    monkeypatch.setattr(views, "PIXELS", views.PIXELS // 4)
 
 
 @pytest.fixture(scope="session")

@@ -1,4 +1,6 @@
-"""The picture of README: two meshes of its run, and the contact at the end. Writes block.png beside itself.
+"""Draw the picture of README: two meshes of its run, and the contact at the end.
+
+It is written as block.png beside this script.
 
 python docs/figures/block.py
 """
@@ -37,9 +39,11 @@ side.plot(
     contact["x"], contact["friction_bound"], "--", color="gray", lw=0.8, label="friction bound"
 )
 side.plot(contact["x"], -contact["friction_bound"], "--", color="gray", lw=0.8)
+elements = history.error.domain.cells
+percent = 100 * history.error.relative
 side.set(
     xlabel="x along the contact",
-    title=f"contact traction, {history.error.domain.cells} elements, error {100 * history.error.relative:.2g}%",
+    title=f"contact traction, {elements} elements, error {percent:.2g}%",
 )
 side.legend()
 fig.savefig(Path(__file__).with_suffix(".png"), dpi=110)

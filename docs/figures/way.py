@@ -1,4 +1,6 @@
-"""The way of the data, from scene and domain to the next domain: writes way.svg beside itself.
+"""Draw the way of the data, from scene and domain to the next domain.
+
+It is written as way.svg beside this script.
 
 python docs/figures/way.py
 """

@@ -1,4 +1,4 @@
-"""Checks of numbers that users give; those of Python and of numpy are welcome."""
+"""Check numbers that users give; those of Python and of numpy are welcome."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ from itertools import pairwise
 from math import isfinite
 from numbers import Integral, Real
 from typing import Any
+
+import numpy as np
 
 from erc_contact.base.exceptions import InputError
 
@@ -92,3 +94,27 @@ def increasing(what: str, values: Any) -> list[float]:
         if not following > previous:
             raise InputError(f"{what} must increase; {following:g} comes after {previous:g}.")
     return numbers
+
+
+def cells_to_refine(cells: Any, owned: int) -> np.ndarray:
+    """Return the numbers of cells to refine, from 0 to ``owned - 1``; None is all.
+
+    Raises:
+        InputError: If they are not numbers of cells of this rank.
+    """
+    if cells is None:
+        return np.arange(owned, dtype=np.int32)
+    numbers = np.asarray(cells)
+    if numbers.size == 0:
+        return np.empty(0, dtype=np.int32)
+    if numbers.ndim != 1 or not np.issubdtype(numbers.dtype, np.integer):
+        raise InputError(
+            f"refined: the cells are {description(cells)}; give numbers of cells of this "
+            "rank, e.g. np.flatnonzero(mask)."
+        )
+    if numbers.min() < 0 or numbers.max() >= owned:
+        raise InputError(
+            f"refined: the cells go from {numbers.min()} to {numbers.max()}; this rank has 0 to "
+            f"{owned - 1}."
+        )
+    return numbers.astype(np.int32)

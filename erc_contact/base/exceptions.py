@@ -54,7 +54,8 @@ class NotConverged(ErcContactError, RuntimeError):
             reason, last residual.
 
     Example:
-        >>> failure = ec.NotConverged("No solution.", rungs=("from rest: 50 Newton steps",))
+        >>> attempts = ("from rest: 50 Newton steps",)
+        >>> failure = ec.NotConverged("No solution.", rungs=attempts)
         >>> print(failure, *failure.rungs, sep="; ")
         No solution.; from rest: 50 Newton steps
     """

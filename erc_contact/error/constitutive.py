@@ -47,7 +47,7 @@ from erc_contact.error.rigid import RIGID_NOISE, moves_rigidly, round_off
 from erc_contact.error.squares import contact_and_oscillations, raise_if_no_number
 from erc_contact.mesh.domain import Domain
 from erc_contact.model.forces import Force
-from erc_contact.model.friction import CONSTANT
+from erc_contact.model.friction import depends_on_pressure
 from erc_contact.model.maximum import Maximum, greatest
 from erc_contact.model.model import Model
 from erc_contact.model.stress import von_mises
@@ -90,7 +90,8 @@ class ConstitutiveError:
     Example:
         >>> error
         <ConstitutiveError: eps = 12.34%, e = 0.1241, 16 cells of degree 1>
-        >>> bool(np.isclose(np.linalg.norm(error.indicators), error.relative))  # on one rank
+        >>> norm = np.linalg.norm(error.indicators)  # on one rank
+        >>> bool(np.isclose(norm, error.relative))
         True
     """
 
@@ -127,8 +128,7 @@ class ConstitutiveError:
         for name, part in parts.items():
             rows.append((name, percent(part / scale)))
         rows.append(("e", f"{self.absolute:.4g}"))
-        rows.append(("cells", self.domain.cells))
-        rows.append(("degree", self.degree))
+        rows += [("cells", self.domain.cells), ("degree", self.degree)]
         return table(rows, caption="Error in the constitutive relation")
 
     @property
@@ -152,12 +152,8 @@ class ConstitutiveError:
 
         With such a contact e is a bound up to the third term.
         """
-        names = []
-        for contact in self.model.contacts:
-            friction = contact.friction
-            if friction is not None and friction.dependence != CONSTANT:
-                names.append(contact.name)
-        return tuple(names)
+        contacts = self.model.contacts
+        return tuple(c.name for c in contacts if depends_on_pressure(c.friction))
 
     @property
     def guaranteed(self) -> bool:
@@ -216,12 +212,10 @@ class ConstitutiveError:
         Raises:
             InputError: If the quantity is another one, or the scene has no contact.
         """
-        pair = self.admissible
-
-        def stress() -> np.ndarray:
-            return von_mises(mean_stress(pair))
-
-        return greatest(self.model, quantity, pair.displacement, stress, self.profile)
+        u = self.admissible.displacement
+        return greatest(
+            self.model, quantity, u, lambda: von_mises(mean_stress(self.admissible)), self.profile
+        )
 
     @property
     def oscillation(self) -> float:
@@ -230,10 +224,7 @@ class ConstitutiveError:
 
 
 class Run(Protocol):
-    """Represent a run with a result.
-
-    It is a :class:`erc_contact.History` or an :class:`erc_contact.Evolution`.
-    """
+    """Represent a run with a result, a History or an Evolution."""
 
     @property
     def error(self) -> ConstitutiveError:

@@ -48,7 +48,7 @@ from erc_contact.error.coupling import coupling
 from erc_contact.error.other_mesh import change_of_norm, other_mesh
 from erc_contact.error.slip_direction import LENGTHS, slip_fields
 from erc_contact.error.surface import PairOnSurface, has_coulomb, pair_on_surface
-from erc_contact.model.friction import CONSTANT
+from erc_contact.model.friction import depends_on_pressure
 from erc_contact.newton.linear.solver import Traces
 
 SMOOTH_FIELD = 1
@@ -93,8 +93,10 @@ class CoulombCertificate:
 
     Example:
         >>> certificate = ec.coulomb_certificate(error)
-        >>> f"q = {certificate.q:.2f}, factor = {certificate.factor:.2f}, {certificate.unique}"
-        'q = 0.48, factor = 1.54, True'
+        >>> f"q = {certificate.q:.2f}, factor = {certificate.factor:.2f}"
+        'q = 0.48, factor = 1.54'
+        >>> certificate.unique
+        True
     """
 
     friction: float
@@ -174,8 +176,7 @@ def coulomb_certificate(error: ConstitutiveError | Run) -> CoulombCertificate:
     raise_together(model.comm, None)
     contacts = []
     for contact in model.contacts:
-        friction = contact.friction
-        if friction is not None and friction.dependence != CONSTANT:
+        if depends_on_pressure(contact.friction):
             contacts.append(contact)
     e = error.absolute
     if not all(has_coulomb(contact) for contact in contacts):
@@ -238,9 +239,10 @@ def _tried(
     eta = pair.unaligned(t)[:, None] * surface.normal
     A = _energy(eta, traces.lifted(eta, rough=True))
     B = _energy(forces, traces.moved(forces))
-    # No stress balances forces that work on a rigid motion. The scale is that of lengths of
-    # vectors, not of components: a motion along the normal meets only round-off of rho,
-    # which is tangential, and components have nothing else to compare this with.
+    # No stress balances forces that work on a rigid motion. The scale is that of the
+    # lengths of vectors, not of components: a motion along the normal meets only
+    # round-off of rho, which is tangential, and components have nothing else to compare
+    # this with.
     without_field, _ = pair.unbalanced(np.zeros_like(t))
     sizes = np.linalg.norm(without_field, axis=1) + np.linalg.norm(forces, axis=1)
     for motion in traces.motions:

@@ -8,7 +8,7 @@ from erc_contact.admissible.pair import equilibrate
 from erc_contact.base.checks import whole
 from erc_contact.base.exceptions import raise_together, together
 from erc_contact.error.constitutive import ConstitutiveError, Run, constitutive_error, error_of
-from erc_contact.model.friction import CONSTANT
+from erc_contact.model.friction import depends_on_pressure
 from erc_contact.newton.deflation import other_states
 from erc_contact.newton.linear.stiffness import Stiffness
 from erc_contact.newton.solution import Solution
@@ -45,7 +45,7 @@ def other_solutions(solution: Solution | Run, most: int = 4) -> list[Constitutiv
     most = together(comm, whole, "other_solutions: most", most, 1)
     # Without friction that depends on the pressure there is no other solution.
     frictions = [contact.friction for contact in model.contacts]
-    if all(friction is None or friction.dependence == CONSTANT for friction in frictions):
+    if not any(depends_on_pressure(friction) for friction in frictions):
         return []
     # The stiffness of the solution has lost its factor, or is iterative.
     stiffness = Stiffness(model)

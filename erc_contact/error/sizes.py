@@ -131,20 +131,7 @@ def size_map(error: ConstitutiveError | Run, accuracy: float) -> Sizes:
     q = _rates(mesh, error.indicators**2, error.degree)
     share = np.divide(error.indicators**2, square, out=np.ones_like(square), where=square > 0)
     q = share * q + (1 - share) * FACET_RATE
-
-    def ratio(multiplier: float) -> np.ndarray:
-        """Return r_E by the formula of the module."""
-        with np.errstate(divide="ignore"):
-            r = (d / (2 * q * multiplier * square)) ** (1 / (2 * q + d))
-        return np.clip(r, *RATIO)
-
-    def below_accuracy(multiplier: float) -> float:
-        """Return how far the square of the error is below the prescribed one."""
-        total = mesh.total(square * ratio(multiplier) ** (2 * q))
-        return -(total - accuracy**2)
-
-    # A larger multiplier makes smaller elements, and so a smaller error.
-    r = ratio(_root(below_accuracy, 1e-12, 1e24))
+    r = _optimal_ratio(mesh, square, q, accuracy)
     density = mesh.around(r**-d) / mesh.around(mesh.volume)
     h = mesh.limited((FILL[d] / density) ** (1 / d))
 
@@ -163,6 +150,34 @@ def size_map(error: ConstitutiveError | Run, accuracy: float) -> Sizes:
     scale = _root(above_accuracy, 0.1, 10.0) if error.total > 0 else 1.0
     values = scale * h
     return Sizes(error, values, r, q, count(mesh.domain, values), predicted(scale) ** 0.5)
+
+
+def _optimal_ratio(
+    mesh: NodalMesh, square: np.ndarray, q: np.ndarray, accuracy: float
+) -> np.ndarray:
+    """Compute r_E of the owned cells by the formula of the module [-]; collective.
+
+    Args:
+        mesh: The mesh.
+        square: eps_E^2 of the owned cells.
+        q: Their rates.
+        accuracy: Prescribed relative error eps_0.
+    """
+    d = mesh.domain.dim
+
+    def ratio(multiplier: float) -> np.ndarray:
+        """Return r_E for a multiplier."""
+        with np.errstate(divide="ignore"):
+            r = (d / (2 * q * multiplier * square)) ** (1 / (2 * q + d))
+        return np.clip(r, *RATIO)
+
+    def below_accuracy(multiplier: float) -> float:
+        """Return how far the square of the error is below the prescribed one."""
+        total = mesh.total(square * ratio(multiplier) ** (2 * q))
+        return -(total - accuracy**2)
+
+    # A larger multiplier makes smaller elements, and so a smaller error.
+    return ratio(_root(below_accuracy, 1e-12, 1e24))
 
 
 def _rates(mesh: NodalMesh, square: np.ndarray, degree: int) -> np.ndarray:

@@ -18,7 +18,7 @@ from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
-from erc_contact.base.checks import description
+from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError, together
 from erc_contact.base.html import table
 from erc_contact.mesh import partition, parts
@@ -85,7 +85,7 @@ class Domain:
     def __post_init__(self) -> None:
         if not isinstance(self.mesh, dmesh.Mesh):
             raise InputError(
-                f"Domain: mesh is {description(self.mesh)}; give a mesh of DOLFINx, or use "
+                f"Domain: mesh is {checks.description(self.mesh)}; give a mesh of DOLFINx, or use "
                 "read_mesh, rectangle, box."
             )
         parts.check_names(self.names, self.regions)
@@ -113,16 +113,14 @@ class Domain:
     def __repr__(self) -> str:
         """Describe the domain in a line; one rank alone may do so."""
         names = ", ".join(self.names)
-        regions = f", regions {', '.join(self.regions)}" if self.regions else ""
-        return f"<Domain in {self.dim}D: {self.cells} cells, boundary parts {names}{regions}>"
+        if self.regions:
+            names += f", regions {', '.join(self.regions)}"
+        return f"<Domain in {self.dim}D: {self.cells} cells, boundary parts {names}>"
 
     def _repr_html_(self) -> str:
         """Describe the domain in a notebook; one rank alone may do so."""
-        rows = [
-            ("cells", self.cells),
-            ("vertices", self.vertices),
-            ("boundary parts", ", ".join(self.names)),
-        ]
+        rows: list[tuple[str, object]] = [("cells", self.cells), ("vertices", self.vertices)]
+        rows.append(("boundary parts", ", ".join(self.names)))
         if self.regions:
             rows.append(("regions", ", ".join(self.regions)))
         curved = self.curved_facets is not None
@@ -224,7 +222,7 @@ class Domain:
         return np.column_stack([cell, local_facet]).astype(np.int32)
 
     def owned_facets(self, name: str) -> np.ndarray:
-        """Return the facets of a boundary part whose cells this rank owns, shape (n, 2).
+        """Return the facets of a boundary part in owned cells, shape (n, 2).
 
         They are pairs (cell, local facet). All ranks together have each facet once.
 
@@ -262,7 +260,7 @@ class Domain:
         Raises:
             InputError: If ``marked`` are not numbers of cells of this rank.
         """
-        cells = together(self.mesh.comm, self._checked_cells, marked)
+        cells = together(self.mesh.comm, checks.cells_to_refine, marked, self.owned_cells)
         refinement = refine(self.mesh, cells, partition.partitioner(self.mesh.comm))
         fine = refinement.mesh
         facet_tags = refinement.inherited(self.facet_tags)
@@ -271,21 +269,6 @@ class Domain:
         if curved is not None and self.geometry is not None:
             snap(fine, curved, self.geometry.nearest)
         return Domain(fine, facet_tags, self.names, cell_tags, self.regions, self.geometry, curved)
-
-    def _checked_cells(self, cells: npt.ArrayLike | None) -> np.ndarray:
-        """Return cells of this rank that are to be refined, after a check."""
-        if cells is None:
-            return np.arange(self.owned_cells, dtype=np.int32)
-        numbers = np.asarray(cells)
-        if numbers.size == 0:
-            return np.empty(0, dtype=np.int32)
-        if numbers.ndim != 1 or not np.issubdtype(numbers.dtype, np.integer):
-            raise InputError(
-                f"refined: the cells are {description(cells)}; give numbers of cells of this "
-                "rank, e.g. np.flatnonzero(mask)."
-            )
-        parts.check_range(numbers, self.owned_cells)
-        return numbers.astype(np.int32)
 
     def remeshed(self, sizes: npt.ArrayLike) -> Domain:
         """Mesh the true geometry again with other sizes, by gmsh on rank 0; collective.

@@ -86,19 +86,6 @@ def parts_inside(
     return inside
 
 
-def check_range(cells: np.ndarray, owned: int) -> None:
-    """Check that cells to refine have numbers from 0 to ``owned - 1``.
-
-    Raises:
-        InputError: If one has not.
-    """
-    if cells.min() < 0 or cells.max() >= owned:
-        raise InputError(
-            f"refined: the cells go from {cells.min()} to {cells.max()}; this rank has 0 to "
-            f"{owned - 1}."
-        )
-
-
 def checked_sizes(sizes: npt.ArrayLike) -> np.ndarray:
     """Return sizes of cells as an array of numbers [length].
 

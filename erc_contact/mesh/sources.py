@@ -204,7 +204,7 @@ def from_gmsh(model: Any, comm: MPI.Comm = MPI.COMM_WORLD, rank: int = 0) -> Dom
             straight-sided simplices.
 
     Example:
-        >>> ec.from_gmsh(gmsh.model)  # a square with the groups "body", "top" and "bottom"
+        >>> ec.from_gmsh(gmsh.model)  # a square with groups "body", "top" and "bottom"
         <Domain in 2D: ... cells, boundary parts bottom, top...>
     """
     return _from_model(model, comm, rank)
@@ -239,7 +239,7 @@ def read_mesh(
             ``names``, or a name is given twice.
 
     Example:
-        >>> ec.read_mesh("square.msh")  # a square with the groups "body", "top" and "bottom"
+        >>> ec.read_mesh("square.msh")  # a square with groups "body", "top", "bottom"
         <Domain in 2D: ... cells, boundary parts bottom, top...>
     """
     if not isinstance(path, str | Path):

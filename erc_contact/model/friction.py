@@ -75,6 +75,14 @@ class Friction:
         return pointwise(self.law.friction_bound, pressure, values)
 
 
+def depends_on_pressure(friction: Friction | None) -> bool:
+    """Tell whether the friction bound of a contact depends on the pressure.
+
+    The bound of a contact without friction is zero.
+    """
+    return friction is not None and friction.dependence != CONSTANT
+
+
 def bind_friction(mesh: dmesh.Mesh, what: str, law: Law, parameters: dict[str, Ufl]) -> Friction:
     """Put a friction law on a mesh; collective.
 

@@ -131,7 +131,8 @@ class Nitsche:
 
     Example:
         >>> ec.solve(scene, block, method=ec.Nitsche(theta=-1))
-        <Solution of degree 1 on 16 cells by Nitsche(theta=-1, gamma=10.0), ... Newton steps>
+        <Solution of degree 1 on 16 cells by Nitsche(theta=-1, gamma=10.0),
+         ... Newton steps>
     """
 
     theta: int = 0
@@ -217,7 +218,8 @@ class AugmentedLagrangian:
 
     Example:
         >>> ec.solve(scene, block, method=ec.AugmentedLagrangian())
-        <Solution of degree 1 on 16 cells by AugmentedLagrangian(gamma=1.0), ... Newton steps>
+        <Solution of degree 1 on 16 cells by AugmentedLagrangian(gamma=1.0),
+         ... Newton steps>
     """
 
     gamma: float = 1.0

@@ -106,7 +106,8 @@ def solve(
 
     Example:
         >>> ec.solve(scene, block)
-        <Solution of degree 1 on 16 cells by Nitsche(theta=0, gamma=10.0), 3 Newton steps>
+        <Solution of degree 1 on 16 cells by Nitsche(theta=0, gamma=10.0),
+         3 Newton steps>
     """
     solution = solved(
         scene,

@@ -14,9 +14,10 @@ images.
 
 from erc_contact.output.contact_plots import plot_contact
 from erc_contact.output.curves import plot_history
+from erc_contact.output.deformed import draw_deformed
 from erc_contact.output.mesh_pictures import draw_meshes
 from erc_contact.output.paraview import write_fields
-from erc_contact.output.pictures import draw_deformed, draw_error
+from erc_contact.output.pictures import draw_error
 from erc_contact.output.series import write_meshes
 from erc_contact.output.size_pictures import draw_sizes
 

@@ -1,4 +1,4 @@
-"""The coordinate along a contact in 2D, and curves along it. On rank 0.
+"""Find the coordinate along a contact in 2D, and curves along it; on rank 0.
 
 Symbols: n normal of the foundation, s coordinate along a contact.
 """
@@ -11,53 +11,72 @@ from erc_contact.mesh.graphs import successors, to_chain_ends
 from erc_contact.output.drawing import coordinate, tangents, words
 from erc_contact.output.gathered import AXIS, Surface, mean_normal
 
+PART_DISTANCE = 0.05
+"""Distance in s between parts of a contact, as a share of its length [-]."""
+
 
 def along(surface: Surface) -> tuple[np.ndarray, str]:
-    """The coordinate s of the vertices of each facet in 2D [length], shape (n, 2), and its label."""
+    """Compute the coordinate s of the vertices of each facet in 2D [length].
+
+    Returns:
+        s, shape (n, 2), and its label.
+    """
     (tangent,) = tangents(mean_normal(surface))
     s = surface.x[:, :2, :2] @ tangent
+    # On a straight contact no facet is shorter along the tangent than it is.
     if np.allclose(np.ptp(s, axis=1), surface.traction.area, rtol=10 * AXIS, atol=0.0):
         return s, coordinate(tangent)
     return _arc_length(surface)
 
 
 def _arc_length(surface: Surface) -> tuple[np.ndarray, str]:
-    """The arc length s along a curved contact, which may have several parts or be closed, and its label.
+    """Compute the arc length s along a curved contact [length].
 
-    A closed part is cut far from the mean place of the pressure, where s is zero.
+    The contact may have several parts or be closed. A closed part is cut far from the
+    mean place of the pressure, where s is zero.
+
+    Returns:
+        s of the vertices of each facet, shape (n, 2), and its label.
     """
-    traction, ends = surface.traction, surface.x[:, :2, :2]
-    n, area, many = traction.contact.direction, traction.area, len(traction.area)
-    forward = (
-        np.einsum("fi,fi->f", ends[:, 1] - ends[:, 0], np.column_stack([-n[:, 1], n[:, 0]])) > 0
-    )
-    first, last = np.where(forward, surface.vertices.T, surface.vertices.T[::-1])
+    traction = surface.traction
+    n, area = traction.contact.direction, traction.area
+    ends = surface.x[:, :2, :2]
+    # All facets are followed along (-n_2, n_1), in whatever order their vertices are.
+    t = np.column_stack([-n[:, 1], n[:, 0]])
+    forward = np.einsum("fi,fi->f", ends[:, 1] - ends[:, 0], t) > 0
+    vertices = surface.vertices.T
+    first, last = np.where(forward, vertices, vertices[::-1])
     force = area * np.maximum(-traction.normal_component, 0).mean(axis=1)
-    centre = np.average(ends.mean(axis=1), axis=0, weights=force if force.any() else area)
+    weights = force if force.any() else area
+    centre = np.average(ends.mean(axis=1), axis=0, weights=weights)
     successor = successors(first, last)
-    while True:
-        rest, end = to_chain_ends(successor, area)
-        closed = np.flatnonzero(successor[end] != end)
-        if len(closed) == 0:
-            break
+    to_end, end = to_chain_ends(successor, area)
+    closed = np.flatnonzero(successor[end] != end)
+    while len(closed) > 0:
+        # One cut opens one closed part.
         cut = closed[np.linalg.norm(ends[closed, 0] - centre, axis=1).argmax()]
         successor[cut] = cut
-    start, offset = np.empty(many), 0.0
-    for part in np.unique(end):
-        at = end == part
-        start[at] = offset + rest[at].max() - rest[at]
-        offset = float((start[at] + area[at]).max()) + 0.05 * area.sum()
+        to_end, end = to_chain_ends(successor, area)
+        closed = np.flatnonzero(successor[end] != end)
+    start = np.empty(len(area))
+    offset = 0.0
+    for last_facet in np.unique(end):
+        part = end == last_facet
+        start[part] = offset + to_end[part].max() - to_end[part]
+        offset = float((start[part] + area[part]).max()) + PART_DISTANCE * area.sum()
     s = np.where(forward, [start, start + area], [start + area, start]).T
-    facet, vertex = np.unravel_index(np.linalg.norm(ends - centre, axis=2).argmin(), s.shape)
-    return s - s[
-        facet, vertex
-    ], f"arc length from {words(ends[facet, vertex], area.sum())} [length]"
+    distance = np.linalg.norm(ends - centre, axis=2)
+    facet, vertex = np.unravel_index(distance.argmin(), s.shape)
+    origin = words(ends[facet, vertex], area.sum())
+    return s - s[facet, vertex], f"arc length from {origin} [length]"
 
 
 def through_means(
     means: np.ndarray, lengths: np.ndarray, parts: np.ndarray, points: np.ndarray
 ) -> np.ndarray:
-    """A continuous curve with given means on facets: a quadratic polynomial on each of them.
+    """Compute a continuous curve with prescribed means on facets.
+
+    It is a quadratic polynomial on each of them.
 
     Between two facets its value is that of the line through their means at their
     middles, but at most twice each mean, as on a line that begins at zero. So the curve
@@ -72,18 +91,32 @@ def through_means(
     Returns:
         Values at the points, shape (n, q).
     """
-    first, last = np.insert(parts, 0, 0), np.append(parts, len(means)) - 1
+    # Left and right values of the curve on each facet.
     between = (lengths[1:] * means[:-1] + lengths[:-1] * means[1:]) / (lengths[1:] + lengths[:-1])
-    least = 2 * np.minimum(abs(means[1:]), abs(means[:-1])) * (means[1:] * means[:-1] > 0)
-    between = np.clip(between, -least, least)
-    left, right = np.append(0.0, between), np.append(between, 0.0)
-    alone = first == last
-    left[first], right[last] = 2 * means[first] - right[first], 2 * means[last] - left[last]
-    left[first[alone]] = right[last[alone]] = means[first[alone]]
-    limits = 2 * abs(means)
-    left, right = (
-        np.where(means * end > 0, np.clip(end, -limits, limits), 0.0)[:, None]
-        for end in (left, right)
-    )
+    same_sign = means[1:] * means[:-1] > 0
+    limit = 2 * np.minimum(abs(means[1:]), abs(means[:-1])) * same_sign
+    between = np.clip(between, -limit, limit)
+    left = np.append(0.0, between)
+    right = np.append(between, 0.0)
+    # The ends of a part have no neighbour: there the curve goes on as a line.
+    first = np.insert(parts, 0, 0)
+    last = np.append(parts, len(means)) - 1
+    at_start = 2 * means[first] - right[first]
+    at_end = 2 * means[last] - left[last]
+    left[first] = at_start
+    right[last] = at_end
+    alone = first[first == last]
+    left[alone] = means[alone]
+    right[alone] = means[alone]
+    left = _with_sign_of(means, left)[:, None]
+    right = _with_sign_of(means, right)[:, None]
     x = points[None, :]
-    return left * (1 - x) * (1 - 3 * x) + right * x * (3 * x - 2) + 6 * means[:, None] * x * (1 - x)
+    # The third term has the mean of its facet, and the others have none.
+    ends = left * (1 - x) * (1 - 3 * x) + right * x * (3 * x - 2)
+    return ends + 6 * means[:, None] * x * (1 - x)
+
+
+def _with_sign_of(means: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Limit values to twice the means, and to zero where they have another sign."""
+    limits = 2 * abs(means)
+    return np.where(means * values > 0, np.clip(values, -limits, limits), 0.0)

@@ -15,10 +15,14 @@ import numpy as np
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.percent import percent
 from erc_contact.error.constitutive import ConstitutiveError
-from erc_contact.output.drawing import CYCLE, draw_figure, log_ticks, new_figure, panels_of
+from erc_contact.output.drawing import COLOUR_CYCLE, draw_figure, log_ticks, new_figure, panels_of
 
 SPAN = 4.0
 """Factor by which unknowns must grow over the meshes of which a slope is told [-]."""
+FEW_CURVES = 3
+"""Greatest number of curves whose legend is inside the axes."""
+MARKERS = "osD^vP*X"
+"""Marks of the curves, one after another."""
 
 
 class Run(Protocol):
@@ -74,48 +78,16 @@ def plot_history(
             "plot_history: no history is given; give at least one, e.g. {'adaptive': history}."
         )
     domain = next(iter(histories.values())).error.domain
-    many = len(histories) > 3
 
     def draw(ax: Any) -> np.ndarray:
-        if ax is None:
-            figure = new_figure(8.6, 3.9 + 0.13 * len(histories) * many)
-            figure.get_layout_engine().set(wspace=0.06)
-            ax = figure.subplots(1, 2, sharey=True)
-        left, right = axes = panels_of(ax, 2, "plot_history")
-        for number, ((name, history), marker) in enumerate(
-            zip(histories.items(), "osD^vP*X" * len(histories), strict=False)
-        ):
-            slope = history.slope("dofs")
-            look = {"label": name if np.isnan(slope) else f"{name} (slope ${slope:.2f}$)"}
-            look["color"] = CYCLE[number % len(CYCLE)]
-            for panel, column in ((left, "seconds"), (right, "dofs")):
-                panel.plot(
-                    history.column(column),
-                    100 * history.column("eps"),
-                    f"{marker}-",
-                    ms=4,
-                    lw=1.2,
-                    **look,
-                )
+        axes = _two_axes(ax, len(histories))
+        left, right = axes
+        _draw_errors(left, right, histories)
         left.set(xlabel="run time [s]", ylabel="relative error [%]")
         right.set_xlabel("degrees of freedom")
-        for accuracy in sorted({h.accuracy for h in histories.values()}):
-            for panel in axes:
-                panel.axhline(100 * accuracy, color="0.35", lw=0.9, ls=":")
-            place = {"transform": left.get_yaxis_transform(), "va": "bottom"}
-            left.text(0.02, 100 * accuracy, f"accuracy {percent(accuracy, 3)}", **place)
-        dofs, eps = (
-            np.concatenate([h.column(c) for h in histories.values()]) for c in ("dofs", "eps")
-        )
-        ends = np.array([np.sqrt(dofs.max() * dofs.min()), dofs.max()])
-        degree = max(h.error.degree for h in histories.values())
-        order = Fraction(degree, domain.dim)
-        below = 75 * float(np.min((eps * dofs ** float(order))[dofs >= ends[0]], initial=np.inf))
-        if 0 < below < np.inf and dofs.max() >= SPAN * dofs.min():
-            right.plot(
-                ends, below * ends ** -float(order), "k--", lw=0.9, label=f"slope $-{order}$"
-            )
-        if many:
+        _draw_accuracies(left, right, histories)
+        _draw_best_slope(right, histories, domain.dim)
+        if len(histories) > FEW_CURVES:
             place = {"loc": "outside lower center", "ncols": 2, "frameon": False}
             left.figure.legend(*right.get_legend_handles_labels(), **place)
         else:
@@ -123,10 +95,64 @@ def plot_history(
         for panel in axes:
             panel.grid(which="major", color="0.9", lw=0.6)
             _log_scale(panel.xaxis, *panel.dataLim.intervalx)
+            # Both axes have the errors of the right one, without the words of the left.
             _log_scale(panel.yaxis, *right.dataLim.intervaly)
         return axes
 
     return draw_figure(domain.mesh.comm, path, ax, draw)
+
+
+def _two_axes(ax: Any, count: int) -> np.ndarray:
+    """Return the user's two axes, or those of a new figure with room for a legend."""
+    if ax is None:
+        legend = 0.13 * count if count > FEW_CURVES else 0.0
+        figure = new_figure(8.6, 3.9 + legend)
+        figure.get_layout_engine().set(wspace=0.06)
+        ax = figure.subplots(1, 2, sharey=True)
+    return panels_of(ax, 2, "plot_history")
+
+
+def _draw_errors(left: Any, right: Any, histories: Mapping[str, Run]) -> None:
+    """Draw the relative errors over run time and over degrees of freedom."""
+    for number, (name, history) in enumerate(histories.items()):
+        slope = history.slope("dofs")
+        label = name if np.isnan(slope) else f"{name} (slope ${slope:.2f}$)"
+        look = {
+            "label": label,
+            "color": COLOUR_CYCLE[number % len(COLOUR_CYCLE)],
+            "marker": MARKERS[number % len(MARKERS)],
+            "ls": "-",
+            "ms": 4,
+            "lw": 1.2,
+        }
+        eps = 100 * history.column("eps")
+        left.plot(history.column("seconds"), eps, **look)
+        right.plot(history.column("dofs"), eps, **look)
+
+
+def _draw_accuracies(left: Any, right: Any, histories: Mapping[str, Run]) -> None:
+    """Draw the prescribed accuracies, with words at their left ends."""
+    place = {"transform": left.get_yaxis_transform(), "va": "bottom"}
+    for accuracy in sorted({history.accuracy for history in histories.values()}):
+        level = 100 * accuracy
+        left.axhline(level, color="0.35", lw=0.9, ls=":")
+        right.axhline(level, color="0.35", lw=0.9, ls=":")
+        left.text(0.02, level, f"accuracy {percent(accuracy, 3)}", **place)
+
+
+def _draw_best_slope(axes: Any, histories: Mapping[str, Run], d: int) -> None:
+    """Draw a line of the slope -k/d below the errors, if the meshes grow enough."""
+    dofs = np.concatenate([history.column("dofs") for history in histories.values()])
+    eps = np.concatenate([history.column("eps") for history in histories.values()])
+    degree = max(history.error.degree for history in histories.values())
+    slope = Fraction(degree, d)
+    order = float(slope)
+    # The line is drawn over the upper half of the range, at 3/4 of the least error.
+    ends = np.array([np.sqrt(dofs.max() * dofs.min()), dofs.max()])
+    constants = (eps * dofs**order)[dofs >= ends[0]]
+    below = 75 * float(np.min(constants, initial=np.inf))
+    if 0 < below < np.inf and dofs.max() >= SPAN * dofs.min():
+        axes.plot(ends, below * ends**-order, "k--", lw=0.9, label=f"slope $-{slope}$")
 
 
 def _log_scale(axis: Any, low: float, high: float) -> None:
@@ -143,7 +169,10 @@ def _log_scale(axis: Any, low: float, high: float) -> None:
     low, high = low / margin, high * margin
     axis.axes.set(**{f"{axis.axis_name}scale": "log", f"{axis.axis_name}lim": (low, high)})
     ticks = log_ticks(low, high)
-    axis.set_ticks(
-        ticks, labels=[f"{tick:.6g}" if tick < 1e5 else f"{tick / 1e3:g}k" for tick in ticks]
-    )
+    axis.set_ticks(ticks, labels=[_plain(tick) for tick in ticks])
     axis.set_minor_locator(NullLocator())
+
+
+def _plain(number: float) -> str:
+    """Write a number without powers of ten; thousands have a k."""
+    return f"{number:.6g}" if number < 1e5 else f"{number / 1e3:g}k"

@@ -16,18 +16,25 @@ from mpi4py import MPI
 from erc_contact.base.exceptions import InputError
 from erc_contact.output.files import DPI, STYLE, on_root
 
-CYCLE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#000000")
+COLOUR_CYCLE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#000000")
 """Colours of curves that the colour-blind can tell apart.
 
 Source: Okabe, Ito, Color Universal Design (2008).
 """
+STATUS_NAMES = ("open", "slip", "stick")
+"""Names of the codes OPEN, SLIP and STICK."""
+STATUS_COLOURS = ("#f0f0f0", "#fbdcb4", "#c9e0f2")
+"""Colours of open, slip and stick, which the colour-blind can tell apart.
 
-
-COMPRESSION = 3
-"""Level of compression of png files: files are a few per cent larger than with the default
-of Pillow, 6, and are written twice as fast.
+They are grey, orange and blue.
 """
-MARGIN = 0.1
+PNG_COMPRESSION = 3
+"""Level of compression of png files.
+
+Files are a few per cent larger than with the default of Pillow, 6, and are written
+twice as fast.
+"""
+FIGURE_MARGIN = 0.1
 """White margin around a saved figure [inches]."""
 
 
@@ -77,9 +84,9 @@ def save_figure(figure: Any, path: str | Path) -> None:
     layout = figure.get_layout_engine()
     layout.execute(figure)
     figure.set_layout_engine("none")  # it is done
-    box = figure.get_tightbbox().padded(MARGIN)
+    box = figure.get_tightbbox().padded(FIGURE_MARGIN)
     png = Path(path).suffix == ".png"
-    options = {"pil_kwargs": {"compress_level": COMPRESSION}} if png else {}
+    options = {"pil_kwargs": {"compress_level": PNG_COMPRESSION}} if png else {}
     figure.savefig(path, dpi=DPI, bbox_inches=box, **options)
     figure.set_layout_engine(layout)
 
@@ -95,15 +102,15 @@ def new_figure(width: float, height: float, layout: str = "constrained") -> Any:
     return Figure(figsize=(width, height), layout=layout)
 
 
-def panels_of(ax: Any, many: int, what: str) -> np.ndarray:
+def panels_of(ax: Any, count: int, what: str) -> np.ndarray:
     """Return the axes that a user gave, as an array.
 
     Raises:
         InputError: If there are not so many.
     """
     axes = np.ravel(ax)
-    if len(axes) != many:
-        raise InputError(f"{what}: ax has {len(axes)} axes; it needs {many}.")
+    if len(axes) != count:
+        raise InputError(f"{what}: ax has {len(axes)} axes; it needs {count}.")
     return axes
 
 
@@ -124,9 +131,17 @@ def log_ticks(low: float, high: float) -> np.ndarray:
     from matplotlib.ticker import MaxNLocator  # noqa: PLC0415
 
     powers = 10.0 ** np.arange(-30, 30)
-    series = [np.outer(powers, steps).ravel() for steps in ((1,), (1, 2, 5), (1, 2, 3, 4, 5, 6, 8))]
-    series = [s[(s >= low) & (s <= high)] for s in [*series, MaxNLocator(5).tick_values(low, high)]]
-    return next((s for s in series if len(s) > 2), series[-1])
+    candidates = []
+    for digits in ((1,), (1, 2, 5), (1, 2, 3, 4, 5, 6, 8)):
+        candidates.append(np.outer(powers, digits).ravel())
+    candidates.append(MaxNLocator(5).tick_values(low, high))
+    # The coarsest series that has three ticks in the range is the one to read.
+    ticks = powers
+    for candidate in candidates:
+        ticks = candidate[(candidate >= low) & (candidate <= high)]
+        if len(ticks) > 2:
+            break
+    return ticks
 
 
 def tangents(n: np.ndarray) -> np.ndarray:
@@ -134,23 +149,29 @@ def tangents(n: np.ndarray) -> np.ndarray:
 
     They are near to the coordinate axes that make the largest angles with the normal.
     """
-    axes = np.sort(np.argsort(abs(n), kind="stable")[: len(n) - 1])
+    d = len(n)
+    axes = np.sort(np.argsort(abs(n), kind="stable")[: d - 1])
     if abs(n).max() in (0.0, 1.0):
-        return np.eye(len(n))[axes]
-    q, r = np.linalg.qr(np.column_stack([n, np.eye(len(n))[:, axes]]))
-    return (q * np.sign(np.diag(r)))[:, 1:].T
+        return np.eye(d)[axes]
+    q, r = np.linalg.qr(np.column_stack([n, np.eye(d)[:, axes]]))
+    # QR leaves signs open; a tangent points along its coordinate axis.
+    signs = np.sign(np.diag(r))
+    return (q * signs)[:, 1:].T
 
 
 def words(vector: np.ndarray, scale: float = 1.0) -> str:
     """Write the components of a direction or a place, with three digits of a scale."""
     digits = 3 - int(np.floor(np.log10(scale)))
-    return "({})".format(", ".join(f"{c:.4g}" for c in np.round(vector, digits) + 0.0))
+    # Adding zero turns -0 into 0.
+    numbers = [f"{component:.4g}" for component in np.round(vector, digits) + 0.0]
+    return f"({', '.join(numbers)})"
 
 
 def coordinate(tangent: np.ndarray) -> str:
     """Return the label of the axis of a coordinate along a tangent."""
-    along = f"${'xyz'[tangent.argmax()]}$" if tangent.max() == 1.0 else f"along {words(tangent)}"
-    return f"{along} [length]"
+    if tangent.max() == 1.0:
+        return f"${'xyz'[tangent.argmax()]}$ [length]"
+    return f"along {words(tangent)} [length]"
 
 
 def weighted_level(values: np.ndarray, weights: np.ndarray, share: float) -> float:

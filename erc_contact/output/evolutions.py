@@ -12,17 +12,27 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.base.progress import at, stage
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.mesh.simplex import lagrange, rule
-from erc_contact.output.contact_plots import COLOURS, STATUS
-from erc_contact.output.drawing import CYCLE, draw_figure, new_figure, panels_of, tangents
+from erc_contact.output.deformed import draw_deformed, magnification
+from erc_contact.output.drawing import (
+    COLOUR_CYCLE,
+    STATUS_COLOURS,
+    STATUS_NAMES,
+    draw_figure,
+    new_figure,
+    panels_of,
+    tangents,
+)
 from erc_contact.output.files import on_root
 from erc_contact.output.foundations import rounded
-from erc_contact.output.pictures import draw_deformed, magnification
 from erc_contact.output.series import LoadingHistory
+from erc_contact.scene.scene import Scene
 
-ALONG = 400
+ZONE_POINTS = 400
 """Number of points along a contact in the picture of its zones."""
 FRAMES = 60
 """Greatest number of frames of an animation."""
+LINE: dict[str, Any] = {"ms": 3, "lw": 1.2}
+"""Size of the marks and width of the lines of curves."""
 
 
 def plot_energies(
@@ -44,33 +54,24 @@ def plot_energies(
 
     def draw(ax: Any) -> np.ndarray:
         time = history.column("time")
-        left, right = panels = panels_of(
-            new_figure(8.6, 3.9).subplots(1, 2) if ax is None else ax, 2, "plot_energies"
-        )
-        for axes in panels:
-            axes.set_prop_cycle(color=CYCLE)
-        for name, words in (
-            ("work", "work of loads and supports"),
-            ("stored", "stored"),
-            ("dissipated", "dissipated"),
-        ):
-            left.plot(time, history.column(name), "o-", ms=3, lw=1.2, label=words)
-        right.plot(
-            time,
-            history.column("imbalance"),
-            "o-",
-            ms=3,
-            lw=1.2,
-            label="of the error on the meshes",
-        )
-        right.plot(
-            time, history.column("in_time"), "s-", ms=3, lw=1.2, label="of the steps in time"
-        )
+        axes = new_figure(8.6, 3.9).subplots(1, 2) if ax is None else ax
+        panels = panels_of(axes, 2, "plot_energies")
+        left, right = panels
+        for panel in panels:
+            panel.set_prop_cycle(color=COLOUR_CYCLE)
+        work = "work of loads and supports"
+        left.plot(time, history.column("work"), "o-", label=work, **LINE)
+        left.plot(time, history.column("stored"), "o-", label="stored", **LINE)
+        left.plot(time, history.column("dissipated"), "o-", label="dissipated", **LINE)
+        imbalance = history.column("imbalance")
+        right.plot(time, imbalance, "o-", label="of the error on the meshes", **LINE)
+        in_time = history.column("in_time")
+        right.plot(time, in_time, "s-", label="of the steps in time", **LINE)
         left.set(xlabel="t", ylabel="energy [force length]")
         right.set(xlabel="t", ylabel="what the balance leaves [force length]")
-        for axes in panels:
-            axes.legend(loc="best", frameon=False)
-            axes.grid(color="0.9", lw=0.6)
+        for panel in panels:
+            panel.legend(loc="best", frameon=False)
+            panel.grid(color="0.9", lw=0.6)
         return panels
 
     return draw_figure(comm, path, ax, draw)
@@ -103,20 +104,22 @@ def plot_loop(
     Raises:
         InputError: If no contact or no part has this name.
     """
-    scene, model = history.errors[0].solution.scene, history.errors[0].model
-    parts = [support.facets for support in scene.supports]
-    parts += [load.facets for load in scene.loads if load.facets is not None]
-    where = [*parts, contact][0] if part is None else part
+    model = history.errors[0].model
+    where = _moved_part(history.errors[0].solution.scene, contact) if part is None else part
     force = history.force(contact)
     trace = model.contact(contact).trace
     total = model.comm.allreduce(trace.direction[trace.here.owned].sum(axis=0))
+    # Around a closed contact the normals sum to zero.
     along = tangents(total / (np.linalg.norm(total) or 1.0))
-    chosen = along[np.ptp(force @ along.T, axis=0).argmax()]
-    moved = np.array([_mean_displacement(error, where) @ chosen for error in history.errors])
+    changes = np.ptp(force @ along.T, axis=0)
+    direction = along[changes.argmax()]
+    shear = force @ direction
+    moved = np.array([_mean_displacement(error, where) @ direction for error in history.errors])
 
     def draw(ax: Any) -> Any:
         axes = new_figure(5.2, 4.2).subplots() if ax is None else ax
-        axes.plot(moved, -(force @ chosen), "o-", ms=3, lw=1.2, color=CYCLE[0])
+        # The force on the foundation is the opposite of that on the body.
+        axes.plot(moved, -shear, "o-", color=COLOUR_CYCLE[0], **LINE)
         axes.set(
             xlabel=f"mean displacement of {where} [length]",
             ylabel=f"shear on the foundation of {contact} [force]",
@@ -157,22 +160,21 @@ def plot_zones(
         from matplotlib.colors import ListedColormap  # noqa: PLC0415
         from matplotlib.patches import Patch  # noqa: PLC0415
 
-        time, longest = history.column("time"), max(profile["s"].max() for profile in profiles)
-        at = (np.arange(ALONG) + 0.5) / ALONG
-        status = np.array([_status_at(profile, at) for profile in profiles])
-        first = np.diff(time).min(
-            initial=np.ptp(time) or 1.0
-        )  # the first state has no length of its own
-        edges = np.append(time[0] - first, time)
+        time = history.column("time")
+        length = max(profile["s"].max() for profile in profiles)
+        shares = (np.arange(ZONE_POINTS) + 0.5) / ZONE_POINTS
+        status = np.array([_status_at(profile, shares) for profile in profiles])
+        # The first state has no step of its own; it gets the shortest of the others.
+        first = np.diff(time).min(initial=np.ptp(time) or 1.0)
+        times = np.append(time[0] - first, time)
+        places = np.linspace(0, length, ZONE_POINTS + 1)
         axes = new_figure(6.4, 4.0).subplots() if ax is None else ax
-        colours = ListedColormap(COLOURS)
-        axes.pcolormesh(
-            edges, np.linspace(0, longest, ALONG + 1), status.T, cmap=colours, vmin=-0.5, vmax=2.5
-        )
+        colours = {"cmap": ListedColormap(STATUS_COLOURS), "vmin": -0.5, "vmax": 2.5}
+        axes.pcolormesh(times, places, status.T, **colours)
         axes.set(xlabel="t", ylabel=f"s along {contact} [length]")
-        patches = [
-            Patch(fc=c, ec="0.6", label=name) for c, name in zip(COLOURS, STATUS, strict=True)
-        ]
+        patches = []
+        for name, colour in zip(STATUS_NAMES, STATUS_COLOURS, strict=True):
+            patches.append(Patch(fc=colour, ec="0.6", label=name))
         place = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0)}
         axes.legend(handles=patches, ncols=3, frameon=False, **place)
         return axes
@@ -188,13 +190,14 @@ def animate(history: LoadingHistory, path: str | Path, seconds: float = 0.15) ->
     Args:
         history: The history.
         path: The file.
-        seconds: How long each frame is shown [s].
+        seconds: Time for which each frame is shown [s].
     """
     comm = history.errors[0].domain.mesh.comm
     places = np.unique(np.linspace(0, len(history.errors) - 1, FRAMES).round().astype(int))
     shown = [history.errors[i] for i in places]
     factor = rounded(min(magnification(error) for error in shown))
     folder = Path(comm.bcast(tempfile.mkdtemp() if comm.rank == 0 else None))
+    # Rank 0 draws, but all ranks know the names.
     frames = [folder / f"{number:04d}.png" for number in range(len(shown))]
     with stage(comm, "animation"):
         for error, frame in zip(shown, frames, strict=True):
@@ -205,9 +208,12 @@ def animate(history: LoadingHistory, path: str | Path, seconds: float = 0.15) ->
         from PIL import Image  # noqa: PLC0415 - comes with matplotlib
 
         images = [Image.open(frame).convert("RGB") for frame in frames]
-        wide, high = (min(image.size[axis] for image in images) // 2 for axis in (0, 1))
-        first, *rest = [image.resize((wide, high)).quantize(128) for image in images]
-        first.save(path, save_all=True, append_images=rest, duration=round(1000 * seconds), loop=0)
+        # Frames differ by some pixels, as their words do; a gif has one size.
+        width = min(image.size[0] for image in images) // 2
+        height = min(image.size[1] for image in images) // 2
+        first, *others = [image.resize((width, height)).quantize(128) for image in images]
+        milliseconds = round(1000 * seconds)
+        first.save(path, save_all=True, append_images=others, duration=milliseconds, loop=0)
         for frame in frames:
             frame.unlink()
         folder.rmdir()
@@ -215,19 +221,32 @@ def animate(history: LoadingHistory, path: str | Path, seconds: float = 0.15) ->
     on_root(comm, path, write)
 
 
+def _moved_part(scene: Scene, contact: str) -> str:
+    """Return the first part with a support or a load, or else the contact."""
+    if scene.supports:
+        return scene.supports[0].facets
+    for load in scene.loads:
+        # A body force has no facets.
+        if load.facets is not None:
+            return load.facets
+    return contact
+
+
 def _mean_displacement(error: ConstitutiveError, part: str) -> np.ndarray:
     """Compute the mean of u^ on a boundary part [length], shape (d,); collective."""
     model = error.model
     facets = model.domain.owned_facets(part)
     points, weights = rule(model.d - 1, model.degree)
-    nodal = error.admissible.displacement.x.array.reshape(-1, model.d)[model.facet_nodes(facets)]
+    displacement = error.admissible.displacement.x.array.reshape(-1, model.d)
+    nodal = displacement[model.facet_nodes(facets)]
     means = weights @ np.matmul(lagrange(model.d - 1, model.degree, points), nodal)
     area = model.facet_areas(facets)
     total = model.comm.allreduce(np.append(area @ means, area.sum()))
     return total[:-1] / total[-1]
 
 
-def _status_at(profile: np.ndarray, at: np.ndarray) -> np.ndarray:
+def _status_at(profile: np.ndarray, shares: np.ndarray) -> np.ndarray:
     """Return the status at places along a contact, as shares of its length."""
-    share = profile["s"] / profile["s"].max()
-    return profile["status"][np.minimum(np.searchsorted(share, at), len(share) - 1)]
+    ends = profile["s"] / profile["s"].max()
+    facet = np.searchsorted(ends, shares)
+    return profile["status"][np.minimum(facet, len(ends) - 1)]

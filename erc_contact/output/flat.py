@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-MANY = 30_000
+MANY_SHAPES = 30_000
 """Number of polygons or lines above which vector formats hold an image of them."""
-POINTS = 0.3
+POINTS_OF_PIXEL = 0.3
 """Width of lines in matplotlib for one pixel of pyvista's [points]."""
 
 
@@ -36,18 +36,19 @@ def add_flat(axes: Any, data: Any, look: dict[str, Any]) -> None:
     """Add one part; see :func:`draw_flat`."""
     from matplotlib.collections import LineCollection, PolyCollection  # noqa: PLC0415
 
-    x, common = data.points[:, :2], {"alpha": look.get("opacity")}
+    x = data.points[:, :2]
+    common = {"alpha": look.get("opacity")}
     if data.n_lines > 0:
         shown = x[data.lines.reshape(-1, 3)[:, 1:]]
-        width = POINTS * look.get("line_width", 1.0)
+        width = POINTS_OF_PIXEL * look.get("line_width", 1.0)
         drawn: Any = LineCollection(shown, colors=look["color"], linewidths=width, **common)
     else:
         shown = x[data.regular_faces]
         colours = look["scalars"] / 255.0 if "scalars" in look else look["color"]
-        drawn = PolyCollection(
-            shown, facecolors=colours, edgecolors="face", linewidths=0.3, **common
-        )
-    drawn.set_rasterized(len(shown) > MANY)
+        # Edges of the same colour close the white seams between neighbours.
+        seams = {"edgecolors": "face", "linewidths": 0.3}
+        drawn = PolyCollection(shown, facecolors=colours, **seams, **common)
+    drawn.set_rasterized(len(shown) > MANY_SHAPES)
     axes.add_collection(drawn)
 
 

@@ -29,27 +29,29 @@ from erc_contact.output.drawing import tangents
 from erc_contact.output.gathered import Surface, mean_normal
 from erc_contact.results.profile import contact_status
 
-REACH = 0.15
+FOUNDATION_REACH = 0.15
 """Share of the body's size below which a gap has its foundation drawn [-]."""
-BAND, EXCESS = 0.03, 0.06
-"""Width of the band of a foundation in 2D, and length by which a flat foundation
-extends beyond each end of its contact, as shares of the body's size [-]."""
-FLAT = 1e-6
+BAND_WIDTH = 0.03
+"""Width of the band of a foundation in 2D, as a share of the body's size [-]."""
+EXCESS = 0.06
+"""Length by which a flat foundation extends beyond each end of its contact, as a share
+of the body's size [-].
+"""
+FLATNESS = 1e-6
 """Distance from a plane of a flat foundation, as a share of the body's size [-]."""
-CLOSED = "#D55E00"
+CLOSED_COLOUR = "#D55E00"
 """Colour of lines that show what is closed."""
-LARGEST = 0.06
+DISPLACEMENT_SHARE = 0.06
 """Share of the body's size with which the largest displacement is drawn [-]."""
-STILL = 1e-12
+STILL_SHARE = 1e-12
 """Share of the body's size below which a displacement is round-off [-]."""
-NEARLY = 1.2
+LEAST_MAGNIFICATION = 1.2
 """Magnification below which a displacement is not magnified by default [-]."""
 UNSEEN = 0.003
 """Share of the body's size by which a closed contact may look open or entered [-]."""
-WIDE = 0.1
-"""Least root mean square width of the closed part, as a share of the contact, for which
-a foundation turns [-]. A narrow part knows the slope of the foundation below it, and
-not how the foundation as a whole should turn.
+TURNING_WIDTH = 0.1
+"""Least root mean square width of a closed part with which a foundation turns, as a
+share of the contact [-]. A narrow part knows only the slope of what is below it.
 """
 
 
@@ -107,10 +109,12 @@ class Foundation:
         The third array tells which of the nodes are of closed facets.
         """
         surface = self.surface
-        direction = surface.traction.contact.direction[:, None]
-        left = surface.gap - (self.motion(position(surface)) * direction).sum(axis=-1)
+        n = surface.traction.contact.direction[:, None]
+        left = surface.gap - (self.motion(position(surface)) * n).sum(axis=-1)
+        # The gap that is left is g - u^_n.
+        missing = left - surface.gap_left
         closed = np.repeat(contact_status(surface.traction) != OPEN, left.shape[1])
-        return left.ravel(), (left - surface.gap_left).ravel(), closed
+        return left.ravel(), missing.ravel(), closed
 
 
 def position(surface: Surface) -> np.ndarray:
@@ -138,19 +142,27 @@ def foundation_of(surface: Surface) -> Foundation:
     The fit is by least squares. Of all motions with the same normal part it is the
     smallest.
     """
-    nearest, d = nearest_nodes(surface), surface.d
-    weight = np.broadcast_to(np.sqrt(surface.traction.area)[:, None], nearest.shape)[nearest]
-    n = np.broadcast_to(surface.traction.contact.direction[:, None], (*nearest.shape, d))[nearest]
-    every = position(surface)
-    y, gap = every[nearest], surface.gap[nearest]
+    d = surface.d
+    nearest = nearest_nodes(surface)
+    root_of_area = np.sqrt(surface.traction.area)[:, None]
+    weight = np.broadcast_to(root_of_area, nearest.shape)[nearest]
+    direction = surface.traction.contact.direction[:, None]
+    n = np.broadcast_to(direction, (*nearest.shape, d))[nearest]
+    positions = position(surface)
+    y = positions[nearest]
+    gap = surface.gap[nearest]
     centre = np.average(y, axis=0, weights=weight**2)
-    size = np.linalg.norm(np.ptp(every.reshape(-1, d), axis=0))
-    turns = (
-        np.array([np.outer(i, j) - np.outer(j, i) for i, j in combinations(np.eye(d), 2)]) / size
-    )
+    # Turns are relative to the size, so that their columns are as long as those of
+    # shifts.
+    size = np.linalg.norm(np.ptp(positions.reshape(-1, d), axis=0))
+    planes = []
+    for i, j in combinations(np.eye(d), 2):
+        planes.append(np.outer(i, j) - np.outer(j, i))
+    turns = np.array(planes) / size
     turned = np.einsum("kij,pj,pi->pk", turns, y - centre, n)
     normal_parts = weight[:, None] * np.column_stack([n, turned])
-    parts = np.linalg.lstsq(normal_parts, weight * gap, rcond=WIDE)[0]
+    # The cut-off keeps a narrow closed part from turning the whole foundation.
+    parts = np.linalg.lstsq(normal_parts, weight * gap, rcond=TURNING_WIDTH)[0]
     return Foundation(surface, centre, parts[:d], np.tensordot(parts[d:], turns, axes=1))
 
 
@@ -164,15 +176,15 @@ def greatest_factor(foundations: Sequence[Foundation], largest: float, size: flo
         largest: Its largest displacement [length].
         size: Its size [length].
     """
-    if largest <= STILL * size:
+    if largest <= STILL_SHARE * size:
         return np.inf
     limits = [foundation.greatest_factor(UNSEEN * size) for foundation in foundations]
-    return min([LARGEST * size / largest, *limits])
+    return min([DISPLACEMENT_SHARE * size / largest, *limits])
 
 
 def rounded(factor: float) -> float:
     """Round a magnification to two digits; 1 where it is near to 1, or infinite."""
-    return float(f"{factor:.2g}") if NEARLY < factor < np.inf else 1.0
+    return float(f"{factor:.2g}") if LEAST_MAGNIFICATION < factor < np.inf else 1.0
 
 
 def drawn_foundation(foundation: Foundation, factor: float, size: float) -> Any:
@@ -190,20 +202,24 @@ def drawn_foundation(foundation: Foundation, factor: float, size: float) -> Any:
         Straight lines in 2D or triangles in 3D for pyvista. At their points the data
         ``normal`` is the normal of the foundation.
     """
-    surface, d = foundation.surface, foundation.surface.d
-    direction, n = surface.traction.contact.direction, mean_normal(surface)
+    surface = foundation.surface
+    d = surface.d
+    direction = surface.traction.contact.direction
+    n = mean_normal(surface)
     points, parts = sampled(position(surface), d - 1, DIVISIONS)
     gap = sampled(surface.gap[..., None], d - 1, DIVISIONS)[0][:, 0]
     normal = np.repeat(direction, len(points) // len(direction), axis=0)
-    near = gap < REACH * size
-    flat = n.any() and np.ptp(points @ n) <= FLAT * size and np.ptp(direction, axis=0).max() <= FLAT
-    if flat and near.any():
+    near = gap < FOUNDATION_REACH * size
+    is_plane = n.any() and np.ptp(points @ n) <= FLATNESS * size
+    is_flat = is_plane and np.ptp(direction, axis=0).max() <= FLATNESS
+    if is_flat and near.any():
         points, parts = _rectangle(points[near], n, EXCESS * size)
-        normal, gap = normal[: len(points)], np.zeros(len(points))
+        normal = normal[: len(points)]
+        gap = np.zeros(len(points))
     moved = points + (factor - 1) * foundation.motion(points)
     drawn = straight(in_space(moved), parts)
     drawn.point_data.update({"gap": gap, "normal": in_space(normal)})
-    return drawn.clip_scalar(scalars="gap", value=REACH * size)
+    return drawn.clip_scalar(scalars="gap", value=FOUNDATION_REACH * size)
 
 
 def _rectangle(points: np.ndarray, n: np.ndarray, margin: float) -> tuple[np.ndarray, np.ndarray]:
@@ -215,12 +231,12 @@ def _rectangle(points: np.ndarray, n: np.ndarray, margin: float) -> tuple[np.nda
     """
     plane = tangents(n)
     along = points @ plane.T
-    ends = along.min(axis=0) - margin, along.max(axis=0) + margin
-    corners = np.stack(np.meshgrid(*np.transpose(ends), indexing="ij"), axis=-1).reshape(
-        -1, len(plane)
-    )
+    ends = np.array([along.min(axis=0) - margin, along.max(axis=0) + margin])
+    grid = np.meshgrid(*ends.T, indexing="ij")
+    corners = np.stack(grid, axis=-1).reshape(-1, len(plane))
     parts = [[0, 1]] if len(plane) == 1 else [[0, 1, 2], [1, 2, 3]]
-    return corners @ plane + float((points @ n).mean()) * n, np.array(parts)
+    height = float((points @ n).mean())
+    return corners @ plane + height * n, np.array(parts)
 
 
 def closed_part(surface: Surface, x: np.ndarray) -> Any:
@@ -240,7 +256,10 @@ def closed_part(surface: Surface, x: np.ndarray) -> Any:
     nodes = surface.traction.nodes[closed]
     if surface.d == 3:
         nodes = _border(nodes)
-    return straight(*sampled(x[nodes], 1, DIVISIONS)) if len(nodes) else None
+    if len(nodes) == 0:
+        return None
+    points, parts = sampled(x[nodes], 1, DIVISIONS)
+    return straight(points, parts)
 
 
 def _border(nodes: np.ndarray) -> np.ndarray:
@@ -250,7 +269,10 @@ def _border(nodes: np.ndarray) -> np.ndarray:
         Nodes of these edges, their two ends first, shape (e, 2) or (e, 3).
     """
     ends = nodes[:, edges(2)]
-    curves = ends if nodes.shape[1] == 3 else np.concatenate([ends, nodes[:, 3:, None]], axis=2)
+    curves = ends
+    if nodes.shape[1] > 3:
+        # The node in the middle of an edge follows its two ends.
+        curves = np.concatenate([ends, nodes[:, 3:, None]], axis=2)
     keys = np.sort(ends, axis=2).reshape(-1, 2)
     _, first, count = np.unique(keys, axis=0, return_index=True, return_counts=True)
     return curves.reshape(-1, curves.shape[2])[first[count == 1]]
@@ -264,10 +286,12 @@ def ground(surface: Any, size: float) -> list[tuple[Any, dict[str, Any]]]:
     """
     import pyvista  # noqa: PLC0415
 
+    if surface.n_cells == 0:
+        return []
     if surface.n_lines == 0:
-        return [(surface, {"color": "#b8b8b8"})] * (surface.n_cells > 0)
+        return [(surface, {"color": "#b8b8b8"})]
     parts = surface.lines.reshape(-1, 3)[:, 1:]
-    beyond = surface.points + BAND * size * surface.point_data["normal"]
+    beyond = surface.points + BAND_WIDTH * size * surface.point_data["normal"]
     quads = np.column_stack([parts, len(beyond) + parts[:, ::-1]])
     band = pyvista.PolyData.from_regular_faces(np.concatenate([surface.points, beyond]), quads)
     return [(band, {"color": "#c8c8c8"}), (surface, {"color": "#505050", "line_width": 3.0})]

@@ -12,10 +12,14 @@ from mpi4py import MPI
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.percent import percent
 from erc_contact.mesh.domain import Domain
-from erc_contact.output.bodies import SPACE, WORDS, seen, show, skin_of, views_of
+from erc_contact.output.bodies import skin_of
 from erc_contact.output.drawing import draw_figure, new_figure, only_in_2d
 from erc_contact.output.files import gathered
 from erc_contact.output.gathered import body_mesh
+from erc_contact.output.views import SPACE, WORDS, Part, seen, show, views_of
+
+MOST_MESHES = {2: 6, 3: 3}
+"""Greatest number of meshes in a new figure, for each dimension."""
 
 
 def draw_meshes(
@@ -44,60 +48,77 @@ def draw_meshes(
             "draw_meshes: no mesh is given; give pairs (domain, eps_E), as in history.meshes."
         )
     comm, dim = meshes[0][0].mesh.comm, meshes[0][0].dim
-    most = comm.bcast((6 if dim == 2 else 3) if ax is None else np.size(ax))
-    chosen = [
-        meshes[i] for i in np.unique(np.linspace(len(meshes) - 1, 0, most).round().astype(int))
-    ]
-    bodies = [(gathered(comm, **body_mesh(domain)), domain.cells) for domain, _ in chosen]
-    errors = [
-        float(np.sqrt(comm.allreduce(float(np.sum(cells**2)), MPI.SUM))) for _, cells in chosen
-    ]
+    greatest = MOST_MESHES[dim] if ax is None else np.size(ax)
+    # Only rank 0 has the user's axes.
+    chosen = _chosen(meshes, comm.bcast(greatest))
+    bodies = []
+    titles = []
+    for domain, eps in chosen:
+        bodies.append(gathered(comm, **body_mesh(domain)))
+        square = comm.allreduce(float(np.sum(eps**2)), MPI.SUM)
+        titles.append((f"{domain.cells} cells", f"eps = {percent(float(np.sqrt(square)), 3)}"))
 
     def draw(ax: Any) -> np.ndarray:
         only_in_2d("draw_meshes", ax, dim)
-        widths = np.clip(
-            [35 / np.sqrt(cells) for _, cells in bodies], 0.4, 1.2
-        )  # thin lines on fine meshes
-        skins = [skin_of(**body, d=dim) for body, _ in bodies]
-        shown = [
-            [
-                skin.faces(skin.points, color="#dce6f0"),
-                skin.edges(skin.points, color="#1f2d3d", line_width=width),
-            ]
-            for skin, width in zip(skins, widths, strict=True)
-        ]
-        views, many = list(views_of(dim, np.eye(3)[2]).values()), len(chosen)
-        ratio = np.divide(*np.ptp(seen(shown[0], views[0]), axis=0)[:2])
-        panels = np.ravel(_panels(ratio, many, dim) if ax is None else ax)
-        for number, (panel, (view, parts)) in enumerate(
-            zip(panels, ((view, parts) for view in views for parts in shown), strict=False)
-        ):
+        shown = []
+        for body, (domain, _) in zip(bodies, chosen, strict=True):
+            shown.append(_parts_of(body, domain.cells, dim))
+        views = list(views_of(dim, np.eye(3)[2]).values())
+        count = len(chosen)
+        width, height = np.ptp(seen(shown[0], views[0]), axis=0)[:2]
+        ratio = width / height
+        panels = np.ravel(_panels(ratio, count, dim) if ax is None else ax)
+        # Each view has a row, with all meshes side by side.
+        pairs = [(view, parts) for view in views for parts in shown]
+        for panel, (view, parts) in zip(panels, pairs, strict=False):
             show(panel, parts, view)
             if ax is None:
                 panel.label_outer(remove_inner_ticks=True)
-            if number < many:
-                between = ", " if ratio > 0.8 else "\n"
-                words = f"{bodies[number][1]} cells{between}eps = {percent(errors[number], 3)}"
-                panel.set_title(words, fontsize=10)
-        for panel in panels[len(views) * many :]:
+        between = ", " if ratio > 0.8 else "\n"
+        for panel, words in zip(panels, titles, strict=False):
+            panel.set_title(between.join(words), fontsize=10)
+        for panel in panels[len(pairs) :]:
             panel.set_axis_off()
         return panels
 
     return draw_figure(comm, path, ax, draw)
 
 
-def _panels(ratio: float, many: int, dim: int) -> Any:
+def _chosen(
+    meshes: Sequence[tuple[Domain, np.ndarray]], greatest: int
+) -> list[tuple[Domain, np.ndarray]]:
+    """Choose the last mesh, the first and some between, at most so many of them."""
+    places = np.linspace(len(meshes) - 1, 0, greatest).round().astype(int)
+    return [meshes[place] for place in np.unique(places)]
+
+
+def _parts_of(body: dict[str, np.ndarray], cells: int, dim: int) -> list[Part]:
+    """Draw the elements of a mesh and their edges."""
+    skin = skin_of(**body, d=dim)
+    # Lines are thin on fine meshes.
+    width = float(np.clip(35 / np.sqrt(cells), 0.4, 1.2))
+    faces = skin.faces(skin.points, color="#dce6f0")
+    return [faces, skin.edges(skin.points, color="#1f2d3d", line_width=width)]
+
+
+def _panels(ratio: float, count: int, dim: int) -> Any:
     """Make axes of a new figure for meshes with a width over height of ``ratio``."""
-    shapes = (
-        [(-(-many // columns), columns) for columns in range(1, many + 1)]
-        if dim == 2
-        else [(2, many)]
-    )
-    rows, columns = min(
-        shapes, key=lambda s: abs(np.log(ratio * s[1] / s[0] / 2)) + s[0] * s[1] - many
-    )
-    height = min(5.5, (9.0 if dim == 2 else SPACE) / (ratio * columns), 9.0 / rows)
-    wide, high = max(ratio * height, 1.2) + WORDS * (dim - 2), height + 0.5 * (dim - 1)
+    rows, columns = 2, count
+    if dim == 2:
+        # The figure is about twice as wide as high, with few empty places.
+        shapes = [(-(-count // columns), columns) for columns in range(1, count + 1)]
+        rows, columns = min(shapes, key=lambda shape: _badness(ratio, count, *shape))
+    widest = 9.0 if dim == 2 else SPACE
+    height = min(5.5, widest / (ratio * columns), 9.0 / rows)
+    wide = max(ratio * height, 1.2) + WORDS * (dim - 2)
+    high = height + 0.5 * (dim - 1)
     figure = new_figure(wide * columns + 0.6, high * rows + 0.5, "compressed")
     figure.get_layout_engine().set(w_pad=0.12)
-    return figure.subplots(rows, columns, squeeze=False, sharex=dim == 2, sharey=dim == 2)
+    is_flat = dim == 2
+    return figure.subplots(rows, columns, squeeze=False, sharex=is_flat, sharey=is_flat)
+
+
+def _badness(ratio: float, count: int, rows: int, columns: int) -> float:
+    """Tell how far rows and columns are from a figure of 2 to 1 that is full [-]."""
+    distance = abs(np.log(ratio * columns / rows / 2))
+    return float(distance + rows * columns - count)

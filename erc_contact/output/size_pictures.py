@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from erc_contact.error.sizes import Sizes
-from erc_contact.output.pictures import Scale, draw_cells
+from erc_contact.output.maps import Scale
+from erc_contact.output.pictures import draw_cells
 
 
 def draw_sizes(sizes: Sizes, path: str | Path | None = None, *, ax: Any = None) -> Any:
@@ -28,8 +29,9 @@ def draw_sizes(sizes: Sizes, path: str | Path | None = None, *, ax: Any = None) 
     def scale(ratio: np.ndarray) -> Scale:
         from matplotlib.colors import LogNorm  # noqa: PLC0415
 
-        return Scale(
-            LogNorm(float(ratio.min()) / 1.05, float(ratio.max()) * 1.05), "neither", "$r_E$ [-]"
-        )
+        # A range of no width would have no colours.
+        low = float(ratio.min()) / 1.05
+        high = float(ratio.max()) * 1.05
+        return Scale(LogNorm(low, high), "neither", "$r_E$ [-]")
 
     return draw_cells(sizes.error.admissible, sizes.ratio, scale, path, ax)

@@ -20,11 +20,12 @@ from erc_contact.mesh.domain import Domain
 from erc_contact.output.as_code import run_as_code
 from erc_contact.output.contact_plots import plot_contact
 from erc_contact.output.curves import SPAN, plot_history
+from erc_contact.output.deformed import draw_deformed
 from erc_contact.output.files import on_root
-from erc_contact.output.foundations import STILL
+from erc_contact.output.foundations import STILL_SHARE
 from erc_contact.output.mesh_pictures import draw_meshes
 from erc_contact.output.paraview import write_fields
-from erc_contact.output.pictures import draw_deformed, draw_error
+from erc_contact.output.pictures import draw_error
 from erc_contact.output.report import write_record, write_report
 from erc_contact.output.series import write_meshes
 from erc_contact.output.verdict import of_maxima, verdict
@@ -250,7 +251,7 @@ class History(RunResult):
             at(comm, "error on the best mesh")
             draw_error(self.best, folder / "error_map.png")
             drawn["error_map.png"] = "Share of each element in eps."
-        if self.maximum("displacement").value > STILL * self.best.domain.extent:
+        if self.maximum("displacement").value > STILL_SHARE * self.best.domain.extent:
             at(comm, "deformed body")
             draw_deformed(self.best, folder / "deformed.png")
             drawn["deformed.png"] = "The deformed body."

@@ -39,7 +39,8 @@ class Contact:
 
     Example:
         >>> ec.Contact("bottom", friction=0.3, gap=lambda x: 0.01 * x[0] ** 2)
-        Contact(facets='bottom', friction=0.3, gap=<function ...>, normal=None, bilateral=False)
+        Contact(facets='bottom', friction=0.3, gap=<function ...>, normal=None,
+                bilateral=False)
     """
 
     facets: str

@@ -110,7 +110,8 @@ class BodyForce:
 
     Example:
         >>> weight = ec.BodyForce((0.0, -78.5e-6))
-        >>> ec.Scene(ec.Elastic(E=210e3, nu=0.3), supports=scene.supports, loads=[weight])
+        >>> steel = ec.Elastic(E=210e3, nu=0.3)
+        >>> ec.Scene(steel, supports=scene.supports, loads=[weight])
         Scene(...loads=(BodyForce(value=(0.0, -7.85e-05)),)...)
     """
 

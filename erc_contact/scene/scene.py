@@ -48,7 +48,8 @@ class Scene:
 
     Example:
         >>> scene
-        Scene(material=Elastic(E=1000.0, ...), supports=(Displacement(facets='top', ...),), ...)
+        Scene(material=Elastic(E=1000.0, ...),
+              supports=(Displacement(facets='top', ...),), ...)
         >>> [contact.facets for contact in scene.contacts]
         ['bottom']
     """

@@ -13,6 +13,8 @@ tractions; the patches are ours.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from dolfinx import la
 from mpi4py import MPI
@@ -86,6 +88,34 @@ def tightened(
     np.negative(r, out=r)
     # Linear moments are their own hierarchical ones.
     x = moment if m == d else np.zeros_like(r)
+    done = _minimise(shared, energy, precondition, x, r, square, iterations)
+    return x if m == d else moment + np.matmul(np.linalg.inv(to_hierarchical), x), done
+
+
+def _minimise(
+    shared: _SharedMoments,
+    energy: ComplementaryEnergy,
+    precondition: Callable[[np.ndarray], np.ndarray],
+    x: np.ndarray,
+    r: np.ndarray,
+    square: float,
+    iterations: int,
+) -> int:
+    """Minimise the complementary energy by conjugate gradients; collective.
+
+    Args:
+        shared: Sums and products over the ranks.
+        energy: The energy.
+        precondition: Returns the preconditioned residual, for all ranks.
+        x: Moments, which are moved to the minimum in place, shape (F, m, d).
+        r: Residual, the negative gradient; its array is overwritten.
+        square: Square of the bulk part of the error.
+        iterations: Limit of the iterations.
+
+    Returns:
+        The number of iterations.
+    """
+    comm = shared.comm
     p, rz, done = np.zeros_like(r), 1.0, 0
     while done < iterations:
         check_interrupts(comm)
@@ -111,7 +141,7 @@ def tightened(
         done += 1
         if done * gain < REMAINDER * square:
             break
-    return x if m == d else moment + np.matmul(np.linalg.inv(to_hierarchical), x), done
+    return done
 
 
 class _SharedMoments:

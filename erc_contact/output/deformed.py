@@ -1,0 +1,246 @@
+"""Draw pictures of deformed bodies: by matplotlib in the plane, by pyvista in space.
+
+Bodies of degree 2 are drawn with curved edges. A body in space is seen twice: from
+above with the foundation, and from the other side and below without it, to show the
+contact.
+
+Symbols: u^ and sigma^ admissible displacement and stress, X position before the
+deformation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from erc_contact.admissible.pair import Admissible
+from erc_contact.error.constitutive import ConstitutiveError
+from erc_contact.model.stress import tells_out_of_plane, von_mises
+from erc_contact.output.bodies import Skin, skin_of
+from erc_contact.output.drawing import draw_figure, only_in_2d, weighted_level
+from erc_contact.output.files import gathered, grid_of
+from erc_contact.output.foundations import (
+    CLOSED_COLOUR,
+    UNSEEN,
+    Foundation,
+    closed_part,
+    drawn_foundation,
+    foundation_of,
+    greatest_factor,
+    ground,
+    rounded,
+)
+from erc_contact.output.gathered import (
+    Surface,
+    body_nodes,
+    nodal_displacement,
+    whole_contact,
+)
+from erc_contact.output.maps import Scale, draw_map
+from erc_contact.output.views import Part, upward, views_of
+from erc_contact.results.stresses import mean_stress, vertex_stress
+
+COLOURED_SHARE = 0.998
+"""Share of the volume whose stress is below the top of the colour scale [-].
+
+A singular corner would else take all colours.
+"""
+
+
+def draw_deformed(
+    error: ConstitutiveError,
+    path: str | Path | None = None,
+    factor: float | None = None,
+    *,
+    ax: Any = None,
+) -> Any:
+    """Draw the deformed body on its foundation; collective.
+
+    The colours are those of the von Mises stress of sigma^. Points of the body are
+    drawn at X + factor u^. The foundation is drawn as it is, and not magnified: what is
+    flat is flat. It is moved with the body, so that what is closed looks closed as
+    nearly as a rigid motion can make it (:mod:`erc_contact.output.foundations`). It is
+    left out where it would be far from the body. Orange lines show what is closed, in
+    3D its border, and black ones the outline of the body before the deformation.
+
+    The von Mises stress is that of the mean of sigma^ in each element; for degree 2 it
+    is linear there (:func:`erc_contact.results.stresses.vertex_stress`). If the
+    material does not tell the stress out of plane (``out_of_plane``), it is that of the
+    part in plane.
+
+    Args:
+        error: The error, whose admissible pair is drawn.
+        path: Picture file, or None.
+        factor: Magnification of u^ [-]. By default the largest u^ is drawn with 6% of
+            the body's size, or with less if otherwise a closed contact would look open
+            or entered by more than 0.3% of the size, as a curved body on a plane does.
+            A displacement that is larger than 5% of the size is not magnified. With a
+            factor of your own the title says how much the contact looks open or
+            entered.
+        ax: Axes of matplotlib to draw on, in 2D; by default those of a new figure.
+
+    Returns:
+        The axes on rank 0, None on the other ranks; in 3D an array of two.
+    """
+    admissible = error.admissible
+    model = error.model
+    # All ranks ask for the size, which is collective; rank 0 alone draws.
+    size = model.domain.extent
+    d = model.d
+    owned = model.domain.owned_cells
+    body = gathered(model.comm, **body_nodes(model), u=nodal_displacement(admissible))
+    cells = gathered(
+        model.comm,
+        stress=_shown_stress(admissible),
+        volume=admissible.cell_geometry.volume[:owned],
+        vertices=model.global_numbers(admissible.cell_geometry.vertices[:owned]),
+    )
+    contacts = [whole_contact(admissible, traction) for traction in admissible.tractions]
+    up = upward(admissible)
+    only_round_off = error.scale == 0 or error.solution.at_rest
+    part = "" if tells_out_of_plane(model) else " of the plane part"
+    label = f"von Mises stress{part} [force/area]"
+
+    def draw(ax: Any) -> Any:
+        only_in_2d("draw_deformed", ax, d)
+        foundations = _foundations(contacts)
+        times = factor
+        if times is None:
+            largest = float(np.linalg.norm(body["u"], axis=1).max())
+            times = rounded(greatest_factor(foundations, largest, size))
+        skin = skin_of(body["points"], body["cells"], d)
+        x = skin.points + times * body["u"]
+        scale = _stress_scale(cells, label)
+        stress = _stress_on_skin(skin, cells)
+        # Round-off would else fill the whole range of colours.
+        if only_round_off:
+            stress = 0 * stress
+        closed = _closed_lines(foundations, x)
+        lines = _outline(body, d) + closed
+        grounds = _grounds(foundations, times, size, float(np.ptp(x, axis=0).max()))
+        axes = draw_map(ax, skin, x, stress, scale, views_of(d, up), lines, grounds)
+        title = _title(foundations, times, size)
+        if closed:
+            title += "\norange: closed contact"
+        _write_title(axes, title, d)
+        return axes
+
+    return draw_figure(model.comm, path, ax, draw)
+
+
+def magnification(error: ConstitutiveError) -> float:
+    """Find the greatest magnification of a deformed body [-]; collective.
+
+    It is infinite if nothing moves.
+    """
+    admissible = error.admissible
+    model = error.model
+    contacts = [whole_contact(admissible, traction) for traction in admissible.tractions]
+    largest = error.maximum("displacement").value
+    size = model.domain.extent
+    factor = np.inf
+    if model.comm.rank == 0:
+        factor = greatest_factor(_foundations(contacts), largest, size)
+    return model.comm.bcast(factor)
+
+
+def _foundations(contacts: Sequence[Surface | None]) -> list[Foundation]:
+    """Fit the foundations of the contacts that have facets; on rank 0."""
+    foundations = []
+    for contact in contacts:
+        if contact is not None and len(contact.x) > 0:
+            foundations.append(foundation_of(contact))
+    return foundations
+
+
+def _stress_scale(cells: Mapping[str, np.ndarray], label: str) -> Scale:
+    """Find the colours of the von Mises stress in all cells."""
+    from matplotlib.colors import Normalize  # noqa: PLC0415
+
+    greatest = cells["stress"].max(axis=1)
+    top = weighted_level(greatest, cells["volume"], COLOURED_SHARE)
+    return Scale(Normalize(0, top or 1.0), "max", label)
+
+
+def _stress_on_skin(skin: Skin, cells: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Return the stress as :meth:`Skin.of_parts` takes it [force/area].
+
+    It has one value for each cell, or three for each triangle.
+    """
+    stress = cells["stress"]
+    if stress.shape[1] == 1:
+        return stress[:, 0]
+    # The vertices of a cell and the corners of its triangles have other orders.
+    vertices = cells["vertices"][skin.cell, None]
+    corners = (vertices == skin.triangles[:, :3, None]).argmax(axis=2)
+    return np.take_along_axis(stress[skin.cell], corners, axis=1)
+
+
+def _outline(body: Mapping[str, np.ndarray], d: int) -> list[Part]:
+    """Draw the outline of a body before the deformation; a ball has none."""
+    grid = grid_of(body["points"], body["cells"][:, : d + 1], d)
+    outline = grid.extract_feature_edges(feature_angle=30.0, manifold_edges=False)
+    if outline.n_points == 0:
+        return []
+    return [(outline, {"color": "black", "line_width": 3.0})]
+
+
+def _grounds(
+    foundations: Sequence[Foundation], factor: float, size: float, drawn_size: float
+) -> list[Part]:
+    """Draw the foundations.
+
+    Args:
+        foundations: The foundations.
+        factor: Magnification of the displacement [-].
+        size: Size of the body, the diagonal of its box [length].
+        drawn_size: Longest side of the box of the body as it is drawn [length].
+    """
+    grounds: list[Part] = []
+    for foundation in foundations:
+        grounds += ground(drawn_foundation(foundation, factor, size), drawn_size)
+    return grounds
+
+
+def _closed_lines(foundations: Sequence[Foundation], x: np.ndarray) -> list[Part]:
+    """Draw the lines that show what is closed, for nodes at x [length], (n, 3)."""
+    closed: list[Part] = []
+    for foundation in foundations:
+        lines = closed_part(foundation.surface, x)
+        if lines is not None:
+            closed.append((lines, {"color": CLOSED_COLOUR, "line_width": 8.0}))
+    return closed
+
+
+def _title(foundations: Sequence[Foundation], factor: float, size: float) -> str:
+    """Say what a picture of a deformed body magnifies, and what then looks wrong."""
+    title = f"displacement × {factor:g}"
+    if factor != 1.0 and any(foundation.moves for foundation in foundations):
+        title += ", foundation moved with it"
+    entry = max((foundation.entry(factor) for foundation in foundations), default=0.0)
+    if entry > 1.1 * UNSEEN * size:  # more than rounding of the magnification makes of it
+        title += f"\nand so the contact looks open or entered by up to {entry:.2g} [length]"
+    return title
+
+
+def _write_title(axes: Any, title: str, d: int) -> None:
+    """Write a title above the axes in 2D, or above both views in 3D."""
+    if d == 2:
+        axes.set_title(title, fontsize=11)
+    else:
+        axes[0].figure.suptitle(title, fontsize=11)
+
+
+def _shown_stress(admissible: Admissible) -> np.ndarray:
+    """Compute the von Mises stress of sigma^ in each owned cell [force/area].
+
+    For degree 2 it is that at the vertices; shape (owned, 1 or d+1).
+    """
+    if admissible.model.degree == 1:
+        return von_mises(mean_stress(admissible))[:, None]
+    stress = vertex_stress(admissible)
+    at_vertices = [von_mises(stress[:, vertex]) for vertex in range(stress.shape[1])]
+    return np.stack(at_vertices, axis=1)

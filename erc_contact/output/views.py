@@ -1,0 +1,212 @@
+"""Show parts of bodies in axes of matplotlib, in 3D as images by pyvista.
+
+A part is a pair: data of pyvista, and the options with which they are drawn.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from erc_contact.admissible.pair import Admissible
+from erc_contact.output.files import DPI
+from erc_contact.output.flat import draw_flat, limits
+
+Part = tuple[Any, dict[str, Any]]
+"""Data of pyvista, and options with which they are drawn."""
+PIXELS = 1100
+"""Greatest number of pixels of the longer side of the image of a body, for which the
+widths of lines are given.
+"""
+FINER = 2.0
+"""Pixels of the image of a body over the pixels of its place in a saved figure [-]."""
+SPACE = 5.5
+"""Greatest width of all views in 3D that are side by side in a figure, without words
+[inches]. The figure is then not much wider than a page, on which its words can be read.
+"""
+WORDS = 1.1
+"""Width in a figure of the labels of a view in 3D [inches]."""
+LIFT = 1e-3
+"""Shift of lines towards the eye, as a share of the size of the picture [-]."""
+INTERVALS = 4
+"""Number of intervals between ticks, about, on the longest side of a body in 3D."""
+TICK = 0.015
+"""Length of a tick as a share of the longest side of the body [-]."""
+
+
+def upward(admissible: Admissible) -> np.ndarray:
+    """Find the upward direction of a picture, shape (3,); collective.
+
+    It is the coordinate axis, with its sign, that points away from the first
+    foundation.
+    """
+    model = admissible.model
+    total = np.zeros(3)
+    for traction in admissible.tractions[:1]:
+        owned = traction.contact.trace.here.owned
+        total[: model.d] = traction.area[owned] @ traction.contact.direction[owned]
+    total = np.array(model.comm.allgather(total)).sum(axis=0)
+    # Without a contact, y is upward.
+    axis = int(abs(total).argmax()) if total.any() else 1
+    # The normal points from the body to the foundation, which is below.
+    sign = -1.0 if total[axis] > 0 else 1.0
+    return np.eye(3)[axis] * sign
+
+
+def views_of(d: int, up: np.ndarray) -> dict[str, np.ndarray]:
+    """Return names and axes of the views of a body.
+
+    There is one view in 2D, and two from opposite sides in 3D. The rows of the axes,
+    shape (3, 3), point to the right, upward, and towards the eye. ``up`` is the
+    coordinate axis that points upward in 3D, shape (3,).
+    """
+    if d == 2:
+        return {"": np.eye(3)}
+    aside = 0.75 * np.roll(abs(up), 1) + 0.55 * np.roll(abs(up), 2)
+    return {
+        "from above": _axes_of_view(aside + 0.4 * up, up),
+        "from below": _axes_of_view(-aside - 0.6 * up, up),
+    }
+
+
+def _axes_of_view(towards: np.ndarray, up: np.ndarray) -> np.ndarray:
+    """Compute the axes of a view from a direction towards the eye, shape (3, 3)."""
+    across = np.cross(up, towards)
+    axes = np.array([across, np.cross(towards, across), towards])
+    return axes / np.linalg.norm(axes, axis=1, keepdims=True)
+
+
+def seen(parts: Sequence[Part], view: np.ndarray) -> np.ndarray:
+    """Find the low and the high corner of parts in the axes of a view [length].
+
+    They have a margin; shape (2, 3).
+    """
+    points = np.concatenate([data.points for data, _ in parts]) @ view.T
+    low = points.min(axis=0)
+    high = points.max(axis=0)
+    margin = 0.01 * float(np.linalg.norm(high - low))
+    return np.array([low - margin, high + margin])
+
+
+def rendered(parts: Sequence[Part], view: np.ndarray, longest: float) -> np.ndarray:
+    """Draw the image of parts in parallel projection; it ends where :func:`seen` says.
+
+    Args:
+        parts: Data of pyvista, and options with which they are drawn.
+        view: Axes of the view, shape (3, 3).
+        longest: Number of pixels of its longer side.
+
+    Returns:
+        The pixels, shape (height, width, 3).
+    """
+    import pyvista  # noqa: PLC0415
+
+    low, high = seen(parts, view)
+    size = float(np.linalg.norm(high - low))
+    middle = (low + high) / 2 @ view
+    sides = (high - low)[:2]
+    pixels = np.maximum(longest * sides / sides.max(), 16).round().astype(int)
+    # Without a display VTK complains before it finds another way.
+    with pyvista.vtk_verbosity("off"):
+        plotter = pyvista.Plotter(off_screen=True, window_size=pixels.tolist())
+        plotter.set_background("white")
+        light = {"ambient": 0.65, "diffuse": 0.4, "show_scalar_bar": False}
+        for data, look in parts:
+            # Lines are to be seen before the surface that they lie on.
+            is_lines = data.n_lines > 0
+            shown = data.translate(LIFT * size * view[2]) if is_lines else data
+            # Lines thinner than a pixel would look dashed.
+            width = max(look.get("line_width", 1.0) * longest / PIXELS, 1.0)
+            plotter.add_mesh(shown, **light, **(look | {"line_width": width}))
+        plotter.enable_parallel_projection()
+        eye = middle + 2 * size * view[2]
+        plotter.camera_position = [tuple(eye), tuple(middle), tuple(view[1])]
+        plotter.camera.parallel_scale = sides[1] / 2
+        plotter.reset_camera_clipping_range()
+        image = np.asarray(plotter.screenshot(return_img=True))
+        plotter.close()
+    return image
+
+
+def show(axes: Any, parts: Sequence[Part], view: np.ndarray) -> None:
+    """Show parts of a body in axes of matplotlib, with coordinates.
+
+    In 3D these stand along three edges of a box around the parts.
+
+    Args:
+        axes: Axes of matplotlib.
+        parts: Data of pyvista, and options with which they are drawn.
+        view: Axes of the view, shape (3, 3), the identity for a body in the plane.
+    """
+    low, high = seen(parts, view)
+    if view[2, 2] == 1.0:
+        draw_flat(axes, parts)
+        axes.set(**limits(low, high))
+        return
+    # More pixels than are shown cost time, and matplotlib takes their mean.
+    place = axes.get_position().size * axes.figure.get_size_inches() * DPI
+    pixels = min(FINER * float(place.max()), PIXELS)
+    axes.imshow(rendered(parts, view, pixels), extent=(low[0], high[0], low[1], high[1]))
+    axes.spines[:].set_visible(False)
+    axes.set_axis_off()
+    points = np.concatenate([data.points for data, _ in parts])
+    box = np.array([points.min(axis=0), points.max(axis=0)])
+    for i in range(3):
+        _draw_coordinate(axes, box, view, i)
+
+
+def _draw_coordinate(axes: Any, box: np.ndarray, view: np.ndarray, i: int) -> None:
+    """Draw the axis of a coordinate along an edge of the outline of a box.
+
+    Args:
+        axes: Axes of matplotlib with a picture in 3D.
+        box: Low and high corner of the box [length], shape (2, 3).
+        view: Axes of the view, shape (3, 3).
+        i: Number of the coordinate.
+    """
+    direction = view[:2, i]
+    longest = float((np.ptp(box, axis=0) * np.linalg.norm(view[:2], axis=0)).max())
+    # Words are below an axis that is rather level, and else at its left.
+    is_level = abs(direction[0]) > abs(direction[1])
+    outward = np.array([0.0, -1.0]) if is_level else np.array([-1.0, 0.0])
+    outward -= (outward @ direction) / (direction @ direction) * direction
+    outward /= np.linalg.norm(outward)
+    # Of the four parallel edges, the outermost one hides nothing of the body.
+    corners = np.stack(np.meshgrid(*box.T, indexing="ij"), axis=-1).reshape(-1, 3)
+    starts = corners[corners[:, i] == box[0, i]]
+    outermost = (starts @ view[:2].T @ outward).argmax()
+    start = view[:2] @ starts[outermost]
+    ticks = _ticks_of(box, view, i)
+    ends = start + (box[:, i] - box[0, i])[:, None] * direction
+    middle = start + (box[:, i].mean() - box[0, i]) * direction
+    feet = start + (ticks - box[0, i])[:, None] * direction
+    tips = feet + TICK * longest * outward
+    look = {"color": "0.3", "lw": 0.8, "clip_on": False}
+    axes.plot(*ends.T, **look)
+    axes.plot(*np.stack([feet, tips]).transpose(2, 0, 1), **look)
+    # Words grow away from the body.
+    side = int(np.sign(outward[0])) * (abs(outward[0]) > 0.3)
+    alignment = ("center", "left", "right")[side]
+    words = {"textcoords": "offset points", "ha": alignment, "va": "center"}
+    for foot, tick in zip(feet, ticks, strict=True):
+        axes.annotate(f"{tick:.4g}", foot, 10 * outward, fontsize=9, **words)
+    distance = 26 if is_level else 38
+    axes.annotate(f"${'xyz'[i]}$ [length]", middle, distance * outward, fontsize=10, **words)
+
+
+def _ticks_of(box: np.ndarray, view: np.ndarray, i: int) -> np.ndarray:
+    """Find the ticks of a coordinate in a picture of a box [length].
+
+    A side that looks short has fewer of them.
+    """
+    from matplotlib.ticker import MaxNLocator  # noqa: PLC0415
+
+    lengths = np.ptp(box, axis=0) * np.linalg.norm(view[:2], axis=0)
+    intervals = max(1, round(INTERVALS * lengths[i] / lengths.max()))
+    # An end of the box has its tick in spite of round-off.
+    low = box[0, i] - 1e-6 * lengths.max()
+    high = box[1, i] + 1e-6 * lengths.max()
+    ticks = MaxNLocator(intervals, steps=[1, 2, 5, 10]).tick_values(low, high)
+    return ticks[(ticks >= low) & (ticks <= high)]
