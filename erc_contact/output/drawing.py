@@ -14,7 +14,7 @@ import numpy as np
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.output.files import DPI, STYLE, on_root
+from erc_contact.output.files import STYLE, on_root
 
 COLOUR_CYCLE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#000000")
 """Colours of curves that the colour-blind can tell apart.
@@ -28,14 +28,6 @@ STATUS_COLOURS = ("#f0f0f0", "#fbdcb4", "#c9e0f2")
 
 They are grey, orange and blue.
 """
-PNG_COMPRESSION = 3
-"""Level of compression of png files.
-
-Files are a few per cent larger than with the default of Pillow, 6, and are written
-twice as fast.
-"""
-FIGURE_MARGIN = 0.1
-"""White margin around a saved figure [inches]."""
 
 
 def draw_figure(
@@ -63,32 +55,14 @@ def draw_figure(
         with rc_context(STYLE) if ax is None else nullcontext():
             axes = draw(ax)
             figure = np.ravel(axes)[0].figure
-            if path is not None and ax is None:
-                save_figure(figure, path)
-            elif path is not None:
-                figure.savefig(path, dpi=DPI, bbox_inches="tight")
+            if path is not None:
+                figure.savefig(path, dpi=200, bbox_inches="tight")
             elif ax is None:
                 figure.draw_without_rendering()  # words get their font now
         drawn.append(axes)
 
     on_root(comm, path, make)
     return drawn[0] if drawn else None
-
-
-def save_figure(figure: Any, path: str | Path) -> None:
-    """Save a figure of ours, cut where its words end.
-
-    With ``bbox_inches="tight"`` matplotlib draws all of it once more to find the box.
-    """
-    figure.set_dpi(DPI)
-    layout = figure.get_layout_engine()
-    layout.execute(figure)
-    figure.set_layout_engine("none")  # it is done
-    box = figure.get_tightbbox().padded(FIGURE_MARGIN)
-    png = Path(path).suffix == ".png"
-    options = {"pil_kwargs": {"compress_level": PNG_COMPRESSION}} if png else {}
-    figure.savefig(path, dpi=DPI, bbox_inches=box, **options)
-    figure.set_layout_engine(layout)
 
 
 def new_figure(width: float, height: float, layout: str = "constrained") -> Any:

@@ -24,8 +24,6 @@ STYLE = {
     "pdf.fonttype": 42,
 }
 """matplotlib's settings for our figures; journals want fonts of type 42 in pdf."""
-DPI = 200
-"""Pixels an inch of a saved figure."""
 VTK_EDGES = np.array([(0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3)])
 """Vertices of the edges of a tetrahedron, in the order of VTK's nodes.
 

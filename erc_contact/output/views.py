@@ -11,17 +11,12 @@ from typing import Any
 import numpy as np
 
 from erc_contact.admissible.pair import Admissible
-from erc_contact.output.files import DPI
 from erc_contact.output.flat import draw_flat, limits
 
 Part = tuple[Any, dict[str, Any]]
 """Data of pyvista, and options with which they are drawn."""
 PIXELS = 1100
-"""Greatest number of pixels of the longer side of the image of a body, for which the
-widths of lines are given.
-"""
-FINER = 2.0
-"""Pixels of the image of a body over the pixels of its place in a saved figure [-]."""
+"""Number of pixels of the longer side of the image of a body."""
 SPACE = 5.5
 """Greatest width of all views in 3D that are side by side in a figure, without words
 [inches]. The figure is then not much wider than a page, on which its words can be read.
@@ -90,13 +85,12 @@ def seen(parts: Sequence[Part], view: np.ndarray) -> np.ndarray:
     return np.array([low - margin, high + margin])
 
 
-def rendered(parts: Sequence[Part], view: np.ndarray, longest: float) -> np.ndarray:
+def rendered(parts: Sequence[Part], view: np.ndarray) -> np.ndarray:
     """Draw the image of parts in parallel projection; it ends where :func:`seen` says.
 
     Args:
         parts: Data of pyvista, and options with which they are drawn.
         view: Axes of the view, shape (3, 3).
-        longest: Number of pixels of its longer side.
 
     Returns:
         The pixels, shape (height, width, 3).
@@ -107,7 +101,7 @@ def rendered(parts: Sequence[Part], view: np.ndarray, longest: float) -> np.ndar
     size = float(np.linalg.norm(high - low))
     middle = (low + high) / 2 @ view
     sides = (high - low)[:2]
-    pixels = np.maximum(longest * sides / sides.max(), 16).round().astype(int)
+    pixels = np.maximum(PIXELS * sides / sides.max(), 16).round().astype(int)
     # Without a display VTK complains before it finds another way.
     with pyvista.vtk_verbosity("off"):
         plotter = pyvista.Plotter(off_screen=True, window_size=pixels.tolist())
@@ -117,9 +111,7 @@ def rendered(parts: Sequence[Part], view: np.ndarray, longest: float) -> np.ndar
             # Lines are to be seen before the surface that they lie on.
             is_lines = data.n_lines > 0
             shown = data.translate(LIFT * size * view[2]) if is_lines else data
-            # Lines thinner than a pixel would look dashed.
-            width = max(look.get("line_width", 1.0) * longest / PIXELS, 1.0)
-            plotter.add_mesh(shown, **light, **(look | {"line_width": width}))
+            plotter.add_mesh(shown, **light, **look)
         plotter.enable_parallel_projection()
         eye = middle + 2 * size * view[2]
         plotter.camera_position = [tuple(eye), tuple(middle), tuple(view[1])]
@@ -145,10 +137,7 @@ def show(axes: Any, parts: Sequence[Part], view: np.ndarray) -> None:
         draw_flat(axes, parts)
         axes.set(**limits(low, high))
         return
-    # More pixels than are shown cost time, and matplotlib takes their mean.
-    place = axes.get_position().size * axes.figure.get_size_inches() * DPI
-    pixels = min(FINER * float(place.max()), PIXELS)
-    axes.imshow(rendered(parts, view, pixels), extent=(low[0], high[0], low[1], high[1]))
+    axes.imshow(rendered(parts, view), extent=(low[0], high[0], low[1], high[1]))
     axes.spines[:].set_visible(False)
     axes.set_axis_off()
     points = np.concatenate([data.points for data, _ in parts])
