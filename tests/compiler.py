@@ -61,7 +61,10 @@ def _command() -> list[str]:
 
 
 def _precompiled(command: list[str], header: Path) -> bool:
-    """Precompile the header unless it is there; tell whether the compiler can use it."""
+    """Precompile the header unless it is there.
+
+    Tell whether the compiler can use it.
+    """
     ready = header.with_suffix(".h.gch")
     if ready.exists():
         return True

@@ -62,7 +62,11 @@ PATIENCE = 60.0
 
 
 class Ranks:
-    """Under mpiexec: a rank says at once what failed on it, and no rank waits for ever for one that failed."""
+    """Under mpiexec.
+
+    A rank says at once what failed on it, and no rank waits for ever for one that
+    failed.
+    """
 
     comm = COMM.Dup()
 
@@ -122,7 +126,10 @@ def shared_tmp_path():
 
 @pytest.fixture
 def gmsh_session():
-    """The gmsh module with a session and an empty model of the user's on rank 0; None on the other ranks."""
+    """The gmsh module with a session and an empty model of the user's on rank 0.
+
+    None on the other ranks.
+    """
     if COMM.rank > 0:
         yield None
         return
@@ -172,7 +179,10 @@ class Measures:
 
 @pytest.fixture(autouse=True)
 def few_pixels(monkeypatch):
-    """Bodies are drawn with a quarter of the pixels on a side: VTK takes half a second for each view otherwise."""
+    """Bodies are drawn with a quarter of the pixels on a side.
+
+    VTK takes half a second for each view otherwise.
+    """
     monkeypatch.setattr(views, "PIXELS", views.PIXELS // 4)
 
 

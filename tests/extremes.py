@@ -110,7 +110,10 @@ def wedge(friction: float, weight: float = -1.0) -> Pair:
 
 
 def in_a_channel() -> Pair:
-    """A square pressed into a channel, whose walls it meets as it expands; three contacts with friction."""
+    """A square pressed into a channel, whose walls it meets as it expands.
+
+    Three contacts with friction.
+    """
     contacts = [ec.Contact("bottom", friction=0.3)]
     contacts += [ec.Contact(side, friction=0.3, gap=0.002) for side in ("left", "right")]
     return ec.Scene(

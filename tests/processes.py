@@ -1,4 +1,7 @@
-"""Scripts in processes of their own, alone or under mpiexec: for demos, signals, deadlocks, whole lives."""
+"""Scripts in processes of their own, alone or under mpiexec.
+
+For demos, signals, deadlocks, whole lives.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +25,10 @@ ROOT = Path(__file__).parent.parent
 
 
 def environment() -> dict[str, str]:
-    """Variables of a process of its own: none of a running mpiexec, one thread, and the package beside the tests."""
+    """Variables of a process of its own.
+
+    None of a running mpiexec, one thread, and the package beside the tests.
+    """
     own = {
         "OMP_NUM_THREADS": "1",
         "MPIR_CVAR_CH4_PROGRESS_THROTTLE": "1",
@@ -34,7 +40,9 @@ def environment() -> dict[str, str]:
 
 @contextmanager
 def started(script: str, ranks: int, folder: Path) -> Iterator[subprocess.Popen]:
-    """A running script; what it writes comes through a pipe, errors with the rest. At the end nothing of it is left.
+    """A running script; what it writes comes through a pipe, errors with the rest.
+
+    At the end nothing of it is left.
 
     Args:
         script: Python source.
@@ -49,7 +57,10 @@ def started(script: str, ranks: int, folder: Path) -> Iterator[subprocess.Popen]
 
 @contextmanager
 def launched(path: Path, ranks: int, folder: Path) -> Iterator[subprocess.Popen]:
-    """The same for a script that is a file already; DOLFINx finds the options of the C compiler in the folder."""
+    """The same for a script that is a file already.
+
+    DOLFINx finds the options of the C compiler in the folder.
+    """
     (folder / "dolfinx_jit_options.json").write_text(
         json.dumps({"cffi_extra_compile_args": compiler_options()})
     )
@@ -69,7 +80,10 @@ def launched(path: Path, ranks: int, folder: Path) -> Iterator[subprocess.Popen]
 
 
 def kill_all_in(folder: Path) -> None:
-    """Kill the processes that run in a folder: mpiexec gives each rank a group of its own, MPICH's a session, too."""
+    """Kill the processes that run in a folder.
+
+    Mpiexec gives each rank a group of its own, MPICH's a session, too.
+    """
     for cwd in Path("/proc").glob("[0-9]*/cwd"):
         with suppress(OSError):  # it has ended meanwhile, or is that of another user
             if cwd.readlink() == folder.resolve() and int(cwd.parent.name) != os.getpid():
@@ -77,7 +91,9 @@ def kill_all_in(folder: Path) -> None:
 
 
 def run_as_user(path: Path, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Run a script in a folder: on one rank as a process of its own, on several by all ranks of this one.
+    """Run a script in a folder.
+
+    On one rank as a process of its own, on several by all ranks of this one.
 
     Its handlers of log messages are removed afterwards.
     """
@@ -96,7 +112,10 @@ def run_as_user(path: Path, folder: Path, monkeypatch: pytest.MonkeyPatch) -> No
 
 
 def told(process: subprocess.Popen, word: str) -> list[str]:
-    """The other words of the next line that begins with this one; what mpiexec itself writes is passed over."""
+    """The other words of the next line that begins with this one.
+
+    What mpiexec itself writes is passed over.
+    """
     lines = []
     for line in iter(process.stdout.readline, ""):
         lines.append(line)
@@ -106,7 +125,10 @@ def told(process: subprocess.Popen, word: str) -> list[str]:
 
 
 def output(process: subprocess.Popen, seconds: float) -> str:
-    """All that a process writes from here to its end; it must end by itself in so many seconds, with code 0."""
+    """All that a process writes from here to its end.
+
+    It must end by itself in so many seconds, with code 0.
+    """
     try:
         text, _ = process.communicate(timeout=seconds)
     except subprocess.TimeoutExpired:

@@ -55,7 +55,10 @@ def greco(friction: float = 1.0) -> ec.Scene:
 
 
 def patch_test(friction: float, nu: float, E: float = 1.7) -> tuple[ec.Scene, np.ndarray]:
-    """Friction patch test: u = (c + b y, e y) slips everywhere on y = 0; returns the scene and (b, c, e)."""
+    """Friction patch test: u = (c + b y, e y) slips everywhere on y = 0.
+
+    Returns the scene and (b, c, e).
+    """
     lam, G = E * nu / ((1 + nu) * (1 - 2 * nu)), E / (2 * (1 + nu))
     c, e = 0.03, -0.01
     b = -friction * (lam + 2 * G) * e / G
@@ -71,7 +74,10 @@ def patch_test(friction: float, nu: float, E: float = 1.7) -> tuple[ec.Scene, np
 
 
 def quadratic_contact() -> ec.Scene:
-    """Quadratic u on the unit square, closed and without shear at y = 0; its tractions are linear."""
+    """Quadratic u on the unit square, closed and without shear at y = 0.
+
+    Its tractions are linear.
+    """
     material = ec.Elastic(E=1.0, nu=0.3)
 
     def stress(x):
@@ -112,7 +118,10 @@ def resultant(traction: ContactTraction) -> np.ndarray:
 
 
 def random_scene(seed: int, comm: MPI.Comm = MPI.COMM_WORLD) -> tuple[ec.Scene, ec.Domain]:
-    """A random scene in 2D (even seeds) or 3D: rollers, two materials, body force, pressure, friction, gap."""
+    """A random scene in 2D (even seeds) or 3D.
+
+    Rollers, two materials, body force, pressure, friction, gap.
+    """
     rng = np.random.default_rng(seed)
     d = 2 + seed % 2
     extent = rng.uniform(0.8, 1.5, d)
@@ -150,7 +159,10 @@ def random_scene(seed: int, comm: MPI.Comm = MPI.COMM_WORLD) -> tuple[ec.Scene, 
 def two_squares(
     comm: MPI.Comm = MPI.COMM_WORLD, *, cells: int = 4, apart: float = 3.0
 ) -> ec.Domain:
-    """Two unit squares that do not touch, in one mesh; the parts are left1 ... top1 and left2 ... top2."""
+    """Two unit squares that do not touch, in one mesh.
+
+    The parts are left1 ... top1 and left2 ... top2.
+    """
     import basix.ufl
     from dolfinx import mesh as dmesh
 

@@ -111,7 +111,10 @@ def test_limits_end_with_the_best_result():
 
 @pytest.mark.parametrize("dim", [2, 3])
 def test_a_mesh_with_too_many_cells_is_not_made(dim, monkeypatch):
-    """Bisection makes 2^d cells or more of a marked one: exactly as many where all are marked."""
+    """Bisection makes 2^d cells or more of a marked one.
+
+    Exactly as many where all are marked.
+    """
     domain = block(4) if dim == 2 else ec.box((0.0,) * 3, (1.0, 1.0, 0.7), cells=(3, 3, 2))
     made, refined = [], ec.Domain.refined
     monkeypatch.setattr(ec.Domain, "refined", lambda *a: made.append(refined(*a)) or made[-1])
@@ -148,7 +151,10 @@ def test_failure_on_a_later_mesh_keeps_what_there_is(monkeypatch):
 
 
 def ends_late(error, *words, on):
-    """A run on two meshes whose second one fails: the history has the first. On the first mesh the error is raised."""
+    """A run on two meshes whose second one fails: the history has the first.
+
+    On the first mesh the error is raised.
+    """
     scene, first, second = on
 
     class Next:
@@ -206,7 +212,10 @@ def test_body_that_nothing_holds_on_a_later_mesh():
 
 @pytest.mark.parametrize("rank", [0, MPI.COMM_WORLD.size - 1])
 def test_memory_that_ends_on_one_rank(rank):
-    """What a strategy of the user's raises on one rank comes to all: a MemoryError ends the run with what it has."""
+    """What a strategy of the user's raises on one rank comes to all.
+
+    A MemoryError ends the run with what it has.
+    """
 
     class Greedy:
         def next(self, error, accuracy, max_cells):
@@ -313,7 +322,8 @@ for folder in (None, "kept", None):
 def test_interrupted_runs_keep_their_histories(ranks, tmp_path):
     """Send real signals to three runs of a process: to one rank, and to mpiexec.
 
-    The latter is what Ctrl-C does. SIGTERM comes as a batch system sends it, and each level of its run is in the folder.
+    The latter is what Ctrl-C does. SIGTERM comes as a batch system sends it, and each
+    level of its run is in the folder.
     """
     with started(INTERRUPTED, ranks, tmp_path) as process:
         for number in (signal.SIGINT, signal.SIGTERM, "Ctrl-C"):
@@ -354,7 +364,10 @@ def test_interrupt_before_there_is_anything_to_keep_is_raised():
 
 @pytest.mark.parametrize("stage", ["direct", "iterative", "tightening"])
 def test_long_stages_end_within_an_iteration(stage):
-    """One rank gets the signal, and no stage goes on to its end on any; outside of a run nothing is asked."""
+    """One rank gets the signal, and no stage goes on to its end on any.
+
+    Outside of a run nothing is asked.
+    """
     comm, domain = MPI.COMM_WORLD, block(4)
     solver = "iterative" if stage == "iterative" else "direct"
     solution = ec.solve(common_block(), domain, solver=solver)

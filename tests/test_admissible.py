@@ -1,4 +1,7 @@
-"""Admissible pairs: each property as a number against a scale, on random scenes in 2D and 3D, of degree 1 and 2.
+"""Admissible pairs.
+
+Each property as a number against a scale, on random scenes in 2D and 3D, of degree 1
+and 2.
 
 - every element is in equilibrium of forces and moments under its facet tractions and
   the body force;
@@ -88,7 +91,10 @@ def test_elements_balance_moments(pair):
 
 
 def test_opposite_tractions_between_ranks(pair):
-    """Both ranks that see a facet compute its traction themselves; the values must agree."""
+    """Both ranks that see a facet compute its traction themselves.
+
+    The values must agree.
+    """
     model = pair.solution.model
     facets = model.mesh.topology.index_map(model.d - 1)
     size = np.linalg.norm(pair.facet_moments.sum(axis=1), axis=1)
@@ -250,7 +256,10 @@ def test_balance_with_data_that_no_rule_integrates(contact):
     "method", [ec.Nitsche(), ec.AugmentedLagrangian()], ids=["Nitsche", "augmented"]
 )
 def test_any_pressure_holds(method, degree):
-    """Its weight is all that the contact must balance; with the first method no traction was found."""
+    """Its weight is all that the contact must balance.
+
+    With the first method no traction was found.
+    """
     scene = ec.Scene(
         material=ec.Elastic(70e9, 0.25),
         supports=[ec.Displacement("top", (1e-5, None))],
@@ -266,7 +275,10 @@ def test_any_pressure_holds(method, degree):
 @pytest.mark.serial
 @pytest.mark.parametrize("E", [1.0, 1e-6])
 def test_contact_holds_on_all_meshes(E):
-    """Half of a block on a parabola, degree 2: the imbalance that was left ended runs at some 700 cells."""
+    """Half of a block on a parabola, degree 2.
+
+    The imbalance that was left ended runs at some 700 cells.
+    """
     scene = ec.Scene(
         material=ec.Elastic(E, 0.3),
         supports=[ec.Displacement("left", (0.0, None))],
@@ -280,7 +292,10 @@ def test_contact_holds_on_all_meshes(E):
 
 @pytest.mark.parametrize(("d", "degree"), [(2, 1), (2, 2), (3, 1)])
 def test_elements_balance_where_the_body_slides_far(d, degree):
-    """The displacement is 1e8 times the elastic one: its round-off was 1e-8 of the forces."""
+    """The displacement is 1e8 times the elastic one.
+
+    Its round-off was 1e-8 of the forces.
+    """
     scene, domain = sliding_block(10.0, d, n=2 if d == 2 else 1)
     pair = ec.equilibrate(ec.solve(scene, domain, degree=degree))
     moment = owned_moments(pair)

@@ -1,4 +1,6 @@
-"""One step of a loading history: friction counts the tangential displacement from where the last step ended.
+"""One step of a loading history.
+
+Friction counts the tangential displacement from where the last step ended.
 
 - Proportional loading from rest ends in the static solution, in any number of steps.
 - A sign: a body that is moved back gets friction in the other direction, and a load
@@ -66,7 +68,11 @@ def shear(solution):
 
 @KINDS
 def test_proportional_loading_ends_in_the_static_solution(d, degree, solver):
-    """Stick and slip both; the problem without gap is homogeneous, so every step is a multiple of the static one."""
+    """Stick and slip both.
+
+    The problem without gap is homogeneous, so every step is a multiple of the static
+    one.
+    """
     tolerance = 1e-8 if solver == "iterative" else 1e-11
     domain, end = box(d), (0.03 if degree == 2 else 0.016, PRESS)
     static = run([end], domain, degree=degree, solver=solver)[0]
@@ -120,7 +126,10 @@ def test_nothing_moves_while_the_loads_are_held():
 
 @pytest.mark.parametrize("scale", [1e-14, 1e9])
 def test_shear_that_stays_without_any_load(scale):
-    """The top goes away and comes back; the foundation, bilateral with given friction, keeps the body sheared."""
+    """The top goes away and comes back.
+
+    The foundation, bilateral with given friction, keeps the body sheared.
+    """
     limit = 0.004 * scale
     domain, law = box(), ec.Tresca(limit)
 
@@ -148,7 +157,10 @@ def test_shear_that_stays_without_any_load(scale):
 
 
 def ends(alone):
-    """Ends of ways to the same loads; with little friction the pressed block slips outwards at its edges."""
+    """Ends of ways to the same loads.
+
+    With little friction the pressed block slips outwards at its edges.
+    """
     domain, push = box(2, alone), 0.004
     ways = {
         "press, shear": [(0.0, PRESS), (push, PRESS)],
@@ -175,7 +187,10 @@ def test_the_order_of_loads_is_the_same_on_ranks():
 
 @pytest.mark.parametrize(("d", "degree"), [(2, 1), (2, 2), (3, 1), (3, 2)])
 def test_a_refined_mesh_carries_the_last_step(d, degree):
-    """At every node of the refined contact; a new mesh loses something, less on a finer one."""
+    """At every node of the refined contact.
+
+    A new mesh loses something, less on a finer one.
+    """
     solution = run([(0.2, PRESS)], box(d), degree=degree)[0]
     last = LastStep(solution.model, solution.u)
     space = Space(solution.domain.refined(), degree)
@@ -224,7 +239,10 @@ def test_steps_on_refined_and_new_meshes():
 @pytest.mark.serial
 @pytest.mark.parametrize(("method", "degree"), [(AUGMENTED, 1), (AUGMENTED, 2), (NITSCHE, 1)])
 def test_e_is_above_the_true_error_of_the_step(method, degree):
-    """The reference has the same history: the last step of the coarse mesh, which its mesh carries exactly."""
+    """The reference has the same history.
+
+    The last step of the coarse mesh, which its mesh carries exactly.
+    """
     path = [(0.0, PRESS), (0.02, PRESS), (0.012, PRESS)]
     _, sheared, _ = run(path, method=method, degree=degree)
     for friction in (MU, ec.Tresca(0.01)):
@@ -280,7 +298,10 @@ def test_what_cannot_be_a_last_step():
 @pytest.mark.serial
 @pytest.mark.parametrize("degree", [1, 2])
 def test_sliding_back_where_friction_varies(degree):
-    """The pressure of a facet is levelled along the slip of the step: the way back is as accurate as one from rest."""
+    """The pressure of a facet is levelled along the slip of the step.
+
+    The way back is as accurate as one from rest.
+    """
     back, rest = (
         ec.constitutive_error(
             ec.equilibrate(run(path, degree=degree, friction=lambda x: 0.2 + 0.2 * x[0])[-1])

@@ -139,7 +139,10 @@ def test_projection_of_a_law(d, name):
 @pytest.mark.parametrize("method", METHODS, ids=str)
 @pytest.mark.parametrize("state", ["open", "slip", "stick"])
 def test_taylor_remainder(method, state):
-    """The derivative of the equations in u and in the multiplier is right: remainders of second order."""
+    """The derivative of the equations in u and in the multiplier is right.
+
+    Remainders of second order.
+    """
     model = Model(common_block(), block(2))
     contact = model.contacts[0]
     u, field, v = fem.Function(model.V), fem.Function(model.V), ufl.TestFunction(model.V)

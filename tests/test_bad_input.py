@@ -286,7 +286,10 @@ class Law:
     ],
 )
 def test_law_that_breaks_its_promise(bound, a, bilateral, words, E, block):
-    """The numbers of a law are given for E = 1: pressures and a bound scale with E, slopes do not."""
+    """The numbers of a law are given for E = 1.
+
+    Pressures and a bound scale with E, slopes do not.
+    """
     law = Law(lambda p, a: E * bound(p / E, a), a)
     scene = ec.Scene(
         ec.Elastic(E, 0.3), [SINK], [], [ec.Contact("bottom", friction=law, bilateral=bilateral)]
@@ -352,7 +355,10 @@ def test_normal_that_points_into_the_body(options, block):
 
 
 def test_normals_of_a_curved_body(gmsh_session):
-    """Facets that look sideways are in contact with a half disc; a whole disc has facets that look away."""
+    """Facets that look sideways are in contact with a half disc.
+
+    A whole disc has facets that look away.
+    """
 
     def disc(angle):
         if gmsh_session:
@@ -929,7 +935,10 @@ def test_callable_that_nests_too_deep(block):
 
 
 def test_function_as_a_value(block):
-    """On its own mesh a Function in a callable is taken; a run, which makes further meshes, refuses it at once."""
+    """On its own mesh a Function in a callable is taken.
+
+    A run, which makes further meshes, refuses it at once.
+    """
     height = fem.Function(fem.functionspace(block.mesh, ("Lagrange", 1)))
     height.x.array[:] = 0.001
     solution = ec.solve(with_gap(lambda x: height), block, ec.AugmentedLagrangian())

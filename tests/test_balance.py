@@ -1,4 +1,6 @@
-"""Balance of contact tractions on free motions: convex sets, motions and loads at random, no mesh.
+"""Balance of contact tractions on free motions.
+
+Convex sets, motions and loads at random, no mesh.
 
 - loads that some allowed traction balances are balanced, to round-off of the forces, by
   allowed tractions, however near to the limit of the sets they are and however far slip
@@ -31,7 +33,10 @@ def vectors(rng: np.random.Generator, n: np.ndarray, m: int) -> np.ndarray:
 
 
 def problem(seed: int, d: int, inside: float, few: float) -> tuple[Part, np.ndarray, np.ndarray]:
-    """A contact, loads, and tractions that balance them: on the surface of their sets but for a share ``inside``."""
+    """A contact, loads, and tractions that balance them.
+
+    On the surface of their sets but for a share ``inside``.
+    """
     rng = np.random.default_rng([seed, d, int(1e6 * inside), int(10 * few)])
     f, m = int(rng.choice([2, 4, 16, 64])), int(rng.choice([d, 3 * (d - 1)]))
     scale = 10.0 ** rng.uniform(-9, 9)

@@ -76,7 +76,9 @@ def test_bound_of_true_errors(name, n):
 
 
 def test_prager_synge_identity():
-    """Smooth manufactured solution, all sides prescribed: e^2 is the sum of the squared errors, to quadrature.
+    """Smooth manufactured solution, all sides prescribed.
+
+    E^2 is the sum of the squared errors, to quadrature.
 
     The prescribed values are not linear on the facets; against the loose pair's e, what
     that adds is small.

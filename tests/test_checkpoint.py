@@ -42,7 +42,10 @@ MESHES = Path(__file__).parent.parent / "meshes"
 
 
 def same(history, other, *, solved=0):
-    """The same rows: cells, Newton steps, eps to 1e-8; those that were not solved again to the last digit."""
+    """The same rows: cells, Newton steps, eps to 1e-8.
+
+    Those that were not solved again to the last digit.
+    """
     assert len(history.steps) == len(other.steps)
     for a, b in zip(history.steps, other.steps, strict=True):
         assert (a.cells, a.vertices, a.dofs, a.newton_steps, a.method) == (
@@ -132,7 +135,10 @@ def test_other_ranks_go_on(problem, shared_tmp_path):
 
 
 def test_a_domain_comes_back_from_its_tables(measures, shared_tmp_path):
-    """Coordinates to the last digit; parts, regions and the true shape; meshed again as the first one."""
+    """Coordinates to the last digit; parts, regions and the true shape.
+
+    Meshed again as the first one.
+    """
     for problem in (of_regions, of_curves):
         domain = problem()[1].refined()
         x, cells = domain.mesh.geometry.x, domain.mesh.geometry.dofmaps[0][: domain.owned_cells]
@@ -232,7 +238,10 @@ OTHER = {
 
 
 def test_fingerprint_knows_what_decides():
-    """Made twice it is the same; each change changes it; numbers in formulas of classes of the user's, too."""
+    """Made twice it is the same; each change changes it.
+
+    Numbers in formulas of classes of the user's, too.
+    """
     first = fingerprint(changed(), block(2), {"strategy": ec.Mark(0.5)})
     assert first == fingerprint(changed(), block(2), {"strategy": ec.Mark(0.5)})
     others = [
@@ -297,7 +306,10 @@ def whole(tmp_path_factory):
 
 @pytest.mark.serial
 def test_every_changed_byte_is_found(whole):
-    """All bytes of the block in front and 300 others, each with one bit changed; lengths that are missing."""
+    """All bytes of the block in front and 300 others, each with one bit changed.
+
+    Lengths that are missing.
+    """
     good = Folder(whole[0]).file(1).read_bytes()
     rng = np.random.default_rng(0)
     assert unpacked(good).about["dim"] == 2
@@ -417,7 +429,10 @@ t.run(t.of_flat_body, 40, "kept", callback=tell)
 @pytest.mark.serial
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_killed_runs_go_on(ranks, tmp_path):
-    """Kill a run at some moment; on one rank it goes on, with other hashes of strings."""
+    """Kill a run at some moment.
+
+    On one rank it goes on, with other hashes of strings.
+    """
     with started(KEPT.format(tests=str(Path(__file__).parent)), ranks, tmp_path) as process:
         elsewhere = told(process, "fingerprint")
         pids = [told(process, "mesh") for _ in range(2 + ranks)][-1]
@@ -477,8 +492,8 @@ os._exit(0)  # at the usual end PETSc takes the handler away
 def test_signals_do_no_harm_to_a_factorisation(tmp_path):
     """SIGTERM comes at any moment of it, at most 5 ms after the last.
 
-    An ordering by METIS would jump out of the middle of its work; of a large factor METIS
-    groups the equations for the compression.
+    An ordering by METIS would jump out of the middle of its work; of a large factor
+    METIS groups the equations for the compression.
     """
     with started(FACTORS, 1, tmp_path) as process:
         told(process, "ready")

@@ -29,7 +29,10 @@ def test_known_forms_are_not_searched(monkeypatch):
 
 
 def test_numbers_of_constants_have_as_many_digits():
-    """UFL sorts factors by the text of these numbers: "10" comes before "9", but "11" after "10"."""
+    """UFL sorts factors by the text of these numbers.
+
+    "10" comes before "9", but "11" after "10".
+    """
     mesh = block(2).mesh
     assert FIRST_NUMBER <= compiled.constant(mesh, 1.0).count() < 10 * FIRST_NUMBER
 
@@ -81,7 +84,10 @@ def forms(domain: ec.Domain) -> list[ufl.Form]:
 
 
 def test_forms_have_the_same_key_if_ufl_signs_them_alike():
-    """So they have on two meshes. Forms that differ have other keys, as they have other signatures."""
+    """So they have on two meshes.
+
+    Forms that differ have other keys, as they have other signatures.
+    """
     first, second = (
         [(_key(one, None, None), one.signature()) for one in forms(block(n))] for n in (2, 3)
     )

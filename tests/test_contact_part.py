@@ -19,7 +19,10 @@ pytestmark = pytest.mark.serial
 
 
 def pair_with_kinks(friction, degree, dim=2):
-    """A coarse pair whose slip turns: the top of the block is stretched, so that the contact slips both ways."""
+    """A coarse pair whose slip turns.
+
+    The top of the block is stretched, so that the contact slips both ways.
+    """
     if dim == 2:
         domain = ec.rectangle((0.0, 0.0), (1.0, 0.4), cells=(1, 1))
         top = ec.Displacement("top", (lambda x: 0.03 * (x[0] - 0.37), -0.02))
@@ -34,7 +37,10 @@ def pair_with_kinks(friction, degree, dim=2):
 
 
 def works(pair, points):
-    """The terms of the contact part at points of the facets without gap: friction and the rest, shape (f, q) each."""
+    """The terms of the contact part at points of the facets without gap.
+
+    Friction and the rest, shape (f, q) each.
+    """
     traction, model = pair.tractions[0], pair.solution.model
     shape = bernstein(model.d - 1, model.degree, points)
     nodal = pair.displacement.x.array.reshape(-1, model.d)[traction.nodes]

@@ -193,7 +193,10 @@ def test_every_term_is_above_the_truth(name):
 
 @pytest.mark.serial
 def test_a_step_of_a_history():
-    """The slip turns: t is along the slip since the last step, against the one from the start."""
+    """The slip turns.
+
+    T is along the slip since the last step, against the one from the start.
+    """
 
     def at(push):
         return ec.Scene(
@@ -225,7 +228,10 @@ def test_bad_input(block):
 
 
 def test_a_slipping_body_leaves_nothing(block):
-    """On the patch test slip and traction are opposite everywhere; the opposite field leaves twice the friction."""
+    """On the patch test slip and traction are opposite everywhere.
+
+    The opposite field leaves twice the friction.
+    """
     scene, _ = patch_test(0.3, 0.25)
     error, found = certified(scene, block)
     assert max(found.misaligned, found.unbalanced) < 1e-6 * error.scale
@@ -330,7 +336,10 @@ def test_units_change_nothing():
 
 
 def test_a_slender_body_that_slips_gets_no_bound():
-    """Pushed far, the block slips to one side. Pushed little it sticks, and a smooth field has a bound of many e."""
+    """Pushed far, the block slips to one side.
+
+    Pushed little it sticks, and a smooth field has a bound of many e.
+    """
     error, sticks = certified(prototype_block(), block_of(8))
     pair = pair_on_surface(error.admissible)
     t = np.zeros_like(pair.surface.normal)
@@ -355,7 +364,10 @@ def test_a_slender_body_that_slips_gets_no_bound():
 
 
 def test_round_off_is_no_work_on_a_roller():
-    """A body that may move up: the forces of rho are tangential, and round-off along the normal is not one of them."""
+    """A body that may move up.
+
+    The forces of rho are tangential, and round-off along the normal is not one of them.
+    """
     scene = ec.Scene(
         ec.Elastic(1.0, 0.37),
         [ec.Displacement("left", (0.0, None))],
@@ -374,7 +386,10 @@ def block_of(n: int) -> ec.Domain:
 
 
 def test_bodies_that_only_contact_holds_vertically():
-    """GRECO can move up, which costs nothing. A block in space can also tip about its top, and slides along then."""
+    """GRECO can move up, which costs nothing.
+
+    A block in space can also tip about its top, and slides along then.
+    """
     _, held = certified(greco(0.3), square(8))
     assert held.q == pytest.approx(0.3 * 1.0172, rel=1e-3)
     _, loose = certified(*sliding_block(0.01, 3))
@@ -422,7 +437,10 @@ def test_ranks_change_nothing(d, solver):
 @pytest.mark.ranks
 @pytest.mark.parametrize("seed", range(2))
 def test_ranks_change_nothing_where_data_vary(seed):
-    """A body that is held at a side, with moduli, friction and gap that vary; its map has several norms near q."""
+    """A body that is held at a side, with moduli, friction and gap that vary.
+
+    Its map has several norms near q.
+    """
     rng = np.random.default_rng(seed)
     size, (nu, least, more, stiffer, gap) = rng.uniform(0.5, 2.0, 3), rng.uniform(0.05, 0.4, 5)
     scene = ec.Scene(

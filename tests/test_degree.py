@@ -50,7 +50,10 @@ def test_quadratic_contact_is_exact():
 @pytest.mark.serial
 @METHODS
 def test_forces_of_the_common_block(method):
-    """Several codes, P2 on 64 x 224 squares: normal force 0.015993, tangential -0.001346; here on 32 x 112."""
+    """Several codes, P2 on 64 x 224 squares.
+
+    Normal force 0.015993, tangential -0.001346; here on 32 x 112.
+    """
     solution = ec.solve(common_block(), block(32), method, degree=2)
     force = resultant(ec.equilibrate(solution, tighten=0).tractions[0])
     assert force[1] == pytest.approx(0.015993, rel=2e-4)
@@ -68,7 +71,10 @@ def energy_stress(eps):
 
 
 def pressed_everywhere() -> ec.Scene:
-    """The scene that ``smooth`` solves on the unit square: no shear and no gap at the bottom, pressure everywhere."""
+    """The scene that ``smooth`` solves on the unit square.
+
+    No shear and no gap at the bottom, pressure everywhere.
+    """
 
     def stress(x):
         return energy_stress(ufl.sym(ufl.grad(smooth(x))))
@@ -128,7 +134,11 @@ def test_adaptive_rate_and_index():
 @pytest.mark.serial
 @pytest.mark.parametrize(("nu", "friction"), [(0.4999, 0.3), (0.499999, 0.0)])
 def test_index_near_incompressibility(nu, friction):
-    """The bound stays sharp; linear elements lock there, which eps shows: they need a finer mesh for a tenth of it."""
+    """The bound stays sharp.
+
+    Linear elements lock there, which eps shows: they need a finer mesh for a tenth of
+    it.
+    """
     scene = replace(
         FRICTIONLESS,
         material=ec.Elastic(1.0, nu),

@@ -1,4 +1,6 @@
-"""How a friction bound depends on the pressure decides what is guaranteed: no disguise makes it look constant.
+"""How a friction bound depends on the pressure decides what is guaranteed.
+
+No disguise makes it look constant.
 
 - the kinds of bounds, plain and disguised (conditionals, sign, abs, min, powers), as
   the package sees them;

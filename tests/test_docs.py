@@ -1,4 +1,7 @@
-"""The pages that users read: their code runs, their pictures have scripts, and every public name is on a page."""
+"""The pages that users read.
+
+Their code runs, their pictures have scripts, and every public name is on a page.
+"""
 
 import re
 from pathlib import Path
@@ -23,7 +26,10 @@ def code(page):
 
 @pytest.mark.gallery
 def test_code_of_pages_runs(shared_tmp_path, monkeypatch):
-    """All in one process, which is this file as a script; what they write stays in its folder."""
+    """All in one process, which is this file as a script.
+
+    What they write stays in its folder.
+    """
     assert sum(bool(code(page)) for page in PAGES) >= 10
     run_as_user(Path(__file__), shared_tmp_path, monkeypatch)
     assert (shared_tmp_path / "results" / "first" / "error.png").is_file()

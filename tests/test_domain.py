@@ -57,7 +57,10 @@ def near(domain, point, radius):
 
 
 def assert_closed(domain):
-    """Every facet without a neighbour has exactly one name: no hanging node, no hole, no part lost."""
+    """Every facet without a neighbour has exactly one name.
+
+    No hanging node, no hole, no part lost.
+    """
     topology = domain.mesh.topology
     outer = np.sort(dmesh.exterior_facet_indices(topology))
     owned = topology.index_map(domain.dim - 1).size_local
@@ -66,7 +69,10 @@ def assert_closed(domain):
 
 
 def assert_distributed_well(domain):
-    """All cells around the vertices of own cells are here, counted independently; no rank has too many cells."""
+    """All cells around the vertices of own cells are here, counted independently.
+
+    No rank has too many cells.
+    """
     topology = domain.mesh.topology
     topology.create_connectivity(domain.dim, 0)
     local = topology.connectivity(domain.dim, 0).array.reshape(-1, domain.dim + 1)
@@ -118,7 +124,10 @@ def test_size_is_the_size_of_cells():
 
 
 def plate(gmsh):
-    """A plate (0, 2) x (0, 1) with a circular hole; regions body and strip (x > 1.4), and their interface."""
+    """A plate (0, 2) x (0, 1) with a circular hole.
+
+    Regions body and strip (x > 1.4), and their interface.
+    """
     occ, model = gmsh.model.occ, gmsh.model
     whole, hole = occ.addRectangle(0, 0, 0, 2, 1), occ.addDisk(0.6, 0.5, 0, 0.25, 0.25)
     cut, _ = occ.cut([(2, whole)], [(2, hole)])
@@ -322,7 +331,10 @@ def test_geo_file(shared_tmp_path, measures):
 
 
 def tagged_block(gmsh, dim):
-    """A rectangle 2 x 1 or a box 2 x 1 x 1 with named sides, meshed; the names of gmsh's groups by measure."""
+    """A rectangle 2 x 1 or a box 2 x 1 x 1 with named sides, meshed.
+
+    The names of gmsh's groups by measure.
+    """
     occ, model = gmsh.model.occ, gmsh.model
     _ = occ.addRectangle(0, 0, 0, 2, 1) if dim == 2 else occ.addBox(0, 0, 0, 2, 1, 1)
     occ.synchronize()
@@ -369,7 +381,10 @@ def test_other_formats(suffix, dim, gmsh_session, shared_tmp_path, measures):
 
 @pytest.fixture
 def tagged_file(shared_tmp_path):
-    """A unit square as a vtu file of two triangles, without nodes inside: sides 1 to 4, body 3."""
+    """A unit square as a vtu file of two triangles, without nodes inside.
+
+    Sides 1 to 4, body 3.
+    """
     path = shared_tmp_path / "square.vtu"
     if COMM.rank == 0:
         import meshio
@@ -462,7 +477,10 @@ def known(domain, tags, dim):
 @pytest.mark.parametrize("side", ["owners", "others"])
 @pytest.mark.parametrize("dim", [2, 3])
 def test_tags_that_one_rank_gives_are_known_to_all_that_have_the_facet(dim, side):
-    """DOLFINx locates facets on the rank that owns them. Nodes of the contact were missing where ranks meet."""
+    """DOLFINx locates facets on the rank that owns them.
+
+    Nodes of the contact were missing where ranks meet.
+    """
     whole = two_materials(np.full(dim, 1.0), 0.2, MPI.COMM_WORLD)
     cut = []
     for tags in (whole.facet_tags, whole.cell_tags):
@@ -540,7 +558,10 @@ def nodes_of_all(domain):
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 1e3])
 @pytest.mark.parametrize("dim", [2, 3])
 def test_refined_coordinates_are_exact(dim, scale):
-    """Old nodes stay as they are; a new one is the mean of two old ones: one of the means of the old edges."""
+    """Old nodes stay as they are.
+
+    A new one is the mean of two old ones: one of the means of the old edges.
+    """
     low, high = scale * np.array([[-0.7, 0.0, 0.1], [1.1, 0.9, 1.3]])[:, :dim]
     make = ec.rectangle if dim == 2 else ec.box
     domain = make(low, high, cells=(3, 2, 2)[:dim])

@@ -1,4 +1,6 @@
-"""What is accepted and doubtful is told, in words, once: on rank 0, whatever the number of meshes or steps.
+"""What is accepted and doubtful is told, in words, once.
+
+On rank 0, whatever the number of meshes or steps.
 
 No scene of which nothing is doubtful says a word.
 """

@@ -37,7 +37,10 @@ def frictionless(scene: ec.Scene) -> ec.Scene:
 def measured(
     scene: ec.Scene, domain: ec.Domain, meshes: int, *, levels: int = LEVELS, degree: int = 1
 ) -> Iterator[tuple[ec.ConstitutiveError, TrueErrors]]:
-    """Errors, loose and tight, and true errors on an adaptive sequence; the reference may be of another degree."""
+    """Errors, loose and tight, and true errors on an adaptive sequence.
+
+    The reference may be of another degree.
+    """
     for _ in range(meshes):
         solution = ec.solve(scene, domain)
         fine = ec.solve(scene, nested(domain, levels), ec.AugmentedLagrangian(), degree=degree)

@@ -1,4 +1,6 @@
-"""The error in the constitutive relation: known numbers, zeros where nothing is wrong, parts that add up.
+"""The error in the constitutive relation.
+
+Known numbers, zeros where nothing is wrong, parts that add up.
 
 - the numbers of an independent prototype on the pressed and sheared block;
 - e = 0 to round-off where the exact solution lies in the space (friction patch test),
@@ -28,7 +30,10 @@ def measure(scene: ec.Scene, domain: ec.Domain, **options) -> ec.ConstitutiveErr
     [(8, 0.12834, 7.2876e-3, 9.790e-4, 5.7294e-2), (16, 0.07621, 4.2958e-3, 5.958e-4, 5.6907e-2)],
 )
 def test_prototype_numbers_clipped(monkeypatch, n, eps, bulk, contact, scale):
-    """u_h only clipped at the gap: eps, bulk and contact parts to 3 digits (and more)."""
+    """u_h only clipped at the gap.
+
+    Eps, bulk and contact parts to 3 digits (and more).
+    """
     soft = displacement._nodal_stiffness
     monkeypatch.setattr(
         displacement, "_nodal_stiffness", lambda *a: soft(*a) + 1e300
@@ -46,7 +51,10 @@ def test_prototype_numbers_clipped(monkeypatch, n, eps, bulk, contact, scale):
     [(16, 0.07551, 4.2965e-3, 3.39e-5, 5.6902e-2), (32, 0.04570, 2.5949e-3, 1.82e-5, 5.6780e-2)],
 )
 def test_prototype_numbers_snapped(n, eps, bulk, contact, scale):
-    """u^ snapped to the status of r^: our rule leaves less in the contact part than the prototype's."""
+    """u^ snapped to the status of r^.
+
+    Our rule leaves less in the contact part than the prototype's.
+    """
     error = measure(prototype_block(), block(n), tighten=0)
     assert error.relative == pytest.approx(eps, rel=2e-4)
     assert error.bulk_error == pytest.approx(bulk, rel=2e-4)
@@ -84,7 +92,10 @@ def test_zero_load_gives_zero():
 
 
 def test_rigid_motion_gives_zero():
-    """A body that is lifted off moves rigidly: no stress but round-off, so eps is 0, not a ratio of round-offs."""
+    """A body that is lifted off moves rigidly.
+
+    No stress but round-off, so eps is 0, not a ratio of round-offs.
+    """
     scene = ec.Scene(
         material=ec.Elastic(E=1.0, nu=0.3),
         supports=[ec.Displacement("top", (0.01, 0.05))],
@@ -145,7 +156,10 @@ def test_oscillation_converges_with_the_data():
 @pytest.mark.serial
 @pytest.mark.parametrize(("stress", "length"), [(2e11, 1e-3), (1e-6, 1e3)])
 def test_units_do_not_matter(stress, length):
-    """Stresses times a factor, lengths times another: the same Newton steps and the same eps."""
+    """Stresses times a factor, lengths times another.
+
+    The same Newton steps and the same eps.
+    """
     plain = measure(prototype_block(), block(4))
     scene = ec.Scene(
         material=ec.Elastic(E=stress, nu=0.3),
@@ -158,7 +172,10 @@ def test_units_do_not_matter(stress, length):
 
 
 def sliding_block(slide, method, degree=1):
-    """A block of steel under its weight, its top pushed to the right: it slips everywhere on its bottom."""
+    """A block of steel under its weight, its top pushed to the right.
+
+    It slips everywhere on its bottom.
+    """
     scene = ec.Scene(
         material=ec.Elastic(E=210e9, nu=0.3),
         supports=[ec.Displacement("top", (slide, None))],
@@ -190,7 +207,10 @@ def test_error_of_a_sliding_body_does_not_depend_on_the_slide(method, degree):
     "method", [ec.Nitsche(), ec.AugmentedLagrangian()], ids=["nitsche", "augmented"]
 )
 def test_rigid_slide_has_no_error_and_a_slight_pressure_has_its_own(method, friction, dim):
-    """Moved along the foundation the body has no stress: eps is 0; pressed by 1e-6 it is that of any pressed body."""
+    """Moved along the foundation the body has no stress: eps is 0.
+
+    Pressed by 1e-6 it is that of any pressed body.
+    """
     make, top, bottom = ec.rectangle if dim == 2 else ec.box, "top", "bottom"
     domain = make((0.0,) * dim, (1.0,) * dim, cells=(2,) * dim)
 
@@ -206,7 +226,10 @@ def test_rigid_slide_has_no_error_and_a_slight_pressure_has_its_own(method, fric
 
 
 def test_weight_is_balanced_where_the_block_is_hardly_pushed():
-    """Only the vertical force has to be balanced, and any pressure does it; NotHeldError said 2.7%."""
+    """Only the vertical force has to be balanced, and any pressure does it.
+
+    NotHeldError said 2.7%.
+    """
     scene = ec.Scene(
         material=ec.Elastic(E=70e9, nu=0.25),
         supports=[ec.Displacement("top", (1e-5, None))],
@@ -223,7 +246,10 @@ def test_weight_is_balanced_where_the_block_is_hardly_pushed():
 
 @pytest.mark.serial
 def test_half_model_on_a_parabola_is_held_on_every_mesh():
-    """Held vertically by the contact only: the balance was lost at 2e-11 of the forces, on meshes of some 700 cells."""
+    """Held vertically by the contact only.
+
+    The balance was lost at 2e-11 of the forces, on meshes of some 700 cells.
+    """
     scene = ec.Scene(
         material=ec.Elastic(1.0, 0.3),
         supports=[ec.Displacement("left", (0.0, None))],
@@ -239,7 +265,10 @@ def test_half_model_on_a_parabola_is_held_on_every_mesh():
 @pytest.mark.serial
 @pytest.mark.parametrize("method", [ec.AugmentedLagrangian(), None])
 def test_a_body_that_tips_is_resolved(method):
-    """Friction holds the block, so it turns about its corner: the contact is nearly a point, which refinement finds."""
+    """Friction holds the block, so it turns about its corner.
+
+    The contact is nearly a point, which refinement finds.
+    """
     scene = ec.Scene(
         material=ec.Elastic(E=210e9, nu=0.3),
         supports=[ec.Displacement("top", (1e-3, None))],
@@ -277,7 +306,10 @@ LAWS = {
     [("mu(x)", 2, 2), ("limit", 3, 1), ("given", 2, 1)],
 )
 def test_sliding_far_with_friction_that_varies(name, dim, degree):
-    """Top moved along the foundation by 1e-6 and by the size of the body: eps was 24% and 9700% in the plane."""
+    """Top moved along the foundation by 1e-6 and by the size of the body.
+
+    Eps was 24% and 9700% in the plane.
+    """
     domain = (
         ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(4, 4))
         if dim == 2

@@ -128,7 +128,9 @@ def test_energy(whole):
 
 @pytest.mark.parametrize("d", [2, 3])
 def test_dissipation_of_a_body_that_slides(d):
-    """Between two states in which all of it slides the body only moves: friction takes mu N times the way.
+    """Between two states in which all of it slides the body only moves.
+
+    Friction takes mu N times the way.
 
     In space the directions of slip get nearer to that of the way with each step.
     """
@@ -300,7 +302,10 @@ def test_a_damaged_step_is_made_again(shared_tmp_path):
 
 
 def test_a_folder_goes_on(whole, shared_tmp_path, monkeypatch):
-    """The same call after an end in the middle; no step is solved again, and the rest is the same."""
+    """The same call after an end in the middle.
+
+    No step is solved again, and the rest is the same.
+    """
 
     def end(error, row):
         if row.time > 1.3:
@@ -350,7 +355,10 @@ def test_steps_that_do_not_converge_are_halved(monkeypatch, longest):
 
 
 def test_steps_as_short_as_the_path_asks():
-    """Pressed and sheared in proportion is a straight path without gap: one step and its half. Cycles are not."""
+    """Pressed and sheared in proportion is a straight path without gap.
+
+    One step and its half. Cycles are not.
+    """
     straight = ec.evolve(
         lambda t: moved_box(2, 0.02 * t, PRESS * t)[0], box(), [0.0, 1.0], 0.9, path=1e-6
     )

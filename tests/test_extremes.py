@@ -1,4 +1,6 @@
-"""Extreme scenes with every contact method: units, materials, friction, shapes, meshes, supports, loads.
+"""Extreme scenes with every contact method.
+
+Units, materials, friction, shapes, meshes, supports, loads.
 
 Properties: a scene that has a solution converges, with a traction in the cone; one that
 has none is refused, by one method or the other in turn (``benchmarks/extremes.py`` asks
@@ -31,7 +33,10 @@ def error_of(scene: ec.Scene, domain: ec.Domain, method: object) -> ec.Constitut
 
 
 def check(error: ec.ConstitutiveError) -> None:
-    """All is finite; the method's own traction is in the cone, to round-off of the largest stress."""
+    """All is finite.
+
+    The method's own traction is in the cone, to round-off of the largest stress.
+    """
     solution = error.solution
     model = solution.model
     points, _ = rule(model.d - 1, model.contact_degree)
@@ -52,7 +57,10 @@ def check(error: ec.ConstitutiveError) -> None:
 
 @pytest.mark.parametrize("name", SOLVABLE)
 def test_scene_that_has_a_solution(name):
-    """With one method at least; the other may end in NotConverged, near nu = 1/2 on coarse meshes."""
+    """With one method at least.
+
+    The other may end in NotConverged, near nu = 1/2 on coarse meshes.
+    """
     failed = []
     for method in METHODS:
         try:

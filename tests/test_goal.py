@@ -1,4 +1,6 @@
-"""Certified bounds on resultants, energy and work of the loads: properties against much finer meshes and exact values.
+"""Certified bounds on resultants, energy and work of the loads.
+
+Properties against much finer meshes and exact values.
 
 - the interval holds the number of a fine mesh, has the sign of the physics, and shrinks
   with the mesh;
@@ -130,7 +132,10 @@ def test_energy_holds_that_of_a_fine_mesh(case):
     ],
 )
 def test_middle_is_that_of_both_stresses(case, degree):
-    """The resultant from r^ is that of sigma^ by integration: equilibrium, with all signs."""
+    """The resultant from r^ is that of sigma^ by integration.
+
+    Equilibrium, with all signs.
+    """
     scene, mesh, name, (n, _), _ = CASES[case]
     error = error_of(scene, mesh(n), tighten=2, degree=degree)
     pair = error.admissible
@@ -154,7 +159,10 @@ def test_middle_is_that_of_both_stresses(case, degree):
 
 @pytest.mark.parametrize("case", ["cube, given friction", "GRECO"])
 def test_multigrid_gives_the_same_bounds(case):
-    """In GRECO the loads alone dictate the resultant, because phi is a rigid motion: the interval is a point."""
+    """In GRECO the loads alone dictate the resultant, because phi is a rigid motion.
+
+    The interval is a point.
+    """
     found = []
     for solver in ("direct", "iterative"):
         if case == "GRECO":
@@ -176,7 +184,10 @@ def test_multigrid_gives_the_same_bounds(case):
 
 
 def test_equilibrium_dictates_a_resultant():
-    """GRECO: 50 MPa on 40 mm, whatever the mesh; friction is an estimate that holds the converged value."""
+    """GRECO: 50 MPa on 40 mm, whatever the mesh.
+
+    Friction is an estimate that holds the converged value.
+    """
     error = error_of(greco(), ec.rectangle((0, 0), (40, 40), cells=(8, 8)))
     vertical = ec.resultant(error, "bottom", (0.0, 1.0))
     assert vertical.value == pytest.approx(2000.0, rel=1e-10)
@@ -320,7 +331,10 @@ def test_rank_independence(make):
 
 
 def test_contacts_that_share_nodes():
-    """Without friction equilibrium dictates all normal forces of a box in a corner; friction holds edges of others."""
+    """Without friction equilibrium dictates all normal forces of a box in a corner.
+
+    Friction holds edges of others.
+    """
     for friction in (0.0, TRESCA):
         error = in_a_corner(MPI.COMM_WORLD, friction)
         for name, axis, load in (("bottom", 2, 0.02), ("left", 0, 0.012), ("front", 1, 0.003)):

@@ -1,4 +1,6 @@
-"""The iterative contact solve: the same answer as the direct one, on any scene, in any units, on any ranks.
+"""The iterative contact solve.
+
+The same answer as the direct one, on any scene, in any units, on any ranks.
 
 Properties: eps of both solvers agree to 1e-8 for both methods and degrees, all laws,
 gaps and supports; a scene without a solution is refused by both; "auto" falls back

@@ -146,7 +146,10 @@ def test_energy_against_numpy(d, degree, at_points):
 @dimensions
 @degrees
 def test_graph_laplacians_against_numpy(d, degree):
-    """Jumps of the solutions of least norm, component by component; components of Gamma_D are grounded."""
+    """Jumps of the solutions of least norm, component by component.
+
+    Components of Gamma_D are grounded.
+    """
     model, free = small(d, degree)
     cells, rng = cell_geometry(model), np.random.default_rng(7)
     inner, weight, N = cells.has_second, rng.random(len(free)) + 0.5, cells.nodes.shape[1]

@@ -1,4 +1,8 @@
-"""Compiled kernels: once on a machine, in any folder that can be written to, with errors that say what to do."""
+"""Compiled kernels.
+
+Once on a machine, in any folder that can be written to, with errors that say what to
+do.
+"""
 
 import numpy as np
 import pytest

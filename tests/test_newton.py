@@ -1,4 +1,6 @@
-"""The condensed contact solve: it is the whole body's, whatever the method, the law, the start and the stop.
+"""The condensed contact solve.
+
+It is the whole body's, whatever the method, the law, the start and the stop.
 
 - the residual of the whole body vanishes, interior nodes included, for every method, in
   2D and 3D, on all ranks;
@@ -116,7 +118,10 @@ def test_augmented_lagrangian_keeps_the_conditions_at_the_nodes():
 
 
 def test_multiplier_where_a_support_fixes_the_node():
-    """The end node is fixed in both directions: its multiplier is its neighbour's, and the forces balance."""
+    """The end node is fixed in both directions.
+
+    Its multiplier is its neighbour's, and the forces balance.
+    """
     scene = ec.Scene(
         material=ec.Elastic(1.0, 0.3),
         supports=[ec.Displacement("left", (0.0, 0.0))],
@@ -208,7 +213,10 @@ def test_cycle_is_seen():
 
 @pytest.mark.serial
 def test_certified_stop_is_as_near_as_it_says():
-    """What Newton leaves, by the proxy of the solver, against the estimator itself: e^2 = e_converged^2 + rest^2."""
+    """What Newton leaves, by the proxy of the solver, against the estimator itself.
+
+    E^2 = e_converged^2 + rest^2.
+    """
     converged = ec.solve(common_block(), block(16))
     full = ec.constitutive_error(ec.equilibrate(converged)).absolute
     rests = []
@@ -225,7 +233,10 @@ def test_certified_stop_is_as_near_as_it_says():
 @pytest.mark.serial
 @pytest.mark.parametrize(("tighten", "accuracy", "share"), [(0, 0.03, 0.6), (10, 0.015, 0.75)])
 def test_adaptive_run_saves_steps(tighten, accuracy, share):
-    """The tightened error is a third of the loose one: its meshes are coarser, and Newton goes further on each."""
+    """The tightened error is a third of the loose one.
+
+    Its meshes are coarser, and Newton goes further on each.
+    """
     plain, domain = 0, block(4)
     runs = {
         stop: ec.adapt(common_block(), domain, accuracy, stop=stop, tighten=tighten)
@@ -315,7 +326,10 @@ def with_friction(friction) -> ec.Scene:
 @pytest.mark.serial
 @pytest.mark.parametrize("method", [ec.Nitsche(), ec.AugmentedLagrangian()], ids=str)
 def test_law_of_the_user(method):
-    """Between Coulomb (a high limit) and Tresca (high friction); its traction is allowed, its error goes down."""
+    """Between Coulomb (a high limit) and Tresca (high friction).
+
+    Its traction is allowed, its error goes down.
+    """
 
     def force(friction):
         pair = ec.equilibrate(ec.solve(with_friction(friction), block(8), method))
@@ -339,7 +353,10 @@ def test_law_of_the_user(method):
 
 @pytest.mark.serial
 def test_normal_from_the_gap():
-    """A tilted plane given by its distance is the plane given by its normal; a cylinder turns its normals."""
+    """A tilted plane given by its distance is the plane given by its normal.
+
+    A cylinder turns its normals.
+    """
     n = np.array([0.2, -1.0]) / np.hypot(0.2, 1.0)
     plane = lambda x: 0.001 - (n[0] * x[0] + n[1] * x[1])  # noqa: E731
     results = []
@@ -361,7 +378,10 @@ def test_normal_from_the_gap():
 
 @pytest.mark.parametrize("d", [2, 3])
 def test_foundation_with_turning_normals(d):
-    """A cylinder or sphere of radius 2 by its distance: normals point to its middle; r^ along them; error goes down."""
+    """A cylinder or sphere of radius 2 by its distance: normals point to its middle.
+
+    r^ along them; error goes down.
+    """
     centre = [0.5, -2.0] if d == 2 else [0.5, 0.5, -2.0]
     distance = lambda x: ufl.sqrt(sum((x[i] - centre[i]) ** 2 for i in range(d))) - 2.0  # noqa: E731
     push = [0.0] * (d - 1) + [-0.1]

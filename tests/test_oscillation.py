@@ -1,4 +1,6 @@
-"""Data that the mesh does not carry: what is guaranteed is true, and what the mesh carries stays guaranteed.
+"""Data that the mesh does not carry.
+
+What is guaranteed is true, and what the mesh carries stays guaranteed.
 
 - resultants that equilibrium dictates are those of the load, jumps and peaks inside
   facets included;
@@ -30,7 +32,10 @@ DEGREES = pytest.mark.parametrize("degree", [1, 2])
 
 
 def given(axis: int = 0, **coefficients: float) -> Callable:
-    """A function of one coordinate t, a sum of these terms; all are compiled, once, for all tests."""
+    """A function of one coordinate t, a sum of these terms.
+
+    All are compiled, once, for all tests.
+    """
     names = (
         "one",
         "t",
@@ -116,7 +121,10 @@ def test_a_dictated_resultant_is_that_of_the_load(load, degree, friction):
 
 
 def test_a_dictated_resultant_in_space():
-    """A jump inside triangles is not resolved: the value is near the truth, and is no guarantee."""
+    """A jump inside triangles is not resolved.
+
+    The value is near the truth, and is no guarantee.
+    """
 
     def pull(x):
         return ufl.conditional(ufl.lt(x[0] + 0.2 * x[1], 0.437), -1.0, 0.0)
@@ -142,7 +150,10 @@ def test_a_dictated_resultant_in_space():
 
 
 def pressed_along(E) -> ec.Scene:
-    """Poisson's ratio 0, moduli that vary along the pressure: the energy is ``-1/2 int 1/E``."""
+    """Poisson's ratio 0, moduli that vary along the pressure.
+
+    The energy is ``-1/2 int 1/E``.
+    """
     return ec.Scene(
         material=ec.Elastic(E, 0.0),
         supports=[ec.Displacement("left", (0.0, None))],
@@ -152,7 +163,10 @@ def pressed_along(E) -> ec.Scene:
 
 
 def pressed_across(E) -> ec.Scene:
-    """Poisson's ratio 0, moduli that vary across the pressure: uniform strain 0.1, the energy is ``0.005 int E``."""
+    """Poisson's ratio 0, moduli that vary across the pressure.
+
+    Uniform strain 0.1, the energy is ``0.005 int E``.
+    """
     return ec.Scene(
         material=ec.Elastic(E, 0.0),
         supports=[ec.Displacement("left", (0.0, None)), ec.Displacement("top", (None, -0.1))],
@@ -235,7 +249,10 @@ def test_bilateral_gap_that_varies(power, carried, degree):
 @DEGREES
 @pytest.mark.parametrize("width", [0.02, 0.005])
 def test_asperity_between_the_nodes(width, degree):
-    """The lowest point of the gap is on no node and between few samples: u^ does not enter it anywhere."""
+    """The lowest point of the gap is on no node and between few samples.
+
+    u^ does not enter it anywhere.
+    """
     error = error_of(pressed(given(one=0.01, peak=-0.009, width=width)), square(4), degree)
     pair = error.admissible
     model, (traction,) = pair.solution.model, pair.tractions
@@ -261,7 +278,10 @@ def test_supports_that_vary(power, carried, degree):
 @pytest.mark.serial
 @pytest.mark.parametrize("tilt", [0.0, 0.3])
 def test_normal_that_varies(tilt):
-    """A normal that is constant though given as a callable is carried; one that turns along a facet is not."""
+    """A normal that is constant though given as a callable is carried.
+
+    One that turns along a facet is not.
+    """
     error = error_of(pressed(normal=lambda x: (given(t=tilt)(x), -1.0)), square(4))
     assert ec.potential_energy(error).guaranteed == (tilt == 0.0)
     assert (error.oscillations.gaps == 0.0) == (tilt == 0.0)

@@ -38,7 +38,10 @@ PLOTTING = {"pyvista", "vtkmodules", "matplotlib"}
 
 
 def punch(d: int) -> tuple[ec.Scene, ec.Domain]:
-    """A block on a bump: it sticks in the middle, slips at the ends of the contact, and is open beyond."""
+    """A block on a bump.
+
+    It sticks in the middle, slips at the ends of the contact, and is open beyond.
+    """
     cells, size = ((32, 8), (4.0, 1.0)) if d == 2 else ((5, 5, 2), (4.0, 4.0, 1.0))
 
     def gap(x):
@@ -87,7 +90,10 @@ def check_picture(path):
 
 @pytest.fixture
 def seen(monkeypatch):
-    """What rank 0 would draw: figures, meshes with their looks, directions of view; nothing is rendered or saved."""
+    """What rank 0 would draw: figures, meshes with their looks, directions of view.
+
+    Nothing is rendered or saved.
+    """
     record = SimpleNamespace(figures=[], meshes=[], views=[])
     if COMM.rank == 0:
         import pyvista
@@ -126,7 +132,10 @@ def texts(figure) -> list[str]:
 
 
 def areas(axes, width: float) -> list[float]:
-    """Areas under the curves of a contact of some line width, from left to right: of the pressure and of the shear."""
+    """Areas under the curves of a contact of some line width, from left to right.
+
+    Of the pressure and of the shear.
+    """
     found = []
     for colour in (contact_plots.PRESSURE, contact_plots.SHEAR):
         (line,) = [
@@ -373,7 +382,10 @@ def test_percentages_are_numbers(digits):
 
 @pytest.mark.serial
 def test_small_errors_are_told():
-    """The patch test is solved to round-off: table and outcome say to how much of it."""
+    """The patch test is solved to round-off.
+
+    Table and outcome say to how much of it.
+    """
     scene, _ = patch_test(0.3, 0.2)
     history = ec.adapt(scene, ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(3, 3)), accuracy=2.5e-6)
     (step,) = history.steps
@@ -502,7 +514,10 @@ def test_area_under_the_pressure_is_the_force(degree, body, shared_tmp_path, see
 @pytest.mark.serial
 @pytest.mark.parametrize("shape", ["arc", "ring", "two arcs", "two feet"])
 def test_area_under_the_pressure_of_any_contact(shape):
-    """A ring is cut where nothing presses; facets come in any order and direction; parts may lie apart."""
+    """A ring is cut where nothing presses; facets come in any order and direction.
+
+    Parts may lie apart.
+    """
     if COMM.rank > 0:
         return
     rng = np.random.default_rng(3)
@@ -552,7 +567,10 @@ def test_area_under_the_pressure_of_any_contact(shape):
 
 @pytest.mark.parametrize("d", [2, 3])
 def test_curved_edges_are_drawn(d, shared_tmp_path, seen):
-    """Pure bending is quadratic: a lower edge, drawn by two elements, becomes a parabola."""
+    """Pure bending is quadratic.
+
+    A lower edge, drawn by two elements, becomes a parabola.
+    """
     nu, bend, factor = 0.25, 0.01, 20.0
     u = [
         (
@@ -600,7 +618,10 @@ GAPS = {"none": 0.0, "constant": 0.02, "linear": lambda x: 0.01 * x[0]}
 
 @pytest.mark.parametrize("gap", GAPS)
 def test_flat_foundation_is_met_where_the_contact_is_closed(gap, shared_tmp_path, seen):
-    """Its gap is not magnified: it is moved with the body, so that what is closed looks closed, and nothing enters."""
+    """Its gap is not magnified.
+
+    It is moved with the body, so that what is closed looks closed, and nothing enters.
+    """
     scene, domain = punch(2)
     scene = replace(scene, contacts=[replace(scene.contacts[0], gap=GAPS[gap])])
     error, factor = error_of(scene, domain), 7.0
@@ -635,7 +656,10 @@ def test_flat_foundation_is_met_where_the_contact_is_closed(gap, shared_tmp_path
 
 @pytest.mark.parametrize("factor", [None, 9.0])
 def test_curved_foundation_is_drawn_as_it_is(factor, shared_tmp_path, seen):
-    """Not magnified; the default magnification is so small that the body hardly enters it."""
+    """Not magnified.
+
+    The default magnification is so small that the body hardly enters it.
+    """
     error = error_of(*punch(2))
     output.draw_deformed(error, shared_tmp_path / "deformed.png", factor=factor)
     ground, nodes = ground_and_nodes(error, seen)
@@ -754,7 +778,10 @@ def test_directions_in_space_have_clean_names(kind, shared_tmp_path, seen):
 
 
 class PlaneStrain:
-    """A user's own isotropic material in plane strain; it does not tell its stress out of plane."""
+    """A user's own isotropic material in plane strain.
+
+    It does not tell its stress out of plane.
+    """
 
     parameters = ("E",)
     hypothesis = "plane strain"

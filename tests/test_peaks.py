@@ -69,7 +69,10 @@ def test_line_of_peaks_in_triangles(power, most):
 
 
 def test_bound_does_not_depend_on_other_facets():
-    """A rank has some of the facets: a line of cusps across all of them is bounded as in each facet alone."""
+    """A rank has some of the facets.
+
+    A line of cusps across all of them is bounded as in each facet alone.
+    """
     n = 20
     corners = np.array([[[i, j], [i + 1, j], [i, j + 1]] for i in range(3) for j in range(n)]) / n
     triangles = np.pad(corners, ((0, 0), (0, 0), (0, 1)))

@@ -1,4 +1,6 @@
-"""Pictures for papers: vectors, axes of the user's, nothing cut off, nothing that was not computed.
+"""Pictures for papers.
+
+Vectors, axes of the user's, nothing cut off, nothing that was not computed.
 
 - Curves of degree 1 keep the mean of the traction on each facet, follow a line exactly,
   and do not change their sign.
@@ -131,7 +133,10 @@ def test_axes_are_drawn_on_and_returned(error):
 
 @pytest.mark.parametrize("d", [2, 3])
 def test_stress_of_degree_2_is_linear_in_elements(d):
-    """In pure bending sigma^ is linear: at the vertices of elements it is what it is there."""
+    """In pure bending sigma^ is linear.
+
+    At the vertices of elements it is what it is there.
+    """
     bend, sides = 0.01, ("left", "right", "bottom", "top", "front", "back")[: 2 * d]
     u = (lambda x: -bend * x[0] * x[1], lambda x: bend / 2 * x[0] ** 2, 0.0)[:d]
     scene = ec.Scene(

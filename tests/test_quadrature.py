@@ -115,7 +115,10 @@ def test_zero_and_noise_end():
 @pytest.mark.serial
 @pytest.mark.parametrize("d", [2, 3])
 def test_the_order_of_vertices_changes_nothing(d):
-    """Simplices of squares and cubes have several longest edges: which of them is cut must not depend on numbers."""
+    """Simplices of squares and cubes have several longest edges.
+
+    Which of them is cut must not depend on numbers.
+    """
     rng = np.random.default_rng(4)
     vertices = np.vstack([np.zeros(d), np.tril(np.ones((d, d)))]) @ rng.permutation(np.eye(d))
     pieces, measure = cell_pieces(d), np.array([1 / (1, 1, 2, 6)[d]])

@@ -1,4 +1,6 @@
-"""The answer does not depend on the number of ranks: cells, eps to 1e-8 and Newton steps, through 2 to 5 refinements.
+"""The answer does not depend on the number of ranks.
+
+Cells, eps to 1e-8 and Newton steps, through 2 to 5 refinements.
 
 With friction that varies on the contact, eps to 1e-10.
 
@@ -94,7 +96,10 @@ def test_optimal_meshes_are_the_same(d):
 
 @pytest.mark.parametrize("degree", [1, 2])
 def test_ranks_without_cells_or_contact(degree):
-    """Two cells on any number of ranks: some have no cell, or no facet of the contact."""
+    """Two cells on any number of ranks.
+
+    Some have no cell, or no facet of the contact.
+    """
     loads = [ec.Traction("top", (0.001, -0.01)), ec.BodyForce((0.0, lambda x: -0.01 * x[1]))]
     held_by_contact = ec.Scene(
         ec.Elastic(1.0, 0.3), [], loads, [ec.Contact("bottom", friction=0.3)]

@@ -1,4 +1,6 @@
-"""Meshing the true geometry again: names, measures, curved boundaries, counts, sessions, on any number of ranks.
+"""Meshing the true geometry again.
+
+Names, measures, curved boundaries, counts, sessions, on any number of ranks.
 
 Properties: names, tags and the measures of straight parts survive ten remeshings and
 refinements in between; what a curved boundary loses of the area falls like h^2; the
@@ -156,7 +158,10 @@ def test_coarser():
 
 @pytest.mark.serial
 def test_gap_acts_on_every_mesh_alike():
-    """A half disc on a plane: its gap is the height of its own arc; the force stays but for the meshes' errors."""
+    """A half disc on a plane: its gap is the height of its own arc.
+
+    The force stays but for the meshes' errors.
+    """
     scene = ec.Scene(
         material=ec.Elastic(E=1.0, nu=0.3),
         supports=[ec.Displacement("top", (0.0, -0.05))],

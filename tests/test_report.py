@@ -86,7 +86,10 @@ class Page(HTMLParser):
 
 
 def page_alone(path, pictures):
-    """A report that needs nothing else, with so many pictures; it tells neither of the machine nor of a path."""
+    """A report that needs nothing else, with so many pictures.
+
+    It tells neither of the machine nor of a path.
+    """
     text = path.read_text()
     page = Page(text)
     assert page.depth == []
@@ -151,7 +154,10 @@ def test_history_is_saved(history, folder):
 
 
 def test_all_meshes_are_one_file(history, folder):
-    """ParaView's reader has a mesh for each time; meshio reads it from what pyvista writes of it."""
+    """ParaView's reader has a mesh for each time.
+
+    Meshio reads it from what pyvista writes of it.
+    """
     if COMM.rank > 0:
         return
     import meshio

@@ -1,4 +1,6 @@
-"""What a user asks of a result: the same on all ranks, and consistent with the fields that it is read off.
+"""What a user asks of a result.
+
+The same on all ranks, and consistent with the fields that it is read off.
 
 Properties: all forces on a body balance, with their moments; the force of a contact is
 the integral of its profile and of r^; the profile is in order along open and closed
@@ -43,7 +45,10 @@ def test_forces_balance(case):
 @pytest.mark.parametrize("dim", [2, 3])
 @pytest.mark.parametrize("degree", [1, 2])
 def test_reactions_of_a_linear_solution(dim, degree):
-    """A bar in uniaxial strain between rollers: the stress is the same everywhere, and the elements hold it."""
+    """A bar in uniaxial strain between rollers.
+
+    The stress is the same everywhere, and the elements hold it.
+    """
     lam, G = 0.3 / (1.3 * 0.4), 1 / 2.6
     stress = 0.01 * np.array([lam + 2 * G, lam, lam][:dim])
     size = np.array([2.0, 1.0, 0.5][:dim])
@@ -73,7 +78,10 @@ def test_reactions_of_a_linear_solution(dim, degree):
 
 
 def test_force_of_a_solution_is_the_integral_of_its_profile():
-    """Forces at nodes are the multiplier times the share of the area: the trapezes of the profile, exactly."""
+    """Forces at nodes are the multiplier times the share of the area.
+
+    The trapezes of the profile, exactly.
+    """
     solution = ec.solve(common_block(), block(4), ec.AugmentedLagrangian())
     profile, force = solution.profile("bottom"), solution.force("bottom")
     assert np.trapezoid(profile["pressure"], profile["s"]) == pytest.approx(
@@ -105,7 +113,10 @@ def test_solution_and_error_agree():
 
 @pytest.mark.parametrize("method", [ec.Nitsche(), ec.AugmentedLagrangian()])
 def test_contacts_that_meet_have_their_own_forces(method):
-    """A square pressed into a corner without friction: each wall pushes along its normal, also at the common node."""
+    """A square pressed into a corner without friction.
+
+    Each wall pushes along its normal, also at the common node.
+    """
     scene = ec.Scene(
         ec.Elastic(1.0, 0.3),
         loads=[ec.Traction("right", (-0.03, 0.0)), ec.Traction("top", (0.0, -0.02))],
@@ -199,7 +210,10 @@ def test_order_along_curves():
 @pytest.mark.parametrize("dim", [2, 3])
 @pytest.mark.parametrize("degree", [1, 2])
 def test_values_at_points(dim, degree):
-    """A body in a state of degree ``degree`` that the elements hold: values at any point are those of the formula."""
+    """A body in a state of degree ``degree`` that the elements hold.
+
+    Values at any point are those of the formula.
+    """
     E, nu = (lambda x: 1.0 + x[0] ** 2) if degree == 2 else 1.0, 0.0
     make = ec.rectangle if dim == 2 else ec.box
     domain = make((0.0,) * dim, (1.0,) * dim, cells=(3,) * dim)
@@ -276,7 +290,10 @@ def test_ranks_agree(seed):
 
 @pytest.mark.parametrize("dim", [2, 3])
 def test_maxima_and_their_places(dim):
-    """A column under pressure: uniaxial stress everywhere, the greatest displacement at its top."""
+    """A column under pressure.
+
+    Uniaxial stress everywhere, the greatest displacement at its top.
+    """
     make = ec.rectangle if dim == 2 else ec.box
     domain = make((0.0,) * dim, (1.0,) * (dim - 1) + (2.0,), cells=(2,) * dim)
     rollers = [ec.Displacement(name, (0.0, None, None)[:dim]) for name in ("left",)]
@@ -352,7 +369,10 @@ def test_the_place_of_equal_maxima_does_not_depend_on_the_ranks():
 
 
 def test_histories_where_a_result_is_asked_for():
-    """All that takes an error or a pair takes a run, too: its best result. A traction is had by its name."""
+    """All that takes an error or a pair takes a run, too: its best result.
+
+    A traction is had by its name.
+    """
     scene, domain = moved_box(2, 0.02, 0.05)
     history = ec.adapt(scene, domain, accuracy=0.2, max_steps=2)
     error = history.error
@@ -402,7 +422,10 @@ def test_results_of_all_steps():
 
 @pytest.mark.parametrize("kind", ["meshes", "loads"])
 def test_save_into_nowhere(kind, shared_tmp_path):
-    """It is refused before anything is drawn, and the results can be saved elsewhere; without pictures, too."""
+    """It is refused before anything is drawn, and the results can be saved elsewhere.
+
+    Without pictures, too.
+    """
     scene, domain = moved_box(2, 0.02, 0.05)
     if kind == "meshes":
         history = ec.adapt(scene, domain, accuracy=0.9)
@@ -422,7 +445,10 @@ def test_save_into_nowhere(kind, shared_tmp_path):
 
 
 def test_a_maximum_at_a_sharp_edge_grows():
-    """At the ends of a clamped top the stress is infinite: 15% more with each halving, and more."""
+    """At the ends of a clamped top the stress is infinite.
+
+    15% more with each halving, and more.
+    """
     history = ec.adapt(common_block(), block(4), 0.03)
     for quantity in ("von Mises", "pressure", "shear"):
         peak = history.maximum(quantity)
@@ -440,7 +466,10 @@ def test_a_maximum_at_a_sharp_edge_grows():
 
 @pytest.mark.serial
 def test_a_maximum_inside_a_body_does_not_grow():
-    """Half a disc on a plane: the greatest stress is below the middle of the contact."""
+    """Half a disc on a plane.
+
+    The greatest stress is below the middle of the contact.
+    """
     scene = ec.Scene(
         material=ec.Elastic(1.0, 0.3),
         supports=ec.Displacement("top", (0.0, -0.01)),

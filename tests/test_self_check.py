@@ -1,4 +1,7 @@
-"""``python -m erc_contact``: it tells what is installed, and its check passes here and can fail."""
+"""``python -m erc_contact``.
+
+It tells what is installed, and its check passes here and can fail.
+"""
 
 from importlib import metadata
 

@@ -1,4 +1,6 @@
-"""Tables of the reference simplex: properties that all that follows relies on, each as a number.
+"""Tables of the reference simplex.
+
+Properties that all that follows relies on, each as a number.
 
 - Bernstein polynomials are a positive partition of unity with equal integrals, and give
   back polynomials of the degree;

@@ -1,4 +1,6 @@
-"""The optimal mesh: the formula, its prediction, and the loop that ends at the accuracy asked for.
+"""The optimal mesh.
+
+The formula, its prediction, and the loop that ends at the accuracy asked for.
 
 - r_E is the paper's where all rates are k, and satisfies the condition of the least
   number of elements otherwise;
@@ -124,7 +126,10 @@ def test_sizes_grow_slowly_and_are_numpy_s():
 
 
 def test_nothing_loaded_coarsens():
-    """A patch test is solved by any mesh: e is round-off, and sizes grow to their limit."""
+    """A patch test is solved by any mesh.
+
+    E is round-off, and sizes grow to their limit.
+    """
     scene = ec.Scene(ec.Elastic(1.0, 0.3), [ec.Displacement("left", (0.0, 0.0))])
     sizes = ec.size_map(measured(scene, block(8)), 0.01)
     assert np.all(sizes.ratio == RATIO[1])
@@ -195,7 +200,10 @@ def test_greco_to_half_a_percent():
 
 @pytest.mark.serial
 def test_coarse_mesh_does_not_refuse_what_can_be_done():
-    """Half a disc pressed lightly: the first mesh, off by 80%, predicts millions of cells where some thousand do."""
+    """Half a disc pressed lightly.
+
+    The first mesh, off by 80%, predicts millions of cells where some thousand do.
+    """
     scene = ec.Scene(
         material=ec.Elastic(E=1.0, nu=0.3),
         supports=[ec.Displacement("top", (0.0, -0.004))],

@@ -1,4 +1,6 @@
-"""A process that solves often stays as it is: what a run made is freed when nobody has it any more.
+"""A process that solves often stays as it is.
+
+What a run made is freed when nobody has it any more.
 
 After a run the number of live meshes and compiled forms is what it was, on every
 interpreter; each of them holds MPI communicators, of which there are some thousand. On

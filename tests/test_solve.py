@@ -1,4 +1,7 @@
-"""The contact solve: known cases, the default start on all meshes, and what a scene does not need is not there.
+"""The contact solve.
+
+Known cases, the default start on all meshes, and what a scene does not need is not
+there.
 
 - GRECO and the common block against converged values of independent codes, within the
   stated tolerances;
@@ -26,7 +29,10 @@ GRECO_ENERGY, GRECO_FRICTION = 108.258, -1405.4  # N mm and N, per mm of thickne
 
 
 def ends(traction: ContactTraction, solution: ec.Solution) -> tuple[np.ndarray, np.ndarray]:
-    """Facets of a contact sorted along x: their ends, and their status (0 open, 1 slip, 2 stick)."""
+    """Facets of a contact sorted along x.
+
+    Their ends, and their status (0 open, 1 slip, 2 stick).
+    """
     x = np.sort(solution.model.V.tabulate_dof_coordinates()[traction.nodes][:, :, 0], axis=1)
     pressure = -traction.normal_component.mean(axis=1)
     shear = np.linalg.norm(traction.tangential_part.mean(axis=1), axis=1)
@@ -77,7 +83,10 @@ def test_greco_on_an_adapted_mesh():
 
 @pytest.mark.serial
 def test_common_block_forces_and_zones():
-    """Forces to the digits on which eight codes agree, at n = 64; zones within one node."""
+    """Forces to the digits on which eight codes agree, at n = 64.
+
+    Zones within one node.
+    """
     solution = ec.solve(common_block(), block(64))
     traction = ec.equilibrate(solution).tractions[0]
     force = resultant(traction)
@@ -149,7 +158,10 @@ def test_methods_agree_within_the_discretisation(theta):
 
 @pytest.mark.serial
 def test_gap_closes():
-    """A body above the foundation touches only when the push exceeds the gap; tractions then follow the excess."""
+    """A body above the foundation touches only when the push exceeds the gap.
+
+    Tractions then follow the excess.
+    """
 
     def pressure(push: float) -> float:
         scene = ec.Scene(
@@ -185,7 +197,9 @@ def test_options_of_the_user_win_and_ours_are_not_left():
     ("degree", "method"), [(1, ec.AugmentedLagrangian()), (2, ec.Nitsche())], ids=str
 )
 def test_two_bodies_are_solved_as_each_alone(degree, method):
-    """Each is held vertically by its contact only: two motions that no support holds, each of one body.
+    """Each is held vertically by its contact only.
+
+    Two motions that no support holds, each of one body.
 
     Without tightening: its iterations take all bodies together.
     """
@@ -276,7 +290,10 @@ def test_default_solves_every_friction(name, degree):
 
 
 def test_default_falls_back_on_the_augmented_lagrangian():
-    """A real failure: with so few Newton steps only the augmented Lagrangian converges."""
+    """A real failure.
+
+    With so few Newton steps only the augmented Lagrangian converges.
+    """
     scene, domain = pushed_block(0.206), block(4)
     expected = ec.solve(scene, domain, ec.AugmentedLagrangian())
     PETSc.Options()["erc_contact_snes_max_it"] = 2
@@ -299,7 +316,10 @@ def test_default_falls_back_on_the_augmented_lagrangian():
 
 
 class Orthotropic:
-    """A user's own material, by its moduli in plane [force/area]: written with UFL alone."""
+    """A user's own material, by its moduli in plane [force/area].
+
+    Written with UFL alone.
+    """
 
     parameters = ("Cxx", "Cyy", "Cxy", "G")
 
@@ -328,7 +348,10 @@ class Orthotropic:
 
 @pytest.mark.serial
 def test_material_of_the_user():
-    """With isotropic moduli it gives what Elastic gives; with others it converges and the error goes down."""
+    """With isotropic moduli it gives what Elastic gives.
+
+    With others it converges and the error goes down.
+    """
     E, nu = 1.0, 0.3
     lam, G = E * nu / ((1 + nu) * (1 - 2 * nu)), E / (2 * (1 + nu))
     base = common_block()
@@ -361,7 +384,10 @@ NORMALS = {"left": (-1.0, 0.0), "right": (1.0, 0.0), "bottom": (0.0, -1.0), "top
     ],
 )
 def test_contact_layer_that_is_the_whole_body(cells, sides, degree):
-    """All unknowns belong to cells at a contact, and no support fixes any: nothing is left to eliminate."""
+    """All unknowns belong to cells at a contact, and no support fixes any.
+
+    Nothing is left to eliminate.
+    """
     sides = sides.split()
     push = 0.01 * np.sum([NORMALS[side] for side in sides], axis=0)
     loads = [ec.BodyForce(tuple(push))] if push.any() else []

@@ -1,4 +1,6 @@
-"""The direct solver by parts: it solves the equations of the whole body, with the Schur complement on the contact.
+"""The direct solver by parts.
+
+It solves the equations of the whole body, with the Schur complement on the contact.
 
 - ``(K + D) u = b`` to round-off with the matrix that PETSc assembles for all ranks, for
   forces everywhere and for forces at the contact only, where S_L times the displacement
@@ -123,7 +125,10 @@ def test_the_tree_reaches_all_ranks_once(size):
 @pytest.mark.serial
 @pytest.mark.parametrize("parts", [2, 3, 4, 7])
 def test_joints_eliminate_what_lies_between_parts(parts):
-    """Random definite matrices of parts, the last three numbers kept: the same as eliminating all at once."""
+    """Random definite matrices of parts, the last three numbers kept.
+
+    The same as eliminating all at once.
+    """
     rng = np.random.default_rng(parts)
     touched = [np.sort(rng.choice(np.arange(17), 9, replace=False)) for _ in range(parts)]
     touched[0] = np.arange(20)  # all are touched, those of L from 17 on
@@ -169,7 +174,10 @@ def test_a_joint_that_is_not_definite_is_told():
 
 @pytest.mark.serial
 def test_compressed_factors_solve_as_the_others(monkeypatch):
-    """Units far from 1: what is left out of a factor is measured by the softest equation."""
+    """Units far from 1.
+
+    What is left out of a factor is measured by the softest equation.
+    """
     monkeypatch.setattr(
         mumps, "sigterm_blocked", lambda: nullcontext(True)
     )  # other threads of pytest might take it

@@ -1,4 +1,7 @@
-"""Curved bodies: where the true surface is known, what flat facets cost is small, measured, and never hidden.
+"""Curved bodies.
+
+Where the true surface is known, what flat facets cost is small, measured, and never
+hidden.
 
 Properties: refinement puts new vertices of curved boundaries, edges and interfaces on
 the true surface, on any number of ranks, and turns no cell over; gap and normal are
@@ -97,7 +100,10 @@ def test_refined_ball_is_on_sphere_and_rim(shared_tmp_path, measures):
 
 
 def test_coarse_inclusion_turns_no_cell_over(shared_tmp_path, measures):
-    """The ball in a box has 60 facets: some new vertices of the interface must wait, no cell may be crushed."""
+    """The ball in a box has 60 facets.
+
+    Some new vertices of the interface must wait, no cell may be crushed.
+    """
     domain = from_script(INCLUSION, shared_tmp_path, "inclusion")
     before = abs(measures.region(domain, "ball") - np.pi / 6)
     for _ in range(2):
@@ -126,7 +132,10 @@ def test_straight_bodies_pay_nothing():
 
 @pytest.mark.serial
 def test_cost_of_facets_of_a_pressed_ring(shared_tmp_path):
-    """Lame's ring under inner pressure: half the square of ``geometry`` is what the polygon changes of the energy."""
+    """Lame's ring under inner pressure.
+
+    Half the square of ``geometry`` is what the polygon changes of the energy.
+    """
     E, nu, p, a, b = 1.0, 0.3, 0.01, 1.0, 2.0
     scene = ec.Scene(
         material=ec.Elastic(E, nu),
@@ -151,7 +160,10 @@ def test_cost_of_facets_of_a_pressed_ring(shared_tmp_path):
 
 @pytest.mark.parametrize("normal", ["gap", "callable"])
 def test_gap_and_normal_are_those_of_the_true_surface(normal, shared_tmp_path):
-    """A ball in a spherical socket of radius 1.1: the gap is 0.1 everywhere, the normal is radial."""
+    """A ball in a spherical socket of radius 1.1.
+
+    The gap is 0.1 everywhere, the normal is radial.
+    """
     import ufl
 
     def gap(x):
@@ -189,7 +201,11 @@ def hertz(comm=COMM):
 
 @pytest.mark.serial
 def test_hertz_by_marking():
-    """A disc on a plane: the pressure of a mesh refined by marking is Hertz's (it had peaks of 12 times before)."""
+    """A disc on a plane.
+
+    The pressure of a mesh refined by marking is Hertz's (it had peaks of 12 times
+    before).
+    """
     scene, domain = hertz()
     history = ec.adapt(scene, domain, accuracy=0.01, degree=2, strategy=ec.Mark(0.8))
     error = history.best
@@ -231,7 +247,10 @@ PUNCH = (
 @pytest.mark.serial
 @pytest.mark.parametrize("degree", [1, 2])
 def test_punch_has_one_force(degree, shared_tmp_path):
-    """A punch with a rounded corner: marking and meshing anew end in the same force, and neither is guaranteed."""
+    """A punch with a rounded corner.
+
+    Marking and meshing anew end in the same force, and neither is guaranteed.
+    """
     scene = ec.Scene(
         material=ec.Elastic(E=1.0, nu=0.3),
         supports=[ec.Displacement("left", (0.0, None)), ec.Displacement("top", (None, -0.05))],
@@ -266,7 +285,10 @@ def test_outcome_says_what_eps_refers_to():
 
 
 def test_centre_of_an_arc_is_no_node_of_the_mesh(shared_tmp_path):
-    """A sector whose mesh has no inner node: the number of the unused centre was above those in use, which aborted."""
+    """A sector whose mesh has no inner node.
+
+    The number of the unused centre was above those in use, which aborted.
+    """
     script = PUNCH.replace("0.4", "2")
     assert from_script(script, shared_tmp_path, "coarse").remeshed(1.0).cells > 0
 

@@ -1,4 +1,6 @@
-"""Tightening the admissible stress: properties as numbers against a scale, in 2D and 3D.
+"""Tightening the admissible stress.
+
+Properties as numbers against a scale, in 2D and 3D.
 
 - every step lowers e, and leaves all elements in equilibrium, tractions opposite, given
   tractions as they were;
@@ -139,7 +141,10 @@ def test_given_tractions_stay(name, degree):
 
 @pytest.mark.parametrize("seed", mostly_serial([0, 1, 2, 3], [2, 3]))
 def test_patches_balance_any_residual(seed):
-    """Corrections for random residuals, alone: one wrong sign of a force, couple or bar leaves elements unbalanced."""
+    """Corrections for random residuals, alone.
+
+    One wrong sign of a force, couple or bar leaves elements unbalanced.
+    """
     model = Model(*random_scene(seed))
     cells, d = cell_geometry(model), model.d
     compliance = macro_moduli(model, cells, len(cells.nodes), inverse=True)
@@ -177,7 +182,10 @@ def test_preconditioner_and_energy_are_symmetric(seed, degree):
 
 
 def quadratic(d: int, n: int) -> tuple[ec.Scene, ec.Domain, np.ndarray]:
-    """Exact displacement ``u_i = x_last (A x)_i``, zero where x_last is; its loads are constant or linear."""
+    """Exact displacement ``u_i = x_last (A x)_i``, zero where x_last is.
+
+    Its loads are constant or linear.
+    """
     A = 1e-2 * np.random.default_rng(d).uniform(-1, 1, (d, d))
     lam, G = 0.3 / (1.3 * 0.4), 1 / 2.6
 
@@ -213,7 +221,10 @@ def quadratic(d: int, n: int) -> tuple[ec.Scene, ec.Domain, np.ndarray]:
 
 @pytest.mark.parametrize(("d", "n"), [(2, 6), (3, 3)])
 def test_error_is_the_sum_of_both_errors(d, n):
-    """Prager and Synge, all data exact: e^2 = |u - u^|^2 + |sigma - sigma^|^2, loose or tight."""
+    """Prager and Synge, all data exact.
+
+    E^2 = |u - u^|^2 + |sigma - sigma^|^2, loose or tight.
+    """
     scene, domain, A = quadratic(d, n)
     solution = ec.solve(scene, domain)
     model = solution.model

@@ -1,4 +1,6 @@
-"""The displacement of a contact and what is made of it: one linear map, its transpose and its matrix.
+"""The displacement of a contact and what is made of it.
+
+One linear map, its transpose and its matrix.
 
 - on a foundation it is the displacement of the facets; in a history its tangential part
   counts from the last step;

@@ -48,7 +48,7 @@ class Elastic:
 
     @contextmanager
     def in_memory(self) -> Iterator[None]:
-        """Own the factor or hierarchy inside the `with`, and free it on exit; collective.
+        """Own the factor or hierarchy inside the `with`, free it on exit; collective.
 
         What the contact solve has left in memory is used. Blocks may be nested, and then
         the outermost one is the owner.

@@ -104,4 +104,4 @@ class ElasticSolver(Protocol):
         """
 
     def in_memory(self) -> AbstractContextManager[None]:
-        """Own the factor or hierarchy inside a `with`, and free it on exit; collective."""
+        """Own the factor or hierarchy inside a `with`; collective."""
