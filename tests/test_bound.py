@@ -78,7 +78,7 @@ def test_bound_of_true_errors(name, n):
 def test_prager_synge_identity():
     """Smooth manufactured solution, all sides prescribed.
 
-    E^2 is the sum of the squared errors, to quadrature.
+    e^2 is the sum of the squared errors, to quadrature.
 
     The prescribed values are not linear on the facets; against the loose pair's e, what
     that adds is small.

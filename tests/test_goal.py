@@ -127,7 +127,7 @@ def test_energy_holds_that_of_a_fine_mesh(case):
     [
         ("given friction", 1),
         ("given friction", 2),
-        ("cube, given friction", 1),
+        ("cube, given friction", 2),
         ("frictionless", 1),
     ],
 )

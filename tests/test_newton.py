@@ -64,7 +64,7 @@ def whole_residual(solution: ec.Solution) -> float:
 
 
 @pytest.mark.parametrize("method", METHODS, ids=str)
-@pytest.mark.parametrize("seed", mostly_serial([0, 2, 3], [2, 3]))
+@pytest.mark.parametrize("seed", mostly_serial([1, 2, 3], [2, 3]))
 def test_whole_body_is_in_equilibrium(method, seed):
     assert whole_residual(ec.solve(*random_scene(seed), method)) < 1e-9
 
@@ -215,7 +215,7 @@ def test_cycle_is_seen():
 def test_certified_stop_is_as_near_as_it_says():
     """What Newton leaves, by the proxy of the solver, against the estimator itself.
 
-    E^2 = e_converged^2 + rest^2.
+    e^2 = e_converged^2 + rest^2.
     """
     converged = ec.solve(common_block(), block(16))
     full = ec.constitutive_error(ec.equilibrate(converged)).absolute

@@ -223,7 +223,7 @@ def quadratic(d: int, n: int) -> tuple[ec.Scene, ec.Domain, np.ndarray]:
 def test_error_is_the_sum_of_both_errors(d, n):
     """Prager and Synge, all data exact.
 
-    E^2 = |u - u^|^2 + |sigma - sigma^|^2, loose or tight.
+    e^2 = |u - u^|^2 + |sigma - sigma^|^2, loose or tight.
     """
     scene, domain, A = quadratic(d, n)
     solution = ec.solve(scene, domain)

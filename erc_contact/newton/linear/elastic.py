@@ -50,8 +50,8 @@ class Elastic:
     def in_memory(self) -> Iterator[None]:
         """Own the factor or hierarchy inside the `with`, free it on exit; collective.
 
-        What the contact solve has left in memory is used. Blocks may be nested, and then
-        the outermost one is the owner.
+        What the contact solve has left in memory is used. Blocks may be nested: the
+        outermost one is the owner.
         """
         self._owners += 1
         try:
