@@ -16,7 +16,6 @@ from functools import cache
 from pathlib import Path
 
 import setuptools  # noqa: F401 - it brings distutils, which cffi calls
-from dolfinx import jit
 from mpi4py import MPI
 from setuptools._distutils.ccompiler import new_compiler
 from setuptools._distutils.sysconfig import customize_compiler
@@ -43,6 +42,8 @@ HEADER = """\
 @cache
 def compiler_options() -> list[str]:
     """Return the options of the C compiler; collective in the first call."""
+    from dolfinx import jit  # after MPI, which loads the library that DOLFINx expects
+
     folder = Path(jit.get_options()["cache_dir"])
     command = _command()
     key = repr((command, HEADER, sys.version)).encode()
