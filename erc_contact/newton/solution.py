@@ -65,7 +65,7 @@ class Solution:
             [sqrt(force length)].
         least_singular_value: Least singular value of the tangents of the contact
             problem at the solution, scaled by the elastic diagonal [-].
-        stiffness: The elastic solver; :mod:`erc_contact.newton.linear.solver` tells
+        stiffness: The elastic solver; ``newton.linear.solver`` tells
             when its factor is made and freed. See :attr:`factorised`.
         seconds: Wall time, the largest over the ranks [s].
 
