@@ -23,6 +23,7 @@ from erc_contact.base.exceptions import InputError, together
 from erc_contact.base.html import table
 from erc_contact.mesh import partition, parts
 from erc_contact.mesh.refinement import refine
+from erc_contact.mesh.splitting import Interface, Seams, split
 from erc_contact.mesh.surface import offset, snap
 from erc_contact.mesh.tags import shared
 
@@ -77,6 +78,8 @@ class Domain:
     regions: Mapping[str, int] = field(default_factory=dict)
     geometry: Geometry | None = field(default=None, repr=False)
     curved_facets: dmesh.MeshTags | None = field(default=None, repr=False)
+    glued: Domain | None = field(default=None, repr=False)
+    seams: Seams | None = field(default=None, repr=False)
     _inside: set[str] = field(init=False, repr=False, default_factory=set)
     _zeros: dict[tuple[str, int, tuple[int, ...]], fem.Function] = field(
         init=False, repr=False, default_factory=dict
@@ -103,7 +106,7 @@ class Domain:
         mesh = self.mesh
         tag_names = ("facet_tags", "cell_tags", "curved_facets")
         tag_sets = [shared(mesh, getattr(self, name)) for name in tag_names]
-        if not partition.patches_complete(mesh):
+        if self.seams is None and not partition.patches_complete(mesh):
             mesh, tag_sets = partition.redistributed(mesh, *tag_sets)
         # A frozen dataclass sets its own members by this detour.
         object.__setattr__(self, "mesh", mesh)
@@ -244,6 +247,44 @@ class Domain:
             )
         return self.cell_tags.find(self.regions[name])
 
+    @property
+    def pairs(self) -> tuple[tuple[str, str], ...]:
+        """Return the names of the boundary parts that face each other."""
+        return () if self.seams is None else tuple(i.names for i in self.seams.interfaces)
+
+    def facing(self, here: str, there: str) -> tuple[np.ndarray, np.ndarray]:
+        """Return the facets of two parts that face each other on this rank.
+
+        Returns:
+            Pairs (cell, local facet) of each part, ghosts included, shape (n, 2). Row i
+            of the first faces row i of the second.
+        """
+        return self.seams.facing[here, there]
+
+    def split(self, sides: Mapping[str, str], *, on: str | None = None) -> Domain:
+        """Split the nodes along the facets between two regions; collective."""
+        glued = self if self.glued is None else self.glued
+        before = () if self.seams is None else self.seams.interfaces
+        tags = [*self.names.values(), *glued.names.values(), *glued.facet_tags.values]
+        tag = self.mesh.comm.allreduce(int(max(tags)), MPI.MAX) + 1
+        interface = Interface(tuple(sides), tuple(sides.values()), on, (tag, tag + 1))
+        return glued._split((*before, interface))
+
+    def _split(self, interfaces: tuple[Interface, ...]) -> Domain:
+        """Split the nodes along interfaces; collective."""
+        new = split(self, interfaces)
+        return Domain(
+            new.mesh,
+            new.facet_tags,
+            new.names,
+            new.cell_tags,
+            self.regions,
+            self.geometry,
+            new.curved_facets,
+            self,
+            new.seams,
+        )
+
     def refined(self, marked: np.ndarray | None = None) -> Domain:
         """Refine by bisection of longest edges (DOLFINx), conforming; collective.
 
@@ -261,6 +302,9 @@ class Domain:
             InputError: If ``marked`` are not numbers of cells of this rank.
         """
         cells = together(self.mesh.comm, checks.cells_to_refine, marked, self.owned_cells)
+        if self.glued is not None and self.seams is not None:
+            fine_glued = self.glued.refined(self.seams.cells[cells])
+            return fine_glued._split(self.seams.interfaces)
         refinement = refine(self.mesh, cells, partition.partitioner(self.mesh.comm))
         fine = refinement.mesh
         facet_tags = refinement.inherited(self.facet_tags)
@@ -297,4 +341,7 @@ class Domain:
                 "marking (strategy=Mark()), or make it by rectangle, box, from_gmsh, or "
                 "read_mesh of a .geo file."
             )
+        if self.glued is not None and self.seams is not None:
+            at_glued = together(self.mesh.comm, self.seams.least, h)
+            return self.glued.remeshed(at_glued)._split(self.seams.interfaces)
         return self.geometry.meshed(self, h)

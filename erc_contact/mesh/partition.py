@@ -121,19 +121,22 @@ def partitioner(comm: MPI.Comm) -> Any:
     return vertex_patch_partitioner if comm.size > 1 else None
 
 
-def distributed(comm: MPI.Comm, cells: np.ndarray, x: np.ndarray) -> dmesh.Mesh:
-    """Make a mesh of simplices with complete vertex patches on all ranks; collective.
+def distributed(
+    comm: MPI.Comm, cells: np.ndarray, x: np.ndarray, ranks: Any = vertex_patch_partitioner
+) -> dmesh.Mesh:
+    """Make a mesh of simplices, with complete vertex patches by default; collective.
 
     Args:
         comm: Communicator.
         cells: Numbers of the vertices of cells of this rank, in the order of all ranks'
             points, shape (m, d+1).
         x: Points of this rank [length], shape (n, d).
+        ranks: Partitioner that gives the cells to ranks if there are several.
     """
     d = x.shape[1]
     cell = "triangle" if d == 2 else "tetrahedron"
     element = basix.ufl.element("Lagrange", cell, 1, shape=(d,))
-    return dmesh.create_mesh(comm, cells, ufl.Mesh(element), x, partitioner(comm))
+    return dmesh.create_mesh(comm, cells, ufl.Mesh(element), x, ranks if comm.size > 1 else None)
 
 
 def patches_complete(mesh: dmesh.Mesh) -> bool:
