@@ -21,7 +21,7 @@ from scenes import moved_box
 from test_bad_input import refused
 
 import erc_contact as ec
-from erc_contact.model.last_step import LastStep
+from erc_contact.newton.after import last_step
 from erc_contact.model.promises import bind
 from erc_contact.model.space import Space
 from erc_contact.run.energy import energies
@@ -192,10 +192,11 @@ def test_a_refined_mesh_carries_the_last_step(d, degree):
     A new mesh loses something, less on a finer one.
     """
     solution = run([(0.2, PRESS)], box(d), degree=degree)[0]
-    last = LastStep(solution.model, solution.u)
+    last = last_step(solution)
     space = Space(solution.domain.refined(), degree)
-    direction = np.tile(-np.eye(d)[-1], (len(space.domain.facets("bottom")), 1))
-    before, lost = last.on(space, "bottom", direction)
+    facets = space.domain.facets("bottom")
+    direction = np.tile(-np.eye(d)[-1], (len(facets), 1))
+    before, lost = last.on(space, "bottom", facets, direction)
     nodes = np.unique(space.facet_nodes(space.domain.facets("bottom")))
     x = space.V.tabulate_dof_coordinates()[nodes, :d]
     every = np.concatenate(space.comm.allgather(x))
@@ -208,10 +209,9 @@ def test_a_refined_mesh_carries_the_last_step(d, degree):
         if other is None:
             return
         other = Space(other, degree)
-        rest = last.on(
-            other, "bottom", np.tile((0.0, -1.0), (len(other.domain.facets("bottom")), 1))
-        )[1]
-        own = other.owned(other.domain.facets("bottom"))
+        facets = other.domain.facets("bottom")
+        rest = last.on(other, "bottom", facets, np.tile((0.0, -1.0), (len(facets), 1)))[1]
+        own = other.owned(facets)
         rates.append(np.sqrt(other.comm.allreduce(float(rest[own].sum()))))
     assert rates[1] < rates[0] < 1e-3 * 0.2
 

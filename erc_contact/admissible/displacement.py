@@ -24,8 +24,9 @@ from erc_contact.mesh.peaks import upper_bounds
 from erc_contact.mesh.quadrature import facet_pieces, polynomials
 from erc_contact.model.expressions import Everywhere
 from erc_contact.model.model import Model
+from erc_contact.model.space import OnFacets
 from erc_contact.model.symbolic import varies_in_cells
-from erc_contact.model.trace import split
+from erc_contact.model.trace import Trace, split
 
 CORNER_PASSES = 100
 """Limit of the passes over nodes with several normals."""
@@ -43,6 +44,9 @@ class _Limits:
 
     Attributes:
         nodes: Node of each limit, shape (c,).
+        partners: The facing node of the other body, shape (c,); None on a foundation.
+        share: Share of a change of the jump that the node takes, its partner takes the
+            rest [-], shape (c,).
         normal: Normal of each limit, shape (c, d).
         bound: Limit of u_n [length], shape (c,).
         of_facet: Number of the limit of each node of each facet, shape (f, m).
@@ -50,14 +54,62 @@ class _Limits:
     """
 
     nodes: np.ndarray
+    partners: np.ndarray | None
+    share: np.ndarray
     normal: np.ndarray
     bound: np.ndarray
     of_facet: np.ndarray
     groups: list[np.ndarray]
 
+    def jump(self, values: np.ndarray, group: np.ndarray) -> np.ndarray:
+        """Return the displacement w at the limits of a group [length], shape (c, d).
+
+        Args:
+            values: Coefficients of u [length], shape (nodes, d).
+            group: Numbers of limits.
+        """
+        if self.partners is None:
+            return values[self.nodes[group]]
+        return values[self.nodes[group]] - values[self.partners[group]]
+
     def normal_displacement(self, values: np.ndarray, group: np.ndarray) -> np.ndarray:
-        """Return u_n of coefficients (nodes, d) at the limits of a group [length]."""
-        return (values[self.nodes[group]] * self.normal[group]).sum(axis=1)
+        """Return w_n at the limits of a group [length], see :meth:`jump`."""
+        return (self.jump(values, group) * self.normal[group]).sum(axis=1)
+
+    def mobile(self, free: np.ndarray, group: np.ndarray) -> np.ndarray:
+        """Tell which components of w supports do not fix, shape (c, d).
+
+        Args:
+            free: Those of u, shape (nodes, d).
+            group: Numbers of limits.
+        """
+        if self.partners is None:
+            return free[self.nodes[group]]
+        return free[self.nodes[group]] | free[self.partners[group]]
+
+    def move(
+        self, values: np.ndarray, free: np.ndarray, group: np.ndarray, change: np.ndarray
+    ) -> None:
+        """Change w at the limits of a group, in place.
+
+        Between two bodies each takes its share, or all where the other is fixed.
+
+        Args:
+            values: Coefficients of u [length], shape (nodes, d).
+            free: Components of u that no support fixes, shape (nodes, d).
+            group: Numbers of limits.
+            change: Change of w, zero where it is not mobile [length], shape (c, d).
+        """
+        nodes = self.nodes[group]
+        if self.partners is None:
+            values[nodes] += change
+            return
+        partners = self.partners[group]
+        share = np.broadcast_to(self.share[group, None], change.shape)
+        share = np.where(free[partners], share, 1.0)
+        share = np.where(free[nodes], share, 0.0)
+        values[nodes] += share * change
+        values[partners] -= (1 - share) * change
 
     def summed(self, of_facets: np.ndarray) -> np.ndarray:
         """Sum values (f, m) over the facets of each limit, shape (c,)."""
@@ -92,13 +144,15 @@ def admissible_displacement(
     values = hat.x.array.reshape(-1, model.d)
     contacts = [traction.contact for traction in tractions]
     # Limits of Bernstein coefficients hold between the nodes, too.
-    model.to_coefficients(values, contacts)
+    sides: list[OnFacets] = list(contacts)
+    sides += [contact.trace.there for contact in contacts if contact.trace.there is not None]
+    model.to_coefficients(values, sides)
     limits = [_limits(model, traction) for traction in tractions]
-    mobile = ~model.fixed
+    free = ~model.fixed
     for traction, limit in zip(tractions, limits, strict=True):
-        _set_status(model, values, mobile, traction, limit)
-    _limit_normal(values, mobile, tractions, limits)
-    model.to_coefficients(values, contacts, back=True)
+        _set_status(model, values, free, traction, limit)
+    _limit_normal(values, free, tractions, limits)
+    model.to_coefficients(values, sides, back=True)
     hat.x.scatter_forward()
     return hat
 
@@ -106,7 +160,7 @@ def admissible_displacement(
 def _set_status(
     model: Model,
     values: np.ndarray,
-    mobile: np.ndarray,
+    free: np.ndarray,
     traction: ContactTraction,
     limit: _Limits,
 ) -> None:
@@ -115,7 +169,7 @@ def _set_status(
     Args:
         model: The scene on a mesh.
         values: Coefficients of u^ [length], shape (nodes, d).
-        mobile: Components that no support fixes, shape (nodes, d).
+        free: Components that no support fixes, shape (nodes, d).
         traction: r^ on the contact.
         limit: Its limits.
     """
@@ -129,20 +183,20 @@ def _set_status(
     stiffness = _nodal_stiffness(model, traction)[limit.nodes]
     before = _slip_before(traction, limit)
     for group in limit.groups:
-        nodes = limit.nodes[group]
         n = limit.normal[group]
         open_by = limit.bound[group] - limit.normal_displacement(values, group)
         closes = closing[group] * open_by > stiffness[group] * open_by**2
-        _move_normal(values, mobile, limit, group[closes | traction.contact.bilateral])
-        _, slip, size = split(values[nodes] - before[group], n)
+        _move_normal(values, free, limit, group[closes | traction.contact.bilateral])
+        _, slip, size = split(limit.jump(values, group) - before[group], n)
         gain = friction[group] * size + (shear[group] * slip).sum(axis=1)
         sticks = gain > stiffness[group] * size**2
-        values[nodes[sticks]] -= (mobile[nodes] * slip)[sticks]
+        back = np.where(limit.mobile(free, group), -slip, 0.0)
+        limit.move(values, free, group[sticks], back[sticks])
 
 
 def _limit_normal(
     values: np.ndarray,
-    mobile: np.ndarray,
+    free: np.ndarray,
     tractions: list[ContactTraction],
     limits: list[_Limits],
 ) -> None:
@@ -159,24 +213,23 @@ def _limit_normal(
                 excess = limit.normal_displacement(values, group) - limit.bound[group]
                 violated = abs(excess) > 0 if traction.contact.bilateral else excess > 0
                 worst = max(worst, float(abs(excess[violated]).max(initial=0.0)))
-                _move_normal(values, mobile, limit, group[violated])
+                _move_normal(values, free, limit, group[violated])
         if not has_corners or worst <= SETTLED_EXCESS * abs(values).max(initial=0.0):
             break
 
 
-def _move_normal(values: np.ndarray, mobile: np.ndarray, limit: _Limits, group: np.ndarray) -> None:
-    """Set ``u_n`` to the bound at the limits of a group, in place.
+def _move_normal(values: np.ndarray, free: np.ndarray, limit: _Limits, group: np.ndarray) -> None:
+    """Set ``w_n`` to the bound at the limits of a group, in place.
 
-    Only ``mobile`` components change, which no support fixes.
+    Only components change that no support fixes.
     """
-    nodes = limit.nodes[group]
     n = limit.normal[group]
-    direction = mobile[nodes] * n
+    direction = limit.mobile(free, group) * n
     reach = (direction * n).sum(axis=1)
     missing = limit.bound[group] - limit.normal_displacement(values, group)
     # Where supports fix all of the normal component, nothing can move.
     length = np.divide(missing, reach, out=np.zeros_like(reach), where=reach > 1e-12)
-    values[nodes] += length[:, None] * direction
+    limit.move(values, free, group, length[:, None] * direction)
 
 
 def _slip_before(traction: ContactTraction, limit: _Limits) -> np.ndarray:
@@ -225,7 +278,27 @@ def _limits(model: Model, traction: ContactTraction) -> _Limits:
     number = np.arange(len(nodes)) - np.searchsorted(nodes, nodes)
     most = int(number.max(initial=0))
     groups = [np.flatnonzero(number == k) for k in range(most + 1)]
-    return _Limits(nodes, normals[first], bound, of_facet.reshape(traction.nodes.shape), groups)
+    of_facet = of_facet.reshape(traction.nodes.shape)
+    partners = None
+    share = np.ones(len(first))
+    if contact.trace.there is not None:
+        partners = contact.trace.partners.ravel()[first]
+        share = _share_of_node(contact.trace, len(model.fixed))[nodes]
+    return _Limits(nodes, partners, share, normals[first], bound, of_facet, groups)
+
+
+def _share_of_node(trace: Trace, node_count: int) -> np.ndarray:
+    """Return the share of a change of the jump that each node of this side takes [-].
+
+    The softer body takes more: the shares are in proportion to the compliances. Shape
+    (nodes,).
+    """
+    assert trace.there is not None
+    stiffness = np.zeros((2, node_count))
+    for of_side, side in zip(stiffness, (trace.here, trace.there), strict=True):
+        np.maximum.at(of_side, trace.here.nodes, side.stiffness[:, None])
+    total = stiffness.sum(axis=0)
+    return np.divide(stiffness[1], total, out=np.ones(node_count), where=total > 0)
 
 
 def _excess(model: Model, traction: ContactTraction, gaps: np.ndarray) -> np.ndarray:

@@ -191,7 +191,11 @@ def _before_tightening(
         hat = admissible_displacement(model, solution.u, tractions)
     for traction in tractions:
         of_contact = moments(traction.area, traction.values, model.degree)
-        _add(model, boundary, traction.contact.facets, of_contact)
+        trace = traction.contact.trace
+        _add(model, boundary, trace.here.facets, of_contact)
+        if trace.there is not None:
+            # Action and reaction: on the other body acts the opposite traction.
+            _add(model, boundary, trace.there.facets, -trace.on_there(of_contact))
     b = nodal_forces(model, cells, boundary, force)
     stress = rebalanced_stress(model, solution.stiffness, cells, solution.u, b)
     # A rank has all cells around the nodes of its own cells, but not around others.

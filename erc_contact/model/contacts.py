@@ -37,7 +37,12 @@ def bind_contact(
         InputError: If gap, normal or friction are no numbers, or cannot be worked with,
             or the last step was one of another body.
     """
-    facets = space.domain.facets(contact.facets)
+    there = None
+    if contact.against is None:
+        facets = space.domain.facets(contact.facets)
+    else:
+        facets, facing = space.domain.facing(contact.facets, contact.against)
+        there = space.side(facing, modulus)
     what = f"Contact({contact.facets!r})"
     surface = _true_surface(space, contact)
     gap = None
@@ -53,10 +58,11 @@ def bind_contact(
     before = None
     lost = None
     if last is not None and friction is not None:
-        before, lost = last.on(space, contact.facets, direction)
+        before, lost = last.on(space, contact.facets, facets, direction)
     return BoundContact(
         name=contact.facets,
-        trace=Trace(space.side(facets, modulus), direction, before),
+        against=contact.against,
+        trace=Trace(space.side(facets, modulus), direction, before, there),
         ds=space.ds(space.domain.tag(contact.facets)),
         normal=normal,
         given_normal=given_normal,
@@ -108,6 +114,10 @@ def _normal(
         The unit normal as UFL, the unit normal on each facet (f, d), and the normal as
         the scene gives it, of any length, UFL; None where it does not vary.
     """
+    if contact.normal is None and contact.against is not None:
+        # The facets of two bodies face each other: each has its own normal.
+        direction = evaluate(space.n, space.mesh, _middle(space), facets)[:, 0]
+        return space.n, direction, None
     if contact.normal is None:
         direction = _flat_normal(space, contact, facets)
     elif isinstance(contact.normal, tuple):

@@ -80,7 +80,7 @@ def by_cause(
         which is zero up to round-off.
     """
     supports = [support.facets for support in model.scene.supports]
-    contacts = [contact.facets for contact in model.scene.contacts]
+    contacts = [name for contact in model.scene.contacts for name in contact.sides]
     # A part may have several supports: each name counts once.
     reacting = dict.fromkeys(supports + contacts)
     result = {name: force(name) for name in reacting}
@@ -125,15 +125,15 @@ def nodal_reactions(
     forces = {}
     claims = {}
     for contact in model.contacts:
-        forces[contact.name] = _of_traction(model, contact, traction(contact))
-        residual -= forces[contact.name]
-        nodes = contact.trace.here.nodes
-        if in_layer:
-            nodes = model.nodes[contact.facets[:, 0]]
-        claim = np.zeros(residual.shape, dtype=bool)
-        claim[nodes] = True
-        # A component that a support fixes is the support's.
-        claims[contact.name] = claim & ~model.fixed
+        trace = contact.trace
+        at_nodes = _of_traction(model, contact, traction(contact))
+        residual -= trace.back(at_nodes)
+        forces[contact.name] = trace.back_here(at_nodes)
+        nodes = model.nodes[contact.facets[:, 0]] if in_layer else trace.here.nodes
+        claims[contact.name] = _claim(model, nodes)
+        if contact.against is not None:
+            forces[contact.against] = trace.back_there(at_nodes)
+            claims[contact.against] = _claim(model, trace.partners)
     for support, (facets, components) in zip(model.scene.supports, model.fixed_facets, strict=True):
         claim = claims.setdefault(support.facets, np.zeros(residual.shape, dtype=bool))
         claim[model.facet_nodes(facets)] |= components
@@ -144,6 +144,14 @@ def nodal_reactions(
     for name, claim in claims.items():
         reactions[name] = forces.get(name, 0.0) + np.where(claim, share, 0.0)
     return reactions
+
+
+def _claim(model: Model, nodes: np.ndarray) -> np.ndarray:
+    """Mark the components at nodes that no support fixes, shape (all nodes, d)."""
+    claim = np.zeros(model.fixed.shape, dtype=bool)
+    claim[nodes] = True
+    # A component that a support fixes is the support's.
+    return claim & ~model.fixed
 
 
 def part_force(model: Model, part: str, nodal: dict[str, np.ndarray]) -> Force:
@@ -190,14 +198,13 @@ def _assembled(model: Model, form: Ufl | None) -> np.ndarray:
 
 
 def _of_traction(model: Model, contact: BoundContact, traction: Ufl) -> np.ndarray:
-    """Integrate a traction against the basis function of each node [force]; collective.
+    """Integrate a traction against the basis functions on each facet; collective.
 
     Returns:
-        Shape (nodes, d); at ghost nodes the integrals are not complete.
+        Forces at the nodes of the facets [force], shape (f, m, d).
     """
     points, weights = rule(model.d - 1, model.contact_degree)
     weighted = weights[:, None] * lagrange(model.d - 1, model.degree, points)
     values = evaluate(traction, model.mesh, points, contact.facets)
     areas = contact.trace.here.areas[:, None, None]
-    at_nodes = np.einsum("qm,fqi->fmi", weighted, values) * areas
-    return contact.trace.back(at_nodes)
+    return np.einsum("qm,fqi->fmi", weighted, values) * areas

@@ -7,8 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import ufl
+from dolfinx import fem
 from dolfinx import mesh as dmesh
 
+from erc_contact.base.exceptions import InputError
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.expressions import Everywhere
 from erc_contact.model.friction import Friction
@@ -33,6 +35,7 @@ class BoundContact:
 
     Attributes:
         name: Name of the boundary part.
+        against: Name of the facing part of another body; None on a foundation.
         trace: The displacement of the contact, with the facets of the body.
         ds: Measure of the part.
         normal: Unit normal of the foundation, UFL.
@@ -45,9 +48,14 @@ class BoundContact:
         lost: What this mesh does not carry of it, ``int_F |s - I s|^2`` of its
             tangential part s on each facet [length^(d+1)], shape (f,); None where it
             carries all.
+        variable: The displacement whose jump a solver varies, and this jump, Functions;
+            None outside a solver, and on a foundation.
+        test_jump: Factor of the jump of test functions, a Constant, with which a solver
+            tells the jump from the rest; None where it need not.
     """
 
     name: str
+    against: str | None
     trace: Trace
     ds: Ufl
     normal: Ufl
@@ -57,6 +65,8 @@ class BoundContact:
     gap_varies: bool
     bilateral: bool
     lost: np.ndarray | None = None
+    variable: tuple[fem.Function, fem.Function] | None = None
+    test_jump: fem.Constant | None = None
 
     @property
     def facets(self) -> np.ndarray:
@@ -97,21 +107,41 @@ class BoundContact:
     def jump(self, u: Ufl) -> Ufl:
         """Return the displacement that the law of the contact is about [length], UFL.
 
-        On a foundation it is u; in a history its tangential part is counted from the
-        end of the last step, of which friction remembers the tangential displacement s:
-        ``u - s``.
+        On a foundation it is u, between two bodies the difference of u on this side and
+        on the other one. In a history its tangential part is counted from the end of
+        the last step, of which friction remembers the tangential part s: ``w - s``.
 
-        Its variation has no s: for a test or trial function v the jump is v itself. So
-        the work of a traction r is ``inner(r, jump(v))``.
+        Its variation has no s. So the work of a traction r is ``inner(r, jump(v))``
+        with a test function v.
 
         Args:
-            u: A displacement [length], a Function or UFL; or a test or trial function,
-                or UFL that is linear in one.
+            u: A displacement [length], a Function or, on a foundation, UFL; or a test
+                or trial function, or UFL that is linear in one.
+
+        Raises:
+            InputError: If u is UFL, and the contact is between two bodies.
         """
+        if has_arguments(u):
+            return u if self.test_jump is None else self.test_jump * u
+        w = u if self.trace.there is None else self._difference(u)
         before = self.trace.before
-        if before is None or has_arguments(u):
-            return u
-        return u - (before - ufl.dot(before, self.normal) * self.normal)
+        if before is None:
+            return w
+        return w - (before - ufl.dot(before, self.normal) * self.normal)
+
+    def _difference(self, u: Ufl) -> fem.Function:
+        """Return the difference of u on the two sides [length], a Function."""
+        if self.variable is not None and u is self.variable[0]:
+            return self.variable[1]
+        if not isinstance(u, fem.Function):
+            raise InputError(
+                f"Contact({self.name!r}) is between two bodies: its jump(u) needs a Function, "
+                "whose values on the other side are known, and not UFL. Take the jump of the "
+                "displacement itself, and what is linear of the jump."
+            )
+        difference = fem.Function(u.function_space)
+        self.trace.assign(difference.x.array, self.trace.of(u.x.array))
+        return difference
 
     def since(self, u: Ufl) -> Ufl:
         """Call :meth:`jump` by its name in version 0.1.

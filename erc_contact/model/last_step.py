@@ -12,7 +12,7 @@ Symbols: d dimension, f facets, m nodes of a facet, n points.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -37,25 +37,28 @@ each other on any two meshes.
 
 @dataclass(frozen=True, eq=False)
 class LastStep:
-    """Hold the displacement at the end of the last step.
+    """Hold the displacement of the contacts at the end of the last step.
 
     Attributes:
         space: The mesh that it was computed on.
-        displacement: The displacement [length], a Function on it.
+        contacts: By the name of each contact its facets (cell, local facet), ghosts
+            included, shape (f, 2), and its displacement w at their nodes [length],
+            shape (f, m, d).
     """
 
     space: Space
-    displacement: fem.Function
+    contacts: Mapping[str, tuple[np.ndarray, np.ndarray]]
 
     def on(
-        self, space: Space, name: str, direction: np.ndarray
+        self, space: Space, name: str, facets: np.ndarray, direction: np.ndarray
     ) -> tuple[fem.Function, np.ndarray | None]:
         """Interpolate the displacement on a contact of another mesh; collective.
 
         Args:
             space: The other mesh, or the same.
             name: Name of the contact.
-            direction: Unit normals of its facets, shape (f, d).
+            facets: Its facets there (cell, local facet), shape (f, 2).
+            direction: Unit normals of the facets, shape (f, d).
 
         Returns:
             The displacement [length], zero off the contact, and what the mesh does not
@@ -66,19 +69,17 @@ class LastStep:
             InputError: If the contact was elsewhere in the last step.
         """
         d = space.d
-        facets = space.domain.facets(name)
-        old_facets = self.space.domain.facets(name)
+        old_facets, old_w = self.contacts[name]
         nodes = space.facet_nodes(facets)
         before = space.function()
         values = before.x.array.reshape(-1, d)
         if space.domain is self.space.domain and space.degree == self.space.degree:
-            old_nodes = self.space.facet_nodes(old_facets)
-            values[nodes] = self.displacement.x.array.reshape(-1, d)[old_nodes]
+            values[nodes] = old_w
             return before, None
-        corners, old_values = gathered_facets(self.space, [old_facets], self.displacement)
+        corners, old_values = gathered_facets(self.space, [(old_facets, old_w)])
         on_contact = np.unique(nodes)
         x = space.V.tabulate_dof_coordinates()[on_contact, :d]
-        _check_place(space, name, x, corners)
+        _check_place(space, name, facets, x, corners)
         values[on_contact] = interpolate(x, corners, old_values, self.space.degree)
         # What is lost: the old field less its interpolant, at points of a rule that is
         # exact for the square of both, without the normal part.
@@ -97,23 +98,23 @@ class LastStep:
 
 
 def gathered_facets(
-    space: Space, parts: Sequence[np.ndarray], u: fem.Function
+    space: Space, parts: Sequence[tuple[np.ndarray, np.ndarray]]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Gather facets of all ranks with their displacements; collective.
+    """Gather facets of all ranks with values at their nodes; collective.
 
     Args:
         space: The mesh.
-        parts: Facets (cell, local facet) of each part, ghosts included.
-        u: Displacement [length].
+        parts: Facets (cell, local facet) of each part, ghosts included, and values at
+            their nodes (f, m, d).
 
     Returns:
-        Corners of the facets (f, d, d), and the displacement at their nodes (f, m, d).
+        Corners of the facets (f, d, d), and the values (f, m, d).
     """
     x = space.V.tabulate_dof_coordinates()[:, : space.d]
-    nodal = u.x.array.reshape(-1, space.d)
-    owned = [part[space.owned(part)] for part in parts]
-    nodes = space.facet_nodes(np.vstack(owned))
-    of_ranks = space.comm.allgather((x[nodes[:, : space.d]], nodal[nodes]))
+    facets = np.vstack([of_part[space.owned(of_part)] for of_part, _ in parts])
+    values = np.concatenate([at_nodes[space.owned(of_part)] for of_part, at_nodes in parts])
+    nodes = space.facet_nodes(facets)
+    of_ranks = space.comm.allgather((x[nodes[:, : space.d]], values))
     corners = np.concatenate([corners for corners, _ in of_ranks])
     values = np.concatenate([values for _, values in of_ranks])
     return corners, values
@@ -205,19 +206,22 @@ def _clusters(x: np.ndarray) -> Iterator[np.ndarray]:
         waiting.append(cluster[order[half:]])
 
 
-def _check_place(space: Space, name: str, x: np.ndarray, corners: np.ndarray) -> None:
+def _check_place(
+    space: Space, name: str, facets: np.ndarray, x: np.ndarray, corners: np.ndarray
+) -> None:
     """Check that a contact is where it was in the last step; collective.
 
     Args:
         space: The new mesh.
         name: Name of the contact.
+        facets: Its facets (cell, local facet), shape (n, 2).
         x: Its nodes, shape (n, d).
         corners: Corners of its old facets, of all ranks, shape (f, d, d).
 
     Raises:
         InputError: If it is elsewhere.
     """
-    new_corners = space.facet_corners(space.domain.facets(name))
+    new_corners = space.facet_corners(facets)
     longest = max(_longest_edge(new_corners), _longest_edge(corners))
     reach = SAME_PLACE * space.comm.allreduce(longest, MPI.MAX)
     low = x.min(axis=0, initial=np.inf)

@@ -15,6 +15,7 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.mesh.domain import Domain
 from erc_contact.model.contacts import bind_contact
+from erc_contact.model.coordinates import Coordinates
 from erc_contact.model.elasticity import ElasticMatrix
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import BoundContact
@@ -53,6 +54,7 @@ class Model(Space):
         fixed_facets: Facets (cell, local facet) and prescribed components of each
             support.
         contacts: The scene's contacts.
+        coordinates: The solver's unknowns: jumps at contacts between bodies.
         free_motions: Rigid motions that no support holds, Functions of V, see
             :func:`free_motions`.
 
@@ -80,6 +82,7 @@ class Model(Space):
         self.contacts = []
         for contact in scene.contacts:
             self.contacts.append(bind_contact(self, contact, self.modulus, last))
+        self.coordinates = Coordinates(self, self.contacts, self.fixed, self.prescribed)
         self.free_motions = free_motions(self, self.fixed, self.contacts)
 
     # -- forms

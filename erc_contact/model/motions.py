@@ -43,10 +43,10 @@ def free_motions(
     owned = space.V.dofmap.index_map.size_local
     resisted = motions[:owned] * fixed[:owned, :, None]
     by_supports = _summed(space, body[:owned], count, resisted)
-    by_all = by_supports
+    by_all = _block_diagonal(by_supports)
     for contact in contacts:
         by_all = by_all + _by_contact(space, body, count, motions, contact)
-    _check_all_held(space, body, by_all, names)
+    _check_all_held(space, body, count, by_all, names)
     functions = []
     for number, products in enumerate(by_supports):
         for combination in _kernel(products).T:
@@ -118,25 +118,54 @@ def bodies_of_nodes(space: Space) -> tuple[np.ndarray, int]:
 def _by_contact(
     space: Space, body: np.ndarray, count: int, motions: np.ndarray, contact: BoundContact
 ) -> np.ndarray:
-    """Sum up the products of motions that a contact resists; collective.
+    """Sum up the products of motions of all bodies that a contact resists; collective.
 
     Args:
         space: The mesh.
         body: Body of each node.
         count: Number of bodies.
         motions: The m motions at the nodes, shape (nodes, d, m).
-        contact: The contact. It resists motions along its normal, with friction all.
+        contact: The contact. It resists jumps along its normal, with friction all.
 
     Returns:
-        Sums as those of :func:`_summed`, shape (bodies, m, m).
+        Sums over all ranks, shape (bodies m, bodies m), body by body.
     """
-    nodes = contact.trace.here.nodes
-    resisted = motions[nodes]
+    trace = contact.trace
+    m = motions.shape[2]
+    jumps = np.zeros((*trace.here.nodes.shape, space.d, count, m))
+    _add_motions(jumps, motions, body, trace.here.nodes, 1.0)
+    if trace.there is not None:
+        _add_motions(jumps, motions, body, trace.partners, -1.0)
+    resisted = jumps.reshape(*jumps.shape[:3], count * m)
     if contact.friction is None:
-        normal_part = np.einsum("fmdi,fd->fmi", resisted, contact.direction)
-        resisted = normal_part[:, :, None, :]
-    at_nodes = resisted.reshape(nodes.size, *resisted.shape[2:])
-    return _summed(space, body[nodes.ravel()], count, at_nodes)
+        resisted = np.einsum("fmdi,fd->fmi", resisted, contact.direction)
+    rows = resisted.reshape(-1, count * m)
+    return space.comm.allreduce(rows.T @ rows, MPI.SUM)
+
+
+def _add_motions(
+    jumps: np.ndarray, motions: np.ndarray, body: np.ndarray, nodes: np.ndarray, sign: float
+) -> None:
+    """Add the motions of each body at nodes, times a sign, in place.
+
+    Args:
+        jumps: Shape (f, n, d, bodies, m).
+        motions: The m motions at all nodes, shape (nodes, d, m).
+        body: Body of each node.
+        nodes: Nodes of each facet, shape (f, n).
+        sign: The sign [-].
+    """
+    facet, place = np.indices(nodes.shape)
+    # Indices on both sides of a slice put the axis of the slice last.
+    jumps[facet, place, :, body[nodes]] += sign * motions[nodes]
+
+
+def _block_diagonal(blocks: np.ndarray) -> np.ndarray:
+    """Return a matrix of blocks (n, m, m) on its diagonal, shape (n m, n m)."""
+    n, m, _ = blocks.shape
+    matrix = np.zeros((n, m, n, m))
+    matrix[range(n), :, range(n)] = blocks
+    return matrix.reshape(n * m, n * m)
 
 
 def _summed(space: Space, body: np.ndarray, count: int, resisted: np.ndarray) -> np.ndarray:
@@ -169,34 +198,39 @@ def _kernel(products: np.ndarray) -> np.ndarray:
     return vectors[:, values <= FREE_SHARE * max(values[-1], 1.0)]
 
 
-def _check_all_held(space: Space, body: np.ndarray, by_all: np.ndarray, names: list[str]) -> None:
+def _check_all_held(
+    space: Space, body: np.ndarray, count: int, by_all: np.ndarray, names: list[str]
+) -> None:
     """Check that supports and contacts together resist all motions; collective.
 
     Args:
         space: The mesh.
         body: Body of each node.
-        by_all: Products of the resisted motions, shape (bodies, m, m).
-        names: Names of the motions.
+        count: Number of bodies.
+        by_all: Products of the resisted motions of all bodies, shape (bodies m, bodies
+            m).
+        names: Names of the m motions.
 
     Raises:
         NotHeldError: If a motion is free.
     """
+    kernel = _kernel(by_all)
+    if kernel.shape[1] == 0:
+        return
+    # As many motions are told as are free: those with the greatest shares in them.
+    shares = (kernel**2).sum(axis=1)
+    greatest = np.sort(np.argsort(-shares, kind="stable")[: kernel.shape[1]])
     loose = []
-    for number, products in enumerate(by_all):
-        kernel = _kernel(products)
-        if kernel.shape[1] == 0:
-            continue
-        # A combination is told by the motion that has the greatest share in it.
-        greatest = np.unique(abs(kernel).argmax(axis=0))
-        message = ", ".join(names[i] for i in greatest)
-        if len(by_all) > 1:
+    for number in np.unique(greatest // len(names)):
+        of_body = greatest[greatest // len(names) == number] % len(names)
+        message = ", ".join(names[i] for i in of_body)
+        if count > 1:
             message += f" of the body with {_boundary_parts(space, body == number)}"
         loose.append(message)
-    if loose:
-        raise NotHeldError(
-            f"Nothing holds the body against: {'; '.join(loose)} (no support, and contact"
-            " cannot hold it). Add a Displacement (None leaves a component free), or friction."
-        )
+    raise NotHeldError(
+        f"Nothing holds the body against: {'; '.join(loose)} (no support, and contact"
+        " cannot hold it). Add a Displacement (None leaves a component free), or friction."
+    )
 
 
 def _boundary_parts(space: Space, inside: np.ndarray) -> str:

@@ -185,11 +185,30 @@ class Trace:
             Nodal forces [force], shape (nodes, d); at ghost nodes they are not
             complete.
         """
+        nodal = self.back_here(forces)
+        if self.there is not None:
+            nodal += self.back_there(forces)
+        return nodal
+
+    def back_here(self, forces: np.ndarray) -> np.ndarray:
+        """Return those of :meth:`back` on this side [force], shape (nodes, d)."""
         nodal = np.zeros((self.here.node_count, self.here.d))
         np.add.at(nodal, self.here.nodes, forces)
-        if self.there is not None:
-            np.subtract.at(nodal, self.partners, forces)
         return nodal
+
+    def back_there(self, forces: np.ndarray) -> np.ndarray:
+        """Return those of :meth:`back` on the other side [force], shape (nodes, d)."""
+        nodal = np.zeros((self.here.node_count, self.here.d))
+        np.subtract.at(nodal, self.partners, forces)
+        return nodal
+
+    def on_there(self, values: np.ndarray) -> np.ndarray:
+        """Return values at the nodes of this side in the order of the other side.
+
+        Args:
+            values: Values at the nodes of the facets, shape (f, m, ...).
+        """
+        return np.take_along_axis(values, self._order_there[..., None], axis=1)
 
     def matrix(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return :meth:`of` as the entries of a sparse matrix.
@@ -250,12 +269,20 @@ class Trace:
         """Find the nodes of the other side that face this side, shape (f, m)."""
         if self.there is None:
             raise TypeError("A contact with a rigid foundation has no other side.")
+        # Node i of the other side faces the node of this side that the order tells.
+        facing = np.argsort(self._order_there, axis=1)
+        return np.take_along_axis(self.there.nodes, facing, axis=1)
+
+    @cached_property
+    def _order_there(self) -> np.ndarray:
+        """Find the node of this side that each node of the other faces, shape (f, m)."""
+        assert self.there is not None
         here = _about_middle(self.here.places)
         there = _about_middle(self.there.places)
         # The sides may be apart by a gap, and the vertices of facing facets are in any
         # order.
-        distance = np.linalg.norm(here[:, :, None] - there[:, None], axis=-1)
-        return np.take_along_axis(self.there.nodes, distance.argmin(axis=2), axis=1)
+        distance = np.linalg.norm(there[:, :, None] - here[:, None], axis=-1)
+        return distance.argmin(axis=2)
 
 
 def _about_middle(x: np.ndarray) -> np.ndarray:

@@ -43,8 +43,8 @@ def check_after(scene: Scene, domain: Domain, after: object) -> None:
         raise InputError(
             "after is a solution of other ranks than the domain; give one of the same communicator."
         )
-    names = {contact.facets for contact in scene.contacts}
-    names_before = {contact.facets for contact in after.scene.contacts}
+    names = {name for contact in scene.contacts for name in contact.sides}
+    names_before = {name for contact in after.scene.contacts for name in contact.sides}
     if names != names_before:
         raise InputError(
             f"The scene has {_listed(names)} in contact, and that of after "
@@ -65,19 +65,18 @@ def last_step(solution: Solution) -> LastStep:
     traction sticks on all its facets.
     """
     model = solution.model
-    u = solution.u.copy()
-    if solution.method.multiplier:
-        return LastStep(model, u)
-    values = u.x.array.reshape(-1, model.d)
+    contacts = {}
     for contact in model.contacts:
-        if contact.friction is None:
-            continue
-        nodes = contact.trace.here.nodes
-        stuck = _stuck(solution, contact)[nodes]
-        n = contact.direction[:, None, :]
-        normal = (values[nodes] * n).sum(axis=-1, keepdims=True) * n
-        values[nodes] = np.where(stuck, normal + contact.trace.slip_before, values[nodes])
-    return LastStep(model, u)
+        trace = contact.trace
+        w = trace.of(solution.u.x.array)
+        if contact.friction is not None and not solution.method.multiplier:
+            nodes = trace.here.nodes
+            stuck = _stuck(solution, contact)[nodes]
+            n = contact.direction[:, None, :]
+            normal = (w * n).sum(axis=-1, keepdims=True) * n
+            w = np.where(stuck, normal + trace.slip_before, w)
+        contacts[contact.name] = contact.facets, w
+    return LastStep(model, contacts)
 
 
 def _stuck(solution: Solution, contact: BoundContact) -> np.ndarray:

@@ -15,6 +15,29 @@ from erc_contact.base.ranks import gathered
 from erc_contact.newton.forms import ContactForms
 
 
+class Pass:
+    """Describe one assembly of the equations, of all that a term of them is.
+
+    Args:
+        test_jump: Factor of the jump of test functions between bodies [-].
+        row_of: Place in u_A of the equation of each degree of freedom, -1 without.
+        factor_of: Factor of this equation [-].
+
+    Attributes:
+        rows: Degrees of freedom with a place.
+        places: Their places.
+        factors: Their factors.
+    """
+
+    def __init__(self, test_jump: float, row_of: np.ndarray, factor_of: np.ndarray) -> None:
+        self.test_jump = test_jump
+        self.row_of = row_of
+        self.factor_of = factor_of
+        self.rows = np.flatnonzero(row_of >= 0)
+        self.places = row_of[self.rows]
+        self.factors = factor_of[self.rows]
+
+
 class Assembly:
     """Assemble the equations of a method in the numbering of the condensed problem.
 
@@ -22,10 +45,10 @@ class Assembly:
 
     Args:
         forms: The equations of the method.
-        columns: For each field that the forms read, the displacement and then the
-            multipliers, the place in z of each degree of freedom of this rank, -1 where
-            it has none.
-        size: Number of unknowns u_A, which are the first ones of z.
+        passes: The assemblies of the equations whose sum they are.
+        columns: For each field that the forms are derived by, the place in z of each
+            degree of freedom of this rank, -1 where it has none.
+        size: Number of unknowns u_A.
 
     Attributes:
         readers: For each field its degrees of freedom that are in z, and their places.
@@ -33,7 +56,13 @@ class Assembly:
             0; None elsewhere.
     """
 
-    def __init__(self, forms: ContactForms, columns: list[np.ndarray], size: int) -> None:
+    def __init__(
+        self,
+        forms: ContactForms,
+        passes: list[Pass],
+        columns: list[np.ndarray],
+        size: int,
+    ) -> None:
         self._forms = forms
         self._comm = forms.model.comm
         self._size = size
@@ -45,27 +74,27 @@ class Assembly:
             dofs = np.flatnonzero(column >= 0)
             self.readers.append((dofs, column[dofs]))
 
-        # The equations of degrees of freedom that are not in A are not needed: the
-        # lift of u_A fulfils them.
-        row_of = np.where(columns[0] < size, columns[0], -1)
-        self._rows = np.flatnonzero(row_of >= 0)
-        all_rows = gathered(self._comm, row_of[self._rows])
+        self._passes = passes
+        all_rows = gathered(self._comm, np.concatenate([p.places for p in self._passes]))
         self._all_rows = np.zeros(0, dtype=np.int64)
         if all_rows is not None:
             self._all_rows = np.concatenate(all_rows)
 
         self._picks: list[np.ndarray] = []
-        rows = []
-        cols = []
-        for matrix, column in zip(self._matrices, columns, strict=True):
-            row, col = _entries(matrix)
-            row = row_of[row]
-            col = column[col]
-            pick = np.flatnonzero((row >= 0) & (col >= 0))
-            self._picks.append(pick)
-            rows.append(row[pick])
-            cols.append(col[pick])
-        parts = gathered(self._comm, (np.concatenate(rows), np.concatenate(cols)))
+        self._factors: list[np.ndarray] = []
+        entry_rows = []
+        entry_cols = []
+        for one_pass in self._passes:
+            for matrix, column in zip(self._matrices, columns, strict=True):
+                entry_dofs, col = _entries(matrix)
+                row = one_pass.row_of[entry_dofs]
+                col = column[col]
+                pick = np.flatnonzero((row >= 0) & (col >= 0))
+                self._picks.append(pick)
+                self._factors.append(one_pass.factor_of[entry_dofs[pick]])
+                entry_rows.append(row[pick])
+                entry_cols.append(col[pick])
+        parts = gathered(self._comm, (np.concatenate(entry_rows), np.concatenate(entry_cols)))
         self.positions: tuple[np.ndarray, np.ndarray] | None = None
         if parts is not None:
             all_entry_rows, all_entry_cols = zip(*parts, strict=True)
@@ -73,16 +102,20 @@ class Assembly:
 
     def set_fields(self, z: np.ndarray) -> None:
         """Set the fields that the forms read to z."""
-        fields = (self._forms.u, *self._forms.multipliers)
+        fields = (*self._forms.displacements, *self._forms.multipliers)
         for field, (dofs, places) in zip(fields, self.readers, strict=True):
             field.x.array[dofs] = z[places]
 
     def residual(self) -> np.ndarray | None:
         """Assemble the equations at the fields [force], shape (A,)."""
         vector = self._residual.x.array
-        vector[:] = 0.0
-        fem.assemble_vector(vector, self._forms.residual)
-        parts = gathered(self._comm, vector[self._rows])
+        values = []
+        for one_pass in self._passes:
+            self._forms.test_jump.value = one_pass.test_jump
+            vector[:] = 0.0
+            fem.assemble_vector(vector, self._forms.residual)
+            values.append(one_pass.factors * vector[one_pass.rows])
+        parts = gathered(self._comm, np.concatenate(values))
         if parts is None:
             return None
         return np.bincount(self._all_rows, np.concatenate(parts), self._size)
@@ -90,12 +123,14 @@ class Assembly:
     def tangent(self) -> np.ndarray | None:
         """Assemble the entries of the tangent, in the order of `positions`."""
         values = []
-        for matrix, form, pick in zip(
-            self._matrices, self._forms.tangents, self._picks, strict=True
-        ):
-            matrix.set_value(0.0)
-            fem.assemble_matrix(matrix, form)
-            values.append(matrix.data[pick])
+        picks = zip(self._picks, self._factors, strict=True)
+        for one_pass in self._passes:
+            self._forms.test_jump.value = one_pass.test_jump
+            for matrix, form in zip(self._matrices, self._forms.tangents, strict=True):
+                matrix.set_value(0.0)
+                fem.assemble_matrix(matrix, form)
+                pick, factor = next(picks)
+                values.append(factor * matrix.data[pick])
         parts = gathered(self._comm, np.concatenate(values))
         return None if parts is None else np.concatenate(parts)
 

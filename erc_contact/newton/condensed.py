@@ -16,6 +16,9 @@ For degree 2, the equations of a multiplier use Bernstein coefficients of u and 
 instead of nodal values; the affine functions contain this change
 (:mod:`erc_contact.newton.reactions`).
 
+At contacts between bodies the unknowns are jumps (:mod:`erc_contact.model.coordinates`).
+The displacement of their nodes, a sum of two unknowns, is then a part of z, too.
+
 The dense matrices are on rank 0. It asks the other ranks to assemble the terms of their
 facets (:mod:`erc_contact.newton.assembly`).
 """
@@ -32,9 +35,9 @@ from petsc4py import PETSc
 from erc_contact.base.exceptions import raise_together, together
 from erc_contact.base.ranks import from_first
 from erc_contact.model.model import Model
-from erc_contact.newton.assembly import Assembly
+from erc_contact.newton.assembly import Assembly, Pass
 from erc_contact.newton.forms import ContactForms
-from erc_contact.newton.linear.sparse import sparse, times
+from erc_contact.base.sparse import sparse, times
 from erc_contact.newton.linear.stiffness import Stiffness
 from erc_contact.newton.methods import Method
 from erc_contact.newton.pressing import contact_normals
@@ -79,14 +82,12 @@ class Condensed:
         self.u = self.forms.u
         self.multipliers = self.forms.multipliers
         self.size = len(stiffness.numbers) if method.in_layer else stiffness.contact_size
-        self.u.x.array[:] = w.x.array
-        if method.multiplier:
-            model.to_coefficients(self.u.x.array.reshape(-1, model.d), model.contacts)
+        self.forms.set_displacement(w)
         self._last_u_A: np.ndarray | None = None
 
         # Gathering is collective; the dense algebra is done on rank 0 alone.
         self.w = stiffness.gather(w)
-        u_L = stiffness.gather(self.u)
+        u_L = stiffness.gather_x(self._read_unknowns(w))
         self._map: MultiplierMap | None = None
         if method.multiplier:
             self._map = MultiplierMap(model)
@@ -98,14 +99,17 @@ class Condensed:
         together(model.comm, self._condense, u_L, slip_A)
         self.normals = stiffness.gather(contact_normals(model))[: self.size]
 
-        column = np.full(len(w.x.array), -1)
-        column[stiffness.local] = stiffness.place
-        columns = [column]
+        place = np.full(len(w.x.array), -1)
+        place[stiffness.local] = stiffness.place
+        rows = np.where(place < self.size, place, -1)
         self.field_size = len(stiffness.numbers)
+        columns = self._columns_of_displacements(place, w)
         if self._map is not None:
             columns += self._columns_of_multipliers(self._map)
             together(model.comm, self._add_multipliers, self._map)
-        self.assembly = Assembly(self.forms, columns, self.size)
+        passes = [Pass(1.0, rows, np.ones(len(rows)))]
+        passes += self._passes_without_jump(rows)
+        self.assembly = Assembly(self.forms, passes, columns, self.size)
         together(model.comm, self._allocate)
 
     def run(self, work: Callable[[], Any]) -> Any:
@@ -179,7 +183,8 @@ class Condensed:
             z = self._fields_at(u_A)
         z = from_first(comm, z)
         multipliers = []
-        for contact, (dofs, places) in zip(model.contacts, self.assembly.readers[1:], strict=False):
+        readers = self.assembly.readers[len(self.forms.displacements) :]
+        for contact, (dofs, places) in zip(model.contacts, readers, strict=False):
             multiplier = model.function()
             multiplier.x.array[dofs] = z[places]
             model.to_coefficients(multiplier.x.array.reshape(-1, model.d), [contact], back=True)
@@ -221,6 +226,125 @@ class Condensed:
             change.destroy()
         constant = u_L - lift @ w_A
         self._affine = np.hstack([lift, constant[:, None]])
+
+    def _read_unknowns(self, w: fem.Function) -> fem.Function:
+        """Return the unknowns of a displacement as the forms read them, at L [length].
+
+        With a multiplier those at contacts are Bernstein coefficients.
+        """
+        unknowns = self.model.coordinates.to_x(w).copy()
+        if self.multipliers:
+            values = unknowns.x.array.reshape(-1, self.model.d)
+            self.model.to_coefficients(values, self.model.contacts)
+        return unknowns
+
+    def _columns_of_displacements(self, place: np.ndarray, w: fem.Function) -> list[np.ndarray]:
+        """Return the places in z of u and the jumps that the forms read; collective.
+
+        Where u is the sum of two unknowns it is added to z.
+
+        Args:
+            place: Place in L of each degree of freedom of this rank, -1 elsewhere.
+            w: The glued displacement [length].
+        """
+        model = self.model
+        columns = []
+        between = [contact for contact in model.contacts if contact.trace.there is not None]
+        jumps = dict(zip(self.forms.jumps, between, strict=True))
+        for field in self.forms.displacements:
+            if field in jumps:
+                of_jump = np.full(len(place), -1)
+                nodes = np.unique(jumps[field].trace.here.nodes)
+                dofs = (nodes[:, None] * model.d + np.arange(model.d)).ravel()
+                of_jump[dofs] = place[dofs]
+                columns.append(of_jump)
+            elif model.coordinates.is_identity:
+                columns.append(place)
+            else:
+                columns.append(self._column_of_sums(place, w))
+        return columns
+
+    def _column_of_sums(self, place: np.ndarray, w: fem.Function) -> np.ndarray:
+        """Return the places of u in z, with the sums of two unknowns added; collective.
+
+        The arguments are those of :meth:`_columns_of_displacements`.
+        """
+        model, d = self.model, self.model.d
+        coordinates = model.coordinates
+        cells = np.concatenate([contact.facets[:, 0] for contact in model.contacts])
+        read = np.zeros(model.fixed.shape, dtype=bool)
+        read[model.nodes[cells]] = True
+        read &= ~model.fixed
+        entries = coordinates.entries
+        is_sum = entries.other != 0
+        rows = entries.rows[is_sum]
+        wanted = read.ravel()[rows]
+        rows = rows[wanted]
+        partners = coordinates.partner[rows // d] * d + rows % d
+        own = entries.own[is_sum][wanted]
+        other = entries.other[is_sum][wanted]
+        numbers = model.global_dofs(rows)
+        table = np.column_stack([numbers, partners, own, other, w.x.array[rows]])
+        every = np.concatenate(model.comm.allgather(table))
+        _, first = np.unique(every[:, 0], return_index=True)
+        sums = every[first]
+        together(model.comm, self._add_sums, sums)
+
+        column = np.where(read.ravel(), place, -1)
+        column[rows] = self.field_size + np.searchsorted(sums[:, 0], numbers)
+        self.field_size += len(sums)
+        return column
+
+    def _add_sums(self, sums: np.ndarray) -> None:
+        """Add sums of two unknowns to the affine functions on rank 0.
+
+        Args:
+            sums: Global number of each sum, and of its second unknown; the factors of
+                both [-]; the value for w_A [length]; shape (n, 5).
+        """
+        if self.stiffness.schur is None:
+            return
+        a = self.size
+        _, lift = self.stiffness.reduced(a)
+        rows = np.zeros((len(sums), a))
+        order = np.argsort(self.stiffness.numbers)
+        for number, factor in ((sums[:, 0], sums[:, 2]), (sums[:, 1], sums[:, 3])):
+            nearest = np.searchsorted(self.stiffness.numbers, number, sorter=order)
+            place = order[np.minimum(nearest, len(order) - 1)]
+            # An unknown that a support fixes is not in L, and does not change.
+            is_free = self.stiffness.numbers[place] == number
+            rows[is_free] += factor[is_free, None] * lift[place[is_free]]
+        constant = sums[:, 4] - rows @ self.w[:a]
+        self._affine = np.vstack([self._affine, np.column_stack([rows, constant])])
+
+    def _passes_without_jump(self, rows: np.ndarray) -> list[Pass]:
+        """Return the pass for unknowns that move both sides of a contact alike.
+
+        A displacement that is a sum of two unknowns has a force on each of them. The
+        work on the jump belongs to the jump alone.
+
+        Args:
+            rows: Place in u_A of each degree of freedom of this rank, -1 without.
+
+        Returns:
+            One pass, or none where the equations of no contact need it.
+        """
+        model = self.model
+        coordinates = model.coordinates
+        if not self.forms.test_alike:
+            return []
+        entries = coordinates.entries
+        partners = coordinates.partner_here[entries.rows // model.d]
+        of_partner = rows[partners * model.d + entries.rows % model.d]
+        # A swapped component has no force on its own unknown beside that on the jump.
+        is_swapped = entries.own == 0
+        places = np.where(is_swapped, rows[entries.rows], of_partner)
+        factors = np.where(is_swapped, -1.0, entries.other)
+        row_of = np.full(len(rows), -1)
+        row_of[entries.rows] = np.where((factors != 0) & (partners >= 0), places, -1)
+        factor_of = np.zeros(len(rows))
+        factor_of[entries.rows] = factors
+        return [Pass(0.0, row_of, factor_of)]
 
     def _columns_of_multipliers(self, multiplier_map: MultiplierMap) -> list[np.ndarray]:
         """Return the places in z of the multipliers of each contact, -1 elsewhere."""

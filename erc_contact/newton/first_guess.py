@@ -63,6 +63,8 @@ def glued(stiffness: Stiffness, w: fem.Function) -> np.ndarray | None:
 def from_mesh(model: Model, u: fem.Function, new: Model) -> fem.Function:
     """Return the displacement of the contact nodes of a new mesh; collective.
 
+    Between bodies it is the jump, with the other side at rest.
+
     Args:
         model: The scene on the old mesh.
         u: The displacement there [length].
@@ -71,7 +73,10 @@ def from_mesh(model: Model, u: fem.Function, new: Model) -> fem.Function:
     Returns:
         The displacement at the contact nodes of this rank [length], zero elsewhere.
     """
-    corners, values = gathered_facets(model, [c.facets for c in model.contacts], u)
+    parts = []
+    for contact in model.contacts:
+        parts.append((contact.facets, contact.trace.of(u.x.array)))
+    corners, values = gathered_facets(model, parts)
     all_nodes = np.concatenate([c.trace.here.nodes.ravel() for c in new.contacts])
     nodes = np.unique(all_nodes)
     x = new.V.tabulate_dof_coordinates()[nodes, : new.d]

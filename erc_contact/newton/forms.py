@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import ufl
 from dolfinx import fem
@@ -27,13 +29,19 @@ class ContactForms:
     Attributes:
         share: Share of the friction bound, a Constant; a solver may raise friction in
             steps.
+        test_jump: Factor of the jump of test functions between bodies, a Constant, 1 but
+            for :meth:`Assembly.residual`.
         contacts: The contacts of the model with this share.
         u: Displacement that the forms read [length]; for a method with multiplier its
             nodal values at the contact are the Bernstein coefficients.
+        jumps: Jump of the displacement at each contact between bodies that the forms
+            read [length]; with multiplier the Bernstein coefficients.
         multipliers: Multiplier of each contact [force/area] that the forms read, or ()
             for a method without.
+        displacements: Those of u and the jumps that are in the forms.
         residual: The compiled form of the equations e [force].
-        tangents: The compiled derivatives of e by u and by each multiplier.
+        tangents: The compiled derivatives of e by the displacements, and then by each
+            multiplier.
 
     Raises:
         InputError: If the equations of the method are no form linear in the test
@@ -44,8 +52,12 @@ class ContactForms:
         self.model = model
         self.method = method
         self.share = compiled.constant(model.mesh, 1.0)
-        self.contacts = [contact.with_share(self.share) for contact in model.contacts]
+        self.test_jump = compiled.constant(model.mesh, 1.0)
         self.u = model.function()
+        self.jumps: list[fem.Function] = []
+        self.contacts = []
+        for contact in model.contacts:
+            self.contacts.append(self._of_solver(contact))
         self.multipliers: tuple[fem.Function, ...] = ()
         if method.multiplier:
             self.multipliers = tuple(model.function() for _ in model.contacts)
@@ -56,8 +68,11 @@ class ContactForms:
             status = together(model.comm, self._status)
         equations = sum(parts[1:], start=parts[0])
         du = ufl.TrialFunction(model.V)
+        # Between bodies the equations of a multiplier contain the jump only.
+        in_forms = equations.coefficients()
+        self.displacements = [w for w in (self.u, *self.jumps) if w in in_forms]
         tangents = []
-        for field in (self.u, *self.multipliers):
+        for field in (*self.displacements, *self.multipliers):
             tangents.append(ufl.derivative(equations, field, du))
         compiled.compile_together(model.comm, [equations, *tangents])
         self.residual = compiled.form(equations)
@@ -69,6 +84,55 @@ class ContactForms:
             owned = contact.facets[contact.trace.here.owned]
             compiled_status = compiled.expression(expression, points, model.comm)
             self._status_of_facets.append((compiled_status, owned))
+
+    def _of_solver(self, contact: BoundContact) -> BoundContact:
+        """Return a contact as the forms see it: share of friction, and its jump."""
+        contact = contact.with_share(self.share)
+        if contact.trace.there is None:
+            return contact
+        jump = self.model.function()
+        self.jumps.append(jump)
+        test_jump = None if self.method.multiplier else self.test_jump
+        return replace(contact, variable=(self.u, jump), test_jump=test_jump)
+
+    @property
+    def test_alike(self) -> bool:
+        """Tell whether the equations act on unknowns that move both sides alike.
+
+        Between bodies Nitsche's stress does so if it is tested, and so does a
+        foundation at the node of a pair.
+        """
+        if self.model.coordinates.is_identity or self.method.multiplier:
+            return False
+        on_foundation = any(contact.trace.there is None for contact in self.contacts)
+        return self.method.in_layer or on_foundation
+
+    def read(self, u: fem.Function) -> list[np.ndarray]:
+        """Return the values that a displacement gives to the fields :attr:`displacements`.
+
+        With a multiplier they are Bernstein coefficients at the contacts.
+
+        Args:
+            u: The displacement [length], linear in which they are.
+        """
+        model = self.model
+        owners: dict[fem.Function, list[BoundContact]] = {self.u: model.contacts}
+        values = {self.u: u.x.array.copy()}
+        between = [contact for contact in model.contacts if contact.trace.there is not None]
+        for contact, jump in zip(between, self.jumps, strict=True):
+            owners[jump] = [contact]
+            values[jump] = np.zeros_like(u.x.array)
+            contact.trace.assign(values[jump], contact.trace.of(u.x.array))
+        if self.method.multiplier:
+            for field in self.displacements:
+                nodal = values[field].reshape(-1, model.d)
+                model.to_coefficients(nodal, owners[field])
+        return [values[field] for field in self.displacements]
+
+    def set_displacement(self, u: fem.Function) -> None:
+        """Set the fields that the forms read to a displacement [length]."""
+        for field, values in zip(self.displacements, self.read(u), strict=True):
+            field.x.array[:] = values
 
     def status(self) -> np.ndarray:
         """Return the status open (0), slip (1) or stick (2) at points of the contact.

@@ -75,7 +75,7 @@ class FullSpace:
         self.force = force
         self.forms = ContactForms(model, method)
         self._equations = model.function()
-        self._fixed = model.fixed.ravel()[: elastic.owned]
+        self._fixed = elastic.fixed
         self._reactions: Reactions | None = None
         self._rows = ~self._fixed
         """Degrees of freedom of this rank whose row has contact terms."""
@@ -96,16 +96,35 @@ class FullSpace:
         """Set f to the scaled residual."""
         self._set(x)
         self._elastic_residual.copy(f)
-        values = self._equations.x.array
-        values[:] = 0.0
-        fem.assemble_vector(values, self.forms.residual)
-        self._equations.x.scatter_reverse(la.InsertMode.add)
         rows = self._rows
         if self.forms.multipliers:
             # The equations of the multiplier stand in place of the equilibrium.
             f.array[rows] = 0.0
-        f.array[rows] += values[: len(rows)][rows]
+        f.array[rows] += self._contact_forces()[rows]
         f.scale(1 / self.force)
+
+    def _contact_forces(self) -> np.ndarray:
+        """Assemble the equations of the contacts at the owned unknowns [force]."""
+        owned = self.elastic.owned
+        values = self._equations.x.array
+        self.forms.test_jump.value = 1.0
+        values[:] = 0.0
+        fem.assemble_vector(values, self.forms.residual)
+        self._equations.x.scatter_reverse(la.InsertMode.add)
+        if not self.forms.test_alike:
+            return values[:owned]
+        result = values[:owned].copy()
+        self.forms.test_jump.value = 0.0
+        values[:] = 0.0
+        fem.assemble_vector(values, self.forms.residual)
+        self._equations.x.scatter_reverse(la.InsertMode.add)
+        force, on_others = self.vector(), self.vector()
+        force.array[:] = values[:owned]
+        self.model.coordinates.other_unknowns.mult(force, on_others)
+        result += on_others.array_r
+        force.destroy()
+        on_others.destroy()
+        return result
 
     def prepare(self, snes: PETSc.SNES) -> None:
         """Give SNES the tangent and FGMRES with multigrid."""
@@ -233,17 +252,15 @@ class FullSpace:
         """Set the fields of the forms to x, and with them ``K u - b`` [force]."""
         if self._last_x is not None and self._last_x.equal(x):
             return
-        u = self.forms.u.x
         residual = self._elastic_residual
         owned = self.elastic.owned
-        u.array[:owned] = x.array_r * self.length
-        u.scatter_forward()
+        u = self.elastic.displacement(x)
+        u.x.array[:] *= self.length
+        self.forms.set_displacement(u)
         self.elastic.matrix.mult(x, residual)
         residual.scale(self.length)
         residual.axpy(-1.0, self.loads)
         if self._reactions is not None:
-            shape = self.model.fixed.shape
-            self.model.to_coefficients(u.array.reshape(shape), self.model.contacts)
             work = self.vector()
             for multiplier, matrix in zip(
                 self.forms.multipliers, self._reactions.matrices, strict=True

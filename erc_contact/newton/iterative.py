@@ -74,7 +74,8 @@ class Iterative:
             )
         problem = self._problems[step.method]
         x = problem.vector()
-        x.array[:] = state.x.array[: self.elastic.owned] / problem.length
+        unknowns = self.model.coordinates.to_x(state)
+        x.array[:] = unknowns.x.array[: self.elastic.owned] / problem.length
         steps = 0
         for share in step.friction_shares:
             problem.raise_friction(share)
@@ -106,10 +107,14 @@ class Iterative:
         """
         owned = slice(0, self.elastic.owned)
         glue = self.elastic.glue.x.array[owned]
+        coordinates = self.model.coordinates
+        wanted = coordinates.to_x(target).x.array[owned]
+        springs = self.model.function()
+        springs.x.array[owned] = glue * wanted
         b = self._forces.copy()
-        b.x.array[owned] += glue * target.x.array[owned]
+        b.x.array[owned] += coordinates.forces_on_bodies(springs).x.array[owned]
         u = self.elastic.glued(b)
-        pull = glue * (target.x.array[owned] - u.x.array[owned])
+        pull = glue * (wanted - coordinates.to_x(u).x.array[owned])
         comm = self.model.comm
         local_length = float(abs(u.x.array).max(initial=0.0))
         self._length = comm.allreduce(local_length, MPI.MAX) or 1.0

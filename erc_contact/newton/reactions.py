@@ -29,7 +29,7 @@ from petsc4py import PETSc
 from erc_contact.mesh.simplex import at_nodes, coefficients
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.model import Model
-from erc_contact.newton.linear.sparse import diagonal, sparse, sparse_like
+from erc_contact.base.sparse import diagonal, sparse, sparse_like
 
 NO_ENTRY = 1e-14
 """Entry of a matrix of Bernstein coefficients that is round-off [-]."""
@@ -73,7 +73,8 @@ def contact_nodes(model: Model, contact: BoundContact) -> ContactNodes:
     nodes = side.nodes[side.owned]
     m = nodes.shape[1]
     shares = np.repeat(side.areas[side.owned][:, None] / m, m, axis=1)
-    parts = model.comm.allgather((model.global_numbers(nodes), shares, ~model.fixed[nodes]))
+    free = ~model.coordinates.fixed[nodes]
+    parts = model.comm.allgather((model.global_numbers(nodes), shares, free))
     all_numbers, all_shares, all_free = (np.concatenate(part) for part in zip(*parts, strict=True))
     numbers, place = np.unique(all_numbers.ravel(), return_inverse=True)
     area = np.bincount(place, all_shares.ravel())

@@ -17,7 +17,7 @@ import numpy as np
 from petsc4py import PETSc
 
 from erc_contact.model.model import Model
-from erc_contact.newton.linear.sparse import sparse_like
+from erc_contact.base.sparse import sparse_like
 from erc_contact.newton.reactions import Reactions
 
 
@@ -56,10 +56,15 @@ class Springs:
         self._nodal = sparse_like(stiffness, rows, cols)
         self.matrix = self._nodal
 
-    def update(self, tangents: list[PETSc.Mat]) -> None:
-        """Set G and H from the derivatives of e by u and by the multipliers."""
-        by_u = self._blocks(tangents[0])
-        by_multipliers = sum(self._blocks(tangent) for tangent in tangents[1:])
+    def update(self, by_displacements: list[PETSc.Mat], by_forces: list[PETSc.Mat]) -> None:
+        """Set G and H from the derivatives of the equations e.
+
+        Args:
+            by_displacements: Those by u and by jumps between bodies.
+            by_forces: Those by the multipliers.
+        """
+        by_u = sum(self._blocks(tangent) for tangent in by_displacements)
+        by_multipliers = sum(self._blocks(tangent) for tangent in by_forces)
         inverse = by_multipliers / self._area[:, None, None] + by_u / self._glue[:, None, None]
         # A component that a support fixes has no spring: H is the identity there.
         fixed = ~self._free

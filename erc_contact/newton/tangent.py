@@ -62,30 +62,82 @@ class Tangent:
         self.force = force
         self._reactions = reactions
         self._springs: Springs | None = None
-        self._bcs = self.model.bcs
+        self._is_identity = self.model.coordinates.is_identity
+        self._bcs = self.model.bcs if self._is_identity else []
         if reactions is not None:
             glue = elastic.glue.x.array
             self._springs = Springs(self.model, elastic.matrix, glue, reactions)
             # The rows of the multiplier's equations stay: they are not equilibrium.
             self._bcs = []
         self._terms = [fp.create_matrix(form) for form in forms.tangents]
+        self._change: PETSc.Mat | None = None
         self._work = [elastic.matrix.createVecRight() for _ in range(2)]
         self.matrix = shell(self.mult, self._work[0])
 
     def assemble(self) -> None:
         """Assemble the terms of the contact."""
+        self._assemble_terms(1.0)
+        if self._springs is not None:
+            count = len(self.forms.displacements)
+            self._springs.update(self._terms[:count], self._terms[count:])
+            self._change = self._springs.matrix
+        elif self._is_identity:
+            self._change = self._terms[0]
+        else:
+            if self._change is not None:
+                self._change.destroy()
+            self._change = self._change_of_unknowns()
+
+    def _assemble_terms(self, test_jump: float) -> None:
+        """Assemble the derivatives of the equations, for a factor of tested jumps."""
+        self.forms.test_jump.value = test_jump
         for term, form in zip(self._terms, self.forms.tangents, strict=True):
             term.zeroEntries()
             fp.assemble_matrix(term, form, bcs=self._bcs, diag=0.0)
             term.assemble()
-        if self._springs is not None:
-            self._springs.update(self._terms)
+
+    def _change_of_unknowns(self) -> PETSc.Mat:
+        """Return the terms of the contact as a matrix for the unknowns, a new one.
+
+        The unknowns are jumps at contacts between bodies, and tested jumps are those of
+        one unknown alone.
+        """
+        coordinates = self.model.coordinates
+        change = self._by_unknowns()
+        if self.forms.test_alike:
+            self._assemble_terms(0.0)
+            alike = self._by_unknowns()
+            on_others = coordinates.other_unknowns.matMult(alike)
+            change.axpy(1.0, on_others, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+            alike.destroy()
+            on_others.destroy()
+        change.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
+        first, _ = change.getOwnershipRange()
+        fixed = first + np.flatnonzero(self.elastic.fixed)
+        change.zeroRowsColumns(fixed.astype(PETSc.IntType), diag=0.0)
+        return change
+
+    def _by_unknowns(self) -> PETSc.Mat:
+        """Return the derivative of the equations by the unknowns, a new matrix."""
+        total: PETSc.Mat | None = None
+        for field, term in zip(self.forms.displacements, self._terms, strict=True):
+            # Jumps are unknowns themselves, at the nodes of this side.
+            is_jump = field is not self.forms.u
+            part = term.copy() if is_jump else term.matMult(self.model.coordinates.matrix)
+            if total is None:
+                total = part
+            else:
+                total.axpy(1.0, part, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+                part.destroy()
+        assert total is not None
+        return total
 
     def mult(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
         """Set y to the scaled tangent times x."""
         self.elastic.matrix.mult(x, y)
         if self._reactions is None:
-            self._terms[0].multAdd(x, y, y)
+            assert self._change is not None
+            self._change.multAdd(x, y, y)
         else:
             self._mult_equations(self._reactions, x, y)
         y.scale(self.length / self.force)
@@ -106,8 +158,8 @@ class Tangent:
 
     def renew(self) -> None:
         """Set the hierarchy to that of the tangent."""
-        change = self._terms[0] if self._springs is None else self._springs.matrix
-        self.elastic.renew(change)
+        assert self._change is not None
+        self.elastic.renew(self._change)
 
     def least_singular_value(self, u: PETSc.Vec) -> float:
         """Estimate the least singular value of the tangent [-]; zero if singular.
@@ -123,7 +175,7 @@ class Tangent:
         """
         diagonal = self.elastic.matrix.getDiagonal()
         force = u.duplicate()
-        fixed = self.model.fixed.ravel()[: self.elastic.owned]
+        fixed = self.elastic.fixed
         diagonal.sqrtabs()
         # A force without structure that does not depend on the number of ranks.
         force.array[:] = np.sin(1.0 + np.arange(*force.getOwnershipRange()) ** 2)
@@ -143,6 +195,8 @@ class Tangent:
 
     def free(self) -> None:
         """Free PETSc's objects; the matrix and this object know each other."""
+        if self._change is not None and self._springs is None:
+            self._change.destroy()
         for petsc_object in (*self._terms, *self._work, self.matrix):
             petsc_object.destroy()
         if self._springs is not None:
@@ -150,20 +204,19 @@ class Tangent:
 
     def _mult_equations(self, reactions: Reactions, x: PETSc.Vec, y: PETSc.Vec) -> None:
         """Replace the rows of A in ``y = K x`` by those of the equations."""
+        forms = self.forms
         owned = self.elastic.owned
-        u = self.model.function()
-        u.x.array[:owned] = x.array_r
-        u.x.scatter_forward()
-        nodal = u.x.array.reshape(-1, self.model.d)
-        self.model.to_coefficients(nodal, self.model.contacts)
+        of_fields = forms.read(self.elastic.displacement(x))
 
         field, product = self._work
-        by_u, *by_multipliers = self._terms
-        field.array[:] = u.x.array[:owned]
-        by_u.mult(field, product)
-        total = product.array_r.copy()
+        total = np.zeros(owned)
+        count = len(forms.displacements)
+        for values, term in zip(of_fields, self._terms[:count], strict=True):
+            field.array[:] = values[:owned]
+            term.mult(field, product)
+            total += product.array_r
         # The multipliers are linear in the reactions K x.
-        for term, matrix in zip(by_multipliers, reactions.matrices, strict=True):
+        for term, matrix in zip(self._terms[count:], reactions.matrices, strict=True):
             matrix.mult(y, field)
             term.mult(field, product)
             total += product.array_r

@@ -1,4 +1,4 @@
-"""Declare contacts with rigid foundations."""
+"""Declare contacts with rigid foundations, and between bodies."""
 
 from __future__ import annotations
 
@@ -14,9 +14,11 @@ from erc_contact.scene.material import Value
 
 @dataclass(frozen=True)
 class Contact:
-    """Declare a contact between a boundary part and a rigid foundation.
+    """Declare a contact of a boundary part with a rigid foundation or another body.
 
-    It may have friction, and it is unilateral unless said otherwise.
+    It may have friction, and it is unilateral unless said otherwise. Between two bodies
+    all that is said of u is said of the jump: the displacement of the part less that of
+    the facing points of the other one.
 
     Args:
         facets: Name of the boundary part that may touch the foundation.
@@ -29,18 +31,21 @@ class Contact:
             of x, or "gap" for ``-grad g/|grad g|``, the normal of a foundation whose
             gap is its distance. One that varies is taken at the middle of each facet:
             the foundation becomes a polyhedron, as a curved body becomes its mesh. None
-            takes the outward normal of the part, which must then be flat.
+            takes the outward normal of the part, which must then be flat on a
+            foundation.
         bilateral: Whether the contact cannot open: ``u_n = g``. Needs a friction bound
             without pressure.
+        against: Name of the boundary part of another body that the part faces, see
+            :meth:`Domain.split`; None for a rigid foundation.
 
     Raises:
-        InputError: If friction is negative, the normal is zero, or a bilateral contact
-            has Coulomb friction.
+        InputError: If friction is negative, the normal is zero, a bilateral contact has
+            Coulomb friction, or a part is against itself.
 
     Example:
         >>> ec.Contact("bottom", friction=0.3, gap=lambda x: 0.01 * x[0] ** 2)
         Contact(facets='bottom', friction=0.3, gap=<function ...>, normal=None,
-                bilateral=False)
+                bilateral=False, against=None)
     """
 
     facets: str
@@ -48,11 +53,19 @@ class Contact:
     gap: Value = 0.0
     normal: Sequence[float] | Callable[[Any], Any] | str | None = None
     bilateral: bool = False
+    against: str | None = None
 
     def __post_init__(self) -> None:
         """Check the arguments, and make a normal in numbers a unit vector."""
         check_name("Contact", self.facets)
         what = f"Contact({self.facets!r})"
+        if self.against is not None:
+            check_name(f"{what}: against", self.against)
+            if self.against == self.facets:
+                raise InputError(
+                    f"{what} is against itself; give the facing part of another body, or None"
+                    " for a rigid foundation."
+                )
         self._check_friction(what)
         check_value(f"{what}: gap", self.gap, unit=" [length]")
         if self.bilateral and isinstance(self.law, Coulomb):
@@ -92,6 +105,11 @@ class Contact:
                 f'{what}: normal="gap" needs a gap that is a callable of x, the distance to the'
                 " foundation."
             )
+
+    @property
+    def sides(self) -> tuple[str, ...]:
+        """Return the names of its boundary parts, one or two."""
+        return (self.facets,) if self.against is None else (self.facets, self.against)
 
     @property
     def law(self) -> Law | None:

@@ -74,7 +74,8 @@ class Scene:
         self._check_entries("loads", _is_load, loads, loads_or_own)
         self._check_entries("contacts", _is_contact, "Contact", "Contact")
         parts = [support.facets for support in self.supports]
-        parts += [contact.facets for contact in self.contacts]
+        for contact in self.contacts:
+            parts += contact.sides
         for part in parts:
             if part in CAUSES:
                 raise InputError(
@@ -120,7 +121,9 @@ class Scene:
                     f"Component {component} of {facets!r} is fixed by {times} supports; keep one"
                     " of them."
                 )
-        contacts = Counter(contact.facets for contact in self.contacts)
+        contacts: Counter[str] = Counter()
+        for contact in self.contacts:
+            contacts.update(contact.sides)
         for facets, times in contacts.items():
             if times > 1:
                 raise InputError(f"{facets!r} is in {times} contacts; keep one of them.")

@@ -1,15 +1,20 @@
 """The elastic equations of a model: what every way to solve them begins with.
 
-Symbols: K elastic stiffness with the supports [force/length]; D diagonal stiffness that
-glues the contact nodes to the foundations, ``D_i = 10 E k^2/h |F|/m`` summed over
-facets.
+Their unknowns x are those of :mod:`erc_contact.model.coordinates`: the displacement u,
+but jumps at contacts between bodies. Displacements and nodal forces come and go as
+those of the body; matrices and vectors are those of x.
+
+Symbols: K elastic stiffness of x with the supports [force/length]; D diagonal stiffness
+that glues the contact nodes to the foundations, and bodies to each other, ``D_i = 10 E
+k^2/h |F|/m`` summed over facets.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import ufl
@@ -18,6 +23,7 @@ from dolfinx.fem import petsc as fp
 from petsc4py import PETSc
 
 from erc_contact.base.runtime import compiled
+from erc_contact.model.foundation import BoundContact
 from erc_contact.model.model import Model
 
 GLUE_FACTOR = 10.0
@@ -82,12 +88,29 @@ class Elastic:
 
         Where supports fix a component it has the row and column of the identity.
         """
-        matrix = fp.assemble_matrix(self.form, bcs=self.model.bcs)
-        matrix.assemble()
+        model = self.model
+        if model.coordinates.is_identity:
+            matrix = fp.assemble_matrix(self.form, bcs=model.bcs)
+            matrix.assemble()
+            return matrix
+        of_bodies = fp.assemble_matrix(self.form)
+        of_bodies.assemble()
+        matrix = of_bodies.ptap(model.coordinates.matrix)
+        of_bodies.destroy()
+        first, _ = matrix.getOwnershipRange()
+        fixed = first + np.flatnonzero(self.fixed)
+        matrix.zeroRowsColumns(fixed.astype(PETSc.IntType), diag=1.0)
         return matrix
+
+    @property
+    def fixed(self) -> np.ndarray:
+        """Tell which degrees of freedom of this rank supports fix, shape (owned,)."""
+        return self.model.coordinates.fixed.ravel()[: self.owned]
 
     def right_side(self, b: fem.Function, *, supports: bool) -> PETSc.Vec:
         """Return the right side for nodal forces, summed over ranks [force].
+
+        It is that of x.
 
         Args:
             b: Nodal forces [force], whose ghost contributions are added up here.
@@ -95,22 +118,42 @@ class Elastic:
                 zero.
         """
         model = self.model
+        coordinates = model.coordinates
         vector = fp.create_vector(model.V)
         with vector.localForm() as local:
             local.array[:] = b.x.array
         if supports:
-            fp.apply_lifting(vector, [self.form], bcs=[model.bcs])
+            fp.apply_lifting(vector, [self.form], bcs=[self._prescribed_conditions])
         vector.ghostUpdate(PETSc.InsertMode.ADD, PETSc.ScatterMode.REVERSE)
-        fixed = np.flatnonzero(model.fixed.ravel()[: self.owned])
-        vector.array[fixed] = model.prescribed.x.array[fixed] if supports else 0.0
+        coordinates.forces(vector)
+        fixed = np.flatnonzero(self.fixed)
+        vector.array[fixed] = coordinates.prescribed.x.array[fixed] if supports else 0.0
         return vector
 
+    @cached_property
+    def _prescribed_conditions(self) -> list[Any]:
+        """Return the Dirichlet conditions that supports alone would set.
+
+        Where a support fixes one side of a contact between bodies and the jump is zero,
+        the other side moves with it.
+        """
+        model = self.model
+        if model.coordinates.is_identity:
+            return model.bcs
+        u = model.coordinates.to_u(model.coordinates.prescribed)
+        dofs = np.flatnonzero(u.x.array).astype(np.int32)
+        return [fem.dirichletbc(u, [dofs, dofs], model.V)]
+
     def displacement(self, x: PETSc.Vec) -> fem.Function:
-        """Return a vector of nodal values as a Function."""
-        u = self.model.function()
-        u.x.array[: self.owned] = x.array_r
-        u.x.scatter_forward()
-        return u
+        """Return the displacement of unknowns x as a Function."""
+        return self.model.coordinates.to_u(self.unknowns(x))
+
+    def unknowns(self, x: PETSc.Vec) -> fem.Function:
+        """Return a vector of values of the unknowns as a Function."""
+        values = self.model.function()
+        values.x.array[: self.owned] = x.array_r
+        values.x.scatter_forward()
+        return values
 
     def add_glue(self, matrix: PETSc.Mat) -> None:
         """Add D to the diagonal of a matrix, in place."""
@@ -131,18 +174,31 @@ def add_diagonal(matrix: PETSc.Mat, values: np.ndarray) -> None:
 
 
 def _glue(model: Model) -> fem.Function:
-    """Assemble D [force/length]."""
+    """Assemble D of x [force/length]."""
+    coordinates = model.coordinates
+    between = [contact for contact in model.contacts if contact.trace.there is not None]
+    on_foundations = [contact for contact in model.contacts if contact.trace.there is None]
+    glue = _assembled_glue(model, on_foundations)
+    if between:
+        # A foundation resists both the jump and the displacement of the other side.
+        coordinates.add_to_partners(glue)
+        glue.x.array[:] += _assembled_glue(model, between).x.array
+    glue.x.array[coordinates.fixed.ravel()] = 0.0
+    return glue
+
+
+def _assembled_glue(model: Model, contacts: Sequence[BoundContact]) -> fem.Function:
+    """Assemble the glue of some contacts at the nodes of this side [force/length]."""
     glue = model.function()
-    if not model.contacts:
+    if not contacts:
         return glue
     ones = ufl.as_vector([1.0] * model.d)
     v = ufl.TestFunction(model.V)
     gamma = model.stiffness_per_area(compiled.constant(model.mesh, GLUE_FACTOR), model.cell_modulus)
     terms = []
-    for contact in model.contacts:
+    for contact in contacts:
         terms.append(gamma * ufl.inner(ones, v) * contact.ds(metadata=model.nodal_rule))
     fem.assemble_vector(glue.x.array, compiled.form(sum(terms[1:], start=terms[0])))
     glue.x.scatter_reverse(la.InsertMode.add)
     glue.x.scatter_forward()
-    glue.x.array[model.fixed.ravel()] = 0.0
     return glue

@@ -8,6 +8,10 @@ That of K serves all of them; that of K + D saves a tenth of the cycles of a con
 solve, and doubles those of an elastic solve with given contact tractions. Another
 preconditioner that PETSc's options ask for is set up anew for each matrix.
 
+Where the unknowns are jumps at contacts between bodies
+(:mod:`erc_contact.model.coordinates`), the hierarchy is that of the same matrix for the
+displacements of the bodies, whose rigid motions are known at every node.
+
 Symbols: K and D as in :mod:`erc_contact.newton.linear.elastic`; C a matrix that is zero
 away from the contact.
 """
@@ -22,6 +26,7 @@ from erc_contact.model.model import Model
 from erc_contact.newton.linear.amg import AMG_PREFIX, rigid_motions, with_defaults
 from erc_contact.newton.linear.elastic import add_diagonal
 from erc_contact.newton.linear.galerkin import SAME, SUBSET, CoarseMatrices
+from erc_contact.newton.linear.krylov import preconditioner
 from erc_contact.newton.linear.mumps import factorised
 
 
@@ -63,20 +68,34 @@ class Hierarchy:
         """Share of the glue in the matrix; None after :meth:`renew` with a tangent."""
 
         self.matrix = stiffness.copy()
-        self.matrix.setNearNullSpace(rigid_motions(model, self.matrix))
+        self._bodies = self.matrix
+        self._stiffness_of_bodies = stiffness
+        if not model.coordinates.is_identity:
+            self._stiffness_of_bodies = self._of_bodies(stiffness, 1.0)
+            self._bodies = self._stiffness_of_bodies.copy()
+        self._bodies.setNearNullSpace(rigid_motions(model, self._bodies))
+        first = self._change_of_bodies(self._part_of_glue(share))
         if share:
             add_diagonal(self.matrix, share * glue)
+            if self._bodies is not self.matrix:
+                self._bodies.axpy(1.0, first, SUBSET)
         self.matrix.setOption(PETSc.Mat.Option.SPD, True)
-        self.pc = PETSc.PC().create(self.matrix.comm)
-        self.pc.setOptionsPrefix(AMG_PREFIX)
-        self.pc.setOperators(self.matrix)
-        with_defaults(self.pc)
-        if self.pc.getType() == PETSc.PC.Type.GAMG and self._has_contact:
+        self._bodies.setOption(PETSc.Mat.Option.SPD, True)
+        self._multigrid = PETSc.PC().create(self.matrix.comm)
+        self._multigrid.setOptionsPrefix(AMG_PREFIX)
+        self._multigrid.setOperators(self._bodies)
+        with_defaults(self._multigrid)
+        if self._multigrid.getType() == PETSc.PC.Type.GAMG and self._has_contact:
             # PETSc must not set it up anew: the coarse matrices follow C here.
-            self.pc.setReusePreconditioner(True)
-            first = self._part_of_glue(share)
-            self._coarse = CoarseMatrices(self.pc, stiffness, self._layer(), first)
-            first.destroy()
+            self._multigrid.setReusePreconditioner(True)
+            stiffness_of_bodies = self._stiffness_of_bodies
+            self._coarse = CoarseMatrices(
+                self._multigrid, stiffness_of_bodies, self._layer(), first
+            )
+        first.destroy()
+        self.pc = self._multigrid
+        if self._bodies is not self.matrix:
+            self.pc = preconditioner(self._apply_to_unknowns, self.matrix)
 
     def set_share(self, share: float) -> None:
         """Set the matrix to K plus a share of D."""
@@ -93,10 +112,17 @@ class Hierarchy:
         self.matrix.setOption(PETSc.Mat.Option.SPD, False)
         self._stiffness.copy(self.matrix, SAME)
         self.matrix.axpy(1.0, change, SUBSET)
+        of_bodies = self._change_of_bodies(change)
+        if self._bodies is not self.matrix:
+            self._bodies.setOption(PETSc.Mat.Option.SPD, False)
+            self._stiffness_of_bodies.copy(self._bodies, SAME)
+            self._bodies.axpy(1.0, of_bodies, SUBSET)
         if self._coarse is None:
-            self.pc.setUp()
+            self._multigrid.setUp()
         else:
-            self._coarse.follow(change)
+            self._coarse.follow(of_bodies)
+        if of_bodies is not change:
+            of_bodies.destroy()
 
     def factorise(self) -> None:
         """Replace the hierarchy by a factor of its matrix."""
@@ -111,7 +137,9 @@ class Hierarchy:
         if self._coarse is not None:
             self._coarse.free()
         self.pc.destroy()
+        self._multigrid.destroy()
         self.matrix.destroy()
+        self._bodies.destroy()
         if self._exact is not None:
             self._exact.destroy()
 
@@ -123,6 +151,37 @@ class Hierarchy:
         glue.assemble()
         return glue
 
+    def _of_bodies(self, matrix: PETSc.Mat, diagonal: float) -> PETSc.Mat:
+        """Return a matrix for the unknowns as one for displacements."""
+        fixed = self._model.fixed.ravel()[: len(self._glue)]
+        return self._model.coordinates.of_bodies(matrix, fixed, diagonal)
+
+    def _change_of_bodies(self, change: PETSc.Mat) -> PETSc.Mat:
+        """Return a change of the matrix as one for displacements.
+
+        It is the change itself where unknowns are displacements.
+        """
+        if self._model.coordinates.is_identity:
+            return change
+        return self._of_bodies(change, 0.0)
+
+    def _apply_to_unknowns(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
+        """Set y to about the inverse of the matrix times x, for unknowns x."""
+        coordinates = self._model.coordinates
+        fixed_unknowns = coordinates.fixed.ravel()[: len(self._glue)]
+        fixed = self._model.fixed.ravel()[: len(self._glue)]
+        force = x.copy()
+        force.array[fixed_unknowns] = 0.0
+        of_bodies = x.duplicate()
+        coordinates.inverse.multTranspose(force, of_bodies)
+        of_bodies.array[fixed] = 0.0
+        self._multigrid.apply(of_bodies, force)
+        force.array[fixed] = 0.0
+        coordinates.inverse.mult(force, y)
+        y.array[fixed_unknowns] = x.array_r[fixed_unknowns]
+        force.destroy()
+        of_bodies.destroy()
+
     def _layer(self) -> PETSc.IS:
         """Find the degrees of freedom of this rank in cells at the contact.
 
@@ -132,7 +191,11 @@ class Hierarchy:
         model = self._model
         near = model.function()
         cells = np.concatenate([contact.facets[:, 0] for contact in model.contacts])
-        near.x.array.reshape(-1, model.d)[model.nodes[cells]] = 1.0
+        of_nodes = near.x.array.reshape(-1, model.d)
+        of_nodes[model.nodes[cells]] = 1.0
+        for contact in model.contacts:
+            if contact.trace.there is not None:
+                of_nodes[contact.trace.partners] = 1.0
         near.x.scatter_reverse(la.InsertMode.add)
         first, _ = self._stiffness.getOwnershipRange()
         owned = np.flatnonzero(near.x.array[: len(self._glue)]) + first

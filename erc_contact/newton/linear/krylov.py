@@ -51,6 +51,21 @@ def shell(apply: Apply, like: PETSc.Vec) -> PETSc.Mat:
     return matrix
 
 
+def preconditioner(apply: Apply, like: PETSc.Mat) -> PETSc.PC:
+    """Make a preconditioner of a function; the caller destroys it.
+
+    Args:
+        apply: The function.
+        like: A matrix of the same sizes.
+    """
+    pc = PETSc.PC().create(like.comm)
+    pc.setOperators(like)
+    pc.setType("python")
+    pc.setPythonContext(_Shell(apply))
+    pc.setUp()
+    return pc
+
+
 def set_up(ksp: Any, precondition: Apply) -> None:
     """Set a linear solver to FGMRES with a preconditioner."""
     ksp.setType("fgmres")

@@ -6,13 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from erc_contact.mesh.simplex import local_facet_nodes
 from erc_contact.model.model import Model
 
 
 @dataclass(frozen=True, eq=False)
 class Layer:
-    """Number the free degrees of freedom L of the cells at the contact.
+    """Number the free unknowns L that the displacement of the cells at contacts has.
 
     Those of the contact nodes come first.
 
@@ -31,16 +30,21 @@ class Layer:
 
 def contact_layer(model: Model) -> Layer:
     """Find the layer of all contacts of a model; collective."""
-    facets = np.vstack([contact.facets for contact in model.contacts])
+    coordinates = model.coordinates
     node_count = len(model.fixed)
-    nodes = model.nodes[facets[:, 0]]
-    on_facet = local_facet_nodes(model.d, model.degree)[facets[:, 1]]
     touching = np.zeros(node_count, dtype=bool)
-    touching[np.take_along_axis(nodes, on_facet, axis=1)] = True
+    jumping = np.zeros(node_count, dtype=bool)
     layer = np.zeros(node_count, dtype=bool)
-    layer[nodes] = True
+    for contact in model.contacts:
+        # A foundation sees u, a contact between bodies the jump, which is x at a node.
+        seen = touching if contact.trace.there is None else jumping
+        seen[contact.trace.here.nodes] = True
+        layer[model.nodes[contact.facets[:, 0]]] = True
+    if not coordinates.is_identity:
+        touching = coordinates.with_partners(touching) | jumping
+        layer = coordinates.with_partners(layer)
 
-    dofs = np.flatnonzero((layer[:, None] & ~model.fixed).ravel())
+    dofs = np.flatnonzero((layer[:, None] & ~coordinates.fixed).ravel())
     at_contact = np.repeat(touching, model.d)[dofs]
     numbers = model.global_dofs(dofs)
     contact = np.unique(np.concatenate(model.comm.allgather(numbers[at_contact])))

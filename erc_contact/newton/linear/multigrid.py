@@ -128,7 +128,8 @@ class Multigrid(Elastic):
     def lifted(self, y: fem.Function, tolerance: float) -> fem.Function:
         """Return the forces that hold the contact nodes at displacements y [force].
 
-        The other nodes are free of forces.
+        The other nodes are free of forces. Displacements and forces are those of the
+        unknowns.
 
         Args:
             y: Displacement of the contact nodes that this rank owns [length], zero
@@ -138,7 +139,7 @@ class Multigrid(Elastic):
         """
         self.hierarchy.set_share(1.0)
         at_contact = np.flatnonzero(self.glue.x.array[: self.owned] > 0).astype(np.int32)
-        fixed = np.flatnonzero(self.model.fixed.ravel()[: self.owned])
+        fixed = np.flatnonzero(self.fixed)
 
         # Solve for the nodes between, where the contact nodes do not move, and add y.
         u = self.matrix.createVecRight()
@@ -151,14 +152,14 @@ class Multigrid(Elastic):
         inside = self.matrix.copy()
         diagonal = float(self.glue.x.array.max(initial=1.0))
         inside.zeroRowsColumnsLocal(at_contact, diag=diagonal)
-        between = self._solved(inside, b, tolerance)
+        between = self.model.coordinates.to_x(self._solved(inside, b, tolerance))
         inside.destroy()
         u.array[:] += between.x.array[: self.owned]
 
         forces = self.matrix.createVecRight()
         self.matrix.mult(u, forces)
         forces.array[fixed] = 0.0
-        nodal_forces = self.displacement(forces)
+        nodal_forces = self.unknowns(forces)
         u.destroy()
         forces.destroy()
         return nodal_forces
@@ -231,7 +232,8 @@ class Multigrid(Elastic):
             # The squares in norms overflow earlier than the numbers do.
             b.scale(1 / size)
             if near is not None:
-                x.array[:] = near.x.array[: self.owned] / size
+                unknowns = self.model.coordinates.to_x(near)
+                x.array[:] = unknowns.x.array[: self.owned] / size
             left = self._left(matrix, b, x, tolerance)
             if left > ENOUGH * tolerance and direct:
                 log_of(self.model.comm).info(
@@ -267,6 +269,6 @@ class Multigrid(Elastic):
         vectors = []
         for motion in self.model.free_motions:
             x = self.matrix.createVecRight()
-            x.array[:] = motion.x.array[: self.owned]
+            x.array[:] = self.model.coordinates.to_x(motion).x.array[: self.owned]
             vectors.append(x)
         return PETSc.NullSpace().create(vectors=orthonormal(vectors), comm=self.matrix.comm)

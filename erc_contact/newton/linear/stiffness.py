@@ -25,6 +25,7 @@ from typing import ClassVar
 
 import numpy as np
 from dolfinx import fem
+from dolfinx.fem import petsc as fp
 from petsc4py import PETSc
 
 from erc_contact.base.exceptions import InputError, together
@@ -81,12 +82,15 @@ class Stiffness(Elastic):
             supports: Whether fixed components take the values of the supports, else
                 zero.
         """
-        vector = self.right_side(b, supports=supports)
-        x = vector.duplicate()
-        self._solver().solve(vector, x)
+        return self._glued_by(self.right_side(b, supports=supports))
+
+    def _glued_by(self, right: PETSc.Vec) -> fem.Function:
+        """Return the glued displacement of a right side, which is destroyed."""
+        x = right.duplicate()
+        self._solver().solve(right, x)
         u = self.displacement(x)
         x.destroy()
-        vector.destroy()
+        right.destroy()
         return u
 
     def solve(
@@ -153,10 +157,11 @@ class Stiffness(Elastic):
         added = None
         if u_A is not None and self.schur is not None:
             added = self.glued_by[: len(u_A)] * u_A + (0.0 if force is None else force)
-        b = self.model.function()
-        self.scatter(added, b)
-        b.x.array[self.owned :] = 0.0  # the owner has the whole force
-        u = self.glued(b, supports=False)
+        forces = self.model.function()
+        self.scatter(added, forces)
+        right = fp.create_vector(self.model.V)
+        right.array[:] = forces.x.array[: self.owned]  # the owner has the whole force
+        u = self._glued_by(right)
         u.x.array[:] += w.x.array
         return u
 
@@ -180,10 +185,14 @@ class Stiffness(Elastic):
         return self._reduced
 
     def gather(self, u: fem.Function) -> np.ndarray:
-        """Return values at L, from the owners of the nodes; collective.
+        """Return the unknowns at L of a displacement, from their owners; collective.
 
         They are on rank 0; elsewhere the array is empty.
         """
+        return self.gather_x(self.model.coordinates.to_x(u))
+
+    def gather_x(self, u: fem.Function) -> np.ndarray:
+        """Return values at L, as :meth:`gather` does, of a Function of unknowns."""
         owned = self.local < self.model.V.dofmap.index_map.size_local * self.model.d
         parts = gathered(self.model.comm, (self.place[owned], u.x.array[self.local[owned]]))
         values = np.zeros(len(self.numbers) if parts else 0)
@@ -196,7 +205,7 @@ class Stiffness(Elastic):
 
         Args:
             values: The values, on rank 0.
-            u: The Function, in place.
+            u: A Function of unknowns, in place.
         """
         values = from_first(self.model.comm, values)
         inside = self.place < len(values)
@@ -242,8 +251,7 @@ class Stiffness(Elastic):
 
     def _free_components(self) -> int:
         """Count the free degrees of freedom of all ranks; collective."""
-        fixed = self.model.fixed.ravel()[: self.owned]
-        free = int(np.count_nonzero(~fixed))
+        free = int(np.count_nonzero(~self.fixed))
         return self.model.comm.allreduce(free)
 
     def _assemble(self) -> PETSc.Mat:
@@ -258,7 +266,7 @@ class Stiffness(Elastic):
         """Factorise with the Schur complement on L."""
         comm = self.model.comm
         solver = self._solver()
-        self.glued_by = self.gather(self.glue)
+        self.glued_by = self.gather_x(self.glue)
         self.motions = [self.gather(motion) for motion in self.model.free_motions]
 
         def condense() -> np.ndarray | None:

@@ -51,13 +51,13 @@ class Substructures:
         self._comm = model.comm
         owned = model.V.dofmap.index_map.size_local * model.d
         total = _touching(model)
-        self._rows = np.flatnonzero((total > 0) & ~model.fixed.ravel())
+        self._rows = np.flatnonzero((total > 0) & ~model.coordinates.fixed.ravel())
         self._own = self._rows < owned
         # One rank more than there are: so L is never eliminated.
         total[layer] += 1
 
         def make_part() -> Part:
-            matrix = _stiffness(form, glue, owned, self._rows)
+            matrix = _stiffness(model, form, glue, owned, self._rows)
             return Part(matrix, model.global_dofs(self._rows), total[self._rows])
 
         self._part = together(self._comm, make_part)
@@ -152,23 +152,29 @@ def _family(rank: int, size: int) -> tuple[int | None, list[int]]:
 def _touching(model: Model) -> np.ndarray:
     """Count the ranks that touch each degree of freedom of this rank; collective.
 
-    They are those that own it or a cell at it. The count is zero where this rank does
-    not touch it.
+    They are those that own it, or a cell whose displacement depends on it. The count is
+    zero where this rank does not touch it.
     """
     count = model.function()
-    owned_nodes = np.arange(model.V.dofmap.index_map.size_local)
-    nodes = np.union1d(owned_nodes, model.nodes[: model.domain.owned_cells])
-    count.x.array.reshape(-1, model.d)[nodes] = 1.0
+    touched = np.zeros(model.node_count, dtype=bool)
+    touched[model.nodes[: model.domain.owned_cells]] = True
+    if not model.coordinates.is_identity:
+        touched = model.coordinates.with_partners(touched)
+    touched[: model.V.dofmap.index_map.size_local] = True
+    count.x.array.reshape(-1, model.d)[touched] = 1.0
     here = count.x.array > 0
     count.x.scatter_reverse(la.InsertMode.add)
     count.x.scatter_forward()
     return np.where(here, count.x.array, 0.0).astype(np.int64)
 
 
-def _stiffness(form: fem.Form, glue: fem.Function, owned: int, rows: np.ndarray) -> PETSc.Mat:
+def _stiffness(
+    model: Model, form: fem.Form, glue: fem.Function, owned: int, rows: np.ndarray
+) -> PETSc.Mat:
     """Assemble the stiffness of this rank's cells and the glue of its own nodes.
 
     Args:
+        model: The scene on a mesh.
         form: The compiled form of K.
         glue: D at the nodes of this rank [force/length].
         owned: Number of degrees of freedom that this rank owns.
@@ -179,6 +185,10 @@ def _stiffness(form: fem.Form, glue: fem.Function, owned: int, rows: np.ndarray)
     size = len(csr.indptr) - 1
     tables = csr.indptr.astype(PETSc.IntType), csr.indices, csr.data
     whole = PETSc.Mat().createAIJ((size, size), csr=tables, comm=PETSc.COMM_SELF)
+    if not model.coordinates.is_identity:
+        of_bodies = whole
+        whole = of_bodies.ptap(model.coordinates.matrix_here)
+        of_bodies.destroy()
     picked = PETSc.IS().createGeneral(rows.astype(PETSc.IntType), comm=PETSc.COMM_SELF)
     matrix = whole.createSubMatrix(picked, picked)
     whole.destroy()

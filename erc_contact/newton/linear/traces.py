@@ -122,11 +122,13 @@ class IterativeTraces:
 
     def moved(self, f: np.ndarray) -> np.ndarray:
         """Return ``S^+ f``, for forces that do no work on the free motions."""
-        moved = self.elastic.solve(self._nodal(f), supports=False, tolerance=FINE)
+        coordinates = self.model.coordinates
+        forces = coordinates.forces_on_bodies(self._nodal(f))
+        moved = coordinates.to_x(self.elastic.solve(forces, supports=False, tolerance=FINE))
         return _of_owners(self.model, self.numbers, moved.x.array)
 
     def _nodal(self, values: np.ndarray) -> fem.Function:
-        """Return values (M, d) as a Function, at the nodes that this rank owns."""
+        """Return values (M, d) as a Function of unknowns, at nodes of this rank."""
         nodal = self.model.function()
         owned, local = _owned(self.model, self.numbers)
         nodal.x.array.reshape(-1, self.model.d)[local] = values[owned]
@@ -137,7 +139,8 @@ def _motions(model: Model, numbers: np.ndarray) -> np.ndarray:
     """Return the free motions at the surface [-], shape (K, M, d); collective."""
     motions = []
     for motion in model.free_motions:
-        motions.append(_of_owners(model, numbers, motion.x.array))
+        unknowns = model.coordinates.to_x(motion)
+        motions.append(_of_owners(model, numbers, unknowns.x.array))
     return np.array(motions).reshape(-1, len(numbers), model.d)
 
 
