@@ -39,7 +39,12 @@ def contact_and_oscillations(
             model, admissible.displacement, traction, floor
         )
         facets_2 = np.maximum(facets_2, 0.0)  # negative by round-off only
-        cells_2 += traction.contact.trace.share(facets_2)
+        trace = traction.contact.trace
+        of_cells = trace.share(facets_2)
+        if trace.there is None:
+            cells_2 += of_cells[: len(cells_2)]
+        else:
+            cells_2 += model.sums_of_cells(of_cells)
         contact_2 += float(facets_2.sum())
         gaps_2 += of_gap
         friction_2 += of_friction

@@ -50,7 +50,7 @@ class Side:
             shape (f,).
         degree: Degree of the displacement.
         node_count: Number of nodes of this rank, ghosts included.
-        cell_count: Number of cells that this rank owns.
+        cell_count: Number of cells of this rank, ghosts included.
     """
 
     facets: np.ndarray
@@ -246,22 +246,24 @@ class Trace:
         return here * there / (here + there)
 
     def share(self, values: np.ndarray) -> np.ndarray:
-        """Add up values of facets in their cells.
+        """Add up values of owned facets in their cells.
 
         Two bodies get shares in proportion to their compliances.
 
         Args:
-            values: A value of each facet, shape (f,).
+            values: A value of each facet, zero where this rank does not own it, shape
+                (f,).
 
         Returns:
-            Sums for the cells that this rank owns, shape (cells,).
+            Sums for the cells of this rank, shape (cells,). That of a ghost is for its
+            owner: the other body may be on another rank.
         """
         cells = np.zeros(self.here.cell_count)
         share = np.ones(len(values))
         if self.there is not None:
             share = self.stiffness / self.here.stiffness
-            _add_to_owned(cells, self.there, (1 - share) * values)
-        _add_to_owned(cells, self.here, share * values)
+            np.add.at(cells, self.there.facets[:, 0], (1 - share) * values)
+        np.add.at(cells, self.here.facets[:, 0], share * values)
         return cells
 
     @cached_property
@@ -288,9 +290,3 @@ class Trace:
 def _about_middle(x: np.ndarray) -> np.ndarray:
     """Return positions of the nodes of facets (f, m, d) from the mean of each facet."""
     return x - x.mean(axis=1, keepdims=True)
-
-
-def _add_to_owned(cells: np.ndarray, side: Side, values: np.ndarray) -> None:
-    """Add values of the facets of a side (f,) to those of owned cells, in place."""
-    owned = side.owned
-    np.add.at(cells, side.facets[owned, 0], values[owned])

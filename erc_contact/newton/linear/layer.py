@@ -43,6 +43,8 @@ def contact_layer(model: Model) -> Layer:
     if not coordinates.is_identity:
         touching = coordinates.with_partners(touching) | jumping
         layer = coordinates.with_partners(layer)
+        # A rank may have the cell of a contact facet without the cell that faces it.
+        touching, layer = model.marked_by_any(touching, layer)
 
     dofs = np.flatnonzero((layer[:, None] & ~coordinates.fixed).ravel())
     at_contact = np.repeat(touching, model.d)[dofs]
