@@ -277,7 +277,7 @@ class Trace:
 
     @cached_property
     def _order_there(self) -> np.ndarray:
-        """Find the node of this side that each node of the other faces, shape (f, m)."""
+        """Find the place of the node here that each node there faces, shape (f, m)."""
         assert self.there is not None
         here = _about_middle(self.here.places)
         there = _about_middle(self.there.places)

@@ -16,8 +16,9 @@ For degree 2, the equations of a multiplier use Bernstein coefficients of u and 
 instead of nodal values; the affine functions contain this change
 (:mod:`erc_contact.newton.reactions`).
 
-At contacts between bodies the unknowns are jumps (:mod:`erc_contact.model.coordinates`).
-The displacement of their nodes, a sum of two unknowns, is then a part of z, too.
+At contacts between bodies the unknowns are jumps
+(:mod:`erc_contact.model.coordinates`). The displacement of their nodes, a sum of two
+unknowns, is then a part of z, too.
 
 The dense matrices are on rank 0. It asks the other ranks to assemble the terms of their
 facets (:mod:`erc_contact.newton.assembly`).
@@ -34,10 +35,10 @@ from petsc4py import PETSc
 
 from erc_contact.base.exceptions import raise_together, together
 from erc_contact.base.ranks import from_first
+from erc_contact.base.sparse import sparse, times
 from erc_contact.model.model import Model
 from erc_contact.newton.assembly import Assembly, Pass
 from erc_contact.newton.forms import ContactForms
-from erc_contact.base.sparse import sparse, times
 from erc_contact.newton.linear.stiffness import Stiffness
 from erc_contact.newton.methods import Method
 from erc_contact.newton.pressing import contact_normals

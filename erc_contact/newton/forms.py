@@ -29,8 +29,8 @@ class ContactForms:
     Attributes:
         share: Share of the friction bound, a Constant; a solver may raise friction in
             steps.
-        test_jump: Factor of the jump of test functions between bodies, a Constant, 1 but
-            for :meth:`Assembly.residual`.
+        test_jump: Factor of the jump of test functions between bodies, a Constant: 1,
+            or 0 to test what moves both sides alike.
         contacts: The contacts of the model with this share.
         u: Displacement that the forms read [length]; for a method with multiplier its
             nodal values at the contact are the Bernstein coefficients.
@@ -69,7 +69,7 @@ class ContactForms:
         equations = sum(parts[1:], start=parts[0])
         du = ufl.TrialFunction(model.V)
         # Between bodies the equations of a multiplier contain the jump only.
-        in_forms = equations.coefficients()
+        in_forms = ufl.algorithms.extract_coefficients(equations)
         self.displacements = [w for w in (self.u, *self.jumps) if w in in_forms]
         tangents = []
         for field in (*self.displacements, *self.multipliers):
@@ -108,7 +108,7 @@ class ContactForms:
         return self.method.in_layer or on_foundation
 
     def read(self, u: fem.Function) -> list[np.ndarray]:
-        """Return the values that a displacement gives to the fields :attr:`displacements`.
+        """Return the values that a displacement gives to the displacements read.
 
         With a multiplier they are Bernstein coefficients at the contacts.
 

@@ -26,10 +26,10 @@ from itertools import permutations
 import numpy as np
 from petsc4py import PETSc
 
+from erc_contact.base.sparse import diagonal, sparse, sparse_like
 from erc_contact.mesh.simplex import at_nodes, coefficients
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.model import Model
-from erc_contact.base.sparse import diagonal, sparse, sparse_like
 
 NO_ENTRY = 1e-14
 """Entry of a matrix of Bernstein coefficients that is round-off [-]."""

@@ -16,8 +16,8 @@ from __future__ import annotations
 import numpy as np
 from petsc4py import PETSc
 
-from erc_contact.model.model import Model
 from erc_contact.base.sparse import sparse_like
+from erc_contact.model.model import Model
 from erc_contact.newton.reactions import Reactions
 
 

@@ -49,12 +49,12 @@ def contact_layer(model: Model) -> Layer:
     dofs = np.flatnonzero((layer[:, None] & ~coordinates.fixed).ravel())
     at_contact = np.repeat(touching, model.d)[dofs]
     numbers = model.global_dofs(dofs)
-    contact = np.unique(np.concatenate(model.comm.allgather(numbers[at_contact])))
+    on_contact = np.unique(np.concatenate(model.comm.allgather(numbers[at_contact])))
     others = np.concatenate(model.comm.allgather(numbers[~at_contact]))
     # A node may be at the contact by a facet of another rank only.
-    off_contact = np.setdiff1d(others, contact)
+    off_contact = np.setdiff1d(others, on_contact)
 
-    all_numbers = np.concatenate([contact, off_contact])
+    all_numbers = np.concatenate([on_contact, off_contact])
     order = np.argsort(all_numbers)
     place = order[np.searchsorted(all_numbers, numbers, sorter=order)]
-    return Layer(len(contact), all_numbers, dofs, place)
+    return Layer(len(on_contact), all_numbers, dofs, place)
