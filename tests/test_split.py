@@ -165,9 +165,11 @@ def test_each_facet_faces_another_one(name, measures):
         assert "joint" not in domain.names
         region = np.isin(domain.facing("punch", "block")[0][:, 0], domain.region("upper"))
         assert region.all()
-        cells = domain.cells
-        domain = domain.refined(near(domain, np.array(corner), 0.4))
-        assert domain.cells > cells
+        coarse = domain
+        domain = coarse.refined(near(coarse, np.array(corner), 0.4))
+        glued = coarse.glued.refined(near(coarse.glued, np.array(corner), 0.4))
+        assert (domain.cells, domain.glued.vertices) == (glued.cells, glued.vertices)
+        assert domain.cells > coarse.cells
 
 
 @pytest.mark.ranks
@@ -285,13 +287,14 @@ def test_meshed_again():
     assert finer.names == domain.names
     assert finer.glued.cells == domain.glued.remeshed(0.1).cells
     assert assert_paired(finer) == between(finer.glued, "upper", "lower")
-    at_nodes = np.full(len(domain.mesh.geometry.x), 0.2)
-    at_nodes[cells_of(domain)[domain.region("upper")].ravel()] = 0.05
-    graded = domain.remeshed(at_nodes)
-    at_glued = np.full(len(domain.glued.mesh.geometry.x), 0.2)
-    at_glued[cells_of(domain.glued)[domain.glued.region("upper")].ravel()] = 0.05
-    assert graded.cells == domain.glued.remeshed(at_glued).cells
-    assert_paired(graded.refined())
+    for region in ("upper", "lower"):
+        at_nodes = np.full(len(domain.mesh.geometry.x), 0.2)
+        at_nodes[cells_of(domain)[domain.region(region)].ravel()] = 0.05
+        graded = domain.remeshed(at_nodes)
+        at_glued = np.full(len(domain.glued.mesh.geometry.x), 0.2)
+        at_glued[cells_of(domain.glued)[domain.glued.region(region)].ravel()] = 0.05
+        assert graded.cells == domain.glued.remeshed(at_glued).cells
+        assert_paired(graded.refined())
     with pytest.raises(ec.InputError, match="give a number, or one for each node"):
         domain.remeshed(at_nodes[:-1])
     with pytest.raises(ec.InputError, match="not > 0 and finite"):

@@ -192,7 +192,7 @@ class Domain(NamedMesh):
 
         Example:
             >>> bodies.split({"punch": "upper", "base": "lower"})
-            <Domain in 2D: ... cells, ..., pairs punch/base of 8 facets>
+            <Domain in 2D: 16 cells, ..., pairs punch/base of 4 facets>
         """
         glued = self if self.glued is None else self.glued
         comm = self.mesh.comm
