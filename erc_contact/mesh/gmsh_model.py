@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from typing import Any
 
 import numpy as np
@@ -56,43 +56,63 @@ def session(comm: MPI.Comm, build: Callable[[Any], None], subject: str) -> Itera
         ``gmsh.model`` on rank 0, None on other ranks.
 
     Raises:
-        InputError: On all ranks, if gmsh cannot be loaded or ``build`` raises.
+        InputError: On all ranks, if gmsh cannot be loaded or started, or ``build``
+            raises.
     """
     if comm.rank != 0:
         # It meets one of the calls below, which rank 0 makes.
         raise_together(comm, None)
         yield None
         return
+    with ExitStack() as opened:
+        gmsh = None
+        error: Exception | None = None
+        try:
+            gmsh = opened.enter_context(_new_model())
+            build(gmsh)
+        except Exception as reason:  # every rank must learn of it
+            error = as_input_error(reason, subject)
+        raise_together(comm, error)
+        assert gmsh is not None
+        yield gmsh.model
+
+
+@contextmanager
+def _new_model() -> Iterator[Any]:
+    """Open gmsh with our options and a new model on this rank.
+
+    Afterwards a user's session is as it was; without one gmsh is closed.
+
+    Yields:
+        The module gmsh.
+
+    Raises:
+        InputError: If gmsh cannot be loaded or started.
+    """
+    otherwise = "or give cells= or a Domain."
     try:
         import gmsh  # noqa: PLC0415 - only rank 0 needs it
     except (ImportError, OSError) as reason:  # OSError: a shared library that gmsh's wheel expects
-        message = f"gmsh cannot be loaded: {reason}. Install it, or give cells= or a Domain."
-        raise_together(comm, InputError(message))
-
-    started_here = not gmsh.isInitialized()
-    if started_here:
-        gmsh.initialize(readConfigFiles=False, interruptible=False)
-    before = None if started_here else gmsh.model.getCurrent()
-    options = {name: gmsh.option.getNumber(name) for name in (*SESSION, *FIELD)}
-    for name, value in SESSION.items():
-        gmsh.option.setNumber(name, value)
-    gmsh.model.add("erc_contact")
-    error: Exception | None = None
-    try:
-        build(gmsh)
-    except Exception as reason:  # every rank must learn of it
-        error = as_input_error(reason, subject)
-    try:
-        raise_together(comm, error)
-        yield gmsh.model
-    finally:
-        if started_here:
-            gmsh.finalize()
-        else:
-            gmsh.model.remove()
-            gmsh.model.setCurrent(before)
-            for name, value in options.items():
+        raise InputError(f"gmsh cannot be loaded: {reason}. Install it, {otherwise}") from reason
+    with ExitStack() as afterwards:
+        try:
+            if gmsh.isInitialized():
+                afterwards.callback(gmsh.model.setCurrent, gmsh.model.getCurrent())
+                for name in (*SESSION, *FIELD):
+                    value = gmsh.option.getNumber(name)
+                    afterwards.callback(gmsh.option.setNumber, name, value)
+            else:
+                gmsh.initialize(readConfigFiles=False, interruptible=False)
+                afterwards.callback(gmsh.finalize)
+            for name, value in SESSION.items():
                 gmsh.option.setNumber(name, value)
+            gmsh.model.add("erc_contact")
+            afterwards.callback(gmsh.model.remove)
+        except Exception as reason:  # gmsh's own errors are of no other class
+            raise InputError(
+                f"gmsh cannot be started: {reason}. Install another version of it, {otherwise}"
+            ) from reason
+        yield gmsh
 
 
 def name_groups(model: Any, names: Mapping[int | tuple[int, int], str]) -> None:
