@@ -21,7 +21,7 @@ from processes import output, started
 from scenes import two_squares
 
 import erc_contact as ec
-from erc_contact.mesh import gmsh_model
+from erc_contact.mesh import gmsh_session as our_session
 from erc_contact.mesh.shape import Drawing
 from erc_contact.model.promises import bind
 
@@ -1426,7 +1426,7 @@ def test_gmsh_that_cannot_be_started(monkeypatch):
 
 def test_gmsh_without_an_option(gmsh_session, monkeypatch):
     """The user's session is as it was; a session of ours is closed."""
-    monkeypatch.setitem(gmsh_model.SESSION, "Mesh.NoSuchOption", 1)
+    monkeypatch.setitem(our_session.SESSION, "Mesh.NoSuchOption", 1)
     call = partial(ec.rectangle, (0.0, 0.0), (1.0, 1.0), size=0.5)
     refused(call, "gmsh cannot be started", "NoSuchOption")
     if gmsh_session:
