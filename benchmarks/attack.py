@@ -20,12 +20,12 @@ mesh that cuts the cells as sigma^ does and refines them three times.
 ``steps``: the same of steps of histories that turn the push back, given their history.
 
 ``tightening``: see ``attack_tightening.py``; ``plane``, ``space``: the certificates of
-``attack_certificates.py``.
+``attack_certificates.py``; ``plates``: see ``attack_plates.py``, on several ranks, too.
 
     OMP_NUM_THREADS=1 python benchmarks/attack.py [name|all] [seed] [number of scenes]
 
 Without a number each family has as many scenes as fit into a minute or two; all take
-about eight minutes.
+about ten minutes.
 """
 
 from __future__ import annotations
@@ -43,6 +43,7 @@ import numpy as np  # isort: skip - after erc_contact, which loads MPI first
 from attack_certificates import certificates  # isort: skip
 from attack_certificates import summary as summary_of_certificates  # isort: skip
 from attack_families import random_sliding_block, random_sliding_box  # isort: skip
+from attack_plates import plates  # isort: skip
 from attack_tables import quantile_table  # isort: skip
 from attack_tightening import summary as summary_of_tightening, tightening as tightened  # isort: skip
 from true_errors import reference, true_errors  # isort: skip
@@ -244,7 +245,7 @@ def tell(line: str) -> None:
 
 
 TASKS: dict[str, Callable[..., None]] = {
-    task.__name__: task for task in (coarse, kinks, pushed, steps, tightening, plane, space)
+    task.__name__: task for task in (coarse, kinks, pushed, steps, tightening, plane, space, plates)
 }
 
 

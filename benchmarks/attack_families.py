@@ -66,7 +66,7 @@ def random_block(rng: np.random.Generator) -> Sample:
     degree = int(rng.integers(1, 3))
     support = str(rng.choice(["top held", "left held", "left roller"]))
     supports, loads = _supports_and_loads(rng, support, width)
-    friction = _friction(rng, width, 0.8)
+    friction = friction_along(rng, width, 0.8)
     gap = _gap(rng, width)
     scene = ec.Scene(material, supports, loads, [ec.Contact("bottom", friction=friction, gap=gap)])
     name = (
@@ -115,7 +115,7 @@ def _supports_and_loads(
     return [ec.Displacement("left", held)], [load]
 
 
-def _friction(rng: np.random.Generator, width: float, largest: float) -> Any:
+def friction_along(rng: np.random.Generator, width: float, largest: float) -> Any:
     """Make a friction coefficient [-], constant or growing along the contact."""
     mu = float(rng.uniform(0.05, largest))
     growth = float(rng.uniform(0.0, 0.5))
@@ -149,7 +149,7 @@ def random_sliding_block(rng: np.random.Generator) -> Sample:
     degree = int(rng.integers(1, 3))
     support = str(rng.choice(["top held", "top held", "left held", "left roller"]))
     supports, loads = _supports_and_loads(rng, support, width)
-    contact = ec.Contact("bottom", friction=_friction(rng, width, 0.8), gap=_gap(rng, width))
+    contact = ec.Contact("bottom", friction=friction_along(rng, width, 0.8), gap=_gap(rng, width))
     name = (
         f"{columns} x {rows}, width {width:.2f}, nu {nu:.2f}, E {law}, {support}, degree {degree}"
     )
@@ -166,6 +166,8 @@ def random_sliding_box(rng: np.random.Generator) -> Sample:
     push = [float(value) for value in rng.uniform(-0.05, 0.05, 2)]
     press, tilt = float(rng.uniform(0.01, 0.05)), float(rng.uniform(-0.02, 0.02))
     top = ec.Displacement("top", (*push, lambda x: tilt / sizes[0] * x[0] - press))
-    contact = ec.Contact("bottom", friction=_friction(rng, sizes[0], 0.8), gap=_gap(rng, sizes[0]))
+    contact = ec.Contact(
+        "bottom", friction=friction_along(rng, sizes[0], 0.8), gap=_gap(rng, sizes[0])
+    )
     name = f"{' x '.join(str(n) for n in cells)}, nu {nu:.2f}, degree 1"
     return Sample(name, ec.Scene(ec.Elastic(1.0, nu), [top], [], [contact]), domain, 1)

@@ -180,13 +180,13 @@ def continuum_of_solutions() -> Pair:
     )
 
 
-def hertz(push: Sequence[float], friction: float) -> Pair:
-    """Make a half disc of radius 1 on a plane."""
+def hertz(push: Sequence[float], friction: float, size: float = 0.01) -> Pair:
+    """Make a half disc of radius 1 on a plane, with cells of ``size`` below."""
     contact = ec.Contact("arc", friction=friction, normal=(0.0, -1.0), gap=lambda x: x[1])
     scene = ec.Scene(
         ec.Elastic(1.0, 0.3), [ec.Displacement("top", tuple(push))], contacts=[contact]
     )
-    return scene, half_disc(1.0, 0.01)
+    return scene, half_disc(1.0, size)
 
 
 def on_a_cylinder(x: Any) -> Any:

@@ -11,10 +11,9 @@ compiled forms: one may wait for a form that another compiles.
 
 In the first run some hundred forms are compiled. setuptools, which calls the C
 compiler, looks for plug-ins of all installed packages six times for each of them, a
-sixth of the time; here it does so once. UFL makes the same few cells with all their
-faces thousands of times; here each of them is made once. UFL makes millions of small
-objects; Python looks for cycles among them less often here, which takes a twentieth
-less. What else is done for the C compiler stands in ``compiler.py``.
+sixth of the time; here it does so once. UFL makes millions of small objects; Python
+looks for cycles among them less often here, which takes a twentieth less. What else is
+done for the C compiler stands in ``compiler.py``.
 """
 
 import gc
@@ -32,10 +31,8 @@ os.environ["MPLBACKEND"] = "Agg"
 import bytecode  # noqa: F401, I001 - before all that takes long to import
 import erc_contact as ec  # it orders MPI before the compiled modules, so it comes first
 
-import basix.ufl
 import numpy as np
 import pytest
-import ufl
 from compiler import compiler_options
 from dolfinx import jit
 from mpi4py import MPI
@@ -53,8 +50,6 @@ jit.DOLFINX_DEFAULT_JIT_OPTIONS["timeout"] = (
     "seconds that one process waits for a form that another compiles",
 )
 importlib.metadata.entry_points = cache(importlib.metadata.entry_points)
-cell_named = cache(ufl.Cell)
-basix.ufl._ElementBase.cell = property(lambda element: cell_named(element._cellname))
 
 
 PATIENCE = 60.0

@@ -6,6 +6,7 @@ the message names the thing.
 
 import dataclasses
 import math
+from functools import partial
 from pathlib import Path
 from typing import ClassVar
 
@@ -20,6 +21,7 @@ from processes import output, started
 from scenes import two_squares
 
 import erc_contact as ec
+from erc_contact.mesh import gmsh_session as our_session
 from erc_contact.mesh.shape import Drawing
 from erc_contact.model.promises import bind
 
@@ -1407,6 +1409,32 @@ def test_geometry_that_gmsh_fails_on(suffix, text, block):
     assert (len(history.steps), history.reached) == (1, False)
     assert "cannot be used" in history.outcome
     assert history.best.relative == history.steps[0].eps
+
+
+def test_gmsh_that_cannot_be_started(monkeypatch):
+    """Only rank 0 starts gmsh, and the others learn that it failed.
+
+    A gmsh of before 4.10 does not know ``interruptible``.
+    """
+    if COMM.rank == 0:
+        import gmsh
+
+        monkeypatch.setattr(gmsh, "initialize", lambda argv=(), readConfigFiles=True: None)
+    call = partial(ec.rectangle, (0.0, 0.0), (1.0, 1.0), size=0.5)
+    refused(call, "gmsh cannot be started", "interruptible", "cells=")
+
+
+def test_gmsh_without_an_option(gmsh_session, monkeypatch):
+    """The user's session is as it was; a session of ours is closed."""
+    monkeypatch.setitem(our_session.SESSION, "Mesh.NoSuchOption", 1)
+    call = partial(ec.rectangle, (0.0, 0.0), (1.0, 1.0), size=0.5)
+    refused(call, "gmsh cannot be started", "NoSuchOption")
+    if gmsh_session:
+        assert gmsh_session.model.getCurrent() == "user"
+        assert gmsh_session.model.list() == ["", "user"]
+        gmsh_session.finalize()
+    refused(call, "gmsh cannot be started", "NoSuchOption")
+    assert gmsh_session is None or not gmsh_session.isInitialized()
 
 
 def test_size_map_of_a_bare_mesh(block):

@@ -6,8 +6,10 @@ No scene of which nothing is doubtful says a word.
 """
 
 import logging
+from pathlib import Path
 
 import pytest
+import ufl
 from mpi4py import MPI
 from scenes import prototype_block
 
@@ -116,6 +118,46 @@ def test_what_is_usual_is_not_doubtful(caplog):
     ec.solve(held, square())  # at rest
     roller = pressed(contacts=[ec.Contact("bottom", bilateral=True, gap=0.1)])
     ec.solve(roller, square())
+    assert not caplog.records
+
+
+def half_disc_on_a_plane(push):
+    """The half disc that touches y = 0 with its lowest point; its top is moved by ``push``."""
+    foundation = ec.Contact("arc", normal=(0.0, -1.0), gap=lambda x: 1.0 - ufl.sqrt(1 - x[0] ** 2))
+    scene = pressed(supports=[ec.Displacement("top", (0.0, push))], contacts=[foundation])
+    return scene, ec.read_mesh(Path(__file__).parents[1] / "meshes" / "half_disc.geo")
+
+
+def test_an_arc_that_is_pressed_touches(caplog):
+    """Its lowest node is apart by 4% of the displacement, and there is a force."""
+    caplog.set_level(logging.WARNING, logger="erc_contact")
+    solution = ec.solve(*half_disc_on_a_plane(-0.01), ec.Nitsche(), degree=2)
+    assert solution.force("arc").force[1] > 1e-3
+    assert not caplog.records
+
+
+@pytest.mark.parametrize("solver", ["direct", "iterative"])
+@pytest.mark.parametrize("method", [ec.Nitsche(), ec.AugmentedLagrangian()], ids=str)
+def test_an_arc_that_is_pulled_off_does_not(method, solver, warnings):
+    """What a solver leaves of its multiplier is no force."""
+    ec.solve(*half_disc_on_a_plane(0.01), method, degree=2, solver=solver)
+    assert len(warnings(of="Nothing touches the contact 'arc'")) == 1
+
+
+@pytest.mark.parametrize(
+    ("d", "method", "degree"), [(2, ec.Nitsche(), 1), (3, ec.AugmentedLagrangian(), 2)]
+)
+def test_a_round_foundation_may_touch_between_nodes(d, method, degree, caplog):
+    """The middle of the bottom is in the middle of a facet, or of two."""
+    caplog.set_level(logging.WARNING, logger="erc_contact")
+    brick = ec.rectangle if d == 2 else ec.box
+    domain = brick((-1.0,) * (d - 1) + (0.0,), (1.0,) * d, cells=(3,) * (d - 1) + (2,))
+    along = range(d - 1)
+    floor = ec.Contact("bottom", gap=lambda x: 0.5 * sum(x[i] ** 2 for i in along))
+    scene = pressed(
+        supports=[ec.Displacement("top", (0.0,) * (d - 1) + (-0.03,))], contacts=[floor]
+    )
+    assert ec.solve(scene, domain, method, degree=degree).force("bottom").force[-1] > 1e-3
     assert not caplog.records
 
 

@@ -12,7 +12,8 @@ from itertools import cycle
 
 import numpy as np
 import pytest
-from extremes import BEYOND, SOLVABLE, UNITS, UNSOLVABLE, block
+from edge_scenes import BEYOND, SOLVABLE, UNITS, UNSOLVABLE
+from extreme_bodies import block
 
 import erc_contact as ec
 from erc_contact.admissible.cells import cell_geometry

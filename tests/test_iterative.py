@@ -290,6 +290,14 @@ def test_bad_solver_is_refused():
         ec.solve(scene, domain, solver="multigrid")
 
 
+def failing_stage(elastic):
+    """Make the factor, and fail."""
+    with elastic.in_memory():
+        elastic.solve(elastic.load_vector())
+        assert elastic.factorised
+        raise KeyError("stage")
+
+
 @pytest.mark.parametrize("solver", ["direct", "iterative"])
 def test_the_factor_lives_in_the_block_of_its_owner(solver):
     """The contact solve leaves it, the outermost block frees it, and a later stage makes it again."""
@@ -300,6 +308,9 @@ def test_the_factor_lives_in_the_block_of_its_owner(solver):
         with elastic.in_memory():
             assert solution.factorised
         assert solution.factorised
+    assert not solution.factorised
+    with pytest.raises(KeyError, match="stage"):
+        failing_stage(elastic)
     assert not solution.factorised
     pair = ec.equilibrate(solution)
     assert not solution.factorised

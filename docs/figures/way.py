@@ -64,6 +64,21 @@ def stage(ax, x, y, name, text):
     ax.text(x, y - 0.14, text, va="center", size=8, style="italic")
 
 
+def beside(ax, x, name):
+    """The functions of the way back, written upwards beside it."""
+    ax.text(
+        x,
+        4.2,
+        name,
+        rotation=90,
+        ha="center",
+        va="center",
+        family="monospace",
+        size=10,
+        color=LINE,
+    )
+
+
 plt.rcParams["svg.hashsalt"] = "way"  # the same file each time
 fig, ax = plt.subplots(figsize=(5.9, 5.9))
 value(ax, 0.0, 6.0, 3.05, "Scene", "material, supports, contacts")
@@ -80,28 +95,8 @@ error = 6.0 - 3 * STEP + HEIGHT / 2
 ax.plot([6.46, 6.85], [error, error], color=LINE, lw=1)
 ax.plot([6.85, 6.85], [error, 6.0 + HEIGHT / 2], color=LINE, lw=1)
 arrow(ax, (6.85, 6.0 + HEIGHT / 2), (6.46, 6.0 + HEIGHT / 2))
-ax.text(
-    7.08,
-    4.2,
-    "mark, refined",
-    rotation=90,
-    ha="center",
-    va="center",
-    family="monospace",
-    size=10,
-    color=LINE,
-)
-ax.text(
-    7.45,
-    4.2,
-    "size_map, remeshed",
-    rotation=90,
-    ha="center",
-    va="center",
-    family="monospace",
-    size=10,
-    color=LINE,
-)
+beside(ax, 7.08, "mark, refined")
+beside(ax, 7.45, "size_map, remeshed")
 
 ax.set(xlim=(-0.1, 7.65), ylim=(-0.1, 6.9))
 ax.axis("off")

@@ -109,7 +109,8 @@ class Bounds:
 def resultant(error: ConstitutiveError | Run, contact: str, direction: Sequence[float]) -> Bounds:
     """Bound the resultant ``int r.a`` of a contact traction by (b); collective.
 
-    The traction is that of the foundation on the body.
+    The traction is that on the body of the boundary part, from the foundation or the
+    other body.
 
     Args:
         error: The error of an admissible pair, or a history, whose error is taken.
@@ -132,10 +133,14 @@ def resultant(error: ConstitutiveError | Run, contact: str, direction: Sequence[
     error = error_of(error)
     pair = error.admissible
     model = pair.model
-    which = model.contacts.index(model.contact(contact))
+    bound = model.contact(contact)
+    which = model.contacts.index(bound)
     a = np.asarray(direction, dtype=float)
     if a.shape != (model.d,) or not np.isfinite(a).all():
         raise InputError(f"The direction is {direction!r}; give {model.d} finite numbers.")
+    if contact == bound.against:
+        # Action and reaction: the traction on the other body is the opposite one.
+        a = -a
     phi, weighted = lifting(model, pair.solution.stiffness, which, a)
     both = elastic_work(pair, pair.displacement, phi) + stress_work(pair, phi)
     middle = 0.5 * both - load_work(model, phi)

@@ -1,7 +1,8 @@
 """Displacements of least energy that equal a direction on one contact.
 
 Such a displacement phi does no work on the other contacts. It tests the resultant of
-the contact traction (:mod:`erc_contact.error.bounds`).
+the contact traction (:mod:`erc_contact.error.bounds`). On a contact between two bodies
+all that is said of phi is said of its jump.
 
 Symbols: n nodes, d dimension.
 """
@@ -10,15 +11,17 @@ from __future__ import annotations
 
 import numpy as np
 import ufl
-from dolfinx import fem
+from dolfinx import fem, la
 from dolfinx.fem import petsc as fp
 from mpi4py import MPI
+from petsc4py import PETSc
 
 from erc_contact.base.exceptions import InputError, raise_together
 from erc_contact.base.runtime import compiled
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.error.constitutive import ROUND_OFF
 from erc_contact.model.foundation import BoundContact
+from erc_contact.model.loads import sum_of
 from erc_contact.model.model import Model
 from erc_contact.newton.linear.solver import ElasticSolver
 
@@ -53,44 +56,90 @@ def lifting(
     phi = _least_energy(model, elastic, which, a)
     values = phi.x.array.reshape(-1, model.d)
     contact = model.contacts[which]
-    nodes = _nodes(model, contact)
-    others = []
-    for other in model.contacts:
-        if other is not contact:
-            others.append((other, _nodes(model, other)))
-    values[nodes] += _working_part(contact, a - values[nodes])
-    for other, at_other in others:
-        values[at_other] -= _working_part(other, values[at_other])
+    surface = _Surface(model, contact)
+    others = [_Surface(model, other) for other in model.contacts if other is not contact]
+    surface.add(values, _working_part(contact, a - surface.jump(values)))
+    for other in others:
+        other.add(values, -_working_part(other.contact, other.jump(values)))
     values[model.fixed] = 0.0
     # A node of several contacts is not free for all of them: phi is zero there.
     tolerance = ROUND_OFF * float(np.linalg.norm(a))
-    for other, at_other in others:
-        wrong = abs(_working_part(other, values[at_other])).max(axis=1, initial=0.0)
-        values[at_other[wrong > tolerance]] = 0.0
+    for other in others:
+        wrong = abs(_working_part(other.contact, other.jump(values))).max(axis=1, initial=0.0)
+        other.set_to_zero(values, wrong > tolerance)
     phi.x.scatter_forward()
-    missing = abs(_working_part(contact, a - values[nodes])).max(initial=0.0) > tolerance
+    missing = abs(_working_part(contact, a - surface.jump(values))).max(initial=0.0) > tolerance
     return phi, bool(model.comm.allreduce(bool(missing), MPI.LOR))
+
+
+class _Surface:
+    """Represent the nodes of a contact that this rank has; construction is collective.
+
+    They include those that only facets of other ranks have.
+
+    Args:
+        model: The scene on a mesh.
+        contact: The contact.
+    """
+
+    def __init__(self, model: Model, contact: BoundContact) -> None:
+        self.contact = contact
+        self.nodes = fem.locate_dofs_topological(
+            model.V, model.d - 1, model.facet_numbers(contact.facets)
+        )
+        self._partners = np.zeros(0, dtype=np.int64)
+        self._free = ~model.fixed
+        if contact.against is not None:
+            partners = model.coordinates.partner_here[self.nodes]
+            # The owners of both nodes of a pair have both of them.
+            self.nodes = self.nodes[partners >= 0]
+            self._partners = partners[partners >= 0]
+
+    def jump(self, values: np.ndarray) -> np.ndarray:
+        """Return phi, or its jump, of values (all nodes, d), shape (n, d)."""
+        if self.contact.against is None:
+            return values[self.nodes]
+        return values[self.nodes] - values[self._partners]
+
+    def add(self, values: np.ndarray, change: np.ndarray) -> None:
+        """Add a change (n, d) to phi, or to its jump, in place.
+
+        This body moves, and where a support holds it the other one.
+        """
+        if self.contact.against is None:
+            values[self.nodes] += change
+            return
+        here = self._free[self.nodes]
+        values[self.nodes] += np.where(here, change, 0.0)
+        values[self._partners] -= np.where(here, 0.0, change)
+
+    def set_to_zero(self, values: np.ndarray, which: np.ndarray) -> None:
+        """Set phi to zero at some of the nodes (n,), in place."""
+        values[self.nodes[which]] = 0.0
+        if self.contact.against is not None:
+            values[self._partners[which]] = 0.0
 
 
 def _least_energy(model: Model, elastic: ElasticSolver, which: int, a: np.ndarray) -> fem.Function:
     """Compute phi with stiff springs that hold it on the contacts; collective."""
-    u = ufl.TrialFunction(model.V)
-    v = ufl.TestFunction(model.V)
-    contact = model.contacts[which]
     gamma = model.stiffness_per_area(compiled.constant(model.mesh, SPRING_FACTOR))
-    springs: Ufl = 0
-    for c in model.contacts:
-        springs = springs + gamma * ufl.inner(_working_part_ufl(c, u), v) * c.ds
+    matrix = _springs(model, gamma)
+    contact = model.contacts[which]
+    v = ufl.TestFunction(model.V)
     direction = compiled.constant(model.mesh, a)
     pull = gamma * ufl.inner(_working_part_ufl(contact, direction), v) * contact.ds
-    matrix = fp.assemble_matrix(compiled.form(springs), bcs=model.bcs, diag=0.0)
-    matrix.assemble()
     b = model.function()
     fem.assemble_vector(b.x.array, compiled.form(pull))
-    # The solver starts from a rigid motion, if the body is free to make it.
     start = model.function()
-    start.x.array.reshape(-1, model.d)[:] = _working_part(contact, a[None])
-    start.x.array[model.fixed.ravel()] = 0.0
+    if model.coordinates.is_identity:
+        # The solver starts from a rigid motion, if the body is free to make it.
+        start.x.array.reshape(-1, model.d)[:] = _working_part(contact, a[None])
+        start.x.array[model.fixed.ravel()] = 0.0
+    elif contact.against is not None:
+        # The springs pull at the jump.
+        b.x.scatter_reverse(la.InsertMode.add)
+        b = model.coordinates.forces_on_bodies(b)
+        b.x.array[model.V.dofmap.index_map.size_local * model.d :] = 0.0
     with elastic.in_memory():
         phi = elastic.solve_with_springs(matrix, b, start)
     matrix.destroy()
@@ -99,6 +148,37 @@ def _least_energy(model: Model, elastic: ElasticSolver, which: int, a: np.ndarra
         error = InputError("The body cannot be factorised; look at its moduli.")
     raise_together(model.comm, error)
     return phi
+
+
+def _springs(model: Model, gamma: Ufl) -> PETSc.Mat:
+    """Assemble the springs of all contacts for the unknowns of the solver; collective."""
+    u = ufl.TrialFunction(model.V)
+    v = ufl.TestFunction(model.V)
+    on_foundations: list[Ufl] = []
+    between: list[Ufl] = []
+    for contact in model.contacts:
+        term = gamma * ufl.inner(_working_part_ufl(contact, u), v) * contact.ds
+        kind = on_foundations if contact.against is None else between
+        kind.append(term)
+    coordinates = model.coordinates
+    if coordinates.is_identity:
+        matrix = fp.assemble_matrix(compiled.form(sum_of(on_foundations)), bcs=model.bcs, diag=0.0)
+        matrix.assemble()
+        return matrix
+    matrix = fp.assemble_matrix(compiled.form(sum_of(between)))
+    matrix.assemble()
+    if on_foundations:
+        of_bodies = fp.assemble_matrix(compiled.form(sum_of(on_foundations)))
+        of_bodies.assemble()
+        of_unknowns = of_bodies.ptap(coordinates.matrix)
+        matrix.axpy(1.0, of_unknowns, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+        of_bodies.destroy()
+        of_unknowns.destroy()
+    matrix.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
+    first, last = matrix.getOwnershipRange()
+    fixed = first + np.flatnonzero(coordinates.fixed.ravel()[: last - first])
+    matrix.zeroRowsColumns(fixed.astype(PETSc.IntType), diag=0.0)
+    return matrix
 
 
 def _only_normal(contact: BoundContact) -> bool:
@@ -122,11 +202,3 @@ def _working_part_ufl(contact: BoundContact, v: Ufl) -> Ufl:
     if not _only_normal(contact):
         return v
     return ufl.dot(v, contact.normal) * contact.normal
-
-
-def _nodes(model: Model, contact: BoundContact) -> np.ndarray:
-    """Find the nodes on a contact; collective.
-
-    They include those that only facets of other ranks have.
-    """
-    return fem.locate_dofs_topological(model.V, model.d - 1, model.facet_numbers(contact.facets))

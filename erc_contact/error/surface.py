@@ -16,6 +16,7 @@ import numpy as np
 
 from erc_contact.admissible.pair import Admissible
 from erc_contact.mesh.simplex import bernstein, lagrange, measures, node_between, nodes, rule
+from erc_contact.model.coordinates import NO_PARTNER
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.friction import PROPORTIONAL
 from erc_contact.model.last_step import interpolate
@@ -218,7 +219,11 @@ def coulomb_surface(model: Model) -> Surface:
         numbers_of_contacts.append(of_contact)
         corners_of_contacts.append(here.corners[here.owned])
         directions_of_contacts.append(contact.direction[here.owned])
-        fixed_of_contacts.append(model.fixed[facet_nodes])
+        fixed_of_contacts.append(contact.trace.fixed(model.fixed)[here.owned])
+        if contact.against is None:
+            # The unknown of the solver at a node of a pair is the jump, and not u.
+            is_paired = model.coordinates.partner[facet_nodes] != NO_PARTNER
+            others.append(of_contact[is_paired])
     all_numbers = _gathered(model, numbers_of_contacts)
     corners = _gathered(model, corners_of_contacts)
     direction = _gathered(model, directions_of_contacts)

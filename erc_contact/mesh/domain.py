@@ -22,8 +22,10 @@ from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError, together
 from erc_contact.base.html import table
 from erc_contact.mesh import partition, parts
+from erc_contact.mesh.copies import numbered, same_ranks
+from erc_contact.mesh.named import NamedMesh
 from erc_contact.mesh.refinement import refine
-from erc_contact.mesh.splitting import Interface, Seams, split
+from erc_contact.mesh.splitting import Carried, Interface, Seams, claimed, side_tags
 from erc_contact.mesh.surface import offset, snap
 from erc_contact.mesh.tags import shared
 
@@ -42,7 +44,7 @@ class Geometry(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class Domain:
+class Domain(NamedMesh):
     """Hold a mesh whose parts have names.
 
     Args:
@@ -58,6 +60,8 @@ class Domain:
         curved_facets: Tags of the facets on the boundary and on interfaces of a curved
             body: the number of the curve or surface of the geometry on which a facet
             lies. None if the body is not curved, or not known.
+        glued: The domain from which this one was split, see :meth:`split`, or None.
+        seams: What relates the nodes and cells of both, or None.
 
     Raises:
         InputError: If the mesh is not of straight-sided simplices, names and tags do
@@ -71,19 +75,10 @@ class Domain:
         20
     """
 
-    mesh: dmesh.Mesh
-    facet_tags: dmesh.MeshTags
-    names: Mapping[str, int]
-    cell_tags: dmesh.MeshTags | None = None
-    regions: Mapping[str, int] = field(default_factory=dict)
     geometry: Geometry | None = field(default=None, repr=False)
     curved_facets: dmesh.MeshTags | None = field(default=None, repr=False)
     glued: Domain | None = field(default=None, repr=False)
     seams: Seams | None = field(default=None, repr=False)
-    _inside: set[str] = field(init=False, repr=False, default_factory=set)
-    _zeros: dict[tuple[str, int, tuple[int, ...]], fem.Function] = field(
-        init=False, repr=False, default_factory=dict
-    )
 
     def __post_init__(self) -> None:
         if not isinstance(self.mesh, dmesh.Mesh):
@@ -118,6 +113,8 @@ class Domain:
         names = ", ".join(self.names)
         if self.regions:
             names += f", regions {', '.join(self.regions)}"
+        if self.seams is not None:
+            names += f", pairs {self.seams}"
         return f"<Domain in {self.dim}D: {self.cells} cells, boundary parts {names}>"
 
     def _repr_html_(self) -> str:
@@ -126,64 +123,11 @@ class Domain:
         rows.append(("boundary parts", ", ".join(self.names)))
         if self.regions:
             rows.append(("regions", ", ".join(self.regions)))
+        if self.seams is not None:
+            rows.append(("pairs", self.seams))
         curved = self.curved_facets is not None
         rows.append(("shape", parts.shape_in_words(self.geometry, self.dim, curved=curved)))
         return table(rows, caption=f"Domain in {self.dim}D")
-
-    @property
-    def dim(self) -> int:
-        """Return the dimension of space, 2 or 3."""
-        return self.mesh.topology.dim
-
-    @property
-    def cells(self) -> int:
-        """Return the number of cells over all ranks."""
-        return self.mesh.topology.index_map(self.dim).size_global
-
-    @property
-    def owned_cells(self) -> int:
-        """Return the number of cells of this rank."""
-        return self.mesh.topology.index_map(self.dim).size_local
-
-    @property
-    def vertices(self) -> int:
-        """Return the number of vertices over all ranks."""
-        return self.mesh.topology.index_map(0).size_global
-
-    @cached_property
-    def sides(self) -> np.ndarray:
-        """Return the sides of the bounding box [length], shape (d,); collective."""
-        return parts.box_sides(self.mesh)[: self.dim]
-
-    @property
-    def extent(self) -> float:
-        """Return the diagonal of the bounding box [length]; collective."""
-        return float(np.linalg.norm(self.sides))
-
-    @property
-    def outer(self) -> list[str]:
-        """Return the names of the parts without facets inside the body.
-
-        A scene can use these parts.
-        """
-        return [name for name in self.names if name not in self._inside]
-
-    def function(self, family: str, degree: int, shape: tuple[int, ...] = ()) -> fem.Function:
-        """Return a new Function on the mesh, zero everywhere; collective.
-
-        All Functions of a kind have the same space, and the same communicators of MPI.
-        A process has some 2000 of these, and a loading history keeps several Functions
-        for each step.
-
-        Args:
-            family: Family of the elements, "Lagrange" or "DG".
-            degree: Degree of the elements.
-            shape: Shape of the values.
-        """
-        kind = (family, degree, shape)
-        if kind not in self._zeros:
-            self._zeros[kind] = fem.Function(fem.functionspace(self.mesh, kind))
-        return self._zeros[kind].copy()
 
     @cached_property
     def offset(self) -> fem.Function | None:
@@ -195,94 +139,101 @@ class Domain:
             return None
         return offset(self.mesh, self.curved_facets, self.geometry.nearest)
 
-    def tag(self, name: str) -> int:
-        """Return the tag of a boundary part, for measures of DOLFINx.
-
-        Raises:
-            InputError: If no part has this name, or it has facets inside the body.
-        """
-        if name not in self.names:
-            raise InputError(
-                f"No boundary part is called {name!r}; this domain has {parts.listed(self.names)}."
-            )
-        if name in self._inside:
-            raise InputError(
-                f"{name!r} has facets inside the body; only a part of the boundary can carry "
-                "a condition."
-            )
-        return self.names[name]
-
-    def facets(self, name: str) -> np.ndarray:
-        """Return the facets of a boundary part as pairs (cell, local facet).
-
-        Ghosts are included; shape (n, 2).
-
-        Raises:
-            InputError: If no part has this name, or it has facets inside the body.
-        """
-        facets = self.facet_tags.find(self.tag(name))
-        cell, local_facet = partition.boundary_sides(self.mesh, facets)
-        return np.column_stack([cell, local_facet]).astype(np.int32)
-
-    def owned_facets(self, name: str) -> np.ndarray:
-        """Return the facets of a boundary part in owned cells, shape (n, 2).
-
-        They are pairs (cell, local facet). All ranks together have each facet once.
-
-        Raises:
-            InputError: If no part has this name, or it has facets inside the body.
-        """
-        facets = self.facets(name)
-        return facets[facets[:, 0] < self.owned_cells]
-
-    def region(self, name: str) -> np.ndarray:
-        """Return the cells of a region, ghosts included.
-
-        Raises:
-            InputError: If no region has this name.
-        """
-        if self.cell_tags is None or name not in self.regions:
-            raise InputError(
-                f"No cell region is called {name!r}; this domain has {parts.listed(self.regions)}."
-            )
-        return self.cell_tags.find(self.regions[name])
-
     @property
     def pairs(self) -> tuple[tuple[str, str], ...]:
-        """Return the names of the boundary parts that face each other."""
-        return () if self.seams is None else tuple(i.names for i in self.seams.interfaces)
+        """Return the names of the boundary parts that face each other, see split."""
+        if self.seams is None:
+            return ()
+        return tuple(interface.names for interface in self.seams.interfaces)
 
     def facing(self, here: str, there: str) -> tuple[np.ndarray, np.ndarray]:
         """Return the facets of two parts that face each other on this rank.
 
+        Ghosts are included if their partner is on this rank, too. The partner of a
+        facet in an owned cell always is.
+
+        Args:
+            here: Name of a part.
+            there: Name of the part that it faces.
+
         Returns:
-            Pairs (cell, local facet) of each part, ghosts included, shape (n, 2). Row i
-            of the first faces row i of the second.
+            Pairs (cell, local facet) of ``here`` and of ``there``, shape (n, 2) each.
+            Row i of the first faces row i of the second.
+
+        Raises:
+            InputError: If the parts are no pair.
         """
-        return self.seams.facing[here, there]
+        if self.seams is None:
+            raise InputError(
+                f"facing: {here!r} and {there!r} do not face each other; this domain has no pairs, "
+                "make them by split."
+            )
+        return self.seams.between(here, there)
 
     def split(self, sides: Mapping[str, str], *, on: str | None = None) -> Domain:
-        """Split the nodes along the facets between two regions; collective."""
-        glued = self if self.glued is None else self.glued
-        before = () if self.seams is None else self.seams.interfaces
-        tags = [*self.names.values(), *glued.names.values(), *glued.facet_tags.values]
-        tag = self.mesh.comm.allreduce(int(max(tags)), MPI.MAX) + 1
-        interface = Interface(tuple(sides), tuple(sides.values()), on, (tag, tag + 1))
-        return glued._split((*before, interface))
+        """Split the nodes along the facets between two regions; collective.
 
-    def _split(self, interfaces: tuple[Interface, ...]) -> Domain:
-        """Split the nodes along interfaces; collective."""
-        new = split(self, interfaces)
+        The facets become two boundary parts that face each other facet by facet, also
+        after ``refined`` and ``remeshed``. The rim of the interface, where it ends
+        inside a body, keeps its nodes. Parts inside the body whose facets are all split
+        are no longer there.
+
+        Args:
+            sides: Name of each new boundary part -> the region on its side.
+            on: Name of a part inside the body: only its facets are split. None splits
+                all facets between the regions.
+
+        Returns:
+            The split domain. It can be split again, between other regions.
+
+        Raises:
+            InputError: If there are not two sides of two regions that share facets, a
+                name is not new, or no part is called ``on``.
+
+        Example:
+            >>> bodies.split({"punch": "upper", "base": "lower"})
+            <Domain in 2D: 16 cells, ..., pairs punch/base of 4 facets>
+        """
+        glued = self if self.glued is None else self.glued
+        comm = self.mesh.comm
+        together(comm, parts.check_sides, sides, on, self.names, glued.names, self.regions)
+        # Tags that no facet has on any rank.
+        used = [*self.names.values(), *glued.names.values(), *glued.facet_tags.values]
+        tag = comm.allreduce(int(max(used)), MPI.MAX) + 1
+        here, there = sides
+        regions = (self.regions[sides[here]], self.regions[sides[there]])
+        on_tag = None if on is None else self.names[on]
+        before = () if self.seams is None else self.seams.interfaces
+        return glued.cut((*before, Interface((here, there), (tag, tag + 1), regions, on_tag)))
+
+    def cut(self, interfaces: tuple[Interface, ...]) -> Domain:
+        """Split the nodes of a glued mesh along all its interfaces; collective.
+
+        Raises:
+            InputError: If an interface has no facet.
+        """
+        mesh = self.mesh
+        assert self.cell_tags is not None
+        interface_of_facet = claimed(mesh, self.facet_tags, self.cell_tags, interfaces)
+        numbers, x = numbered(mesh, interface_of_facet >= 0)
+        new = partition.distributed(mesh.comm, numbers, x, same_ranks(mesh))
+        new.topology.create_connectivity(self.dim, self.dim - 1)
+        carried = Carried(mesh, new, numbers)
+        tags = side_tags(mesh, self.facet_tags, self.cell_tags, interfaces, interface_of_facet)
+        facet_tags = carried.facet_tags(tags)
+        names = dict(self.names)
+        for interface in interfaces:
+            names.update(zip(interface.names, interface.tags, strict=True))
         return Domain(
-            new.mesh,
-            new.facet_tags,
-            new.names,
-            new.cell_tags,
+            new,
+            facet_tags,
+            parts.with_facets(new, facet_tags, names),
+            carried.cell_tags(self.cell_tags),
             self.regions,
             self.geometry,
-            new.curved_facets,
+            carried.marks(self.curved_facets),
             self,
-            new.seams,
+            carried.seams(interfaces, tags),
         )
 
     def refined(self, marked: np.ndarray | None = None) -> Domain:
@@ -303,8 +254,7 @@ class Domain:
         """
         cells = together(self.mesh.comm, checks.cells_to_refine, marked, self.owned_cells)
         if self.glued is not None and self.seams is not None:
-            fine_glued = self.glued.refined(self.seams.cells[cells])
-            return fine_glued._split(self.seams.interfaces)
+            return self.glued.refined(self.seams.cells[cells]).cut(self.seams.interfaces)
         refinement = refine(self.mesh, cells, partition.partitioner(self.mesh.comm))
         fine = refinement.mesh
         facet_tags = refinement.inherited(self.facet_tags)
@@ -343,5 +293,5 @@ class Domain:
             )
         if self.glued is not None and self.seams is not None:
             at_glued = together(self.mesh.comm, self.seams.least, h)
-            return self.glued.remeshed(at_glued)._split(self.seams.interfaces)
+            return self.glued.remeshed(at_glued).cut(self.seams.interfaces)
         return self.geometry.meshed(self, h)

@@ -1,10 +1,9 @@
-"""Run gmsh on rank 0, and prepare a meshed model as DOLFINx needs it."""
+"""Name the parts of a gmsh model, and prepare it as DOLFINx needs it."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -14,85 +13,7 @@ from dolfinx.io.utils import distribute_entity_data
 from mpi4py import MPI
 
 from erc_contact.base.checks import description
-from erc_contact.base.exceptions import InputError, raise_together
-
-SESSION = {"General.Terminal": 0, "Mesh.ElementOrder": 1, "Mesh.RecombineAll": 0}
-"""gmsh's options during our session; a user's own session gets its options back."""
-FIELD = {
-    "Mesh.MeshSizeMin": 0,
-    "Mesh.MeshSizeMax": 1e22,
-    "Mesh.MeshSizeFactor": 1,
-    "Mesh.MeshSizeFromPoints": 0,
-    "Mesh.MeshSizeFromCurvature": 0,
-    "Mesh.MeshSizeExtendFromBoundary": 0,
-    "Mesh.Algorithm": 6,
-    "Mesh.Algorithm3D": 1,
-}
-"""gmsh's options where a size field alone gives the sizes.
-
-The algorithms are Frontal-Delaunay in 2D and Delaunay in 3D.
-"""
-
-
-def as_input_error(reason: Exception, subject: str) -> InputError:
-    """Return an error of gmsh's, or of ours, as an :class:`InputError`."""
-    if isinstance(reason, InputError):
-        return reason
-    return InputError(f"{subject} cannot be used: {reason}")
-
-
-@contextmanager
-def session(comm: MPI.Comm, build: Callable[[Any], None], subject: str) -> Iterator[Any]:
-    """Open a silent gmsh session on rank 0 with a new model; collective.
-
-    Afterwards a user's session is as it was.
-
-    Args:
-        comm: Communicator.
-        build: Function that makes the model, called with the module gmsh on rank 0.
-        subject: Subject of the message if it raises.
-
-    Yields:
-        ``gmsh.model`` on rank 0, None on other ranks.
-
-    Raises:
-        InputError: On all ranks, if gmsh cannot be loaded or ``build`` raises.
-    """
-    if comm.rank != 0:
-        # It meets one of the calls below, which rank 0 makes.
-        raise_together(comm, None)
-        yield None
-        return
-    try:
-        import gmsh  # noqa: PLC0415 - only rank 0 needs it
-    except (ImportError, OSError) as reason:  # OSError: a shared library that gmsh's wheel expects
-        message = f"gmsh cannot be loaded: {reason}. Install it, or give cells= or a Domain."
-        raise_together(comm, InputError(message))
-
-    started_here = not gmsh.isInitialized()
-    if started_here:
-        gmsh.initialize(readConfigFiles=False, interruptible=False)
-    before = None if started_here else gmsh.model.getCurrent()
-    options = {name: gmsh.option.getNumber(name) for name in (*SESSION, *FIELD)}
-    for name, value in SESSION.items():
-        gmsh.option.setNumber(name, value)
-    gmsh.model.add("erc_contact")
-    error: Exception | None = None
-    try:
-        build(gmsh)
-    except Exception as reason:  # every rank must learn of it
-        error = as_input_error(reason, subject)
-    try:
-        raise_together(comm, error)
-        yield gmsh.model
-    finally:
-        if started_here:
-            gmsh.finalize()
-        else:
-            gmsh.model.remove()
-            gmsh.model.setCurrent(before)
-            for name, value in options.items():
-                gmsh.option.setNumber(name, value)
+from erc_contact.base.exceptions import InputError
 
 
 def name_groups(model: Any, names: Mapping[int | tuple[int, int], str]) -> None:

@@ -22,6 +22,7 @@ from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError, raise_together
 from erc_contact.base.ranks import exchange
+from erc_contact.mesh.sides import boundary_sides
 from erc_contact.mesh.simplex import facet_vertices
 
 HUGE = 1e100
@@ -194,22 +195,6 @@ def _moved(tags: dmesh.MeshTags, mesh: dmesh.Mesh, new: dmesh.Mesh) -> dmesh.Mes
     new.topology.create_connectivity(dim, tdim)
     vertices, values = distribute_entity_data(new, dim, nodes, tags.values[owned])
     return dmesh.meshtags_from_entities(new, dim, graph.adjacencylist(vertices), values)
-
-
-def boundary_sides(mesh: dmesh.Mesh, facets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the cell of each boundary facet, and the local number of the facet there.
-
-    Args:
-        mesh: A mesh whose facets are connected to its cells.
-        facets: Numbers of the facets, shape (n,).
-    """
-    tdim = mesh.topology.dim
-    facet_to_cell = mesh.topology.connectivity(tdim - 1, tdim)
-    cell_to_facet = mesh.topology.connectivity(tdim, tdim - 1)
-    # A facet on the boundary has one cell, the first of its list.
-    cell = facet_to_cell.array[facet_to_cell.offsets[facets]]
-    cell_facets = cell_to_facet.array.reshape(-1, tdim + 1)[cell]
-    return cell, np.argmax(cell_facets == facets[:, None], axis=1)
 
 
 def check_mesh(mesh: dmesh.Mesh) -> None:

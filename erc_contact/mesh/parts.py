@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from numbers import Integral
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -11,6 +12,7 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError, raise_together
+from erc_contact.mesh.tags import listed
 
 
 def check_names(names: Mapping[str, int], regions: Mapping[str, int]) -> None:
@@ -86,6 +88,65 @@ def parts_inside(
     return inside
 
 
+def check_sides(
+    sides: Any,
+    on: Any,
+    names: Mapping[str, int],
+    taken: Mapping[str, int],
+    regions: Mapping[str, int],
+) -> None:
+    """Check the arguments of :meth:`Domain.split`.
+
+    Args:
+        sides: Name of each new part -> region on its side.
+        on: Name of a part, or None.
+        names: The parts of the domain.
+        taken: The parts of its glued mesh.
+        regions: The regions of the domain.
+
+    Raises:
+        InputError: If two sides are not given, or they are not between regions of the
+            domain, or a name is not new, or there is no part ``on``.
+    """
+    example = 'split({"punch": "upper", "block": "lower"})'
+    if not regions:
+        raise InputError(
+            "split: the domain has no regions; name those on both sides, by physical groups of "
+            "cells in gmsh or by cell_tags= and regions= of Domain."
+        )
+    pairs = list(sides.items()) if isinstance(sides, Mapping) else []
+    if len(pairs) != 2 or not all(isinstance(name, str) and name for name, _ in pairs):
+        raise InputError(
+            f"split: the sides are {sides!r}; give two, each a new name of a boundary part and the "
+            f"region on its side, e.g. {example}."
+        )
+    for name, region in pairs:
+        if name in names or name in taken:
+            raise InputError(
+                f"split: the domain has a part {name!r} already; give the side another name."
+            )
+        if not isinstance(region, str) or region not in regions:
+            raise InputError(
+                f"split: no cell region is called {region!r}; this domain has {listed(regions)}."
+            )
+    if regions[pairs[0][1]] == regions[pairs[1][1]]:
+        raise InputError(
+            f"split: both sides are in the region {pairs[0][1]!r}; only the interface of two "
+            "regions can be split."
+        )
+    if on is not None and (not isinstance(on, str) or on not in names):
+        raise InputError(f"split: no part is called {on!r}; this domain has {listed(names)}.")
+
+
+def with_facets(
+    mesh: dmesh.Mesh, facet_tags: dmesh.MeshTags, names: Mapping[str, int]
+) -> dict[str, int]:
+    """Return the names of the parts that have facets, with their tags; collective."""
+    here = np.array([len(facet_tags.find(tag)) for tag in names.values()])
+    counts = mesh.comm.allreduce(here, MPI.SUM)
+    return {name: tag for (name, tag), count in zip(names.items(), counts, strict=True) if count}
+
+
 def checked_sizes(sizes: npt.ArrayLike) -> np.ndarray:
     """Return sizes of cells as an array of numbers [length].
 
@@ -98,21 +159,6 @@ def checked_sizes(sizes: npt.ArrayLike) -> np.ndarray:
         raise InputError(
             f"remeshed: the sizes are {sizes!r}; give a number, or one for each node."
         ) from reason
-
-
-def box_sides(mesh: dmesh.Mesh) -> np.ndarray:
-    """Compute the sides of the bounding box [length], shape (3,); collective."""
-    x = mesh.geometry.x
-    low = np.full(3, np.inf)
-    high = np.full(3, -np.inf)
-    mesh.comm.Allreduce(x.min(axis=0, initial=np.inf), low, MPI.MIN)
-    mesh.comm.Allreduce(x.max(axis=0, initial=-np.inf), high, MPI.MAX)
-    return high - low
-
-
-def listed(names: Mapping[str, int]) -> str:
-    """Return names in alphabetical order as text, or "none"."""
-    return ", ".join(sorted(names)) if names else "none"
 
 
 def shape_in_words(geometry: object | None, dim: int, *, curved: bool) -> str:

@@ -15,7 +15,8 @@ from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError, together
 from erc_contact.mesh.domain import Domain, Geometry
-from erc_contact.mesh.gmsh_model import FIELD, marked_facets, renumber, session
+from erc_contact.mesh.gmsh_model import marked_facets, renumber
+from erc_contact.mesh.gmsh_session import FIELD, session
 from erc_contact.mesh.partition import partitioner
 from erc_contact.mesh.simplex import barycentric, measures, rule
 

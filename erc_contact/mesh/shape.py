@@ -21,7 +21,7 @@ import numpy as np
 from mpi4py import MPI
 
 from erc_contact.mesh.domain import Domain
-from erc_contact.mesh.gmsh_model import session
+from erc_contact.mesh.gmsh_session import session
 from erc_contact.mesh.remeshing import meshed
 from erc_contact.mesh.simplex import in_space
 

@@ -19,13 +19,8 @@ from mpi4py import MPI
 from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError, raise_together
 from erc_contact.mesh.domain import Domain, Geometry
-from erc_contact.mesh.gmsh_model import (
-    as_input_error,
-    marked_facets,
-    name_groups,
-    prepare,
-    session,
-)
+from erc_contact.mesh.gmsh_model import marked_facets, name_groups, prepare
+from erc_contact.mesh.gmsh_session import as_input_error, session
 from erc_contact.mesh.mesh_files import open_mesh_file
 from erc_contact.mesh.partition import partitioner
 from erc_contact.mesh.shape import Brick, Drawing, drawing_of

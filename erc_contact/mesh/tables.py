@@ -3,7 +3,8 @@
 The tables have one row for each cell. Numbers of nodes in them are those of the mesh
 that was written. A cell of a mesh that is made from them may have its vertices in
 another order, so whatever belongs to a vertex or a facet of a cell is put in order by
-these numbers. Facet i is opposite to vertex i.
+these numbers. Facet i is opposite to vertex i. Of a split domain the glued one is
+written, in the order of the split cells, and its interfaces.
 
 Symbols: d dimension, m number of cells, N nodes of a cell.
 """
@@ -11,6 +12,7 @@ Symbols: d dimension, m number of cells, N nodes of a cell.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from copy import copy
 from dataclasses import asdict
 from typing import Any
 
@@ -31,8 +33,11 @@ def tag_tables(domain: Domain) -> dict[str, np.ndarray]:
 
     Returns:
         "facets" and, where there are any, "curved", shape (m, d+1), and "regions",
-        shape (m,).
+        shape (m,). For a split domain these are the tags of the glued one, and "glued"
+        has the numbers of its nodes, shape (m, d+1).
     """
+    if domain.glued is not None:
+        return _glued_tables(domain)
     d = domain.dim
     owned = domain.owned_cells
     facets = domain.mesh.topology.connectivity(d, d - 1).array.reshape(-1, d + 1)[:owned]
@@ -42,6 +47,50 @@ def tag_tables(domain: Domain) -> dict[str, np.ndarray]:
     if domain.cell_tags is not None:
         tables["regions"] = tag_table(domain.cell_tags)[:owned]
     return tables
+
+
+def _glued_tables(domain: Domain) -> dict[str, np.ndarray]:
+    """Return the tables of a split domain, see :func:`tag_tables`."""
+    assert domain.glued is not None
+    assert domain.seams is not None
+    # Both meshes have the same owners.
+    cells = domain.seams.cells[: domain.owned_cells]
+    corners = _glued_corners(domain)[: domain.owned_cells]
+    geometry = domain.glued.mesh.geometry
+    nodes = geometry.dofmaps[0][cells]
+    numbers = geometry.index_map().local_to_global(nodes.ravel()).reshape(nodes.shape)
+    tables = {"glued": np.take_along_axis(numbers, corners, axis=1)}
+    for name, table in tag_tables(domain.glued).items():
+        rows = table[cells]
+        if table.ndim == 2:
+            rows = np.take_along_axis(rows, corners, axis=1)
+        tables[name] = rows
+    return tables
+
+
+def _glued_corners(domain: Domain) -> np.ndarray:
+    """Return the place of each corner of the split cells in the glued ones."""
+    assert domain.glued is not None
+    assert domain.seams is not None
+    in_glued = domain.glued.mesh.geometry.dofmaps[0][domain.seams.cells]
+    here = domain.seams.nodes[domain.mesh.geometry.dofmaps[0]]
+    return np.argmax(in_glued[:, None, :] == here[:, :, None], axis=2)
+
+
+def glued_mesh(
+    points: np.ndarray, cells: np.ndarray, glued: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the nodes and cells of a glued mesh from those of the split one.
+
+    Args:
+        points: Places of the nodes of the split mesh [length], shape (n, 3).
+        cells: Nodes of its cells, vertices first, shape (m, N).
+        glued: Nodes of the glued mesh of these cells, shape (m, d+1).
+    """
+    x = np.empty((glued.max() + 1, 3))
+    # All copies of a node are at the same place.
+    x[glued] = points[cells[:, : glued.shape[1]]]
+    return x, glued
 
 
 def described(geometry: Geometry | None) -> dict[str, Any] | None:
@@ -97,12 +146,27 @@ class CellRows:
             vertices = numbers.reshape(-1, d + 1).astype(np.int64)
             x = points[used, :d]
         self.mesh = distributed(comm, vertices, np.ascontiguousarray(x))
-        self._rows_of_ranks = comm.gather(self.mesh.topology.original_cell_index)
+        self._rows = self.mesh.topology.original_cell_index
+        self._rows_of_ranks = comm.gather(self._rows)
         # Position in the table of each vertex of each cell here, see the module.
         geometry = self.mesh.geometry
         numbers_here = geometry.input_global_indices[geometry.dofmaps[0]]
         in_table = self.of_cells(vertices)
         self.order = np.argmax(in_table[:, None, :] == numbers_here[:, :, None], axis=2)
+
+    def of_split(self, domain: Domain) -> CellRows:
+        """Return the rows of the cells of a domain that was split from this mesh.
+
+        Its tables are in the order of the same cells.
+        """
+        assert domain.seams is not None
+        rows = copy(self)
+        rows.mesh = domain.mesh
+        rows._rows = self._rows[domain.seams.cells]
+        rows._rows_of_ranks = self.comm.gather(rows._rows)
+        order = self.order[domain.seams.cells]
+        rows.order = np.take_along_axis(order, _glued_corners(domain), axis=1)
+        return rows
 
     def of_cells(self, table: np.ndarray | None) -> np.ndarray:
         """Return the rows for the cells of this rank, of a table on rank 0.

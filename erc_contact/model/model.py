@@ -172,12 +172,16 @@ class Model(Space):
     # -- data on contacts
 
     def contact(self, name: str) -> BoundContact:
-        """Return the contact of a name.
+        """Return the contact of a name; each of two bodies has one.
 
         Raises:
             InputError: If no contact has this name.
         """
-        contacts = {contact.name: contact for contact in self.contacts}
+        contacts = {}
+        for contact in self.contacts:
+            for side in (contact.name, contact.against):
+                if side is not None:
+                    contacts[side] = contact
         if name not in contacts:
             names = ", ".join(sorted(contacts)) or "none"
             raise InputError(f"No contact is called {name!r}; this scene has {names}.")

@@ -207,14 +207,14 @@ def _three_digits(vector: Sequence[float]) -> str:
 
 def _check_supports_in_gap(model: Model) -> None:
     """Check that supports do not push a contact into its foundation; collective."""
-    values = model.prescribed.x.array.reshape(-1, model.d)
+    values = model.prescribed.x.array
     for contact in model.contacts:
-        nodes = contact.trace.here.nodes
+        trace = contact.trace
         gap = model.gap_at_nodes(contact)
         n = contact.direction[:, None, :]
         # The normal displacement is prescribed where supports fix all its components.
-        prescribed = (model.fixed[nodes] | (abs(n) < 1e-12)).all(axis=-1)
-        beyond = (values[nodes] * n).sum(axis=-1) - gap
+        prescribed = (trace.fixed(model.fixed) | (abs(n) < 1e-12)).all(axis=-1)
+        beyond = (trace.of(values) * n).sum(axis=-1) - gap
         if contact.bilateral:
             beyond = abs(beyond)
         excess = np.where(prescribed, beyond, -np.inf).max(initial=-np.inf)

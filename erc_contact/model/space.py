@@ -173,6 +173,12 @@ class Space:
         of_cells = cell_to_facet.array.reshape(-1, self.d + 1)
         return of_cells[facets[:, 0], facets[:, 1]]
 
+    @property
+    def facet_count(self) -> int:
+        """Return the number of facets of this rank, ghosts included."""
+        index_map = self.mesh.topology.index_map(self.d - 1)
+        return index_map.size_local + index_map.num_ghosts
+
     def facet_areas(self, facets: np.ndarray) -> np.ndarray:
         """Compute areas of facets (cell, local facet) [length^(d-1)], shape (n,)."""
         return measures(self.facet_corners(facets))

@@ -127,6 +127,15 @@ class Trace:
             return w
         return w - nodal[self.partners]
 
+    def fixed(self, of_nodes: np.ndarray) -> np.ndarray:
+        """Tell which components of w supports prescribe, shape (f, m, d).
+
+        Args:
+            of_nodes: Those of u, shape (nodes, d).
+        """
+        here = of_nodes[self.here.nodes]
+        return here if self.there is None else here & of_nodes[self.partners]
+
     @cached_property
     def slip_before(self) -> np.ndarray:
         """Return the tangential part s of w at the end of the last step [length].

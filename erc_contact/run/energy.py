@@ -42,7 +42,6 @@ from erc_contact.error.constitutive import ROUND_OFF, ConstitutiveError
 from erc_contact.error.works import assembled, elastic_work, friction_work
 from erc_contact.mesh.simplex import barycentric, bernstein, from_means, lagrange, projection, rule
 from erc_contact.model.contacts import bind_contact
-from erc_contact.model.foundation import BoundContact
 from erc_contact.model.last_step import nearest
 from erc_contact.model.model import Model
 from erc_contact.model.trace import split
@@ -78,7 +77,7 @@ def energies(error: ConstitutiveError, last: ConstitutiveError | None) -> Energi
     """
     pair = error.admissible
     before = None if last is None else last.admissible
-    contacts = {contact.name: contact for contact in error.model.contacts}
+    normals = _normals(error.model)
     work = _work_in_body(pair, before)
     contact_work = 0.0
     friction_work = 0.0
@@ -86,9 +85,8 @@ def energies(error: ConstitutiveError, last: ConstitutiveError | None) -> Energi
     if before is not None:
         parts |= _working(before)
     for part in sorted(parts):  # the same order on all ranks
-        contact = contacts.get(part)
-        total, tangential = _works(pair, before, part, contact)
-        if contact is None:
+        total, tangential = _works(pair, before, part, normals.get(part))
+        if part not in normals:
             work += total
         else:
             contact_work += total
@@ -144,21 +142,45 @@ def _traction_at_begin(
     return replace(traction, contact=replace(contact, friction=friction), values=values)
 
 
+def _normals(model: Model) -> dict[str, np.ndarray]:
+    """Return the normals at the owned facets of each contact part, shape (f, d)."""
+    normals = {}
+    for contact in model.contacts:
+        trace = contact.trace
+        sides = {contact.name: trace.here}
+        if contact.against is not None and trace.there is not None:
+            sides[contact.against] = trace.there
+        for part, side in sides.items():
+            facets = model.domain.owned_facets(part)
+            number = model.facet_numbers(side.facets)
+            of_facets = np.zeros((model.facet_count, model.d))
+            of_facets[number] = contact.direction
+            normals[part] = of_facets[model.facet_numbers(facets)]
+    return normals
+
+
 def _working(pair: Admissible) -> set[str]:
     """Return the names of the boundary parts whose tractions may do work."""
     scene = pair.model.scene
     parts = {load.facets for load in scene.loads if load.facets is not None}
     parts |= {support.facets for support in scene.supports}
-    parts |= {contact.facets for contact in scene.contacts}
+    for contact in scene.contacts:
+        parts |= set(contact.sides)
     return parts
 
 
 def _works(
-    pair: Admissible, before: Admissible | None, part: str, contact: BoundContact | None
+    pair: Admissible, before: Admissible | None, part: str, n: np.ndarray | None
 ) -> tuple[float, float]:
     """Compute the work of the tractions on a boundary part [force length]; collective.
 
     On a mesh that refines the last one the integral is exact, on another one it is not.
+
+    Args:
+        pair: The admissible pair at the end of the step.
+        before: That at its begin, or None.
+        part: Name of the part.
+        n: Normals of its owned facets where it is a contact, shape (f, d), or None.
 
     Returns:
         The work, and the part of it that the tangential tractions of a contact do; 0
@@ -182,8 +204,7 @@ def _works(
     areas = model.facet_areas(facets)
     total = float(areas @ ((t * u).sum(axis=-1) @ weights))
     tangential = 0.0
-    if contact is not None:
-        n = contact.direction[contact.trace.here.owned]
+    if n is not None:
         _, t_t, _ = split(t, n[:, None, :])
         tangential = float(areas @ ((t_t * u).sum(axis=-1) @ weights))
     total, tangential = model.comm.allreduce(np.array([total, tangential]), MPI.SUM)

@@ -132,6 +132,9 @@ def _of_mesh(domain: Domain) -> Fingerprint:
     words = [f"{domain.cells} cells in {domain.dim}D, {domain.vertices} vertices {digest}"]
     for kind, name, count in sorted(counts):
         words.append(f"{kind} {name!r} of {comm.allreduce(count, MPI.SUM)}")
+    for interface in domain.seams.interfaces if domain.seams else ():
+        names = " and ".join(map(repr, interface.names))
+        words.append(f"{names} at the regions of tags {interface.regions}")
     words.append(f"true shape {type(domain.geometry).__name__}")
     return {"the first mesh": ", ".join(words)}
 

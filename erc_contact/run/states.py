@@ -23,7 +23,8 @@ from erc_contact.admissible.pair import equilibrate
 from erc_contact.base.exceptions import InputError
 from erc_contact.error.constitutive import ConstitutiveError, constitutive_error
 from erc_contact.mesh.domain import Domain
-from erc_contact.mesh.tables import CellRows, described, geometry_of, tag_tables
+from erc_contact.mesh.splitting import Interface
+from erc_contact.mesh.tables import CellRows, described, geometry_of, glued_mesh, tag_tables
 from erc_contact.model.model import Model
 from erc_contact.model.promises import bind
 from erc_contact.newton.after import last_step
@@ -57,9 +58,9 @@ STATE = {
     "seconds": "seconds",
 }
 """Name in the file -> attribute of a solution, for what is kept beside its fields."""
-MESH = ("degree", "names", "regions", "geometry", "tags")
+MESH = ("degree", "names", "regions", "geometry", "tags", "interfaces")
 """What a level tells of its mesh beside the tables."""
-TABLES = ("VTKHDF/Points", "cells", "facets", "regions", "curved")
+TABLES = ("VTKHDF/Points", "cells", "facets", "regions", "curved", "glued")
 """The tables of a mesh."""
 SAME_ERROR = 1e-8
 """Difference of eps that round-off explains, relative to eps, and absolute [-]."""
@@ -97,10 +98,12 @@ def level_of(error: ConstitutiveError, steps: Sequence[Any]) -> Level:
         "rows": [asdict(step) for step in steps],
         "dim": domain.dim,
         "degree": model.degree,
-        "names": dict(domain.names),
+        # those of a split domain follow from its glued one and the interfaces
+        "names": dict((domain.glued or domain).names),
         "regions": dict(domain.regions),
         "geometry": geometry,
         "tags": sorted(tags),
+        "interfaces": [asdict(one) for one in domain.seams.interfaces] if domain.seams else [],
         "multipliers": len(solution.multipliers),
         "method": repr(solution.method),
         "iterative": solution.stiffness.iterative,
@@ -159,9 +162,7 @@ class Restored:
             self._rows: CellRows = before._rows
             self.domain: Domain = before.domain
         else:
-            dim = level.about["dim"]
-            self._rows = CellRows(comm, table("VTKHDF/Points"), table("cells"), dim)
-            self.domain = self._domain()
+            self._rows, self.domain = self._mesh(comm)
         indicators = self._rows.of_cells(table("VTKHDF/CellData/eps_E"))
         self.indicators = indicators[: self.domain.owned_cells]
 
@@ -236,20 +237,36 @@ class Restored:
         numbers = {attribute: about["solution"][name] for name, attribute in STATE.items()}
         return Solution(model, method, u, tuple(multipliers), stiffness=stiffness, **numbers)
 
-    def _domain(self) -> Domain:
+    def _mesh(self, comm: MPI.Comm) -> tuple[CellRows, Domain]:
+        """Return the rows of the cells, and the domain; collective."""
+        about = self.about
+        table = self._tables.get  # None on the other ranks
+        points = table("VTKHDF/Points")
+        cells = table("cells")
+        interfaces = about.get("interfaces", [])
+        if interfaces and points is not None and cells is not None:
+            points, cells = glued_mesh(points, cells, self._tables["glued"])
+        rows = CellRows(comm, points, cells, about["dim"])
+        domain = self._domain(rows)
+        if not interfaces:
+            return rows, domain
+        split = domain.cut(tuple(Interface.of(plain) for plain in interfaces))
+        return rows.of_split(split), split
+
+    def _domain(self, rows: CellRows) -> Domain:
         """Return the mesh with names, tags and true shape; collective."""
         about = self.about
         table = self._tables.get  # None on the other ranks
-        facets = self._rows.facet_tags(table("facets"))
+        facets = rows.facet_tags(table("facets"))
         # all ranks know from `about` which tags there are
         curved = None
         if "curved" in about["tags"]:
-            curved = self._rows.facet_tags(table("curved"))
+            curved = rows.facet_tags(table("curved"))
         cells = None
         if "regions" in about["tags"]:
-            cells = self._rows.cell_tags(table("regions"))
+            cells = rows.cell_tags(table("regions"))
         return Domain(
-            self._rows.mesh,
+            rows.mesh,
             facets,
             about["names"],
             cells,
@@ -269,7 +286,7 @@ class Restored:
 
 def _same_mesh(level: Level, before: Restored) -> bool:
     """Compare the meshes of two levels with their names; only rank 0 can tell."""
-    if any(level.about[name] != before.about[name] for name in MESH):
+    if any(level.about.get(name) != before.about.get(name) for name in MESH):
         return False
     for name in TABLES:
         if name not in level.tables:

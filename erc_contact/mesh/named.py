@@ -1,0 +1,151 @@
+"""Give the parts of a mesh names: parts of its boundary, and regions of its cells."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from dolfinx import fem
+from dolfinx import mesh as dmesh
+from mpi4py import MPI
+
+from erc_contact.base.exceptions import InputError
+from erc_contact.mesh.sides import boundary_sides
+from erc_contact.mesh.tags import listed
+
+
+@dataclass(frozen=True, eq=False)
+class NamedMesh:
+    """Hold a mesh and the names of its parts; see :class:`Domain`, which checks them.
+
+    Attributes:
+        mesh: Straight-sided triangles in 2D or tetrahedra in 3D.
+        facet_tags: Tags of facets.
+        names: Name of each boundary part -> its tag.
+        cell_tags: Tags of cells, or None.
+        regions: Name of each cell region -> its tag.
+    """
+
+    mesh: dmesh.Mesh
+    facet_tags: dmesh.MeshTags
+    names: Mapping[str, int]
+    cell_tags: dmesh.MeshTags | None = None
+    regions: Mapping[str, int] = field(default_factory=dict)
+    _inside: set[str] = field(init=False, repr=False, default_factory=set)
+    _zeros: dict[tuple[str, int, tuple[int, ...]], fem.Function] = field(
+        init=False, repr=False, default_factory=dict
+    )
+
+    @property
+    def dim(self) -> int:
+        """Return the dimension of space, 2 or 3."""
+        return self.mesh.topology.dim
+
+    @property
+    def cells(self) -> int:
+        """Return the number of cells over all ranks."""
+        return self.mesh.topology.index_map(self.dim).size_global
+
+    @property
+    def owned_cells(self) -> int:
+        """Return the number of cells of this rank."""
+        return self.mesh.topology.index_map(self.dim).size_local
+
+    @property
+    def vertices(self) -> int:
+        """Return the number of vertices over all ranks."""
+        return self.mesh.topology.index_map(0).size_global
+
+    @cached_property
+    def sides(self) -> np.ndarray:
+        """Return the sides of the bounding box [length], shape (d,); collective."""
+        x = self.mesh.geometry.x[:, : self.dim]
+        low = np.full(self.dim, np.inf)
+        high = np.full(self.dim, -np.inf)
+        self.mesh.comm.Allreduce(x.min(axis=0, initial=np.inf), low, MPI.MIN)
+        self.mesh.comm.Allreduce(x.max(axis=0, initial=-np.inf), high, MPI.MAX)
+        return high - low
+
+    @property
+    def extent(self) -> float:
+        """Return the diagonal of the bounding box [length]; collective."""
+        return float(np.linalg.norm(self.sides))
+
+    @property
+    def outer(self) -> list[str]:
+        """Return the names of the parts without facets inside the body.
+
+        A scene can use these parts.
+        """
+        return [name for name in self.names if name not in self._inside]
+
+    def function(self, family: str, degree: int, shape: tuple[int, ...] = ()) -> fem.Function:
+        """Return a new Function on the mesh, zero everywhere; collective.
+
+        All Functions of a kind have the same space, and the same communicators of MPI.
+        A process has some 2000 of these, and a loading history keeps several Functions
+        for each step.
+
+        Args:
+            family: Family of the elements, "Lagrange" or "DG".
+            degree: Degree of the elements.
+            shape: Shape of the values.
+        """
+        kind = (family, degree, shape)
+        if kind not in self._zeros:
+            self._zeros[kind] = fem.Function(fem.functionspace(self.mesh, kind))
+        return self._zeros[kind].copy()
+
+    def tag(self, name: str) -> int:
+        """Return the tag of a boundary part, for measures of DOLFINx.
+
+        Raises:
+            InputError: If no part has this name, or it has facets inside the body.
+        """
+        if name not in self.names:
+            raise InputError(
+                f"No boundary part is called {name!r}; this domain has {listed(self.names)}."
+            )
+        if name in self._inside:
+            raise InputError(
+                f"{name!r} has facets inside the body; only a part of the boundary can carry "
+                "a condition."
+            )
+        return self.names[name]
+
+    def facets(self, name: str) -> np.ndarray:
+        """Return the facets of a boundary part as pairs (cell, local facet).
+
+        Ghosts are included; shape (n, 2).
+
+        Raises:
+            InputError: If no part has this name, or it has facets inside the body.
+        """
+        facets = self.facet_tags.find(self.tag(name))
+        cell, local_facet = boundary_sides(self.mesh, facets)
+        return np.column_stack([cell, local_facet]).astype(np.int32)
+
+    def owned_facets(self, name: str) -> np.ndarray:
+        """Return the facets of a boundary part in owned cells, shape (n, 2).
+
+        They are pairs (cell, local facet). All ranks together have each facet once.
+
+        Raises:
+            InputError: If no part has this name, or it has facets inside the body.
+        """
+        facets = self.facets(name)
+        return facets[facets[:, 0] < self.owned_cells]
+
+    def region(self, name: str) -> np.ndarray:
+        """Return the cells of a region, ghosts included.
+
+        Raises:
+            InputError: If no region has this name.
+        """
+        if self.cell_tags is None or name not in self.regions:
+            raise InputError(
+                f"No cell region is called {name!r}; this domain has {listed(self.regions)}."
+            )
+        return self.cell_tags.find(self.regions[name])
