@@ -36,6 +36,7 @@ PRIVATE = {
         "_ufl_signature_data_",
     },
     "base/runtime/patches.py": {"_method_cache"},
+    "mesh/graphs.py": {"_cpp_object"},
     "mesh/partition.py": {"_cpp_object"},
 }
 """Private attributes of objects of other libraries, by the module that uses them."""

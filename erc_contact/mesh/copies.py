@@ -20,8 +20,7 @@ import numpy as np
 from dolfinx import mesh as dmesh
 
 from erc_contact.base.ranks import exchange, fetched
-from erc_contact.mesh.graphs import components
-from erc_contact.mesh.partition import destinations
+from erc_contact.mesh.graphs import components, destinations
 from erc_contact.mesh.sides import facets_of_cells, inner_facets
 from erc_contact.mesh.simplex import facet_vertices
 

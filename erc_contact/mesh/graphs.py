@@ -1,11 +1,14 @@
-"""Find connected components of graphs, and the order along open and closed chains.
+"""Find components of graphs and the order along chains; tell DOLFINx ranks of cells.
 
 No loop here is over vertices or links: each round doubles the distance that it sees.
 """
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+from dolfinx import graph
 
 
 def components(count: int, edges: np.ndarray) -> np.ndarray:
@@ -102,3 +105,22 @@ def order_along_curves(start: np.ndarray, end: np.ndarray, x: np.ndarray) -> np.
     place = np.empty(count, dtype=int)
     place[last[first]] = height[first]
     return np.lexsort([-to_end, place[last]])
+
+
+def destinations(owner: np.ndarray, cell: np.ndarray, rank: np.ndarray) -> Any:
+    """Return the ranks of each cell as a partitioner of DOLFINx gives them.
+
+    Args:
+        owner: Rank that owns each cell, shape (n,).
+        cell: Cells that are ghosts on other ranks, shape (g,).
+        rank: The other rank of each of them, shape (g,).
+
+    Returns:
+        Adjacency list cell -> ranks, the owner first (the C++ object).
+    """
+    all_cells = np.concatenate([np.arange(len(owner)), cell])
+    all_ranks = np.concatenate([owner, rank]).astype(np.int32)
+    # The sort is stable, so that the owner comes first.
+    order = np.argsort(all_cells, kind="stable")
+    offsets = np.concatenate([[0], np.cumsum(np.bincount(all_cells, minlength=len(owner)))])
+    return graph.adjacencylist(all_ranks[order], offsets.astype(np.int32))._cpp_object

@@ -22,6 +22,7 @@ from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError, raise_together
 from erc_contact.base.ranks import exchange
+from erc_contact.mesh.graphs import destinations
 from erc_contact.mesh.sides import boundary_sides
 from erc_contact.mesh.simplex import facet_vertices
 
@@ -69,25 +70,6 @@ def vertex_patch_partitioner(
     ghosts = _unique(comm, ghost[other], rank[other])
 
     return destinations(owner, *ghosts.T)
-
-
-def destinations(owner: np.ndarray, cell: np.ndarray, rank: np.ndarray) -> Any:
-    """Return the ranks of each cell as a partitioner of DOLFINx gives them.
-
-    Args:
-        owner: Rank that owns each cell, shape (n,).
-        cell: Cells that are ghosts on other ranks, shape (g,).
-        rank: The other rank of each of them, shape (g,).
-
-    Returns:
-        Adjacency list cell -> ranks, the owner first (the C++ object).
-    """
-    all_cells = np.concatenate([np.arange(len(owner)), cell])
-    all_ranks = np.concatenate([owner, rank]).astype(np.int32)
-    # The sort is stable, so that the owner comes first.
-    order = np.argsort(all_cells, kind="stable")
-    offsets = np.concatenate([[0], np.cumsum(np.bincount(all_cells, minlength=len(owner)))])
-    return graph.adjacencylist(all_ranks[order], offsets.astype(np.int32))._cpp_object
 
 
 def _vertex_owners(comm: MPI.Comm, vertex: np.ndarray, owner: np.ndarray) -> np.ndarray:

@@ -26,9 +26,9 @@ from dolfinx import fem, la
 from petsc4py import PETSc
 
 from erc_contact.base.sparse import sparse
-from erc_contact.model.foundation import BoundContact
 from erc_contact.model.node_pairs import NO_PARTNER, no_pairs, node_pairs
 from erc_contact.model.space import Space
+from erc_contact.model.trace import Trace
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +52,7 @@ class Coordinates:
 
     Args:
         space: The mesh.
-        contacts: The contacts.
+        traces: The displacements of the contacts.
         fixed: Which components supports prescribe at each node, shape (nodes, d).
         prescribed: Prescribed displacement, zero elsewhere [length].
 
@@ -71,15 +71,15 @@ class Coordinates:
     def __init__(
         self,
         space: Space,
-        contacts: Sequence[BoundContact],
+        traces: Sequence[Trace],
         fixed: np.ndarray,
         prescribed: fem.Function,
     ) -> None:
         self._space = space
-        self.is_identity = all(contact.trace.there is None for contact in contacts)
+        self.is_identity = all(trace.there is None for trace in traces)
         self.fixed = fixed
         self.prescribed = prescribed
-        pairs = no_pairs(space) if self.is_identity else node_pairs(space, contacts, fixed)
+        pairs = no_pairs(space) if self.is_identity else node_pairs(space, traces, fixed)
         self.partner = pairs.partner
         self.is_here = pairs.is_here
         self._swapped = pairs.is_swapped

@@ -82,7 +82,8 @@ class Model(Space):
         self.contacts = []
         for contact in scene.contacts:
             self.contacts.append(bind_contact(self, contact, self.modulus, last))
-        self.coordinates = Coordinates(self, self.contacts, self.fixed, self.prescribed)
+        traces = [contact.trace for contact in self.contacts]
+        self.coordinates = Coordinates(self, traces, self.fixed, self.prescribed)
         self.free_motions = free_motions(self, self.fixed, self.contacts)
 
     # -- forms

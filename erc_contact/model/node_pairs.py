@@ -9,8 +9,8 @@ import numpy as np
 from dolfinx import la
 
 from erc_contact.base.exceptions import InputError, raise_together
-from erc_contact.model.foundation import BoundContact
 from erc_contact.model.space import Space
+from erc_contact.model.trace import Trace
 
 NO_PARTNER = -1
 """Stands for the partner of a node that is in no pair."""
@@ -40,7 +40,7 @@ def no_pairs(space: Space) -> NodePairs:
     return NodePairs(np.full(count, NO_PARTNER), np.zeros(count, dtype=bool), is_swapped)
 
 
-def node_pairs(space: Space, contacts: Sequence[BoundContact], fixed: np.ndarray) -> NodePairs:
+def node_pairs(space: Space, traces: Sequence[Trace], fixed: np.ndarray) -> NodePairs:
     """Find the pairs of nodes of contacts between bodies; collective.
 
     A rank may have a node without the facets of its pair, so those that know it tell
@@ -48,13 +48,13 @@ def node_pairs(space: Space, contacts: Sequence[BoundContact], fixed: np.ndarray
 
     Args:
         space: The mesh.
-        contacts: The contacts.
+        traces: The displacements of the contacts.
         fixed: Which components supports prescribe at each node, shape (nodes, d).
 
     Raises:
         InputError: If a node is in two pairs.
     """
-    here, there = _on_this_rank(space, contacts)
+    here, there = _on_this_rank(space, traces)
     # Number of ranks that know it, partner, whether it is of side 1, and swapped.
     shared = la.vector(space.V.dofmap.index_map, 3 + space.d)
     table = shared.array.reshape(space.node_count, 3 + space.d)
@@ -74,12 +74,11 @@ def node_pairs(space: Space, contacts: Sequence[BoundContact], fixed: np.ndarray
     return NodePairs(partner, table[:, 2] > 0.5, table[:, 3:] > 0.5)
 
 
-def _on_this_rank(space: Space, contacts: Sequence[BoundContact]) -> tuple[np.ndarray, np.ndarray]:
+def _on_this_rank(space: Space, traces: Sequence[Trace]) -> tuple[np.ndarray, np.ndarray]:
     """Return the pairs of nodes of this rank, each once: sides 1 and 2; collective."""
     here = []
     there = []
-    for contact in contacts:
-        trace = contact.trace
+    for trace in traces:
         if trace.there is not None:
             here.append(trace.here.nodes.ravel())
             there.append(trace.partners.ravel())

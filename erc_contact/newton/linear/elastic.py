@@ -23,6 +23,7 @@ from dolfinx.fem import petsc as fp
 from petsc4py import PETSc
 
 from erc_contact.base.runtime import compiled
+from erc_contact.base.sparse import add_diagonal
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.model import Model
 
@@ -163,19 +164,6 @@ class Elastic:
     def add_glue(self, matrix: PETSc.Mat) -> None:
         """Add D to the diagonal of a matrix, in place."""
         add_diagonal(matrix, self.glue.x.array[: self.owned])
-
-
-def add_diagonal(matrix: PETSc.Mat, values: np.ndarray) -> None:
-    """Add values to the diagonal of a matrix, in place.
-
-    Args:
-        matrix: The matrix; its pattern has the diagonal.
-        values: Those of the rows of this rank.
-    """
-    diagonal = matrix.createVecRight()
-    diagonal.array[:] = values
-    matrix.setDiagonal(diagonal, addv=PETSc.InsertMode.ADD)
-    diagonal.destroy()
 
 
 def _glue(model: Model) -> fem.Function:

@@ -22,9 +22,9 @@ import numpy as np
 from dolfinx import la
 from petsc4py import PETSc
 
+from erc_contact.base.sparse import add_diagonal
 from erc_contact.model.model import Model
 from erc_contact.newton.linear.amg import AMG_PREFIX, rigid_motions, with_defaults
-from erc_contact.newton.linear.elastic import add_diagonal
 from erc_contact.newton.linear.galerkin import SAME, SUBSET, CoarseMatrices
 from erc_contact.newton.linear.mumps import factorised
 from erc_contact.newton.linear.shells import preconditioner

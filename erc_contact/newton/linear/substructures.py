@@ -25,8 +25,8 @@ from dolfinx import fem, la
 from petsc4py import PETSc
 
 from erc_contact.base.exceptions import raise_together, together
+from erc_contact.base.sparse import add_diagonal
 from erc_contact.model.model import Model
-from erc_contact.newton.linear.elastic import add_diagonal
 from erc_contact.newton.linear.mumps import dense_factor, dense_solve
 from erc_contact.newton.linear.parts import Interface, Joint, Part
 
