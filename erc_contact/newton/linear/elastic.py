@@ -150,6 +150,12 @@ class Elastic:
         dofs = np.flatnonzero(u.x.array).astype(np.int32)
         return [fem.dirichletbc(u, [dofs, dofs], model.V)]
 
+    def vector(self, values: fem.Function) -> PETSc.Vec:
+        """Return values of the unknowns of this rank as a vector."""
+        vector = fp.create_vector(self.model.V)
+        vector.array[:] = values.x.array[: self.owned]
+        return vector
+
     def displacement(self, x: PETSc.Vec) -> fem.Function:
         """Return the displacement of unknowns x as a Function."""
         return self.model.coordinates.to_u(self.unknowns(x))

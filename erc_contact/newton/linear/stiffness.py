@@ -25,7 +25,6 @@ from typing import ClassVar
 
 import numpy as np
 from dolfinx import fem
-from dolfinx.fem import petsc as fp
 from petsc4py import PETSc
 
 from erc_contact.base.exceptions import InputError, together
@@ -159,9 +158,7 @@ class Stiffness(Elastic):
             added = self.glued_by[: len(u_A)] * u_A + (0.0 if force is None else force)
         forces = self.model.function()
         self.scatter(added, forces)
-        right = fp.create_vector(self.model.V)
-        right.array[:] = forces.x.array[: self.owned]  # the owner has the whole force
-        u = self._glued_by(right)
+        u = self._glued_by(self.vector(forces))  # the owners have the whole forces
         u.x.array[:] += w.x.array
         return u
 
