@@ -405,6 +405,7 @@ def test_stiff_body_is_a_foundation(degree, method):
     assert 500 < differences[0] / differences[1] < 2000
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("d", [2, 3])
 @pytest.mark.parametrize("solver", ["direct", "iterative"])
 @pytest.mark.parametrize("method", METHODS[::3], ids=["Nitsche", "multiplier"])
