@@ -1,4 +1,4 @@
-"""The fields that contact equations read, as affine functions of the condensed unknowns.
+"""Fields that contact equations read, as affine functions of condensed unknowns.
 
 The equations of a method read u in the cells at the contact, its jumps between bodies,
 and the multipliers. All of these are affine functions of u_A:
@@ -24,8 +24,7 @@ from petsc4py import PETSc
 
 from erc_contact.base.exceptions import together
 from erc_contact.base.sparse import sparse, times
-from erc_contact.newton.assembly import Pass
-from erc_contact.newton.forms import ContactForms
+from erc_contact.newton.forms import ContactForms, Pass
 from erc_contact.newton.linear.stiffness import Stiffness
 from erc_contact.newton.reactions import Entries, MultiplierMap
 

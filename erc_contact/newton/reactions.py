@@ -126,8 +126,8 @@ class MultiplierMap:
             change.destroy()
             if not model.coordinates.is_identity:
                 on_foundations = []
-                for of_contact, contact in zip(self.contacts, model.contacts, strict=True):
-                    if contact.trace.there is None:
+                for of_contact, bound in zip(self.contacts, model.contacts, strict=True):
+                    if bound.against is None:
                         on_foundations.append(of_contact)
                 if on_foundations:
                     change = self._change_of_basis(to_coefficients, on_foundations)
