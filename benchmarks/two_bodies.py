@@ -2,18 +2,18 @@
 
 ``plane``, ``space``: two bricks, one on the other, with random sizes, moduli (ratio
 1e-3 to 1e3), Poisson's ratios, gaps (none, a parabola, an interference, both), loads,
-degrees, contact methods and order of the bodies; without friction, with Tresca's or with
-Coulomb's (0 to 1). "both" is e over ``sqrt(|u - u^|^2 + |sigma - sigma^|^2)``, which the
-theorem says is at least 1 but for Coulomb's friction; "index" is e over ``|u - u^|``;
-"third" is the third term of the theorem over e^2. The reference is the augmented
-Lagrangian of degree 2 on a mesh that cuts the cells as sigma^ does and refines them
-three times, in space once.
+degrees, contact methods and order of the bodies; without friction, with Tresca's or
+with Coulomb's (0 to 1). "both" is e over ``sqrt(|u - u^|^2 + |sigma - sigma^|^2)``,
+which the theorem says is at least 1 but for Coulomb's friction; "index" is e over ``|u
+- u^|``; "third" is the third term of the theorem over e^2. The reference is the
+augmented Lagrangian of degree 2 on a mesh that cuts the cells as sigma^ does and
+refines them three times, in space once.
 
 ``extreme``: which share of a grid of extreme scenes is solved and certified: friction 0
-to 2, nu to 0.4999, ratios of moduli 1e-6 to 1e6, slender bodies and flat cells, gaps and
-interference, both methods, both orders. What fails is told in words.
+to 2, nu to 0.4999, ratios of moduli 1e-6 to 1e6, slender bodies and flat cells, gaps
+and interference, both methods, both orders. What fails is told in words.
 
-    OMP_NUM_THREADS=1 python benchmarks/two_bodies.py [name|all] [seed] [number of scenes]
+    OMP_NUM_THREADS=1 python benchmarks/two_bodies.py [name|all] [seed] [count]
 """
 
 from __future__ import annotations
@@ -72,7 +72,8 @@ def random_case(rng: np.random.Generator, d: int) -> Case:
     """Make two bricks, pressed on each other and pushed."""
     columns = int(rng.integers(2, 7)) if d == 2 else int(rng.integers(1, 4))
     rows = int(rng.integers(1, 5)) if d == 2 else int(rng.integers(1, 3))
-    heights = tuple(float(height) for height in np.exp(rng.uniform(-1.0, 1.0, 2)))
+    upper, lower = (float(height) for height in np.exp(rng.uniform(-1.0, 1.0, 2)))
+    heights = (upper, lower)
     cells = (*(columns,) * (d - 1), rows)
     E = {"upper": 1.0, "lower": float(10 ** rng.uniform(-3.0, 3.0))}
     nu = {body: float(rng.uniform(-0.3, 0.49)) for body in E}
