@@ -33,6 +33,8 @@ from dolfinx.io.utils import distribute_entity_data
 
 from erc_contact.admissible.pair import Admissible
 from erc_contact.mesh.simplex import bernstein, rule
+from erc_contact.mesh.splitting import Seams
+from erc_contact.mesh.tags import tag_table, tags_of
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.friction import CONSTANT
 from erc_contact.model.model import Model
@@ -95,6 +97,8 @@ def nested(domain: ec.Domain, levels: int) -> tuple[ec.Domain, np.ndarray]:
 
     Returns the mesh, and the old cell of each of its cells.
     """
+    if domain.glued is not None and domain.seams is not None:
+        return _nested_bodies(domain.glued, domain.seams, levels)
     mesh, d = domain.mesh, domain.dim
     x, cells = mesh.geometry.x[:, :d], mesh.geometry.dofmaps[0]
     points = np.vstack([x, x[cells].mean(axis=1)])
@@ -117,6 +121,20 @@ def nested(domain: ec.Domain, levels: int) -> tuple[ec.Domain, np.ndarray]:
         result = result.refined()
     assert result.cell_tags is not None
     return result, result.cell_tags.values
+
+
+def _nested_bodies(glued: ec.Domain, seams: Seams, levels: int) -> tuple[ec.Domain, np.ndarray]:
+    """Do the same for bodies of one glued mesh, whose contacts are split again."""
+    fine, origin = nested(glued, levels)
+    assert glued.cell_tags is not None
+    cells = np.arange(len(origin), dtype=np.int32)
+    tags = tags_of(fine.mesh, fine.dim, cells, tag_table(glued.cell_tags)[origin])
+    named = ec.Domain(fine.mesh, fine.facet_tags, fine.names, tags, glued.regions)
+    bodies = named.cut(seams.interfaces)
+    assert bodies.seams is not None
+    split_cell = np.empty_like(seams.cells)
+    split_cell[seams.cells] = np.arange(len(seams.cells))
+    return bodies, split_cell[origin[bodies.seams.cells]]
 
 
 def reference(

@@ -1,16 +1,17 @@
-"""Two bricks on each other, meshes of which the facets at the contact face each other."""
+"""Make two bricks on each other whose facets at the contact face each other."""
 
 from __future__ import annotations
 
 from functools import cache
 
-import basix.ufl
+import erc_contact as ec
+
+import basix.ufl  # isort: skip - after erc_contact, which loads MPI first
 import numpy as np
 import ufl
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
-import erc_contact as ec
 from erc_contact.mesh.partition import partitioner
 from erc_contact.mesh.tags import tags_of
 
@@ -27,7 +28,7 @@ def bricks(
     size: float = 1.0,
     comm: MPI.Comm = MPI.COMM_WORLD,
 ) -> ec.Domain:
-    """Two bricks of width 2 that touch at height zero; collective.
+    """Make two bricks of width 2 that touch at height zero; collective.
 
     The mesh is irregular. That of the upper brick mirrors that of the lower one, so
     with equal heights the bodies are equal. The boundary parts are "upper left", ...,
@@ -48,7 +49,7 @@ def bricks(
 
 @cache
 def small_bricks(d: int) -> ec.Domain:
-    """The bricks of most tests: 32 triangles or 48 tetrahedra; collective."""
+    """Make the bricks of most tests: 32 triangles or 48 tetrahedra; collective."""
     return bricks(d, (4, 2) if d == 2 else (2, 2, 1))
 
 
@@ -60,7 +61,7 @@ def glued(
     size: float = 1.0,
     comm: MPI.Comm = MPI.COMM_WORLD,
 ) -> ec.Domain:
-    """The same bricks before they are split, one body of two regions; collective."""
+    """Make the same bricks before they are split, two regions of a body; collective."""
     x = np.zeros((0, d))
     simplices = np.zeros((0, d + 1), dtype=np.int64)
     if comm.rank == 0:
@@ -71,7 +72,7 @@ def glued(
 
 
 def lower_brick(d: int, cells: tuple[int, ...], comm: MPI.Comm = MPI.COMM_WORLD) -> ec.Domain:
-    """The lower brick alone; its part at height zero is "lower contact"; collective."""
+    """Make the lower brick; its part at height zero is "lower contact"; collective."""
     x = np.zeros((0, d))
     simplices = np.zeros((0, d + 1), dtype=np.int64)
     if comm.rank == 0:
@@ -80,7 +81,7 @@ def lower_brick(d: int, cells: tuple[int, ...], comm: MPI.Comm = MPI.COMM_WORLD)
 
 
 def _lower(d: int, cells: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
-    """Points and simplices of the lower brick, its inner nodes moved at random."""
+    """Return points and simplices of the lower brick, its inner nodes moved."""
     make = ec.rectangle if d == 2 else ec.box
     low, high = [-1.0] * d, [1.0] * (d - 1) + [0.0]
     mesh = make(low, high, cells=cells, comm=MPI.COMM_SELF).mesh
@@ -92,7 +93,7 @@ def _lower(d: int, cells: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _mirrored(x: np.ndarray, simplices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The same with its mirror image at height zero, where both share the points."""
+    """Add the mirror image at height zero, where both share the points."""
     at_mirror = abs(x[:, -1]) < 1e-9
     number = np.where(at_mirror, np.arange(len(x)), len(x) + np.cumsum(~at_mirror) - 1)
     image = x[~at_mirror] * np.append(np.ones(x.shape[1] - 1), -1.0)
@@ -100,10 +101,9 @@ def _mirrored(x: np.ndarray, simplices: np.ndarray) -> tuple[np.ndarray, np.ndar
 
 
 def _named(d: int, x: np.ndarray, simplices: np.ndarray, comm: MPI.Comm, size: float) -> ec.Domain:
-    """A domain from points and simplices on rank 0, with names by positions."""
-    element = ufl.Mesh(
-        basix.ufl.element("Lagrange", ("triangle", "tetrahedron")[d - 2], 1, shape=(d,))
-    )
+    """Make a domain from points and simplices on rank 0, with names by positions."""
+    shape = ("triangle", "tetrahedron")[d - 2]
+    element = ufl.Mesh(basix.ufl.element("Lagrange", shape, 1, shape=(d,)))
     mesh = dmesh.create_mesh(comm, simplices, element, x, partitioner(comm))
     mesh.topology.create_connectivity(d - 1, d)
     facets = _every(mesh, d - 1)
@@ -140,7 +140,7 @@ def _named(d: int, x: np.ndarray, simplices: np.ndarray, comm: MPI.Comm, size: f
 
 
 def _every(mesh: dmesh.Mesh, dim: int) -> np.ndarray:
-    """All entities of a dimension on this rank."""
+    """Return all entities of a dimension on this rank."""
     mesh.topology.create_entities(dim)
     index_map = mesh.topology.index_map(dim)
     return np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)
