@@ -1,7 +1,8 @@
 """Gather meshes and contacts of all ranks on rank 0 for pictures and files.
 
-Symbols: r^ admissible contact traction, u^ admissible displacement, u^_n its part along
-the normal of the foundation.
+Symbols: r^ admissible contact traction, u^ admissible displacement, w^ its value on a
+contact: on a foundation u^, between two bodies the jump of u^; w^_n its part along the
+normal of the contact.
 """
 
 from __future__ import annotations
@@ -34,11 +35,13 @@ class Surface:
         vertices: Global numbers of the vertices of each facet, shape (n, d).
         gap: The gap g at the nodes of each facet before the deformation [length], shape
             (n, m).
-        gap_left: The gap that is left there, g - u^_n [length], shape (n, m).
-        slip: Tangential part of u^ there, or of its change since the last step of a
+        gap_left: The gap that is left there, g - w^_n [length], shape (n, m).
+        slip: Tangential part of w^ there, or of its change since the last step of a
             history [length], shape (n, m, d).
         place: Positions of the nodes on the true surface, where it is known [length],
             shape (n, m, d).
+        partners: Global numbers of the facing nodes of the other body, shape (n, m);
+            None on a foundation.
     """
 
     traction: ContactTraction
@@ -48,6 +51,7 @@ class Surface:
     gap_left: np.ndarray
     slip: np.ndarray
     place: np.ndarray
+    partners: np.ndarray | None
 
     @property
     def d(self) -> int:
@@ -61,7 +65,7 @@ class Surface:
 
 
 def mean_normal(surface: Surface) -> np.ndarray:
-    """Compute the normal of the foundation, shape (d,).
+    """Compute the normal of a contact, out of the body, shape (d,).
 
     If it varies, this is the unit vector of its mean. It is zero if the mean is zero,
     as around a closed contact.
@@ -82,7 +86,9 @@ def whole_contact(admissible: Admissible, traction: ContactTraction) -> Surface 
     own = contact.trace.here.owned
     gap = model.gap_at_nodes(contact)
     displacement = contact.trace.since(admissible.displacement.x.array)
-    u_n, slip, _ = split(displacement, contact.direction[:, None])
+    w_n, slip, _ = split(displacement, contact.direction[:, None])
+    # Without another side this side stands for it, and is left out below.
+    faces = contact.trace.here.nodes if contact.against is None else contact.trace.partners
     parts = gathered(
         model.comm,
         area=traction.area[own],
@@ -92,9 +98,10 @@ def whole_contact(admissible: Admissible, traction: ContactTraction) -> Surface 
         nodes=model.global_numbers(traction.nodes[own]),
         x=model.V.tabulate_dof_coordinates()[traction.nodes[own]],
         gap=gap[own],
-        gap_left=(gap - u_n)[own],
+        gap_left=(gap - w_n)[own],
         slip=slip[own],
         place=model.true_places(contact.facets)[own],
+        partners=model.global_numbers(faces[own]),
     )
     if not parts:
         return None
@@ -115,6 +122,7 @@ def whole_contact(admissible: Admissible, traction: ContactTraction) -> Surface 
         gap_left=parts["gap_left"],
         slip=parts["slip"],
         place=parts["place"],
+        partners=None if contact.against is None else parts["partners"],
     )
 
 
