@@ -73,9 +73,7 @@ def shifts(
     return shift + pulled
 
 
-def _behind(
-    body: Mapping[str, np.ndarray], pair: Surface, pairs: Sequence[Surface]
-) -> np.ndarray:
+def _behind(body: Mapping[str, np.ndarray], pair: Surface, pairs: Sequence[Surface]) -> np.ndarray:
     """Tell which nodes move with this side of a pair, shape (n,).
 
     They are those of its bodies and of all bodies that touch these elsewhere. There are
@@ -100,7 +98,10 @@ def _links(cells: np.ndarray) -> np.ndarray:
 
 
 def _depth(pair: Surface, shift: np.ndarray, factor: float) -> np.ndarray:
-    """Compute what shifts leave of the gap at the nodes of this side [length], (f, m)."""
+    """Compute what shifts leave of the gap at the nodes of this side [length].
+
+    Its shape is (f, m).
+    """
     n = in_space(pair.traction.contact.direction)[:, None]
     apart = shift[pair.partners] - shift[pair.traction.nodes]
     return factor * pair.gap - (apart * n).sum(axis=-1)
