@@ -61,8 +61,8 @@ def plot_contact(
     the pressure, the length of the shear, and the status of the facets. The tractions
     are r^ itself, which jumps from one facet to the next as much as it is wrong, so
     maps of degree 1 on coarse meshes look rough. They are not smoothed: a continuous
-    map of degree 1 has one value at a node, there are about twice as many facets as nodes, and so it cannot
-    have the mean of r^ on each of them.
+    map of degree 1 has one value at a node, there are about twice as many facets as
+    nodes, and so it cannot have the mean of r^ on each of them.
 
     Args:
         admissible: The admissible pair.
