@@ -13,7 +13,7 @@ from mpi4py import MPI
 from test_domain import assert_closed, assert_distributed_well, close, near
 
 import erc_contact as ec
-from erc_contact.mesh.gmsh_model import session
+from erc_contact.mesh.gmsh_session import session
 from erc_contact.mesh.partition import patches_complete
 from erc_contact.mesh.tags import tags_of
 

@@ -151,7 +151,7 @@ def _least_energy(model: Model, elastic: ElasticSolver, which: int, a: np.ndarra
 
 
 def _springs(model: Model, gamma: Ufl) -> PETSc.Mat:
-    """Assemble the springs of all contacts for the unknowns of the solver; collective."""
+    """Assemble the springs of all contacts for the solver's unknowns; collective."""
     u = ufl.TrialFunction(model.V)
     v = ufl.TestFunction(model.V)
     on_foundations: list[Ufl] = []

@@ -9,6 +9,7 @@ from erc_contact.admissible.pair import Admissible
 from erc_contact.base.exceptions import InputError
 from erc_contact.error.contact import contact_squares
 from erc_contact.error.oscillation import of_history, of_loads, of_supports
+from erc_contact.model.over_ranks import sums_of_cells
 
 
 def contact_and_oscillations(
@@ -44,7 +45,7 @@ def contact_and_oscillations(
         if trace.there is None:
             cells_2 += of_cells[: len(cells_2)]
         else:
-            cells_2 += model.sums_of_cells(of_cells)
+            cells_2 += sums_of_cells(model, of_cells)
         contact_2 += float(facets_2.sum())
         gaps_2 += of_gap
         friction_2 += of_friction

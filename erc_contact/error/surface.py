@@ -16,11 +16,11 @@ import numpy as np
 
 from erc_contact.admissible.pair import Admissible
 from erc_contact.mesh.simplex import bernstein, lagrange, measures, node_between, nodes, rule
-from erc_contact.model.coordinates import NO_PARTNER
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.friction import PROPORTIONAL
 from erc_contact.model.last_step import interpolate
 from erc_contact.model.model import Model
+from erc_contact.model.node_pairs import NO_PARTNER
 from erc_contact.model.trace import split
 
 EDGE_COSINE = 0.87

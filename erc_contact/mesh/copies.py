@@ -17,11 +17,11 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from dolfinx import graph
 from dolfinx import mesh as dmesh
 
 from erc_contact.base.ranks import exchange, fetched
 from erc_contact.mesh.graphs import components
+from erc_contact.mesh.partition import destinations
 from erc_contact.mesh.sides import facets_of_cells, inner_facets
 from erc_contact.mesh.simplex import facet_vertices
 
@@ -109,15 +109,10 @@ def same_ranks(mesh: dmesh.Mesh) -> Callable[..., Any]:
     # Each owner learns which ranks have its cells as ghosts.
     cells, ranks = exchange(comm, index_map.owners, index_map.ghosts[:, None])
     ghosts = cells[:, 0] - index_map.local_range[0]
-    all_cells = np.concatenate([np.arange(owned), ghosts])
-    all_ranks = np.concatenate([np.full(owned, comm.rank), ranks])
-    # The sort is stable, so that the owner comes first.
-    order = np.argsort(all_cells, kind="stable")
-    offsets = np.concatenate([[0], np.cumsum(np.bincount(all_cells, minlength=owned))])
-    destinations = graph.adjacencylist(all_ranks[order].astype(np.int32), offsets.astype(np.int32))
+    adjacency = destinations(np.full(owned, comm.rank), ghosts, ranks)
 
     def repeat(*_: Any) -> Any:
         """Return the ranks of the owned cells, the owner first."""
-        return destinations._cpp_object
+        return adjacency
 
     return repeat

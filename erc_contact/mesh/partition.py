@@ -68,15 +68,26 @@ def vertex_patch_partitioner(
     other = rank != owner[ghost]
     ghosts = _unique(comm, ghost[other], rank[other])
 
-    # DOLFINx wants the owner first, then the other ranks.
-    sizes = 1 + np.bincount(ghosts[:, 0], minlength=len(owner))
-    offsets = np.concatenate([[0], np.cumsum(sizes)])
-    data = np.empty(offsets[-1], dtype=np.int32)
-    data[offsets[:-1]] = owner
-    is_ghost = np.ones(len(data), dtype=bool)
-    is_ghost[offsets[:-1]] = False
-    data[is_ghost] = ghosts[:, 1]
-    return graph.adjacencylist(data, offsets.astype(np.int32))._cpp_object
+    return destinations(owner, *ghosts.T)
+
+
+def destinations(owner: np.ndarray, cell: np.ndarray, rank: np.ndarray) -> Any:
+    """Return the ranks of each cell as a partitioner of DOLFINx gives them.
+
+    Args:
+        owner: Rank that owns each cell, shape (n,).
+        cell: Cells that are ghosts on other ranks, shape (g,).
+        rank: The other rank of each of them, shape (g,).
+
+    Returns:
+        Adjacency list cell -> ranks, the owner first (the C++ object).
+    """
+    all_cells = np.concatenate([np.arange(len(owner)), cell])
+    all_ranks = np.concatenate([owner, rank]).astype(np.int32)
+    # The sort is stable, so that the owner comes first.
+    order = np.argsort(all_cells, kind="stable")
+    offsets = np.concatenate([[0], np.cumsum(np.bincount(all_cells, minlength=len(owner)))])
+    return graph.adjacencylist(all_ranks[order], offsets.astype(np.int32))._cpp_object
 
 
 def _vertex_owners(comm: MPI.Comm, vertex: np.ndarray, owner: np.ndarray) -> np.ndarray:

@@ -25,13 +25,10 @@ import numpy as np
 from dolfinx import fem, la
 from petsc4py import PETSc
 
-from erc_contact.base.exceptions import InputError, raise_together
 from erc_contact.base.sparse import sparse
 from erc_contact.model.foundation import BoundContact
+from erc_contact.model.node_pairs import NO_PARTNER, no_pairs, node_pairs
 from erc_contact.model.space import Space
-
-NO_PARTNER = -1
-"""Stands for the partner of a node that is in no pair."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,13 +79,12 @@ class Coordinates:
         self.is_identity = all(contact.trace.there is None for contact in contacts)
         self.fixed = fixed
         self.prescribed = prescribed
-        self.partner = np.full(len(fixed), NO_PARTNER)
-        self.is_here = np.zeros(len(fixed), dtype=bool)
+        pairs = no_pairs(space) if self.is_identity else node_pairs(space, contacts, fixed)
+        self.partner = pairs.partner
+        self.is_here = pairs.is_here
+        self._swapped = pairs.is_swapped
         if self.is_identity:
             return
-        here, there = self._pairs_of(contacts)
-        swapped_pairs = fixed[here] & ~fixed[there]
-        self._share(here, there, swapped_pairs)
         self.fixed, self.prescribed = self._supports(fixed, prescribed)
 
     def to_x(self, u: fem.Function) -> fem.Function:
@@ -240,56 +236,6 @@ class Coordinates:
         nodes = np.flatnonzero(self.partner != NO_PARTNER)
         dofs = (nodes[:, None] * d + np.arange(d)).ravel()
         return dofs, dofs % d
-
-    def _pairs_of(self, contacts: Sequence[BoundContact]) -> tuple[np.ndarray, np.ndarray]:
-        """Return the pairs of nodes of this rank, each once: sides 1 and 2."""
-        here = []
-        there = []
-        for contact in contacts:
-            trace = contact.trace
-            if trace.there is not None:
-                here.append(trace.here.nodes.ravel())
-                there.append(trace.partners.ravel())
-        pairs = np.unique(np.column_stack([np.concatenate(here), np.concatenate(there)]), axis=0)
-        error = None
-        if len(np.unique(pairs)) < pairs.size:
-            error = InputError(
-                "A node is in two pairs of contacts between bodies: three bodies meet there, or "
-                "two contacts of the same bodies name them in another order. Name the same body "
-                "first in both contacts, or end one of the contacts before the point."
-            )
-        raise_together(self._space.comm, error)
-        return pairs[:, 0], pairs[:, 1]
-
-    def _share(self, here: np.ndarray, there: np.ndarray, swapped: np.ndarray) -> None:
-        """Tell all ranks that have a node its partner.
-
-        A rank may have a node without the facets of its pair.
-
-        Args:
-            here: Nodes of side 1 on this rank, shape (n,).
-            there: Their partners, shape (n,).
-            swapped: Swapped components, shape (n, d).
-        """
-        space = self._space
-        index_map = space.V.dofmap.index_map
-        # Number of ranks that know it, partner, whether it is of side 1, and swapped.
-        shared = la.vector(index_map, 3 + space.d)
-        table = shared.array.reshape(len(self.partner), 3 + space.d)
-        table[here, 1] = space.global_numbers(there)
-        table[there, 1] = space.global_numbers(here)
-        table[here, 2] = 1.0
-        for nodes in (here, there):
-            table[nodes, 0] = 1.0
-            table[nodes, 3:] = swapped
-        shared.scatter_reverse(la.InsertMode.add)
-        known = table[:, 0] > 0
-        table[known] /= table[known, :1]
-        shared.scatter_forward()
-        known = table[:, 0] > 0
-        self.partner[known] = np.rint(table[known, 1]).astype(self.partner.dtype)
-        self.is_here[:] = table[:, 2] > 0.5
-        self._swapped = table[:, 3:] > 0.5
 
     def _supports(
         self, fixed: np.ndarray, prescribed: fem.Function

@@ -14,7 +14,7 @@ from typing import Any, Protocol
 
 import numpy as np
 import ufl
-from dolfinx import fem, la
+from dolfinx import fem
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.ufl_types import Ufl
@@ -200,36 +200,6 @@ class Space:
             node_count=self.node_count,
             cell_count=len(self.nodes),
         )
-
-    def marked_by_any(self, *marks: np.ndarray) -> list[np.ndarray]:
-        """Return which nodes any rank marks; collective.
-
-        Args:
-            marks: Nodes of this rank that it marks, at most d times, shape (nodes,).
-        """
-        shared = self.function()
-        columns = shared.x.array.reshape(-1, self.d)
-        for column, of_rank in zip(columns.T, marks, strict=False):
-            column[:] = of_rank
-        shared.x.scatter_reverse(la.InsertMode.add)
-        shared.x.scatter_forward()
-        return [columns[:, i] > 0 for i in range(len(marks))]
-
-    def sums_of_cells(self, values: np.ndarray) -> np.ndarray:
-        """Add up the values that all ranks have for the owned cells; collective.
-
-        Args:
-            values: Values of the cells of this rank, ghosts included, shape (cells,).
-
-        Returns:
-            The sums, shape (owned,).
-        """
-        if self.comm.size > 1:
-            of_cells = self.domain.function("DG", 0)
-            of_cells.x.array[of_cells.function_space.dofmap.list[:, 0]] = values
-            of_cells.x.scatter_reverse(la.InsertMode.add)
-            values = of_cells.x.array[of_cells.function_space.dofmap.list[:, 0]]
-        return values[: self.domain.owned_cells]
 
     def facet_corners(self, facets: np.ndarray) -> np.ndarray:
         """Return vertices of facets in the order of the reference facet [length].

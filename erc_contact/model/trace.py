@@ -290,8 +290,7 @@ class Trace:
         assert self.there is not None
         here = _about_middle(self.here.places)
         there = _about_middle(self.there.places)
-        # The sides may be apart by a gap, and the vertices of facing facets are in any
-        # order.
+        # Sides may be apart by a gap; vertices of facing facets are in any order.
         distance = np.linalg.norm(there[:, :, None] - here[:, None], axis=-1)
         return distance.argmin(axis=2)
 

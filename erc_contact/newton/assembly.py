@@ -12,30 +12,7 @@ import numpy as np
 from dolfinx import fem
 
 from erc_contact.base.ranks import gathered
-from erc_contact.newton.forms import ContactForms
-
-
-class Pass:
-    """Describe one assembly of the equations, of all that a term of them is.
-
-    Args:
-        test_jump: Factor of the jump of test functions between bodies [-].
-        row_of: Place in u_A of the equation of each degree of freedom, -1 without.
-        factor_of: Factor of this equation [-].
-
-    Attributes:
-        rows: Degrees of freedom with a place.
-        places: Their places.
-        factors: Their factors.
-    """
-
-    def __init__(self, test_jump: float, row_of: np.ndarray, factor_of: np.ndarray) -> None:
-        self.test_jump = test_jump
-        self.row_of = row_of
-        self.factor_of = factor_of
-        self.rows = np.flatnonzero(row_of >= 0)
-        self.places = row_of[self.rows]
-        self.factors = factor_of[self.rows]
+from erc_contact.newton.forms import ContactForms, Pass
 
 
 class Assembly:

@@ -100,6 +100,8 @@ class MultiplierMap:
         multipliers: For each contact the matrix from nodal forces at A [force] to the
             Bernstein coefficients of the multiplier [force/area].
         coefficients: C at A; None for degree 1.
+        on_foundations: C of the displacements of contacts with foundations alone, where
+            there are others beside; else None.
     """
 
     def __init__(self, model: Model) -> None:
@@ -115,13 +117,25 @@ class MultiplierMap:
             self.area[places] = contact.area
 
         self.coefficients: Entries | None = None
+        self.on_foundations: Entries | None = None
         forces = diagonal(self.free.ravel().astype(float))
         if model.degree > 1:
-            change = self._change_of_basis(coefficients(model.d - 1, model.degree))
+            to_coefficients = coefficients(model.d - 1, model.degree)
+            change = self._change_of_basis(to_coefficients, self.contacts)
             self.coefficients = self._entries(change)
             change.destroy()
+            if not model.coordinates.is_identity:
+                on_foundations = []
+                for of_contact, bound in zip(self.contacts, model.contacts, strict=True):
+                    if bound.against is None:
+                        on_foundations.append(of_contact)
+                if on_foundations:
+                    change = self._change_of_basis(to_coefficients, on_foundations)
+                    self.on_foundations = self._entries(change)
+                    change.destroy()
             forces.destroy()
-            forces = self._change_of_basis(at_nodes(model.d - 1, model.degree).T)
+            to_forces = at_nodes(model.d - 1, model.degree).T
+            forces = self._change_of_basis(to_forces, self.contacts)
         self.multipliers = self._from_forces(forces)
         forces.destroy()
 
@@ -182,18 +196,19 @@ class MultiplierMap:
         columns = np.concatenate([own_dof, places[j] * self._d + pair_component])
         return sparse(self.free.size, self.free.size, rows, columns, [own_value, mean_value])
 
-    def _change_of_basis(self, of_facet: np.ndarray) -> PETSc.Mat:
+    def _change_of_basis(self, of_facet: np.ndarray, contacts: list[ContactNodes]) -> PETSc.Mat:
         """Return a change of basis of polynomials on facets as a matrix for A.
 
         Args:
             of_facet: The change on a facet, (m, m), the same from all facets of a node.
+            contacts: The contacts with these facets.
         """
         p, q = np.nonzero(abs(of_facet) > NO_ENTRY)
         size = len(self.numbers)
         keys = []
         values = []
-        for contact, places in zip(self.contacts, self._places, strict=True):
-            nodes = places[contact.facets]
+        for contact in contacts:
+            nodes = np.searchsorted(self.numbers, contact.numbers)[contact.facets]
             keys.append((nodes[:, p] * size + nodes[:, q]).ravel())
             values.append(np.tile(of_facet[p, q], len(nodes)))
         # Facets that share two nodes give the same entry, which counts once.

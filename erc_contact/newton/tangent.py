@@ -15,8 +15,9 @@ from dolfinx.fem import petsc as fp
 from petsc4py import PETSc
 
 from erc_contact.newton.forms import ContactForms
-from erc_contact.newton.linear.krylov import fgmres, set_up, shell
+from erc_contact.newton.linear.krylov import fgmres, set_up
 from erc_contact.newton.linear.multigrid import Multigrid
+from erc_contact.newton.linear.shells import shell
 from erc_contact.newton.reactions import Reactions
 from erc_contact.newton.springs import Springs
 

@@ -107,6 +107,11 @@ class Elastic:
         """Tell which degrees of freedom of this rank supports fix, shape (owned,)."""
         return self.model.coordinates.fixed.ravel()[: self.owned]
 
+    def free_components(self) -> int:
+        """Count the unknowns of all ranks that no support fixes; collective."""
+        free = int(np.count_nonzero(~self.fixed))
+        return self.model.comm.allreduce(free)
+
     def right_side(self, b: fem.Function, *, supports: bool) -> PETSc.Vec:
         """Return the right side for nodal forces, summed over ranks [force].
 

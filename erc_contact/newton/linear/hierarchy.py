@@ -26,8 +26,8 @@ from erc_contact.model.model import Model
 from erc_contact.newton.linear.amg import AMG_PREFIX, rigid_motions, with_defaults
 from erc_contact.newton.linear.elastic import add_diagonal
 from erc_contact.newton.linear.galerkin import SAME, SUBSET, CoarseMatrices
-from erc_contact.newton.linear.krylov import preconditioner
 from erc_contact.newton.linear.mumps import factorised
+from erc_contact.newton.linear.shells import preconditioner
 
 
 class Hierarchy:

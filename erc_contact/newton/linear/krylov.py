@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -10,9 +9,8 @@ from petsc4py import PETSc
 
 from erc_contact.newton.linear.amg import AMG_PREFIX
 from erc_contact.newton.linear.mumps import LIBRARY
+from erc_contact.newton.linear.shells import Apply, Shell, shell
 
-Apply = Callable[[PETSc.Vec, PETSc.Vec], None]
-"""Function that sets the second vector to a linear function of the first one."""
 FGMRES_LIMIT = 200
 """Limit of the cycles of one linear solve by FGMRES."""
 RESTART = 50
@@ -21,58 +19,13 @@ CG_LIMIT = 500
 """Limit of the iterations of conjugate gradients; 15 to 60 are usual."""
 
 
-class _Shell:
-    """Represent a linear function as PETSc wants a matrix or a preconditioner."""
-
-    def __init__(self, apply: Apply) -> None:
-        self._apply = apply
-
-    def mult(self, _: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
-        """Set y to the matrix times x."""
-        self._apply(x, y)
-
-    def apply(self, _: PETSc.PC, x: PETSc.Vec, y: PETSc.Vec) -> None:
-        """Set y to the preconditioned x."""
-        self._apply(x, y)
-
-
-def shell(apply: Apply, like: PETSc.Vec) -> PETSc.Mat:
-    """Make a square matrix of a function.
-
-    The caller destroys it: the matrix and the function may know each other.
-
-    Args:
-        apply: The function.
-        like: A vector of the same sizes.
-    """
-    sizes = like.getSizes()
-    matrix = PETSc.Mat().createPython((sizes, sizes), context=_Shell(apply), comm=like.comm)
-    matrix.setUp()
-    return matrix
-
-
-def preconditioner(apply: Apply, like: PETSc.Mat) -> PETSc.PC:
-    """Make a preconditioner of a function; the caller destroys it.
-
-    Args:
-        apply: The function.
-        like: A matrix of the same sizes.
-    """
-    pc = PETSc.PC().create(like.comm)
-    pc.setOperators(like)
-    pc.setType("python")
-    pc.setPythonContext(_Shell(apply))
-    pc.setUp()
-    return pc
-
-
 def set_up(ksp: Any, precondition: Apply) -> None:
     """Set a linear solver to FGMRES with a preconditioner."""
     ksp.setType("fgmres")
     ksp.setGMRESRestart(RESTART)
     ksp.setTolerances(max_it=FGMRES_LIMIT)
     ksp.getPC().setType("python")
-    ksp.getPC().setPythonContext(_Shell(precondition))
+    ksp.getPC().setPythonContext(Shell(precondition))
 
 
 def fgmres(apply: Apply, precondition: Apply, b: PETSc.Vec, x: PETSc.Vec, tolerance: float) -> None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from erc_contact.model.model import Model
+from erc_contact.model.over_ranks import marked_by_any
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +45,7 @@ def contact_layer(model: Model) -> Layer:
         touching = coordinates.with_partners(touching) | jumping
         layer = coordinates.with_partners(layer)
         # A rank may have the cell of a contact facet without the cell that faces it.
-        touching, layer = model.marked_by_any(touching, layer)
+        touching, layer = marked_by_any(model, touching, layer)
 
     dofs = np.flatnonzero((layer[:, None] & ~coordinates.fixed).ravel())
     at_contact = np.repeat(touching, model.d)[dofs]

@@ -85,7 +85,7 @@ class Stiffness(Elastic):
         return self._glued_by(self.right_side(b, supports=supports))
 
     def _glued_by(self, right: PETSc.Vec) -> fem.Function:
-        """Return the glued displacement of a right side, which is destroyed."""
+        """Return the glued displacement of a right side, and destroy that."""
         x = right.duplicate()
         self._solver().solve(right, x)
         u = self.displacement(x)
@@ -249,11 +249,6 @@ class Stiffness(Elastic):
         matrix.flat[:: count + 1] -= self.glued_by[:count]
         return matrix
 
-    def _free_components(self) -> int:
-        """Count the free degrees of freedom of all ranks; collective."""
-        free = int(np.count_nonzero(~self.fixed))
-        return self.model.comm.allreduce(free)
-
     def _assemble(self) -> PETSc.Mat:
         """Assemble K + D [force/length]."""
         matrix = self.stiffness()
@@ -296,7 +291,7 @@ class Stiffness(Elastic):
         # MUMPS makes no Schur complement on all rows: something must be left to
         # eliminate. On coarse meshes L is the whole body; a tree of one rank then
         # factorises densely.
-        layer_is_body = self.contact_size > 0 and len(self.numbers) == self._free_components()
+        layer_is_body = self.contact_size > 0 and len(self.numbers) == self.free_components()
         if self.model.comm.size > 1 or layer_is_body:
             self._factor = Substructures(self.model, self.form, self.glue, self.local)
         else:

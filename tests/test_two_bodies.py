@@ -1,0 +1,509 @@
+"""Contact between two bodies: known solutions, action and reaction, admissible pairs, limits.
+
+Properties: piecewise linear solutions are found and certified to round-off by every
+method, solver and degree; the bodies' forces are opposite and in equilibrium; the pair
+keeps the contact conditions between nodes, too; symmetric bodies are one body; a stiff
+body is a foundation; neither units nor the order of the bodies matter.
+"""
+
+from functools import cache
+from itertools import product
+
+import numpy as np
+import pytest
+from bricks import NAMES, bricks, glued, lower_brick, small_bricks
+from mpi4py import MPI
+from reference import _barycentric, _sigma
+from test_bad_input import refused
+
+import erc_contact as ec
+from erc_contact.admissible.pair import Admissible
+
+COMM = MPI.COMM_WORLD
+UPPER, LOWER = NAMES
+MATERIAL = ec.Elastic(E={"upper": 1000.0, "lower": 300.0}, nu={"upper": 0.3, "lower": 0.25})
+METHODS = (ec.Nitsche(), ec.Nitsche(theta=1), ec.Nitsche(theta=-1), ec.AugmentedLagrangian())
+
+
+def vector(d: int, x: object, y: object) -> tuple:
+    """A vector with its first and last component; the one between them is zero."""
+    return (x, *(0.0,) * (d - 2), y)
+
+
+def contact(**options: object) -> ec.Contact:
+    return ec.Contact(UPPER, against=LOWER, **options)
+
+
+def fixed(d: int) -> ec.Displacement:
+    return ec.Displacement("lower outer", (0.0,) * d)
+
+
+def pressed(d: int, **options: object) -> ec.Scene:
+    """The upper body's top is moved down and a little along; the lower one is held."""
+    down = ec.Displacement("upper outer", vector(d, 0.01, -0.05))
+    return ec.Scene(MATERIAL, [down, fixed(d)], [], [contact(**options)])
+
+
+def certified(scene: ec.Scene, domain: ec.Domain, *args, **options) -> ec.ConstitutiveError:
+    return ec.constitutive_error(ec.equilibrate(ec.solve(scene, domain, *args, **options)))
+
+
+# -- patches
+# ---------------------------------------------------------------------------------------------------
+
+PATCHES = {
+    # a and g of upper and lower body, difference of c, sigma_xx of the lower body, sigma_xy
+    "slip": (0.0039, 0.0096, 0.02, 0.0, 3.0),
+    "stick": (0.0039, 0.0039, 0.0, -1.484375, 2.0),
+    "smooth": (0.0039, 0.0096, 0.02, 0.0, 0.0),
+}
+
+
+def patch(name: str, d: int) -> tuple[ec.Scene, dict]:
+    """Two bodies of E 1000, 250 and nu 0.3, 0.2 in homogeneous states of plane strain.
+
+    Under the pressure 10 the contact slips by 0.02 - 0.0057 x, or sticks. Returns the
+    scene, and u of each body as a function of positions (n, d).
+    """
+    a_upper, a_lower, c, sigma_xx, shear = PATCHES[name]
+    E, nu = {"upper": 1000.0, "lower": 250.0}, {"upper": 0.3, "lower": 0.2}
+    b_lower = -0.0384 if sigma_xx == 0 else -0.036975
+    slope = {body: shear * 2 * (1 + nu[body]) / E[body] for body in E}
+    numbers = {
+        "upper": (a_upper, slope["upper"], c + 0.004, -0.0091),
+        "lower": (a_lower, slope["lower"], 0.004, b_lower),
+    }
+    supports, loads = [], []
+    for body, (a, g, move, b) in numbers.items():
+        u = (
+            lambda x, a=a, g=g, move=move: a * x[0] + g * x[d - 1] + move,
+            lambda x, b=b: b * x[d - 1],
+        )
+        supports.append(ec.Displacement(f"{body} outer", vector(d, *u)))
+        side = vector(d, sigma_xx if body == "lower" else 0.0, shear)
+        loads.append(ec.Traction(f"{body} right", side))
+        loads.append(ec.Traction(f"{body} left", tuple(-part for part in side)))
+        if d == 3:
+            supports += [ec.Displacement(f"{body} {n}", (None, 0.0, None)) for n in ("front", "back")]
+    friction = 0.0 if shear == 0 else 0.3
+    scene = ec.Scene(ec.Elastic(E, nu), supports, loads, [contact(friction=friction)])
+
+    def exact(body: str, x: np.ndarray) -> np.ndarray:
+        a, g, move, b = numbers[body]
+        u = np.zeros_like(x)
+        u[:, 0] = a * x[:, 0] + g * x[:, -1] + move
+        u[:, -1] = b * x[:, -1]
+        return u
+
+    return scene, exact
+
+
+def distance(solution: ec.Solution, exact) -> float:
+    """Largest difference of u from the exact one of its body, over the largest u; collective."""
+    model = solution.model
+    x = model.V.tabulate_dof_coordinates()[:, : model.d]
+    u = solution.u.x.array.reshape(-1, model.d)
+    differences, sizes = [0.0], [0.0]
+    for body in ("upper", "lower"):
+        nodes = np.unique(model.nodes[model.domain.region(body)])
+        wanted = exact(body, x[nodes])
+        differences.append(abs(u[nodes] - wanted).max(initial=0.0))
+        sizes.append(abs(wanted).max(initial=0.0))
+    return COMM.allreduce(max(differences), MPI.MAX) / COMM.allreduce(max(sizes), MPI.MAX)
+
+
+@pytest.mark.parametrize("name", PATCHES)
+@pytest.mark.parametrize(("d", "degree"), list(product((2, 3), (1, 2))))
+def test_patch(name, d, degree):
+    """Every method and solver finds the exact solution, and it has no error."""
+    scene, exact = patch(name, d)
+    for method, solver in product(METHODS, ("direct", "iterative")):
+        solution = ec.solve(scene, small_bricks(d), method, degree=degree, solver=solver)
+        case = f"{method}, {solver}"
+        assert distance(solution, exact) < 1e-9, case
+        if solver == "direct":
+            error = ec.constitutive_error(ec.equilibrate(solution))
+            assert error.relative < 1e-9, case
+
+
+def test_dissipation_of_a_patch():
+    """The slip 0.02 - 0.0057 x under the shear 3 turns 0.12 into heat."""
+    error = certified(patch("slip", 2)[0], small_bricks(2))
+    (traction,) = error.admissible.tractions
+    trace = traction.contact.trace
+    jump = trace.of(error.admissible.displacement.x.array)
+    work = -(traction.values * jump).sum(axis=2).mean(axis=1) @ trace.here.owned_areas
+    # The pressure does no work, and both fields are linear: a mean over nodes is exact
+    # where one of them is constant.
+    assert COMM.allreduce(float(work)) == pytest.approx(0.12, rel=1e-9)
+
+
+# -- action and reaction, equilibrium, admissibility
+# ---------------------------------------------------------------------------------------------------
+
+
+def parabola(x):
+    return 0.03 * x[0] ** 2
+
+
+def loose(d: int, friction: object = 0.4) -> ec.Scene:
+    """Contact alone holds the upper body, which a traction presses and pushes."""
+    load = ec.Traction("upper outer", vector(d, 0.5, -3.0))
+    return ec.Scene(MATERIAL, [fixed(d)], [load], [contact(friction=friction)])
+
+
+def chain(d: int) -> ec.Scene:
+    """Nothing holds the bodies but contact with each other, and with a foundation."""
+    load = ec.Traction("upper outer", vector(d, 0.1, -3.0))
+    floor = ec.Contact("lower outer", friction=0.5)
+    return ec.Scene(MATERIAL, [], [load], [contact(friction=0.4), floor])
+
+
+def corner(d: int) -> ec.Scene:
+    """A wall touches both bodies beside their contact."""
+    load = ec.Traction("upper outer", vector(d, -0.5, -3.0))
+    walls = [ec.Contact("lower left"), ec.Contact("upper left")]
+    return ec.Scene(MATERIAL, [fixed(d)], [load], [contact(friction=0.4), *walls])
+
+
+def half_upper(d: int) -> ec.Scene:
+    """A plane of symmetry holds the upper body alone at the rim of the contact."""
+    symmetry = ec.Displacement("upper left", (0.0, *(None,) * (d - 1)))
+    down = ec.Displacement("upper outer", (*(None,) * (d - 1), -0.05))
+    return ec.Scene(MATERIAL, [fixed(d), symmetry, down], [], [contact(friction=0.2)])
+
+
+def half_lower(d: int) -> ec.Scene:
+    """A plane of symmetry holds the lower body alone at the rim of the contact."""
+    symmetry = ec.Displacement("lower left", (0.0, *(None,) * (d - 1)))
+    down = ec.Displacement("upper outer", vector(d, 0.0, -0.05))
+    return ec.Scene(MATERIAL, [fixed(d), symmetry, down], [], [contact(friction=0.2)])
+
+
+def half_both(d: int) -> ec.Scene:
+    """A plane of symmetry holds both bodies at the rim of the contact."""
+    free = (None,) * (d - 1)
+    symmetry = [ec.Displacement(f"{body} left", (0.0, *free)) for body in ("lower", "upper")]
+    down = ec.Displacement("upper outer", (*free, -0.05))
+    return ec.Scene(MATERIAL, [fixed(d), *symmetry, down], [], [contact(friction=0.2)])
+
+
+SCENES = {
+    "pressed": lambda d: pressed(d, friction=0.3),
+    "gap": lambda d: pressed(d, friction=0.2, gap=parabola),
+    "Tresca": lambda d: pressed(d, friction=ec.Tresca(0.5), gap=parabola),
+    "bilateral": lambda d: pressed(d, bilateral=True),
+    "interference": lambda d: ec.Scene(
+        MATERIAL,
+        [ec.Displacement("upper outer", (0.0,) * d), fixed(d)],
+        [],
+        [contact(friction=0.3, gap=-0.02)],
+    ),
+    "loose": loose,
+    "chain": chain,
+    "corner": corner,
+    "half upper": half_upper,
+    "half lower": half_lower,
+    "half both": half_both,
+}
+CASES = [*product((2,), (1, 2), SCENES), *product((3,), (1,), SCENES)]
+
+
+@pytest.fixture(scope="module", params=CASES, ids=lambda case: f"{case[0]}D-{case[1]}-{case[2]}")
+def error(request):
+    """The certified error of a scene."""
+    d, degree, name = request.param
+    return certified(SCENES[name](d), small_bricks(d), degree=degree)
+
+
+def test_action_is_reaction(error):
+    """The forces of both sides are opposite, with their moments, of u and of sigma^.
+
+    Each body is in equilibrium: so are both together, and the reactions of the lower
+    body's supports are the loads on the upper one.
+    """
+    for result in (error.solution, error):
+        upper, lower = result.force(UPPER), result.force(LOWER)
+        size = abs(upper.force).max()
+        assert size > 0
+        assert abs(upper.force + lower.force).max() < 1e-12 * size
+        assert abs(upper.moment + lower.moment).max() < 1e-12 * size
+        forces = dict(result.reactions())
+        balance = forces.pop("balance")
+        assert abs(balance.force).max() < 1e-9 * size
+        assert abs(balance.moment).max() < 1e-9 * size
+        for body in ("upper", "lower"):
+            of_body = [force for part, force in forces.items() if part.startswith(body)]
+            if body == "upper" and "tractions" in forces:
+                of_body.append(forces["tractions"])
+            assert abs(sum(part.force for part in of_body)).max() < 1e-9 * size
+            assert abs(sum(part.moment for part in of_body)).max() < 1e-9 * size
+
+
+def on_facets(pair: Admissible, facets: np.ndarray, places: np.ndarray) -> tuple:
+    """u^ and sigma^ n in the cells of facets of one body, at points of them.
+
+    They are evaluated as fields of the body, not as those of a contact.
+
+    Args:
+        pair: The pair.
+        facets: Pairs (cell, local facet), shape (f, 2).
+        places: Positions on the facets, shape (f, q, d).
+
+    Returns:
+        Positions, u^ and sigma^ of the points, shape (f q, d) and (f q, d, d).
+    """
+    d = pair.cell_geometry.d
+    cells = np.repeat(facets[:, 0], places.shape[1])
+    x = places.reshape(-1, d)
+    u = pair.displacement.eval(np.pad(x, ((0, 0), (0, 3 - d))), cells).reshape(-1, d)
+    mandel = _sigma(pair, cells, _barycentric(pair, cells, x))
+    return u, mandel
+
+
+def facing_points(pair: Admissible) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Owned facets of both sides and random points that both have, shape (f, q, d)."""
+    domain = pair.domain
+    here, there = domain.facing(UPPER, LOWER)
+    owned = here[:, 0] < domain.owned_cells
+    here, there = here[owned], there[owned]
+    d = domain.dim
+    mesh = domain.mesh
+    corners = np.delete(np.arange(d + 1), 0)
+    places = []
+    for cell, local in here:
+        corners = np.delete(mesh.geometry.dofmaps[0][cell], local)
+        places.append(mesh.geometry.x[corners, :d])
+    shares = np.random.default_rng(COMM.rank).dirichlet(np.ones(d), 40)
+    return here, there, np.einsum("qm,fmi->fqi", shares, np.reshape(places, (-1, d, d)))
+
+
+def test_pair_keeps_the_conditions(error):
+    """The jump of u^ does not enter the gap, r^ is in the cone, and sigma^ n is opposite.
+
+    At random points of the facets of both bodies.
+    """
+    pair = error.admissible
+    d = pair.cell_geometry.d
+    here, there, x = facing_points(pair)
+    owned = pair.domain.owned_cells
+    u_here, sigma_here = on_facets(pair, here, x)
+    u_there, _ = on_facets(pair, there, x)
+    jump = -(u_here - u_there)[:, -1]
+    (law,) = [c for c in pair.solution.scene.contacts if c.facets == UPPER]
+    points = x.reshape(-1, d)
+    gap = law.gap(points.T) if callable(law.gap) else law.gap
+    size = COMM.allreduce(abs(pair.displacement.x.array).max(initial=0.0), MPI.MAX)
+    excess = abs(jump - gap) if law.bilateral else jump - gap
+    assert excess.max(initial=0.0) < 1e-12 * size
+
+    normal = np.zeros(d)
+    normal[-1] = -1.0
+    traction = tensors_of(sigma_here, d) @ normal
+    peak = COMM.allreduce(abs(pair.stress).max(initial=0.0), MPI.MAX)
+    pressure = traction[:, -1]
+    if not law.bilateral:
+        assert pressure.min(initial=0.0) > -1e-12 * peak
+    shear = np.linalg.norm(traction[:, :-1], axis=1)
+    bound = law.friction.limit if hasattr(law.friction, "limit") else law.friction * pressure
+    assert (shear - bound).max(initial=0.0) < 1e-12 * peak
+    # sigma^ is known in the cells of this rank alone.
+    both = there[:, 0] < owned
+    near = np.repeat(both, x.shape[1])
+    _, sigma_there = on_facets(pair, there[both], x[both])
+    opposite = tensors_of(sigma_there, d) @ normal - traction[near]
+    assert abs(opposite).max(initial=0.0) < 1e-11 * peak
+    assert COMM.allreduce(int(both.sum())) > 0
+
+
+def tensors_of(mandel: np.ndarray, d: int) -> np.ndarray:
+    """Symmetric tensors from their Mandel components."""
+    from erc_contact.scene.material import mandel_basis
+
+    return np.einsum("ns,sij->nij", mandel, mandel_basis(d))
+
+
+# -- symmetry and limits
+# ---------------------------------------------------------------------------------------------------
+
+
+def pressed_from_both_ends(d: int, contacts: list, bodies: tuple[str, ...]) -> ec.Scene:
+    """Bodies whose outer ends move to the joint, and whose right sides are pulled."""
+    ends = [
+        ec.Displacement(f"{body} outer", vector(d, 0.0, -0.04 if body == "upper" else 0.04))
+        for body in bodies
+    ]
+    pulled = [ec.Traction(f"{body} right", vector(d, 1.0, 0.0)) for body in bodies]
+    return ec.Scene(ec.Elastic(1000.0, 0.3), ends, pulled, contacts)
+
+
+@pytest.mark.parametrize(("d", "degree"), [(2, 1), (2, 2), (3, 1)])
+@pytest.mark.parametrize("method", METHODS[::3], ids=["Nitsche", "multiplier"])
+def test_two_bricks_are_one(d, degree, method):
+    """Two equal bricks are twice one on a plane, and one of twice the height.
+
+    The joint is a plane of symmetry: it neither shears nor opens. A multiplier keeps
+    this at each node, as the brick of twice the height does.
+    """
+    cells = (4, 2) if d == 2 else (2, 2, 1)
+    bodies = ("lower", "upper")
+    two = certified(
+        pressed_from_both_ends(d, [contact()], bodies), small_bricks(d), method, degree=degree
+    )
+    plane = certified(
+        pressed_from_both_ends(d, [ec.Contact(LOWER)], bodies[:1]),
+        lower_brick(d, cells),
+        method,
+        degree=degree,
+    )
+    # Nitsche's trial traction has one body's stress, and the jump is twice u.
+    same = 1e-9 if method.multiplier else 0.05
+    assert two.absolute**2 == pytest.approx(2 * plane.absolute**2, rel=2 * same)
+    assert two.relative == pytest.approx(plane.relative, rel=same)
+    size = np.linalg.norm(plane.force(LOWER).force)
+    assert two.force(LOWER).force == pytest.approx(plane.force(LOWER).force, abs=same * size)
+    assert two.force(LOWER).moment == pytest.approx(plane.force(LOWER).moment, abs=same * size)
+    if method.multiplier:
+        one = ec.solve(pressed_from_both_ends(d, [], bodies), glued(d, cells), degree=degree)
+        for body in bodies:
+            reaction = two.solution.force(f"{body} outer")
+            wanted = one.force(f"{body} outer")
+            assert reaction.force == pytest.approx(wanted.force, rel=1e-9, abs=1e-9)
+            assert reaction.moment == pytest.approx(wanted.moment, rel=1e-9, abs=1e-9)
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.3, ec.Tresca(0.5)], ids=["none", "Coulomb", "Tresca"])
+@pytest.mark.parametrize(("degree", "method"), [(1, METHODS[0]), (1, METHODS[3]), (2, METHODS[0])])
+def test_order_of_the_bodies(friction, degree, method):
+    """Which body is named first changes forces less than the certified error, and eps by 6%.
+
+    A multiplier does not know the order at all.
+    """
+    domain = order_domain()
+    scene = pressed(2, friction=friction, gap=parabola)
+    other = ec.Contact(LOWER, against=UPPER, friction=friction, gap=parabola)
+    swapped = ec.Scene(scene.material, scene.supports, scene.loads, [other])
+    one = certified(scene, domain, method, degree=degree)
+    two = certified(swapped, domain, method, degree=degree)
+    assert two.relative == pytest.approx(one.relative, rel=1e-9 if method.multiplier else 0.06)
+    for name in NAMES:
+        wanted = one.force(name).force
+        difference = np.linalg.norm(wanted - two.force(name).force) / np.linalg.norm(wanted)
+        assert difference < (1e-9 if method.multiplier else one.relative)
+
+
+@cache
+def order_domain() -> ec.Domain:
+    return bricks(2, (16, 8))
+
+
+@pytest.mark.parametrize("method", METHODS[::3], ids=["Nitsche", "multiplier"])
+@pytest.mark.parametrize("degree", [1, 2])
+def test_stiff_body_is_a_foundation(degree, method):
+    """As the lower body gets stiffer the upper one's force tends to that on a foundation.
+
+    The difference falls as one over the stiffness.
+    """
+    down = ec.Displacement("upper outer", (0.01, -0.05))
+    domain = small_bricks(2)
+    stiff = ec.Displacement("lower outer", (0.0, 0.0))
+    rigid = ec.Scene(
+        MATERIAL, [down, stiff], [], [ec.Contact(UPPER, friction=0.3, gap=parabola)]
+    )
+    wanted = certified(rigid, domain, method, degree=degree)
+    force = wanted.force(UPPER).force
+    differences = []
+    for ratio in (1e3, 1e6):
+        material = ec.Elastic(E={"upper": 1000.0, "lower": 1000.0 * ratio}, nu=MATERIAL.nu)
+        scene = ec.Scene(material, [down, stiff], [], [contact(friction=0.3, gap=parabola)])
+        found = certified(scene, domain, method, degree=degree)
+        differences.append(np.linalg.norm(found.force(UPPER).force - force) / np.linalg.norm(force))
+        assert found.relative == pytest.approx(wanted.relative, rel=10 / ratio)
+    assert differences[0] < 3e-3
+    assert 500 < differences[0] / differences[1] < 2000
+
+
+@pytest.mark.parametrize("d", [2, 3])
+@pytest.mark.parametrize("solver", ["direct", "iterative"])
+@pytest.mark.parametrize("method", METHODS[::3], ids=["Nitsche", "multiplier"])
+def test_units(d, solver, method):
+    """Lengths and moduli times 1e-9 and 1e9 give the same numbers, scaled."""
+    results = []
+    for size, modulus in ((1.0, 1.0), (1e-9, 1e9), (1e9, 1e-9), (1e-9, 1e-9), (1e9, 1e9)):
+        cells = (4, 2) if d == 2 else (2, 2, 1)
+        domain = bricks(d, cells, size=size)
+        E = {"upper": 1000.0 * modulus, "lower": 300.0 * modulus}
+        material = ec.Elastic(E=E, nu=MATERIAL.nu)
+        held = ec.Displacement("lower outer", (0.0,) * d)
+        load = ec.Traction("upper outer", vector(d, 0.5 * modulus, -3.0 * modulus))
+        law = contact(friction=0.4, gap=lambda x, size=size: 0.003 / size * x[0] ** 2)
+        scene = ec.Scene(material, [held], [load], [law])
+        error = certified(scene, domain, method, solver=solver)
+        force = error.force(UPPER)
+        unit = modulus * size ** (d - 1)
+        results.append([error.relative, *force.force / unit, *force.moment / (unit * size)])
+    for result in results[1:]:
+        assert result == pytest.approx(results[0], rel=1e-9, abs=1e-9)
+
+
+# -- input
+# ---------------------------------------------------------------------------------------------------
+
+
+WRONG = {
+    "a part that is not there": (
+        lambda: ec.Contact("punch", against=LOWER),
+        ("'punch'", UPPER),
+    ),
+    "a partner that is not there": (
+        lambda: ec.Contact(UPPER, against="block"),
+        ("'block'", UPPER, LOWER),
+    ),
+    "parts that are no pair": (
+        lambda: ec.Contact(UPPER, against="lower right"),
+        ("'lower right'", UPPER, LOWER),
+    ),
+    "a part against itself": (
+        lambda: ec.Contact(UPPER, against=UPPER),
+        (UPPER, "itself"),
+    ),
+    "a partner that is no name": (lambda: ec.Contact(UPPER, against=3), ("against", "3")),
+    "both names, each with a contact": (
+        lambda: [contact(), ec.Contact(LOWER, against=UPPER)],
+        (UPPER, "2 contacts"),
+    ),
+    "a side that has a foundation, too": (
+        lambda: [contact(), ec.Contact(LOWER)],
+        (LOWER, "2 contacts"),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_wrong_input(name):
+    make, words = WRONG[name]
+    support = ec.Displacement("lower outer", (0.0, 0.0))
+    refused(lambda: ec.solve(ec.Scene(MATERIAL, support, (), make()), small_bricks(2)), *words)
+
+
+def test_one_body_has_no_pairs():
+    scene = pressed(2)
+    whole = glued(2, (4, 2))
+    refused(lambda: ec.solve(scene, whole), UPPER)
+
+
+@pytest.mark.parametrize("side", NAMES)
+def test_sides_of_a_contact_carry_nothing_else(side):
+    for entry in (ec.Displacement(side, (0.0, 0.0)), ec.Traction(side, (0.0, 1.0))):
+        kind = "supports" if isinstance(entry, ec.Displacement) else "loads"
+        refused(lambda: ec.Scene(MATERIAL, contacts=contact(), **{kind: entry}), side, "Contact")  # noqa: B023
+
+
+def test_body_that_nothing_holds():
+    """Without friction the upper body slides away, which is told by its motion."""
+    load = ec.Traction("upper outer", (0.5, -3.0))
+    scene = ec.Scene(MATERIAL, [fixed(2)], [load], [contact()])
+    refused(lambda: ec.solve(scene, small_bricks(2)), "translation in x", error=ec.NotHeldError)
+    away = ec.Traction("upper outer", (0.0, 3.0))
+    scene = ec.Scene(MATERIAL, [fixed(2)], [away], [contact(friction=0.3)])
+    refused(lambda: certified(scene, small_bricks(2)), error=ec.ErcContactError)
