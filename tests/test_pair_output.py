@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from test_output import read, texts
-from test_split import SIDES, layers
+from test_split import SIDES, layers, tagged
 
 import erc_contact as ec
 from erc_contact import output
@@ -72,7 +72,9 @@ def drawn(monkeypatch):
 
 
 def title_of(axes):
-    return texts(np.ravel(axes)[0].figure)[0]
+    words = texts(np.ravel(axes)[0].figure)
+    (title,) = [text for text in words if text.startswith("displacement")]
+    return title
 
 
 def apart(pair, x):
@@ -144,8 +146,6 @@ def test_bodies_are_pulled_apart(drawn):
 def test_bodies_behind_move_along(drawn):
     """Three layers with two gaps: the upper two make room for the lower gap."""
     stack = ec.rectangle((0.0, 0.0), (2.0, 1.5), cells=(8, 6))
-    from test_split import tagged
-
     domain = tagged(
         stack,
         lambda x: 1 + (x[:, 1] > 0.5) + (x[:, 1] > 1.0),
@@ -159,9 +159,7 @@ def test_bodies_behind_move_along(drawn):
     ]
     supports = [ec.Displacement("top", (0.0, -0.2)), ec.Displacement("bottom", (0.0, 0.0))]
     scene = ec.Scene(ec.Elastic(1.0, 0.3), supports, [], contacts)
-    error = ec.constitutive_error(
-        ec.equilibrate(ec.solve(scene, domain, ec.AugmentedLagrangian()))
-    )
+    error = ec.constitutive_error(ec.equilibrate(ec.solve(scene, domain, ec.AugmentedLagrangian())))
     pairs = [whole_contact(error.admissible, traction) for traction in error.admissible.tractions]
     output.draw_deformed(error, factor=2.0)
     if COMM.rank == 0:
@@ -262,10 +260,29 @@ def test_report_says_what_is_internal(shared_tmp_path):
 
 
 def test_supports_that_push_bodies_into_each_other_are_told():
-    scene = pressed(2)
-    held = replace(scene, supports=[*scene.supports, ec.Displacement("left", (0.0, 0.0))])
-    domain = layers(2).split(SIDES)
-    sides = [ec.Displacement("punch", (0.0, -0.1)), ec.Displacement("block", (0.0, 0.0))]
-    held = replace(scene, supports=sides)
-    with pytest.raises(ec.InputError, match="Supports push 'punch' into 'block' by 0.1"):
-        ec.solve(held, domain)
+    scene = pressed(2, gap=-0.02)
+    held = replace(scene, supports=[ec.Displacement("left", (0.0, 0.0))])
+    with pytest.raises(ec.InputError, match=r"Supports push 'punch' into 'block' by 0\.02"):
+        ec.solve(held, layers(2).split(SIDES))
+
+
+@pytest.mark.parametrize("gap", [-0.02, 0.02])
+def test_body_inside_another_one(gap, drawn):
+    """No rigid motion makes room for the gap around it: the inner body has it drawn."""
+    domain = tagged(
+        ec.rectangle((0.0, 0.0), (2.0, 2.0), cells=(8, 8)),
+        lambda x: np.where(abs(x[:, :2] - 1.0).max(axis=1) < 0.5, 1, 2),
+        {"upper": 1, "lower": 2},
+    ).split(SIDES)
+    sides = [ec.Displacement("left", (0.0, 0.0)), ec.Displacement("right", (0.0, 0.0))]
+    contact = ec.Contact("punch", against="block", friction=0.3, gap=gap)
+    load = ec.BodyForce((0.0, lambda x: -0.01 * (1.0 - abs(x[0] - 1.0))))
+    scene = ec.Scene(MATERIAL, sides, [load], [contact])
+    error = ec.constitutive_error(ec.equilibrate(ec.solve(scene, domain, ec.AugmentedLagrangian())))
+    pair = whole_contact(error.admissible, error.admissible.tractions[0])
+    output.draw_deformed(error, factor=3.0)
+    if COMM.rank == 0:
+        skin, x, _, _ = drawn[0]
+        assert apart(pair, x) == pytest.approx(3.0 * pair.gap_left, abs=1e-9)
+        sides = x[skin.triangles[:, 1:3]] - x[skin.triangles[:, :1]]
+        assert np.linalg.det(sides[..., :2]).min() > 0

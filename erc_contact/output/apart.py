@@ -30,6 +30,11 @@ from erc_contact.output.gathered import Surface, mean_normal
 
 FADING = 3.0
 """Depth in which a recess fades out, over its greatest depth at the surface [-]."""
+SAME_NORMALS = 0.01
+"""Share of the square of normals at a node, beside the greatest, that counts as none [-].
+
+It is that of two normals with an angle of 0.2 between them.
+"""
 
 
 def pairs_of(contacts: Sequence[Surface]) -> list[Surface]:
@@ -120,11 +125,7 @@ def _recess(
     """
     points = body["points"]
     nodes = pair.traction.nodes
-    n = in_space(pair.traction.contact.direction)[:, None]
-    total = np.zeros_like(points)
-    np.subtract.at(total, nodes, depth[..., None] * n)
-    facets_of_node = np.bincount(nodes.ravel(), minlength=len(points))
-    recess = total / np.maximum(facets_of_node, 1)[:, None]
+    recess = _at_nodes(pair, depth, len(points))
     # Inside the body a recess is the less deep the farther its surface is.
     reach = FADING * float(np.linalg.norm(recess, axis=1).max())
     label = components(len(points), _links(body["cells"]))
@@ -146,3 +147,30 @@ def _recess(
     at_feet = np.einsum("nv,nvi->ni", local, recess[nodes[facet, : pair.d]])
     recess[inside] = share[:, None] * at_feet
     return recess
+
+
+def _at_nodes(pair: Surface, depth: np.ndarray, count: int) -> np.ndarray:
+    """Find the shifts of nodes that have a depth along the normals of their facets.
+
+    At a corner they have that of all its facets, or nearly so where these are many.
+
+    Args:
+        pair: The pair.
+        depth: Depth at the nodes of each facet [length], shape (f, m).
+        count: Number of nodes of the mesh.
+
+    Returns:
+        Shifts [length], shape (count, 3), zero at other nodes.
+    """
+    nodes, place = np.unique(pair.traction.nodes, return_inverse=True)
+    place = place.reshape(depth.shape)
+    n = np.broadcast_to(in_space(pair.traction.contact.direction)[:, None], (*depth.shape, 3))
+    normals = np.zeros((len(nodes), 3, 3))
+    np.add.at(normals, place, n[..., :, None] * n[..., None, :])
+    depths = np.zeros((len(nodes), 3))
+    np.add.at(depths, place, depth[..., None] * n)
+    # Normals that differ little are one: a small depth must not move a node far.
+    inverse = np.linalg.pinv(normals, rcond=SAME_NORMALS, hermitian=True)
+    shift = np.zeros((count, 3))
+    shift[nodes] = -np.einsum("nij,nj->ni", inverse, depths)
+    return shift
