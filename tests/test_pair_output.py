@@ -64,8 +64,7 @@ def drawn(monkeypatch):
         from matplotlib.figure import Figure
 
         record.append((skin, x, lines, grounds))
-        axes = Figure().subplots(1, len(views))
-        return axes
+        return Figure().subplots(1, len(views))
 
     monkeypatch.setattr(deformed, "draw_map", draw_map)
     return record

@@ -18,20 +18,19 @@ w^ its jump, w^_n = w^ . n, n normal from this side into the other, d dimension.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
 from erc_contact.mesh.graphs import components
 from erc_contact.mesh.simplex import in_space
 from erc_contact.model.last_step import nearest
-from erc_contact.output.foundations import foundation_of
 from erc_contact.output.gathered import Surface, mean_normal
 
 FADING = 3.0
 """Depth in which a recess fades out, over its greatest depth at the surface [-]."""
 SAME_NORMALS = 0.01
-"""Share of the square of normals at a node, beside the greatest, that counts as none [-].
+"""Share of the squares of normals at a node below which they are one normal [-].
 
 It is that of two normals with an angle of 0.2 between them.
 """
@@ -48,13 +47,19 @@ def greatest_gap(contacts: Sequence[Surface]) -> float:
 
 
 def shifts(
-    body: Mapping[str, np.ndarray], contacts: Sequence[Surface], factor: float, pull: float
+    body: Mapping[str, np.ndarray],
+    pairs: Sequence[Surface],
+    motions: Sequence[Callable[[np.ndarray], np.ndarray]],
+    factor: float,
+    pull: float,
 ) -> np.ndarray:
     """Compute the shifts of the nodes with which bodies are drawn apart [length].
 
     Args:
         body: The mesh, from :func:`erc_contact.output.gathered.body_nodes`.
-        contacts: Contacts with facets.
+        pairs: Contacts between two bodies.
+        motions: The rigid motion of each that makes room for its gap, see
+            :meth:`erc_contact.output.foundations.Foundation.motion`.
         factor: Magnification of the displacement and of gaps [-].
         pull: Distance by which the bodies of each pair are pulled apart beside, as
             rigid ones [length].
@@ -63,15 +68,13 @@ def shifts(
         The shifts, shape (n, 3).
     """
     points = body["points"]
-    pairs = pairs_of(contacts)
     shift = np.zeros_like(points)
     pulled = np.zeros_like(points)
-    for pair in pairs:
+    for pair, motion in zip(pairs, motions, strict=True):
         behind = _behind(body, pair, pairs)
         pulled[behind] -= pull * in_space(mean_normal(pair)[None])
         if pair.gap.any():
-            motion = foundation_of(pair).motion(points[behind, : pair.d])
-            shift[behind] -= factor * in_space(motion)
+            shift[behind] -= factor * in_space(motion(points[behind, : pair.d]))
     for pair in pairs:
         if pair.gap.any():
             shift += _recess(body, pairs, pair, _depth(pair, shift, factor))

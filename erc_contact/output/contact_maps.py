@@ -64,7 +64,7 @@ def contact_maps(surface: Surface, ax: Any = None) -> Any:
     panels[0].set_ylabel(coordinate(plane[1]))
     contact = traction.contact
     seen = "seen from the foundation"
-    if contact.against is not None:
+    if surface.partners is not None:
         seen = f"{contact.name} seen from {contact.against}"
     panels[1].set_title(seen, fontsize=11)
     return panels

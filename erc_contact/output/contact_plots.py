@@ -126,7 +126,7 @@ def contact_curves(surface: Surface, ax: Any = None) -> Any:
     # The closed part is shown with as much beside it, where the contact goes on.
     around = closed.min() - np.ptp(closed), closed.max() + np.ptp(closed)
     of_pair = ""
-    if traction.contact.against is not None:
+    if surface.partners is not None:
         of_pair = f" of {traction.contact.against}\non {traction.contact.name}"
     axes.set(xlabel=label, ylabel=f"traction{of_pair} [force/area]")
     axes.set_xlim(np.clip(around, s.min(), s.max()))

@@ -126,8 +126,10 @@ def draw_deformed(
         if times is None:
             largest = float(np.linalg.norm(body["u"], axis=1).max())
             times = rounded(_greatest_factor(contacts, largest, size))
-        if pairs_of(contacts):
-            shift = shifts(body, contacts, times, pull or 0.0)
+        pairs = pairs_of(contacts)
+        if pairs:
+            motions = [foundation_of(pair).motion for pair in pairs]
+            shift = shifts(body, pairs, motions, times, pull or 0.0)
             body["points"] = body["points"] + shift
             contacts = [_shifted(contact, shift) for contact in contacts]
         foundations = _foundations(contacts)

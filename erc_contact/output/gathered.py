@@ -51,7 +51,7 @@ class Surface:
     gap_left: np.ndarray
     slip: np.ndarray
     place: np.ndarray
-    partners: np.ndarray | None
+    partners: np.ndarray | None = None
 
     @property
     def d(self) -> int:
