@@ -40,7 +40,7 @@ from erc_contact.output.gathered import (
     Surface,
     body_nodes,
     nodal_displacement,
-    whole_contact,
+    whole_contacts,
 )
 from erc_contact.output.maps import Scale, draw_map
 from erc_contact.output.views import Part, upward, views_of
@@ -113,7 +113,7 @@ def draw_deformed(
         volume=admissible.cell_geometry.volume[:owned],
         vertices=model.global_numbers(admissible.cell_geometry.vertices[:owned]),
     )
-    gathered_contacts = _contacts(admissible)
+    gathered_contacts = whole_contacts(admissible)
     up = upward(admissible)
     only_round_off = error.scale == 0 or error.solution.at_rest
     part = "" if tells_out_of_plane(model) else " of the plane part"
@@ -160,23 +160,13 @@ def magnification(error: ConstitutiveError) -> float:
     """
     admissible = error.admissible
     model = error.model
-    contacts = _contacts(admissible)
+    contacts = whole_contacts(admissible)
     largest = error.maximum("displacement").value
     size = model.domain.extent
     factor = np.inf
     if model.comm.rank == 0:
         factor = _greatest_factor(contacts, largest, size)
     return model.comm.bcast(factor)
-
-
-def _contacts(admissible: Admissible) -> list[Surface]:
-    """Gather the contacts that have facets on rank 0; collective."""
-    contacts = []
-    for traction in admissible.tractions:
-        contact = whole_contact(admissible, traction)
-        if contact is not None and len(contact.x) > 0:
-            contacts.append(contact)
-    return contacts
 
 
 def _greatest_factor(contacts: Sequence[Surface], largest: float, size: float) -> float:

@@ -1,8 +1,5 @@
 """Draw foundations in pictures of deformed bodies, and find their magnification.
 
-A contact between two bodies has no foundation; only the rigid motion of one with its
-gap is asked for (:mod:`erc_contact.output.apart`).
-
 A body is drawn at X + s u^ with a magnification s. A foundation is drawn as it is, at Y
 = X + g n: a plane stays a plane below a curved body. For s > 1 it is moved with the
 body, as a rigid one, to Y + (s - 1) rho(Y). The rigid motion rho has the normal part

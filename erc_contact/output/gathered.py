@@ -126,6 +126,19 @@ def whole_contact(admissible: Admissible, traction: ContactTraction) -> Surface 
     )
 
 
+def whole_contacts(admissible: Admissible) -> list[Surface]:
+    """Gather the contacts that have facets on rank 0; collective.
+
+    Other ranks get an empty list.
+    """
+    contacts = []
+    for traction in admissible.tractions:
+        contact = whole_contact(admissible, traction)
+        if contact is not None and len(contact.x) > 0:
+            contacts.append(contact)
+    return contacts
+
+
 def body_mesh(domain: Domain) -> dict[str, np.ndarray]:
     """Return the part of a mesh that this rank owns.
 
