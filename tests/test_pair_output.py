@@ -51,6 +51,10 @@ def pressed(d, *, down=-0.06, gap=0.0, on_foundation=False):
 
 
 def error_of(scene, d, degree=1):
+    """The error of a scene with the sides punch and block.
+
+    The upper body is the stiffer one: computed is on the side of the lower one.
+    """
     solution = ec.solve(scene, layers(d).split(SIDES), ec.AugmentedLagrangian(), degree=degree)
     return ec.constitutive_error(ec.equilibrate(solution))
 

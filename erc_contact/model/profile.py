@@ -189,11 +189,11 @@ def _columns(
     """
     points = profile_points(model)
     facets = contact.facets
-    n = contact.direction[:, None, :]
+    n = contact.sign * contact.direction[:, None, :]
     shape = lagrange(model.d - 1, model.degree, points)
-    w = np.matmul(shape, contact.trace.since(u.x.array))
+    w = contact.sign * np.matmul(shape, contact.trace.since(u.x.array))
     w_n, w_t, slip = split(w, n)
-    r_n, r_t, shear = split(r, n)
+    r_n, r_t, shear = split(contact.sign * r, n)
     gap = np.zeros(1)
     if contact.gap is not None:
         gap = evaluate(contact.gap, model.mesh, points, facets)
@@ -213,8 +213,10 @@ def _columns(
     columns["weight"] = contact.trace.here.areas[:, None] * profile_weights(model)
     if contact.against is not None:
         nodal = u.x.array.reshape(-1, model.d)
-        sides = {"u": contact.trace.here.nodes, "other_u": contact.trace.partners}
-        for name, nodes in sides.items():
+        sides = [contact.trace.here.nodes, contact.trace.partners]
+        if contact.is_exchanged:
+            sides.reverse()
+        for name, nodes in zip(("u", "other_u"), sides, strict=True):
             displacement = np.matmul(shape, nodal[nodes])
             for axis, letter in enumerate("xyz"[: model.d]):
                 columns[f"{name}_{letter}"] = displacement[..., axis]
@@ -223,7 +225,7 @@ def _columns(
 
 def _tangents(contact: BoundContact) -> np.ndarray:
     """Return the unit tangent of each facet of a contact in 2D, shape (f, 2)."""
-    n = contact.direction
+    n = contact.sign * contact.direction
     return np.stack([-n[:, 1], n[:, 0]], axis=-1)
 
 

@@ -176,7 +176,7 @@ def _check_normal(model: Model, contact: BoundContact) -> None:
     if len(facets):
         worst = int(cosine.argmin())
         place = model.facet_corners(facets)[worst].mean(axis=0)
-        direction = contact.direction[worst]
+        direction = contact.sign * contact.direction[worst]
         worst_of_rank = float(cosine[worst]), tuple(place.tolist()), tuple(direction.tolist())
     least, place, direction = min(comm.allgather(worst_of_rank))
     steepest = comm.allreduce(float(abs(cosine).max(initial=0.0)), MPI.MAX)

@@ -80,35 +80,42 @@ def mean_normal(surface: Surface) -> np.ndarray:
 
 
 def whole_contact(admissible: Admissible, traction: ContactTraction) -> Surface | None:
-    """Gather the facets of a contact on rank 0; None on other ranks; collective."""
+    """Gather the facets of a contact on rank 0; None on other ranks; collective.
+
+    Those of a pair are of the side that the scene names first.
+    """
     model = admissible.model
     contact = traction.contact
     own = contact.trace.here.owned
     gap = model.gap_at_nodes(contact)
     displacement = contact.trace.since(admissible.displacement.x.array)
     w_n, slip, _ = split(displacement, contact.direction[:, None])
-    # Without another side this side stands for it, and is left out below.
-    faces = contact.trace.here.nodes if contact.against is None else contact.trace.partners
+    nodes = traction.nodes
+    # On a foundation this side stands for the other one, which is left out below.
+    partners = nodes if contact.against is None else contact.trace.partners
+    if contact.is_exchanged:
+        # Facing nodes are at the same place.
+        nodes, partners = partners, nodes
     parts = gathered(
         model.comm,
         area=traction.area[own],
-        values=traction.values[own],
+        values=contact.sign * traction.values[own],
         friction_bound=traction.friction_bound[own],
-        direction=contact.direction[own],
-        nodes=model.global_numbers(traction.nodes[own]),
-        x=model.V.tabulate_dof_coordinates()[traction.nodes[own]],
+        direction=contact.sign * contact.direction[own],
+        nodes=model.global_numbers(nodes[own]),
+        x=model.V.tabulate_dof_coordinates()[nodes[own]],
         gap=gap[own],
         gap_left=(gap - w_n)[own],
-        slip=slip[own],
+        slip=contact.sign * slip[own],
         place=model.true_places(contact.facets)[own],
-        partners=model.global_numbers(faces[own]),
+        partners=model.global_numbers(partners[own]),
     )
     if not parts:
         return None
     # Of the contact only the direction is that of all ranks.
     trace = replace(contact.trace, direction=parts["direction"])
     whole_traction = ContactTraction(
-        replace(contact, trace=trace),
+        replace(contact, trace=trace, is_exchanged=False),
         area=parts["area"],
         values=parts["values"],
         friction_bound=parts["friction_bound"],
