@@ -17,6 +17,7 @@ from erc_contact.model.friction import Friction
 from erc_contact.model.symbolic import has_arguments, varies_in_cells
 from erc_contact.model.trace import Trace
 from erc_contact.scene.law import project
+from erc_contact.scene.words import contact_in_words
 
 
 def pressures(r: np.ndarray, n: np.ndarray) -> np.ndarray:
@@ -40,7 +41,7 @@ class BoundContact:
             the softer one.
         trace: The displacement of the contact, with the facets of the body.
         ds: Measure of the part.
-        normal: Unit normal of the foundation, UFL.
+        normal: Unit normal of the foundation, or of this side into the other, UFL.
         given_normal: The normal as the scene gives it, of any length, UFL; None where
             it does not vary.
         friction: Friction law, or None without friction.
@@ -72,6 +73,11 @@ class BoundContact:
     test_jump: fem.Constant | None = None
 
     @property
+    def title(self) -> str:
+        """Return its name, with that of the part that it is against."""
+        return contact_in_words(self.name, self.against)
+
+    @property
     def side_names(self) -> tuple[str, str | None]:
         """Return the names of the parts on this side and on the other one."""
         if self.is_exchanged and self.against is not None:
@@ -94,7 +100,7 @@ class BoundContact:
 
     @property
     def direction(self) -> np.ndarray:
-        """Return the unit normal of the foundation on each facet [-], shape (f, d)."""
+        """Return the unit normal on each facet, out of the body [-], shape (f, d)."""
         return self.trace.direction
 
     @property

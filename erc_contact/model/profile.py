@@ -1,7 +1,9 @@
 """Make profiles of contacts: displacement, traction and status along a contact.
 
-Symbols: u displacement, r contact traction, n normal of the foundation, d dimension, k
-degree, f facets, q points of a facet.
+Symbols: u displacement, w displacement of a contact: on a foundation u, between two
+bodies the jump of u; w_n and w_t its normal and tangential parts, r contact traction, n
+normal of the contact out of the body, d dimension, k degree, f facets, q points of a
+facet.
 """
 
 from __future__ import annotations
@@ -123,8 +125,8 @@ def profile_table(
         A structured array for numpy and pandas, the same on all ranks, with the columns
 
         - ``x``, ``y`` and in 3D ``z``: position [length],
-        - ``gap``: the gap that is left, g - u_n [length],
-        - ``slip``: length of u_t, or of its change since the last step of a history
+        - ``gap``: the gap that is left, g - w_n [length],
+        - ``slip``: length of w_t, or of its change since the last step of a history
           [length],
         - ``pressure``: -r_n, ``shear``: length of r_t, and ``friction_bound``
           [force/area],
@@ -133,6 +135,10 @@ def profile_table(
           [area] in 3D. The sum of ``weight * pressure`` is the normal force up to
           round-off, because the tractions of an admissible pair are polynomials of
           degree k on facets.
+
+        A contact between two bodies has more columns, which come last: the displacement
+        of this side, ``u_x``, ``u_y`` and in 3D ``u_z``, and that of the facing point
+        of the other side, ``other_u_x``, ``other_u_y`` and ``other_u_z`` [length].
 
         In 2D the points are in order along the contact, and the first column ``s`` is
         their arc length [length]. There ``slip`` and ``shear`` have a sign, which is
@@ -205,6 +211,15 @@ def _columns(
     columns["friction_bound"] = bound
     columns["status"] = status[:, None]
     columns["weight"] = contact.trace.here.areas[:, None] * profile_weights(model)
+    if contact.against is not None:
+        nodal = u.x.array.reshape(-1, model.d)
+        sides = [contact.trace.here.nodes, contact.trace.partners]
+        if contact.is_exchanged:
+            sides.reverse()
+        for name, nodes in zip(("u", "other_u"), sides, strict=True):
+            displacement = np.matmul(shape, nodal[nodes])
+            for axis, letter in enumerate("xyz"[: model.d]):
+                columns[f"{name}_{letter}"] = displacement[..., axis]
     return columns
 
 

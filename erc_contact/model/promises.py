@@ -6,7 +6,7 @@ The bound needs that
   definite,
 - a friction bound is concave in the pressure and never decreases; in a bilateral
   contact it is independent of it,
-- the normals of foundations point out of the body.
+- the normals of contacts point out of the body.
 
 Data without these properties would give numbers that look right and are wrong. All
 checks are numerical, at samples. They have the same result on all ranks.
@@ -34,7 +34,7 @@ from erc_contact.scene.scene import Scene
 EXACT_PROMISE = 1e-8
 """Relative difference that counts as none [-]."""
 LEAST_COSINE = -0.1
-"""Least cosine of the angle between a foundation's normal and that of a facet [-]."""
+"""Least cosine of the angle between a contact's normal and that of a facet [-]."""
 
 
 def bind(scene: Scene, domain: Domain, degree: int = 1, last: LastStep | None = None) -> Model:
@@ -162,7 +162,8 @@ def _check_data(model: Model, contact: BoundContact) -> None:
 
 
 def _check_normal(model: Model, contact: BoundContact) -> None:
-    """Check that the normal of the foundation points out of the body; collective."""
+    """Check that the normal of a contact points out of the body; collective."""
+    other = "the foundation" if contact.against is None else repr(contact.against)
     facets = contact.facets
     comm = model.comm
     middle = np.full((1, model.d - 1), 1 / model.d)
@@ -175,7 +176,7 @@ def _check_normal(model: Model, contact: BoundContact) -> None:
     if len(facets):
         worst = int(cosine.argmin())
         place = model.facet_corners(facets)[worst].mean(axis=0)
-        direction = contact.direction[worst]
+        direction = contact.sign * contact.direction[worst]
         worst_of_rank = float(cosine[worst]), tuple(place.tolist()), tuple(direction.tolist())
     least, place, direction = min(comm.allgather(worst_of_rank))
     steepest = comm.allreduce(float(abs(cosine).max(initial=0.0)), MPI.MAX)
@@ -183,20 +184,20 @@ def _check_normal(model: Model, contact: BoundContact) -> None:
     if declared[0].normal == "gap" and steepest < EXACT_PROMISE:
         flat = "(0.0, -1.0)" if model.d == 2 else "(0.0, 0.0, -1.0)"
         raise InputError(
-            f'Contact({contact.name!r}): normal="gap" needs a gap that is the distance to the'
-            " foundation, also off the part, and this one does not change across the part: it"
+            f'Contact({contact.name!r}): normal="gap" needs a gap that is the distance to'
+            f" {other}, also off the part, and this one does not change across the part: it"
             f" is a height over it. Give the normal in numbers, e.g. normal={flat}, or none on a"
             f" flat part; or the distance, e.g. gap=lambda x: x[{model.d - 1}] + (the height"
             " that you gave)."
         )
     if least < LEAST_COSINE or total <= 0.0:
         raise InputError(
-            f"Contact({contact.name!r}): the normal of the foundation must point from the body"
-            f" into the foundation. At ({_three_digits(place)}) it is"
+            f"Contact({contact.name!r}): the normal must point from the body into"
+            f" {other}. At ({_three_digits(place)}) it is"
             f" ({_three_digits(direction)}), and the cosine of its angle with the outward normal"
             f" of the body is {least:.2g}, its mean over the part {total / whole:.2g}. Change the"
             " sign of the normal (or of the gap that gives it), or leave facets that look away"
-            " from the foundation out of the part."
+            f" from {other} out of the part."
         )
 
 
@@ -206,7 +207,7 @@ def _three_digits(vector: Sequence[float]) -> str:
 
 
 def _check_supports_in_gap(model: Model) -> None:
-    """Check that supports do not push a contact into its foundation; collective."""
+    """Check that supports do not push a contact into what it touches; collective."""
     values = model.prescribed.x.array
     for contact in model.contacts:
         trace = contact.trace
@@ -221,7 +222,10 @@ def _check_supports_in_gap(model: Model) -> None:
         worst = model.comm.allreduce(float(excess), MPI.MAX)
         largest = model.comm.allreduce(float(abs(values).max(initial=0)), MPI.MAX)
         if worst > max(1e-12 * model.domain.extent, 1e-9 * largest):
+            pushed = f"A support pushes {contact.name!r} into the foundation"
+            if contact.against is not None:
+                pushed = f"Supports push {contact.name!r} into {contact.against!r}"
             raise InputError(
-                f"A support pushes {contact.name!r} into the foundation by {worst:g} [length]"
-                " beyond the gap; no displacement is admissible. Change the support or the gap."
+                f"{pushed} by {worst:g} [length] beyond the gap; no displacement is admissible."
+                " Change the support or the gap."
             )

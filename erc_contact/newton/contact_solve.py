@@ -130,18 +130,21 @@ class ContactSolve:
             f"{self.method}{also}, in {len(self.rungs)} attempts (`rungs` of this exception "
             "lists them)"
         )
+        has_pairs = any(contact.against is not None for contact in self.model.contacts)
         if all(outcome.open for outcome in self.outcomes):
+            apart = "the bodies apart" if has_pairs else "the body from its foundation"
             return (
-                f"{failed}. The contact ends all open in each of them: the loads take the body "
-                "from its foundation, and nothing else may hold the body. Look at the signs of "
-                "loads and gap, or add a Displacement."
+                f"{failed}. The contact ends all open in each of them: the loads take {apart}, "
+                "and nothing else may hold the body. Look at the signs of loads and gap, or add a "
+                "Displacement."
             )
         residuals = [outcome.residual for outcome in self.outcomes]
         nearest = self.rungs[residuals.index(min(residuals))]
         other = "" if self.fallback else ", the other method (method=None tries both)"
+        pressed = "one body on the other" if has_pairs else "the body on its foundation"
         return (
             f"{failed}. The nearest: {nearest}. Look first whether supports, or loads that press "
-            "the body on its foundation with enough friction, hold the body; a Displacement does. "
+            f"{pressed} with enough friction, hold the body; a Displacement does. "
             f"Else try a finer mesh at the contact, less friction{other}, or another gamma (1 to "
             "1000)."
         )

@@ -56,13 +56,17 @@ def contact_maps(surface: Surface, ax: Any = None) -> Any:
     _draw_traction(panels[0], s, t, triangles, pressure, "pressure $-r_n$")
     _draw_traction(panels[1], s, t, triangles, shear, "shear $|r_t|$")
     _draw_status(panels[2], u, v, facets, status)
-    # The eye is in the foundation, so one of the two axes may be turned round.
+    # The eye is in what the body touches, so one of the two axes may be turned round.
     is_turned = np.cross(*plane) @ n < 0
     ylim = ends[1][::-1] if is_turned else ends[1]
     for panel in panels:
         panel.set(aspect="equal", xlabel=coordinate(plane[0]), xlim=ends[0], ylim=ylim)
     panels[0].set_ylabel(coordinate(plane[1]))
-    panels[1].set_title("seen from the foundation", fontsize=11)
+    contact = traction.contact
+    seen = "seen from the foundation"
+    if surface.partners is not None:
+        seen = f"{contact.name} seen from {contact.against}"
+    panels[1].set_title(seen, fontsize=11)
     return panels
 
 

@@ -1,8 +1,8 @@
 """Plot the traction on a contact and its status by matplotlib.
 
 Symbols: r^ admissible contact traction, r_n and r_t its normal and tangential parts, b
-friction bound, n normal of the foundation, t tangent of the contact, s coordinate along
-t.
+friction bound, n normal of the contact out of the body, t tangent of the contact, s
+coordinate along t.
 """
 
 from __future__ import annotations
@@ -57,12 +57,12 @@ def plot_contact(
     peak is high, the axis is logarithmic above a dotted line. No bound of r^ at single
     points is known, so none is drawn.
 
-    In 3D maps in the tangent plane, as the foundation sees it, show the pressure, the
-    length of the shear, and the status of the facets. The tractions are r^ itself,
-    which jumps from one facet to the next as much as it is wrong, so maps of degree 1
-    on coarse meshes look rough. They are not smoothed: a continuous map of degree 1 has
-    one value at a node, there are about twice as many facets as nodes, and so it cannot
-    have the mean of r^ on each of them.
+    In 3D maps in the tangent plane, as the foundation or the other body sees it, show
+    the pressure, the length of the shear, and the status of the facets. The tractions
+    are r^ itself, which jumps from one facet to the next as much as it is wrong, so
+    maps of degree 1 on coarse meshes look rough. They are not smoothed: a continuous
+    map of degree 1 has one value at a node, there are about twice as many facets as
+    nodes, and so it cannot have the mean of r^ on each of them.
 
     Args:
         admissible: The admissible pair.
@@ -125,7 +125,11 @@ def contact_curves(surface: Surface, ax: Any = None) -> Any:
     closed = s[status != OPEN] if np.any(status != OPEN) else s
     # The closed part is shown with as much beside it, where the contact goes on.
     around = closed.min() - np.ptp(closed), closed.max() + np.ptp(closed)
-    axes.set(xlabel=label, ylabel="traction [force/area]", xlim=np.clip(around, s.min(), s.max()))
+    of_pair = ""
+    if surface.partners is not None:
+        of_pair = f" of {traction.contact.against}\non {traction.contact.name}"
+    axes.set(xlabel=label, ylabel=f"traction{of_pair} [force/area]")
+    axes.set_xlim(np.clip(around, s.min(), s.max()))
     greatest = np.maximum(pressure, traction.friction_bound).max(axis=1)
     _keep_peaks(axes, weighted_level(greatest, traction.area, 0.9), float(greatest.max()))
     _write_legend(axes, status, surface.degree)

@@ -2,7 +2,7 @@
 
 Bodies of degree 2 are drawn with curved edges. A body in space is seen twice: from
 above with the foundation, and from the other side and below without it, to show the
-contact.
+contact. Between two bodies nothing else is drawn.
 
 Symbols: u^ and sigma^ admissible displacement and stress, X position before the
 deformation.
@@ -11,14 +11,17 @@ deformation.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from erc_contact.admissible.pair import Admissible
+from erc_contact.base.checks import positive
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.model.stress import tells_out_of_plane, von_mises
+from erc_contact.output.apart import greatest_gap, pairs_of, shifts
 from erc_contact.output.bodies import Skin, skin_of
 from erc_contact.output.drawing import draw_figure, only_in_2d, weighted_level
 from erc_contact.output.files import gathered, grid_of
@@ -37,7 +40,7 @@ from erc_contact.output.gathered import (
     Surface,
     body_nodes,
     nodal_displacement,
-    whole_contact,
+    whole_contacts,
 )
 from erc_contact.output.maps import Scale, draw_map
 from erc_contact.output.views import Part, upward, views_of
@@ -55,9 +58,10 @@ def draw_deformed(
     path: str | Path | None = None,
     factor: float | None = None,
     *,
+    pull: float | None = None,
     ax: Any = None,
 ) -> Any:
-    """Draw the deformed body on its foundation; collective.
+    """Draw the deformed body on its foundation, or several bodies; collective.
 
     The colours are those of the von Mises stress of sigma^. Points of the body are
     drawn at X + factor u^. The foundation is drawn as it is, and not magnified: what is
@@ -65,6 +69,10 @@ def draw_deformed(
     nearly as a rigid motion can make it (:mod:`erc_contact.output.foundations`). It is
     left out where it would be far from the body. Orange lines show what is closed, in
     3D its border, and black ones the outline of the body before the deformation.
+
+    Two bodies are drawn as far from each other as they are, times the factor: what is
+    closed touches. A gap between them that is data is drawn on the side that the
+    contact is named after (:mod:`erc_contact.output.apart`).
 
     The von Mises stress is that of the mean of sigma^ in each element; for degree 2 it
     is linear there (:func:`erc_contact.results.stresses.vertex_stress`). If the
@@ -77,16 +85,23 @@ def draw_deformed(
         factor: Magnification of u^ [-]. By default the largest u^ is drawn with 6% of
             the body's size, or with less if otherwise a closed contact would look open
             or entered by more than 0.3% of the size, as a curved body on a plane does.
-            A displacement that is larger than 5% of the size is not magnified. With a
-            factor of your own the title says how much the contact looks open or
-            entered.
+            A displacement that is larger than 5% of the size is not magnified. A gap
+            between two bodies counts as a displacement. With a factor of your own the
+            title says how much a contact with a foundation looks open or entered.
+        pull: Distance by which bodies that face each other are pulled apart in the
+            picture, to show what is between them [length]; None pulls nothing apart.
         ax: Axes of matplotlib to draw on, in 2D; by default those of a new figure.
 
     Returns:
         The axes on rank 0, None on the other ranks; in 3D an array of two.
+
+    Raises:
+        InputError: If the distance is not > 0, or axes are given in 3D.
     """
     admissible = error.admissible
     model = error.model
+    if pull is not None:
+        positive("draw_deformed: pull", pull, "a distance > 0 [length], or None")
     # All ranks ask for the size, which is collective; rank 0 alone draws.
     size = model.domain.extent
     d = model.d
@@ -98,7 +113,7 @@ def draw_deformed(
         volume=admissible.cell_geometry.volume[:owned],
         vertices=model.global_numbers(admissible.cell_geometry.vertices[:owned]),
     )
-    contacts = [whole_contact(admissible, traction) for traction in admissible.tractions]
+    gathered_contacts = whole_contacts(admissible)
     up = upward(admissible)
     only_round_off = error.scale == 0 or error.solution.at_rest
     part = "" if tells_out_of_plane(model) else " of the plane part"
@@ -106,11 +121,18 @@ def draw_deformed(
 
     def draw(ax: Any) -> Any:
         only_in_2d("draw_deformed", ax, d)
-        foundations = _foundations(contacts)
+        contacts = gathered_contacts
         times = factor
         if times is None:
             largest = float(np.linalg.norm(body["u"], axis=1).max())
-            times = rounded(greatest_factor(foundations, largest, size))
+            times = rounded(_greatest_factor(contacts, largest, size))
+        pairs = pairs_of(contacts)
+        if pairs:
+            motions = [foundation_of(pair).motion for pair in pairs]
+            shift = shifts(body, pairs, motions, times, pull or 0.0)
+            body["points"] = body["points"] + shift
+            contacts = [_shifted(contact, shift) for contact in contacts]
+        foundations = _foundations(contacts)
         skin = skin_of(body["points"], body["cells"], d)
         x = skin.points + times * body["u"]
         scale = _stress_scale(cells, label)
@@ -118,11 +140,11 @@ def draw_deformed(
         # Round-off would else fill the whole range of colours.
         if only_round_off:
             stress = 0 * stress
-        closed = _closed_lines(foundations, x)
+        closed = _closed_lines(contacts, x)
         lines = _outline(body, d) + closed
         grounds = _grounds(foundations, times, size, float(np.ptp(x, axis=0).max()))
         axes = draw_map(ax, skin, x, stress, scale, views_of(d, up), lines, grounds)
-        title = _title(foundations, times, size)
+        title = _title(contacts, foundations, times, size, pull)
         if closed:
             title += "\norange: closed contact"
         _write_title(axes, title, d)
@@ -138,22 +160,39 @@ def magnification(error: ConstitutiveError) -> float:
     """
     admissible = error.admissible
     model = error.model
-    contacts = [whole_contact(admissible, traction) for traction in admissible.tractions]
+    contacts = whole_contacts(admissible)
     largest = error.maximum("displacement").value
     size = model.domain.extent
     factor = np.inf
     if model.comm.rank == 0:
-        factor = greatest_factor(_foundations(contacts), largest, size)
+        factor = _greatest_factor(contacts, largest, size)
     return model.comm.bcast(factor)
 
 
-def _foundations(contacts: Sequence[Surface | None]) -> list[Foundation]:
-    """Fit the foundations of the contacts that have facets; on rank 0."""
-    foundations = []
-    for contact in contacts:
-        if contact is not None and len(contact.x) > 0:
-            foundations.append(foundation_of(contact))
-    return foundations
+def _greatest_factor(contacts: Sequence[Surface], largest: float, size: float) -> float:
+    """Find the greatest magnification of a picture by default [-]; on rank 0.
+
+    Args:
+        contacts: Contacts with facets.
+        largest: The largest displacement [length].
+        size: Size of the body [length].
+    """
+    magnified = max(largest, greatest_gap(contacts))
+    return greatest_factor(_foundations(contacts), magnified, size)
+
+
+def _foundations(contacts: Sequence[Surface]) -> list[Foundation]:
+    """Fit the foundations of contacts that have one; on rank 0."""
+    return [foundation_of(contact) for contact in contacts if contact.partners is None]
+
+
+def _shifted(contact: Surface, shift: np.ndarray) -> Surface:
+    """Move a contact, and so its foundation, with the nodes of its body.
+
+    The shifts of all nodes have the shape (n, 3) [length].
+    """
+    of_nodes = shift[contact.traction.nodes][..., : contact.d]
+    return replace(contact, place=contact.place + of_nodes)
 
 
 def _stress_scale(cells: Mapping[str, np.ndarray], label: str) -> Scale:
@@ -205,19 +244,32 @@ def _grounds(
     return grounds
 
 
-def _closed_lines(foundations: Sequence[Foundation], x: np.ndarray) -> list[Part]:
+def _closed_lines(contacts: Sequence[Surface], x: np.ndarray) -> list[Part]:
     """Draw the lines that show what is closed, for nodes at x [length], (n, 3)."""
     closed: list[Part] = []
-    for foundation in foundations:
-        lines = closed_part(foundation.surface, x)
-        if lines is not None:
-            closed.append((lines, {"color": CLOSED_COLOUR, "line_width": 8.0}))
+    for contact in contacts:
+        for nodes in (contact.traction.nodes, contact.partners):
+            lines = None if nodes is None else closed_part(contact, nodes, x)
+            if lines is not None:
+                closed.append((lines, {"color": CLOSED_COLOUR, "line_width": 8.0}))
     return closed
 
 
-def _title(foundations: Sequence[Foundation], factor: float, size: float) -> str:
+def _title(
+    contacts: Sequence[Surface],
+    foundations: Sequence[Foundation],
+    factor: float,
+    size: float,
+    pull: float | None,
+) -> str:
     """Say what a picture of a deformed body magnifies, and what then looks wrong."""
     title = f"displacement × {factor:g}"
+    pairs = pairs_of(contacts)
+    with_gap = [pair.traction.contact.name for pair in pairs if pair.gap.any()]
+    if with_gap:
+        title = f"displacement and gap × {factor:g}, gap drawn on {', '.join(with_gap)}"
+    if pairs and pull is not None:
+        title += f"\nbodies pulled apart by {pull:g} [length]"
     if factor != 1.0 and any(foundation.moves for foundation in foundations):
         title += ", foundation moved with it"
     entry = max((foundation.entry(factor) for foundation in foundations), default=0.0)

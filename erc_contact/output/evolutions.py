@@ -107,7 +107,9 @@ def plot_loop(
     model = history.errors[0].model
     where = _moved_part(history.errors[0].solution.scene, contact) if part is None else part
     force = history.force(contact)
-    trace = model.contact(contact).trace
+    bound = model.contact(contact)
+    trace = bound.trace
+    other = bound.against or f"the foundation of {contact}"
     total = model.comm.allreduce(trace.direction[trace.here.owned].sum(axis=0))
     # Around a closed contact the normals sum to zero.
     along = tangents(total / (np.linalg.norm(total) or 1.0))
@@ -118,11 +120,11 @@ def plot_loop(
 
     def draw(ax: Any) -> Any:
         axes = new_figure(5.2, 4.2).subplots() if ax is None else ax
-        # The force on the foundation is the opposite of that on the body.
+        # The force on what the body touches is the opposite of that on the body.
         axes.plot(moved, -shear, "o-", color=COLOUR_CYCLE[0], **LINE)
         axes.set(
             xlabel=f"mean displacement of {where} [length]",
-            ylabel=f"shear on the foundation of {contact} [force]",
+            ylabel=f"shear on {other} [force]",
         )
         axes.grid(color="0.9", lw=0.6)
         return axes

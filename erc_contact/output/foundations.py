@@ -239,11 +239,12 @@ def _rectangle(points: np.ndarray, n: np.ndarray, margin: float) -> tuple[np.nda
     return corners @ plane + height * n, np.array(parts)
 
 
-def closed_part(surface: Surface, x: np.ndarray) -> Any:
+def closed_part(surface: Surface, nodes: np.ndarray, x: np.ndarray) -> Any:
     """Draw the closed part of a contact in 2D, or its border in 3D.
 
     Args:
         surface: The contact.
+        nodes: Numbers of the nodes of its facets, on one of its sides, shape (f, m).
         x: Positions at which the nodes of the body are drawn [length], shape (n, 3).
 
     Returns:
@@ -253,7 +254,7 @@ def closed_part(surface: Surface, x: np.ndarray) -> Any:
     closed = contact_status(surface.traction) != OPEN
     if not closed.any():
         return None
-    nodes = surface.traction.nodes[closed]
+    nodes = nodes[closed]
     if surface.d == 3:
         nodes = _border(nodes)
     if len(nodes) == 0:

@@ -1,7 +1,8 @@
 """Gather meshes and contacts of all ranks on rank 0 for pictures and files.
 
-Symbols: r^ admissible contact traction, u^ admissible displacement, u^_n its part along
-the normal of the foundation.
+Symbols: r^ admissible contact traction, u^ admissible displacement, w^ its value on a
+contact: on a foundation u^, between two bodies the jump of u^; w^_n its part along the
+normal of the contact.
 """
 
 from __future__ import annotations
@@ -34,11 +35,13 @@ class Surface:
         vertices: Global numbers of the vertices of each facet, shape (n, d).
         gap: The gap g at the nodes of each facet before the deformation [length], shape
             (n, m).
-        gap_left: The gap that is left there, g - u^_n [length], shape (n, m).
-        slip: Tangential part of u^ there, or of its change since the last step of a
+        gap_left: The gap that is left there, g - w^_n [length], shape (n, m).
+        slip: Tangential part of w^ there, or of its change since the last step of a
             history [length], shape (n, m, d).
         place: Positions of the nodes on the true surface, where it is known [length],
             shape (n, m, d).
+        partners: Global numbers of the facing nodes of the other body, shape (n, m);
+            None on a foundation.
     """
 
     traction: ContactTraction
@@ -48,6 +51,7 @@ class Surface:
     gap_left: np.ndarray
     slip: np.ndarray
     place: np.ndarray
+    partners: np.ndarray | None = None
 
     @property
     def d(self) -> int:
@@ -61,7 +65,7 @@ class Surface:
 
 
 def mean_normal(surface: Surface) -> np.ndarray:
-    """Compute the normal of the foundation, shape (d,).
+    """Compute the normal of a contact, out of the body, shape (d,).
 
     If it varies, this is the unit vector of its mean. It is zero if the mean is zero,
     as around a closed contact.
@@ -76,32 +80,42 @@ def mean_normal(surface: Surface) -> np.ndarray:
 
 
 def whole_contact(admissible: Admissible, traction: ContactTraction) -> Surface | None:
-    """Gather the facets of a contact on rank 0; None on other ranks; collective."""
+    """Gather the facets of a contact on rank 0; None on other ranks; collective.
+
+    Those of a pair are of the side that the scene names first.
+    """
     model = admissible.model
     contact = traction.contact
     own = contact.trace.here.owned
     gap = model.gap_at_nodes(contact)
     displacement = contact.trace.since(admissible.displacement.x.array)
-    u_n, slip, _ = split(displacement, contact.direction[:, None])
+    w_n, slip, _ = split(displacement, contact.direction[:, None])
+    nodes = traction.nodes
+    # On a foundation this side stands for the other one, which is left out below.
+    partners = nodes if contact.against is None else contact.trace.partners
+    if contact.is_exchanged:
+        # Facing nodes are at the same place.
+        nodes, partners = partners, nodes
     parts = gathered(
         model.comm,
         area=traction.area[own],
-        values=traction.values[own],
+        values=contact.sign * traction.values[own],
         friction_bound=traction.friction_bound[own],
-        direction=contact.direction[own],
-        nodes=model.global_numbers(traction.nodes[own]),
-        x=model.V.tabulate_dof_coordinates()[traction.nodes[own]],
+        direction=contact.sign * contact.direction[own],
+        nodes=model.global_numbers(nodes[own]),
+        x=model.V.tabulate_dof_coordinates()[nodes[own]],
         gap=gap[own],
-        gap_left=(gap - u_n)[own],
-        slip=slip[own],
+        gap_left=(gap - w_n)[own],
+        slip=contact.sign * slip[own],
         place=model.true_places(contact.facets)[own],
+        partners=model.global_numbers(partners[own]),
     )
     if not parts:
         return None
     # Of the contact only the direction is that of all ranks.
     trace = replace(contact.trace, direction=parts["direction"])
     whole_traction = ContactTraction(
-        replace(contact, trace=trace),
+        replace(contact, trace=trace, is_exchanged=False),
         area=parts["area"],
         values=parts["values"],
         friction_bound=parts["friction_bound"],
@@ -115,7 +129,21 @@ def whole_contact(admissible: Admissible, traction: ContactTraction) -> Surface 
         gap_left=parts["gap_left"],
         slip=parts["slip"],
         place=parts["place"],
+        partners=None if contact.against is None else parts["partners"],
     )
+
+
+def whole_contacts(admissible: Admissible) -> list[Surface]:
+    """Gather the contacts that have facets on rank 0; collective.
+
+    Other ranks get an empty list.
+    """
+    contacts = []
+    for traction in admissible.tractions:
+        contact = whole_contact(admissible, traction)
+        if contact is not None and len(contact.x) > 0:
+            contacts.append(contact)
+    return contacts
 
 
 def body_mesh(domain: Domain) -> dict[str, np.ndarray]:

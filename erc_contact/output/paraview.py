@@ -5,7 +5,8 @@ file.
 
 Symbols: u^ and sigma^ admissible displacement and stress, r^ admissible contact
 traction, r_n and r_t its normal and tangential parts, b friction bound, g gap before
-the deformation, u^_n part of u^ along the normal of the foundation, eps_E share of one
+the deformation, w^ displacement of a contact: on a foundation u^, between two bodies
+the jump of u^; w^_n and w^_t its normal and tangential parts, eps_E share of one
 element of the relative error.
 """
 
@@ -42,15 +43,15 @@ def write_fields(error: ConstitutiveError, folder: str | Path) -> None:
       von Mises stress of the part in plane is written instead, with the name
       ``von_mises_in_plane``.
 
-    ``contact_<name>.vtkhdf`` is written for each contact. Each facet has points of its
-    own. The file has at the points
+    ``contact_<name>.vtkhdf`` is written for each contact; that of a pair has the facets
+    of the side with its name. Each facet has points of its own. The file has at the
+    points
 
     - ``traction``: r^ [force/area],
     - ``pressure``: -r_n [force/area],
     - ``friction_bound``: b [force/area], the greatest ``|r_t|`` that the law allows,
-    - ``gap``: the gap that is left, g - u^_n [length],
-    - ``slip``: the tangential part of u^, or of its change since the last step of a
-      history [length],
+    - ``gap``: the gap that is left, g - w^_n [length],
+    - ``slip``: w^_t, or its change since the last step of a history [length],
 
     and in the cells
 

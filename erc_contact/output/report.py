@@ -136,7 +136,7 @@ def write_report(
             figures = [_figure(file.parent / name, words) for name, words in pictures.items()]
             sections["Pictures"] = "".join(figures)
         if forces:
-            sections["Forces on the body"] = _forces(forces)
+            sections["Forces on the body"] = _forces(forces, _facing(run.error))
         if code:
             sections["How to reproduce it"] = f"<pre>{escape(code)}</pre>"
         software = {**versions(), **machine(), "ranks": str(comm.size)}
@@ -185,8 +185,27 @@ def _figure(file: Path, words: str) -> str:
     return f"<figure>{frame}<figcaption>{escape(words)}</figcaption></figure>"
 
 
-def _forces(forces: Mapping[str, Force]) -> str:
-    """Return the table of forces by their cause."""
+def _facing(error: Any) -> dict[str, str]:
+    """Return the part of another body that each part of a pair is in contact with.
+
+    An error that is read from a folder knows of none.
+    """
+    facing = {}
+    if isinstance(error, ConstitutiveError):
+        for contact in error.solution.scene.contacts:
+            if contact.against is not None:
+                facing[contact.facets] = contact.against
+                facing[contact.against] = contact.facets
+    return facing
+
+
+def _forces(forces: Mapping[str, Force], facing: Mapping[str, str]) -> str:
+    """Return the table of forces by their cause.
+
+    Args:
+        forces: The forces by their cause.
+        facing: The other side of each side of a pair.
+    """
     first = next(iter(forces.values()))
     header = ["cause"]
     header += [f"F{axis}" for axis in "xyz"[: len(first.force)]]
@@ -195,11 +214,14 @@ def _forces(forces: Mapping[str, Force]) -> str:
     rows = []
     for cause, force in forces.items():
         components = (*force.force, *force.moment)
-        rows.append([cause, *(f"{component:.6g}" for component in components)])
+        words = f"{cause} (internal, from {facing[cause]})" if cause in facing else cause
+        rows.append([words, *(f"{component:.6g}" for component in components)])
     words = (
         "Resultants and moments about the origin of the admissible stress. The balance is zero "
         "up to round-off."
     )
+    if facing:
+        words += " Two bodies exert internal forces on each other, which are opposite."
     return _paragraph(words) + _wide(table(rows, header), "numbers")
 
 

@@ -65,7 +65,8 @@ def _of_the_bound(error: ConstitutiveError) -> list[tuple[str, str]]:
                 "what differs from your data is estimated below."
             )
         return [(BOUND, f"{size}. {bounds}. {proved}")]
-    contacts = ", ".join(error.pressure_dependent)
+    model = error.model
+    contacts = ", ".join(model.contact(name).title for name in error.pressure_dependent)
     term = (
         f"{size}. {bounds}, up to a third term: the friction bound of {contacts} depends on the "
         "pressure. The term is a product of two errors and has no sign. It is of higher order, "

@@ -35,18 +35,22 @@ def upward(admissible: Admissible) -> np.ndarray:
     """Find the upward direction of a picture, shape (3,); collective.
 
     It is the coordinate axis, with its sign, that points away from the first
-    foundation.
+    foundation. Between two bodies neither is the lower one: without a foundation it is
+    the axis across the first contact.
     """
     model = admissible.model
     total = np.zeros(3)
-    for traction in admissible.tractions[:1]:
+    on_foundations = [
+        traction for traction in admissible.tractions if traction.contact.against is None
+    ]
+    for traction in (on_foundations or admissible.tractions)[:1]:
         owned = traction.contact.trace.here.owned
         total[: model.d] = traction.area[owned] @ traction.contact.direction[owned]
     total = np.array(model.comm.allgather(total)).sum(axis=0)
     # Without a contact, y is upward.
     axis = int(abs(total).argmax()) if total.any() else 1
     # The normal points from the body to the foundation, which is below.
-    sign = -1.0 if total[axis] > 0 else 1.0
+    sign = -1.0 if on_foundations and total[axis] > 0 else 1.0
     return np.eye(3)[axis] * sign
 
 

@@ -211,12 +211,14 @@ class Evolution(RunResult):
         plot_energies(self, folder / "energies.png")
         drawn = {"energies.png": "Energies, and what their balance leaves."}
         for name in self.steps[0].force:
+            title = self.error.model.contact(name).title
             at(comm, f"contact {name}")
             plot_loop(self, name, folder / f"loop_{name}.png")
-            drawn[f"loop_{name}.png"] = f"Shear of the contact {name} against displacement."
+            words = f"Shear of the contact {title}, over the displacement."
+            drawn[f"loop_{name}.png"] = words
             if self.error.domain.dim == 2:
                 plot_zones(self, name, folder / f"zones_{name}.png")
-                words = f"Open, slip and stick along the contact {name} in time."
+                words = f"Open, slip and stick along the contact {title} in time."
                 drawn[f"zones_{name}.png"] = words
         at(comm, "deformed body")
         draw_deformed(self.error, folder / "deformed.png")

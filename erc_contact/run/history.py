@@ -260,7 +260,8 @@ class History(RunResult):
             if np.any(self.profile(name)["status"] != OPEN):
                 at(comm, f"contact {name}")
                 plot_contact(self.best.admissible, name, folder / f"contact_{name}.png")
-                words = f"Traction on the contact {name}, of the admissible stress."
+                title = traction.contact.title
+                words = f"Traction on the contact {title}, of the admissible stress."
                 drawn[f"contact_{name}.png"] = words
         return drawn
 

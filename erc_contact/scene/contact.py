@@ -21,18 +21,18 @@ class Contact:
     the facing points of the other one.
 
     Args:
-        facets: Name of the boundary part that may touch the foundation.
+        facets: Name of the boundary part that may touch the foundation or other body.
         friction: Coulomb's friction coefficient mu >= 0 [-], number or callable of x (0
             is frictionless); or a law, e.g. :class:`Tresca`, or a class of the user's
             own.
-        gap: Initial gap g to the foundation along the normal [length], number or
-            callable of x.
-        normal: Unit normal of the foundation that points into it: d numbers, a callable
-            of x, or "gap" for ``-grad g/|grad g|``, the normal of a foundation whose
-            gap is its distance. One that varies is taken at the middle of each facet:
-            the foundation becomes a polyhedron, as a curved body becomes its mesh. None
-            takes the outward normal of the part, which must then be flat on a
-            foundation.
+        gap: Initial gap g to the foundation or the other body along the normal
+            [length], number or callable of x.
+        normal: Unit normal that points into the foundation or the other body: d
+            numbers, a callable of x, or "gap" for ``-grad g/|grad g|``, the normal of a
+            foundation whose gap is its distance. One that varies is taken at the middle
+            of each facet: the foundation becomes a polyhedron, as a curved body becomes
+            its mesh. None takes the outward normal of the part, which must then be flat
+            on a foundation.
         bilateral: Whether the contact cannot open: ``u_n = g``. Needs a friction bound
             without pressure.
         against: Name of the boundary part of another body that the part faces, see

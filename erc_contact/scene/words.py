@@ -7,8 +7,13 @@ from typing import Any
 from erc_contact.base.code import arguments, code_of
 
 
+def contact_in_words(part: str, against: str | None) -> str:
+    """Return "punch", or "punch against block" of a contact between two bodies."""
+    return part if against is None else f"{part} against {against}"
+
+
 def in_words(scene: Any) -> list[tuple[str, str]]:
-    """Return what a scene says of each part of the body: names of parts and words.
+    """Return what a scene says of each part of the bodies: names of parts and words.
 
     Callables are shown by their source.
     """
@@ -19,7 +24,8 @@ def in_words(scene: Any) -> list[tuple[str, str]]:
     for load in scene.loads:
         rows.append((load.facets or "whole body", _object(load)))
     for contact in scene.contacts:
-        rows.append((contact.facets, _contact(contact)))
+        part = contact_in_words(contact.facets, contact.against)
+        rows.append((part, _contact(contact)))
     return rows
 
 

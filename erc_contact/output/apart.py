@@ -1,0 +1,179 @@
+"""Move bodies apart in pictures, as far as they are apart; on rank 0.
+
+Two bodies that face each other have their meshes at the same place, and a gap g between
+them is data. Their pictures show it, and magnify it as the displacement is: points are
+drawn at X + s u^ + a, where the shifts a of facing points differ by s g along the
+normal. So facing points are drawn s (g - w^_n) apart: a closed contact looks closed and
+no body enters another one, whatever s is.
+
+The side with the name of the contact is moved, with all that is behind it, as a rigid
+body. The shift is the one of a foundation with this gap
+(:mod:`erc_contact.output.foundations`). What a rigid motion cannot do, because the gap
+varies, is a recess in this side: it fades out inside the body, and no element is turned
+inside out by it.
+
+Symbols: X position before the deformation, s magnification, u^ admissible displacement,
+w^ its jump, w^_n = w^ . n, n normal from this side into the other, d dimension.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+
+from erc_contact.mesh.graphs import components
+from erc_contact.mesh.simplex import in_space
+from erc_contact.model.last_step import nearest
+from erc_contact.output.gathered import Surface, mean_normal
+
+FADING = 3.0
+"""Depth in which a recess fades out, over its greatest depth at the surface [-]."""
+SAME_NORMALS = 0.01
+"""Share of the squares of normals at a node below which they are one normal [-].
+
+It is that of two normals with an angle of 0.2 between them.
+"""
+
+
+def pairs_of(contacts: Sequence[Surface]) -> list[Surface]:
+    """Return the contacts that are between two bodies."""
+    return [contact for contact in contacts if contact.partners is not None]
+
+
+def greatest_gap(contacts: Sequence[Surface]) -> float:
+    """Return the greatest absolute gap between two bodies that is data [length]."""
+    return max((float(abs(pair.gap).max()) for pair in pairs_of(contacts)), default=0.0)
+
+
+def shifts(
+    body: Mapping[str, np.ndarray],
+    pairs: Sequence[Surface],
+    motions: Sequence[Callable[[np.ndarray], np.ndarray]],
+    factor: float,
+    pull: float,
+) -> np.ndarray:
+    """Compute the shifts of the nodes with which bodies are drawn apart [length].
+
+    Args:
+        body: The mesh, from :func:`erc_contact.output.gathered.body_nodes`.
+        pairs: Contacts between two bodies.
+        motions: The rigid motion of each that makes room for its gap, see
+            :meth:`erc_contact.output.foundations.Foundation.motion`.
+        factor: Magnification of the displacement and of gaps [-].
+        pull: Distance by which the bodies of each pair are pulled apart beside, as
+            rigid ones [length].
+
+    Returns:
+        The shifts, shape (n, 3).
+    """
+    points = body["points"]
+    shift = np.zeros_like(points)
+    pulled = np.zeros_like(points)
+    for pair, motion in zip(pairs, motions, strict=True):
+        behind = _behind(body, pair, pairs)
+        pulled[behind] -= pull * in_space(mean_normal(pair)[None])
+        if pair.gap.any():
+            shift[behind] -= factor * in_space(motion(points[behind, : pair.d]))
+    for pair in pairs:
+        if pair.gap.any():
+            shift += _recess(body, pairs, pair, _depth(pair, shift, factor))
+    return shift + pulled
+
+
+def _behind(body: Mapping[str, np.ndarray], pair: Surface, pairs: Sequence[Surface]) -> np.ndarray:
+    """Tell which nodes move with this side of a pair, shape (n,).
+
+    They are those of its bodies and of all bodies that touch these elsewhere. There are
+    none if the other side would move, too.
+    """
+    links = [_links(body["cells"])]
+    for other in pairs:
+        if other is not pair and other.partners is not None:
+            facing = [other.traction.nodes.ravel(), other.partners.ravel()]
+            links.append(np.column_stack(facing))
+    label = components(len(body["points"]), np.concatenate(links))
+    here = np.isin(label, label[pair.traction.nodes])
+    if here[pair.partners].any():
+        return np.zeros_like(here)
+    return here
+
+
+def _links(cells: np.ndarray) -> np.ndarray:
+    """Link the first node of each cell to all its nodes, shape (cells N, 2)."""
+    first = np.repeat(cells[:, 0], cells.shape[1])
+    return np.column_stack([first, cells.ravel()])
+
+
+def _depth(pair: Surface, shift: np.ndarray, factor: float) -> np.ndarray:
+    """Compute what shifts leave of the gap at the nodes of this side [length].
+
+    Its shape is (f, m).
+    """
+    n = in_space(pair.traction.contact.direction)[:, None]
+    apart = shift[pair.partners] - shift[pair.traction.nodes]
+    return factor * pair.gap - (apart * n).sum(axis=-1)
+
+
+def _recess(
+    body: Mapping[str, np.ndarray], pairs: Sequence[Surface], pair: Surface, depth: np.ndarray
+) -> np.ndarray:
+    """Compute the shifts of a recess in this side of a pair [length], shape (n, 3).
+
+    Args:
+        body: The mesh.
+        pairs: All pairs. The other nodes of their contacts stay where they are.
+        pair: The pair.
+        depth: Depth of the recess at the nodes of its facets [length], shape (f, m).
+    """
+    points = body["points"]
+    nodes = pair.traction.nodes
+    recess = _at_nodes(pair, depth, len(points))
+    # Inside the body a recess is the less deep the farther its surface is.
+    reach = FADING * float(np.linalg.norm(recess, axis=1).max())
+    label = components(len(points), _links(body["cells"]))
+    inside = np.isin(label, label[nodes])
+    for other in pairs:
+        inside[other.traction.nodes] = False
+        inside[other.partners] = False
+    corners = pair.x[:, : pair.d, : pair.d]
+    low = corners.min(axis=(0, 1)) - reach
+    high = corners.max(axis=(0, 1)) + reach
+    x = points[:, : pair.d]
+    inside &= ((x > low) & (x < high)).all(axis=1)
+    facet, local, distance = nearest(x[inside], corners)
+    feet = np.einsum("nv,nvi->ni", local, corners[facet])
+    # Parts of a body beyond the other side are not behind the contact.
+    direction = pair.traction.contact.direction[facet]
+    is_behind = ((x[inside] - feet) * direction).sum(axis=1) < 0
+    share = np.where(is_behind & (distance < reach), 1 - distance / (reach or 1.0), 0.0)
+    at_feet = np.einsum("nv,nvi->ni", local, recess[nodes[facet, : pair.d]])
+    recess[inside] = share[:, None] * at_feet
+    return recess
+
+
+def _at_nodes(pair: Surface, depth: np.ndarray, count: int) -> np.ndarray:
+    """Find the shifts of nodes that have a depth along the normals of their facets.
+
+    At a corner they have that of all its facets, or nearly so where these are many.
+
+    Args:
+        pair: The pair.
+        depth: Depth at the nodes of each facet [length], shape (f, m).
+        count: Number of nodes of the mesh.
+
+    Returns:
+        Shifts [length], shape (count, 3), zero at other nodes.
+    """
+    nodes, place = np.unique(pair.traction.nodes, return_inverse=True)
+    place = place.reshape(depth.shape)
+    n = np.broadcast_to(in_space(pair.traction.contact.direction)[:, None], (*depth.shape, 3))
+    normals = np.zeros((len(nodes), 3, 3))
+    np.add.at(normals, place, n[..., :, None] * n[..., None, :])
+    depths = np.zeros((len(nodes), 3))
+    np.add.at(depths, place, depth[..., None] * n)
+    # Normals that differ little are one: a small depth must not move a node far.
+    inverse = np.linalg.pinv(normals, rcond=SAME_NORMALS, hermitian=True)
+    shift = np.zeros((count, 3))
+    shift[nodes] = -np.einsum("nij,nj->ni", inverse, depths)
+    return shift
