@@ -99,11 +99,11 @@ def _mirrored(x: np.ndarray, simplices: np.ndarray) -> tuple[np.ndarray, np.ndar
     return np.vstack([x, image]), np.vstack([simplices, number[simplices]])
 
 
-def _named(
-    d: int, x: np.ndarray, simplices: np.ndarray, comm: MPI.Comm, size: float
-) -> ec.Domain:
+def _named(d: int, x: np.ndarray, simplices: np.ndarray, comm: MPI.Comm, size: float) -> ec.Domain:
     """A domain from points and simplices on rank 0, with names by positions."""
-    element = ufl.Mesh(basix.ufl.element("Lagrange", ("triangle", "tetrahedron")[d - 2], 1, shape=(d,)))
+    element = ufl.Mesh(
+        basix.ufl.element("Lagrange", ("triangle", "tetrahedron")[d - 2], 1, shape=(d,))
+    )
     mesh = dmesh.create_mesh(comm, simplices, element, x, partitioner(comm))
     mesh.topology.create_connectivity(d - 1, d)
     facets = _every(mesh, d - 1)

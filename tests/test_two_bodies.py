@@ -84,7 +84,9 @@ def patch(name: str, d: int) -> tuple[ec.Scene, dict]:
         loads.append(ec.Traction(f"{body} right", side))
         loads.append(ec.Traction(f"{body} left", tuple(-part for part in side)))
         if d == 3:
-            supports += [ec.Displacement(f"{body} {n}", (None, 0.0, None)) for n in ("front", "back")]
+            supports += [
+                ec.Displacement(f"{body} {n}", (None, 0.0, None)) for n in ("front", "back")
+            ]
     friction = 0.0 if shear == 0 else 0.3
     scene = ec.Scene(ec.Elastic(E, nu), supports, loads, [contact(friction=friction)])
 
@@ -407,9 +409,7 @@ def test_stiff_body_is_a_foundation(degree, method):
     down = ec.Displacement("upper outer", (0.01, -0.05))
     domain = small_bricks(2)
     stiff = ec.Displacement("lower outer", (0.0, 0.0))
-    rigid = ec.Scene(
-        MATERIAL, [down, stiff], [], [ec.Contact(UPPER, friction=0.3, gap=parabola)]
-    )
+    rigid = ec.Scene(MATERIAL, [down, stiff], [], [ec.Contact(UPPER, friction=0.3, gap=parabola)])
     wanted = certified(rigid, domain, method, degree=degree)
     force = wanted.force(UPPER).force
     differences = []

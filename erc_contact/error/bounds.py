@@ -138,7 +138,7 @@ def resultant(error: ConstitutiveError | Run, contact: str, direction: Sequence[
     a = np.asarray(direction, dtype=float)
     if a.shape != (model.d,) or not np.isfinite(a).all():
         raise InputError(f"The direction is {direction!r}; give {model.d} finite numbers.")
-    if contact == bound.against:
+    if contact != bound.side_names[0]:
         # Action and reaction: the traction on the other body is the opposite one.
         a = -a
     phi, weighted = lifting(model, pair.solution.stiffness, which, a)

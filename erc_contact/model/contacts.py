@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import ufl
+from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError, raise_together
 from erc_contact.base.runtime import compiled
@@ -14,10 +15,12 @@ from erc_contact.model.foundation import BoundContact
 from erc_contact.model.friction import Friction, bind_friction
 from erc_contact.model.last_step import LastStep
 from erc_contact.model.space import Space
-from erc_contact.model.trace import Trace
+from erc_contact.model.trace import Side, Trace
 from erc_contact.model.values import components, number, parameter
 from erc_contact.scene.contact import Contact
 
+SOFTER = 1.5
+"""Ratio of the mean moduli of two bodies from which the sides are exchanged [-]."""
 FLAT_NORMALS = 1e-8
 """Largest deviation of the facet normals of a contact that counts as flat [-]."""
 
@@ -37,12 +40,10 @@ def bind_contact(
         InputError: If gap, normal or friction are no numbers, or cannot be worked with,
             or the last step was one of another body.
     """
-    there = None
-    if contact.against is None:
-        facets = space.domain.facets(contact.facets)
-    else:
-        facets, facing = space.domain.facing(contact.facets, contact.against)
-        there = space.side(facing, modulus)
+    part, here, there = _sides(space, contact, modulus)
+    facets = here.facets
+    is_exchanged = part != contact.facets
+    sign = -1.0 if is_exchanged else 1.0
     what = f"Contact({contact.facets!r})"
     surface = _true_surface(space, contact)
     gap = None
@@ -52,18 +53,19 @@ def bind_contact(
         values = evaluate(gap, space.mesh, space.facet_points, facets)
         if not np.isfinite(space.extremes(values)).all():
             raise InputError(f"{what}: the gap is not finite everywhere; look at it.")
-    normal, direction, given_normal = _normal(space, contact, facets, surface)
+    normal, direction, given_normal = _normal(space, contact, facets, surface, sign)
     friction = _friction(space, contact, facets)
     # Friction alone remembers where the contact was.
     before = None
     lost = None
     if last is not None and friction is not None:
-        before, lost = last.on(space, contact.facets, facets, direction)
+        before, lost = last.on(space, contact.facets, facets, direction, sign)
     return BoundContact(
         name=contact.facets,
         against=contact.against,
-        trace=Trace(space.side(facets, modulus), direction, before, there),
-        ds=space.ds(space.domain.tag(contact.facets)),
+        is_exchanged=is_exchanged,
+        trace=Trace(here, direction, before, there),
+        ds=space.ds(space.domain.tag(part)),
         normal=normal,
         given_normal=given_normal,
         friction=friction,
@@ -72,6 +74,25 @@ def bind_contact(
         bilateral=contact.bilateral,
         lost=lost,
     )
+
+
+def _sides(space: Space, contact: Contact, modulus: Ufl) -> tuple[str, Side, Side | None]:
+    """Return the part on this side of a contact, and both sides; collective.
+
+    Nitsche's method tests the stress on this side. So it is that of the softer body:
+    with the stress of a much stiffer one Newton's method hardly converges.
+    """
+    if contact.against is None:
+        facets = space.domain.facets(contact.facets)
+        return contact.facets, space.side(facets, modulus), None
+    facets, facing = space.domain.facing(contact.facets, contact.against)
+    here = space.side(facets, modulus)
+    there = space.side(facing, modulus)
+    sums = [float(side.owned_areas @ side.modulus) for side in (here, there)]
+    of_here, of_there = space.comm.allreduce(np.array(sums), MPI.SUM)
+    if of_here > SOFTER * of_there:
+        return contact.against, there, here
+    return contact.facets, here, there
 
 
 def _friction(space: Space, contact: Contact, facets: np.ndarray) -> Friction | None:
@@ -106,9 +127,16 @@ def _true_surface(space: Space, contact: Contact) -> Ufl:
 
 
 def _normal(
-    space: Space, contact: Contact, facets: np.ndarray, surface: Ufl
+    space: Space, contact: Contact, facets: np.ndarray, surface: Ufl, sign: float
 ) -> tuple[Ufl, np.ndarray, Ufl | None]:
-    """Find the normal of the foundation; collective.
+    """Find the normal of the foundation or of the other body; collective.
+
+    Args:
+        space: The mesh.
+        contact: What the scene declares.
+        facets: Facets of this side, shape (f, 2).
+        surface: Position at which the normal is taken, UFL.
+        sign: -1 where this side is the facing part of the scene's contact, else 1.
 
     Returns:
         The unit normal as UFL, the unit normal on each facet (f, d), and the normal as
@@ -121,9 +149,9 @@ def _normal(
     if contact.normal is None:
         direction = _flat_normal(space, contact, facets)
     elif isinstance(contact.normal, tuple):
-        direction = np.array(contact.normal)
+        direction = sign * np.array(contact.normal)
     else:
-        return _varying_normal(space, contact, facets, surface)
+        return _varying_normal(space, contact, facets, surface, sign)
     on_facets = np.broadcast_to(direction, (len(facets), space.d))
     return compiled.constant(space.mesh, direction), on_facets, None
 
@@ -156,7 +184,7 @@ def _flat_normal(space: Space, contact: Contact, facets: np.ndarray) -> np.ndarr
 
 
 def _varying_normal(
-    space: Space, contact: Contact, facets: np.ndarray, surface: Ufl
+    space: Space, contact: Contact, facets: np.ndarray, surface: Ufl, sign: float
 ) -> tuple[Ufl, np.ndarray, Ufl]:
     """Find a normal that varies, as :func:`_normal` returns it; collective.
 
@@ -171,6 +199,8 @@ def _varying_normal(
         expression = ufl.replace(slope, {space.x: surface})
     else:
         expression = components(space, contact.normal, f"{what}: normal", surface)
+    if sign < 0:
+        expression = -expression
     at_middles = evaluate(expression, space.mesh, _middle(space), facets)[:, 0]
     length = np.linalg.norm(at_middles, axis=1)
     error = None

@@ -128,12 +128,13 @@ def nodal_reactions(
         trace = contact.trace
         at_nodes = _of_traction(model, contact, traction(contact))
         residual -= trace.back(at_nodes)
-        forces[contact.name] = trace.back_here(at_nodes)
+        this, other = contact.side_names
+        forces[this] = trace.back_here(at_nodes)
         nodes = model.nodes[contact.facets[:, 0]] if in_layer else trace.here.nodes
-        claims[contact.name] = _claim(model, nodes)
-        if contact.against is not None:
-            forces[contact.against] = trace.back_there(at_nodes)
-            claims[contact.against] = _claim(model, trace.partners)
+        claims[this] = _claim(model, nodes)
+        if other is not None:
+            forces[other] = trace.back_there(at_nodes)
+            claims[other] = _claim(model, trace.partners)
     for support, (facets, components) in zip(model.scene.supports, model.fixed_facets, strict=True):
         claim = claims.setdefault(support.facets, np.zeros(residual.shape, dtype=bool))
         claim[model.facet_nodes(facets)] |= components

@@ -36,6 +36,8 @@ class BoundContact:
     Attributes:
         name: Name of the boundary part.
         against: Name of the facing part of another body; None on a foundation.
+        is_exchanged: Whether this side is that of the facing part, because its body is
+            the softer one.
         trace: The displacement of the contact, with the facets of the body.
         ds: Measure of the part.
         normal: Unit normal of the foundation, UFL.
@@ -56,6 +58,7 @@ class BoundContact:
 
     name: str
     against: str | None
+    is_exchanged: bool
     trace: Trace
     ds: Ufl
     normal: Ufl
@@ -67,6 +70,22 @@ class BoundContact:
     lost: np.ndarray | None = None
     variable: tuple[fem.Function, fem.Function] | None = None
     test_jump: fem.Constant | None = None
+
+    @property
+    def side_names(self) -> tuple[str, str | None]:
+        """Return the names of the parts on this side and on the other one."""
+        if self.is_exchanged and self.against is not None:
+            return self.against, self.name
+        return self.name, self.against
+
+    @property
+    def sign(self) -> float:
+        """Return -1 where this side is the facing part, else 1.
+
+        It turns normal, jump and traction into those of the part that the scene names
+        first.
+        """
+        return -1.0 if self.is_exchanged else 1.0
 
     @property
     def facets(self) -> np.ndarray:

@@ -42,15 +42,20 @@ class LastStep:
     Attributes:
         space: The mesh that it was computed on.
         contacts: By the name of each contact its facets (cell, local facet), ghosts
-            included, shape (f, 2), and its displacement w at their nodes [length],
-            shape (f, m, d).
+            included, shape (f, 2), and its displacement at their nodes [length], shape
+            (f, m, d): between bodies the jump from the part that has this name.
     """
 
     space: Space
     contacts: Mapping[str, tuple[np.ndarray, np.ndarray]]
 
     def on(
-        self, space: Space, name: str, facets: np.ndarray, direction: np.ndarray
+        self,
+        space: Space,
+        name: str,
+        facets: np.ndarray,
+        direction: np.ndarray,
+        sign: float = 1.0,
     ) -> tuple[fem.Function, np.ndarray | None]:
         """Interpolate the displacement on a contact of another mesh; collective.
 
@@ -59,6 +64,8 @@ class LastStep:
             name: Name of the contact.
             facets: Its facets there (cell, local facet), shape (f, 2).
             direction: Unit normals of the facets, shape (f, d).
+            sign: Factor of the displacement, -1 where the sides of the contact are
+                exchanged [-].
 
         Returns:
             The displacement [length], zero off the contact, and what the mesh does not
@@ -70,6 +77,7 @@ class LastStep:
         """
         d = space.d
         old_facets, old_w = self.contacts[name]
+        old_w = sign * old_w
         nodes = space.facet_nodes(facets)
         before = space.function()
         values = before.x.array.reshape(-1, d)

@@ -183,11 +183,11 @@ def _columns(
     """
     points = profile_points(model)
     facets = contact.facets
-    n = contact.direction[:, None, :]
+    n = contact.sign * contact.direction[:, None, :]
     shape = lagrange(model.d - 1, model.degree, points)
-    w = np.matmul(shape, contact.trace.since(u.x.array))
+    w = contact.sign * np.matmul(shape, contact.trace.since(u.x.array))
     w_n, w_t, slip = split(w, n)
-    r_n, r_t, shear = split(r, n)
+    r_n, r_t, shear = split(contact.sign * r, n)
     gap = np.zeros(1)
     if contact.gap is not None:
         gap = evaluate(contact.gap, model.mesh, points, facets)
@@ -210,7 +210,7 @@ def _columns(
 
 def _tangents(contact: BoundContact) -> np.ndarray:
     """Return the unit tangent of each facet of a contact in 2D, shape (f, 2)."""
-    n = contact.direction
+    n = contact.sign * contact.direction
     return np.stack([-n[:, 1], n[:, 0]], axis=-1)
 
 

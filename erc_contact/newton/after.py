@@ -75,7 +75,7 @@ def last_step(solution: Solution) -> LastStep:
             n = contact.direction[:, None, :]
             normal = (w * n).sum(axis=-1, keepdims=True) * n
             w = np.where(stuck, normal + trace.slip_before, w)
-        contacts[contact.name] = contact.facets, w
+        contacts[contact.name] = contact.facets, contact.sign * w
     return LastStep(model, contacts)
 
 

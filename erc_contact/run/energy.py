@@ -129,7 +129,7 @@ def _traction_at_begin(
     if old.domain is model.domain and old.degree == model.degree:
         last = contact_of(before, contact.name)
         friction = last.contact.friction
-        values = last.values
+        values = contact.sign * last.contact.sign * last.values
     else:
         declared = next(
             candidate for candidate in old.scene.contacts if candidate.facets == contact.name
@@ -137,7 +137,7 @@ def _traction_at_begin(
         friction = bind_contact(model, declared, model.modulus).friction
         points, weights = rule(model.d - 1, 2 * model.degree)
         x = np.matmul(barycentric(points), contact.trace.here.corners)
-        carried, _ = _carried(before, contact.name, x)
+        carried, _ = _carried(before, contact.side_names[0], x)
         values = np.matmul(projection(model.d - 1, model.degree, points, weights), carried)
     return replace(traction, contact=replace(contact, friction=friction), values=values)
 
@@ -147,9 +147,10 @@ def _normals(model: Model) -> dict[str, np.ndarray]:
     normals = {}
     for contact in model.contacts:
         trace = contact.trace
-        sides = {contact.name: trace.here}
-        if contact.against is not None and trace.there is not None:
-            sides[contact.against] = trace.there
+        this, other = contact.side_names
+        sides = {this: trace.here}
+        if other is not None and trace.there is not None:
+            sides[other] = trace.there
         for part, side in sides.items():
             facets = model.domain.owned_facets(part)
             number = model.facet_numbers(side.facets)
