@@ -27,6 +27,7 @@ from erc_contact.output.foundations import (
     UNSEEN,
     Foundation,
     closed_part,
+    drawn_apart,
     drawn_foundation,
     foundation_of,
     greatest_factor,
@@ -65,6 +66,9 @@ def draw_deformed(
     nearly as a rigid motion can make it (:mod:`erc_contact.output.foundations`). It is
     left out where it would be far from the body. Orange lines show what is closed, in
     3D its border, and black ones the outline of the body before the deformation.
+
+    Two bodies in contact are drawn where the mesh has them. A gap or an interference
+    that is closed between them is magnified with their displacements.
 
     The von Mises stress is that of the mean of sigma^ in each element; for degree 2 it
     is linear there (:func:`erc_contact.results.stresses.vertex_stress`). If the
@@ -106,11 +110,12 @@ def draw_deformed(
 
     def draw(ax: Any) -> Any:
         only_in_2d("draw_deformed", ax, d)
-        foundations = _foundations(contacts)
+        surfaces = [one for one in contacts if one is not None and len(one.x) > 0]
+        foundations = _foundations(surfaces)
         times = factor
         if times is None:
             largest = float(np.linalg.norm(body["u"], axis=1).max())
-            times = rounded(greatest_factor(foundations, largest, size))
+            times = rounded(greatest_factor(foundations, _apart(surfaces), largest, size))
         skin = skin_of(body["points"], body["cells"], d)
         x = skin.points + times * body["u"]
         scale = _stress_scale(cells, label)
@@ -118,11 +123,11 @@ def draw_deformed(
         # Round-off would else fill the whole range of colours.
         if only_round_off:
             stress = 0 * stress
-        closed = _closed_lines(foundations, x)
+        closed = _closed_lines(surfaces, x)
         lines = _outline(body, d) + closed
         grounds = _grounds(foundations, times, size, float(np.ptp(x, axis=0).max()))
         axes = draw_map(ax, skin, x, stress, scale, views_of(d, up), lines, grounds)
-        title = _title(foundations, times, size)
+        title = _title(foundations, _apart(surfaces), times, size)
         if closed:
             title += "\norange: closed contact"
         _write_title(axes, title, d)
@@ -143,17 +148,20 @@ def magnification(error: ConstitutiveError) -> float:
     size = model.domain.extent
     factor = np.inf
     if model.comm.rank == 0:
-        factor = greatest_factor(_foundations(contacts), largest, size)
+        surfaces = [one for one in contacts if one is not None and len(one.x) > 0]
+        factor = greatest_factor(_foundations(surfaces), _apart(surfaces), largest, size)
     return model.comm.bcast(factor)
 
 
-def _foundations(contacts: Sequence[Surface | None]) -> list[Foundation]:
-    """Fit the foundations of the contacts that have facets; on rank 0."""
-    foundations = []
-    for contact in contacts:
-        if contact is not None and len(contact.x) > 0:
-            foundations.append(foundation_of(contact))
-    return foundations
+def _foundations(surfaces: Sequence[Surface]) -> list[Foundation]:
+    """Fit the foundations of the contacts that have one; on rank 0."""
+    return [foundation_of(one) for one in surfaces if one.traction.contact.against is None]
+
+
+def _apart(surfaces: Sequence[Surface]) -> float:
+    """Find by how much closed bodies look apart without magnification [length]."""
+    pairs = [one for one in surfaces if one.traction.contact.against is not None]
+    return max((drawn_apart(pair) for pair in pairs), default=0.0)
 
 
 def _stress_scale(cells: Mapping[str, np.ndarray], label: str) -> Scale:
@@ -205,22 +213,22 @@ def _grounds(
     return grounds
 
 
-def _closed_lines(foundations: Sequence[Foundation], x: np.ndarray) -> list[Part]:
+def _closed_lines(surfaces: Sequence[Surface], x: np.ndarray) -> list[Part]:
     """Draw the lines that show what is closed, for nodes at x [length], (n, 3)."""
     closed: list[Part] = []
-    for foundation in foundations:
-        lines = closed_part(foundation.surface, x)
+    for surface in surfaces:
+        lines = closed_part(surface, x)
         if lines is not None:
             closed.append((lines, {"color": CLOSED_COLOUR, "line_width": 8.0}))
     return closed
 
 
-def _title(foundations: Sequence[Foundation], factor: float, size: float) -> str:
+def _title(foundations: Sequence[Foundation], apart: float, factor: float, size: float) -> str:
     """Say what a picture of a deformed body magnifies, and what then looks wrong."""
     title = f"displacement × {factor:g}"
     if factor != 1.0 and any(foundation.moves for foundation in foundations):
         title += ", foundation moved with it"
-    entry = max((foundation.entry(factor) for foundation in foundations), default=0.0)
+    entry = max([factor * apart, *(foundation.entry(factor) for foundation in foundations)])
     if entry > 1.1 * UNSEEN * size:  # more than rounding of the magnification makes of it
         title += f"\nand so the contact looks open or entered by up to {entry:.2g} [length]"
     return title

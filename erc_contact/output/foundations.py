@@ -166,19 +166,38 @@ def foundation_of(surface: Surface) -> Foundation:
     return Foundation(surface, centre, parts[:d], np.tensordot(parts[d:], turns, axes=1))
 
 
-def greatest_factor(foundations: Sequence[Foundation], largest: float, size: float) -> float:
+def drawn_apart(surface: Surface) -> float:
+    """Find by how much two closed bodies look apart or entered [length].
+
+    Both are drawn where the mesh has them, so it is the gap that their displacements
+    have closed. A magnification multiplies it.
+
+    Args:
+        surface: A contact between two bodies.
+    """
+    closed = contact_status(surface.traction) != OPEN
+    return float(abs(surface.gap[closed]).max(initial=0.0))
+
+
+def greatest_factor(
+    foundations: Sequence[Foundation], apart: float, largest: float, size: float
+) -> float:
     """Find the greatest magnification of a picture by default [-].
 
     It is infinite if nothing moves.
 
     Args:
         foundations: The foundations of a body.
+        apart: By how much closed bodies look apart or entered without magnification,
+            see :func:`drawn_apart` [length].
         largest: Its largest displacement [length].
         size: Its size [length].
     """
     if largest <= STILL_SHARE * size:
         return np.inf
     limits = [foundation.greatest_factor(UNSEEN * size) for foundation in foundations]
+    if apart > 0:
+        limits.append(max(1.0, UNSEEN * size / apart))
     return min([DISPLACEMENT_SHARE * size / largest, *limits])
 
 
