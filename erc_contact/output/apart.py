@@ -9,8 +9,8 @@ no body enters another one, whatever s is.
 The side with the name of the contact is moved, with all that is behind it, as a rigid
 body. The shift is the one of a foundation with this gap
 (:mod:`erc_contact.output.foundations`). What a rigid motion cannot do, because the gap
-varies, is a recess in this side: it fades out inside the body, and no element is turned
-inside out by it.
+varies, or a support holds the body at rest, is a recess in this side: it fades out
+inside the body, and no element is turned inside out by it.
 
 Symbols: X position before the deformation, s magnification, u^ admissible displacement,
 w^ its jump, w^_n = w^ . n, n normal from this side into the other, d dimension.
@@ -29,6 +29,8 @@ from erc_contact.output.gathered import Surface, mean_normal
 
 FADING = 3.0
 """Depth in which a recess fades out, over its greatest depth at the surface [-]."""
+STILL = 1e-3
+"""Share of a rigid motion that counts as none [-]."""
 SAME_NORMALS = 0.01
 """Share of the squares of normals at a node below which they are one normal [-].
 
@@ -56,7 +58,8 @@ def shifts(
     """Compute the shifts of the nodes with which bodies are drawn apart [length].
 
     Args:
-        body: The mesh, from :func:`erc_contact.output.gathered.body_nodes`.
+        body: The mesh, from :func:`erc_contact.output.gathered.body_nodes`, and in
+            "still" which components supports hold at zero, shape (n, 3).
         pairs: Contacts between two bodies.
         motions: The rigid motion of each that makes room for its gap, see
             :meth:`erc_contact.output.foundations.Foundation.motion`.
@@ -74,11 +77,25 @@ def shifts(
         behind = _behind(body, pair, pairs)
         pulled[behind] -= pull * in_space(mean_normal(pair)[None])
         if pair.gap.any():
-            shift[behind] -= factor * in_space(motion(points[behind, : pair.d]))
+            away = in_space(motion(points[behind, : pair.d]))
+            # A symmetry plane that moved would be no picture of the body.
+            if _keeps_still(away, body["still"][behind]):
+                shift[behind] -= factor * away
     for pair in pairs:
         if pair.gap.any():
             shift += _recess(body, pairs, pair, _depth(pair, shift, factor))
     return shift + pulled
+
+
+def _keeps_still(motion: np.ndarray, still: np.ndarray) -> bool:
+    """Tell whether a rigid motion leaves components at rest that supports hold there.
+
+    Args:
+        motion: The motion at nodes [length], shape (n, 3).
+        still: Which components supports hold at zero, shape (n, 3).
+    """
+    moved = abs(motion[still]).max(initial=0.0)
+    return bool(moved <= STILL * abs(motion).max(initial=0.0))
 
 
 def _behind(body: Mapping[str, np.ndarray], pair: Surface, pairs: Sequence[Surface]) -> np.ndarray:
