@@ -168,7 +168,7 @@ def scene_at(t):
     return ec.Scene(steel, supports, contacts=contact)
 
 
-times = [0.0, 0.4, 0.8, 1.01]
+times = [0.0, 0.6, 1.01]
 whole = fit(8.0, core=CORE)
 evolution = ec.evolve(
     scene_at, whole, times, accuracy=0.015, degree=2, method=ec.Nitsche()
@@ -213,6 +213,6 @@ of_rim, of_bore = history.force("rim").force, history.force("bore").force
 assert np.allclose(of_rim + of_bore, 0, atol=1e-9 * p * R)
 assert np.allclose(of_bore, p * R, rtol=1e-3)
 assert evolution.reached
-assert all(np.all(status == ec.results.STICK) for status in statuses[1:3])
-assert np.all(statuses[3] == ec.results.SLIP)
+assert np.all(statuses[1] == ec.results.STICK)
+assert np.all(statuses[2] == ec.results.SLIP)
 assert np.all(abs(torque - np.minimum(times, 1) * T_max) < 5e-3 * T_max)

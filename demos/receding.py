@@ -125,9 +125,10 @@ rigid = pressed(layers(bed=False), 1.0, bed=False)
 light.save(FOLDER)
 
 runs = {"load 1": (light, 1.0), "load 7": (heavy, 7.0), "rigid base": (rigid, 1.0)}
+profiles = {name: run.profile("foot") for name, (run, _) in runs.items()}
 found = {}
 for name, (run, load) in runs.items():
-    contact = run.profile("foot")
+    contact = profiles[name]
     places = (0.0, B / 2)
     pressures = [pressure_at(contact, x, load) for x in places]
     energy = ec.work_of_loads(run).value / load**2
@@ -147,8 +148,8 @@ if both.mesh.comm.rank == 0:
     print(f"energy between {bounds.low:.8f} and {bounds.high:.8f}, proved")
     figure, (left, right) = plt.subplots(1, 2, figsize=(9.6, 3.8), layout="constrained")
     for name, style in (("load 1", "C0"), ("load 7", "C1--"), ("rigid base", "0.5")):
-        run, load = runs[name]
-        ends = run.profile("foot").reshape(-1, 2)  # both ends of each facet
+        load = runs[name][1]
+        ends = profiles[name].reshape(-1, 2)  # both ends of each facet
         ends = ends[np.argsort(ends["x"].mean(axis=1))]
         x, mean = ends["x"].mean(axis=1), ends["pressure"].mean(axis=1)
         left.plot(x, mean / load, style, label=name)
