@@ -39,8 +39,7 @@ from erc_contact.output.foundations import (
 from erc_contact.output.gathered import (
     Surface,
     body_nodes,
-    nodal_displacement,
-    nodes_at_rest,
+    nodal_fields,
     whole_contacts,
 )
 from erc_contact.output.maps import Scale, draw_map
@@ -107,12 +106,7 @@ def draw_deformed(
     size = model.domain.extent
     d = model.d
     owned = model.domain.owned_cells
-    body = gathered(
-        model.comm,
-        **body_nodes(model),
-        u=nodal_displacement(admissible),
-        still=nodes_at_rest(model),
-    )
+    body = gathered(model.comm, **body_nodes(model), **nodal_fields(admissible))
     cells = gathered(
         model.comm,
         stress=_shown_stress(admissible),

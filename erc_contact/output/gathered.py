@@ -177,13 +177,18 @@ def nodal_displacement(admissible: Admissible) -> np.ndarray:
     return in_space(admissible.displacement.x.array.reshape(-1, model.d)[:owned])
 
 
-def nodes_at_rest(model: Model) -> np.ndarray:
-    """Return which components supports hold at zero at these points, shape (n, 3)."""
-    owned = model.V.dofmap.index_map.size_local
-    prescribed = model.prescribed.x.array.reshape(-1, model.d)[:owned]
-    still = np.zeros((owned, 3), dtype=bool)
-    still[:, : model.d] = model.fixed[:owned] & (prescribed == 0.0)
-    return still
+def nodal_fields(admissible: Admissible) -> dict[str, np.ndarray]:
+    """Return u^ and which components supports hold at zero at these points.
+
+    Returns:
+        "u" [length] and "still", shape (n, 3) each.
+    """
+    model = admissible.model
+    u = nodal_displacement(admissible)
+    prescribed = model.prescribed.x.array.reshape(-1, model.d)[: len(u)]
+    still = np.zeros(u.shape, dtype=bool)
+    still[:, : model.d] = model.fixed[: len(u)] & (prescribed == 0.0)
+    return {"u": u, "still": still}
 
 
 def _numbered(x: np.ndarray, cells: np.ndarray, nodes: Any, d: int) -> dict[str, np.ndarray]:
