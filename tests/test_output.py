@@ -24,6 +24,7 @@ import numpy as np
 import pytest
 import ufl
 from mpi4py import MPI
+from processes import ROOT
 from scenes import block, mostly_serial, patch_test, random_scene, resultant
 
 import erc_contact as ec
@@ -678,6 +679,46 @@ def test_curved_foundation_is_drawn_as_it_is(factor, shared_tmp_path, seen):
         if factor is None:
             assert entered < 0.004 * size
             assert "entered" not in title
+        else:
+            told = float(title.split("up to ")[1].split()[0])
+            assert entered == pytest.approx(told, rel=0.2)
+
+
+def test_plane_below_a_curved_body_is_flat(shared_tmp_path, seen):
+    """A half disc on a plane, with its true shape; it was a thorn."""
+    scene = ec.Scene(
+        material=ec.Elastic(1.0, 0.3),
+        supports=ec.Displacement("top", (0.0, -0.01)),
+        contacts=ec.Contact("arc", gap=lambda x: x[1], normal=(0.0, -1.0)),
+    )
+    error = error_of(scene, ec.read_mesh(ROOT / "meshes" / "half_disc.geo"), degree=2)
+    for factor in (None, 20.0):
+        output.draw_deformed(error, shared_tmp_path / "deformed.png", factor=factor)
+        ground, _ = ground_and_nodes(error, seen)
+        if COMM.rank == 0:
+            assert np.ptp(ground[:, 1]) < 1e-9
+            assert abs(ground[:, 1]).max() < (0.02 if factor is None else 0.3)
+            assert np.ptp(ground[:, 0]) > 1.0
+
+
+@pytest.mark.parametrize("kind", ["rest", "above"])
+def test_magnification_of_a_body_that_nothing_presses(kind, shared_tmp_path, seen):
+    """A gap that stays open is drawn open; of a rigid motion no round-off is drawn."""
+    down = {"rest": 0.0, "above": -0.01}[kind]
+    scene = ec.Scene(
+        ec.Elastic(1.0, 0.3),
+        ec.Displacement("top", (0.0, down)),
+        contacts=ec.Contact("bottom", gap=0.02),
+    )
+    error = error_of(scene, ec.rectangle((0.0, 0.0), (2.0, 1.0), cells=(4, 2)))
+    output.draw_deformed(error, shared_tmp_path / "deformed.png")
+    ground, nodes = ground_and_nodes(error, seen)
+    if COMM.rank == 0:
+        times = 1.0 if kind == "rest" else 13.0
+        clear = nodes[:, 1] + times * nodes[:, 3] - ground[0, 1]
+        assert clear == pytest.approx(times * (0.02 + down) + 0 * clear, abs=1e-9)
+        rgb = next(look["scalars"] for _, look in seen.meshes if "scalars" in look)
+        assert len(np.unique(rgb, axis=0)) == 1
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
