@@ -247,6 +247,9 @@ class Solution:
     def traction(self, contact: str | BoundContact) -> Ufl:
         """Return the traction of the method on a contact [force/area], UFL, shape (d,).
 
+        Between two bodies it is that on the softer one, for integrals over its part,
+        which is the first of ``model.contact(name).side_names``.
+
         Args:
             contact: Its name, or the contact of the model.
 
