@@ -122,7 +122,9 @@ def distance(solution: ec.Solution, exact) -> float:
 def test_patch(name, d, degree):
     """Every method and solver finds the exact solution, and it has no error."""
     scene, exact = patch(name, d)
-    for method, solver in product(METHODS, ("direct", "iterative")):
+    # The variants of Nitsche's method differ by terms that know no ranks.
+    methods = METHODS if COMM.size == 1 else METHODS[::3]
+    for method, solver in product(methods, ("direct", "iterative")):
         solution = ec.solve(scene, small_bricks(d), method, degree=degree, solver=solver)
         case = f"{method}, {solver}"
         assert distance(solution, exact) < 1e-9, case
@@ -321,6 +323,7 @@ def pressed_from_both_ends(d: int, contacts: list, bodies: tuple[str, ...]) -> e
     return ec.Scene(ec.Elastic(1000.0, 0.3), ends, pulled, contacts)
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize(("d", "degree"), [(2, 1), (2, 2), (3, 1)])
 @pytest.mark.parametrize("method", METHODS[::3], ids=["Nitsche", "multiplier"])
 def test_two_bricks_are_one(d, degree, method):
@@ -356,6 +359,7 @@ def test_two_bricks_are_one(d, degree, method):
             assert reaction.moment == pytest.approx(wanted.moment, rel=1e-9, abs=1e-9)
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("friction", [0.0, 0.3, ec.Tresca(0.5)], ids=["none", "Coulomb", "Tresca"])
 @pytest.mark.parametrize(("degree", "method"), [(1, METHODS[0]), (1, METHODS[3]), (2, METHODS[0])])
 def test_order_of_the_bodies(friction, degree, method):
@@ -389,6 +393,7 @@ def order_domain() -> ec.Domain:
     return bricks(2, (16, 8))
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("method", METHODS[::3], ids=["Nitsche", "multiplier"])
 @pytest.mark.parametrize("degree", [1, 2])
 def test_stiff_body_is_a_foundation(degree, method):
