@@ -24,6 +24,7 @@ from mpi4py import MPI
 
 import erc_contact as ec
 from erc_contact.mesh.simplex import bernstein, nodes
+from erc_contact.model.over_ranks import sums_of_cells
 from erc_contact.model.promises import bind
 from erc_contact.model.trace import Trace
 
@@ -152,14 +153,18 @@ class TestTwoSides:
         assert abs(nodal - back.ravel()).max(initial=0.0) <= 1e-14 * max(abs(forces).sum(), 1.0)
 
     def test_stiffness_is_that_of_springs_in_a_row(self, d, degree):
-        _, trace = two_sided(d, degree)
+        model, trace = two_sided(d, degree)
         alone = Trace(trace.here, trace.direction).stiffness
         assert trace.stiffness == pytest.approx(alone / 2)
-        values = np.arange(1.0, len(alone) + 1)
+        values = np.where(trace.here.owned, np.arange(1.0, len(alone) + 1), 0.0)
         cells = trace.share(values)
-        assert cells.sum() == pytest.approx(values[trace.here.owned].sum())
-        owned = trace.here.facets[trace.here.owned, 0]
-        assert np.setdiff1d(owned, np.flatnonzero(cells)).size == 0
+        assert cells.sum() == pytest.approx(values.sum())
+        # The cells of both sides get their halves from whichever rank has the facet.
+        of_owners = sums_of_cells(model, cells)
+        assert COMM.allreduce(of_owners.sum()) == pytest.approx(COMM.allreduce(values.sum()))
+        for side in (trace.here, trace.there):
+            owned = side.facets[side.owned, 0]
+            assert np.setdiff1d(owned, np.flatnonzero(of_owners)).size == 0
 
 
 @pytest.mark.parametrize("degree", [1, 2])
