@@ -87,6 +87,7 @@ def apart(pair, x):
     return ((x[pair.partners] - x[pair.traction.nodes]) * n).sum(axis=-1)
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("gap", GAPS)
 @pytest.mark.parametrize(("d", "degree"), [(2, 1), (2, 2), (3, 1)])
 def test_distances_are_drawn_as_they_are(gap, d, degree, drawn):
@@ -118,6 +119,21 @@ def test_distances_are_drawn_as_they_are(gap, d, degree, drawn):
 
 
 @pytest.mark.parametrize("d", [2, 3])
+def test_a_side_at_rest_is_drawn_at_rest(d, drawn):
+    """An interference moves no body off the support that holds it: it is drawn inside the body."""
+    ends = [ec.Displacement(side, (0.0,) * d) for side in ("top", "bottom")]
+    contact = ec.Contact("punch", against="block", gap=-0.02)
+    error = error_of(ec.Scene(ec.Elastic(1.0, 0.3), ends, contacts=contact), d)
+    pair = whole_contact(error.admissible, error.admissible.tractions[0])
+    height = error.domain.sides[d - 1]
+    output.draw_deformed(error, factor=4.0)
+    if COMM.rank == 0:
+        _, x, _, _ = drawn[0]
+        assert apart(pair, x) == pytest.approx(4.0 * pair.gap_left, abs=1e-9)
+        assert np.ptp(x[:, d - 1]) == pytest.approx(height, abs=1e-9)
+
+
+@pytest.mark.parametrize("d", [2, 3])
 def test_foundation_goes_with_its_body(d, drawn):
     """The block makes room for the gap, downward, and its foundation with it."""
     error = error_of(pressed(d, down=-0.15, gap=0.05, on_foundation=True), d)
@@ -134,6 +150,7 @@ def test_foundation_goes_with_its_body(d, drawn):
         assert height == pytest.approx(3.0 * (bottom.gap_left - 0.05), abs=1e-9)
 
 
+@pytest.mark.serial
 def test_bodies_are_pulled_apart(drawn):
     error = error_of(pressed(2, gap=GAPS["parabola"]), 2)
     pair = whole_contact(error.admissible, error.admissible.tractions[0])
@@ -146,6 +163,7 @@ def test_bodies_are_pulled_apart(drawn):
         assert "bodies pulled apart by 0.3 [length]" in title_of(axes)
 
 
+@pytest.mark.serial
 def test_bodies_behind_move_along(drawn):
     """Three layers with two gaps: the upper two make room for the lower gap."""
     stack = ec.rectangle((0.0, 0.0), (2.0, 1.5), cells=(8, 6))
@@ -228,6 +246,7 @@ def test_files_hold_both_bodies_and_the_jump(d, shared_tmp_path):
         assert sizes @ contact["mean_traction"][:, :d] == pytest.approx(force)
 
 
+@pytest.mark.serial
 def test_contact_plots_name_both_sides():
     for d in (2, 3):
         error = error_of(pressed(d), d)
@@ -239,6 +258,7 @@ def test_contact_plots_name_both_sides():
             assert not any("foundation" in text for text in words)
 
 
+@pytest.mark.serial
 def test_report_says_what_is_internal(shared_tmp_path):
     scene = pressed(2)
     history = ec.adapt(scene, layers(2).split(SIDES), accuracy=0.9, tighten=0)
@@ -268,6 +288,7 @@ def test_supports_that_push_bodies_into_each_other_are_told():
         ec.solve(held, layers(2).split(SIDES))
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("gap", [-0.02, 0.02])
 def test_body_inside_another_one(gap, drawn):
     """No rigid motion makes room for the gap around it: the inner body has it drawn."""
