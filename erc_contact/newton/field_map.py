@@ -47,8 +47,8 @@ class FieldMap:
         columns: For each field that the forms are derived by, the place in z of each
             degree of freedom of this rank, -1 where it has none.
         passes: The assemblies of the equations.
-        in_equilibrium: Rows of A with the equilibrium; with a multiplier its equations
-            stand in place of that of its nodes.
+        in_equilibrium: Rows of A with the equilibrium, as an index; with a multiplier
+            its equations stand in place of that of its nodes.
     """
 
     def __init__(
@@ -65,7 +65,7 @@ class FieldMap:
         self._stiffness = stiffness
         self._unknowns = unknowns
         self.size = len(stiffness.numbers)
-        self.in_equilibrium = np.arange(unknowns)
+        self.in_equilibrium: slice | np.ndarray = slice(None)
         self._map: MultiplierMap | None = None
         if forms.multipliers:
             self._map = MultiplierMap(self._model)
