@@ -72,7 +72,7 @@ def draw_deformed(
 
     Two bodies are drawn as far from each other as they are, times the factor: what is
     closed touches. A gap between them that is data is drawn on the side that the
-    contact is named after (:mod:`erc_contact.output.apart`).
+    contact is named after: the body moves as a rigid one, or has a recess.
 
     The von Mises stress is that of the mean of sigma^ in each element; for degree 2 it
     is linear there (:func:`erc_contact.results.stresses.vertex_stress`). If the
