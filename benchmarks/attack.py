@@ -30,12 +30,8 @@ about ten minutes.
 
 from __future__ import annotations
 
-import logging
-import sys
 from collections.abc import Callable, Iterator
 from itertools import combinations, product
-
-from mpi4py import MPI
 
 import erc_contact as ec
 
@@ -46,6 +42,7 @@ from attack_families import random_sliding_block, random_sliding_box  # isort: s
 from attack_plates import plates  # isort: skip
 from attack_tables import quantile_table  # isort: skip
 from attack_tightening import summary as summary_of_tightening, tightening as tightened  # isort: skip
+from tasks import run, tell  # isort: skip
 from true_errors import reference, true_errors  # isort: skip
 
 from erc_contact.admissible.traction import ContactTraction
@@ -238,28 +235,10 @@ def show(columns: dict[str, list[float]], form: str) -> None:
     print(quantile_table(filled, QUANTILES, form), flush=True)
 
 
-def tell(line: str) -> None:
-    """Print a line on rank 0."""
-    if MPI.COMM_WORLD.rank == 0:
-        print(line, flush=True)
-
-
 TASKS: dict[str, Callable[..., None]] = {
     task.__name__: task for task in (coarse, kinks, pushed, steps, tightening, plane, space, plates)
 }
 
 
-def main() -> None:
-    # Some of the scenes are doubtful as mechanics, which does not matter here.
-    logging.getLogger("erc_contact").setLevel(logging.ERROR)
-    wanted, *numbers = sys.argv[1:] or ["all"]
-    if wanted not in (*TASKS, "all"):
-        sys.exit(f"No family is called {wanted!r}; there are {', '.join(TASKS)} and all.")
-    for name, task in TASKS.items():
-        if wanted in (name, "all"):
-            tell(f"\n{name}, seed {numbers[0] if numbers else 0}")
-            task(*(int(number) for number in numbers))
-
-
 if __name__ == "__main__":
-    main()
+    run(TASKS)

@@ -34,6 +34,8 @@ import numpy as np  # isort: skip - after erc_contact, which loads MPI first
 import ufl  # isort: skip
 from attack_families import Sample, friction_along, random_modulus, scene_generator
 
+from tasks import tell  # isort: skip
+
 COUNTS = (1, 2, 3, 5)
 """Numbers of ranks."""
 MESHES = 4
@@ -229,12 +231,6 @@ def plates(seed: int = 0, count: int = 6) -> None:
         totals.update(found)
         tell(f"{number}: {sample.name}: {runs[0].cells}, {dict(+found)}, {runs[0].ending}")
     tell(f"{counts} ranks: {dict(totals)}; eps differs by {most:.1e} at most")
-
-
-def tell(line: str) -> None:
-    """Print a line on rank 0."""
-    if MPI.COMM_WORLD.rank == 0:
-        print(line, flush=True)
 
 
 if __name__ == "__main__":

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
+from typing import Any
 
 import erc_contact as ec
 
@@ -20,31 +21,13 @@ SIDES = {0: ("left", "right"), 1: ("front", "back")}
 NAMES = ("upper contact", "lower contact")
 
 
-def bricks(
-    d: int,
-    cells: tuple[int, ...],
-    *,
-    heights: tuple[float, float] = (1.0, 1.0),
-    size: float = 1.0,
-    comm: MPI.Comm = MPI.COMM_WORLD,
-) -> ec.Domain:
+def bricks(d: int, cells: tuple[int, ...], **shape: Any) -> ec.Domain:
     """Make two bricks of width 2 that touch at height zero; collective.
 
-    The mesh is irregular. That of the upper brick mirrors that of the lower one, so
-    with equal heights the bodies are equal. The boundary parts are "upper left", ...,
-    "upper outer" (its top), "lower outer" (its bottom), and the two sides of the
-    contact.
-
-    Args:
-        d: Dimension.
-        cells: Number of cuboids of one brick along each axis.
-        heights: Heights of the upper and of the lower brick.
-        size: Unit of length.
-        comm: Communicator that shares the mesh.
+    The two sides of the contact are boundary parts. The arguments are those of
+    :func:`glued`.
     """
-    return glued(d, cells, heights=heights, size=size, comm=comm).split(
-        dict(zip(NAMES, ("upper", "lower"), strict=True))
-    )
+    return glued(d, cells, **shape).split(dict(zip(NAMES, ("upper", "lower"), strict=True)))
 
 
 @cache
@@ -61,7 +44,19 @@ def glued(
     size: float = 1.0,
     comm: MPI.Comm = MPI.COMM_WORLD,
 ) -> ec.Domain:
-    """Make the same bricks before they are split, two regions of a body; collective."""
+    """Make the same bricks before they are split, two regions of a body; collective.
+
+    The mesh is irregular. That of the upper brick mirrors that of the lower one, so
+    with equal heights the bodies are equal. The boundary parts are "upper left", ...,
+    "upper outer" (its top) and "lower outer" (its bottom).
+
+    Args:
+        d: Dimension.
+        cells: Number of cuboids of one brick along each axis.
+        heights: Heights of the upper and of the lower brick.
+        size: Unit of length.
+        comm: Communicator that shares the mesh.
+    """
     x = np.zeros((0, d))
     simplices = np.zeros((0, d + 1), dtype=np.int64)
     if comm.rank == 0:

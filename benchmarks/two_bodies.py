@@ -18,11 +18,10 @@ and interference, both methods, both orders. What fails is told in words.
 
 from __future__ import annotations
 
-import logging
-import sys
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from itertools import product
 from typing import Any
 
@@ -32,6 +31,7 @@ import numpy as np  # isort: skip - after erc_contact, which loads MPI first
 from attack_families import scene_generator  # isort: skip
 from attack_tables import quantile_table  # isort: skip
 from bricks import NAMES, bricks  # isort: skip
+from tasks import run  # isort: skip
 from true_errors import reference, true_errors  # isort: skip
 
 QUANTILES = (0.0, 0.05, 0.5, 0.95, 1.0)
@@ -232,30 +232,14 @@ def extreme_scene(
     return ec.Scene(material, [down, held], [], [contact]), domain
 
 
-_BRICKS: dict[tuple[int, int], ec.Domain] = {}
-
-
+@cache
 def extreme_bricks(cells: tuple[int, int], heights: tuple[float, float]) -> ec.Domain:
     """Make the bricks of a shape, once."""
-    if cells not in _BRICKS:
-        _BRICKS[cells] = bricks(2, cells, heights=heights)
-    return _BRICKS[cells]
+    return bricks(2, cells, heights=heights)
 
 
 TASKS: dict[str, Callable[..., None]] = {task.__name__: task for task in (plane, space, extreme)}
 
 
-def main() -> None:
-    # Some of the scenes are doubtful as mechanics, which does not matter here.
-    logging.getLogger("erc_contact").setLevel(logging.ERROR)
-    wanted, *numbers = sys.argv[1:] or ["all"]
-    if wanted not in (*TASKS, "all"):
-        sys.exit(f"No family is called {wanted!r}; there are {', '.join(TASKS)} and all.")
-    for name, task in TASKS.items():
-        if wanted in (name, "all"):
-            print(f"\n{name}, seed {numbers[0] if numbers else 0}", flush=True)
-            task(*(int(number) for number in numbers))
-
-
 if __name__ == "__main__":
-    main()
+    run(TASKS)

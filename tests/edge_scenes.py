@@ -1,10 +1,7 @@
 """Small scenes at the edge of what a contact solver meets, for ``test_extremes.py`` (serial).
 
-The bodies are those of ``benchmarks/extreme_bodies.py``.
-
-Existence: with supports that hold the body, the discrete problem of static Coulomb
-friction has a solution for any friction coefficient. A body that only contact holds has
-one if the loads lie strictly inside what the friction cones can balance.
+The bodies are those of ``benchmarks/extreme_bodies.py``. Which scenes have a solution is
+said in ``benchmarks/extreme_scenes.py``.
 """
 
 from __future__ import annotations

@@ -28,7 +28,7 @@ from petsc4py import PETSc
 from erc_contact.base.sparse import sparse
 from erc_contact.model.node_pairs import NO_PARTNER, no_pairs, node_pairs
 from erc_contact.model.space import Space
-from erc_contact.model.trace import Trace
+from erc_contact.model.trace import Trace, dofs_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,9 +113,8 @@ class Coordinates:
         """Add values at nodes to those nodes whose x their u depends on, in place."""
         d = self._space.d
         nodal = values.x.array.reshape(-1, d)
-        sums = values.copy()
+        sums = self._space.function()
         of_sums = sums.x.array.reshape(-1, d)
-        of_sums[:] = 0.0
         nodes = np.flatnonzero(self._depends & (self.partner_here != NO_PARTNER))
         nodes = nodes[nodes < self._space.V.dofmap.index_map.size_local]
         np.add.at(of_sums, self.partner_here[nodes], nodal[nodes])
@@ -177,9 +176,7 @@ class Coordinates:
     @cached_property
     def inverse(self) -> PETSc.Mat:
         """Return the inverse of T of all ranks."""
-        rows, component = self._paired_dofs
-        is_here = self.is_here[rows // self._space.d]
-        swapped = self._swapped[rows // self._space.d, component]
+        rows, is_here, swapped = self._paired_dofs
         # x_1 = u_1 - u_2 always; x_2 is u_2, or u_1 where it is swapped.
         own = np.where(is_here | ~swapped, 1.0, 0.0)
         other = np.where(is_here, -1.0, np.where(swapped, 1.0, 0.0))
@@ -193,9 +190,7 @@ class Coordinates:
     @cached_property
     def entries(self) -> Map:
         """Return the entries of T at the paired nodes of this rank."""
-        rows, component = self._paired_dofs
-        is_here = self.is_here[rows // self._space.d]
-        swapped = self._swapped[rows // self._space.d, component]
+        rows, is_here, swapped = self._paired_dofs
         own = np.where(is_here & swapped, 0.0, 1.0)
         other = np.where(is_here, 1.0, np.where(swapped, -1.0, 0.0))
         return Map(rows, own, other)
@@ -230,12 +225,14 @@ class Coordinates:
         return self.is_here | self._swapped.any(axis=1)
 
     @cached_property
-    def _paired_dofs(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the degrees of freedom of paired nodes, and their components."""
-        d = self._space.d
+    def _paired_dofs(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the degrees of freedom of paired nodes, shape (n,).
+
+        And which of them are of side 1, and swapped.
+        """
         nodes = np.flatnonzero(self.partner != NO_PARTNER)
-        dofs = (nodes[:, None] * d + np.arange(d)).ravel()
-        return dofs, dofs % d
+        is_here = np.repeat(self.is_here[nodes], self._space.d)
+        return dofs_of(nodes, self._space.d), is_here, self._swapped[nodes].ravel()
 
     def _supports(
         self, fixed: np.ndarray, prescribed: fem.Function

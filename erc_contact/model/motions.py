@@ -132,32 +132,28 @@ def _by_contact(
     """
     trace = contact.trace
     m = motions.shape[2]
-    jumps = np.zeros((*trace.here.nodes.shape, space.d, count, m))
-    _add_motions(jumps, motions, body, trace.here.nodes, 1.0)
+    here = trace.here.nodes
+    # The bodies of each node of the facets, and their motions as jumps.
+    bodies = [body[here]]
+    jumps = [motions[here]]
     if trace.there is not None:
-        _add_motions(jumps, motions, body, trace.partners, -1.0)
-    resisted = jumps.reshape(*jumps.shape[:3], count * m)
+        bodies.append(body[trace.partners])
+        jumps.append(-motions[trace.partners])
+    resisted = np.concatenate(jumps, axis=-1)
     if contact.friction is None:
-        resisted = np.einsum("fmdi,fd->fmi", resisted, contact.direction)
-    rows = resisted.reshape(-1, count * m)
-    return space.comm.allreduce(rows.T @ rows, MPI.SUM)
-
-
-def _add_motions(
-    jumps: np.ndarray, motions: np.ndarray, body: np.ndarray, nodes: np.ndarray, sign: float
-) -> None:
-    """Add the motions of each body at nodes, times a sign, in place.
-
-    Args:
-        jumps: Shape (f, n, d, bodies, m).
-        motions: The m motions at all nodes, shape (nodes, d, m).
-        body: Body of each node.
-        nodes: Nodes of each facet, shape (f, n).
-        sign: The sign [-].
-    """
-    facet, place = np.indices(nodes.shape)
-    # Indices on both sides of a slice put the axis of the slice last.
-    jumps[facet, place, :, body[nodes]] += sign * motions[nodes]
+        normal_part = np.einsum("fndi,fd->fni", resisted, contact.direction)
+        resisted = normal_part[:, :, None]
+    groups = np.stack(bodies, axis=-1).reshape(here.size, len(bodies))
+    at_nodes = resisted.reshape(here.size, *resisted.shape[2:])
+    total = np.zeros((count, m, count, m))
+    for group in np.unique(groups, axis=0):
+        of_group = at_nodes[(groups == group).all(axis=1)]
+        products = np.einsum("ndi,ndj->ij", of_group, of_group)
+        blocks = products.reshape(len(group), m, len(group), m)
+        for i, one in enumerate(group):
+            for j, other in enumerate(group):
+                total[one, :, other] += blocks[i, :, j]
+    return space.comm.allreduce(total.reshape(count * m, count * m), MPI.SUM)
 
 
 def _block_diagonal(blocks: np.ndarray) -> np.ndarray:

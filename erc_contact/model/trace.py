@@ -37,6 +37,11 @@ def split(z: np.ndarray, n: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndar
     return z_n, z_t, np.linalg.norm(z_t, axis=-1)
 
 
+def dofs_of(nodes: np.ndarray, d: int) -> np.ndarray:
+    """Return the degrees of freedom of nodes of any shape, d for each, in a row."""
+    return (nodes[..., None] * d + np.arange(d)).ravel()
+
+
 @dataclass(frozen=True, eq=False)
 class Side:
     """Hold the facets of one body at a contact; ``Space.side`` makes it.
@@ -227,20 +232,15 @@ class Trace:
         Returns:
             Rows, in the order of w raveled, columns and values of its entries.
         """
-        columns = self._dofs(self.here.nodes)
+        columns = dofs_of(self.here.nodes, self.here.d)
         rows = np.arange(columns.size)
         values = np.ones(columns.size)
         if self.there is None:
             return rows, columns, values
         # The other side has a minus, because w is this side less the other one.
-        both_columns = np.concatenate([columns, self._dofs(self.partners)])
+        both_columns = np.concatenate([columns, dofs_of(self.partners, self.here.d)])
         both_values = np.concatenate([values, -values])
         return np.tile(rows, 2), both_columns, both_values
-
-    def _dofs(self, nodes: np.ndarray) -> np.ndarray:
-        """Return the degrees of freedom of nodes (f, m), shape (f m d,)."""
-        d = self.here.d
-        return (nodes[..., None] * d + np.arange(d)).ravel()
 
     @cached_property
     def stiffness(self) -> np.ndarray:

@@ -24,6 +24,7 @@ from petsc4py import PETSc
 
 from erc_contact.base.exceptions import together
 from erc_contact.base.sparse import sparse, times
+from erc_contact.model.trace import dofs_of
 from erc_contact.newton.forms import ContactForms, Pass
 from erc_contact.newton.linear.stiffness import Stiffness
 from erc_contact.newton.reactions import Entries, MultiplierMap
@@ -69,7 +70,7 @@ class FieldMap:
         self._map: MultiplierMap | None = None
         if forms.multipliers:
             self._map = MultiplierMap(self._model)
-            dofs = self._dofs(self._map.numbers)
+            dofs = dofs_of(self._map.numbers, self._model.d)
             self.in_equilibrium = np.flatnonzero(~np.isin(stiffness.numbers[:unknowns], dofs))
         self._w_A = stiffness.gather(w)[:unknowns]
         z_L = stiffness.gather_x(self._read_unknowns(w))
@@ -121,12 +122,11 @@ class FieldMap:
             place: Place in L of each degree of freedom of this rank, -1 elsewhere.
         """
         model = self._model
-        between = [contact for contact in model.contacts if contact.trace.there is not None]
-        jumps = dict(zip(self._forms.jumps, between, strict=True))
+        jumps = self._forms.jumps
         columns = []
         for field in self._forms.displacements:
             if field in jumps:
-                dofs = self._dofs(np.unique(jumps[field].trace.here.nodes))
+                dofs = dofs_of(np.unique(jumps[field].trace.here.nodes), model.d)
                 of_jump = np.full(len(place), -1)
                 of_jump[dofs] = place[dofs]
                 columns.append(of_jump)
@@ -261,7 +261,7 @@ class FieldMap:
         reaction = np.hstack([matrix, -loads[:, None]])
         rows = [self.affine]
         for nodes, entries in zip(multiplier_map.contacts, multiplier_map.multipliers, strict=True):
-            to_multiplier = self._at_A(entries, self._dofs(nodes.numbers))
+            to_multiplier = self._at_A(entries, dofs_of(nodes.numbers, self._model.d))
             rows.append(times(to_multiplier, reaction))
             to_multiplier.destroy()
         self.affine = np.vstack(rows)
@@ -276,8 +276,3 @@ class FieldMap:
         rows = np.searchsorted(dofs, entries.rows)
         columns = np.searchsorted(self._stiffness.numbers[: self._unknowns], entries.columns)
         return sparse(len(dofs), self._unknowns, rows, columns, [entries.values])
-
-    def _dofs(self, nodes: np.ndarray) -> np.ndarray:
-        """Return the degrees of freedom of nodes (n,), shape (n d,)."""
-        d = self._model.d
-        return (nodes[:, None] * d + np.arange(d)).ravel()

@@ -57,8 +57,8 @@ class ContactForms:
         contacts: The contacts of the model with this share.
         u: Displacement that the forms read [length]; for a method with multiplier its
             nodal values at the contact are the Bernstein coefficients.
-        jumps: Jump of the displacement at each contact between bodies that the forms
-            read [length]; with multiplier the Bernstein coefficients.
+        jumps: Jump of the displacement that the forms read at each contact between
+            bodies [length], with multiplier its Bernstein coefficients -> the contact.
         multipliers: Multiplier of each contact [force/area] that the forms read, or ()
             for a method without.
         displacements: Those of u and the jumps that are in the forms.
@@ -77,7 +77,7 @@ class ContactForms:
         self.share = compiled.constant(model.mesh, 1.0)
         self.test_jump = compiled.constant(model.mesh, 1.0)
         self.u = model.function()
-        self.jumps: list[fem.Function] = []
+        self.jumps: dict[fem.Function, BoundContact] = {}
         self.contacts = []
         for contact in model.contacts:
             self.contacts.append(self._of_solver(contact))
@@ -109,14 +109,17 @@ class ContactForms:
             self._status_of_facets.append((compiled_status, owned))
 
     def _of_solver(self, contact: BoundContact) -> BoundContact:
-        """Return a contact as the forms see it: share of friction, and its jump."""
-        contact = contact.with_share(self.share)
+        """Return a contact as the forms see it, and keep its jump.
+
+        It has the share of friction and, between bodies, the jump that is varied.
+        """
+        of_solver = contact.with_share(self.share)
         if contact.trace.there is None:
-            return contact
+            return of_solver
         jump = self.model.function()
-        self.jumps.append(jump)
+        self.jumps[jump] = contact
         test_jump = None if self.method.multiplier else self.test_jump
-        return replace(contact, variable=(self.u, jump), test_jump=test_jump)
+        return replace(of_solver, variable=(self.u, jump), test_jump=test_jump)
 
     @property
     def test_alike(self) -> bool:
@@ -139,18 +142,19 @@ class ContactForms:
             u: The displacement [length], linear in which they are.
         """
         model = self.model
-        owners: dict[fem.Function, list[BoundContact]] = {self.u: model.contacts}
-        values = {self.u: u.x.array.copy()}
-        between = [contact for contact in model.contacts if contact.trace.there is not None]
-        for contact, jump in zip(between, self.jumps, strict=True):
-            owners[jump] = [contact]
-            values[jump] = np.zeros_like(u.x.array)
-            contact.trace.assign(values[jump], contact.trace.of(u.x.array))
-        if self.method.multiplier:
-            for field in self.displacements:
-                nodal = values[field].reshape(-1, model.d)
-                model.to_coefficients(nodal, owners[field])
-        return [values[field] for field in self.displacements]
+        values = []
+        for field in self.displacements:
+            contacts = model.contacts
+            nodal = u.x.array.copy()
+            if field in self.jumps:
+                contact = self.jumps[field]
+                contacts = [contact]
+                nodal[:] = 0.0
+                contact.trace.assign(nodal, contact.trace.of(u.x.array))
+            if self.method.multiplier:
+                model.to_coefficients(nodal.reshape(-1, model.d), contacts)
+            values.append(nodal)
+        return values
 
     def set_displacement(self, u: fem.Function) -> None:
         """Set the fields that the forms read to a displacement [length]."""

@@ -30,6 +30,7 @@ from erc_contact.base.sparse import diagonal, sparse, sparse_like
 from erc_contact.mesh.simplex import at_nodes, coefficients
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.model import Model
+from erc_contact.model.trace import dofs_of
 
 NO_ENTRY = 1e-14
 """Entry of a matrix of Bernstein coefficients that is round-off [-]."""
@@ -224,7 +225,7 @@ class MultiplierMap:
         """Return the entries of a matrix between the nodes of all contacts."""
         begin, columns, values = matrix.getValuesCSR()
         rows = np.repeat(np.arange(len(begin) - 1), np.diff(begin))
-        dofs = (self.numbers[:, None] * self._d + np.arange(self._d)).ravel()
+        dofs = dofs_of(self.numbers, self._d)
         return Entries(dofs[rows], dofs[columns], values)
 
 

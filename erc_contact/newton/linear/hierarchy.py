@@ -74,11 +74,12 @@ class Hierarchy:
             self._stiffness_of_bodies = self._of_bodies(stiffness, 1.0)
             self._bodies = self._stiffness_of_bodies.copy()
         self._bodies.setNearNullSpace(rigid_motions(model, self._bodies))
-        first = self._change_of_bodies(self._part_of_glue(share))
+        first = self._part_of_glue(share)
+        first_of_bodies = self._change_of_bodies(first)
         if share:
             add_diagonal(self.matrix, share * glue)
             if self._bodies is not self.matrix:
-                self._bodies.axpy(1.0, first, SUBSET)
+                self._bodies.axpy(1.0, first_of_bodies, SUBSET)
         self.matrix.setOption(PETSc.Mat.Option.SPD, True)
         self._bodies.setOption(PETSc.Mat.Option.SPD, True)
         self._multigrid = PETSc.PC().create(self.matrix.comm)
@@ -88,10 +89,10 @@ class Hierarchy:
         if self._multigrid.getType() == PETSc.PC.Type.GAMG and self._has_contact:
             # PETSc must not set it up anew: the coarse matrices follow C here.
             self._multigrid.setReusePreconditioner(True)
-            stiffness_of_bodies = self._stiffness_of_bodies
             self._coarse = CoarseMatrices(
-                self._multigrid, stiffness_of_bodies, self._layer(), first
+                self._multigrid, self._stiffness_of_bodies, self._layer(), first_of_bodies
             )
+        first_of_bodies.destroy()
         first.destroy()
         self.pc = self._multigrid
         if self._bodies is not self.matrix:
@@ -130,6 +131,8 @@ class Hierarchy:
         if self._coarse is not None:
             self._coarse.free()
             self._coarse = None
+        if self.pc is not self._multigrid:
+            self.pc.destroy()
         self.pc = self._exact.getPC()
 
     def free(self) -> None:
@@ -139,7 +142,9 @@ class Hierarchy:
         self.pc.destroy()
         self._multigrid.destroy()
         self.matrix.destroy()
-        self._bodies.destroy()
+        if not self._model.coordinates.is_identity:
+            self._bodies.destroy()
+            self._stiffness_of_bodies.destroy()
         if self._exact is not None:
             self._exact.destroy()
 

@@ -17,6 +17,7 @@ from dolfinx import fem
 
 from erc_contact.base.exceptions import together
 from erc_contact.model.model import Model
+from erc_contact.model.trace import dofs_of
 
 ROUGH_LIFTING = 1e-2
 """Tolerance of a lifting of whose energy four digits are wanted [-]."""
@@ -54,7 +55,7 @@ class DenseTraces:
         self.comm = model.comm
         self.shape = len(numbers), model.d
         self.motions = _motions(model, numbers)
-        dofs = (numbers[:, None] * model.d + np.arange(model.d)).ravel()
+        dofs = dofs_of(numbers, model.d)
         place = np.searchsorted(contact, dofs)
         # Components that a support fixes are not in the matrices.
         self._free = contact[np.minimum(place, len(contact) - 1)] == dofs
