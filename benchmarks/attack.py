@@ -19,6 +19,9 @@ mesh that cuts the cells as sigma^ does and refines them three times.
 
 ``steps``: the same of steps of histories that turn the push back, given their history.
 
+``heated``: the same of blocks with random given strains, where the contact has no
+friction or a given one.
+
 ``tightening``: see ``attack_tightening.py``; ``plane``, ``space``: the certificates of
 ``attack_certificates.py``; ``plates``: see ``attack_plates.py``, on several ranks, too.
 
@@ -31,6 +34,7 @@ about ten minutes.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from itertools import combinations, product
 
 import erc_contact as ec
@@ -38,7 +42,7 @@ import erc_contact as ec
 import numpy as np  # isort: skip - after erc_contact, which loads MPI first
 from attack_certificates import certificates  # isort: skip
 from attack_certificates import summary as summary_of_certificates  # isort: skip
-from attack_families import random_sliding_block, random_sliding_box  # isort: skip
+from attack_families import random_sliding_block, random_sliding_box, random_strains  # isort: skip
 from attack_plates import plates  # isort: skip
 from attack_tables import quantile_table  # isort: skip
 from attack_tightening import summary as summary_of_tightening, tightening as tightened  # isort: skip
@@ -214,6 +218,23 @@ def compared(cases: list[Case]) -> None:
     show(columns, "{:.3f}")
 
 
+def heated(seed: int = 0, count: int = 100) -> None:
+    """Print the quantiles of e over the true errors of heated and swollen blocks.
+
+    The contact has no friction or a given one, so that e is proved to bound both.
+    """
+    cases: list[Case] = []
+    for number in range(count):
+        rng = np.random.default_rng([seed, number])
+        scene, domain, degree = pushed_block(rng)
+        law = None if rng.random() < 0.5 else ec.Tresca(float(rng.uniform(0.0, 0.02)))
+        contact = ec.Contact("bottom", friction=law or 0.0)
+        pushed_scene = scene(float(rng.uniform(0.0, 1.0)))
+        strained = replace(pushed_scene, contacts=[contact], strains=random_strains(rng))
+        cases.append((strained, domain, degree, None))
+    compared(cases)
+
+
 def tightening(seed: int = 0, count: int = 60) -> None:
     """Print how near the default tightening comes to the least error."""
     print(summary_of_tightening(tightened(seed, count)), flush=True)
@@ -236,7 +257,8 @@ def show(columns: dict[str, list[float]], form: str) -> None:
 
 
 TASKS: dict[str, Callable[..., None]] = {
-    task.__name__: task for task in (coarse, kinks, pushed, steps, tightening, plane, space, plates)
+    task.__name__: task
+    for task in (coarse, kinks, pushed, steps, heated, tightening, plane, space, plates)
 }
 
 

@@ -133,6 +133,21 @@ def _gap(rng: np.random.Generator, width: float) -> Any:
     return lambda x: curvature * (x[0] - middle) ** 2
 
 
+def random_strains(rng: np.random.Generator) -> list[ec.GivenStrain]:
+    """Make one or two given strains, constant or varying, of the size of the pushes."""
+    size, slope, phase = (float(value) for value in rng.uniform(-0.05, 0.05, 3))
+    rate = float(rng.uniform(1.0, 6.0))
+    fields: list[Any] = [
+        size,
+        lambda x: size + slope * x[0] + phase * x[1],
+        lambda x: size * ufl.sin(rate * x[0] + 40 * phase) * ufl.exp(-x[1]),
+    ]
+    heat = ec.ThermalStrain(1.0, fields[int(rng.integers(3))])
+    misfit = ec.Eigenstrain(((size, slope), (slope, lambda x: phase * x[0] * x[1])))
+    choices: list[list[ec.GivenStrain]] = [[heat], [misfit], [heat, misfit]]
+    return choices[int(rng.integers(3))]
+
+
 # -- blocks with Coulomb friction, in the plane and in space
 # ---------------------------------------------------------
 

@@ -47,6 +47,7 @@ from erc_contact.scene.law import Coulomb, Law, Tresca
 from erc_contact.scene.load import BodyForce, Load, Traction
 from erc_contact.scene.material import Elastic, Material
 from erc_contact.scene.scene import Scene
+from erc_contact.scene.strain import Eigenstrain, GivenStrain, ThermalStrain
 from erc_contact.scene.support import Displacement
 
 __all__ = [
@@ -60,9 +61,11 @@ __all__ = [
     "CoulombCertificate",
     "Displacement",
     "Domain",
+    "Eigenstrain",
     "Elastic",
     "ErcContactError",
     "Evolution",
+    "GivenStrain",
     "History",
     "InputError",
     "Law",
@@ -80,6 +83,7 @@ __all__ = [
     "Solution",
     "Step",
     "Strategy",
+    "ThermalStrain",
     "TimeStep",
     "Traction",
     "Tresca",

@@ -12,7 +12,7 @@ from dolfinx import mesh as dmesh
 
 import erc_contact as ec
 from erc_contact.admissible.cells import cell_geometry
-from erc_contact.admissible.elastic import moduli, strains
+from erc_contact.admissible.elastic import given_strains, moduli, strains
 from erc_contact.admissible.pair import Admissible
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.mesh.simplex import barycentric, bernstein, lagrange, rule
@@ -62,7 +62,10 @@ def true_errors(pair: Admissible, fine: ec.Solution) -> TrueErrors:
     S = moduli(model, cells, points, n, inverse=True)[0, 0]
     volume = cells.volume[:, None] * weights
     du = fine_strain - strain.reshape(n, q, -1)
-    ds = fine_strain @ C - stress.reshape(n, q, -1)
+    elastic_strain = fine_strain
+    if model.strains is not None:
+        elastic_strain = fine_strain - given_strains(model, cells, points, n)
+    ds = elastic_strain @ C - stress.reshape(n, q, -1)
     squares = [
         volume * np.einsum("nqa,ab,nqb->nq", rest, M, rest) for rest, M in ((du, C), (ds, S))
     ]

@@ -40,7 +40,7 @@ def strains(cells: CellGeometry, u: fem.Function) -> np.ndarray:
 
 
 def elastic_stress(model: Model, cells: CellGeometry, u: fem.Function, count: int) -> np.ndarray:
-    """Compute ``C eps(u)`` at the points of the sub-simplices [force/area].
+    """Compute ``C (eps(u) - eps_0)`` at the points of the sub-simplices [force/area].
 
     It is given in Mandel components. The shape is (count, (d+1) q, s), with 1 in place
     of (d+1) q where it is constant in each cell.
@@ -48,10 +48,26 @@ def elastic_stress(model: Model, cells: CellGeometry, u: fem.Function, count: in
     d, k = cells.d, cells.degree
     stiffness = macro_moduli(model, cells, count)
     strain = strains(cells, u)[:count]
+    _, points, _ = macro_points(d, k)
     if k > 1:
-        _, points, _ = macro_points(d, k)
         strain = np.matmul(bernstein(d, k - 1, points), strain)
+    if model.strains is not None:
+        strain = strain - given_strains(model, cells, points, count)
     return act(stiffness, strain)
+
+
+def given_strains(model: Model, cells: CellGeometry, points: np.ndarray, count: int) -> np.ndarray:
+    """Evaluate the given strains eps_0 at reference points of the cells [-].
+
+    The arguments are those of :func:`moduli`.
+
+    Returns:
+        Mandel components, shape (count, q, s), with 1 in place of q where they are
+        constant in each cell.
+    """
+    assert model.strains is not None
+    varying = model.strains.varies_in_cells
+    return model.strains(_places(model, cells, points, count, varying), _numbers(count))
 
 
 def act(moduli: np.ndarray, tensor: np.ndarray) -> np.ndarray:
@@ -85,12 +101,26 @@ def moduli(
     matrix = model.compliance if inverse else model.elasticity
     if matrix.plain is not None:
         return matrix.plain[None, None]
-    if matrix.varies_in_cells:
+    varying = matrix.varies_in_cells
+    return matrix(_places(model, cells, points, count, varying), _numbers(count))
+
+
+def _places(
+    model: Model, cells: CellGeometry, points: np.ndarray, count: int, varying: bool
+) -> np.ndarray:
+    """Return reference points of the cells in space, or only the middle of each cell.
+
+    Shape (count, q, d), or (count, 1, d) where data do not vary inside cells.
+    """
+    places = np.full((1, model.d + 1), 1 / (model.d + 1))
+    if varying:
         places = barycentric(points)
-    else:
-        places = np.full((1, model.d + 1), 1 / (model.d + 1))
-    x = np.matmul(places, sorted_corners(model, cells)[:count])
-    return matrix(x, np.arange(count, dtype=np.int32))
+    return np.matmul(places, sorted_corners(model, cells)[:count])
+
+
+def _numbers(count: int) -> np.ndarray:
+    """Return the numbers of the first cells of this rank."""
+    return np.arange(count, dtype=np.int32)
 
 
 def macro_moduli(
@@ -105,21 +135,37 @@ def macro_moduli(
     return moduli(model, cells, points, count, inverse=inverse)
 
 
-def cell_stress(model: Model, cells: CellGeometry, u: fem.Function) -> np.ndarray:
-    """Project ``C eps(u)`` on degree k-1 in each cell [force/area].
+def cell_stress(
+    model: Model, cells: CellGeometry, u: fem.Function, *, change: bool = False
+) -> np.ndarray:
+    """Project ``C (eps(u) - eps_0)`` on degree k-1 in each cell [force/area].
 
-    The L2 projection does the same work as ``C eps(u)`` on the strains of all P_k
-    fields.
+    The L2 projection does the same work as the stress on the strains of all P_k fields.
+
+    Args:
+        model: The scene on a mesh.
+        cells: Geometry.
+        u: Displacement [length].
+        change: Whether u is the change of a displacement, whose stress is ``C eps(u)``.
 
     Returns:
         Coefficients, shape (n, N_(k-1), d, d).
     """
     d, k = cells.d, cells.degree
     points, weights = rule(d, DATA_DEGREE)
-    stiffness = moduli(model, cells, points, len(cells.nodes))
+    count = len(cells.nodes)
+    stiffness = moduli(model, cells, points, count)
     strain = strains(cells, u)
-    if stiffness.shape[1] == 1:
-        # Constant moduli act on the coefficients.
+    given = None
+    if model.strains is not None and not change:
+        given = given_strains(model, cells, points, count)
+    if stiffness.shape[1] == 1 and (given is None or given.shape[1] == 1):
+        # Constant moduli act on the coefficients; those of a constant are all equal.
+        if given is not None:
+            strain = strain - given
         return tensors(act(stiffness, strain), d)
-    values = act(stiffness, np.matmul(bernstein(d, k - 1, points), strain))
+    at_points = np.matmul(bernstein(d, k - 1, points), strain)
+    if given is not None:
+        at_points = at_points - given
+    values = act(stiffness, at_points)
     return tensors(np.matmul(projection(d, k - 1, points, weights), values), d)

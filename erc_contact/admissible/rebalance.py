@@ -106,7 +106,7 @@ def rebalanced_stress(
                 break
             tolerance = max(SOLVE_SHARE * FORCE_ROUND_OFF / size, np.finfo(float).eps)
             change = elastic.solve(residual, supports=False, tolerance=tolerance)
-            stress += cell_stress(model, cells, change)
+            stress += cell_stress(model, cells, change, change=True)
     return _stress_of_owners(model, cells, stress)
 
 

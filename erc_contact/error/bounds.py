@@ -67,7 +67,14 @@ import numpy as np
 from erc_contact.base.exceptions import InputError
 from erc_contact.error.constitutive import ROUND_OFF, ConstitutiveError, Run, error_of
 from erc_contact.error.lifting import lifting
-from erc_contact.error.works import elastic_work, friction_work, load_work, stress_work
+from erc_contact.error.works import (
+    elastic_work,
+    friction_work,
+    load_work,
+    strain_energy,
+    strain_work,
+    stress_work,
+)
 from erc_contact.scene.scene import Scene
 
 RIGID_ENERGY = 1e-8
@@ -142,7 +149,8 @@ def resultant(error: ConstitutiveError | Run, contact: str, direction: Sequence[
         # Action and reaction: the traction on the other body is the opposite one.
         a = -a
     phi, weighted = lifting(model, pair.solution.stiffness, which, a)
-    both = elastic_work(pair, pair.displacement, phi) + stress_work(pair, phi)
+    of_u = elastic_work(pair, pair.displacement, phi) - strain_work(pair, phi)
+    both = of_u + stress_work(pair, phi)
     middle = 0.5 * both - load_work(model, phi)
     square = elastic_work(pair, phi, phi)
     size = float(np.sqrt(max(square.value + square.bound, 0.0)))
@@ -161,7 +169,8 @@ def potential_energy(error: ConstitutiveError | Run) -> Bounds:
     """Bound the potential energy J(u), in ``[J(u^) - e^2/2, J(u^)]``; collective.
 
     With loads only (supports and gaps zero) the strain energy ``a(u, u)/2`` is -J(u);
-    with supports only (no loads, no gap, no friction) it is J(u).
+    with supports only (no loads, no gap, no friction) it is J(u). With given strains
+    the strain energy in J is that of the elastic strain.
 
     Args:
         error: The error of an admissible pair, or a history, whose error is taken.
@@ -179,10 +188,10 @@ def potential_energy(error: ConstitutiveError | Run) -> Bounds:
     pair = error.admissible
     model = pair.model
     u = pair.displacement
-    strain = elastic_work(pair, u, u)
-    J = 0.5 * strain - load_work(model, u)
+    stored = strain_energy(pair, u)
+    J = stored - load_work(model, u)
     for traction in pair.tractions:
-        J += friction_work(model, traction, u, ROUND_OFF * strain.value)
+        J += friction_work(model, traction, u, 2 * ROUND_OFF * stored.value)
     facets = error.geometry_error**2 / 2
     high = J.value + J.bound
     low = J.value - J.bound - error.absolute**2 / 2 - facets
@@ -202,7 +211,8 @@ def work_of_loads(error: ConstitutiveError | Run) -> Bounds:
         An interval that begins with -2 J(u^) [force length].
 
     Raises:
-        InputError: If the scene has friction, a gap or a support that is not zero.
+        InputError: If the scene has friction, given strains, a gap or a support that is
+            not zero.
 
     Example:
         >>> bounds = ec.work_of_loads(loaded)  # the error of a scene with loads alone
@@ -223,7 +233,13 @@ def _raise_if_no_cone(scene: Scene) -> None:
             moved.append(support.facets)
     gaps = [contact.facets for contact in scene.contacts if callable(contact.gap) or contact.gap]
     rough = [contact.facets for contact in scene.contacts if contact.law is not None]
-    obstacles = {"a support that is not zero": moved, "a gap": gaps, "friction": rough}
+    strained = [type(strain).__name__ for strain in scene.strains]
+    obstacles = {
+        "a support that is not zero": moved,
+        "a gap": gaps,
+        "friction": rough,
+        "given strains": strained,
+    }
     for obstacle, parts in obstacles.items():
         if parts:
             raise InputError(

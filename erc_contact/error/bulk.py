@@ -16,18 +16,20 @@ from erc_contact.admissible.pair import Admissible
 from erc_contact.error.oscillation import DATA_ROUND_OFF, UNKNOWN_SHARE
 from erc_contact.mesh.quadrature import cell_pieces, integrate, polynomials
 from erc_contact.mesh.surface import pairs, swept
+from erc_contact.model.model import Model
 
 
 def bulk_squares(admissible: Admissible) -> tuple[np.ndarray, np.ndarray, float]:
     """Compute the squares of difference and sum of the two stresses; collective.
 
-    These are ``sigma^ - C eps(u^)`` and ``sigma^ + C eps(u^)``.
+    These are ``sigma^ - C eps(u^)`` and ``sigma^ + C eps(u^)``, where eps is the strain
+    without the given one.
 
     Returns:
         The squares of the energy norms on each owned cell [force length]. If the moduli
-        vary inside cells, the first result contains what its integral leaves unknown.
-        The third result is the sum of this over the cells of the rank if it is more
-        than the tolerance, else 0.
+        or the given strain vary inside cells, the first result contains what its
+        integral leaves unknown. The third result is the sum of this over the cells of
+        the rank if it is more than the tolerance, else 0.
     """
     model = admissible.model
     cells = admissible.cell_geometry
@@ -42,13 +44,19 @@ def bulk_squares(admissible: Admissible) -> tuple[np.ndarray, np.ndarray, float]
     material = (len(compliance) > 1, compliance.shape[1], np.ascontiguousarray(compliance))
     difference, both = np.empty((2, owned))
     kernels()("stress_squares", *sizes, *rule, *stresses, *material, difference, both)
-    if not model.elasticity.varies_in_cells:
+    if not data_vary(model):
         return difference, both, 0.0
     return _adapted_squares(admissible, float(both.sum()))
 
 
+def data_vary(model: Model) -> bool:
+    """Tell whether moduli or given strains vary inside cells."""
+    given = model.strains is not None and model.strains.varies_in_cells
+    return given or model.elasticity.varies_in_cells
+
+
 def _adapted_squares(admissible: Admissible, size: float) -> tuple[np.ndarray, np.ndarray, float]:
-    """Compute the results of :func:`bulk_squares` for varying moduli; collective.
+    """Compute the results of :func:`bulk_squares` for data that vary; collective.
 
     Args:
         admissible: The pair.
@@ -65,6 +73,8 @@ def _adapted_squares(admissible: Admissible, size: float) -> tuple[np.ndarray, n
     def squares(cell: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
         compliance = model.compliance(x, of_cells[cell])
         at_points = np.matmul(polynomials(k - 1, places), strain[cell])
+        if model.strains is not None:
+            at_points = at_points - model.strains(x, of_cells[cell])
         elastic = act(model.elasticity(x, of_cells[cell]), at_points)
         sigma = macro_values(admissible.stress, k, cell, places)
         difference = sigma - elastic

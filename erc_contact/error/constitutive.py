@@ -18,7 +18,8 @@ bounds the errors of u^ and of sigma^ with constant 1:
 
 If the bound depends on the pressure, as Coulomb's does, the third term is a product of
 two errors and has no sign. Then e is a bound up to a term of higher order, not a
-guarantee. On a bilateral contact ``w_n = g``, as on a support.
+guarantee. On a bilateral contact ``w_n = g``, as on a support. With given strains eps_0
+``eps(u^) - eps_0`` stands for the strain in (16) and (17); the proof is the same.
 
 Where moduli, gap or friction bound vary inside cells, the integrals are adapted to
 them, and e contains what they leave unknown. The part of the data that the mesh cannot
@@ -43,7 +44,7 @@ from erc_contact.base.html import table
 from erc_contact.base.percent import percent
 from erc_contact.error.bulk import bulk_squares, geometry_squares
 from erc_contact.error.oscillation import UNKNOWN_SHARE, Oscillations
-from erc_contact.error.rigid import RIGID_NOISE, moves_rigidly, round_off
+from erc_contact.error.rigid import RIGID_NOISE, is_free, round_off
 from erc_contact.error.squares import contact_and_oscillations, raise_if_no_number
 from erc_contact.mesh.domain import Domain
 from erc_contact.model.forces import Force
@@ -276,8 +277,8 @@ def constitutive_error(admissible: Admissible) -> ConstitutiveError:
     )
     floor_2, lost = round_off(admissible)
     raise_if_no_number(lost, np.array([bulk_2, scale_2, contact_2, *oscillations_2]))
-    # What is left of a rigid motion is round-off.
-    if scale_2 <= RIGID_NOISE**2 * floor_2 and moves_rigidly(admissible, floor_2):
+    # What is left of a motion without stress is round-off.
+    if scale_2 <= RIGID_NOISE**2 * floor_2 and is_free(admissible, floor_2):
         cells_2[:] = 0.0
         geometry_cells_2[:] = 0.0
         bulk_2 = contact_2 = scale_2 = geometry_2 = 0.0

@@ -1,4 +1,7 @@
-"""Find solutions that are rigid motions up to round-off. Their error is then zero."""
+"""Find solutions without stress up to round-off. Their error is then zero.
+
+They are rigid motions, and free expansions by given strains.
+"""
 
 from __future__ import annotations
 
@@ -44,6 +47,22 @@ def round_off(admissible: Admissible) -> tuple[float, bool]:
     local = np.sum(stiffness * volume ** (1 - 2 / model.d))
     floor = float((RESOLUTION * size) ** 2 * comm.allreduce(float(local), MPI.SUM))
     return floor, size > 0.0 and floor == 0.0
+
+
+def is_free(admissible: Admissible, floor_2: float) -> bool:
+    """Tell whether a motion without stress is the solution up to round-off; collective.
+
+    With given strains it is one where no load acts: a stress that is round-off of the
+    strains then is zero.
+
+    Args:
+        admissible: The pair.
+        floor_2: Square of the accuracy of energy norms, see :func:`round_off`.
+    """
+    model = admissible.model
+    if model.strains is None:
+        return moves_rigidly(admissible, floor_2)
+    return model.body_force is None and not model.surface_loads
 
 
 def moves_rigidly(admissible: Admissible, floor_2: float) -> bool:

@@ -20,6 +20,7 @@ from erc_contact.admissible.pair import Admissible
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.base.runtime import compiled
 from erc_contact.base.ufl_types import Ufl
+from erc_contact.error.bulk import data_vary
 from erc_contact.mesh.quadrature import (
     Integral,
     Integrand,
@@ -75,7 +76,6 @@ def elastic_work(pair: Admissible, v: fem.Function, w: fem.Function) -> BoundedN
     cells = pair.cell_geometry
     if not model.elasticity.varies_in_cells:
         return BoundedNumber(assembled(model, model.stiffness(v, w)))
-    owned = model.domain.owned_cells
     of_cells = model.owned_cells
     strain_v = strains(cells, v)
     strain_w = strains(cells, w)
@@ -85,6 +85,57 @@ def elastic_work(pair: Admissible, v: fem.Function, w: fem.Function) -> BoundedN
         stress = act(model.elasticity(x, of_cells[entity]), np.matmul(shape, strain_v[entity]))
         return (stress * np.matmul(shape, strain_w[entity])).sum(axis=-1, keepdims=True)
 
+    return _over_cells(pair, density)
+
+
+def strain_work(pair: Admissible, v: fem.Function) -> BoundedNumber:
+    """Compute ``int C eps_0 : eps(v)`` [force length]; collective.
+
+    It is zero without given strains.
+    """
+    model = pair.model
+    given = model.strains
+    if given is None:
+        return BoundedNumber(0.0)
+    if not data_vary(model):
+        return BoundedNumber(assembled(model, model.strain_loads(v)))
+    cells = pair.cell_geometry
+    of_cells = model.owned_cells
+    strain_v = strains(cells, v)
+
+    def density(entity: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
+        strain = np.matmul(polynomials(model.degree - 1, places), strain_v[entity])
+        stress = act(model.elasticity(x, of_cells[entity]), given(x, of_cells[entity]))
+        return (stress * strain).sum(axis=-1, keepdims=True)
+
+    return _over_cells(pair, density)
+
+
+def strain_energy(pair: Admissible, u: fem.Function) -> BoundedNumber:
+    """Compute the strain energy of a displacement [force length]; collective.
+
+    It is that of the elastic strain, ``|C (eps(u) - eps_0)|^2/2``.
+    """
+    model = pair.model
+    energy = 0.5 * elastic_work(pair, u, u)
+    given = model.strains
+    if given is None:
+        return energy
+    of_cells = model.owned_cells
+
+    def density(entity: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
+        strain = given(x, of_cells[entity])
+        stress = act(model.elasticity(x, of_cells[entity]), strain)
+        return 0.5 * (stress * strain).sum(axis=-1, keepdims=True)
+
+    return energy - strain_work(pair, u) + _over_cells(pair, density)
+
+
+def _over_cells(pair: Admissible, density: Integrand) -> BoundedNumber:
+    """Integrate a density over all cells, adapted to it; collective."""
+    model = pair.model
+    cells = pair.cell_geometry
+    owned = model.domain.owned_cells
     corners = sorted_corners(model, cells)[:owned]
     volume = cells.volume[:owned]
     integral = integrate(model.comm, density, corners, volume, cell_pieces(model.d))

@@ -1,9 +1,10 @@
 """Compute forces of supports, contacts and loads on the body, with their moments.
 
-The residual ``R(v) = a(u, v) - f(v) - F(v)`` of elasticity, tested with the basis
-function of a node, is the force that supports and contacts exert on this node. For a
-rigid motion v it is ``-f(v) - F(v)``. So these nodal forces and their moments balance
-the loads to round-off, for any contact method and after any number of Newton steps.
+The residual ``R(v) = (sigma, eps(v)) - f(v) - F(v)`` of elasticity, tested with the
+basis function of a node, is the force that supports and contacts exert on this node.
+For a rigid motion v it is ``-f(v) - F(v)``. So these nodal forces and their moments
+balance the loads to round-off, for any contact method and after any number of Newton
+steps.
 
 Symbols: u displacement, r contact traction of the method, d dimension, k degree, m
 nodes of a facet.
@@ -122,6 +123,7 @@ def nodal_reactions(
     """
     v = ufl.TestFunction(model.V)
     residual = _assembled(model, model.stiffness(u, v)) - _assembled(model, model.loads(v))
+    residual -= _assembled(model, model.strain_loads(v))
     forces = {}
     claims = {}
     for contact in model.contacts:

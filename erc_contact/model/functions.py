@@ -40,6 +40,7 @@ def check_no_functions(scene: Scene, domain: Domain) -> None:
 def _callables(scene: Scene) -> Iterator[tuple[str, Any]]:
     """List the callables of x among the values of a scene, with names for messages."""
     owners: list[Any] = [scene.material, *scene.supports, *scene.loads, *scene.contacts]
+    owners += scene.strains
     for contact in scene.contacts:
         if hasattr(contact.friction, "friction_bound"):
             owners.append(contact.friction)

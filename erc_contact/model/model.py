@@ -23,8 +23,9 @@ from erc_contact.model.last_step import LastStep
 from erc_contact.model.loads import bind_loads, sum_of
 from erc_contact.model.motions import free_motions
 from erc_contact.model.space import Space
+from erc_contact.model.strains import bind_strains
 from erc_contact.model.supports import bind_supports
-from erc_contact.model.symbolic import varies_in_cells
+from erc_contact.model.symbolic import has_arguments, varies_in_cells
 from erc_contact.model.users import try_material
 from erc_contact.model.values import DATA_DEGREE, moduli, parameter
 from erc_contact.scene.material import PLANE_STRAIN, Elastic, strain
@@ -45,6 +46,7 @@ class Model(Space):
 
     Attributes:
         parameters: Parameters of the material, UFL.
+        strains: The given strains; None without any.
         surface_loads: Loads on parts of the boundary.
         body_force: Sum of the loads in the body [force/volume], UFL of shape (d,), or
             None.
@@ -73,6 +75,7 @@ class Model(Space):
         self.parameters = moduli(self, scene.material)
         if type(scene.material) is not Elastic:
             try_material(self.V, scene.material, self.parameters)
+        self.strains = bind_strains(self, scene.strains, scene.material, self.parameters)
         supports = bind_supports(self, scene.supports)
         self.fixed = supports.fixed
         self.prescribed = supports.prescribed
@@ -89,8 +92,18 @@ class Model(Space):
     # -- forms
 
     def stress(self, u: Ufl) -> Ufl:
-        """Return the stress ``sigma(u) = C eps(u)`` [force/area], UFL."""
-        return self.scene.material.stress(strain(u), **self.parameters)
+        """Return the stress ``C (eps(u) - eps_0)`` [force/area], UFL.
+
+        Its variation has no given strain eps_0: that of a test or trial function is
+        ``C eps(v)``.
+        """
+        if self.strains is None or has_arguments(u):
+            return self._stress_of(strain(u))
+        return self._stress_of(strain(u) - self.strains.tensor)
+
+    def _stress_of(self, elastic_strain: Ufl) -> Ufl:
+        """Return ``C eps`` [force/area], UFL."""
+        return self.scene.material.stress(elastic_strain, **self.parameters)
 
     @cached_property
     def modulus(self) -> Ufl:
@@ -109,12 +122,29 @@ class Model(Space):
 
     def stiffness(self, u: Ufl, v: Ufl) -> Ufl:
         """Return the UFL form ``a(u, v) = int sigma(u) : eps(v)``."""
-        # The solver and the reconstruction integrate a varying modulus by one rule, so
-        # that both know the same material.
-        dx = self.dx
-        if any(varies_in_cells(value) for value in self.parameters.values()):
-            dx = self.dx(metadata={"quadrature_degree": DATA_DEGREE})
-        return ufl.inner(self.stress(u), strain(v)) * dx
+        varying = any(varies_in_cells(value) for value in self.parameters.values())
+        return ufl.inner(self._stress_of(strain(u)), strain(v)) * self._measure(varying)
+
+    def strain_loads(self, v: Ufl) -> Ufl | None:
+        """Return the UFL form ``int C eps_0 : eps(v)``, or None without given strains.
+
+        Args:
+            v: Test function, or a displacement.
+        """
+        if self.strains is None:
+            return None
+        values = [self.strains.tensor, *self.parameters.values()]
+        varying = any(varies_in_cells(value) for value in values)
+        stress = self._stress_of(self.strains.tensor)
+        return ufl.inner(stress, strain(v)) * self._measure(varying)
+
+    def _measure(self, varying: bool) -> Ufl:
+        """Return dx for data that vary in cells or do not.
+
+        The solver and the reconstruction integrate varying data by one rule, so that
+        both know the same body.
+        """
+        return self.dx(metadata={"quadrature_degree": DATA_DEGREE}) if varying else self.dx
 
     def loads(
         self, v: Ufl, *, varying: bool = True, on: Collection[str | None] | None = None

@@ -70,7 +70,9 @@ def at_points(
 
 
 def elastic_stress_at(model: Model, u: fem.Function, cell: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """Evaluate the stress ``C eps(u)`` [force/area] at points of cells; collective.
+    """Evaluate the stress of a displacement at points of cells; collective.
+
+    It is ``C (eps(u) - eps_0)`` [force/area].
 
     Args:
         model: The scene on a mesh.
@@ -90,6 +92,8 @@ def elastic_stress_at(model: Model, u: fem.Function, cell: np.ndarray, x: np.nda
         strains = eps.eval(in_space(x), cell.astype(np.int32)).reshape(len(x), d, d)
     basis = mandel_basis(d)
     mandel_strains = np.einsum("bij,nij->nb", basis, strains)
+    if model.strains is not None:
+        mandel_strains -= model.strains(x[:, None], cell)[:, 0]
     matrices = model.elasticity(x[:, None], cell)[:, 0]
     stress = np.einsum("nab,nb->na", matrices, mandel_strains)
     return np.einsum("na,aij->nij", stress, basis)

@@ -43,6 +43,11 @@ def stress_in_space(model: Model, stress: np.ndarray) -> np.ndarray:
         cells = np.arange(len(stress), dtype=np.int32)
         row = evaluate(ufl.as_vector(images), model.mesh, nodes(d, 0), cells)[:, 0]
         full[:, 2, 2] = np.einsum("nk,kij,nij->n", row, basis, stress)
+        if model.strains is not None:
+            # A strain out of plane that cannot take place presses on the plane.
+            modulus = material.out_of_plane_modulus(**model.parameters)
+            pressed = -modulus * model.strains.normal
+            full[:, 2, 2] += evaluate(pressed, model.mesh, nodes(d, 0), cells)[:, 0]
     return full
 
 
@@ -64,6 +69,11 @@ def von_mises(stress: np.ndarray) -> np.ndarray:
 def tells_out_of_plane(model: Model) -> bool:
     """Tell whether the stress out of plane is known.
 
-    It is in 3D, and where the material has a method ``out_of_plane``.
+    It is in 3D, and where the material has a method ``out_of_plane``, with given
+    strains ``out_of_plane_modulus``, too.
     """
-    return model.d == 3 or hasattr(model.scene.material, "out_of_plane")
+    material = model.scene.material
+    needed = ["out_of_plane"]
+    if model.strains is not None:
+        needed.append("out_of_plane_modulus")
+    return model.d == 3 or all(hasattr(material, name) for name in needed)

@@ -116,7 +116,7 @@ def moduli(space: Space, material: Material) -> dict[str, Ufl]:
         value = parameter(material, name)
         what = f"Material parameter {name}"
         if isinstance(value, Mapping):
-            parameters[name] = _by_region(space, name, value)
+            parameters[name] = by_region(space, what, value)
         else:
             parameters[name] = number(space, value, what)
         if isinstance(value, Mapping) or callable(value):
@@ -127,10 +127,15 @@ def moduli(space: Space, material: Material) -> dict[str, Ufl]:
     return parameters
 
 
-def _by_region(space: Space, name: str, value: Mapping[str, Any]) -> Ufl:
+def by_region(space: Space, what: str, value: Mapping[str, Any]) -> Ufl:
     """Return a parameter that is given region by region as UFL; collective.
 
     All numbers are values of one function that is constant in cells.
+
+    Args:
+        space: The mesh.
+        what: The parameter, in words for messages.
+        value: Number or callable of each region.
 
     Raises:
         InputError: If a cell is in no region of the mapping, or in two.
@@ -145,8 +150,7 @@ def _by_region(space: Space, name: str, value: Mapping[str, Any]) -> Ufl:
             # A callable counts in its region only.
             indicator = space.domain.function("DG", 0)
             indicator.x.array[cells] = 1.0
-            what = f"Material parameter {name} in {region!r}"
-            terms.append(indicator * number(space, entry, what))
+            terms.append(indicator * number(space, entry, f"{what} in {region!r}"))
         else:
             numbers.x.array[cells] = float(entry)
     # Each cell must be in one region. Ghosts are counted by their owners.
@@ -154,7 +158,7 @@ def _by_region(space: Space, name: str, value: Mapping[str, Any]) -> Ufl:
     wrong = space.comm.allreduce(wrong, MPI.SUM)
     if wrong:
         raise InputError(
-            f"Material parameter {name}: {wrong} cells are in no region or in two of"
+            f"{what}: {wrong} cells are in no region or in two of"
             f" {sorted(value)}; this domain has {sorted(space.domain.regions)}."
         )
     return sum(terms, start=numbers)

@@ -5,9 +5,10 @@ traction t on a boundary part is
 
     int (t_n + t_(n-1))/2 . (u_n - u_(n-1)),
 
-and that of a body force f is alike. In equilibrium the works of all parts are the
-change of the strain energy, for any length of the step. Of an admissible pair, sigma^
-gives t and u^ gives u, and what is left is of the order of its error.
+and that of a body force f is alike. A given strain that grows takes ``int sigma :
+(eps_0n - eps_0(n-1))`` with the mean of the stresses. In equilibrium the works of all
+parts are the change of the strain energy, for any length of the step. Of an admissible
+pair, sigma^ gives t and u^ gives u, and what is left is of the order of its error.
 
 What friction takes in a step is the dissipation function of its law for the slip of the
 step, with the mean of the friction bounds at both ends of the step,
@@ -36,10 +37,12 @@ import numpy as np
 from mpi4py import MPI
 
 from erc_contact.admissible.cells import facet_order
+from erc_contact.admissible.elastic import given_strains
+from erc_contact.admissible.macro import macro_points
 from erc_contact.admissible.pair import Admissible
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.error.constitutive import ROUND_OFF, ConstitutiveError
-from erc_contact.error.works import assembled, elastic_work, friction_work
+from erc_contact.error.works import assembled, friction_work, strain_energy
 from erc_contact.mesh.simplex import barycentric, bernstein, from_means, lagrange, projection, rule
 from erc_contact.model.contacts import bind_contact
 from erc_contact.model.last_step import nearest
@@ -91,7 +94,8 @@ def energies(error: ConstitutiveError, last: ConstitutiveError | None) -> Energi
         else:
             contact_work += total
             friction_work += tangential
-    stored = 0.5 * elastic_work(pair, pair.displacement, pair.displacement).value
+    work += _work_of_strains(pair, before)
+    stored = strain_energy(pair, pair.displacement).value
     floor = ROUND_OFF * stored
     dissipated = 0.0
     for traction in pair.tractions:
@@ -278,6 +282,44 @@ def _work_in_body(pair: Admissible, before: Admissible | None) -> float:
         crossed = _work_of_body_force(old, model, pair) - _work_of_body_force(model, old, before)
         total += 0.5 * crossed
     return total
+
+
+def _work_of_strains(pair: Admissible, before: Admissible | None) -> float:
+    """Compute what given strains take from the body [force length]; collective.
+
+    The strain energy is that of ``eps - eps_0``, so a strain that grows under a stress
+    takes its work: ``-int (sigma^ + sigma^_old)/2 : (eps_0 - eps_0old)``.
+    """
+    total = -0.5 * _stress_on_strains(pair.model, pair)
+    if before is not None:
+        # Each product is on the mesh of its stress, as those of body forces.
+        total -= 0.5 * _stress_on_strains(pair.model, before)
+        total += 0.5 * _stress_on_strains(before.model, pair)
+        total += 0.5 * _stress_on_strains(before.model, before)
+    return total
+
+
+def _stress_on_strains(given: Model, pair: Admissible) -> float:
+    """Compute ``int sigma^ : eps_0`` on the mesh of sigma^ [force length]; collective.
+
+    Args:
+        given: Model of the scene that has eps_0.
+        pair: The pair of sigma^.
+    """
+    model = pair.model
+    if given.strains is None:
+        return 0.0
+    cells = pair.cell_geometry
+    owned = model.domain.owned_cells
+    there = given
+    if given is not model:
+        there = Model(given.scene, model.domain, model.degree)
+    shape, points, weights = macro_points(model.d, model.degree)
+    strain = given_strains(there, cells, points, owned)
+    sigma = np.matmul(shape, pair.stress).reshape(owned, len(points), strain.shape[2])
+    means = np.einsum("nqs,nqs,q->n", sigma, np.broadcast_to(strain, sigma.shape), weights)
+    local = float(cells.volume[:owned] @ means)
+    return float(model.comm.allreduce(local, MPI.SUM))
 
 
 def _work_of_body_force(loads: Model, model: Model, pair: Admissible) -> float:

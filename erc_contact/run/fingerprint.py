@@ -66,12 +66,14 @@ def fingerprint(scene: Scene, domain: Domain, numbers: Mapping[str, Any]) -> Fin
     n = ufl.FacetNormal(symbols)
     entries = list(_of_object("material", scene.material, x))
     entries += _formulas("material", scene.material, x, domain.dim)
-    for name in ("supports", "loads", "contacts"):
+    for name in ("supports", "loads", "contacts", "strains"):
         for number, part in enumerate(getattr(scene, name)):
             entries += _of_object(f"{name}[{number}]", part, x)
     for number, load in enumerate(scene.loads):
         density = _in_ufl(partial(_density, load, x, n))
         entries.append((f"loads[{number}]: its density", density))
+    for number, strain in enumerate(scene.strains):
+        entries.append((f"strains[{number}]: its formula", _in_ufl(partial(_strain, strain, x))))
     for number, contact in enumerate(scene.contacts):
         if contact.law is not None:
             name = f"contacts[{number}]: its friction law"
@@ -195,12 +197,24 @@ def _density(load: Any, x: Ufl, n: Ufl) -> Ufl:
     return load.density(x, None if load.facets is None else n, **values)
 
 
+def _strain(strain: Any, x: Ufl) -> Ufl:
+    """Return a given strain at x, with symbols for what is given by regions."""
+    values = {}
+    for name in strain.parameters:
+        value = parameter(strain, name)
+        # The values of a mapping are entries of their own.
+        values[name] = ufl.Constant(extract_unique_domain(x))
+        if not isinstance(value, Mapping):
+            values[name] = _value(value, x)
+    return strain.strain(x, **values)
+
+
 def _value(value: Any, x: Ufl) -> Ufl:
-    """Evaluate a parameter at x: a number, a vector, or a callable of x."""
+    """Evaluate a parameter at x: a number, a vector, a tensor, or a callable of x."""
     if callable(value):
         value = value(x)
     if isinstance(value, tuple | list):
-        return ufl.as_vector([_value(component, x) for component in value])
+        return ufl.as_tensor([_value(component, x) for component in value])
     return ufl.as_ufl(value)
 
 

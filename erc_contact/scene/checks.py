@@ -28,6 +28,15 @@ def check_name(what: str, name: Any) -> None:
         )
 
 
+def check_region(what: str, name: Any) -> None:
+    """Check that a value is the name of a cell region, or None."""
+    if name is not None and not isinstance(name, str):
+        raise InputError(
+            f"{what} has the region {name!r}; give the name of one cell region, or leave it out"
+            " for the whole body."
+        )
+
+
 def check_value(what: str, value: Any, low: float = -float("inf"), unit: str = "") -> None:
     """Check that a value is a number, or a callable.
 

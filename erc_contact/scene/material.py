@@ -86,6 +86,8 @@ class Material(Protocol):
 
     In 2D it may have ``out_of_plane(sigma, **parameters)``, its stress out of plane
     [force/area]. Without that only the von Mises stress of the part in plane is known.
+    With given strains it needs ``out_of_plane_modulus(**parameters)``, too, the stress
+    out of plane for a strain there where the stress in plane is zero [force/area].
 
     Example: ``demos/extend/material.py``.
 
@@ -236,6 +238,10 @@ class Elastic:
         if self.hypothesis == PLANE_STRESS:
             return 0.0
         return nu * ufl.tr(sigma)
+
+    def out_of_plane_modulus(self, E: Ufl, nu: Ufl) -> Ufl:
+        """Return ``-sigma_zz/eps_0zz`` without stress in plane [force/area]."""
+        return 0.0 if self.hypothesis == PLANE_STRESS else E
 
     def modulus(self, E: Ufl, nu: Ufl) -> Ufl:
         """Return the modulus that scales contact parameters [force/area]: Young's."""

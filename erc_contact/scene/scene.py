@@ -18,6 +18,7 @@ from erc_contact.base.html import table
 from erc_contact.scene.contact import Contact
 from erc_contact.scene.load import Load
 from erc_contact.scene.material import Material
+from erc_contact.scene.strain import GivenStrain
 from erc_contact.scene.support import Displacement
 from erc_contact.scene.words import in_words
 
@@ -25,21 +26,24 @@ MATERIAL_MEMBERS = ("parameters", "check", "stress", "compliance", "modulus")
 """Names of the members of a material."""
 LOAD_MEMBERS = ("facets", "parameters", "density")
 """Names of the members of a load."""
+STRAIN_MEMBERS = ("region", "parameters", "strain")
+"""Names of the members of a given strain."""
 CAUSES = TRACTIONS, BODY_FORCE, BALANCE = "tractions", "body force", "balance"
 """Names of forces in ``reactions()``, beside those of supports and contacts."""
 
 
 @dataclass(frozen=True)
 class Scene:
-    """Declare an elastic body, its supports, its loads and its contacts.
+    """Declare elastic bodies, their supports, loads, contacts and given strains.
 
     Args:
         material: :class:`Elastic`, or a class of the user's with the same methods.
         supports: Prescribed displacements.
         loads: Tractions and body forces; several on one part add up.
-        contacts: Contacts with rigid foundations.
+        contacts: Contacts with rigid foundations, or between bodies.
+        strains: Strains of heat and others that no stress causes; they add up.
 
-    A single support, load or contact needs no list around it.
+    A single support, load, contact or strain needs no list around it.
 
     Raises:
         InputError: If a boundary part is in two conditions that conflict, or an entry
@@ -58,6 +62,7 @@ class Scene:
     supports: Sequence[Displacement] = ()
     loads: Sequence[Load] = ()
     contacts: Sequence[Contact] = ()
+    strains: Sequence[GivenStrain] = ()
 
     def __post_init__(self) -> None:
         """Check the entries and their names, and make tuples of them."""
@@ -73,6 +78,9 @@ class Scene:
         self._check_entries("supports", _is_support, "Displacement", "Displacement")
         self._check_entries("loads", _is_load, loads, loads_or_own)
         self._check_entries("contacts", _is_contact, "Contact", "Contact")
+        strains = "ThermalStrain and Eigenstrain"
+        strains_or_own = f"{strains}, and objects with {', '.join(STRAIN_MEMBERS)}"
+        self._check_entries("strains", _is_strain, strains, strains_or_own)
         parts = [support.facets for support in self.supports]
         for contact in self.contacts:
             parts += contact.sides
@@ -201,6 +209,13 @@ def _is_load(entry: Any) -> bool:
     if isinstance(entry, type):
         return False
     return all(hasattr(entry, name) for name in LOAD_MEMBERS)
+
+
+def _is_strain(entry: Any) -> bool:
+    """Tell whether an entry has the members of a given strain, and is no class."""
+    if isinstance(entry, type):
+        return False
+    return all(hasattr(entry, name) for name in STRAIN_MEMBERS)
 
 
 def _is_contact(entry: Any) -> bool:

@@ -23,6 +23,8 @@ def in_words(scene: Any) -> list[tuple[str, str]]:
         rows.append((support.facets, f"displacement {_vector(support.value)}"))
     for load in scene.loads:
         rows.append((load.facets or "whole body", _object(load)))
+    for strain in scene.strains:
+        rows.append((strain.region or "whole body", _object(strain)))
     for contact in scene.contacts:
         part = contact_in_words(contact.facets, contact.against)
         rows.append((part, _contact(contact)))
@@ -30,7 +32,7 @@ def in_words(scene: Any) -> list[tuple[str, str]]:
 
 
 def _object(value: Any, *, hypothesis: bool = False) -> str:
-    """Return class and arguments of a material, load or law, without its part.
+    """Return class and arguments of a material, load, strain or law, without its part.
 
     Args:
         value: The object.
@@ -38,7 +40,7 @@ def _object(value: Any, *, hypothesis: bool = False) -> str:
     """
     shown = {}
     for name, argument in arguments(value).items():
-        if name not in ("facets", "hypothesis"):
+        if name not in ("facets", "region", "hypothesis"):
             shown[name] = argument
     if hypothesis and hasattr(value, "hypothesis"):
         shown["hypothesis"] = value.hypothesis

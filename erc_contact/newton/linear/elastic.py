@@ -72,16 +72,20 @@ class Elastic:
         """Free the factor or hierarchy; a later solve makes it again."""
 
     def load_vector(self) -> fem.Function:
-        """Return the nodal forces of the loads [force], not yet summed over ranks."""
+        """Return the nodal forces of loads and given strains [force].
+
+        They are not yet summed over ranks.
+        """
         return self._loads.copy()
 
     @cached_property
     def _loads(self) -> fem.Function:
-        """Assemble the nodal forces of the loads [force]."""
+        """Assemble the nodal forces of loads and given strains [force]."""
         b = self.model.function()
-        loads = self.model.loads(ufl.TestFunction(self.model.V))
-        if loads is not None:
-            fem.assemble_vector(b.x.array, compiled.form(loads))
+        v = ufl.TestFunction(self.model.V)
+        for loads in (self.model.loads(v), self.model.strain_loads(v)):
+            if loads is not None:
+                fem.assemble_vector(b.x.array, compiled.form(loads))
         return b
 
     def stiffness(self) -> PETSc.Mat:

@@ -1,0 +1,184 @@
+"""Put the given strains of a scene on a mesh.
+
+In 2D with plane strain a strain out of plane, ``eps_0zz``, cannot take place, and
+presses the plane. With the stress out of plane of the material, ``sigma_zz = S :
+sigma`` without given strain, the stress in plane is
+
+    sigma = C (eps(u) - eps_0 - S eps_0zz),    sigma_zz = S : sigma - E_z eps_0zz,
+
+by Maxwell's reciprocity of the stiffness between plane and normal. For isotropic
+plane strain S is nu times the identity and E_z is E. So in 2D a given strain is a
+tensor in plane, with its part out of plane for the stress there alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import ufl
+from dolfinx import mesh as dmesh
+
+from erc_contact.base.exceptions import InputError
+from erc_contact.base.ufl_types import Ufl
+from erc_contact.mesh.simplex import rule
+from erc_contact.model.expressions import Everywhere, evaluate, without_plain_numbers
+from erc_contact.model.space import Space
+from erc_contact.model.symbolic import varies_in_cells
+from erc_contact.model.users import IN_UFL, call_of_user
+from erc_contact.model.values import DATA_DEGREE, by_region, number, parameter
+from erc_contact.scene.material import Material, mandel_basis
+from erc_contact.scene.strain import GivenStrain
+
+
+class Strains:
+    """Hold the sum of all given strains on a mesh; construction is collective.
+
+    Args:
+        tensor: The strain in plane, with what a strain out of plane adds [-], UFL,
+            shape (d, d).
+        normal: The strain out of plane in 2D [-], UFL; zero in 3D.
+        mesh: Where they live.
+
+    Attributes:
+        varies_in_cells: Whether the strain varies inside cells.
+    """
+
+    def __init__(self, tensor: Ufl, normal: Ufl, mesh: dmesh.Mesh) -> None:
+        self.tensor = tensor
+        self.normal = normal
+        self.varies_in_cells = varies_in_cells(tensor)
+        basis = mandel_basis(mesh.geometry.dim)
+        components = [ufl.inner(ufl.as_matrix(one.tolist()), tensor) for one in basis]
+        self._components = Everywhere(ufl.as_vector(components), mesh)
+
+    def __call__(self, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
+        """Evaluate the tensor in Mandel components at points [-].
+
+        Args:
+            x: Points of each cell [length], shape (n, q, d).
+            cells: The cells, shape (n,).
+
+        Returns:
+            Shape (n, q, s).
+        """
+        return self._components(x, cells)
+
+
+def bind_strains(
+    space: Space,
+    strains: Sequence[GivenStrain],
+    material: Material,
+    parameters: Mapping[str, Ufl],
+) -> Strains | None:
+    """Put given strains on a mesh; None without any; collective.
+
+    Args:
+        space: The mesh.
+        strains: The strains of the scene.
+        material: Its material.
+        parameters: Parameters of the material, UFL.
+
+    Raises:
+        InputError: If a strain is no scalar and no tensor of shape (d, d), is not
+            finite, its region is unknown, or a scalar strain acts out of plane and the
+            material does not tell its stress there.
+    """
+    if not strains:
+        return None
+    d = space.d
+    tensor = ufl.zero((d, d))
+    normal = ufl.as_ufl(0.0)
+    for strain in strains:
+        expression = _in_region(space, strain, _expression(space, strain))
+        if expression.ufl_shape:
+            tensor += ufl.sym(expression)
+            continue
+        tensor += expression * ufl.Identity(d)
+        if d == 2:
+            normal += expression
+            tensor += expression * _out_of_plane(space, strain, material, parameters)
+    points, _ = rule(d, DATA_DEGREE)
+    values = evaluate(tensor, space.mesh, points, space.owned_cells)
+    if not np.isfinite(space.extremes(values)).all():
+        raise InputError("A given strain is not finite everywhere; look at its callables.")
+    return Strains(tensor, normal, space.mesh)
+
+
+def _expression(space: Space, strain: GivenStrain) -> Ufl:
+    """Return a given strain, a scalar or a tensor (d, d), UFL; collective."""
+    what = type(strain).__name__
+    parameters = {}
+    for name in strain.parameters:
+        value = parameter(strain, name)
+        what_value = what if name == "value" else f"{what}: {name}"
+        if isinstance(value, Mapping):
+            parameters[name] = by_region(space, what_value, value)
+        elif isinstance(value, tuple):
+            parameters[name] = _tensor(space, value, what_value)
+        elif name == "value" and callable(value):
+            parameters[name] = _of_callable(space, value, what_value)
+        else:
+            parameters[name] = number(space, value, what_value)
+
+    def call() -> Ufl:
+        return ufl.as_ufl(strain.strain(space.x, **parameters))
+
+    expression = without_plain_numbers(call_of_user(space.comm, what, call), space.mesh)
+    if expression.ufl_shape not in ((), (space.d, space.d)):
+        raise InputError(
+            f"{what} has shape {expression.ufl_shape}; the mesh needs a scalar or the shape"
+            f" {(space.d, space.d)}. {IN_UFL}"
+        )
+    return expression
+
+
+def _tensor(space: Space, rows: Sequence[Sequence[Any]], what: str) -> Ufl:
+    """Return rows of numbers and callables as a tensor, UFL; collective."""
+    tensor = []
+    for row in rows:
+        tensor.append([number(space, entry, what) for entry in row])
+    return ufl.as_tensor(tensor)
+
+
+def _of_callable(space: Space, value: Callable[[Any], Any], what: str) -> Ufl:
+    """Return what a callable of x returns, a scalar or rows, as UFL; collective."""
+
+    def call() -> Ufl:
+        returned = value(space.x)
+        if isinstance(returned, Sequence | np.ndarray):
+            return ufl.as_tensor([list(row) for row in returned])
+        return ufl.as_ufl(returned)
+
+    return call_of_user(space.comm, what, call)
+
+
+def _in_region(space: Space, strain: GivenStrain, expression: Ufl) -> Ufl:
+    """Return a given strain that is zero outside its region; collective."""
+    if strain.region is None:
+        return expression
+    indicator = space.domain.function("DG", 0)
+    indicator.x.array[space.domain.region(strain.region)] = 1.0
+    return indicator * expression
+
+
+def _out_of_plane(
+    space: Space, strain: GivenStrain, material: Any, parameters: Mapping[str, Ufl]
+) -> Ufl:
+    """Return S, the stress out of plane for stresses in plane [-], shape (2, 2).
+
+    Raises:
+        InputError: If the material does not tell it.
+    """
+    if not hasattr(material, "out_of_plane"):
+        raise InputError(
+            f"{type(strain).__name__} is a strain in all directions, and {type(material).__name__} "
+            "does not tell the stress out of plane; give the material out_of_plane, or the strain "
+            "as a tensor of 2 rows."
+        )
+    S = ufl.zero((2, 2))
+    for one in mandel_basis(2):
+        tensor = ufl.as_matrix(one.tolist())
+        S += ufl.as_ufl(material.out_of_plane(tensor, **parameters)) * tensor
+    return S

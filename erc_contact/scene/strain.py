@@ -1,0 +1,159 @@
+"""Declare given strains: those that a body would have without any stress.
+
+Heat, swelling and misfit are strains eps_0 that no stress causes. The stress is that of
+the rest,
+
+    sigma = C (eps(u) - eps_0).
+
+A given strain of a new kind is a class with the members of :class:`GivenStrain`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar, Protocol
+
+import numpy as np
+
+from erc_contact.base.exceptions import InputError
+from erc_contact.base.ufl_types import Ufl
+from erc_contact.scene.checks import check_region, check_value
+from erc_contact.scene.material import Value
+
+Tensor = Value | Sequence[Sequence[Value]] | Callable[[Any], Any]
+"""A number, d rows of d values, or a callable of x that returns either."""
+
+
+class GivenStrain(Protocol):
+    """Describe a given strain.
+
+    Attributes:
+        region: Name of the cell region that has it, or None for the whole body.
+        parameters: Names of the attributes that are values in space: numbers, callables
+            of x, or mappings from the names of all regions to either. One that is
+            called "value" may also be d rows of d numbers or callables.
+
+    Example:
+        >>> strain: ec.GivenStrain = ec.ThermalStrain(1.2e-5, 80.0)
+        >>> strain.region, strain.parameters
+        (None, ('alpha', 'temperature'))
+    """
+
+    @property
+    def region(self) -> str | None: ...  # noqa: D102
+
+    @property
+    def parameters(self) -> tuple[str, ...]: ...  # noqa: D102
+
+    def strain(self, x: Ufl, *values: Ufl, **parameters: Ufl) -> Ufl:
+        """Return the strain eps_0 [-], UFL.
+
+        A scalar is a strain of that size in all directions of space, in 2D also out of
+        plane. A tensor, shape (d, d), has the components in plane alone, and counts by
+        its symmetric part.
+
+        Args:
+            x: Position [length], UFL, shape (d,).
+            values: Not used; type checkers ask for it, so that a class may name its
+                parameters.
+            parameters: The parameters by their names, UFL.
+        """
+
+
+@dataclass(frozen=True)
+class ThermalStrain:
+    """Declare the strain of heat, ``alpha T`` in all directions.
+
+    Args:
+        alpha: Coefficient of thermal expansion [1/temperature]: a number, a callable of
+            x, or a mapping from the names of all cell regions to either.
+        temperature: Difference T of the temperature to that without strain
+            [temperature]; likewise.
+        region: Name of the cell region that has it; None for the whole body.
+
+    Raises:
+        InputError: If a value is no finite number, callable or mapping of these.
+
+    Example:
+        >>> heat = ec.ThermalStrain(1.2e-5, lambda x: 40.0 * x[1])
+        >>> ec.Scene(scene.material, scene.supports, strains=heat).strains
+        (ThermalStrain(alpha=1.2e-05, temperature=<function ...>, region=None),)
+    """
+
+    alpha: Value | Mapping[str, Value]
+    temperature: Value | Mapping[str, Value]
+    region: str | None = None
+
+    parameters: ClassVar[tuple[str, ...]] = ("alpha", "temperature")
+
+    def __post_init__(self) -> None:
+        """Check the arguments."""
+        check_region("ThermalStrain", self.region)
+        for name in self.parameters:
+            value = getattr(self, name)
+            entries = value.values() if isinstance(value, Mapping) else [value]
+            for entry in entries:
+                check_value(f"ThermalStrain: {name}", entry)
+
+    def strain(self, x: Ufl, alpha: Ufl, temperature: Ufl) -> Ufl:
+        """Return ``alpha T`` [-], UFL."""
+        return alpha * temperature
+
+
+@dataclass(frozen=True)
+class Eigenstrain:
+    """Declare a strain that is given itself: swelling, a misfit, a transformation.
+
+    Args:
+        value: A number, which is a strain in all directions of space [-]; or d rows of
+            d numbers or callables, a symmetric tensor that acts in plane in 2D; or a
+            callable of x that returns either.
+        region: Name of the cell region that has it; None for the whole body.
+
+    Raises:
+        InputError: If the value is none of these, or a tensor of numbers is not
+            symmetric.
+
+    Example:
+        >>> ec.Eigenstrain(((0.001, 0.0), (0.0, -0.001)))
+        Eigenstrain(value=((0.001, 0.0), (0.0, -0.001)), region=None)
+    """
+
+    value: Tensor
+    region: str | None = None
+
+    parameters: ClassVar[tuple[str, ...]] = ("value",)
+
+    def __post_init__(self) -> None:
+        """Check the arguments."""
+        check_region("Eigenstrain", self.region)
+        if callable(self.value) or not isinstance(self.value, Sequence | np.ndarray):
+            check_value("Eigenstrain", self.value)
+            return
+        rows = []
+        for row in self.value:
+            entries = row if isinstance(row, Sequence | np.ndarray) else (row,)
+            rows.append(tuple(entries))
+        d = len(rows)
+        if d not in (2, 3) or any(len(row) != d for row in rows):
+            raise InputError(
+                f"Eigenstrain is {self.value!r}; give a number, or d rows of d values, e.g."
+                " ((0.001, 0.0), (0.0, 0.0))."
+            )
+        for row in rows:
+            for entry in row:
+                check_value("Eigenstrain: a component", entry)
+        for i in range(d):
+            for j in range(i):
+                pair = (rows[i][j], rows[j][i])
+                if not any(callable(entry) for entry in pair) and pair[0] != pair[1]:
+                    raise InputError(
+                        f"Eigenstrain has the components {pair[1]:g} and {pair[0]:g} at ({j}, {i})"
+                        f" and ({i}, {j}); a strain is symmetric, give half the shear angle twice."
+                    )
+        object.__setattr__(self, "value", tuple(rows))
+
+    def strain(self, x: Ufl, value: Ufl) -> Ufl:
+        """Return the strain [-], UFL, a scalar or of shape (d, d)."""
+        return value

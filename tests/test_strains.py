@@ -1,0 +1,258 @@
+"""Given strains: heat, swelling, misfits.
+
+- free expansion has no stress, to round-off, and the displacement of a closed form;
+- a bar that is held has the stress of a closed form, in plane strain also out of plane;
+- a body heated between walls presses them, a cooled one leaves them;
+- a strain that fills a gap is an interference of that gap, to round-off;
+- e bounds both true errors with a strain that varies, and shrinks at the rate of the
+  degree; the energy of a fine mesh is in the interval of a coarse one;
+- in a history the work of forces and strains is what is stored, up to the error;
+- regions, both solvers, both methods, ranks; what is wrong is refused in words.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import ufl
+from mpi4py import MPI
+from reference import true_errors
+from scenes import mostly_serial
+
+import erc_contact as ec
+
+from dolfinx import mesh as dmesh  # isort: skip - after erc_contact, which loads MPI first
+
+E, NU, HEAT = 1000.0, 0.3, 1e-3
+ROLLERS = [ec.Displacement("left", (0.0, None)), ec.Displacement("bottom", (None, 0.0))]
+
+
+def measured(scene, domain, **options) -> ec.ConstitutiveError:
+    return ec.constitutive_error(ec.equilibrate(ec.solve(scene, domain, **options)))
+
+
+def plate(n: int = 3, comm: MPI.Comm = MPI.COMM_WORLD) -> ec.Domain:
+    return ec.rectangle((0.0, 0.0), (2.0, 1.0), cells=(2 * n, n), comm=comm)
+
+
+def walled(strain, friction=0.3, gap=0.0) -> ec.Scene:
+    """Between a support above and a foundation below."""
+    return ec.Scene(
+        ec.Elastic(E, NU),
+        [ec.Displacement("top", (None, 0.0)), ec.Displacement("left", (0.0, None))],
+        contacts=ec.Contact("bottom", friction=friction, gap=gap),
+        strains=strain,
+    )
+
+
+@pytest.mark.parametrize("degree", mostly_serial([1, 2], [1]))
+@pytest.mark.parametrize("hypothesis", ["plane strain", "plane stress"])
+def test_free_expansion_has_no_stress(hypothesis, degree):
+    scene = ec.Scene(ec.Elastic(E, NU, hypothesis), ROLLERS, strains=ec.ThermalStrain(HEAT, 40.0))
+    error = measured(scene, plate(), degree=degree)
+    assert error.absolute == 0.0
+    assert error.relative == 0.0
+    # In plane strain the strain out of plane goes into the plane, too, and leaves the
+    # stress -E alpha T.
+    is_strain = hypothesis == "plane strain"
+    stretch = 40.0 * HEAT * (1 + NU if is_strain else 1)
+    assert error.at((2.0, 1.0)).displacement == pytest.approx(
+        np.array([[2.0, 1.0]]) * stretch, rel=1e-9
+    )
+    out_of_plane = E * 40.0 * HEAT if is_strain else 0.0
+    assert error.maximum("von Mises").value == pytest.approx(out_of_plane, abs=1e-9)
+
+
+def test_free_expansion_in_space_by_a_region_and_a_tensor():
+    body = ec.box((0.0,) * 3, (1.0,) * 3, cells=(2, 2, 2))
+    supports = [
+        ec.Displacement("left", (0.0, None, None)),
+        ec.Displacement("front", (None, 0.0, None)),
+        ec.Displacement("bottom", (None, None, 0.0)),
+    ]
+    strain = ec.Eigenstrain(((0.01, 0.0, 0.0), (0.0, 0.02, 0.0), (0.0, 0.0, -0.03)))
+    error = measured(ec.Scene(ec.Elastic(E, NU), supports, strains=strain), body)
+    moved = error.at((1.0, 1.0, 1.0)).displacement
+    assert moved == pytest.approx(np.array([[0.01, 0.02, -0.03]]), rel=1e-9)
+    assert error.relative == 0.0
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_held_bar(degree):
+    held = [*ROLLERS, ec.Displacement("right", (0.0, None))]
+    for hypothesis in ("plane strain", "plane stress"):
+        scene = ec.Scene(
+            ec.Elastic(E, NU, hypothesis), held, strains=ec.ThermalStrain(lambda x: HEAT, 40.0)
+        )
+        error = measured(scene, plate(), degree=degree)
+        pressed = E * HEAT * 40.0 / (1 - NU if hypothesis == "plane strain" else 1)
+        assert error.relative < 1e-12
+        assert error.force("right").force == pytest.approx([-pressed, 0.0], rel=1e-9, abs=1e-9)
+        stress = error.at((1.0, 0.5)).stress[0]
+        assert stress == pytest.approx(np.array([[-pressed, 0.0], [0.0, 0.0]]), abs=1e-9 * pressed)
+        # Plane strain: the stress out of plane is the same, -E alpha T/(1 - nu).
+        assert error.maximum("von Mises").value == pytest.approx(pressed, rel=1e-9)
+        assert error.solution.maximum("von Mises").value == pytest.approx(pressed, rel=1e-9)
+
+
+@pytest.mark.parametrize("method", [ec.AugmentedLagrangian(), ec.Nitsche(), ec.Nitsche(theta=1)])
+def test_heat_presses_and_cold_opens(method):
+    hot = measured(walled(ec.ThermalStrain(HEAT, 40.0)), plate(), method=method)
+    pressure = hot.profile("bottom")["pressure"]
+    assert pressure.min() > 0
+    assert hot.force("bottom").force[1] > 0
+    cold = measured(walled(ec.ThermalStrain(HEAT, -40.0), 0.0), plate(), method=method)
+    assert abs(cold.profile("bottom")["pressure"]).max() < 1e-9 * pressure.max()
+    assert cold.profile("bottom")["gap"].min() > 0
+
+
+@pytest.mark.parametrize("solver", ["direct", "iterative"])
+@pytest.mark.parametrize("degree", mostly_serial([1, 2], [2]))
+def test_a_strain_that_fills_a_gap_is_an_interference(degree, solver):
+    grown = 0.02
+    misfit = ec.Eigenstrain(((0.0, 0.0), (0.0, grown)))
+    options = {"degree": degree, "solver": solver, "method": ec.AugmentedLagrangian()}
+    strained = measured(walled(misfit), plate(), **options)
+    pushed = measured(replace(walled((), gap=-grown), strains=()), plate(), **options)
+    assert strained.relative == pytest.approx(pushed.relative, rel=1e-6)
+    for part in ("bottom", "top", "left"):
+        force = pushed.force(part).force
+        assert strained.force(part).force == pytest.approx(force, abs=1e-8 * E * grown)
+
+
+def varying(x):
+    return 0.02 * ufl.sin(2 * x[0]) * ufl.exp(-x[1])
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("degree", [1, 2])
+def test_e_bounds_true_errors_and_shrinks(degree):
+    scene = ec.Scene(
+        ec.Elastic(E, NU),
+        [ec.Displacement("top", (0.0, -0.005))],
+        contacts=ec.Contact("bottom", friction=ec.Tresca(1.0)),
+        strains=[
+            ec.ThermalStrain(1.0, varying),
+            ec.Eigenstrain(lambda x: ((0.01 * x[1], 0.002), (0.002, 0.0))),
+        ],
+    )
+    reference = ec.solve(scene, plate(48), degree=2)
+    errors = []
+    for n in (3, 6):
+        error = measured(scene, plate(n), degree=degree)
+        true = true_errors(error.admissible, reference)
+        both = np.hypot(true.displacement, true.stress)
+        assert both <= 1.02 * error.absolute  # a reference is not the solution
+        assert error.absolute <= 1.3 * both
+        errors.append(error)
+    coarse, fine = errors
+    assert fine.absolute < 0.75 * coarse.absolute
+    finest = measured(scene, plate(24), degree=2)
+    energy = ec.potential_energy(finest).value
+    force = finest.force("bottom").force[1]
+    for error in errors:
+        bounds = ec.potential_energy(error)
+        assert bounds.low <= energy <= bounds.high
+        pressure = ec.resultant(error, "bottom", (0.0, 1.0))
+        assert pressure.low <= force <= pressure.high
+
+
+def test_energy_of_a_history():
+    def scene_at(t):
+        share = np.sin(t)  # heated, and cooled again
+        heat = ec.ThermalStrain(HEAT, lambda x: 20.0 * share * (1 + x[1]))
+        return replace(walled(heat), loads=ec.Traction("right", (5.0 * t, 0.0)))
+
+    evolution = ec.evolve(scene_at, plate(6), [0.5, 1.5, 2.8], accuracy=0.5, degree=2)
+    stored = [step.stored for step in evolution.steps]
+    left = [abs(step.imbalance) for step in evolution.steps]
+    e_2 = [error.absolute**2 for error in evolution.errors]
+    assert min(stored) > 0
+    # Each step adds what its pair leaves of the balance, which is of the order of e^2.
+    assert np.all(np.array(left) < 5 * np.cumsum(e_2) + 1e-12)
+    assert max(left) < 0.1 * max(stored)
+
+
+def test_regions_and_ranks_have_the_same_numbers():
+    """Steel and brass in one body; on one rank and on all."""
+    errors = []
+    for comm in (MPI.COMM_SELF, MPI.COMM_WORLD):
+        whole = plate(4, comm)
+        cells = np.arange(whole.mesh.topology.index_map(2).size_local, dtype=np.int32)
+        corners = whole.mesh.geometry.x[whole.mesh.geometry.dofmaps[0][cells]]
+        tags = np.where(corners.mean(axis=1)[:, 1] > 0.5, 2, 1).astype(np.int32)
+        regions = dmesh.meshtags(whole.mesh, 2, cells, tags)
+        domain = ec.Domain(
+            whole.mesh, whole.facet_tags, whole.names, regions, {"steel": 1, "brass": 2}
+        )
+        heat = ec.ThermalStrain({"steel": 1.2e-5, "brass": 1.9e-5}, 100.0)
+        swelling = ec.Eigenstrain(1e-4, region="brass")
+        scene = walled([heat, swelling], friction=0.2)
+        errors.append(measured(scene, domain))
+    alone, together = errors
+    assert together.relative == pytest.approx(alone.relative, rel=1e-9)
+    force = alone.force("bottom").force
+    assert together.force("bottom").force == pytest.approx(force, rel=1e-9)
+    assert force[1] > 0
+
+
+BAD = {
+    "not finite": (lambda: ec.ThermalStrain(1e-5, np.inf), "finite number"),
+    "no value": (lambda: ec.ThermalStrain("hot", 3.0), "finite number"),
+    "no rows": (lambda: ec.Eigenstrain((1.0, 2.0, 3.0, 4.0)), "d rows of d values"),
+    "not symmetric": (lambda: ec.Eigenstrain(((0.0, 1.0), (2.0, 0.0))), "half the shear angle"),
+    "region": (lambda: ec.Eigenstrain(0.1, region=3), "name of one cell region"),
+    "no strain": (lambda: walled(3.0), "strains is 3.0"),
+    "unknown region": (
+        lambda: ec.solve(walled(ec.Eigenstrain(0.1, region="core")), plate()),
+        "'core'",
+    ),
+    "shape": (
+        lambda: ec.solve(walled(ec.Eigenstrain(((0.0,) * 3,) * 3)), plate()),
+        "needs a scalar or the shape",
+    ),
+    "math": (
+        lambda: ec.solve(walled(ec.ThermalStrain(1.0, lambda x: np.sin(x[0]))), plate()),
+        "ufl.sin",
+    ),
+    "infinite": (
+        lambda: ec.solve(walled(ec.ThermalStrain(1.0, lambda x: 1 / (x[0] - x[0]))), plate()),
+        "not finite",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_strains_are_refused_in_words(case):
+    attempt, words = BAD[case]
+    with pytest.raises(ec.InputError, match=words):
+        attempt()
+
+
+class Rubber:
+    """A material of a user's that does not tell its stress out of plane."""
+
+    parameters = ("G",)
+    G = 1.0
+
+    def stress(self, eps, G):
+        return 2 * G * eps
+
+    def compliance(self, sigma, G):
+        return sigma / (2 * G)
+
+    def modulus(self, G):
+        return G
+
+    def check(self, name, low, high):
+        pass
+
+
+def test_a_material_without_stress_out_of_plane():
+    scene = replace(walled(ec.ThermalStrain(HEAT, 40.0)), material=Rubber())
+    with pytest.raises(ec.InputError, match="out_of_plane"):
+        ec.solve(scene, plate())
+    in_plane = replace(scene, strains=ec.Eigenstrain(((0.0, 0.0), (0.0, 0.04))))
+    assert measured(in_plane, plate()).force("bottom").force[1] > 0
+    with pytest.raises(ec.InputError, match="given strains"):
+        ec.work_of_loads(measured(replace(in_plane, contacts=ec.Contact("bottom")), plate()))
