@@ -23,6 +23,7 @@ from erc_contact.admissible.pair import Admissible, equilibrate
 from erc_contact.base.exceptions import ErcContactError, InputError, NotConverged, NotHeldError
 from erc_contact.base.logs import log_to_console
 from erc_contact.error.bounds import Bounds, potential_energy, resultant, work_of_loads
+from erc_contact.error.certify import Certificate, certify
 from erc_contact.error.constitutive import ConstitutiveError, constitutive_error
 from erc_contact.error.coulomb import CoulombCertificate, coulomb_certificate
 from erc_contact.error.multiplicity import other_solutions
@@ -55,6 +56,7 @@ __all__ = [
     "AugmentedLagrangian",
     "BodyForce",
     "Bounds",
+    "Certificate",
     "ConstitutiveError",
     "Contact",
     "Coulomb",
@@ -90,6 +92,7 @@ __all__ = [
     "Uniform",
     "adapt",
     "box",
+    "certify",
     "constitutive_error",
     "coulomb_certificate",
     "equilibrate",

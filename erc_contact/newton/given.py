@@ -1,0 +1,226 @@
+"""Make a solution of a displacement that another solver has computed.
+
+Its contact tractions are those of its reactions: what the elastic equations of the
+package leave at the nodes of the contacts, as for the augmented Lagrangian
+(:mod:`erc_contact.newton.reactions`). Where the displacement solves a contact problem
+on the mesh by elements of the same degree, these are the tractions of that problem,
+whatever contact method it had.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from dolfinx import fem
+from mpi4py import MPI
+
+from erc_contact.base import checks
+from erc_contact.base.exceptions import InputError, together
+from erc_contact.mesh.domain import Domain
+from erc_contact.model.model import Model
+from erc_contact.model.promises import bind
+from erc_contact.newton.arguments import check_arguments
+from erc_contact.newton.linear.multigrid import Multigrid
+from erc_contact.newton.linear.stiffness import Stiffness
+from erc_contact.newton.methods import AugmentedLagrangian
+from erc_contact.newton.reactions import Reactions
+from erc_contact.newton.solution import Solution
+from erc_contact.newton.solve import large
+from erc_contact.scene.scene import Scene
+
+type Displacement = fem.Function | Callable[[np.ndarray], Any] | tuple[Any, Any]
+"""A Function, a callable of points, or points with values."""
+SAME_PLACE = 1e-5
+"""Distance of a point to a node that is none, over the extent of the body [-].
+
+Result files often have six digits.
+"""
+DIGITS = 1e-12
+"""Distance of places with the same digits, over the size of the body [-]."""
+CHUNK = 256
+"""Number of nodes that are compared with all points at once."""
+REASON = "given displacement"
+
+
+def solution_of(
+    scene: Scene, domain: Domain, u: Displacement, degree: int | None = None
+) -> tuple[Solution, float]:
+    """Make a solution of a displacement; collective.
+
+    Args:
+        scene: The problem.
+        domain: The mesh.
+        u: The displacement, see :func:`erc_contact.certify`.
+        degree: Its degree, 1 or 2; None takes that of u.
+
+    Returns:
+        The solution, and by how much supports differ from u at most [length].
+
+    Raises:
+        InputError: If u does not fit the mesh, or is not finite.
+    """
+    began = perf_counter()
+    comm = domain.mesh.comm
+    degree = together(comm, _degree, scene, domain, u, degree)
+    model = bind(scene, domain, degree)
+    displacement = model.function()
+    values = together(comm, _values, model, u)
+    finite = comm.allreduce(bool(np.isfinite(values).all()), MPI.LAND)
+    if not finite:
+        raise InputError("certify: the displacement is not finite everywhere.")
+    fixed = model.fixed.ravel()
+    prescribed = model.prescribed.x.array
+    off = float(abs(values.ravel() - prescribed)[fixed].max(initial=0.0))
+    displacement.x.array[:] = np.where(fixed, prescribed, values.ravel())
+    displacement.x.scatter_forward()
+
+    elastic = Multigrid(model) if large(model) else Stiffness(model)
+    solution = Solution(
+        model=model,
+        method=AugmentedLagrangian(),
+        u=displacement,
+        multipliers=_multipliers(model, elastic, displacement),
+        newton_steps=0,
+        reason=REASON,
+        distance=0.0,
+        least_singular_value=1.0,
+        stiffness=elastic,
+        seconds=comm.allreduce(perf_counter() - began, MPI.MAX),
+    )
+    return solution, comm.allreduce(off, MPI.MAX)
+
+
+def _degree(scene: Scene, domain: Domain, u: Displacement, degree: int | None) -> int:
+    """Return the degree of a displacement, and check the other arguments."""
+    if degree is None:
+        degree = 1
+        if isinstance(u, fem.Function):
+            degree = u.function_space.element.basix_element.degree
+        elif isinstance(u, tuple) and len(u) == 2 and len(u[0]) > domain.vertices:
+            degree = 2
+    check_arguments(scene, domain, None, degree, "auto")
+    return degree
+
+
+def _values(model: Model, u: Displacement) -> np.ndarray:
+    """Return the displacement at the nodes of this rank [length], shape (nodes, d)."""
+    d = model.d
+    x = model.V.tabulate_dof_coordinates()
+    if isinstance(u, fem.Function):
+        return _of_function(model, u)
+    if callable(u):
+        try:
+            values = np.asarray(u(x[:, :d].T.copy()), dtype=float).T
+        except Exception as reason:
+            raise InputError(
+                f"certify: u failed with {type(reason).__name__}: {reason}. It gets points of"
+                f" shape ({d}, n), arrays of NumPy, and returns the same shape."
+            ) from reason
+        if values.shape != (len(x), d):
+            raise InputError(
+                f"certify: u returned the shape {values.T.shape} for points of shape"
+                f" {(d, len(x))}; return {d} rows, a component each."
+            )
+        return values
+    if not isinstance(u, tuple) or len(u) != 2:
+        raise InputError(
+            f"certify: u is {checks.description(u)}; give a Function of the mesh, a callable of"
+            " points, or (points, values)."
+        )
+    return _of_points(model, *u)
+
+
+def _of_function(model: Model, u: fem.Function) -> np.ndarray:
+    """Return the nodal values of a Function of the mesh."""
+    if u.function_space.mesh is not model.mesh and u.function_space.mesh != model.mesh:
+        raise InputError(
+            "certify: u lives on another mesh than domain.mesh; solve on domain.mesh, or give"
+            " (points, values)."
+        )
+    same = model.function()
+    if u.function_space.element.value_shape != (model.d,):
+        raise InputError(f"certify: u must have {model.d} components.")
+    same.interpolate(u)
+    return same.x.array.reshape(-1, model.d)
+
+
+def _of_points(model: Model, points: Any, values: Any) -> np.ndarray:
+    """Return the values of the points at which the nodes lie."""
+    d = model.d
+    if model.domain.pairs:
+        raise InputError(
+            "certify: at a contact between bodies two nodes lie at one place, so that points do"
+            " not tell them apart; give a Function of domain.mesh."
+        )
+    at = np.asarray(points, dtype=float)
+    given = np.asarray(values, dtype=float)
+    is_table = at.ndim == given.ndim == 2 and len(at) == len(given)
+    if not is_table or min(at.shape[1], given.shape[1]) < d:
+        raise InputError(
+            f"certify: points and values have the shapes {at.shape} and {given.shape}; give"
+            f" (n, {d}) of both."
+        )
+    nodes = model.V.tabulate_dof_coordinates()[:, :d]
+    place = _nearest(nodes, at[:, :d])
+    distance = np.linalg.norm(at[place, :d] - nodes, axis=1)
+    apart = distance > SAME_PLACE * model.domain.extent
+    if apart.any():
+        first = tuple(nodes[apart][0].tolist())
+        raise InputError(
+            f"certify: {int(apart.sum())} of {len(nodes)} nodes have no point, the first is"
+            f" {first}, {distance[apart][0]:.1e} from the nearest; give the values at all nodes"
+            " of the mesh, for degree 2 also at the middles of edges."
+        )
+    return given[place, :d]
+
+
+def _nearest(nodes: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Return the nearest point of each node; points and nodes nearly coincide.
+
+    Both are sorted along a line on which no two nodes share a place, so that digits
+    that agree are found at once. The few others are compared with all points.
+    """
+    line = np.sqrt(np.arange(2, 2 + nodes.shape[1]))
+    order = np.argsort(points @ line)
+    after = np.searchsorted((points @ line)[order], nodes @ line)
+    best = order[np.minimum(after, len(order) - 1)]
+    before = order[np.maximum(after - 1, 0)]
+    distance = np.linalg.norm(points[best] - nodes, axis=1)
+    distance_before = np.linalg.norm(points[before] - nodes, axis=1)
+    best = np.where(distance_before < distance, before, best)
+    distance = np.minimum(distance, distance_before)
+    size = float(np.ptp(nodes, axis=0).max(initial=0.0))
+    left = np.flatnonzero(distance > DIGITS * size)
+    for start in range(0, len(left), CHUNK):
+        chunk = left[start : start + CHUNK]
+        apart = np.linalg.norm(points[None] - nodes[chunk, None], axis=2)
+        best[chunk] = apart.argmin(axis=1)
+    return best
+
+
+def _multipliers(model: Model, elastic: Any, u: fem.Function) -> tuple[fem.Function, ...]:
+    """Return the multipliers of the reactions of a displacement [force/area]."""
+    if not model.contacts:
+        return ()
+    matrix = elastic.stiffness()
+    loads = elastic.right_side(elastic.load_vector(), supports=True)
+    residual = loads.duplicate()
+    x = elastic.vector(model.coordinates.to_x(u))
+    matrix.mult(x, residual)
+    residual.axpy(-1.0, loads)
+    reactions = Reactions(model, matrix)
+    work = loads.duplicate()
+    multipliers = []
+    for contact, of_contact in zip(model.contacts, reactions.matrices, strict=True):
+        of_contact.mult(residual, work)
+        multiplier = elastic.unknowns(work)
+        nodal = multiplier.x.array.reshape(-1, model.d)
+        model.to_coefficients(nodal, [contact], back=True)
+        multipliers.append(multiplier)
+    reactions.destroy()
+    for done in (matrix, loads, residual, x, work):
+        done.destroy()
+    return tuple(multipliers)

@@ -1,0 +1,165 @@
+"""The error of a displacement from anywhere, and what causes it.
+
+- a solution of the augmented Lagrangian gets the error that it has; one of Nitsche's
+  method one that is as good;
+- the squares of the causes sum to e^2; a disturbance raises that of the displacement by
+  its energy norm, and leaves that of the mesh;
+- e bounds the true error of an interpolated, a disturbed and a penetrating
+  displacement, and the words name the greatest cause;
+- Functions, callables and points in any order are the same, on any ranks, for two
+  bodies, and with heat; what does not fit is refused in words.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bricks import bricks
+from mpi4py import MPI
+from reference import true_errors
+from scenes import block, prototype_block
+
+import erc_contact as ec
+
+SCENE = prototype_block()
+
+
+def solved(degree, n=4, method=None, scene=SCENE):
+    return ec.solve(scene, block(n), method or ec.AugmentedLagrangian(), degree=degree)
+
+
+def error_of(solution):
+    return ec.constitutive_error(ec.equilibrate(solution))
+
+
+def disturbed(u, share):
+    """A Function whose values are wrong by a share, the same on any ranks."""
+    other = u.copy()
+    x = u.function_space.tabulate_dof_coordinates()
+    noise = np.sin(57.0 * x[:, :1] + 91.0 * x[:, 1:2] + np.array([1.0, 2.0]))
+    other.x.array[:] *= 1 + share * noise.ravel()
+    return other
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_a_solution_has_the_error_that_it_has(degree):
+    solution = solved(degree)
+    error = error_of(solution)
+    certificate = ec.certify(SCENE, solution.domain, solution.u)
+    assert certificate.error.relative == pytest.approx(error.relative, rel=1e-8)
+    parts = [certificate.mesh, certificate.displacement, certificate.contact]
+    assert np.linalg.norm(parts) == pytest.approx(error.absolute, rel=1e-8)
+    assert certificate.off_supports == 0.0
+    assert certificate.penetration == 0.0
+    assert certificate.cause == "the mesh"
+    of_nitsche = ec.solve(SCENE, solution.domain, ec.Nitsche(), degree=degree).u
+    nitsche = ec.certify(SCENE, solution.domain, of_nitsche)
+    assert nitsche.error.relative == pytest.approx(error.relative, rel=0.05)
+    assert nitsche.penetration > 0
+
+
+def test_a_disturbance_is_the_fault_of_the_displacement():
+    solution = solved(2)
+    clean = ec.certify(SCENE, solution.domain, solution.u)
+    noisy = ec.certify(SCENE, solution.domain, disturbed(solution.u, 0.05))
+    assert noisy.cause == "the displacement"
+    assert "not in equilibrium" in str(noisy)
+    assert noisy.off_supports > 0
+    # The contact traction is disturbed, too, so the mesh costs somewhat more.
+    assert noisy.mesh < 1.5 * clean.mesh
+    assert noisy.displacement > 3 * clean.displacement
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("degree", [1, 2])
+def test_e_bounds_the_true_error_of_anything(degree):
+    reference = ec.solve(SCENE, block(48), degree=2)
+    coarse = solved(degree)
+    nodes = coarse.model.V.tabulate_dof_coordinates()
+    sunk = coarse.u.copy()
+    sunk.x.array[1::2] -= 0.002 * (7.0 - nodes[:, 1])
+    x = reference.model.V.tabulate_dof_coordinates()[:, :2]
+    # The nodes of the coarse mesh are among those of the fine one.
+    fine = x, reference.u.x.array.reshape(-1, 2)
+    given = {
+        "interpolated": fine,
+        "disturbed": disturbed(coarse.u, 0.02),
+        "sunk": sunk,
+        "at rest": lambda x: np.zeros((2, x.shape[1])),
+    }
+    for name, u in given.items():
+        certificate = ec.certify(SCENE, coarse.domain, u, degree=degree)
+        true = true_errors(certificate.error.admissible, reference)
+        third = max(-true.friction, 0.0)
+        assert true.both**2 - third <= 1.02 * certificate.error.absolute**2, name
+        assert certificate.error.absolute < 3 * true.both, name
+    assert certificate.off_supports == pytest.approx(0.05, rel=1e-9)
+    assert certificate.cause == "the displacement"
+    assert ec.certify(SCENE, coarse.domain, sunk).penetration == pytest.approx(0.014, rel=0.05)
+
+
+def test_points_in_any_order_and_digits():
+    solution = solved(2, n=3)
+    if MPI.COMM_WORLD.size == 1:
+        x = solution.model.V.tabulate_dof_coordinates()[:, :2]
+        u = solution.u.x.array.reshape(-1, 2)
+        order = np.random.default_rng(0).permutation(len(x))
+        rounded = np.array([[float(f"{value:.5e}") for value in row] for row in x[order]])
+        certificate = ec.certify(SCENE, solution.domain, (rounded, u[order]))
+        assert certificate.error.degree == 2
+        assert certificate.error.relative == pytest.approx(error_of(solution).relative, rel=1e-8)
+        with pytest.raises(ec.InputError, match="nodes have no point"):
+            ec.certify(SCENE, solution.domain, (x[5:], u[5:]), degree=2)
+    with pytest.raises(ec.InputError, match=r"give \(n, 2\) of both"):
+        ec.certify(SCENE, solution.domain, ([1.0, 2.0], [3.0]))
+
+
+def test_ranks_and_heat():
+    scene = replace(SCENE, strains=ec.ThermalStrain(1e-3, 5.0))
+
+    def field(x):
+        return np.array([0.002 * x[1], -0.05 * x[1] / 7.0 + 0.001 * x[0]])
+
+    certificates = []
+    for comm in (MPI.COMM_SELF, MPI.COMM_WORLD):
+        domain = ec.rectangle((0.0, 0.0), (2.0, 7.0), cells=(2, 7), comm=comm)
+        certificates.append(ec.certify(scene, domain, field))
+    alone, together = certificates
+    assert together.error.relative == pytest.approx(alone.error.relative, rel=1e-9)
+    assert together.displacement == pytest.approx(alone.displacement, rel=1e-8)
+    assert together.penetration == pytest.approx(alone.penetration, abs=1e-15)
+
+
+def test_two_bodies():
+    bodies = bricks(2, (4, 2))
+    scene = ec.Scene(
+        ec.Elastic({"upper": 10.0, "lower": 1.0}, 0.3),
+        [ec.Displacement("upper outer", (0.01, -0.05)), ec.Displacement("lower outer", (0.0, 0.0))],
+        contacts=ec.Contact("upper contact", against="lower contact", friction=0.3),
+    )
+    solution = ec.solve(scene, bodies, ec.AugmentedLagrangian())
+    certificate = ec.certify(scene, bodies, solution.u)
+    assert certificate.error.relative == pytest.approx(error_of(solution).relative, rel=1e-8)
+    with pytest.raises(ec.InputError, match="two nodes lie at one place"):
+        ec.certify(scene, bodies, (np.zeros((3, 2)), np.zeros((3, 2))))
+
+
+BAD = {
+    "number": (3.0, "give a Function of the mesh"),
+    "shape": (lambda x: x[:1], "return 2 rows"),
+    "not finite": (lambda x: np.nan * x, "not finite"),
+    "raises": (lambda x: 1 / 0, "failed with ZeroDivisionError"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_what_does_not_fit_is_refused_in_words(case):
+    u, words = BAD[case]
+    with pytest.raises(ec.InputError, match=words):
+        ec.certify(SCENE, block(2), u)
+
+
+def test_a_function_of_another_mesh_is_refused():
+    solution = solved(1, n=2)
+    with pytest.raises(ec.InputError, match="another mesh"):
+        ec.certify(SCENE, block(2), solution.u)
