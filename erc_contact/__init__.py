@@ -48,6 +48,7 @@ from erc_contact.scene.law import Coulomb, Law, Tresca
 from erc_contact.scene.load import BodyForce, Load, Traction
 from erc_contact.scene.material import Elastic, Material
 from erc_contact.scene.scene import Scene
+from erc_contact.scene.spring import Spring
 from erc_contact.scene.strain import Eigenstrain, GivenStrain, ThermalStrain
 from erc_contact.scene.support import Displacement
 
@@ -83,6 +84,7 @@ __all__ = [
     "SizeMap",
     "Sizes",
     "Solution",
+    "Spring",
     "Step",
     "Strategy",
     "ThermalStrain",

@@ -23,7 +23,6 @@ from mpi4py import MPI
 from erc_contact.admissible.cells import (
     CellGeometry,
     cell_geometry,
-    facet_order,
     force_coefficients,
     moments,
     signed,
@@ -35,6 +34,13 @@ from erc_contact.admissible.facets import equilibrated_moments
 from erc_contact.admissible.loads import cell_forces, traction_moments
 from erc_contact.admissible.macro import macro_stress
 from erc_contact.admissible.rebalance import nodal_forces, rebalanced_stress, work_on_motions
+from erc_contact.admissible.springs import (
+    add_moments,
+    chosen_tractions,
+    spring_moments,
+    spring_tractions,
+    stiff_components,
+)
 from erc_contact.admissible.tighten.complementary import relaxed
 from erc_contact.admissible.tighten.iteration import TIGHTEN, tightened
 from erc_contact.admissible.traction import ContactTraction
@@ -56,6 +62,8 @@ class Admissible:
         solution: The solution from which it was reconstructed.
         displacement: u^ [length], a continuous Function of degree k.
         tractions: r^ on each contact.
+        spring_tractions: t^ on each part with springs [force/area], as Bernstein
+            coefficients of shape (f, m, d).
         cell_geometry: Vertices, facets and volumes of the cells.
         fe_stress: The rebalanced finite element stress, projected on polynomials of
             degree k-1 in each cell [force/area], shape (n, N_(k-1), d, d).
@@ -76,6 +84,7 @@ class Admissible:
     solution: Solution
     displacement: fem.Function
     tractions: list[ContactTraction]
+    spring_tractions: list[np.ndarray]
     cell_geometry: CellGeometry
     fe_stress: np.ndarray
     stress: np.ndarray
@@ -147,7 +156,8 @@ def equilibrate(solution: Solution, tighten: int = TIGHTEN) -> Admissible:
     owned = model.domain.owned_cells
     cells = cell_geometry(model)
     force = cell_forces(model, cells)
-    hat, tractions, stress, moment, fixed = _before_tightening(solution, cells, force)
+    loads = _load_moments(model, cells)
+    hat, tractions, stress, moment, fixed = _before_tightening(solution, cells, force, loads)
 
     # From degree 2 on, the tractions leave the bubbles of sigma^ to be chosen.
     has_bubbles = model.degree > 1
@@ -164,24 +174,38 @@ def equilibrate(solution: Solution, tighten: int = TIGHTEN) -> Admissible:
     sigma = macro_stress(cells, owned, stress, forces, force)
     if has_bubbles:
         sigma = relaxed(cells, sigma, elastic, compliance)
+    of_springs = chosen_tractions(model, loads, moment)
     seconds = model.comm.allreduce(perf_counter() - began, MPI.MAX)
     return Admissible(
-        solution, hat, tractions, cells, stress, sigma, moment, force, iterations, seconds
+        solution,
+        hat,
+        tractions,
+        of_springs,
+        cells,
+        stress,
+        sigma,
+        moment,
+        force,
+        iterations,
+        seconds,
     )
 
 
 def _before_tightening(
-    solution: Solution, cells: CellGeometry, force: np.ndarray | None
+    solution: Solution, cells: CellGeometry, force: np.ndarray | None, load_moments: np.ndarray
 ) -> tuple[fem.Function, list[ContactTraction], np.ndarray, np.ndarray, np.ndarray]:
     """Reconstruct the pair before sigma^ is tightened, as facet tractions; collective.
 
     Returns:
         u^; r^ on each contact; the rebalanced stress [force/area], shape (n, N_(k-1),
         d, d); moments of facet tractions that balance every cell [force], shape
-        (facets, m, d); which components of a facet a support fixes, shape (facets, d).
+        (facets, m, d); which components of a facet have any traction, shape (facets,
+        d).
     """
     model = solution.model
-    boundary, fixed = _loads(model, cells)
+    fixed = _supported(model, cells)
+    # A support takes up the load on its components.
+    boundary = np.where(fixed[:, None, :], 0.0, load_moments)
     loads, size = work_on_motions(model, nodal_forces(model, cells, boundary, force))
     tractions = admissible_tractions(model, solution, loads, size)
     # The gap allows u at rest, also where facets do not carry the gap.
@@ -192,12 +216,15 @@ def _before_tightening(
     for traction in tractions:
         of_contact = moments(traction.area, traction.values, model.degree)
         trace = traction.contact.trace
-        _add(model, boundary, trace.here.facets, of_contact)
+        add_moments(model, boundary, trace.here.facets, of_contact)
         if trace.there is not None:
             # Action and reaction: on the other body acts the opposite traction.
-            _add(model, boundary, trace.there.facets, -trace.on_there(of_contact))
+            add_moments(model, boundary, trace.there.facets, -trace.on_there(of_contact))
     b = nodal_forces(model, cells, boundary, force)
-    stress = rebalanced_stress(model, solution.stiffness, cells, solution.u, b)
+    stress, u = rebalanced_stress(model, solution.stiffness, cells, solution.u, b)
+    # The springs pull at the displacement that is in equilibrium with their pull.
+    pulled = spring_moments(model, spring_tractions(model, u))
+    boundary += np.where(fixed[:, None, :], 0.0, pulled)
     # A rank has all cells around the nodes of its own cells, but not around others.
     complete = np.zeros(len(model.fixed), dtype=bool)
     complete[model.nodes[: model.domain.owned_cells]] = True
@@ -205,31 +232,27 @@ def _before_tightening(
     return hat, tractions, stress, moment, fixed
 
 
-def _loads(model: Model, cells: CellGeometry) -> tuple[np.ndarray, np.ndarray]:
-    """Compute the moments of the loads on facets [force]; collective.
+def _load_moments(model: Model, cells: CellGeometry) -> np.ndarray:
+    """Compute the moments of the loads on facets, projected on degree k; collective.
 
     Returns:
-        Moments of the loads, projected on degree k [force], shape (facets, m, d), and
-        which components of a facet a support fixes, shape (facets, d).
+        Moments [force], shape (facets, m, d).
     """
-    d = cells.d
-    facet_count = cells.side.shape[1]
-    boundary = np.zeros((facet_count, len(model.facet_points), d))
+    result = np.zeros((cells.side.shape[1], len(model.facet_points), cells.d))
     for load in model.surface_loads:
         facets = model.domain.facets(load.facets)
-        _add(model, boundary, facets, traction_moments(model, facets, load.density))
-    fixed = np.zeros((facet_count, d), dtype=bool)
+        add_moments(model, result, facets, traction_moments(model, facets, load.density))
+    return result
+
+
+def _supported(model: Model, cells: CellGeometry) -> np.ndarray:
+    """Tell which components of a facet may have any traction, shape (facets, d).
+
+    A support, or a stiff spring, holds them.
+    """
+    fixed = np.zeros((cells.side.shape[1], cells.d), dtype=bool)
     for facets, components in model.fixed_facets:
         fixed[model.facet_numbers(facets)] |= components
-    # A support takes up the load on its components.
-    boundary[np.broadcast_to(fixed[:, None, :], boundary.shape)] = 0.0
-    return boundary, fixed
-
-
-def _add(model: Model, total: np.ndarray, facets: np.ndarray, moment: np.ndarray) -> None:
-    """Add moments of facets (cell, local facet) in place.
-
-    Their nodes are in the order of DOLFINx; those of the total are sorted.
-    """
-    order = facet_order(model.facet_nodes(facets)[:, : model.d], model.degree)
-    total[model.facet_numbers(facets)] += np.take_along_axis(moment, order[:, :, None], axis=1)
+    for spring in model.springs:
+        fixed[model.facet_numbers(spring.side.facets)] |= stiff_components(model, spring)
+    return fixed

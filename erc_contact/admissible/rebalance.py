@@ -16,6 +16,7 @@ from mpi4py import MPI
 from erc_contact.admissible.cells import CellGeometry, facet_forces
 from erc_contact.admissible.elastic import cell_stress
 from erc_contact.admissible.facets import divergence
+from erc_contact.admissible.springs import spring_moments, spring_tractions
 from erc_contact.mesh.simplex import coefficients, local_facet_nodes, mass
 from erc_contact.model.model import Model
 from erc_contact.newton.linear.solver import ElasticSolver
@@ -78,7 +79,7 @@ def work_on_motions(model: Model, b: fem.Function) -> tuple[np.ndarray, float]:
 
 def rebalanced_stress(
     model: Model, elastic: ElasticSolver, cells: CellGeometry, u: fem.Function, b: fem.Function
-) -> np.ndarray:
+) -> tuple[np.ndarray, fem.Function]:
     """Compute the stress in exact discrete equilibrium with nodal forces b; collective.
 
     The stress of the contact solve is not: b has the admissible tractions. An elastic
@@ -96,18 +97,29 @@ def rebalanced_stress(
         b: Nodal forces, not yet summed over ranks [force].
 
     Returns:
-        Coefficients [force/area], shape (n, N_(k-1), d, d).
+        Coefficients [force/area], shape (n, N_(k-1), d, d), and the displacement whose
+        stress it is [length], at which springs pull.
     """
     stress = cell_stress(model, cells, u)
+    balanced = u
+    if model.springs:
+        balanced = u.copy()
     with elastic.in_memory():
         for _ in range(BALANCE_SOLVES):
-            residual, size = _residual(model, cells, b, stress)
+            forces = b
+            if model.springs:
+                pulled = spring_moments(model, spring_tractions(model, balanced))
+                forces = nodal_forces(model, cells, pulled, None)
+                forces.x.array[:] += b.x.array
+            residual, size = _residual(model, cells, forces, stress)
             if size <= FORCE_ROUND_OFF:
                 break
             tolerance = max(SOLVE_SHARE * FORCE_ROUND_OFF / size, np.finfo(float).eps)
             change = elastic.solve(residual, supports=False, tolerance=tolerance)
             stress += cell_stress(model, cells, change, change=True)
-    return _stress_of_owners(model, cells, stress)
+            if model.springs:
+                balanced.x.array[:] += change.x.array
+    return _stress_of_owners(model, cells, stress), balanced
 
 
 def _stress_of_owners(model: Model, cells: CellGeometry, stress: np.ndarray) -> np.ndarray:

@@ -13,6 +13,7 @@ from erc_contact.admissible.elastic import act, elastic_stress, macro_moduli, st
 from erc_contact.admissible.kernels import kernels
 from erc_contact.admissible.macro import macro_points, macro_values
 from erc_contact.admissible.pair import Admissible
+from erc_contact.admissible.springs import spring_squares
 from erc_contact.error.oscillation import DATA_ROUND_OFF, UNKNOWN_SHARE
 from erc_contact.mesh.quadrature import cell_pieces, integrate, polynomials
 from erc_contact.mesh.surface import pairs, swept
@@ -23,7 +24,7 @@ def bulk_squares(admissible: Admissible) -> tuple[np.ndarray, np.ndarray, float]
     """Compute the squares of difference and sum of the two stresses; collective.
 
     These are ``sigma^ - C eps(u^)`` and ``sigma^ + C eps(u^)``, where eps is the strain
-    without the given one.
+    without the given one, with those of springs.
 
     Returns:
         The squares of the energy norms on each owned cell [force length]. If the moduli
@@ -44,9 +45,14 @@ def bulk_squares(admissible: Admissible) -> tuple[np.ndarray, np.ndarray, float]
     material = (len(compliance) > 1, compliance.shape[1], np.ascontiguousarray(compliance))
     difference, both = np.empty((2, owned))
     kernels()("stress_squares", *sizes, *rule, *stresses, *material, difference, both)
-    if not data_vary(model):
-        return difference, both, 0.0
-    return _adapted_squares(admissible, float(both.sum()))
+    unknown = 0.0
+    if data_vary(model):
+        difference, both, unknown = _adapted_squares(admissible, float(both.sum()))
+    if model.springs:
+        of_springs = spring_squares(model, admissible.displacement, admissible.spring_tractions)
+        difference = difference + of_springs[0]
+        both = both + of_springs[1]
+    return difference, both, unknown
 
 
 def data_vary(model: Model) -> bool:

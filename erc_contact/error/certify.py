@@ -23,6 +23,7 @@ from mpi4py import MPI
 from erc_contact.admissible.elastic import act, elastic_stress, macro_moduli
 from erc_contact.admissible.macro import macro_points
 from erc_contact.admissible.pair import Admissible, equilibrate
+from erc_contact.admissible.springs import spring_squares
 from erc_contact.admissible.tighten.iteration import TIGHTEN
 from erc_contact.base.percent import percent
 from erc_contact.error.constitutive import ROUND_OFF, ConstitutiveError, constitutive_error
@@ -184,4 +185,7 @@ def _distance_to_equilibrium(pair: Admissible) -> float:
     compliance = macro_moduli(model, cells, owned, inverse=True)
     squares = (act(compliance, difference) * difference).sum(axis=2) @ weights
     local = float(squares @ cells.volume[:owned])
+    # Springs pull at u_r, so that all of the error in their law is this distance.
+    of_springs, _ = spring_squares(model, pair.displacement, pair.spring_tractions)
+    local += float(of_springs.sum())
     return float(model.comm.allreduce(local, MPI.SUM))

@@ -17,6 +17,7 @@ from erc_contact.admissible.cells import cell_geometry, sorted_corners
 from erc_contact.admissible.elastic import act, strains
 from erc_contact.admissible.macro import macro_points
 from erc_contact.admissible.pair import Admissible
+from erc_contact.admissible.springs import spring_work
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.base.runtime import compiled
 from erc_contact.base.ufl_types import Ufl
@@ -71,7 +72,7 @@ class BoundedNumber:
 
 
 def elastic_work(pair: Admissible, v: fem.Function, w: fem.Function) -> BoundedNumber:
-    """Compute ``a(v, w)`` [force length]; collective."""
+    """Compute ``a(v, w)``, with the springs [force length]; collective."""
     model = pair.model
     cells = pair.cell_geometry
     if not model.elasticity.varies_in_cells:
@@ -85,7 +86,10 @@ def elastic_work(pair: Admissible, v: fem.Function, w: fem.Function) -> BoundedN
         stress = act(model.elasticity(x, of_cells[entity]), np.matmul(shape, strain_v[entity]))
         return (stress * np.matmul(shape, strain_w[entity])).sum(axis=-1, keepdims=True)
 
-    return _over_cells(pair, density)
+    total = _over_cells(pair, density)
+    for spring in model.springs:
+        total += BoundedNumber(assembled(model, spring.work(v, w)))
+    return total
 
 
 def strain_work(pair: Admissible, v: fem.Function) -> BoundedNumber:
@@ -145,7 +149,7 @@ def _over_cells(pair: Admissible, density: Integrand) -> BoundedNumber:
 def stress_work(pair: Admissible, v: fem.Function) -> BoundedNumber:
     """Compute ``(sigma^, eps(v))``, which is exact [force length]; collective.
 
-    It is the work of r^ and of the projected loads.
+    With the work of the springs it is that of r^ and of the projected loads.
     """
     model = pair.model
     cells = pair.cell_geometry
@@ -157,6 +161,7 @@ def stress_work(pair: Admissible, v: fem.Function) -> BoundedNumber:
     # sigma^ is a polynomial on each sub-simplex, so the rule is exact.
     means = np.einsum("nqs,nqs,q->n", sigma, strain, weights)
     local = float(np.sum(cells.volume[:owned] * means))
+    local += spring_work(model, v, pair.spring_tractions)
     return BoundedNumber(float(model.comm.allreduce(local, MPI.SUM)))
 
 

@@ -75,12 +75,13 @@ def by_cause(
             has such loads.
 
     Returns:
-        The forces of supports and contacts by the names of their parts. "tractions" is
-        the force of all tractions on parts without support, and "body force" that of
-        the loads in the body, where the scene has them. "balance" is the sum of all,
-        which is zero up to round-off.
+        The forces of supports, springs and contacts by the names of their parts, with
+        the loads on these. "tractions" is the force of all others, and "body force"
+        that of the loads in the body, where the scene has them. "balance" is the sum of
+        all, which is zero up to round-off.
     """
     supports = [support.facets for support in model.scene.supports]
+    supports += [spring.facets for spring in model.scene.springs]
     contacts = [name for contact in model.scene.contacts for name in contact.sides]
     # A part may have several supports: each name counts once.
     reacting = dict.fromkeys(supports + contacts)
@@ -103,7 +104,7 @@ def _sum(forces: list[Force]) -> Force:
 def nodal_reactions(
     model: Model, u: fem.Function, traction: Callable[[BoundContact], Ufl], *, in_layer: bool
 ) -> dict[str, np.ndarray]:
-    """Compute the nodal forces of each support and each contact; collective.
+    """Compute the nodal forces of each support, spring and contact; collective.
 
     A contact first gets the integrals of its traction against the basis functions of
     its nodes. The rest of the residual goes to the supports that fix the component at
@@ -144,6 +145,8 @@ def nodal_reactions(
     number_of_claims = sum(claims.values(), start=np.zeros(residual.shape))
     share = residual / np.maximum(number_of_claims, 1.0)
     reactions = {}
+    for spring in model.springs:
+        reactions[spring.name] = -_assembled(model, spring.work(u, v))
     for name, claim in claims.items():
         reactions[name] = forces.get(name, 0.0) + np.where(claim, share, 0.0)
     return reactions

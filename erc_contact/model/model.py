@@ -23,6 +23,7 @@ from erc_contact.model.last_step import LastStep
 from erc_contact.model.loads import bind_loads, sum_of
 from erc_contact.model.motions import free_motions
 from erc_contact.model.space import Space
+from erc_contact.model.springs import bind_springs
 from erc_contact.model.strains import bind_strains
 from erc_contact.model.supports import bind_supports
 from erc_contact.model.symbolic import has_arguments, varies_in_cells
@@ -47,6 +48,7 @@ class Model(Space):
     Attributes:
         parameters: Parameters of the material, UFL.
         strains: The given strains; None without any.
+        springs: The springs on parts of the boundary.
         surface_loads: Loads on parts of the boundary.
         body_force: Sum of the loads in the body [force/volume], UFL of shape (d,), or
             None.
@@ -76,6 +78,7 @@ class Model(Space):
         if type(scene.material) is not Elastic:
             try_material(self.V, scene.material, self.parameters)
         self.strains = bind_strains(self, scene.strains, scene.material, self.parameters)
+        self.springs = bind_springs(self, scene.springs, self.modulus)
         supports = bind_supports(self, scene.supports)
         self.fixed = supports.fixed
         self.prescribed = supports.prescribed
@@ -87,7 +90,7 @@ class Model(Space):
             self.contacts.append(bind_contact(self, contact, self.modulus, last))
         traces = [contact.trace for contact in self.contacts]
         self.coordinates = Coordinates(self, traces, self.fixed, self.prescribed)
-        self.free_motions = free_motions(self, self.fixed, self.contacts)
+        self.free_motions = free_motions(self, self.fixed, self.springs, self.contacts)
 
     # -- forms
 
@@ -121,9 +124,12 @@ class Model(Space):
         return ElasticMatrix(self.scene.material, self.parameters, self.mesh, inverse=True)
 
     def stiffness(self, u: Ufl, v: Ufl) -> Ufl:
-        """Return the UFL form ``a(u, v) = int sigma(u) : eps(v)``."""
+        """Return the UFL form ``a(u, v) = int C eps(u) : eps(v)``, with the springs."""
         varying = any(varies_in_cells(value) for value in self.parameters.values())
-        return ufl.inner(self._stress_of(strain(u)), strain(v)) * self._measure(varying)
+        form = ufl.inner(self._stress_of(strain(u)), strain(v)) * self._measure(varying)
+        for spring in self.springs:
+            form += spring.work(u, v)
+        return form
 
     def strain_loads(self, v: Ufl) -> Ufl | None:
         """Return the UFL form ``int C eps_0 : eps(v)``, or None without given strains.

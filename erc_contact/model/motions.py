@@ -17,15 +17,19 @@ from erc_contact.base.exceptions import NotHeldError
 from erc_contact.mesh.graphs import components
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.space import Space
+from erc_contact.model.springs import BoundSpring
 
 FREE_SHARE = 1e-10
 """Share of the largest eigenvalue below which a motion counts as not held [-]."""
 
 
 def free_motions(
-    space: Space, fixed: np.ndarray, contacts: Sequence[BoundContact]
+    space: Space,
+    fixed: np.ndarray,
+    springs: Sequence[BoundSpring],
+    contacts: Sequence[BoundContact],
 ) -> list[fem.Function]:
-    """Find the rigid motions that no support holds, Functions of V; collective.
+    """Find the rigid motions that no support or spring holds; collective.
 
     Each is of one body. The motions of a body are orthonormal combinations of its
     translations and of its rotations over its size.
@@ -33,7 +37,11 @@ def free_motions(
     Args:
         space: The mesh.
         fixed: Which components supports prescribe at each node, shape (nodes, d).
+        springs: The springs.
         contacts: The contacts, which may hold a motion, too.
+
+    Returns:
+        Functions of V.
 
     Raises:
         NotHeldError: If contacts do not hold one of them either.
@@ -43,6 +51,8 @@ def free_motions(
     owned = space.V.dofmap.index_map.size_local
     resisted = motions[:owned] * fixed[:owned, :, None]
     by_supports = _summed(space, body[:owned], count, resisted)
+    for spring in springs:
+        by_supports = by_supports + _by_spring(space, body, count, motions, spring)
     by_all = _block_diagonal(by_supports)
     for contact in contacts:
         by_all = by_all + _by_contact(space, body, count, motions, contact)
@@ -113,6 +123,26 @@ def bodies_of_nodes(space: Space) -> tuple[np.ndarray, int]:
     joined = components(sum(counts), np.concatenate(comm.allgather(shared)))
     bodies, number = np.unique(joined, return_inverse=True)
     return number[label], len(bodies)
+
+
+def _by_spring(
+    space: Space, body: np.ndarray, count: int, motions: np.ndarray, spring: BoundSpring
+) -> np.ndarray:
+    """Sum up the products of motions that a spring resists; collective.
+
+    The arguments are those of :func:`_by_contact`.
+    """
+    nodes = spring.side.nodes[spring.side.owned]
+    n = spring.direction[spring.side.owned]
+    at_nodes = motions[nodes]
+    along = np.einsum("fndi,fd->fni", at_nodes, n)
+    resisted = np.zeros_like(at_nodes)
+    if spring.normal > 0:
+        resisted += along[:, :, None] * n[:, None, :, None]
+    if spring.tangential > 0:
+        resisted += at_nodes - along[:, :, None] * n[:, None, :, None]
+    rows = resisted.reshape(-1, *resisted.shape[2:])
+    return _summed(space, body[nodes.ravel()], count, rows)
 
 
 def _by_contact(

@@ -18,6 +18,7 @@ from erc_contact.base.html import table
 from erc_contact.scene.contact import Contact
 from erc_contact.scene.load import Load
 from erc_contact.scene.material import Material
+from erc_contact.scene.spring import Spring
 from erc_contact.scene.strain import GivenStrain
 from erc_contact.scene.support import Displacement
 from erc_contact.scene.words import in_words
@@ -34,7 +35,7 @@ CAUSES = TRACTIONS, BODY_FORCE, BALANCE = "tractions", "body force", "balance"
 
 @dataclass(frozen=True)
 class Scene:
-    """Declare elastic bodies, their supports, loads, contacts and given strains.
+    """Declare elastic bodies with all that acts on them.
 
     Args:
         material: :class:`Elastic`, or a class of the user's with the same methods.
@@ -42,8 +43,9 @@ class Scene:
         loads: Tractions and body forces; several on one part add up.
         contacts: Contacts with rigid foundations, or between bodies.
         strains: Strains of heat and others that no stress causes; they add up.
+        springs: Springs on boundary parts.
 
-    A single support, load, contact or strain needs no list around it.
+    A single support, load, contact, strain or spring needs no list around it.
 
     Raises:
         InputError: If a boundary part is in two conditions that conflict, or an entry
@@ -63,6 +65,7 @@ class Scene:
     loads: Sequence[Load] = ()
     contacts: Sequence[Contact] = ()
     strains: Sequence[GivenStrain] = ()
+    springs: Sequence[Spring] = ()
 
     def __post_init__(self) -> None:
         """Check the entries and their names, and make tuples of them."""
@@ -81,7 +84,9 @@ class Scene:
         strains = "ThermalStrain and Eigenstrain"
         strains_or_own = f"{strains}, and objects with {', '.join(STRAIN_MEMBERS)}"
         self._check_entries("strains", _is_strain, strains, strains_or_own)
+        self._check_entries("springs", _is_spring, "Spring", "Spring")
         parts = [support.facets for support in self.supports]
+        parts += [spring.facets for spring in self.springs]
         for contact in self.contacts:
             parts += contact.sides
         for part in parts:
@@ -135,17 +140,31 @@ class Scene:
         for facets, times in contacts.items():
             if times > 1:
                 raise InputError(f"{facets!r} is in {times} contacts; keep one of them.")
-            others: list[Any] = [*self.supports, *self.loads]
+            others: list[Any] = [*self.supports, *self.loads, *self.springs]
             for entry in others:
                 if entry.facets == facets:
                     raise InputError(
                         f"{facets!r} is in a Contact and in a {type(entry).__name__}; a boundary"
                         " part can be in one of them."
                     )
+        self._check_springs()
         for load in self.loads:
             if load.facets is not None:
                 self._check_load_on_support(load, fixed)
         self._check_dimensions()
+
+    def _check_springs(self) -> None:
+        """Check that each spring is alone on its boundary part, but for loads."""
+        springs = Counter(spring.facets for spring in self.springs)
+        supported = {support.facets for support in self.supports}
+        for facets, times in springs.items():
+            if times > 1:
+                raise InputError(f"{facets!r} has {times} springs; give one with their sum.")
+            if facets in supported:
+                raise InputError(
+                    f"{facets!r} has a Spring and a Displacement; keep one of them. A stiff spring"
+                    " holds a component nearly as a support does."
+                )
 
     def _check_load_on_support(self, load: Load, fixed: list[tuple[str, int]]) -> None:
         """Check that a load acts on free components of its boundary part.
@@ -209,6 +228,11 @@ def _is_load(entry: Any) -> bool:
     if isinstance(entry, type):
         return False
     return all(hasattr(entry, name) for name in LOAD_MEMBERS)
+
+
+def _is_spring(entry: Any) -> bool:
+    """Tell whether an entry is a spring."""
+    return isinstance(entry, Spring)
 
 
 def _is_strain(entry: Any) -> bool:

@@ -23,6 +23,8 @@ def in_words(scene: Any) -> list[tuple[str, str]]:
         rows.append((support.facets, f"displacement {_vector(support.value)}"))
     for load in scene.loads:
         rows.append((load.facets or "whole body", _object(load)))
+    for spring in scene.springs:
+        rows.append((spring.facets, _object(spring)))
     for strain in scene.strains:
         rows.append((strain.region or "whole body", _object(strain)))
     for contact in scene.contacts:
@@ -32,7 +34,7 @@ def in_words(scene: Any) -> list[tuple[str, str]]:
 
 
 def _object(value: Any, *, hypothesis: bool = False) -> str:
-    """Return class and arguments of a material, load, strain or law, without its part.
+    """Return class and arguments of an entry of a scene, without its part.
 
     Args:
         value: The object.

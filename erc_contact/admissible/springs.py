@@ -1,0 +1,152 @@
+"""Tractions of springs, and the error in their law.
+
+The error of a traction t^ in the law ``t = -K u`` of springs is
+
+    int (t^ + K u^) . K^-1 (t^ + K u^).
+
+It belongs to the bulk part of e^2, as the energy of the springs belongs to that of the
+body. Let u_r be the displacement that balances all other tractions. Soft springs have
+``t^ = -K u_r``, a polynomial of degree k on each facet, without error where u^ is u_r.
+A stiff spring is nearly a support: any traction costs little there, and the one that is
+best for sigma^ is chosen as on supports.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from dolfinx import fem
+
+from erc_contact.admissible.cells import facet_order, moments
+from erc_contact.mesh.simplex import bernstein, coefficients, from_means, rule
+from erc_contact.model.model import Model
+from erc_contact.model.springs import BoundSpring
+
+AXIS = 1e-9
+"""Difference of a component of a normal to 0 or 1 that counts as none [-]."""
+STIFF = 1.0
+"""Stiffness of a spring over that of its cell, ``K h/E``, from which it is stiff [-].
+
+On a block on 16 x 8 squares, held at its base and by springs at a side, this lowered
+eps from 8.8% to 8.0% where the ratio is 1.25, and from 16.3% to the 10.2% of a rigid
+support where it is 1e5. With 0.2 eps of degree 2 was 8% larger at a ratio of 0.4.
+"""
+
+
+def add_moments(model: Model, total: np.ndarray, facets: np.ndarray, moment: np.ndarray) -> None:
+    """Add moments of facets (cell, local facet) in place.
+
+    Their nodes are in the order of DOLFINx; those of the total are sorted.
+    """
+    order = facet_order(model.facet_nodes(facets)[:, : model.d], model.degree)
+    total[model.facet_numbers(facets)] += np.take_along_axis(moment, order[:, :, None], axis=1)
+
+
+def spring_tractions(model: Model, u: fem.Function) -> list[np.ndarray]:
+    """Return ``-K u`` on each part with springs [force/area], shapes (f, m, d).
+
+    They are Bernstein coefficients.
+    """
+    return [-spring.pull(u.x.array) for spring in model.springs]
+
+
+def stiff_components(model: Model, spring: BoundSpring) -> np.ndarray:
+    """Tell which components of the tractions of springs are chosen as on supports.
+
+    A component of a facet across an axis is normal or tangential; on other facets it is
+    both.
+
+    Returns:
+        Booleans, shape (f, d).
+    """
+    side = spring.side
+    of_cell = STIFF * side.stiffness
+    is_normal = abs(spring.direction) > 1 - AXIS
+    is_tangential = abs(spring.direction) < AXIS
+    normal_stiff = (spring.normal > of_cell)[:, None]
+    tangential_stiff = (spring.tangential > of_cell)[:, None]
+    return (normal_stiff | is_tangential) & (tangential_stiff | is_normal)
+
+
+def chosen_tractions(
+    model: Model, loads: np.ndarray, facet_moments: np.ndarray
+) -> list[np.ndarray]:
+    """Return t^ on each part with springs from the moments of sigma^ n [force/area].
+
+    Args:
+        model: The scene on a mesh.
+        loads: Moments of the loads on all facets [force], shape (facets, m, d).
+        facet_moments: Moments of all tractions [force], likewise.
+
+    Returns:
+        Bernstein coefficients, shape (f, m, d) each.
+    """
+    tractions = []
+    for spring in model.springs:
+        facets = spring.side.facets
+        number = model.facet_numbers(facets)
+        order = facet_order(model.facet_nodes(facets)[:, : model.d], model.degree)
+        of_springs = (facet_moments - loads)[number]
+        moment = np.zeros_like(of_springs)
+        np.put_along_axis(moment, order[:, :, None], of_springs, axis=1)
+        means = moment / spring.side.areas[:, None, None]
+        tractions.append(from_means(model.d - 1, model.degree, means))
+    return tractions
+
+
+def spring_moments(model: Model, tractions: list[np.ndarray]) -> np.ndarray:
+    """Compute the moments of tractions of springs on all facets [force].
+
+    Returns:
+        Shape (facets, m, d).
+    """
+    total = np.zeros((model.facet_count, len(model.facet_points), model.d))
+    for spring, t in zip(model.springs, tractions, strict=True):
+        moment = moments(spring.side.areas, t, model.degree)
+        add_moments(model, total, spring.side.facets, moment)
+    return total
+
+
+def spring_squares(
+    model: Model, u: fem.Function, tractions: list[np.ndarray]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Compute the squares of difference and sum of both tractions of springs.
+
+    These are ``t^ + K u^`` and ``t^ - K u^``.
+
+    Args:
+        model: The scene on a mesh.
+        u: u^ [length].
+        tractions: t^ on each part with springs.
+
+    Returns:
+        The squares on each owned cell [force length].
+    """
+    result = np.zeros((2, model.domain.owned_cells))
+    points, weights = rule(model.d - 1, 2 * model.degree)
+    shape = bernstein(model.d - 1, model.degree, points)
+    for spring, t in zip(model.springs, tractions, strict=True):
+        own = spring.side.owned
+        cells = spring.side.facets[own, 0]
+        pull = spring.pull(u.x.array)
+        for total, traction in zip(result, (t + pull, t - pull), strict=True):
+            means = spring.squares(np.matmul(shape, traction)) @ weights
+            np.add.at(total, cells, (means * spring.side.areas)[own])
+    return result[0], result[1]
+
+
+def spring_work(model: Model, v: fem.Function, tractions: list[np.ndarray]) -> float:
+    """Compute the work ``-int t^ . v`` on the springs of this rank [force length].
+
+    Args:
+        model: The scene on a mesh.
+        v: A displacement [length].
+        tractions: t^ on each part with springs.
+    """
+    work = 0.0
+    for spring, t in zip(model.springs, tractions, strict=True):
+        side = spring.side
+        nodal = v.x.array.reshape(-1, model.d)[side.nodes]
+        of_v = np.matmul(coefficients(model.d - 1, model.degree), nodal)
+        of_facets = (moments(side.areas, t, model.degree) * of_v).sum(axis=(1, 2))
+        work -= float(of_facets[side.owned].sum())
+    return work

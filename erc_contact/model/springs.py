@@ -1,0 +1,102 @@
+"""Put the springs of a scene on a mesh.
+
+Symbols: n outward normal, k_n and k_t stiffness along it and along the facet
+[force/length^3], ``K = k_n n n^T + k_t (I - n n^T)``, t traction on the body, f facets,
+m nodes of a facet, d dimension.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import ufl
+
+from erc_contact.base.runtime import compiled
+from erc_contact.base.ufl_types import Ufl
+from erc_contact.mesh.simplex import coefficients
+from erc_contact.model.expressions import evaluate
+from erc_contact.model.space import Space
+from erc_contact.model.trace import Side, split
+from erc_contact.scene.spring import Spring
+
+
+@dataclass(frozen=True, eq=False)
+class BoundSpring:
+    """Hold the springs of a boundary part of a mesh.
+
+    Attributes:
+        name: Name of the part.
+        side: Its facets.
+        direction: Outward unit normal of each facet, shape (f, d).
+        normal: k_n [force/length^3].
+        tangential: k_t [force/length^3].
+        space: The mesh.
+    """
+
+    name: str
+    side: Side
+    direction: np.ndarray
+    normal: float
+    tangential: float
+    space: Space
+
+    def work(self, u: Ufl, v: Ufl) -> Ufl:
+        """Return the UFL form ``int K u . v``."""
+        n = self.space.n
+        ds = self.space.ds(self.space.domain.tag(self.name))
+        k_n = compiled.constant(self.space.mesh, self.normal)
+        k_t = compiled.constant(self.space.mesh, self.tangential)
+        u_n = ufl.dot(u, n)
+        v_n = ufl.dot(v, n)
+        return ((k_n - k_t) * u_n * v_n + k_t * ufl.inner(u, v)) * ds
+
+    def pull(self, u: np.ndarray) -> np.ndarray:
+        """Return ``K u`` on the facets [force/area], shape (f, m, d).
+
+        Args:
+            u: Displacement at all nodes of this rank [length], as the array of a
+                Function has it.
+
+        Returns:
+            Bernstein coefficients.
+        """
+        d = self.side.d
+        nodal = u.reshape(-1, d)[self.side.nodes]
+        of_u = np.matmul(coefficients(d - 1, self.side.degree), nodal)
+        u_n, u_t, _ = split(of_u, self.direction[:, None, :])
+        along = u_n[..., None] * self.direction[:, None, :]
+        return self.normal * along + self.tangential * u_t
+
+    def squares(self, t: np.ndarray) -> np.ndarray:
+        """Return ``t . K^-1 t`` [force/length], shape (f, q) for t of shape (f, q, d).
+
+        The part of t along which there is no stiffness is zero.
+        """
+        t_n, _, size = split(t, self.direction[:, None, :])
+        result = np.zeros(t_n.shape)
+        for part, k in ((t_n, self.normal), (size, self.tangential)):
+            if k > 0:
+                result += part**2 / k
+        return result
+
+
+def bind_springs(space: Space, springs: Sequence[Spring], modulus: Ufl) -> list[BoundSpring]:
+    """Put springs on a mesh; collective.
+
+    Args:
+        space: The mesh.
+        springs: Those of the scene.
+        modulus: The modulus that scales contact parameters, UFL.
+    """
+    bound = []
+    for spring in springs:
+        facets = space.domain.facets(spring.facets)
+        side = space.side(facets, modulus)
+        middle = np.full((1, space.d - 1), 1 / space.d)
+        direction = evaluate(space.n, space.mesh, middle, facets)[:, 0]
+        bound.append(
+            BoundSpring(spring.facets, side, direction, spring.normal, spring.tangential, space)
+        )
+    return bound

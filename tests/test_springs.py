@@ -1,0 +1,169 @@
+"""Springs on boundary parts.
+
+- a bar on springs has the displacement, forces and energy of a closed form, to
+  round-off;
+- a body that springs alone hold is in balance; a motion that they do not hold is told;
+- soft springs tend to a free boundary and stiff ones to a support, with its error;
+- e bounds true errors, energies and forces of a fine mesh lie in the intervals of a
+  coarse one, beside a contact;
+- in a history the energies balance, those of the springs among them;
+- both solvers, ranks, very stiff springs; what is wrong is refused in words.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from reference import true_errors
+from scenes import mostly_serial
+
+import erc_contact as ec
+
+E, NU = 1000.0, 0.3
+
+
+def plate(n: int = 3, comm: MPI.Comm = MPI.COMM_WORLD) -> ec.Domain:
+    return ec.rectangle((0.0, 0.0), (2.0, 1.0), cells=(2 * n, n), comm=comm)
+
+
+def measured(scene, domain, **options) -> ec.ConstitutiveError:
+    return ec.constitutive_error(ec.equilibrate(ec.solve(scene, domain, **options)))
+
+
+def sprung(*springs, friction=0.3) -> ec.Scene:
+    """Pressed on a foundation, with springs."""
+    return ec.Scene(
+        ec.Elastic(E, NU),
+        loads=ec.Traction("top", (0.5, -5.0)),
+        contacts=ec.Contact("bottom", friction=friction),
+        springs=springs,
+    )
+
+
+def held(*springs, supports=()) -> ec.Scene:
+    return ec.Scene(
+        ec.Elastic(E, NU),
+        [ec.Displacement("bottom", (0.0, 0.0)), *supports],
+        [ec.Traction("top", (1.0, -5.0))],
+        springs=springs,
+    )
+
+
+@pytest.mark.parametrize("degree", mostly_serial([1, 2], [2]))
+def test_bar_on_springs(degree):
+    pull, k = 10.0, 50.0
+    scene = ec.Scene(
+        ec.Elastic(E, NU, "plane stress"),
+        [ec.Displacement("bottom", (None, 0.0))],
+        [ec.Traction("right", (pull, 0.0)), ec.Traction("left", (2.0, 0.0))],
+        springs=ec.Spring("left", normal=k),
+    )
+    error = measured(scene, plate(), degree=degree)
+    assert error.relative < 1e-12
+    # The load on the springs' own part does not strain the bar.
+    moved = (pull + 2.0) / k + 2.0 * pull / E
+    assert error.at((2.0, 0.5)).displacement[0, 0] == pytest.approx(moved, rel=1e-12)
+    for result in (error, error.solution):
+        assert result.force("left").force == pytest.approx([-pull, 0.0], abs=1e-10)
+        assert abs(result.reactions()["balance"].force).max() < 1e-10
+    work = pull * moved + 2.0 * (pull + 2.0) / k
+    assert ec.potential_energy(error).value == pytest.approx(-work / 2, rel=1e-12)
+    assert ec.work_of_loads(error).value == pytest.approx(work, rel=1e-12)
+
+
+def test_springs_alone_hold_a_body():
+    springs = [ec.Spring("left", 50.0, 20.0)]
+    scene = ec.Scene(ec.Elastic(E, NU), loads=ec.Traction("right", (0.3, -0.1)), springs=springs)
+    for solver in ("direct", "iterative"):
+        balance = measured(scene, plate(), solver=solver).reactions()["balance"]
+        assert abs(balance.force).max() < 1e-9
+        assert abs(balance.moment).max() < 1e-9
+    slides = replace(scene, springs=[ec.Spring("left", 50.0)])
+    with pytest.raises(ec.NotHeldError):
+        ec.solve(slides, plate())
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_limits_of_soft_and_stiff_springs(degree):
+    free = measured(held(), plate(), degree=degree)
+    rigid = measured(held(supports=[ec.Displacement("left", (0.0, 0.0))]), plate(), degree=degree)
+    distances = []
+    for k in (1e6 * E, 1e3 * E):
+        stiff = measured(held(ec.Spring("left", k, k)), plate(), degree=degree)
+        assert stiff.relative == pytest.approx(rigid.relative, rel=0.02)
+        distances.append(abs(stiff.force("left").force - rigid.force("left").force).max())
+    # The distance to the limit is of first order in the compliance.
+    assert distances[0] < 2e-3 * distances[1] < 2e-3 * abs(rigid.force("left").force).max()
+    soft = measured(held(ec.Spring("left", 1e-6 * E, 1e-6 * E)), plate(), degree=degree)
+    assert soft.relative == pytest.approx(free.relative, rel=1e-3)
+    assert abs(soft.force("left").force).max() < 1e-4
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("k", [20.0, 2e4])
+def test_e_bounds_true_errors(k, degree):
+    scene = sprung(ec.Spring("left", k, 0.3 * k), friction=ec.Tresca(1.0))
+    scene = replace(scene, loads=[*scene.loads, ec.Traction("left", (0.4, 0.0))])
+    reference = ec.solve(scene, plate(48), degree=2)
+    finest = measured(scene, plate(24), degree=2)
+    energy = ec.potential_energy(finest).value
+    force = finest.force("bottom").force[1]
+    for n in (2, 4):
+        error = measured(scene, plate(n), degree=degree)
+        true = true_errors(error.admissible, reference)
+        assert true.both <= 1.02 * error.absolute
+        # e contains the error of the springs, too, which these true errors do not.
+        assert error.absolute < 2.2 * true.both
+        bounds = ec.potential_energy(error)
+        assert bounds.low <= energy <= bounds.high
+        pressure = ec.resultant(error, "bottom", (0.0, 1.0))
+        assert pressure.low <= force <= pressure.high
+        certificate = ec.certify(scene, plate(n), lambda x: 0.0 * x, degree=degree)
+        assert certificate.error.absolute > error.absolute
+
+
+def test_energies_of_a_history_balance():
+    def scene_at(t):
+        pushed = ec.Traction("top", (0.5 * np.sin(t), -5.0 * t))
+        return replace(sprung(ec.Spring("left", 40.0, 10.0)), loads=pushed)
+
+    evolution = ec.evolve(scene_at, plate(4), [0.5, 1.0, 2.0], accuracy=0.5, degree=2)
+    left = [abs(step.imbalance) for step in evolution.steps]
+    e_2 = [error.absolute**2 for error in evolution.errors]
+    assert np.all(np.array(left) < 5 * np.cumsum(e_2))
+
+
+def test_ranks_solvers_and_very_stiff_springs():
+    scene = sprung(ec.Spring("left", 1e8 * E, 1e8 * E), ec.Spring("right", 5.0))
+    errors = []
+    for comm, solver in (
+        (MPI.COMM_SELF, "direct"),
+        (MPI.COMM_WORLD, "direct"),
+        (MPI.COMM_WORLD, "iterative"),
+    ):
+        errors.append(measured(scene, plate(4, comm), solver=solver))
+    for error in errors[1:]:
+        assert error.relative == pytest.approx(errors[0].relative, rel=1e-6)
+        force = errors[0].force("left").force
+        assert error.force("left").force == pytest.approx(force, rel=1e-6)
+
+
+BAD = {
+    "negative": (lambda: ec.Spring("left", -1.0), "a number >= 0"),
+    "callable": (lambda: ec.Spring("left", lambda x: x[0]), "several boundary parts"),
+    "nothing": (lambda: ec.Spring("left"), "no stiffness"),
+    "twice": (lambda: sprung(ec.Spring("left", 1.0), ec.Spring("left", 2.0)), "2 springs"),
+    "contact": (lambda: sprung(ec.Spring("bottom", 1.0)), "in a Contact and in a Spring"),
+    "support": (lambda: held(ec.Spring("bottom", 1.0)), "a Spring and a Displacement"),
+    "part": (lambda: ec.solve(held(ec.Spring("wall", 1.0)), plate()), "'wall'"),
+    "no spring": (lambda: replace(held(), springs=3.0), "springs is 3.0"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_springs_are_refused_in_words(case):
+    attempt, words = BAD[case]
+    with pytest.raises(ec.InputError, match=words):
+        attempt()
