@@ -4,9 +4,9 @@ A pin in a lug, and its clearance
 
 A pin holds a lug that is pulled. The hole is wider than the pin by the clearance
 :math:`c` of the radii. If this is large the pin touches little of the hole, as two
-cylinders do; if it is small, or the pull great, the contact goes nearly half-way around.
-Such a contact is called *conforming*, and Hertz's theory is not for it: the contact is
-as wide as the bodies are curved.
+cylinders do; if it is small, or the pull great, the contact goes nearly half-way
+around. Such a contact is called *conforming*, and Hertz's theory is not for it: the
+contact is as wide as the bodies are curved.
 
 Only one number counts, :math:`c E' / Q` with :math:`E' = E/(1 - \nu^2)` and the pull
 :math:`Q` per thickness. For a plate without end and a pin of the same material A.
@@ -19,9 +19,14 @@ Persson (1964) found the half of the angle of contact :math:`\varepsilon`, with
     \frac{p_0 R}{Q} = \frac{2 b}{\pi \sqrt{1 + b^2}} + \frac{1}{2 \pi b^2 (1 + b^2)}
     \ln \frac{\sqrt{1 + b^2} + b}{\sqrt{1 + b^2} - b} .
 
-Without clearance the angle is 84.8 degrees, under any pull. A real lug is not without
-end. This one is five times as wide as the pin and ends three radii beyond its middle.
-The pin is held at its core. There is no friction. Lengths are in mm, stresses in MPa.
+Without clearance the angle is 84.8 degrees, under any pull. The lug here is large, with
+20 times the width of the pin, so that his formulas hold. There is no friction, and the
+pin is held at its core. Lengths are in mm, stresses in MPa.
+
+The hole slides along the pin as it takes its oval shape. The facets of both are flat,
+and where a facet slides past a corner of the other polygon the pressure is a saw tooth.
+It does not get smaller with the elements, only narrower, so the mean of each facet is
+what to look at. Degree 2 and Nitsche's method, the default, do well here.
 """
 
 from pathlib import Path
@@ -30,13 +35,14 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import erc_contact as ec
+from erc_contact import output
 
 import gmsh  # isort: skip - after erc_contact, as all that is compiled
 
 FOLDER = Path("results/pin_in_lug")
 R, CORE = 10.0, 2.0
-BACK, END, HALF_WIDTH = 80.0, 30.0, 25.0
-E, NU, PULL = 210e3, 0.3, 4000.0
+BACK, END, HALF_WIDTH = 400.0, 200.0, 200.0
+E, NU, MOVED = 210e3, 0.3, 0.04
 STRAIN_MODULUS = E / (1 - NU**2)
 CLEARANCES = [0.0, 0.02, 0.2]
 
@@ -49,7 +55,7 @@ def lug():
     """Half of the pin in half of the lug."""
     gmsh.initialize()
     gmsh.option.setNumber("General.Terminal", 0)
-    gmsh.option.setNumber("Mesh.MeshSizeMax", 8.0)
+    gmsh.option.setNumber("Mesh.MeshSizeMax", 60.0)
     gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", 40)
     occ = gmsh.model.occ
     plate = [(2, occ.addRectangle(-BACK, 0, 0, BACK + END, HALF_WIDTH))]
@@ -81,11 +87,12 @@ def lug():
 
 # %%
 # At first the pin lies in the hole where it will be pressed. The gap is then
-# :math:`c (1 - \cos\theta)`, data of the contact. Only the contact holds the lug.
+# :math:`c (1 - \cos\theta)`, data of the contact. The far end of the lug is moved, and
+# the pull is what it takes.
 
 
 def pulled(domain, clearance):
-    """The lug under the pull, to a certified 3%."""
+    """The lug after its end has moved, to a certified 3%."""
 
     def gap(x):
         return clearance * (1 - x[0] / R)
@@ -93,24 +100,110 @@ def pulled(domain, clearance):
     supports = [
         ec.Displacement("core", (0.0, 0.0)),
         ec.Displacement("symmetry", (None, 0.0)),
+        ec.Displacement("pulled", (-MOVED, None)),
     ]
-    pull = ec.Traction("pulled", (-PULL / (2 * HALF_WIDTH), 0.0))
     contact = ec.Contact("rim", gap=gap, against="hole")
-    scene = ec.Scene(ec.Elastic(E, NU), supports, pull, contacts=contact)
+    scene = ec.Scene(ec.Elastic(E, NU), supports, contacts=contact)
     return ec.adapt(scene, domain, accuracy=0.03, degree=2, strategy=ec.SizeMap())
-
-
-def angle_of(contact):
-    """The angle of the points of a profile, and of the end of the contact [degrees]."""
-    theta = np.degrees(np.arctan2(contact["y"], contact["x"]))
-    return theta, theta[contact["pressure"] > 0].max()
 
 
 ec.log_to_console()
 domain = lug()
 runs = [pulled(domain, clearance) for clearance in CLEARANCES]
-runs[1].save(FOLDER)
-print([angle_of(run.profile("rim"))[1] for run in runs])
-for run in runs:
-    c = run.profile("rim"); th,_ = angle_of(c)
-    print(run.reached, run.force("rim"), c["pressure"].max()*R/PULL, c["pressure"][th<5].mean()*R/PULL)
+
+# %%
+# Persson's angle is found by bisection, as the load falls with it. That of a run is
+# known to half of a facet.
+
+
+def persson(load):
+    """Half of the angle [radian] for a value of c E'/Q, by bisection."""
+    low, high = 1e-3, 1.0
+    for _ in range(60):
+        b = (low + high) / 2
+        value = 2 - np.log(1 + b**2) - 2 * b**4
+        if value / (np.pi * b**2 * (1 + b**2)) > load:
+            low = b
+        else:
+            high = b
+    return 2 * np.arctan(low)
+
+
+def pressure_by(theta, half_angle):
+    """Persson's pressure over Q/R."""
+    b, y = np.tan(half_angle / 2), np.tan(theta / 2)
+    root = np.sqrt(np.maximum(b**2 - y**2, 0))
+    end = np.sqrt(1 + b**2)
+    logarithm = np.log((end + root) / (end - root))
+    first = 2 * root / (np.pi * end * (1 + y**2))
+    return first + logarithm / (2 * np.pi * b**2 * (1 + b**2))
+
+
+def facet_means(run, pull):
+    """Angles of the middles of facets, in order, and their mean pressures over Q/R."""
+    facets = run.profile("rim").reshape(-1, 5)  # five points on each
+    theta = np.arctan2(facets["y"][:, 2], facets["x"][:, 2])
+    weight = facets["weight"]
+    mean = (facets["pressure"] * weight).sum(axis=1) / weight.sum(axis=1)
+    order = theta.argsort()
+    return theta[order], mean[order] * R / pull
+
+
+def half_angle(theta, pressure):
+    """Between the last facet that is pressed and the next."""
+    last = np.flatnonzero(pressure > 0.02 * pressure.max()).max()
+    return theta[last : last + 2].mean()
+
+
+pulls = np.array([2 * abs(run.force("rim").force[0]) for run in runs])
+loads = np.array(CLEARANCES) * STRAIN_MODULUS / pulls
+exact = np.array([persson(load) for load in loads])
+means = [facet_means(run, pull) for run, pull in zip(runs, pulls, strict=True)]
+angles = np.array([half_angle(*mean) for mean in means])
+
+# The pressure in the inner third, as a mean of all its facets.
+computed, expected = [], []
+for (theta, pressure), angle in zip(means, exact, strict=True):
+    inner = theta < angle / 3
+    computed.append(pressure[inner].mean())
+    expected.append(pressure_by(theta[inner], angle).mean())
+
+# The part near the pin. Gap and displacement are magnified alike, the small one, too.
+axes = output.draw_deformed(runs[1].error, factor=100)
+
+if domain.mesh.comm.rank == 0:
+    FOLDER.mkdir(parents=True, exist_ok=True)
+    axes.set(xlim=(-35, 35), ylim=(-5, 35))
+    axes.figure.savefig(FOLDER / "deformed.png", dpi=150)
+    figure, (left, right) = plt.subplots(1, 2, figsize=(9.6, 3.8), layout="constrained")
+    many = np.geomspace(1e-2, 30, 100)
+    right.semilogx(many, [np.degrees(persson(load)) for load in many], "k", lw=1)
+    for i, clearance in enumerate(CLEARANCES):
+        found, wanted = np.degrees([angles[i], exact[i]])
+        print(f"c = {clearance}, pull {pulls[i]:.0f}:", end=" ")
+        print(f"half-angle {found:.1f} for {wanted:.1f} degrees,", end=" ")
+        print(f"pressure inside {computed[i]:.3f} for {expected[i]:.3f} Q/R")
+        theta, pressure = means[i]
+        left.plot(np.degrees(theta), pressure, f"C{i}o", ms=3, label=f"c = {clearance}")
+        fine = np.linspace(0, exact[i], 200)
+        left.plot(np.degrees(fine), pressure_by(fine, exact[i]), f"C{i}", lw=1)
+        # Zero is not on a logarithmic axis; it is drawn at its left end.
+        right.plot(max(loads[i], 1e-2), found, f"C{i}o")
+    left.set(xlabel="angle [degrees]", ylabel="pressure, means of facets, over $Q/R$")
+    left.set(xlim=(0, 100), ylim=(0, 1.9), title="lines: Persson")
+    right.set(xlabel="$c E'/Q$", ylabel="half of the angle of contact", ylim=(0, 90))
+    left.legend(frameon=False)
+    figure.savefig(FOLDER / "persson.png", dpi=150)
+
+# %%
+# What must hold, by a certified 3%: the angle within 5% of Persson's, the pressure
+# inside within 3%; both sides carry the pull; the smaller the clearance the wider the
+# contact.
+
+assert all(run.reached for run in runs)
+assert np.all(abs(angles / exact - 1) < 0.05)
+assert np.all(abs(np.array(computed) / expected - 1) < 0.03)
+assert np.all(np.diff(angles) < 0.0)
+for run, pull in zip(runs, pulls, strict=True):
+    assert np.isclose(2 * run.reactions()["pulled"].force[0], -pull, rtol=1e-8)
+    assert np.isclose(2 * run.force("hole").force[0], pull, rtol=1e-8)
