@@ -190,7 +190,7 @@ if domain.mesh.comm.rank == 0:
         # Zero is not on a logarithmic axis; it is drawn at its left end.
         right.plot(max(loads[i], 1e-2), found, f"C{i}o")
     left.set(xlabel="angle [degrees]", ylabel="pressure, means of facets, over $Q/R$")
-    left.set(xlim=(0, 100), ylim=(0, 1.9), title="lines: Persson")
+    left.set(xlim=(0, 100), ylim=(0, 2.2), title="lines: Persson")
     right.set(xlabel="$c E'/Q$", ylabel="half of the angle of contact", ylim=(0, 90))
     left.legend(frameon=False)
     figure.savefig(FOLDER / "persson.png", dpi=150)
