@@ -15,6 +15,8 @@ from erc_contact.mesh.graphs import order_along_curves
 
 NEWTON_STEPS = 4
 """Newton steps for the place of a point on a facet; the equation is quadratic."""
+LEAST_SLOPE = 1e-3
+"""Slope below which a Newton step is left out, by the length of the facet [-]."""
 ROWS_AT_ONCE = 1_000_000
 """Greatest number of pairs (point, facet) that are looked at together."""
 
@@ -90,31 +92,48 @@ class Curve:
         return np.concatenate(places), np.concatenate(distances)
 
     def _projected(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Project points on all facets, and keep the nearest foot of each."""
+        """Project points on the nearest facet and those beside it; keep the best."""
+        count = len(self.lengths)
         edge = np.diff(self.x, axis=0)
-        normal = self.normals[:-1]
-        change = np.diff(self.normals, axis=0)
+        low = np.zeros(count)
+        high = np.ones(count)
+        if not self.closed:
+            low[0] = -np.inf
+            high[-1] = np.inf
         offset = x[:, None] - self.x[:-1]
-        share = np.einsum("nij,ij->ni", offset, edge) / self.lengths**2
+        share = np.clip(np.einsum("nij,ij->ni", offset, edge) / self.lengths**2, low, high)
+        distance = np.linalg.norm(offset - share[..., None] * edge, axis=2)
+        beside = distance.argmin(axis=1)[:, None] + np.array([-1, 0, 1])
+        facet = beside % count if self.closed else np.clip(beside, 0, count - 1)
+        row = np.arange(len(x))[:, None]
+        share = self._shares(offset[row, facet], share[row, facet], facet)
+        share = np.clip(share, low[facet], high[facet])
+        apart = np.linalg.norm(offset[row, facet] - share[..., None] * edge[facet], axis=2)
+        best = (np.arange(len(x)), apart.argmin(axis=1))
+        place = self.places[facet[best]] + share[best] * self.lengths[facet[best]]
+        return place, apart[best]
+
+    def _shares(self, offset: np.ndarray, share: np.ndarray, facet: np.ndarray) -> np.ndarray:
+        """Return where along facets the interpolated normal goes through points.
+
+        Args:
+            offset: Vectors from the first vertices of the facets to the points [length],
+                shape (n, m, 2).
+            share: First guess, shape (n, m).
+            facet: The facets, shape (n, m).
+        """
+        edge = np.diff(self.x, axis=0)[facet]
+        normal = self.normals[:-1][facet]
+        change = np.diff(self.normals, axis=0)[facet]
         # The vector from the foot to the point has the direction of the normal there.
         for _ in range(NEWTON_STEPS):
             direction = normal + share[..., None] * change
             foot_to_point = offset - share[..., None] * edge
             value = _cross(foot_to_point, direction)
             slope = _cross(foot_to_point, change) - _cross(edge, direction)
-            steep = abs(slope) > 1e-3 * self.lengths
+            steep = abs(slope) > LEAST_SLOPE * self.lengths[facet]
             share = share - np.where(steep, value / np.where(steep, slope, 1.0), 0.0)
-        low = np.zeros(len(edge))
-        high = np.ones(len(edge))
-        if not self.closed:
-            low[0] = -np.inf
-            high[-1] = np.inf
-        share = np.clip(share, low, high)
-        distance = np.linalg.norm(offset - share[..., None] * edge, axis=2)
-        nearest = distance.argmin(axis=1)
-        row = np.arange(len(x))
-        place = self.places[nearest] + share[row, nearest] * self.lengths[nearest]
-        return place, distance[row, nearest]
+        return share
 
     def facet_at(self, places: np.ndarray) -> np.ndarray:
         """Return the facet at each place, the first or last one beyond the ends."""

@@ -14,8 +14,10 @@ import numpy as np
 
 from erc_contact.base.exceptions import InputError, raise_together
 from erc_contact.mesh.aligning import aligned
+from erc_contact.mesh.matching import matched
 from erc_contact.mesh.named import NamedMesh
 from erc_contact.mesh.plain import PlainMesh, gathered_mesh, row_numbers
+from erc_contact.mesh.resided import resided
 from erc_contact.mesh.seams import Interface, Regions
 from erc_contact.mesh.tags import NO_TAG, listed
 
@@ -123,7 +125,11 @@ def met(
     Raises:
         InputError: If they do not meet.
     """
-    whole = aligned(plain, *tags)
+    if plain.dim == 2:
+        whole = aligned(plain, *tags)
+    else:
+        # Sides that match may be curved, and their cells stay.
+        whole = matched(plain, *tags) or resided(plain, *tags)
     first = whole.sides(tags[0])
     second = whole.sides(tags[1])
     numbers1, numbers2 = row_numbers(whole.points_of(first), whole.points_of(second))
