@@ -11,9 +11,10 @@ from mpi4py import MPI
 from erc_contact.base.checks import description
 from erc_contact.base.exceptions import InputError, together
 from erc_contact.mesh.domain import Domain
-from erc_contact.mesh.plain import PlainMesh, gathered_mesh, spread
+from erc_contact.mesh.plain import PlainMesh
 from erc_contact.mesh.seams import Interface, Regions
 from erc_contact.mesh.tags import NO_TAG
+from erc_contact.mesh.transfer import gathered_mesh, spread
 
 REST = ""
 """Stands for the cells of a body that are in no region."""
@@ -36,9 +37,9 @@ def assembly(bodies: Mapping[str, Domain]) -> Domain:
         InputError: If these are not names of domains that fit.
 
     Example:
-        >>> other = ec.rectangle((0.0, -1.0), (3.0, 0.0), cells=(5, 2))
-        >>> ec.assembly({"upper": block, "lower": other})
-        <Domain in 2D: 36 cells, boundary parts upper left, ..., regions upper, lower>
+        >>> base = ec.rectangle((0.0, -1.0), (3.0, 0.0), cells=(5, 2))
+        >>> ec.assembly({"block": block, "base": base})
+        <Domain in 2D: 36 cells, boundary parts block left, ..., regions block, base>
     """
     comm = _communicator(bodies)
     together(comm, _check, bodies)

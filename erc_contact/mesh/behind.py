@@ -12,7 +12,6 @@ import numpy as np
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.mesh.cutting import cut
-from erc_contact.mesh.filling import filled
 from erc_contact.mesh.graphs import components
 from erc_contact.mesh.plain import PlainMesh, row_numbers
 from erc_contact.mesh.simplex import facet_vertices, measures
@@ -119,9 +118,16 @@ def at_other_parts(region: Region, count: int) -> np.ndarray:
 
 
 def surface(
-    plain: PlainMesh, region: Region, number: np.ndarray, inserted: np.ndarray
+    plain: PlainMesh, region: Region, number: np.ndarray, inserted: np.ndarray, side: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the surface of a region without its side, cut where the outline is.
+    """Return the new surface of a region, cut where its outline at the contact is.
+
+    Args:
+        plain: The mesh with merged points.
+        region: The region, before points were merged.
+        number: The point that each point has become.
+        inserted: Edge of the outline and the point that cuts it, shape (k, 2).
+        side: The new triangles at the contact.
 
     Returns:
         Its triangles and their tags.
@@ -130,8 +136,19 @@ def surface(
         InputError: If a triangle between two regions would be cut.
     """
     triangles = number[region.triangles]
-    if not len(inserted):
-        return triangles, region.tags
+    tags = region.tags
+    if len(inserted):
+        triangles, parents = _cut_beside(plain, region, number, inserted)
+        tags = tags[parents]
+    side_tags = np.full(len(side), region.side_tag)
+    return np.concatenate([triangles, side]), np.concatenate([tags, side_tags])
+
+
+def _cut_beside(
+    plain: PlainMesh, region: Region, number: np.ndarray, inserted: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the triangles beside the contact, cut, and those in which they lie."""
+    triangles = number[region.triangles]
     # Side i of a triangle is opposite to its corner i.
     edges = triangles[:, facet_vertices(2)].reshape(-1, 2)
     cut_outline = number[region.outline[inserted[:, 0]]]
@@ -151,24 +168,30 @@ def surface(
             "joined: a triangle beside the contact has two edges on its outline. Mesh the body "
             "with smaller cells there."
         )
-    return pieces.triangles, region.tags[pieces.parents]
+    return pieces.triangles, pieces.parents
 
 
-def meshed(
+def with_cells(
     plain: PlainMesh,
     region: Region,
+    x: np.ndarray,
+    cells: np.ndarray,
     surface: tuple[np.ndarray, np.ndarray],
-    side: np.ndarray,
 ) -> PlainMesh:
-    """Append new cells of a region, whose surface has new triangles at the contact.
+    """Append the new cells of a region; its old ones stay.
+
+    Args:
+        plain: The mesh.
+        region: The region.
+        x: Points [length], those of the mesh first, shape (n, 3).
+        cells: The cells, shape (m, 4).
+        surface: Triangles and tags of the surface of the region.
 
     Raises:
-        InputError: If gmsh does not fill the region.
+        InputError: If the cells do not fill the region.
     """
     old = region.cells
-    triangles = np.concatenate([surface[0], side])
-    tags = np.concatenate([surface[1], np.full(len(side), region.side_tag)])
-    x, cells = filled(plain.x, triangles)
+    triangles, tags = surface
     volumes = measures(x[plain.cells[old]]).sum(), measures(x[cells]).sum()
     if abs(volumes[1] / volumes[0] - 1) > SAME_VOLUME:
         raise InputError(

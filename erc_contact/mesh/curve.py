@@ -117,8 +117,8 @@ class Curve:
         """Return where along facets the interpolated normal goes through points.
 
         Args:
-            offset: Vectors from the first vertices of the facets to the points [length],
-                shape (n, m, 2).
+            offset: Vectors from the first vertices of facets to points [length], shape
+                (n, m, 2).
             share: First guess, shape (n, m).
             facet: The facets, shape (n, m).
         """

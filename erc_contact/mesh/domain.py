@@ -21,12 +21,12 @@ from erc_contact.base.exceptions import InputError, together
 from erc_contact.mesh import joining, partition, parts
 from erc_contact.mesh.bodies import Bodies, Surface
 from erc_contact.mesh.copies import numbered, same_ranks
-from erc_contact.mesh.plain import spread
 from erc_contact.mesh.refinement import refine
 from erc_contact.mesh.seams import Interface
 from erc_contact.mesh.splitting import Carried, claimed, side_tags
 from erc_contact.mesh.surface import snap
 from erc_contact.mesh.tags import shared
+from erc_contact.mesh.transfer import spread
 
 
 class Geometry(Surface, Protocol):
@@ -157,10 +157,10 @@ class Domain(Bodies):
                 regions, or do not lie against each other.
 
         Example:
-            >>> lower = ec.rectangle((0.0, -1.0), (3.0, 0.0), cells=(5, 2))
-            >>> both = ec.assembly({"upper": block, "lower": lower})
-            >>> both.joined("upper bottom", "lower top")
-            <Domain in 2D: ... pairs upper bottom/lower top of 6 facets>
+            >>> base = ec.rectangle((0.0, -1.0), (3.0, 0.0), cells=(5, 2))
+            >>> both = ec.assembly({"block": block, "base": base})
+            >>> both.joined("block bottom", "base top").pairs
+            (('block bottom', 'base top'),)
         """
         glued = self if self.glued is None else self.glued
         comm = self.mesh.comm

@@ -16,10 +16,11 @@ from erc_contact.base.exceptions import InputError, raise_together
 from erc_contact.mesh.aligning import aligned
 from erc_contact.mesh.matching import matched
 from erc_contact.mesh.named import NamedMesh
-from erc_contact.mesh.plain import PlainMesh, gathered_mesh, row_numbers
+from erc_contact.mesh.plain import PlainMesh, row_numbers
 from erc_contact.mesh.resided import resided
 from erc_contact.mesh.seams import Interface, Regions
 from erc_contact.mesh.tags import NO_TAG, listed
+from erc_contact.mesh.transfer import gathered_mesh
 
 SAMPLE = 1000
 """Number of vertices of a side whose distances are looked at for a message."""

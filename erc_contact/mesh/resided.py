@@ -16,8 +16,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.mesh.behind import Region, at_other_parts, meshed, regions_behind, surface
-from erc_contact.mesh.filling import triangulated
+from erc_contact.mesh.behind import Region, at_other_parts, regions_behind, surface, with_cells
+from erc_contact.mesh.filling import filled, triangulated
 from erc_contact.mesh.outlines import Alignment, common_points, cut_edges, inside
 from erc_contact.mesh.plain import PlainMesh
 
@@ -199,8 +199,10 @@ def _with_common_facets(
     for i in range(2):
         if i != kept:
             own = triangles[within[i] & ~both]
-            beside = surface(whole, regions[i], alignment.number, inserted[i])
-            whole = meshed(whole, regions[i], beside, np.concatenate([common, own]))
+            side = np.concatenate([common, own])
+            closed = surface(whole, regions[i], alignment.number, inserted[i], side)
+            x, cells = filled(whole.x, closed[0])
+            whole = with_cells(whole, regions[i], x, cells, closed)
     refilled = [regions[i].cells for i in range(2) if i != kept]
     keep = np.ones(len(whole.cells), dtype=bool)
     keep[np.concatenate(refilled)] = False
