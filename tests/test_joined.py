@@ -56,12 +56,16 @@ def small_layers(d, half=1.0):
 # ---------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("d", "degree"), list(product((2, 3), (1, 2))))
-@pytest.mark.parametrize(("name", "half"), [("slip", 1.0), ("stick", 1.0), ("slip", WIDER)])
+PATCHES = [
+    *product(("slip",), (1.0,), (2, 3), (1, 2)),
+    *product(("stick",), (1.0,), (2, 3), (1,)),
+    *product(("slip",), (WIDER,), (2, 3), (1,)),
+]
+
+
+@pytest.mark.parametrize(("name", "half", "d", "degree"), PATCHES)
 def test_patch(name, half, d, degree):
     """Constant stresses are exact, also where the lower body is loaded beside the contact."""
-    if half > 1 and degree == 2:
-        pytest.skip("the mesh matters, not the degree")
     scene, exact = patch(name, d)
     domain = small_layers(d, half)
     loads = [*scene.loads]
@@ -131,7 +135,7 @@ CASES = {
     "overhang 3D": (box((0.4, 0.3, 0), (1.5, 1.4, 0.5), (3, 4, 2)), LOW3, 0.42),
     "across": (box((-0.5, 0.3, 0), (1.5, 0.8, 0.5), (6, 2, 2)), LOW3, 0.5),
 }
-ANGLES = {2: 8.0, 3: 6.0}
+ANGLES = {2: 7.0, 3: 9.0}
 """Least angles of triangles, and least dihedral ones of tetrahedra, of these meshes [degrees]."""
 
 
@@ -143,7 +147,7 @@ def least_angle(domain):
     gradients = np.swapaxes(np.linalg.inv(edges), 1, 2)
     gradients = np.concatenate([-gradients.sum(axis=1, keepdims=True), gradients], axis=1)
     gradients /= np.linalg.norm(gradients, axis=2)[..., None]
-    cosine = np.einsum("nik,njk->nij", gradients, gradients) - 2 * np.eye(d + 1)
+    cosine = np.einsum("nik,njk->nij", gradients, gradients).clip(-1.0, 1.0)
     return COMM.allreduce(np.degrees(np.arccos(-cosine)).min(), MPI.MIN)
 
 
@@ -171,7 +175,7 @@ def test_sides_face_each_other(name, measures):
             assert close(part, CASES[name][2])
             assert close(part + more, whole)
             assert (more > 0) == (whole > part + 1e-9)
-        for part in set(both.names) - set(domain.pairs[0]):
+        for part in sorted(set(both.names) - set(domain.pairs[0])):  # the same on all ranks
             assert close(measures.part(domain, part), measures.part(both, part))
         for region in both.regions:
             assert close(measures.region(domain, region), measures.region(both, region))
@@ -208,8 +212,8 @@ def test_angles_of_random_ratios():
         lower = ec.rectangle((-2, -0.5), (2, 0), size=0.2 * ratio)
         both = ec.assembly({"upper": upper, "lower": lower})
         angles.append(least_angle(both.joined("upper bottom", "lower top")))
-    assert min(angles) > 4.0
-    assert np.median(angles) > 10.0
+    assert min(angles) > 7.0, angles
+    assert np.median(angles) > 12.0
 
 
 def discs(inner, outer, sizes):

@@ -242,13 +242,15 @@ def _fixed(plain: PlainMesh, curve: Curve, facing: _Facing) -> np.ndarray:
     if not curve.closed:
         fixed[curve.points[[0, -1]]] = True
     # Side 2 ends where it has one facet only, and has a corner where it turns.
-    direction = np.diff(plain.x[facing.points], axis=1)[:, 0] / facing.lengths[:, None]
+    start, end = directed(plain.x, plain.cells, plain.sides(other_tag), left=False)
+    direction = plain.x[end] - plain.x[start]
+    direction /= np.linalg.norm(direction, axis=1)[:, None]
     arriving = np.full((len(plain.x), 2), np.nan)
     leaving = np.full((len(plain.x), 2), np.nan)
-    arriving[facing.points[:, 1]] = direction
-    leaving[facing.points[:, 0]] = direction
+    arriving[end] = direction
+    leaving[start] = direction
     cosine = np.einsum("ij,ij->i", arriving, leaving)
-    ends = np.unique(facing.points)
+    ends = np.unique([start, end])
     fixed[ends] |= ~(cosine[ends] > np.cos(CORNER))
     return fixed
 
