@@ -11,6 +11,7 @@ from mpi4py import MPI
 from erc_contact.base.checks import description
 from erc_contact.base.exceptions import InputError, together
 from erc_contact.mesh.domain import Domain
+from erc_contact.mesh.joining import last_tag
 from erc_contact.mesh.plain import PlainMesh
 from erc_contact.mesh.seams import Interface, Regions
 from erc_contact.mesh.tags import NO_TAG
@@ -64,7 +65,7 @@ def assembly(bodies: Mapping[str, Domain]) -> Domain:
         tags = np.where(plain.tags == NO_TAG, NO_TAG, plain.tags + facet_tag)
         plains.append(PlainMesh(plain.x, plain.cells + points, cell_regions, tags))
         points += len(plain.x)
-        facet_tag += domain.last_tag() + 1
+        facet_tag += last_tag(domain) + 1
     tables = [(plain.x, plain.cells, plain.regions, plain.tags) for plain in plains]
     whole = PlainMesh(*map(np.concatenate, zip(*tables, strict=True)))
     mesh, facet_tags, cell_tags = spread(comm, whole)

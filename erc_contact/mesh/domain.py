@@ -126,7 +126,7 @@ class Domain(Bodies):
         glued = self if self.glued is None else self.glued
         comm = self.mesh.comm
         together(comm, parts.check_sides, sides, on, self.names, glued.names, self.regions)
-        tag = self.last_tag() + 1
+        tag = joining.last_tag(self) + 1
         here, there = sides
         regions = (self.regions[sides[here]], self.regions[sides[there]])
         on_tag = None if on is None else self.names[on]
@@ -165,18 +165,12 @@ class Domain(Bodies):
         glued = self if self.glued is None else self.glued
         comm = self.mesh.comm
         together(comm, joining.check_parts, here, there, glued, self.pairs)
-        found = joining.joint(glued, here, there, self.last_tag() + 1)
+        found = joining.joint(glued, here, there, joining.last_tag(self) + 1)
         before = () if self.seams is None else self.seams.interfaces
         interfaces = together(comm, joining.interfaces, before, found.interface, tied)
         mesh, facet_tags, cell_tags = spread(comm, found.plain)
         whole = Domain(mesh, facet_tags, found.names, cell_tags, self.regions)
         return whole.cut(interfaces) if interfaces else whole
-
-    def last_tag(self) -> int:
-        """Return the greatest tag of parts and facets; collective."""
-        glued = self if self.glued is None else self.glued
-        used = [*self.names.values(), *glued.names.values(), *glued.facet_tags.values]
-        return self.mesh.comm.allreduce(int(max(used)), MPI.MAX)
 
     def cut(self, interfaces: tuple[Interface, ...]) -> Domain:
         """Split the nodes of a glued mesh along all its interfaces; collective.

@@ -11,9 +11,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError, raise_together
 from erc_contact.mesh.aligning import aligned
+from erc_contact.mesh.bodies import Bodies
 from erc_contact.mesh.matching import matched
 from erc_contact.mesh.named import NamedMesh
 from erc_contact.mesh.plain import PlainMesh, row_numbers
@@ -75,6 +77,13 @@ def check_parts(
         )
 
 
+def last_tag(bodies: Bodies) -> int:
+    """Return the greatest tag of the parts and facets of a domain; collective."""
+    glued = bodies if bodies.glued is None else bodies.glued
+    used = [*bodies.names.values(), *glued.names.values(), *glued.facet_tags.values]
+    return bodies.mesh.comm.allreduce(int(max(used)), MPI.MAX)
+
+
 def joint(glued: NamedMesh, here: str, there: str, on: int) -> Joint:
     """Glue two parts of the boundary where they meet; collective.
 
@@ -90,7 +99,7 @@ def joint(glued: NamedMesh, here: str, there: str, on: int) -> Joint:
     comm = glued.mesh.comm
     plain = gathered_mesh(glued)
     tags = (glued.names[here], glued.names[there])
-    error = None
+    error: Exception | None = None
     about = None
     if comm.rank == 0:
         try:
@@ -98,8 +107,10 @@ def joint(glued: NamedMesh, here: str, there: str, on: int) -> Joint:
             plain = plain.without_unused_points()
             about = (_two_regions(regions, glued.regions), np.isin(tags, plain.tags))
         except InputError as reason:
-            # An error of gmsh's session knows the ranks of another communicator.
+            # One of gmsh's session is known to all ranks of another communicator.
             error = InputError(str(reason))
+        except Exception as reason:  # every rank must learn of it
+            error = reason
     raise_together(comm, error)
     sides, has_more = comm.bcast(about)
     names = {name: tag for name, tag in glued.names.items() if name not in (here, there)}
