@@ -299,6 +299,33 @@ def test_two_volumes_of_one_model():
     assert_closed(domain)
 
 
+def test_curved_sides_in_space_that_match():
+    """What was split is joined again: a ball in a block, not one node less or more."""
+
+    def build(gmsh):
+        occ = gmsh.model.occ
+        ball = occ.addSphere(0, 0, 0, 0.5)
+        block = occ.addBox(-1, -1, -1, 2, 2, 2)
+        occ.fragment([(3, ball)], [(3, block)])
+        occ.synchronize()
+        volumes = [tag for _, tag in gmsh.model.getEntities(3)]
+        for name, tag in zip(
+            ("ball", "block"), sorted(volumes, key=lambda t: occ.getMass(3, t)), strict=True
+        ):
+            gmsh.model.addPhysicalGroup(3, [tag], name=name)
+        outer = gmsh.model.getBoundary([(3, tag) for tag in volumes], oriented=False)
+        gmsh.model.addPhysicalGroup(2, [tag for _, tag in outer], name="outer")
+        gmsh.option.setNumber("Mesh.MeshSizeMax", 0.5)
+
+    with session(COMM, build, "The test") as model:
+        whole = ec.from_gmsh(model, COMM).split({"rim": "ball", "bore": "block"})
+    apart = ec.Domain(whole.mesh, whole.facet_tags, whole.names, whole.cell_tags, whole.regions)
+    again = apart.joined("rim", "bore")
+    assert again.glued.vertices == whole.glued.vertices
+    assert again.pairs == whole.pairs
+    assert assert_paired(again, "rim", "bore") == assert_paired(whole, "rim", "bore")
+
+
 def test_files_read_back(shared_tmp_path):
     """Two mesh files, one body on the other."""
     for name, low, size in (("upper", 0.0, 0.3), ("lower", -1.0, 0.22)):
