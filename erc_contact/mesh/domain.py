@@ -164,7 +164,7 @@ class Domain(Bodies):
         glued = self if self.glued is None else self.glued
         comm = self.mesh.comm
         together(comm, joining.check_parts, here, there, glued, self.pairs)
-        found = joining.joint(glued, here, there, joining.last_tag(self) + 1)
+        found = joining.joint(glued, here, there, joining.last_tag(self) + 1, tied=tied)
         before = () if self.seams is None else self.seams.interfaces
         interfaces = together(comm, joining.interfaces, before, found.interface, tied)
         mesh, facet_tags, cell_tags = spread(comm, found.plain)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -9,12 +10,41 @@ from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.mesh.gmsh_session import FIELD, session
+from erc_contact.mesh.graphs import components
 from erc_contact.mesh.simplex import in_space
 
 MARGIN = 0.3
 """Width of the frame around the edges in a plane, by their extent [-]."""
-LINE, TRIANGLE, TETRAHEDRON = 1, 2, 4
-"""gmsh's numbers of types of elements."""
+TRIANGLE = 2
+"""gmsh's number of the type of triangles."""
+TETRAHEDRON = 4
+"""gmsh's number of the type of tetrahedra."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Unit:
+    """Scale points to a unit of length, as gmsh's tolerances are lengths.
+
+    Attributes:
+        low: The lowest coordinates [length], shape (d,).
+        extent: The greatest extent [length].
+    """
+
+    low: np.ndarray
+    extent: float
+
+    @classmethod
+    def of(cls, x: np.ndarray) -> _Unit:
+        """Make it of points [length], shape (n, d)."""
+        return cls(x.min(axis=0), float(np.ptp(x, axis=0).max()))
+
+    def scaled(self, x: np.ndarray) -> np.ndarray:
+        """Return points [length], shape (..., d), without their unit."""
+        return (x - self.low) / self.extent
+
+    def lengths(self, x: np.ndarray) -> np.ndarray:
+        """Return scaled points with their unit [length], shape (n, d)."""
+        return self.low + self.extent * x
 
 
 def triangulated(
@@ -38,33 +68,34 @@ def triangulated(
     """
     used, edges = np.unique(edges, return_inverse=True)
     edges = edges.reshape(-1, 2)
-    low = y[used].min(axis=0)
-    high = y[used].max(axis=0)
-    margin = MARGIN * (high - low).max()
-    frame = np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * (high - low + 2 * margin) + low - margin
-    points = np.concatenate([y[used], frame])
+    unit = _Unit.of(y[used])
+    given = unit.scaled(y[used])
+    low = -np.full(2, MARGIN)
+    high = given.max(axis=0) + MARGIN
+    frame = np.array([low, [high[0], low[1]], high, [low[0], high[1]]])
+    corners = len(used) + np.arange(4)
+    rim = np.column_stack([corners, np.roll(corners, -1)])
 
     def build(gmsh: Any) -> None:
         _set_field(gmsh, extend=False)
         geo = gmsh.model.geo
-        for tag, (x1, x2) in enumerate(points, start=1):
-            geo.addPoint(x1, x2, 0.0, tag=tag)
-        lines = [geo.addLine(int(a), int(b)) for a, b in edges + 1]
-        corners = len(used) + 1 + np.arange(4)
-        rim = [
-            geo.addLine(int(a), int(b)) for a, b in zip(corners, np.roll(corners, -1), strict=True)
-        ]
+        # gmsh has no call for many points or lines; these are those of the outlines.
+        for tag, point in enumerate(np.concatenate([given, frame]).tolist(), start=1):
+            geo.addPoint(*point, 0.0, tag=tag)
+        lines = [geo.addLine(*edge) for edge in (edges + 1).tolist()]
         for line in lines:
             geo.mesh.setTransfiniteCurve(line, 2)
-        surface = geo.addPlaneSurface([geo.addCurveLoop(rim)])
+        loop = geo.addCurveLoop([geo.addLine(*edge) for edge in (rim + 1).tolist()])
+        surface = geo.addPlaneSurface([loop])
         geo.synchronize()
         gmsh.model.mesh.embed(1, lines, 2, surface)
-        _set_sizes(gmsh, sides)
+        _set_sizes(gmsh, [(unit.scaled(x), sizes / unit.extent) for x, sizes in sides])
         gmsh.model.mesh.generate(2)
 
     with session(MPI.COMM_SELF, build, "joined: the plane of the contact") as model:
         x, triangles = _simplices(model, TRIANGLE)
-    return _renumbered(x[:, :2], triangles, points, used, y)
+    new, triangles = _renumbered(x[:, :2], triangles, given, used, len(y))
+    return np.concatenate([y, unit.lengths(new)]), triangles
 
 
 def _set_field(gmsh: Any, *, extend: bool) -> None:
@@ -101,33 +132,36 @@ def _simplices(model: Any, kind: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _renumbered(
-    x: np.ndarray, simplices: np.ndarray, given: np.ndarray, numbers: np.ndarray, y: np.ndarray
+    x: np.ndarray, simplices: np.ndarray, given: np.ndarray, numbers: np.ndarray, count: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """Give points of gmsh the numbers of given points, and new points the next ones.
 
     Args:
         x: gmsh's points.
         simplices: gmsh's simplices.
-        given: The points that gmsh was given, the first ones of which have numbers.
+        given: The points that gmsh was given.
         numbers: Their numbers.
-        y: All points that have numbers.
+        count: Number of all points that have numbers.
+
+    Returns:
+        The new points, and the simplices.
 
     Raises:
-        InputError: If gmsh does not have all of them.
+        InputError: If gmsh does not have all of the given points.
     """
-    together = np.concatenate([given[: len(numbers)], x])
-    order = np.lexsort(together.T)
-    equal = np.all(together[order[1:]] == together[order[:-1]], axis=1)
+    every = np.concatenate([given, x])
+    order = np.lexsort(every.T)
+    equal = np.all(every[order[1:]] == every[order[:-1]], axis=1)
     # The sort is stable: a given point comes before that of gmsh.
     first = order[:-1][equal]
-    second = order[1:][equal] - len(numbers)
-    if len(first) != len(numbers) or first.max(initial=-1) >= len(numbers):
+    second = order[1:][equal] - len(given)
+    if len(first) != len(given) or first.max(initial=-1) >= len(given):
         raise InputError("joined: gmsh moved points of the contact; mesh the parts otherwise.")
     number = np.full(len(x), -1)
     number[second] = numbers[first]
     new = number < 0
-    number[new] = len(y) + np.arange(new.sum())
-    return np.concatenate([y, x[new]]), number[simplices]
+    number[new] = count + np.arange(new.sum())
+    return x[new], number[simplices]
 
 
 def filled(x: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -135,7 +169,8 @@ def filled(x: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray
 
     Args:
         x: Points [length], shape (n, 3).
-        triangles: Points of the triangles, shape (m, 3).
+        triangles: Points of the triangles, shape (m, 3). Those around a hollow are not
+            connected with the others.
 
     Returns:
         Points [length], the given ones first, and tetrahedra.
@@ -145,20 +180,32 @@ def filled(x: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray
     """
     used, triangles = np.unique(triangles, return_inverse=True)
     triangles = triangles.reshape(-1, 3)
+    unit = _Unit.of(x[used])
+    given = unit.scaled(x[used])
+    links = np.concatenate([triangles[:, :2], triangles[:, 1:]])
+    shell_of_point = components(len(used), links)
+    # The outer shell, which gmsh wants first, has the lowest point.
+    outer = shell_of_point[given[:, 0].argmin()]
+    hollows = np.setdiff1d(shell_of_point, outer)
 
     def build(gmsh: Any) -> None:
         _set_field(gmsh, extend=True)
-        mesh = gmsh.model.mesh
-        surface = gmsh.model.addDiscreteEntity(2)
-        mesh.addNodes(2, surface, np.arange(1, len(used) + 1), x[used].ravel())
-        mesh.addElementsByType(surface, TRIANGLE, [], (triangles + 1).ravel())
-        loop = gmsh.model.geo.addSurfaceLoop([surface])
-        gmsh.model.geo.addVolume([loop])
+        loops = []
+        for shell in (outer, *hollows):
+            surface = gmsh.model.addDiscreteEntity(2)
+            points = np.flatnonzero(shell_of_point == shell)
+            gmsh.model.mesh.addNodes(2, surface, points + 1, given[points].ravel())
+            own = triangles[shell_of_point[triangles[:, 0]] == shell] + 1
+            gmsh.model.mesh.addElementsByType(surface, TRIANGLE, [], own.ravel())
+            loops.append(gmsh.model.geo.addSurfaceLoop([surface]))
+        gmsh.model.geo.addVolume(loops)
         gmsh.model.geo.synchronize()
-        mesh.generate(3)
+        gmsh.model.mesh.generate(3)
 
-    with session(MPI.COMM_SELF, build, "joined: a body behind the contact, meshed anew,") as model:
+    subject = "joined: a body behind the contact, meshed anew,"
+    with session(MPI.COMM_SELF, build, subject) as model:
         points, cells = _simplices(model, TETRAHEDRON)
     if not len(cells):
         raise InputError("joined: gmsh cannot fill a body behind the contact; mesh it otherwise.")
-    return _renumbered(points, cells, x[used], used, x)
+    new, cells = _renumbered(points, cells, given, used, len(x))
+    return np.concatenate([x, unit.lengths(new)]), cells

@@ -84,7 +84,7 @@ def last_tag(bodies: Bodies) -> int:
     return bodies.mesh.comm.allreduce(int(max(used)), MPI.MAX)
 
 
-def joint(glued: NamedMesh, here: str, there: str, on: int) -> Joint:
+def joint(glued: NamedMesh, here: str, there: str, on: int, *, tied: bool) -> Joint:
     """Glue two parts of the boundary where they meet; collective.
 
     Args:
@@ -92,9 +92,11 @@ def joint(glued: NamedMesh, here: str, there: str, on: int) -> Joint:
         here: Name of side 1.
         there: Name of side 2.
         on: Tag of the facets where they meet; greater than all others.
+        tied: Whether the bodies stay glued there.
 
     Raises:
-        InputError: If the parts do not lie against each other, or are in one region.
+        InputError: If the parts do not lie against each other, or are in one region and
+            not tied.
     """
     comm = glued.mesh.comm
     plain = gathered_mesh(glued)
@@ -105,20 +107,22 @@ def joint(glued: NamedMesh, here: str, there: str, on: int) -> Joint:
         try:
             plain, regions = met(plain, tags, on)
             plain = plain.without_unused_points()
-            about = (_two_regions(regions, glued.regions), np.isin(tags, plain.tags))
+            if not tied:
+                _check_regions(regions, glued.regions)
+            about = (_plain_tags(regions[0]), _plain_tags(regions[1]), np.isin(tags, plain.tags))
         except InputError as reason:
             # One of gmsh's session is known to all ranks of another communicator.
             error = InputError(str(reason))
         except Exception as reason:  # every rank must learn of it
             error = reason
     raise_together(comm, error)
-    sides, has_more = comm.bcast(about)
+    *sides, has_more = comm.bcast(about)
     names = {name: tag for name, tag in glued.names.items() if name not in (here, there)}
     for name, tag, more in zip((here, there), tags, has_more, strict=True):
         if more:
             names[f"{name} outside"] = tag
     names[f"{here}/{there}"] = on
-    return Joint(plain, names, Interface((here, there), (on + 1, on + 2), sides, on))
+    return Joint(plain, names, Interface((here, there), (on + 1, on + 2), (sides[0], sides[1]), on))
 
 
 def met(
@@ -169,13 +173,11 @@ def _apart(plain: PlainMesh, tags: tuple[int, int]) -> InputError:
     )
 
 
-def _two_regions(
-    regions: tuple[np.ndarray, np.ndarray], names: Mapping[str, int]
-) -> tuple[Regions, Regions]:
-    """Return the tags of the regions on both sides, which must be different.
+def _check_regions(regions: tuple[np.ndarray, np.ndarray], names: Mapping[str, int]) -> None:
+    """Check that the regions on both sides are different.
 
     Raises:
-        InputError: If a region is on both sides.
+        InputError: If a region is on both sides, or a cell is in none.
     """
     both = np.intersect1d(*regions)
     if NO_TAG in np.concatenate(regions) or len(both):
@@ -186,11 +188,12 @@ def _two_regions(
             "each body a region: by a physical group of cells in gmsh, by cell_tags= and regions= "
             "of Domain, or mesh them apart and put them together by assembly."
         )
-    here, there = (tuple(map(int, tags)) for tags in regions)
-    return (
-        here[0] if len(here) == 1 else here,
-        there[0] if len(there) == 1 else there,
-    )
+
+
+def _plain_tags(regions: np.ndarray) -> Regions:
+    """Return the tag of a region, or those of several, as whole numbers of Python."""
+    tags = tuple(map(int, regions))
+    return tags[0] if len(tags) == 1 else tags
 
 
 def interfaces(
