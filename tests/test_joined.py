@@ -436,6 +436,13 @@ def slit():
     return ec.Domain(both.mesh, both.facet_tags, names)
 
 
+def test_tied_bodies_need_no_regions():
+    """Two squares become one mesh, whose vertices on the joint are one."""
+    glued = slit().joined("left", "right", tied=True)
+    assert glued.vertices == slit().vertices - 4
+    assert glued.outer == []
+
+
 @pytest.mark.parametrize("name", WRONG)
 def test_wrong_input(name):
     call, words = WRONG[name]

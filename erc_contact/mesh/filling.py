@@ -15,6 +15,8 @@ from erc_contact.mesh.simplex import in_space
 
 MARGIN = 0.3
 """Width of the frame around the edges in a plane, by their extent [-]."""
+DIGITS = 12
+"""Digits of scaled coordinates and sizes: round-off must not change the mesh."""
 TRIANGLE = 2
 """gmsh's number of the type of triangles."""
 TETRAHEDRON = 4
@@ -40,7 +42,11 @@ class _Unit:
 
     def scaled(self, x: np.ndarray) -> np.ndarray:
         """Return points [length], shape (..., d), without their unit."""
-        return (x - self.low) / self.extent
+        return np.round((x - self.low) / self.extent, DIGITS)
+
+    def sizes(self, h: np.ndarray) -> np.ndarray:
+        """Return sizes [length] without their unit."""
+        return np.round(h / self.extent, DIGITS)
 
     def lengths(self, x: np.ndarray) -> np.ndarray:
         """Return scaled points with their unit [length], shape (n, d)."""
@@ -89,7 +95,7 @@ def triangulated(
         surface = geo.addPlaneSurface([loop])
         geo.synchronize()
         gmsh.model.mesh.embed(1, lines, 2, surface)
-        _set_sizes(gmsh, [(unit.scaled(x), sizes / unit.extent) for x, sizes in sides])
+        _set_sizes(gmsh, [(unit.scaled(x), unit.sizes(h)) for x, h in sides])
         gmsh.model.mesh.generate(2)
 
     with session(MPI.COMM_SELF, build, "joined: the plane of the contact") as model:

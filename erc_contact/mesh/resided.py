@@ -32,17 +32,18 @@ OPPOSITE = 0.999
 """Least cosine between the normals of one side and minus that of the other [-]."""
 CRUSHED = 0.25
 """Least share of its area that a triangle of a surface keeps [-]."""
+DIGITS = 6
+"""Digits of the normal that decide about the axes of a plane."""
 LEAST_ANGLE = 2.0
 """Least angle of the triangles in the plane [degrees]."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Plane:
-    """Hold a plane by a point, two axes of it, shape (3, 2), and its normal."""
+    """Hold a plane by a point and two axes of it, shape (3, 2)."""
 
     origin: np.ndarray
     axes: np.ndarray
-    normal: np.ndarray
 
     def coordinates(self, x: np.ndarray) -> np.ndarray:
         """Return the coordinates of points in the plane [length], shape (n, 2)."""
@@ -134,9 +135,12 @@ def _common_plane(plain: PlainMesh, here: int, there: int) -> tuple[_Plane, floa
             f"{shortest:.3g}. Move the bodies to each other, and give a distance by gap= of the "
             "contact."
         )
-    # Two unit vectors normal to the normal, by its singular value decomposition.
-    axes = np.linalg.svd(normal[None])[2][1:].T
-    return _Plane(origin, axes, normal), shortest
+    # The first axis is that of space nearest to the plane; round-off must not turn it.
+    nearest = np.eye(3)[np.argmin(np.round(abs(normal), DIGITS))]
+    first = nearest - (nearest @ normal) * normal
+    first /= np.linalg.norm(first)
+    axes = np.column_stack([first, np.cross(normal, first)])
+    return _Plane(origin, axes), shortest
 
 
 def _keep_areas(
