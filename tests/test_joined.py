@@ -424,6 +424,10 @@ WRONG = {
     "no body": (lambda: ec.assembly({}), ("names and domains",)),
     "no names": (lambda: ec.assembly([square()]), ("names and domains",)),
     "an empty name": (lambda: ec.assembly({"": square()}), ("name of a body",)),
+    "a name twice": (
+        lambda: ec.assembly({"a": pair(square(), square(2)), "a upper": square(4)}),
+        ("'a upper'", "another name"),
+    ),
     "no domain": (lambda: ec.assembly({"upper": square().mesh}), ("'upper'", "Domain")),
     "two dimensions": (lambda: pair(square(), cube()), ("'lower' is in 3D", "2D")),
 }

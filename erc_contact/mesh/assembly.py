@@ -54,12 +54,14 @@ def assembly(bodies: Mapping[str, Domain]) -> Domain:
         glued = domain if domain.glued is None else domain.glued
         plain = gathered_mesh(glued)
         new_tags = _region_tags(glued, plain, len(regions) + 1)
-        regions |= {f"{name} {region}".rstrip(): tag for region, (_, tag) in new_tags.items()}
-        names |= {f"{name} {part}": tag + facet_tag for part, tag in glued.names.items()}
+        of_body = {f"{name} {region}".rstrip(): tag for region, (_, tag) in new_tags.items()}
+        regions = _disjoint(regions, of_body)
+        of_body = {f"{name} {part}": tag + facet_tag for part, tag in glued.names.items()}
+        names = _disjoint(names, of_body)
         if domain.seams is not None:
             for interface in domain.seams.interfaces:
                 interfaces.append(_renamed(interface, name, facet_tag, dict(new_tags.values())))
-        cell_regions = np.full_like(plain.regions, new_tags[REST][1] if REST in new_tags else 0)
+        cell_regions = np.full_like(plain.regions, new_tags.get(REST, (NO_TAG, NO_TAG))[1])
         for old, new in new_tags.values():
             cell_regions[plain.regions == old] = new
         tags = np.where(plain.tags == NO_TAG, NO_TAG, plain.tags + facet_tag)
@@ -109,6 +111,21 @@ def _check(bodies: Any) -> None:
                 f"assembly: {name!r} has another communicator than the first body; make all with "
                 "the same comm=."
             )
+
+
+def _disjoint(names: dict[str, int], others: dict[str, int]) -> dict[str, int]:
+    """Return names of both mappings.
+
+    Raises:
+        InputError: If both have a name.
+    """
+    for name in others:
+        if name in names:
+            raise InputError(
+                f"assembly: two bodies would have a part or region {name!r}; give a body another "
+                "name."
+            )
+    return names | others
 
 
 def _region_tags(glued: Domain, plain: PlainMesh, first: int) -> dict[str, tuple[int, int]]:
