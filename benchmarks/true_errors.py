@@ -32,8 +32,8 @@ from dolfinx import mesh as dmesh
 from dolfinx.io.utils import distribute_entity_data
 
 from erc_contact.admissible.pair import Admissible
+from erc_contact.mesh.seams import Seams
 from erc_contact.mesh.simplex import bernstein, rule
-from erc_contact.mesh.splitting import Seams
 from erc_contact.mesh.tags import tag_table, tags_of
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.friction import CONSTANT

@@ -14,59 +14,41 @@ upper block feels, the lower one feels the other way round.
 The block is narrower than what it stands on. Its corners press into the flat surface,
 and the stress is not smooth there. The shear presses the right corner more and lifts
 the left one. So the loop refines at the corners, on both sides of the contact alike,
-as their facets match.
+as their facets match once the blocks are joined.
 """
 
 import numpy as np
 
 import erc_contact as ec
 
-import gmsh  # isort: skip - after erc_contact, as all that is compiled
-
 MU, E_UPPER, E_LOWER = 0.5, 1.0, 3.0
 FORCE = (-0.02113, 0.04892)  # of a run to 0.1%
 
 # %%
-# Both blocks are meshed in one piece: ``fragment`` makes the common part of their sides
-# one line. The physical groups of surfaces are the regions, those of lines the parts.
+# Each block has a mesh of its own, and that of the upper one is finer: their vertices
+# do not match. ``assembly`` puts both in one mesh, where their names stand before those
+# of their parts. ``joined`` makes a pair of the sides that lie against each other.
+# Vertices that are close become one, and the triangles beside the contact are cut where
+# the other side has a vertex. What remains of the lower block's top is "lower top
+# outside".
 
-
-def blocks():
-    """An upper block of 2 x 2 on a lower one of 4 x 1.5."""
-    gmsh.initialize()
-    gmsh.option.setNumber("General.Terminal", 0)
-    gmsh.option.setNumber("Mesh.MeshSizeMax", 0.5)
-    upper = (2, gmsh.model.occ.addRectangle(-1.0, 0.0, 0.0, 2.0, 2.0))
-    lower = (2, gmsh.model.occ.addRectangle(-2.0, -1.5, 0.0, 4.0, 1.5))
-    gmsh.model.occ.fragment([upper], [lower])
-    gmsh.model.occ.synchronize()
-    heights = {
-        curve: gmsh.model.occ.getCenterOfMass(1, curve)[1]
-        for _, curve in gmsh.model.getEntities(1)
-    }
-    gmsh.model.addPhysicalGroup(2, [upper[1]], name="upper")
-    gmsh.model.addPhysicalGroup(2, [lower[1]], name="lower")
-    for name, pick in (("top", max), ("bottom", min)):
-        curve = pick(heights, key=heights.__getitem__)
-        gmsh.model.addPhysicalGroup(1, [curve], name=name)
-    domain = ec.from_gmsh(gmsh.model)
-    gmsh.finalize()
-    return domain
-
+upper = ec.rectangle((-1.0, 0.0), (1.0, 2.0), size=0.4)
+lower = ec.rectangle((-2.0, -1.5), (2.0, 0.0), size=0.55)
+blocks = ec.assembly({"upper": upper, "lower": lower})
+domain = blocks.joined("upper bottom", "lower top")
 
 # %%
-# ``split`` makes two boundary parts of the line between the regions, "foot" of the
-# upper block and "seat" of the lower one. Their facets go on to match.
+# From here on each facet of the contact faces one of the other block, corner to corner,
+# on all meshes of the run.
 
 ec.log_to_console()
-domain = blocks().split({"foot": "upper", "seat": "lower"})
 scene = ec.Scene(
     material=ec.Elastic(E={"upper": E_UPPER, "lower": E_LOWER}, nu=0.3),
     supports=[
-        ec.Displacement("top", (0.1, -0.05)),
-        ec.Displacement("bottom", (0.0, 0.0)),
+        ec.Displacement("upper top", (0.1, -0.05)),
+        ec.Displacement("lower bottom", (0.0, 0.0)),
     ],
-    contacts=[ec.Contact("foot", against="seat", friction=MU)],
+    contacts=[ec.Contact("upper bottom", against="lower top", friction=MU)],
 )
 history = ec.adapt(scene, domain, accuracy=0.01, degree=2)
 history.save("results/two_blocks")
@@ -76,8 +58,8 @@ history.save("results/two_blocks")
 # gap and its slip are of one body against the other.
 
 error = history.error
-contact = error.profile("foot")
-of_foot, of_seat = error.force("foot"), error.force("seat")
+contact = error.profile("upper bottom")
+of_upper, of_lower = error.force("upper bottom"), error.force("lower top")
 supports = error.reactions()
 status = contact["status"]
 shares = {
@@ -89,7 +71,9 @@ shares = {
     )
 }
 if domain.mesh.comm.rank == 0:
-    print(f"force on the upper block {of_foot.force}, on the lower one {of_seat.force}")
+    print(
+        f"force on the upper block {of_upper.force}, on the lower one {of_lower.force}"
+    )
     print(", ".join(f"{name} {share:.1%}" for name, share in shares.items()))
 
 # %%
@@ -97,15 +81,15 @@ if domain.mesh.comm.rank == 0:
 # in equilibrium with its support; the certified traction obeys contact and friction;
 # the force is that of a run to 0.1%; the contact opens at the left, slips, and sticks.
 
-scale = abs(of_foot.force).max()
+scale = abs(of_upper.force).max()
 assert history.reached
-assert np.allclose(of_foot.force, -of_seat.force, atol=1e-10 * scale)
-assert np.allclose(of_foot.moment, -of_seat.moment, atol=1e-10 * scale)
-assert np.allclose(of_foot.force, -supports["top"].force, atol=1e-10 * scale)
-assert np.allclose(of_seat.force, -supports["bottom"].force, atol=1e-10 * scale)
+assert np.allclose(of_upper.force, -of_lower.force, atol=1e-10 * scale)
+assert np.allclose(of_upper.moment, -of_lower.moment, atol=1e-10 * scale)
+assert np.allclose(of_upper.force, -supports["upper top"].force, atol=1e-10 * scale)
+assert np.allclose(of_lower.force, -supports["lower bottom"].force, atol=1e-10 * scale)
 assert np.all(contact["pressure"] >= 0.0)
 assert np.all(abs(contact["shear"]) <= contact["friction_bound"] * (1 + 1e-12))
 assert np.all(contact["gap"] >= -1e-12)
-assert np.allclose(of_foot.force, FORCE, rtol=5e-3)
+assert np.allclose(of_upper.force, FORCE, rtol=5e-3)
 assert min(shares.values()) > 0.03
 assert contact["x"][status == ec.results.OPEN].max() < -0.8

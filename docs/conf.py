@@ -29,7 +29,7 @@ nitpick_ignore = [
     ("py:class", f"erc_contact.{name}")  # types of members that no page is about
     for name in (
         "admissible.cells.CellGeometry",
-        "mesh.splitting.Interface",
+        "mesh.seams.Interface",
         "model.elasticity.ElasticMatrix",
         "model.friction.Friction",
         "model.last_step.LastStep",

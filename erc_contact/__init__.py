@@ -31,6 +31,7 @@ from erc_contact.error.optimal import SizeMap
 from erc_contact.error.oscillation import Oscillations
 from erc_contact.error.sizes import Sizes, size_map
 from erc_contact.error.strategy import Mark, Strategy, Uniform, mark
+from erc_contact.mesh.assembly import assembly
 from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.sources import box, from_gmsh, read_mesh, rectangle
 from erc_contact.newton.methods import AugmentedLagrangian, Method, Nitsche
@@ -93,6 +94,7 @@ __all__ = [
     "Tresca",
     "Uniform",
     "adapt",
+    "assembly",
     "box",
     "certify",
     "constitutive_error",

@@ -9,42 +9,34 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
-from dolfinx import fem
 from dolfinx import mesh as dmesh
-from mpi4py import MPI
 
 from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError, together
-from erc_contact.base.html import table
-from erc_contact.mesh import partition, parts
+from erc_contact.mesh import joining, partition, parts
+from erc_contact.mesh.bodies import Bodies, Surface
 from erc_contact.mesh.copies import numbered, same_ranks
-from erc_contact.mesh.named import NamedMesh
 from erc_contact.mesh.refinement import refine
-from erc_contact.mesh.splitting import Carried, Interface, Seams, claimed, side_tags
-from erc_contact.mesh.surface import offset, snap
+from erc_contact.mesh.seams import Interface
+from erc_contact.mesh.splitting import Carried, claimed, side_tags
+from erc_contact.mesh.surface import snap
 from erc_contact.mesh.tags import shared
+from erc_contact.mesh.transfer import spread
 
 
-class Geometry(Protocol):
+class Geometry(Surface, Protocol):
     """Represent the true shape of a body: its surface, and how to mesh it again."""
 
     def meshed(self, domain: Domain, sizes: np.ndarray) -> Domain:
         """Mesh the shape with other sizes, see :meth:`Domain.remeshed`; collective."""
 
-    def nearest(self, comm: MPI.Comm, points: np.ndarray, marks: np.ndarray) -> np.ndarray:
-        """Return the nearest points of the true surface [length]; collective.
 
-        See :data:`erc_contact.mesh.surface.Nearest`.
-        """
-
-
-@dataclass(frozen=True, eq=False)
-class Domain(NamedMesh):
+@dataclass(frozen=True, eq=False, repr=False)
+class Domain(Bodies):
     """Hold a mesh whose parts have names.
 
     Args:
@@ -76,9 +68,7 @@ class Domain(NamedMesh):
     """
 
     geometry: Geometry | None = field(default=None, repr=False)
-    curved_facets: dmesh.MeshTags | None = field(default=None, repr=False)
     glued: Domain | None = field(default=None, repr=False)
-    seams: Seams | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         if not isinstance(self.mesh, dmesh.Mesh):
@@ -108,68 +98,6 @@ class Domain(NamedMesh):
         for name, tags in zip(tag_names, tag_sets, strict=True):
             object.__setattr__(self, name, tags)
 
-    def __repr__(self) -> str:
-        """Describe the domain in a line; one rank alone may do so."""
-        names = ", ".join(self.names)
-        if self.regions:
-            names += f", regions {', '.join(self.regions)}"
-        if self.seams is not None:
-            names += f", pairs {self.seams}"
-        return f"<Domain in {self.dim}D: {self.cells} cells, boundary parts {names}>"
-
-    def _repr_html_(self) -> str:
-        """Describe the domain in a notebook; one rank alone may do so."""
-        rows: list[tuple[str, object]] = [("cells", self.cells), ("vertices", self.vertices)]
-        rows.append(("boundary parts", ", ".join(self.names)))
-        if self.regions:
-            rows.append(("regions", ", ".join(self.regions)))
-        if self.seams is not None:
-            rows.append(("pairs", self.seams))
-        curved = self.curved_facets is not None
-        rows.append(("shape", parts.shape_in_words(self.geometry, self.dim, curved=curved)))
-        return table(rows, caption=f"Domain in {self.dim}D")
-
-    @cached_property
-    def offset(self) -> fem.Function | None:
-        """Return the vector from a facet to the true surface [length]; collective.
-
-        It is None if the surface is flat or not known.
-        """
-        if self.curved_facets is None or self.geometry is None:
-            return None
-        return offset(self.mesh, self.curved_facets, self.geometry.nearest)
-
-    @property
-    def pairs(self) -> tuple[tuple[str, str], ...]:
-        """Return the names of the boundary parts that face each other, see split."""
-        if self.seams is None:
-            return ()
-        return tuple(interface.names for interface in self.seams.interfaces)
-
-    def facing(self, here: str, there: str) -> tuple[np.ndarray, np.ndarray]:
-        """Return the facets of two parts that face each other on this rank.
-
-        Ghosts are included if their partner is on this rank, too. The partner of a
-        facet in an owned cell always is.
-
-        Args:
-            here: Name of a part.
-            there: Name of the part that it faces.
-
-        Returns:
-            Pairs (cell, local facet) of ``here`` and of ``there``, shape (n, 2) each.
-            Row i of the first faces row i of the second.
-
-        Raises:
-            InputError: If the parts are no pair.
-        """
-        if self.seams is None:
-            raise InputError(
-                f"facing: {here!r} and {there!r} do not face each other; this domain has no pairs, "
-                "make them by split."
-            )
-        return self.seams.between(here, there)
-
     def split(self, sides: Mapping[str, str], *, on: str | None = None) -> Domain:
         """Split the nodes along the facets between two regions; collective.
 
@@ -197,14 +125,51 @@ class Domain(NamedMesh):
         glued = self if self.glued is None else self.glued
         comm = self.mesh.comm
         together(comm, parts.check_sides, sides, on, self.names, glued.names, self.regions)
-        # Tags that no facet has on any rank.
-        used = [*self.names.values(), *glued.names.values(), *glued.facet_tags.values]
-        tag = comm.allreduce(int(max(used)), MPI.MAX) + 1
+        tag = joining.last_tag(self) + 1
         here, there = sides
         regions = (self.regions[sides[here]], self.regions[sides[there]])
         on_tag = None if on is None else self.names[on]
         before = () if self.seams is None else self.seams.interfaces
         return glued.cut((*before, Interface((here, there), (tag, tag + 1), regions, on_tag)))
+
+    def joined(self, here: str, there: str, *, tied: bool = False) -> Domain:
+        """Glue two bodies that were meshed apart, and split them there; collective.
+
+        The parts lie against each other, at least in places. There their facets become
+        a pair, as :meth:`split` makes it, which keeps the names of both parts. What
+        remains of a part is called "... outside". If vertices do not match, those of
+        ``there`` move to close ones of ``here``, and cells are cut (in 2D), or the
+        regions behind the parts, which must be plane, are meshed again (in 3D).
+
+        The new mesh is its own shape: it can be refined, not remeshed.
+
+        Args:
+            here: Name of a part of the boundary of one body.
+            there: Name of the part of another body that lies against it.
+            tied: Leave the bodies glued there. The joint is a part inside, then.
+
+        Returns:
+            The domain with the pair. Its other parts can be joined or split, too.
+
+        Raises:
+            InputError: If the parts are not two parts of the boundary in different
+                regions, or do not lie against each other.
+
+        Example:
+            >>> base = ec.rectangle((0.0, -1.0), (3.0, 0.0), cells=(5, 2))
+            >>> both = ec.assembly({"block": block, "base": base})
+            >>> both.joined("block bottom", "base top").pairs
+            (('block bottom', 'base top'),)
+        """
+        glued = self if self.glued is None else self.glued
+        comm = self.mesh.comm
+        together(comm, joining.check_parts, here, there, glued, self.pairs)
+        found = joining.joint(glued, here, there, joining.last_tag(self) + 1, tied=tied)
+        before = () if self.seams is None else self.seams.interfaces
+        interfaces = together(comm, joining.interfaces, before, found.interface, tied)
+        mesh, facet_tags, cell_tags = spread(comm, found.plain)
+        whole = Domain(mesh, facet_tags, found.names, cell_tags, self.regions)
+        return whole.cut(interfaces) if interfaces else whole
 
     def cut(self, interfaces: tuple[Interface, ...]) -> Domain:
         """Split the nodes of a glued mesh along all its interfaces; collective.

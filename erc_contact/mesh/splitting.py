@@ -14,109 +14,17 @@ Symbols: d dimension. A side is a pair of a cell and one of its facets.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.base.ranks import fetched
+from erc_contact.mesh.given import GivenCells
+from erc_contact.mesh.seams import Interface, Seams
 from erc_contact.mesh.sides import facets_of_cells, inner_facets
-from erc_contact.mesh.tags import tag_table, tags_of
-
-Facing = Mapping[tuple[str, str], tuple[np.ndarray, np.ndarray]]
-"""Names of two parts -> sides of the first, and those of the second that face them."""
-
-
-@dataclass(frozen=True)
-class Interface:
-    """Say where a mesh is split, and how its two sides are called.
-
-    Attributes:
-        names: Names of the two new boundary parts.
-        tags: Their tags.
-        regions: Tag of the region on each side.
-        on: Tag of the part whose facets are split; None takes all facets between the
-            regions.
-    """
-
-    names: tuple[str, str]
-    tags: tuple[int, int]
-    regions: tuple[int, int]
-    on: int | None
-
-    @classmethod
-    def of(cls, plain: Mapping[str, Any]) -> Interface:
-        """Make it from plain data, where pairs are lists."""
-        pairs = {name: tuple(plain[name]) for name in ("names", "tags", "regions")}
-        return cls(**pairs, on=plain["on"])
-
-
-@dataclass(frozen=True, eq=False)
-class Seams:
-    """Relate a split mesh to the glued one.
-
-    Attributes:
-        interfaces: The interfaces, in the order in which they were split.
-        facing: The sides that face each other; each pair of parts in both orders.
-        cells: Cell of the glued mesh on this rank of each cell, shape (n,).
-        nodes: Node of the glued mesh of each node, shape (m,).
-        counts: Number of facets of each interface over all ranks.
-    """
-
-    interfaces: tuple[Interface, ...]
-    facing: Facing
-    cells: np.ndarray
-    nodes: np.ndarray
-    counts: tuple[int, ...]
-
-    def __str__(self) -> str:
-        """Name the pairs of parts, and how many facets face each other."""
-        pairs = zip(self.interfaces, self.counts, strict=True)
-        return ", ".join(f"{'/'.join(one.names)} of {count} facets" for one, count in pairs)
-
-    def between(self, here: str, there: str) -> tuple[np.ndarray, np.ndarray]:
-        """Return the sides of two parts that face each other.
-
-        See :meth:`Domain.facing`.
-
-        Raises:
-            InputError: If they are no pair.
-        """
-        if (here, there) not in self.facing:
-            names = [interface.names for interface in self.interfaces]
-            pairs = ", ".join(f"{one!r} and {other!r}" for one, other in names)
-            raise InputError(
-                f"facing: {here!r} and {there!r} do not face each other; this domain has the "
-                f"pairs {pairs}."
-            )
-        return self.facing[here, there]
-
-    def least(self, values: np.ndarray) -> np.ndarray:
-        """Return the least of the values at the copies of each node of the glued mesh.
-
-        Args:
-            values: One value, or values at the nodes on this rank, shape (m,).
-
-        Returns:
-            The value, or values at the nodes of the glued mesh on this rank.
-
-        Raises:
-            InputError: If there is another number of values.
-        """
-        if values.ndim == 0:
-            return values
-        if values.shape != self.nodes.shape:
-            raise InputError(
-                f"The sizes have shape {values.shape}; give a number, or one for each node of "
-                f"this rank: domain.mesh.geometry.x has {len(self.nodes)}."
-            )
-        result = np.full(self.nodes.max(initial=-1) + 1, np.inf)
-        np.minimum.at(result, self.nodes, values)
-        return result
+from erc_contact.mesh.tags import tag_table
 
 
 def claimed(
@@ -141,10 +49,12 @@ def claimed(
     """
     tags = tag_table(facet_tags)
     facets, cells = inner_facets(mesh)
-    beside = np.sort(tag_table(cell_tags)[cells], axis=1)
+    beside = tag_table(cell_tags)[cells]
     result = np.full(len(tags), -1)
     for number, interface in enumerate(interfaces):
-        between = np.all(beside == sorted(interface.regions), axis=1)
+        on_first = np.isin(beside, interface.regions[0])
+        on_second = np.isin(beside, interface.regions[1])
+        between = np.any(on_first & on_second[:, ::-1], axis=1)
         if interface.on is not None:
             between &= tags[facets] == interface.on
         between &= result[facets] < 0
@@ -183,7 +93,7 @@ def side_tags(
     for number, interface in enumerate(interfaces):
         on_interface = interface_of_facet[facets] == number
         for region, tag in zip(interface.regions, interface.tags, strict=True):
-            tags[on_interface & (regions == region)] = tag
+            tags[on_interface & np.isin(regions, region)] = tag
     return tags
 
 
@@ -204,32 +114,23 @@ class Carried:
         self.glued = glued
         self.mesh = split_mesh
         # Cells were given in the order of their global numbers.
-        self._source = split_mesh.topology.original_cell_index
-        # DOLFINx may give the corners of a cell another order.
-        geometry = split_mesh.geometry
-        numbers_here = geometry.input_global_indices[geometry.dofmaps[0]]
-        given = self._of_cells(numbers)
-        self._order = np.argmax(given[:, None, :] == numbers_here[:, :, None], axis=2)
-
-    def _of_cells(self, table: np.ndarray) -> np.ndarray:
-        """Return the rows (cells, k) of the split cells on this rank, with ghosts."""
-        owned = self.glued.topology.index_map(self.glued.topology.dim).size_local
-        return fetched(self.glued.comm, table[:owned], self._source)
+        self._given = GivenCells(split_mesh, numbers)
 
     def of_sides(self, table: np.ndarray) -> np.ndarray:
-        """Return the same for a table of sides or corners, shape (cells, d+1)."""
-        return np.take_along_axis(self._of_cells(table), self._order, axis=1)
+        """Return a table of sides or corners of the glued mesh, shape (cells, d+1)."""
+        return self._given.of_sides(self._owned(table))
+
+    def _owned(self, table: np.ndarray) -> np.ndarray:
+        """Return the rows of the owned cells of the glued mesh."""
+        return table[: self.glued.topology.index_map(self.glued.topology.dim).size_local]
 
     def cell_tags(self, tags: dmesh.MeshTags) -> dmesh.MeshTags:
         """Return tags of cells."""
-        values = self._of_cells(tag_table(tags)[:, None])[:, 0]
-        return tags_of(self.mesh, tags.dim, np.arange(len(values)), values)
+        return self._given.cell_tags(self._owned(tag_table(tags)))
 
     def facet_tags(self, tags: np.ndarray) -> dmesh.MeshTags:
         """Return tags of facets, given by the tags of their sides in the glued mesh."""
-        d = self.mesh.topology.dim
-        facets = facets_of_cells(self.mesh)
-        return tags_of(self.mesh, d - 1, facets.ravel(), self.of_sides(tags).ravel())
+        return self._given.facet_tags(self._owned(tags))
 
     def marks(self, marks: dmesh.MeshTags | None) -> dmesh.MeshTags | None:
         """Return marks of facets, which are the same on both sides; None stays None."""
@@ -257,7 +158,7 @@ class Carried:
             facing[interface.names] = (here, there)
             facing[interface.names[::-1]] = (there, here)
         cell_map = self.glued.topology.index_map(d)
-        cells = cell_map.global_to_local(self._source)
+        cells = cell_map.global_to_local(self._given.source)
         # A pair is counted by the rank that owns the cell of its first side.
         firsts = [facing[interface.names][0] for interface in interfaces]
         owned = np.array([(sides[:, 0] < cell_map.size_local).sum() for sides in firsts])

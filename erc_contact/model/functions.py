@@ -14,11 +14,11 @@ from ufl.corealg.traversal import traverse_unique_terminals
 from erc_contact.base.code import arguments
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.mesh.domain import Domain
+from erc_contact.mesh.bodies import Bodies
 from erc_contact.scene.scene import Scene
 
 
-def check_no_functions(scene: Scene, domain: Domain) -> None:
+def check_no_functions(scene: Scene, domain: Bodies) -> None:
     """Check that the callables of a scene return no Functions; collective.
 
     Only then can the scene be put on further meshes.

@@ -68,6 +68,8 @@ class Model(Space):
         NotHeldError: If neither supports nor contacts hold a rigid motion.
     """
 
+    domain: Domain
+
     def __init__(
         self, scene: Scene, domain: Domain, degree: int = 1, last: LastStep | None = None
     ) -> None:

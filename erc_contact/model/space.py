@@ -18,7 +18,7 @@ from dolfinx import fem
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.mesh.domain import Domain
+from erc_contact.mesh.bodies import Bodies
 from erc_contact.mesh.partition import check_shape
 from erc_contact.mesh.simplex import (
     at_nodes,
@@ -66,7 +66,7 @@ class Space:
         InputError: If the degree is not 1 or 2, or cells are flat or folded.
     """
 
-    def __init__(self, domain: Domain, degree: int) -> None:
+    def __init__(self, domain: Bodies, degree: int) -> None:
         if degree not in (1, 2):
             raise InputError(f"degree is {degree!r}; allowed are 1 and 2.")
         self.domain = domain

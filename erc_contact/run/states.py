@@ -23,7 +23,7 @@ from erc_contact.admissible.pair import equilibrate
 from erc_contact.base.exceptions import InputError
 from erc_contact.error.constitutive import ConstitutiveError, constitutive_error
 from erc_contact.mesh.domain import Domain
-from erc_contact.mesh.splitting import Interface
+from erc_contact.mesh.seams import Interface
 from erc_contact.mesh.tables import CellRows, described, geometry_of, glued_mesh, tag_tables
 from erc_contact.model.model import Model
 from erc_contact.model.promises import bind

@@ -1,0 +1,260 @@
+"""Give two sides in the plane the same vertices where they lie against each other.
+
+Vertices of both sides that are close become one. The others are vertices of both sides
+afterwards: the triangles at a side are cut where the other side has a vertex. All of
+them lie on the facets of side 1, so side 2 of a curved contact moves by the height of
+the facets over each other.
+
+Symbols: 1 and 2 the sides. Lengths along the contact are places on a curve of side 1.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from erc_contact.base.exceptions import InputError
+from erc_contact.mesh.curve import Curve, curves, directed
+from erc_contact.mesh.cutting import cut
+from erc_contact.mesh.plain import PlainMesh
+from erc_contact.mesh.tags import NO_TAG
+
+CLOSE = (0.4, 0.2, 0.05)
+"""Distance below which vertices of both sides become one, by the shorter facet [-].
+
+A smaller one is taken if a cell would be crushed by the larger one.
+"""
+SAME = 1e-3
+"""Distance that counts as none, as numbers in a file have it, by the facet [-]."""
+CORNER = 0.7
+"""Angle at which a side has a corner, whose vertex stays where it is [rad]."""
+FACING = 0.5
+"""Least cosine of the angle between facets that face each other [-]."""
+HEIGHTS = 1.5
+"""Allowed distance of curved sides, by the height of their facets [-]."""
+NEAR = 0.2
+"""Greatest distance of sides, by the shorter facet [-]."""
+CRUSHED = 0.25
+"""Least share of its area that a cell keeps when vertices move [-]."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Facing:
+    """Hold the facets of side 2 along a curve of side 1.
+
+    Attributes:
+        sides: Their sides (cell, local facet), shape (k, 2).
+        points: First and last point, in the direction of the curve, shape (k, 2).
+        places: Their places, rising, shape (k, 2).
+        lengths: Lengths of the facets [length], shape (k,).
+    """
+
+    sides: np.ndarray
+    points: np.ndarray
+    places: np.ndarray
+    lengths: np.ndarray
+
+
+def aligned(plain: PlainMesh, here: int, there: int) -> PlainMesh:
+    """Return a mesh in the plane whose two sides have common vertices.
+
+    Args:
+        plain: The mesh.
+        here: Tag of side 1.
+        there: Tag of side 2.
+
+    Raises:
+        InputError: If the sides are apart, or cells would be crushed.
+    """
+    count = len(curves(plain.x, plain.cells, plain.sides(here)))
+    for number in range(count):
+        # Cells have other numbers once the curve before was cut.
+        curve = curves(plain.x, plain.cells, plain.sides(here))[number]
+        facing = _facing(plain, curve, plain.sides(there))
+        if len(facing.sides):
+            plain = _with_common_vertices(plain, curve, facing)
+    return plain
+
+
+def _facing(plain: PlainMesh, curve: Curve, sides: np.ndarray) -> _Facing:
+    """Find the facets of side 2 that lie against a curve.
+
+    Raises:
+        InputError: If some face it and are too far away.
+    """
+    start, end = directed(plain.x, plain.cells, sides, left=False)
+    points = np.column_stack([start, end])
+    used, rows = np.unique(points, return_inverse=True)
+    place, distance = curve.projected(plain.x[used])
+    places = place[rows.reshape(points.shape)]
+    apart = distance[rows.reshape(points.shape)].max(axis=1)
+    lengths = np.linalg.norm(plain.x[end] - plain.x[start], axis=1)
+    step = places[:, 1] - places[:, 0]
+    if curve.closed:
+        # A facet may go over the vertex where the places begin anew.
+        step -= curve.length * np.round(step / curve.length)
+        places[:, 1] = places[:, 0] + step
+    middle = places.mean(axis=1)
+    facet = curve.facet_at(middle % curve.length if curve.closed else middle)
+    shorter = np.minimum(lengths, curve.lengths[facet])
+    common = np.minimum(places[:, 1], curve.length) - np.maximum(places[:, 0], 0.0)
+    against = step > FACING * lengths
+    if not curve.closed:
+        against &= common > SAME * shorter
+    near = against & (apart <= _allowed(curve, facet, lengths))
+    beyond = against & ~near & (apart < shorter)
+    if beyond.any():
+        worst = np.flatnonzero(beyond)[np.argmax(apart[beyond])]
+        x, y = plain.x[points[worst]].mean(axis=0)
+        raise InputError(
+            f"joined: the parts are {apart[worst]:.3g} apart near ({x:.4g}, {y:.4g}), where "
+            f"facets have the length {shorter[worst]:.3g}. Move the bodies to each other and give "
+            "a distance by gap= of the contact; take smaller facets if the sides are curved."
+        )
+    return _Facing(sides[near], points[near], places[near], lengths[near])
+
+
+def _allowed(curve: Curve, facet: np.ndarray, lengths: np.ndarray) -> np.ndarray:
+    """Return the distance from the curve that facets of side 2 may have [length].
+
+    Facets of length h on a curve of radius R are h^2 / (8 R) high. The curve turns by
+    h / R at each vertex.
+    """
+    turn = abs(curve.turns)
+    turn = np.where(turn < CORNER, turn, 0.0)
+    own = curve.lengths[facet]
+    curvature = np.maximum(turn[facet], turn[facet + 1]) / own
+    height = (own**2 + lengths**2) * curvature / 8
+    shorter = np.minimum(own, lengths)
+    return np.minimum(SAME * shorter + HEIGHTS * height, NEAR * shorter)
+
+
+def _with_common_vertices(plain: PlainMesh, curve: Curve, facing: _Facing) -> PlainMesh:
+    """Give a curve and the facets that face it common vertices.
+
+    Raises:
+        InputError: If cells would be crushed.
+    """
+    for close in CLOSE:
+        moved, insertions = _moved(plain, curve, facing, close)
+        # A cell that is turned over has a negative share of its area.
+        before = _areas(plain.x, plain.cells)
+        after = _areas(moved.x, moved.cells)
+        if np.all(after / before > CRUSHED):
+            sides, points = insertions
+            parts = cut(moved.x, moved.cells, moved.tags, sides, points)
+            regions = plain.regions[parts.parents]
+            return PlainMesh(parts.x, parts.triangles, regions, parts.tags)
+    x, y = plain.x[plain.cells[np.argmin(after / before)]].mean(axis=0)
+    raise InputError(
+        f"joined: the vertices of the second part cannot move to the first one near ({x:.4g}, "
+        f"{y:.4g}), the cells there are too flat. Mesh the parts with similar facets."
+    )
+
+
+def _moved(
+    plain: PlainMesh, curve: Curve, facing: _Facing, close: float
+) -> tuple[PlainMesh, tuple[np.ndarray, np.ndarray]]:
+    """Move and merge vertices, and say which ones are to be inserted on which sides.
+
+    Returns:
+        The mesh with moved and merged vertices, and sides and points to insert.
+    """
+    x = plain.x.copy()
+    corners = np.arange(len(curve.points) - curve.closed)
+    points1 = curve.points[corners]
+    points2, first = np.unique(facing.points, return_index=True)
+    place2 = facing.places.ravel()[first]
+    if curve.closed:
+        place2 %= curve.length
+    size1 = _smallest(points1, curve.points[:-1], curve.points[1:], curve.lengths)
+    size2 = _smallest(points2, facing.points[:, 0], facing.points[:, 1], facing.lengths)
+    fixed = _fixed(plain, curve, facing)
+
+    # The nearest vertex of side 1; the end of a closed curve is its beginning.
+    after = np.clip(np.searchsorted(curve.places, place2), 1, len(curve.places) - 1)
+    before_is_nearer = place2 - curve.places[after - 1] < curve.places[after] - place2
+    nearest = after - before_is_nearer
+    distance = abs(place2 - curve.places[nearest])
+    partner = points1[nearest % len(points1)]
+    size = np.minimum(size1[nearest % len(points1)], size2)
+    may_move = ~(fixed[partner] & fixed[points2])
+    merged = distance < np.where(may_move, close, SAME) * size
+    # A corner of side 2 stays, and the vertex of side 1 moves along its facets.
+    to_second = merged & fixed[points2] & ~fixed[partner]
+    x[partner[to_second]] = curve.at(place2[to_second])
+
+    inside = (place2 > 0) & (place2 < curve.length)
+    free = ~merged & inside
+    x[points2[free]] = curve.at(place2[free])
+    x[points2[merged]] = x[partner[merged]]
+    number = np.arange(len(x))
+    number[points2[merged]] = partner[merged]
+    sides1 = curve.sides[curve.facet_at(place2[free])]
+
+    # Vertices of side 1 that became none of side 2 are inserted where its facets are.
+    alone = ~np.isin(points1, partner[merged])
+    place1 = curve.places[corners[alone]]
+    row = _facet_over(curve, facing, place1)
+    sides2 = facing.sides[row[row >= 0]]
+    insertions = (
+        np.concatenate([sides1, sides2]),
+        np.concatenate([points2[free], points1[alone][row >= 0]]),
+    )
+    return replace(plain, x=x, cells=number[plain.cells]), insertions
+
+
+def _facet_over(curve: Curve, facing: _Facing, places: np.ndarray) -> np.ndarray:
+    """Return the facet of side 2 at each place of side 1, or -1."""
+    shifts = np.array([-1, 0, 1]) * curve.length if curve.closed else np.zeros(1)
+    low = (facing.places[:, 0] + shifts[:, None]).ravel()
+    high = (facing.places[:, 1] + shifts[:, None]).ravel()
+    facet = np.tile(np.arange(len(facing.sides)), len(shifts))
+    order = np.argsort(low)
+    at = np.searchsorted(low[order], places, side="right") - 1
+    row = order[np.maximum(at, 0)]
+    return np.where((at >= 0) & (places < high[row]), facet[row], -1)
+
+
+def _smallest(
+    points: np.ndarray, start: np.ndarray, end: np.ndarray, lengths: np.ndarray
+) -> np.ndarray:
+    """Return the length of the smallest facet at each point [length], shape (n,)."""
+    sizes = np.full(max(start.max(), end.max(), points.max()) + 1, np.inf)
+    np.minimum.at(sizes, start, lengths)
+    np.minimum.at(sizes, end, lengths)
+    return sizes[points]
+
+
+def _fixed(plain: PlainMesh, curve: Curve, facing: _Facing) -> np.ndarray:
+    """Check which points must stay: at corners, at other parts and between regions."""
+    fixed = np.zeros(len(plain.x), dtype=bool)
+    for region in np.unique(plain.regions):
+        cells = plain.cells[plain.regions == region]
+        others = plain.cells[plain.regions != region]
+        fixed[np.intersect1d(cells, others)] = True
+    own_tag = plain.tags[tuple(curve.sides[0])]
+    other_tag = plain.tags[tuple(facing.sides[0])]
+    tagged = np.argwhere(~np.isin(plain.tags, [NO_TAG, own_tag, other_tag]))
+    fixed[plain.points_of(tagged)] = True
+    fixed[curve.points[abs(curve.turns) > CORNER]] = True
+    if not curve.closed:
+        fixed[curve.points[[0, -1]]] = True
+    # Side 2 ends where it has one facet only, and has a corner where it turns.
+    start, end = directed(plain.x, plain.cells, plain.sides(other_tag), left=False)
+    direction = plain.x[end] - plain.x[start]
+    direction /= np.linalg.norm(direction, axis=1)[:, None]
+    arriving = np.full((len(plain.x), 2), np.nan)
+    leaving = np.full((len(plain.x), 2), np.nan)
+    arriving[end] = direction
+    leaving[start] = direction
+    cosine = np.einsum("ij,ij->i", arriving, leaving)
+    ends = np.unique([start, end])
+    fixed[ends] |= ~(cosine[ends] > np.cos(CORNER))
+    return fixed
+
+
+def _areas(x: np.ndarray, cells: np.ndarray) -> np.ndarray:
+    """Compute twice the areas of triangles, with a sign [length^2]."""
+    return np.linalg.det(x[cells[:, 1:]] - x[cells[:, :1]])

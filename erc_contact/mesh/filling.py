@@ -1,0 +1,217 @@
+"""Mesh a plane with given edges, and fill a closed surface, by gmsh on this rank."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+
+from erc_contact.base.exceptions import InputError
+from erc_contact.mesh.gmsh_session import FIELD, session
+from erc_contact.mesh.graphs import components
+from erc_contact.mesh.simplex import in_space
+
+MARGIN = 0.3
+"""Width of the frame around the edges in a plane, by their extent [-]."""
+DIGITS = 12
+"""Digits of scaled coordinates and sizes: round-off must not change the mesh."""
+TRIANGLE = 2
+"""gmsh's number of the type of triangles."""
+TETRAHEDRON = 4
+"""gmsh's number of the type of tetrahedra."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Unit:
+    """Scale points to a unit of length, as gmsh's tolerances are lengths.
+
+    Attributes:
+        low: The lowest coordinates [length], shape (d,).
+        extent: The greatest extent [length].
+    """
+
+    low: np.ndarray
+    extent: float
+
+    @classmethod
+    def of(cls, x: np.ndarray) -> _Unit:
+        """Make it of points [length], shape (n, d)."""
+        return cls(x.min(axis=0), float(np.ptp(x, axis=0).max()))
+
+    def scaled(self, x: np.ndarray) -> np.ndarray:
+        """Return points [length], shape (..., d), without their unit."""
+        return np.round((x - self.low) / self.extent, DIGITS)
+
+    def sizes(self, h: np.ndarray) -> np.ndarray:
+        """Return sizes [length] without their unit."""
+        return np.round(h / self.extent, DIGITS)
+
+    def lengths(self, x: np.ndarray) -> np.ndarray:
+        """Return scaled points with their unit [length], shape (n, d)."""
+        return self.low + self.extent * x
+
+
+def triangulated(
+    y: np.ndarray, edges: np.ndarray, sides: list[tuple[np.ndarray, np.ndarray]]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Mesh a plane so that given edges are edges of triangles.
+
+    The triangles cover a frame around the edges.
+
+    Args:
+        y: Points in the plane [length], shape (n, 2).
+        edges: Points of the edges, which meet at their ends only, shape (k, 2).
+        sides: Triangles that give the sizes: corners (m, 3, 2) and the sizes there (m,
+            3) [length].
+
+    Returns:
+        Points [length], the given ones first, and triangles.
+
+    Raises:
+        InputError: If gmsh does not keep the edges.
+    """
+    used, edges = np.unique(edges, return_inverse=True)
+    edges = edges.reshape(-1, 2)
+    unit = _Unit.of(y[used])
+    given = unit.scaled(y[used])
+    low = -np.full(2, MARGIN)
+    high = given.max(axis=0) + MARGIN
+    frame = np.array([low, [high[0], low[1]], high, [low[0], high[1]]])
+    corners = len(used) + np.arange(4)
+    rim = np.column_stack([corners, np.roll(corners, -1)])
+
+    def build(gmsh: Any) -> None:
+        _set_field(gmsh, extend=False)
+        geo = gmsh.model.geo
+        # gmsh has no call for many points or lines; these are those of the outlines.
+        for tag, point in enumerate(np.concatenate([given, frame]).tolist(), start=1):
+            geo.addPoint(*point, 0.0, tag=tag)
+        lines = [geo.addLine(*edge) for edge in (edges + 1).tolist()]
+        for line in lines:
+            geo.mesh.setTransfiniteCurve(line, 2)
+        loop = geo.addCurveLoop([geo.addLine(*edge) for edge in (rim + 1).tolist()])
+        surface = geo.addPlaneSurface([loop])
+        geo.synchronize()
+        gmsh.model.mesh.embed(1, lines, 2, surface)
+        _set_sizes(gmsh, [(unit.scaled(x), unit.sizes(h)) for x, h in sides])
+        gmsh.model.mesh.generate(2)
+
+    with session(MPI.COMM_SELF, build, "joined: the plane of the contact") as model:
+        x, triangles = _simplices(model, TRIANGLE)
+    new, triangles = _renumbered(x[:, :2], triangles, given, used, len(y))
+    return np.concatenate([y, unit.lengths(new)]), triangles
+
+
+def _set_field(gmsh: Any, *, extend: bool) -> None:
+    """Set gmsh's options for sizes, from the boundary or from a field."""
+    for name, value in FIELD.items():
+        gmsh.option.setNumber(name, value)
+    gmsh.option.setNumber("Mesh.MeshSizeExtendFromBoundary", int(extend))
+
+
+def _set_sizes(gmsh: Any, sides: list[tuple[np.ndarray, np.ndarray]]) -> None:
+    """Set the sizes to the least of those of several meshes of triangles."""
+    fields = []
+    for corners, sizes in sides:
+        view = gmsh.view.add("sizes")
+        coordinates = in_space(corners.reshape(-1, 2)).reshape(-1, 3, 3).transpose(0, 2, 1)
+        rows = np.hstack([coordinates.reshape(len(corners), -1), sizes])
+        gmsh.view.addListData(view, "ST", len(rows), rows.ravel())
+        field = gmsh.model.mesh.field.add("PostView")
+        gmsh.model.mesh.field.setNumber(field, "ViewTag", view)
+        fields.append(field)
+    least = gmsh.model.mesh.field.add("Min")
+    gmsh.model.mesh.field.setNumbers(least, "FieldsList", fields)
+    gmsh.model.mesh.field.setAsBackgroundMesh(least)
+
+
+def _simplices(model: Any, kind: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the points and simplices of gmsh's model."""
+    tags, x, _ = model.mesh.getNodes()
+    place = np.zeros(int(tags.max()) + 1, dtype=np.int64)
+    place[tags] = np.arange(len(tags))
+    corners = {TRIANGLE: 3, TETRAHEDRON: 4}[kind]
+    simplices = model.mesh.getElementsByType(kind)[1].reshape(-1, corners)
+    return x.reshape(-1, 3), place[simplices]
+
+
+def _renumbered(
+    x: np.ndarray, simplices: np.ndarray, given: np.ndarray, numbers: np.ndarray, count: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Give points of gmsh the numbers of given points, and new points the next ones.
+
+    Args:
+        x: gmsh's points.
+        simplices: gmsh's simplices.
+        given: The points that gmsh was given.
+        numbers: Their numbers.
+        count: Number of all points that have numbers.
+
+    Returns:
+        The new points, and the simplices.
+
+    Raises:
+        InputError: If gmsh does not have all of the given points.
+    """
+    every = np.concatenate([given, x])
+    order = np.lexsort(every.T)
+    equal = np.all(every[order[1:]] == every[order[:-1]], axis=1)
+    # The sort is stable: a given point comes before that of gmsh.
+    first = order[:-1][equal]
+    second = order[1:][equal] - len(given)
+    if len(first) != len(given) or first.max(initial=-1) >= len(given):
+        raise InputError("joined: gmsh moved points of the contact; mesh the parts otherwise.")
+    number = np.full(len(x), -1)
+    number[second] = numbers[first]
+    new = number < 0
+    number[new] = count + np.arange(new.sum())
+    return x[new], number[simplices]
+
+
+def filled(x: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Fill a closed surface with tetrahedra that keep its triangles.
+
+    Args:
+        x: Points [length], shape (n, 3).
+        triangles: Points of the triangles, shape (m, 3). Those around a hollow are not
+            connected with the others.
+
+    Returns:
+        Points [length], the given ones first, and tetrahedra.
+
+    Raises:
+        InputError: If gmsh fails.
+    """
+    used, triangles = np.unique(triangles, return_inverse=True)
+    triangles = triangles.reshape(-1, 3)
+    unit = _Unit.of(x[used])
+    given = unit.scaled(x[used])
+    links = np.concatenate([triangles[:, :2], triangles[:, 1:]])
+    shell_of_point = components(len(used), links)
+    # The outer shell, which gmsh wants first, has the lowest point.
+    outer = shell_of_point[given[:, 0].argmin()]
+    hollows = np.setdiff1d(shell_of_point, outer)
+
+    def build(gmsh: Any) -> None:
+        _set_field(gmsh, extend=True)
+        loops = []
+        for shell in (outer, *hollows):
+            surface = gmsh.model.addDiscreteEntity(2)
+            points = np.flatnonzero(shell_of_point == shell)
+            gmsh.model.mesh.addNodes(2, surface, points + 1, given[points].ravel())
+            own = triangles[shell_of_point[triangles[:, 0]] == shell] + 1
+            gmsh.model.mesh.addElementsByType(surface, TRIANGLE, [], own.ravel())
+            loops.append(gmsh.model.geo.addSurfaceLoop([surface]))
+        gmsh.model.geo.addVolume(loops)
+        gmsh.model.geo.synchronize()
+        gmsh.model.mesh.generate(3)
+
+    subject = "joined: a body behind the contact, meshed anew,"
+    with session(MPI.COMM_SELF, build, subject) as model:
+        points, cells = _simplices(model, TETRAHEDRON)
+    if not len(cells):
+        raise InputError("joined: gmsh cannot fill a body behind the contact; mesh it otherwise.")
+    new, cells = _renumbered(points, cells, given, used, len(x))
+    return np.concatenate([x, unit.lengths(new)]), cells

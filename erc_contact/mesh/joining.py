@@ -1,0 +1,224 @@
+"""Glue two bodies that were meshed apart where parts of their boundaries meet.
+
+The work is done on rank 0, on plain arrays. If the sides match, their points become
+one. If not, they get common facets: see :mod:`erc_contact.mesh.aligning` for the plane
+and :mod:`erc_contact.mesh.resided` for space.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from mpi4py import MPI
+
+from erc_contact.base.exceptions import InputError, raise_together
+from erc_contact.mesh.aligning import aligned
+from erc_contact.mesh.bodies import Bodies
+from erc_contact.mesh.matching import matched
+from erc_contact.mesh.named import NamedMesh
+from erc_contact.mesh.plain import PlainMesh, row_numbers
+from erc_contact.mesh.resided import resided
+from erc_contact.mesh.seams import Interface, Regions
+from erc_contact.mesh.tags import NO_TAG, listed
+from erc_contact.mesh.transfer import gathered_mesh
+
+SAMPLE = 1000
+"""Number of vertices of a side whose distances are looked at for a message."""
+
+
+@dataclass(frozen=True, eq=False)
+class Joint:
+    """Hold a glued mesh and where its two bodies meet.
+
+    Attributes:
+        plain: The mesh on rank 0, without cells elsewhere.
+        names: Name of each part -> its tag. The facets of the joint are a part, too.
+        interface: The joint.
+    """
+
+    plain: PlainMesh
+    names: dict[str, int]
+    interface: Interface
+
+
+def check_parts(
+    here: object, there: object, glued: NamedMesh, pairs: tuple[tuple[str, str], ...]
+) -> None:
+    """Check the arguments of :meth:`Domain.joined`.
+
+    Args:
+        here: Name of side 1.
+        there: Name of side 2.
+        glued: The glued mesh.
+        pairs: Names of the sides that are joined or split already.
+
+    Raises:
+        InputError: If they are not two parts of the boundary.
+    """
+    for name in (here, there):
+        if any(name in pair for pair in pairs):
+            raise InputError(f"joined: {name!r} is a side of a pair already; give another part.")
+        if not isinstance(name, str) or name not in glued.names:
+            raise InputError(
+                f"joined: no part is called {name!r}; this domain has {listed(glued.outer)}."
+            )
+        glued.tag(name)
+        outside = f"{name} outside"
+        if outside in glued.names:
+            raise InputError(
+                f"joined: the domain has a part {outside!r}, which would be the name of what "
+                f"remains of {name!r}; give it another name."
+            )
+    if here == there:
+        raise InputError(
+            f"joined: {here!r} cannot lie against itself; give the part of the other body, too."
+        )
+
+
+def last_tag(bodies: Bodies) -> int:
+    """Return the greatest tag of the parts and facets of a domain; collective."""
+    glued = bodies if bodies.glued is None else bodies.glued
+    used = [*bodies.names.values(), *glued.names.values(), *glued.facet_tags.values]
+    return bodies.mesh.comm.allreduce(int(max(used)), MPI.MAX)
+
+
+def joint(glued: NamedMesh, here: str, there: str, on: int, *, tied: bool) -> Joint:
+    """Glue two parts of the boundary where they meet; collective.
+
+    Args:
+        glued: The mesh.
+        here: Name of side 1.
+        there: Name of side 2.
+        on: Tag of the facets where they meet; greater than all others.
+        tied: Whether the bodies stay glued there.
+
+    Raises:
+        InputError: If the parts do not lie against each other, or are in one region and
+            not tied.
+    """
+    comm = glued.mesh.comm
+    plain = gathered_mesh(glued)
+    tags = (glued.names[here], glued.names[there])
+    error: Exception | None = None
+    about = None
+    if comm.rank == 0:
+        try:
+            plain, regions = met(plain, tags, on)
+            plain = plain.without_unused_points()
+            if not tied:
+                _check_regions(regions, glued.regions)
+            about = (_plain_tags(regions[0]), _plain_tags(regions[1]), np.isin(tags, plain.tags))
+        except InputError as reason:
+            # One of gmsh's session is known to all ranks of another communicator.
+            error = InputError(str(reason))
+        except Exception as reason:  # every rank must learn of it
+            error = reason
+    raise_together(comm, error)
+    *sides, has_more = comm.bcast(about)
+    names = {name: tag for name, tag in glued.names.items() if name not in (here, there)}
+    for name, tag, more in zip((here, there), tags, has_more, strict=True):
+        if more:
+            names[f"{name} outside"] = tag
+    names[f"{here}/{there}"] = on
+    return Joint(plain, names, Interface((here, there), (on + 1, on + 2), (sides[0], sides[1]), on))
+
+
+def met(
+    plain: PlainMesh, tags: tuple[int, int], on: int
+) -> tuple[PlainMesh, tuple[np.ndarray, np.ndarray]]:
+    """Glue the two sides, and give the facets where they meet a tag of their own.
+
+    Args:
+        plain: The mesh.
+        tags: Tags of both sides.
+        on: Tag of the facets where they meet.
+
+    Returns:
+        The mesh, and the tags of the regions on each side.
+
+    Raises:
+        InputError: If they do not meet.
+    """
+    if plain.dim == 2:
+        whole = aligned(plain, *tags)
+    else:
+        # Sides that match may be curved, and their cells stay.
+        whole = matched(plain, *tags) or resided(plain, *tags)
+    first = whole.sides(tags[0])
+    second = whole.sides(tags[1])
+    numbers1, numbers2 = row_numbers(whole.points_of(first), whole.points_of(second))
+    common = np.intersect1d(numbers1, numbers2)
+    if not len(common):
+        raise _apart(plain, tags)
+    first = first[np.isin(numbers1, common)]
+    second = second[np.isin(numbers2, common)]
+    new_tags = whole.tags.copy()
+    new_tags[tuple(first.T)] = on
+    new_tags[tuple(second.T)] = on
+    regions = (np.unique(whole.regions[first[:, 0]]), np.unique(whole.regions[second[:, 0]]))
+    return replace(whole, tags=new_tags), regions
+
+
+def _apart(plain: PlainMesh, tags: tuple[int, int]) -> InputError:
+    """Say how far two sides that have nothing in common are from each other."""
+    points = [plain.x[np.unique(plain.points_of(plain.sides(tag)))] for tag in tags]
+    x1, x2 = (x[:: max(1, len(x) // SAMPLE)] for x in points)
+    distance = np.linalg.norm(x1[:, None] - x2, axis=2).min()
+    return InputError(
+        "joined: the parts have nothing in common, no facets lie against each other; the least "
+        f"distance of their vertices is {distance:.3g}. Both bodies must be where they touch, "
+        "with their outward normals opposite; give a distance by gap= of the contact."
+    )
+
+
+def _check_regions(regions: tuple[np.ndarray, np.ndarray], names: Mapping[str, int]) -> None:
+    """Check that the regions on both sides are different.
+
+    Raises:
+        InputError: If a region is on both sides, or a cell is in none.
+    """
+    both = np.intersect1d(*regions)
+    if NO_TAG in np.concatenate(regions) or len(both):
+        called = [repr(name) for name, tag in names.items() if tag in both]
+        place = f"the region {', '.join(called)}" if called else "no region of their own"
+        raise InputError(
+            f"joined: both parts are in {place}, so nothing tells one side from the other. Give "
+            "each body a region: by a physical group of cells in gmsh, by cell_tags= and regions= "
+            "of Domain, or mesh them apart and put them together by assembly."
+        )
+
+
+def _plain_tags(regions: np.ndarray) -> Regions:
+    """Return the tag of a region, or those of several, as whole numbers of Python."""
+    tags = tuple(map(int, regions))
+    return tags[0] if len(tags) == 1 else tags
+
+
+def interfaces(
+    before: tuple[Interface, ...], joint: Interface, tied: bool
+) -> tuple[Interface, ...]:
+    """Return the interfaces at which the new mesh is split.
+
+    Args:
+        before: Those at which the domain is split already.
+        joint: The new one.
+        tied: Whether the bodies stay glued there.
+
+    Raises:
+        InputError: If the joint is tied, and all facets between its regions are split.
+    """
+    whole = any(
+        interface.on is None and set(interface.regions) == set(joint.regions)
+        for interface in before
+    )
+    if tied and whole:
+        raise InputError(
+            "joined: all facets between the regions of these parts are split, so they cannot be "
+            "tied. Tie them first, and give split its facets by on=."
+        )
+    if tied:
+        return before
+    # A facet belongs to the first interface that claims it.
+    return (joint, *before) if whole else (*before, joint)

@@ -1,0 +1,235 @@
+"""Give two plane sides in space the same facets, and mesh the regions behind anew.
+
+The outlines of both sides get common points, and gmsh meshes the plane between them:
+the common part once for both bodies, and what only one side has. If one side lies
+within the other one and its outline stays as it is, the other one takes its facets, and
+only the region behind that one is meshed anew. A region is filled by gmsh with the
+triangles of its surface fixed.
+
+Symbols: 1 and 2 the sides.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from erc_contact.base.exceptions import InputError
+from erc_contact.mesh.behind import Region, at_other_parts, regions_behind, surface, with_cells
+from erc_contact.mesh.filling import filled, triangulated
+from erc_contact.mesh.outlines import Alignment, common_points, cut_edges, inside
+from erc_contact.mesh.plain import PlainMesh
+
+CLOSE = (0.4, 0.2, 0.05)
+"""Distances below which points of the outlines become one, by the shorter edge [-].
+
+A smaller one is taken if a triangle beside an outline would be crushed.
+"""
+FLAT = 1e-3
+"""Distance from the plane that counts as none, by the shortest edge [-]."""
+OPPOSITE = 0.999
+"""Least cosine between the normals of one side and minus that of the other [-]."""
+CRUSHED = 0.25
+"""Least share of its area that a triangle of a surface keeps [-]."""
+DIGITS = 6
+"""Digits of the normal that decide about the axes of a plane."""
+LEAST_ANGLE = 2.0
+"""Least angle of the triangles in the plane [degrees]."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Plane:
+    """Hold a plane by a point and two axes of it, shape (3, 2)."""
+
+    origin: np.ndarray
+    axes: np.ndarray
+
+    def coordinates(self, x: np.ndarray) -> np.ndarray:
+        """Return the coordinates of points in the plane [length], shape (n, 2)."""
+        return (x - self.origin) @ self.axes
+
+    def points(self, y: np.ndarray) -> np.ndarray:
+        """Return the points in space of coordinates [length], shape (n, 3)."""
+        return self.origin + y @ self.axes.T
+
+
+def resided(plain: PlainMesh, here: int, there: int) -> PlainMesh:
+    """Return a mesh in space whose two plane sides have common facets.
+
+    Args:
+        plain: The mesh.
+        here: Tag of side 1.
+        there: Tag of side 2.
+
+    Raises:
+        InputError: If the sides are not plane or are apart, or the regions behind them
+            cannot be meshed anew.
+    """
+    plane, shortest = _common_plane(plain, here, there)
+    sides = np.concatenate([plain.sides(here), plain.sides(there)])
+    on_plane = np.unique(plain.points_of(sides))
+    x = plain.x.copy()
+    x[on_plane] = plane.points(plane.coordinates(x[on_plane]))
+    plain = replace(plain, x=x)
+    first, second = regions_behind(plain, here, there)
+    y = plane.coordinates(x)
+    fixed = at_other_parts(first, len(x)) | at_other_parts(second, len(x))
+    for close in CLOSE:
+        alignment = common_points(y, first.outline, second.outline, fixed, close)
+        count = len(x)
+        new_x = x.copy()
+        moved = np.flatnonzero(np.any(alignment.y[:count] != y, axis=1))
+        new_x[moved] = plane.points(alignment.y[moved])
+        if _keep_areas(x, new_x, alignment.number, np.vstack([first.triangles, second.triangles])):
+            break
+    else:
+        raise InputError(
+            "joined: the triangles beside the outline of the contact are too flat, their vertices "
+            "cannot move. Mesh the parts with similar facets."
+        )
+    still = np.linalg.norm(alignment.y[:count] - y, axis=1) <= FLAT * shortest
+    moved_mesh = replace(plain, x=new_x, cells=alignment.number[plain.cells])
+    return _with_common_facets(moved_mesh, (first, second), alignment, still, plane)
+
+
+def _common_plane(plain: PlainMesh, here: int, there: int) -> tuple[_Plane, float]:
+    """Return the plane in which both sides lie, and their shortest edge [length].
+
+    Raises:
+        InputError: If they do not lie in one plane with opposite normals.
+    """
+    points = []
+    normals = []
+    shortest = np.inf
+    for tag in (here, there):
+        sides = plain.sides(tag)
+        corners = plain.x[plain.points_of(sides)]
+        edges = corners - np.roll(corners, 1, axis=1)
+        shortest = min(shortest, np.linalg.norm(edges, axis=2).min())
+        normal = np.cross(edges[:, 1], edges[:, 2])
+        apex = plain.x[plain.cells[tuple(sides.T)]]
+        outward = np.sign(np.einsum("ij,ij->i", corners[:, 0] - apex, normal))
+        normals.append(normal * outward[:, None])
+        points.append(corners.reshape(-1, 3))
+    mean = [normal.sum(axis=0) / np.linalg.norm(normal, axis=1).sum() for normal in normals]
+    if min(map(np.linalg.norm, mean)) < OPPOSITE:
+        raise InputError(
+            "joined: the facets of the parts do not match, and a part is not plane. In space only "
+            "plane sides get common facets; mesh curved sides with the same ones (in gmsh: "
+            "fragment, or setPeriodic), and give parts in several planes one by one."
+        )
+    if mean[0] @ mean[1] > -OPPOSITE:
+        raise InputError(
+            "joined: the parts do not face each other; the cosine between their outward normals "
+            f"is {mean[0] @ mean[1]:.3g}, it must be -1. Turn the bodies, or give other parts."
+        )
+    normal = mean[0] / np.linalg.norm(mean[0])
+    origin = points[0].mean(axis=0)
+    flat = FLAT * shortest
+    heights = [(x - origin) @ normal for x in points]
+    distance = heights[1].mean()
+    if abs(distance) > flat or max(abs(height).max() for height in heights) > 2 * flat:
+        raise InputError(
+            f"joined: the parts are {abs(distance):.3g} apart, where edges have the length "
+            f"{shortest:.3g}. Move the bodies to each other, and give a distance by gap= of the "
+            "contact."
+        )
+    # The first axis is that of space nearest to the plane; round-off must not turn it.
+    nearest = np.eye(3)[np.argmin(np.round(abs(normal), DIGITS))]
+    first = nearest - (nearest @ normal) * normal
+    first /= np.linalg.norm(first)
+    axes = np.column_stack([first, np.cross(normal, first)])
+    return _Plane(origin, axes), shortest
+
+
+def _keep_areas(
+    x: np.ndarray, new_x: np.ndarray, number: np.ndarray, triangles: np.ndarray
+) -> bool:
+    """Check that no triangle of a surface is crushed where points move."""
+    normals = []
+    for corners in (x[triangles], new_x[number[triangles]]):
+        normals.append(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
+    before, after = normals
+    kept = np.einsum("ij,ij->i", before, after)
+    return bool(np.all(kept > CRUSHED * np.einsum("ij,ij->i", before, before)))
+
+
+def _with_common_facets(
+    plain: PlainMesh,
+    regions: tuple[Region, Region],
+    alignment: Alignment,
+    still: np.ndarray,
+    plane: _Plane,
+) -> PlainMesh:
+    """Mesh the plane of both sides, and the regions behind them.
+
+    Args:
+        plain: The mesh with moved and merged points.
+        regions: The regions behind both sides, before points were merged.
+        alignment: The common points of both outlines.
+        still: Whether each point did not move.
+        plane: The plane.
+    """
+    inserted = (alignment.inserted1, alignment.inserted2)
+    sides = [alignment.number[region.side] for region in regions]
+    outlines = []
+    sizes = []
+    for region, side, points in zip(regions, sides, inserted, strict=True):
+        edges = alignment.number[region.outline]
+        outlines.append(cut_edges(alignment.y, edges, points))
+        corners = alignment.y[side]
+        lengths = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
+        sizes.append((corners, np.repeat(lengths.mean(axis=1)[:, None], 3, axis=1)))
+    edges = np.unique(np.sort(np.concatenate(outlines), axis=1), axis=0)
+    y, triangles = triangulated(alignment.y, edges, sizes)
+    middles = y[triangles].mean(axis=1)
+    within = [inside(y, middles, outline) for outline in outlines]
+    both = within[0] & within[1]
+    if not both.any():
+        return plain
+    _check_angles(y, triangles[within[0] | within[1]])
+    common = triangles[both]
+    keeps = []
+    for own, other, region, points in zip(within, within[::-1], regions, inserted, strict=True):
+        covered = not np.any(own & ~other)
+        unmoved = bool(still[region.outline].all())
+        keeps.append(covered and unmoved and not len(points))
+    kept = keeps.index(True) if any(keeps) else None
+    if kept is not None:
+        common = sides[kept]
+    x = np.concatenate([plain.x, plane.points(y[len(plain.x) :])])
+    whole = replace(plain, x=x)
+    for i in range(2):
+        if i != kept:
+            own = triangles[within[i] & ~both]
+            side = np.concatenate([common, own])
+            closed = surface(whole, regions[i], alignment.number, inserted[i], side)
+            x, cells = filled(whole.x, closed[0])
+            whole = with_cells(whole, regions[i], x, cells, closed)
+    refilled = [regions[i].cells for i in range(2) if i != kept]
+    keep = np.ones(len(whole.cells), dtype=bool)
+    keep[np.concatenate(refilled)] = False
+    return PlainMesh(whole.x, whole.cells[keep], whole.regions[keep], whole.tags[keep])
+
+
+def _check_angles(y: np.ndarray, triangles: np.ndarray) -> None:
+    """Check that no triangle of the plane is a splinter.
+
+    Raises:
+        InputError: If one is, as where two outlines nearly run together.
+    """
+    corners = y[triangles]
+    sine = np.inf
+    for i in range(3):
+        a = corners[:, i - 1] - corners[:, i]
+        b = corners[:, i - 2] - corners[:, i]
+        area = abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
+        shares = area / (np.linalg.norm(a, axis=1) * np.linalg.norm(b, axis=1))
+        sine = min(sine, shares.min())
+    if sine < np.sin(np.radians(LEAST_ANGLE)):
+        raise InputError(
+            "joined: the outlines of the parts nearly run together, with a least angle of "
+            f"{np.degrees(np.arcsin(sine)):.2g} degrees between them. Mesh curved outlines with "
+            "the same vertices, or let the outlines keep away from each other."
+        )

@@ -1,0 +1,115 @@
+"""Describe how a split mesh relates to the glued one, and which of its facets face.
+
+A side is a pair of a cell and one of its facets.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from erc_contact.base.exceptions import InputError
+
+Facing = Mapping[tuple[str, str], tuple[np.ndarray, np.ndarray]]
+"""Names of two parts -> sides of the first, and those of the second that face them."""
+
+
+Regions = int | tuple[int, ...]
+"""Tag of a region, or tags of several."""
+
+
+@dataclass(frozen=True)
+class Interface:
+    """Say where a mesh is split, and how its two sides are called.
+
+    Attributes:
+        names: Names of the two new boundary parts.
+        tags: Their tags.
+        regions: Tag of the region on each side, or tags of several.
+        on: Tag of the part whose facets are split; None takes all facets between the
+            regions.
+    """
+
+    names: tuple[str, str]
+    tags: tuple[int, int]
+    regions: tuple[Regions, Regions]
+    on: int | None
+
+    @classmethod
+    def of(cls, plain: Mapping[str, Any]) -> Interface:
+        """Make it from plain data, where pairs are lists."""
+        here, there = plain["regions"]
+        regions = (_tuple_of_list(here), _tuple_of_list(there))
+        return cls(tuple(plain["names"]), tuple(plain["tags"]), regions, plain["on"])
+
+
+@dataclass(frozen=True, eq=False)
+class Seams:
+    """Relate a split mesh to the glued one.
+
+    Attributes:
+        interfaces: The interfaces, in the order in which they were split.
+        facing: The sides that face each other; each pair of parts in both orders.
+        cells: Cell of the glued mesh on this rank of each cell, shape (n,).
+        nodes: Node of the glued mesh of each node, shape (m,).
+        counts: Number of facets of each interface over all ranks.
+    """
+
+    interfaces: tuple[Interface, ...]
+    facing: Facing
+    cells: np.ndarray
+    nodes: np.ndarray
+    counts: tuple[int, ...]
+
+    def __str__(self) -> str:
+        """Name the pairs of parts, and how many facets face each other."""
+        pairs = zip(self.interfaces, self.counts, strict=True)
+        return ", ".join(f"{'/'.join(one.names)} of {count} facets" for one, count in pairs)
+
+    def between(self, here: str, there: str) -> tuple[np.ndarray, np.ndarray]:
+        """Return the sides of two parts that face each other.
+
+        See :meth:`Domain.facing`.
+
+        Raises:
+            InputError: If they are no pair.
+        """
+        if (here, there) not in self.facing:
+            names = [interface.names for interface in self.interfaces]
+            pairs = ", ".join(f"{one!r} and {other!r}" for one, other in names)
+            raise InputError(
+                f"facing: {here!r} and {there!r} do not face each other; this domain has the "
+                f"pairs {pairs}."
+            )
+        return self.facing[here, there]
+
+    def least(self, values: np.ndarray) -> np.ndarray:
+        """Return the least of the values at the copies of each node of the glued mesh.
+
+        Args:
+            values: One value, or values at the nodes on this rank, shape (m,).
+
+        Returns:
+            The value, or values at the nodes of the glued mesh on this rank.
+
+        Raises:
+            InputError: If there is another number of values.
+        """
+        if values.ndim == 0:
+            return values
+        if values.shape != self.nodes.shape:
+            raise InputError(
+                f"The sizes have shape {values.shape}; give a number, or one for each node of "
+                f"this rank: domain.mesh.geometry.x has {len(self.nodes)}."
+            )
+        result = np.full(self.nodes.max(initial=-1) + 1, np.inf)
+        np.minimum.at(result, self.nodes, values)
+        return result
+
+
+def _tuple_of_list(regions: Any) -> Regions:
+    """Return a tag as it is, and tags of several regions as a tuple."""
+    return tuple(regions) if isinstance(regions, list | tuple) else regions
