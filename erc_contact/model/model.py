@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Collection
 from dataclasses import replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import ufl
@@ -16,6 +15,7 @@ from erc_contact.base.ufl_types import Ufl
 from erc_contact.mesh.domain import Domain
 from erc_contact.model.contacts import bind_contact
 from erc_contact.model.coordinates import Coordinates
+from erc_contact.model.dimension import check_dimension
 from erc_contact.model.elasticity import ElasticMatrix
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import BoundContact
@@ -28,8 +28,8 @@ from erc_contact.model.strains import bind_strains
 from erc_contact.model.supports import bind_supports
 from erc_contact.model.symbolic import has_arguments, varies_in_cells
 from erc_contact.model.users import try_material
-from erc_contact.model.values import DATA_DEGREE, moduli, parameter
-from erc_contact.scene.material import PLANE_STRAIN, Elastic, strain
+from erc_contact.model.values import DATA_DEGREE, moduli
+from erc_contact.scene.material import Elastic, strain
 from erc_contact.scene.scene import Scene
 
 
@@ -75,7 +75,7 @@ class Model(Space):
     ) -> None:
         super().__init__(domain, degree)
         self.scene = scene
-        _check_dimension(scene, self.d)
+        check_dimension(scene, self.d)
         self.parameters = moduli(self, scene.material)
         if type(scene.material) is not Elastic:
             try_material(self.V, scene.material, self.parameters)
@@ -293,24 +293,3 @@ class Model(Space):
         if coefficients:
             self.to_coefficients(nodal, [contact])
         return function[0]
-
-
-def _check_dimension(scene: Scene, d: int) -> None:
-    """Check that vectors and hypothesis of a scene fit the dimension of the mesh."""
-    vectors: list[tuple[Any, Any]] = [(support, support.value) for support in scene.supports]
-    vectors += [(contact, contact.normal) for contact in scene.contacts]
-    for load in scene.loads:
-        vectors += [(load, parameter(load, name)) for name in load.parameters]
-    for owner, value in vectors:
-        if isinstance(value, tuple) and len(value) != d:
-            part = "" if owner.facets is None else f"({owner.facets!r})"
-            raise InputError(
-                f"{type(owner).__name__}{part} has the vector {value} of {len(value)}"
-                f" components, but the mesh is {d}D: give {d}."
-            )
-    hypothesis = getattr(scene.material, "hypothesis", PLANE_STRAIN)
-    if d == 3 and hypothesis != PLANE_STRAIN:
-        raise InputError(
-            f"{type(scene.material).__name__}: hypothesis is {hypothesis!r}, and the mesh is"
-            " 3D: leave it out, a body in space has none."
-        )

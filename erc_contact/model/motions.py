@@ -52,7 +52,8 @@ def free_motions(
     resisted = motions[:owned] * fixed[:owned, :, None]
     by_supports = _summed(space, body[:owned], count, resisted)
     for spring in springs:
-        by_supports = by_supports + _by_spring(space, body, count, motions, spring)
+        nodes, resisted = spring.resisted(motions)
+        by_supports = by_supports + _summed(space, body[nodes], count, resisted)
     by_all = _block_diagonal(by_supports)
     for contact in contacts:
         by_all = by_all + _by_contact(space, body, count, motions, contact)
@@ -123,26 +124,6 @@ def bodies_of_nodes(space: Space) -> tuple[np.ndarray, int]:
     joined = components(sum(counts), np.concatenate(comm.allgather(shared)))
     bodies, number = np.unique(joined, return_inverse=True)
     return number[label], len(bodies)
-
-
-def _by_spring(
-    space: Space, body: np.ndarray, count: int, motions: np.ndarray, spring: BoundSpring
-) -> np.ndarray:
-    """Sum up the products of motions that a spring resists; collective.
-
-    The arguments are those of :func:`_by_contact`.
-    """
-    nodes = spring.side.nodes[spring.side.owned]
-    n = spring.direction[spring.side.owned]
-    at_nodes = motions[nodes]
-    along = np.einsum("fndi,fd->fni", at_nodes, n)
-    resisted = np.zeros_like(at_nodes)
-    if spring.normal > 0:
-        resisted += along[:, :, None] * n[:, None, :, None]
-    if spring.tangential > 0:
-        resisted += at_nodes - along[:, :, None] * n[:, None, :, None]
-    rows = resisted.reshape(-1, *resisted.shape[2:])
-    return _summed(space, body[nodes.ravel()], count, rows)
 
 
 def _by_contact(

@@ -69,6 +69,26 @@ class BoundSpring:
         along = u_n[..., None] * self.direction[:, None, :]
         return self.normal * along + self.tangential * u_t
 
+    def resisted(self, motions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the parts of motions that the springs resist, of any stiffness.
+
+        Args:
+            motions: The motions at all nodes of this rank, shape (nodes, d, m).
+
+        Returns:
+            Nodes of the owned facets, shape (n,), and the parts there, shape (n, d, m).
+        """
+        nodes = self.side.nodes[self.side.owned]
+        n = self.direction[self.side.owned]
+        at_nodes = motions[nodes]
+        along = np.einsum("fndi,fd->fni", at_nodes, n)[:, :, None] * n[:, None, :, None]
+        parts = np.zeros_like(at_nodes)
+        if self.normal > 0:
+            parts += along
+        if self.tangential > 0:
+            parts += at_nodes - along
+        return nodes.ravel(), parts.reshape(-1, *parts.shape[2:])
+
     def squares(self, t: np.ndarray) -> np.ndarray:
         """Return ``t . K^-1 t`` [force/length], shape (f, q) for t of shape (f, q, d).
 

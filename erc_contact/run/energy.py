@@ -37,18 +37,17 @@ import numpy as np
 from mpi4py import MPI
 
 from erc_contact.admissible.cells import facet_order
-from erc_contact.admissible.elastic import given_strains
-from erc_contact.admissible.macro import macro_points
 from erc_contact.admissible.pair import Admissible
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.error.constitutive import ROUND_OFF, ConstitutiveError
-from erc_contact.error.works import assembled, friction_work, strain_energy
+from erc_contact.error.works import friction_work, strain_energy
 from erc_contact.mesh.simplex import barycentric, bernstein, from_means, lagrange, projection, rule
 from erc_contact.model.contacts import bind_contact
 from erc_contact.model.last_step import nearest
 from erc_contact.model.model import Model
 from erc_contact.model.trace import split
 from erc_contact.results.profile import contact_of
+from erc_contact.run.body_work import work_in_body, work_of_strains
 
 
 @dataclass(frozen=True)
@@ -81,7 +80,7 @@ def energies(error: ConstitutiveError, last: ConstitutiveError | None) -> Energi
     pair = error.admissible
     before = None if last is None else last.admissible
     normals = _normals(error.model)
-    work = _work_in_body(pair, before)
+    work = work_in_body(pair, before)
     contact_work = 0.0
     friction_work = 0.0
     parts = _working(pair)
@@ -94,7 +93,7 @@ def energies(error: ConstitutiveError, last: ConstitutiveError | None) -> Energi
         else:
             contact_work += total
             friction_work += tangential
-    work += _work_of_strains(pair, before)
+    work += work_of_strains(pair, before)
     stored = strain_energy(pair, pair.displacement).value
     floor = ROUND_OFF * stored
     dissipated = 0.0
@@ -269,68 +268,3 @@ def _carried(pair: Admissible, part: str, x: np.ndarray) -> tuple[np.ndarray, np
     t = np.einsum("nm,nmi->ni", shape_t, t[number])
     u = np.einsum("nm,nmi->ni", shape_u, u[number])
     return t.reshape(x.shape), u.reshape(x.shape)
-
-
-def _work_in_body(pair: Admissible, before: Admissible | None) -> float:
-    """Compute the work of the loads in the body [force length]; collective."""
-    model = pair.model
-    total = 0.5 * _work_of_body_force(model, model, pair)
-    if before is not None:
-        # (f + f_old)/2 . (u - u_old), each product on the mesh of its displacement
-        old = before.model
-        total -= 0.5 * _work_of_body_force(old, old, before)
-        crossed = _work_of_body_force(old, model, pair) - _work_of_body_force(model, old, before)
-        total += 0.5 * crossed
-    return total
-
-
-def _work_of_strains(pair: Admissible, before: Admissible | None) -> float:
-    """Compute what given strains take from the body [force length]; collective.
-
-    The strain energy is that of ``eps - eps_0``, so a strain that grows under a stress
-    takes its work: ``-int (sigma^ + sigma^_old)/2 : (eps_0 - eps_0old)``.
-    """
-    total = -0.5 * _stress_on_strains(pair.model, pair)
-    if before is not None:
-        # Each product is on the mesh of its stress, as those of body forces.
-        total -= 0.5 * _stress_on_strains(pair.model, before)
-        total += 0.5 * _stress_on_strains(before.model, pair)
-        total += 0.5 * _stress_on_strains(before.model, before)
-    return total
-
-
-def _stress_on_strains(given: Model, pair: Admissible) -> float:
-    """Compute ``int sigma^ : eps_0`` on the mesh of sigma^ [force length]; collective.
-
-    Args:
-        given: Model of the scene that has eps_0.
-        pair: The pair of sigma^.
-    """
-    model = pair.model
-    if given.strains is None:
-        return 0.0
-    cells = pair.cell_geometry
-    owned = model.domain.owned_cells
-    there = given
-    if given is not model:
-        there = Model(given.scene, model.domain, model.degree)
-    shape, points, weights = macro_points(model.d, model.degree)
-    strain = given_strains(there, cells, points, owned)
-    sigma = np.matmul(shape, pair.stress).reshape(owned, len(points), strain.shape[2])
-    means = np.einsum("nqs,nqs,q->n", sigma, np.broadcast_to(strain, sigma.shape), weights)
-    local = float(cells.volume[:owned] @ means)
-    return float(model.comm.allreduce(local, MPI.SUM))
-
-
-def _work_of_body_force(loads: Model, model: Model, pair: Admissible) -> float:
-    """Compute the work of a body force on u^ of a pair [force length]; collective.
-
-    Args:
-        loads: Model of the scene that has the body force.
-        model: Model of the pair, on whose mesh the work is.
-        pair: The admissible pair.
-    """
-    if loads.body_force is None:
-        return 0.0
-    there = model if loads is model else Model(loads.scene, model.domain, model.degree)
-    return assembled(there, there.loads(pair.displacement, on=[None]))
