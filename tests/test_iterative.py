@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from bricks import NAMES, bricks
 from dolfinx.fem.petsc import assemble_matrix
 from mpi4py import MPI
 from scenes import block, common_block, greco, mostly_serial, moved_box, opening, random_scene
@@ -190,6 +191,28 @@ def test_units_do_not_change_the_error():
             )
         )
     assert found == pytest.approx([found[1]] * 3, rel=SAME)
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("name", ["foundation", "two bodies"])
+def test_units_of_length_and_stress(name, degree):
+    """Rows of supports and pivots have the size of the matrix, whatever the units."""
+    found = []
+    for length, stress in ((1.0, 1.0), (1e9, 1e9), (1e-9, 1e-9)):
+        if name == "foundation":
+            high, cells = (length,) * 3, (3, 3, 3)
+            domain = ec.box((0.0, 0.0, 0.0), high, cells=cells)
+            law = ec.Contact("bottom", friction=0.3)
+            push = {"top": (0.02 * length, 0.01 * length, -0.05 * length)}
+        else:
+            domain = bricks(3, (2, 2, 1), size=length)
+            law = ec.Contact(NAMES[0], against=NAMES[1], friction=0.3)
+            push = {"upper outer": (0.01 * length, 0.0, -0.05 * length), "lower outer": (0.0,) * 3}
+        supports = [ec.Displacement(part, u) for part, u in push.items()]
+        scene = ec.Scene(ec.Elastic(stress, 0.3), supports, contacts=[law])
+        solution = ec.solve(scene, domain, degree=degree, solver="iterative")
+        found.append(eps(solution))
+    assert found == pytest.approx([found[0]] * 3, rel=SAME)
 
 
 @pytest.mark.serial

@@ -42,6 +42,8 @@ class Elastic:
         glue: D at the free degrees of freedom of the contact nodes, zero elsewhere
             [force/length], a Function of V; without contact it is zero.
         owned: Number of degrees of freedom of this rank.
+        support_stiffness: Entry on the diagonal of K where a support fixes a component
+            [force/length]. A factor does not mind its size.
     """
 
     def __init__(self, model: Model) -> None:
@@ -51,6 +53,7 @@ class Elastic:
         self.form = compiled.form(model.stiffness(u, v))
         self.glue = _glue(model)
         self.owned = model.V.dofmap.index_map.size_local * model.d
+        self.support_stiffness = 1.0
         self._owners = 0
 
     @contextmanager
@@ -87,11 +90,11 @@ class Elastic:
     def stiffness(self) -> PETSc.Mat:
         """Assemble K [force/length].
 
-        Where supports fix a component it has the row and column of the identity.
+        Where supports fix a component its row and column have the diagonal entry alone.
         """
         model = self.model
         if model.coordinates.is_identity:
-            matrix = fp.assemble_matrix(self.form, bcs=model.bcs)
+            matrix = fp.assemble_matrix(self.form, bcs=model.bcs, diag=self.support_stiffness)
             matrix.assemble()
             return matrix
         of_bodies = fp.assemble_matrix(self.form)
@@ -100,7 +103,7 @@ class Elastic:
         of_bodies.destroy()
         first, _ = matrix.getOwnershipRange()
         fixed = first + np.flatnonzero(self.fixed)
-        matrix.zeroRowsColumns(fixed.astype(PETSc.IntType), diag=1.0)
+        matrix.zeroRowsColumns(fixed.astype(PETSc.IntType), diag=self.support_stiffness)
         return matrix
 
     @property
@@ -133,7 +136,10 @@ class Elastic:
         vector.ghostUpdate(PETSc.InsertMode.ADD, PETSc.ScatterMode.REVERSE)
         coordinates.forces(vector)
         fixed = np.flatnonzero(self.fixed)
-        vector.array[fixed] = coordinates.prescribed.x.array[fixed] if supports else 0.0
+        vector.array[fixed] = 0.0
+        if supports:
+            prescribed = coordinates.prescribed.x.array[fixed]
+            vector.array[fixed] = self.support_stiffness * prescribed
         return vector
 
     @cached_property

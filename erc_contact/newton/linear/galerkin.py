@@ -22,13 +22,20 @@ class CoarseMatrices:
         stiffness: K [force/length]. No C may have entries where it has none.
         layer: The degrees of freedom at which a C may have entries, those of this rank.
         start: C [force/length].
+        scale: Factor of K + C in the hierarchy [length/force].
     """
 
     def __init__(
-        self, pc: PETSc.PC, stiffness: PETSc.Mat, layer: PETSc.IS, start: PETSc.Mat
+        self,
+        pc: PETSc.PC,
+        stiffness: PETSc.Mat,
+        layer: PETSc.IS,
+        start: PETSc.Mat,
+        scale: float,
     ) -> None:
         top = pc.getMGLevels() - 1
         self._layer = layer
+        self._scale = scale
         self._change = stiffness.createSubMatrix(layer, layer)
         self._difference = self._change.duplicate()
         self._set_change(start)
@@ -65,10 +72,10 @@ class CoarseMatrices:
                 matrix.destroy()
 
     def _set_change(self, change: PETSc.Mat) -> None:
-        """Set C to a change."""
+        """Set C, scaled as the hierarchy is, to a change."""
         part = change.createSubMatrix(self._layer, self._layer)
         self._change.zeroEntries()
-        self._change.axpy(1.0, part, SUBSET)
+        self._change.axpy(self._scale, part, SUBSET)
         part.destroy()
 
 

@@ -12,6 +12,9 @@ Where the unknowns are jumps at contacts between bodies
 (:mod:`erc_contact.model.coordinates`), the hierarchy is that of the same matrix for the
 displacements of the bodies, whose rigid motions are known at every node.
 
+PETSc compares pivots with fixed numbers. So the hierarchy is that of a matrix whose
+entries are near one, whatever the units.
+
 Symbols: K and D as in :mod:`erc_contact.newton.linear.elastic`; C a matrix that is zero
 away from the contact.
 """
@@ -41,12 +44,15 @@ class Hierarchy:
         stiffness: K [force/length].
         glue: D at the degrees of freedom of this rank [force/length].
         share: Share of D in the first matrix [-].
+        support_stiffness: Diagonal of K where supports fix a component [force/length].
         has_contact: Whether D is not zero on all ranks.
 
     Attributes:
-        matrix: The matrix of the hierarchy, K plus a share of D, or K + C after
-            :meth:`renew` [force/length].
-        pc: PETSc's preconditioner.
+        scale: A power of two, so that no digit is lost, about the inverse of
+            `support_stiffness` [length/force].
+        matrix: The matrix of the hierarchy times the scale, K plus a share of D, or K +
+            C after :meth:`renew` [-].
+        pc: PETSc's preconditioner of this matrix.
     """
 
     def __init__(
@@ -56,12 +62,16 @@ class Hierarchy:
         glue: np.ndarray,
         share: float,
         *,
+        support_stiffness: float,
         has_contact: bool,
     ) -> None:
         self._model = model
         self._stiffness = stiffness
         self._glue = glue
+        self._support_stiffness = support_stiffness
         self._has_contact = has_contact
+        _, exponent = np.frexp(support_stiffness)
+        self.scale = float(np.ldexp(1.0, -exponent))
         self._exact: PETSc.KSP | None = None
         self._coarse: CoarseMatrices | None = None
         self._share: float | None = share
@@ -71,7 +81,7 @@ class Hierarchy:
         self._bodies = self.matrix
         self._stiffness_of_bodies = stiffness
         if not model.coordinates.is_identity:
-            self._stiffness_of_bodies = self._of_bodies(stiffness, 1.0)
+            self._stiffness_of_bodies = self._of_bodies(stiffness, support_stiffness)
             self._bodies = self._stiffness_of_bodies.copy()
         self._bodies.setNearNullSpace(rigid_motions(model, self._bodies))
         first = self._part_of_glue(share)
@@ -80,6 +90,7 @@ class Hierarchy:
             add_diagonal(self.matrix, share * glue)
             if self._bodies is not self.matrix:
                 self._bodies.axpy(1.0, first_of_bodies, SUBSET)
+        self._scale_matrices()
         self.matrix.setOption(PETSc.Mat.Option.SPD, True)
         self._bodies.setOption(PETSc.Mat.Option.SPD, True)
         self._multigrid = PETSc.PC().create(self.matrix.comm)
@@ -90,7 +101,11 @@ class Hierarchy:
             # PETSc must not set it up anew: the coarse matrices follow C here.
             self._multigrid.setReusePreconditioner(True)
             self._coarse = CoarseMatrices(
-                self._multigrid, self._stiffness_of_bodies, self._layer(), first_of_bodies
+                self._multigrid,
+                self._stiffness_of_bodies,
+                self._layer(),
+                first_of_bodies,
+                self.scale,
             )
         first_of_bodies.destroy()
         first.destroy()
@@ -118,12 +133,19 @@ class Hierarchy:
             self._bodies.setOption(PETSc.Mat.Option.SPD, False)
             self._stiffness_of_bodies.copy(self._bodies, SAME)
             self._bodies.axpy(1.0, of_bodies, SUBSET)
+        self._scale_matrices()
         if self._coarse is None:
             self._multigrid.setUp()
         else:
             self._coarse.follow(of_bodies)
         if of_bodies is not change:
             of_bodies.destroy()
+
+    def _scale_matrices(self) -> None:
+        """Multiply the matrices by the scale, in place."""
+        self.matrix.scale(self.scale)
+        if self._bodies is not self.matrix:
+            self._bodies.scale(self.scale)
 
     def factorise(self) -> None:
         """Replace the hierarchy by a factor of its matrix."""
@@ -183,7 +205,7 @@ class Hierarchy:
         self._multigrid.apply(of_bodies, force)
         force.array[fixed] = 0.0
         coordinates.inverse.mult(force, y)
-        y.array[fixed_unknowns] = x.array_r[fixed_unknowns]
+        y.array[fixed_unknowns] = x.array_r[fixed_unknowns] / (self.scale * self._support_stiffness)
         force.destroy()
         of_bodies.destroy()
 

@@ -53,6 +53,9 @@ class Multigrid(Elastic):
 
     def __init__(self, model: Model) -> None:
         super().__init__(model)
+        # In other units than those of the body, smoothers and norms see either the
+        # supports or the rest.
+        self.support_stiffness = model.stiffest() * model.domain.extent ** (model.d - 2)
         glued = int(np.count_nonzero(self.glue.x.array[: self.owned]))
         self.contact_size = int(model.comm.allreduce(glued, MPI.SUM))
         self._matrix: PETSc.Mat | None = None
@@ -74,6 +77,7 @@ class Multigrid(Elastic):
                 self.matrix,
                 self.glue.x.array[: self.owned],
                 self._weak_share(),
+                support_stiffness=self.support_stiffness,
                 has_contact=self.contact_size > 0,
             )
         return self._hierarchy
@@ -91,6 +95,7 @@ class Multigrid(Elastic):
         """
         self.hierarchy.set_share(1.0)
         right = self.right_side(b, supports=supports)
+        right.scale(self.hierarchy.scale)
         return self._solved(self.hierarchy.matrix, right, tolerance, direct=self.contact_size == 0)
 
     def solve(
@@ -123,6 +128,7 @@ class Multigrid(Elastic):
         """Solve ``(K + C) u = b`` [length], see :class:`.solver.ElasticSolver`."""
         self.renew(springs)
         right = self.right_side(b, supports=False)
+        right.scale(self.hierarchy.scale)
         return self._solved(self.hierarchy.matrix, right, EXACT, near)
 
     def lifted(self, y: fem.Function, tolerance: float) -> fem.Function:
@@ -150,7 +156,7 @@ class Multigrid(Elastic):
         b.array[at_contact] = 0.0
         b.array[fixed] = 0.0
         inside = self.matrix.copy()
-        diagonal = float(self.glue.x.array.max(initial=1.0))
+        diagonal = float(self.glue.x.array.max(initial=0.0))
         inside.zeroRowsColumnsLocal(at_contact, diag=diagonal)
         between = self.model.coordinates.to_x(self._solved(inside, b, tolerance))
         inside.destroy()
@@ -177,6 +183,7 @@ class Multigrid(Elastic):
     def cycle(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
         """Set y to the hierarchy's approximation of the inverse times x."""
         self.hierarchy.pc.apply(x, y)
+        y.scale(self.hierarchy.scale)
 
     @property
     def factorised(self) -> bool:
