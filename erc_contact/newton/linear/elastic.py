@@ -23,7 +23,7 @@ from dolfinx.fem import petsc as fp
 from petsc4py import PETSc
 
 from erc_contact.base.runtime import compiled
-from erc_contact.base.sparse import add_diagonal
+from erc_contact.base.sparse import add_diagonal, assembled
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.model import Model
 
@@ -94,11 +94,8 @@ class Elastic:
         """
         model = self.model
         if model.coordinates.is_identity:
-            matrix = fp.assemble_matrix(self.form, bcs=model.bcs, diag=self.support_stiffness)
-            matrix.assemble()
-            return matrix
-        of_bodies = fp.assemble_matrix(self.form)
-        of_bodies.assemble()
+            return assembled(self.form, model.bcs, self.support_stiffness)
+        of_bodies = assembled(self.form, [], 0.0)
         matrix = of_bodies.ptap(model.coordinates.matrix)
         of_bodies.destroy()
         first, _ = matrix.getOwnershipRange()

@@ -1,7 +1,8 @@
 """A multigrid hierarchy of K plus a matrix that is zero away from the contact.
 
 The hierarchy is PETSc's GAMG: smoothed aggregation with the rigid motions as near null
-space. The aggregates and the interpolation are made once, for K. Where a matrix differs
+space. At degree 2 it begins with the elements of degree 1
+(:mod:`erc_contact.newton.linear.p_coarsening`). The aggregates and the interpolation are made once, for K. Where a matrix differs
 from it at the contact only, as every tangent of a contact problem does, the coarse
 matrices follow with the same interpolation (:mod:`erc_contact.newton.linear.galerkin`).
 That of K serves all of them; that of K + D saves a tenth of the cycles of a contact
@@ -28,8 +29,9 @@ from petsc4py import PETSc
 from erc_contact.base.sparse import add_diagonal
 from erc_contact.model.model import Model
 from erc_contact.newton.linear.amg import AMG_PREFIX, rigid_motions, with_defaults
-from erc_contact.newton.linear.galerkin import SAME, SUBSET, CoarseMatrices
+from erc_contact.newton.linear.galerkin import SAME, SUBSET, CoarseMatrices, levels_of
 from erc_contact.newton.linear.mumps import factorised
+from erc_contact.newton.linear.p_coarsening import TwoLevels
 from erc_contact.newton.linear.shells import preconditioner
 
 
@@ -83,7 +85,6 @@ class Hierarchy:
         if not model.coordinates.is_identity:
             self._stiffness_of_bodies = self._of_bodies(stiffness, support_stiffness)
             self._bodies = self._stiffness_of_bodies.copy()
-        self._bodies.setNearNullSpace(rigid_motions(model, self._bodies))
         first = self._part_of_glue(share)
         first_of_bodies = self._change_of_bodies(first)
         if share:
@@ -93,15 +94,19 @@ class Hierarchy:
         self._scale_matrices()
         self.matrix.setOption(PETSc.Mat.Option.SPD, True)
         self._bodies.setOption(PETSc.Mat.Option.SPD, True)
-        self._multigrid = PETSc.PC().create(self.matrix.comm)
-        self._multigrid.setOptionsPrefix(AMG_PREFIX)
-        self._multigrid.setOperators(self._bodies)
-        with_defaults(self._multigrid)
-        if self._multigrid.getType() == PETSc.PC.Type.GAMG and self._has_contact:
-            # PETSc must not set it up anew: the coarse matrices follow C here.
-            self._multigrid.setReusePreconditioner(True)
+        self._two_levels: TwoLevels | None = None
+        self._multigrid, algebraic = self._preconditioners()
+        levels = []
+        # PETSc must not set these up anew: the coarse matrices follow C here.
+        if has_contact and self._two_levels is not None:
+            levels.append((self._two_levels.interpolation, self._two_levels.coarse))
+            self._two_levels.keep()
+        is_gamg = algebraic.getType() == PETSc.PC.Type.GAMG
+        if has_contact and is_gamg:
+            algebraic.setReusePreconditioner(True)
+        if has_contact and (is_gamg or levels):
             self._coarse = CoarseMatrices(
-                self._multigrid,
+                levels + levels_of(algebraic),
                 self._stiffness_of_bodies,
                 self._layer(),
                 first_of_bodies,
@@ -112,6 +117,19 @@ class Hierarchy:
         self.pc = self._multigrid
         if self._bodies is not self.matrix:
             self.pc = preconditioner(self._apply_to_unknowns, self.matrix)
+
+    def _preconditioners(self) -> tuple[PETSc.PC, PETSc.PC]:
+        """Set up the cycle, and algebraic multigrid, the lower part or all of it."""
+        if self._model.degree > 1:
+            diagonal = self.scale * self._support_stiffness
+            self._two_levels = TwoLevels(self._model, self._bodies, diagonal)
+            return self._two_levels.pc, self._two_levels.algebraic
+        self._bodies.setNearNullSpace(rigid_motions(self._model.V, self._bodies))
+        multigrid = PETSc.PC().create(self.matrix.comm)
+        multigrid.setOptionsPrefix(AMG_PREFIX)
+        multigrid.setOperators(self._bodies)
+        with_defaults(multigrid)
+        return multigrid, multigrid
 
     def set_share(self, share: float) -> None:
         """Set the matrix to K plus a share of D."""
@@ -163,6 +181,8 @@ class Hierarchy:
             self._coarse.free()
         self.pc.destroy()
         self._multigrid.destroy()
+        if self._two_levels is not None:
+            self._two_levels.free()
         self.matrix.destroy()
         if not self._model.coordinates.is_identity:
             self._bodies.destroy()

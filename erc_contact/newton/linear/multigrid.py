@@ -157,7 +157,8 @@ class Multigrid(Elastic):
         b.array[fixed] = 0.0
         inside = self.matrix.copy()
         diagonal = float(self.glue.x.array.max(initial=0.0))
-        inside.zeroRowsColumnsLocal(at_contact, diag=diagonal)
+        first, _ = inside.getOwnershipRange()
+        inside.zeroRowsColumns((first + at_contact).astype(PETSc.IntType), diag=diagonal)
         between = self.model.coordinates.to_x(self._solved(inside, b, tolerance))
         inside.destroy()
         u.array[:] += between.x.array[: self.owned]
