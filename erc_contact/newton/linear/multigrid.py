@@ -44,6 +44,10 @@ ENOUGH = 1e3
 class Multigrid(Elastic):
     """Solve the elastic equations of a model with multigrid.
 
+    Args:
+        model: The scene on a mesh.
+        hurried: Whether :meth:`glued` gives up early where multigrid is slow.
+
     Attributes:
         contact_size: Number of free degrees of freedom at contact nodes, over all
             ranks; 0 without contact.
@@ -51,13 +55,14 @@ class Multigrid(Elastic):
 
     iterative: ClassVar[bool] = True
 
-    def __init__(self, model: Model) -> None:
+    def __init__(self, model: Model, *, hurried: bool = False) -> None:
         super().__init__(model)
         # In other units than those of the body, smoothers and norms see either the
         # supports or the rest.
         self.support_stiffness = model.stiffest() * model.domain.extent ** (model.d - 2)
         glued = int(np.count_nonzero(self.glue.x.array[: self.owned]))
         self.contact_size = int(model.comm.allreduce(glued, MPI.SUM))
+        self._hurried = hurried
         self._matrix: PETSc.Mat | None = None
         self._hierarchy: Hierarchy | None = None
 
@@ -96,7 +101,13 @@ class Multigrid(Elastic):
         self.hierarchy.set_share(1.0)
         right = self.right_side(b, supports=supports)
         right.scale(self.hierarchy.scale)
-        return self._solved(self.hierarchy.matrix, right, tolerance, direct=self.contact_size == 0)
+        return self._solved(
+            self.hierarchy.matrix,
+            right,
+            tolerance,
+            direct=self.contact_size == 0,
+            hurried=self._hurried,
+        )
 
     def solve(
         self, b: fem.Function, *, supports: bool = True, tolerance: float | None = None
@@ -215,6 +226,7 @@ class Multigrid(Elastic):
         near: fem.Function | None = None,
         *,
         direct: bool = True,
+        hurried: bool = False,
     ) -> fem.Function:
         """Solve for a right side, which is destroyed.
 
@@ -224,6 +236,7 @@ class Multigrid(Elastic):
             tolerance: Residual over the right side [-].
             near: A displacement that may be near [length].
             direct: Whether a factor may take over where multigrid fails.
+            hurried: Whether it gives up early where multigrid is slow.
 
         Raises:
             InputError: If the loads are no numbers.
@@ -242,7 +255,7 @@ class Multigrid(Elastic):
             if near is not None:
                 unknowns = self.model.coordinates.to_x(near)
                 x.array[:] = unknowns.x.array[: self.owned] / size
-            left = self._left(matrix, b, x, tolerance)
+            left = self._left(matrix, b, x, tolerance, hurried=hurried)
             if left > ENOUGH * tolerance and direct:
                 log_of(self.model.comm).info(
                     "Multigrid left %.0e of the loads: a direct solver takes over.", left
@@ -251,6 +264,8 @@ class Multigrid(Elastic):
                 left = self._left(matrix, b, x, tolerance)
             if not left <= ENOUGH * tolerance:
                 failed = f"Conjugate gradients with multigrid left {left:.0e} of the loads."
+                if not np.isfinite(left):
+                    failed = "Conjugate gradients with multigrid are slow, or break down."
                 raise NotConverged(f"{failed} {TRY_DIRECT}", ())
             x.scale(size)
         u = self.displacement(x)
@@ -258,10 +273,19 @@ class Multigrid(Elastic):
         b.destroy()
         return u
 
-    def _left(self, matrix: PETSc.Mat, b: PETSc.Vec, x: PETSc.Vec, tolerance: float) -> float:
+    def _left(
+        self,
+        matrix: PETSc.Mat,
+        b: PETSc.Vec,
+        x: PETSc.Vec,
+        tolerance: float,
+        *,
+        hurried: bool = False,
+    ) -> float:
         """Solve for x; return the residual over the right side [-]."""
-        hierarchy = self.hierarchy
-        return conjugate_gradients(matrix, hierarchy.pc, hierarchy.matrix, b, x, tolerance)
+        pc = self.hierarchy.pc
+        own = self.hierarchy.matrix
+        return conjugate_gradients(matrix, pc, own, b, x, tolerance, hurried=hurried)
 
     def _weak_share(self) -> float:
         """Return the share of D that holds a loose body, ``h/(10 L)``, else zero [-].
