@@ -68,7 +68,7 @@ class Tangent:
         """Rows and columns that are zero, or None."""
 
         if self._is_identity and reactions is None:
-            # DOLFINx would set their diagonal, which has no place away from the contact.
+            # DOLFINx would set their diagonal, which has no place off the contact.
             first, _ = elastic.matrix.getOwnershipRange()
             rows = first + np.flatnonzero(elastic.fixed)
             self._fixed = rows.astype(PETSc.IntType)

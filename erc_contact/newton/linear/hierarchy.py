@@ -2,10 +2,10 @@
 
 The hierarchy is PETSc's GAMG: smoothed aggregation with the rigid motions as near null
 space. At degree 2 it begins with the elements of degree 1
-(:mod:`erc_contact.newton.linear.p_coarsening`). The aggregates and the interpolation are
-made once, for K. Where a matrix differs from it at the contact only, as every tangent
-of a contact problem does, the coarse matrices follow with the same interpolation
-(:mod:`erc_contact.newton.linear.galerkin`).
+(:mod:`erc_contact.newton.linear.p_coarsening`). The aggregates and the interpolation
+are made once, for K. Where a matrix differs from it at the contact only, as every
+tangent of a contact problem does, the coarse matrices follow with the same
+interpolation (:mod:`erc_contact.newton.linear.galerkin`).
 That of K serves all of them; that of K + D saves a tenth of the cycles of a contact
 solve, and doubles those of an elastic solve with given contact tractions. Another
 preconditioner that PETSc's options ask for is set up anew for each matrix.
