@@ -255,13 +255,16 @@ class Multigrid(Elastic):
             if near is not None:
                 unknowns = self.model.coordinates.to_x(near)
                 x.array[:] = unknowns.x.array[: self.owned] / size
-            left = self._left(matrix, b, x, tolerance, hurried=hurried)
+            own = self.hierarchy.matrix
+            pc = self.hierarchy.pc
+            left = conjugate_gradients(matrix, pc, own, b, x, tolerance, hurried=hurried)
             if left > ENOUGH * tolerance and direct:
                 log_of(self.model.comm).info(
                     "Multigrid left %.0e of the loads: a direct solver takes over.", left
                 )
                 self.hierarchy.factorise()
-                left = self._left(matrix, b, x, tolerance)
+                pc = self.hierarchy.pc
+                left = conjugate_gradients(matrix, pc, own, b, x, tolerance)
             if not left <= ENOUGH * tolerance:
                 failed = f"Conjugate gradients with multigrid left {left:.0e} of the loads."
                 if not np.isfinite(left):
@@ -272,20 +275,6 @@ class Multigrid(Elastic):
         x.destroy()
         b.destroy()
         return u
-
-    def _left(
-        self,
-        matrix: PETSc.Mat,
-        b: PETSc.Vec,
-        x: PETSc.Vec,
-        tolerance: float,
-        *,
-        hurried: bool = False,
-    ) -> float:
-        """Solve for x; return the residual over the right side [-]."""
-        pc = self.hierarchy.pc
-        own = self.hierarchy.matrix
-        return conjugate_gradients(matrix, pc, own, b, x, tolerance, hurried=hurried)
 
     def _weak_share(self) -> float:
         """Return the share of D that holds a loose body, ``h/(10 L)``, else zero [-].
