@@ -97,7 +97,7 @@ class Hierarchy:
         self._bodies.setOption(PETSc.Mat.Option.SPD, True)
         self._two_levels: TwoLevels | None = None
         self._multigrid, algebraic = self._preconditioners()
-        levels = []
+        levels: list[tuple[PETSc.Mat, PETSc.Mat]] = []
         # PETSc must not set these up anew: the coarse matrices follow C here.
         if has_contact and self._two_levels is not None:
             levels.append((self._two_levels.interpolation, self._two_levels.coarse))
