@@ -11,8 +11,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from bricks import NAMES, bricks
 from dolfinx.fem.petsc import assemble_matrix
 from mpi4py import MPI
+from petsc4py import PETSc
 from scenes import block, common_block, greco, mostly_serial, moved_box, opening, random_scene
 from test_newton import Saturating, triangle
 
@@ -175,6 +177,27 @@ def test_the_hierarchy_follows_the_tangent(method, monkeypatch):
     assert followed.norm() <= 1e-10 * anew.norm()
 
 
+def test_cycles_at_degree_2():
+    """A coarse matrix of degree 1 that is wrong, or does not follow the contact, takes more cycles."""
+    scene, _ = pressed_cube(friction=0.3)
+    elastic = multigrid.Multigrid(bind(scene, cube(n=5), 2))
+    cycles = []
+    for share in (0.0, 1.0, 0.0):
+        elastic.hierarchy.set_share(share)
+        matrix = elastic.hierarchy.matrix
+        x, b = matrix.createVecs()
+        b.array[:] = np.cos(np.arange(*b.getOwnershipRange()) ** 2)
+        ksp = PETSc.KSP().create(matrix.comm)
+        ksp.setOperators(matrix)
+        ksp.setPC(elastic.hierarchy.pc)
+        ksp.setType("cg")
+        ksp.setTolerances(rtol=1e-8)
+        ksp.solve(b, x)
+        assert ksp.getConvergedReason() > 0
+        cycles.append(ksp.getIterationNumber())
+    assert max(cycles) <= 15
+
+
 def test_units_do_not_change_the_error():
     scene, domain = SCENES["cube on a sphere"]()
     found = []
@@ -190,6 +213,28 @@ def test_units_do_not_change_the_error():
             )
         )
     assert found == pytest.approx([found[1]] * 3, rel=SAME)
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("name", ["foundation", "two bodies"])
+def test_units_of_length_and_stress(name, degree):
+    """Rows of supports and pivots have the size of the matrix, whatever the units."""
+    found = []
+    for length, stress in ((1.0, 1.0), (1e9, 1e9), (1e-9, 1e-9)):
+        if name == "foundation":
+            high, cells = (length,) * 3, (3, 3, 3)
+            domain = ec.box((0.0, 0.0, 0.0), high, cells=cells)
+            law = ec.Contact("bottom", friction=0.3)
+            push = {"top": (0.02 * length, 0.01 * length, -0.05 * length)}
+        else:
+            domain = bricks(3, (2, 2, 1), size=length)
+            law = ec.Contact(NAMES[0], against=NAMES[1], friction=0.3)
+            push = {"upper outer": (0.01 * length, 0.0, -0.05 * length), "lower outer": (0.0,) * 3}
+        supports = [ec.Displacement(part, u) for part, u in push.items()]
+        scene = ec.Scene(ec.Elastic(stress, 0.3), supports, contacts=[law])
+        solution = ec.solve(scene, domain, degree=degree, solver="iterative")
+        found.append(eps(solution))
+    assert found == pytest.approx([found[0]] * 3, rel=SAME)
 
 
 @pytest.mark.serial
@@ -232,6 +277,20 @@ def test_auto_falls_back_where_multigrid_fails(monkeypatch):
     solution = ec.solve(scene, domain)
     assert not solution.stiffness.iterative
     assert eps(solution) == pytest.approx(expected, rel=SAME)
+
+
+@pytest.mark.parametrize(("nu", "iterative"), [(0.49, True), (0.4999, False)])
+def test_auto_gives_multigrid_up_early_where_it_is_slow(nu, iterative, monkeypatch):
+    """The first guess tells; no cycle of Newton's method is spent."""
+    scene, domain = SCENES["cube"]()
+    scene = replace(scene, material=ec.Elastic(1.0, nu))
+    monkeypatch.setattr(solving, "MULTIGRID_FROM", {3: (0, 0)})
+    used = []
+    cycle = multigrid.Multigrid.cycle
+    monkeypatch.setattr(multigrid.Multigrid, "cycle", lambda *vectors: used.append(cycle(*vectors)))
+    solution = ec.solve(scene, domain, degree=2)
+    assert solution.stiffness.iterative == iterative
+    assert bool(used) == iterative
 
 
 def test_rebalance_falls_back_where_multigrid_is_slow(monkeypatch):

@@ -1,9 +1,47 @@
-"""Sparse matrices of PETSc from places and values of their entries."""
+"""Sparse matrices of PETSc from forms, or from places and values of their entries."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
+from dolfinx import fem
 from petsc4py import PETSc
+
+
+def assembled(form: fem.Form, bcs: Sequence[fem.DirichletBC], diagonal: float) -> PETSc.Mat:
+    """Assemble the square matrix of a form for displacements; collective.
+
+    DOLFINx adds a block for two nodes to its own matrix as a whole. PETSc looks up each
+    row of the block, which takes as long as to compute it.
+
+    Args:
+        form: The compiled form.
+        bcs: Conditions; their rows and columns are zero but for the diagonal.
+        diagonal: Entry on their diagonal.
+    """
+    blocks = fem.create_matrix(form)
+    fem.assemble_matrix(blocks, form, bcs=bcs, diag=diagonal)
+    blocks.scatter_reverse()
+    # Rows of other ranks come last; their entries have been sent there.
+    index_map = blocks.index_map(0)
+    height = index_map.size_local
+    begin = blocks.indptr[: height + 1].astype(PETSc.IntType)
+    count = begin[-1]
+    columns = blocks.index_map(1).local_to_global(blocks.indices[:count])
+    d = blocks.block_size[0]
+    values = blocks.data[: count * d * d]
+    size = (height * d, index_map.size_global * d)
+    of_blocks = PETSc.Mat().createBAIJ(
+        (size, size),
+        d,
+        csr=(begin, columns.astype(PETSc.IntType), values),
+        comm=index_map.comm,
+    )
+    of_blocks.assemble()
+    matrix = of_blocks.convert("aij", PETSc.Mat())
+    of_blocks.destroy()
+    return matrix
 
 
 def sparse(

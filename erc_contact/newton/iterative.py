@@ -28,6 +28,7 @@ class Iterative:
 
     Args:
         model: The scene on a mesh.
+        hurried: Whether the first guess gives up early where multigrid is slow.
 
     Attributes:
         elastic: Its elastic equations.
@@ -37,9 +38,9 @@ class Iterative:
 
     nodal_first: ClassVar[bool] = False
 
-    def __init__(self, model: Model) -> None:
+    def __init__(self, model: Model, *, hurried: bool = False) -> None:
         self.model = model
-        self.elastic = Multigrid(model)
+        self.elastic = Multigrid(model, hurried=hurried)
         self._forces = self.elastic.load_vector()
         self._loads = self.elastic.right_side(self._forces.copy(), supports=True)
         if self.elastic.contact_size:

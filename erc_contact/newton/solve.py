@@ -12,7 +12,9 @@ nearer the larger gamma is, and this takes fewer steps (GRECO, 256 x 256 squares
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from time import perf_counter
 
 import numpy as np
@@ -92,7 +94,7 @@ def solve(
             problem of the contact on one rank. "iterative" solves for the whole body in
             parallel, with algebraic multigrid, to 1e-10 of the contact forces. "auto"
             takes multigrid for large bodies in space, and the direct solver where
-            multigrid fails.
+            multigrid fails, or is slow in its first 20 cycles.
 
     Returns:
         The solution. ``singular`` tells that it may be one of many; a warning is
@@ -153,7 +155,10 @@ def solved(
         start = start or after
 
     iterative = solver == "iterative" or (solver == "auto" and large(model))
-    kind: type[Direct | Iterative] = Iterative if iterative else Direct
+    kind: Callable[[Model], Direct | Iterative] = Direct
+    if iterative:
+        # The direct solver stands by, so that a slow start is worth no patience.
+        kind = partial(Iterative, hurried=solver == "auto")
     name = "multigrid" if iterative else "the direct solver"
     try:
         with stage(model.comm, f"solving with {name}"):
@@ -179,7 +184,7 @@ def solved(
 
 
 def _solution(
-    kind: type[Direct | Iterative],
+    kind: Callable[[Model], Direct | Iterative],
     model: Model,
     method: Method | None,
     start: Solution | None,

@@ -64,13 +64,21 @@ class Tangent:
         self._reactions = reactions
         self._springs: Springs | None = None
         self._is_identity = self.model.coordinates.is_identity
-        self._bcs = self.model.bcs if self._is_identity else []
+        self._fixed: np.ndarray | None = None
+        """Rows and columns that are zero, or None."""
+
+        if self._is_identity and reactions is None:
+            # DOLFINx would set their diagonal, which has no place off the contact.
+            first, _ = elastic.matrix.getOwnershipRange()
+            rows = first + np.flatnonzero(elastic.fixed)
+            self._fixed = rows.astype(PETSc.IntType)
         if reactions is not None:
+            # The rows of the multiplier's equations stay: they are not equilibrium.
             glue = elastic.glue.x.array
             self._springs = Springs(self.model, elastic.matrix, glue, reactions)
-            # The rows of the multiplier's equations stay: they are not equilibrium.
-            self._bcs = []
         self._terms = [fp.create_matrix(form) for form in forms.tangents]
+        for term in self._terms:
+            term.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
         self._change: PETSc.Mat | None = None
         self._work = [elastic.matrix.createVecRight() for _ in range(2)]
         self.matrix = shell(self.mult, self._work[0])
@@ -94,8 +102,10 @@ class Tangent:
         self.forms.test_jump.value = test_jump
         for term, form in zip(self._terms, self.forms.tangents, strict=True):
             term.zeroEntries()
-            fp.assemble_matrix(term, form, bcs=self._bcs, diag=0.0)
+            fp.assemble_matrix(term, form)
             term.assemble()
+            if self._fixed is not None:
+                term.zeroRowsColumns(self._fixed, diag=0.0)
 
     def _change_of_unknowns(self) -> PETSc.Mat:
         """Return the terms of the contact as a matrix for the unknowns, a new one.

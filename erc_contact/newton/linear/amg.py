@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
+from dolfinx import fem
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from erc_contact.model.model import Model
 from erc_contact.model.motions import translations_and_rotations
 
 AMG_PREFIX = "erc_contact_elastic_"
@@ -30,15 +32,19 @@ Chebyshev's method estimates this number and goes less far, in as few cycles.
 
 
 def with_defaults(pc: PETSc.PC) -> None:
-    """Set up a preconditioner from PETSc's options, and :data:`OPTIONS` beside them.
+    """Set up algebraic multigrid from PETSc's options, and :data:`OPTIONS`."""
+    smoother = "richardson" if pc.comm.size <= RICHARDSON else "chebyshev"
+    with_options(pc, {**OPTIONS, "mg_levels_ksp_type": smoother})
+
+
+def with_options(pc: PETSc.PC, defaults: Mapping[str, object]) -> None:
+    """Set up a preconditioner from PETSc's options, and defaults beside them.
 
     PETSc reads options from a table of the process. Defaults are put there for as long
     as it reads, so that they override nothing of the user's.
     """
     options = PETSc.Options()
     prefix = pc.getOptionsPrefix()
-    smoother = "richardson" if pc.comm.size <= RICHARDSON else "chebyshev"
-    defaults = {**OPTIONS, "mg_levels_ksp_type": smoother}
     added = []
     for name, value in defaults.items():
         if not options.hasName(prefix + name):
@@ -50,14 +56,15 @@ def with_defaults(pc: PETSc.PC) -> None:
         options.delValue(name)
 
 
-def rigid_motions(model: Model, matrix: PETSc.Mat) -> PETSc.NullSpace:
-    """Return the rigid motions of the plane or of space at the nodes.
+def rigid_motions(space: fem.FunctionSpace, matrix: PETSc.Mat) -> PETSc.NullSpace:
+    """Return the rigid motions of the plane or of space at the nodes of a space.
 
     They are the near null space that the aggregates keep.
     """
-    x = model.V.tabulate_dof_coordinates()[: model.V.dofmap.index_map.size_local, : model.d]
+    index_map = space.dofmap.index_map
+    x = space.tabulate_dof_coordinates()[: index_map.size_local, : space.dofmap.bs]
     # Rotations are about the middle: far from the origin they would be translations.
-    middle = model.comm.allreduce(x.sum(axis=0), MPI.SUM) / model.V.dofmap.index_map.size_global
+    middle = space.mesh.comm.allreduce(x.sum(axis=0), MPI.SUM) / index_map.size_global
     motions = translations_and_rotations(x - middle)
     vectors = []
     for k in range(motions.shape[2]):

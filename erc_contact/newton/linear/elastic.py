@@ -23,7 +23,7 @@ from dolfinx.fem import petsc as fp
 from petsc4py import PETSc
 
 from erc_contact.base.runtime import compiled
-from erc_contact.base.sparse import add_diagonal
+from erc_contact.base.sparse import add_diagonal, assembled
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.model import Model
 
@@ -42,6 +42,8 @@ class Elastic:
         glue: D at the free degrees of freedom of the contact nodes, zero elsewhere
             [force/length], a Function of V; without contact it is zero.
         owned: Number of degrees of freedom of this rank.
+        support_stiffness: Entry on the diagonal of K where a support fixes a component
+            [force/length]. A factor does not mind its size.
     """
 
     def __init__(self, model: Model) -> None:
@@ -51,6 +53,7 @@ class Elastic:
         self.form = compiled.form(model.stiffness(u, v))
         self.glue = _glue(model)
         self.owned = model.V.dofmap.index_map.size_local * model.d
+        self.support_stiffness = 1.0
         self._owners = 0
 
     @contextmanager
@@ -91,20 +94,17 @@ class Elastic:
     def stiffness(self) -> PETSc.Mat:
         """Assemble K [force/length].
 
-        Where supports fix a component it has the row and column of the identity.
+        Where supports fix a component its row and column have the diagonal entry alone.
         """
         model = self.model
         if model.coordinates.is_identity:
-            matrix = fp.assemble_matrix(self.form, bcs=model.bcs)
-            matrix.assemble()
-            return matrix
-        of_bodies = fp.assemble_matrix(self.form)
-        of_bodies.assemble()
+            return assembled(self.form, model.bcs, self.support_stiffness)
+        of_bodies = assembled(self.form, [], 0.0)
         matrix = of_bodies.ptap(model.coordinates.matrix)
         of_bodies.destroy()
         first, _ = matrix.getOwnershipRange()
         fixed = first + np.flatnonzero(self.fixed)
-        matrix.zeroRowsColumns(fixed.astype(PETSc.IntType), diag=1.0)
+        matrix.zeroRowsColumns(fixed.astype(PETSc.IntType), diag=self.support_stiffness)
         return matrix
 
     @property
@@ -137,7 +137,10 @@ class Elastic:
         vector.ghostUpdate(PETSc.InsertMode.ADD, PETSc.ScatterMode.REVERSE)
         coordinates.forces(vector)
         fixed = np.flatnonzero(self.fixed)
-        vector.array[fixed] = coordinates.prescribed.x.array[fixed] if supports else 0.0
+        vector.array[fixed] = 0.0
+        if supports:
+            prescribed = coordinates.prescribed.x.array[fixed]
+            vector.array[fixed] = self.support_stiffness * prescribed
         return vector
 
     @cached_property

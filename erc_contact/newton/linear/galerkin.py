@@ -18,31 +18,35 @@ class CoarseMatrices:
     """Hold the coarse matrices of a hierarchy, which follow C; members are collective.
 
     Args:
-        pc: PETSc's GAMG, set up for K + C.
+        levels: Interpolation and coarse matrix of each level below the finest one, from
+            there on.
         stiffness: K [force/length]. No C may have entries where it has none.
         layer: The degrees of freedom at which a C may have entries, those of this rank.
         start: C [force/length].
+        scale: Factor of K + C in the hierarchy [length/force].
     """
 
     def __init__(
-        self, pc: PETSc.PC, stiffness: PETSc.Mat, layer: PETSc.IS, start: PETSc.Mat
+        self,
+        levels: list[tuple[PETSc.Mat, PETSc.Mat]],
+        stiffness: PETSc.Mat,
+        layer: PETSc.IS,
+        start: PETSc.Mat,
+        scale: float,
     ) -> None:
-        top = pc.getMGLevels() - 1
         self._layer = layer
+        self._scale = scale
         self._change = stiffness.createSubMatrix(layer, layer)
         self._difference = self._change.duplicate()
         self._set_change(start)
-        self._interpolations = []
-        self._coarse = []
-        for level in range(top, 0, -1):
-            self._interpolations.append(pc.getMGInterpolation(level))
-            self._coarse.append(_matrix_of(pc, level - 1))
-        if top:
+        self._interpolations = [interpolation for interpolation, _ in levels]
+        self._coarse = [coarse for _, coarse in levels]
+        if levels:
             # C has entries in the layer only, so these rows of P are enough.
             whole = self._interpolations[0]
             self._interpolations[0] = whole.createSubMatrix(layer, None)
             whole.destroy()
-        self._products: list[PETSc.Mat | None] = [None] * top
+        self._products: list[PETSc.Mat | None] = [None] * len(levels)
 
     def follow(self, change: PETSc.Mat) -> None:
         """Change the coarse matrices to those of K plus a change [force/length]."""
@@ -65,11 +69,23 @@ class CoarseMatrices:
                 matrix.destroy()
 
     def _set_change(self, change: PETSc.Mat) -> None:
-        """Set C to a change."""
+        """Set C, scaled as the hierarchy is, to a change."""
         part = change.createSubMatrix(self._layer, self._layer)
         self._change.zeroEntries()
-        self._change.axpy(1.0, part, SUBSET)
+        self._change.axpy(self._scale, part, SUBSET)
         part.destroy()
+
+
+def levels_of(pc: PETSc.PC) -> list[tuple[PETSc.Mat, PETSc.Mat]]:
+    """Return interpolations and coarse matrices of GAMG, from the finest level on.
+
+    The caller destroys them. There are none for another preconditioner.
+    """
+    levels = []
+    if pc.getType() == PETSc.PC.Type.GAMG:
+        for level in range(pc.getMGLevels() - 1, 0, -1):
+            levels.append((pc.getMGInterpolation(level), _matrix_of(pc, level - 1)))
+    return levels
 
 
 def _matrix_of(pc: PETSc.PC, level: int) -> PETSc.Mat:

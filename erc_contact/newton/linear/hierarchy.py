@@ -1,9 +1,11 @@
 """A multigrid hierarchy of K plus a matrix that is zero away from the contact.
 
 The hierarchy is PETSc's GAMG: smoothed aggregation with the rigid motions as near null
-space. The aggregates and the interpolation are made once, for K. Where a matrix differs
-from it at the contact only, as every tangent of a contact problem does, the coarse
-matrices follow with the same interpolation (:mod:`erc_contact.newton.linear.galerkin`).
+space. At degree 2 it begins with the elements of degree 1
+(:mod:`erc_contact.newton.linear.p_coarsening`). The aggregates and the interpolation
+are made once, for K. Where a matrix differs from it at the contact only, as every
+tangent of a contact problem does, the coarse matrices follow with the same
+interpolation (:mod:`erc_contact.newton.linear.galerkin`).
 That of K serves all of them; that of K + D saves a tenth of the cycles of a contact
 solve, and doubles those of an elastic solve with given contact tractions. Another
 preconditioner that PETSc's options ask for is set up anew for each matrix.
@@ -11,6 +13,9 @@ preconditioner that PETSc's options ask for is set up anew for each matrix.
 Where the unknowns are jumps at contacts between bodies
 (:mod:`erc_contact.model.coordinates`), the hierarchy is that of the same matrix for the
 displacements of the bodies, whose rigid motions are known at every node.
+
+PETSc compares pivots with fixed numbers. So the hierarchy is that of a matrix whose
+entries are near one, whatever the units.
 
 Symbols: K and D as in :mod:`erc_contact.newton.linear.elastic`; C a matrix that is zero
 away from the contact.
@@ -25,8 +30,9 @@ from petsc4py import PETSc
 from erc_contact.base.sparse import add_diagonal
 from erc_contact.model.model import Model
 from erc_contact.newton.linear.amg import AMG_PREFIX, rigid_motions, with_defaults
-from erc_contact.newton.linear.galerkin import SAME, SUBSET, CoarseMatrices
+from erc_contact.newton.linear.galerkin import SAME, SUBSET, CoarseMatrices, levels_of
 from erc_contact.newton.linear.mumps import factorised
+from erc_contact.newton.linear.p_coarsening import TwoLevels
 from erc_contact.newton.linear.shells import preconditioner
 
 
@@ -41,12 +47,15 @@ class Hierarchy:
         stiffness: K [force/length].
         glue: D at the degrees of freedom of this rank [force/length].
         share: Share of D in the first matrix [-].
+        support_stiffness: Diagonal of K where supports fix a component [force/length].
         has_contact: Whether D is not zero on all ranks.
 
     Attributes:
-        matrix: The matrix of the hierarchy, K plus a share of D, or K + C after
-            :meth:`renew` [force/length].
-        pc: PETSc's preconditioner.
+        scale: A power of two, so that no digit is lost, about the inverse of
+            `support_stiffness` [length/force].
+        matrix: The matrix of the hierarchy times the scale, K plus a share of D, or K +
+            C after :meth:`renew` [-].
+        pc: PETSc's preconditioner of this matrix.
     """
 
     def __init__(
@@ -56,12 +65,16 @@ class Hierarchy:
         glue: np.ndarray,
         share: float,
         *,
+        support_stiffness: float,
         has_contact: bool,
     ) -> None:
         self._model = model
         self._stiffness = stiffness
         self._glue = glue
+        self._support_stiffness = support_stiffness
         self._has_contact = has_contact
+        _, exponent = np.frexp(support_stiffness)
+        self.scale = float(np.ldexp(1.0, 1 - exponent))
         self._exact: PETSc.KSP | None = None
         self._coarse: CoarseMatrices | None = None
         self._share: float | None = share
@@ -71,32 +84,53 @@ class Hierarchy:
         self._bodies = self.matrix
         self._stiffness_of_bodies = stiffness
         if not model.coordinates.is_identity:
-            self._stiffness_of_bodies = self._of_bodies(stiffness, 1.0)
+            self._stiffness_of_bodies = self._of_bodies(stiffness, support_stiffness)
             self._bodies = self._stiffness_of_bodies.copy()
-        self._bodies.setNearNullSpace(rigid_motions(model, self._bodies))
         first = self._part_of_glue(share)
         first_of_bodies = self._change_of_bodies(first)
         if share:
             add_diagonal(self.matrix, share * glue)
             if self._bodies is not self.matrix:
                 self._bodies.axpy(1.0, first_of_bodies, SUBSET)
+        self._scale_matrices()
         self.matrix.setOption(PETSc.Mat.Option.SPD, True)
         self._bodies.setOption(PETSc.Mat.Option.SPD, True)
-        self._multigrid = PETSc.PC().create(self.matrix.comm)
-        self._multigrid.setOptionsPrefix(AMG_PREFIX)
-        self._multigrid.setOperators(self._bodies)
-        with_defaults(self._multigrid)
-        if self._multigrid.getType() == PETSc.PC.Type.GAMG and self._has_contact:
-            # PETSc must not set it up anew: the coarse matrices follow C here.
-            self._multigrid.setReusePreconditioner(True)
+        self._two_levels: TwoLevels | None = None
+        self._multigrid, algebraic = self._preconditioners()
+        levels: list[tuple[PETSc.Mat, PETSc.Mat]] = []
+        # PETSc must not set these up anew: the coarse matrices follow C here.
+        if has_contact and self._two_levels is not None:
+            levels.append((self._two_levels.interpolation, self._two_levels.coarse))
+            self._two_levels.keep()
+        is_gamg = algebraic.getType() == PETSc.PC.Type.GAMG
+        if has_contact and is_gamg:
+            algebraic.setReusePreconditioner(True)
+        if has_contact and (is_gamg or levels):
             self._coarse = CoarseMatrices(
-                self._multigrid, self._stiffness_of_bodies, self._layer(), first_of_bodies
+                levels + levels_of(algebraic),
+                self._stiffness_of_bodies,
+                self._layer(),
+                first_of_bodies,
+                self.scale,
             )
         first_of_bodies.destroy()
         first.destroy()
         self.pc = self._multigrid
         if self._bodies is not self.matrix:
             self.pc = preconditioner(self._apply_to_unknowns, self.matrix)
+
+    def _preconditioners(self) -> tuple[PETSc.PC, PETSc.PC]:
+        """Set up the cycle, and algebraic multigrid, the lower part or all of it."""
+        if self._model.degree > 1:
+            diagonal = self.scale * self._support_stiffness
+            self._two_levels = TwoLevels(self._model, self._bodies, diagonal)
+            return self._two_levels.pc, self._two_levels.algebraic
+        self._bodies.setNearNullSpace(rigid_motions(self._model.V, self._bodies))
+        multigrid = PETSc.PC().create(self.matrix.comm)
+        multigrid.setOptionsPrefix(AMG_PREFIX)
+        multigrid.setOperators(self._bodies)
+        with_defaults(multigrid)
+        return multigrid, multigrid
 
     def set_share(self, share: float) -> None:
         """Set the matrix to K plus a share of D."""
@@ -118,12 +152,19 @@ class Hierarchy:
             self._bodies.setOption(PETSc.Mat.Option.SPD, False)
             self._stiffness_of_bodies.copy(self._bodies, SAME)
             self._bodies.axpy(1.0, of_bodies, SUBSET)
+        self._scale_matrices()
         if self._coarse is None:
             self._multigrid.setUp()
         else:
             self._coarse.follow(of_bodies)
         if of_bodies is not change:
             of_bodies.destroy()
+
+    def _scale_matrices(self) -> None:
+        """Multiply the matrices by the scale, in place."""
+        self.matrix.scale(self.scale)
+        if self._bodies is not self.matrix:
+            self._bodies.scale(self.scale)
 
     def factorise(self) -> None:
         """Replace the hierarchy by a factor of its matrix."""
@@ -141,6 +182,8 @@ class Hierarchy:
             self._coarse.free()
         self.pc.destroy()
         self._multigrid.destroy()
+        if self._two_levels is not None:
+            self._two_levels.free()
         self.matrix.destroy()
         if not self._model.coordinates.is_identity:
             self._bodies.destroy()
@@ -183,7 +226,7 @@ class Hierarchy:
         self._multigrid.apply(of_bodies, force)
         force.array[fixed] = 0.0
         coordinates.inverse.mult(force, y)
-        y.array[fixed_unknowns] = x.array_r[fixed_unknowns]
+        y.array[fixed_unknowns] = x.array_r[fixed_unknowns] / (self.scale * self._support_stiffness)
         force.destroy()
         of_bodies.destroy()
 

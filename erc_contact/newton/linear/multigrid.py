@@ -44,6 +44,10 @@ ENOUGH = 1e3
 class Multigrid(Elastic):
     """Solve the elastic equations of a model with multigrid.
 
+    Args:
+        model: The scene on a mesh.
+        hurried: Whether :meth:`glued` gives up early where multigrid is slow.
+
     Attributes:
         contact_size: Number of free degrees of freedom at contact nodes, over all
             ranks; 0 without contact.
@@ -51,10 +55,14 @@ class Multigrid(Elastic):
 
     iterative: ClassVar[bool] = True
 
-    def __init__(self, model: Model) -> None:
+    def __init__(self, model: Model, *, hurried: bool = False) -> None:
         super().__init__(model)
+        # In other units than those of the body, smoothers and norms see either the
+        # supports or the rest.
+        self.support_stiffness = model.stiffest() * model.domain.extent ** (model.d - 2)
         glued = int(np.count_nonzero(self.glue.x.array[: self.owned]))
         self.contact_size = int(model.comm.allreduce(glued, MPI.SUM))
+        self._hurried = hurried
         self._matrix: PETSc.Mat | None = None
         self._hierarchy: Hierarchy | None = None
 
@@ -74,6 +82,7 @@ class Multigrid(Elastic):
                 self.matrix,
                 self.glue.x.array[: self.owned],
                 self._weak_share(),
+                support_stiffness=self.support_stiffness,
                 has_contact=self.contact_size > 0,
             )
         return self._hierarchy
@@ -91,7 +100,14 @@ class Multigrid(Elastic):
         """
         self.hierarchy.set_share(1.0)
         right = self.right_side(b, supports=supports)
-        return self._solved(self.hierarchy.matrix, right, tolerance, direct=self.contact_size == 0)
+        right.scale(self.hierarchy.scale)
+        return self._solved(
+            self.hierarchy.matrix,
+            right,
+            tolerance,
+            direct=self.contact_size == 0,
+            hurried=self._hurried,
+        )
 
     def solve(
         self, b: fem.Function, *, supports: bool = True, tolerance: float | None = None
@@ -123,6 +139,7 @@ class Multigrid(Elastic):
         """Solve ``(K + C) u = b`` [length], see :class:`.solver.ElasticSolver`."""
         self.renew(springs)
         right = self.right_side(b, supports=False)
+        right.scale(self.hierarchy.scale)
         return self._solved(self.hierarchy.matrix, right, EXACT, near)
 
     def lifted(self, y: fem.Function, tolerance: float) -> fem.Function:
@@ -150,8 +167,9 @@ class Multigrid(Elastic):
         b.array[at_contact] = 0.0
         b.array[fixed] = 0.0
         inside = self.matrix.copy()
-        diagonal = float(self.glue.x.array.max(initial=1.0))
-        inside.zeroRowsColumnsLocal(at_contact, diag=diagonal)
+        diagonal = float(self.glue.x.array.max(initial=0.0))
+        first, _ = inside.getOwnershipRange()
+        inside.zeroRowsColumns((first + at_contact).astype(PETSc.IntType), diag=diagonal)
         between = self.model.coordinates.to_x(self._solved(inside, b, tolerance))
         inside.destroy()
         u.array[:] += between.x.array[: self.owned]
@@ -177,6 +195,7 @@ class Multigrid(Elastic):
     def cycle(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
         """Set y to the hierarchy's approximation of the inverse times x."""
         self.hierarchy.pc.apply(x, y)
+        y.scale(self.hierarchy.scale)
 
     @property
     def factorised(self) -> bool:
@@ -207,6 +226,7 @@ class Multigrid(Elastic):
         near: fem.Function | None = None,
         *,
         direct: bool = True,
+        hurried: bool = False,
     ) -> fem.Function:
         """Solve for a right side, which is destroyed.
 
@@ -216,6 +236,7 @@ class Multigrid(Elastic):
             tolerance: Residual over the right side [-].
             near: A displacement that may be near [length].
             direct: Whether a factor may take over where multigrid fails.
+            hurried: Whether it gives up early where multigrid is slow.
 
         Raises:
             InputError: If the loads are no numbers.
@@ -234,26 +255,26 @@ class Multigrid(Elastic):
             if near is not None:
                 unknowns = self.model.coordinates.to_x(near)
                 x.array[:] = unknowns.x.array[: self.owned] / size
-            left = self._left(matrix, b, x, tolerance)
+            own = self.hierarchy.matrix
+            pc = self.hierarchy.pc
+            left = conjugate_gradients(matrix, pc, own, b, x, tolerance, hurried=hurried)
             if left > ENOUGH * tolerance and direct:
                 log_of(self.model.comm).info(
                     "Multigrid left %.0e of the loads: a direct solver takes over.", left
                 )
                 self.hierarchy.factorise()
-                left = self._left(matrix, b, x, tolerance)
+                pc = self.hierarchy.pc
+                left = conjugate_gradients(matrix, pc, own, b, x, tolerance)
             if not left <= ENOUGH * tolerance:
                 failed = f"Conjugate gradients with multigrid left {left:.0e} of the loads."
+                if not np.isfinite(left):
+                    failed = "Conjugate gradients with multigrid are slow, or break down."
                 raise NotConverged(f"{failed} {TRY_DIRECT}", ())
             x.scale(size)
         u = self.displacement(x)
         x.destroy()
         b.destroy()
         return u
-
-    def _left(self, matrix: PETSc.Mat, b: PETSc.Vec, x: PETSc.Vec, tolerance: float) -> float:
-        """Solve for x; return the residual over the right side [-]."""
-        hierarchy = self.hierarchy
-        return conjugate_gradients(matrix, hierarchy.pc, hierarchy.matrix, b, x, tolerance)
 
     def _weak_share(self) -> float:
         """Return the share of D that holds a loose body, ``h/(10 L)``, else zero [-].
