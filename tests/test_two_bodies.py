@@ -20,6 +20,8 @@ import erc_contact as ec
 from erc_contact.admissible.pair import Admissible
 from erc_contact.scene.material import mandel_basis
 
+import gmsh  # isort: skip - after erc_contact, as in all tests
+
 COMM = MPI.COMM_WORLD
 UPPER, LOWER = NAMES
 MATERIAL = ec.Elastic(E={"upper": 1000.0, "lower": 300.0}, nu={"upper": 0.3, "lower": 0.25})
@@ -507,3 +509,78 @@ def test_body_that_nothing_holds():
     away = ec.Traction("upper outer", (0.0, 3.0))
     scene = ec.Scene(MATERIAL, [fixed(2)], [away], [contact(friction=0.3)])
     refused(lambda: certified(scene, small_bricks(2)), error=ec.ErcContactError)
+
+
+def lug_on_pin(facets: int) -> ec.Domain:
+    """Half of a lug, and of the pin in its hole, with so many facets all around."""
+    gmsh.initialize(readConfigFiles=False, interruptible=False)
+    gmsh.option.setNumber("General.Terminal", 0)
+    gmsh.option.setNumber("Mesh.MeshSizeMax", 8.0)
+    gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", facets)
+    occ = gmsh.model.occ
+    plate = [(2, occ.addRectangle(-8.0, 0.0, 0.0, 12.0, 4.0))]
+    pin = [(2, occ.addDisk(0.0, 0.0, 0.0, 1.0, 1.0))]
+    core = [(2, occ.addDisk(0.0, 0.0, 0.0, 0.4, 0.4))]
+    pin, _ = occ.intersect(pin, plate, removeTool=False)
+    pin, _ = occ.cut(pin, core, removeTool=False)
+    plate, _ = occ.cut(plate, core)
+    occ.fragment(plate, pin)
+    occ.synchronize()
+    by_area = sorted(gmsh.model.getEntities(2), key=lambda face: occ.getMass(*face))
+    for name, (_, face) in zip(("pin", "lug"), by_area, strict=True):
+        gmsh.model.addPhysicalGroup(2, [face], name=name)
+    parts = {"symmetry": [], "pulled": [], "core": []}
+    for _, curve in gmsh.model.getEntities(1):
+        left, _, _, right, high, _ = gmsh.model.getBoundingBox(1, curve)
+        if high < 1e-3:
+            parts["symmetry"].append(curve)
+        elif right < -8.0 + 1e-3:
+            parts["pulled"].append(curve)
+        elif -0.41 < left < right < 0.41:
+            parts["core"].append(curve)
+    for name, curves in parts.items():
+        gmsh.model.addPhysicalGroup(1, curves, name=name)
+    domain = ec.from_gmsh(gmsh.model)
+    gmsh.finalize()
+    return domain.split({"rim": "pin", "hole": "lug"})
+
+
+@pytest.mark.serial
+def test_curved_sides_that_slide_converge_with_every_method():
+    """The hole becomes oval and slides along the pin, a polygon along a polygon.
+
+    At degree 1 Nitsche's traction then lies at one end of each facet; its resultant
+    on the facet is right, and must not be lost where it is limited to pressures.
+    """
+    pull = ec.Traction("pulled", (-1.0, 0.0))
+    supports = [ec.Displacement("core", (0.0, 0.0)), ec.Displacement("symmetry", (None, 0.0))]
+    contact = ec.Contact("rim", against="hole")
+    scene = ec.Scene(ec.Elastic(1000.0, 0.3), supports, pull, contacts=contact)
+    for method in (ec.Nitsche(), ec.AugmentedLagrangian()):
+        eps = []
+        domain = lug_on_pin(24)
+        for _ in range(3):
+            eps.append(certified(scene, domain, method).relative)
+            domain = domain.refined()
+        assert eps[1] < 0.72 * eps[0]
+        assert eps[2] < 0.72 * eps[1]
+
+
+@pytest.mark.serial
+def test_a_body_that_a_contact_with_a_large_gap_holds():
+    """The lug is pulled against the pin and touches it in one line at first.
+
+    With the gap closed all around, as in the glued start, all of it is in tension.
+    """
+    supports = [ec.Displacement("core", (0.0, 0.0)), ec.Displacement("symmetry", (None, 0.0))]
+    pull = ec.Traction("pulled", (-1.0, 0.0))
+    domain = lug_on_pin(24)
+    angles = []
+    for clearance in (0.0, 0.02, 0.1):
+        contact = ec.Contact("rim", against="hole", gap=lambda x, c=clearance: c * (1 - x[0]))
+        scene = ec.Scene(ec.Elastic(1000.0, 0.3), supports, pull, contacts=contact)
+        error = certified(scene, domain, ec.AugmentedLagrangian())
+        assert error.force("hole").force[0] == pytest.approx(4.0, rel=1e-9)
+        profile = error.profile("rim")
+        angles.append(np.arctan2(profile["y"], profile["x"])[profile["pressure"] > 0].max())
+    assert angles[0] > 1.2 * angles[1] > 1.2 * angles[2] > 0

@@ -72,8 +72,9 @@ class _Trial:
         """
         values = self.traction.values
         allowed = self.allowed
-        # A projection is cheaper than the limiter, and for degree 1 as good.
-        if allowed.model.degree == 1:
+        # A projection is cheaper than the limiter, and for degree 1 as good, unless the
+        # traction lies at one end of each facet, as where curved sides slide.
+        if allowed.model.degree == 1 and self.traction.contact.trace.there is None:
             near = allowed.project(values)
         else:
             near = allowed.limited(self.mean, values)

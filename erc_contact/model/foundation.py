@@ -55,6 +55,8 @@ class BoundContact:
             None outside a solver, and on a foundation.
         test_jump: Factor of the jump of test functions, a Constant, with which a solver
             tells the jump from the rest; None where it need not.
+        gap_share: Factor of the gap in the equations of a solver [-], UFL; None outside
+            a solver.
     """
 
     name: str
@@ -71,6 +73,7 @@ class BoundContact:
     lost: np.ndarray | None = None
     variable: tuple[fem.Function, fem.Function] | None = None
     test_jump: fem.Constant | None = None
+    gap_share: Ufl | None = None
 
     @property
     def title(self) -> str:
@@ -119,15 +122,24 @@ class BoundContact:
         """
         return self.friction is not None and not self.friction.convex
 
-    def with_share(self, share: Ufl) -> BoundContact:
-        """Return the contact with a factor of its friction bound.
+    def with_shares(self, friction: Ufl, gap: Ufl) -> BoundContact:
+        """Return the contact with factors, by which a solver goes in steps.
 
         Args:
-            share: The factor, UFL, with which a solver raises friction in steps.
+            friction: Factor of its friction bound [-], UFL.
+            gap: Factor of its gap [-], UFL.
         """
-        if self.friction is None:
-            return self
-        return replace(self, friction=replace(self.friction, share=share))
+        law = self.friction
+        if law is not None:
+            law = replace(law, share=friction)
+        return replace(self, friction=law, gap_share=gap)
+
+    @property
+    def first_touch(self) -> Ufl | None:
+        """Return the gap as a solver sees it [length], UFL, or None without."""
+        if self.gap is None or self.gap_share is None:
+            return self.gap
+        return self.gap_share * self.gap
 
     def jump(self, u: Ufl) -> Ufl:
         """Return the displacement that the law of the contact is about [length], UFL.

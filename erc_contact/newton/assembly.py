@@ -116,9 +116,9 @@ class Assembly:
         parts = gathered(self._comm, self._forms.status())
         return None if parts is None else np.concatenate(parts)
 
-    def set_share(self, share: float) -> None:
-        """Set the share of the friction bound."""
-        self._forms.share.value = share
+    def set_shares(self, friction: float, gap: float) -> None:
+        """Set the shares of friction and gaps [-]."""
+        self._forms.set_shares(friction, gap)
 
 
 def _entries(matrix: Any) -> tuple[np.ndarray, np.ndarray]:

@@ -51,7 +51,7 @@ class Condensed:
 
     Attributes:
         forms: The equations of the method, with the share of friction that
-            :meth:`raise_friction` sets.
+            :meth:`set_shares` sets.
         u: Displacement, up to date in the cells at the contact only [length]; for a
             method with multiplier its nodal values at the contact are the Bernstein
             coefficients.
@@ -144,9 +144,9 @@ class Condensed:
         self._move(u_A)
         return self._on_all_ranks("status")
 
-    def raise_friction(self, share: float) -> None:
-        """Set the share of friction on all ranks."""
-        self._on_all_ranks("set_share", share)
+    def set_shares(self, friction: float, gap: float) -> None:
+        """Set the shares of friction and gaps on all ranks [-]."""
+        self._on_all_ranks("set_shares", friction, gap)
 
     def from_contact(self, u_contact: np.ndarray) -> np.ndarray:
         """Return u_A [length] from the displacement of the contact nodes, on rank 0.

@@ -92,10 +92,12 @@ class ContactSolve:
             states["warm"] = self.solver.warm(start.model, start.u)
         slow = 0
         friction = any(contact.friction is not None for contact in self.model.contacts)
+        gap = any(contact.gap is not None for contact in self.model.contacts)
         for attempt in attempts(
             self.method,
             states,
             friction=friction,
+            gap=gap,
             fallback=self.fallback,
             nodal_first=self.solver.nodal_first,
         ):

@@ -217,9 +217,9 @@ class _Search:
         problem = self.problem
         first = self.solutions[0]
         for share in SHARES:
-            problem.raise_friction(share)
+            problem.set_shares(share, 1.0)
             x = self.newton(first, deflated=False)
-            problem.raise_friction(1.0)
+            problem.set_shares(1.0, 1.0)
             if x is not None:
                 yield x
         for along in self.along:

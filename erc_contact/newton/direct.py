@@ -71,14 +71,14 @@ class Direct:
             dense = Dense(problem, tolerance)
             u_A = problem.from_contact(state)
             steps = 0
-            for share in attempt.friction_shares:
-                problem.raise_friction(share)
+            for friction_share, gap_share in attempt.shares:
+                problem.set_shares(friction_share, gap_share)
                 last, outcome = dense.solve(u_A, attempt.line_search)
                 u_A = last.displacement
                 steps += outcome.steps
                 if not outcome.converged:
                     break
-            problem.raise_friction(1.0)
+            problem.set_shares(1.0, 1.0)
             results = None
             if attempt.final and outcome.converged:
                 distance = dense.distance(last.residual)

@@ -52,6 +52,7 @@ class ContactForms:
     Attributes:
         share: Share of the friction bound, a Constant; a solver may raise friction in
             steps.
+        gap_share: Share of the gaps, likewise.
         test_jump: Factor of the jump of test functions between bodies, a Constant: 1,
             or 0 to test what moves both sides alike.
         contacts: The contacts of the model with this share.
@@ -75,6 +76,7 @@ class ContactForms:
         self.model = model
         self.method = method
         self.share = compiled.constant(model.mesh, 1.0)
+        self.gap_share = compiled.constant(model.mesh, 1.0)
         self.test_jump = compiled.constant(model.mesh, 1.0)
         self.u = model.function()
         self.jumps: dict[fem.Function, BoundContact] = {}
@@ -111,9 +113,10 @@ class ContactForms:
     def _of_solver(self, contact: BoundContact) -> BoundContact:
         """Return a contact as the forms see it, and keep its jump.
 
-        It has the share of friction and, between bodies, the jump that is varied.
+        It has the shares of friction and gap and, between bodies, the jump that is
+        varied.
         """
-        of_solver = contact.with_share(self.share)
+        of_solver = contact.with_shares(self.share, self.gap_share)
         if contact.trace.there is None:
             return of_solver
         jump = self.model.function()
@@ -160,6 +163,11 @@ class ContactForms:
         """Set the fields that the forms read to a displacement [length]."""
         for field, values in zip(self.displacements, self.read(u), strict=True):
             field.x.array[:] = values
+
+    def set_shares(self, friction: float, gap: float) -> None:
+        """Set the shares of friction and gaps [-]."""
+        self.share.value = friction
+        self.gap_share.value = gap
 
     def status(self) -> np.ndarray:
         """Return the status open (0), slip (1) or stick (2) at points of the contact.

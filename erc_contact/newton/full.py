@@ -237,9 +237,9 @@ class FullSpace:
 
     # -- states
 
-    def raise_friction(self, share: float) -> None:
-        """Set the share of friction."""
-        self.forms.share.value = share
+    def set_shares(self, friction: float, gap: float) -> None:
+        """Set the shares of friction and gaps [-]."""
+        self.forms.set_shares(friction, gap)
 
     def fields(self, x: PETSc.Vec) -> tuple[fem.Function, tuple[fem.Function, ...]]:
         """Return displacement and multipliers at x, new Functions of nodal values."""

@@ -78,13 +78,13 @@ class Iterative:
         unknowns = self.model.coordinates.to_x(state)
         x.array[:] = unknowns.x.array[: self.elastic.owned] / problem.length
         steps = 0
-        for share in step.friction_shares:
-            problem.raise_friction(share)
+        for friction_share, gap_share in step.shares:
+            problem.set_shares(friction_share, gap_share)
             outcome = attempt(problem, x, step.line_search, tolerance)
             steps += outcome.steps
             if not outcome.converged:
                 break
-        problem.raise_friction(1.0)
+        problem.set_shares(1.0, 1.0)
         u, multipliers = problem.fields(x)
         solution = None
         if step.final and outcome.converged:

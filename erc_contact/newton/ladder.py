@@ -16,6 +16,13 @@ from erc_contact.newton.methods import AugmentedLagrangian, Method, Nitsche
 
 FRICTION_STEPS = ((0.5, 1.0), (0.9, 1.0), tuple(0.05 * k for k in range(21)))
 """Shares of the friction bound when friction is raised in steps."""
+GAP_STEPS: tuple[tuple[float, ...], ...] = ((0.0, 1.0), (0.0, 0.01, 0.1, 0.3, 1.0))
+"""Shares of the gaps when they are opened in steps.
+
+A body that only a contact with a large gap holds is in tension all over where the gap
+is closed all over, as in the glued start. From the solution without gap the contact
+opens bit by bit.
+"""
 LINE_SEARCHES = ("l2", "cp", "bt", "nleqerr")
 """Line searches where bisection fails; each may avoid a cycle of the others."""
 NODAL = AugmentedLagrangian(gamma=1.0)
@@ -40,6 +47,7 @@ class Attempt:
         line_search: Name of PETSc's line search.
         friction_shares: Shares of the friction bound that are solved for one after the
             other [-].
+        gap_shares: The same of gaps; only one of both has several.
         final: Whether its solution is that of the scene; otherwise it is the start of
             another attempt.
     """
@@ -48,7 +56,15 @@ class Attempt:
     start: str
     line_search: str = "bisection"
     friction_shares: tuple[float, ...] = (1.0,)
+    gap_shares: tuple[float, ...] = (1.0,)
     final: bool = True
+
+    @property
+    def shares(self) -> list[tuple[float, float]]:
+        """Return the shares of friction and gap of each problem of the sequence [-]."""
+        of_friction = [(share, 1.0) for share in self.friction_shares[:-1]]
+        of_gaps = [(1.0, share) for share in self.gap_shares[:-1]]
+        return [*of_friction, *of_gaps, (1.0, 1.0)]
 
     @property
     def gives(self) -> str:
@@ -59,11 +75,19 @@ class Attempt:
         steps = ""
         if len(self.friction_shares) > 1:
             steps = f", friction in {len(self.friction_shares)} steps"
+        if len(self.gap_shares) > 1:
+            steps = f", gaps in {len(self.gap_shares)} steps"
         return f"{self.start} start, {self.method}, {self.line_search}{steps}"
 
 
 def attempts(
-    method: Method, known: Container[str], *, friction: bool, fallback: bool, nodal_first: bool
+    method: Method,
+    known: Container[str],
+    *,
+    friction: bool,
+    gap: bool,
+    fallback: bool,
+    nodal_first: bool,
 ) -> Iterator[Attempt]:
     """Generate the attempts, cheapest first.
 
@@ -77,6 +101,7 @@ def attempts(
         known: Names of the starts that are known; the caller adds to them between two
             attempts.
         friction: Whether the scene has friction.
+        gap: Whether it has a gap.
         fallback: Whether a solution of the augmented Lagrangian is accepted instead.
         nodal_first: Whether another method starts from the solution of the augmented
             Lagrangian where no solution on another mesh is known. This takes less steps
@@ -110,9 +135,12 @@ def attempts(
         yield Attempt(nodal, "nodal")
         accepted.append(nodal)
 
+    gap_steps = GAP_STEPS if gap else ()
+    friction_steps = FRICTION_STEPS if friction else ()
     for last_method in accepted:
-        if friction:
-            for shares in FRICTION_STEPS:
-                yield Attempt(last_method, "glued", friction_shares=shares)
+        for shares in gap_steps:
+            yield Attempt(last_method, "glued", gap_shares=shares)
+        for shares in friction_steps:
+            yield Attempt(last_method, "glued", friction_shares=shares)
         for line_search in LINE_SEARCHES:
             yield Attempt(last_method, "glued", line_search)

@@ -107,7 +107,8 @@ def _beyond(contact: BoundContact, u: Ufl) -> Ufl:
     Its tangential part counts from the last step of a history.
     """
     w = contact.jump(u)
-    return w if contact.gap is None else w - contact.gap * contact.normal
+    gap = contact.first_touch
+    return w if gap is None else w - gap * contact.normal
 
 
 @dataclass(frozen=True)
