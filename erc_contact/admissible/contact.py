@@ -23,7 +23,7 @@ from erc_contact.admissible.balance import Part, balanced, largest_component
 from erc_contact.admissible.balance_parts import raise_if_unbalanced, ray_part, weights_and_motions
 from erc_contact.admissible.sampled import friction_at_samples, lowering, with_friction
 from erc_contact.admissible.shift import Shift, shift_by_slip
-from erc_contact.admissible.traction import ContactTraction
+from erc_contact.admissible.traction import ContactTraction, is_curved
 from erc_contact.base.exceptions import NotHeldError
 from erc_contact.mesh.simplex import averages, projection, rule
 from erc_contact.model.expressions import evaluate
@@ -53,6 +53,8 @@ class _Trial:
         shift: Its shift by slip and opening.
         allowed: The tractions that the law allows.
         level: Which facets have a level pressure, shape (f,).
+        is_curved: Whether the normals vary. A polygon that slides along another one
+            presses on one end of each facet, and a projection would change resultants.
     """
 
     traction: ContactTraction
@@ -60,6 +62,7 @@ class _Trial:
     shift: Shift
     allowed: Allowed
     level: np.ndarray
+    is_curved: bool
 
     def limited(self) -> np.ndarray:
         """Limit the traction to what the law allows [force/area]; collective.
@@ -72,9 +75,8 @@ class _Trial:
         """
         values = self.traction.values
         allowed = self.allowed
-        # A projection is cheaper than the limiter, and for degree 1 as good, unless the
-        # traction lies at one end of each facet, as where curved sides slide.
-        if allowed.model.degree == 1 and self.traction.contact.trace.there is None:
+        # A projection is cheaper than the limiter, and for degree 1 as good on a plane.
+        if allowed.model.degree == 1 and not self.is_curved:
             near = allowed.project(values)
         else:
             near = allowed.limited(self.mean, values)
@@ -134,6 +136,7 @@ class _Trial:
             self.shift,
             replace(self.allowed, factor=total),
             self.level | become,
+            self.is_curved,
         )
 
     def contact_traction(self, values: np.ndarray) -> ContactTraction:
@@ -195,7 +198,8 @@ def _trial(model: Model, contact: BoundContact, solution: Any) -> _Trial:
     traction = ContactTraction(contact, nodes, area, values, np.zeros(nodes.shape))
     allowed = Allowed(model, contact, np.ones(len(nodes)))
     level = np.zeros(len(nodes), dtype=bool)
-    return _Trial(traction, np.matmul(average, sampled), shift, allowed, level)
+    mean = np.matmul(average, sampled)
+    return _Trial(traction, mean, shift, allowed, level, is_curved(model, contact))
 
 
 def _no_traction(model: Model, contact: BoundContact) -> ContactTraction:

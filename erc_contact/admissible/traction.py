@@ -10,6 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from erc_contact.model.foundation import BoundContact
+from erc_contact.model.model import Model
+
+SAME_NORMAL = 1e-9
+"""Difference of two unit normals that counts as none [-]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,3 +47,12 @@ class ContactTraction:
         """Return the tangential part r^_t, shape (n, m, d) [force/area]."""
         n = self.contact.direction[:, None, :]
         return self.values - self.normal_component[..., None] * n
+
+
+def is_curved(model: Model, contact: BoundContact) -> bool:
+    """Tell whether the normals of a contact vary from facet to facet; collective."""
+    low = contact.direction.min(axis=0, initial=np.inf)
+    high = contact.direction.max(axis=0, initial=-np.inf)
+    lowest = np.min(model.comm.allgather(low), axis=0)
+    highest = np.max(model.comm.allgather(high), axis=0)
+    return bool(np.any(highest - lowest > SAME_NORMAL))
