@@ -199,7 +199,7 @@ def _trial(model: Model, contact: BoundContact, solution: Any) -> _Trial:
     allowed = Allowed(model, contact, np.ones(len(nodes)))
     level = np.zeros(len(nodes), dtype=bool)
     mean = np.matmul(average, sampled)
-    return _Trial(traction, mean, shift, allowed, level, is_curved(model, contact))
+    return _Trial(traction, mean, shift, allowed, level, is_curved(model.comm, contact))
 
 
 def _no_traction(model: Model, contact: BoundContact) -> ContactTraction:

@@ -8,9 +8,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from mpi4py import MPI
 
 from erc_contact.model.foundation import BoundContact
-from erc_contact.model.model import Model
 
 SAME_NORMAL = 1e-9
 """Difference of two unit normals that counts as none [-]."""
@@ -49,10 +49,10 @@ class ContactTraction:
         return self.values - self.normal_component[..., None] * n
 
 
-def is_curved(model: Model, contact: BoundContact) -> bool:
+def is_curved(comm: MPI.Comm, contact: BoundContact) -> bool:
     """Tell whether the normals of a contact vary from facet to facet; collective."""
     low = contact.direction.min(axis=0, initial=np.inf)
     high = contact.direction.max(axis=0, initial=-np.inf)
-    lowest = np.min(model.comm.allgather(low), axis=0)
-    highest = np.max(model.comm.allgather(high), axis=0)
+    lowest = np.min(comm.allgather(low), axis=0)
+    highest = np.max(comm.allgather(high), axis=0)
     return bool(np.any(highest - lowest > SAME_NORMAL))
