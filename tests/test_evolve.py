@@ -147,6 +147,7 @@ def lifted(t):
     return moved_box(2, 0.1 + 0.3 * t**2, PRESS * (1.02 - t), MU * (2.0 - t))[0]
 
 
+@pytest.mark.serial
 def test_dissipation_is_of_second_order_in_time():
     """Half as long steps have a quarter of the error."""
     taken, in_time = {}, {}
@@ -354,6 +355,7 @@ def test_steps_that_do_not_converge_are_halved(monkeypatch, longest):
         assert "t = 0" in history.outcome
 
 
+@pytest.mark.serial
 def test_steps_as_short_as_the_path_asks():
     """Pressed and sheared in proportion is a straight path without gap.
 
@@ -371,6 +373,7 @@ def test_steps_as_short_as_the_path_asks():
     assert straight.column("time").tolist() == [0.0, 0.5, 1.0]
 
 
+@pytest.mark.serial
 def test_steps_as_short_as_the_accuracy_of_the_energy_asks():
     """Each step leaves no more of its energy unknown than asked, or less than the mesh; turns end the halving."""
     accuracies, times = (0.2, 0.02), [0.0, 1.0, 1.25, 1.75]

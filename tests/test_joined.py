@@ -57,7 +57,8 @@ def small_layers(d, half=1.0):
 
 
 PATCHES = [
-    *product(("slip",), (1.0,), (2, 3), (1, 2)),
+    *product(("slip",), (1.0,), (2,), (1, 2)),
+    *product(("slip",), (1.0,), (3,), (1,)),
     *product(("stick",), (1.0,), (2, 3), (1,)),
     *product(("slip",), (WIDER,), (2, 3), (1,)),
 ]

@@ -84,6 +84,7 @@ def test_peaks_stay_in_the_picture():
     assert shown - zero > 0.1 * axes.bbox.height
 
 
+@pytest.mark.serial
 def test_vectors_hold_no_image(error, shared_tmp_path):
     """Lines of elements of degree 2 have more points than their ends."""
     output.draw_deformed(error, shared_tmp_path / "deformed.svg", factor=5.0)
@@ -131,6 +132,7 @@ def test_axes_are_drawn_on_and_returned(error):
     assert new.get_xlabel() == "$x$ [length]"
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("d", [2, 3])
 def test_stress_of_degree_2_is_linear_in_elements(d):
     """In pure bending sigma^ is linear.
@@ -156,6 +158,7 @@ def test_stress_of_degree_2_is_linear_in_elements(d):
     assert stress == pytest.approx(expected, abs=1e-9)
 
 
+@pytest.mark.serial
 def test_contact_in_space_is_seen_from_the_foundation():
     error = error_of(*punch(3))
     panels = output.plot_contact(error.admissible, "bottom")

@@ -119,9 +119,11 @@ def distance(solution: ec.Solution, exact) -> float:
     return COMM.allreduce(max(differences), MPI.MAX) / COMM.allreduce(max(sizes), MPI.MAX)
 
 
-@pytest.mark.parametrize("name", PATCHES)
-@pytest.mark.parametrize(("d", "degree"), list(product((2, 3), (1, 2))))
-def test_patch(name, d, degree):
+@pytest.mark.parametrize(
+    ("d", "degree", "name"),
+    [*product((2, 3), (1, 2), ("slip", "stick")), (2, 1, "smooth")],
+)
+def test_patch(d, degree, name):
     """Every method and solver finds the exact solution, and it has no error."""
     scene, exact = patch(name, d)
     # The variants of Nitsche's method differ by terms that know no ranks.
@@ -215,7 +217,9 @@ SCENES = {
     "half lower": half_lower,
     "half both": half_both,
 }
-CASES = [*product((2,), (1, 2), SCENES), *product((3,), (1,), SCENES)]
+# The forms of a scene are those of its laws: in space and at degree 2 a few are enough.
+CASES = [*product((2,), (1,), SCENES), *product((2,), (2,), ("gap", "corner"))]
+CASES += product((3,), (1,), ("gap", "corner"))
 
 
 @pytest.fixture(scope="module", params=CASES, ids=lambda case: f"{case[0]}D-{case[1]}-{case[2]}")
@@ -501,6 +505,7 @@ def test_sides_of_a_contact_carry_nothing_else(side):
         refused(lambda: ec.Scene(MATERIAL, contacts=contact(), **{kind: entry}), side, "Contact")  # noqa: B023
 
 
+@pytest.mark.serial
 def test_body_that_nothing_holds():
     """Without friction the upper body slides away, which is told by its motion."""
     load = ec.Traction("upper outer", (0.5, -3.0))

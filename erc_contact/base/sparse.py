@@ -32,11 +32,12 @@ def assembled(form: fem.Form, bcs: Sequence[fem.DirichletBC], diagonal: float) -
     d = blocks.block_size[0]
     values = blocks.data[: count * d * d]
     size = (height * d, index_map.size_global * d)
+    # PETSc would never give back its copy of the communicator of an index map.
     of_blocks = PETSc.Mat().createBAIJ(
         (size, size),
         d,
         csr=(begin, columns.astype(PETSc.IntType), values),
-        comm=index_map.comm,
+        comm=form.mesh.comm,
     )
     of_blocks.assemble()
     matrix = of_blocks.convert("aij", PETSc.Mat())
