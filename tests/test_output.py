@@ -322,7 +322,7 @@ def test_pictures_show_something(error, shared_tmp_path):
     )
     output.draw_sizes(ec.size_map(error, 0.5 * error.relative), shared_tmp_path / "sizes.png")
     output.draw_deformed(error, shared_tmp_path / "deformed.png")
-    output.plot_contact(error.admissible, "bottom", shared_tmp_path / "contact.png")
+    output.plot_contact(error, "bottom", shared_tmp_path / "contact.png")
     if domain.dim == 2:  # in space they are drawn as the sizes and the deformed body are
         names += ["error", "as_it_is"]
         output.draw_error(error, shared_tmp_path / "error.png")

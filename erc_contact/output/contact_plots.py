@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from erc_contact.admissible.pair import Admissible
+from erc_contact.admissible.pair import pair_of
 from erc_contact.base.exceptions import InputError
 from erc_contact.mesh.simplex import bernstein
 from erc_contact.model.profile import OPEN
@@ -41,9 +41,7 @@ Where it is exceeded, the axis is logarithmic above the level.
 """
 
 
-def plot_contact(
-    admissible: Admissible, name: str, path: str | Path | None = None, *, ax: Any = None
-) -> Any:
+def plot_contact(result: Any, name: str, path: str | Path | None = None, *, ax: Any = None) -> Any:
     """Draw the traction r^ on a contact and its status; collective.
 
     In 2D curves show the pressure, the shear along t = (-n_2, n_1), and the band from
@@ -65,7 +63,7 @@ def plot_contact(
     nodes, and so it cannot have the mean of r^ on each of them.
 
     Args:
-        admissible: The admissible pair.
+        result: An admissible pair, an error, or a history.
         name: Name of the contact.
         path: Picture file, or None.
         ax: Axes of matplotlib to draw on, one in 2D and three in 3D; by default those
@@ -78,6 +76,7 @@ def plot_contact(
         InputError: If no contact has this name, or it has no facet, or there is another
             number of axes.
     """
+    admissible = pair_of(result)
     model = admissible.model
     names = [traction.contact.name for traction in admissible.tractions]
     if name not in names:
