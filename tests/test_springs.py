@@ -124,10 +124,16 @@ def test_e_bounds_true_errors(k, degree):
         assert certificate.error.absolute > error.absolute
 
 
-def test_energies_of_a_history_balance():
+@pytest.mark.parametrize("on_springs", [False, True])
+def test_energies_of_a_history_balance(on_springs):
+    """The springs store energy and do no work, also where a load acts on their part."""
+
     def scene_at(t):
-        pushed = ec.Traction("top", (0.5 * np.sin(t), -5.0 * t))
-        return replace(sprung(ec.Spring("left", 40.0, 10.0)), loads=pushed)
+        loads = [ec.Traction("top", (0.5 * np.sin(t), -5.0 * t))]
+        if on_springs:
+            loads.append(ec.Traction("left", (-2.0 * t, 0.0)))
+        spring = ec.Spring("left", 40.0, 10.0)
+        return replace(sprung(spring, friction=0.0 if on_springs else 0.3), loads=loads)
 
     evolution = ec.evolve(scene_at, plate(4), [0.5, 1.0, 2.0], accuracy=0.5, degree=2)
     left = [abs(step.imbalance) for step in evolution.steps]

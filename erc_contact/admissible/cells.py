@@ -194,6 +194,45 @@ def force_coefficients(moment: np.ndarray, degree: int) -> np.ndarray:
     return from_means(d - 1, degree, moment)
 
 
+def add_moments(space: Space, total: np.ndarray, facets: np.ndarray, moment: np.ndarray) -> None:
+    """Add moments of facets (cell, local facet) to those of all facets, in place.
+
+    The nodes of facets are in the order of DOLFINx, those of the total are sorted.
+
+    Args:
+        space: The mesh.
+        total: Moments of all facets [force], shape (facets, m, d).
+        facets: The facets, shape (f, 2).
+        moment: Their moments [force], shape (f, m, d).
+    """
+    moment = np.take_along_axis(moment, _sorting(space, facets), axis=1)
+    total[space.facet_numbers(facets)] += moment
+
+
+def tractions_of(space: Space, total: np.ndarray, facets: np.ndarray) -> np.ndarray:
+    """Return the tractions on facets from the moments of all facets [force/area].
+
+    Args:
+        space: The mesh.
+        total: Moments of all facets [force], shape (facets, m, d).
+        facets: The facets (cell, local facet), shape (f, 2).
+
+    Returns:
+        Bernstein coefficients in the order of DOLFINx, shape (f, m, d).
+    """
+    of_facets = total[space.facet_numbers(facets)]
+    moment = np.empty_like(of_facets)
+    np.put_along_axis(moment, _sorting(space, facets), of_facets, axis=1)
+    means = moment / space.facet_areas(facets)[:, None, None]
+    return from_means(space.d - 1, space.degree, means)
+
+
+def _sorting(space: Space, facets: np.ndarray) -> np.ndarray:
+    """Return the permutation that sorts the nodes of facets, shape (f, m, 1)."""
+    vertices = space.facet_nodes(facets)[:, : space.d]
+    return facet_order(vertices, space.degree)[:, :, None]
+
+
 def signed(cells: CellGeometry, moment: np.ndarray) -> np.ndarray:
     """Return the moments of the tractions on each cell, shape (n, d+1, m, d).
 

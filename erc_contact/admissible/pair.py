@@ -22,6 +22,7 @@ from mpi4py import MPI
 
 from erc_contact.admissible.cells import (
     CellGeometry,
+    add_moments,
     cell_geometry,
     force_coefficients,
     moments,
@@ -35,7 +36,6 @@ from erc_contact.admissible.loads import cell_forces, traction_moments
 from erc_contact.admissible.macro import macro_stress
 from erc_contact.admissible.rebalance import nodal_forces, rebalanced_stress, work_on_motions
 from erc_contact.admissible.springs import (
-    add_moments,
     chosen_tractions,
     spring_moments,
     spring_tractions,
@@ -156,8 +156,7 @@ def equilibrate(solution: Solution, tighten: int = TIGHTEN) -> Admissible:
     owned = model.domain.owned_cells
     cells = cell_geometry(model)
     force = cell_forces(model, cells)
-    loads = _load_moments(model, cells)
-    hat, tractions, stress, moment, fixed = _before_tightening(solution, cells, force, loads)
+    hat, tractions, stress, moment, fixed = _before_tightening(solution, cells, force)
 
     # From degree 2 on, the tractions leave the bubbles of sigma^ to be chosen.
     has_bubbles = model.degree > 1
@@ -174,7 +173,9 @@ def equilibrate(solution: Solution, tighten: int = TIGHTEN) -> Admissible:
     sigma = macro_stress(cells, owned, stress, forces, force)
     if has_bubbles:
         sigma = relaxed(cells, sigma, elastic, compliance)
-    of_springs = chosen_tractions(model, loads, moment)
+    of_springs = []
+    if model.springs:
+        of_springs = chosen_tractions(model, _load_moments(model, cells), moment)
     seconds = model.comm.allreduce(perf_counter() - began, MPI.MAX)
     return Admissible(
         solution,
@@ -192,7 +193,7 @@ def equilibrate(solution: Solution, tighten: int = TIGHTEN) -> Admissible:
 
 
 def _before_tightening(
-    solution: Solution, cells: CellGeometry, force: np.ndarray | None, load_moments: np.ndarray
+    solution: Solution, cells: CellGeometry, force: np.ndarray | None
 ) -> tuple[fem.Function, list[ContactTraction], np.ndarray, np.ndarray, np.ndarray]:
     """Reconstruct the pair before sigma^ is tightened, as facet tractions; collective.
 
@@ -204,8 +205,9 @@ def _before_tightening(
     """
     model = solution.model
     fixed = _supported(model, cells)
+    boundary = _load_moments(model, cells)
     # A support takes up the load on its components.
-    boundary = np.where(fixed[:, None, :], 0.0, load_moments)
+    boundary[np.broadcast_to(fixed[:, None, :], boundary.shape)] = 0.0
     loads, size = work_on_motions(model, nodal_forces(model, cells, boundary, force))
     tractions = admissible_tractions(model, solution, loads, size)
     # The gap allows u at rest, also where facets do not carry the gap.
@@ -222,9 +224,10 @@ def _before_tightening(
             add_moments(model, boundary, trace.there.facets, -trace.on_there(of_contact))
     b = nodal_forces(model, cells, boundary, force)
     stress, u = rebalanced_stress(model, solution.stiffness, cells, solution.u, b)
-    # The springs pull at the displacement that is in equilibrium with their pull.
-    pulled = spring_moments(model, spring_tractions(model, u))
-    boundary += np.where(fixed[:, None, :], 0.0, pulled)
+    if model.springs:
+        # They pull at the displacement that is in equilibrium with their pull.
+        pulled = spring_moments(model, spring_tractions(model, u))
+        boundary += np.where(fixed[:, None, :], 0.0, pulled)
     # A rank has all cells around the nodes of its own cells, but not around others.
     complete = np.zeros(len(model.fixed), dtype=bool)
     complete[model.nodes[: model.domain.owned_cells]] = True

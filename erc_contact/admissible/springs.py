@@ -16,8 +16,8 @@ from __future__ import annotations
 import numpy as np
 from dolfinx import fem
 
-from erc_contact.admissible.cells import facet_order, moments
-from erc_contact.mesh.simplex import bernstein, coefficients, from_means, rule
+from erc_contact.admissible.cells import add_moments, moments, tractions_of
+from erc_contact.mesh.simplex import bernstein, coefficients, rule
 from erc_contact.model.model import Model
 from erc_contact.model.springs import BoundSpring
 
@@ -30,15 +30,6 @@ On a block on 16 x 8 squares, held at its base and by springs at a side, this lo
 eps from 8.8% to 8.0% where the ratio is 1.25, and from 16.3% to the 10.2% of a rigid
 support where it is 1e5. With 0.2 eps of degree 2 was 8% larger at a ratio of 0.4.
 """
-
-
-def add_moments(model: Model, total: np.ndarray, facets: np.ndarray, moment: np.ndarray) -> None:
-    """Add moments of facets (cell, local facet) in place.
-
-    Their nodes are in the order of DOLFINx; those of the total are sorted.
-    """
-    order = facet_order(model.facet_nodes(facets)[:, : model.d], model.degree)
-    total[model.facet_numbers(facets)] += np.take_along_axis(moment, order[:, :, None], axis=1)
 
 
 def spring_tractions(model: Model, u: fem.Function) -> list[np.ndarray]:
@@ -80,17 +71,8 @@ def chosen_tractions(
     Returns:
         Bernstein coefficients, shape (f, m, d) each.
     """
-    tractions = []
-    for spring in model.springs:
-        facets = spring.side.facets
-        number = model.facet_numbers(facets)
-        order = facet_order(model.facet_nodes(facets)[:, : model.d], model.degree)
-        of_springs = (facet_moments - loads)[number]
-        moment = np.zeros_like(of_springs)
-        np.put_along_axis(moment, order[:, :, None], of_springs, axis=1)
-        means = moment / spring.side.areas[:, None, None]
-        tractions.append(from_means(model.d - 1, model.degree, means))
-    return tractions
+    of_springs = facet_moments - loads
+    return [tractions_of(model, of_springs, spring.side.facets) for spring in model.springs]
 
 
 def spring_moments(model: Model, tractions: list[np.ndarray]) -> np.ndarray:

@@ -24,7 +24,7 @@ def bulk_squares(admissible: Admissible) -> tuple[np.ndarray, np.ndarray, float]
     """Compute the squares of difference and sum of the two stresses; collective.
 
     These are ``sigma^ - C eps(u^)`` and ``sigma^ + C eps(u^)``, where eps is the strain
-    without the given one, with those of springs.
+    without the given one. Springs are not in them.
 
     Returns:
         The squares of the energy norms on each owned cell [force length]. If the moduli
@@ -45,14 +45,27 @@ def bulk_squares(admissible: Admissible) -> tuple[np.ndarray, np.ndarray, float]
     material = (len(compliance) > 1, compliance.shape[1], np.ascontiguousarray(compliance))
     difference, both = np.empty((2, owned))
     kernels()("stress_squares", *sizes, *rule, *stresses, *material, difference, both)
-    unknown = 0.0
-    if data_vary(model):
-        difference, both, unknown = _adapted_squares(admissible, float(both.sum()))
+    if not data_vary(model):
+        return difference, both, 0.0
+    return _adapted_squares(admissible, float(both.sum()))
+
+
+def add_springs(admissible: Admissible, difference: np.ndarray, both: np.ndarray) -> None:
+    """Add the squares of springs to those of their cells, in place.
+
+    Their energy is outside of the cells, so the estimate of the geometry is without it.
+
+    Args:
+        admissible: The pair.
+        difference: Squares of the difference on each owned cell [force length].
+        both: Those of the sum.
+    """
+    model = admissible.model
     if model.springs:
-        of_springs = spring_squares(model, admissible.displacement, admissible.spring_tractions)
-        difference = difference + of_springs[0]
-        both = both + of_springs[1]
-    return difference, both, unknown
+        u = admissible.displacement
+        of_difference, of_both = spring_squares(model, u, admissible.spring_tractions)
+        difference += of_difference
+        both += of_both
 
 
 def data_vary(model: Model) -> bool:

@@ -30,7 +30,7 @@ from erc_contact.error.constitutive import ROUND_OFF, ConstitutiveError, constit
 from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.simplex import bernstein
 from erc_contact.model.trace import split
-from erc_contact.newton.given import Displacement, solution_of
+from erc_contact.newton.given import AnyDisplacement, solution_of
 from erc_contact.scene.material import mandel_basis
 from erc_contact.scene.scene import Scene
 
@@ -111,7 +111,7 @@ ADVICE = {
 def certify(
     scene: Scene,
     domain: Domain,
-    u: Displacement,
+    u: AnyDisplacement,
     *,
     degree: int | None = None,
     tighten: int = TIGHTEN,

@@ -123,8 +123,7 @@ def nodal_reactions(
         are not complete.
     """
     v = ufl.TestFunction(model.V)
-    residual = _assembled(model, model.stiffness(u, v)) - _assembled(model, model.loads(v))
-    residual -= _assembled(model, model.strain_loads(v))
+    residual = _assembled(model, model.stiffness(u, v)) - _assembled(model, model.right_side(v))
     forces = {}
     claims = {}
     for contact in model.contacts:

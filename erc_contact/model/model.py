@@ -146,6 +146,11 @@ class Model(Space):
         stress = self._stress_of(self.strains.tensor)
         return ufl.inner(stress, strain(v)) * self._measure(varying)
 
+    def right_side(self, v: Ufl) -> Ufl | None:
+        """Return the UFL form of loads and given strains, or None without both."""
+        forms = (self.loads(v), self.strain_loads(v))
+        return sum_of([form for form in forms if form is not None])
+
     def _measure(self, varying: bool) -> Ufl:
         """Return dx for data that vary in cells or do not.
 

@@ -31,7 +31,7 @@ from erc_contact.newton.solution import Solution
 from erc_contact.newton.solve import large
 from erc_contact.scene.scene import Scene
 
-type Displacement = fem.Function | Callable[[np.ndarray], Any] | tuple[Any, Any]
+type AnyDisplacement = fem.Function | Callable[[np.ndarray], Any] | tuple[Any, Any]
 """A Function, a callable of points, or points with values."""
 SAME_PLACE = 1e-5
 """Distance of a point to a node that is none, over the extent of the body [-].
@@ -46,7 +46,7 @@ REASON = "given displacement"
 
 
 def solution_of(
-    scene: Scene, domain: Domain, u: Displacement, degree: int | None = None
+    scene: Scene, domain: Domain, u: AnyDisplacement, degree: int | None = None
 ) -> tuple[Solution, float]:
     """Make a solution of a displacement; collective.
 
@@ -93,7 +93,7 @@ def solution_of(
     return solution, comm.allreduce(off, MPI.MAX)
 
 
-def _degree(scene: Scene, domain: Domain, u: Displacement, degree: int | None) -> int:
+def _degree(scene: Scene, domain: Domain, u: AnyDisplacement, degree: int | None) -> int:
     """Return the degree of a displacement, and check the other arguments."""
     if degree is None:
         degree = 1
@@ -105,7 +105,7 @@ def _degree(scene: Scene, domain: Domain, u: Displacement, degree: int | None) -
     return degree
 
 
-def _values(model: Model, u: Displacement) -> np.ndarray:
+def _values(model: Model, u: AnyDisplacement) -> np.ndarray:
     """Return the displacement at the nodes of this rank [length], shape (nodes, d)."""
     d = model.d
     x = model.V.tabulate_dof_coordinates()
@@ -135,7 +135,7 @@ def _values(model: Model, u: Displacement) -> np.ndarray:
 
 def _of_function(model: Model, u: fem.Function) -> np.ndarray:
     """Return the nodal values of a Function of the mesh."""
-    if u.function_space.mesh is not model.mesh and u.function_space.mesh != model.mesh:
+    if u.function_space.mesh is not model.mesh:
         raise InputError(
             "certify: u lives on another mesh than domain.mesh; solve on domain.mesh, or give"
             " (points, values)."

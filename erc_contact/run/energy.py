@@ -36,12 +36,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from mpi4py import MPI
 
-from erc_contact.admissible.cells import facet_order
+from erc_contact.admissible.cells import tractions_of
 from erc_contact.admissible.pair import Admissible
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.error.constitutive import ROUND_OFF, ConstitutiveError
 from erc_contact.error.works import friction_work, strain_energy
-from erc_contact.mesh.simplex import barycentric, bernstein, from_means, lagrange, projection, rule
+from erc_contact.mesh.simplex import barycentric, bernstein, lagrange, projection, rule
 from erc_contact.model.contacts import bind_contact
 from erc_contact.model.last_step import nearest
 from erc_contact.model.model import Model
@@ -236,20 +236,20 @@ def _fields(pair: Admissible, part: str, points: np.ndarray) -> tuple[np.ndarray
 def _facets(pair: Admissible, part: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the fields on the owned facets of a part.
 
+    Springs do no work on the body: what they store is part of its strain energy.
+
     Returns:
-        Corners (f, d, d), coefficients of sigma^ n (f, m, d) [force/area], and nodal
-        values of u^ (f, m, d) [length].
+        Corners (f, d, d), coefficients of sigma^ n without the traction of springs (f,
+        m, d) [force/area], and nodal values of u^ (f, m, d) [length].
     """
     model = pair.model
-    d = model.d
-    k = model.degree
     facets = model.domain.owned_facets(part)
-    nodes = model.facet_nodes(facets)
-    moments = np.empty((*nodes.shape, d))
-    order = facet_order(nodes[:, :d], k)[:, :, None]
-    np.put_along_axis(moments, order, pair.facet_moments[model.facet_numbers(facets)], axis=1)
-    t = from_means(d - 1, k, moments / model.facet_areas(facets)[:, None, None])
-    return model.facet_corners(facets), t, pair.displacement.x.array.reshape(-1, d)[nodes]
+    t = tractions_of(model, pair.facet_moments, facets)
+    for spring, of_spring in zip(model.springs, pair.spring_tractions, strict=True):
+        if spring.name == part:
+            t -= of_spring[spring.side.owned]
+    u = pair.displacement.x.array.reshape(-1, model.d)[model.facet_nodes(facets)]
+    return model.facet_corners(facets), t, u
 
 
 def _carried(pair: Admissible, part: str, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

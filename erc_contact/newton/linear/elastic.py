@@ -85,10 +85,9 @@ class Elastic:
     def _loads(self) -> fem.Function:
         """Assemble the nodal forces of loads and given strains [force]."""
         b = self.model.function()
-        v = ufl.TestFunction(self.model.V)
-        for loads in (self.model.loads(v), self.model.strain_loads(v)):
-            if loads is not None:
-                fem.assemble_vector(b.x.array, compiled.form(loads))
+        loads = self.model.right_side(ufl.TestFunction(self.model.V))
+        if loads is not None:
+            fem.assemble_vector(b.x.array, compiled.form(loads))
         return b
 
     def stiffness(self) -> PETSc.Mat:
