@@ -33,6 +33,7 @@ nitpick_ignore = [
         "model.elasticity.ElasticMatrix",
         "model.friction.Friction",
         "model.last_step.LastStep",
+        "newton.given.AnyDisplacement",
         "newton.linear.solver.ElasticSolver",
         "output.curves.Run",
         "error.constitutive.Run",
