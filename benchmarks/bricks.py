@@ -66,6 +66,47 @@ def glued(
     return _named(d, x, simplices, comm, size)
 
 
+PAIRS = {3: ("ab", "ac", "bc"), 4: ("ab", "ac", "bd", "cd")}
+"""Which bodies touch where three or four of them meet."""
+
+
+def joint(d: int, count: int = 3, cells: int = 4) -> ec.Domain:
+    """Make two bodies a and b side by side, on one body c, or on c and d; collective.
+
+    They meet at x = 1, at half of the height 2. The side of body a at its contact with
+    b is called "ab", the other one "ba".
+
+    Args:
+        d: Dimension.
+        count: Number of bodies, 3 or 4.
+        cells: Number of cuboids along the width and the height, an even one.
+    """
+    make = ec.rectangle if d == 2 else ec.box
+    high = (2.0, 2.0) if d == 2 else (2.0, 0.5, 2.0)
+    block = make((0.0,) * d, high, cells=(cells, cells) if d == 2 else (cells, 1, cells))
+    tags = block.facet_tags
+    middle = dmesh.compute_midpoints(block.mesh, d - 1, tags.indices)
+    names = {**block.names, "top of a": 1 + max(block.names.values())}
+    is_top_of_a = (tags.values == names["top"]) & (middle[:, 0] < 1)
+    values = np.where(is_top_of_a, names["top of a"], tags.values).astype(np.int32)
+
+    numbers = _every(block.mesh, d)
+    x = dmesh.compute_midpoints(block.mesh, d, numbers)
+    upper = np.where(x[:, 0] < 1, 1, 2)
+    lower = np.where(x[:, 0] < 1, 3, count)
+    body = np.where(x[:, d - 1] > 1, upper, lower).astype(np.int32)
+    bodies = ec.Domain(
+        block.mesh,
+        tags_of(block.mesh, d - 1, tags.indices, values),
+        names,
+        tags_of(block.mesh, d, numbers, body),
+        dict(zip("abcd", range(1, count + 1), strict=False)),
+    )
+    for one, other in PAIRS[count]:
+        bodies = bodies.split({one + other: one, other + one: other})
+    return bodies
+
+
 def lower_brick(d: int, cells: tuple[int, ...], comm: MPI.Comm = MPI.COMM_WORLD) -> ec.Domain:
     """Make the lower brick; its part at height zero is "lower contact"; collective."""
     x = np.zeros((0, d))

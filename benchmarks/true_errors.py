@@ -148,9 +148,8 @@ def reference(
     """
     fine, origin = nested(solution.domain, levels)
     degree = degree or solution.model.degree
-    found = ec.solve(
-        solution.scene, fine, ec.AugmentedLagrangian(), degree=degree, start=solution, **options
-    )
+    options = {"method": ec.AugmentedLagrangian(), "start": solution, **options}
+    found = ec.solve(solution.scene, fine, degree=degree, **options)
     return Reference(found.model, origin, found.u, found)
 
 

@@ -9,6 +9,9 @@ which the theorem says is at least 1 but for Coulomb's friction; "index" is e ov
 augmented Lagrangian of degree 2 on a mesh that cuts the cells as sigma^ does and
 refines them three times, in space once.
 
+``three``: three random bodies that meet at a point, in the plane. There is no
+multiplier at such a point, so the reference is Nitsche's, whose own error counts.
+
 ``extreme``: which share of a grid of extreme scenes is solved and certified: friction 0
 to 2, nu to 0.4999, ratios of moduli 1e-6 to 1e6, slender bodies and flat cells, gaps
 and interference, both methods, both orders. What fails is told in words.
@@ -30,7 +33,7 @@ import erc_contact as ec
 import numpy as np  # isort: skip - after erc_contact, which loads MPI first
 from attack_families import scene_generator  # isort: skip
 from attack_tables import quantile_table  # isort: skip
-from bricks import NAMES, bricks  # isort: skip
+from bricks import NAMES, PAIRS, bricks, joint  # isort: skip
 from tasks import run  # isort: skip
 from true_errors import reference, true_errors  # isort: skip
 
@@ -122,6 +125,45 @@ def random_case(rng: np.random.Generator, d: int) -> Case:
     return Case(name, law, scene, bricks(d, cells, heights=heights), degree, method)
 
 
+def random_joint(rng: np.random.Generator) -> Case:
+    """Make three bodies that meet at a point, pressed and pushed."""
+    cells = 2 * int(rng.integers(1, 4))
+    E = {body: float(10 ** rng.uniform(-2.0, 2.0)) for body in "abc"}
+    nu = {body: float(rng.uniform(-0.3, 0.45)) for body in E}
+    law = str(rng.choice(["none", "Tresca", "Coulomb"]))
+    press = float(rng.uniform(0.005, 0.03))
+    supports: list[Any] = [ec.Displacement("bottom", (0.0, 0.0))]
+    loads: list[Any] = []
+    # Body a is to the left of b, and must not be pushed into it.
+    pushes = np.sort(rng.uniform(-0.5, 0.5, 2)) * press
+    for name, push in zip(("top of a", "top"), pushes, strict=True):
+        supports.append(
+            ec.Displacement(name, (float(push), -2 * press * float(rng.uniform(0.3, 1.0))))
+        )
+    side = press * min(E.values()) * float(rng.uniform(0.0, 1.0))
+    loads.append(ec.Traction("left", (side, 0.0)))
+    loads.append(ec.Traction("right", (-side, 0.0)))
+    contacts = []
+    for pair in PAIRS[3]:
+        friction: Any = {
+            "none": 0.0,
+            "Tresca": ec.Tresca(float(rng.uniform(0.05, 0.5)) * press * min(E.values())),
+            "Coulomb": float(rng.uniform(0.0, 1.0)),
+        }[law]
+        one, other = (pair, pair[::-1]) if rng.random() < 0.5 else (pair[::-1], pair)
+        contacts.append(ec.Contact(one, against=other, friction=friction))
+    degree = int(rng.integers(1, 3))
+    scene = ec.Scene(ec.Elastic(E, nu), supports, loads, contacts)
+    moduli = ", ".join(f"{value:.2g}" for value in E.values())
+    name = f"{cells} x {cells} cells, E {moduli}, {law}, degree {degree}"
+    return Case(name, law, scene, joint(2, 3, cells), degree, ec.Nitsche())
+
+
+def three(seed: int = 0, count: int = 50) -> None:
+    """Print the same for three bodies that meet at a point."""
+    compare(seed, count, 2, lambda rng, _: random_joint(rng), method=ec.Nitsche())
+
+
 def plane(seed: int = 0, count: int = 100) -> None:
     """Print quantiles of e over true errors, in the plane."""
     compare(seed, count, 2)
@@ -132,16 +174,30 @@ def space(seed: int = 0, count: int = 10) -> None:
     compare(seed, count, 3)
 
 
-def compare(seed: int, count: int, d: int) -> None:
-    """Print the quantiles of e over true errors of random scenes, and violations."""
+def compare(
+    seed: int,
+    count: int,
+    d: int,
+    make: Callable[[np.random.Generator, int], Case] = random_case,
+    **options: Any,
+) -> None:
+    """Print the quantiles of e over true errors of random scenes, and violations.
+
+    Args:
+        seed: Seed of the family.
+        count: Number of scenes.
+        d: Dimension.
+        make: Maker of a scene.
+        options: What the reference is solved with.
+    """
     columns: dict[str, list[float]] = {}
     violations: list[str] = []
     for number in range(count):
-        case = random_case(scene_generator(seed, number), d)
+        case = make(scene_generator(seed, number), d)
         try:
             solution = ec.solve(case.scene, case.domain, case.method, degree=case.degree)
             error = ec.constitutive_error(ec.equilibrate(solution))
-            exact = reference(solution, LEVELS[d], degree=2)
+            exact = reference(solution, LEVELS[d], degree=2, **options)
         except ec.ErcContactError as reason:
             print(f"scene {number} ({case.name}): {type(reason).__name__} {reason}", flush=True)
             continue
@@ -238,7 +294,9 @@ def extreme_bricks(cells: tuple[int, int], heights: tuple[float, float]) -> ec.D
     return bricks(2, cells, heights=heights)
 
 
-TASKS: dict[str, Callable[..., None]] = {task.__name__: task for task in (plane, space, extreme)}
+TASKS: dict[str, Callable[..., None]] = {
+    task.__name__: task for task in (plane, space, three, extreme)
+}
 
 
 if __name__ == "__main__":

@@ -62,6 +62,7 @@ def lifting(
     for other in others:
         other.add(values, -_working_part(other.contact, other.jump(values)))
     values[model.fixed] = 0.0
+    values[model.coordinates.is_joint] = 0.0
     # A node of several contacts is not free for all of them: phi is zero there.
     tolerance = ROUND_OFF * float(np.linalg.norm(a))
     for other in others:
@@ -69,7 +70,7 @@ def lifting(
         other.set_to_zero(values, wrong > tolerance)
     phi.x.scatter_forward()
     missing = abs(_working_part(contact, a - surface.jump(values))).max(initial=0.0) > tolerance
-    return phi, bool(model.comm.allreduce(bool(missing), MPI.LOR))
+    return phi, bool(model.comm.allreduce(bool(missing) or surface.has_joint, MPI.LOR))
 
 
 class _Surface:
@@ -80,13 +81,21 @@ class _Surface:
     Args:
         model: The scene on a mesh.
         contact: The contact.
+
+    Attributes:
+        nodes: The nodes, without those where more than two bodies meet, shape (n,).
+        has_joint: Whether there are such nodes.
     """
 
     def __init__(self, model: Model, contact: BoundContact) -> None:
         self.contact = contact
-        self.nodes = fem.locate_dofs_topological(
+        nodes = fem.locate_dofs_topological(
             model.V, model.d - 1, model.facet_numbers(contact.facets)
         )
+        # Where more than two bodies meet, phi is zero: the jumps are not independent.
+        is_joint = model.coordinates.is_joint[nodes]
+        self.has_joint = bool(is_joint.any())
+        self.nodes = nodes[~is_joint]
         self._partners = np.zeros(0, dtype=np.int64)
         self._free = ~model.fixed
         if contact.against is not None:

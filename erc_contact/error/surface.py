@@ -20,7 +20,6 @@ from erc_contact.model.foundation import BoundContact
 from erc_contact.model.friction import PROPORTIONAL
 from erc_contact.model.last_step import interpolate
 from erc_contact.model.model import Model
-from erc_contact.model.node_pairs import NO_PARTNER
 from erc_contact.model.trace import split
 
 EDGE_COSINE = 0.87
@@ -222,8 +221,9 @@ def coulomb_surface(model: Model) -> Surface:
         fixed_of_contacts.append(contact.trace.fixed(model.fixed)[here.owned])
         if contact.against is None:
             # The unknown of the solver at a node of a pair is the jump, and not u.
-            is_paired = model.coordinates.partner[facet_nodes] != NO_PARTNER
-            others.append(of_contact[is_paired])
+            others.append(of_contact[model.coordinates.is_paired[facet_nodes]])
+        # Nor is the jump of a contact an unknown where more than two bodies meet.
+        others.append(of_contact[model.coordinates.is_joint[facet_nodes]])
     all_numbers = _gathered(model, numbers_of_contacts)
     corners = _gathered(model, corners_of_contacts)
     direction = _gathered(model, directions_of_contacts)

@@ -13,6 +13,10 @@ the solver is so the same for both. Without such a contact T is the identity.
 A component that a support fixes on side 1 alone has the value u_1 at the place of side
 2, ``u_1 = x_2``, ``u_2 = x_2 - x_1``: there the support fixes x_2, and x_1 is the jump
 again. Such a component is called *swapped*.
+
+Where more than two bodies meet at a point, one of the nodes has a displacement as
+unknown and the others have their jumps against it (:mod:`erc_contact.model.joints`).
+The jump of a contact is there a sum of unknowns (:mod:`erc_contact.newton.jump_sums`).
 """
 
 from __future__ import annotations
@@ -27,6 +31,7 @@ from petsc4py import PETSc
 
 from erc_contact.base.sparse import sparse
 from erc_contact.model.node_pairs import NO_PARTNER, no_pairs, node_pairs
+from erc_contact.model.over_ranks import matrix_of_ranks
 from erc_contact.model.space import Space
 from erc_contact.model.trace import Trace, dofs_of
 
@@ -38,11 +43,14 @@ class Map:
     Attributes:
         rows: Degrees of freedom of this rank, whose rows are not those of the identity,
             shape (n,).
+        columns: Global numbers of the other degrees of freedom in these rows, shape
+            (n,).
         own: Factor of the degree of freedom itself in these rows [-], shape (n,).
-        other: Factor of that of the partner [-], shape (n,).
+        other: Factor of the other one [-], shape (n,).
     """
 
     rows: np.ndarray
+    columns: np.ndarray
     own: np.ndarray
     other: np.ndarray
 
@@ -58,14 +66,12 @@ class Coordinates:
 
     Attributes:
         is_identity: Whether u and x are the same, on all ranks.
-        partner: Global number of the partner of each node of this rank, or
-            :data:`NO_PARTNER`, shape (nodes,).
-        is_here: Which nodes are those of side 1 of a pair, shape (nodes,).
+        is_paired: Which nodes of this rank are at a contact between bodies, shape
+            (nodes,).
+        is_joint: Which of them are at points of several pairs, shape (nodes,).
+        has_joints: Whether there are such nodes on any rank.
         fixed: Which components of x supports prescribe, shape (nodes, d).
         prescribed: Their values, zero elsewhere [length], a Function.
-
-    Raises:
-        InputError: If a node is in two pairs.
     """
 
     def __init__(
@@ -80,9 +86,10 @@ class Coordinates:
         self.fixed = fixed
         self.prescribed = prescribed
         pairs = no_pairs(space) if self.is_identity else node_pairs(space, traces, fixed)
-        self.partner = pairs.partner
-        self.is_here = pairs.is_here
-        self._swapped = pairs.is_swapped
+        self.is_paired = pairs.partner[:, 0] != NO_PARTNER
+        self.is_joint = pairs.is_joint
+        self.has_joints = pairs.joints is not None
+        self._pairs = pairs
         if self.is_identity:
             return
         self.fixed, self.prescribed = self._supports(fixed, prescribed)
@@ -111,13 +118,12 @@ class Coordinates:
 
     def add_to_partners(self, values: fem.Function) -> None:
         """Add values at nodes to those nodes whose x their u depends on, in place."""
-        d = self._space.d
-        nodal = values.x.array.reshape(-1, d)
         sums = self._space.function()
-        of_sums = sums.x.array.reshape(-1, d)
-        nodes = np.flatnonzero(self._depends & (self.partner_here != NO_PARTNER))
-        nodes = nodes[nodes < self._space.V.dofmap.index_map.size_local]
-        np.add.at(of_sums, self.partner_here[nodes], nodal[nodes])
+        entries = self.entries
+        used = (entries.other != 0) & (self.columns_here >= 0)
+        # Each node counts on the rank that owns it.
+        used &= entries.rows < self._space.V.dofmap.index_map.size_local * self._space.d
+        np.add.at(sums.x.array, self.columns_here[used], values.x.array[entries.rows[used]])
         sums.x.scatter_reverse(la.InsertMode.add)
         sums.x.scatter_forward()
         values.x.array[:] += sums.x.array
@@ -157,30 +163,27 @@ class Coordinates:
         It is right for the nodes of cells that this rank owns.
         """
         entries = self.entries
-        d = self._space.d
-        partners = self.partner_here[entries.rows // d]
-        known = partners != NO_PARTNER
-        columns = partners * d + entries.rows % d
-        size = len(self.partner) * d
+        size = self._space.node_count * self._space.d
+        visible = self.columns_here >= 0
         own = np.ones(size)
         own[entries.rows] = entries.own
         dofs = np.arange(size)
         return sparse(
             size,
             size,
-            np.concatenate([dofs, entries.rows[known]]),
-            np.concatenate([dofs, columns[known]]),
-            [own, entries.other[known]],
+            np.concatenate([dofs, entries.rows[visible]]),
+            np.concatenate([dofs, self.columns_here[visible]]),
+            [own, entries.other[visible]],
         )
 
     @cached_property
     def inverse(self) -> PETSc.Mat:
         """Return the inverse of T of all ranks."""
-        rows, is_here, swapped = self._paired_dofs
+        rows, has_jump, swapped = self._paired_dofs
         # x_1 = u_1 - u_2 always; x_2 is u_2, or u_1 where it is swapped.
-        own = np.where(is_here | ~swapped, 1.0, 0.0)
-        other = np.where(is_here, -1.0, np.where(swapped, 1.0, 0.0))
-        return self._distributed(Map(rows, own, other))
+        own = np.where(has_jump | ~swapped, 1.0, 0.0)
+        other = np.where(has_jump, -1.0, np.where(swapped, 1.0, 0.0))
+        return self._distributed(Map(rows, self._dofs(self._pairs.reference), own, other))
 
     @cached_property
     def inverse_transposed(self) -> PETSc.Mat:
@@ -190,21 +193,32 @@ class Coordinates:
     @cached_property
     def entries(self) -> Map:
         """Return the entries of T at the paired nodes of this rank."""
-        rows, is_here, swapped = self._paired_dofs
-        own = np.where(is_here & swapped, 0.0, 1.0)
-        other = np.where(is_here, 1.0, np.where(swapped, -1.0, 0.0))
-        return Map(rows, own, other)
+        rows, has_jump, swapped = self._paired_dofs
+        own = np.where(has_jump & swapped, 0.0, 1.0)
+        other = np.where(has_jump, 1.0, np.where(swapped, -1.0, 0.0))
+        return Map(rows, self._dofs(self._pairs.partner), own, other)
+
+    @cached_property
+    def columns_here(self) -> np.ndarray:
+        """Return the columns of :attr:`entries` as degrees of freedom of this rank.
+
+        It is negative where this rank does not have the node. Shape (n,).
+        """
+        d = self._space.d
+        columns = self.entries.columns
+        nodes = self._space.V.dofmap.index_map.global_to_local(columns // d).astype(np.int64)
+        return np.where(nodes >= 0, nodes * d + columns % d, NO_PARTNER)
 
     @cached_property
     def partner_here(self) -> np.ndarray:
-        """Return the partner of each node as a node of this rank, shape (nodes,).
+        """Return the partner of each node of a pair as a node of this rank.
 
-        It is :data:`NO_PARTNER`, too, where this rank does not have the partner.
+        It is negative where this rank does not have it, or there is none. Shape
+        (nodes,).
         """
-        result = np.full(len(self.partner), NO_PARTNER)
-        paired = self.partner != NO_PARTNER
-        index_map = self._space.V.dofmap.index_map
-        result[paired] = index_map.global_to_local(self.partner[paired])
+        result = np.full(len(self._pairs.partner), NO_PARTNER)
+        numbers = self._pairs.partner[self.is_paired, 0]
+        result[self.is_paired] = self._space.V.dofmap.index_map.global_to_local(numbers)
         return result
 
     def with_partners(self, nodes: np.ndarray) -> np.ndarray:
@@ -214,34 +228,35 @@ class Coordinates:
             nodes: Which nodes of this rank are marked, shape (nodes,).
         """
         result = nodes.copy()
-        used = nodes & self._depends
-        partners = self.partner_here[used]
-        result[partners[partners != NO_PARTNER]] = True
+        entries = self.entries
+        of_marked = nodes[entries.rows // self._space.d] & (entries.other != 0)
+        columns = self.columns_here[of_marked]
+        result[columns[columns >= 0] // self._space.d] = True
         return result
-
-    @cached_property
-    def _depends(self) -> np.ndarray:
-        """Tell which nodes have a u that depends on the x of their partner."""
-        return self.is_here | self._swapped.any(axis=1)
 
     @cached_property
     def _paired_dofs(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return the degrees of freedom of paired nodes, shape (n,).
 
-        And which of them are of side 1, and swapped.
+        And which of them have a jump as unknown, and are swapped.
         """
-        nodes = np.flatnonzero(self.partner != NO_PARTNER)
-        is_here = np.repeat(self.is_here[nodes], self._space.d)
-        return dofs_of(nodes, self._space.d), is_here, self._swapped[nodes].ravel()
+        nodes = np.flatnonzero(self.is_paired)
+        has_jump = np.repeat(self._pairs.has_jump[nodes], self._space.d)
+        return dofs_of(nodes, self._space.d), has_jump, self._pairs.is_swapped[nodes].ravel()
+
+    def _dofs(self, nodes: np.ndarray) -> np.ndarray:
+        """Return global degrees of freedom, the paired ones of nodes (nodes, d)."""
+        d = self._space.d
+        return (nodes[self.is_paired] * d + np.arange(d)).ravel()
 
     def _supports(
         self, fixed: np.ndarray, prescribed: fem.Function
     ) -> tuple[np.ndarray, fem.Function]:
         """Return which components of x are fixed, and their values."""
         # A jump is fixed where both sides are, and u_2 or u_1 where one of them is.
-        of_jumps = fixed & ~self._swapped
-        of_displacements = fixed | self._swapped
-        fixed_x = np.where(self.is_here[:, None], of_jumps, of_displacements)
+        of_jumps = fixed & ~self._pairs.is_swapped
+        of_displacements = fixed | self._pairs.is_swapped
+        fixed_x = np.where(self._pairs.has_jump[:, None], of_jumps, of_displacements)
         values = self.to_x(prescribed)
         values.x.array[~fixed_x.ravel()] = 0.0
         return fixed_x, values
@@ -262,26 +277,21 @@ class Coordinates:
     def _distributed(self, entries: Map) -> PETSc.Mat:
         """Make a matrix of all ranks: the identity but for some rows."""
         space = self._space
-        d = space.d
-        index_map = space.V.dofmap.index_map
-        owned = index_map.size_local * d
-        first = index_map.local_range[0] * d
-        dofs = np.arange(owned)
-        own = np.ones(owned)
-        of_rank = entries.rows < owned
+        first, last = (number * space.d for number in space.V.dofmap.index_map.local_range)
+        dofs = np.arange(first, last)
+        own = np.ones(last - first)
+        of_rank = entries.rows < last - first
         rows = entries.rows[of_rank]
         own[rows] = entries.own[of_rank]
-        partners = self.partner[rows // d] * d + rows % d
-        all_rows = np.concatenate([dofs, rows]) + first
-        all_columns = np.concatenate([dofs + first, partners])
-        values = np.concatenate([own, entries.other[of_rank]])
-
-        matrix = PETSc.Mat().create(comm=space.comm)
-        size = (owned, index_map.size_global * d)
-        matrix.setSizes((size, size), bsize=d)
-        matrix.setType("aij")
-        matrix.setPreallocationCOO(
-            all_rows.astype(PETSc.IntType), all_columns.astype(PETSc.IntType)
+        all_rows = [dofs, rows + first]
+        all_columns = [dofs, entries.columns[of_rank]]
+        values = [own, entries.other[of_rank]]
+        if self._pairs.joints is not None:
+            # With these zeros T^T K T has places for what contacts add at joints.
+            coupled_rows, coupled_columns = self._pairs.joints.couplings(first, last, space.d)
+            all_rows.append(coupled_rows)
+            all_columns.append(coupled_columns)
+            values.append(np.zeros(len(coupled_rows)))
+        return matrix_of_ranks(
+            space, np.concatenate(all_rows), np.concatenate(all_columns), np.concatenate(values)
         )
-        matrix.setValuesCOO(values)
-        return matrix

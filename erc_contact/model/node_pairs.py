@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from dolfinx import la
 
-from erc_contact.base.exceptions import InputError, raise_together
+from erc_contact.model.joints import Joints, find_joints
 from erc_contact.model.space import Space
 from erc_contact.model.trace import Trace
 
@@ -21,23 +21,34 @@ class NodePairs:
     """Hold the pairs of the nodes of this rank, ghosts included.
 
     Attributes:
-        partner: Global number of the partner of each node, or :data:`NO_PARTNER`, shape
+        partner: Global number of the partner of each node for each component, or
+            :data:`NO_PARTNER`, shape (nodes, d). Where more than two nodes meet, see
+            :class:`.joints.Joints`.
+        reference: That of the node against which the jump of each component is, shape
+            (nodes, d).
+        has_jump: Which nodes have a jump as unknown, those of side 1 of a pair, shape
             (nodes,).
-        is_here: Which nodes are those of side 1 of a pair, shape (nodes,).
         is_swapped: Which components a support fixes on side 1 alone, at both nodes of
             the pair, shape (nodes, d).
+        is_joint: Which nodes are of a group that is no single pair, shape (nodes,).
+        joints: These groups, None where there are none on any rank.
     """
 
     partner: np.ndarray
-    is_here: np.ndarray
+    reference: np.ndarray
+    has_jump: np.ndarray
     is_swapped: np.ndarray
+    is_joint: np.ndarray
+    joints: Joints | None
 
 
 def no_pairs(space: Space) -> NodePairs:
     """Return the pairs of a mesh without contacts between bodies."""
     count = space.node_count
+    partner = np.full((count, space.d), NO_PARTNER)
     is_swapped = np.zeros((count, space.d), dtype=bool)
-    return NodePairs(np.full(count, NO_PARTNER), np.zeros(count, dtype=bool), is_swapped)
+    nowhere = np.zeros(count, dtype=bool)
+    return NodePairs(partner, partner, nowhere, is_swapped, nowhere, None)
 
 
 def node_pairs(space: Space, traces: Sequence[Trace], fixed: np.ndarray) -> NodePairs:
@@ -50,11 +61,9 @@ def node_pairs(space: Space, traces: Sequence[Trace], fixed: np.ndarray) -> Node
         space: The mesh.
         traces: The displacements of the contacts.
         fixed: Which components supports prescribe at each node, shape (nodes, d).
-
-    Raises:
-        InputError: If a node is in two pairs.
     """
-    here, there = _on_this_rank(space, traces)
+    pairs = _on_this_rank(traces)
+    here, there = pairs.T
     # Number of ranks that know it, partner, whether it is of side 1, and swapped.
     shared = la.vector(space.V.dofmap.index_map, 3 + space.d)
     table = shared.array.reshape(space.node_count, 3 + space.d)
@@ -69,27 +78,43 @@ def node_pairs(space: Space, traces: Sequence[Trace], fixed: np.ndarray) -> Node
     table[known] /= table[known, :1]
     shared.scatter_forward()
     known = table[:, 0] > 0
-    partner = np.full(space.node_count, NO_PARTNER)
-    partner[known] = np.rint(table[known, 1]).astype(partner.dtype)
-    return NodePairs(partner, table[:, 2] > 0.5, table[:, 3:] > 0.5)
+    partner = np.full((space.node_count, space.d), NO_PARTNER)
+    partner[known] = np.rint(table[known, 1:2]).astype(partner.dtype)
+    has_jump = table[:, 2] > 0.5
+    is_swapped = table[:, 3:] > 0.5
+    is_joint = np.zeros(space.node_count, dtype=bool)
+
+    # What this says of nodes in several pairs is replaced.
+    first, last = space.V.dofmap.index_map.local_range
+    pairs_of_all = space.global_numbers(pairs.ravel()).reshape(-1, 2)
+    joints = find_joints(space.comm, pairs_of_all, fixed[: last - first], first)
+    reference = partner
+    if joints is not None:
+        local = space.V.dofmap.index_map.global_to_local(joints.numbers)
+        visible = local >= 0
+        nodes = local[visible]
+        reference = partner.copy()
+        partner[nodes] = joints.numbers[joints.partner[visible]]
+        reference[nodes] = joints.numbers[joints.reference[visible]]
+        has_jump[nodes] = ~joints.is_base[visible]
+        is_swapped[nodes] = joints.is_swapped[visible]
+        is_joint[nodes] = True
+    return NodePairs(partner, reference, has_jump, is_swapped, is_joint, joints)
 
 
-def _on_this_rank(space: Space, traces: Sequence[Trace]) -> tuple[np.ndarray, np.ndarray]:
-    """Return the pairs of nodes of this rank, each once: sides 1 and 2; collective."""
-    here = []
-    there = []
+def pairs_of(trace: Trace) -> np.ndarray:
+    """Return the pairs of nodes of a contact between bodies, each once, shape (p, 2).
+
+    They are those of side 1 and of side 2.
+    """
+    both = np.column_stack([trace.here.nodes.ravel(), trace.partners.ravel()])
+    return np.unique(both, axis=0)
+
+
+def _on_this_rank(traces: Sequence[Trace]) -> np.ndarray:
+    """Return the pairs of nodes of this rank, each once, shape (p, 2)."""
+    pairs = []
     for trace in traces:
         if trace.there is not None:
-            here.append(trace.here.nodes.ravel())
-            there.append(trace.partners.ravel())
-    both = np.column_stack([np.concatenate(here), np.concatenate(there)])
-    pairs = np.unique(both, axis=0)
-    error = None
-    if len(np.unique(pairs)) < pairs.size:
-        error = InputError(
-            "A node is in two pairs of contacts between bodies: three bodies meet there, or two "
-            "contacts of the same bodies name them in another order. Name the same body first in "
-            "both contacts, or end one of the contacts before the point."
-        )
-    raise_together(space.comm, error)
-    return pairs[:, 0], pairs[:, 1]
+            pairs.append(pairs_of(trace))
+    return np.unique(np.concatenate(pairs), axis=0)

@@ -1,9 +1,10 @@
-"""Values of nodes and cells that ranks have in common."""
+"""Values of nodes and cells that ranks have in common, and matrices of all ranks."""
 
 from __future__ import annotations
 
 import numpy as np
 from dolfinx import la
+from petsc4py import PETSc
 
 from erc_contact.model.space import Space
 
@@ -41,3 +42,24 @@ def sums_of_cells(space: Space, values: np.ndarray) -> np.ndarray:
         of_cells.x.scatter_reverse(la.InsertMode.add)
         values = of_cells.x.array[place]
     return values[: space.domain.owned_cells]
+
+
+def matrix_of_ranks(
+    space: Space, rows: np.ndarray, columns: np.ndarray, values: np.ndarray
+) -> PETSc.Mat:
+    """Make a sparse matrix for degrees of freedom; collective.
+
+    Args:
+        space: The mesh.
+        rows: Global degrees of freedom of this rank, shape (n,).
+        columns: Global degrees of freedom, shape (n,).
+        values: The entries, which add up where they coincide, shape (n,).
+    """
+    index_map = space.V.dofmap.index_map
+    size = (index_map.size_local * space.d, index_map.size_global * space.d)
+    matrix = PETSc.Mat().create(comm=space.comm)
+    matrix.setSizes((size, size), bsize=space.d)
+    matrix.setType("aij")
+    matrix.setPreallocationCOO(rows.astype(PETSc.IntType), columns.astype(PETSc.IntType))
+    matrix.setValuesCOO(values)
+    return matrix

@@ -87,10 +87,14 @@ class Assembly:
         """Assemble the equations at the fields [force], shape (A,)."""
         vector = self._residual.x.array
         values = []
+        tested = None
         for one_pass in self._passes:
-            self._forms.test_jump.value = one_pass.test_jump
-            vector[:] = 0.0
-            fem.assemble_vector(vector, self._forms.residual)
+            # Passes that test the same jumps read the same forces.
+            if one_pass.tested != tested:
+                tested = one_pass.tested
+                self._forms.test(tested)
+                vector[:] = 0.0
+                fem.assemble_vector(vector, self._forms.residual)
             values.append(one_pass.factors * vector[one_pass.rows])
         parts = gathered(self._comm, np.concatenate(values))
         if parts is None:
@@ -101,11 +105,15 @@ class Assembly:
         """Assemble the entries of the tangent, in the order of `positions`."""
         values = []
         picks = zip(self._picks, self._factors, strict=True)
+        tested = None
         for one_pass in self._passes:
-            self._forms.test_jump.value = one_pass.test_jump
+            is_new = one_pass.tested != tested
+            tested = one_pass.tested
+            self._forms.test(tested)
             for matrix, form in zip(self._matrices, self._forms.tangents, strict=True):
-                matrix.set_value(0.0)
-                fem.assemble_matrix(matrix, form)
+                if is_new:
+                    matrix.set_value(0.0)
+                    fem.assemble_matrix(matrix, form)
                 pick, factor = next(picks)
                 values.append(factor * matrix.data[pick])
         parts = gathered(self._comm, np.concatenate(values))

@@ -35,6 +35,7 @@ from erc_contact.newton.field_map import FieldMap
 from erc_contact.newton.forms import ContactForms
 from erc_contact.newton.linear.stiffness import Stiffness
 from erc_contact.newton.methods import Method
+from erc_contact.newton.passes import passes
 from erc_contact.newton.pressing import contact_normals
 
 
@@ -91,7 +92,8 @@ class Condensed:
 
         self._fields = FieldMap(self.forms, stiffness, self.size, w, self.matrix, self.loads)
         fields = self._fields
-        self.assembly = Assembly(self.forms, fields.passes, fields.columns, self.size)
+        assemblies = passes(self.forms, fields.rows)
+        self.assembly = Assembly(self.forms, assemblies, fields.columns, self.size)
         together(model.comm, self._allocate)
 
     def run(self, work: Callable[[], Any]) -> Any:

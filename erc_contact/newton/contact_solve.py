@@ -19,6 +19,7 @@ from erc_contact.newton.ladder import Attempt, attempts
 from erc_contact.newton.linear.multigrid import TRY_DIRECT
 from erc_contact.newton.linear.solver import ElasticSolver
 from erc_contact.newton.methods import Method, Nitsche
+from erc_contact.newton.reactions import raise_at_joints
 from erc_contact.newton.snes import DiscreteSolution, Outcome
 from erc_contact.newton.solution import SINGULAR, Solution
 
@@ -93,15 +94,22 @@ class ContactSolve:
         slow = 0
         friction = any(contact.friction is not None for contact in self.model.contacts)
         gap = any(contact.gap is not None for contact in self.model.contacts)
+        # Where more than two bodies meet there is no multiplier, and no start from one.
+        with_multiplier = not self.model.coordinates.has_joints
+        if self.method.multiplier:
+            raise_at_joints(self.model)
         for attempt in attempts(
             self.method,
             states,
             friction=friction,
             gap=gap,
             fallback=self.fallback,
-            nodal_first=self.solver.nodal_first,
+            nodal_first=self.solver.nodal_first and with_multiplier,
+            with_multiplier=with_multiplier,
         ):
             if attempt.start not in states:
+                continue
+            if attempt.method.multiplier and not with_multiplier:
                 continue
             check_interrupts(self.model.comm)
             outcome, state, solution = self.solver.attempt(

@@ -24,8 +24,10 @@ from petsc4py import PETSc
 
 from erc_contact.base.exceptions import together
 from erc_contact.base.sparse import sparse, times
+from erc_contact.model.foundation import BoundContact
 from erc_contact.model.trace import dofs_of
-from erc_contact.newton.forms import ContactForms, Pass
+from erc_contact.newton.forms import ContactForms
+from erc_contact.newton.jump_sums import Sums
 from erc_contact.newton.linear.stiffness import Stiffness
 from erc_contact.newton.reactions import Entries, MultiplierMap
 
@@ -47,7 +49,7 @@ class FieldMap:
         affine: Z, shape (size, A + 1), on rank 0; without rows elsewhere.
         columns: For each field that the forms are derived by, the place in z of each
             degree of freedom of this rank, -1 where it has none.
-        passes: The assemblies of the equations.
+        rows: Place in A of each degree of freedom of this rank, -1 where it has none.
         in_equilibrium: Rows of A with the equilibrium, as an index; with a multiplier
             its equations stand in place of that of its nodes.
     """
@@ -82,10 +84,7 @@ class FieldMap:
         if self._map is not None:
             self.columns += self._columns_of_multipliers(self._map)
             together(self._model.comm, self._add_multipliers, self._map, matrix, loads)
-        rows = np.where(place < unknowns, place, -1)
-        self.passes = [Pass(1.0, rows, np.ones(len(rows)))]
-        if forms.test_alike:
-            self.passes.append(self._pass_without_jump(rows))
+        self.rows = np.where(place < unknowns, place, -1)
 
     # -- displacements
 
@@ -126,10 +125,7 @@ class FieldMap:
         columns = []
         for field in self._forms.displacements:
             if field in jumps:
-                dofs = dofs_of(np.unique(jumps[field].trace.here.nodes), model.d)
-                of_jump = np.full(len(place), -1)
-                of_jump[dofs] = place[dofs]
-                columns.append(of_jump)
+                columns.append(self._column_of_jump(field, jumps[field], place))
             elif model.coordinates.is_identity:
                 columns.append(place)
             else:
@@ -144,7 +140,6 @@ class FieldMap:
         """
         model = self._model
         comm = model.comm
-        d = model.d
         is_sum = np.zeros(model.fixed.size, dtype=bool)
         entries = model.coordinates.entries
         is_sum[entries.rows[entries.other != 0]] = True
@@ -161,80 +156,103 @@ class FieldMap:
         values = self._forms.u.x.array[added]
         rows, first = np.unique(np.concatenate(comm.allgather(numbers)), return_index=True)
         all_values = np.concatenate(comm.allgather(values))[first]
-        # T of all ranks, by the rows that are not those of the identity.
-        partners = model.coordinates.partner[entries.rows // d] * d + entries.rows % d
-        of_rank = [model.global_dofs(entries.rows), partners, entries.own, entries.other]
-        table = np.concatenate(comm.allgather(np.column_stack(of_rank)))
-        _, first = np.unique(table[:, 0], return_index=True)
-        together(comm, self._add_sums, rows, all_values, table[first])
+        together(comm, self._add_sums, self._sums(rows), rows, all_values)
 
         column = np.where((read & ~model.fixed).ravel(), place, -1)
         column[added] = self.size + np.searchsorted(rows, numbers)
         self.size += len(rows)
         return column
 
-    def _add_sums(self, rows: np.ndarray, values: np.ndarray, table: np.ndarray) -> None:
-        """Add u at degrees of freedom that are no unknowns to Z, on rank 0.
+    def _sums(self, dofs: np.ndarray) -> Sums:
+        """Return what the displacements that the forms read are sums of; collective.
 
         Args:
-            rows: Their global numbers, ascending, shape (n,).
-            values: Their values for the glued displacement [length], shape (n,).
-            table: Rows of T: number, number of the partner, and the factors of both
-                [-], by ascending number, shape (m, 4).
+            dofs: Their global degrees of freedom, ascending, shape (n,).
+
+        Returns:
+            The sums, by places in `dofs`.
         """
-        if self._stiffness.schur is None:
-            return
-        # Which displacements a row adds up, and with what factors.
-        row, column, factor = np.arange(len(rows)), rows, np.ones(len(rows))
+        model = self._model
+        row, column, factor = np.arange(len(dofs)), dofs, np.ones(len(dofs))
         if self._map is not None and self._map.on_foundations is not None:
-            entries = self._map.on_foundations
-            used = np.isin(entries.rows, rows)
-            row = np.searchsorted(rows, entries.rows[used])
-            column, factor = entries.columns[used], entries.values[used]
-        # Those are sums of unknowns.
+            change = self._map.on_foundations
+            used = np.isin(change.rows, dofs)
+            row = np.searchsorted(dofs, change.rows[used])
+            column, factor = change.columns[used], change.values[used]
+        # T of all ranks, by the rows that are not those of the identity.
+        entries = model.coordinates.entries
+        of_rank = [model.global_dofs(entries.rows), entries.columns, entries.own, entries.other]
+        table = np.concatenate(model.comm.allgather(np.column_stack(of_rank)))
+        _, first = np.unique(table[:, 0], return_index=True)
+        table = table[first]
         place = np.minimum(np.searchsorted(table[:, 0], column), len(table) - 1)
         in_table = table[place, 0] == column
         own = np.where(in_table, table[place, 2], 1.0)
         other = np.where(in_table, table[place, 3], 0.0)
         partner = np.where(in_table, table[place, 1], column)
+        columns = np.concatenate([column, partner])
+        return Sums(np.tile(row, 2), columns, np.concatenate([factor * own, factor * other]))
 
+    def _column_of_jump(
+        self, field: fem.Function, contact: BoundContact, place: np.ndarray
+    ) -> np.ndarray:
+        """Return the places in z of a jump, and add sums to z; collective.
+
+        Args:
+            field: The jump that the forms read.
+            contact: Its contact.
+            place: Place in L of each degree of freedom of this rank, -1 elsewhere.
+        """
+        model = self._model
+        dofs = dofs_of(np.unique(contact.trace.here.nodes), model.d)
+        column = np.full(len(place), -1)
+        column[dofs] = place[dofs]
+        if not model.coordinates.has_joints:
+            return column
+        # J, with its diagonal, at the degrees of freedom where it is not the identity.
+        sums = self._forms.jump_sums.of(contact)
+        dofs = np.unique(sums.rows)
+        numbers = model.global_dofs(dofs)
+        of_rank = [model.global_dofs(sums.rows), sums.columns, sums.values]
+        entries = np.concatenate(model.comm.allgather(np.column_stack(of_rank)))
+        entries = np.unique(entries, axis=0)
+        rows = np.unique(entries[:, 0])
+        all_sums = Sums(
+            np.concatenate([np.searchsorted(rows, entries[:, 0]), np.arange(len(rows))]),
+            np.concatenate([entries[:, 1], rows]),
+            np.concatenate([entries[:, 2], np.ones(len(rows))]),
+        )
+        values = np.column_stack([numbers, field.x.array[dofs]])
+        of_all = np.concatenate(model.comm.allgather(values))
+        _, first = np.unique(of_all[:, 0], return_index=True)
+        together(model.comm, self._add_sums, all_sums, rows, of_all[first, 1])
+
+        column[dofs] = self.size + np.searchsorted(rows, numbers)
+        self.size += len(rows)
+        return column
+
+    def _add_sums(self, sums: Sums, rows: np.ndarray, values: np.ndarray) -> None:
+        """Add fields at degrees of freedom that are no unknowns to Z, on rank 0.
+
+        Args:
+            sums: The sums of unknowns that they are, by places in `rows`.
+            rows: Global numbers of the degrees of freedom, ascending, shape (n,).
+            values: Values of the field for the glued displacement [length], shape (n,).
+        """
+        if self._stiffness.schur is None:
+            return
         numbers = self._stiffness.numbers
         order = np.argsort(numbers)
         _, lift = self._stiffness.reduced(self._unknowns)
         added = np.zeros((len(rows), self._unknowns))
-        for unknown, share in ((column, own), (partner, other)):
-            nearest = np.searchsorted(numbers, unknown, sorter=order)
-            place = order[np.minimum(nearest, len(order) - 1)]
-            # An unknown that a support fixes is not in L, and does not change.
-            is_free = numbers[place] == unknown
-            weight = (factor * share)[is_free, None]
-            np.add.at(added, row[is_free], weight * lift[place[is_free]])
+        nearest = np.searchsorted(numbers, sums.columns, sorter=order)
+        place = order[np.minimum(nearest, len(order) - 1)]
+        # An unknown that a support fixes is not in L, and does not change.
+        is_free = numbers[place] == sums.columns
+        factor = sums.values[is_free, None]
+        np.add.at(added, sums.rows[is_free], factor * lift[place[is_free]])
         constant = values - added @ self._w_A
         self.affine = np.vstack([self.affine, np.column_stack([added, constant])])
-
-    def _pass_without_jump(self, rows: np.ndarray) -> Pass:
-        """Return the assembly for unknowns that move both sides of a contact alike.
-
-        A displacement that is a sum of two unknowns has a force on each of them. The
-        work on the jump belongs to the jump alone.
-
-        Args:
-            rows: Place in u_A of each degree of freedom of this rank, -1 without.
-        """
-        coordinates = self._model.coordinates
-        d = self._model.d
-        entries = coordinates.entries
-        partners = coordinates.partner_here[entries.rows // d]
-        of_partner = rows[partners * d + entries.rows % d]
-        # A swapped component has no force on its own unknown beside that on the jump.
-        is_swapped = entries.own == 0
-        places = np.where(is_swapped, rows[entries.rows], of_partner)
-        factors = np.where(is_swapped, -1.0, entries.other)
-        row_of = np.full(len(rows), -1)
-        row_of[entries.rows] = np.where((factors != 0) & (partners >= 0), places, -1)
-        factor_of = np.zeros(len(rows))
-        factor_of[entries.rows] = factors
-        return Pass(0.0, row_of, factor_of)
 
     # -- multipliers
 

@@ -16,6 +16,7 @@ from erc_contact.mesh.simplex import rule
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.model import Model
 from erc_contact.model.users import linear
+from erc_contact.newton.jump_sums import JumpSums
 from erc_contact.newton.methods import OURS, Method
 
 
@@ -23,7 +24,8 @@ class Pass:
     """Describe one assembly of the equations, of all that a term of them is.
 
     Args:
-        test_jump: Factor of the jump of test functions between bodies [-].
+        tested: Factors of the jumps of test functions between bodies, one for each
+            colour of contacts [-], as :meth:`ContactForms.test`.
         row_of: Place in u_A of the equation of each degree of freedom, -1 without.
         factor_of: Factor of this equation [-].
 
@@ -33,8 +35,10 @@ class Pass:
         factors: Their factors.
     """
 
-    def __init__(self, test_jump: float, row_of: np.ndarray, factor_of: np.ndarray) -> None:
-        self.test_jump = test_jump
+    def __init__(
+        self, tested: tuple[float, ...], row_of: np.ndarray, factor_of: np.ndarray
+    ) -> None:
+        self.tested = tested
         self.row_of = row_of
         self.factor_of = factor_of
         self.rows = np.flatnonzero(row_of >= 0)
@@ -53,8 +57,9 @@ class ContactForms:
         share: Share of the friction bound, a Constant; a solver may raise friction in
             steps.
         gap_share: Share of the gaps, likewise.
-        test_jump: Factor of the jump of test functions between bodies, a Constant: 1,
-            or 0 to test what moves both sides alike.
+        jump_sums: Jumps that are sums of unknowns.
+        test_jumps: Factors of the jumps of test functions between bodies, a Constant
+            for each colour of contacts (:mod:`erc_contact.newton.jump_sums`).
         contacts: The contacts of the model with this share.
         u: Displacement that the forms read [length]; for a method with multiplier its
             nodal values at the contact are the Bernstein coefficients.
@@ -77,12 +82,15 @@ class ContactForms:
         self.method = method
         self.share = compiled.constant(model.mesh, 1.0)
         self.gap_share = compiled.constant(model.mesh, 1.0)
-        self.test_jump = compiled.constant(model.mesh, 1.0)
+        self.jump_sums = JumpSums(model)
+        self.test_jumps = []
+        for _ in range(self.jump_sums.count):
+            self.test_jumps.append(compiled.constant(model.mesh, 1.0))
         self.u = model.function()
         self.jumps: dict[fem.Function, BoundContact] = {}
         self.contacts = []
-        for contact in model.contacts:
-            self.contacts.append(self._of_solver(contact))
+        for contact, colour in zip(model.contacts, self.jump_sums.colours, strict=True):
+            self.contacts.append(self._of_solver(contact, colour))
         self.multipliers: tuple[fem.Function, ...] = ()
         if method.multiplier:
             self.multipliers = tuple(model.function() for _ in model.contacts)
@@ -110,8 +118,8 @@ class ContactForms:
             compiled_status = compiled.expression(expression, points, model.comm)
             self._status_of_facets.append((compiled_status, owned))
 
-    def _of_solver(self, contact: BoundContact) -> BoundContact:
-        """Return a contact as the forms see it, and keep its jump.
+    def _of_solver(self, contact: BoundContact, colour: int) -> BoundContact:
+        """Return a contact of a colour as the forms see it, and keep its jump.
 
         It has the shares of friction and gap and, between bodies, the jump that is
         varied.
@@ -121,8 +129,27 @@ class ContactForms:
             return of_solver
         jump = self.model.function()
         self.jumps[jump] = contact
-        test_jump = None if self.method.multiplier else self.test_jump
+        test_jump = None if self.method.multiplier else self.test_jumps[colour]
         return replace(of_solver, variable=(self.u, jump), test_jump=test_jump)
+
+    @property
+    def all_jumps(self) -> tuple[float, ...]:
+        """Return the factors that test the jumps of all contacts."""
+        return (1.0,) * len(self.test_jumps)
+
+    @property
+    def no_jumps(self) -> tuple[float, ...]:
+        """Return the factors that test what moves both sides of a contact alike."""
+        return (0.0,) * len(self.test_jumps)
+
+    def jumps_of(self, colour: int) -> tuple[float, ...]:
+        """Return the factors that test the jumps of the contacts of one colour."""
+        return tuple(float(k == colour) for k in range(len(self.test_jumps)))
+
+    def test(self, tested: tuple[float, ...]) -> None:
+        """Set the factors of the jumps of test functions, one for each colour [-]."""
+        for constant, factor in zip(self.test_jumps, tested, strict=True):
+            constant.value = factor
 
     @property
     def test_alike(self) -> bool:

@@ -107,24 +107,26 @@ class FullSpace:
         """Assemble the equations of the contacts at the owned unknowns [force]."""
         owned = self.elastic.owned
         values = self._equations.x.array
-        self.forms.test_jump.value = 1.0
-        values[:] = 0.0
-        fem.assemble_vector(values, self.forms.residual)
-        self._equations.x.scatter_reverse(la.InsertMode.add)
-        if not self.forms.test_alike:
+        self._assemble(self.forms.all_jumps)
+        if not self._tangent.moved:
             return values[:owned]
         result = values[:owned].copy()
-        self.forms.test_jump.value = 0.0
-        values[:] = 0.0
-        fem.assemble_vector(values, self.forms.residual)
-        self._equations.x.scatter_reverse(la.InsertMode.add)
-        force, on_others = self.vector(), self.vector()
-        force.array[:] = values[:owned]
-        self.model.coordinates.other_unknowns.mult(force, on_others)
-        result += on_others.array_r
+        force, moved = self.vector(), self.vector()
+        for tested, on_others in self._tangent.moved:
+            self._assemble(tested)
+            force.array[:] = values[:owned]
+            on_others.mult(force, moved)
+            result += moved.array_r
         force.destroy()
-        on_others.destroy()
+        moved.destroy()
         return result
+
+    def _assemble(self, tested: tuple[float, ...]) -> None:
+        """Assemble the equations for factors of tested jumps [force]."""
+        self.forms.test(tested)
+        self._equations.x.array[:] = 0.0
+        fem.assemble_vector(self._equations.x.array, self.forms.residual)
+        self._equations.x.scatter_reverse(la.InsertMode.add)
 
     def prepare(self, snes: PETSc.SNES) -> None:
         """Give SNES the tangent and FGMRES with multigrid."""

@@ -4,7 +4,8 @@ Its contact tractions are those of its reactions: what the elastic equations of 
 package leave at the nodes of the contacts, as for the augmented Lagrangian
 (:mod:`erc_contact.newton.reactions`). Where the displacement solves a contact problem
 on the mesh by elements of the same degree, these are the tractions of that problem,
-whatever contact method it had.
+whatever contact method it had. Where three bodies meet at a point the tractions are
+those of Nitsche's method.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from erc_contact.model.promises import bind
 from erc_contact.newton.arguments import check_arguments
 from erc_contact.newton.linear.multigrid import Multigrid
 from erc_contact.newton.linear.stiffness import Stiffness
-from erc_contact.newton.methods import AugmentedLagrangian
+from erc_contact.newton.methods import AugmentedLagrangian, Nitsche
 from erc_contact.newton.reactions import Reactions
 from erc_contact.newton.solution import Solution
 from erc_contact.newton.solve import large
@@ -80,7 +81,7 @@ def solution_of(
     elastic = Multigrid(model) if large(model) else Stiffness(model)
     solution = Solution(
         model=model,
-        method=AugmentedLagrangian(),
+        method=Nitsche() if model.coordinates.has_joints else AugmentedLagrangian(),
         u=displacement,
         multipliers=_multipliers(model, elastic, displacement),
         newton_steps=0,
@@ -203,7 +204,8 @@ def _nearest(nodes: np.ndarray, points: np.ndarray) -> np.ndarray:
 
 def _multipliers(model: Model, elastic: Any, u: fem.Function) -> tuple[fem.Function, ...]:
     """Return the multipliers of the reactions of a displacement [force/area]."""
-    if not model.contacts:
+    # Where three bodies meet, reactions do not tell tractions: take those of Nitsche.
+    if not model.contacts or model.coordinates.has_joints:
         return ()
     matrix = elastic.stiffness()
     loads = elastic.right_side(elastic.load_vector(), supports=True)

@@ -26,6 +26,7 @@ from itertools import permutations
 import numpy as np
 from petsc4py import PETSc
 
+from erc_contact.base.exceptions import InputError
 from erc_contact.base.sparse import diagonal, sparse, sparse_like
 from erc_contact.mesh.simplex import at_nodes, coefficients
 from erc_contact.model.foundation import BoundContact
@@ -84,6 +85,20 @@ def contact_nodes(model: Model, contact: BoundContact) -> ContactNodes:
     return ContactNodes(numbers, place.reshape(-1, m), area, free)
 
 
+def raise_at_joints(model: Model) -> None:
+    """Raise an error where bodies have more contacts at a point than jumps.
+
+    Raises:
+        InputError: If three or more bodies meet at a point.
+    """
+    if model.coordinates.has_joints:
+        raise InputError(
+            "Three or more bodies meet at a point, or two contacts of the same bodies name them in "
+            "another order: the nodal forces there do not tell the tractions of all contacts, as a "
+            "multiplier needs it. Take method=ec.Nitsche(), or name the same body first in both."
+        )
+
+
 class MultiplierMap:
     """Hold the matrices from nodal forces to multipliers, the same on all ranks.
 
@@ -106,6 +121,7 @@ class MultiplierMap:
     """
 
     def __init__(self, model: Model) -> None:
+        raise_at_joints(model)
         self._d = model.d
         self.contacts = [contact_nodes(model, contact) for contact in model.contacts]
         self.numbers = np.unique(np.concatenate([c.numbers for c in self.contacts]))

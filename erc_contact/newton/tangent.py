@@ -11,6 +11,7 @@ multiplier the hierarchy is that of K with springs (:mod:`erc_contact.newton.spr
 from __future__ import annotations
 
 import numpy as np
+from dolfinx import fem
 from dolfinx.fem import petsc as fp
 from petsc4py import PETSc
 
@@ -18,6 +19,7 @@ from erc_contact.newton.forms import ContactForms
 from erc_contact.newton.linear.krylov import fgmres, set_up
 from erc_contact.newton.linear.multigrid import Multigrid
 from erc_contact.newton.linear.shells import shell
+from erc_contact.newton.moved_forces import moved_forces
 from erc_contact.newton.reactions import Reactions
 from erc_contact.newton.springs import Springs
 
@@ -46,6 +48,7 @@ class Tangent:
 
     Attributes:
         matrix: The tangent, as PETSc wants a matrix.
+        moved: What is added to assembled forces, see :func:`.moved_forces`.
     """
 
     def __init__(
@@ -64,6 +67,8 @@ class Tangent:
         self._reactions = reactions
         self._springs: Springs | None = None
         self._is_identity = self.model.coordinates.is_identity
+        self.moved = moved_forces(forms)
+        self._of_fields = self._maps_of_fields()
         self._fixed: np.ndarray | None = None
         """Rows and columns that are zero, or None."""
 
@@ -85,7 +90,7 @@ class Tangent:
 
     def assemble(self) -> None:
         """Assemble the terms of the contact."""
-        self._assemble_terms(1.0)
+        self._assemble_terms(self.forms.all_jumps)
         if self._springs is not None:
             count = len(self.forms.displacements)
             self._springs.update(self._terms[:count], self._terms[count:])
@@ -97,9 +102,9 @@ class Tangent:
                 self._change.destroy()
             self._change = self._change_of_unknowns()
 
-    def _assemble_terms(self, test_jump: float) -> None:
-        """Assemble the derivatives of the equations, for a factor of tested jumps."""
-        self.forms.test_jump.value = test_jump
+    def _assemble_terms(self, tested: tuple[float, ...]) -> None:
+        """Assemble the derivatives of the equations, for factors of tested jumps."""
+        self.forms.test(tested)
         for term, form in zip(self._terms, self.forms.tangents, strict=True):
             term.zeroEntries()
             fp.assemble_matrix(term, form)
@@ -113,15 +118,14 @@ class Tangent:
         The unknowns are jumps at contacts between bodies, and tested jumps are those of
         one unknown alone.
         """
-        coordinates = self.model.coordinates
         change = self._by_unknowns()
-        if self.forms.test_alike:
-            self._assemble_terms(0.0)
-            alike = self._by_unknowns()
-            on_others = coordinates.other_unknowns.matMult(alike)
-            change.axpy(1.0, on_others, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
-            alike.destroy()
-            on_others.destroy()
+        for tested, on_others in self.moved:
+            self._assemble_terms(tested)
+            of_tested = self._by_unknowns()
+            moved = on_others.matMult(of_tested)
+            change.axpy(1.0, moved, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+            of_tested.destroy()
+            moved.destroy()
         change.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
         first, _ = change.getOwnershipRange()
         fixed = first + np.flatnonzero(self.elastic.fixed)
@@ -132,9 +136,9 @@ class Tangent:
         """Return the derivative of the equations by the unknowns, a new matrix."""
         total: PETSc.Mat | None = None
         for field, term in zip(self.forms.displacements, self._terms, strict=True):
+            by_unknowns = self._of_fields[field]
             # Jumps are unknowns themselves, at the nodes of this side.
-            is_jump = field is not self.forms.u
-            part = term.copy() if is_jump else term.matMult(self.model.coordinates.matrix)
+            part = term.copy() if by_unknowns is None else term.matMult(by_unknowns)
             if total is None:
                 total = part
             else:
@@ -142,6 +146,18 @@ class Tangent:
                 part.destroy()
         assert total is not None
         return total
+
+    def _maps_of_fields(self) -> dict[fem.Function, PETSc.Mat | None]:
+        """Return the maps from unknowns to the fields of the forms, None for I."""
+        model = self.model
+        maps: dict[fem.Function, PETSc.Mat | None] = {self.forms.u: None}
+        if not self._is_identity:
+            maps[self.forms.u] = model.coordinates.matrix
+        for jump, contact in self.forms.jumps.items():
+            maps[jump] = None
+            if model.coordinates.has_joints:
+                maps[jump] = self.forms.jump_sums.matrix(self.forms.jump_sums.of(contact), 1.0)
+        return maps
 
     def mult(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
         """Set y to the scaled tangent times x."""
@@ -212,6 +228,8 @@ class Tangent:
             petsc_object.destroy()
         if self._springs is not None:
             self._springs.free()
+        for _, matrix in self.moved:
+            matrix.destroy()
 
     def _mult_equations(self, reactions: Reactions, x: PETSc.Vec, y: PETSc.Vec) -> None:
         """Replace the rows of A in ``y = K x`` by those of the equations."""

@@ -42,8 +42,9 @@ def contact_layer(model: Model) -> Layer:
         seen[contact.trace.here.nodes] = True
         layer[model.nodes[contact.facets[:, 0]]] = True
     if not coordinates.is_identity:
-        touching = coordinates.with_partners(touching) | jumping
-        layer = coordinates.with_partners(layer)
+        # Where more than two bodies meet, a jump is a sum of unknowns at all nodes.
+        touching = coordinates.with_partners(touching) | jumping | coordinates.is_joint
+        layer = coordinates.with_partners(layer) | coordinates.is_joint
         # A rank may have the cell of a contact facet without the cell that faces it.
         touching, layer = marked_by_any(model, touching, layer)
 

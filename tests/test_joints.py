@@ -1,0 +1,209 @@
+"""Points where three and four bodies meet: known solutions, supports, certified errors.
+
+Properties: a homogeneous stress under which all contacts of the point slip is found and
+certified to round-off, whichever body a contact names first; supports of displacements
+are supports of unknowns, whatever they fix; the error falls with the mesh; what needs
+one contact for each node is told.
+"""
+
+import numpy as np
+import pytest
+from bricks import joint
+from mpi4py import MPI
+from test_bad_input import refused
+from test_two_bodies import vector
+
+import erc_contact as ec
+from erc_contact.model.coordinates import Coordinates
+from erc_contact.model.model import Model
+
+COMM = MPI.COMM_WORLD
+NU = {"a": 0.2, "b": 0.3, "c": 0.25, "d": 0.1}
+SHEAR_MODULUS = 400.0
+PRESSURE, SIDE, SHEAR = 10.0, 8.0, 3.0
+"""The stress has the components -PRESSURE, -SIDE along x, and SHEAR."""
+
+
+def material(count: int) -> ec.Elastic:
+    """Bodies of the same shear modulus with different ratios of Poisson."""
+    nu = {body: NU[body] for body in "abcd"[:count]}
+    return ec.Elastic({body: 2 * SHEAR_MODULUS * (1 + ratio) for body, ratio in nu.items()}, nu)
+
+
+def contacts(order: str, friction: dict[str, float]) -> list[ec.Contact]:
+    """A contact of each pair, with the friction of its first letters."""
+    result = []
+    for pair in order.split():
+        mu = friction.get("".join(sorted(pair)), 0.0)
+        result.append(ec.Contact(pair, against=pair[::-1], friction=mu))
+    return result
+
+
+def rollers(d: int) -> list[ec.Displacement]:
+    """Supports of the front and the back, in 3D."""
+    names = ("front", "back") if d == 3 else ()
+    return [ec.Displacement(name, (None, 0.0, None)) for name in names]
+
+
+SLIP = 0.02
+
+
+def slipping(d: int, order: str) -> tuple[ec.Scene, dict]:
+    """Three bodies in one stress that slip at all contacts, and u of each body.
+
+    All have the same shear modulus, so that contacts stay closed while they slip.
+    """
+    exact = {}
+    for body in "abc":
+        mean = NU[body] * (PRESSURE + SIDE)
+        eps_x = (mean - SIDE) / (2 * SHEAR_MODULUS)
+        eps_y = (mean - PRESSURE) / (2 * SHEAR_MODULUS)
+        move = 0.0 if body == "c" else SLIP
+
+        def u(x, eps_x=eps_x, eps_y=eps_y, move=move):
+            y = x[d - 1] - 1
+            return eps_x * (x[0] - 1) + SHEAR / SHEAR_MODULUS * y + move, eps_y * y
+
+        exact[body] = u
+    supports = []
+    for part, body in (("bottom", "c"), ("top of a", "a"), ("top", "b")):
+        of_body = exact[body]
+        along = lambda x, u=of_body: u(x)[0]  # noqa: E731
+        across = lambda x, u=of_body: u(x)[1]  # noqa: E731
+        supports.append(ec.Displacement(part, vector(d, along, across)))
+    friction = {"ab": SHEAR / SIDE, "ac": SHEAR / PRESSURE, "bc": SHEAR / PRESSURE}
+    loads = [
+        ec.Traction("left", vector(d, SIDE, -SHEAR)),
+        ec.Traction("right", vector(d, -SIDE, SHEAR)),
+    ]
+    return ec.Scene(material(3), supports + rollers(d), loads, contacts(order, friction)), exact
+
+
+def distance(solution: ec.Solution, exact: dict) -> float:
+    """Largest difference of u from the exact one of its body, over the slip; collective."""
+    model = solution.model
+    x = model.V.tabulate_dof_coordinates()
+    u = solution.u.x.array.reshape(-1, model.d)
+    worst = 0.0
+    for body, of_body in exact.items():
+        nodes = np.unique(model.nodes[model.domain.region(body)])
+        along, across = of_body(x[nodes].T)
+        difference = np.column_stack([u[nodes, 0] - along, u[nodes, -1] - across])
+        worst = max(worst, abs(difference).max(initial=0.0))
+    return COMM.allreduce(worst, MPI.MAX) / SLIP
+
+
+# -- solutions
+# ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("d", "degree", "order"),
+    [(2, 1, "ab ac bc"), (2, 2, "ba ac cb"), (2, 1, "ab bc ca"), (3, 1, "ca ba cb")],
+)
+def test_slip_at_all_contacts(d, degree, order):
+    """Both solvers find the solution, and it has no error."""
+    scene, exact = slipping(d, order)
+    for solver in ("direct", "iterative"):
+        solution = ec.solve(scene, joint(d), degree=degree, solver=solver)
+        assert distance(solution, exact) < 1e-8, solver
+        if solver == "direct":
+            assert ec.constitutive_error(ec.equilibrate(solution)).relative < 1e-9
+
+
+def test_four_bodies_and_orders_that_mix():
+    """A pressure without friction is exact, whichever bodies the contacts name first."""
+    loads = [ec.Traction(name, (0.0, -PRESSURE)) for name in ("top", "top of a")]
+    loads.append(ec.Traction("left", (SIDE, 0.0)))
+    supports = [ec.Displacement("bottom", (None, 0.0)), ec.Displacement("right", (0.0, None))]
+    scene = ec.Scene(material(4), supports, loads, contacts("ba ac bd dc", {}))
+    error = ec.constitutive_error(ec.equilibrate(ec.solve(scene, joint(2, 4))))
+    assert error.relative < 1e-9
+
+
+def pushed(friction: float, **options: object) -> ec.Scene:
+    """Bodies a and b, pressed on c and pushed to the right."""
+    supports = [ec.Displacement("bottom", (None, 0.0)), ec.Displacement("top", (None, -0.03))]
+    supports.append(ec.Displacement("right", (0.0, None)))
+    loads = [ec.Traction("left", (SIDE, 0.0)), ec.Traction("top of a", (0.0, -PRESSURE))]
+    law = {"ab": friction, "ac": friction, "bc": friction}
+    return ec.Scene(material(3), supports, loads, contacts("ab ac bc", law), **options)
+
+
+def test_error_falls_and_solvers_agree():
+    """Half the size of cells takes nearly half of e; pushing a takes b along."""
+    scene = pushed(0.4)
+    errors = []
+    for cells in (4, 8, 16):
+        solutions = [
+            ec.solve(scene, joint(2, cells=cells), solver=solver)
+            for solver in ("direct", "iterative")
+        ]
+        direct, iterative = (ec.constitutive_error(ec.equilibrate(u)) for u in solutions)
+        assert iterative.relative == pytest.approx(direct.relative, rel=1e-6)
+        errors.append(direct)
+    assert errors[2].absolute < 0.45 * errors[0].absolute
+    forces = errors[2].solution.reactions()
+    for pair in ("ab", "ac", "bc"):
+        size = np.linalg.norm(forces[pair].force)
+        total = forces[pair].force + forces[pair[::-1]].force
+        assert np.linalg.norm(total) < 1e-9 * size
+    assert forces["ba"].force[0] > 0
+    certificate = ec.certify(scene, errors[2].domain, errors[2].solution.u)
+    assert certificate.error.relative == pytest.approx(errors[2].relative, rel=1e-3)
+
+
+# -- unknowns
+# ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("count", [3, 4])
+def test_supports_are_supports_of_unknowns(count):
+    """Whichever nodes of a joint are fixed, as many unknowns are, and they tell u there."""
+    orders = "ab ac bc" if count == 3 else "ba ac bd dc"
+    pairs = contacts(orders, {})
+    held = [ec.Displacement(name, (0.0, 0.0)) for name in ("bottom", "top", "top of a")]
+    model = Model(ec.Scene(material(count), held, [], pairs), joint(2, count))
+    traces = [contact.trace for contact in model.contacts]
+    rng = np.random.default_rng(count)
+    x = model.V.tabulate_dof_coordinates()[:, :2]
+    at_joint = np.linalg.norm(x - 1.0, axis=1) < 1e-9
+    for _ in range(40):
+        # The same on all ranks: nodes are told apart by the middle of a cell.
+        draw = rng.random((count, 2)) < rng.random()
+        body = body_of_nodes(model, count)
+        fixed = np.zeros((len(x), 2), dtype=bool)
+        fixed[at_joint] = draw[body[at_joint]]
+        u = model.function()
+        nodal = u.x.array.reshape(-1, 2)
+        nodal[at_joint] = rng.random((count, 2))[body[at_joint]]
+        prescribed = model.function()
+        prescribed.x.array[fixed.ravel()] = u.x.array[fixed.ravel()]
+        coordinates = Coordinates(model, traces, fixed, prescribed)
+        unknowns = coordinates.to_x(u)
+        back = coordinates.to_u(unknowns).x.array
+        assert abs(back - u.x.array).max() < 1e-14
+        fixed_x = coordinates.fixed
+        owned = slice(0, model.V.dofmap.index_map.size_local)
+        assert COMM.allreduce(int(fixed_x[owned].sum())) == COMM.allreduce(int(fixed[owned].sum()))
+        # Free unknowns do not move what supports fix.
+        free = model.function()
+        free.x.array[:] = np.where(fixed_x.ravel(), 0.0, 1.0 + unknowns.x.array)
+        moved = coordinates.to_u(free).x.array.reshape(-1, 2)
+        assert abs(moved[fixed]).max(initial=0.0) < 1e-14
+        values = coordinates.prescribed.x.array
+        assert abs(values - unknowns.x.array)[fixed_x.ravel()].max(initial=0.0) < 1e-14
+
+
+def body_of_nodes(model: Model, count: int) -> np.ndarray:
+    """The number of the body of each node of this rank."""
+    body = np.zeros(model.node_count, dtype=int)
+    for number, name in enumerate("abcd"[:count]):
+        body[model.nodes[model.domain.region(name)]] = number
+    return body
+
+
+def test_multipliers_are_refused():
+    """The forces at a joint do not tell the tractions of its contacts."""
+    method = ec.AugmentedLagrangian()
+    refused(lambda: ec.solve(pushed(0.4), joint(2), method), "Three or more", "Nitsche")
