@@ -66,7 +66,10 @@ def glued(
     return _named(d, x, simplices, comm, size)
 
 
-PAIRS = {3: ("ab", "ac", "bc"), 4: ("ab", "ac", "bd", "cd")}
+PAIRS = {
+    3: (("a", "b"), ("a", "c"), ("b", "c")),
+    4: (("a", "b"), ("a", "c"), ("b", "d"), ("c", "d")),
+}
 """Which bodies touch where three or four of them meet."""
 
 

@@ -144,13 +144,15 @@ def random_joint(rng: np.random.Generator) -> Case:
     loads.append(ec.Traction("left", (side, 0.0)))
     loads.append(ec.Traction("right", (-side, 0.0)))
     contacts = []
-    for pair in PAIRS[3]:
+    for first, second in PAIRS[3]:
         friction: Any = {
             "none": 0.0,
             "Tresca": ec.Tresca(float(rng.uniform(0.05, 0.5)) * press * min(E.values())),
             "Coulomb": float(rng.uniform(0.0, 1.0)),
         }[law]
-        one, other = (pair, pair[::-1]) if rng.random() < 0.5 else (pair[::-1], pair)
+        one, other = first + second, second + first
+        if rng.random() < 0.5:
+            one, other = other, one
         contacts.append(ec.Contact(one, against=other, friction=friction))
     degree = int(rng.integers(1, 3))
     scene = ec.Scene(ec.Elastic(E, nu), supports, loads, contacts)

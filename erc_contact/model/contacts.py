@@ -19,8 +19,8 @@ from erc_contact.model.trace import Side, Trace
 from erc_contact.model.values import components, number, parameter
 from erc_contact.scene.contact import Contact
 
-SOFTER = 1.5
-"""Ratio of the mean moduli of two bodies from which the sides are exchanged [-]."""
+SAME_MODULUS = 1e-6
+"""Difference of the mean moduli of two bodies that counts as none, over one of them."""
 FLAT_NORMALS = 1e-8
 """Largest deviation of the facet normals of a contact that counts as flat [-]."""
 
@@ -80,7 +80,9 @@ def _sides(space: Space, contact: Contact, modulus: Ufl) -> tuple[str, Side, Sid
     """Return the part on this side of a contact, and both sides; collective.
 
     Nitsche's method tests the stress on this side. So it is that of the softer body:
-    with the stress of a much stiffer one Newton's method hardly converges.
+    with the stress of a much stiffer one Newton's method hardly converges. Of bodies
+    with the same modulus it is that of the later name. So the order in which the scene
+    names them changes nothing.
     """
     if contact.against is None:
         facets = space.domain.facets(contact.facets)
@@ -88,9 +90,15 @@ def _sides(space: Space, contact: Contact, modulus: Ufl) -> tuple[str, Side, Sid
     facets, facing = space.domain.facing(contact.facets, contact.against)
     here = space.side(facets, modulus)
     there = space.side(facing, modulus)
-    sums = [float(side.owned_areas @ side.modulus) for side in (here, there)]
-    of_here, of_there = space.comm.allreduce(np.array(sums), MPI.SUM)
-    if of_here > SOFTER * of_there:
+    sums = []
+    for side in (here, there):
+        sums.append([side.owned_areas @ side.modulus, side.owned_areas.sum()])
+    sums_of_all = space.comm.allreduce(np.array(sums), MPI.SUM)
+    of_here, of_there = sums_of_all[:, 0] / sums_of_all[:, 1]
+    is_later = contact.against > contact.facets
+    if abs(of_here - of_there) > SAME_MODULUS * of_there:
+        is_later = of_here > of_there
+    if is_later:
         return contact.against, there, here
     return contact.facets, here, there
 
