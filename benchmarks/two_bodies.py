@@ -12,9 +12,10 @@ refines them three times, in space once.
 ``three``: three random bodies that meet at a point, in the plane. There is no
 multiplier at such a point, so the reference is Nitsche's, whose own error counts.
 
-``extreme``: which share of a grid of extreme scenes is solved and certified: friction 0
-to 2, nu to 0.4999, ratios of moduli 1e-6 to 1e6, slender bodies and flat cells, gaps
-and interference, both methods, both orders. What fails is told in words.
+``extreme``, ``extreme_space``: which share of a grid of extreme scenes is solved and
+certified, in the plane and in space: friction 0 to 2, nu to 0.4999, ratios of moduli
+1e-6 to 1e6, slender bodies and flat cells, gaps and interference, both methods, both
+orders. What fails is told in words.
 
     OMP_NUM_THREADS=1 python benchmarks/two_bodies.py [name|all] [seed] [count]
 """
@@ -221,16 +222,26 @@ def compare(
     print(*(violations or ["no true error is above e"]), sep="\n", flush=True)
 
 
-SHAPES: dict[str, tuple[tuple[int, int], tuple[float, float]]] = {
-    "cubes": ((4, 2), (1.0, 1.0)),
-    "slender 1:50": ((2, 12), (50.0, 50.0)),
-    "flat cells 1:100": ((4, 4), (0.02, 0.02)),
+SHAPES: dict[str, tuple[tuple[int, int], tuple[int, int, int], tuple[float, float]]] = {
+    "cubes": ((4, 2), (2, 2, 1), (1.0, 1.0)),
+    "slender 1:50": ((2, 12), (1, 1, 6), (50.0, 50.0)),
+    "flat cells 1:100": ((4, 4), (2, 2, 2), (0.02, 0.02)),
 }
-"""Cells and heights of bricks of width 2."""
+"""Cells in the plane and in space, and heights of bricks of width 2."""
 
 
 def extreme(_seed: int = 0, _count: int = 0) -> None:
-    """Print which share of extreme scenes is solved, and what fails."""
+    """Print which share of extreme scenes in the plane is solved, and what fails."""
+    solve_extremes(2)
+
+
+def extreme_space(_seed: int = 0, _count: int = 0) -> None:
+    """Print the same in space."""
+    solve_extremes(3)
+
+
+def solve_extremes(d: int) -> None:
+    """Solve the grid of extreme scenes of a dimension, and print what fails."""
     grid = product(SHAPES, (0.0, 0.5, 2.0), (0.3, 0.4999), (1e-6, 1.0, 1e6), GAPS, (1, 2))
     solved: Counter[str] = Counter()
     tried: Counter[str] = Counter()
@@ -238,7 +249,7 @@ def extreme(_seed: int = 0, _count: int = 0) -> None:
         for first, method in product(("softer", "stiffer"), METHODS):
             if ratio == 1.0 and first == "stiffer":
                 continue
-            scene, domain = extreme_scene(shape, mu, nu, ratio, gap, first)
+            scene, domain = extreme_scene(d, shape, mu, nu, ratio, gap, first)
             label = f"{type(method).__name__}, {first} first"
             tried[label] += 1
             what = f"{shape}, mu {mu:g}, nu {nu:g}, ratio {ratio:g}, {gap}, degree {degree}"
@@ -261,11 +272,12 @@ GAPS = ("no gap", "parabola", "interference")
 
 
 def extreme_scene(
-    shape: str, mu: float, nu: float, ratio: float, gap: str, first: str
+    d: int, shape: str, mu: float, nu: float, ratio: float, gap: str, first: str
 ) -> tuple[ec.Scene, ec.Domain]:
-    """Make an extreme scene in the plane and its mesh.
+    """Make an extreme scene and its mesh.
 
     Args:
+        d: Dimension.
         shape: One of :data:`SHAPES`.
         mu: Friction coefficient [-].
         nu: Poisson's ratio of both bodies [-].
@@ -273,11 +285,11 @@ def extreme_scene(
         gap: One of :data:`GAPS`.
         first: Which body is named first, "softer" or "stiffer".
     """
-    cells, heights = SHAPES[shape]
-    domain = extreme_bricks(cells, heights)
+    in_plane, in_space, heights = SHAPES[shape]
+    domain = extreme_bricks(d, in_plane if d == 2 else in_space, heights)
     depth = 0.01 * sum(heights)
-    down = ec.Displacement("upper outer", vector(2, 0.3 * depth, depth))
-    held = ec.Displacement("lower outer", (0.0, 0.0))
+    down = ec.Displacement("upper outer", vector(d, 0.3 * depth, depth))
+    held = ec.Displacement("lower outer", (0.0,) * d)
     gaps: dict[str, Any] = {
         "no gap": 0.0,
         "parabola": lambda x: 0.5 * depth * x[0] ** 2,
@@ -291,13 +303,13 @@ def extreme_scene(
 
 
 @cache
-def extreme_bricks(cells: tuple[int, int], heights: tuple[float, float]) -> ec.Domain:
+def extreme_bricks(d: int, cells: tuple[int, ...], heights: tuple[float, float]) -> ec.Domain:
     """Make the bricks of a shape, once."""
-    return bricks(2, cells, heights=heights)
+    return bricks(d, cells, heights=heights)
 
 
 TASKS: dict[str, Callable[..., None]] = {
-    task.__name__: task for task in (plane, space, three, extreme)
+    task.__name__: task for task in (plane, space, three, extreme, extreme_space)
 }
 
 

@@ -52,6 +52,7 @@ from erc_contact.scene.scene import Scene
 from erc_contact.scene.spring import Spring
 from erc_contact.scene.strain import Eigenstrain, GivenStrain, ThermalStrain
 from erc_contact.scene.support import Displacement
+from erc_contact.scene.tied import Tied
 
 __all__ = [
     "Admissible",
@@ -89,6 +90,7 @@ __all__ = [
     "Step",
     "Strategy",
     "ThermalStrain",
+    "Tied",
     "TimeStep",
     "Traction",
     "Tresca",

@@ -141,6 +141,11 @@ def resultant(error: ConstitutiveError | Run, contact: str, direction: Sequence[
     pair = error.admissible
     model = pair.model
     bound = model.contact(contact)
+    if bound in model.ties:
+        raise InputError(
+            f"resultant: {contact!r} is in a tied joint, whose force has no certified bounds; "
+            "force() gives it. Ask for the reaction of a contact."
+        )
     which = model.contacts.index(bound)
     a = np.asarray(direction, dtype=float)
     if a.shape != (model.d,) or not np.isfinite(a).all():

@@ -85,6 +85,16 @@ class Bodies(NamedMesh):
             return ()
         return tuple(interface.names for interface in self.seams.interfaces)
 
+    @property
+    def tied_sides(self) -> list[np.ndarray]:
+        """Return the sides (cell, local facet) of tied joints, shape (n, 2) each."""
+        result: list[np.ndarray] = []
+        if self.seams is not None:
+            for interface in self.seams.interfaces:
+                if interface.tied:
+                    result += self.facing(*interface.names)
+        return result
+
     def facing(self, here: str, there: str) -> tuple[np.ndarray, np.ndarray]:
         """Return the facets of two parts that face each other on this rank.
 

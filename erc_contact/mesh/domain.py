@@ -7,8 +7,8 @@ cells that the rank owns.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
@@ -22,7 +22,7 @@ from erc_contact.mesh.bodies import Bodies, Surface
 from erc_contact.mesh.copies import numbered, same_ranks
 from erc_contact.mesh.refinement import refine
 from erc_contact.mesh.seams import Interface
-from erc_contact.mesh.splitting import Carried, claimed, side_tags
+from erc_contact.mesh.splitting import NO_INTERFACE, Carried, claimed, side_tags
 from erc_contact.mesh.surface import snap
 from erc_contact.mesh.tags import shared
 from erc_contact.mesh.transfer import spread
@@ -171,6 +171,32 @@ class Domain(Bodies):
         whole = Domain(mesh, facet_tags, found.names, cell_tags, self.regions)
         return whole.cut(interfaces) if interfaces else whole
 
+    def tied(self, ties: Sequence[tuple[str, str]]) -> Domain:
+        """Glue pairs of parts and no others, as a scene asks; collective.
+
+        Args:
+            ties: Names of the parts of each :class:`Tied`.
+
+        Raises:
+            InputError: If two parts are no pair of this domain.
+        """
+        interfaces = () if self.seams is None else self.seams.interfaces
+        asked = [frozenset(names) for names in ties]
+        pairs = [frozenset(interface.names) for interface in interfaces]
+        for here, there in ties:
+            if frozenset((here, there)) not in pairs:
+                known = ", ".join(f"{one!r} and {other!r}" for one, other in self.pairs)
+                raise InputError(
+                    f"Tied({here!r}, {there!r}): the parts are no pair; this domain has "
+                    f"{known or 'no pairs'}. Make one by joined, or by split."
+                )
+        wanted = []
+        for interface, pair in zip(interfaces, pairs, strict=True):
+            wanted.append(replace(interface, tied=pair in asked))
+        if self.glued is None or tuple(wanted) == interfaces:
+            return self
+        return self.glued.cut(tuple(wanted))
+
     def cut(self, interfaces: tuple[Interface, ...]) -> Domain:
         """Split the nodes of a glued mesh along all its interfaces; collective.
 
@@ -180,12 +206,16 @@ class Domain(Bodies):
         mesh = self.mesh
         assert self.cell_tags is not None
         interface_of_facet = claimed(mesh, self.facet_tags, self.cell_tags, interfaces)
-        numbers, x = numbered(mesh, interface_of_facet >= 0)
+        tied = [number for number, interface in enumerate(interfaces) if interface.tied]
+        # Facets of tied joints keep their nodes and the tags that they have.
+        cut = np.where(np.isin(interface_of_facet, tied), NO_INTERFACE, interface_of_facet)
+        numbers, x = numbered(mesh, cut != NO_INTERFACE)
         new = partition.distributed(mesh.comm, numbers, x, same_ranks(mesh))
         new.topology.create_connectivity(self.dim, self.dim - 1)
         carried = Carried(mesh, new, numbers)
-        tags = side_tags(mesh, self.facet_tags, self.cell_tags, interfaces, interface_of_facet)
+        tags = side_tags(mesh, self.facet_tags, self.cell_tags, interfaces, cut)
         facet_tags = carried.facet_tags(tags)
+        of_sides = side_tags(mesh, self.facet_tags, self.cell_tags, interfaces, interface_of_facet)
         names = dict(self.names)
         for interface in interfaces:
             names.update(zip(interface.names, interface.tags, strict=True))
@@ -198,7 +228,7 @@ class Domain(Bodies):
             self.geometry,
             carried.marks(self.curved_facets),
             self,
-            carried.seams(interfaces, tags),
+            carried.seams(interfaces, of_sides),
         )
 
     def refined(self, marked: np.ndarray | None = None) -> Domain:

@@ -81,6 +81,9 @@ def last_tag(bodies: Bodies) -> int:
     """Return the greatest tag of the parts and facets of a domain; collective."""
     glued = bodies if bodies.glued is None else bodies.glued
     used = [*bodies.names.values(), *glued.names.values(), *glued.facet_tags.values]
+    if bodies.seams is not None:
+        # Those of tied joints are on no facet.
+        used += [tag for interface in bodies.seams.interfaces for tag in interface.tags]
     return bodies.mesh.comm.allreduce(int(max(used)), MPI.MAX)
 
 

@@ -31,19 +31,22 @@ class Interface:
         regions: Tag of the region on each side, or tags of several.
         on: Tag of the part whose facets are split; None takes all facets between the
             regions.
+        tied: Whether the facets stay glued, of a joint that only keeps its names.
     """
 
     names: tuple[str, str]
     tags: tuple[int, int]
     regions: tuple[Regions, Regions]
     on: int | None
+    tied: bool = False
 
     @classmethod
     def of(cls, plain: Mapping[str, Any]) -> Interface:
         """Make it from plain data, where pairs are lists."""
         here, there = plain["regions"]
         regions = (_tuple_of_list(here), _tuple_of_list(there))
-        return cls(tuple(plain["names"]), tuple(plain["tags"]), regions, plain["on"])
+        tied = plain.get("tied", False)
+        return cls(tuple(plain["names"]), tuple(plain["tags"]), regions, plain["on"], tied)
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,8 +69,11 @@ class Seams:
 
     def __str__(self) -> str:
         """Name the pairs of parts, and how many facets face each other."""
-        pairs = zip(self.interfaces, self.counts, strict=True)
-        return ", ".join(f"{'/'.join(one.names)} of {count} facets" for one, count in pairs)
+        words = []
+        for interface, count in zip(self.interfaces, self.counts, strict=True):
+            kind = " tied" if interface.tied else ""
+            words.append(f"{'/'.join(interface.names)} of {count}{kind} facets")
+        return ", ".join(words)
 
     def between(self, here: str, there: str) -> tuple[np.ndarray, np.ndarray]:
         """Return the sides of two parts that face each other.

@@ -26,6 +26,9 @@ from erc_contact.mesh.seams import Interface, Seams
 from erc_contact.mesh.sides import facets_of_cells, inner_facets
 from erc_contact.mesh.tags import tag_table
 
+NO_INTERFACE = -1
+"""Number that stands for no interface."""
+
 
 def claimed(
     mesh: dmesh.Mesh,
@@ -35,8 +38,8 @@ def claimed(
 ) -> np.ndarray:
     """Return the number of the interface of each facet on this rank; collective.
 
-    It is -1 for none, and for facets of which one cell only is on this rank. A facet
-    that several interfaces claim belongs to the first of them.
+    It is :data:`NO_INTERFACE` for none, and for facets of which one cell only is on
+    this rank. A facet that several interfaces claim belongs to the first of them.
 
     Args:
         mesh: The glued mesh.
@@ -50,7 +53,7 @@ def claimed(
     tags = tag_table(facet_tags)
     facets, cells = inner_facets(mesh)
     beside = tag_table(cell_tags)[cells]
-    result = np.full(len(tags), -1)
+    result = np.full(len(tags), NO_INTERFACE)
     for number, interface in enumerate(interfaces):
         on_first = np.isin(beside, interface.regions[0])
         on_second = np.isin(beside, interface.regions[1])

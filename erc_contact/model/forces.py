@@ -26,6 +26,7 @@ from erc_contact.mesh.simplex import in_space, lagrange, rule
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.model import Model
+from erc_contact.model.ties import Claim, tie_forces
 from erc_contact.scene.scene import BALANCE, BODY_FORCE, TRACTIONS
 
 
@@ -75,14 +76,18 @@ def by_cause(
             has such loads.
 
     Returns:
-        The forces of supports, springs and contacts by the names of their parts, with
-        the loads on these. "tractions" is the force of all others, and "body force"
-        that of the loads in the body, where the scene has them. "balance" is the sum of
-        all, which is zero up to round-off.
+        The forces of supports, springs, contacts and ties by the names of their parts,
+        with the loads on these. "tractions" is the force of all others, and "body
+        force" that of the loads in the body, where the scene has them. "balance" is the
+        sum of all, which is zero up to round-off.
     """
     supports = [support.facets for support in model.scene.supports]
     supports += [spring.facets for spring in model.scene.springs]
-    contacts = [name for contact in model.scene.contacts for name in contact.sides]
+    contacts: list[str] = []
+    for contact in model.scene.contacts:
+        contacts += contact.sides
+    for tie in model.scene.ties:
+        contacts += tie.sides
     # A part may have several supports: each name counts once.
     reacting = dict.fromkeys(supports + contacts)
     result = {name: force(name) for name in reacting}
@@ -104,7 +109,7 @@ def _sum(forces: list[Force]) -> Force:
 def nodal_reactions(
     model: Model, u: fem.Function, traction: Callable[[BoundContact], Ufl], *, in_layer: bool
 ) -> dict[str, np.ndarray]:
-    """Compute the nodal forces of each support, spring and contact; collective.
+    """Compute the nodal forces of supports, springs, contacts and ties; collective.
 
     A contact first gets the integrals of its traction against the basis functions of
     its nodes. The rest of the residual goes to the supports that fix the component at
@@ -123,7 +128,12 @@ def nodal_reactions(
         are not complete.
     """
     v = ufl.TestFunction(model.V)
-    residual = _assembled(model, model.stiffness(u, v)) - _assembled(model, model.right_side(v))
+
+    def residual_of(v: Ufl) -> np.ndarray:
+        loads = _assembled(model, model.right_side(v))
+        return _assembled(model, model.stiffness(u, v)) - loads
+
+    residual = residual_of(v)
     forces = {}
     claims = {}
     for contact in model.contacts:
@@ -148,7 +158,24 @@ def nodal_reactions(
         reactions[spring.name] = -_assembled(model, spring.work(u, v))
     for name, claim in claims.items():
         reactions[name] = forces.get(name, 0.0) + np.where(claim, share, 0.0)
+    for tie in model.ties:
+        assert tie.against is not None
+        reactions[tie.name] = tie_forces(model, tie, residual_of, _shared(model, in_layer))
+        reactions[tie.against] = -reactions[tie.name]
     return reactions
+
+
+def _shared(model: Model, in_layer: bool) -> list[Claim]:
+    """Return cells and nodes on which supports and contacts act."""
+    result = []
+    for facets, _ in model.fixed_facets:
+        result.append((facets[:, 0], model.facet_nodes(facets)))
+    for contact in model.contacts:
+        cells = contact.facets[:, 0]
+        result.append((cells, model.nodes[cells] if in_layer else contact.trace.here.nodes))
+        if contact.trace.there is not None:
+            result.append((contact.trace.there.facets[:, 0], contact.trace.partners))
+    return result
 
 
 def _claim(model: Model, nodes: np.ndarray) -> np.ndarray:
@@ -170,6 +197,8 @@ def part_force(model: Model, part: str, nodal: dict[str, np.ndarray]) -> Force:
     Raises:
         InputError: If no boundary part has this name.
     """
+    if any(part in tie.side_names for tie in model.ties):
+        return _of_nodes(model, nodal[part])
     model.domain.tag(part)
     loads = _assembled(model, model.loads(ufl.TestFunction(model.V), on=[part]))
     return _of_nodes(model, loads + nodal.get(part, 0.0))

@@ -27,6 +27,7 @@ from erc_contact.model.springs import bind_springs
 from erc_contact.model.strains import bind_strains
 from erc_contact.model.supports import bind_supports
 from erc_contact.model.symbolic import has_arguments, varies_in_cells
+from erc_contact.model.ties import bind_tie
 from erc_contact.model.users import try_material
 from erc_contact.model.values import DATA_DEGREE, moduli
 from erc_contact.scene.material import Elastic, strain
@@ -40,7 +41,7 @@ class Model(Space):
 
     Args:
         scene: The scene.
-        domain: The mesh with names.
+        domain: The mesh with names. Its tied joints become those of the scene.
         degree: Degree k of the displacement, 1 or 2.
         last: The last step of a history, after which friction counts the tangential
             displacement; None without.
@@ -58,6 +59,7 @@ class Model(Space):
         fixed_facets: Facets (cell, local facet) and prescribed components of each
             support.
         contacts: The scene's contacts.
+        ties: The scene's tied joints.
         coordinates: The solver's unknowns: jumps at contacts between bodies.
         free_motions: Rigid motions that no support holds, Functions of V, see
             :func:`free_motions`.
@@ -73,7 +75,7 @@ class Model(Space):
     def __init__(
         self, scene: Scene, domain: Domain, degree: int = 1, last: LastStep | None = None
     ) -> None:
-        super().__init__(domain, degree)
+        super().__init__(domain.tied([tie.sides for tie in scene.ties]), degree)
         self.scene = scene
         check_dimension(scene, self.d)
         self.parameters = moduli(self, scene.material)
@@ -90,6 +92,7 @@ class Model(Space):
         self.contacts = []
         for contact in scene.contacts:
             self.contacts.append(bind_contact(self, contact, self.modulus, last))
+        self.ties = [bind_tie(self, tie, self.modulus) for tie in scene.ties]
         traces = [contact.trace for contact in self.contacts]
         self.coordinates = Coordinates(self, traces, self.fixed, self.prescribed)
         self.free_motions = free_motions(self, self.fixed, self.springs, self.contacts)
@@ -216,16 +219,15 @@ class Model(Space):
     # -- data on contacts
 
     def contact(self, name: str) -> BoundContact:
-        """Return the contact of a name; each of two bodies has one.
+        """Return the contact or tied joint of a name; each of two bodies has one.
 
         Raises:
             InputError: If no contact has this name.
         """
         contacts = {}
-        for contact in self.contacts:
-            for side in (contact.name, contact.against):
-                if side is not None:
-                    contacts[side] = contact
+        for contact in (*self.contacts, *self.ties):
+            contacts.update(dict.fromkeys(contact.side_names, contact))
+        contacts.pop(None, None)
         if name not in contacts:
             names = ", ".join(sorted(contacts)) or "none"
             raise InputError(f"No contact is called {name!r}; this scene has {names}.")
@@ -257,9 +259,9 @@ class Model(Space):
         """Return a contact with its data as Functions; collective.
 
         It is for quadrature at the nodes. So the forms do not contain the callables of
-        the user. The nodal values of the
-        Functions are the values of the friction parameters, and the Bernstein
-        coefficients of the gap and of the displacement of the last step.
+        the user. The nodal values of the Functions are the values of the friction
+        parameters, and the Bernstein coefficients of the gap and of the displacement of
+        the last step.
         """
         gap = contact.gap
         friction = contact.friction

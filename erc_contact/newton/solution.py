@@ -7,6 +7,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+import ufl
 from dolfinx import fem
 from mpi4py import MPI
 
@@ -20,7 +21,13 @@ from erc_contact.model.foundation import BoundContact
 from erc_contact.model.maximum import Maximum, greatest
 from erc_contact.model.model import Model
 from erc_contact.model.points import at_points, elastic_stress_at
-from erc_contact.model.profile import facet_status, greatest_pressure, profile_points, profile_table
+from erc_contact.model.profile import (
+    STICK,
+    facet_status,
+    greatest_pressure,
+    profile_points,
+    profile_table,
+)
 from erc_contact.model.stress import stress_in_space, von_mises
 from erc_contact.model.trace import split
 from erc_contact.newton.linear.solver import ElasticSolver
@@ -204,8 +211,12 @@ class Solution:
         pressure = -r_n
         parameters = model.friction_parameters(where, points)
         bound = where.friction_bound(np.maximum(pressure, 0.0), parameters)
-        most = greatest_pressure(model, pressure)
-        status = facet_status(where, pressure, shear, bound, most)
+        if where in model.ties:
+            bound = np.full_like(pressure, np.inf)
+            status = np.full(len(pressure), STICK)
+        else:
+            most = greatest_pressure(model, pressure)
+            status = facet_status(where, pressure, shear, bound, most)
         return profile_table(model, where, self.u, r, bound, status)
 
     def maximum(self, quantity: str) -> Maximum:
@@ -247,8 +258,9 @@ class Solution:
     def traction(self, contact: str | BoundContact) -> Ufl:
         """Return the traction of the method on a contact [force/area], UFL, shape (d,).
 
-        Between two bodies it is that on the softer one, for integrals over its part,
-        which is the first of ``model.contact(name).side_names``.
+        On a tied joint it is that of the elastic stress of the first part. Between two
+        bodies it is that on the softer one, for integrals over its part, which is the
+        first of ``model.contact(name).side_names``.
 
         Args:
             contact: Its name, or the contact of the model.
@@ -258,6 +270,8 @@ class Solution:
         """
         if isinstance(contact, str):
             contact = self.model.contact(contact)
+        if contact in self.model.ties:
+            return ufl.dot(self.model.stress(self.u), contact.normal)
         place = self.model.contacts.index(contact)
         multiplier = self.multipliers[place] if self.multipliers else None
         return self.method.traction(self.model, contact, self.u, multiplier)

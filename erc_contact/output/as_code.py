@@ -20,7 +20,7 @@ def run_as_code(scene: Scene, domain: Domain, arguments: Mapping[str, Any]) -> s
         arguments: The other arguments of :func:`erc_contact.adapt` by their names.
     """
     lines = [f"    material={code_of(scene.material)},"]
-    for name in ("supports", "loads", "contacts", "strains", "springs"):
+    for name in ("supports", "loads", "contacts", "strains", "springs", "ties"):
         entries = [f"        {code_of(entry)}," for entry in getattr(scene, name)]
         if entries:
             lines += [f"    {name}=[", *entries, "    ],"]

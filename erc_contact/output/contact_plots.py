@@ -30,7 +30,7 @@ from erc_contact.output.drawing import (
 )
 from erc_contact.output.files import PARTS, subdivided
 from erc_contact.output.gathered import AXIS, Surface, whole_contact
-from erc_contact.results.profile import contact_status
+from erc_contact.results.profile import contact_of, contact_status
 
 PRESSURE, SHEAR = "#0072B2", "#D55E00"
 """Colours of the curves of pressure and shear."""
@@ -78,13 +78,13 @@ def plot_contact(result: Any, name: str, path: str | Path | None = None, *, ax: 
     """
     admissible = pair_of(result)
     model = admissible.model
-    names = [traction.contact.name for traction in admissible.tractions]
+    names = [joint.name for joint in (*model.contacts, *model.ties)]
     if name not in names:
         raise InputError(
             f"plot_contact: no contact is called {name!r}; the scene has "
             f"{', '.join(names) or 'none'}."
         )
-    surface = whole_contact(admissible, admissible.tractions[names.index(name)])
+    surface = whole_contact(admissible, contact_of(admissible, name))
     # Only rank 0 knows all facets, and all ranks raise.
     has_facets = model.comm.bcast(surface is not None and len(surface.x))
     if not has_facets:
@@ -111,9 +111,12 @@ def contact_curves(surface: Surface, ax: Any = None) -> Any:
     else:
         axes = panels_of(ax, 1, "plot_contact in 2D")[0]
     _draw_strips(axes, s, status)
-    bound = line.path(line.curve(traction.friction_bound))
-    look = {"fc": "0.35", "ec": "none", "alpha": 0.25}
-    axes.fill_between(line.abscissa, -bound, bound, label="friction bound", **look)
+    limited = bool(np.isfinite(traction.friction_bound).all())
+    # A tied joint has no bound.
+    if limited:
+        bound = line.path(line.curve(traction.friction_bound))
+        look = {"fc": "0.35", "ec": "none", "alpha": 0.25}
+        axes.fill_between(line.abscissa, -bound, bound, label="friction bound", **look)
     t = np.column_stack([-n[:, 1], n[:, 0]])
     direction = words(t[0]) if np.allclose(t, t[0]) else "$(-n_2, n_1)$"
     pressure = -traction.normal_component
@@ -129,7 +132,7 @@ def contact_curves(surface: Surface, ax: Any = None) -> Any:
         of_pair = f" of {traction.contact.against}\non {traction.contact.name}"
     axes.set(xlabel=label, ylabel=f"traction{of_pair} [force/area]")
     axes.set_xlim(np.clip(around, s.min(), s.max()))
-    greatest = np.maximum(pressure, traction.friction_bound).max(axis=1)
+    greatest = np.maximum(pressure, traction.friction_bound if limited else abs(shear)).max(axis=1)
     _keep_peaks(axes, weighted_level(greatest, traction.area, 0.9), float(greatest.max()))
     _write_legend(axes, status, surface.degree)
     return axes

@@ -192,10 +192,14 @@ def _facing(error: Any) -> dict[str, str]:
     """
     facing = {}
     if isinstance(error, ConstitutiveError):
-        for contact in error.solution.scene.contacts:
+        scene = error.solution.scene
+        for contact in scene.contacts:
             if contact.against is not None:
                 facing[contact.facets] = contact.against
                 facing[contact.against] = contact.facets
+        for tie in scene.ties:
+            facing[tie.facets] = tie.against
+            facing[tie.against] = tie.facets
     return facing
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from erc_contact.admissible.pair import Admissible, pair_of
 from erc_contact.mesh.simplex import bernstein, coefficients, facet_vertices, mass, nodes
 from erc_contact.model.forces import Force, by_cause, total_force
+from erc_contact.model.model import Model
 
 
 def force(result: Any, part: str) -> Force:
@@ -20,7 +21,7 @@ def force(result: Any, part: str) -> Force:
 
     On a contact it is the force of the foundation on the body. On a support it is the
     reaction, together with the loads on the components that the support leaves free. On
-    other parts it is the load.
+    a part of a tied joint it is the force of the other body, on other parts the load.
 
     Args:
         result: An admissible pair, an error, or a history.
@@ -34,15 +35,27 @@ def force(result: Any, part: str) -> Force:
     cells = pair.cell_geometry
     d = model.d
     k = model.degree
-    facets = model.facet_numbers(model.domain.owned_facets(part))
+    sides = _owned_sides(model, part)
+    facets = model.facet_numbers(sides)
     cell, local = np.divmod(cells.side[0][facets], d + 1)
+    # Inside the body, the tractions are those on the first cell of a facet.
+    sign = np.where(cell == sides[:, 0], 1.0, -1.0)
     corners = np.take_along_axis(cells.vertices[cell], facet_vertices(d)[local], axis=1)
     # The moments against hat functions are forces at the corners, with the resultant
     # and the moment of the tractions. They follow from those against Bernstein
     # polynomials.
     hats = bernstein(d - 1, 1, nodes(d - 1, k)).T @ coefficients(d - 1, k).T
-    forces = np.matmul(hats, pair.facet_moments[facets])
+    forces = np.matmul(hats, sign[:, None, None] * pair.facet_moments[facets])
     return total_force(model, corners.ravel(), forces.reshape(-1, d))
+
+
+def _owned_sides(model: Model, part: str) -> np.ndarray:
+    """Return the sides (cell, local facet) of a part in owned cells, shape (n, 2)."""
+    for tie in model.ties:
+        for name, side in zip(tie.side_names, (tie.trace.here, tie.trace.there), strict=True):
+            if name == part and side is not None:
+                return side.facets[side.owned]
+    return model.domain.owned_facets(part)
 
 
 def reactions(result: Any) -> dict[str, Force]:

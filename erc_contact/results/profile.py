@@ -9,11 +9,19 @@ from typing import Any
 
 import numpy as np
 
+from erc_contact.admissible.cells import tractions_of
 from erc_contact.admissible.pair import Admissible, pair_of
 from erc_contact.admissible.sampled import MARGIN
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.mesh.simplex import bernstein
-from erc_contact.model.profile import facet_status, greatest_pressure, profile_points, profile_table
+from erc_contact.model.foundation import BoundContact
+from erc_contact.model.profile import (
+    STICK,
+    facet_status,
+    greatest_pressure,
+    profile_points,
+    profile_table,
+)
 
 
 def contact_of(pair: Admissible, name: str) -> ContactTraction:
@@ -23,7 +31,23 @@ def contact_of(pair: Admissible, name: str) -> ContactTraction:
         InputError: If no contact has this name.
     """
     model = pair.model
-    return pair.tractions[model.contacts.index(model.contact(name))]
+    contact = model.contact(name)
+    if contact in model.ties:
+        return traction_through(pair, contact)
+    return pair.tractions[model.contacts.index(contact)]
+
+
+def traction_through(pair: Admissible, tie: BoundContact) -> ContactTraction:
+    """Return the traction of sigma^ on the first side of a tied joint."""
+    model = pair.model
+    here = tie.trace.here
+    cells = pair.cell_geometry
+    first = cells.side[0][model.facet_numbers(here.facets)] // (model.d + 1)
+    sign = np.where(first == here.facets[:, 0], 1.0, -1.0)
+    values = sign[:, None, None] * tractions_of(model, pair.facet_moments, here.facets)
+    # A tied joint carries any shear.
+    bound = np.full(values.shape[:2], np.inf)
+    return ContactTraction(tie, here.nodes, here.areas, values, bound)
 
 
 def profile(result: Any, name: str) -> np.ndarray:
@@ -49,7 +73,10 @@ def profile(result: Any, name: str) -> np.ndarray:
     peak = greatest_pressure(model, -traction.normal_component)
     status = contact_status(traction, peak)
     r = np.matmul(shape, traction.values)
-    bound = traction.friction_bound @ shape.T
+    if traction.contact in model.ties:
+        bound = np.full(r.shape[:2], np.inf)
+    else:
+        bound = traction.friction_bound @ shape.T
     return profile_table(model, traction.contact, pair.displacement, r, bound, status)
 
 
@@ -73,5 +100,7 @@ def contact_status(traction: ContactTraction, peak: float | None = None) -> np.n
     """
     pressure = -traction.normal_component
     shear = np.linalg.norm(traction.tangential_part, axis=-1)
+    if np.isinf(traction.friction_bound).all():
+        return np.full(len(pressure), STICK)
     largest = pressure.max(initial=0.0) if peak is None else peak
     return facet_status(traction.contact, pressure, shear, traction.friction_bound, largest, MARGIN)

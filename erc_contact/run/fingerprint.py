@@ -66,7 +66,7 @@ def fingerprint(scene: Scene, domain: Domain, numbers: Mapping[str, Any]) -> Fin
     n = ufl.FacetNormal(symbols)
     entries = list(_of_object("material", scene.material, x))
     entries += _formulas("material", scene.material, x, domain.dim)
-    for name in ("supports", "loads", "contacts", "strains", "springs"):
+    for name in ("supports", "loads", "contacts", "strains", "springs", "ties"):
         for number, part in enumerate(getattr(scene, name)):
             entries += _of_object(f"{name}[{number}]", part, x)
     for number, load in enumerate(scene.loads):

@@ -194,11 +194,11 @@ class History(RunResult):
     def _save(self, folder: Path, *, pictures: bool) -> None:
         """Write the files to a folder that exists; collective."""
         comm = self.best.domain.mesh.comm
-        tractions = self.best.admissible.tractions
+        model = self.best.model
         forces = self.reactions()
         self._save_table(folder, forces)
-        for traction in tractions:
-            name = traction.contact.name
+        for joint in (*model.contacts, *model.ties):
+            name = joint.name
             _write_profile(comm, self.profile(name), folder / f"contact_{name}.csv")
         at(comm, "fields")
         write_fields(self.best, folder)
@@ -206,7 +206,7 @@ class History(RunResult):
         arguments = {"accuracy": self.accuracy, **self.settings}
         code = run_as_code(self.solution.scene, self.meshes[0][0], arguments)
         # pressure and shear exist on a contact alone
-        quantities = PEAKS if tractions else ["von Mises"]
+        quantities = PEAKS if model.contacts else ["von Mises"]
         maxima = {name: self.maximum(name) for name in quantities}
         claims = [*verdict(self.best), *of_maxima(maxima)]
         self._write_report(folder, drawn, claims=claims, forces=forces, code=code)
@@ -255,13 +255,14 @@ class History(RunResult):
             at(comm, "deformed body")
             draw_deformed(self.best, folder / "deformed.png")
             drawn["deformed.png"] = "The deformed body."
-        for traction in self.best.admissible.tractions:
-            name = traction.contact.name
+        model = self.best.model
+        for joint in (*model.contacts, *model.ties):
+            name = joint.name
+            kind = "tied joint" if joint in model.ties else "contact"
             if np.any(self.profile(name)["status"] != OPEN):
                 at(comm, f"contact {name}")
                 plot_contact(self.best.admissible, name, folder / f"contact_{name}.png")
-                title = traction.contact.title
-                words = f"Traction on the contact {title}, of the admissible stress."
+                words = f"Traction on the {kind} {joint.title}, of the admissible stress."
                 drawn[f"contact_{name}.png"] = words
         return drawn
 

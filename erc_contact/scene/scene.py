@@ -21,6 +21,7 @@ from erc_contact.scene.material import Material
 from erc_contact.scene.spring import Spring
 from erc_contact.scene.strain import GivenStrain
 from erc_contact.scene.support import Displacement
+from erc_contact.scene.tied import Tied
 from erc_contact.scene.words import in_words
 
 MATERIAL_MEMBERS = ("parameters", "check", "stress", "compliance", "modulus")
@@ -44,8 +45,9 @@ class Scene:
         contacts: Contacts with rigid foundations, or between bodies.
         strains: Strains of heat and others that no stress causes; they add up.
         springs: Springs on boundary parts.
+        ties: Joints of bodies that are glued to each other.
 
-    A single support, load, contact, strain or spring needs no list around it.
+    A single support, load, contact, strain, spring or tie needs no list around it.
 
     Raises:
         InputError: If a boundary part is in two conditions that conflict, or an entry
@@ -66,6 +68,7 @@ class Scene:
     contacts: Sequence[Contact] = ()
     strains: Sequence[GivenStrain] = ()
     springs: Sequence[Spring] = ()
+    ties: Sequence[Tied] = ()
 
     def __post_init__(self) -> None:
         """Check the entries and their names, and make tuples of them."""
@@ -85,10 +88,13 @@ class Scene:
         strains_or_own = f"{strains}, and objects with {', '.join(STRAIN_MEMBERS)}"
         self._check_entries("strains", _is_strain, strains, strains_or_own)
         self._check_entries("springs", _is_spring, "Spring", "Spring")
+        self._check_entries("ties", _is_tie, "Tied", "Tied")
         parts = [support.facets for support in self.supports]
         parts += [spring.facets for spring in self.springs]
         for contact in self.contacts:
             parts += contact.sides
+        for tie in self.ties:
+            parts += tie.sides
         for part in parts:
             if part in CAUSES:
                 raise InputError(
@@ -147,11 +153,29 @@ class Scene:
                         f"{facets!r} is in a Contact and in a {type(entry).__name__}; a boundary"
                         " part can be in one of them."
                     )
+        self._check_ties()
         self._check_springs()
         for load in self.loads:
             if load.facets is not None:
                 self._check_load_on_support(load, fixed)
         self._check_dimensions()
+
+    def _check_ties(self) -> None:
+        """Check that both parts of each tied joint are in no other condition."""
+        ties: Counter[str] = Counter()
+        for tie in self.ties:
+            ties.update(tie.sides)
+        for facets, times in ties.items():
+            if times > 1:
+                raise InputError(f"{facets!r} is in {times} tied joints; keep one of them.")
+        others: list[Any] = [*self.supports, *self.loads, *self.springs, *self.contacts]
+        for entry in others:
+            for part in getattr(entry, "sides", (entry.facets,)):
+                if part in ties:
+                    raise InputError(
+                        f"{part!r} is in a Tied and in a {type(entry).__name__}; the parts of a"
+                        " tied joint can be in nothing else."
+                    )
 
     def _check_springs(self) -> None:
         """Check that each spring is alone on its boundary part, but for loads."""
@@ -233,6 +257,11 @@ def _is_load(entry: Any) -> bool:
 def _is_spring(entry: Any) -> bool:
     """Tell whether an entry is a spring."""
     return isinstance(entry, Spring)
+
+
+def _is_tie(entry: Any) -> bool:
+    """Tell whether an entry is a tied joint."""
+    return isinstance(entry, Tied)
 
 
 def _is_strain(entry: Any) -> bool:

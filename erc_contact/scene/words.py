@@ -30,6 +30,8 @@ def in_words(scene: Any) -> list[tuple[str, str]]:
     for contact in scene.contacts:
         part = contact_in_words(contact.facets, contact.against)
         rows.append((part, _contact(contact)))
+    for tie in scene.ties:
+        rows.append((contact_in_words(tie.facets, tie.against), "tied"))
     return rows
 
 

@@ -1,0 +1,103 @@
+"""Tied joints: parts of two bodies that a scene glues.
+
+Properties: the error is that of the mesh in one piece; the force through the joint
+balances what acts on either body, and is opposite on both; its traction has it as its
+resultant; checkpoints, refinement and contacts beside it keep the joint.
+"""
+
+import pytest
+from bricks import NAMES, bricks, glued
+from mpi4py import MPI
+from test_bad_input import refused
+from test_joined import joined
+from test_two_bodies import certified, vector
+
+import erc_contact as ec
+
+COMM = MPI.COMM_WORLD
+CELLS = {2: (4, 2), 3: (2, 2, 1)}
+TIE = ec.Tied(*NAMES)
+MATERIAL = ec.Elastic({"upper": 1.0, "lower": 300.0}, {"upper": 0.3, "lower": 0.2})
+
+
+def scene(d, ties=TIE):
+    """Two glued bricks, pressed and pushed on a foundation with friction."""
+    top = ec.Displacement("upper outer", vector(d, 0.02, -0.05))
+    side = ec.Traction("upper left", vector(d, 0.01, 0.003))
+    contact = ec.Contact("lower outer", friction=0.4)
+    return ec.Scene(MATERIAL, [top], [side], [contact], ties=ties)
+
+
+@pytest.mark.parametrize("d", [2, 3])
+@pytest.mark.parametrize("degree", [1, 2])
+def test_error_is_that_of_one_body(d, degree):
+    """And the force is that on either body, by u and by sigma^."""
+    for solver in ("direct", "iterative"):
+        whole = certified(scene(d, ()), glued(d, CELLS[d]), degree=degree, solver=solver)
+        error = certified(scene(d), bricks(d, CELLS[d]), degree=degree, solver=solver)
+        assert error.absolute == pytest.approx(whole.absolute, rel=1e-9)
+        assert error.relative == pytest.approx(whole.relative, rel=1e-9)
+        for result in (error, error.solution):
+            reactions = result.reactions()
+            size = abs(reactions["upper outer"].force).max()
+            for quantity in ("force", "moment"):
+                here, there, top, bottom, loads, rest = (
+                    getattr(reactions[name], quantity)
+                    for name in (*NAMES, "upper outer", "lower outer", "tractions", "balance")
+                )
+                assert abs(here + there).max() < 1e-12 * size
+                assert abs(here + top + loads).max() < 1e-8 * size
+                assert abs(there + bottom).max() < 1e-8 * size
+                assert abs(rest).max() < 1e-8 * size
+            profile = result.profile(NAMES[0])
+            assert set(profile["status"]) == {2}
+            assert abs(profile["gap"]).max() == abs(profile["slip"]).max() == 0.0
+            if result is error:
+                pressure = reactions[NAMES[0]].force[-1]
+                assert (profile["weight"] * profile["pressure"]).sum() == pytest.approx(pressure)
+
+
+def test_joint_with_a_support_at_its_edge():
+    """A node that a support has, too: the support is that of one body, or of both."""
+    left = [ec.Displacement(f"{body} left", (0.0, 0.0)) for body in ("upper", "lower")]
+    load = ec.Traction("upper outer", (0.003, -0.01))
+    for supports in (left[:1], left[1:], left):
+        error = certified(ec.Scene(MATERIAL, supports, [load], ties=TIE), bricks(2, CELLS[2]))
+        for result in (error, error.solution):
+            reactions = result.reactions()
+            assert abs(reactions["balance"].force).max() < 1e-10
+            on_upper = [reactions[name] for name in reactions if name.startswith("upper")]
+            total = sum((force.force for force in on_upper), reactions["tractions"].force)
+            if result is error or len(supports) == 1:
+                assert abs(total).max() < 1e-10
+
+
+def test_tie_beside_a_contact_in_a_run(shared_tmp_path):
+    """Sides that did not match; the run refines them, and goes on from its folder."""
+    domain = joined("overhang")[1]
+    pair = domain.pairs[0]
+    bottom = ec.Displacement("lower bottom", (0.0, 0.0))
+    tied = ec.Scene(
+        MATERIAL, [bottom], [ec.Traction("upper top", (0.1, -0.2))], ties=ec.Tied(*pair[::-1])
+    )
+    runs = [ec.adapt(tied, domain, 1e-3, max_steps=n, checkpoint=shared_tmp_path) for n in (2, 3)]
+    runs.append(ec.adapt(tied, domain, 1e-3, max_steps=3))
+    assert runs[1].column("eps") == pytest.approx(runs[2].column("eps"), rel=1e-10)
+    runs[2].save(shared_tmp_path / "saved", pictures=False)
+    assert (shared_tmp_path / "saved" / f"contact_{pair[1]}.csv").exists()
+    assert f"{pair[0]} (internal" in (shared_tmp_path / "saved" / "report.html").read_text()
+    for run in runs:
+        force = run.force("upper bottom").force
+        assert force == pytest.approx((-0.2, 0.4))
+        assert run.force("lower top").force == pytest.approx(-force)
+        assert "tied" in repr(run.error.domain)
+
+
+def test_wrong_ties():
+    refused(lambda: ec.Tied("a", "a"), "itself")
+    refused(lambda: scene(2, [TIE, TIE]), "2 tied joints")
+    contact = ec.Contact(NAMES[0], against=NAMES[1])
+    refused(lambda: ec.Scene(MATERIAL, contacts=contact, ties=TIE), "Tied", "Contact")
+    refused(lambda: ec.solve(scene(2), glued(2, CELLS[2])), "no pair", "joined")
+    error = certified(scene(2), bricks(2, CELLS[2]))
+    refused(lambda: ec.resultant(error, NAMES[0], (0.0, 1.0)), "tied joint")
