@@ -213,8 +213,7 @@ class Model(Space):
 
     def stiffest(self) -> float:
         """Return the greatest modulus at middles of cells [force/area]; collective."""
-        _, highest = self.extremes(self.at_middles(self.modulus, self.owned_cells))
-        return highest
+        return self.extremes(self.at_middles(self.modulus, self.owned_cells))[1]
 
     # -- data on contacts
 
@@ -224,10 +223,9 @@ class Model(Space):
         Raises:
             InputError: If no contact has this name.
         """
-        contacts = {}
+        contacts: dict[str, BoundContact] = {}
         for contact in (*self.contacts, *self.ties):
-            contacts.update(dict.fromkeys(contact.side_names, contact))
-        contacts.pop(None, None)
+            contacts |= {side: contact for side in contact.side_names if side is not None}
         if name not in contacts:
             names = ", ".join(sorted(contacts)) or "none"
             raise InputError(f"No contact is called {name!r}; this scene has {names}.")
