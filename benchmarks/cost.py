@@ -11,13 +11,18 @@ stiffness, symbolic and numeric LU factorisation by MUMPS, one solve. Everything
 timed in one process; medians of several rounds. The memory is what a stage adds at its
 peak to what the process has, beside what MUMPS says of its factor.
 
+With ``--bodies 2`` the body is cut at half of its height: the same friction acts
+between the two halves, and the bottom is held. It has as many contact nodes. The
+multigrid cycles are those of all linear solves of the contact solve.
+
     OMP_NUM_THREADS=1 python benchmarks/cost.py [--dim 2] [--n 128] [--degree 1]
-    [--tighten 10] [--rounds 5]
+    [--tighten 10] [--rounds 5] [--bodies 1] [--solver auto]
 """
 
 import argparse
 import resource
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 
@@ -25,7 +30,11 @@ import erc_contact as ec
 
 from dolfinx.fem import Function, petsc  # isort: skip - after erc_contact, which loads MPI first
 import ufl  # isort: skip
+from petsc4py import PETSc  # isort: skip
+from erc_contact.mesh.tags import tags_of  # isort: skip
 from erc_contact.model.model import Model  # isort: skip
+from erc_contact.newton import snes  # isort: skip
+from erc_contact.newton.linear import krylov  # isort: skip
 
 
 def problem(dim: int, n: int) -> tuple[ec.Scene, ec.Domain]:
@@ -43,6 +52,49 @@ def problem(dim: int, n: int) -> tuple[ec.Scene, ec.Domain]:
         contacts=[ec.Contact("bottom", friction=0.3)],
     )
     return scene, ec.rectangle((0.0, 0.0), (2.0, 7.0), cells=(n, 7 * n // 2))
+
+
+def cut(scene: ec.Scene, domain: ec.Domain) -> tuple[ec.Scene, ec.Domain]:
+    """Cut a body at half of its height, with the contact there."""
+    x = domain.mesh.geometry.x[domain.mesh.geometry.dofmaps[0]].mean(axis=1)
+    height = x[:, domain.dim - 1]
+    regions = np.where(height > 0.5 * domain.sides[-1], 1, 2).astype(np.int32)
+    tags = tags_of(domain.mesh, domain.dim, np.arange(len(height)), regions)
+    names = {"upper": 1, "lower": 2}
+    whole = ec.Domain(domain.mesh, domain.facet_tags, domain.names, tags, names)
+    supports = [*scene.supports, ec.Displacement("bottom", (0.0,) * domain.dim)]
+    contact = ec.Contact("punch", against="block", friction=0.3)
+    pair = ec.Scene(scene.material, supports, scene.loads, [contact])
+    return pair, whole.split({"punch": "upper", "block": "lower"})
+
+
+class Cycles:
+    """Count the iterations of the linear solvers with multigrid."""
+
+    def __init__(self) -> None:
+        """Count from now on, in the modules that make these solvers."""
+        self.count = 0
+        counter = self
+
+        class LinearSolver(PETSc.KSP):
+            def destroy(self) -> Any:
+                counter.count += self.getIterationNumber()
+                return super().destroy()
+
+        class NewtonSolver(PETSc.SNES):
+            def destroy(self) -> Any:
+                counter.count += self.getLinearSolveIterations()
+                return super().destroy()
+
+        class Counted:
+            KSP = LinearSolver
+            SNES = NewtonSolver
+
+            def __getattr__(self, name: str) -> Any:
+                return getattr(PETSc, name)
+
+        krylov.PETSc = Counted()
+        snes.PETSc = Counted()
 
 
 def linear_solve(scene: ec.Scene, domain: ec.Domain, degree: int) -> tuple[float, float]:
@@ -81,13 +133,21 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     for name, value in (("dim", 2), ("n", 128), ("degree", 1), ("tighten", 10), ("rounds", 5)):
         parser.add_argument(f"--{name}", type=int, default=value)
+    parser.add_argument("--bodies", type=int, default=1, choices=(1, 2))
+    parser.add_argument("--solver", default="auto")
     options = parser.parse_args()
     scene, domain = problem(options.dim, options.n)
+    if options.bodies == 2:
+        scene, domain = cut(scene, domain)
+    cycles = Cycles()
     rows = []
     for number in range(options.rounds + 1):
         linear, factor = linear_solve(scene, domain, options.degree)
-        loose = ec.equilibrate(ec.solve(scene, domain, degree=options.degree), tighten=0)
-        solution = ec.solve(scene, domain, degree=options.degree)
+        how = {"degree": options.degree, "solver": options.solver}
+        loose = ec.equilibrate(ec.solve(scene, domain, **how), tighten=0)
+        cycles.count = 0
+        solution = ec.solve(scene, domain, **how)
+        counted = cycles.count
         admissible = ec.equilibrate(
             solution, tighten=options.tighten
         )  # each with the factor that its solve made
@@ -100,7 +160,7 @@ def main() -> None:
     unknowns = solution.model.V.dofmap.index_map.size_global * domain.dim
     print(
         f"{unknowns} degrees of freedom, {domain.cells} cells, "
-        f"{solution.newton_steps} Newton steps,"
+        f"{solution.newton_steps} Newton steps, {counted} multigrid cycles,"
     )
     print(f"eps = {error.relative:.3%} after {admissible.tightening} steps of tightening;")
     print(

@@ -22,6 +22,7 @@ import erc_contact as ec
 from erc_contact.mesh.gmsh_session import session
 from erc_contact.mesh.partition import patches_complete
 from erc_contact.mesh.seams import Interface
+from erc_contact.mesh.tables import described, geometry_of
 
 COMM = MPI.COMM_WORLD
 WIDER = 1.3
@@ -194,13 +195,16 @@ def test_matching_sides_keep_their_cells(name):
 @pytest.mark.parametrize("name", ["overhang", "overhang 3D"])
 def test_ranks_make_the_same_mesh(name):
     meshes = []
-    for comm in (MPI.COMM_SELF, COMM):
+    for comm, again in product((MPI.COMM_SELF, COMM), (False, True)):
         domain = joined(name, comm)[1]
+        if again:
+            domain = domain.remeshed(0.3)
         x = domain.mesh.geometry.x[cells_of(domain)[: domain.owned_cells]].mean(axis=1)
         x = np.concatenate(comm.allgather(x))
         meshes.append((x[np.lexsort(np.round(x, 9).T)], repr(domain)))
-    assert np.allclose(meshes[0][0], meshes[1][0], rtol=0, atol=1e-9)
-    assert meshes[0][1] == meshes[1][1]
+    for alone, shared in zip(meshes[:2], meshes[2:], strict=True):
+        assert np.allclose(alone[0], shared[0], rtol=0, atol=1e-9)
+        assert alone[1] == shared[1]
 
 
 @pytest.mark.serial
@@ -278,8 +282,8 @@ def test_other_bodies_and_pairs():
         assert_closed(domain)
 
 
-def test_two_volumes_of_one_model():
-    """Gmsh meshes both without fragment; groups name the bodies and their sides."""
+def two_volumes():
+    """A model that gmsh meshes without fragment; groups name the bodies and their sides."""
 
     def build(gmsh):
         occ = gmsh.model.occ
@@ -295,7 +299,11 @@ def test_two_volumes_of_one_model():
         gmsh.option.setNumber("Mesh.MeshSizeMax", 0.3)
 
     with session(COMM, build, "The test") as model:
-        domain = ec.from_gmsh(model, COMM).joined("upper side", "lower side")
+        return ec.from_gmsh(model, COMM)
+
+
+def test_two_volumes_of_one_model():
+    domain = two_volumes().joined("upper side", "lower side")
     assert assert_paired(domain, "upper side", "lower side") > 0
     assert_closed(domain)
 
@@ -347,6 +355,63 @@ def test_files_read_back(shared_tmp_path):
     domain = ec.assembly(bodies).joined("upper bottom", "lower top")
     assert domain.regions == {"upper": 1, "lower": 2}
     assert assert_paired(domain, "upper bottom", "lower top") > 0
+
+
+# -- new sizes
+# ---------------------------------------------------------------------------------------------------
+
+
+def tower():
+    """An assembly of an assembly, with a tied joint, a contact, and a region in regions."""
+    bodies = {
+        "base": ec.rectangle((0, -1), (3, 0), size=0.4),
+        "cap": ec.rectangle((0.5, 1), (2, 2), size=0.5),
+    }
+    two = ec.assembly({"post": ec.rectangle((0, 0), (2, 1), size=0.4), "base": bodies["base"]})
+    two = two.joined("post bottom", "base top", tied=True)
+    three = ec.assembly({"two": two, "cap": bodies["cap"]})
+    return three.joined("cap bottom", "two post top")
+
+
+APART = {
+    "overhang": (lambda: joined("overhang")[1], 0.15),
+    "overhang 3D": (lambda: joined("overhang 3D")[1], 0.3),
+    "discs": (lambda: discs(0.5, 0.5, (0.12, 0.2)).joined("pin rim", "ring bore"), 0.06),
+    "one model": (lambda: two_volumes().joined("upper side", "lower side"), 0.2),
+    "tower": (tower, 0.15),
+}
+
+
+@pytest.mark.parametrize("name", APART)
+def test_bodies_are_meshed_again_and_joined(name, measures):
+    """Also from the shape that a checkpoint keeps; names, tags, pairs and measures stay."""
+    make, size = APART[name]
+    domain = make()
+    kept = json.loads(json.dumps(described(domain.geometry)))
+    assert geometry_of(kept) == domain.geometry
+    finer = domain.refined().remeshed(size)
+    back = finer.remeshed(2 * size)
+    assert finer.cells > 1.5 * back.cells
+    for again in (finer, back):
+        assert again.seams.interfaces == domain.seams.interfaces
+        assert dict(again.names) == dict(domain.names)
+        assert_paired(again, *again.pairs[0])
+        if name != "tower":  # where a tied joint is a part inside
+            assert_closed(again)
+        assert patches_complete(again.mesh)
+        accuracy = 0.02 if name == "discs" else 1e-9
+        for region in domain.regions:
+            same = measures.region(domain, region)
+            assert measures.region(again, region) == pytest.approx(same, rel=accuracy)
+        for part in domain.outer:
+            same = measures.part(domain, part)
+            assert measures.part(again, part) == pytest.approx(same, rel=accuracy)
+    assert domain.knows_shape == (name != "discs")
+    if name == "discs":
+        # Finer facets are nearer to the circle.
+        area = [measures.region(again, "pin") for again in (back, finer)]
+        assert area[0] < area[1] < 0.25 * np.pi
+        assert 0.25 * np.pi - area[1] < 0.5 * (0.25 * np.pi - area[0])
 
 
 # -- input

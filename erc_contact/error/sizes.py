@@ -33,8 +33,9 @@ from erc_contact.base.exceptions import raise_together
 from erc_contact.base.percent import percent
 from erc_contact.error.constitutive import ConstitutiveError, Run, error_of
 from erc_contact.mesh.nodal import NodalMesh
-from erc_contact.mesh.remeshing import FILL, count
+from erc_contact.mesh.remeshing import count
 from erc_contact.mesh.simplex import barycentric, rule
+from erc_contact.mesh.size_field import FILL
 
 RATIO = (0.02, 3.0)
 """Least and largest r_E [-]. A mesh predicts nothing for sizes beyond them."""

@@ -10,12 +10,13 @@ from mpi4py import MPI
 
 from erc_contact.base.checks import description
 from erc_contact.base.exceptions import InputError, together
+from erc_contact.mesh.assembled import Assembled, Member, Shape, beside_each_other
 from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.joining import last_tag
 from erc_contact.mesh.plain import PlainMesh
 from erc_contact.mesh.seams import Interface, Regions
 from erc_contact.mesh.tags import NO_TAG
-from erc_contact.mesh.transfer import gathered_mesh, spread
+from erc_contact.mesh.transfer import gathered_mesh
 
 REST = ""
 """Stands for the cells of a body that are in no region."""
@@ -28,7 +29,8 @@ def assembly(bodies: Mapping[str, Domain]) -> Domain:
     "upper steel" and so on. The boundary parts are called "upper left" and so on, and
     pairs keep to their bodies. :meth:`Domain.joined` then brings them into contact.
 
-    The new mesh is its own shape: it can be refined, not remeshed.
+    If the true shape of each of them is known, they can be meshed again. A curved body
+    has flat facets in the new mesh, which refinement does not move.
 
     Args:
         bodies: Name of each body -> its domain. They have the same dimension and the
@@ -45,10 +47,10 @@ def assembly(bodies: Mapping[str, Domain]) -> Domain:
     comm = _communicator(bodies)
     together(comm, _check, bodies)
     plains = []
+    members = []
     names: dict[str, int] = {}
     regions: dict[str, int] = {}
     interfaces: list[Interface] = []
-    points = 0
     facet_tag = 0
     for name, domain in bodies.items():
         glued = domain if domain.glued is None else domain.glued
@@ -61,17 +63,17 @@ def assembly(bodies: Mapping[str, Domain]) -> Domain:
         if domain.seams is not None:
             for interface in domain.seams.interfaces:
                 interfaces.append(_renamed(interface, name, facet_tag, dict(new_tags.values())))
-        cell_regions = np.full_like(plain.regions, new_tags.get(REST, (NO_TAG, NO_TAG))[1])
-        for old, new in new_tags.values():
-            cell_regions[plain.regions == old] = new
-        tags = np.where(plain.tags == NO_TAG, NO_TAG, plain.tags + facet_tag)
-        plains.append(PlainMesh(plain.x, plain.cells + points, cell_regions, tags))
-        points += len(plain.x)
+        shape = glued.geometry if isinstance(glued.geometry, Shape) else None
+        region_tags = tuple(new_tags.values())
+        member = Member(shape, glued.names, glued.regions, facet_tag, region_tags)
+        plains.append(member.placed(plain))
+        members.append(member)
         facet_tag += last_tag(domain) + 1
-    tables = [(plain.x, plain.cells, plain.regions, plain.tags) for plain in plains]
-    whole = PlainMesh(*map(np.concatenate, zip(*tables, strict=True)))
-    mesh, facet_tags, cell_tags = spread(comm, whole)
-    result = Domain(mesh, facet_tags, names, cell_tags, regions)
+    whole = None
+    if all(member.shape is not None for member in members):
+        whole = Assembled(tuple(members), names, regions)
+    mesh, facet_tags, cell_tags = beside_each_other(comm, plains)
+    result = Domain(mesh, facet_tags, names, cell_tags, regions, whole)
     return result.cut(tuple(interfaces)) if interfaces else result
 
 

@@ -79,6 +79,12 @@ class Bodies(NamedMesh):
         return offset(self.mesh, self.curved_facets, self.geometry.nearest)
 
     @property
+    def knows_shape(self) -> bool:
+        """Tell whether the true shape is known, with the facets on curved sides."""
+        curved = bool(getattr(self.geometry, "curved", False))
+        return self.geometry is not None and (not curved or self.curved_facets is not None)
+
+    @property
     def pairs(self) -> tuple[tuple[str, str], ...]:
         """Return the names of the boundary parts that face each other, see split."""
         if self.seams is None:

@@ -18,6 +18,7 @@ from dolfinx import mesh as dmesh
 from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError, together
 from erc_contact.mesh import joining, partition, parts
+from erc_contact.mesh.assembled import joined_shape
 from erc_contact.mesh.bodies import Bodies, Surface
 from erc_contact.mesh.copies import numbered, same_ranks
 from erc_contact.mesh.refinement import refine
@@ -141,7 +142,8 @@ class Domain(Bodies):
         ``there`` move to close ones of ``here``, and cells are cut (in 2D), or the
         regions behind the parts, which must be plane, are meshed again (in 3D).
 
-        The new mesh is its own shape: it can be refined, not remeshed.
+        If the true shape of the bodies is known, ``remeshed`` meshes each of them and
+        joins them again. Facets of curved bodies are flat, and refinement keeps them.
 
         Args:
             here: Name of a part of the boundary of one body.
@@ -164,11 +166,13 @@ class Domain(Bodies):
         glued = self if self.glued is None else self.glued
         comm = self.mesh.comm
         together(comm, joining.check_parts, here, there, glued, self.pairs)
-        found = joining.joint(glued, here, there, joining.last_tag(self) + 1, tied=tied)
+        on = joining.last_tag(self) + 1
+        found = joining.joint(glued, here, there, on, tied=tied)
         before = () if self.seams is None else self.seams.interfaces
         interfaces = together(comm, joining.interfaces, before, found.interface, tied)
+        shape = joined_shape(glued, here, there, on, tied=tied)
         mesh, facet_tags, cell_tags = spread(comm, found.plain)
-        whole = Domain(mesh, facet_tags, found.names, cell_tags, self.regions)
+        whole = Domain(mesh, facet_tags, found.names, cell_tags, self.regions, shape)
         return whole.cut(interfaces) if interfaces else whole
 
     def tied(self, ties: Sequence[tuple[str, str]]) -> Domain:

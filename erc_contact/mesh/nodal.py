@@ -8,8 +8,8 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from erc_contact.mesh.domain import Domain
-from erc_contact.mesh.remeshing import FILL
 from erc_contact.mesh.simplex import measures
+from erc_contact.mesh.size_field import FILL
 
 GROW = 0.5
 """Largest growth of sizes over a length [-]: neighbouring layers grow by at most 1.5.

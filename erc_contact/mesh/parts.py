@@ -179,4 +179,6 @@ def shape_in_words(geometry: object | None, dim: int, *, curved: bool) -> str:
         return f"{kind} from {low} to {high}"
     if curved:
         return "curved, its geometry is known"
+    if getattr(geometry, "curved", False):
+        return "curved bodies that were meshed apart, with flat facets"
     return "flat sides, its geometry is known"

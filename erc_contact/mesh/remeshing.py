@@ -13,28 +13,17 @@ import numpy as np
 from dolfinx.io import gmsh as dgmsh
 from mpi4py import MPI
 
-from erc_contact.base.exceptions import InputError, together
+from erc_contact.base.exceptions import InputError
 from erc_contact.mesh.domain import Domain, Geometry
 from erc_contact.mesh.gmsh_model import marked_facets, renumber
 from erc_contact.mesh.gmsh_session import FIELD, session
 from erc_contact.mesh.partition import partitioner
-from erc_contact.mesh.simplex import barycentric, measures, rule
+from erc_contact.mesh.size_field import Labels, SizeField, at_corners
 
-FILL = {2: 4 / np.sqrt(3), 3: 5.0}
-"""Number of simplices of size 1 in a unit of area or volume, by dimension.
-
-In 2D they are equilateral triangles. In 3D regular tetrahedra would give 8.5, but they
-do not fill space: gmsh makes 4.7 on fine uniform meshes and 5.6 on graded meshes.
-"""
 GMSH_EXCESS = {2: 1.06, 3: 1.08}
 """Number of simplices that gmsh makes over the number from :data:`FILL`.
 
 It was measured on small graded meshes, and is the first guess.
-"""
-SIZE_STEP = 1e-3
-"""Step to which the logarithm of sizes is rounded before gmsh gets them [-].
-
-Round-off must not change the mesh.
 """
 COUNT_TOLERANCE = {2: 0.02, 3: 0.05}
 """Greatest share by which the number of cells may miss the count [-].
@@ -57,23 +46,17 @@ def count(domain: Domain, sizes: np.ndarray) -> float:
         domain: The mesh that carries the sizes.
         sizes: h at the nodes ``domain.mesh.geometry.x`` [length], shape (n,).
     """
-    mesh = domain.mesh
-    dim = domain.dim
-    points, weights = rule(dim, 6)
-    nodes = mesh.geometry.dofmaps[0][: domain.owned_cells]
-    volume = measures(mesh.geometry.x[nodes][:, :, :dim])
-    h = sizes[nodes] @ barycentric(points).T
-    integral = float(volume @ (h**-dim @ weights))
-    return float(FILL[dim] * mesh.comm.allreduce(integral, MPI.SUM))
+    return at_corners(domain, sizes).count(domain.mesh.comm)
 
 
 def meshed(
     geometry: Geometry,
     build: Callable[[Any], dict[int, int] | None],
-    domain: Domain,
-    sizes: np.ndarray,
+    comm: MPI.Comm,
+    sizes: SizeField,
+    labels: Labels,
 ) -> Domain:
-    """Mesh a geometry with the sizes at the nodes of a mesh; collective.
+    """Mesh a geometry with the sizes in the cells of a mesh; collective.
 
     See :meth:`Domain.remeshed`.
 
@@ -81,24 +64,19 @@ def meshed(
         geometry: The geometry, which the new domain keeps.
         build: Function that makes the geometry in gmsh's current model on rank 0, and
             returns gmsh's tag of each mark, or None.
-        domain: The domain on the mesh that carries the sizes.
-        sizes: h at the nodes of this rank [length], shape (n,), or one number.
+        comm: Communicator.
+        sizes: The sizes.
+        labels: The names of the new mesh.
 
     Returns:
-        The domain on the new mesh, with the same names.
+        The domain on the new mesh.
 
     Raises:
-        InputError: If a size is not > 0 and finite, the sizes have another shape, or
-            gmsh fails.
+        InputError: If gmsh fails.
     """
-    mesh = domain.mesh
-    comm = mesh.comm
-    dim = domain.dim
-    h = together(comm, _checked, sizes, len(mesh.geometry.x))
-    h = np.exp(SIZE_STEP * np.round(np.log(h) / SIZE_STEP))
-    target = round(count(domain, h))
-    nodes = mesh.geometry.dofmaps[0][: domain.owned_cells]
-    parts = comm.gather((mesh.geometry.x[nodes], h[nodes]))
+    dim = sizes.dim
+    target = round(sizes.count(comm))
+    parts = comm.gather((sizes.x, sizes.sizes))
     tags: dict[int, int] = {}
 
     def build_mesh(gmsh: Any) -> None:
@@ -113,41 +91,13 @@ def meshed(
     with session(comm, build_mesh, "The geometry, meshed again,") as model:
         data = dgmsh.model_to_mesh(model, comm, 0, gdim=dim, partitioner=partitioner(comm))
         marks = None
-        if domain.curved_facets is not None:
+        if labels.curved:
             marks = marked_facets(model, comm, 0, data.mesh, tags)
     # Without regions gmsh's tags are those of the group "body", which nobody asked for.
-    cell_tags = data.cell_tags if domain.regions else None
+    cell_tags = data.cell_tags if labels.regions else None
     return Domain(
-        data.mesh, data.facet_tags, domain.names, cell_tags, domain.regions, geometry, marks
+        data.mesh, data.facet_tags, labels.names, cell_tags, labels.regions, geometry, marks
     )
-
-
-def _checked(sizes: np.ndarray, count: int) -> np.ndarray:
-    """Return the sizes at all nodes of this rank [length], after a check.
-
-    Args:
-        sizes: Sizes at the nodes, or one for all [length].
-        count: Number of nodes.
-
-    Raises:
-        InputError: If there is another number of sizes, or one is not > 0 and finite.
-    """
-    h = np.asarray(sizes, dtype=float)
-    if h.ndim == 0:
-        h = np.full(count, h)
-    if h.shape != (count,):
-        raise InputError(
-            f"The sizes have shape {h.shape}; give a number, or one for each node of this rank: "
-            f"domain.mesh.geometry.x has {count}."
-        )
-    good = (h > 0) & np.isfinite(h)
-    if not good.all():
-        wrong = h[~good]
-        raise InputError(
-            f"{len(wrong)} sizes are not > 0 and finite, the first is {wrong[0]:g}; sizes are "
-            "lengths."
-        )
-    return h
 
 
 def _sorted(x: np.ndarray, sizes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

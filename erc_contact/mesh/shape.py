@@ -24,6 +24,7 @@ from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.gmsh_session import session
 from erc_contact.mesh.remeshing import meshed
 from erc_contact.mesh.simplex import in_space
+from erc_contact.mesh.size_field import Labels, SizeField, labels_of, size_field
 
 SIDES = {
     2: (("left", "right"), ("bottom", "top")),
@@ -99,7 +100,11 @@ class Brick:
 
     def meshed(self, domain: Domain, sizes: np.ndarray) -> Domain:
         """Mesh the shape with other sizes, see :meth:`Domain.remeshed`; collective."""
-        return self.exact(meshed(self, self.build, domain, sizes))
+        return self.meshed_by(domain, size_field(domain, sizes), labels_of(domain))
+
+    def meshed_by(self, like: Domain, sizes: SizeField, labels: Labels) -> Domain:
+        """Mesh the shape with sizes in the cells of a mesh; collective."""
+        return self.exact(meshed(self, self.build, like.mesh.comm, sizes, labels))
 
     def nearest(self, comm: MPI.Comm, points: np.ndarray, marks: np.ndarray) -> np.ndarray:
         """Return the points themselves: the facets are the true surface."""
@@ -150,7 +155,11 @@ class Drawing:
 
     def meshed(self, domain: Domain, sizes: np.ndarray) -> Domain:
         """Mesh the shape with other sizes, see :meth:`Domain.remeshed`; collective."""
-        return meshed(self, self.build, domain, sizes)
+        return self.meshed_by(domain, size_field(domain, sizes), labels_of(domain))
+
+    def meshed_by(self, like: Domain, sizes: SizeField, labels: Labels) -> Domain:
+        """Mesh the shape with sizes in the cells of a mesh; collective."""
+        return meshed(self, self.build, like.mesh.comm, sizes, labels)
 
     def nearest(self, comm: MPI.Comm, points: np.ndarray, marks: np.ndarray) -> np.ndarray:
         """Return the nearest points of the true surface [length]; collective.

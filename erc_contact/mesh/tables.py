@@ -13,14 +13,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from copy import copy
-from dataclasses import asdict
-from typing import Any
+from dataclasses import asdict, fields
+from typing import Any, cast
 
 import numpy as np
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
+from erc_contact.mesh.assembled import Assembled, Member
 from erc_contact.mesh.domain import Domain, Geometry
 from erc_contact.mesh.partition import distributed
 from erc_contact.mesh.shape import Brick, Drawing
@@ -101,6 +102,12 @@ def described(geometry: Geometry | None) -> dict[str, Any] | None:
     """
     if geometry is None:
         return None
+    if isinstance(geometry, Assembled):
+        members = []
+        for member in geometry.members:
+            shape = described(cast("Geometry", member.shape))
+            members.append(_shallow(member) | {"shape": shape})
+        return {"kind": "Assembled"} | _shallow(geometry) | {"members": members}
     if not isinstance(geometry, Brick | Drawing):
         raise InputError(
             "A checkpoint cannot keep the true geometry of this domain, an object of type "
@@ -113,12 +120,26 @@ def described(geometry: Geometry | None) -> dict[str, Any] | None:
     return {"kind": type(geometry).__name__} | plain
 
 
+def _shallow(value: Any) -> dict[str, Any]:
+    """Return the fields of a dataclass by their names, as plain data."""
+    return {entry.name: getattr(value, entry.name) for entry in fields(value)}
+
+
 def geometry_of(plain: Mapping[str, Any] | None) -> Geometry | None:
     """Return the true shape from what :func:`described` gave."""
     if plain is None:
         return None
     if plain["kind"] == "Brick":
         return Brick(tuple(plain["low"]), tuple(plain["high"]))
+    if plain["kind"] == "Assembled":
+        members = []
+        for one in plain["members"]:
+            shape: Any = geometry_of(one["shape"])
+            region_tags = tuple(tuple(pair) for pair in one["region_tags"])
+            member = Member(shape, one["names"], one["regions"], one["first_tag"], region_tags)
+            members.append(member)
+        joints = tuple(tuple(joint) for joint in plain["joints"])
+        return Assembled(tuple(members), plain["names"], plain["regions"], joints)
     return Drawing(plain["suffix"], plain["text"], frozenset(plain["curved"]))
 
 

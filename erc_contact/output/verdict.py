@@ -83,7 +83,7 @@ def _of_the_data(error: ConstitutiveError) -> list[tuple[str, str]]:
     """Say what the mesh does not carry of shape and data."""
     statements = []
     scale = error.scale or 1.0
-    if error.domain.geometry is None:
+    if not error.domain.knows_shape:
         words = (
             "The body is that of the mesh given, with its flat facets. No true shape is known to "
             "compare with."

@@ -263,7 +263,7 @@ class Loop:
         assert best is not None
         if fallback:
             self._tell_other_method()
-        if best.domain.geometry is None:
+        if not best.domain.knows_shape:
             self.outcome += NO_TRUE_SHAPE
         reached = best.total <= self.plan.accuracy or best.solution.at_rest
         self._log(self.outcome, logging.INFO if reached else logging.WARNING)

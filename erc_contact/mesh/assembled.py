@@ -1,0 +1,172 @@
+"""Keep the true shapes of bodies that were meshed apart, to mesh and join them again.
+
+A mesh that was put together of several is no geometry. But each body has its own: it is
+meshed with its part of the sizes, then the bodies are put beside each other and glued
+as before. The facets where they meet are made anew, and names and tags stay.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Protocol, TypeVar, runtime_checkable
+
+import numpy as np
+from dolfinx import mesh as dmesh
+from mpi4py import MPI
+
+from erc_contact.mesh.bodies import Bodies
+from erc_contact.mesh.joining import joint
+from erc_contact.mesh.plain import PlainMesh
+from erc_contact.mesh.size_field import Labels, SizeField, size_field
+from erc_contact.mesh.tags import NO_TAG
+from erc_contact.mesh.transfer import gathered_mesh, spread
+
+B = TypeVar("B", bound=Bodies)
+"""Type of a domain."""
+
+
+@runtime_checkable
+class Shape(Protocol):
+    """Represent the true shape of a body that can be meshed as part of a whole."""
+
+    def meshed_by(self, like: Any, sizes: SizeField, labels: Labels) -> Any:
+        """Mesh it with sizes in the cells of a mesh; collective.
+
+        Args:
+            like: A domain on the same communicator.
+            sizes: The sizes.
+            labels: The names of the new mesh.
+        """
+
+
+@dataclass(frozen=True)
+class Member:
+    """Hold the true shape of a body, and how its mesh becomes a part of the whole.
+
+    Attributes:
+        shape: Its true shape.
+        names: Name of each part of the body alone -> its tag.
+        regions: Name of each region of the body alone -> its tag.
+        first_tag: What is added to the tags of its parts.
+        region_tags: Pairs of the tag of a region and that in the whole. That of
+            :data:`NO_TAG` stands for all regions that are not among them.
+    """
+
+    shape: Shape | None
+    names: Mapping[str, int]
+    regions: Mapping[str, int]
+    first_tag: int
+    region_tags: tuple[tuple[int, int], ...]
+
+    def placed(self, plain: PlainMesh) -> PlainMesh:
+        """Return the mesh of the body alone with the tags of the whole."""
+        new_tags = dict(self.region_tags)
+        regions = np.full_like(plain.regions, new_tags.get(NO_TAG, NO_TAG))
+        for old, new in self.region_tags:
+            if old != NO_TAG:
+                regions[plain.regions == old] = new
+        tags = np.where(plain.tags == NO_TAG, NO_TAG, plain.tags + self.first_tag)
+        return replace(plain, regions=regions, tags=tags)
+
+    def meshed(self, like: Bodies, sizes: SizeField) -> PlainMesh:
+        """Mesh the body with its part of the sizes of the whole; collective."""
+        assert self.shape is not None
+        back = {new: old for old, new in self.region_tags}
+        if len(self.regions) == 1:
+            # A single region of the body is all of it.
+            back = dict.fromkeys(back, next(iter(self.regions.values())))
+        labels = Labels(self.names, self.regions, curved=False)
+        body = self.shape.meshed_by(like, sizes.in_regions(back), labels)
+        return self.placed(gathered_mesh(body))
+
+
+@dataclass(frozen=True)
+class Assembled:
+    """Represent bodies that were meshed apart by the true shape of each of them.
+
+    Args:
+        members: The bodies.
+        names: Name of each part of the bodies beside each other -> its tag.
+        regions: Name of each region -> its tag.
+        joints: Names of the two parts of each joint, the tag of its facets, and whether
+            it was made to stay glued, in the order in which they were made.
+    """
+
+    members: tuple[Member, ...]
+    names: Mapping[str, int] = field(repr=False)
+    regions: Mapping[str, int] = field(repr=False)
+    joints: tuple[tuple[str, str, int, bool], ...] = ()
+
+    @property
+    def curved(self) -> bool:
+        """Tell whether a body is curved: its facets are flat and not marked."""
+        return any(bool(getattr(member.shape, "curved", False)) for member in self.members)
+
+    def meshed(self, domain: B, sizes: np.ndarray) -> B:
+        """Mesh the bodies with other sizes, see :meth:`Domain.remeshed`; collective."""
+        labels = Labels(self.names, self.regions, curved=False)
+        return self.meshed_by(domain, size_field(domain, sizes), labels)
+
+    def meshed_by(self, like: B, sizes: SizeField, labels: Labels) -> B:
+        """Mesh the bodies, put them together and glue them again; collective.
+
+        Args:
+            like: A domain on the same communicator.
+            sizes: The sizes.
+            labels: Not used: the names are those that the bodies had.
+        """
+        comm = like.mesh.comm
+        plains = [member.meshed(like, sizes) for member in self.members]
+        mesh, facet_tags, cell_tags = beside_each_other(comm, plains)
+        blank: dict[str, Any] = {"curved_facets": None, "glued": None, "seams": None}
+        blank |= {"regions": self.regions, "geometry": self}
+        tags: dict[str, Any] = {"facet_tags": facet_tags, "cell_tags": cell_tags}
+        result = replace(like, mesh=mesh, names=self.names, **tags, **blank)
+        for here, there, on, tied in self.joints:
+            glued = joint(result, here, there, on, tied=tied)
+            mesh, facet_tags, cell_tags = spread(comm, glued.plain)
+            tags = {"facet_tags": facet_tags, "cell_tags": cell_tags}
+            result = replace(like, mesh=mesh, names=glued.names, **tags, **blank)
+        return result
+
+    def nearest(self, comm: MPI.Comm, points: np.ndarray, marks: np.ndarray) -> np.ndarray:
+        """Return the points themselves: no facet has the mark of a curve."""
+        return points
+
+
+def joined_shape(glued: Bodies, here: str, there: str, on: int, *, tied: bool) -> Any:
+    """Return the true shape of a glued mesh with one joint more, or None.
+
+    Args:
+        glued: The mesh before it is joined.
+        here: Name of side 1.
+        there: Name of side 2.
+        on: Tag of the facets where they meet.
+        tied: Whether the bodies stay glued there.
+    """
+    shape = glued.geometry
+    if not isinstance(shape, Shape):
+        return None
+    if not isinstance(shape, Assembled):
+        # Bodies of one model, which are not connected.
+        same = tuple((tag, tag) for tag in (*glued.regions.values(), NO_TAG))
+        member = Member(shape, glued.names, glued.regions, 0, same)
+        shape = Assembled((member,), glued.names, glued.regions)
+    return replace(shape, joints=(*shape.joints, (here, there, on, tied)))
+
+
+def beside_each_other(
+    comm: MPI.Comm, plains: Sequence[PlainMesh]
+) -> tuple[dmesh.Mesh, dmesh.MeshTags, dmesh.MeshTags]:
+    """Make one mesh of several ones on rank 0, unconnected; collective.
+
+    Returns:
+        The mesh, the tags of its facets and those of its cells.
+    """
+    points = 0
+    tables = []
+    for plain in plains:
+        tables.append((plain.x, plain.cells + points, plain.regions, plain.tags))
+        points += len(plain.x)
+    return spread(comm, PlainMesh(*map(np.concatenate, zip(*tables, strict=True))))

@@ -1,0 +1,148 @@
+"""Hold the sizes that a new mesh is to have, in the cells of the old one.
+
+Symbols: h size [length], the edge of the simplex that is wanted at a point; d
+dimension.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from mpi4py import MPI
+
+from erc_contact.base.exceptions import InputError, together
+from erc_contact.mesh.bodies import Bodies
+from erc_contact.mesh.simplex import barycentric, measures, rule
+from erc_contact.mesh.tags import NO_TAG, tag_table
+
+FILL = {2: 4 / np.sqrt(3), 3: 5.0}
+"""Number of simplices of size 1 in a unit of area or volume, by dimension.
+
+In 2D they are equilateral triangles. In 3D regular tetrahedra would give 8.5, but they
+do not fill space: gmsh makes 4.7 on fine uniform meshes and 5.6 on graded meshes.
+"""
+SIZE_STEP = 1e-3
+"""Step to which the logarithm of sizes is rounded before gmsh gets them [-].
+
+Round-off must not change the mesh.
+"""
+
+
+@dataclass(frozen=True)
+class Labels:
+    """Hold the names of a mesh that is made.
+
+    Attributes:
+        names: Name of each boundary part -> its tag.
+        regions: Name of each region -> its tag.
+        curved: Whether the facets of curved sides are marked.
+    """
+
+    names: Mapping[str, int]
+    regions: Mapping[str, int]
+    curved: bool
+
+
+@dataclass(frozen=True, eq=False)
+class SizeField:
+    """Hold the sizes in the owned cells of this rank.
+
+    Attributes:
+        dim: Dimension.
+        x: Corners of the cells [length], shape (n, d+1, 3).
+        sizes: h at the corners [length], shape (n, d+1).
+        regions: Tags of their regions, shape (n,).
+    """
+
+    dim: int
+    x: np.ndarray
+    sizes: np.ndarray
+    regions: np.ndarray
+
+    def in_regions(self, tags: Mapping[int, int]) -> SizeField:
+        """Return the sizes in the cells of some regions, which get other tags.
+
+        Args:
+            tags: Tag of each of these regions -> its new tag.
+        """
+        cells = np.isin(self.regions, list(tags))
+        old = self.regions[cells]
+        regions = old.copy()
+        for tag, new in tags.items():
+            regions[old == tag] = new
+        return SizeField(self.dim, self.x[cells], self.sizes[cells], regions)
+
+    def count(self, comm: MPI.Comm) -> float:
+        """Predict the number of cells of a mesh with these sizes; collective.
+
+        It is ``int c / h^d`` with c of :data:`FILL`.
+        """
+        points, weights = rule(self.dim, 6)
+        volume = measures(self.x[:, :, : self.dim])
+        h = self.sizes @ barycentric(points).T
+        integral = float(volume @ (h**-self.dim @ weights))
+        return float(FILL[self.dim] * comm.allreduce(integral, MPI.SUM))
+
+
+def labels_of(domain: Bodies) -> Labels:
+    """Return the names of a domain, and whether it has marks of curved facets."""
+    return Labels(domain.names, domain.regions, domain.curved_facets is not None)
+
+
+def size_field(domain: Bodies, sizes: np.ndarray) -> SizeField:
+    """Return sizes at the nodes of a mesh as those in its cells; collective.
+
+    Args:
+        domain: The domain on the mesh that carries the sizes.
+        sizes: h at the nodes of this rank [length], shape (n,), or one number.
+
+    Raises:
+        InputError: If a size is not > 0 and finite, or the sizes have another shape.
+    """
+    mesh = domain.mesh
+    h = together(mesh.comm, _checked, sizes, len(mesh.geometry.x))
+    return at_corners(domain, np.exp(SIZE_STEP * np.round(np.log(h) / SIZE_STEP)))
+
+
+def at_corners(domain: Bodies, sizes: np.ndarray) -> SizeField:
+    """Return sizes at the nodes of a mesh as those in its owned cells.
+
+    Args:
+        domain: The domain on the mesh that carries the sizes.
+        sizes: h at the nodes of this rank [length], shape (n,).
+    """
+    nodes = domain.mesh.geometry.dofmaps[0][: domain.owned_cells]
+    regions = np.full(domain.owned_cells, NO_TAG, dtype=np.int32)
+    if domain.cell_tags is not None:
+        regions = tag_table(domain.cell_tags)[: domain.owned_cells]
+    return SizeField(domain.dim, domain.mesh.geometry.x[nodes], sizes[nodes], regions)
+
+
+def _checked(sizes: np.ndarray, count: int) -> np.ndarray:
+    """Return the sizes at all nodes of this rank [length], after a check.
+
+    Args:
+        sizes: Sizes at the nodes, or one for all [length].
+        count: Number of nodes.
+
+    Raises:
+        InputError: If there is another number of sizes, or one is not > 0 and finite.
+    """
+    h = np.asarray(sizes, dtype=float)
+    if h.ndim == 0:
+        h = np.full(count, h)
+    if h.shape != (count,):
+        raise InputError(
+            f"The sizes have shape {h.shape}; give a number, or one for each node of this rank: "
+            f"domain.mesh.geometry.x has {count}."
+        )
+    good = (h > 0) & np.isfinite(h)
+    if not good.all():
+        wrong = h[~good]
+        raise InputError(
+            f"{len(wrong)} sizes are not > 0 and finite, the first is {wrong[0]:g}; sizes are "
+            "lengths."
+        )
+    return h
