@@ -24,6 +24,7 @@ from time import sleep
 import numpy as np
 import pytest
 import ufl
+from bricks import NAMES, bricks
 from mpi4py import MPI
 from processes import output, started, told
 from scenes import block, prototype_block, random_scene
@@ -98,7 +99,30 @@ def of_curves(comm=COMM):
     )
 
 
-RUNS = [of_flat_body, of_regions, of_space, of_curves]
+def pressed(parts, ends):
+    """Two bodies with a gap between them that varies."""
+    supports = [ec.Displacement(ends[0], (0.02, -0.05)), ec.Displacement(ends[1], (0.0, 0.0))]
+    contact = ec.Contact(parts[0], against=parts[1], friction=0.3, gap=lambda x: 0.02 * x[0] ** 2)
+    return ec.Scene(ec.Elastic(1.0, 0.3), supports, [], contact)
+
+
+def of_pair(comm=COMM):
+    """Two bodies of one mesh, which is split again on each mesh."""
+    domain = bricks(2, (4, 2), comm=comm)
+    return pressed(NAMES, ("upper outer", "lower outer")), domain, {"method": ec.Nitsche()}
+
+
+def of_joined(comm=COMM):
+    """Two bodies that were meshed apart, each meshed again and joined."""
+    upper = ec.rectangle((-0.5, 0.0), (1.0, 1.0), size=0.5, comm=comm)
+    lower = ec.rectangle((-1.0, -1.0), (1.0, 0.0), size=0.7, comm=comm)
+    parts = ("upper bottom", "lower top")
+    domain = ec.assembly({"upper": upper, "lower": lower}).joined(*parts)
+    scene = pressed(parts, ("upper top", "lower bottom"))
+    return scene, domain, {"strategy": ec.SizeMap(leap=2.0), "method": ec.Nitsche()}
+
+
+RUNS = [of_flat_body, of_regions, of_space, of_curves, of_joined]
 
 
 def run(problem, meshes, folder=None, comm=COMM, **more):
@@ -409,7 +433,7 @@ def test_folder_that_cannot_be_written_is_refused_at_once(shared_tmp_path):
 
 
 KEPT = """
-import sys; sys.path.insert(0, {tests!r})
+import sys; sys.path[:0] = [{tests!r}, {tests!r} + "/../benchmarks"]
 import os
 import test_checkpoint as t
 from mpi4py import MPI
@@ -422,18 +446,19 @@ def tell(error, step):
 known = t.fingerprint(t.changed(), t.block(2), {{"strategy": t.ec.Mark(0.5)}})
 if MPI.COMM_WORLD.rank == 0:
     print("fingerprint", known, flush=True)
-t.run(t.of_flat_body, 40, "kept", callback=tell)
+t.run(t.{problem}, 40, "kept", callback=tell)
 """
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize("ranks", [1, 2])
-def test_killed_runs_go_on(ranks, tmp_path):
+@pytest.mark.parametrize(("problem", "ranks"), [(of_flat_body, 1), (of_pair, 1), (of_pair, 2)])
+def test_killed_runs_go_on(problem, ranks, tmp_path):
     """Kill a run at some moment.
 
     On one rank it goes on, with other hashes of strings.
     """
-    with started(KEPT.format(tests=str(Path(__file__).parent)), ranks, tmp_path) as process:
+    script = KEPT.format(tests=str(Path(__file__).parent), problem=problem.__name__)
+    with started(script, ranks, tmp_path) as process:
         elsewhere = told(process, "fingerprint")
         pids = [told(process, "mesh") for _ in range(2 + ranks)][-1]
         sleep(float(np.random.default_rng(ranks).uniform(0.0, 0.1)))
@@ -444,7 +469,7 @@ def test_killed_runs_go_on(ranks, tmp_path):
     assert elsewhere == str(here).split()
     there = len(Folder(tmp_path / "kept").numbers())
     assert there >= 2 + ranks
-    same(run(of_flat_body, there + 2, tmp_path / "kept"), run(of_flat_body, there + 2))
+    same(run(problem, there + 2, tmp_path / "kept"), run(problem, there + 2))
 
 
 FACTORS = """

@@ -103,6 +103,10 @@ class Assembled:
         """Tell whether a body is curved: its facets are flat and not marked."""
         return any(bool(getattr(member.shape, "curved", False)) for member in self.members)
 
+    def with_joint(self, _: Bodies, here: str, there: str, on: int, *, tied: bool) -> Assembled:
+        """Return the shape with one joint more."""
+        return replace(self, joints=(*self.joints, (here, there, on, tied)))
+
     def meshed(self, domain: B, sizes: np.ndarray) -> B:
         """Mesh the bodies with other sizes, see :meth:`Domain.remeshed`; collective."""
         labels = Labels(self.names, self.regions, curved=False)
@@ -135,25 +139,11 @@ class Assembled:
         return points
 
 
-def joined_shape(glued: Bodies, here: str, there: str, on: int, *, tied: bool) -> Any:
-    """Return the true shape of a glued mesh with one joint more, or None.
-
-    Args:
-        glued: The mesh before it is joined.
-        here: Name of side 1.
-        there: Name of side 2.
-        on: Tag of the facets where they meet.
-        tied: Whether the bodies stay glued there.
-    """
-    shape = glued.geometry
-    if not isinstance(shape, Shape):
-        return None
-    if not isinstance(shape, Assembled):
-        # Bodies of one model, which are not connected.
-        same = tuple((tag, tag) for tag in (*glued.regions.values(), NO_TAG))
-        member = Member(shape, glued.names, glued.regions, 0, same)
-        shape = Assembled((member,), glued.names, glued.regions)
-    return replace(shape, joints=(*shape.joints, (here, there, on, tied)))
+def of_model(shape: Shape, glued: Bodies) -> Assembled:
+    """Return the shape of bodies of one model, which are not connected."""
+    same = tuple((tag, tag) for tag in (*glued.regions.values(), NO_TAG))
+    member = Member(shape, glued.names, glued.regions, 0, same)
+    return Assembled((member,), glued.names, glued.regions)
 
 
 def beside_each_other(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from dolfinx import fem
@@ -26,6 +26,22 @@ class Surface(Protocol):
         """Return the nearest points of the true surface [length]; collective.
 
         See :data:`erc_contact.mesh.surface.Nearest`.
+        """
+
+
+@runtime_checkable
+class Joinable(Protocol):
+    """Represent a true shape of bodies that can be joined again on each mesh."""
+
+    def with_joint(self, glued: Any, here: str, there: str, on: int, *, tied: bool) -> Any:
+        """Return the shape with one joint more.
+
+        Args:
+            glued: The mesh before it is joined.
+            here: Name of side 1.
+            there: Name of side 2.
+            on: Tag of the facets where they meet.
+            tied: Whether the bodies stay glued there.
         """
 
 

@@ -8,7 +8,7 @@ cells that the rank owns.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
@@ -18,8 +18,7 @@ from dolfinx import mesh as dmesh
 from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError, together
 from erc_contact.mesh import joining, partition, parts
-from erc_contact.mesh.assembled import joined_shape
-from erc_contact.mesh.bodies import Bodies, Surface
+from erc_contact.mesh.bodies import Bodies, Joinable, Surface
 from erc_contact.mesh.copies import numbered, same_ranks
 from erc_contact.mesh.refinement import refine
 from erc_contact.mesh.seams import Interface
@@ -170,7 +169,9 @@ class Domain(Bodies):
         found = joining.joint(glued, here, there, on, tied=tied)
         before = () if self.seams is None else self.seams.interfaces
         interfaces = together(comm, joining.interfaces, before, found.interface, tied)
-        shape = joined_shape(glued, here, there, on, tied=tied)
+        shape = None
+        if isinstance(glued.geometry, Joinable):
+            shape = glued.geometry.with_joint(glued, here, there, on, tied=tied)
         mesh, facet_tags, cell_tags = spread(comm, found.plain)
         whole = Domain(mesh, facet_tags, found.names, cell_tags, self.regions, shape)
         return whole.cut(interfaces) if interfaces else whole
@@ -184,22 +185,11 @@ class Domain(Bodies):
         Raises:
             InputError: If two parts are no pair of this domain.
         """
-        interfaces = () if self.seams is None else self.seams.interfaces
-        asked = [frozenset(names) for names in ties]
-        pairs = [frozenset(interface.names) for interface in interfaces]
-        for here, there in ties:
-            if frozenset((here, there)) not in pairs:
-                known = ", ".join(f"{one!r} and {other!r}" for one, other in self.pairs)
-                raise InputError(
-                    f"Tied({here!r}, {there!r}): the parts are no pair; this domain has "
-                    f"{known or 'no pairs'}. Make one by joined, or by split."
-                )
-        wanted = []
-        for interface, pair in zip(interfaces, pairs, strict=True):
-            wanted.append(replace(interface, tied=pair in asked))
-        if self.glued is None or tuple(wanted) == interfaces:
+        if self.glued is None or self.seams is None:
+            joining.tied_alone((), ties)
             return self
-        return self.glued.cut(tuple(wanted))
+        interfaces = joining.tied_alone(self.seams.interfaces, ties)
+        return self if interfaces == self.seams.interfaces else self.glued.cut(interfaces)
 
     def cut(self, interfaces: tuple[Interface, ...]) -> Domain:
         """Split the nodes of a glued mesh along all its interfaces; collective.

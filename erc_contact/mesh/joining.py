@@ -7,7 +7,7 @@ and :mod:`erc_contact.mesh.resided` for space.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -225,3 +225,31 @@ def interfaces(
         return before
     # A facet belongs to the first interface that claims it.
     return (joint, *before) if whole else (*before, joint)
+
+
+def tied_alone(
+    interfaces: tuple[Interface, ...], ties: Sequence[tuple[str, str]]
+) -> tuple[Interface, ...]:
+    """Return interfaces of which some pairs are tied, and no others.
+
+    Args:
+        interfaces: Those at which the domain is split.
+        ties: Names of the parts of each pair that is tied.
+
+    Raises:
+        InputError: If two parts are no pair.
+    """
+    asked = [frozenset(names) for names in ties]
+    pairs = [frozenset(interface.names) for interface in interfaces]
+    for here, there in ties:
+        if frozenset((here, there)) not in pairs:
+            names = [interface.names for interface in interfaces]
+            known = ", ".join(f"{one!r} and {other!r}" for one, other in names)
+            raise InputError(
+                f"Tied({here!r}, {there!r}): the parts are no pair; this domain has "
+                f"{known or 'no pairs'}. Make one by joined, or by split."
+            )
+    result = []
+    for interface, pair in zip(interfaces, pairs, strict=True):
+        result.append(replace(interface, tied=pair in asked))
+    return tuple(result)

@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
+from erc_contact.mesh.assembled import Assembled, of_model
 from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.gmsh_session import session
 from erc_contact.mesh.remeshing import meshed
@@ -106,6 +107,10 @@ class Brick:
         """Mesh the shape with sizes in the cells of a mesh; collective."""
         return self.exact(meshed(self, self.build, like.mesh.comm, sizes, labels))
 
+    def with_joint(self, glued: Domain, *names: Any, tied: bool) -> Assembled:
+        """Return the shape of its bodies with a joint between two of them."""
+        return of_model(self, glued).with_joint(glued, *names, tied=tied)
+
     def nearest(self, comm: MPI.Comm, points: np.ndarray, marks: np.ndarray) -> np.ndarray:
         """Return the points themselves: the facets are the true surface."""
         return points
@@ -160,6 +165,10 @@ class Drawing:
     def meshed_by(self, like: Domain, sizes: SizeField, labels: Labels) -> Domain:
         """Mesh the shape with sizes in the cells of a mesh; collective."""
         return meshed(self, self.build, like.mesh.comm, sizes, labels)
+
+    def with_joint(self, glued: Domain, *names: Any, tied: bool) -> Assembled:
+        """Return the shape of its bodies with a joint between two of them."""
+        return of_model(self, glued).with_joint(glued, *names, tied=tied)
 
     def nearest(self, comm: MPI.Comm, points: np.ndarray, marks: np.ndarray) -> np.ndarray:
         """Return the nearest points of the true surface [length]; collective.
