@@ -335,6 +335,67 @@ def test_curved_sides_in_space_that_match():
     assert assert_paired(again, "rim", "bore") == assert_paired(whole, "rim", "bore")
 
 
+def pin_in_hole(d, radius, hole, size=0.3):
+    """A pin in a ring of another radius, whose facets are equal by gmsh's setPeriodic."""
+
+    def build(gmsh):
+        occ = gmsh.model.occ
+        discs = [occ.addDisk(0, 0, 0, r, r) for r in (radius, hole, 1.0)]
+        occ.cut([(2, discs[2])], [(2, discs[1])])
+        if d == 3:
+            for disc in (discs[0], discs[2]):
+                occ.extrude([(2, disc)], 0, 0, 0.2)
+        occ.synchronize()
+        bodies = sorted(gmsh.model.getEntities(d), key=lambda body: occ.getMass(*body))
+        sides = {}
+        for name, body in zip(("pin", "ring"), bodies, strict=True):
+            gmsh.model.addPhysicalGroup(d, [body[1]], name=name)
+            bounds = gmsh.model.getBoundary([body], oriented=False)
+            round_sides = [b for b in bounds if gmsh.model.getType(*b) not in ("Plane", "Line")]
+            round_sides.sort(key=lambda side: occ.getMass(*side))
+            sides[name] = round_sides[0][1]
+            gmsh.model.addPhysicalGroup(d - 1, [sides[name]], name=f"{name} side")
+            others = [tag for _, tag in bounds if tag != sides[name]]
+            if others:
+                gmsh.model.addPhysicalGroup(d - 1, others, name=f"{name} others")
+        scale = np.diag([hole / radius, hole / radius, 1.0, 1.0]).ravel().tolist()
+        gmsh.model.mesh.setPeriodic(d - 1, [sides["ring"]], [sides["pin"]], scale)
+        gmsh.option.setNumber("Mesh.MeshSizeMax", size)
+
+    with session(COMM, build, "The test") as model:
+        return ec.from_gmsh(model, COMM)
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_pin_of_another_radius_in_a_hole(d):
+    """Clearance and interference: all facets face each other; Lame's pressure."""
+    for hole in (0.52, 0.49):
+        gap = hole - 0.5
+        model = pin_in_hole(d, 0.5, hole, 0.2)
+        if d == 3:
+            refused(lambda model=model: model.joined("pin side", "ring side"), "not plane")
+        domain = model.joined("pin side", "ring side", apart=1.01 * abs(gap))
+        assert assert_paired(domain, "pin side", "ring side") > 8
+        assert not [name for name in domain.names if name.endswith("outside")]
+        assert least_angle(domain) > 0.5 * least_angle(model)
+        assert_paired(domain.refined(), "pin side", "ring side")
+    if d == 2:
+        return
+    contact = ec.Contact("pin side", against="ring side", friction=0.1, gap=gap)
+    # Springs that are nearly nothing hold the rigid motions.
+    springs = [ec.Spring(name, 1e-6, 1e-6) for name in ("pin others", "ring others")]
+    scene = ec.Scene(ec.Elastic(1.0, 0.3), contacts=contact, springs=springs)
+    profile = ec.solve(scene, domain, degree=2).profile("pin side")
+    pressure = (profile["weight"] * profile["pressure"]).sum() / profile["weight"].sum()
+    assert pressure == pytest.approx(0.0075, rel=0.05)
+
+
+def test_sides_that_are_too_far_apart():
+    model = pin_in_hole(3, 0.5, 0.8)
+    refused(lambda: model.joined("pin side", "ring side", apart=0.4), "as large as the cells")
+    refused(lambda: model.joined("pin side", "ring side", apart=-1.0), "apart is -1")
+
+
 def test_files_read_back(shared_tmp_path):
     """Two mesh files, one body on the other."""
     for name, low, size in (("upper", 0.0, 0.3), ("lower", -1.0, 0.22)):

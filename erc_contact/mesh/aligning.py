@@ -56,28 +56,29 @@ class _Facing:
     lengths: np.ndarray
 
 
-def aligned(plain: PlainMesh, here: int, there: int) -> PlainMesh:
+def aligned(plain: PlainMesh, here: int, there: int, apart: float = 0.0) -> PlainMesh:
     """Return a mesh in the plane whose two sides have common vertices.
 
     Args:
         plain: The mesh.
         here: Tag of side 1.
         there: Tag of side 2.
+        apart: Greatest distance of both sides [length].
 
     Raises:
-        InputError: If the sides are apart, or cells would be crushed.
+        InputError: If the sides are further apart, or cells would be crushed.
     """
     count = len(curves(plain.x, plain.cells, plain.sides(here)))
     for number in range(count):
         # Cells have other numbers once the curve before was cut.
         curve = curves(plain.x, plain.cells, plain.sides(here))[number]
-        facing = _facing(plain, curve, plain.sides(there))
+        facing = _facing(plain, curve, plain.sides(there), apart)
         if len(facing.sides):
             plain = _with_common_vertices(plain, curve, facing)
     return plain
 
 
-def _facing(plain: PlainMesh, curve: Curve, sides: np.ndarray) -> _Facing:
+def _facing(plain: PlainMesh, curve: Curve, sides: np.ndarray, allowance: float) -> _Facing:
     """Find the facets of side 2 that lie against a curve.
 
     Raises:
@@ -102,8 +103,8 @@ def _facing(plain: PlainMesh, curve: Curve, sides: np.ndarray) -> _Facing:
     against = step > FACING * lengths
     if not curve.closed:
         against &= common > SAME * shorter
-    near = against & (apart <= _allowed(curve, facet, lengths))
-    beyond = against & ~near & (apart < shorter)
+    near = against & (apart <= _allowed(curve, facet, lengths) + allowance)
+    beyond = against & ~near & (apart < shorter + allowance)
     if beyond.any():
         worst = np.flatnonzero(beyond)[np.argmax(apart[beyond])]
         x, y = plain.x[points[worst]].mean(axis=0)

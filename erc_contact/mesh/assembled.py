@@ -89,23 +89,24 @@ class Assembled:
         members: The bodies.
         names: Name of each part of the bodies beside each other -> its tag.
         regions: Name of each region -> its tag.
-        joints: Names of the two parts of each joint, the tag of its facets, and whether
-            it was made to stay glued, in the order in which they were made.
+        joints: Names of the two parts of each joint, the tag of its facets, whether it
+            was made to stay glued, and greatest distance of the parts [length], in the
+            order in which they were made.
     """
 
     members: tuple[Member, ...]
     names: Mapping[str, int] = field(repr=False)
     regions: Mapping[str, int] = field(repr=False)
-    joints: tuple[tuple[str, str, int, bool], ...] = ()
+    joints: tuple[tuple[str, str, int, bool, float], ...] = ()
 
     @property
     def curved(self) -> bool:
         """Tell whether a body is curved: its facets are flat and not marked."""
         return any(bool(getattr(member.shape, "curved", False)) for member in self.members)
 
-    def with_joint(self, _: Bodies, here: str, there: str, on: int, *, tied: bool) -> Assembled:
+    def with_joint(self, _: Bodies, joint: tuple[str, str, int, bool, float]) -> Assembled:
         """Return the shape with one joint more."""
-        return replace(self, joints=(*self.joints, (here, there, on, tied)))
+        return replace(self, joints=(*self.joints, joint))
 
     def meshed(self, domain: B, sizes: np.ndarray) -> B:
         """Mesh the bodies with other sizes, see :meth:`Domain.remeshed`; collective."""
@@ -127,8 +128,8 @@ class Assembled:
         blank |= {"regions": self.regions, "geometry": self}
         tags: dict[str, Any] = {"facet_tags": facet_tags, "cell_tags": cell_tags}
         result = replace(like, mesh=mesh, names=self.names, **tags, **blank)
-        for here, there, on, tied in self.joints:
-            glued = joint(result, here, there, on, tied=tied)
+        for here, there, on, tied, apart in self.joints:
+            glued = joint(result, here, there, on, tied=tied, apart=apart)
             mesh, facet_tags, cell_tags = spread(comm, glued.plain)
             tags = {"facet_tags": facet_tags, "cell_tags": cell_tags}
             result = replace(like, mesh=mesh, names=glued.names, **tags, **blank)

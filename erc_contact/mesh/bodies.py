@@ -33,15 +33,13 @@ class Surface(Protocol):
 class Joinable(Protocol):
     """Represent a true shape of bodies that can be joined again on each mesh."""
 
-    def with_joint(self, glued: Any, here: str, there: str, on: int, *, tied: bool) -> Any:
+    def with_joint(self, glued: Any, joint: tuple[str, str, int, bool, float]) -> Any:
         """Return the shape with one joint more.
 
         Args:
             glued: The mesh before it is joined.
-            here: Name of side 1.
-            there: Name of side 2.
-            on: Tag of the facets where they meet.
-            tied: Whether the bodies stay glued there.
+            joint: Names of both sides, tag of the facets where they meet, whether the
+                bodies stay glued there, and greatest distance of the sides [length].
         """
 
 

@@ -132,7 +132,7 @@ class Domain(Bodies):
         before = () if self.seams is None else self.seams.interfaces
         return glued.cut((*before, Interface((here, there), (tag, tag + 1), regions, on_tag)))
 
-    def joined(self, here: str, there: str, *, tied: bool = False) -> Domain:
+    def joined(self, here: str, there: str, *, tied: bool = False, apart: float = 0.0) -> Domain:
         """Glue two bodies that were meshed apart, and split them there; collective.
 
         The parts lie against each other, at least in places. There their facets become
@@ -148,6 +148,9 @@ class Domain(Bodies):
             here: Name of a part of the boundary of one body.
             there: Name of the part of another body that lies against it.
             tied: Leave the bodies glued there. The joint is a part inside, then.
+            apart: Greatest distance of the parts [length]: they are drawn with a
+                clearance or an interference. ``there`` moves onto ``here``, so give the
+                distance by ``gap=`` of the contact.
 
         Returns:
             The domain with the pair. Its other parts can be joined or split, too.
@@ -164,14 +167,14 @@ class Domain(Bodies):
         """
         glued = self if self.glued is None else self.glued
         comm = self.mesh.comm
-        together(comm, joining.check_parts, here, there, glued, self.pairs)
+        together(comm, joining.check_parts, here, there, glued, self.pairs, apart)
         on = joining.last_tag(self) + 1
-        found = joining.joint(glued, here, there, on, tied=tied)
+        found = joining.joint(glued, here, there, on, tied=tied, apart=apart)
         before = () if self.seams is None else self.seams.interfaces
         interfaces = together(comm, joining.interfaces, before, found.interface, tied)
         shape = None
         if isinstance(glued.geometry, Joinable):
-            shape = glued.geometry.with_joint(glued, here, there, on, tied=tied)
+            shape = glued.geometry.with_joint(glued, (here, there, on, tied, apart))
         mesh, facet_tags, cell_tags = spread(comm, found.plain)
         whole = Domain(mesh, facet_tags, found.names, cell_tags, self.regions, shape)
         return whole.cut(interfaces) if interfaces else whole

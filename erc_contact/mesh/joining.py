@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from mpi4py import MPI
 
+from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError, raise_together
 from erc_contact.mesh.aligning import aligned
 from erc_contact.mesh.bodies import Bodies
@@ -44,7 +45,11 @@ class Joint:
 
 
 def check_parts(
-    here: object, there: object, glued: NamedMesh, pairs: tuple[tuple[str, str], ...]
+    here: object,
+    there: object,
+    glued: NamedMesh,
+    pairs: tuple[tuple[str, str], ...],
+    apart: object,
 ) -> None:
     """Check the arguments of :meth:`Domain.joined`.
 
@@ -53,10 +58,13 @@ def check_parts(
         there: Name of side 2.
         glued: The glued mesh.
         pairs: Names of the sides that are joined or split already.
+        apart: Greatest distance of the parts.
 
     Raises:
-        InputError: If they are not two parts of the boundary.
+        InputError: If they are not two parts of the boundary, or the distance is none.
     """
+    if apart != 0:
+        checks.positive("joined: apart", apart, "a length >= 0")
     for name in (here, there):
         if any(name in pair for pair in pairs):
             raise InputError(f"joined: {name!r} is a side of a pair already; give another part.")
@@ -87,7 +95,9 @@ def last_tag(bodies: Bodies) -> int:
     return bodies.mesh.comm.allreduce(int(max(used)), MPI.MAX)
 
 
-def joint(glued: NamedMesh, here: str, there: str, on: int, *, tied: bool) -> Joint:
+def joint(
+    glued: NamedMesh, here: str, there: str, on: int, *, tied: bool, apart: float = 0.0
+) -> Joint:
     """Glue two parts of the boundary where they meet; collective.
 
     Args:
@@ -96,6 +106,7 @@ def joint(glued: NamedMesh, here: str, there: str, on: int, *, tied: bool) -> Jo
         there: Name of side 2.
         on: Tag of the facets where they meet; greater than all others.
         tied: Whether the bodies stay glued there.
+        apart: Greatest distance of both parts [length].
 
     Raises:
         InputError: If the parts do not lie against each other, or are in one region and
@@ -108,7 +119,7 @@ def joint(glued: NamedMesh, here: str, there: str, on: int, *, tied: bool) -> Jo
     about = None
     if comm.rank == 0:
         try:
-            plain, regions = met(plain, tags, on)
+            plain, regions = met(plain, tags, on, apart)
             plain = plain.without_unused_points()
             if not tied:
                 _check_regions(regions, glued.regions)
@@ -129,7 +140,7 @@ def joint(glued: NamedMesh, here: str, there: str, on: int, *, tied: bool) -> Jo
 
 
 def met(
-    plain: PlainMesh, tags: tuple[int, int], on: int
+    plain: PlainMesh, tags: tuple[int, int], on: int, apart: float = 0.0
 ) -> tuple[PlainMesh, tuple[np.ndarray, np.ndarray]]:
     """Glue the two sides, and give the facets where they meet a tag of their own.
 
@@ -137,6 +148,7 @@ def met(
         plain: The mesh.
         tags: Tags of both sides.
         on: Tag of the facets where they meet.
+        apart: Greatest distance of both sides [length].
 
     Returns:
         The mesh, and the tags of the regions on each side.
@@ -145,10 +157,10 @@ def met(
         InputError: If they do not meet.
     """
     if plain.dim == 2:
-        whole = aligned(plain, *tags)
+        whole = aligned(plain, *tags, apart)
     else:
         # Sides that match may be curved, and their cells stay.
-        whole = matched(plain, *tags) or resided(plain, *tags)
+        whole = matched(plain, *tags, apart) or resided(plain, *tags, apart)
     first = whole.sides(tags[0])
     second = whole.sides(tags[1])
     numbers1, numbers2 = row_numbers(whole.points_of(first), whole.points_of(second))

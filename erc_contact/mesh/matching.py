@@ -9,25 +9,34 @@ from dataclasses import replace
 
 import numpy as np
 
+from erc_contact.base.exceptions import InputError
 from erc_contact.mesh.plain import PlainMesh, row_numbers
 
 SAME = 1e-3
 """Distance that counts as none, by the shortest edge of the sides [-]."""
 DIRECTION = np.array([0.5411, 0.6231, 0.5647])
 """Direction along which points are sorted; few of a mesh have the same place on it."""
+ALONG_NORMAL = 0.5
+"""Greatest share of a distance of facing points that is along the side [-]."""
+CRUSHED = 0.25
+"""Least share of its volume that a cell keeps when vertices move [-]."""
 SAMPLES = np.array([[1, 1, 1], [8, 1, 1], [1, 8, 1], [1, 1, 8]])
 """Barycentric coordinates, not scaled, of points that are looked for in facets."""
 PAIRS_AT_ONCE = 1_000_000
 """Greatest number of pairs (point, facet) that are looked at together."""
 
 
-def matched(plain: PlainMesh, here: int, there: int) -> PlainMesh | None:
+def matched(plain: PlainMesh, here: int, there: int, apart: float = 0.0) -> PlainMesh | None:
     """Return the mesh with common vertices, or None if the facets do not match.
 
     Args:
         plain: The mesh.
         here: Tag of side 1.
         there: Tag of side 2, whose vertices become those of side 1.
+        apart: Greatest distance of both sides along their normal [length].
+
+    Raises:
+        InputError: If cells would be crushed.
     """
     facets1 = plain.points_of(plain.sides(here))
     facets2 = plain.points_of(plain.sides(there))
@@ -36,9 +45,13 @@ def matched(plain: PlainMesh, here: int, there: int) -> PlainMesh | None:
         np.linalg.norm(plain.x[edges[:, i]] - plain.x[edges[:, i - 1]], axis=1).min()
         for i in range(3)
     )
+    tolerance = SAME * shortest
     points1, points2 = in_one_place(
-        plain.x, np.unique(facets1), np.unique(facets2), SAME * shortest
+        plain.x, np.unique(facets1), np.unique(facets2), tolerance + apart
     )
+    if apart > 0:
+        normals = _normals(plain, here)
+        points1, points2 = _facing(plain.x, points1, points2, normals, tolerance)
     number = np.arange(len(plain.x))
     number[points2] = points1
     numbers1, numbers2 = row_numbers(number[facets1], number[facets2])
@@ -47,7 +60,62 @@ def matched(plain: PlainMesh, here: int, there: int) -> PlainMesh | None:
     nothing = len(alone1) == len(facets1)
     if nothing or _overlap(plain.x, alone1, alone2) or _overlap(plain.x, alone2, alone1):
         return None
+    if apart > 0:
+        _check_cells(plain, number)
     return replace(plain, cells=number[plain.cells])
+
+
+def _normals(plain: PlainMesh, tag: int) -> np.ndarray:
+    """Return unit normals of a side in space at its points, zero elsewhere, (n, 3)."""
+    corners = plain.points_of(plain.sides(tag))
+    x = plain.x[corners]
+    normal = np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0])
+    apex = plain.x[plain.cells[tuple(plain.sides(tag).T)]]
+    normal *= np.sign(((x[:, 0] - apex) * normal).sum(axis=1))[:, None]
+    result = np.zeros(plain.x.shape)
+    np.add.at(result, corners, normal[:, None, :])
+    size = np.linalg.norm(result, axis=1, keepdims=True)
+    return result / np.where(size > 0, size, 1.0)
+
+
+def _facing(
+    x: np.ndarray, points1: np.ndarray, points2: np.ndarray, normals: np.ndarray, tolerance: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return of pairs of near points those that face each other, the nearest ones.
+
+    Args:
+        x: Points [length], shape (n, 3).
+        points1: Points of side 1, shape (p,).
+        points2: Points of side 2, shape (p,).
+        normals: Unit normals of side 1, shape (n, 3).
+        tolerance: Distance that counts as none [length].
+    """
+    offset = x[points2] - x[points1]
+    distance = np.linalg.norm(offset, axis=1)
+    along = np.linalg.norm(np.cross(offset, normals[points1]), axis=1)
+    faces = along <= ALONG_NORMAL * distance + tolerance
+    order = np.lexsort((distance, points2))
+    order = order[faces[order]]
+    _, first = np.unique(points2[order], return_index=True)
+    nearest = order[first]
+    return points1[nearest], points2[nearest]
+
+
+def _check_cells(plain: PlainMesh, number: np.ndarray) -> None:
+    """Check that no cell is crushed where points become others.
+
+    Raises:
+        InputError: If one is: the distance is as large as the cells.
+    """
+    before = np.linalg.det(plain.x[plain.cells[:, 1:]] - plain.x[plain.cells[:, :1]])
+    moved = number[plain.cells]
+    after = np.linalg.det(plain.x[moved[:, 1:]] - plain.x[moved[:, :1]])
+    if np.any(after / before < CRUSHED):
+        raise InputError(
+            "joined: the second part cannot move to the first one, the distance of the parts is "
+            "as large as the cells there. Draw both where they touch, and give the distance by "
+            "gap= of the contact."
+        )
 
 
 def in_one_place(

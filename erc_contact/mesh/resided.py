@@ -54,19 +54,20 @@ class _Plane:
         return self.origin + y @ self.axes.T
 
 
-def resided(plain: PlainMesh, here: int, there: int) -> PlainMesh:
+def resided(plain: PlainMesh, here: int, there: int, apart: float = 0.0) -> PlainMesh:
     """Return a mesh in space whose two plane sides have common facets.
 
     Args:
         plain: The mesh.
         here: Tag of side 1.
         there: Tag of side 2.
+        apart: Greatest distance of both planes [length].
 
     Raises:
-        InputError: If the sides are not plane or are apart, or the regions behind them
-            cannot be meshed anew.
+        InputError: If the sides are not plane or are further apart, or the regions
+            behind them cannot be meshed anew.
     """
-    plane, shortest = _common_plane(plain, here, there)
+    plane, shortest = _common_plane(plain, here, there, apart)
     sides = np.concatenate([plain.sides(here), plain.sides(there)])
     on_plane = np.unique(plain.points_of(sides))
     x = plain.x.copy()
@@ -93,7 +94,7 @@ def resided(plain: PlainMesh, here: int, there: int) -> PlainMesh:
     return _with_common_facets(moved_mesh, (first, second), alignment, still, plane)
 
 
-def _common_plane(plain: PlainMesh, here: int, there: int) -> tuple[_Plane, float]:
+def _common_plane(plain: PlainMesh, here: int, there: int, apart: float) -> tuple[_Plane, float]:
     """Return the plane in which both sides lie, and their shortest edge [length].
 
     Raises:
@@ -129,7 +130,8 @@ def _common_plane(plain: PlainMesh, here: int, there: int) -> tuple[_Plane, floa
     flat = FLAT * shortest
     heights = [(x - origin) @ normal for x in points]
     distance = heights[1].mean()
-    if abs(distance) > flat or max(abs(height).max() for height in heights) > 2 * flat:
+    highest = max(abs(heights[0]).max(), abs(heights[1]).max() - apart)
+    if abs(distance) > flat + apart or highest > 2 * flat:
         raise InputError(
             f"joined: the parts are {abs(distance):.3g} apart, where edges have the length "
             f"{shortest:.3g}. Move the bodies to each other, and give a distance by gap= of the "

@@ -107,9 +107,9 @@ class Brick:
         """Mesh the shape with sizes in the cells of a mesh; collective."""
         return self.exact(meshed(self, self.build, like.mesh.comm, sizes, labels))
 
-    def with_joint(self, glued: Domain, *names: Any, tied: bool) -> Assembled:
+    def with_joint(self, glued: Domain, joint: tuple[str, str, int, bool, float]) -> Assembled:
         """Return the shape of its bodies with a joint between two of them."""
-        return of_model(self, glued).with_joint(glued, *names, tied=tied)
+        return of_model(self, glued).with_joint(glued, joint)
 
     def nearest(self, comm: MPI.Comm, points: np.ndarray, marks: np.ndarray) -> np.ndarray:
         """Return the points themselves: the facets are the true surface."""
@@ -166,9 +166,9 @@ class Drawing:
         """Mesh the shape with sizes in the cells of a mesh; collective."""
         return meshed(self, self.build, like.mesh.comm, sizes, labels)
 
-    def with_joint(self, glued: Domain, *names: Any, tied: bool) -> Assembled:
+    def with_joint(self, glued: Domain, joint: tuple[str, str, int, bool, float]) -> Assembled:
         """Return the shape of its bodies with a joint between two of them."""
-        return of_model(self, glued).with_joint(glued, *names, tied=tied)
+        return of_model(self, glued).with_joint(glued, joint)
 
     def nearest(self, comm: MPI.Comm, points: np.ndarray, marks: np.ndarray) -> np.ndarray:
         """Return the nearest points of the true surface [length]; collective.
