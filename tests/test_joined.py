@@ -391,7 +391,7 @@ def test_pin_of_another_radius_in_a_hole(d):
 
 
 def test_sides_that_are_too_far_apart():
-    model = pin_in_hole(3, 0.5, 0.8)
+    model = pin_in_hole(3, 0.5, 0.2)
     refused(lambda: model.joined("pin side", "ring side", apart=0.4), "as large as the cells")
     refused(lambda: model.joined("pin side", "ring side", apart=-1.0), "apart is -1")
 
