@@ -5,6 +5,8 @@ balances what acts on either body, and is opposite on both; its traction has it 
 resultant; checkpoints, refinement and contacts beside it keep the joint.
 """
 
+import dataclasses
+
 import pytest
 from bricks import NAMES, bricks, glued
 from mpi4py import MPI
@@ -91,6 +93,19 @@ def test_tie_beside_a_contact_in_a_run(shared_tmp_path):
         assert force == pytest.approx((-0.2, 0.4))
         assert run.force("lower top").force == pytest.approx(-force)
         assert "tied" in repr(run.error.domain)
+
+
+def test_history():
+    """The joint is in every row; a scene without it is refused."""
+
+    def at(time):
+        whole = scene(2)
+        return dataclasses.replace(whole, loads=[ec.Traction("upper left", (0.01 * time, 0.0))])
+
+    history = ec.evolve(at, bricks(2, CELLS[2]), [1.0, 2.0], 0.5, tighten=0)
+    assert history.force(NAMES[0]) == pytest.approx(history.force("lower outer"), abs=1e-12)
+    free = dataclasses.replace(at(1.0), ties=())
+    refused(lambda: ec.solve(free, history.error.domain, after=history.error.solution), "tied")
 
 
 def test_wrong_ties():

@@ -45,6 +45,11 @@ def check_after(scene: Scene, domain: Domain, after: object) -> None:
         )
     names = {name for contact in scene.contacts for name in contact.sides}
     names_before = {name for contact in after.scene.contacts for name in contact.sides}
+    if set(scene.ties) != set(after.scene.ties):
+        raise InputError(
+            "The scene has other tied joints than that of after. All scenes of a history have the "
+            "same ones."
+        )
     if names != names_before:
         raise InputError(
             f"The scene has {_listed(names)} in contact, and that of after "

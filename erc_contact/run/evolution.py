@@ -210,8 +210,9 @@ class Evolution(RunResult):
         at(comm, "energies")
         plot_energies(self, folder / "energies.png")
         drawn = {"energies.png": "Energies, and what their balance leaves."}
-        for name in self.steps[0].force:
-            title = self.error.model.contact(name).title
+        for contact in self.error.model.contacts:
+            name = contact.name
+            title = contact.title
             at(comm, f"contact {name}")
             plot_loop(self, name, folder / f"loop_{name}.png")
             words = f"Shear of the contact {title}, over the displacement."

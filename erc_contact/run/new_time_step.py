@@ -27,10 +27,10 @@ def new_time_step(
         sums = {name: getattr(before, name) for name in SUMS}
     forces = {}
     moments = {}
-    for contact in error.model.contacts:
-        resultant = error.force(contact.name)
-        forces[contact.name] = resultant.force.tolist()
-        moments[contact.name] = resultant.moment.tolist()
+    for joint in (*error.model.contacts, *error.model.ties):
+        resultant = error.force(joint.name)
+        forces[joint.name] = resultant.force.tolist()
+        moments[joint.name] = resultant.moment.tolist()
     return TimeStep(
         time=time,
         cells=error.domain.cells,

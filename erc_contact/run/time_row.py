@@ -55,8 +55,9 @@ class TimeStep:
         eps_contact: Contact part of eps.
         total: Eps with the estimate of the geometry.
         reached: Whether the accuracy was reached.
-        force: Resultant on each contact by its name [force], d components.
-        moment: Moment about the origin on each contact by its name [force length].
+        force: Resultant on each contact and tied joint by its name [force], d
+            components.
+        moment: Moment about the origin on each of them by its name [force length].
         work: Work of loads and supports [force length].
         contact_work: Work of the contacts on the body [force length].
         friction_work: The part of it that friction does.
