@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import ufl
 from mpi4py import MPI
@@ -55,6 +57,8 @@ def bind_contact(
             raise InputError(f"{what}: the gap is not finite everywhere; look at it.")
     normal, direction, given_normal = _normal(space, contact, facets, surface, sign)
     friction = _friction(space, contact, facets)
+    trace = Trace(here, direction, None, there)
+    _check_ends(space, contact, trace)
     # Friction alone remembers where the contact was.
     before = None
     lost = None
@@ -64,7 +68,7 @@ def bind_contact(
         name=contact.facets,
         against=contact.against,
         is_exchanged=is_exchanged,
-        trace=Trace(here, direction, before, there),
+        trace=replace(trace, before=before),
         ds=space.ds(space.domain.tag(part)),
         normal=normal,
         given_normal=given_normal,
@@ -74,6 +78,22 @@ def bind_contact(
         bilateral=contact.bilateral,
         lost=lost,
     )
+
+
+def _check_ends(space: Space, contact: Contact, trace: Trace) -> None:
+    """Check that a contact between bodies does not end inside one; collective.
+
+    Both sides have one node there, so the solver has no jump at it.
+    """
+    if trace.there is None:
+        return
+    common = bool(np.any(trace.here.nodes == trace.partners))
+    if space.comm.allreduce(common, MPI.LOR):
+        raise InputError(
+            f"Contact({contact.facets!r}) ends inside a body, at a node that both of its sides "
+            "have: where only a part of the facets between two regions is split, or the others "
+            "are tied. Split all of them, with a contact or a tied joint on the whole."
+        )
 
 
 def _sides(space: Space, contact: Contact, modulus: Ufl) -> tuple[str, Side, Side | None]:
