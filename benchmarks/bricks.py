@@ -105,7 +105,8 @@ def joint(d: int, count: int = 3, cells: int = 4) -> ec.Domain:
         tags_of(block.mesh, d, numbers, body),
         dict(zip("abcd", range(1, count + 1), strict=False)),
     )
-    for one, other in PAIRS[count]:
+    for both in PAIRS[count]:
+        one, other = both[0], both[1]
         bodies = bodies.split({one + other: one, other + one: other})
     return bodies
 
