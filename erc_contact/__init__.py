@@ -26,6 +26,7 @@ from erc_contact.error.bounds import Bounds, potential_energy, resultant, work_o
 from erc_contact.error.certify import Certificate, certify
 from erc_contact.error.constitutive import ConstitutiveError, constitutive_error
 from erc_contact.error.coulomb import CoulombCertificate, coulomb_certificate
+from erc_contact.error.interval import interval
 from erc_contact.error.multiplicity import other_solutions
 from erc_contact.error.optimal import SizeMap
 from erc_contact.error.oscillation import Oscillations
@@ -45,6 +46,7 @@ from erc_contact.run.saved import read_history
 from erc_contact.run.step import Step
 from erc_contact.run.time_row import TimeStep
 from erc_contact.scene.contact import Contact
+from erc_contact.scene.goal import MeanDisplacement, Resultant
 from erc_contact.scene.law import Coulomb, Law, Tresca
 from erc_contact.scene.load import BodyForce, Load, Traction
 from erc_contact.scene.material import Elastic, Material
@@ -77,11 +79,13 @@ __all__ = [
     "Load",
     "Mark",
     "Material",
+    "MeanDisplacement",
     "Method",
     "Nitsche",
     "NotConverged",
     "NotHeldError",
     "Oscillations",
+    "Resultant",
     "Scene",
     "SizeMap",
     "Sizes",
@@ -104,6 +108,7 @@ __all__ = [
     "equilibrate",
     "evolve",
     "from_gmsh",
+    "interval",
     "log_to_console",
     "mark",
     "other_solutions",

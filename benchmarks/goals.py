@@ -1,0 +1,133 @@
+"""Measure intervals for single numbers: do they hold, how wide, how fast they fall.
+
+``plane``: random blocks (size, cells, Poisson's ratio, loads that open or press,
+degree; without friction, with given friction or Coulomb's), ``space``: the same in 3D.
+The goals are the force on the top, that on the contact below, and the mean displacement
+of the right side. An interval is called false where it lies apart from that of a mesh
+refined three times (in space once) with elements of degree 2. "half width" is over the
+number, "narrower" the width of ``resultant`` over that of ``interval``, and "order" the
+exponent of the width in e on a mesh refined once.
+
+    OMP_NUM_THREADS=1 python benchmarks/goals.py [name|all] [seed] [count]
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import erc_contact as ec
+
+import numpy as np  # isort: skip - after erc_contact, which loads MPI first
+from attack_families import Sample, scene_generator  # isort: skip
+from attack_tables import quantile_table  # isort: skip
+from tasks import run  # isort: skip
+
+QUANTILES = (0.0, 0.05, 0.5, 0.95, 1.0)
+LEVELS = {2: 3, 3: 1}
+"""Refinements of the reference, by dimension."""
+
+
+def random_block(rng: np.random.Generator, d: int) -> tuple[str, Sample]:
+    """Make a block on a foundation, pressed from above and pulled at the right side.
+
+    Returns its kind of friction, and the scene.
+    """
+    columns, rows = (int(number) for number in rng.integers(2, 7 if d == 2 else 4, 2))
+    width = float(np.exp(rng.uniform(-0.5, 1.0)))
+    nu = float(rng.uniform(-0.3, 0.45))
+    depth = float(rng.uniform(0.005, 0.02))
+    law = str(rng.choice(["none", "given", "Coulomb"]))
+    friction: Any = {
+        "none": 0.0,
+        "given": ec.Tresca(float(rng.uniform(0.05, 0.5)) * depth),
+        "Coulomb": float(rng.uniform(0.05, 0.6)),
+    }[law]
+    along = depth * float(rng.uniform(-1.0, 1.0))
+    pull = depth * float(rng.uniform(-1.0, 1.5))
+    degree = int(rng.integers(1, 3))
+    if d == 2:
+        block = ec.rectangle((0.0, 0.0), (width, 1.0), cells=(columns, rows))
+    else:
+        block = ec.box((0.0, 0.0, 0.0), (width, 1.0, 1.0), cells=(columns, columns, rows))
+    middle = (0.0,) * (d - 2)
+    supports = [ec.Displacement("top", (along, *middle, -depth))]
+    loads = [ec.Traction("right", (0.0, *middle, pull))]
+    gap: Any = 0.0
+    if rng.random() < 0.5:
+        curvature = depth * float(rng.uniform(0.2, 1.0))
+        gap = lambda x: curvature * (x[0] - width / 2) ** 2  # noqa: E731
+    contact = ec.Contact("bottom", friction=friction, gap=gap)
+    scene = ec.Scene(ec.Elastic(1.0, nu), supports, loads, [contact])
+    name = f"{columns} x {rows}, width {width:.2f}, nu {nu:.2f}, {law}, degree {degree}"
+    return law, Sample(name, scene, block, degree)
+
+
+def goals(d: int) -> dict[str, Any]:
+    """Return the goals by their names."""
+    up = (*(0.0,) * (d - 1), 1.0)
+    return {
+        "top": ec.Resultant("top", up),
+        "contact": ec.Resultant("bottom", up),
+        "displacement": ec.MeanDisplacement("right", up),
+    }
+
+
+def measured(scene: ec.Scene, domain: ec.Domain, degree: int) -> ec.ConstitutiveError:
+    """Solve, and measure the error."""
+    return ec.constitutive_error(ec.equilibrate(ec.solve(scene, domain, degree=degree)))
+
+
+def compare(seed: int, count: int, d: int) -> None:
+    """Print the quantiles of the intervals of random scenes, and what is false."""
+    columns: dict[str, list[float]] = {}
+    false = []
+    for number in range(count):
+        law, sample = random_block(scene_generator(seed, number), d)
+        try:
+            coarse = measured(sample.scene, sample.domain, sample.degree)
+            finer = sample.domain.refined()
+            fine = measured(sample.scene, finer, sample.degree)
+            for _ in range(LEVELS[d] - 1):
+                finer = finer.refined()
+            best = measured(sample.scene, finer, 2)
+            for name, goal in goals(d).items():
+                bounds, next_bounds, exact = (
+                    ec.interval(error, goal) for error in (coarse, fine, best)
+                )
+                width = bounds.high - bounds.low
+                if bounds.low > exact.high or bounds.high < exact.low:
+                    false.append(f"scene {number} ({sample.name}), {name}: {bounds}, {exact}")
+                label = f"{name}, {law}"
+                columns.setdefault(f"half width, {label}", []).append(width / 2 / abs(exact.value))
+                shrinks = np.log(width / (next_bounds.high - next_bounds.low))
+                order = shrinks / np.log(coarse.absolute / fine.absolute)
+                columns.setdefault(f"order, {label}", []).append(float(order))
+                if name == "contact":
+                    up = goal.direction
+                    first = ec.resultant(coarse, "bottom", up)
+                    columns.setdefault(f"narrower, {label}", []).append(
+                        (first.high - first.low) / width
+                    )
+            columns.setdefault("eps", []).append(coarse.relative)
+        except ec.ErcContactError as reason:
+            print(f"scene {number} ({sample.name}): {type(reason).__name__} {reason}", flush=True)
+    print(quantile_table(dict(sorted(columns.items())), QUANTILES, "{:.3f}"))
+    print(*(false or ["no interval is false"]), sep="\n", flush=True)
+
+
+def plane(seed: int = 0, count: int = 60) -> None:
+    """Print the table of blocks in the plane."""
+    compare(seed, count, 2)
+
+
+def space(seed: int = 0, count: int = 8) -> None:
+    """Print the table of blocks in space."""
+    compare(seed, count, 3)
+
+
+TASKS: dict[str, Callable[..., None]] = {task.__name__: task for task in (plane, space)}
+
+
+if __name__ == "__main__":
+    run(TASKS)

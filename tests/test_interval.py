@@ -1,0 +1,118 @@
+"""Intervals from three admissible pairs: they hold, are nested, and shrink faster than e.
+
+Properties: a number that equilibrium or a homogeneous state dictates is met; intervals
+of a coarse and of a fine mesh overlap, in 2D and 3D, without friction, with a given one,
+between two bodies and under springs; the order in e; what has no interval is told.
+"""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from test_bad_input import refused
+from test_two_bodies import certified, pressed, small_bricks
+
+import erc_contact as ec
+
+COMM = MPI.COMM_WORLD
+DEPTH = 0.01
+
+
+@cache
+def block(d: int, cells: int) -> ec.Domain:
+    if d == 2:
+        return ec.rectangle((0.0, 0.0), (2.0, 1.0), cells=(2 * cells, cells))
+    return ec.box((0.0, 0.0, 0.0), (2.0, 1.0, 1.0), cells=(2 * cells, cells, cells))
+
+
+def opening(d: int, friction: object = 0.0, **options: object) -> ec.Scene:
+    """A block whose right half is lifted from the foundation."""
+    rollers = [ec.Displacement("left", (0.0, *(None,) * (d - 1)))]
+    rollers.append(ec.Displacement("top", (*(None,) * (d - 1), -DEPTH)))
+    if d == 3:
+        rollers.append(ec.Displacement("front", (None, 0.0, None)))
+    lift = ec.Traction("right", (*(0.0,) * (d - 1), 2 * DEPTH))
+    contact = ec.Contact("bottom", friction=friction)
+    return ec.Scene(ec.Elastic(1.0, 0.3), rollers, lift, contact, **options)
+
+
+def up(d: int) -> tuple[float, ...]:
+    return (*(0.0,) * (d - 1), 1.0)
+
+
+def goals(d: int) -> list:
+    return [
+        ec.Resultant("top", up(d)),
+        ec.Resultant("bottom", up(d)),
+        ec.MeanDisplacement("right", up(d)),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("d", "degree", "friction", "cells"),
+    [(2, 1, 0.0, (4, 16)), (2, 2, ec.Tresca(0.002), (4, 16)), (3, 1, 0.0, (2, 4))],
+)
+def test_coarse_and_fine_intervals(d, degree, friction, cells):
+    """They overlap, are proved, and shrink faster than e; ``resultant`` holds both."""
+    scene = opening(d, friction)
+    coarse, fine = (certified(scene, block(d, n), degree=degree) for n in cells)
+    for goal in goals(d):
+        one, other = (ec.interval(error, goal) for error in (coarse, fine))
+        assert one.guaranteed
+        assert other.guaranteed
+        assert one.low <= other.high
+        assert other.low <= one.high
+        order = np.log((one.high - one.low) / (other.high - other.low))
+        order /= np.log(coarse.absolute / fine.absolute)
+        assert order > 1.2, goal
+    force = ec.interval(fine, goals(d)[1])
+    first = ec.resultant(fine, "bottom", up(d))
+    assert first.low <= force.low <= force.high <= first.high
+
+
+def test_numbers_that_are_known():
+    """A column under its own number: force and displacement of a homogeneous state."""
+    load = ec.Traction("right", (-0.02, 0.0))
+    held = [ec.Displacement("left", (0.0, None))]
+    scene = ec.Scene(ec.Elastic(1.0, 0.0), held, load, ec.Contact("bottom"))
+    error = certified(scene, block(2, 2))
+    shortening = ec.interval(error, ec.MeanDisplacement("right", (1.0, 0.0)))
+    force = ec.interval(error, ec.Resultant("left", (2.0, 0.0)))
+    for bounds, exact in ((shortening, -0.04), (force, 0.04)):
+        assert bounds.low - 1e-12 <= exact <= bounds.high + 1e-12
+        assert bounds.high - bounds.low < 1e-9
+
+
+def test_direction_turns_the_interval():
+    """The opposite direction has the opposite interval, a longer one a wider interval."""
+    error = certified(opening(2), block(2, 4))
+    for part, kind in (("top", ec.Resultant), ("right", ec.MeanDisplacement)):
+        bounds = ec.interval(error, kind(part, (0.0, 1.0)))
+        turned = ec.interval(error, kind(part, (0.0, -3.0)))
+        assert turned.low == pytest.approx(-3 * bounds.high, rel=1e-6)
+        assert turned.high == pytest.approx(-3 * bounds.low, rel=1e-6)
+
+
+def test_bodies_springs_and_coulomb():
+    """Two bodies, a body on springs; with Coulomb's friction it is an estimate."""
+    coarse = certified(pressed(2), small_bricks(2))
+    fine = certified(pressed(2), small_bricks(2).refined().refined(), degree=2)
+    for goal in (ec.Resultant("upper outer", (0.0, 1.0)), ec.Resultant("lower outer", (0.0, 1.0))):
+        one, other = ec.interval(coarse, goal), ec.interval(fine, goal)
+        assert one.guaranteed
+        assert one.low <= other.low <= other.high <= one.high
+    on_springs = opening(2, springs=ec.Spring("right", normal=0.5))
+    one, other = (ec.interval(certified(on_springs, block(2, n)), goals(2)[0]) for n in (4, 16))
+    assert one.low <= other.low <= other.high <= one.high
+    estimate = ec.interval(certified(opening(2, 0.3), block(2, 4)), goals(2)[0])
+    assert not estimate.guaranteed
+
+
+def test_what_has_no_interval():
+    error = certified(opening(2), block(2, 4))
+    refused(lambda: ec.interval(error, ec.Resultant("right", (0.0, 1.0))), "'right'", "bottom")
+    refused(lambda: ec.interval(error, ec.Resultant("top", (0.0, 1.0, 0.0))), "2 finite numbers")
+    refused(lambda: ec.interval(error, ec.MeanDisplacement("top", (0.0, 1.0))), "Resultant")
+    refused(lambda: ec.interval(error, ec.MeanDisplacement("tpo", (0.0, 1.0))), "'tpo'")
+    refused(lambda: ec.Resultant("top", "up"), "Resultant('top')")
