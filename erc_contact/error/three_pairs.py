@@ -1,0 +1,220 @@
+"""Certified intervals of order 1.5 for single numbers, from three admissible pairs.
+
+Let the data of a scene move by t: loads by ``t psi``, supports by ``t U'``. The energy
+J of its solution then has the derivative
+
+    -J'(0) = psi(u) - (sigma n, U')  =: Q,
+
+a mean displacement or, with the opposite sign, the force on a support. Take admissible
+pairs of the scene and of those moved by t and -t, all on one mesh: (u^, sigma^), (u+,
+sigma+), (u-, sigma-). For the lower end of the interval put
+
+    phi = (u+ - u^)/t,    tau = (sigma^ - sigma-)/t,
+
+for the upper end ``phi = (u^ - u-)/t, tau = (sigma+ - sigma^)/t``. In both cases phi is
+U' on supports, tau balances psi. With ``delta = eps(u) - (eps(u^) + C^-1 sigma^)/2``
+
+    Q = V + (tau - C eps(phi), delta) + int r.phi - int tau n.(w - g n),
+    V = psi(u^) + f(phi) - a(u^, phi) + int tau n.(w^ - g n)
+        + (tau - C eps(phi), C^-1 sigma^ - eps(u^))/2.
+
+V is computed. What the contact adds is bounded by admissibility alone: none of the
+displacements penetrates, and no traction pulls. Without friction, and with
+
+    A = int |r_n| (g - w^_n),    B = int |r^_n| (g - w_n),    m = |delta|,
+
+    m^2 + A + B = e^2/2 - |sigma^ - C eps(u^)|^2/4 =: M^2,
+
+it is at least ``-(A + B)/t`` at the lower end, and at most that at the upper one. With
+``d = |tau - C eps(phi)|`` the lower end is so
+
+    V - max_m ( d m + (M^2 - m^2)/t ),    0 <= m <= M.
+
+With given friction b, A and B also contain what friction does, and V the difference
+``int b (|w^_t| - |w+_t|)/t``, at the upper end ``int b (|w-_t| - |w^_t|)/t``. If the
+friction bound depends on the pressure, the interval is an estimate.
+
+Any t is allowed, and the intervals of several t may be intersected. While the contact
+set stays as it is, d does not depend on t, and the interval is narrower for larger t:
+d m is then of second order. A t that changes the set makes d larger. The best t is a
+few times ``e/|phi|``, and many times that where the contact is settled.
+
+Source: ours, from the theorem of :mod:`erc_contact.error.constitutive`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from dolfinx import fem
+from mpi4py import MPI
+
+from erc_contact.admissible.pair import Admissible
+from erc_contact.admissible.traction import ContactTraction
+from erc_contact.error.bulk import add_springs, bulk_squares
+from erc_contact.error.constitutive import ROUND_OFF, ConstitutiveError
+from erc_contact.error.questions import Question
+from erc_contact.error.works import (
+    BoundedNumber,
+    elastic_work,
+    friction_work,
+    load_work,
+    strain_work,
+)
+from erc_contact.mesh.quadrature import facet_pieces, integrate, polynomials
+from erc_contact.model.foundation import ContactData
+from erc_contact.model.model import Model
+from erc_contact.model.trace import split
+
+
+@dataclass(frozen=True, eq=False)
+class Ends:
+    """Hold an interval of Q.
+
+    Attributes:
+        low: Its lower end.
+        high: Its upper end.
+        t: The t that it is of.
+        d_squares: ``d^2`` on each owned cell, the mean of both ends, shape (owned,).
+    """
+
+    low: float
+    high: float
+    t: float
+    d_squares: np.ndarray
+
+    @property
+    def width(self) -> float:
+        """Return the width of the interval."""
+        return self.high - self.low
+
+
+def ends_of(
+    error: ConstitutiveError, question: Question, plus: Admissible, minus: Admissible, t: float
+) -> Ends:
+    """Compute the interval of Q from three pairs; collective.
+
+    Args:
+        error: The error of the pair of the scene.
+        question: What the goal moves.
+        plus: The pair of the scene moved by t.
+        minus: That of the scene moved by -t.
+        t: t.
+    """
+    pair = error.admissible
+    square = error.absolute**2 + error.geometry_error**2
+    M = float(np.sqrt(max(square / 2 - error.bulk_error**2 / 4, 0.0)))
+    lower = _end(error, question, (plus, pair, plus), (pair, minus), t)
+    upper = _end(error, question, (pair, minus, minus), (plus, pair), t)
+    ends = []
+    for sign, (V, d_squares) in ((-1.0, lower), (1.0, upper)):
+        local = float(d_squares.sum())
+        d = float(np.sqrt(max(pair.model.comm.allreduce(local, MPI.SUM), 0.0)))
+        m = min(M, d * t / 2)
+        ends.append(V.value + sign * (V.bound + d * m + (M**2 - m**2) / t))
+    d_squares = np.maximum(0.5 * (lower[1] + upper[1]), 0.0)
+    return Ends(ends[0], ends[1], t, d_squares)
+
+
+def _end(
+    error: ConstitutiveError,
+    question: Question,
+    displacements: tuple[Admissible, Admissible, Admissible],
+    stresses: tuple[Admissible, Admissible],
+    t: float,
+) -> tuple[BoundedNumber, np.ndarray]:
+    """Compute V of one end of the interval, and ``d^2`` of the owned cells; collective.
+
+    Args:
+        error: The error of the pair of the scene.
+        question: What the goal moves.
+        displacements: Pairs whose u^ have the difference ``t phi``, and the moved one
+            of them.
+        stresses: Pairs whose sigma^ have the difference ``t tau``.
+        t: t.
+    """
+    pair = error.admissible
+    model = pair.model
+    first, second, moved = displacements
+    phi = model.function()
+    phi.x.array[:] = (first.displacement.x.array - second.displacement.x.array) / t
+    more, less = stresses
+    u = pair.displacement
+    size_2 = elastic_work(pair, phi, phi).value
+
+    # |sigma^ + h tau - C eps(u^ + h phi)|^2 for h and -h tells d^2 and the product.
+    h = max(error.absolute, ROUND_OFF * error.scale) / np.sqrt(max(size_2, 1e-300))
+    squares = [_bulk(pair, phi, more, less, sign * h, t) for sign in (0.0, 1.0, -1.0)]
+    d_squares = (squares[1] + squares[2] - 2 * squares[0]) / (2 * h**2)
+    of_rank = float((squares[1] - squares[2]).sum()) / (4 * h)
+    product = model.comm.allreduce(of_rank, MPI.SUM)
+
+    V = BoundedNumber(question.psi(u) + product / 2) + load_work(model, phi)
+    V = V - elastic_work(pair, u, phi) + strain_work(pair, phi)
+    contacts = zip(pair.tractions, more.tractions, less.tractions, strict=True)
+    for traction, of_more, of_less in contacts:
+        tau = (of_more.values - of_less.values) / t
+        V += _contact_work(model, traction, tau, u)
+        floor = ROUND_OFF * error.scale**2
+        slid = friction_work(model, traction, u, floor)
+        slides = friction_work(model, traction, moved.displacement, floor)
+        sign = 1.0 if moved is first else -1.0
+        V += (sign / t) * (slid - slides)
+    return V, d_squares
+
+
+def _bulk(
+    pair: Admissible, phi: fem.Function, more: Admissible, less: Admissible, h: float, t: float
+) -> np.ndarray:
+    """Compute ``|sigma^ + h tau - C eps(u^ + h phi)|^2`` of owned cells; collective.
+
+    It has the dimension [force length], with the springs at the cell.
+    """
+    model = pair.model
+    hat = model.function()
+    hat.x.array[:] = pair.displacement.x.array + h * phi.x.array
+    of_springs = []
+    triples = zip(pair.spring_tractions, more.spring_tractions, less.spring_tractions, strict=True)
+    for value, of_more, of_less in triples:
+        of_springs.append(value + h / t * (of_more - of_less))
+    moved = replace(
+        pair,
+        displacement=hat,
+        stress=pair.stress + h / t * (more.stress - less.stress),
+        spring_tractions=of_springs,
+    )
+    difference, both, _ = bulk_squares(moved)
+    add_springs(moved, difference, both)
+    return difference
+
+
+def _contact_work(
+    model: Model, traction: ContactTraction, tau: np.ndarray, u: fem.Function
+) -> BoundedNumber:
+    """Compute ``int tau n.(w^ - g n)`` on a contact [force length]; collective.
+
+    Args:
+        model: The scene on a mesh.
+        traction: r^ on the contact.
+        tau: Coefficients of the traction tau n [force/area], shape (f, m, d).
+        u: u^.
+    """
+    contact = traction.contact
+    trace = contact.trace
+    data = ContactData(contact, model.mesh)
+    of_w = trace.coefficients(trace.since(u.x.array))
+
+    def density(facet: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
+        n = contact.direction[facet][:, None, :]
+        shape = polynomials(model.degree, places)
+        tau_n, tau_t, _ = split(np.matmul(shape, tau[facet]), n)
+        w_n, w_t, _ = split(np.matmul(shape, of_w[facet]), n)
+        # A gap that is closed everywhere does no work, whatever the traction.
+        opening = 0.0 if contact.bilateral else w_n - data.gap(facet, x)
+        return (tau_n * opening + (tau_t * w_t).sum(axis=-1))[..., None]
+
+    area = trace.here.owned_areas
+    corners = trace.here.corners
+    integral = integrate(model.comm, density, corners, area, facet_pieces(model.d - 1))
+    return BoundedNumber.summed(model.comm, integral)
