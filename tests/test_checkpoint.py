@@ -569,8 +569,6 @@ def test_history_is_read_without_the_scene(shared_tmp_path):
             "report.html",
             "history.csv",
             "history.json",
-            "error.png",
-            "meshes.png",
             "body.vtkhdf",
             "meshes.vtkhdf",
         }

@@ -129,7 +129,7 @@ def test_axes_are_drawn_on_and_returned(error):
         assert all(one.has_data() for one in np.ravel(axes))
     assert new.figure is not figure
     assert new.get_title().startswith("displacement")
-    assert new.get_xlabel() == "$x$ [length]"
+    assert new.get_xlabel() == "x [length]"
 
 
 @pytest.mark.serial

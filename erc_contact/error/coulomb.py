@@ -56,6 +56,12 @@ SMOOTH_FIELD = 1
 
 A field costs a linear solve there.
 """
+CLAIMED_COUPLING = 3**0.5
+"""Greatest q + change of which anything is claimed [-].
+
+There (2) is 10 e. It grows without limit at q = 2: such a bound says nothing, and the
+next mesh may take it back.
+"""
 BALANCED_WORK = 1e-8
 """Work of a traction on a rigid motion that counts as none [-].
 
@@ -76,8 +82,8 @@ class CoulombCertificate:
         q_change: How far q may be from its limit on fine meshes, as a finer or a
             coarser mesh tells with the same field t; where there is none, a tenth of q.
             After multigrid the last step of the iteration for q is added.
-        unique: Whether ``q + q_change < 2``: at most one solution slips in the
-            direction t of this pair.
+        unique: Whether ``q + q_change`` is at most :data:`CLAIMED_COUPLING`, safely
+            below 2: at most one solution slips in the direction t of this pair.
         bound: Every solution has ``sqrt(|u - u^|^2 + |sigma - sigma^|^2) <= bound``
             [sqrt(force length)]; infinite where none is claimed.
         absolute: The error e in the constitutive relation [sqrt(force length)].
@@ -150,8 +156,8 @@ class CoulombCertificate:
                 "a bound is not claimed."
             )
         return (
-            f"Nothing is proved of other solutions: {q} is not safely below 2. "
-            "e bounds up to a term of higher order."
+            f"Nothing is proved of other solutions: {q} is not safely below 2, "
+            f"at most {CLAIMED_COUPLING:.3g}. e bounds up to a term of higher order."
         )
 
 
@@ -250,9 +256,11 @@ def _tried(
         if work_on_motion > BALANCED_WORK * (np.linalg.norm(motion, axis=1) @ sizes):
             B = np.inf
     e_t = float(np.sqrt(max(error.absolute**2 - 2 * work, error.bulk_error**2)))
-    bound = bound_of_both(q + change, e_t, error.bulk_error, float(np.hypot(A, B)))
+    unique = q + change <= CLAIMED_COUPLING
+    rest = float(np.hypot(A, B))
+    bound = bound_of_both(q + change, e_t, error.bulk_error, rest) if unique else np.inf
     friction = float(pair.friction.max())
-    return CoulombCertificate(friction, q, change, q + change < 2, bound, error.absolute, A, B)
+    return CoulombCertificate(friction, q, change, unique, bound, error.absolute, A, B)
 
 
 def _energy(displacement: np.ndarray, forces: np.ndarray) -> float:

@@ -12,7 +12,7 @@ from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.percent import percent
 from erc_contact.error.constitutive import ConstitutiveError
-from erc_contact.error.sizes import PREDICTIVE_ERROR, size_map
+from erc_contact.error.sizes import DOUBT, PREDICTIVE_ERROR, size_map
 from erc_contact.error.strategy import mark, refined
 from erc_contact.mesh.domain import Domain
 
@@ -21,11 +21,6 @@ CLOSE = 1.2
 
 A new mesh of nearly the same sizes might miss the accuracy again and again,
 because the prediction is right to 5 or 10% only.
-"""
-DOUBT = 8.0
-"""Factor by which such a prediction may be too large [-].
-
-A run ends if it exceeds ``max_cells`` by more.
 """
 
 
@@ -88,8 +83,9 @@ class SizeMap:
         predictive = error.total <= PREDICTIVE_ERROR
         hopeless = predictive and end.predicted_cells > DOUBT * max_cells
         if sizes.predicted_cells > max_cells or hopeless:
+            # No number is told: one mesh alone may be wrong by a factor.
             raise InputError(
-                f"{percent(accuracy)} takes about {end.predicted_cells:.0f} cells, more than "
-                f"max_cells = {max_cells}; allow more, or a larger error."
+                f"{percent(accuracy)} takes more cells than max_cells = {max_cells}, as far as "
+                f"this mesh of {domain.cells} cells can tell; allow more, or a larger error."
             )
         return domain.remeshed(sizes)

@@ -52,6 +52,11 @@ PREDICTIVE_ERROR = 0.25
 For a half disc pressed on a plane a first mesh with an error of 79% predicted 7 million
 cells where 2200 were enough. A mesh with 11% predicted twice as many as needed.
 """
+DOUBT = 8.0
+"""Factor by which such a prediction may be too large [-].
+
+A run ends if it exceeds ``max_cells`` by more.
+"""
 BISECTIONS = 100
 """Limit of the bisections for a root."""
 

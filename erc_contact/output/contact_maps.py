@@ -53,8 +53,8 @@ def contact_maps(surface: Surface, ax: Any = None) -> Any:
     s, t = plane @ np.matmul(corners, surface.x[:, :3]).reshape(-1, 3).T
     offset = np.arange(len(surface.x))[:, None, None] * len(points)
     triangles = (offset + parts).reshape(-1, 3)
-    _draw_traction(panels[0], s, t, triangles, pressure, "pressure $-r_n$")
-    _draw_traction(panels[1], s, t, triangles, shear, "shear $|r_t|$")
+    _draw_traction(panels[0], s, t, triangles, pressure, "pressure")
+    _draw_traction(panels[1], s, t, triangles, shear, "shear")
     _draw_status(panels[2], u, v, facets, status)
     # The eye is in what the body touches, so one of the two axes may be turned round.
     is_turned = np.cross(*plane) @ n < 0

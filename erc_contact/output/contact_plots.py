@@ -118,11 +118,11 @@ def contact_curves(surface: Surface, ax: Any = None) -> Any:
         look = {"fc": "0.35", "ec": "none", "alpha": 0.25}
         axes.fill_between(line.abscissa, -bound, bound, label="friction bound", **look)
     t = np.column_stack([-n[:, 1], n[:, 0]])
-    direction = words(t[0]) if np.allclose(t, t[0]) else "$(-n_2, n_1)$"
+    direction = words(t[0]) if np.allclose(t, t[0]) else "(-n₂, n₁)"
     pressure = -traction.normal_component
     shear = np.einsum("fmi,fi->fm", traction.tangential_part, t)
-    _draw_traction(axes, line, pressure, PRESSURE, "pressure $-r_n$")
-    _draw_traction(axes, line, shear, SHEAR, f"shear $r_t$ along {direction}")
+    _draw_traction(axes, line, pressure, PRESSURE, "pressure")
+    _draw_traction(axes, line, shear, SHEAR, f"shear along {direction}")
     axes.axhline(0.0, color="0.4", lw=0.6)
     closed = s[status != OPEN] if np.any(status != OPEN) else s
     # The closed part is shown with as much beside it, where the contact goes on.

@@ -116,7 +116,7 @@ def _draw_errors(left: Any, right: Any, histories: Mapping[str, Run]) -> None:
     """Draw the relative errors over run time and over degrees of freedom."""
     for number, (name, history) in enumerate(histories.items()):
         slope = history.slope("dofs")
-        label = name if np.isnan(slope) else f"{name} (slope ${slope:.2f}$)"
+        label = name if np.isnan(slope) else f"{name} (slope {slope:.2f})"
         look = {
             "label": label,
             "color": COLOUR_CYCLE[number % len(COLOUR_CYCLE)],
@@ -152,7 +152,7 @@ def _draw_best_slope(axes: Any, histories: Mapping[str, Run], d: int) -> None:
     constants = (eps * dofs**order)[dofs >= ends[0]]
     below = 75 * float(np.min(constants, initial=np.inf))
     if 0 < below < np.inf and dofs.max() >= SPAN * dofs.min():
-        axes.plot(ends, below * ends**-order, "k--", lw=0.9, label=f"slope $-{slope}$")
+        axes.plot(ends, below * ends**-order, "k--", lw=0.9, label=f"slope -{slope}")
 
 
 def _log_scale(axis: Any, low: float, high: float) -> None:

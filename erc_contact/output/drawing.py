@@ -21,6 +21,8 @@ COLOUR_CYCLE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00"
 
 Source: Okabe, Ito, Color Universal Design (2008).
 """
+DPI = 150
+"""Pixels of a picture [1/inch]; a picture is then as wide as a page on a screen."""
 STATUS_NAMES = ("open", "slip", "stick")
 """Names of the codes OPEN, SLIP and STICK."""
 STATUS_COLOURS = ("#f0f0f0", "#fbdcb4", "#c9e0f2")
@@ -56,7 +58,7 @@ def draw_figure(
             axes = draw(ax)
             figure = np.ravel(axes)[0].figure
             if path is not None:
-                figure.savefig(path, dpi=200, bbox_inches="tight")
+                figure.savefig(path, dpi=DPI, bbox_inches="tight")
             elif ax is None:
                 figure.draw_without_rendering()  # words get their font now
         drawn.append(axes)
@@ -144,7 +146,7 @@ def words(vector: np.ndarray, scale: float = 1.0) -> str:
 def coordinate(tangent: np.ndarray) -> str:
     """Return the label of the axis of a coordinate along a tangent."""
     if tangent.max() == 1.0:
-        return f"${'xyz'[tangent.argmax()]}$ [length]"
+        return f"{'xyz'[tangent.argmax()]} [length]"
     return f"along {words(tangent)} [length]"
 
 

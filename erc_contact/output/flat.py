@@ -12,6 +12,8 @@ import numpy as np
 
 MANY_SHAPES = 30_000
 """Number of polygons or lines above which vector formats hold an image of them."""
+LINES_OF_PATH = 5000
+"""Greatest number of lines in a path of matplotlib, whose renderer has a limit."""
 POINTS_OF_PIXEL = 0.3
 """Width of lines in matplotlib for one pixel of pyvista's [points]."""
 
@@ -29,27 +31,47 @@ def draw_flat(axes: Any, parts: Sequence[tuple[Any, dict[str, Any]]]) -> None:
         add_flat(axes, data, look)
     axes.set_aspect("equal")
     axes.spines[:].set_visible(False)
-    axes.set(xlabel="$x$ [length]", ylabel="$y$ [length]")
+    axes.set(xlabel="x [length]", ylabel="y [length]")
 
 
 def add_flat(axes: Any, data: Any, look: dict[str, Any]) -> None:
     """Add one part; see :func:`draw_flat`."""
-    from matplotlib.collections import LineCollection, PolyCollection  # noqa: PLC0415
+    from matplotlib.collections import PolyCollection  # noqa: PLC0415
 
     x = data.points[:, :2]
-    common = {"alpha": look.get("opacity")}
     if data.n_lines > 0:
-        shown = x[data.lines.reshape(-1, 3)[:, 1:]]
-        width = POINTS_OF_PIXEL * look.get("line_width", 1.0)
-        drawn: Any = LineCollection(shown, colors=look["color"], linewidths=width, **common)
-    else:
-        shown = x[data.regular_faces]
-        colours = look["scalars"] / 255.0 if "scalars" in look else look["color"]
-        # Edges of the same colour close the white seams between neighbours.
-        seams = {"edgecolors": "face", "linewidths": 0.3}
-        drawn = PolyCollection(shown, facecolors=colours, **seams, **common)
-    drawn.set_rasterized(len(shown) > MANY_SHAPES)
-    axes.add_collection(drawn)
+        lines = x[data.lines.reshape(-1, 3)[:, 1:]]
+        _add_lines(axes, lines, look)
+        return
+    faces = x[data.regular_faces]
+    colours = look["scalars"] / 255.0 if "scalars" in look else look["color"]
+    # Edges of the same colour close the white seams between neighbours.
+    seams = {"edgecolors": "face", "linewidths": 0.3}
+    drawn = PolyCollection(faces, facecolors=colours, alpha=look.get("opacity"), **seams)
+    drawn.set_rasterized(len(faces) > MANY_SHAPES)
+    # The limits of the axes are set apart, and not found from each polygon.
+    axes.add_collection(drawn, autolim=False)
+
+
+def _add_lines(axes: Any, lines: np.ndarray, look: dict[str, Any]) -> None:
+    """Add straight lines (n, 2, 2) of one colour and width.
+
+    Some thousand of them are one path of matplotlib: a path for each line takes ten
+    times as long.
+    """
+    from matplotlib.collections import PathCollection  # noqa: PLC0415
+    from matplotlib.path import Path  # noqa: PLC0415
+
+    paths = []
+    for first in range(0, len(lines), LINES_OF_PATH):
+        part = lines[first : first + LINES_OF_PATH]
+        codes = np.tile([Path.MOVETO, Path.LINETO], len(part))
+        paths.append(Path(part.reshape(-1, 2), codes))
+    width = POINTS_OF_PIXEL * look.get("line_width", 1.0)
+    colour = {"facecolors": "none", "edgecolors": look["color"], "alpha": look.get("opacity")}
+    drawn = PathCollection(paths, linewidths=width, **colour)
+    drawn.set_rasterized(len(lines) > MANY_SHAPES)
+    axes.add_collection(drawn, autolim=False)
 
 
 def limits(low: np.ndarray, high: np.ndarray) -> dict[str, tuple[float, float]]:

@@ -41,7 +41,7 @@ def draw_error(error: ConstitutiveError, path: str | Path | None = None, *, ax: 
         low = max(float(np.percentile(eps, 1)), 1e-4 * top)
         low = min(low, 0.5 * top)
         norm = LogNorm(low, top) if top > 0 else Normalize(0, 1)
-        return Scale(norm, "min", r"$\varepsilon_E$ [-]")
+        return Scale(norm, "min", "eps_E [-]")
 
     return draw_cells(error.admissible, error.indicators, scale, path, ax)
 

@@ -15,7 +15,7 @@ from erc_contact.output.flat import draw_flat, limits
 
 Part = tuple[Any, dict[str, Any]]
 """Data of pyvista, and options with which they are drawn."""
-PIXELS = 1100
+PIXELS = 800
 """Number of pixels of the longer side of the image of a body."""
 SPACE = 5.5
 """Greatest width of all views in 3D that are side by side in a figure, without words
@@ -109,6 +109,9 @@ def rendered(parts: Sequence[Part], view: np.ndarray) -> np.ndarray:
     # Without a display VTK complains before it finds another way.
     with pyvista.vtk_verbosity("off"):
         plotter = pyvista.Plotter(off_screen=True, window_size=pixels.tolist())
+        # Without a graphics card several samples of a pixel cost most of the time. The
+        # image has more pixels than the picture, which smooths its lines.
+        plotter.render_window.SetMultiSamples(0)
         plotter.set_background("white")
         light = {"ambient": 0.65, "diffuse": 0.4, "show_scalar_bar": False}
         for data, look in parts:
@@ -186,7 +189,7 @@ def _draw_coordinate(axes: Any, box: np.ndarray, view: np.ndarray, i: int) -> No
     for foot, tick in zip(feet, ticks, strict=True):
         axes.annotate(f"{tick:.4g}", foot, 10 * outward, fontsize=9, **words)
     distance = 26 if is_level else 38
-    axes.annotate(f"${'xyz'[i]}$ [length]", middle, distance * outward, fontsize=10, **words)
+    axes.annotate(f"{'xyz'[i]} [length]", middle, distance * outward, fontsize=10, **words)
 
 
 def _ticks_of(box: np.ndarray, view: np.ndarray, i: int) -> np.ndarray:

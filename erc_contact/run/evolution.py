@@ -23,7 +23,7 @@ from erc_contact.output.files import on_root
 from erc_contact.output.report import write_record, write_report
 from erc_contact.output.series import write_series
 from erc_contact.output.verdict import verdict
-from erc_contact.results import Force, Maximum, Values
+from erc_contact.results import OPEN, SLIP, Force, Maximum, Values
 from erc_contact.run.result import RunResult
 from erc_contact.run.time_row import (
     ENERGIES,
@@ -55,9 +55,9 @@ class Evolution(RunResult):
     :class:`History`, with error, scene and forces at the end of the last step),
     ``evolution.csv``, ``evolution.json``, ``energies.png`` (work, strain energy,
     dissipation and their balance), ``deformed.png``, ``body.vtkhdf`` with all times,
-    which opens in ParaView as it is, and for each contact ``loop_<name>.png`` (force
-    against displacement) and, in 2D, ``zones_<name>.png`` (open, slip and stick along
-    the contact in time).
+    which opens in ParaView as it is, ``loop_<name>.png`` (force against displacement)
+    of each contact that slides with friction, and, in 2D, ``zones_<name>.png`` (open,
+    slip and stick along the contact in time) of each that is ever closed.
 
     Attributes:
         steps: The rows.
@@ -201,7 +201,10 @@ class Evolution(RunResult):
                 writer.writerow(row)
 
     def _draw(self, folder: Path) -> dict[str, str]:
-        """Draw all pictures; collective.
+        """Draw the pictures that show something; collective.
+
+        The force of a contact that never slides with friction makes no loop, only
+        round-off or a line.
 
         Returns:
             Names of the pictures, and what they show.
@@ -213,11 +216,14 @@ class Evolution(RunResult):
         for contact in self.error.model.contacts:
             name = contact.name
             title = contact.title
+            profiles = self.profile(name)
             at(comm, f"contact {name}")
-            plot_loop(self, name, folder / f"loop_{name}.png")
-            words = f"Shear of the contact {title}, over the displacement."
-            drawn[f"loop_{name}.png"] = words
-            if self.error.domain.dim == 2:
+            if any(_slides(profile) for profile in profiles):
+                plot_loop(self, name, folder / f"loop_{name}.png")
+                words = f"Shear of the contact {title}, over the displacement."
+                drawn[f"loop_{name}.png"] = words
+            is_ever_closed = any(np.any(profile["status"] != OPEN) for profile in profiles)
+            if self.error.domain.dim == 2 and is_ever_closed:
                 plot_zones(self, name, folder / f"zones_{name}.png")
                 words = f"Open, slip and stick along the contact {title} in time."
                 drawn[f"zones_{name}.png"] = words
@@ -257,3 +263,9 @@ class Evolution(RunResult):
             seconds: Time for which each frame is shown [s].
         """
         animate(self, path, seconds)
+
+
+def _slides(profile: np.ndarray) -> bool:
+    """Tell whether a contact slides somewhere with friction."""
+    slips = profile["status"] == SLIP
+    return bool(np.any(slips & (profile["friction_bound"] > 0)))

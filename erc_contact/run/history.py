@@ -23,7 +23,6 @@ from erc_contact.output.curves import SPAN, plot_history
 from erc_contact.output.deformed import draw_deformed
 from erc_contact.output.files import on_root
 from erc_contact.output.foundations import STILL_SHARE
-from erc_contact.output.mesh_pictures import draw_meshes
 from erc_contact.output.paraview import write_fields
 from erc_contact.output.pictures import draw_error
 from erc_contact.output.report import write_record, write_report
@@ -42,11 +41,13 @@ class History(RunResult):
     :meth:`save` writes ``report.html`` (one page that holds all it shows: scene, what
     the error proves, pictures, forces, versions), ``history.csv``, ``history.json``,
     ``body.vtkhdf``, ``meshes.vtkhdf`` (all meshes with eps_E), and for each contact its
-    profile ``contact_<name>.csv`` and ``contact_<name>.vtkhdf``. Pictures are drawn
-    where they show something: ``error.png`` (error against run time and degrees of
-    freedom) and ``meshes.png`` of several meshes, ``error_map.png`` of an error,
-    ``deformed.png`` of a body that moves, ``contact_<name>.png`` of a contact that is
-    closed somewhere.
+    profile ``contact_<name>.csv`` and ``contact_<name>.vtkhdf``. Pictures are few,
+    because they take longer than a small run, and drawn where they show something:
+    ``error_map.png`` of an error, ``deformed.png`` of a body that moves,
+    ``contact_<name>.png`` of a contact that is closed somewhere, and ``error.png``
+    (error against run time and degrees of freedom) of meshes that tell a slope. Others
+    are those of :mod:`erc_contact.output`, for instance
+    ``draw_meshes(history.meshes, path)``.
 
     Attributes:
         steps: The rows.
@@ -224,17 +225,12 @@ class History(RunResult):
         Returns:
             Names of the pictures, and what they show.
         """
-        if len(self.steps) == 1:
+        # Few points, or points near each other, are no curve: the table says it all.
+        if np.isnan(self.slope("dofs")):
             return {}
-        comm = self.best.domain.mesh.comm
-        at(comm, "error against time")
+        at(self.best.domain.mesh.comm, "error against time")
         plot_history({"adaptive": self}, folder / "error.png")
-        at(comm, "meshes")
-        draw_meshes(self.meshes, folder / "meshes.png")
-        return {
-            "error.png": "Error against run time and against unknowns.",
-            "meshes.png": "Meshes of the run.",
-        }
+        return {"error.png": "Error against run time and against unknowns."}
 
     def _draw(self, folder: Path) -> dict[str, str]:
         """Draw all pictures of a run that show something; collective.

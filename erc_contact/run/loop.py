@@ -16,13 +16,13 @@ from erc_contact.base.percent import percent
 from erc_contact.base.progress import stage
 from erc_contact.base.runtime.interrupts import Interrupts
 from erc_contact.error.constitutive import ConstitutiveError, constitutive_error
-from erc_contact.error.sizes import PREDICTIVE_ERROR, size_map
 from erc_contact.mesh.domain import Domain
 from erc_contact.newton.doubts import DoubtsOfRun
 from erc_contact.newton.ladder import NODAL
 from erc_contact.newton.solve import DEFAULT, solved
 from erc_contact.run.checkpoint import Checkpoint
 from erc_contact.run.endings import AT_REST, NO_TRUE_SHAPE, ending
+from erc_contact.run.foreseen import too_many_cells
 from erc_contact.run.history import History
 from erc_contact.run.new_step import new_step
 from erc_contact.run.plan import SETTINGS, Plan
@@ -52,6 +52,7 @@ class Loop:
         doubts: What is doubtful in its solutions; a step of a loading history leaves it
             to the history.
         outcome: Why it ended, in words; empty while it goes on.
+        warned: Whether it said that it will have too many cells.
     """
 
     def __init__(
@@ -68,6 +69,7 @@ class Loop:
         self.last: ConstitutiveError | None = None
         self.best: ConstitutiveError | None = None
         self.outcome = ""
+        self.warned = False
 
     def go(self, domain: Domain) -> History:
         """Run from a first mesh, or from what is kept, to the end; collective."""
@@ -215,9 +217,17 @@ class Loop:
             self.outcome = f"Reached: {percent(best.total)} <= {percent(plan.accuracy)}."
         elif len(self.steps) >= plan.max_steps:
             self.outcome = f"Stopped after max_steps = {plan.max_steps} meshes{self.above}."
-        elif len(self.steps) == 2:  # the first mesh is mostly too coarse to know
-            _warn_of_cells(error, plan.accuracy, plan.max_cells)
+        elif not self.warned:
+            self._warn_of_cells(error)
         return bool(self.outcome)
+
+    def _warn_of_cells(self, error: ConstitutiveError) -> None:
+        """Warn before the time is spent that the accuracy takes too many cells."""
+        most = self.plan.max_cells
+        words = too_many_cells(self.steps, error, self.plan.accuracy, most)
+        if words:
+            self.warned = True
+            log_of(self.comm).warning(f"{words}, it seems; max_cells = {most} will end the run.")
 
     def _next(self, error: ConstitutiveError, interrupts: Interrupts) -> tuple[Domain, float]:
         """Make the next mesh; collective.
@@ -285,15 +295,3 @@ class Loop:
         if others:
             meshes = f"{len(others)} of {len(self.steps)} meshes"
             self.outcome += f" {others[0]} on {meshes}, where {DEFAULT} did not converge."
-
-
-def _warn_of_cells(error: ConstitutiveError, accuracy: float, max_cells: int) -> None:
-    """Warn before the time is spent that even the optimal mesh has too many cells."""
-    if error.total > PREDICTIVE_ERROR:  # too coarse to predict from
-        return
-    cells = size_map(error, accuracy).predicted_cells
-    if cells > max_cells:
-        log_of(error.domain.mesh.comm).warning(
-            f"{percent(accuracy)} takes some {cells:.2g} cells, it seems; "
-            f"max_cells = {max_cells} will end the run."
-        )

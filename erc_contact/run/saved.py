@@ -53,8 +53,8 @@ class SavedHistory(History):
     """Hold a history that is read; ``best`` and ``error`` are a :class:`SavedError`.
 
     :meth:`save` writes ``report.html`` (without the scene), ``history.csv``,
-    ``history.json``, ``meshes.vtkhdf``, ``body.vtkhdf``, and of several meshes
-    ``error.png`` and ``meshes.png``.
+    ``history.json``, ``meshes.vtkhdf``, ``body.vtkhdf``, and ``error.png`` of meshes
+    that tell a slope.
 
     Attributes:
         file: The file of the best mesh.

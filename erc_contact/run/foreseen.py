@@ -1,0 +1,78 @@
+"""Foresee how many cells a run needs, and warn before the time for them is spent.
+
+Symbols: eps relative error, d dimension, k degree.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import log
+
+from erc_contact.base.percent import percent
+from erc_contact.error.constitutive import ConstitutiveError
+from erc_contact.error.sizes import DOUBT, PREDICTIVE_ERROR, size_map
+from erc_contact.run.step import Step
+
+FORESEEN_FALL = 2.0
+"""Greatest fall of the error to an accuracy over which cells are foreseen [-].
+
+Where more is missing a mesh does not see yet where its elements have to be.
+"""
+
+
+def foreseen_cells(steps: Sequence[Step], accuracy: float, order: float) -> float | None:
+    """Foresee the number of cells with which a run reaches an accuracy.
+
+    The last two meshes tell a power of eps by which cells grow. It is at least that of
+    smooth solutions, and at most twice as much: the first meshes of a run lower eps
+    faster, when they find a singular point, or slower, when they find an edge.
+
+    Args:
+        steps: The rows of the run.
+        accuracy: The relative error.
+        order: k/d, the best slope of eps over cells.
+
+    Returns:
+        The number of cells, on most scenes right to 20%; None where the meshes are too
+        coarse to tell.
+    """
+    if len(steps) < 2:
+        return None
+    before, last = steps[-2:]
+    if max(before.total, last.total) > PREDICTIVE_ERROR:
+        return None
+    fall = last.total / accuracy
+    if fall > FORESEEN_FALL or not before.total > last.total:
+        return None
+    power = log(last.cells / before.cells) / log(before.total / last.total)
+    smooth = 1 / order
+    return float(last.cells * fall ** min(max(power, smooth), 2 * smooth))
+
+
+def too_many_cells(
+    steps: Sequence[Step], error: ConstitutiveError, accuracy: float, max_cells: int
+) -> str:
+    """Say in words that an accuracy takes more cells than allowed, or nothing.
+
+    The call is collective. A number is told only where it can be foreseen. Elsewhere
+    the optimal mesh must exceed what is allowed by a factor.
+
+    Args:
+        steps: The rows of the run.
+        error: The error of the last of them.
+        accuracy: The relative error that is asked for.
+        max_cells: Greatest number of cells that is allowed.
+    """
+    # The first mesh is mostly too coarse to know.
+    if len(steps) < 2 or error.total > PREDICTIVE_ERROR:
+        return ""
+    order = error.degree / error.domain.dim
+    cells = foreseen_cells(steps, accuracy, order)
+    if cells is not None:
+        number = f"{percent(accuracy)} takes about {cells:.2g} cells"
+        return number if cells > max_cells else ""
+    # Most runs need no look at the sizes of the optimal mesh, which takes time.
+    equal = steps[-1].cells * (error.total / accuracy) ** (1 / order)
+    if equal < max_cells or size_map(error, accuracy).predicted_cells < DOUBT * max_cells:
+        return ""
+    return f"{percent(accuracy)} takes more cells than are allowed"
