@@ -22,12 +22,13 @@ with sigterm_blocked():  # the threads that MPI starts block it, too
 from erc_contact.admissible.pair import Admissible, equilibrate
 from erc_contact.base.exceptions import ErcContactError, InputError, NotConverged, NotHeldError
 from erc_contact.base.logs import log_to_console
-from erc_contact.error.bounds import Bounds, potential_energy, resultant, work_of_loads
+from erc_contact.error.bounds import potential_energy, resultant, work_of_loads
 from erc_contact.error.certify import Certificate, certify
 from erc_contact.error.constitutive import ConstitutiveError, constitutive_error
 from erc_contact.error.coulomb import CoulombCertificate, coulomb_certificate
 from erc_contact.error.interval import interval
 from erc_contact.error.multiplicity import other_solutions
+from erc_contact.error.numbers import Bounds
 from erc_contact.error.optimal import SizeMap
 from erc_contact.error.oscillation import Oscillations
 from erc_contact.error.sizes import Sizes, size_map

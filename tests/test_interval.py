@@ -51,7 +51,11 @@ def goals(d: int) -> list:
 
 @pytest.mark.parametrize(
     ("d", "degree", "friction", "cells"),
-    [(2, 1, 0.0, (4, 16)), (2, 2, ec.Tresca(0.002), (4, 16)), (3, 1, 0.0, (2, 4))],
+    [
+        (2, 1, 0.0, (4, 16)),
+        pytest.param(2, 2, ec.Tresca(0.002), (2, 8), marks=pytest.mark.serial),
+        pytest.param(3, 1, 0.0, (2, 4), marks=pytest.mark.serial),
+    ],
 )
 def test_coarse_and_fine_intervals(d, degree, friction, cells):
     """They overlap, are proved, and shrink faster than e; ``resultant`` holds both."""
@@ -84,6 +88,7 @@ def test_numbers_that_are_known():
         assert bounds.high - bounds.low < 1e-9
 
 
+@pytest.mark.serial
 def test_direction_turns_the_interval():
     """The opposite direction has the opposite interval, a longer one a wider interval."""
     error = certified(opening(2), block(2, 4))
@@ -94,6 +99,7 @@ def test_direction_turns_the_interval():
         assert turned.high == pytest.approx(-3 * bounds.low, rel=1e-6)
 
 
+@pytest.mark.serial
 def test_bodies_springs_and_coulomb():
     """Two bodies, a body on springs; with Coulomb's friction it is an estimate."""
     coarse = certified(pressed(2), small_bricks(2))
@@ -107,6 +113,42 @@ def test_bodies_springs_and_coulomb():
     assert one.low <= other.low <= other.high <= one.high
     estimate = ec.interval(certified(opening(2, 0.3), block(2, 4)), goals(2)[0])
     assert not estimate.guaranteed
+
+
+@pytest.mark.serial
+def test_runs_that_aim_at_a_number(tmp_path):
+    """A force that is a hundredth of the pressure, to 1%, where e alone tells nothing of it.
+
+    A run that was ended goes on from its folder.
+    """
+    block = ec.rectangle((0.0, 0.0), (2.0, 7.0), cells=(2, 7))
+    pressed = ec.Displacement("top", (0.1, -0.05))
+    scene = ec.Scene(ec.Elastic(1.0, 0.3), pressed, (), ec.Contact("bottom", friction=0.01))
+    goal = ec.Resultant("bottom", (1.0, 0.0))
+    options = {"goal": goal, "degree": 2}
+    history = ec.adapt(scene, block, 0.01, **options)
+    assert history.reached
+    assert history.bounds.relative <= 0.01
+    force = history.force("bottom").force[0]
+    assert force == pytest.approx(history.bounds.value, rel=0.01)
+    by_energy = ec.resultant(history, "bottom", goal.direction)
+    assert by_energy.relative > 10 * history.bounds.relative
+    folder = COMM.bcast(str(tmp_path) if COMM.rank == 0 else None)
+    ec.adapt(scene, block, 0.01, max_steps=2, checkpoint=folder, **options)
+    again = ec.adapt(scene, block, 0.01, checkpoint=folder, **options)
+    assert [step.cells for step in again.steps] == [step.cells for step in history.steps]
+    assert again.bounds.value == pytest.approx(history.bounds.value, rel=1e-3)
+    refused(lambda: ec.adapt(scene, block, 0.01, goal="force"), "goal is 'force'", "Resultant")
+
+
+@pytest.mark.serial
+def test_run_to_a_displacement():
+    """The interval of the run is proved, and holds that of a fine mesh."""
+    aimed = ec.adapt(opening(2), block(2, 2), 0.04, goal=goals(2)[2])
+    assert aimed.reached
+    assert aimed.bounds.guaranteed
+    fine = ec.interval(certified(opening(2), block(2, 16), degree=2), goals(2)[2])
+    assert aimed.bounds.low <= fine.low <= fine.high <= aimed.bounds.high
 
 
 def test_what_has_no_interval():

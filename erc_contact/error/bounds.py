@@ -60,13 +60,13 @@ Hild, Hjiaj, (16), for e.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.error.constitutive import ROUND_OFF, ConstitutiveError, Run, error_of
 from erc_contact.error.lifting import lifting
+from erc_contact.error.numbers import Bounds
 from erc_contact.error.works import (
     elastic_work,
     friction_work,
@@ -82,35 +82,6 @@ RIGID_ENERGY = 1e-8
 
 It is over that of strains of size one in the body.
 """
-
-
-@dataclass(frozen=True)
-class Bounds:
-    """Hold an interval for a number of the exact solution.
-
-    Attributes:
-        value: Its middle; for the energy the value of u^.
-        low: Least possible number.
-        high: Greatest possible number.
-        guaranteed: Whether the interval is proved (to round-off); otherwise it is an
-            estimate.
-        weighted: Whether a support or another contact fixes phi at the edge of the
-            contact to another value than the direction. The interval is then for ``int
-            r.phi``, where phi changes from the direction to this value across the
-            facets at the edge. The rest of the resultant has no finite bound; it is
-            smaller on finer meshes.
-
-    Example:
-        >>> bounds = ec.potential_energy(error)
-        >>> f"{bounds.low:.3f} <= J(u) <= {bounds.high:.3f}"
-        '0.119 <= J(u) <= 0.126'
-    """
-
-    value: float
-    low: float
-    high: float
-    guaranteed: bool
-    weighted: bool = False
 
 
 def resultant(error: ConstitutiveError | Run, contact: str, direction: Sequence[float]) -> Bounds:

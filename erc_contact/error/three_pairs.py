@@ -35,9 +35,8 @@ With given friction b, A and B also contain what friction does, and V the differ
 friction bound depends on the pressure, the interval is an estimate.
 
 Any t is allowed, and the intervals of several t may be intersected. While the contact
-set stays as it is, d does not depend on t, and the interval is narrower for larger t:
-d m is then of second order. A t that changes the set makes d larger. The best t is a
-few times ``e/|phi|``, and many times that where the contact is settled.
+set stays as it is, d does not depend on t. Then ``t = 2 M/d`` is best, and the width d
+M is of second order. A t that changes the set makes d larger.
 
 Source: ours, from the theorem of :mod:`erc_contact.error.constitutive`.
 """
@@ -54,7 +53,6 @@ from erc_contact.admissible.pair import Admissible
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.error.bulk import add_springs, bulk_squares
 from erc_contact.error.constitutive import ROUND_OFF, ConstitutiveError
-from erc_contact.error.questions import Question
 from erc_contact.error.works import (
     BoundedNumber,
     elastic_work,
@@ -76,12 +74,14 @@ class Ends:
         low: Its lower end.
         high: Its upper end.
         t: The t that it is of.
+        better_t: The t that would be best if d were the same for all t, ``2 M/d``.
         d_squares: ``d^2`` on each owned cell, the mean of both ends, shape (owned,).
     """
 
     low: float
     high: float
     t: float
+    better_t: float
     d_squares: np.ndarray
 
     @property
@@ -91,13 +91,13 @@ class Ends:
 
 
 def ends_of(
-    error: ConstitutiveError, question: Question, plus: Admissible, minus: Admissible, t: float
+    error: ConstitutiveError, psi: float, plus: Admissible, minus: Admissible, t: float
 ) -> Ends:
     """Compute the interval of Q from three pairs; collective.
 
     Args:
         error: The error of the pair of the scene.
-        question: What the goal moves.
+        psi: ``psi(u^)``.
         plus: The pair of the scene moved by t.
         minus: That of the scene moved by -t.
         t: t.
@@ -105,21 +105,25 @@ def ends_of(
     pair = error.admissible
     square = error.absolute**2 + error.geometry_error**2
     M = float(np.sqrt(max(square / 2 - error.bulk_error**2 / 4, 0.0)))
-    lower = _end(error, question, (plus, pair, plus), (pair, minus), t)
-    upper = _end(error, question, (pair, minus, minus), (plus, pair), t)
+    lower = _end(error, psi, (plus, pair, plus), (pair, minus), t)
+    upper = _end(error, psi, (pair, minus, minus), (plus, pair), t)
     ends = []
+    sizes = []
     for sign, (V, d_squares) in ((-1.0, lower), (1.0, upper)):
         local = float(d_squares.sum())
         d = float(np.sqrt(max(pair.model.comm.allreduce(local, MPI.SUM), 0.0)))
+        sizes.append(d)
         m = min(M, d * t / 2)
         ends.append(V.value + sign * (V.bound + d * m + (M**2 - m**2) / t))
     d_squares = np.maximum(0.5 * (lower[1] + upper[1]), 0.0)
-    return Ends(ends[0], ends[1], t, d_squares)
+    d = max(sizes)
+    better_t = 2 * M / d if d > 0 else np.inf
+    return Ends(ends[0], ends[1], t, better_t, d_squares)
 
 
 def _end(
     error: ConstitutiveError,
-    question: Question,
+    psi: float,
     displacements: tuple[Admissible, Admissible, Admissible],
     stresses: tuple[Admissible, Admissible],
     t: float,
@@ -128,7 +132,7 @@ def _end(
 
     Args:
         error: The error of the pair of the scene.
-        question: What the goal moves.
+        psi: ``psi(u^)``.
         displacements: Pairs whose u^ have the difference ``t phi``, and the moved one
             of them.
         stresses: Pairs whose sigma^ have the difference ``t tau``.
@@ -150,7 +154,7 @@ def _end(
     of_rank = float((squares[1] - squares[2]).sum()) / (4 * h)
     product = model.comm.allreduce(of_rank, MPI.SUM)
 
-    V = BoundedNumber(question.psi(u) + product / 2) + load_work(model, phi)
+    V = BoundedNumber(psi + product / 2) + load_work(model, phi)
     V = V - elastic_work(pair, u, phi) + strain_work(pair, phi)
     contacts = zip(pair.tractions, more.tractions, less.tractions, strict=True)
     for traction, of_more, of_less in contacts:

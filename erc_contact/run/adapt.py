@@ -20,6 +20,7 @@ from erc_contact.run.history import History
 from erc_contact.run.loop import Loop
 from erc_contact.run.plan import DECISIVE, check_folder, checked_plan
 from erc_contact.run.step import Step
+from erc_contact.scene.goal import Goal
 from erc_contact.scene.scene import Scene
 
 
@@ -31,6 +32,7 @@ def adapt(
     method: Method | None = None,
     strategy: Strategy | None = None,
     degree: int = 1,
+    goal: Goal | None = None,
     stop: str = "converged",
     solver: str = "auto",
     tighten: int = TIGHTEN,
@@ -54,6 +56,11 @@ def adapt(
         strategy: How the next mesh is made; ``Mark()`` by default, which needs no
             geometry but the mesh.
         degree: Degree of the displacement, 1 or 2.
+        goal: A number that the run aims at, a :class:`erc_contact.Resultant` or a
+            :class:`erc_contact.MeanDisplacement`: the accuracy is then half its
+            interval over its value, as :func:`erc_contact.interval` tells it, and cells
+            are marked by their share in it. ``history.bounds`` has the interval. Each
+            mesh is solved five times, the last ones more often.
         stop: "converged" ends Newton at round-off; "certified" as soon as the rest is
             at most a tenth of the error of the mesh: it is part of e, which bounds the
             error of any state.
@@ -103,6 +110,7 @@ def adapt(
         accuracy=accuracy,
         method=method,
         degree=degree,
+        goal=goal,
         stop=stop,
         solver=solver,
         tighten=tighten,

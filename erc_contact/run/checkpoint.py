@@ -9,21 +9,42 @@ run goes on, with a warning for each level that is not kept.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError, raise_together
 from erc_contact.base.logs import log_of
 from erc_contact.error.constitutive import ConstitutiveError
+from erc_contact.mesh.domain import Domain
+from erc_contact.newton.methods import Method
 from erc_contact.run.fingerprint import Fingerprint, differences
 from erc_contact.run.levels import Damaged, Folder, Level
 from erc_contact.run.states import Restored, level_of
+from erc_contact.scene.scene import Scene
 
 DIFFERENCES = 3
 """Greatest number of differences between two runs that a message names."""
+
+
+@dataclass(frozen=True, eq=False)
+class Kept:
+    """Hold what a folder has of a run.
+
+    Attributes:
+        steps: The rows.
+        meshes: Domain and eps_E of the levels that are kept.
+        best: The error of least ``total`` among them.
+        last: The error of the last one.
+    """
+
+    steps: list[Any]
+    meshes: list[tuple[Domain, np.ndarray]]
+    best: ConstitutiveError
+    last: ConstitutiveError
 
 
 class Checkpoint:
@@ -89,6 +110,28 @@ class Checkpoint:
         raise_together(self.comm, error)
         about = self.comm.bcast(level.about if level else None)
         return Restored(self.comm, level or Level(about, {}), before)
+
+    def kept(self, scene: Scene, methods: Sequence[Method], tighten: int) -> Kept:
+        """Read all good levels, of which there is one at least.
+
+        Args:
+            scene: The scene of the run.
+            methods: The methods that its solutions may have.
+            tighten: Iterations that tighten sigma^.
+        """
+        last_number = self.numbers[-1]
+        last = self.read(last_number)
+        steps = list(last.steps)
+        least = min(self.numbers, key=lambda number: steps[number - 1].total)
+        meshes = []
+        errors = {}
+        for number in self.numbers:
+            level = last if number == last_number else self.read(number)
+            meshes.append((level.domain, level.indicators))
+            # to measure costs an admissible pair, and of the others nothing is needed
+            if number in (least, last_number):
+                errors[number] = level.error(scene, methods, tighten)
+        return Kept(steps, meshes, errors[least], errors[last_number])
 
     def add(self, error: ConstitutiveError, steps: Sequence[Any], *, last: bool = False) -> None:
         """Write the level that was measured last, if its turn has come.

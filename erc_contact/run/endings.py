@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from erc_contact.base.exceptions import InputError, NotConverged
 from erc_contact.base.runtime.interrupts import Interrupts
+from erc_contact.newton.contact_solve import DEFAULT
+from erc_contact.run.step import Step
 
 OUT_OF_MEMORY = 55
 """PETSc's code of memory that could not be had, PETSC_ERR_MEM."""
@@ -33,3 +37,13 @@ def ending(failure: BaseException, interrupts: Interrupts, where: str) -> str:
     if interrupts.ended(failure):
         return f"Interrupted{where}."
     return ""
+
+
+def other_methods(steps: Sequence[Step]) -> str:
+    """Say on how many meshes the default method did not converge; empty if on none."""
+    default = type(DEFAULT).__name__
+    others = [step.method for step in steps if step.method != default]
+    if not others:
+        return ""
+    meshes = f"{len(others)} of {len(steps)} meshes"
+    return f" {others[0]} on {meshes}, where {DEFAULT} did not converge."

@@ -16,6 +16,7 @@ from erc_contact.base.percent import percent
 from erc_contact.base.progress import at
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.coulomb import CoulombCertificate, coulomb_certificate
+from erc_contact.error.numbers import Bounds
 from erc_contact.mesh.domain import Domain
 from erc_contact.output.as_code import run_as_code
 from erc_contact.output.contact_plots import plot_contact
@@ -57,6 +58,7 @@ class History(RunResult):
         best: The error of least ``total``, with the admissible pair and the solution.
         meshes: Domain and eps_E of every step, for pictures.
         settings: The other arguments of the run by their names.
+        bounds: The interval of the goal; None where the run had none.
 
     Example:
         >>> history
@@ -72,6 +74,7 @@ class History(RunResult):
     best: ConstitutiveError
     meshes: tuple[tuple[Domain, np.ndarray], ...] = field(repr=False)
     settings: Mapping[str, Any] = field(repr=False, default_factory=dict, kw_only=True)
+    bounds: Bounds | None = field(default=None, kw_only=True)
 
     def __repr__(self) -> str:
         """Describe it in a line; ``print`` shows the table."""

@@ -8,7 +8,7 @@ from time import perf_counter
 import numpy as np
 from mpi4py import MPI
 
-from erc_contact.admissible.pair import equilibrate
+from erc_contact.admissible.pair import Admissible, equilibrate
 from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError, together
 from erc_contact.base.logs import log_of
@@ -16,17 +16,19 @@ from erc_contact.base.percent import percent
 from erc_contact.base.progress import stage
 from erc_contact.base.runtime.interrupts import Interrupts
 from erc_contact.error.constitutive import ConstitutiveError, constitutive_error
+from erc_contact.error.goals import Aim
 from erc_contact.mesh.domain import Domain
 from erc_contact.newton.doubts import DoubtsOfRun
 from erc_contact.newton.ladder import NODAL
 from erc_contact.newton.solve import DEFAULT, solved
 from erc_contact.run.checkpoint import Checkpoint
-from erc_contact.run.endings import AT_REST, NO_TRUE_SHAPE, ending
+from erc_contact.run.endings import AT_REST, NO_TRUE_SHAPE, ending, other_methods
 from erc_contact.run.foreseen import too_many_cells
 from erc_contact.run.history import History
 from erc_contact.run.new_step import new_step
 from erc_contact.run.plan import SETTINGS, Plan
 from erc_contact.run.step import CURVED, HEADER, Step, line
+from erc_contact.scene.scene import Scene
 
 NEWTON_SHARE = 0.1
 """Share of e that Newton may leave when it stops certified [-]; it adds 0.5% to e.
@@ -49,8 +51,7 @@ class Loop:
     Attributes:
         last: The error that was measured last in this process.
         best: The error of least ``total``.
-        doubts: What is doubtful in its solutions; a step of a loading history leaves it
-            to the history.
+        doubts: What is doubtful in its solutions; steps of a history leave it to that.
         outcome: Why it ended, in words; empty while it goes on.
         warned: Whether it said that it will have too many cells.
     """
@@ -69,6 +70,7 @@ class Loop:
         self.last: ConstitutiveError | None = None
         self.best: ConstitutiveError | None = None
         self.outcome = ""
+        self.aim = None if plan.goal is None else Aim(plan.goal, plan.accuracy)
         self.warned = False
 
     def go(self, domain: Domain) -> History:
@@ -95,6 +97,8 @@ class Loop:
     def above(self) -> str:
         """Say how far the run came."""
         assert self.best is not None
+        if self.aim is not None:
+            return f": {self.aim.words}, above {percent(self.plan.accuracy)}"
         return f" at {percent(self.best.total)}, above {percent(self.plan.accuracy)}"
 
     def _resumed(self) -> ConstitutiveError | None:
@@ -107,23 +111,17 @@ class Loop:
         plan = self.plan
         if store is None or not store.numbers:
             return None
-        last_number = store.numbers[-1]
-        last = store.read(last_number)
-        self.steps = list(last.steps)
-        self.began -= self.steps[-1].seconds
-        least = min(store.numbers, key=lambda number: self.steps[number - 1].total)
         methods = (DEFAULT, NODAL) if plan.method is None else (plan.method,)
-        for number in store.numbers:
-            level = last if number == last_number else store.read(number)
-            self.meshes.append((level.domain, level.indicators))
-            # to measure costs an admissible pair, and of the others nothing is needed
-            if number in (least, last_number):
-                error = level.error(plan.scene, methods, plan.tighten)
-                if number == least:
-                    self.best = error
+        kept = store.kept(plan.scene, methods, plan.tighten)
+        error = kept.last
+        self.steps = kept.steps
+        self.meshes = kept.meshes
+        self.best = kept.best
+        self.began -= self.steps[-1].seconds
         for step in self.steps:
             self._log_row(step, error.domain)
         self.doubts.see(error.solution)
+        self._aim(error)
         log_of(self.comm).info("Read from %s; the run goes on from here.", store.folder.path)
         return error
 
@@ -136,12 +134,10 @@ class Loop:
     ) -> ConstitutiveError:
         """Solve on a mesh, measure, add the row, keep it; collective."""
         plan = self.plan
-        allowed = None
-        if plan.stop == "certified" and last is not None:
-            allowed = NEWTON_SHARE * last.absolute / 2**plan.degree
         with stage(self.comm, f"mesh {len(self.steps) + 1}, {domain.cells} cells"):
-            error = self._measured(domain, last, allowed, interrupts)
+            error = self._measured(domain, last, interrupts)
         step = self._add(error, mesh_seconds)
+        self._aim(error)
         if not self.quiet:
             self.doubts.see(error.solution)
         # the mesh is kept before the callback, which may end the run
@@ -153,23 +149,41 @@ class Loop:
         interrupts.check()
         return error
 
+    def _aim(self, error: ConstitutiveError) -> None:
+        """Measure the interval of the goal, if the run has one; collective."""
+        if self.aim is None or error.solution.at_rest:
+            return
+        plan = self.plan
+
+        def pair_of(scene: Scene) -> Admissible:
+            moved = solved(
+                scene,
+                error.domain,
+                error.solution.method,
+                degree=plan.degree,
+                after=None,
+                start=error.solution,
+                tolerance=None,
+                solver=plan.solver,
+            )
+            return equilibrate(moved, tighten=plan.tighten)
+
+        with stage(self.comm, "interval of the goal"):
+            self.aim.measure(error, pair_of)
+        self._log(self.aim.words)
+
     def _measured(
         self,
         domain: Domain,
         last: ConstitutiveError | None,
-        allowed: float | None,
         interrupts: Interrupts,
     ) -> ConstitutiveError:
-        """Solve on a mesh and measure the error; collective.
-
-        Args:
-            domain: The mesh.
-            last: The error on the last mesh, whose solution is the first guess.
-            allowed: Energy norm that Newton's method may leave [sqrt(force length)], or
-                None.
-            interrupts: The signals of the run.
-        """
+        """Solve on a mesh from the last solution, and measure the error; collective."""
         plan = self.plan
+        # The energy norm that Newton's method may leave, None for round-off.
+        allowed = None
+        if plan.stop == "certified" and last is not None:
+            allowed = NEWTON_SHARE * last.absolute / 2**plan.degree
         solution = solved(
             plan.scene,
             domain,
@@ -213,21 +227,19 @@ class Loop:
         assert best is not None
         if error.solution.at_rest:
             self.outcome = AT_REST
-        elif best.total <= plan.accuracy:
+        elif self.aim is not None and self.aim.reached:
+            self.outcome = f"Reached: {self.aim.words}."
+        elif self.aim is None and best.total <= plan.accuracy:
             self.outcome = f"Reached: {percent(best.total)} <= {percent(plan.accuracy)}."
         elif len(self.steps) >= plan.max_steps:
             self.outcome = f"Stopped after max_steps = {plan.max_steps} meshes{self.above}."
-        elif not self.warned:
-            self._warn_of_cells(error)
+        elif self.aim is None and not self.warned:
+            words = too_many_cells(self.steps, error, plan.accuracy, plan.max_cells)
+            self.warned = bool(words)
+            if words:
+                words += f", it seems; max_cells = {plan.max_cells} will end the run."
+                log_of(self.comm).warning(words)
         return bool(self.outcome)
-
-    def _warn_of_cells(self, error: ConstitutiveError) -> None:
-        """Warn before the time is spent that the accuracy takes too many cells."""
-        most = self.plan.max_cells
-        words = too_many_cells(self.steps, error, self.plan.accuracy, most)
-        if words:
-            self.warned = True
-            log_of(self.comm).warning(f"{words}, it seems; max_cells = {most} will end the run.")
 
     def _next(self, error: ConstitutiveError, interrupts: Interrupts) -> tuple[Domain, float]:
         """Make the next mesh; collective.
@@ -238,7 +250,8 @@ class Loop:
         plan = self.plan
         started = perf_counter()
         with stage(self.comm, f"making mesh {len(self.steps) + 1}"):
-            domain = together(self.comm, plan.strategy.next, error, plan.accuracy, plan.max_cells)
+            seen = error if self.aim is None else self.aim.marked(error)
+            domain = together(self.comm, plan.strategy.next, seen, plan.accuracy, plan.max_cells)
         interrupts.check()
         seconds = self.comm.allreduce(perf_counter() - started, MPI.MAX)
         if not isinstance(domain, Domain):
@@ -264,18 +277,15 @@ class Loop:
             raise failure
 
     def _history(self, *, fallback: bool) -> History:
-        """Make the history, and log its outcome; collective.
-
-        Args:
-            fallback: Whether the method was left to the package.
-        """
+        """Make the history, and log its outcome and other methods taken; collective."""
         best = self.best
         assert best is not None
         if fallback:
-            self._tell_other_method()
+            self.outcome += other_methods(self.steps)
         if not best.domain.knows_shape:
             self.outcome += NO_TRUE_SHAPE
-        reached = best.total <= self.plan.accuracy or best.solution.at_rest
+        is_exact = self.aim.reached if self.aim else best.total <= self.plan.accuracy
+        reached = is_exact or best.solution.at_rest
         self._log(self.outcome, logging.INFO if reached else logging.WARNING)
         self.doubts.end()
         return History(
@@ -286,12 +296,5 @@ class Loop:
             best,
             tuple(self.meshes),
             settings=self.plan.arguments(SETTINGS),
+            bounds=self.aim.bounds if self.aim else None,
         )
-
-    def _tell_other_method(self) -> None:
-        """Add to the outcome on how many meshes the default method did not converge."""
-        default = type(DEFAULT).__name__
-        others = [step.method for step in self.steps if step.method != default]
-        if others:
-            meshes = f"{len(others)} of {len(self.steps)} meshes"
-            self.outcome += f" {others[0]} on {meshes}, where {DEFAULT} did not converge."

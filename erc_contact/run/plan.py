@@ -20,9 +20,10 @@ from erc_contact.newton.arguments import check_arguments
 from erc_contact.newton.methods import Method
 from erc_contact.newton.solution import Solution
 from erc_contact.run.step import Step
+from erc_contact.scene.goal import Goal, MeanDisplacement, Resultant
 from erc_contact.scene.scene import Scene
 
-DECISIVE = ("method", "strategy", "degree", "stop", "tighten")
+DECISIVE = ("method", "strategy", "degree", "stop", "tighten", "goal")
 """Arguments that decide on the meshes of a run and on their errors."""
 SETTINGS = (*DECISIVE, "solver", "max_cells", "max_steps")
 """All arguments of a run beside scene, domain and accuracy, those that decide first."""
@@ -46,6 +47,7 @@ class Plan:
     tighten: int
     max_cells: int
     max_steps: int
+    goal: Goal | None = None
     callback: Callable[[ConstitutiveError, Step], object] | None = None
     after: Solution | None = None
 
@@ -84,6 +86,11 @@ def checked_plan(
             f"strategy is {strategy!r}; give an object, e.g. Mark(), SizeMap(), Uniform()."
         )
     check_callback(callback)
+    goal = arguments.get("goal")
+    if goal is not None and not isinstance(goal, Resultant | MeanDisplacement):
+        raise InputError(
+            f"goal is {goal!r}; give a Resultant(part, direction) or a MeanDisplacement, or None."
+        )
     return Plan(scene=scene, strategy=strategy, callback=callback, **arguments)
 
 

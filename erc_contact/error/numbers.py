@@ -1,0 +1,42 @@
+"""Intervals of numbers of the exact solution."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """Hold an interval for a number of the exact solution.
+
+    Attributes:
+        value: Its middle; for the energy the value of u^.
+        low: Least possible number.
+        high: Greatest possible number.
+        guaranteed: Whether the interval is proved (to round-off); otherwise it is an
+            estimate.
+        weighted: Whether a support or another contact fixes phi at the edge of the
+            contact to another value than the direction. The interval is then for ``int
+            r.phi``, where phi changes from the direction to this value across the
+            facets at the edge. The rest of the resultant has no finite bound; it is
+            smaller on finer meshes.
+
+    Example:
+        >>> bounds = ec.potential_energy(error)
+        >>> f"{bounds.low:.3f} <= J(u) <= {bounds.high:.3f}"
+        '0.119 <= J(u) <= 0.126'
+    """
+
+    value: float
+    low: float
+    high: float
+    guaranteed: bool
+    weighted: bool = False
+
+    @property
+    def relative(self) -> float:
+        """Return half the width over the middle [-]; infinite for a middle of zero."""
+        middle = abs(self.low + self.high) / 2
+        return (self.high - self.low) / 2 / middle if middle > 0 else np.inf
