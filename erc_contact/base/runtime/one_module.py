@@ -6,7 +6,6 @@ only, or expressions only. This does what they do, step by step.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +21,7 @@ DECLARATIONS = jit.UFC_INTEGRAL_DECL + jit.UFC_FORM_DECL + jit.UFC_EXPRESSION_DE
 
 
 @dolfinx_jit.mpi_jit_decorator
-def one_module(sources: Sequence[Any], options: dict[str, Any]) -> tuple[list[Any], Any]:
+def one_module(sources: list[Any], options: dict[str, Any]) -> tuple[list[Any], Any]:
     """Return FFCx's objects for forms and expressions, and their module; collective.
 
     The decorator adds the communicator as first argument of a call. Rank 0 compiles,
@@ -56,7 +55,7 @@ def one_module(sources: Sequence[Any], options: dict[str, Any]) -> tuple[list[An
     try:
         jit._compile_objects(
             declarations,
-            list(sources),
+            sources,
             names,
             module_name,
             ffcx_options,

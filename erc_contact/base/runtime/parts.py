@@ -11,8 +11,6 @@ from typing import Any
 import numpy as np
 import ufl
 
-from erc_contact.base.ufl_types import Ufl
-
 
 class PartsOfForm:
     """Stand for the tags of a mesh in a form that has other numbers for some of them.
@@ -27,8 +25,10 @@ class PartsOfForm:
     def __init__(self, tags: Any, values: list[int]) -> None:
         self._tags = tags
         self._values = values
-        self._cpp_object = tags._cpp_object
-        self.topology = tags.topology
+
+    def __getattr__(self, name: str) -> Any:
+        """Return what else DOLFINx asks of the tags."""
+        return getattr(self._tags, name)
 
     def find(self, number: int) -> np.ndarray:
         """Return the entities of a number."""
@@ -73,7 +73,7 @@ def _renumbered(form: ufl.Form) -> ufl.Form:
     return ufl.Form(integrals) if parts else form
 
 
-def _values(integral: Ufl) -> tuple[Any, ...]:
+def _values(integral: ufl.Integral) -> tuple[Any, ...]:
     """Return the tags of an integral, or the word that stands for all of the mesh."""
     value = integral.subdomain_id()
     return value if isinstance(value, tuple) else (value,)
