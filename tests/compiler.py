@@ -1,4 +1,4 @@
-"""Options of the C compiler in tests, and Python.h in the form that it reads fast.
+"""What makes forms compile faster in tests: options of the C compiler, and repairs.
 
 Each module of compiled forms includes Python.h, and gcc takes two thirds of its time to
 read it. Here it is read once: gcc keeps what it has read in a file beside the compiled
@@ -9,12 +9,14 @@ from __future__ import annotations
 
 import hashlib
 import os
+import shlex
 import subprocess
 import sys
 import sysconfig
-from functools import cache
+from functools import cache, singledispatchmethod
 from pathlib import Path
 
+import basix.ufl
 import setuptools  # noqa: F401 - it brings distutils, which cffi calls
 from mpi4py import MPI
 from setuptools._distutils.ccompiler import new_compiler
@@ -22,6 +24,8 @@ from setuptools._distutils.sysconfig import customize_compiler
 
 FAST = ["-O0", "-g0"]
 """On small meshes forms run nearly as fast as with -O2, and they compile faster."""
+BARE = ["-nostartfiles", "-nodefaultlibs", "-Wl,--build-id=none"]
+"""Options of the linker: a module finds what it needs of C in the process."""
 STANDARD = "-std=c17"
 """Option that FFCx adds; a precompiled header is read only with its own options."""
 HEADER = """\
@@ -39,6 +43,30 @@ HEADER = """\
 """Beginning of all modules of cffi and FFCx."""
 
 
+def repair() -> None:
+    """Let UFL and Python make once what they make for each call."""
+    import ufl
+
+    cell = cache(ufl.Cell)
+    basix.ufl._ElementBase.cell = property(lambda element: cell(element._cellname))
+    if sys.version_info < (3, 13):  # later ones keep their wrappers
+        singledispatchmethod.__get__ = _bound
+
+
+def _bound(self: singledispatchmethod, obj: object, cls: type | None = None) -> object:
+    """Bind a method that goes by the type of its argument, without a wrapper."""
+    dispatch = self.dispatcher.dispatch
+    if obj is None:
+        return usual_get(self, obj, cls)
+    return lambda first, *args, **kwargs: dispatch(first.__class__).__get__(obj, cls)(
+        first, *args, **kwargs
+    )
+
+
+usual_get = singledispatchmethod.__get__
+"""How Python binds such methods."""
+
+
 @cache
 def compiler_options() -> list[str]:
     """Return the options of the C compiler; collective in the first call."""
@@ -50,6 +78,8 @@ def compiler_options() -> list[str]:
     header = folder / f"tests_{hashlib.sha256(key).hexdigest()[:12]}.h"
     comm = MPI.COMM_WORLD
     useful = comm.bcast(_precompiled(command, header) if comm.rank == 0 else None)
+    if useful:
+        os.environ["LDSHARED"] = shlex.join([*_linker(), *BARE])
     return [*FAST, "-include", str(header)] if useful else FAST
 
 
@@ -59,6 +89,13 @@ def _command() -> list[str]:
     customize_compiler(compiler)
     include = sysconfig.get_path("include")
     return [*compiler.compiler_so, f"-I{include}", STANDARD, *FAST]
+
+
+def _linker() -> list[str]:
+    """Return how distutils links a module, without files."""
+    compiler = new_compiler()
+    customize_compiler(compiler)
+    return list(compiler.linker_so)
 
 
 def _precompiled(command: list[str], header: Path) -> bool:

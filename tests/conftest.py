@@ -33,7 +33,7 @@ import erc_contact as ec  # it orders MPI before the compiled modules, so it com
 
 import numpy as np
 import pytest
-from compiler import compiler_options
+from compiler import compiler_options, repair
 from dolfinx import jit
 from mpi4py import MPI
 
@@ -50,6 +50,7 @@ jit.DOLFINX_DEFAULT_JIT_OPTIONS["timeout"] = (
     "seconds that one process waits for a form that another compiles",
 )
 importlib.metadata.entry_points = cache(importlib.metadata.entry_points)
+repair()
 
 
 PATIENCE = 60.0

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import ufl
 from dolfinx import fem
+from mpi4py import MPI
 from scenes import block
 
 import erc_contact as ec
@@ -116,3 +117,41 @@ def test_keys_know_options_and_all_digits_of_points():
         ((x, points), {}, {"timeout": 1}),
     ]
     assert len({_key(*other) for other in [((x, points), {}, None), *others]}) == 4
+
+
+@pytest.mark.parametrize("parts", [("top",), ("left", "top"), ("top", "left")])
+def test_forms_on_other_parts_are_the_same_code(parts):
+    """They integrate over their own parts nevertheless."""
+    domain = block(2)
+    x, ds = (
+        ufl.SpatialCoordinate(domain.mesh),
+        ufl.Measure("ds", domain.mesh, subdomain_data=domain.facet_tags),
+    )
+
+    def integral(names: tuple[str, ...]) -> ufl.Form:
+        terms = [(x[k] + 1) * ds(domain.tag(name)) for k, name in enumerate(names)]
+        return sum(terms[1:], start=terms[0])
+
+    form = compiled.form(integral(parts))
+    others = tuple({"top": "bottom"}.get(name, name) for name in parts)
+    assert form.module is compiled.form(integral(others)).module
+    total = domain.mesh.comm.allreduce(fem.assemble_scalar(form), MPI.SUM)
+    usual = domain.mesh.comm.allreduce(fem.assemble_scalar(fem.form(integral(parts))), MPI.SUM)
+    assert total == pytest.approx(usual, rel=1e-14)
+
+
+def test_forms_and_expressions_in_one_module():
+    """Both are found there, and have the values that they have when they are compiled by themselves."""
+    domain = block(2)
+    mesh = domain.mesh
+    x, points = ufl.SpatialCoordinate(mesh), np.array([[0.25, 0.5]])
+    integral, value = (7 + x[1]) * ufl.dx(mesh), 7 * x[0] - x[1]
+    compiled.compile_together(mesh.comm, [integral], [(value, points)])
+    form, expression = compiled.form(integral), compiled.expression(value, points, mesh.comm)
+    assert fem.assemble_scalar(form) == fem.assemble_scalar(fem.form(integral))
+    cells = np.arange(3, dtype=np.int32)
+    alone = fem.Expression(value, points, comm=mesh.comm).eval(mesh, cells)
+    assert np.array_equal(expression.eval(mesh, cells), alone)
+    assert (
+        form.module is compiled._known[_key((value, points), {"scalar_type": np.float64}, None)][1]
+    )

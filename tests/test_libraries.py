@@ -35,6 +35,13 @@ PRIVATE = {
         "_ufl_is_terminal_",
         "_ufl_signature_data_",
     },
+    "base/runtime/one_module.py": {
+        "_compile_objects",
+        "_compilation_signature",
+        "_compute_option_signature",
+        "_load_objects",
+    },
+    "base/runtime/parts.py": {"_cache"},
     "base/runtime/patches.py": {"_method_cache"},
     "mesh/graphs.py": {"_cpp_object"},
     "mesh/partition.py": {"_cpp_object"},
@@ -42,9 +49,12 @@ PRIVATE = {
 """Private attributes of objects of other libraries, by the module that uses them."""
 UNPROMISED = {
     "dolfinx.jit.ffcx_jit": "base/runtime/compiled.py",
-    "dolfinx.jit.mpi_jit_decorator": "base/runtime/compiled.py",
-    "dolfinx.jit.get_options": "base/runtime/compiled.py",
-    "ffcx.codegeneration.jit.compile_forms": "base/runtime/compiled.py",
+    "dolfinx.jit.mpi_jit_decorator": "base/runtime/one_module.py",
+    "dolfinx.jit.get_options": "base/runtime/one_module.py",
+    "ffcx.codegeneration.jit.get_cached_module": "base/runtime/one_module.py",
+    "ffcx.codegeneration.jit._compile_objects": "base/runtime/one_module.py",
+    "ffcx.codegeneration.jit._load_objects": "base/runtime/one_module.py",
+    "ffcx.naming.compute_signature": "base/runtime/one_module.py",
     "ufl.corealg.dag_traverser.DAGTraverser": "base/runtime/patches.py",
     "dolfinx.cpp.mesh.entities_to_geometry": "mesh/partition.py",
 }

@@ -63,3 +63,14 @@ def test_wrong_arrays_are_refused(folders):
         total("total", 2, np.ones(2, dtype=np.float32))
     with pytest.raises(ValueError, match="contiguous"):
         total("total", 2, np.ones((2, 2))[:, 0])
+
+
+def test_compiled_ahead(folders, monkeypatch):
+    """Who calls a function waits for the thread that compiles it."""
+    sources, cache = folders
+    module.compile_ahead(sources)
+    with monkeypatch.context() as without:
+        without.setattr(module, "Thread", lambda **_: pytest.fail("compiled again"))
+        assert Library(sources)("total", 2, np.ones(2)) == 2.0
+        module.compile_ahead(sources)
+    assert len(list(cache.glob("*.so"))) == 1

@@ -16,10 +16,12 @@ import shutil
 import subprocess
 import sysconfig
 import tempfile
+from contextlib import suppress
 from fcntl import LOCK_EX, flock
 from functools import cache
 from hashlib import sha256
 from pathlib import Path
+from threading import Thread
 from typing import Any
 
 import cffi
@@ -85,21 +87,43 @@ def library(folder: Path) -> Library:
     return Library(folder)
 
 
-def _compiled(folder: Path) -> Path:
-    """Return the path of the compiled library; compile it if it is not there."""
+def compile_ahead(folder: Path) -> None:
+    """Compile the library of a folder beside what follows, if it is not there.
+
+    :func:`library` waits for it.
+    """
+    path = _path(folder)
+    with suppress(OSError):
+        path.parent.mkdir(parents=True, exist_ok=True)
+    if not path.exists() and os.access(path.parent, os.W_OK):
+        Thread(target=_compile_quietly, args=[folder]).start()
+
+
+def _compile_quietly(folder: Path) -> None:
+    """Compile a library if it is not there; who needs it will tell what fails."""
+    with suppress(ErcContactError, OSError):
+        _compiled(folder)
+
+
+def _path(folder: Path) -> Path:
+    """Return where the compiled library is, or will be."""
     texts = [path.read_text() for path in sorted(folder.glob("*.[ch]"))]
     ingredients = [*texts, *_compiler(), *COMPILER_FLAGS, _processor()]
     key = sha256("\0".join(ingredients).encode()).hexdigest()[:20]
     name = f"liberc_contact_{key}.so"
-    cache_folder = Path(get_options()["cache_dir"]).expanduser()
-    path = cache_folder / name
+    return Path(get_options()["cache_dir"]).expanduser() / name
+
+
+def _compiled(folder: Path) -> Path:
+    """Return the path of the compiled library; compile it if it is not there."""
+    path = _path(folder)
     if path.exists():
         return path
     try:
-        cache_folder.mkdir(parents=True, exist_ok=True)
-        lock = (cache_folder / f"{name}.lock").open("w")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        lock = path.with_name(f"{path.name}.lock").open("w")
     except OSError:
-        return _compile(folder, Path(tempfile.mkdtemp(prefix="erc_contact_")) / name)
+        return _compile(folder, Path(tempfile.mkdtemp(prefix="erc_contact_")) / path.name)
     with lock:
         # Other ranks and processes wait here, and then find it.
         flock(lock, LOCK_EX)

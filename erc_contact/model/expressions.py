@@ -16,6 +16,7 @@ from ufl.corealg.traversal import traverse_unique_terminals
 
 from erc_contact.base.runtime import compiled
 from erc_contact.base.ufl_types import Ufl
+from erc_contact.model.array_code import array_code
 from erc_contact.model.symbolic import (
     constant_value,
     has_fields,
@@ -65,10 +66,8 @@ def evaluate(
         if not varies(expression):
             shape = (len(entities), len(points), *expression.ufl_shape)
             return np.broadcast_to(constant_value(expression), shape)
-        # Data are compiled once for all points. For many points in a cell that is
-        # slower than an expression that is compiled for these points.
-        on_facets = entities.ndim == 2
-        if (len(points) == 1 or on_facets) and is_data(expression):
+        # Data need no compiler either.
+        if is_data(expression):
             x = evaluate(ufl.SpatialCoordinate(mesh), mesh, points, entities)
             return Everywhere(expression, mesh)(x, entities)
     return compiled.expression(expression, points, mesh.comm).eval(mesh, entities)
@@ -78,7 +77,7 @@ class Everywhere:
     """Evaluate a UFL expression at points that differ from cell to cell.
 
     The position, the functions and the facet normals in the expression are replaced by
-    their values at each point. So the expression is compiled once for all points.
+    their values at each point.
 
     Args:
         expression: UFL expression of shape s; functions in it without derivatives.
@@ -171,20 +170,27 @@ def pointwise(
 class OfNumbers:
     """Evaluate a UFL expression whose terminals are numbers of each point.
 
-    Fields and constants are replaced by those of a common mesh. So expressions that
-    differ only in what they stand for are compiled once, on all meshes of a process.
+    numpy evaluates it (:mod:`erc_contact.model.array_code`), unless it has an operator
+    that only the compiler knows. Then fields and constants are replaced by those of a
+    common mesh. So expressions that differ only in what they stand for are compiled
+    once, on all meshes of a process.
 
     Args:
         expression: UFL expression without derivatives.
         comm: The ranks that compile it together.
 
     Attributes:
-        numbers: The function that stands for each terminal that varies.
+        numbers: The terminals that vary; in a compiled expression with the function
+            that stands for each.
     """
 
     def __init__(self, expression: Ufl, comm: MPI.Comm) -> None:
-        self.numbers: dict[Ufl, fem.Function] = {}
+        self.numbers: dict[Ufl, Any] = {}
         self._constants: dict[Ufl, fem.Constant] = {}
+        self._code = array_code(expression)
+        if self._code is not None:
+            self.numbers = dict.fromkeys(self._code.fields)
+            return
         # The terminals of a shape get the same stand-ins in every expression, in their
         # order. So equal expressions have equal signatures.
         fields: Counter[tuple[int, ...]] = Counter()
@@ -211,6 +217,8 @@ class OfNumbers:
         Returns:
             Values, shape (count, size).
         """
+        if self._code is not None:
+            return self._code(numbers, count).reshape(count, -1)
         for terminal, constant in self._constants.items():
             if isinstance(terminal, fem.Constant):
                 constant.value = terminal.value

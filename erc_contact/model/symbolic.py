@@ -56,10 +56,12 @@ def has_arguments(expression: Ufl) -> bool:
 def is_data(expression: Ufl) -> bool:
     """Tell whether a UFL expression has only data that are known in each cell.
 
-    These are the position, constants, and functions that are constant in cells.
+    These are the position, the normal, constants, and functions that are constant in
+    cells.
     """
     indices = ufl.classes.MultiIndex | ufl.classes.Label
-    data = ufl.classes.SpatialCoordinate | ufl.classes.ConstantValue | fem.Constant
+    geometry = ufl.classes.SpatialCoordinate | ufl.classes.FacetNormal
+    data = geometry | ufl.classes.ConstantValue | fem.Constant
     for terminal in traverse_unique_terminals(expression):
         if isinstance(terminal, indices | data):
             continue

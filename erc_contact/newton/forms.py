@@ -107,11 +107,12 @@ class ContactForms:
         tangents = []
         for field in (*self.displacements, *self.multipliers):
             tangents.append(ufl.derivative(equations, field, du))
-        compiled.compile_together(model.comm, [equations, *tangents])
+        points, _ = rule(model.d - 1, 2 * model.degree)
+        status_at_points = [(expression, points) for expression in status]
+        compiled.compile_together(model.comm, [equations, *tangents], status_at_points)
         self.residual = compiled.form(equations)
         self.tangents = [compiled.form(tangent) for tangent in tangents]
 
-        points, _ = rule(model.d - 1, 2 * model.degree)
         self._status_of_facets = []
         for contact, expression in zip(self.contacts, status, strict=True):
             owned = contact.facets[contact.trace.here.owned]

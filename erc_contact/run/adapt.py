@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+from erc_contact.admissible.kernels import kernels_ahead
 from erc_contact.admissible.tighten.iteration import TIGHTEN
 from erc_contact.base import checks
 from erc_contact.error.constitutive import ConstitutiveError
@@ -117,6 +118,8 @@ def adapt(
         max_cells=max_cells,
         max_steps=max_steps,
     )
+    # The C compiler works on another core while the forms are compiled here.
+    kernels_ahead()
     comm = domain.mesh.comm
     store = None
     if checkpoint is not None:

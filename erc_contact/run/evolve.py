@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from erc_contact.admissible.kernels import kernels_ahead
 from erc_contact.admissible.tighten.iteration import TIGHTEN
 from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError, together
@@ -134,6 +135,8 @@ def evolve(
         max_cells=max_cells,
         max_steps=max_steps,
     )
+    # The C compiler works on another core while the forms are compiled here.
+    kernels_ahead()
     store = None
     if checkpoint is not None:
         check_folder(checkpoint, domain)

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from erc_contact.base.library import Library, library
+from erc_contact.base.library import Library, compile_ahead, library
 
 FOLDER = Path(__file__).parent
 """Where their sources are."""
@@ -11,3 +11,8 @@ FOLDER = Path(__file__).parent
 def kernels() -> Library:
     """Return the kernels, which are compiled at the first call on a machine."""
     return library(FOLDER)
+
+
+def kernels_ahead() -> None:
+    """Compile the kernels beside what follows, at the first call on a machine."""
+    compile_ahead(FOLDER)

@@ -12,7 +12,11 @@ on which the number of Constants made so far passes a power of ten. Here the num
 the package's own Constants have ten digits.
 
 Half of the time that a form takes to be compiled is that of calling the compiler. Forms
-that are needed together are therefore compiled together.
+and expressions that are needed together are therefore compiled together.
+
+The numbers of boundary parts are in the code of a form. Here the parts of a form have
+the numbers 1, 2, ... (:mod:`erc_contact.base.runtime.parts`). So a load on the right
+side is the same form as one on the top.
 
 DOLFINx and UFL have no door for either. So :func:`form`, :func:`expression` and
 :func:`constant` change a name of theirs while they call them
@@ -29,16 +33,16 @@ from itertools import count
 from operator import methodcaller
 from typing import Any
 
-import ffcx
 import numpy as np
 import numpy.typing as npt
 import ufl
 from dolfinx import fem
 from dolfinx import jit as dolfinx_jit
 from dolfinx import mesh as dmesh
-from ffcx.codegeneration import jit
 from mpi4py import MPI
 
+from erc_contact.base.runtime.one_module import one_module
+from erc_contact.base.runtime.parts import renumbered
 from erc_contact.base.runtime.patches import method_caches_off, refused, replaced
 from erc_contact.base.ufl_types import Ufl
 
@@ -69,7 +73,7 @@ def constant(mesh: dmesh.Mesh, value: npt.ArrayLike) -> fem.Constant:
 def form(integrals: ufl.Form) -> fem.Form:
     """Compile a form, or find it among those of this process; collective."""
     with _remembering():
-        return fem.form(integrals)
+        return fem.form(renumbered(integrals))
 
 
 def expression(value: Ufl, points: np.ndarray, comm: MPI.Comm) -> fem.Expression:
@@ -104,31 +108,31 @@ def _remembered(
     return _known[key]
 
 
-def compile_together(comm: MPI.Comm, forms: Sequence[ufl.Form]) -> None:
-    """Compile forms in one module; :func:`form` then finds each of them; collective."""
+def compile_together(
+    comm: MPI.Comm,
+    forms: Sequence[ufl.Form],
+    expressions: Sequence[tuple[Ufl, np.ndarray]] = (),
+) -> None:
+    """Compile forms and expressions in one module; collective.
+
+    :func:`form` and :func:`expression` then find each of them.
+
+    Args:
+        comm: The ranks that compile together.
+        forms: The forms.
+        expressions: Expressions with their reference points, shape (q, d).
+    """
     if refused():
         return
     options = {"scalar_type": np.float64}
-    keys = [_key(form, options, None) for form in forms]
+    sources = [*(renumbered(form) for form in forms), *expressions]
+    keys = [_key(source, options, None) for source in sources]
     if _all_known(comm, keys):
         return
     with method_caches_off():
-        objects, module = _compiled(comm, list(forms), options)
-    for key, compiled_form in zip(keys, objects, strict=True):
-        _known[key] = compiled_form, module, (None, None)
-
-
-@dolfinx_jit.mpi_jit_decorator
-def _compiled(forms: list[ufl.Form], options: dict[str, Any]) -> tuple[list[Any], Any]:
-    """Return FFCx's objects for forms, and their module; collective.
-
-    The decorator adds the communicator as first argument of a call. Rank 0 compiles,
-    and the others load what it has made.
-    """
-    objects, module, *_ = jit.compile_forms(
-        forms, options=ffcx.get_options(options), **dolfinx_jit.get_options()
-    )
-    return objects, module
+        objects, module = one_module(comm, sources, options)
+    for key, compiled_object in zip(keys, objects, strict=True):
+        _known[key] = compiled_object, module, (None, None)
 
 
 def _all_known(comm: MPI.Comm, keys: list[Any]) -> bool:
