@@ -126,12 +126,13 @@ def compile_together(
         return
     options = {"scalar_type": np.float64}
     sources = [*(renumbered(form) for form in forms), *expressions]
-    keys = [_key(source, options, None) for source in sources]
-    if _all_known(comm, keys):
+    # Two contacts may have the same expression, which a module has once.
+    by_key = {_key(source, options, None): source for source in sources}
+    if _all_known(comm, list(by_key)):
         return
     with method_caches_off():
-        objects, module = one_module(comm, sources, options)
-    for key, compiled_object in zip(keys, objects, strict=True):
+        objects, module = one_module(comm, list(by_key.values()), options)
+    for key, compiled_object in zip(by_key, objects, strict=True):
         _known[key] = compiled_object, module, (None, None)
 
 
