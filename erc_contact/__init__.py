@@ -55,6 +55,7 @@ from erc_contact.scene.scene import Scene
 from erc_contact.scene.spring import Spring
 from erc_contact.scene.strain import Eigenstrain, GivenStrain, ThermalStrain
 from erc_contact.scene.support import Displacement
+from erc_contact.scene.table import table
 from erc_contact.scene.tied import Tied
 
 __all__ = [
@@ -120,6 +121,7 @@ __all__ = [
     "resultant",
     "size_map",
     "solve",
+    "table",
     "work_of_loads",
 ]
 

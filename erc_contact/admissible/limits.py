@@ -20,6 +20,7 @@ from erc_contact.admissible.traction import ContactTraction
 from erc_contact.mesh.peaks import upper_bounds
 from erc_contact.mesh.quadrature import facet_pieces, polynomials
 from erc_contact.model.expressions import Everywhere
+from erc_contact.model.kinks import kinks_on_facets
 from erc_contact.model.model import Model
 from erc_contact.model.symbolic import varies_in_cells
 from erc_contact.model.trace import Trace
@@ -180,5 +181,6 @@ def _excess(model: Model, traction: ContactTraction, gaps: np.ndarray) -> np.nda
     # A polynomial gap is met to round-off, which is no excess.
     round_off = POLYNOMIAL * abs(gaps).max(axis=1, initial=0.0)
     corners = traction.contact.trace.here.corners
-    highest = upper_bounds(above, corners, facet_pieces(model.d - 1), round_off)
+    kinks = kinks_on_facets(model, [traction.contact.gap], facets)
+    highest = upper_bounds(above, corners, facet_pieces(model.d - 1), round_off, kinks)
     return np.where(size > round_off, highest, 0.0)

@@ -18,6 +18,7 @@ from erc_contact.base.ufl_types import Ufl
 from erc_contact.mesh.quadrature import cell_pieces, facet_pieces, integrate, polynomials
 from erc_contact.mesh.simplex import bernstein, from_means, nodes, rule
 from erc_contact.model.expressions import Everywhere, evaluate
+from erc_contact.model.kinks import kinks_on_facets
 from erc_contact.model.model import Model
 from erc_contact.model.symbolic import varies_in_cells
 from erc_contact.model.values import DATA_DEGREE
@@ -47,7 +48,14 @@ def traction_moments(model: Model, facets: np.ndarray, traction: Ufl) -> np.ndar
     def moments(entity: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
         return _products(polynomials(k, places), load(x, facets[entity]))
 
-    total = integrate(model.comm, moments, model.facet_corners(facets), area, facet_pieces(d - 1))
+    total = integrate(
+        model.comm,
+        moments,
+        model.facet_corners(facets),
+        area,
+        facet_pieces(d - 1),
+        cuts=kinks_on_facets(model, [traction], facets),
+    )
     return total.value.reshape(len(facets), len(model.facet_points), d)
 
 

@@ -32,6 +32,12 @@ from erc_contact.admissible.contact import admissible_tractions
 from erc_contact.admissible.displacement import admissible_displacement
 from erc_contact.admissible.elastic import elastic_stress, macro_moduli
 from erc_contact.admissible.facets import equilibrated_moments
+from erc_contact.admissible.fields import (
+    FIELD_DEGREE,
+    stress_function,
+    sub_dx,
+    traction_function,
+)
 from erc_contact.admissible.loads import cell_forces, traction_moments
 from erc_contact.admissible.macro import macro_stress
 from erc_contact.admissible.rebalance import nodal_forces, rebalanced_stress, work_on_motions
@@ -46,6 +52,7 @@ from erc_contact.admissible.tighten.iteration import TIGHTEN, tightened
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError
+from erc_contact.base.ufl_types import Ufl
 from erc_contact.mesh.domain import Domain
 from erc_contact.model.model import Model
 from erc_contact.newton.solution import Solution
@@ -112,6 +119,34 @@ class Admissible:
     def domain(self) -> Domain:
         """Return the mesh with names."""
         return self.solution.domain
+
+    def dx(self, degree: int = FIELD_DEGREE) -> Ufl:
+        """Return the measure of the body for forms with sigma^, UFL.
+
+        Its rule is exact up to this degree in each sub-simplex.
+        """
+        return sub_dx(self.model, degree)
+
+    def stress_function(self, degree: int = FIELD_DEGREE) -> fem.Function:
+        """Return sigma^ as a Function of shape (d, d) [force/area]; collective.
+
+        It has values at the points of :meth:`dx` of the same degree alone, so forms
+        with it need this measure.
+
+        Example:
+            >>> admissible.stress_function().ufl_shape, admissible.dx().integral_type()
+            ((2, 2), 'cell')
+        """
+        return stress_function(self.model, self.cell_geometry, self.stress, degree)
+
+    def traction_function(self, part: str) -> fem.Function:
+        """Return sigma^ n on a boundary part as a Function [force/area]; collective.
+
+        On a contact it is r^. It is discontinuous, of degree k, and zero away from the
+        part: integrate it over ``model.ds(domain.tag(part))``. No two facets of the
+        part may have a common cell.
+        """
+        return traction_function(self.model, self.cell_geometry, self.facet_moments, part)
 
 
 def pair_of(result: Any) -> Admissible:

@@ -64,9 +64,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.error.constitutive import ROUND_OFF, ConstitutiveError, Run, error_of
+from erc_contact.error.constitutive import ROUND_OFF, ConstitutiveError
 from erc_contact.error.lifting import lifting
 from erc_contact.error.numbers import Bounds
+from erc_contact.error.runs import Run, error_of
 from erc_contact.error.works import (
     elastic_work,
     friction_work,

@@ -30,18 +30,19 @@ Source: Coorevits, Hild, Hjiaj, equations (16)-(18); the gap g and s are ours.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from time import perf_counter
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from mpi4py import MPI
 
+from erc_contact.admissible.fields import FIELD_DEGREE, integral
 from erc_contact.admissible.pair import Admissible
-from erc_contact.base import checks
-from erc_contact.base.exceptions import InputError
 from erc_contact.base.html import table
 from erc_contact.base.percent import percent
+from erc_contact.base.ufl_types import Ufl
 from erc_contact.error.bulk import add_springs, bulk_squares, geometry_squares
 from erc_contact.error.oscillation import UNKNOWN_SHARE, Oscillations
 from erc_contact.error.rigid import RIGID_NOISE, is_free, round_off
@@ -201,7 +202,18 @@ class ConstitutiveError:
         """Return values at points, see :func:`erc_contact.results.at`; collective."""
         return at(self.admissible, points)
 
-    def maximum(self, quantity: str) -> Maximum:
+    def integrate(self, density: Callable[[Ufl, Ufl], Ufl], degree: int = FIELD_DEGREE) -> float:
+        """Integrate a density, UFL of u^ and sigma^, over the body; collective.
+
+        Example:
+            >>> round(error.integrate(lambda u, sigma: sigma[0, 1] - sigma[1, 0]), 12)
+            0.0
+        """
+        pair = self.admissible
+        value = density(pair.displacement, pair.stress_function(degree))
+        return integral(self.model, value, degree)
+
+    def maximum(self, quantity: str, stress: str = "admissible") -> Maximum:
         """Return the greatest value of a quantity and its place; collective.
 
         The displacement is u^, the von Mises stress is that of the mean of sigma^ in a
@@ -209,43 +221,31 @@ class ConstitutiveError:
 
         Args:
             quantity: A quantity of :func:`erc_contact.model.maximum.greatest`.
+            stress: That of von Mises, see :func:`erc_contact.results.mean_stress`.
 
         Raises:
             InputError: If the quantity is another one, or the scene has no contact.
         """
         pair = self.admissible
         u = pair.displacement
-        return greatest(self.model, quantity, u, lambda: von_mises(mean_stress(pair)), self.profile)
+
+        def stresses() -> np.ndarray:
+            return von_mises(mean_stress(pair, stress))
+
+        return greatest(self.model, quantity, u, stresses, self.profile)
+
+    @property
+    def best_stress_error(self) -> float:
+        """Return the bound of the error of the best stress [sqrt(force length)].
+
+        That is the mean of sigma^ and C eps(u^), where e bounds the errors of both.
+        """
+        return 0.5 * float(np.hypot(self.absolute, self.contact_error))
 
     @property
     def oscillation(self) -> float:
         """Return the norm of the oscillations [sqrt(force length)]."""
         return self.oscillations.total
-
-
-class Run(Protocol):
-    """Represent a run with a result, a History or an Evolution."""
-
-    @property
-    def error(self) -> ConstitutiveError:
-        """Return the error: the best of an adaptive run, the last of a history."""
-
-
-def error_of(measured: ConstitutiveError | Run) -> ConstitutiveError:
-    """Return the error itself, or that of a run.
-
-    Raises:
-        InputError: If it is neither.
-    """
-    if isinstance(measured, ConstitutiveError):
-        return measured
-    error = getattr(measured, "error", None)
-    if not isinstance(error, ConstitutiveError):
-        raise InputError(
-            f"The error is {checks.description(measured)}; give a history, or the error that "
-            "constitutive_error() returns."
-        )
-    return error
 
 
 def constitutive_error(admissible: Admissible) -> ConstitutiveError:

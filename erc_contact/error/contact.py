@@ -21,6 +21,7 @@ from erc_contact.mesh.quadrature import Integral, facet_pieces, integrate, polyn
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import BoundContact, ContactData, pressures
 from erc_contact.model.friction import CONCAVE
+from erc_contact.model.kinks import kinks_on_facets
 from erc_contact.model.model import Model
 from erc_contact.model.symbolic import varies_in_cells
 from erc_contact.model.trace import split
@@ -223,6 +224,7 @@ def _adapted_squares(
         facet_pieces(model.d - 1),
         share=np.array([UNKNOWN_SHARE, OSCILLATION_SHARE, OSCILLATION_SHARE]),
         floor=np.array([floor, 0.0, 0.0]),
+        cuts=kinks_on_facets(model, contact.data, contact.facets),
     )
     return _with_unknown(contact, total)
 

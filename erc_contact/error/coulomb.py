@@ -43,9 +43,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from erc_contact.base.exceptions import raise_together
-from erc_contact.error.constitutive import ConstitutiveError, Run, error_of
+from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.coupling import coupling
 from erc_contact.error.other_mesh import change_of_norm, other_mesh
+from erc_contact.error.runs import Run, error_of
 from erc_contact.error.slip_direction import LENGTHS, slip_fields
 from erc_contact.error.surface import PairOnSurface, has_coulomb, pair_on_surface
 from erc_contact.model.friction import depends_on_pressure

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from erc_contact.admissible.pair import Admissible, equilibrate
-from erc_contact.error.constitutive import ConstitutiveError, Run, error_of
+from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.goals import goal_error
 from erc_contact.error.numbers import Bounds
+from erc_contact.error.runs import Run, error_of
 from erc_contact.newton.solve import solved
 from erc_contact.scene.goal import Goal
 from erc_contact.scene.scene import Scene

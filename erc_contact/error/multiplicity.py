@@ -7,7 +7,8 @@ from dataclasses import replace
 from erc_contact.admissible.pair import equilibrate
 from erc_contact.base.checks import whole
 from erc_contact.base.exceptions import raise_together, together
-from erc_contact.error.constitutive import ConstitutiveError, Run, constitutive_error, error_of
+from erc_contact.error.constitutive import ConstitutiveError, constitutive_error
+from erc_contact.error.runs import Run, error_of
 from erc_contact.model.friction import depends_on_pressure
 from erc_contact.newton.deflation import other_states
 from erc_contact.newton.linear.stiffness import Stiffness

@@ -31,7 +31,8 @@ import numpy as np
 from erc_contact.base import checks
 from erc_contact.base.exceptions import raise_together
 from erc_contact.base.percent import percent
-from erc_contact.error.constitutive import ConstitutiveError, Run, error_of
+from erc_contact.error.constitutive import ConstitutiveError
+from erc_contact.error.runs import Run, error_of
 from erc_contact.mesh.nodal import NodalMesh
 from erc_contact.mesh.remeshing import count
 from erc_contact.mesh.simplex import barycentric, rule

@@ -15,7 +15,8 @@ from mpi4py import MPI
 
 from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError, raise_together
-from erc_contact.error.constitutive import ConstitutiveError, Run, error_of
+from erc_contact.error.constitutive import ConstitutiveError
+from erc_contact.error.runs import Run, error_of
 from erc_contact.mesh.domain import Domain
 
 TIE = 1e-6

@@ -20,6 +20,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from erc_contact.mesh.cuts import Cuts, Pieces, first_pieces
 from erc_contact.mesh.quadrature import bisected, piece_samples
 
 SMOOTH_RISE = 0.1
@@ -63,7 +64,11 @@ coordinates, shape (n, q, P), and in true coordinates, (n, q, d).
 
 
 def upper_bounds(
-    f: Samples, vertices: np.ndarray, pieces: np.ndarray, round_off: np.ndarray
+    f: Samples,
+    vertices: np.ndarray,
+    pieces: np.ndarray,
+    round_off: np.ndarray,
+    cuts: Cuts | None = None,
 ) -> np.ndarray:
     """Bound a function from above on each simplex.
 
@@ -76,6 +81,7 @@ def upper_bounds(
             :func:`erc_contact.mesh.quadrature.facet_pieces`, (c, P, P).
         round_off: By how much the bound of each simplex may always be too large, shape
             (simplices,).
+        cuts: Kinks of the function that are known, on segments; None without.
 
     Returns:
         The bounds, shape (simplices,).
@@ -84,7 +90,8 @@ def upper_bounds(
     for start in range(0, len(vertices), CHUNK_SIMPLICES):
         chunk = slice(start, start + CHUNK_SIMPLICES)
         numbers = np.arange(len(vertices))[chunk]
-        bounds[chunk] = _of_chunk(f, numbers, vertices[chunk], pieces, round_off[chunk])
+        first = first_pieces(numbers, pieces, cuts)
+        bounds[chunk] = _of_chunk(f, numbers, vertices[chunk], first, round_off[chunk])
     return bounds
 
 
@@ -92,7 +99,7 @@ def _of_chunk(
     f: Samples,
     numbers: np.ndarray,
     vertices: np.ndarray,
-    pieces: np.ndarray,
+    pieces: Pieces,
     round_off: np.ndarray,
 ) -> np.ndarray:
     """Bound a function on the simplices of a chunk, see :func:`upper_bounds`.
@@ -100,8 +107,8 @@ def _of_chunk(
     The function knows them by ``numbers``, shape (s,).
     """
     count = len(vertices)
-    simplex = np.repeat(np.arange(count), len(pieces))
-    corners = np.tile(pieces, (count, 1, 1))
+    simplex = pieces.simplex - numbers[0]
+    corners = pieces.corners
     highest = np.full(count, -np.inf)
     lowest = np.full(count, np.inf)
     bound = np.full(count, -np.inf)

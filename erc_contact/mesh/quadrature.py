@@ -26,6 +26,7 @@ import basix
 import numpy as np
 from mpi4py import MPI
 
+from erc_contact.mesh.cuts import Cuts, first_pieces
 from erc_contact.mesh.simplex import CELLS, barycentric, bernstein, lattice, rule
 
 UNKNOWN_SHARE = 1e-8
@@ -95,6 +96,7 @@ def integrate(
     *,
     share: float | np.ndarray = UNKNOWN_SHARE,
     floor: float | np.ndarray = 0.0,
+    cuts: Cuts | None = None,
 ) -> Integral:
     """Integrate over simplices, with bisections where needed; collective.
 
@@ -112,14 +114,13 @@ def integrate(
         share: Share of each integral that may stay unknown, relative to the sum of the
             absolute values of the integrals over all pieces [-].
         floor: Amount of each integral that may always stay unknown.
-
-    Returns:
-        The integrals.
+        cuts: Kinks of the integrands that are known, on segments; None without.
     """
     size = vertices.shape[1] - 1
-    simplex = np.repeat(np.flatnonzero(measure > 0), len(pieces))
-    corners = np.tile(pieces, (len(simplex) // len(pieces), 1, 1))
-    piece_measure = measure[simplex] / len(pieces)
+    first = first_pieces(np.flatnonzero(measure > 0), pieces, cuts)
+    simplex = first.simplex
+    corners = first.corners
+    piece_measure = measure[simplex] * first.share
     first_count = comm.allreduce(len(simplex), MPI.SUM)
     count = first_count
     value = unknown = allowed = np.zeros((len(vertices), 0))

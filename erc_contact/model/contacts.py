@@ -18,6 +18,7 @@ from erc_contact.model.friction import Friction, bind_friction
 from erc_contact.model.last_step import LastStep
 from erc_contact.model.space import Space
 from erc_contact.model.trace import Side, Trace
+from erc_contact.model.users import call_of_user, scalar
 from erc_contact.model.values import components, number, parameter
 from erc_contact.scene.contact import Contact
 
@@ -221,7 +222,8 @@ def _varying_normal(
     """
     what = f"Contact({contact.facets!r})"
     if contact.normal == "gap":
-        gap = number(space, contact.gap, f"{what}: gap")
+        # Not :func:`number`: a table on a mesh has no slope.
+        gap = call_of_user(space.comm, what, lambda: scalar(what, contact.gap(space.x)))  # type: ignore[operator]
         with method_caches_off():
             slope = ufl.algorithms.expand_derivatives(-ufl.grad(gap))
         expression = ufl.replace(slope, {space.x: surface})

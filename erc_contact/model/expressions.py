@@ -15,6 +15,7 @@ from mpi4py import MPI
 from ufl.corealg.traversal import traverse_unique_terminals
 
 from erc_contact.base.runtime import compiled
+from erc_contact.base.ufl_tables import TableFunction, has_tables
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.array_code import array_code
 from erc_contact.model.symbolic import (
@@ -25,21 +26,10 @@ from erc_contact.model.symbolic import (
     varies_in_cells,
     without_derivatives,
 )
+from erc_contact.model.tables import on_mesh
 
 POINT_CHUNK = 4096
 """Number of points at which an expression is evaluated at once."""
-
-
-def without_plain_numbers(expression: Ufl, mesh: dmesh.Mesh) -> Ufl:
-    """Replace the plain numbers of a UFL expression by Constants.
-
-    Expressions that differ only in these numbers are then compiled once.
-    """
-    constants = {}
-    for terminal in traverse_unique_terminals(expression):
-        if isinstance(terminal, ufl.classes.FloatValue):
-            constants[terminal] = compiled.constant(mesh, float(terminal))
-    return ufl.replace(expression, constants)
 
 
 def evaluate(
@@ -60,6 +50,8 @@ def evaluate(
     if isinstance(expression, ufl.SpatialCoordinate | ufl.FacetNormal):
         return _geometric(type(expression), mesh, points).eval(mesh, entities)
     expression = ufl.as_ufl(expression)
+    if has_tables(expression):
+        expression = on_mesh(without_derivatives(expression), mesh, at_cells)
     if not has_fields(expression):
         expression = without_derivatives(expression)
         # Numbers, constants, and derivatives that became constant need no compiler.
@@ -71,6 +63,14 @@ def evaluate(
             x = evaluate(ufl.SpatialCoordinate(mesh), mesh, points, entities)
             return Everywhere(expression, mesh)(x, entities)
     return compiled.expression(expression, points, mesh.comm).eval(mesh, entities)
+
+
+def at_cells(
+    expression: Ufl, mesh: dmesh.Mesh, points: np.ndarray, cells: np.ndarray
+) -> np.ndarray:
+    """Evaluate a UFL expression at reference points of cells by numpy; collective."""
+    x = evaluate(ufl.SpatialCoordinate(mesh), mesh, points, cells)
+    return Everywhere(expression, mesh)(x, cells)
 
 
 class Everywhere:
@@ -88,13 +88,17 @@ class Everywhere:
     """
 
     def __init__(self, expression: Ufl, mesh: dmesh.Mesh) -> None:
-        expression = without_derivatives(expression)
+        expression = on_mesh(without_derivatives(expression), mesh, at_cells)
         self.shape = expression.ufl_shape
         self.mesh = mesh
         self.plain = None if varies(expression) else constant_value(expression)
         if self.plain is not None:
             return
         self.values = OfNumbers(expression, mesh.comm)
+        self._of_tables = {}
+        for terminal in self.values.numbers:
+            if isinstance(terminal, TableFunction):
+                self._of_tables[terminal] = Everywhere(terminal.coordinates, mesh)
         self.normal: Any = None
         if ufl.FacetNormal(mesh) in self.values.numbers:
             d = mesh.geometry.dim
@@ -126,6 +130,9 @@ class Everywhere:
             entities: As in :meth:`__call__`.
         """
         n, q, d = x.shape
+        if isinstance(terminal, TableFunction):
+            coordinates = self._of_tables[terminal](x, entities)
+            return terminal.at(coordinates).reshape(n * q, 1)
         if isinstance(terminal, ufl.classes.SpatialCoordinate):
             return x.reshape(-1, d)
         if isinstance(terminal, ufl.classes.FacetNormal):

@@ -107,12 +107,17 @@ class BoundContact:
         return self.trace.direction
 
     @property
-    def varies(self) -> bool:
-        """Tell whether gap, normal or friction vary along facets."""
+    def data(self) -> list[Ufl]:
+        """Return the data that may vary: gap, normal, parameters of the law, UFL."""
         data = [self.gap, self.given_normal]
         if self.friction is not None:
             data += self.friction.parameters.values()
-        return any(value is not None and varies_in_cells(value) for value in data)
+        return [value for value in data if value is not None]
+
+    @property
+    def varies(self) -> bool:
+        """Tell whether gap, normal or friction vary along facets."""
+        return any(varies_in_cells(value) for value in self.data)
 
     @property
     def sampled(self) -> bool:

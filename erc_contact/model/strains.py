@@ -23,9 +23,10 @@ from dolfinx import mesh as dmesh
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.mesh.simplex import rule
-from erc_contact.model.expressions import Everywhere, evaluate, without_plain_numbers
+from erc_contact.model.expressions import Everywhere, evaluate
 from erc_contact.model.space import Space
 from erc_contact.model.symbolic import varies_in_cells
+from erc_contact.model.user_data import without_plain_numbers
 from erc_contact.model.users import IN_UFL, call_of_user
 from erc_contact.model.values import DATA_DEGREE, by_region, number, parameter
 from erc_contact.scene.material import Material, mandel_basis
@@ -120,12 +121,13 @@ def _expression(space: Space, strain: GivenStrain) -> Ufl:
         elif name == "value" and callable(value):
             parameters[name] = _of_callable(space, value, what_value)
         else:
-            parameters[name] = number(space, value, what_value)
+            parameters[name] = number(space, value, what_value, of_material=True)
 
     def call() -> Ufl:
         return ufl.as_ufl(strain.strain(space.x, **parameters))
 
-    expression = without_plain_numbers(call_of_user(space.comm, what, call), space.mesh)
+    returned = call_of_user(space.comm, what, call)
+    expression = without_plain_numbers(returned, space.mesh, of_material=True)
     if expression.ufl_shape not in ((), (space.d, space.d)):
         raise InputError(
             f"{what} has shape {expression.ufl_shape}; the mesh needs a scalar or the shape"
@@ -138,7 +140,7 @@ def _tensor(space: Space, rows: Sequence[Sequence[Any]], what: str) -> Ufl:
     """Return rows of numbers and callables as a tensor, UFL; collective."""
     tensor = []
     for row in rows:
-        tensor.append([number(space, entry, what) for entry in row])
+        tensor.append([number(space, entry, what, of_material=True) for entry in row])
     return ufl.as_tensor(tensor)
 
 

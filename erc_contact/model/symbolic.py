@@ -15,6 +15,7 @@ from ufl.corealg.traversal import traverse_unique_terminals, unique_pre_traversa
 from ufl.utils.stacks import StackDict
 
 from erc_contact.base.runtime.patches import method_caches_off
+from erc_contact.base.ufl_tables import TableFunction
 from erc_contact.base.ufl_types import Ufl
 
 
@@ -42,7 +43,10 @@ def varies_in_cells(expression: Ufl) -> bool:
 def has_fields(expression: Ufl) -> bool:
     """Tell whether a UFL expression contains functions that vary inside cells."""
     for terminal in traverse_unique_terminals(expression):
-        if isinstance(terminal, ufl.classes.Coefficient) and varies_in_cells(terminal):
+        if isinstance(terminal, TableFunction):
+            if has_fields(terminal.coordinates):
+                return True
+        elif isinstance(terminal, ufl.classes.Coefficient) and varies_in_cells(terminal):
             return True
     return False
 
@@ -56,14 +60,18 @@ def has_arguments(expression: Ufl) -> bool:
 def is_data(expression: Ufl) -> bool:
     """Tell whether a UFL expression has only data that are known in each cell.
 
-    These are the position, the normal, constants, and functions that are constant in
-    cells.
+    These are the position, the normal, constants, functions that are constant in cells,
+    and tables of these.
     """
     indices = ufl.classes.MultiIndex | ufl.classes.Label
     geometry = ufl.classes.SpatialCoordinate | ufl.classes.FacetNormal
     data = geometry | ufl.classes.ConstantValue | fem.Constant
     for terminal in traverse_unique_terminals(expression):
         if isinstance(terminal, indices | data):
+            continue
+        if isinstance(terminal, TableFunction):
+            if not is_data(terminal.coordinates):
+                return False
             continue
         constant_in_cells = not varies_in_cells(terminal)
         if not (isinstance(terminal, ufl.classes.Coefficient) and constant_in_cells):

@@ -28,7 +28,7 @@ from erc_contact.scene.material import Material, mandel_matrix, strain
 IN_UFL = (
     "It gets UFL and returns a number or UFL: write ufl.sin(x[0]) instead of np.sin or math.sin,"
     " ufl.conditional(ufl.lt(x[0], 1), a, b) instead of if, ufl.max_value and ufl.min_value"
-    " instead of max and min."
+    " instead of max and min, and ec.table(points, values) instead of np.interp."
 )
 """Advice to a user whose code does not work with UFL."""
 NESTING_LIMIT = 120

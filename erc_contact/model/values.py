@@ -19,8 +19,9 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.base.runtime import compiled
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.mesh.simplex import lattice
-from erc_contact.model.expressions import evaluate, without_plain_numbers
+from erc_contact.model.expressions import evaluate
 from erc_contact.model.space import Space
+from erc_contact.model.user_data import without_plain_numbers
 from erc_contact.model.users import call_of_user, scalar, vector
 from erc_contact.scene.material import Material
 
@@ -45,10 +46,11 @@ def parameter(owner: Any, name: str) -> Any:
     return getattr(owner, name)
 
 
-def number(space: Space, value: Any, what: str, x: Ufl = None) -> Ufl:
+def number(space: Space, value: Any, what: str, x: Ufl = None, *, of_material: bool = False) -> Ufl:
     """Return a number as a Constant, or a callable as UFL of the position; collective.
 
-    The position is that of the mesh, unless another x is given.
+    The position is that of the mesh, unless another x is given. Tables of a material
+    have their values at the points of quadrature.
 
     Raises:
         InputError: If the callable fails or returns no scalar.
@@ -59,7 +61,7 @@ def number(space: Space, value: Any, what: str, x: Ufl = None) -> Ufl:
         return compiled.constant(space.mesh, float(value))
     place = space.x if x is None else x
     expression = call_of_user(space.comm, what, lambda: scalar(what, value(place)))
-    return without_plain_numbers(expression, space.mesh)
+    return without_plain_numbers(expression, space.mesh, of_material=of_material)
 
 
 def components(space: Space, value: Any, what: str, x: Ufl = None) -> Ufl:
@@ -118,7 +120,7 @@ def moduli(space: Space, material: Material) -> dict[str, Ufl]:
         if isinstance(value, Mapping):
             parameters[name] = by_region(space, what, value)
         else:
-            parameters[name] = number(space, value, what)
+            parameters[name] = number(space, value, what, of_material=True)
         if isinstance(value, Mapping) or callable(value):
             points = lattice(space.d, DATA_DEGREE)
             values = evaluate(parameters[name], space.mesh, points, space.owned_cells)
@@ -150,7 +152,8 @@ def by_region(space: Space, what: str, value: Mapping[str, Any]) -> Ufl:
             # A callable counts in its region only.
             indicator = space.domain.function("DG", 0)
             indicator.x.array[cells] = 1.0
-            terms.append(indicator * number(space, entry, f"{what} in {region!r}"))
+            of_region = number(space, entry, f"{what} in {region!r}", of_material=True)
+            terms.append(indicator * of_region)
         else:
             numbers.x.array[cells] = float(entry)
     # Each cell must be in one region. Ghosts are counted by their owners.

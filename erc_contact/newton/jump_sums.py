@@ -20,6 +20,7 @@ import numpy as np
 from mpi4py import MPI
 from petsc4py import PETSc
 
+from erc_contact.base.exceptions import InputError
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.model import Model
 from erc_contact.model.node_pairs import pairs_of
@@ -150,3 +151,17 @@ def _colours(model: Model) -> list[int]:
         taken = {colours[j] for j in range(i) if meet[i, j]}
         colours.append(next(colour for colour in range(count) if colour not in taken))
     return colours
+
+
+def raise_at_joints(model: Model) -> None:
+    """Raise an error where bodies have more contacts at a point than jumps.
+
+    Raises:
+        InputError: If three or more bodies meet at a point.
+    """
+    if model.coordinates.has_joints:
+        raise InputError(
+            "Three or more bodies meet at a point, or two contacts of the same bodies name them in "
+            "another order: the nodal forces there do not tell the tractions of all contacts, as a "
+            "multiplier needs it. Take method=ec.Nitsche(), or name the same body first in both."
+        )

@@ -26,12 +26,12 @@ from itertools import permutations
 import numpy as np
 from petsc4py import PETSc
 
-from erc_contact.base.exceptions import InputError
 from erc_contact.base.sparse import diagonal, sparse, sparse_like
 from erc_contact.mesh.simplex import at_nodes, coefficients
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.model import Model
 from erc_contact.model.trace import dofs_of
+from erc_contact.newton.jump_sums import raise_at_joints
 
 NO_ENTRY = 1e-14
 """Entry of a matrix of Bernstein coefficients that is round-off [-]."""
@@ -83,20 +83,6 @@ def contact_nodes(model: Model, contact: BoundContact) -> ContactNodes:
     free = np.zeros((len(numbers), model.d), dtype=bool)
     free[place] = all_free.reshape(-1, model.d)
     return ContactNodes(numbers, place.reshape(-1, m), area, free)
-
-
-def raise_at_joints(model: Model) -> None:
-    """Raise an error where bodies have more contacts at a point than jumps.
-
-    Raises:
-        InputError: If three or more bodies meet at a point.
-    """
-    if model.coordinates.has_joints:
-        raise InputError(
-            "Three or more bodies meet at a point, or two contacts of the same bodies name them in "
-            "another order: the nodal forces there do not tell the tractions of all contacts, as a "
-            "multiplier needs it. Take method=ec.Nitsche(), or name the same body first in both."
-        )
 
 
 class MultiplierMap:

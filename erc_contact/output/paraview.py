@@ -41,7 +41,9 @@ def write_fields(error: ConstitutiveError, folder: str | Path) -> None:
     - ``von_mises``: von Mises stress of ``stress`` [force/area]. If the material does
       not tell the stress out of plane, this component of the stresses is nan, and the
       von Mises stress of the part in plane is written instead, with the name
-      ``von_mises_in_plane``.
+      ``von_mises_in_plane``,
+    - ``stress_best``, ``von_mises_best``: the same of the mean of sigma^ and C eps(u^),
+      whose error is known best.
 
     ``contact_<name>.vtkhdf`` is written for each contact; that of a pair has the facets
     of the side with its name. Each facet has points of its own. The file has at the

@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
+from erc_contact.admissible.fields import sides_of
 from erc_contact.admissible.pair import Admissible, pair_of
 from erc_contact.mesh.simplex import bernstein, coefficients, facet_vertices, mass, nodes
 from erc_contact.model.forces import Force, by_cause, total_force
-from erc_contact.model.model import Model
 
 
 def force(result: Any, part: str) -> Force:
@@ -35,7 +35,7 @@ def force(result: Any, part: str) -> Force:
     cells = pair.cell_geometry
     d = model.d
     k = model.degree
-    sides = _owned_sides(model, part)
+    sides = sides_of(model, part)
     facets = model.facet_numbers(sides)
     cell, local = np.divmod(cells.side[0][facets], d + 1)
     # Inside the body, the tractions are those on the first cell of a facet.
@@ -47,15 +47,6 @@ def force(result: Any, part: str) -> Force:
     hats = bernstein(d - 1, 1, nodes(d - 1, k)).T @ coefficients(d - 1, k).T
     forces = np.matmul(hats, sign[:, None, None] * pair.facet_moments[facets])
     return total_force(model, corners.ravel(), forces.reshape(-1, d))
-
-
-def _owned_sides(model: Model, part: str) -> np.ndarray:
-    """Return the sides (cell, local facet) of a part in owned cells, shape (n, 2)."""
-    for tie in model.ties:
-        for name, side in zip(tie.side_names, (tie.trace.here, tie.trace.there), strict=True):
-            if name == part and side is not None:
-                return side.facets[side.owned]
-    return model.domain.owned_facets(part)
 
 
 def reactions(result: Any) -> dict[str, Force]:

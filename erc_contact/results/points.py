@@ -35,6 +35,15 @@ class Values:
     stress: np.ndarray
     elastic_stress: np.ndarray
 
+    @property
+    def best_stress(self) -> np.ndarray:
+        """Return the mean of both stresses [force/area], shape (n, d, d).
+
+        In the energy norm its error is known best, see
+        :attr:`ConstitutiveError.best_stress_error`.
+        """
+        return 0.5 * (self.stress + self.elastic_stress)
+
 
 def at(result: Any, points: Any) -> Values:
     """Compute displacement and stresses at points of the body; collective.

@@ -6,14 +6,20 @@ from typing import Any
 
 import numpy as np
 
+from erc_contact.admissible.elastic import elastic_stress
+from erc_contact.admissible.macro import macro_points
 from erc_contact.admissible.pair import Admissible, pair_of
 from erc_contact.admissible.reference import tensors
+from erc_contact.base.exceptions import InputError
 from erc_contact.mesh.simplex import from_means, mass
 from erc_contact.model.stress import stress_in_space, tells_out_of_plane, von_mises
 
+STRESSES = ("admissible", "best", "elastic")
+"""Stresses of a pair: sigma^, ``(sigma^ + C eps(u^))/2``, and ``C eps(u^)``."""
 
-def mean_stress(result: Any) -> np.ndarray:
-    """Compute the mean of sigma^ in each owned cell [force/area]; collective.
+
+def mean_stress(result: Any, stress: str = "admissible") -> np.ndarray:
+    """Compute the mean of a stress in each owned cell [force/area]; collective.
 
     Its shape is (owned, 3, 3).
 
@@ -22,16 +28,47 @@ def mean_stress(result: Any) -> np.ndarray:
 
     Args:
         result: An admissible pair, an error, or a history.
+        stress: "admissible" for sigma^; "best" for the mean of sigma^ and C eps(u^),
+            whose error is known best (:attr:`ConstitutiveError.best_stress_error`);
+            "elastic" for C eps(u^).
+
+    Raises:
+        InputError: If the stress is another one.
     """
+    if stress not in STRESSES:
+        allowed = ", ".join(map(repr, STRESSES))
+        raise InputError(f"The stress is {stress!r}; allowed are {allowed}.")
     admissible = pair_of(result)
     model = admissible.model
+    means = []
+    if stress != "elastic":
+        means.append(_admissible_means(admissible))
+    if stress != "admissible":
+        means.append(_elastic_means(admissible))
+    mean = np.mean(means, axis=0)
+    return stress_in_space(model, tensors(mean, model.d))
+
+
+def _admissible_means(admissible: Admissible) -> np.ndarray:
+    """Compute the mean of sigma^ in each owned cell, Mandel components."""
     stress = admissible.stress
     # All Bernstein polynomials and all sub-simplices of a cell have the same integral.
     coefficients = stress.reshape(len(stress), -1, stress.shape[-1])
     count = coefficients.shape[1]
     # A product is faster than numpy's mean of short rows.
-    mean = np.full(count, 1 / count) @ coefficients
-    return stress_in_space(model, tensors(mean, model.d))
+    return np.full(count, 1 / count) @ coefficients
+
+
+def _elastic_means(admissible: Admissible) -> np.ndarray:
+    """Compute the mean of C eps(u^) in each owned cell, Mandel components."""
+    model = admissible.model
+    owned = model.domain.owned_cells
+    at_points = elastic_stress(model, admissible.cell_geometry, admissible.displacement, owned)
+    if at_points.shape[1] == 1:
+        return at_points[:, 0]
+    _, _, weights = macro_points(model.d, model.degree)
+    repeated = np.tile(weights.ravel(), at_points.shape[1] // weights.size)
+    return (repeated / repeated.sum()) @ at_points
 
 
 def vertex_stress(admissible: Admissible) -> np.ndarray:
@@ -63,9 +100,12 @@ def cell_stresses(admissible: Admissible) -> dict[str, np.ndarray]:
     model = admissible.model
     stress = mean_stress(admissible)
     fe = stress_in_space(model, admissible.fe_stress[: model.domain.owned_cells].mean(axis=1))
+    best = mean_stress(admissible, "best")
     mises = "von_mises" if tells_out_of_plane(model) else "von_mises_in_plane"
     return {
         "stress": stress.reshape(-1, 9),
         "stress_fe": fe.reshape(-1, 9),
         mises: von_mises(stress),
+        "stress_best": best.reshape(-1, 9),
+        f"{mises}_best": von_mises(best),
     }

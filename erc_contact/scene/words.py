@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from erc_contact.base.code import arguments, code_of
+from erc_contact.scene.table import table
 
 
 def contact_in_words(part: str, against: str | None) -> str:
@@ -50,13 +51,13 @@ def _object(value: Any, *, hypothesis: bool = False) -> str:
         shown["hypothesis"] = value.hypothesis
     words = []
     for name, argument in shown.items():
-        words.append(argument if isinstance(argument, str) else f"{name} = {code_of(argument)}")
+        words.append(argument if isinstance(argument, str) else f"{name} = {_code(argument)}")
     return f"{type(value).__name__}: {', '.join(words)}"
 
 
 def _vector(value: Any) -> str:
     """Return the components of a prescribed displacement in words."""
-    words = ["free" if component is None else code_of(component) for component in value]
+    words = ["free" if component is None else _code(component) for component in value]
     return f"({', '.join(words)})"
 
 
@@ -66,9 +67,14 @@ def _contact(contact: Any) -> str:
     if law is None:
         friction = "no friction"
     elif type(law).__name__ == "Coulomb":
-        friction = f"Coulomb friction {code_of(law.friction)}"
+        friction = f"Coulomb friction {_code(law.friction)}"
     else:
         friction = _object(law)
     kind = "bilateral contact" if contact.bilateral else "contact"
-    normal = "" if contact.normal is None else f", normal {code_of(contact.normal)}"
-    return f"{kind}, {friction}, gap {code_of(contact.gap)}{normal}"
+    normal = "" if contact.normal is None else f", normal {_code(contact.normal)}"
+    return f"{kind}, {friction}, gap {_code(contact.gap)}{normal}"
+
+
+def _code(value: Any) -> str:
+    """Return a value as code; a table only with the number of its points."""
+    return repr(value) if isinstance(value, table) else code_of(value)

@@ -1,0 +1,169 @@
+"""Tables: numbers as numpy's, the same scene as by a formula, kinks that are not missed."""
+
+import numpy as np
+import pytest
+import ufl
+
+import erc_contact as ec
+from erc_contact.base.code import code_of
+from erc_contact.run.fingerprint import fingerprint
+from erc_contact.scene.words import in_words
+
+POINTS = np.array([0.0, 0.3, 0.7, 1.0])
+VALUES = np.array([0.0, 0.02, -0.01, 0.03])
+
+
+def body(d, cells=4):
+    if d == 2:
+        return ec.rectangle((0.0, 0.0), (1.0, 0.5), cells=(cells, 2))
+    return ec.box((0.0, 0.0, 0.0), (1.0, 0.5, 0.5), cells=(cells, 2, 2))
+
+
+def pressed(d, down=-0.05):
+    return ec.Displacement("top", (0.01, down) if d == 2 else (0.01, 0.0, down))
+
+
+def error_of(scene, domain, degree):
+    return ec.constitutive_error(ec.equilibrate(ec.solve(scene, domain, degree=degree)))
+
+
+def test_numbers_are_those_of_numpy():
+    places = np.linspace(-0.5, 1.5, 41)
+    assert ec.table(POINTS, VALUES)(places) == pytest.approx(np.interp(places, POINTS, VALUES))
+    grid = ec.table((POINTS, [0.0, 1.0]), np.stack([VALUES, 2 * VALUES], axis=1))
+    assert grid(0.3, 0.5) == pytest.approx(0.03)
+    assert grid(places, 9.0) == pytest.approx(2 * np.interp(places, POINTS, VALUES))
+
+
+@pytest.mark.parametrize(
+    ("x", "values", "said"),
+    [
+        ([0.0, 2.0, 1.0], [0.0, 1.0, 2.0], "sort the points"),
+        ([0.0, 1.0, 1.0], [0.0, 1.0, 2.0], "sort the points"),
+        ([0.0, 1.0], [0.0, 1.0, 2.0], "one value for each"),
+        ([0.0, np.nan], [0.0, 1.0], "x is nan at 1"),
+        ([0.0, 1.0], [0.0, np.inf], "values is inf at 1"),
+        ([0.0], [0.0], "two points or more"),
+        ("profile.csv", [0.0], "finite numbers"),
+        (([0.0, 1.0], [0.0, 1.0]), [0.0, 1.0], "the points need (2, 2)"),
+    ],
+)
+def test_bad_numbers_are_refused(x, values, said):
+    with pytest.raises(ec.InputError) as refused:
+        ec.table(x, values)
+    assert said in str(refused.value)
+
+
+def test_a_wrong_number_of_coordinates_is_refused():
+    with pytest.raises(ec.InputError, match="called with 2"):
+        ec.table(POINTS, VALUES)(0.1, 0.2)
+
+
+def test_the_hint_for_numpy_names_it():
+    scene = ec.Scene(
+        ec.Elastic(1.0, 0.3),
+        pressed(2),
+        contacts=ec.Contact("bottom", gap=lambda x: np.interp(x[0], POINTS, VALUES)),
+    )
+    with pytest.raises(ec.InputError, match=r"ec\.table"):
+        ec.solve(scene, body(2))
+
+
+def line(of):
+    """Two tables of a line from (0, 0.1) to (1, 0.3), of which one has many points, and its formula."""
+    few = ec.table([0.0, 1.0], [0.1, 0.3])
+    x = np.linspace(0.0, 1.0, 8)
+    return {"formula": lambda x: 0.1 + 0.2 * x[0], "few": few, "many": ec.table(x, 0.1 + 0.2 * x)}[
+        of
+    ]
+
+
+def scene_of(d, of, method=None):
+    """Modulus, load, gap, friction and heat along a line."""
+    value = line(of)
+    load = (0.0, lambda x: 0.01 * value(x)) if d == 2 else (0.0, 0.0, lambda x: 0.01 * value(x))
+    return ec.Scene(
+        ec.Elastic(E=value, nu=0.3),
+        pressed(d),
+        loads=[ec.Traction("right", load), ec.BodyForce(load)],
+        contacts=ec.Contact("bottom", friction=value, gap=lambda x: 0.1 * value(x)),
+        strains=ec.ThermalStrain(0.01, value),
+    )
+
+
+@pytest.mark.parametrize(("d", "degree"), [(2, 1), (2, 2), (3, 1)])
+def test_a_table_of_a_line_is_the_line(d, degree):
+    exact = error_of(scene_of(d, "formula"), body(d), degree)
+    for of in ("few", "many"):
+        error = error_of(scene_of(d, of), body(d), degree)
+        assert error.relative == pytest.approx(exact.relative, rel=2e-5)
+        u = error.admissible.displacement.x.array - exact.admissible.displacement.x.array
+        assert abs(u).max() < 2e-6
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_a_spike_between_all_samples_is_not_entered(degree):
+    spike = ec.table([0.0, 0.61230, 0.61231, 0.61232, 1.0], [0.0, 0.0, -0.01, 0.0, 0.0])
+    contact = ec.Contact("bottom", gap=lambda x: 0.01 + spike(x[0]))
+    scene = ec.Scene(ec.Elastic(1.0, 0.3), pressed(2, -0.03), contacts=contact)
+    error = error_of(scene, body(2, cells=1), degree)
+    at = ec.results.at(error, [[0.61231, 0.0]])
+    assert -at.displacement[0, 1] <= 1e-12
+    assert error.oscillations.gaps == 0.0
+
+
+def test_a_table_of_a_radius_gives_gap_and_normal():
+    r = np.linspace(0.0, 3.0, 200)
+    distance = ec.table(r, r - 2.0)
+    radius = {
+        "formula": lambda x: ufl.sqrt(x[0] ** 2 + (x[1] + 2.0) ** 2) - 2.0,
+        "table": lambda x: distance(ufl.sqrt(x[0] ** 2 + (x[1] + 2.0) ** 2)),
+    }
+    errors = []
+    for gap in radius.values():
+        contact = ec.Contact("bottom", gap=gap, normal="gap")
+        scene = ec.Scene(ec.Elastic(1.0, 0.3), pressed(2), contacts=contact)
+        errors.append(error_of(scene, body(2), 1).relative)
+    assert errors[1] == pytest.approx(errors[0], rel=2e-3)
+
+
+def test_a_grid_in_space():
+    grid = ec.table(([0.0, 1.0], [0.0, 0.2, 0.5]), [[0.0, 0.002, 0.005], [0.01, 0.012, 0.015]])
+    gaps = [grid, lambda x: 0.01 * x[0] + 0.01 * x[1]]
+    errors = []
+    for gap in gaps:
+        scene = ec.Scene(
+            ec.Elastic(1.0, 0.3), pressed(3), contacts=ec.Contact("bottom", 0.3, gap=gap)
+        )
+        errors.append(error_of(scene, body(3, cells=2), 1).relative)
+    assert errors[0] == pytest.approx(errors[1], rel=1e-4)
+
+
+def test_other_numbers_are_another_scene():
+    prints = []
+    for height in (0.01, 0.02):
+        gap = ec.table([0.0, 1.0], [0.0, height])
+        contact = ec.Contact("bottom", gap=lambda x, gap=gap: 2 * gap(x[0]))
+        scene = ec.Scene(ec.Elastic(1.0, 0.3), pressed(2), contacts=contact)
+        prints.append(fingerprint(scene, body(2), {}))
+    changed = [name for name in prints[0] if prints[0][name] != prints[1][name]]
+    assert changed == ["contacts[0].gap"]
+
+
+def test_a_run_with_kinks_refines_and_says_its_numbers():
+    scene = ec.Scene(
+        ec.Elastic(1.0, 0.3),
+        pressed(2),
+        contacts=ec.Contact("bottom", 0.3, ec.table(POINTS, VALUES)),
+    )
+    history = ec.adapt(scene, body(2), accuracy=0.2)
+    assert history.error.relative <= 0.2
+    assert history.error.oscillations.gaps == 0.0
+
+
+def test_a_report_counts_the_points_and_a_script_has_them():
+    contact = ec.Contact("bottom", gap=ec.table(POINTS, VALUES))
+    scene = ec.Scene(ec.Elastic(1.0, 0.3), pressed(2), contacts=contact)
+    assert ("bottom", "contact, no friction, gap <table of 4 points>") in in_words(scene)
+    again = eval(code_of(contact.gap), {"ec": ec})
+    assert again(0.15) == pytest.approx(contact.gap(0.15))
