@@ -146,7 +146,8 @@ def test_forms_and_expressions_in_one_module():
     mesh = domain.mesh
     x, points = ufl.SpatialCoordinate(mesh), np.array([[0.25, 0.5]])
     integral, value = (7 + x[1]) * ufl.dx(mesh), 7 * x[0] - x[1]
-    compiled.compile_together(mesh.comm, [integral], [(value, points)])
+    # Twice, as two contacts that are alike have it.
+    compiled.compile_together(mesh.comm, [integral], [(value, points), (value, points)])
     form, expression = compiled.form(integral), compiled.expression(value, points, mesh.comm)
     assert fem.assemble_scalar(form) == fem.assemble_scalar(fem.form(integral))
     cells = np.arange(3, dtype=np.int32)

@@ -39,35 +39,43 @@ def one_module(sources: list[Any], options: dict[str, Any]) -> tuple[list[Any], 
     # The name knows all that decides on the code, and so do those of the objects.
     tag = jit._compute_option_signature(ffcx_options) + jit._compilation_signature(flags, debug)
     module_name = "libffcx_forms_" + naming.compute_signature(sources, tag)
-    names = []
     declarations = jit.UFC_HEADER_DECL.format(np.dtype(options["scalar_type"]).name)
     declarations += DECLARATIONS
+    # Contacts that are alike have the same expression, which C may define once only.
+    different: dict[str, Any] = {}
+    order = []
     for number, source in enumerate(sources):
-        if isinstance(source, ufl.Form):
-            names.append(naming.form_name(source, number, module_name))
-            declarations += f"extern ufcx_form {names[-1]};\n"
+        is_form = isinstance(source, ufl.Form)
+        if is_form:
+            name = naming.form_name(source, number, module_name)
         else:
-            names.append(naming.expression_name(source, module_name))
-            declarations += f"extern ufcx_expression {names[-1]};\n"
+            name = naming.expression_name(source, module_name)
+        if name not in different:
+            kind = "form" if is_form else "expression"
+            declarations += f"extern ufcx_{kind} {name};\n"
+        different[name] = source
+        order.append(name)
+    names = list(different)
     objects, module = jit.get_cached_module(module_name, names, folder, settings["timeout"])
-    if objects is not None:
-        return objects, module
-    try:
-        jit._compile_objects(
-            declarations,
-            sources,
-            names,
-            module_name,
-            ffcx_options,
-            folder,
-            flags,
-            settings["cffi_verbose"],
-            debug,
-            settings["cffi_libraries"],
-        )
-    except Exception:
-        # Who compiles it next must not wait for this one.
-        code = folder / f"{module_name}.c"
-        code.replace(code.with_suffix(".c.failed"))
-        raise
-    return jit._load_objects(folder, module_name, names)
+    if objects is None:
+        try:
+            jit._compile_objects(
+                declarations,
+                list(different.values()),
+                names,
+                module_name,
+                ffcx_options,
+                folder,
+                flags,
+                settings["cffi_verbose"],
+                debug,
+                settings["cffi_libraries"],
+            )
+        except Exception:
+            # Who compiles it next must not wait for this one.
+            code = folder / f"{module_name}.c"
+            code.replace(code.with_suffix(".c.failed"))
+            raise
+        objects, module = jit._load_objects(folder, module_name, names)
+    of_name = dict(zip(names, objects, strict=True))
+    return [of_name[name] for name in order], module
