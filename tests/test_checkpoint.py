@@ -14,6 +14,7 @@
 """
 
 import dataclasses
+import itertools
 import os
 import resource
 import shutil
@@ -259,6 +260,16 @@ OTHER = {
         ]
     },
 }
+
+
+@pytest.mark.serial
+def test_fingerprint_does_not_know_how_many_constants_there_were(monkeypatch):
+    """UFL sorts factors by the text of their numbers, in which "1000" comes before "999"."""
+    prints = []
+    for first in (5, 99, 998, 999):
+        monkeypatch.setattr(ufl.Constant, "_counter", itertools.count(first))
+        prints.append(fingerprint(changed(), block(2), {}))
+    assert all(found == prints[0] for found in prints)
 
 
 def test_fingerprint_knows_what_decides():

@@ -28,6 +28,7 @@ from ufl.domain import extract_domains, extract_unique_domain
 
 from erc_contact.base.code import literal
 from erc_contact.base.exceptions import together
+from erc_contact.base.runtime.compiled import constants_with_ten_digits
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.base.versions import versions
 from erc_contact.mesh.domain import Domain
@@ -179,9 +180,11 @@ def _formulas(name: str, owner: Any, x: Ufl, d: int) -> Iterator[tuple[str, str]
     Symbols stand for their parameters, whose values are entries of their own.
     """
     mesh = extract_unique_domain(x)
-    symbols = {symbol: ufl.Constant(mesh) for symbol in owner.parameters}
-    if hasattr(owner, "friction_bound"):
+    # UFL sorts factors by the text of these numbers, in which "10" comes before "9".
+    with constants_with_ten_digits():
+        symbols = {symbol: ufl.Constant(mesh) for symbol in owner.parameters}
         pressure = ufl.Constant(mesh)
+    if hasattr(owner, "friction_bound"):
         bound = _in_ufl(lambda: owner.friction_bound(pressure, **symbols))
         yield f"{name}: its friction bound", bound
         return
@@ -203,7 +206,8 @@ def _strain(strain: Any, x: Ufl) -> Ufl:
     for name in strain.parameters:
         value = parameter(strain, name)
         # The values of a mapping are entries of their own.
-        values[name] = ufl.Constant(extract_unique_domain(x))
+        with constants_with_ten_digits():
+            values[name] = ufl.Constant(extract_unique_domain(x))
         if not isinstance(value, Mapping):
             values[name] = _value(value, x)
     return strain.strain(x, **values)
