@@ -58,7 +58,9 @@ class ElasticMatrix:
                 self.plain = constant_value(_matrix(material, d, inverse, parameters))
             return
         self._numbers = {name: stand_in((), i) for i, name in enumerate(parameters)}
-        self._matrix = OfNumbers(_matrix(material, d, inverse, self._numbers), mesh.comm)
+        # numpy is four times as slow as compiled code in its hundreds of operations.
+        matrix = _matrix(material, d, inverse, self._numbers)
+        self._matrix = OfNumbers(matrix, mesh.comm, is_matrix=True)
 
     def __call__(self, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
         """Evaluate the matrix at points.

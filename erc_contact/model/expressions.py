@@ -185,16 +185,17 @@ class OfNumbers:
     Args:
         expression: UFL expression without derivatives.
         comm: The ranks that compile it together.
+        is_matrix: Whether it has so many operations that it is compiled in any case.
 
     Attributes:
         numbers: The terminals that vary; in a compiled expression with the function
             that stands for each.
     """
 
-    def __init__(self, expression: Ufl, comm: MPI.Comm) -> None:
+    def __init__(self, expression: Ufl, comm: MPI.Comm, *, always_compiled: bool = False) -> None:
         self.numbers: dict[Ufl, Any] = {}
         self._constants: dict[Ufl, fem.Constant] = {}
-        self._code = array_code(expression)
+        self._code = None if is_matrix else array_code(expression)
         if self._code is not None:
             self.numbers = dict.fromkeys(self._code.fields)
             return
