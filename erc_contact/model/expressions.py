@@ -151,29 +151,6 @@ class Everywhere:
         return terminal.eval(places, cells).reshape(n * q, size)
 
 
-def pointwise(
-    function: Callable[..., Ufl], first: np.ndarray, named: Mapping[str, np.ndarray]
-) -> np.ndarray:
-    """Evaluate a function of numbers that is written in UFL at every entry of arrays.
-
-    Args:
-        function: Takes the first number by position, the others by name.
-        first: Numbers of any shape.
-        named: Others, of shapes that broadcast with it.
-    """
-    shape = np.broadcast_shapes(first.shape, *(array.shape for array in named.values()))
-    size = int(np.prod(shape))
-    symbol = stand_in((), 0)
-    symbols = {name: stand_in((), i) for i, name in enumerate(named, start=1)}
-    expression = ufl.as_ufl(function(symbol, **symbols))
-    if not varies(expression):
-        return np.broadcast_to(constant_value(expression), shape)
-    numbers = {symbol: np.broadcast_to(first, shape).reshape(size, 1)}
-    for name, array in named.items():
-        numbers[symbols[name]] = np.broadcast_to(array, shape).reshape(size, 1)
-    return OfNumbers(expression, MPI.COMM_SELF)(numbers, size).reshape(shape)
-
-
 class OfNumbers:
     """Evaluate a UFL expression whose terminals are numbers of each point.
 
@@ -192,7 +169,7 @@ class OfNumbers:
             that stands for each.
     """
 
-    def __init__(self, expression: Ufl, comm: MPI.Comm, *, always_compiled: bool = False) -> None:
+    def __init__(self, expression: Ufl, comm: MPI.Comm, *, is_matrix: bool = False) -> None:
         self.numbers: dict[Ufl, Any] = {}
         self._constants: dict[Ufl, fem.Constant] = {}
         self._code = None if is_matrix else array_code(expression)

@@ -9,14 +9,15 @@ from numbers import Real
 import numpy as np
 import ufl
 from dolfinx import mesh as dmesh
+from mpi4py import MPI
 from ufl.classes import Division, Product, Sum, Variable, Zero
 from ufl.corealg.traversal import unique_pre_traversal
 
 from erc_contact.base.runtime import compiled
 from erc_contact.base.runtime.patches import method_caches_off
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.model.expressions import pointwise
-from erc_contact.model.symbolic import varies_in_cells
+from erc_contact.model.expressions import OfNumbers, stand_in
+from erc_contact.model.symbolic import constant_value, varies, varies_in_cells
 from erc_contact.model.users import call_of_user, scalar
 from erc_contact.scene.law import Law
 
@@ -72,7 +73,30 @@ class Friction:
         if self.arithmetic:
             bound = self.law.friction_bound(pressure, **values)
             return np.broadcast_to(bound, pressure.shape)
-        return pointwise(self.law.friction_bound, pressure, values)
+        return _pointwise(self.law.friction_bound, pressure, values)
+
+
+def _pointwise(
+    function: Callable[..., Ufl], first: np.ndarray, named: Mapping[str, np.ndarray]
+) -> np.ndarray:
+    """Evaluate a function of numbers that is written in UFL at every entry of arrays.
+
+    Args:
+        function: Takes the first number by position, the others by name.
+        first: Numbers of any shape.
+        named: Others, of shapes that broadcast with it.
+    """
+    shape = np.broadcast_shapes(first.shape, *(array.shape for array in named.values()))
+    size = int(np.prod(shape))
+    symbol = stand_in((), 0)
+    symbols = {name: stand_in((), i) for i, name in enumerate(named, start=1)}
+    expression = ufl.as_ufl(function(symbol, **symbols))
+    if not varies(expression):
+        return np.broadcast_to(constant_value(expression), shape)
+    numbers = {symbol: np.broadcast_to(first, shape).reshape(size, 1)}
+    for name, array in named.items():
+        numbers[symbols[name]] = np.broadcast_to(array, shape).reshape(size, 1)
+    return OfNumbers(expression, MPI.COMM_SELF)(numbers, size).reshape(shape)
 
 
 def depends_on_pressure(friction: Friction | None) -> bool:
