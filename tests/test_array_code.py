@@ -71,6 +71,8 @@ def test_tensors_and_normals_in_chunks(monkeypatch):
     assert values.shape == (len(facets), 2, 2, 2)
     assert np.allclose(values[..., 0, :], 2 * places)
     assert np.allclose(values[..., 1, :], 0.0)
+    # A rank may have no facet of a part.
+    assert evaluate(expression, domain.mesh, points, facets[:0]).shape == (0, 2, 2, 2)
 
 
 def test_an_operator_that_numpy_does_not_know_is_compiled():

@@ -172,6 +172,7 @@ class OfNumbers:
     def __init__(self, expression: Ufl, comm: MPI.Comm, *, is_matrix: bool = False) -> None:
         self.numbers: dict[Ufl, Any] = {}
         self._constants: dict[Ufl, fem.Constant] = {}
+        self._size = int(np.prod(expression.ufl_shape))
         self._code = None if is_matrix else array_code(expression)
         if self._code is not None:
             self.numbers = dict.fromkeys(self._code.fields)
@@ -203,7 +204,7 @@ class OfNumbers:
             Values, shape (count, size).
         """
         if self._code is not None:
-            return self._code(numbers, count).reshape(count, -1)
+            return self._code(numbers, count).reshape(count, self._size)
         for terminal, constant in self._constants.items():
             if isinstance(terminal, fem.Constant):
                 constant.value = terminal.value
