@@ -60,8 +60,7 @@ A field costs a linear solve there.
 CLAIMED_COUPLING = 3**0.5
 """Greatest q + change of which anything is claimed [-].
 
-There (2) is 10 e. It grows without limit at q = 2: such a bound says nothing, and the
-next mesh may take it back.
+There (2) is 10 e. Nearer to q = 2 it says nothing, and the next mesh may withdraw it.
 """
 BALANCED_WORK = 1e-8
 """Work of a traction on a rigid motion that counts as none [-].
