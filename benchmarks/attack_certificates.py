@@ -13,7 +13,7 @@ Each scene is certified on its mesh and on the mesh that is refined once:
   admissible pair and may be rougher; ``q_largest`` of the first mesh must not be below
   it;
 - withdrawn: scenes in which ``unique``, or a bound, is claimed on the first mesh and
-  not on the refined one.
+  not on the refined one; contradicted: those of them with q + change >= 2 there.
 """
 
 from __future__ import annotations
@@ -88,6 +88,7 @@ def summary(rows: Sequence[Certificates]) -> str:
     bounded = [row for row in rows if np.isfinite(row.first.bound)]
     no_longer_unique = [row for row in unique if not row.refined.unique]
     no_longer_bounded = [row for row in bounded if not np.isfinite(row.refined.bound)]
+    contradicted = [row for row in unique if row.refined.q + row.refined.q_change >= 2]
     below_limit = np.count_nonzero(same <= limits)
     own_below_limit = np.count_nonzero(own <= limits)
     own_below_largest = np.count_nonzero(own <= largest)
@@ -103,7 +104,8 @@ def summary(rows: Sequence[Certificates]) -> str:
         f"same field, in {own_below_limit} with the field of the refined mesh; this q is below "
         f"q_largest in {own_below_largest}.\n"
         f"Withdrawn: {len(no_longer_unique)} of {len(unique)} claims of uniqueness, "
-        f"{len(no_longer_bounded)} of {len(bounded)} bounds."
+        f"{len(no_longer_bounded)} of {len(bounded)} bounds. "
+        f"Contradicted: {len(contradicted)}."
     )
     return f"{claims}\n\n{quantile_table(columns, QUANTILES, counts=False)}"
 

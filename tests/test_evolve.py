@@ -35,6 +35,7 @@ from erc_contact.error.contact import contact_parts
 from erc_contact.error.works import friction_works
 from erc_contact.mesh.simplex import bernstein, lagrange, rule
 from erc_contact.run.energy import energies
+from erc_contact.run.evolution import _slides
 from erc_contact.run.walk import Walk
 
 COMM = MPI.COMM_WORLD
@@ -433,6 +434,15 @@ def test_what_is_written(whole, shared_tmp_path):
         assert reader.GetOutput().GetNumberOfCells() == step.cells
         assert reader.GetTimeValue() == step.time
         assert reader.GetOutput().GetCellData().GetArray("eps_E").GetRange()[1] <= step.eps
+
+
+def test_a_loop_is_drawn_where_something_slides_with_friction(whole):
+    """Without friction it would be one of round-off."""
+    profiles = whole.profile("bottom")
+    assert any(_slides(profile) for profile in profiles)
+    for profile in profiles:
+        profile["friction_bound"] = 0.0
+    assert not any(_slides(profile) for profile in profiles)
 
 
 def test_a_weight_alone_is_written(shared_tmp_path):

@@ -18,6 +18,7 @@ from functools import cache
 import numpy as np
 import pytest
 from mpi4py import MPI
+from petsc4py import PETSc
 from scenes import block, greco, opening, patch_test, prototype_block
 from scenes import resultant as sum_of
 
@@ -155,6 +156,16 @@ def test_middle_is_that_of_both_stresses(case, degree):
         loads = load_work(model, phi).value
         b = ec.resultant(error, name, a)
         assert b.value == pytest.approx(value - loads, rel=1e-9, abs=1e-12 * error.scale)
+
+
+@pytest.mark.serial
+def test_no_error_of_petsc_is_swallowed(capfd):
+    """DOLFINx ignored one for each fixed component that no spring of a contact has."""
+    error = error_of(prototype_block(), block(2))
+    PETSc.Sys.pushErrorHandler("traceback")
+    ec.resultant(error, "bottom", (0.0, 1.0))
+    PETSc.Sys.popErrorHandler()
+    assert "PETSC ERROR" not in capfd.readouterr().err
 
 
 @pytest.mark.parametrize("case", ["cube, given friction", "GRECO"])

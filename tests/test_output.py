@@ -32,6 +32,7 @@ from erc_contact import output, results
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.base.percent import percent
 from erc_contact.output import contact_plots, flat, gathered
+from erc_contact.output.drawing import new_figure
 
 COMM = MPI.COMM_WORLD
 PLOTTING = {"pyvista", "vtkmodules", "matplotlib"}
@@ -986,3 +987,15 @@ def test_what_fails_on_one_rank_fails_on_all(error, shared_tmp_path):
         output.draw_error(error, shared_tmp_path / "file" / "x.png")
     with pytest.raises(OSError, match="file"):
         output.write_fields(error, shared_tmp_path / "file")
+
+
+@pytest.mark.serial
+def test_labels_of_a_high_peak_do_not_overlap():
+    """Below a high peak of the pressure the shear has a short logarithmic part."""
+    axes = new_figure(7.2, 4.0).subplots()
+    axes.set_ylim(-0.35, 0.55)
+    contact_plots._keep_peaks(axes, 0.063, 0.55)
+    places = axes.yaxis.get_transform().transform(np.sort(axes.get_yticks()))
+    ends = axes.yaxis.get_transform().transform(np.array(axes.get_ylim()))
+    assert len(places) > 4
+    assert np.diff(places).min() >= contact_plots.LABEL_DISTANCE * np.ptp(ends)

@@ -20,6 +20,7 @@ from test_split import SIDES, layers, tagged
 import erc_contact as ec
 from erc_contact import output
 from erc_contact.output import deformed
+from erc_contact.output.deformed import magnification
 from erc_contact.output.gathered import whole_contact
 from erc_contact.output.verdict import verdict
 from erc_contact.scene.words import in_words
@@ -309,3 +310,23 @@ def test_body_inside_another_one(gap, drawn):
         assert apart(pair, x) == pytest.approx(3.0 * pair.gap_left, abs=1e-9)
         sides = x[skin.triangles[:, 1:3]] - x[skin.triangles[:, :1]]
         assert np.linalg.det(sides[..., :2]).min() > 0
+
+
+@pytest.mark.serial
+def test_small_body_is_not_drawn_out_of_shape():
+    """A block on a plate 20 times as large: its height would change by more than itself."""
+    small = ec.rectangle((-0.1, 0.0), (0.1, 0.2), size=0.1)
+    plate = ec.rectangle((-2.0, -2.0), (2.0, 0.0), size=1.0)
+    domain = ec.assembly({"small": small, "plate": plate}).joined("small bottom", "plate top")
+    scene = ec.Scene(
+        ec.Elastic(1.0, 0.3),
+        [ec.Displacement("small top", (0.0, -0.01)), ec.Displacement("plate bottom", (0.0, 0.0))],
+        [],
+        [ec.Contact("small bottom", against="plate top", friction=0.3)],
+    )
+    error = ec.constitutive_error(ec.equilibrate(ec.solve(scene, domain)))
+    factor = magnification(error)
+    u = error.at([(0.0, 0.2), (0.0, 1e-6)]).displacement[:, 1]
+    size = 0.2 * 2**0.5
+    assert 0.2 < factor * abs(u[1] - u[0]) / (0.12 * size) <= 1
+    assert factor < 0.5 * 0.06 * domain.extent / 0.01

@@ -60,8 +60,7 @@ A field costs a linear solve there.
 CLAIMED_COUPLING = 3**0.5
 """Greatest q + change of which anything is claimed [-].
 
-There (2) is 10 e. It grows without limit at q = 2: such a bound says nothing, and the
-next mesh may take it back.
+There (2) is 10 e. Nearer to q = 2 it says nothing, and the next mesh may withdraw it.
 """
 BALANCED_WORK = 1e-8
 """Work of a traction on a rigid motion that counts as none [-].
@@ -195,7 +194,11 @@ def coulomb_certificate(error: ConstitutiveError | Run) -> CoulombCertificate:
     with elastic.in_memory():
         traces = elastic.traces(on_surface.surface.numbers)
         certify = _best if traces.cheap else _single
-        return certify(error, on_surface, traces)
+        best = certify(error, on_surface, traces)
+    # A field with a smaller q and a larger bound might not outlive the next mesh.
+    if best.q + best.q_change > CLAIMED_COUPLING:
+        best = replace(best, unique=False, bound=np.inf)
+    return best
 
 
 def _best(error: ConstitutiveError, pair: PairOnSurface, traces: Traces) -> CoulombCertificate:
@@ -257,11 +260,9 @@ def _tried(
         if work_on_motion > BALANCED_WORK * (np.linalg.norm(motion, axis=1) @ sizes):
             B = np.inf
     e_t = float(np.sqrt(max(error.absolute**2 - 2 * work, error.bulk_error**2)))
-    unique = q + change <= CLAIMED_COUPLING
-    rest = float(np.hypot(A, B))
-    bound = bound_of_both(q + change, e_t, error.bulk_error, rest) if unique else np.inf
+    bound = bound_of_both(q + change, e_t, error.bulk_error, float(np.hypot(A, B)))
     friction = float(pair.friction.max())
-    return CoulombCertificate(friction, q, change, unique, bound, error.absolute, A, B)
+    return CoulombCertificate(friction, q, change, q + change < 2, bound, error.absolute, A, B)
 
 
 def _energy(displacement: np.ndarray, forces: np.ndarray) -> float:

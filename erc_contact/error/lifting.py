@@ -170,13 +170,12 @@ def _springs(model: Model, gamma: Ufl) -> PETSc.Mat:
         kind = on_foundations if contact.against is None else between
         kind.append(term)
     coordinates = model.coordinates
-    if coordinates.is_identity:
-        matrix = fp.assemble_matrix(compiled.form(sum_of(on_foundations)), bcs=model.bcs, diag=0.0)
-        matrix.assemble()
-        return matrix
-    matrix = fp.assemble_matrix(compiled.form(sum_of(between)))
+    first_part = on_foundations if coordinates.is_identity else between
+    # Without supports: fixed components beside the contacts have no entry, and DOLFINx
+    # would make PETSc fail, unheard, for each of them.
+    matrix = fp.assemble_matrix(compiled.form(sum_of(first_part)))
     matrix.assemble()
-    if on_foundations:
+    if on_foundations and not coordinates.is_identity:
         of_bodies = fp.assemble_matrix(compiled.form(sum_of(on_foundations)))
         of_bodies.assemble()
         of_unknowns = of_bodies.ptap(coordinates.matrix)

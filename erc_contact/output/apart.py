@@ -43,9 +43,53 @@ def pairs_of(contacts: Sequence[Surface]) -> list[Surface]:
     return [contact for contact in contacts if contact.partners is not None]
 
 
+def bodies_of(body: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Number the bodies that cells connect, at each node, shape (n,)."""
+    return components(len(body["points"]), _links(body["cells"]))
+
+
 def greatest_gap(contacts: Sequence[Surface]) -> float:
     """Return the greatest absolute gap between two bodies that is data [length]."""
     return max((float(abs(pair.gap).max()) for pair in pairs_of(contacts)), default=0.0)
+
+
+def greatest_share(body: Mapping[str, np.ndarray], pairs: Sequence[Surface]) -> float:
+    """Compute the greatest of what is magnified over the size of its body [-].
+
+    A small body must stay what it is beside a large one. So the deformation of each
+    body counts, without its rigid motion, and gap and jump between two of them.
+
+    Args:
+        body: The mesh, with u^ at its nodes in "u", shape (n, 3).
+        pairs: Contacts between two bodies.
+    """
+    points = body["points"]
+    label = bodies_of(body)
+    size = np.zeros(len(points))
+    shares = []
+    for number in np.unique(label):
+        here = label == number
+        size[here] = np.linalg.norm(np.ptp(points[here], axis=0))
+        deformed = _without_rigid_motion(points[here], body["u"][here])
+        shares.append(float(np.linalg.norm(deformed, axis=1).max() / size[here].max()))
+    for pair in pairs:
+        assert pair.partners is not None
+        nodes = pair.traction.nodes
+        jump = np.linalg.norm(body["u"][nodes] - body["u"][pair.partners], axis=-1)
+        smaller = np.minimum(size[nodes], size[pair.partners])
+        shares.append(float((np.maximum(jump, abs(pair.gap)) / smaller).max()))
+    return max(shares)
+
+
+def _without_rigid_motion(points: np.ndarray, u: np.ndarray) -> np.ndarray:
+    """Take the nearest rigid motion from the displacement of a body (n, 3) [length]."""
+    arms = points - points.mean(axis=0)
+    # Turns are those about the three axes; in the plane two of them do nothing to x, y.
+    motions = [np.broadcast_to(axis, arms.shape) for axis in np.eye(3)]
+    motions += [np.cross(axis, arms) for axis in np.eye(3)]
+    columns = np.stack([motion.ravel() for motion in motions], axis=1)
+    parts = np.linalg.lstsq(columns, u.ravel())[0]
+    return u - (columns @ parts).reshape(u.shape)
 
 
 def shifts(
@@ -148,7 +192,7 @@ def _recess(
     recess = _at_nodes(pair, depth, len(points))
     # Inside the body a recess is the less deep the farther its surface is.
     reach = FADING * float(np.linalg.norm(recess, axis=1).max())
-    label = components(len(points), _links(body["cells"]))
+    label = bodies_of(body)
     inside = np.isin(label, label[nodes])
     for other in pairs:
         inside[other.traction.nodes] = False

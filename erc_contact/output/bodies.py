@@ -8,6 +8,7 @@ Symbols: d dimension, k degree, m number of nodes of a simplex.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -109,6 +110,15 @@ def skin_of(points: np.ndarray, cells: np.ndarray, d: int) -> Skin:
     first, second = np.sort(lines[:, :2], axis=1).T
     _, once = np.unique(first * len(points) + second, return_index=True)
     return Skin(points, triangles, cell, lines[once])
+
+
+def outline(body: Mapping[str, np.ndarray], d: int) -> list[tuple[Any, dict[str, Any]]]:
+    """Draw the outline of a body before the deformation; a ball has none."""
+    grid = grid_of(body["points"], body["cells"][:, : d + 1], d)
+    lines = grid.extract_feature_edges(feature_angle=30.0, manifold_edges=False)
+    if lines.n_points == 0:
+        return []
+    return [(lines, {"color": "black", "line_width": 3.0})]
 
 
 def sampled(x: np.ndarray, d: int, divisions: int) -> tuple[np.ndarray, np.ndarray]:

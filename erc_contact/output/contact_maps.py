@@ -87,6 +87,8 @@ def _draw_traction(
     colours = {"vmin": min(values.min(), 0.0), "vmax": values.max() or 1.0}
     look = {"shading": "gouraud", "rasterized": True}
     drawn = panel.tripcolor(s, t, triangles, values.ravel(), **look, **colours)
+    # The axes hold it; a layout with each of its triangles takes longer than drawing.
+    drawn.set_in_layout(False)
     label = f"{title} [force/area]"
     bar = panel.figure.colorbar(drawn, ax=panel, label=label, location="bottom", shrink=0.9)
     if not values.any():
@@ -103,6 +105,7 @@ def _draw_status(
     norm = BoundaryNorm([-0.5, 0.5, 1.5, 2.5], 3)
     look = {"cmap": colours, "norm": norm, "edgecolors": "0.6", "lw": 0.2}
     drawn = panel.tripcolor(u, v, facets, facecolors=status.astype(float), **look)
+    drawn.set_in_layout(False)
     place = {"location": "bottom", "shrink": 0.9}
     ticks = [OPEN, SLIP, STICK]
     bar = panel.figure.colorbar(drawn, ax=panel, ticks=ticks, label="status", **place)

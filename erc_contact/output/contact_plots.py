@@ -34,6 +34,8 @@ from erc_contact.results.profile import contact_of, contact_status
 
 PRESSURE, SHEAR = "#0072B2", "#D55E00"
 """Colours of the curves of pressure and shear."""
+LABEL_DISTANCE = 0.05
+"""Least distance of two labels of an axis, as a share of its length [-]."""
 PEAK = 8.0
 """Factor from the 90% level of a traction to its peak [-].
 
@@ -239,8 +241,24 @@ def _keep_peaks(axes: Any, level: float, peak: float) -> None:
         if abs(end) > 4 * level:
             ticks.append(np.sign(end) * log_ticks(1.3 * level, abs(end)))
     places = np.concatenate(ticks)
-    places = places[(places >= low) & (places <= high)]
+    places = _legible(axes, places[(places >= low) & (places <= high)])
     axes.yaxis.set_major_locator(FixedLocator(places))
     axes.yaxis.set_minor_locator(NullLocator())
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.4g}"))
     axes.axhline(level, color="0.4", lw=0.8, ls=":")
+
+
+def _legible(axes: Any, ticks: np.ndarray) -> np.ndarray:
+    """Leave out ticks of the axis of traction whose labels would overlap.
+
+    Of two that are near, the one nearer to zero stays.
+    """
+    scale = axes.yaxis.get_transform()
+    low, high = scale.transform(np.array(axes.get_ylim()))
+    ticks = ticks[np.argsort(abs(ticks), kind="stable")]
+    kept: list[float] = []
+    for tick, place in zip(ticks, scale.transform(ticks), strict=True):
+        distances = abs(scale.transform(np.array(kept)) - place) / (high - low)
+        if distances.min(initial=1.0) >= LABEL_DISTANCE:
+            kept.append(tick)
+    return np.array(kept)

@@ -21,12 +21,14 @@ from erc_contact.admissible.pair import Admissible
 from erc_contact.base.checks import positive
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.model.stress import tells_out_of_plane, von_mises
-from erc_contact.output.apart import greatest_gap, pairs_of, shifts
-from erc_contact.output.bodies import Skin, skin_of
+from erc_contact.output.apart import greatest_gap, greatest_share, pairs_of, shifts
+from erc_contact.output.bodies import Skin, outline, skin_of
 from erc_contact.output.drawing import draw_figure, only_in_2d, weighted_level
-from erc_contact.output.files import gathered, grid_of
+from erc_contact.output.files import gathered
 from erc_contact.output.foundations import (
     CLOSED_COLOUR,
+    DISPLACEMENT_SHARE,
+    STILL_SHARE,
     UNSEEN,
     Foundation,
     closed_part,
@@ -85,9 +87,11 @@ def draw_deformed(
         factor: Magnification of u^ [-]. By default the largest u^ is drawn with 6% of
             the body's size, or with less if otherwise a closed contact would look open
             or entered by more than 0.3% of the size, as a curved body on a plane does.
-            A displacement that is larger than 5% of the size is not magnified. A gap
-            between two bodies counts as a displacement. With a factor of your own the
-            title says how much a contact with a foundation looks open or entered.
+            A displacement that is larger than 5% of the size is not magnified. Of
+            several bodies the deformation of each, and gap and jump between two, are
+            drawn with at most 6% of the size of the smaller one. With a factor of your
+            own the title says how much a contact with a foundation looks open or
+            entered.
         pull: Distance by which bodies that face each other are pulled apart in the
             picture, to show what is between them [length]; None pulls nothing apart.
         ax: Axes of matplotlib to draw on, in 2D; by default those of a new figure.
@@ -124,8 +128,7 @@ def draw_deformed(
         contacts = gathered_contacts
         times = factor
         if times is None:
-            largest = float(np.linalg.norm(body["u"], axis=1).max())
-            times = rounded(_greatest_factor(contacts, largest, size))
+            times = rounded(_greatest_magnification(body, contacts, size))
         pairs = pairs_of(contacts)
         if pairs:
             motions = [foundation_of(pair).motion for pair in pairs]
@@ -141,7 +144,7 @@ def draw_deformed(
         if only_round_off:
             stress = 0 * stress
         closed = _closed_lines(contacts, x)
-        lines = _outline(body, d) + closed
+        lines = outline(body, d) + closed
         grounds = _grounds(foundations, times, size, float(np.ptp(x, axis=0).max()))
         axes = draw_map(ax, skin, x, stress, scale, views_of(d, up), lines, grounds)
         title = _title(contacts, foundations, times, size, pull)
@@ -158,27 +161,34 @@ def magnification(error: ConstitutiveError) -> float:
 
     It is infinite if nothing moves.
     """
-    admissible = error.admissible
     model = error.model
-    contacts = whole_contacts(admissible)
-    largest = error.maximum("displacement").value
     size = model.domain.extent
+    body = gathered(model.comm, **body_nodes(model), **nodal_fields(error.admissible))
+    contacts = whole_contacts(error.admissible)
     factor = np.inf
     if model.comm.rank == 0:
-        factor = _greatest_factor(contacts, largest, size)
+        factor = _greatest_magnification(body, contacts, size)
     return model.comm.bcast(factor)
 
 
-def _greatest_factor(contacts: Sequence[Surface], largest: float, size: float) -> float:
+def _greatest_magnification(
+    body: Mapping[str, np.ndarray], contacts: Sequence[Surface], size: float
+) -> float:
     """Find the greatest magnification of a picture by default [-]; on rank 0.
 
     Args:
+        body: The mesh with u^ at its nodes.
         contacts: Contacts with facets.
-        largest: The largest displacement [length].
-        size: Size of the body [length].
+        size: Size of all bodies [length].
     """
+    largest = float(np.linalg.norm(body["u"], axis=1).max())
     magnified = max(largest, greatest_gap(contacts))
-    return greatest_factor(_foundations(contacts), magnified, size)
+    factor = greatest_factor(_foundations(contacts), magnified, size)
+    pairs = pairs_of(contacts)
+    if pairs:
+        share = greatest_share(body, pairs)
+        factor = min(factor, DISPLACEMENT_SHARE / max(share, STILL_SHARE))
+    return factor
 
 
 def _foundations(contacts: Sequence[Surface]) -> list[Foundation]:
@@ -216,15 +226,6 @@ def _stress_on_skin(skin: Skin, cells: Mapping[str, np.ndarray]) -> np.ndarray:
     vertices = cells["vertices"][skin.cell, None]
     corners = (vertices == skin.triangles[:, :3, None]).argmax(axis=2)
     return np.take_along_axis(stress[skin.cell], corners, axis=1)
-
-
-def _outline(body: Mapping[str, np.ndarray], d: int) -> list[Part]:
-    """Draw the outline of a body before the deformation; a ball has none."""
-    grid = grid_of(body["points"], body["cells"][:, : d + 1], d)
-    outline = grid.extract_feature_edges(feature_angle=30.0, manifold_edges=False)
-    if outline.n_points == 0:
-        return []
-    return [(outline, {"color": "black", "line_width": 3.0})]
 
 
 def _grounds(

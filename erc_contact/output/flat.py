@@ -49,7 +49,8 @@ def add_flat(axes: Any, data: Any, look: dict[str, Any]) -> None:
     seams = {"edgecolors": "face", "linewidths": 0.3}
     drawn = PolyCollection(faces, facecolors=colours, alpha=look.get("opacity"), **seams)
     drawn.set_rasterized(len(faces) > MANY_SHAPES)
-    # The limits of the axes are set apart, and not found from each polygon.
+    # Limits and layout are those of the axes, and not found from each polygon.
+    drawn.set_in_layout(False)
     axes.add_collection(drawn, autolim=False)
 
 
@@ -71,6 +72,7 @@ def _add_lines(axes: Any, lines: np.ndarray, look: dict[str, Any]) -> None:
     colour = {"facecolors": "none", "edgecolors": look["color"], "alpha": look.get("opacity")}
     drawn = PathCollection(paths, linewidths=width, **colour)
     drawn.set_rasterized(len(lines) > MANY_SHAPES)
+    drawn.set_in_layout(False)
     axes.add_collection(drawn, autolim=False)
 
 

@@ -1,0 +1,104 @@
+"""Measure how long it takes to save a run, against the run itself.
+
+    OMP_NUM_THREADS=1 python benchmarks/saving.py [scene]
+
+Scenes: block (demos/block.py), cube and large cube (in space), history and history in
+space (a block pushed to and fro). Without a scene each has a process of its own, so
+that the first save imports matplotlib and pyvista. A run is made twice: the second one
+compiles nothing. Seconds are processor time of this process, which does not depend much
+on what else the machine does.
+"""
+
+import subprocess
+import sys
+from collections.abc import Callable
+from tempfile import TemporaryDirectory
+from time import process_time
+
+import numpy as np
+
+import erc_contact as ec
+
+STEEL = ec.Elastic(E=1.0, nu=0.3)
+
+
+def block() -> ec.History:
+    scene = ec.Scene(
+        STEEL,
+        [ec.Displacement("top", (0.1, -0.05))],
+        [ec.Traction("right", (-0.0002, 0.0))],
+        [ec.Contact("bottom", friction=0.3)],
+    )
+    return ec.adapt(scene, ec.rectangle((0.0, 0.0), (2.0, 7.0), size=0.5), accuracy=0.01)
+
+
+def cube_to(accuracy: float) -> ec.History:
+    """Return the run of a cube to an accuracy."""
+    scene = ec.Scene(
+        STEEL,
+        [ec.Displacement("top", (0.02, 0.01, -0.05))],
+        [],
+        [ec.Contact("bottom", friction=0.3)],
+    )
+    return ec.adapt(scene, ec.box((0.0,) * 3, (1.0,) * 3, cells=(4, 4, 4)), accuracy)
+
+
+def history_in(d: int) -> ec.Evolution:
+    """Return the history of a block in the plane or in space."""
+
+    def scene_at(t: float) -> ec.Scene:
+        push = (0.01 * np.sin(t), *[0.0] * (d - 2), -0.02)
+        contacts = [ec.Contact("bottom", friction=0.3)]
+        return ec.Scene(STEEL, [ec.Displacement("top", push)], [], contacts)
+
+    if d == 2:
+        domain = ec.rectangle((0.0, 0.0), (2.0, 1.0), cells=(8, 4))
+        return ec.evolve(scene_at, domain, list(np.linspace(0.0, 6.0, 9)), 0.05)
+    domain = ec.box((0.0,) * 3, (1.0,) * 3, cells=(3, 3, 3))
+    return ec.evolve(scene_at, domain, list(np.linspace(0.0, 6.0, 5)), 0.25)
+
+
+RUNS: dict[str, Callable[[], ec.History | ec.Evolution]] = {
+    "block": block,
+    "cube": lambda: cube_to(0.15),
+    "large cube": lambda: cube_to(0.03),
+    "history": lambda: history_in(2),
+    "history in space": lambda: history_in(3),
+}
+
+
+def seconds_of(action: Callable[[], object]) -> float:
+    """Measure the processor time of an action."""
+    started = process_time()
+    action()
+    return process_time() - started
+
+
+def measure(name: str) -> None:
+    """Print the row of a scene."""
+    run = RUNS[name]
+    if name != "large cube":
+        run()
+    results = []
+    of_run = seconds_of(lambda: results.append(run()))
+    result = results[0]
+    with TemporaryDirectory() as folder:
+        first = seconds_of(lambda: result.save(f"{folder}/first"))
+        second = seconds_of(lambda: result.save(f"{folder}/second"))
+        files = seconds_of(lambda: result.save(f"{folder}/files", pictures=False))
+    cells = result.error.domain.cells
+    print(f"| {name} | {cells} | {of_run:.1f} | {first:.1f} | {second:.1f} | {files:.1f} |")
+
+
+def main() -> None:
+    if len(sys.argv) > 1:
+        measure(sys.argv[1])
+        return
+    print("| run | cells | run | first save | another | of it files |\n|---|---|---|---|---|---|")
+    sys.stdout.flush()
+    for name in RUNS:
+        subprocess.run([sys.executable, __file__, name], check=True)
+
+
+if __name__ == "__main__":
+    main()
