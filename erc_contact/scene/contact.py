@@ -1,4 +1,4 @@
-"""Declare contacts with rigid foundations and between bodies, and planes of symmetry."""
+"""Declare contacts with foundations and between bodies, and planes of symmetry."""
 
 from __future__ import annotations
 
