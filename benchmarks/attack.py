@@ -22,6 +22,8 @@ mesh that cuts the cells as sigma^ does and refines them three times.
 ``heated``: the same of blocks with random given strains, where the contact has no
 friction or a given one.
 
+``sprung``: the same with springs on the sides.
+
 ``tightening``: see ``attack_tightening.py``; ``plane``, ``space``: the certificates of
 ``attack_certificates.py``; ``plates``: see ``attack_plates.py``, on several ranks, too.
 
@@ -235,6 +237,28 @@ def heated(seed: int = 0, count: int = 100) -> None:
     compared(cases)
 
 
+def sprung(seed: int = 0, count: int = 50) -> None:
+    """Print the same of blocks with springs on one or both sides.
+
+    They are from 0.01 to 100 times as stiff as a block of size one. The true errors
+    are without the energy in the springs, so e over them is somewhat greater.
+    """
+    cases: list[Case] = []
+    for number in range(count):
+        rng = np.random.default_rng([seed, number])
+        scene, domain, degree = pushed_block(rng)
+        law = None if rng.random() < 0.5 else ec.Tresca(float(rng.uniform(0.0, 0.02)))
+        contact = ec.Contact("bottom", friction=law or 0.0)
+        pushed_scene = scene(float(rng.uniform(0.0, 1.0)))
+        springs = []
+        for part in ("left", "right")[: int(rng.integers(1, 3))]:
+            normal, tangential = (float(10**power) for power in rng.uniform(-2.0, 2.0, 2))
+            springs.append(ec.Spring(part, normal=normal, tangential=tangential))
+        sprung_scene = replace(pushed_scene, contacts=[contact], springs=springs)
+        cases.append((sprung_scene, domain, degree, None))
+    compared(cases)
+
+
 def tightening(seed: int = 0, count: int = 60) -> None:
     """Print how near the default tightening comes to the least error."""
     print(summary_of_tightening(tightened(seed, count)), flush=True)
@@ -258,7 +282,7 @@ def show(columns: dict[str, list[float]], form: str) -> None:
 
 TASKS: dict[str, Callable[..., None]] = {
     task.__name__: task
-    for task in (coarse, kinks, pushed, steps, heated, tightening, plane, space, plates)
+    for task in (coarse, kinks, pushed, steps, heated, sprung, tightening, plane, space, plates)
 }
 
 

@@ -163,3 +163,60 @@ def test_a_function_of_another_mesh_is_refused():
     solution = solved(1, n=2)
     with pytest.raises(ec.InputError, match="another mesh"):
         ec.certify(SCENE, block(2), solution.u)
+
+
+def pressed_ball(d):
+    """A block on a curved foundation, of which a part is closed."""
+    corners = ((-1.0,) * (d - 1) + (0.0,), (1.0,) * d)
+    body = ec.rectangle(*corners, cells=(4, 2)) if d == 2 else ec.box(*corners, cells=(4, 4, 2))
+    contact = ec.Contact("bottom", 0.3, gap=lambda x: 0.2 * sum(x[i] ** 2 for i in range(d - 1)))
+    down = ec.Displacement("top", (0.0,) * (d - 1) + (-0.1,))
+    return ec.Scene(ec.Elastic(1.0, 0.3), down, contacts=contact), body
+
+
+@pytest.mark.parametrize(("d", "degree"), [(2, 1), (2, 2), (3, 2)])
+def test_a_solution_of_nitsche_has_the_error_that_it_has(d, degree):
+    scene, body = pressed_ball(d)
+    solution = ec.solve(scene, body, ec.Nitsche(), degree=degree)
+    certificate = ec.certify(scene, body, solution.u)
+    own = error_of(solution).absolute
+    assert certificate.error.absolute <= own * (1 + 1e-8)
+    parts = [certificate.mesh, certificate.displacement, certificate.contact]
+    assert np.linalg.norm(parts) == pytest.approx(certificate.error.absolute, rel=1e-8)
+
+
+@pytest.mark.parametrize(("d", "degree"), [(2, 1), (2, 2), (3, 1)])
+def test_a_traction_from_elsewhere(d, degree):
+    scene, body = pressed_ball(d)
+    solution = ec.solve(scene, body, ec.AugmentedLagrangian(), degree=degree)
+    (multiplier,) = solution.multipliers
+    own = error_of(solution).absolute
+    taken = ec.certify(scene, body, solution.u, traction={"bottom": multiplier})
+    assert taken.error.absolute == pytest.approx(own, rel=1e-8)
+    x = multiplier.function_space.tabulate_dof_coordinates()[:, :d]
+    values = multiplier.x.array.reshape(-1, d)
+    if body.mesh.comm.size == 1:
+        table = ec.certify(scene, body, solution.u, traction={"bottom": (x[::-1], values[::-1])})
+        assert table.error.absolute == pytest.approx(own, rel=1e-8)
+    # No pressure at all is a bad guess, and bounded as any other.
+    none = ec.certify(scene, body, solution.u, traction={"bottom": np.zeros_like})
+    assert none.error.absolute > own
+    assert none.error.force("bottom").force[-1] == pytest.approx(0.0, abs=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("traction", "said"),
+    [
+        ({"floor": np.zeros_like}, "the contacts are bottom"),
+        (np.zeros_like, "mapping"),
+        ({"bottom": lambda x: x[:1]}, "return 2 rows"),
+        ({"bottom": (np.zeros((3, 2)), np.zeros((3, 2)))}, "have no point"),
+        ({"bottom": lambda x: np.full(x.shape, np.nan)}, "not finite"),
+    ],
+)
+@pytest.mark.serial
+def test_a_traction_that_does_not_fit_is_refused(traction, said):
+    scene, body = pressed_ball(2)
+    with pytest.raises(ec.InputError) as refused:
+        ec.certify(scene, body, np.zeros_like, traction=traction)
+    assert said in str(refused.value)

@@ -10,7 +10,8 @@ those of Nitsche's method.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from time import perf_counter
 from typing import Any
 
@@ -21,9 +22,11 @@ from mpi4py import MPI
 from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError, together
 from erc_contact.mesh.domain import Domain
+from erc_contact.mesh.nearest import SAME_PLACE, nearest
 from erc_contact.model.model import Model
 from erc_contact.model.promises import bind
 from erc_contact.newton.arguments import check_arguments
+from erc_contact.newton.given_tractions import AnyTraction, given_multipliers
 from erc_contact.newton.linear.multigrid import Multigrid
 from erc_contact.newton.linear.stiffness import Stiffness
 from erc_contact.newton.methods import AugmentedLagrangian, Nitsche
@@ -34,20 +37,15 @@ from erc_contact.scene.scene import Scene
 
 type AnyDisplacement = fem.Function | Callable[[np.ndarray], Any] | tuple[Any, Any]
 """A Function, a callable of points, or points with values."""
-SAME_PLACE = 1e-5
-"""Distance of a point to a node that is none, over the extent of the body [-].
-
-Result files often have six digits.
-"""
-DIGITS = 1e-12
-"""Distance of places with the same digits, over the size of the body [-]."""
-CHUNK = 256
-"""Number of nodes that are compared with all points at once."""
 REASON = "given displacement"
 
 
 def solution_of(
-    scene: Scene, domain: Domain, u: AnyDisplacement, degree: int | None = None
+    scene: Scene,
+    domain: Domain,
+    u: AnyDisplacement,
+    degree: int | None = None,
+    traction: Mapping[str, AnyTraction] | None = None,
 ) -> tuple[Solution, float]:
     """Make a solution of a displacement; collective.
 
@@ -56,6 +54,8 @@ def solution_of(
         domain: The mesh.
         u: The displacement, see :func:`erc_contact.certify`.
         degree: Its degree, 1 or 2; None takes that of u.
+        traction: Tractions by the names of contacts, which take the place of those of
+            the reactions.
 
     Returns:
         The solution, and by how much supports differ from u at most [length].
@@ -78,12 +78,19 @@ def solution_of(
     displacement.x.array[:] = np.where(fixed, prescribed, values.ravel())
     displacement.x.scatter_forward()
 
+    given = together(comm, given_multipliers, model, traction or {})
+    if given and model.coordinates.has_joints:
+        raise InputError("certify: where three bodies meet at a point, no traction can be given.")
     elastic = Multigrid(model) if large(model) else Stiffness(model)
+    multipliers = list(_multipliers(model, elastic, displacement))
+    for number, contact in enumerate(model.contacts):
+        if contact.name in given:
+            multipliers[number] = given[contact.name]
     solution = Solution(
         model=model,
         method=Nitsche() if model.coordinates.has_joints else AugmentedLagrangian(),
         u=displacement,
-        multipliers=_multipliers(model, elastic, displacement),
+        multipliers=tuple(multipliers),
         newton_steps=0,
         reason=REASON,
         distance=0.0,
@@ -92,6 +99,17 @@ def solution_of(
         seconds=comm.allreduce(perf_counter() - began, MPI.MAX),
     )
     return solution, comm.allreduce(off, MPI.MAX)
+
+
+def by_nitsche(solution: Solution) -> Solution | None:
+    """Return a given solution with the tractions of Nitsche's method.
+
+    They are those of its stress, with a penalty on what violates the contact. None
+    where it has these already, or has no contact.
+    """
+    if not solution.model.contacts or not solution.method.multiplier:
+        return None
+    return replace(solution, method=Nitsche(), multipliers=())
 
 
 def _degree(scene: Scene, domain: Domain, u: AnyDisplacement, degree: int | None) -> int:
@@ -165,7 +183,7 @@ def _of_points(model: Model, points: Any, values: Any) -> np.ndarray:
             f" (n, {d}) of both."
         )
     nodes = model.V.tabulate_dof_coordinates()[:, :d]
-    place = _nearest(nodes, at[:, :d])
+    place = nearest(nodes, at[:, :d])
     distance = np.linalg.norm(at[place, :d] - nodes, axis=1)
     apart = distance > SAME_PLACE * model.domain.extent
     if apart.any():
@@ -176,30 +194,6 @@ def _of_points(model: Model, points: Any, values: Any) -> np.ndarray:
             " of the mesh, for degree 2 also at the middles of edges."
         )
     return given[place, :d]
-
-
-def _nearest(nodes: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Return the nearest point of each node; points and nodes nearly coincide.
-
-    Both are sorted along a line on which no two nodes share a place, so that digits
-    that agree are found at once. The few others are compared with all points.
-    """
-    line = np.sqrt(np.arange(2, 2 + nodes.shape[1]))
-    order = np.argsort(points @ line)
-    after = np.searchsorted((points @ line)[order], nodes @ line)
-    best = order[np.minimum(after, len(order) - 1)]
-    before = order[np.maximum(after - 1, 0)]
-    distance = np.linalg.norm(points[best] - nodes, axis=1)
-    distance_before = np.linalg.norm(points[before] - nodes, axis=1)
-    best = np.where(distance_before < distance, before, best)
-    distance = np.minimum(distance, distance_before)
-    size = float(np.ptp(nodes, axis=0).max(initial=0.0))
-    left = np.flatnonzero(distance > DIGITS * size)
-    for start in range(0, len(left), CHUNK):
-        chunk = left[start : start + CHUNK]
-        apart = np.linalg.norm(points[None] - nodes[chunk, None], axis=2)
-        best[chunk] = apart.argmin(axis=1)
-    return best
 
 
 def _multipliers(model: Model, elastic: Any, u: fem.Function) -> tuple[fem.Function, ...]:

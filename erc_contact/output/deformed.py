@@ -29,6 +29,7 @@ from erc_contact.output.foundations import (
     CLOSED_COLOUR,
     DISPLACEMENT_SHARE,
     STILL_SHARE,
+    SYMMETRY_COLOUR,
     UNSEEN,
     Foundation,
     closed_part,
@@ -41,6 +42,8 @@ from erc_contact.output.foundations import (
 from erc_contact.output.gathered import (
     Surface,
     body_nodes,
+    colours_in_words,
+    is_symmetry,
     nodal_fields,
     whole_contacts,
 )
@@ -149,7 +152,7 @@ def draw_deformed(
         axes = draw_map(ax, skin, x, stress, scale, views_of(d, up), lines, grounds)
         title = _title(contacts, foundations, times, size, pull)
         if closed:
-            title += "\norange: closed contact"
+            title += colours_in_words(contacts)
         _write_title(axes, title, d)
         return axes
 
@@ -193,7 +196,8 @@ def _greatest_magnification(
 
 def _foundations(contacts: Sequence[Surface]) -> list[Foundation]:
     """Fit the foundations of contacts that have one; on rank 0."""
-    return [foundation_of(contact) for contact in contacts if contact.partners is None]
+    alone = [contact for contact in contacts if contact.partners is None]
+    return [foundation_of(contact) for contact in alone if not is_symmetry(contact)]
 
 
 def _shifted(contact: Surface, shift: np.ndarray) -> Surface:
@@ -252,7 +256,8 @@ def _closed_lines(contacts: Sequence[Surface], x: np.ndarray) -> list[Part]:
         for nodes in (contact.traction.nodes, contact.partners):
             lines = None if nodes is None else closed_part(contact, nodes, x)
             if lines is not None:
-                closed.append((lines, {"color": CLOSED_COLOUR, "line_width": 8.0}))
+                colour = SYMMETRY_COLOUR if is_symmetry(contact) else CLOSED_COLOUR
+                closed.append((lines, {"color": colour, "line_width": 8.0}))
     return closed
 
 

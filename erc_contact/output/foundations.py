@@ -41,6 +41,8 @@ FLATNESS = 1e-6
 """Distance from a plane of a flat foundation, as a share of the body's size [-]."""
 CLOSED_COLOUR = "#D55E00"
 """Colour of lines that show what is closed."""
+SYMMETRY_COLOUR = "#0072B2"
+"""Colour of lines that show planes of symmetry."""
 DISPLACEMENT_SHARE = 0.06
 """Share of the body's size with which the largest displacement is drawn [-]."""
 STILL_SHARE = 1e-12

@@ -7,6 +7,7 @@ normal of the contact.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -144,6 +145,20 @@ def whole_contacts(admissible: Admissible) -> list[Surface]:
         if contact is not None and len(contact.x) > 0:
             contacts.append(contact)
     return contacts
+
+
+def is_symmetry(contact: Surface) -> bool:
+    """Tell whether a contact is a plane of symmetry, which has no foundation."""
+    data = contact.traction.contact
+    plain = data.friction is None and data.gap is None and contact.partners is None
+    return data.bilateral and plain
+
+
+def colours_in_words(contacts: Sequence[Surface]) -> str:
+    """Say what the colours of lines in a picture mean."""
+    symmetries = [is_symmetry(contact) for contact in contacts]
+    words = "" if all(symmetries) else "\norange: closed contact"
+    return words + ("\nblue: plane of symmetry" if any(symmetries) else "")
 
 
 def body_mesh(domain: Domain) -> dict[str, np.ndarray]:

@@ -13,6 +13,7 @@ from erc_contact.results.forces import force, reactions
 from erc_contact.results.points import Values, at
 from erc_contact.results.profile import contact_status, profile
 from erc_contact.results.stresses import mean_stress
+from erc_contact.results.whole import whole_force
 
 __all__ = [
     "OPEN",
@@ -28,4 +29,5 @@ __all__ = [
     "profile",
     "reactions",
     "von_mises",
+    "whole_force",
 ]

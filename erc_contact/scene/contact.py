@@ -1,9 +1,9 @@
-"""Declare contacts with rigid foundations, and between bodies."""
+"""Declare contacts with foundations and between bodies, and planes of symmetry."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from erc_contact.base.exceptions import InputError
@@ -120,6 +120,34 @@ class Contact:
         if isinstance(law, Coulomb) and law.friction == 0:
             return None
         return law
+
+
+@dataclass(frozen=True)
+class Symmetry(Contact):
+    """Declare that a flat boundary part lies on a plane of symmetry.
+
+    The normal displacement and the shear are zero there. It is a contact that cannot
+    open and has no friction, so that the plane needs no direction of coordinates. It
+    stands among the supports or the contacts of a scene, which has it among its
+    contacts. Forces and energies are those of the part of the body that is computed;
+    :func:`erc_contact.results.whole_force` has those of the whole body.
+
+    Args:
+        facets: Name of the boundary part.
+
+    Example:
+        >>> half = ec.Scene(scene.material, [ec.Symmetry("left"), *scene.supports])
+        >>> half.contacts
+        (Symmetry(facets='left'),)
+    """
+
+    friction: Value | Law = field(default=0.0, init=False, repr=False)
+    gap: Value = field(default=0.0, init=False, repr=False)
+    normal: Sequence[float] | Callable[[Any], Any] | str | None = field(
+        default=None, init=False, repr=False
+    )
+    bilateral: bool = field(default=True, init=False, repr=False)
+    against: str | None = field(default=None, init=False, repr=False)
 
 
 def _unit_normal(what: str, normal: Any) -> tuple[float, ...]:

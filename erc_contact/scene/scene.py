@@ -15,7 +15,7 @@ from typing import Any
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.html import table
-from erc_contact.scene.contact import Contact
+from erc_contact.scene.contact import Contact, Symmetry
 from erc_contact.scene.load import Load
 from erc_contact.scene.material import Material
 from erc_contact.scene.spring import Spring
@@ -40,7 +40,7 @@ class Scene:
 
     Args:
         material: :class:`Elastic`, or a class of the user's with the same methods.
-        supports: Prescribed displacements.
+        supports: Prescribed displacements, and planes of symmetry.
         loads: Tractions and body forces; several on one part add up.
         contacts: Contacts with rigid foundations, or between bodies.
         strains: Strains of heat and others that no stress causes; they add up.
@@ -78,6 +78,7 @@ class Scene:
                 f"Scene: material is {self.material!r}; give an Elastic(E, nu), or an object of a"
                 f" class of your own with {', '.join(MATERIAL_MEMBERS)}."
             )
+        self._move_symmetries()
         members = ", ".join(LOAD_MEMBERS)
         loads = "Traction and BodyForce"
         loads_or_own = f"{loads}, and objects with {members}"
@@ -106,6 +107,18 @@ class Scene:
     def _repr_html_(self) -> str:
         """Return the scene as a table in a notebook."""
         return table(in_words(self), caption="Scene")
+
+    def _move_symmetries(self) -> None:
+        """Move planes of symmetry from the supports to the contacts."""
+        lists: dict[str, tuple[Any, ...]] = {}
+        for name in ("supports", "contacts"):
+            value: Any = getattr(self, name)
+            lists[name] = tuple(value) if isinstance(value, list | tuple) else (value,)
+        symmetries = tuple(entry for entry in lists["supports"] if isinstance(entry, Symmetry))
+        if symmetries:
+            supports = [entry for entry in lists["supports"] if entry not in symmetries]
+            object.__setattr__(self, "supports", tuple(supports))
+            object.__setattr__(self, "contacts", lists["contacts"] + symmetries)
 
     def _check_entries(
         self, name: str, fits: Callable[[Any], bool], kinds: str, allowed: str

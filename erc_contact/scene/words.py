@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 from erc_contact.base.code import arguments, code_of
-from erc_contact.scene.table import table
 
 
 def contact_in_words(part: str, against: str | None) -> str:
@@ -63,6 +62,8 @@ def _vector(value: Any) -> str:
 
 def _contact(contact: Any) -> str:
     """Return a contact in words."""
+    if type(contact).__name__ == "Symmetry":
+        return "plane of symmetry"
     law = contact.law
     if law is None:
         friction = "no friction"
@@ -77,4 +78,4 @@ def _contact(contact: Any) -> str:
 
 def _code(value: Any) -> str:
     """Return a value as code; a table only with the number of its points."""
-    return repr(value) if isinstance(value, table) else code_of(value)
+    return repr(value) if type(value).__name__ == "table" else code_of(value)
