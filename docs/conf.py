@@ -34,9 +34,11 @@ nitpick_ignore = [
         "model.friction.Friction",
         "model.last_step.LastStep",
         "newton.given.AnyDisplacement",
+        "newton.given_tractions.AnyTraction",
+        "scene.goal.Goal",
         "newton.linear.solver.ElasticSolver",
         "output.curves.Run",
-        "error.constitutive.Run",
+        "error.runs.Run",
     )
 ]
 nitpick_ignore_regex = [
