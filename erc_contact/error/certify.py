@@ -31,8 +31,8 @@ from erc_contact.error.constitutive import ROUND_OFF, ConstitutiveError, constit
 from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.simplex import bernstein
 from erc_contact.model.trace import split
-from erc_contact.newton.given import AnyDisplacement, by_nitsche, solution_of
-from erc_contact.newton.given_tractions import AnyTraction
+from erc_contact.newton.given import by_nitsche, solution_of
+from erc_contact.newton.nodal_values import AnyField
 from erc_contact.scene.material import mandel_basis
 from erc_contact.scene.scene import Scene
 
@@ -113,9 +113,9 @@ ADVICE = {
 def certify(
     scene: Scene,
     domain: Domain,
-    u: AnyDisplacement,
+    u: AnyField,
     *,
-    traction: Mapping[str, AnyTraction] | None = None,
+    traction: Mapping[str, AnyField] | None = None,
     degree: int | None = None,
     tighten: int = TIGHTEN,
 ) -> Certificate:

@@ -10,7 +10,7 @@ those of Nitsche's method.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from time import perf_counter
 from typing import Any
@@ -19,33 +19,30 @@ import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
 
-from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError, together
 from erc_contact.mesh.domain import Domain
-from erc_contact.mesh.nearest import SAME_PLACE, nearest
 from erc_contact.model.model import Model
 from erc_contact.model.promises import bind
 from erc_contact.newton.arguments import check_arguments
-from erc_contact.newton.given_tractions import AnyTraction, given_multipliers
+from erc_contact.newton.given_tractions import given_multipliers
 from erc_contact.newton.linear.multigrid import Multigrid
 from erc_contact.newton.linear.stiffness import Stiffness
 from erc_contact.newton.methods import AugmentedLagrangian, Nitsche
+from erc_contact.newton.nodal_values import AnyField, nodal_values
 from erc_contact.newton.reactions import Reactions
 from erc_contact.newton.solution import Solution
 from erc_contact.newton.solve import large
 from erc_contact.scene.scene import Scene
 
-type AnyDisplacement = fem.Function | Callable[[np.ndarray], Any] | tuple[Any, Any]
-"""A Function, a callable of points, or points with values."""
 REASON = "given displacement"
 
 
 def solution_of(
     scene: Scene,
     domain: Domain,
-    u: AnyDisplacement,
+    u: AnyField,
     degree: int | None = None,
-    traction: Mapping[str, AnyTraction] | None = None,
+    traction: Mapping[str, AnyField] | None = None,
 ) -> tuple[Solution, float]:
     """Make a solution of a displacement; collective.
 
@@ -112,7 +109,7 @@ def by_nitsche(solution: Solution) -> Solution | None:
     return replace(solution, method=Nitsche(), multipliers=())
 
 
-def _degree(scene: Scene, domain: Domain, u: AnyDisplacement, degree: int | None) -> int:
+def _degree(scene: Scene, domain: Domain, u: AnyField, degree: int | None) -> int:
     """Return the degree of a displacement, and check the other arguments."""
     if degree is None:
         degree = 1
@@ -124,76 +121,15 @@ def _degree(scene: Scene, domain: Domain, u: AnyDisplacement, degree: int | None
     return degree
 
 
-def _values(model: Model, u: AnyDisplacement) -> np.ndarray:
+def _values(model: Model, u: AnyField) -> np.ndarray:
     """Return the displacement at the nodes of this rank [length], shape (nodes, d)."""
-    d = model.d
-    x = model.V.tabulate_dof_coordinates()
-    if isinstance(u, fem.Function):
-        return _of_function(model, u)
-    if callable(u):
-        try:
-            values = np.asarray(u(x[:, :d].T.copy()), dtype=float).T
-        except Exception as reason:
-            raise InputError(
-                f"certify: u failed with {type(reason).__name__}: {reason}. It gets points of"
-                f" shape ({d}, n), arrays of NumPy, and returns the same shape."
-            ) from reason
-        if values.shape != (len(x), d):
-            raise InputError(
-                f"certify: u returned the shape {values.T.shape} for points of shape"
-                f" {(d, len(x))}; return {d} rows, a component each."
-            )
-        return values
-    if not isinstance(u, tuple) or len(u) != 2:
-        raise InputError(
-            f"certify: u is {checks.description(u)}; give a Function of the mesh, a callable of"
-            " points, or (points, values)."
-        )
-    return _of_points(model, *u)
-
-
-def _of_function(model: Model, u: fem.Function) -> np.ndarray:
-    """Return the nodal values of a Function of the mesh."""
-    if u.function_space.mesh is not model.mesh:
-        raise InputError(
-            "certify: u lives on another mesh than domain.mesh; solve on domain.mesh, or give"
-            " (points, values)."
-        )
-    same = model.function()
-    if u.function_space.element.value_shape != (model.d,):
-        raise InputError(f"certify: u must have {model.d} components.")
-    same.interpolate(u)
-    return same.x.array.reshape(-1, model.d)
-
-
-def _of_points(model: Model, points: Any, values: Any) -> np.ndarray:
-    """Return the values of the points at which the nodes lie."""
-    d = model.d
-    if model.domain.pairs:
+    if isinstance(u, tuple) and model.domain.pairs:
         raise InputError(
             "certify: at a contact between bodies two nodes lie at one place, so that points do"
             " not tell them apart; give a Function of domain.mesh."
         )
-    at = np.asarray(points, dtype=float)
-    given = np.asarray(values, dtype=float)
-    is_table = at.ndim == given.ndim == 2 and len(at) == len(given)
-    if not is_table or min(at.shape[1], given.shape[1]) < d:
-        raise InputError(
-            f"certify: points and values have the shapes {at.shape} and {given.shape}; give"
-            f" (n, {d}) of both."
-        )
-    nodes = model.V.tabulate_dof_coordinates()[:, :d]
-    place = nearest(nodes, at[:, :d])
-    distance = np.linalg.norm(at[place, :d] - nodes, axis=1)
-    apart = distance > SAME_PLACE * model.domain.extent
-    if apart.any():
-        first = tuple(nodes[apart][0].tolist())
-        raise InputError(
-            f"certify: {int(apart.sum())} of {len(nodes)} nodes have no point, the first is"
-            f" {first}, {distance[apart][0]:.1e} from the nearest; give the values at all nodes"
-            " of the mesh, for degree 2 also at the middles of edges."
-        )
-    return given[place, :d]
+    nodes = np.arange(len(model.V.tabulate_dof_coordinates()))
+    return nodal_values(model, u, nodes, "certify: u")
 
 
 def _multipliers(model: Model, elastic: Any, u: fem.Function) -> tuple[fem.Function, ...]:
