@@ -220,19 +220,25 @@ def compared(cases: list[Case]) -> None:
     show(columns, "{:.3f}")
 
 
-def heated(seed: int = 0, count: int = 100) -> None:
-    """Print the quantiles of e over the true errors of heated and swollen blocks.
+def given_friction(rng: np.random.Generator) -> tuple[ec.Scene, ec.Domain, int]:
+    """Make a random block whose contact has no friction or a given one, and its degree.
 
-    The contact has no friction or a given one, so that e is proved to bound both.
+    On such scenes e is proved to bound the errors of displacement and stress.
     """
+    scene, domain, degree = pushed_block(rng)
+    law = None if rng.random() < 0.5 else ec.Tresca(float(rng.uniform(0.0, 0.02)))
+    contact = ec.Contact("bottom", friction=law or 0.0)
+    pushed_scene = scene(float(rng.uniform(0.0, 1.0)))
+    return replace(pushed_scene, contacts=[contact]), domain, degree
+
+
+def heated(seed: int = 0, count: int = 100) -> None:
+    """Print the quantiles of e over the true errors of heated and swollen blocks."""
     cases: list[Case] = []
     for number in range(count):
         rng = np.random.default_rng([seed, number])
-        scene, domain, degree = pushed_block(rng)
-        law = None if rng.random() < 0.5 else ec.Tresca(float(rng.uniform(0.0, 0.02)))
-        contact = ec.Contact("bottom", friction=law or 0.0)
-        pushed_scene = scene(float(rng.uniform(0.0, 1.0)))
-        strained = replace(pushed_scene, contacts=[contact], strains=random_strains(rng))
+        scene, domain, degree = given_friction(rng)
+        strained = replace(scene, strains=random_strains(rng))
         cases.append((strained, domain, degree, None))
     compared(cases)
 
@@ -246,15 +252,12 @@ def sprung(seed: int = 0, count: int = 50) -> None:
     cases: list[Case] = []
     for number in range(count):
         rng = np.random.default_rng([seed, number])
-        scene, domain, degree = pushed_block(rng)
-        law = None if rng.random() < 0.5 else ec.Tresca(float(rng.uniform(0.0, 0.02)))
-        contact = ec.Contact("bottom", friction=law or 0.0)
-        pushed_scene = scene(float(rng.uniform(0.0, 1.0)))
+        scene, domain, degree = given_friction(rng)
         springs = []
         for part in ("left", "right")[: int(rng.integers(1, 3))]:
             normal, tangential = (float(10**power) for power in rng.uniform(-2.0, 2.0, 2))
             springs.append(ec.Spring(part, normal=normal, tangential=tangential))
-        sprung_scene = replace(pushed_scene, contacts=[contact], springs=springs)
+        sprung_scene = replace(scene, springs=springs)
         cases.append((sprung_scene, domain, degree, None))
     compared(cases)
 
