@@ -111,10 +111,9 @@ class ConstitutiveError:
     def __repr__(self) -> str:
         """Describe the error in a line; nothing is collective."""
         geometry = f", {percent(self.total)} with the geometry" if self.geometry_error > 0 else ""
-        return (
-            f"<ConstitutiveError: eps = {percent(self.relative)}{geometry}, "
-            f"e = {self.absolute:.4g}, {self.domain.cells} cells of degree {self.degree}>"
-        )
+        size = f"{self.domain.cells} cells of degree {self.degree}"
+        eps = percent(self.relative)
+        return f"<ConstitutiveError: eps = {eps}{geometry}, e = {self.absolute:.4g}, {size}>"
 
     def _repr_html_(self) -> str:
         """Show the error in a notebook; nothing is collective."""

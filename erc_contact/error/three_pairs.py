@@ -55,12 +55,12 @@ from erc_contact.error.bulk import add_springs, bulk_squares
 from erc_contact.error.constitutive import ROUND_OFF, ConstitutiveError
 from erc_contact.error.works import (
     BoundedNumber,
+    contact_integral,
     elastic_work,
     friction_work,
     load_work,
     strain_work,
 )
-from erc_contact.mesh.quadrature import facet_pieces, integrate, polynomials
 from erc_contact.model.foundation import ContactData
 from erc_contact.model.model import Model
 from erc_contact.model.trace import split
@@ -205,20 +205,15 @@ def _contact_work(
         u: u^.
     """
     contact = traction.contact
-    trace = contact.trace
     data = ContactData(contact, model.mesh)
-    of_w = trace.coefficients(trace.since(u.x.array))
 
-    def density(facet: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
+    def density(facet: np.ndarray, shape: np.ndarray, w: np.ndarray, x: np.ndarray) -> np.ndarray:
         n = contact.direction[facet][:, None, :]
-        shape = polynomials(model.degree, places)
         tau_n, tau_t, _ = split(np.matmul(shape, tau[facet]), n)
-        w_n, w_t, _ = split(np.matmul(shape, of_w[facet]), n)
+        w_n, w_t, _ = split(w, n)
         # A gap that is closed everywhere does no work, whatever the traction.
         opening = 0.0 if contact.bilateral else w_n - data.gap(facet, x)
-        return (tau_n * opening + (tau_t * w_t).sum(axis=-1))[..., None]
+        return tau_n * opening + (tau_t * w_t).sum(axis=-1)
 
-    area = trace.here.owned_areas
-    corners = trace.here.corners
-    integral = integrate(model.comm, density, corners, area, facet_pieces(model.d - 1))
+    integral = contact_integral(model, contact, u, density)
     return BoundedNumber.summed(model.comm, integral)

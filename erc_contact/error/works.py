@@ -7,6 +7,7 @@ data vary inside cells. Elsewhere they are adapted to the data
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,7 +33,7 @@ from erc_contact.mesh.quadrature import (
 )
 from erc_contact.mesh.simplex import bernstein, coefficients
 from erc_contact.model.expressions import Everywhere
-from erc_contact.model.foundation import ContactData, pressures
+from erc_contact.model.foundation import BoundContact, ContactData, pressures
 from erc_contact.model.model import Model
 from erc_contact.model.symbolic import varies_in_cells
 from erc_contact.model.trace import split
@@ -183,20 +184,50 @@ def friction_works(
     leave their share or ``floor`` unknown.
     """
     contact = traction.contact
-    trace = contact.trace
     data = ContactData(contact, model.mesh)
-    since_last_step = trace.coefficients(trace.since(u.x.array))
 
-    def density(entity: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
-        n = contact.direction[entity][:, None, :]
+    def density(facet: np.ndarray, shape: np.ndarray, w: np.ndarray, x: np.ndarray) -> np.ndarray:
+        n = contact.direction[facet][:, None, :]
+        pressure = pressures(np.matmul(shape, traction.values[facet]), n)
+        _, _, slip = split(w, n)
+        return data.bound(facet, x, pressure) * slip
+
+    return contact_integral(model, contact, u, density, floor)
+
+
+type ContactDensity = Callable[[np.ndarray, np.ndarray, np.ndarray, np.ndarray], np.ndarray]
+"""Gets facets (f,), shape functions (f, q, m), w^, points (f, q, d); returns (f, q)."""
+
+
+def contact_integral(
+    model: Model,
+    contact: BoundContact,
+    u: fem.Function,
+    density: ContactDensity,
+    floor: float = 0.0,
+) -> Integral:
+    """Integrate a density of w^ since the last step over each facet of a contact.
+
+    It is 0 for ghosts; collective.
+
+    Args:
+        model: The scene on a mesh.
+        contact: The contact.
+        u: u^.
+        density: The density.
+        floor: What the integrals may leave unknown.
+    """
+    trace = contact.trace
+    of_w = trace.coefficients(trace.since(u.x.array))
+
+    def values(facet: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
         shape = polynomials(model.degree, places)
-        pressure = pressures(np.matmul(shape, traction.values[entity]), n)
-        _, _, slip = split(np.matmul(shape, since_last_step[entity]), n)
-        return (data.bound(entity, x, pressure) * slip)[..., None]
+        w = np.matmul(shape, of_w[facet])
+        return density(facet, shape, w, x)[..., None]
 
     pieces = facet_pieces(model.d - 1)
     area = trace.here.owned_areas
-    return integrate(model.comm, density, trace.here.corners, area, pieces, floor=floor)
+    return integrate(model.comm, values, trace.here.corners, area, pieces, floor=floor)
 
 
 def load_work(model: Model, v: fem.Function) -> BoundedNumber:
