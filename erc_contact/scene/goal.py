@@ -9,7 +9,22 @@ from erc_contact.scene.checks import check_name, check_vector
 
 
 @dataclass(frozen=True)
-class Resultant:
+class _PartInDirection:
+    """Hold a boundary part and a direction, and check both."""
+
+    part: str
+    direction: Sequence[float]
+
+    def __post_init__(self) -> None:
+        """Check the arguments."""
+        kind = type(self).__name__
+        check_name(kind, self.part)
+        check_vector(f"{kind}({self.part!r})", self.direction, free=False)
+        object.__setattr__(self, "direction", tuple(self.direction))
+
+
+@dataclass(frozen=True)
+class Resultant(_PartInDirection):
     """Ask for the force on a support or on a contact in one direction.
 
     Args:
@@ -25,17 +40,9 @@ class Resultant:
         Resultant(part='top', direction=(0.0, 1.0))
     """
 
-    part: str
-    direction: Sequence[float]
-
-    def __post_init__(self) -> None:
-        """Check the arguments."""
-        _check("Resultant", self.part, self.direction)
-        object.__setattr__(self, "direction", tuple(self.direction))
-
 
 @dataclass(frozen=True)
-class MeanDisplacement:
+class MeanDisplacement(_PartInDirection):
     """Ask for the mean displacement of a boundary part in one direction.
 
     Args:
@@ -50,20 +57,6 @@ class MeanDisplacement:
         MeanDisplacement(part='right', direction=(0.0, 1.0))
     """
 
-    part: str
-    direction: Sequence[float]
-
-    def __post_init__(self) -> None:
-        """Check the arguments."""
-        _check("MeanDisplacement", self.part, self.direction)
-        object.__setattr__(self, "direction", tuple(self.direction))
-
 
 type Goal = Resultant | MeanDisplacement
 """A number of the solution."""
-
-
-def _check(kind: str, part: str, direction: Sequence[float]) -> None:
-    """Check the arguments of a goal."""
-    check_name(kind, part)
-    check_vector(f"{kind}({part!r})", direction, free=False)

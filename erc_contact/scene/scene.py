@@ -153,12 +153,7 @@ class Scene:
                     f"Component {component} of {facets!r} is fixed by {times} supports; keep one"
                     " of them."
                 )
-        contacts: Counter[str] = Counter()
-        for contact in self.contacts:
-            contacts.update(contact.sides)
-        for facets, times in contacts.items():
-            if times > 1:
-                raise InputError(f"{facets!r} is in {times} contacts; keep one of them.")
+        for facets in _sides(self.contacts, "contacts"):
             others: list[Any] = [*self.supports, *self.loads, *self.springs]
             for entry in others:
                 if entry.facets == facets:
@@ -175,12 +170,7 @@ class Scene:
 
     def _check_ties(self) -> None:
         """Check that both parts of each tied joint are in no other condition."""
-        ties: Counter[str] = Counter()
-        for tie in self.ties:
-            ties.update(tie.sides)
-        for facets, times in ties.items():
-            if times > 1:
-                raise InputError(f"{facets!r} is in {times} tied joints; keep one of them.")
+        ties = _sides(self.ties, "tied joints")
         others: list[Any] = [*self.supports, *self.loads, *self.springs, *self.contacts]
         for entry in others:
             for part in getattr(entry, "sides", (entry.facets,)):
@@ -243,6 +233,17 @@ class Scene:
                     f" {type(first).__name__}({first.facets!r}), and of {len(other_value)},"
                     f" {type(second).__name__}({second.facets!r}); give one for each dimension."
                 )
+
+
+def _sides(entries: Sequence[Any], kind: str) -> Counter[str]:
+    """Count the sides of contacts or tied joints; none may be in two of them."""
+    sides: Counter[str] = Counter()
+    for entry in entries:
+        sides.update(entry.sides)
+    for facets, times in sides.items():
+        if times > 1:
+            raise InputError(f"{facets!r} is in {times} {kind}; keep one of them.")
+    return sides
 
 
 def _fixed_components(supports: Sequence[Displacement]) -> list[tuple[str, int]]:
