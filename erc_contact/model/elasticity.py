@@ -9,7 +9,8 @@ import numpy as np
 from dolfinx import mesh as dmesh
 
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.model.expressions import Everywhere, OfNumbers, stand_in
+from erc_contact.model.expressions import Everywhere, OfNumbers
+from erc_contact.model.stand_ins import stand_in
 from erc_contact.model.symbolic import constant_value, varies_in_cells
 from erc_contact.scene.material import Elastic, Material, mandel_matrix
 

@@ -18,6 +18,7 @@ from erc_contact.base.runtime import compiled
 from erc_contact.base.ufl_tables import TableFunction, has_tables
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.array_code import array_code
+from erc_contact.model.stand_ins import POINT_CHUNK, line_of_points, stand_in
 from erc_contact.model.symbolic import (
     constant_value,
     has_fields,
@@ -27,9 +28,6 @@ from erc_contact.model.symbolic import (
     without_derivatives,
 )
 from erc_contact.model.tables import on_mesh
-
-POINT_CHUNK = 4096
-"""Number of points at which an expression is evaluated at once."""
 
 
 def evaluate(
@@ -220,35 +218,14 @@ class OfNumbers:
                     function = self.numbers[terminal]
                     dofs = function.function_space.dofmap.list[cells, 0]
                     function.x.array.reshape(POINT_CHUNK, -1)[dofs] = array[chunk]
-            values[chunk] = self._compiled.eval(_line(), cells).reshape(len(cells), size)
+            values[chunk] = self._compiled.eval(line_of_points(), cells).reshape(len(cells), size)
         return values
-
-
-@cache
-def _line() -> dmesh.Mesh:
-    """Make a mesh whose POINT_CHUNK cells carry the values of as many points.
-
-    It has no other meaning.
-    """
-    return dmesh.create_interval(MPI.COMM_SELF, POINT_CHUNK, (0.0, 1.0))
-
-
-@cache
-def _numbers(shape: tuple[int, ...]) -> fem.FunctionSpace:
-    """Make the space of functions with a value of this shape for each point."""
-    return fem.functionspace(_line(), ("DG", 0, shape))
-
-
-@cache
-def stand_in(shape: tuple[int, ...], which: int) -> fem.Function:
-    """Make a function that stands for values of a shape, one for each point."""
-    return fem.Function(_numbers(shape))
 
 
 @cache
 def _parameter(shape: tuple[int, ...], which: int) -> fem.Constant:
     """Make a Constant that stands for a constant of a shape."""
-    return compiled.constant(_line(), np.zeros(shape))
+    return compiled.constant(line_of_points(), np.zeros(shape))
 
 
 @cache
