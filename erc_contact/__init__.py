@@ -51,6 +51,7 @@ from erc_contact.scene.goal import MeanDisplacement, Resultant
 from erc_contact.scene.law import Coulomb, Law, Tresca
 from erc_contact.scene.load import BodyForce, Load, Traction
 from erc_contact.scene.material import Elastic, Material
+from erc_contact.scene.rigid import Rigid
 from erc_contact.scene.scene import Scene
 from erc_contact.scene.spring import Spring
 from erc_contact.scene.strain import Eigenstrain, GivenStrain, ThermalStrain
@@ -88,6 +89,7 @@ __all__ = [
     "NotHeldError",
     "Oscillations",
     "Resultant",
+    "Rigid",
     "Scene",
     "SizeMap",
     "Sizes",

@@ -40,7 +40,7 @@ from erc_contact.admissible.fields import (
 )
 from erc_contact.admissible.loads import cell_forces, traction_moments
 from erc_contact.admissible.macro import macro_stress
-from erc_contact.admissible.rebalance import nodal_forces, rebalanced_stress, work_on_motions
+from erc_contact.admissible.rebalance import load_forces, rebalanced_stress, work_on_motions
 from erc_contact.admissible.springs import (
     chosen_tractions,
     spring_moments,
@@ -243,7 +243,7 @@ def _before_tightening(
     boundary = _load_moments(model, cells)
     # A support takes up the load on its components.
     boundary[np.broadcast_to(fixed[:, None, :], boundary.shape)] = 0.0
-    loads, size = work_on_motions(model, nodal_forces(model, cells, boundary, force))
+    loads, size = work_on_motions(model, load_forces(model, cells, boundary, force))
     tractions = admissible_tractions(model, solution, loads, size)
     # The gap allows u at rest, also where facets do not carry the gap.
     if not tractions or solution.at_rest:
@@ -257,7 +257,7 @@ def _before_tightening(
         if trace.there is not None:
             # Action and reaction: on the other body acts the opposite traction.
             add_moments(model, boundary, trace.there.facets, -trace.on_there(of_contact))
-    b = nodal_forces(model, cells, boundary, force)
+    b = load_forces(model, cells, boundary, force)
     stress, u = rebalanced_stress(model, solution.stiffness, cells, solution.u, b)
     if model.springs:
         # They pull at the displacement that is in equilibrium with their pull.

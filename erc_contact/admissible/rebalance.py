@@ -64,6 +64,16 @@ def nodal_forces(
     return b
 
 
+def load_forces(
+    model: Model, cells: CellGeometry, moments: np.ndarray, force: np.ndarray | None
+) -> fem.Function:
+    """Assemble nodal forces as :func:`nodal_forces` does, with those of rigid faces."""
+    b = nodal_forces(model, cells, moments, force)
+    if model.face_forces is not None:
+        b.x.array[:] += model.face_forces.x.array
+    return b
+
+
 def work_on_motions(model: Model, b: fem.Function) -> tuple[np.ndarray, float]:
     """Compute the work of nodal forces on the free motions [force]; collective.
 
@@ -171,6 +181,11 @@ def _residual(
     total.x.scatter_reverse(la.InsertMode.add)
     free = ~model.fixed[: model.V.dofmap.index_map.size_local].ravel()
     unbalanced = abs(total.x.array[: len(free)][free]).max(initial=0.0)
+    nodal = total.x.array.reshape(-1, d)
+    for face in model.loose_faces:
+        # On the free motions of a face its resultants and the reactions do no work.
+        of_face = (face.work(nodal) / face.sizes)[face.free]
+        unbalanced = max(unbalanced, abs(of_face).max(initial=0.0))
     largest = np.array([unbalanced, abs(on_facets).max(initial=0.0)])
     model.comm.Allreduce(MPI.IN_PLACE, largest, MPI.MAX)
     if largest[1] == 0:

@@ -206,7 +206,7 @@ def _raise_if_no_cone(scene: Scene) -> None:
     """Raise an error if the admissible displacements of a scene are no cone."""
     moved = []
     for support in scene.supports:
-        if any(callable(value) or value for value in support.value):
+        if support.is_moved:
             moved.append(support.facets)
     gaps = [contact.facets for contact in scene.contacts if callable(contact.gap) or contact.gap]
     rough = [contact.facets for contact in scene.contacts if contact.law is not None]

@@ -11,7 +11,7 @@ from erc_contact.error.constitutive import ConstitutiveError, constitutive_error
 from erc_contact.error.runs import Run, error_of
 from erc_contact.model.friction import depends_on_pressure
 from erc_contact.newton.deflation import other_states
-from erc_contact.newton.linear.stiffness import Stiffness
+from erc_contact.newton.linear.loose_stiffness import stiffness_of
 from erc_contact.newton.solution import Solution
 
 
@@ -49,7 +49,7 @@ def other_solutions(solution: Solution | Run, most: int = 4) -> list[Constitutiv
     if not any(depends_on_pressure(friction) for friction in frictions):
         return []
     # The stiffness of the solution has lost its factor, or is iterative.
-    stiffness = Stiffness(model)
+    stiffness = stiffness_of(model)
     if not stiffness.contact_size:
         return []
     errors = []

@@ -23,8 +23,8 @@ from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.nodal import NodalMesh
 from erc_contact.model.model import Model
 from erc_contact.model.promises import bind
+from erc_contact.newton.linear.loose_stiffness import stiffness_of
 from erc_contact.newton.linear.solver import Traces
-from erc_contact.newton.linear.stiffness import Stiffness
 
 MOST_CELLS = {2: 1000, 3: 3000}
 """Greatest number of cells of another mesh, by dimension."""
@@ -90,7 +90,7 @@ def body_on(model: Model, domain: Domain) -> OtherMesh:
     """Make the body of a model on another mesh; collective."""
     other = bind(model.scene, domain, model.degree)
     surface = coulomb_surface(other)
-    stiffness = Stiffness(other)
+    stiffness = stiffness_of(other)
     with stiffness.in_memory():
         return OtherMesh(surface, stiffness.traces(surface.numbers))
 

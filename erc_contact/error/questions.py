@@ -20,8 +20,10 @@ from erc_contact.error.works import BoundedNumber, elastic_work, load_work
 from erc_contact.mesh.simplex import coefficients
 from erc_contact.mesh.tags import listed
 from erc_contact.model.model import Model
+from erc_contact.model.rigid_faces import RigidFace
 from erc_contact.scene.goal import Goal, MeanDisplacement, Resultant
 from erc_contact.scene.load import Traction
+from erc_contact.scene.rigid import Rigid
 from erc_contact.scene.scene import Scene
 from erc_contact.scene.support import Displacement
 
@@ -68,6 +70,9 @@ def _mean_displacement(
 ) -> Question:
     """Return the question of a mean displacement: a load on the part moves by t."""
     scene = model.scene
+    for face in model.loose_faces:
+        if face.name == goal.part:
+            return _motion(model, goal, face, a, step)
     facets = model.domain.facets(goal.part)
     owned = model.owned(facets)
     areas = np.where(owned, model.facet_areas(facets), 0.0)
@@ -94,6 +99,34 @@ def _mean_displacement(
     return Question(moved, psi, 1.0, BoundedNumber(0.0), step)
 
 
+def _motion(
+    model: Model, goal: MeanDisplacement, face: RigidFace, a: np.ndarray, step: float
+) -> Question:
+    """Return the question of the motion of a rigid face: its force grows by t."""
+    scene = model.scene
+    d = model.d
+    if a[~face.free[:d]].any():
+        raise InputError(
+            f"{goal!r}: this displacement of the rigid face is given; ask for the other"
+            " components, or for the Resultant of the part."
+        )
+
+    def moved(t: float) -> Scene:
+        supports = list(scene.supports)
+        for place, support in enumerate(supports):
+            if isinstance(support, Rigid) and support.facets == face.name:
+                forces = support.resultants[:d]
+                force = tuple(map(_shifted, forces, (t * a).tolist()))
+                supports[place] = replace(support, force=force)
+        return replace(scene, supports=supports)
+
+    def psi(u: fem.Function) -> float:
+        motion = face.motion(u.x.array.reshape(-1, d))
+        return float(a @ motion[:d])
+
+    return Question(moved, psi, 1.0, BoundedNumber(0.0), step)
+
+
 def _mean_weights(model: Model) -> np.ndarray:
     """Return the weights of nodal values in the mean over a facet, shape (m,)."""
     matrix = coefficients(model.d - 1, model.degree)
@@ -112,6 +145,7 @@ def _resultant(model: Model, goal: Resultant, a: np.ndarray, step: float) -> Que
     constant = BoundedNumber(0.0)
     if goal.part in parts:
         parts = [goal.part]
+        _check_reaction(scene, goal, a)
     elif contacts == [goal.part] and not scene.springs and scene.contacts[0].against is None:
         # int r.a = -(forces of all supports).a - loads.a
         sign = 1.0
@@ -129,11 +163,30 @@ def _resultant(model: Model, goal: Resultant, a: np.ndarray, step: float) -> Que
         supports = []
         for support in scene.supports:
             shift = t * a if support.facets in parts else 0 * a
-            values = tuple(map(_shifted, support.value, shift))
-            supports.append(Displacement(support.facets, values))
+            supports.append(_moved(support, shift))
         return replace(scene, supports=supports)
 
     return Question(moved, lambda u: 0.0, sign, constant, step)
+
+
+def _check_reaction(scene: Scene, goal: Resultant, a: np.ndarray) -> None:
+    """Check that the force of a rigid face is asked of where it is not given."""
+    for support in scene.supports:
+        if support.facets == goal.part and isinstance(support, Rigid):
+            given = [force is not None for force in support.resultants[: len(a)]]
+            if a[given].any():
+                raise InputError(
+                    f"{goal!r}: this force of the rigid face is given; ask for the other"
+                    " components, or for the MeanDisplacement of the part."
+                )
+
+
+def _moved(support: Displacement | Rigid, shift: np.ndarray) -> Displacement | Rigid:
+    """Return a support whose prescribed displacements are moved by a shift [length]."""
+    if isinstance(support, Rigid):
+        given = support.motions[: len(shift)]
+        return replace(support, displacement=tuple(map(_shifted, given, shift.tolist())))
+    return Displacement(support.facets, tuple(map(_shifted, support.value, shift)))
 
 
 def _shifted(value: Any, shift: float) -> Any:

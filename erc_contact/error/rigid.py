@@ -80,7 +80,7 @@ def moves_rigidly(admissible: Admissible, floor_2: float) -> bool:
     comm = model.comm
     u = admissible.displacement.x.array
     rigid = _nearest_motion(model, u)
-    violation = abs(rigid - model.prescribed.x.array)[model.fixed.ravel()].max(initial=0.0)
+    violation = abs(rigid - model.prescribed.x.array)[model.held.ravel()].max(initial=0.0)
     moved = model.function()
     moved.x.array[:] = rigid
     friction = 0.0
@@ -119,7 +119,7 @@ def _nearest_motion(model: Model, u: np.ndarray) -> np.ndarray:
     motions = rigid_motions(model).reshape(len(u), -1)
     columns = [motion.x.array for motion in model.free_motions]
     free = np.column_stack(columns or [np.zeros((len(u), 0))])
-    fixed = model.fixed.ravel()
+    fixed = model.held.ravel()
 
     def nearest(motions: np.ndarray, values: np.ndarray) -> np.ndarray:
         """Return the combination of motions that is nearest to values; collective."""

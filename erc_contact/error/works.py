@@ -242,6 +242,10 @@ def load_work(model: Model, v: fem.Function) -> BoundedNumber:
             total += _surface_work(model, load.facets, load.density, v)
     if model.body_force is not None and varies_in_cells(model.body_force):
         total += _body_work(model, v)
+    if model.face_forces is not None:
+        # The resultants of loose rigid faces work on their motions.
+        local = float(model.face_forces.x.array @ v.x.array)
+        total += BoundedNumber(float(model.comm.allreduce(local, MPI.SUM)))
     return total
 
 

@@ -22,6 +22,9 @@ from erc_contact.model.foundation import BoundContact
 from erc_contact.model.last_step import LastStep
 from erc_contact.model.loads import bind_loads, sum_of
 from erc_contact.model.motions import free_motions
+from erc_contact.model.neighbours import check_neighbours
+from erc_contact.model.nodal_scalar import nodal_scalar
+from erc_contact.model.rigid_faces import face_forces
 from erc_contact.model.space import Space
 from erc_contact.model.springs import bind_springs
 from erc_contact.model.strains import bind_strains
@@ -56,6 +59,10 @@ class Model(Space):
         fixed: Which components are prescribed at each node, shape (nodes, d).
         prescribed: Prescribed displacement, a Function of V, zero elsewhere [length].
         bcs: The prescribed displacement as a Dirichlet condition of DOLFINx, in a list.
+        held: Which components have a given value; those of a loose rigid face are fixed
+            up to its motion.
+        loose_faces: The rigid faces whose motions are not all given.
+        face_forces: Nodal forces of their resultants, or None.
         fixed_facets: Facets (cell, local facet) and prescribed components of each
             support.
         contacts: The scene's contacts.
@@ -88,6 +95,9 @@ class Model(Space):
         self.prescribed = supports.prescribed
         self.bcs = supports.bcs
         self.fixed_facets = supports.facets
+        self.held = supports.held
+        self.loose_faces = supports.loose_faces
+        self.face_forces = face_forces(self, self.loose_faces)
         self.surface_loads, self.body_force = bind_loads(self, scene.loads)
         self.contacts = []
         for contact in scene.contacts:
@@ -95,7 +105,10 @@ class Model(Space):
         self.ties = [bind_tie(self, tie, self.modulus) for tie in scene.ties]
         traces = [contact.trace for contact in self.contacts]
         self.coordinates = Coordinates(self, traces, self.fixed, self.prescribed)
-        self.free_motions = free_motions(self, self.fixed, self.springs, self.contacts)
+        check_neighbours(self, self.loose_faces, self.held, self.contacts)
+        self.free_motions = free_motions(
+            self, self.held, self.springs, self.contacts, self.loose_faces
+        )
 
     # -- forms
 
@@ -271,30 +284,12 @@ class Model(Space):
         # The projection holds between Bernstein coefficients, so the gap is given by
         # its own; the parameters of the law are values at the nodes.
         if contact.gap_varies:
-            gap = self._nodal(contact, self.gap_at_nodes(contact), coefficients=True)
+            gap = nodal_scalar(self, contact, self.gap_at_nodes(contact), coefficients=True)
         if friction is not None:
             parameters = dict(friction.parameters)
             for name, value in friction.parameters.items():
                 if varies_in_cells(value):
                     values = evaluate(value, self.mesh, self.facet_points, contact.facets)
-                    parameters[name] = self._nodal(contact, values)
+                    parameters[name] = nodal_scalar(self, contact, values)
             friction = replace(friction, parameters=parameters)
         return replace(contact, gap=gap, friction=friction, trace=trace)
-
-    def _nodal(
-        self, contact: BoundContact, values: np.ndarray, *, coefficients: bool = False
-    ) -> Ufl:
-        """Make a scalar, UFL, from its values at the nodes of a contact.
-
-        Args:
-            contact: The contact.
-            values: The values, shape (f, m).
-            coefficients: Whether the nodal values of the scalar become the Bernstein
-                coefficients of these values, instead of the values.
-        """
-        function = self.function()
-        nodal = function.x.array.reshape(-1, self.d)
-        nodal[contact.trace.here.nodes, 0] = values
-        if coefficients:
-            self.to_coefficients(nodal, [contact])
-        return function[0]

@@ -16,6 +16,8 @@ from mpi4py import MPI
 from erc_contact.base.exceptions import NotHeldError
 from erc_contact.mesh.graphs import components
 from erc_contact.model.foundation import BoundContact
+from erc_contact.model.rigid_faces import RigidFace
+from erc_contact.model.rigid_shapes import translations_and_rotations
 from erc_contact.model.space import Space
 from erc_contact.model.springs import BoundSpring
 
@@ -28,6 +30,7 @@ def free_motions(
     fixed: np.ndarray,
     springs: Sequence[BoundSpring],
     contacts: Sequence[BoundContact],
+    faces: Sequence[RigidFace] = (),
 ) -> list[fem.Function]:
     """Find the rigid motions that no support or spring holds; collective.
 
@@ -36,9 +39,10 @@ def free_motions(
 
     Args:
         space: The mesh.
-        fixed: Which components supports prescribe at each node, shape (nodes, d).
+        fixed: Which components supports hold at a value at each node, shape (nodes, d).
         springs: The springs.
         contacts: The contacts, which may hold a motion, too.
+        faces: The loose rigid faces, which resist their given motions.
 
     Returns:
         Functions of V.
@@ -54,6 +58,10 @@ def free_motions(
     for spring in springs:
         nodes, resisted = spring.resisted(motions)
         by_supports = by_supports + _summed(space, body[nodes], count, resisted)
+    for face in faces:
+        number = face.body(body)
+        of_face = (face.motion(motions) * face.sizes[:, None])[~face.free]
+        by_supports[number] += of_face.T @ of_face
     by_all = _block_diagonal(by_supports)
     for contact in contacts:
         by_all = by_all + _by_contact(space, body, count, motions, contact)
@@ -78,26 +86,6 @@ def rigid_motions(space: Space) -> np.ndarray:
     motions, _ = _rigid_motions(space, body, count)
     of_bodies = [(body == number)[:, None, None] * motions for number in range(count)]
     return np.concatenate(of_bodies, axis=2)
-
-
-def translations_and_rotations(x: np.ndarray) -> np.ndarray:
-    """Return the rigid motions of the plane or of space about the origin.
-
-    Args:
-        x: Positions, shape (n, d).
-
-    Returns:
-        Displacements at the positions, shape (n, d, motions): one translation along
-        each axis, then one rotation for each pair of axes.
-    """
-    d = x.shape[1]
-    pairs = list(combinations(range(d), 2))
-    motions = np.zeros((*x.shape, d + len(pairs)))
-    motions[:, range(d), range(d)] = 1.0
-    for k, (i, j) in enumerate(pairs, start=d):
-        motions[:, i, k] = -x[:, j]
-        motions[:, j, k] = x[:, i]
-    return motions
 
 
 def bodies_of_nodes(space: Space) -> tuple[np.ndarray, int]:

@@ -11,8 +11,10 @@ from dolfinx import fem
 
 from erc_contact.base.exceptions import InputError, raise_together
 from erc_contact.model.expressions import evaluate
+from erc_contact.model.rigid_faces import RigidFace, bind_rigid
 from erc_contact.model.space import Space
 from erc_contact.model.values import number
+from erc_contact.scene.rigid import Rigid
 from erc_contact.scene.support import Displacement
 
 EQUAL_VALUES = 1e-9
@@ -24,19 +26,24 @@ class Supports:
     """Hold the prescribed components of the displacement.
 
     Attributes:
-        fixed: Which components are prescribed at each node, shape (nodes, d).
+        fixed: Which components are prescribed at each node, shape (nodes, d); those of
+            a loose rigid face up to its motion.
+        held: Which of them have a value that is given, shape (nodes, d).
         prescribed: Prescribed displacement, a Function of V, zero elsewhere [length].
         bcs: The prescribed displacement as a Dirichlet condition of DOLFINx, in a list.
         facets: Facets (cell, local facet) and prescribed components of each support.
+        loose_faces: The rigid faces whose motions are not all given.
     """
 
     fixed: np.ndarray
+    held: np.ndarray
     prescribed: fem.Function
     bcs: list[Any]
     facets: list[tuple[np.ndarray, np.ndarray]]
+    loose_faces: list[RigidFace]
 
 
-def bind_supports(space: Space, supports: Sequence[Displacement]) -> Supports:
+def bind_supports(space: Space, supports: Sequence[Displacement | Rigid]) -> Supports:
     """Compute the nodal values of supports; collective.
 
     Raises:
@@ -46,18 +53,26 @@ def bind_supports(space: Space, supports: Sequence[Displacement]) -> Supports:
     prescribed = space.function()
     values = prescribed.x.array.reshape(-1, space.d)
     fixed = np.zeros(values.shape, dtype=bool)
+    held = np.zeros(values.shape, dtype=bool)
     error = None
     on_facets = []
+    loose_faces = []
     for support in supports:
         facets = space.domain.facets(support.facets)
-        what = f"Displacement({support.facets!r})"
+        what = f"{type(support).__name__}({support.facets!r})"
         nodes = space.facet_nodes(facets)
         is_prescribed = np.array([value is not None for value in support.value])
         on_facets.append((facets, is_prescribed))
+        face = bind_rigid(space, support) if isinstance(support, Rigid) else None
+        is_loose = face is not None and bool(face.free.any())
+        if face is not None and is_loose:
+            loose_faces.append(face)
         for i, value in enumerate(support.value):
             if value is None:
                 continue
-            if callable(value):
+            if face is not None:
+                at_nodes = _rigid_values(space, support, face, nodes)[..., i]
+            elif callable(value):
                 expression = number(space, value, what)
                 at_nodes = evaluate(expression, space.mesh, space.facet_points, facets)
             else:
@@ -71,6 +86,7 @@ def bind_supports(space: Space, supports: Sequence[Displacement]) -> Supports:
                 )
             values[nodes, i] = at_nodes
             fixed[nodes, i] = True
+            held[nodes, i] |= not is_loose
     raise_together(space.comm, error)
     if not np.isfinite(values).all():
         error = InputError(
@@ -78,11 +94,25 @@ def bind_supports(space: Space, supports: Sequence[Displacement]) -> Supports:
         )
     raise_together(space.comm, error)
     # A rank may see a node without the facet that fixes it: its owner sees all.
-    marks = space.function()
-    marks.x.array[:] = fixed.ravel()
-    marks.x.scatter_forward()
     prescribed.x.scatter_forward()
-    fixed = marks.x.array.reshape(-1, space.d) > 0.5
+    fixed = _of_owners(space, fixed)
+    held = _of_owners(space, held)
     dofs = np.flatnonzero(fixed).astype(np.int32)
     bcs = [fem.dirichletbc(prescribed, [dofs, dofs], space.V)]
-    return Supports(fixed, prescribed, bcs, on_facets)
+    return Supports(fixed, held, prescribed, bcs, on_facets, loose_faces)
+
+
+def _rigid_values(space: Space, rigid: Any, face: RigidFace, nodes: np.ndarray) -> np.ndarray:
+    """Return the given part of the motion of a rigid face at nodes, (*nodes, d)."""
+    given = np.array([motion or 0.0 for motion in rigid.motions])
+    at_nodes = np.zeros((space.node_count, space.d))
+    at_nodes[face.nodes] = face.shapes @ given
+    return at_nodes[nodes]
+
+
+def _of_owners(space: Space, marks: np.ndarray) -> np.ndarray:
+    """Return marks (nodes, d) as the owners of the nodes have them; collective."""
+    of_ranks = space.function()
+    of_ranks.x.array[:] = marks.ravel()
+    of_ranks.x.scatter_forward()
+    return of_ranks.x.array.reshape(-1, space.d) > 0.5

@@ -19,12 +19,11 @@ from erc_contact.newton.jump_sums import raise_at_joints
 from erc_contact.newton.ladder import Attempt, attempts
 from erc_contact.newton.linear.multigrid import TRY_DIRECT
 from erc_contact.newton.linear.solver import ElasticSolver
-from erc_contact.newton.methods import Method, Nitsche
+from erc_contact.newton.loose_faces import method_beside_faces
+from erc_contact.newton.methods import Method
 from erc_contact.newton.snes import DiscreteSolution, Outcome
 from erc_contact.newton.solution import SINGULAR, Solution
 
-DEFAULT = Nitsche()
-"""The method where the user names none."""
 SLOW_ATTEMPTS = 5
 """Number of attempts without convergence of the linear solver that ends multigrid."""
 
@@ -74,7 +73,7 @@ class ContactSolve:
     def __init__(self, solver: Solver, method: Method | None, tolerance: float | None) -> None:
         self.solver = solver
         self.model = solver.model
-        self.method = method or DEFAULT
+        self.method = method_beside_faces(self.model, method)
         self.fallback = method is None
         self.tolerance = tolerance
         self.log = log_of(self.model.comm)

@@ -16,7 +16,7 @@ from erc_contact.newton import first_guess
 from erc_contact.newton.condensed import Condensed
 from erc_contact.newton.dense import Dense
 from erc_contact.newton.ladder import Attempt
-from erc_contact.newton.linear.stiffness import Stiffness
+from erc_contact.newton.linear.loose_stiffness import stiffness_of
 from erc_contact.newton.methods import Method
 from erc_contact.newton.snes import DiscreteSolution, Outcome
 
@@ -38,7 +38,7 @@ class Direct:
 
     def __init__(self, model: Model) -> None:
         self.model = model
-        self.elastic = Stiffness(model)
+        self.elastic = stiffness_of(model)
         self.guess = self.elastic.glued(self.elastic.load_vector())
         self._problems: dict[Method, Condensed] = {}
 

@@ -25,8 +25,8 @@ from erc_contact.model.model import Model
 from erc_contact.model.promises import bind
 from erc_contact.newton.arguments import check_arguments
 from erc_contact.newton.given_tractions import given_multipliers
+from erc_contact.newton.linear.loose_stiffness import stiffness_of
 from erc_contact.newton.linear.multigrid import Multigrid
-from erc_contact.newton.linear.stiffness import Stiffness
 from erc_contact.newton.methods import AugmentedLagrangian, Nitsche
 from erc_contact.newton.nodal_values import AnyField, nodal_values
 from erc_contact.newton.reactions import Reactions
@@ -69,6 +69,11 @@ def solution_of(
     finite = comm.allreduce(bool(np.isfinite(values).all()), MPI.LAND)
     if not finite:
         raise InputError("certify: the displacement is not finite everywhere.")
+    for face in model.loose_faces:
+        # Any motion of the face is admissible: here it is that of u.
+        face.follow(model.prescribed, values)
+        if not model.coordinates.is_identity:
+            face.follow(model.coordinates.prescribed, values)
     fixed = model.fixed.ravel()
     prescribed = model.prescribed.x.array
     off = float(abs(values.ravel() - prescribed)[fixed].max(initial=0.0))
@@ -78,7 +83,7 @@ def solution_of(
     given = together(comm, given_multipliers, model, traction or {})
     if given and model.coordinates.has_joints:
         raise InputError("certify: where three bodies meet at a point, no traction can be given.")
-    elastic = Multigrid(model) if large(model) else Stiffness(model)
+    elastic = Multigrid(model) if large(model) else stiffness_of(model)
     multipliers = list(_multipliers(model, elastic, displacement))
     for number, contact in enumerate(model.contacts):
         if contact.name in given:

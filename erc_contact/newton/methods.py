@@ -266,3 +266,7 @@ class AugmentedLagrangian:
 
 OURS = Nitsche, AugmentedLagrangian
 """Methods whose equations are known to be linear in the test function."""
+
+
+DEFAULT = Nitsche()
+"""The method where the user names none."""

@@ -28,6 +28,7 @@ from erc_contact.model.profile import (
     profile_points,
     profile_table,
 )
+from erc_contact.model.rigid_faces import Motion, motion_of
 from erc_contact.model.stress import stress_in_space, von_mises
 from erc_contact.model.trace import split
 from erc_contact.newton.linear.solver import ElasticSolver
@@ -194,6 +195,14 @@ class Solution:
             return body_force(self.model)
 
         return by_cause(self.model, force_on, force_in_body)
+
+    def motion(self, part: str) -> Motion:
+        """Return displacement and rotation of a rigid face; collective.
+
+        Raises:
+            InputError: If no rigid face has this name.
+        """
+        return motion_of(self.model, self.scene.supports, part, self.u)
 
     def profile(self, contact: str) -> np.ndarray:
         """Return gap, slip and tractions of the method along a contact; collective.

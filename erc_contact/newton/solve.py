@@ -31,13 +31,13 @@ from erc_contact.model.model import Model
 from erc_contact.model.promises import bind
 from erc_contact.newton.after import check_after, last_step
 from erc_contact.newton.arguments import check_arguments
-from erc_contact.newton.contact_solve import DEFAULT, ContactSolve
+from erc_contact.newton.contact_solve import ContactSolve
 from erc_contact.newton.direct import Direct
 from erc_contact.newton.doubts import doubts, tell
 from erc_contact.newton.iterative import Iterative
 from erc_contact.newton.ladder import NODAL
 from erc_contact.newton.linear.solver import ElasticSolver
-from erc_contact.newton.methods import Method
+from erc_contact.newton.methods import DEFAULT, Method
 from erc_contact.newton.rest import displacement_at_rest
 from erc_contact.newton.solution import Solution
 from erc_contact.scene.scene import Scene
@@ -248,6 +248,8 @@ def large(model: Model) -> bool:
     million degrees of freedom. In space the factor grows like n^(4/3) and the matrix of
     the contact like n^(4/3) or, on meshes that are fine there, n^2.
     """
+    if model.loose_faces:
+        return False  # only the direct solver moves them
     nodes = model.V.dofmap.index_map.size_global
     facets = 0
     for contact in model.contacts:

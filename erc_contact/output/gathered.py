@@ -202,7 +202,7 @@ def nodal_fields(admissible: Admissible) -> dict[str, np.ndarray]:
     u = nodal_displacement(admissible)
     prescribed = model.prescribed.x.array.reshape(-1, model.d)[: len(u)]
     still = np.zeros(u.shape, dtype=bool)
-    still[:, : model.d] = model.fixed[: len(u)] & (prescribed == 0.0)
+    still[:, : model.d] = model.held[: len(u)] & (prescribed == 0.0)
     return {"u": u, "still": still}
 
 

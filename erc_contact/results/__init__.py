@@ -8,6 +8,7 @@ fields as members.
 from erc_contact.model.forces import Force
 from erc_contact.model.maximum import Maximum
 from erc_contact.model.profile import OPEN, SLIP, STICK
+from erc_contact.model.rigid_faces import Motion
 from erc_contact.model.stress import von_mises
 from erc_contact.results.forces import force, reactions
 from erc_contact.results.points import Values, at
@@ -21,6 +22,7 @@ __all__ = [
     "STICK",
     "Force",
     "Maximum",
+    "Motion",
     "Values",
     "at",
     "contact_status",

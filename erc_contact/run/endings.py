@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from erc_contact.base.exceptions import InputError, NotConverged
 from erc_contact.base.runtime.interrupts import Interrupts
-from erc_contact.newton.contact_solve import DEFAULT
+from erc_contact.newton.methods import DEFAULT
 from erc_contact.run.step import Step
 
 OUT_OF_MEMORY = 55

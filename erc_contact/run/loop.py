@@ -20,7 +20,8 @@ from erc_contact.error.goals import Aim
 from erc_contact.mesh.domain import Domain
 from erc_contact.newton.doubts import DoubtsOfRun
 from erc_contact.newton.ladder import NODAL
-from erc_contact.newton.solve import DEFAULT, solved
+from erc_contact.newton.methods import DEFAULT
+from erc_contact.newton.solve import solved
 from erc_contact.run.checkpoint import Checkpoint
 from erc_contact.run.endings import AT_REST, NO_TRUE_SHAPE, ending, other_methods
 from erc_contact.run.foreseen import too_many_cells

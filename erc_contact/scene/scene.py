@@ -18,6 +18,7 @@ from erc_contact.base.html import table
 from erc_contact.scene.contact import Contact, Symmetry
 from erc_contact.scene.load import Load
 from erc_contact.scene.material import Material
+from erc_contact.scene.rigid import Rigid
 from erc_contact.scene.spring import Spring
 from erc_contact.scene.strain import GivenStrain
 from erc_contact.scene.support import Displacement
@@ -63,7 +64,7 @@ class Scene:
     """
 
     material: Material
-    supports: Sequence[Displacement] = ()
+    supports: Sequence[Displacement | Rigid] = ()
     loads: Sequence[Load] = ()
     contacts: Sequence[Contact] = ()
     strains: Sequence[GivenStrain] = ()
@@ -82,7 +83,8 @@ class Scene:
         members = ", ".join(LOAD_MEMBERS)
         loads = "Traction and BodyForce"
         loads_or_own = f"{loads}, and objects with {members}"
-        self._check_entries("supports", _is_support, "Displacement", "Displacement")
+        supports = "Displacement and Rigid"
+        self._check_entries("supports", _is_support, supports, supports)
         self._check_entries("loads", _is_load, loads, loads_or_own)
         self._check_entries("contacts", _is_contact, "Contact", "Contact")
         strains = "ThermalStrain and Eigenstrain"
@@ -246,7 +248,7 @@ def _sides(entries: Sequence[Any], kind: str) -> Counter[str]:
     return sides
 
 
-def _fixed_components(supports: Sequence[Displacement]) -> list[tuple[str, int]]:
+def _fixed_components(supports: Sequence[Displacement | Rigid]) -> list[tuple[str, int]]:
     """List boundary part and number of each component that supports prescribe."""
     fixed = []
     for support in supports:
@@ -258,7 +260,7 @@ def _fixed_components(supports: Sequence[Displacement]) -> list[tuple[str, int]]
 
 def _is_support(entry: Any) -> bool:
     """Tell whether an entry is a support."""
-    return isinstance(entry, Displacement)
+    return isinstance(entry, Displacement | Rigid)
 
 
 def _is_load(entry: Any) -> bool:

@@ -43,3 +43,8 @@ class Displacement:
         object.__setattr__(self, "value", tuple(self.value))
         if all(component is None for component in self.value):
             raise InputError(f"{what} fixes no component; leave it out.")
+
+    @property
+    def is_moved(self) -> bool:
+        """Tell whether a displacement is prescribed that is not zero."""
+        return any(callable(component) or component for component in self.value)

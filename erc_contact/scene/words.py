@@ -20,7 +20,9 @@ def in_words(scene: Any) -> list[tuple[str, str]]:
     in_3d = any(len(support.value) == 3 for support in scene.supports)
     rows = [("material", _object(scene.material, hypothesis=not in_3d))]
     for support in scene.supports:
-        rows.append((support.facets, f"displacement {_vector(support.value)}"))
+        is_rigid = type(support).__name__ == "Rigid"
+        words = _object(support) if is_rigid else f"displacement {_vector(support.value)}"
+        rows.append((support.facets, words))
     for load in scene.loads:
         rows.append((load.facets or "whole body", _object(load)))
     for spring in scene.springs:

@@ -88,6 +88,8 @@ class Elastic:
         loads = self.model.right_side(ufl.TestFunction(self.model.V))
         if loads is not None:
             fem.assemble_vector(b.x.array, compiled.form(loads))
+        if self.model.face_forces is not None:
+            b.x.array[:] += self.model.face_forces.x.array
         return b
 
     def stiffness(self) -> PETSc.Mat:

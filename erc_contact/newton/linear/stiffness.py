@@ -76,17 +76,14 @@ class Stiffness(Elastic):
     def glued(self, b: fem.Function, *, supports: bool = True) -> fem.Function:
         """Solve ``(K + D) w = b`` for the displacement w [length].
 
-        Args:
-            b: Nodal forces [force], whose ghost contributions are added up here.
-            supports: Whether fixed components take the values of the supports, else
-                zero.
+        The arguments are those of :meth:`.solver.ElasticSolver.solve`.
         """
-        return self._glued_by(self.right_side(b, supports=supports))
+        return self._solved_by(self._solver(), self.right_side(b, supports=supports))
 
-    def _glued_by(self, right: PETSc.Vec) -> fem.Function:
-        """Return the glued displacement of a right side, and destroy that."""
+    def _solved_by(self, solver: PETSc.KSP | Substructures, right: PETSc.Vec) -> fem.Function:
+        """Return the displacement of a right side [length], and destroy that."""
         x = right.duplicate()
-        self._solver().solve(right, x)
+        solver.solve(right, x)
         u = self.displacement(x)
         x.destroy()
         right.destroy()
@@ -126,13 +123,14 @@ class Stiffness(Elastic):
         matrix = self.stiffness()
         matrix.axpy(1.0, springs, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
         ksp = factorised(matrix)
-        vector = self.right_side(b, supports=False)
-        x = vector.duplicate()
-        ksp.solve(vector, x)
-        u = self.displacement(x)
-        for done in (ksp, matrix, vector, x):
-            done.destroy()
+        u = self._under(b, ksp)
+        ksp.destroy()
+        matrix.destroy()
         return u
+
+    def _under(self, b: fem.Function, solver: PETSc.KSP) -> fem.Function:
+        """Return the displacement under nodal forces b by a solver [length]."""
+        return self._solved_by(solver, self.right_side(b, supports=False))
 
     def traces(self, numbers: np.ndarray) -> DenseTraces:
         """Return the body as a surface sees it, see :class:`.solver.ElasticSolver`."""
@@ -158,9 +156,13 @@ class Stiffness(Elastic):
             added = self.glued_by[: len(u_A)] * u_A + (0.0 if force is None else force)
         forces = self.model.function()
         self.scatter(added, forces)
-        u = self._glued_by(self.vector(forces))  # the owners have the whole forces
+        u = self._moved_by(forces)
         u.x.array[:] += w.x.array
         return u
+
+    def _moved_by(self, forces: fem.Function) -> fem.Function:
+        """Return the glued displacement of forces on x, from their owners [length]."""
+        return self._solved_by(self._solver(), self.vector(forces))
 
     def reduced(self, count: int) -> tuple[np.ndarray, np.ndarray]:
         """Return S_A and the derivative of u_L by u_A, on rank 0.
@@ -241,8 +243,7 @@ class Stiffness(Elastic):
         Args:
             count: Size of A, the first ones of L.
         """
-        schur, _ = self.reduced(count)
-        matrix = schur.copy()
+        matrix = self.reduced(count)[0].copy()
         matrix.flat[:: count + 1] -= self.glued_by[:count]
         return matrix
 

@@ -1,0 +1,208 @@
+"""Put rigid faces on a mesh: shapes of their motions, and forces of their resultants.
+
+A face whose motions are all given is a support. Of any other one the motions q_j that
+are not given are unknowns, and their resultants Q_j are known:
+
+    u = u_0 + sum_j q_j R_j  on the face,    int_face sigma n . R_j = Q_j,
+
+with the shapes R_j: unit translations, and unit rotations about a point of the face.
+Such a face is called *loose*. Other supports and contacts may share nodes with it where
+no R_j moves what they hold; so no force that they exchange at a node changes a Q_j.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from dolfinx import fem
+from mpi4py import MPI
+
+from erc_contact.base.exceptions import InputError
+from erc_contact.model.rigid_shapes import motions_about_axes
+from erc_contact.model.space import Space
+from erc_contact.scene.rigid import Rigid
+
+
+@dataclass(frozen=True, eq=False)
+class RigidFace:
+    """Hold a rigid face on a mesh.
+
+    Attributes:
+        name: Name of the boundary part.
+        facets: Its facets (cell, local facet) on this rank, shape (f, 2).
+        nodes: Its nodes on this rank, ghosts included, shape (n,).
+        owned: Which of them this rank owns, shape (n,).
+        about: The point about which it turns [length], shape (d,).
+        shapes: Its motions R at the nodes [-; length], shape (n, d, freedoms).
+        free: Which of its motions are unknowns, shape (freedoms,).
+        resultants: Q of each motion [force; force length], 0 where it is not given,
+            shape (freedoms,).
+        sizes: Size of each R, 1 of translations and that of the body of rotations.
+        comm: The ranks.
+    """
+
+    name: str
+    facets: np.ndarray
+    nodes: np.ndarray
+    owned: np.ndarray
+    about: np.ndarray
+    shapes: np.ndarray
+    free: np.ndarray
+    resultants: np.ndarray
+    sizes: np.ndarray
+    comm: MPI.Comm
+
+    def work(self, nodal: np.ndarray) -> np.ndarray:
+        """Return ``sum R_j . f`` over the nodes, shape (freedoms, ...); collective.
+
+        Args:
+            nodal: Values at all nodes of this rank, complete at its owned nodes, shape
+                (nodes, d, ...).
+        """
+        of_owned = self.nodes[self.owned]
+        local = np.einsum("ndj,nd...->j...", self.shapes[self.owned], nodal[of_owned])
+        total: np.ndarray = self.comm.allreduce(local, MPI.SUM)
+        return total
+
+    def motion(self, nodal: np.ndarray) -> np.ndarray:
+        """Return the motion whose displacement of the nodes is nearest; collective.
+
+        Args:
+            nodal: Displacements at all nodes of this rank, shape (nodes, d, ...).
+
+        Returns:
+            Translations of the point ``about`` and rotations, shape (freedoms, ...).
+        """
+        matrix = self._products()
+        return np.asarray(np.linalg.lstsq(matrix, self.work(nodal), rcond=None)[0])
+
+    def follow(self, prescribed: fem.Function, u: np.ndarray) -> None:
+        """Give the face the free motion of a displacement u, in place; collective.
+
+        Args:
+            prescribed: Displacement with the given motion of the face [length].
+            u: Displacements at all nodes of this rank [length], shape (nodes, d).
+        """
+        nodal = prescribed.x.array.reshape(u.shape)
+        amounts = self.motion(u - nodal) * self.free
+        nodal[self.nodes] += self.shapes @ amounts
+        prescribed.x.scatter_forward()
+
+    def nodal_forces(self) -> np.ndarray:
+        """Return forces at the owned nodes with the resultants Q [force]; collective.
+
+        Shape (owned nodes, d). Only their work on the shapes matters.
+        """
+        amounts = np.linalg.lstsq(self._products(), self.resultants, rcond=None)[0]
+        return np.asarray(self.shapes[self.owned] @ amounts)
+
+    def body(self, bodies: np.ndarray) -> int:
+        """Return the number of the body that the face is on; collective.
+
+        Args:
+            bodies: Body of each node of this rank, shape (nodes,).
+
+        Raises:
+            InputError: If it is on several bodies.
+        """
+        here = set(bodies[self.nodes].tolist())
+        numbers = set().union(*self.comm.allgather(here))
+        if len(numbers) > 1:
+            raise InputError(
+                f"Rigid({self.name!r}) is on {len(numbers)} bodies; give each body a face of its"
+                " own name, or give all motions of the face."
+            )
+        number: int = numbers.pop()
+        return number
+
+    def _products(self) -> np.ndarray:
+        """Return ``sum R_i . R_j`` over all nodes; collective."""
+        owned = self.shapes[self.owned]
+        return np.asarray(self.comm.allreduce(np.einsum("ndi,ndj->ij", owned, owned), MPI.SUM))
+
+
+def bind_rigid(space: Space, rigid: Rigid) -> RigidFace:
+    """Put a rigid face on a mesh; collective."""
+    d = space.d
+    facets = space.domain.facets(rigid.facets)
+    nodes = np.unique(space.facet_nodes(facets))
+    about = _centroid(space, facets) if rigid.about is None else np.array(rigid.about, dtype=float)
+    if len(about) != d:
+        raise InputError(
+            f"Rigid({rigid.facets!r}): about has {len(about)} numbers, but the mesh is {d}D."
+        )
+    x = space.V.tabulate_dof_coordinates()[nodes, :d]
+    free = np.array([motion is None for motion in rigid.motions])
+    sizes = np.ones(len(free))
+    sizes[d:] = space.domain.extent
+    return RigidFace(
+        name=rigid.facets,
+        facets=facets,
+        nodes=nodes,
+        owned=nodes < space.V.dofmap.index_map.size_local,
+        about=about,
+        shapes=motions_about_axes(x - about),
+        free=free,
+        resultants=np.array([resultant or 0.0 for resultant in rigid.resultants]),
+        sizes=sizes,
+        comm=space.comm,
+    )
+
+
+def face_forces(space: Space, faces: Sequence[RigidFace]) -> fem.Function | None:
+    """Return the nodal forces of the resultants of all loose faces [force]; collective.
+
+    Each is at the node of its owner alone. None without loose faces.
+    """
+    if not faces:
+        return None
+    forces = space.function()
+    nodal = forces.x.array.reshape(-1, space.d)
+    for face in faces:
+        nodal[face.nodes[face.owned]] += face.nodal_forces()
+    return forces
+
+
+def _centroid(space: Space, facets: np.ndarray) -> np.ndarray:
+    """Return the centroid of a boundary part [length]; collective."""
+    mine = facets[space.owned(facets)]
+    areas = space.facet_areas(mine)
+    middles = space.facet_corners(mine).mean(axis=1)
+    local = np.concatenate([areas @ middles, [areas.sum()]])
+    total: Any = space.comm.allreduce(local, MPI.SUM)
+    return np.asarray(total[:-1] / total[-1])
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Hold the motion of a rigid face.
+
+    Attributes:
+        displacement: Of the point ``about`` [length], shape (d,).
+        rotation: Angle [rad]; in space about each axis, shape (3,).
+        about: The point [length], shape (d,).
+    """
+
+    displacement: np.ndarray
+    rotation: np.ndarray
+    about: np.ndarray
+
+
+def motion_of(space: Space, supports: Sequence[Any], part: str, u: fem.Function) -> Motion:
+    """Return the motion of a rigid face under a displacement u; collective.
+
+    Raises:
+        InputError: If no rigid face has this name.
+    """
+    rigid = [support for support in supports if isinstance(support, Rigid)]
+    names = [face.facets for face in rigid]
+    if part not in names:
+        listed = ", ".join(map(repr, names)) or "none"
+        raise InputError(f"No rigid face is called {part!r}; this scene has {listed}.")
+    face = bind_rigid(space, rigid[names.index(part)])
+    d = space.d
+    motion = face.motion(u.x.array.reshape(-1, d))
+    return Motion(motion[:d], motion[d:], face.about)

@@ -1,0 +1,58 @@
+"""The elastic stiffness of a model with loose rigid faces, factorised and condensed.
+
+The factor is that with the faces at rest; their motions are added
+(:mod:`erc_contact.newton.linear.face_motions`).
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+from dolfinx import fem
+from petsc4py import PETSc
+
+from erc_contact.model.model import Model
+from erc_contact.newton.linear.face_motions import FaceMotions
+from erc_contact.newton.linear.stiffness import Stiffness
+
+
+class LooseStiffness(Stiffness):
+    """Solve the elastic equations of a model with loose rigid faces with a factor."""
+
+    def glued(self, b: fem.Function, *, supports: bool = True) -> fem.Function:
+        """Solve ``(K + D) w = b``, see :meth:`Stiffness.glued`."""
+        w = super().glued(b, supports=supports)
+        self._faces.move(w, self._faces.pushes(b, supports=supports))
+        return w
+
+    @cached_property
+    def _faces(self) -> FaceMotions:
+        """Return the motions of the faces; they outlive the factor."""
+        return FaceMotions(self, self._solver().solve)
+
+    def _moved_by(self, forces: fem.Function) -> fem.Function:
+        """Return the glued displacement of forces on unknowns."""
+        u = super()._moved_by(forces)
+        self._faces.move(u, self._faces.pushes_on_unknowns(forces))
+        return u
+
+    def _under(self, b: fem.Function, solver: PETSc.KSP) -> fem.Function:
+        """Return the displacement under nodal forces b by a solver [length]."""
+        u = super()._under(b, solver)
+        faces = FaceMotions(self, solver.solve)
+        faces.move(u, faces.pushes(b, supports=False))
+        return u
+
+    def _condense(self) -> None:
+        """Factorise with the Schur complement on L of the body with loose faces."""
+        # MUMPS has the Schur complement only until the factor has solved for once.
+        super()._condense()
+        at_layer = [self.gather_x(unknown) for unknown in self._faces.unknowns]
+        if self.schur is not None:
+            self.schur = self._faces.softened(self.schur, np.column_stack(at_layer))
+
+
+def stiffness_of(model: Model) -> Stiffness:
+    """Return the factorised stiffness of a model, with or without loose rigid faces."""
+    return LooseStiffness(model) if model.loose_faces else Stiffness(model)

@@ -1,0 +1,305 @@
+"""Rigid faces, which a stiff holder moves.
+
+- a bar that a rigid end pulls and bends has the closed form, signs included;
+- a face in a holder of 1e6 E moves as the rigid face does;
+- sigma^ has the resultants that are given, and u^ is rigid on the face, in the plane
+  and in space;
+- e bounds true errors, energies and motions of a fine mesh lie in the intervals;
+- a punch between two bodies, histories, ranks;
+- what is wrong is refused in words.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import ufl
+from mpi4py import MPI
+from reference import true_errors
+from scenes import mostly_serial
+
+import erc_contact as ec
+
+E, NU = 1000.0, 0.3
+PLANE = ((0.0, 0.0), (2.0, 1.0))
+SPACE = ((0.0, 0.0, 0.0), (2.0, 1.5, 1.0))
+
+
+def plate(n: int = 3, comm: MPI.Comm = MPI.COMM_WORLD) -> ec.Domain:
+    return ec.rectangle(*PLANE, cells=(2 * n, n), comm=comm)
+
+
+def measured(scene, domain, **options) -> ec.ConstitutiveError:
+    return ec.constitutive_error(ec.equilibrate(ec.solve(scene, domain, **options)))
+
+
+def pressed(*supports, friction=0.3, nu=NU, **others) -> ec.Scene:
+    contact = ec.Contact("bottom", friction=friction)
+    return ec.Scene(ec.Elastic(E, nu), supports, contacts=contact, **others)
+
+
+def free_face() -> ec.Rigid:
+    return ec.Rigid("top", force=(0.4, -8.0), moment=1.5)
+
+
+def test_bar_pulled_and_bent():
+    """Without Poisson's effect degree 2 carries the solution; nu would warp the ends."""
+    pull, moment = 6.0, 0.5
+    rigid = ec.Rigid("right", (None, 0.0), force=(pull, None), moment=moment)
+    scene = ec.Scene(ec.Elastic(E, 0.0), [ec.Symmetry("left"), rigid])
+    error = measured(scene, plate(), degree=2)
+    assert error.relative < 1e-12
+    motion = error.solution.motion("right")
+    assert motion.displacement == pytest.approx([2.0 * pull / E, 0.0], abs=1e-14)
+    # Counterclockwise, as the moment.
+    assert motion.rotation[0] == pytest.approx(2.0 * moment / (E / 12), rel=1e-12)
+    assert motion.about == pytest.approx([2.0, 0.5])
+    work = pull * motion.displacement[0] + moment * motion.rotation[0]
+    assert ec.potential_energy(error).value == pytest.approx(-work / 2, rel=1e-12)
+    assert ec.work_of_loads(error).value == pytest.approx(work, rel=1e-12)
+
+
+@pytest.mark.serial
+def test_face_in_a_stiff_holder():
+    """The loads on the holder have the resultants of the face."""
+    Q, M = (0.4, -8.0), 1.5
+    domain = ec.rectangle((0.0, 0.0), (2.0, 1.5), cells=(8, 6))
+
+    def modulus(x):
+        return ufl.conditional(x[1] > 1.0, 1e6 * E, E)
+
+    def load(x):
+        # The shear on the holder's top has a moment about the face, too.
+        linear = (M + 0.5 * Q[0]) * (x[0] - 1.0) / (2.0**3 / 12)
+        return Q[0] / 2.0, Q[1] / 2.0 + linear
+
+    contact = ec.Contact("bottom", friction=0.3)
+    held = ec.Scene(ec.Elastic(modulus, NU), [], ec.Traction("top", load), contact)
+    reference = ec.solve(held, domain, degree=2)
+    moved = reference.at([(1.0, 1.0), (0.0, 1.0), (2.0, 1.0)]).displacement
+    solution = ec.solve(pressed(free_face()), plate(4), degree=2)
+    motion = solution.motion("top")
+    size = abs(moved).max()
+    assert motion.displacement == pytest.approx(moved[0], abs=1e-5 * size)
+    assert motion.rotation[0] == pytest.approx((moved[2] - moved[1])[1] / 2.0, abs=1e-5 * size)
+    turned = replace(pressed(replace(free_face(), moment=-M)))
+    assert ec.solve(turned, plate(4), degree=2).motion("top").rotation[0] < 0 < motion.rotation[0]
+
+
+# Boundary parts, freedoms and cells: all free, some given, one cell high, a body of two parts.
+FACES = {
+    "free": (free_face(), (6, 3), 1),
+    "free, degree 2": (free_face(), (6, 3), 2),
+    "coarse": (free_face(), (2, 1), 2),
+    "guided": (ec.Rigid("top", (0.001, None), rotation=0.0, force=(None, -8.0)), (6, 3), 1),
+    "pushed": (ec.Rigid("top", (None, -0.004), force=(0.5, None), moment=0.2), (6, 3), 2),
+    "in space": (
+        ec.Rigid("top", force=(0.4, 0.3, -8.0), moment=(0.5, -0.4, 0.2)),
+        (3, 2, 2),
+        1,
+    ),
+    "in space, degree 2": (
+        ec.Rigid(
+            "top", (None, None, -0.004), (0.0, 0.001, None), (0.4, 0.3, None), (None, None, 0.2)
+        ),
+        (2, 2, 1),
+        2,
+    ),
+}
+
+
+@pytest.mark.parametrize("case", mostly_serial(FACES, ["free", "in space"]))
+def test_resultants_and_motions(case):
+    rigid, cells, degree = FACES[case]
+    box = ec.rectangle(*PLANE, cells=cells) if rigid.d == 2 else ec.box(*SPACE, cells=cells)
+    error = measured(pressed(rigid), box, degree=degree)
+    motion = error.solution.motion("top")
+    motions = (*motion.displacement, *motion.rotation)
+    for result in (error, error.solution):
+        force = result.force("top")
+        # Moments are about the origin; those of the face about its point.
+        arm = motion.about
+        if rigid.d == 2:
+            moved = arm[0] * force.force[1] - arm[1] * force.force[0]
+        else:
+            moved = np.cross(arm, force.force)
+        resultants = (*force.force, *(force.moment - moved))
+        for given, found in zip(rigid.resultants, resultants, strict=True):
+            assert given is None or found == pytest.approx(given, abs=1e-10 * 8.0)
+        assert abs(result.reactions()["balance"].force).max() < 1e-10 * 8.0
+    for given, found in zip(rigid.motions, motions, strict=True):
+        assert given is None or found == pytest.approx(given, abs=1e-14)
+    # u^ is rigid on the face.
+    x = error.model.V.tabulate_dof_coordinates()[:, : rigid.d]
+    on_face = abs(x[:, -1] - 1.0) < 1e-12
+    turned = x[on_face] - arm
+    if rigid.d == 2:
+        turned = motion.rotation[0] * np.column_stack([-turned[:, 1], turned[:, 0]])
+    else:
+        turned = np.cross(motion.rotation, turned)
+    hat = error.admissible.displacement.x.array.reshape(-1, rigid.d)[on_face]
+    assert hat == pytest.approx(motion.displacement + turned, abs=1e-13)
+
+
+BOUNDED = {
+    "frictionless": pressed(
+        ec.Rigid("top", (0.0, None), force=(None, -8.0), moment=1.5), friction=0.0
+    ),
+    "given friction": pressed(
+        ec.Rigid("top", (0.002, None), force=(None, -8.0), moment=-1.0),
+        friction=ec.Tresca(0.5),
+        loads=[ec.BodyForce((0.0, -1.0))],
+    ),
+    "cantilever": ec.Scene(
+        ec.Elastic(E, NU),
+        [ec.Displacement("left", (0.0, 0.0)), ec.Rigid("right", force=(0.5, -1.0), moment=0.1)],
+    ),
+}
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(
+    ("case", "degree"), [("frictionless", 2), ("given friction", 1), ("cantilever", 1)]
+)
+def test_e_and_intervals_hold_those_of_a_fine_mesh(case, degree):
+    scene = BOUNDED[case]
+    part = scene.supports[-1].facets
+    reference = ec.solve(scene, plate(16), degree=2)
+    energy = ec.potential_energy(measured(scene, plate(8), degree=2)).value
+    moved = reference.motion(part).displacement
+    for n in (2, 4):
+        error = measured(scene, plate(n), degree=degree)
+        true = true_errors(error.admissible, reference)
+        assert true.both <= 1.02 * error.absolute < 1.4 * 1.02 * true.both
+        bounds = ec.potential_energy(error)
+        assert bounds.low <= energy <= bounds.high
+        motion = ec.interval(error, ec.MeanDisplacement(part, (0.0, 1.0)))
+        assert motion.guaranteed
+        assert motion.low <= moved[1] <= motion.high
+        assert motion.relative < 1.2 * error.relative
+        # The exact motion of the face is no error of another displacement, a bend is.
+        found = ec.certify(scene, error.domain, error.solution.u).error
+        assert found.absolute < 1.3 * error.absolute
+        bent = ec.certify(scene, plate(n), lambda x: 0.001 * x[::-1] ** 2, degree=degree).error
+        assert bent.absolute > error.absolute
+
+
+def test_given_motions_are_a_support():
+    rigid = measured(pressed(ec.Rigid("top", (0.001, -0.004), rotation=0.002)), plate())
+    plane = ec.Displacement("top", (0.001, lambda x: -0.004 + 0.002 * (x[0] - 1.0)))
+    support = measured(pressed(plane), plate())
+    assert rigid.absolute == pytest.approx(support.absolute, rel=1e-10)
+    assert ec.solve(rigid.solution.scene, plate(), solver="iterative").motion(
+        "top"
+    ).rotation == pytest.approx([0.002])
+
+
+def test_upper_body_pressed_by_a_rigid_face():
+    errors = []
+    for n in (3, 6):
+        upper = ec.rectangle((0.0, 1.0), (2.0, 2.0), cells=(2 * n, n))
+        bodies = ec.assembly({"upper": upper, "lower": plate(n + 1)}).joined(
+            "upper bottom", "lower top"
+        )
+        scene = ec.Scene(
+            ec.Elastic({"upper": E, "lower": 3 * E}, NU),
+            [
+                ec.Rigid("upper top", force=(0.3, -8.0), moment=0.5),
+                ec.Displacement("lower bottom", (0.0, 0.0)),
+            ],
+            contacts=ec.Contact("upper bottom", against="lower top", friction=0.3),
+        )
+        errors.append(measured(scene, bodies))
+        assert errors[-1].force("upper top").force == pytest.approx([0.3, -8.0], abs=1e-9)
+        assert errors[-1].force("lower bottom").force == pytest.approx([-0.3, 8.0], abs=1e-9)
+    assert 0.4 < errors[1].absolute / errors[0].absolute < 0.85
+
+
+@pytest.mark.serial
+def test_fretting_in_a_rigid_holder():
+    """After the first turn the loop is symmetric, and the face does not rock."""
+
+    def scene_at(t):
+        moved = float(0.004 * np.sin(np.pi * t / 2))
+        return pressed(ec.Rigid("top", (moved, None), rotation=0.0, force=(None, -8.0)))
+
+    evolution = ec.evolve(scene_at, plate(4), np.arange(8.0), accuracy=0.5)
+    there, back = (evolution.steps[i].force["bottom"] for i in (5, 7))
+    assert there[0] < -0.5
+    assert back[0] > 0.5
+    assert there[0] == pytest.approx(-back[0], rel=0.05)
+    assert there[1] == pytest.approx(8.0)
+    assert abs(evolution.solution.motion("top").rotation[0]) < 1e-14
+
+
+@pytest.mark.ranks
+def test_ranks_agree():
+    numbers = []
+    for comm in (MPI.COMM_SELF, MPI.COMM_WORLD):
+        error = measured(pressed(free_face()), plate(4, comm))
+        motion = error.solution.motion("top")
+        numbers.append([error.relative, *motion.displacement, *motion.rotation])
+    assert numbers[1] == pytest.approx(numbers[0], rel=1e-8)
+
+
+def shares_nodes(friction, *supports):
+    return ec.solve(pressed(*supports, friction=friction), plate())
+
+
+BAD = {
+    "neither": (lambda: ec.Rigid("top", (0.0, None), rotation=0.0), "neither of displacement in y"),
+    "both": (lambda: ec.Rigid("top", (0.0, 1.0), 0.0, force=(1.0, None)), "both of displacement"),
+    "nothing": (lambda: ec.Rigid("top", rotation=0.0), "neither displacement nor force"),
+    "no number": (lambda: ec.Rigid("top", (0.0, np.nan), 0.0), "finite numbers"),
+    "rotations": (lambda: ec.Rigid("top", (0.0, 0.0), (0.0, 0.0)), "rotation has 2 numbers"),
+    "in the plane": (
+        lambda: ec.solve(pressed(ec.Rigid("top", (0, 0, 0), (0, 0, 0))), plate()),
+        "the mesh is 2D",
+    ),
+    "contact": (
+        lambda: pressed(ec.Rigid("bottom", (0.0, 0.0), 0.0)),
+        "in a Contact and in a Rigid",
+    ),
+    "load": (
+        lambda: pressed(free_face(), loads=ec.Traction("top", (0.0, 1.0))),
+        "a Traction and a Displacement of all",
+    ),
+    "rough corner": (
+        lambda: shares_nodes(0.3, ec.Rigid("right", force=(1.0, -1.0), moment=0.0)),
+        "beside a contact with friction",
+    ),
+    "corner that moves": (
+        lambda: shares_nodes(0.0, ec.Rigid("right", force=(1.0, -1.0), moment=0.0)),
+        "hold a component there in which the face moves",
+    ),
+    "support": (
+        lambda: shares_nodes(0.0, free_face(), ec.Displacement("left", (0.0, None))),
+        "and a support have nodes in common",
+    ),
+    "multigrid": (
+        lambda: ec.solve(pressed(free_face()), plate(), solver="iterative"),
+        "has free motions",
+    ),
+    "stress of a cell that touches both": (
+        lambda: ec.solve(pressed(free_face()), plate(1), ec.Nitsche()),
+        "A cell touches both",
+    ),
+    "not held": (
+        lambda: ec.solve(ec.Scene(ec.Elastic(E, NU), [free_face()]), plate()),
+        "Nothing holds the body",
+    ),
+    "force that is given": (
+        lambda: ec.interval(
+            measured(BOUNDED["frictionless"], plate()), ec.Resultant("top", (0.0, 1.0))
+        ),
+        "is given; ask for the other",
+    ),
+    "name": (lambda: ec.solve(pressed(free_face()), plate()).motion("left"), "is called 'left'"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_faces_are_refused_in_words(case):
+    attempt, words = BAD[case]
+    with pytest.raises(ec.InputError, match=words):
+        attempt()
