@@ -262,6 +262,28 @@ def sprung(seed: int = 0, count: int = 50) -> None:
     compared(cases)
 
 
+def rigid(seed: int = 0, count: int = 50) -> None:
+    """Print the same of blocks that a rigid face presses and turns.
+
+    Without friction the face turns freely: a given friction might overturn the block.
+    The resultant is inside the middle third of the base, so that even a base of one
+    facet has a traction that balances it.
+    """
+    cases: list[Case] = []
+    for number in range(count):
+        rng = np.random.default_rng([seed, number])
+        scene, domain, degree = given_friction(rng)
+        push, sink = scene.supports[0].value
+        force = -float(rng.uniform(0.2, 2.0)) * abs(sink)
+        arm = float(rng.uniform(-0.15, 0.15))
+        turn = float(rng.uniform(-0.3, 0.3)) * abs(sink)
+        face = ec.Rigid("top", (push, None), rotation=turn, force=(None, force))
+        if scene.contacts[0].law is None:
+            face = replace(face, rotation=None, moment=arm * force)
+        cases.append((replace(scene, supports=[face]), domain, degree, None))
+    compared(cases)
+
+
 def tightening(seed: int = 0, count: int = 60) -> None:
     """Print how near the default tightening comes to the least error."""
     print(summary_of_tightening(tightened(seed, count)), flush=True)
@@ -285,7 +307,19 @@ def show(columns: dict[str, list[float]], form: str) -> None:
 
 TASKS: dict[str, Callable[..., None]] = {
     task.__name__: task
-    for task in (coarse, kinks, pushed, steps, heated, sprung, tightening, plane, space, plates)
+    for task in (
+        coarse,
+        kinks,
+        pushed,
+        steps,
+        heated,
+        sprung,
+        rigid,
+        tightening,
+        plane,
+        space,
+        plates,
+    )
 }
 
 
