@@ -273,7 +273,8 @@ def rigid(seed: int = 0, count: int = 50) -> None:
     for number in range(count):
         rng = np.random.default_rng([seed, number])
         scene, domain, degree = given_friction(rng)
-        push, sink = scene.supports[0].value
+        # The block's support prescribes two numbers.
+        push, sink = (float(value) for value in scene.supports[0].value)  # type: ignore[arg-type]
         force = -float(rng.uniform(0.2, 2.0)) * abs(sink)
         arm = float(rng.uniform(-0.15, 0.15))
         turn = float(rng.uniform(-0.3, 0.3)) * abs(sink)

@@ -1,8 +1,9 @@
 """Compare the cells that a run foresees with those that it needs.
 
-A run foresees the number of cells for its accuracy from its last two meshes
-(`erc_contact/run/foreseen.py`). What it needs is where its own curve of the error over
-cells crosses the accuracy, between its last two meshes.
+A run foresees the number of cells for its accuracy from its last two meshes, with a
+size map from the cells of the optimal mesh, too (`erc_contact/run/foreseen.py`). What
+it needs is where its own curve of the error over cells crosses the accuracy, between
+its last two meshes.
 
     OMP_NUM_THREADS=1 python benchmarks/foreseen.py [plane] [space]
 
@@ -15,7 +16,7 @@ from math import log
 
 import erc_contact as ec
 from erc_contact.error.strategy import Strategy
-from erc_contact.run.foreseen import foreseen_cells
+from erc_contact.run.foreseen import foreseen_by_sizes, foreseen_cells
 from erc_contact.run.step import Step
 
 STEEL = ec.Elastic(E=1.0, nu=0.3)
@@ -93,17 +94,25 @@ def needed_cells(steps: Sequence[Step], accuracy: float) -> float:
     return float(before.cells * (before.total / accuracy) ** power)
 
 
-def foreseen_over_needed(history: ec.History, degree: int) -> list[float]:
-    """Return foreseen over needed cells of each mesh that foresees them."""
-    steps = history.steps
-    order = degree / history.error.domain.dim
-    needed = needed_cells(steps, history.accuracy)
-    ratios = []
-    for number in range(2, len(steps)):
-        foreseen = foreseen_cells(steps[:number], history.accuracy, order)
-        if foreseen is not None:
-            ratios.append(foreseen / needed)
-    return ratios
+def run_and_foresee(
+    scene: ec.Scene, domain: ec.Domain, accuracy: float, degree: int, strategy: Strategy
+) -> tuple[ec.History, list[float]]:
+    """Run, and return cells foreseen over needed of each mesh but the last."""
+    rows: list[Step] = []
+    numbers = []
+
+    def foresee(error: ec.ConstitutiveError, step: Step) -> None:
+        rows.append(step)
+        if isinstance(strategy, ec.SizeMap):
+            numbers.append(foreseen_by_sizes(rows, error, accuracy))
+        else:
+            numbers.append(foreseen_cells(rows, accuracy, degree / domain.dim))
+
+    history = ec.adapt(scene, domain, accuracy, degree=degree, strategy=strategy, callback=foresee)
+    if len(rows) < 3 or not history.reached:
+        return history, []
+    needed = needed_cells(rows, accuracy)
+    return history, [number / needed for number in numbers[:-1] if number is not None]
 
 
 def print_rows(problem: Callable[[], Problem]) -> list[float]:
@@ -112,10 +121,7 @@ def print_rows(problem: Callable[[], Problem]) -> list[float]:
     ratios = []
     for degree, accuracy in accuracies.items():
         for name, strategy in STRATEGIES.items():
-            history = ec.adapt(scene, domain, accuracy, degree=degree, strategy=strategy)
-            if len(history.steps) < 3 or not history.reached:
-                continue
-            row = foreseen_over_needed(history, degree)
+            history, row = run_and_foresee(scene, domain, accuracy, degree, strategy)
             ratios += row
             told = ", ".join(f"{ratio:.2f}" for ratio in row) or "nothing foreseen"
             counts = f"{len(history.steps)} meshes, {history.steps[-1].cells} cells"

@@ -10,6 +10,8 @@ Vectors, axes of the user's, nothing cut off, nothing that was not computed.
 - Axes that are given are drawn on and returned, with the style of their figure; in 3D
   they are refused in words.
 - Maps of a contact in space are what an eye in the foundation sees.
+- All words of a figure are inside it, no panel covers another one, and both views of a
+  body in space are images of their own.
 """
 
 import re
@@ -170,3 +172,27 @@ def test_contact_in_space_is_seen_from_the_foundation():
         assert left < right  # x to the right, y downward: z points away from the eye
         assert low > high
         assert panels[1].get_title() == "seen from the foundation"
+
+
+@pytest.mark.serial
+def test_words_have_room_and_views_differ():
+    whole = error_of(*punch(3))
+    axes = output.draw_deformed(whole)
+    panels = [axes, output.plot_contact(whole, "bottom"), output.draw_error(whole)]
+    for shown in panels:
+        figure = np.ravel(shown)[0].figure
+        renderer = figure.canvas.get_renderer()
+        artists = (*figure.axes, *figure.texts)
+        boxes = []
+        for artist in artists:
+            is_panel = artist in figure.axes
+            extent = artist.get_tightbbox if is_panel else artist.get_window_extent
+            boxes.append(extent(renderer))
+        for number, box in enumerate(boxes):
+            inside = figure.bbox.padded(2).get_points()
+            assert np.all((box.get_points() >= inside[0]) & (box.get_points() <= inside[1]))
+            assert not any(box.overlaps(other) for other in boxes[:number])
+    above, below = (panel.images[0].get_array() for panel in axes)
+    assert above.shape != below.shape or np.any(above != below)
+    colours = [len(np.unique(image.reshape(-1, 3), axis=0)) for image in (above, below)]
+    assert min(colours) > 10

@@ -25,7 +25,7 @@ from erc_contact.error.sizes import RATIO
 from erc_contact.mesh.nodal import GROW, NodalMesh
 from erc_contact.output.gathered import whole_contact
 from erc_contact.results import OPEN, SLIP, STICK, contact_status
-from erc_contact.run.foreseen import foreseen_cells
+from erc_contact.run.foreseen import foreseen_by_sizes, foreseen_cells
 
 
 def measured(scene, domain, tighten=0):
@@ -292,6 +292,25 @@ def test_cells_are_foreseen_from_two_meshes(cells, eps, foreseen):
     rows = [SimpleNamespace(cells=n, total=e) for n, e in zip(cells, eps, strict=True)]
     number = foreseen_cells(rows, 0.05, 1 / 2)
     assert number == (foreseen and pytest.approx(foreseen))
+
+
+@pytest.mark.serial
+def test_size_maps_foresee_from_the_second_mesh():
+    """Within 20%, where the last two meshes alone tell too much or nothing."""
+    rows = []
+    told = []
+
+    def foresee(error, step):
+        rows.append(step)
+        told.append(foreseen_by_sizes(rows, error, 0.015))
+
+    ec.adapt(common_block(), block(4), 0.015, strategy=ec.SizeMap(), callback=foresee)
+    before, last = rows[-2:]
+    power = np.log(last.cells / before.cells) / np.log(before.total / last.total)
+    needed = before.cells * (before.total / 0.015) ** power
+    assert told[0] is None
+    assert len(told) > 2
+    assert told[1:] == pytest.approx([needed] * len(told[1:]), rel=0.2)
 
 
 @pytest.mark.serial

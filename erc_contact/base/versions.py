@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import platform
+from functools import cache
 from importlib import metadata
 
 import dolfinx
@@ -37,6 +38,7 @@ def machine() -> dict[str, str]:
     }
 
 
+@cache
 def _installed(name: str) -> str:
     """Return the version of an installed package, or "unknown"."""
     try:

@@ -19,7 +19,7 @@ from erc_contact.output.files import degree_of, grid_of, subdivided
 
 DIVISIONS = 6
 """Greatest number of straight parts of a curved edge."""
-TRIANGLES = 40_000
+TRIANGLES = 12_000
 """Greatest number of straight triangles, about, in which curved ones are cut.
 
 Edges have fewer parts if need be.

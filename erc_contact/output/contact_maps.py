@@ -15,6 +15,7 @@ from erc_contact.model.profile import OPEN, SLIP, STICK
 from erc_contact.output.drawing import (
     STATUS_COLOURS,
     STATUS_NAMES,
+    bar_axes,
     coordinate,
     new_figure,
     panels_of,
@@ -22,10 +23,17 @@ from erc_contact.output.drawing import (
 )
 from erc_contact.output.files import subdivided
 from erc_contact.output.gathered import Surface, mean_normal
+from erc_contact.output.placing import place
 from erc_contact.results.profile import contact_status
 
 MAP_DIVISIONS = 4
 """Number of parts of an edge of a facet in the maps of tractions."""
+MAP_WIDTH = 2.9
+"""Width of a map [inches]."""
+BAR_SHARE = 0.9
+"""Length of a colour bar over the width of its map [-]."""
+BAR_ASPECT = 20.0
+"""Length of a colour bar over its width [-]."""
 
 
 def contact_maps(surface: Surface, ax: Any = None) -> Any:
@@ -40,10 +48,12 @@ def contact_maps(surface: Surface, ax: Any = None) -> Any:
     ends = [_around(u, u[closed]), _around(v, v[closed])]
     if ax is None:
         ratio = float(np.ptp(ends[1]) / np.ptp(ends[0]))
-        figure = new_figure(10.0, max(2.6, 1.2 + 3.0 * ratio))
+        figure = new_figure(3 * MAP_WIDTH, MAP_WIDTH * ratio)
         panels = figure.subplots(1, 3, sharex=True, sharey=True)
+        bars = [bar_axes(figure) for _ in panels]
     else:
         panels = panels_of(ax, 3, "plot_contact in 3D")
+        bars = [None, None, None]
     points, parts = subdivided(2, MAP_DIVISIONS)
     shape = bernstein(2, surface.degree, points)
     pressure = -traction.normal_component @ shape.T
@@ -53,9 +63,9 @@ def contact_maps(surface: Surface, ax: Any = None) -> Any:
     s, t = plane @ np.matmul(corners, surface.x[:, :3]).reshape(-1, 3).T
     offset = np.arange(len(surface.x))[:, None, None] * len(points)
     triangles = (offset + parts).reshape(-1, 3)
-    _draw_traction(panels[0], s, t, triangles, pressure, "pressure")
-    _draw_traction(panels[1], s, t, triangles, shear, "shear")
-    _draw_status(panels[2], u, v, facets, status)
+    _draw_traction(panels[0], s, t, triangles, pressure, "pressure", bars[0])
+    _draw_traction(panels[1], s, t, triangles, shear, "shear", bars[1])
+    _draw_status(panels[2], u, v, facets, status, bars[2])
     # The eye is in what the body touches, so one of the two axes may be turned round.
     is_turned = np.cross(*plane) @ n < 0
     ylim = ends[1][::-1] if is_turned else ends[1]
@@ -67,11 +77,21 @@ def contact_maps(surface: Surface, ax: Any = None) -> Any:
     if surface.partners is not None:
         seen = f"{contact.name} seen from {contact.against}"
     panels[1].set_title(seen, fontsize=11)
+    if ax is None:
+        sizes = np.tile([MAP_WIDTH, MAP_WIDTH * ratio], (3, 1))
+        bar_sizes = np.tile([BAR_SHARE * MAP_WIDTH, BAR_SHARE * MAP_WIDTH / BAR_ASPECT], (3, 1))
+        place(panels, sizes, bars, bar_sizes)
     return panels
 
 
 def _draw_traction(
-    panel: Any, s: np.ndarray, t: np.ndarray, triangles: np.ndarray, values: np.ndarray, title: str
+    panel: Any,
+    s: np.ndarray,
+    t: np.ndarray,
+    triangles: np.ndarray,
+    values: np.ndarray,
+    title: str,
+    room: Any,
 ) -> None:
     """Draw a map of a traction [force/area] with its colour bar.
 
@@ -82,6 +102,7 @@ def _draw_traction(
         triangles: Numbers of their points, shape (f, 3).
         values: Values at the points, with p entries.
         title: Title of the colour bar.
+        room: Axes of the colour bar; None takes its room from the panel.
     """
     # Zero has its own colour, and a map of zeros needs a range.
     colours = {"vmin": min(values.min(), 0.0), "vmax": values.max() or 1.0}
@@ -90,13 +111,13 @@ def _draw_traction(
     # The axes hold it; a layout with each of its triangles takes longer than drawing.
     drawn.set_in_layout(False)
     label = f"{title} [force/area]"
-    bar = panel.figure.colorbar(drawn, ax=panel, label=label, location="bottom", shrink=0.9)
+    bar = _bar(panel, drawn, room, label=label)
     if not values.any():
         bar.set_ticks([0.0])
 
 
 def _draw_status(
-    panel: Any, u: np.ndarray, v: np.ndarray, facets: np.ndarray, status: np.ndarray
+    panel: Any, u: np.ndarray, v: np.ndarray, facets: np.ndarray, status: np.ndarray, room: Any
 ) -> None:
     """Draw a map of the status of the facets with its colour bar."""
     from matplotlib.colors import BoundaryNorm, ListedColormap  # noqa: PLC0415
@@ -106,10 +127,16 @@ def _draw_status(
     look = {"cmap": colours, "norm": norm, "edgecolors": "0.6", "lw": 0.2}
     drawn = panel.tripcolor(u, v, facets, facecolors=status.astype(float), **look)
     drawn.set_in_layout(False)
-    place = {"location": "bottom", "shrink": 0.9}
-    ticks = [OPEN, SLIP, STICK]
-    bar = panel.figure.colorbar(drawn, ax=panel, ticks=ticks, label="status", **place)
+    bar = _bar(panel, drawn, room, ticks=[OPEN, SLIP, STICK], label="status")
     bar.ax.set_xticklabels(STATUS_NAMES)
+
+
+def _bar(panel: Any, drawn: Any, room: Any, **look: Any) -> Any:
+    """Draw the colour bar of a panel in its axes, or else below the panel."""
+    if room is not None:
+        return panel.figure.colorbar(drawn, cax=room, orientation="horizontal", **look)
+    where = {"location": "bottom", "shrink": BAR_SHARE}
+    return panel.figure.colorbar(drawn, ax=panel, **where, **look)
 
 
 def _around(whole: np.ndarray, closed: np.ndarray) -> np.ndarray:

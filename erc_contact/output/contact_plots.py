@@ -30,10 +30,13 @@ from erc_contact.output.drawing import (
 )
 from erc_contact.output.files import PARTS, subdivided
 from erc_contact.output.gathered import AXIS, Surface, whole_contact
+from erc_contact.output.placing import place
 from erc_contact.results.profile import contact_of, contact_status
 
 PRESSURE, SHEAR = "#0072B2", "#D55E00"
 """Colours of the curves of pressure and shear."""
+CURVES_SIZE = (6.3, 2.9)
+"""Width and height of the axes in 2D [inches]."""
 LABEL_DISTANCE = 0.05
 """Least distance of two labels of an axis, as a share of its length [-]."""
 PEAK = 8.0
@@ -109,7 +112,7 @@ def contact_curves(surface: Surface, ax: Any = None) -> Any:
     s, label = along(surface)
     line = _Line(surface, s)
     if ax is None:
-        axes = new_figure(7.2, 4.0).subplots()
+        axes = new_figure(*CURVES_SIZE).subplots()
     else:
         axes = panels_of(ax, 1, "plot_contact in 2D")[0]
     _draw_strips(axes, s, status)
@@ -137,6 +140,8 @@ def contact_curves(surface: Surface, ax: Any = None) -> Any:
     greatest = np.maximum(pressure, traction.friction_bound if limited else abs(shear)).max(axis=1)
     _keep_peaks(axes, weighted_level(greatest, traction.area, 0.9), float(greatest.max()))
     _write_legend(axes, status, surface.degree)
+    if ax is None:
+        place([axes], np.array([CURVES_SIZE]))
     return axes
 
 
@@ -213,8 +218,8 @@ def _write_legend(axes: Any, status: np.ndarray, degree: int) -> None:
     for code in np.unique(status):
         handles.append(Patch(fc=STATUS_COLOURS[code], ec="0.6"))
         labels.append(STATUS_NAMES[code])
-    place = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0), "ncols": 4, "frameon": False}
-    axes.legend(handles, labels, columnspacing=1.2, **place)
+    where = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0), "ncols": 4, "frameon": False}
+    axes.legend(handles, labels, columnspacing=1.2, **where)
 
 
 def _keep_peaks(axes: Any, level: float, peak: float) -> None:
@@ -257,8 +262,8 @@ def _legible(axes: Any, ticks: np.ndarray) -> np.ndarray:
     low, high = scale.transform(np.array(axes.get_ylim()))
     ticks = ticks[np.argsort(abs(ticks), kind="stable")]
     kept: list[float] = []
-    for tick, place in zip(ticks, scale.transform(ticks), strict=True):
-        distances = abs(scale.transform(np.array(kept)) - place) / (high - low)
+    for tick, height in zip(ticks, scale.transform(ticks), strict=True):
+        distances = abs(scale.transform(np.array(kept)) - height) / (high - low)
         if distances.min(initial=1.0) >= LABEL_DISTANCE:
             kept.append(tick)
     return np.array(kept)

@@ -16,9 +16,12 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.base.percent import percent
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.output.drawing import COLOUR_CYCLE, draw_figure, log_ticks, new_figure, panels_of
+from erc_contact.output.placing import place
 
 SPAN = 4.0
 """Factor by which unknowns must grow over the meshes of which a slope is told [-]."""
+PANEL_SIZE = (3.7, 3.2)
+"""Width and height of both axes [inches]."""
 FEW_CURVES = 3
 """Greatest number of curves whose legend is inside the axes."""
 MARKERS = "osD^vP*X"
@@ -80,7 +83,7 @@ def plot_history(
     domain = next(iter(histories.values())).error.domain
 
     def draw(ax: Any) -> np.ndarray:
-        axes = _two_axes(ax, len(histories))
+        axes = _two_axes(ax)
         left, right = axes
         _draw_errors(left, right, histories)
         left.set(xlabel="run time [s]", ylabel="relative error [%]")
@@ -88,8 +91,10 @@ def plot_history(
         _draw_accuracies(left, right, histories)
         _draw_best_slope(right, histories, domain.dim)
         if len(histories) > FEW_CURVES:
-            place = {"loc": "outside lower center", "ncols": 2, "frameon": False}
-            left.figure.legend(*right.get_legend_handles_labels(), **place)
+            where = {"loc": "outside lower center", "ncols": 2, "frameon": False}
+            if ax is None:
+                where["loc"] = "lower center"
+            left.figure.legend(*right.get_legend_handles_labels(), **where)
         else:
             right.legend(loc="best", frameon=False)
         for panel in axes:
@@ -97,18 +102,17 @@ def plot_history(
             _log_scale(panel.xaxis, *panel.dataLim.intervalx)
             # Both axes have the errors of the right one, without the words of the left.
             _log_scale(panel.yaxis, *right.dataLim.intervaly)
+        if ax is None:
+            place(axes, np.tile(PANEL_SIZE, (2, 1)))
         return axes
 
     return draw_figure(domain.mesh.comm, path, ax, draw)
 
 
-def _two_axes(ax: Any, count: int) -> np.ndarray:
-    """Return the user's two axes, or those of a new figure with room for a legend."""
+def _two_axes(ax: Any) -> np.ndarray:
+    """Return the user's two axes, or those of a new figure."""
     if ax is None:
-        legend = 0.13 * count if count > FEW_CURVES else 0.0
-        figure = new_figure(8.6, 3.9 + legend)
-        figure.get_layout_engine().set(wspace=0.06)
-        ax = figure.subplots(1, 2, sharey=True)
+        ax = new_figure(2 * PANEL_SIZE[0], PANEL_SIZE[1]).subplots(1, 2, sharey=True)
     return panels_of(ax, 2, "plot_history")
 
 
@@ -132,12 +136,12 @@ def _draw_errors(left: Any, right: Any, histories: Mapping[str, Run]) -> None:
 
 def _draw_accuracies(left: Any, right: Any, histories: Mapping[str, Run]) -> None:
     """Draw the prescribed accuracies, with words at their left ends."""
-    place = {"transform": left.get_yaxis_transform(), "va": "bottom"}
+    where = {"transform": left.get_yaxis_transform(), "va": "bottom"}
     for accuracy in sorted({history.accuracy for history in histories.values()}):
         level = 100 * accuracy
         left.axhline(level, color="0.35", lw=0.9, ls=":")
         right.axhline(level, color="0.35", lw=0.9, ls=":")
-        left.text(0.02, level, f"accuracy {percent(accuracy, 3)}", **place)
+        left.text(0.02, level, f"accuracy {percent(accuracy, 3)}", **where)
 
 
 def _draw_best_slope(axes: Any, histories: Mapping[str, Run], d: int) -> None:
@@ -160,7 +164,7 @@ def _log_scale(axis: Any, low: float, high: float) -> None:
 
     It stays linear if the least value is not positive.
     """
-    from matplotlib.ticker import NullLocator  # noqa: PLC0415
+    from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator  # noqa: PLC0415
 
     if not low > 0:
         axis.axes.margins(**{axis.axis_name: 0.15})
@@ -169,8 +173,9 @@ def _log_scale(axis: Any, low: float, high: float) -> None:
     low, high = low / margin, high * margin
     axis.axes.set(**{f"{axis.axis_name}scale": "log", f"{axis.axis_name}lim": (low, high)})
     ticks = log_ticks(low, high)
-    axis.set_ticks(ticks, labels=[_plain(tick) for tick in ticks])
     axis.set_minor_locator(NullLocator())
+    axis.set_major_locator(FixedLocator(ticks))
+    axis.set_major_formatter(FuncFormatter(lambda tick, _: _plain(tick)))
 
 
 def _plain(number: float) -> str:

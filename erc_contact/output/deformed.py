@@ -149,12 +149,10 @@ def draw_deformed(
         closed = _closed_lines(contacts, x)
         lines = outline(body, d) + closed
         grounds = _grounds(foundations, times, size, float(np.ptp(x, axis=0).max()))
-        axes = draw_map(ax, skin, x, stress, scale, views_of(d, up), lines, grounds)
         title = _title(contacts, foundations, times, size, pull)
         if closed:
             title += colours_in_words(contacts)
-        _write_title(axes, title, d)
-        return axes
+        return draw_map(ax, skin, x, stress, scale, views_of(d, up), lines, grounds, title)
 
     return draw_figure(model.comm, path, ax, draw)
 
@@ -282,14 +280,6 @@ def _title(
     if entry > 1.1 * UNSEEN * size:  # more than rounding of the magnification makes of it
         title += f"\nand so the contact looks open or entered by up to {entry:.2g} [length]"
     return title
-
-
-def _write_title(axes: Any, title: str, d: int) -> None:
-    """Write a title above the axes in 2D, or above both views in 3D."""
-    if d == 2:
-        axes.set_title(title, fontsize=11)
-    else:
-        axes[0].figure.suptitle(title, fontsize=11)
 
 
 def _shown_stress(admissible: Admissible) -> np.ndarray:

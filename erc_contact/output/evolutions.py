@@ -24,6 +24,7 @@ from erc_contact.output.drawing import (
 )
 from erc_contact.output.files import on_root
 from erc_contact.output.foundations import rounded
+from erc_contact.output.placing import place
 from erc_contact.output.series import LoadingHistory
 from erc_contact.scene.scene import Scene
 
@@ -31,6 +32,12 @@ ZONE_POINTS = 400
 """Number of points along a contact in the picture of its zones."""
 FRAMES = 60
 """Greatest number of frames of an animation."""
+PANEL_SIZE = (3.6, 3.3)
+"""Width and height of the axes of energies [inches]."""
+LOOP_SIZE = (4.4, 3.6)
+"""Width and height of the axes of a loop [inches]."""
+ZONES_SIZE = (5.7, 3.2)
+"""Width and height of the axes of zones [inches]."""
 LINE: dict[str, Any] = {"ms": 3, "lw": 1.2}
 """Size of the marks and width of the lines of curves."""
 
@@ -54,7 +61,7 @@ def plot_energies(
 
     def draw(ax: Any) -> np.ndarray:
         time = history.column("time")
-        axes = new_figure(8.6, 3.9).subplots(1, 2) if ax is None else ax
+        axes = new_figure(2 * PANEL_SIZE[0], PANEL_SIZE[1]).subplots(1, 2) if ax is None else ax
         panels = panels_of(axes, 2, "plot_energies")
         left, right = panels
         for panel in panels:
@@ -72,6 +79,8 @@ def plot_energies(
         for panel in panels:
             panel.legend(loc="best", frameon=False)
             panel.grid(color="0.9", lw=0.6)
+        if ax is None:
+            place(panels, np.tile(PANEL_SIZE, (2, 1)))
         return panels
 
     return draw_figure(comm, path, ax, draw)
@@ -119,14 +128,18 @@ def plot_loop(
     moved = np.array([_mean_displacement(error, where) @ direction for error in history.errors])
 
     def draw(ax: Any) -> Any:
-        axes = new_figure(5.2, 4.2).subplots() if ax is None else ax
+        axes = new_figure(*LOOP_SIZE).subplots() if ax is None else ax
         # The force on what the body touches is the opposite of that on the body.
         axes.plot(moved, -shear, "o-", color=COLOUR_CYCLE[0], **LINE)
         axes.set(
             xlabel=f"mean displacement of {where} [length]",
             ylabel=f"shear on {other} [force]",
         )
+        if ax is None:
+            axes.locator_params(axis="x", nbins=5)
         axes.grid(color="0.9", lw=0.6)
+        if ax is None:
+            place([axes], np.array([LOOP_SIZE]))
         return axes
 
     return draw_figure(model.comm, path, ax, draw)
@@ -170,15 +183,17 @@ def plot_zones(
         first = np.diff(time).min(initial=np.ptp(time) or 1.0)
         times = np.append(time[0] - first, time)
         places = np.linspace(0, length, ZONE_POINTS + 1)
-        axes = new_figure(6.4, 4.0).subplots() if ax is None else ax
+        axes = new_figure(*ZONES_SIZE).subplots() if ax is None else ax
         colours = {"cmap": ListedColormap(STATUS_COLOURS), "vmin": -0.5, "vmax": 2.5}
         axes.pcolormesh(times, places, status.T, **colours)
         axes.set(xlabel="t", ylabel=f"s along {contact} [length]")
         patches = []
         for name, colour in zip(STATUS_NAMES, STATUS_COLOURS, strict=True):
             patches.append(Patch(fc=colour, ec="0.6", label=name))
-        place = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0)}
-        axes.legend(handles=patches, ncols=3, frameon=False, **place)
+        where = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0)}
+        axes.legend(handles=patches, ncols=3, frameon=False, **where)
+        if ax is None:
+            place([axes], np.array([ZONES_SIZE]))
         return axes
 
     return draw_figure(comm, path, ax, draw)

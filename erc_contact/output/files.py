@@ -22,6 +22,8 @@ STYLE = {
     "mathtext.fontset": "stix",
     "font.size": 11.0,
     "pdf.fonttype": 42,
+    "figure.autolayout": False,
+    "figure.constrained_layout.use": False,
 }
 """matplotlib's settings for our figures; journals want fonts of type 42 in pdf."""
 VTK_EDGES = np.array([(0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3)])

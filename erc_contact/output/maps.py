@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from erc_contact.output.bodies import Skin
-from erc_contact.output.drawing import log_ticks, new_figure
-from erc_contact.output.views import SPACE, WORDS, Part, seen, show
+from erc_contact.output.drawing import bar_axes, log_ticks, new_figure
+from erc_contact.output.placing import place
+from erc_contact.output.views import SPACE, Part, seen, show
 
 WIDE_BODY = 1.6
 """Width over height of a body above which its colour bar is below [-]."""
@@ -19,6 +20,14 @@ FEW_CELLS = 15_000
 
 More edges would hide the colours.
 """
+BAR_BESIDE = 0.8
+"""Length of a colour bar at the right of a body over the height of the body [-]."""
+BAR_BELOW = 0.7
+"""Length of a colour bar below a body over the width of the body [-]."""
+BAR_ASPECT = 35.0
+"""Length of a colour bar over its width [-]."""
+LEAST_BAR = 1.2
+"""Least length of a colour bar at the right of a body [inches]."""
 
 
 @dataclass(frozen=True)
@@ -46,6 +55,7 @@ def draw_map(
     views: dict[str, np.ndarray],
     lines: Sequence[Part] = (),
     grounds: Sequence[Part] = (),
+    title: str = "",
 ) -> Any:
     """Draw a body with coloured elements and a colour bar in axes.
 
@@ -60,6 +70,7 @@ def draw_map(
         lines: Lines that are drawn on the body.
         grounds: Parts of foundations, from :func:`ground`. In 3D only the view from
             above has them, because they hide the contact.
+        title: Title of the body, in 3D of both views.
     """
     from matplotlib.cm import ScalarMappable  # noqa: PLC0415
 
@@ -80,37 +91,54 @@ def draw_map(
     ratio = float(sizes[:, 0].sum() / sizes[:, 1].max())
     is_flat = len(views) == 1
     is_below = is_flat and ratio > WIDE_BODY
-    if ax is None:
-        figure = _figure_of(ratio, is_flat=is_flat, is_below=is_below)
-        ax = figure.subplots(1, len(views), width_ratios=sizes[:, 0])
+    is_new = ax is None
+    if is_new:
+        width = min(6.0, 6.0 * ratio) if is_flat else min(SPACE, 3.0 * ratio)
+        sizes *= width / sizes[:, 0].sum()
+        ax = new_figure(width, width / ratio).subplots(1, len(views))
     panels = np.ravel(ax)
-    for panel, (name, view) in zip(panels, views.items(), strict=True):
-        show(panel, shown[name], view)
-        if not is_flat:
+    show(panels, [(shown[name], view) for name, view in views.items()])
+    if not is_flat:
+        for panel, name in zip(panels, views, strict=True):
             panel.set_title(name, fontsize=11)
-    bar = _colour_bar(panels, colours, scale, is_below=is_below)
+    if is_flat:
+        panels[0].set_title(title, fontsize=11)
+    elif title:
+        panels[0].figure.text(0.5, 1.0, title, fontsize=11, ha="center")
+    bar = _colour_bar(panels, colours, scale, is_new=is_new, is_below=is_below)
     _write_ticks(bar, scale.norm, any_value=bool(values.any()))
+    if is_new:
+        bar_size = _size_of_bar(sizes, is_below=is_below)
+        place(panels, sizes, [bar.ax], bar_size[None], beside=not is_below)
     return ax
 
 
-def _figure_of(ratio: float, *, is_flat: bool, is_below: bool) -> Any:
-    """Make a figure for views with a ratio of width to height, and a colour bar."""
-    width = min(6.0, 6.0 * ratio) if is_flat else min(SPACE, 3.0 * ratio)
-    height = width / ratio
-    words_beside = 0.7 if is_below else 1.9
-    words_below = 1.6 if is_below else 0.9
-    # Each of the two views in 3D has coordinates.
-    coordinates = 0.0 if is_flat else 2 * WORDS
-    wide = max(width, 1.5) + (words_beside + coordinates)
-    return new_figure(wide, height + words_below, "compressed")
-
-
-def _colour_bar(panels: np.ndarray, colours: Any, scale: Scale, *, is_below: bool) -> Any:
-    """Draw a colour bar with its label, below a wide body or else at its right."""
-    place: dict[str, Any] = {"shrink": 0.8, "aspect": 30}
+def _size_of_bar(sizes: np.ndarray, *, is_below: bool) -> np.ndarray:
+    """Return width and height of the colour bar of views [inches], shape (2,)."""
     if is_below:
-        place = {"location": "bottom", "shrink": 0.7, "aspect": 40}
-    bar = panels[0].figure.colorbar(colours, ax=panels, extend=scale.extend, **place)
+        length = BAR_BELOW * sizes[:, 0].sum()
+        return np.array([length, length / BAR_ASPECT])
+    length = max(BAR_BESIDE * sizes[:, 1].max(), LEAST_BAR)
+    return np.array([length / BAR_ASPECT, length])
+
+
+def _colour_bar(
+    panels: np.ndarray, colours: Any, scale: Scale, *, is_new: bool, is_below: bool
+) -> Any:
+    """Draw a colour bar with its label, below a wide body or else at its right.
+
+    In a new figure it has axes of its own, which are placed later.
+    """
+    where: dict[str, Any] = {"shrink": BAR_BESIDE, "aspect": BAR_ASPECT}
+    if is_below:
+        where = {"location": "bottom", "shrink": BAR_BELOW, "aspect": BAR_ASPECT}
+    figure = panels[0].figure
+    if is_new:
+        orientation = "horizontal" if is_below else "vertical"
+        where = {"cax": bar_axes(figure), "orientation": orientation}
+    else:
+        where["ax"] = panels
+    bar = figure.colorbar(colours, extend=scale.extend, **where)
     if is_below:
         bar.set_label(scale.label)
     else:

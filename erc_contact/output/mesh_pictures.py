@@ -69,15 +69,16 @@ def draw_meshes(
         ratio = width / height
         panels = np.ravel(_panels(ratio, count, dim) if ax is None else ax)
         # Each view has a row, with all meshes side by side.
-        pairs = [(view, parts) for view in views for parts in shown]
-        for panel, (view, parts) in zip(panels, pairs, strict=False):
-            show(panel, parts, view)
-            if ax is None:
+        pictures = [(parts, view) for view in views for parts in shown]
+        used = panels[: len(pictures)]
+        show(used, pictures)
+        if ax is None:
+            for panel in used:
                 panel.label_outer(remove_inner_ticks=True)
         between = ", " if ratio > 0.8 else "\n"
         for panel, words in zip(panels, titles, strict=False):
             panel.set_title(between.join(words), fontsize=10)
-        for panel in panels[len(pairs) :]:
+        for panel in panels[len(pictures) :]:
             panel.set_axis_off()
         return panels
 

@@ -89,68 +89,102 @@ def seen(parts: Sequence[Part], view: np.ndarray) -> np.ndarray:
     return np.array([low - margin, high + margin])
 
 
-def rendered(parts: Sequence[Part], view: np.ndarray) -> np.ndarray:
-    """Draw the image of parts in parallel projection; it ends where :func:`seen` says.
+def rendered(pictures: Sequence[tuple[Sequence[Part], np.ndarray]]) -> list[np.ndarray]:
+    """Draw images of parts in parallel projection, each from where :func:`seen` says.
+
+    All are drawn in one window, because a window costs more than a second view of the
+    same parts.
 
     Args:
-        parts: Data of pyvista, and options with which they are drawn.
-        view: Axes of the view, shape (3, 3).
+        pictures: Parts (data of pyvista, and options with which they are drawn) and
+            the axes of the view, shape (3, 3), of each image.
 
     Returns:
-        The pixels, shape (height, width, 3).
+        The pixels of each, shape (height, width, 3).
     """
     import pyvista  # noqa: PLC0415
 
+    images = []
+    # Without a display VTK complains before it finds another way.
+    with pyvista.vtk_verbosity("off"):
+        plotter = pyvista.Plotter(off_screen=True)
+        # Without a graphics card several samples of a pixel cost most of the time. The
+        # image has more pixels than the picture, which smooths its lines.
+        plotter.render_window.SetMultiSamples(0)
+        plotter.set_background("white")
+        plotter.enable_parallel_projection()
+        actors: dict[int, Any] = {}
+        for parts, view in pictures:
+            images.append(_image(plotter, actors, parts, view))
+        plotter.close()
+    return images
+
+
+def _image(
+    plotter: Any, actors: dict[int, Any], parts: Sequence[Part], view: np.ndarray
+) -> np.ndarray:
+    """Draw the image of one view in a window.
+
+    Args:
+        plotter: The window of pyvista.
+        actors: What the window has, by the identity of the data; new parts are added.
+        parts: What is seen.
+        view: Axes of the view, shape (3, 3).
+    """
     low, high = seen(parts, view)
     size = float(np.linalg.norm(high - low))
     middle = (low + high) / 2 @ view
     sides = (high - low)[:2]
     pixels = np.maximum(PIXELS * sides / sides.max(), 16).round().astype(int)
-    # Without a display VTK complains before it finds another way.
-    with pyvista.vtk_verbosity("off"):
-        plotter = pyvista.Plotter(off_screen=True, window_size=pixels.tolist())
-        # Without a graphics card several samples of a pixel cost most of the time. The
-        # image has more pixels than the picture, which smooths its lines.
-        plotter.render_window.SetMultiSamples(0)
-        plotter.set_background("white")
-        light = {"ambient": 0.65, "diffuse": 0.4, "show_scalar_bar": False}
-        for data, look in parts:
-            # Lines are to be seen before the surface that they lie on.
-            is_lines = data.n_lines > 0
-            shown = data.translate(LIFT * size * view[2]) if is_lines else data
-            plotter.add_mesh(shown, **light, **look)
-        plotter.enable_parallel_projection()
-        eye = middle + 2 * size * view[2]
-        plotter.camera_position = [tuple(eye), tuple(middle), tuple(view[1])]
-        plotter.camera.parallel_scale = sides[1] / 2
-        plotter.reset_camera_clipping_range()
-        image = np.asarray(plotter.screenshot(return_img=True))
-        plotter.close()
-    return image
+    # What follows would else draw the image several times.
+    plotter.suppress_rendering = True
+    plotter.window_size = pixels.tolist()
+    light = {"ambient": 0.65, "diffuse": 0.4, "show_scalar_bar": False}
+    for actor in actors.values():
+        actor.visibility = False
+    for data, look in parts:
+        if id(data) not in actors:
+            actors[id(data)] = plotter.add_mesh(data, **light, **look)
+        actor = actors[id(data)]
+        actor.visibility = True
+        # Lines are to be seen before the surface that they lie on.
+        if data.n_lines > 0:
+            actor.position = LIFT * size * view[2]
+    eye = middle + 2 * size * view[2]
+    plotter.camera_position = [tuple(eye), tuple(middle), tuple(view[1])]
+    plotter.camera.parallel_scale = sides[1] / 2
+    plotter.reset_camera_clipping_range()
+    plotter.suppress_rendering = False
+    plotter.render()
+    return np.array(plotter.screenshot(return_img=True))
 
 
-def show(axes: Any, parts: Sequence[Part], view: np.ndarray) -> None:
+def show(panels: Any, pictures: Sequence[tuple[Sequence[Part], np.ndarray]]) -> None:
     """Show parts of a body in axes of matplotlib, with coordinates.
 
     In 3D these stand along three edges of a box around the parts.
 
     Args:
-        axes: Axes of matplotlib.
-        parts: Data of pyvista, and options with which they are drawn.
-        view: Axes of the view, shape (3, 3), the identity for a body in the plane.
+        panels: Axes of matplotlib, as many as pictures.
+        pictures: Parts and the axes of their view, shape (3, 3), which are the identity
+            for a body in the plane.
     """
-    low, high = seen(parts, view)
-    if view[2, 2] == 1.0:
-        draw_flat(axes, parts)
-        axes.set(**limits(low, high))
+    if pictures[0][1][2, 2] == 1.0:
+        for axes, (parts, view) in zip(panels, pictures, strict=True):
+            low, high = seen(parts, view)
+            draw_flat(axes, parts)
+            axes.set(**limits(low, high))
         return
-    axes.imshow(rendered(parts, view), extent=(low[0], high[0], low[1], high[1]))
-    axes.spines[:].set_visible(False)
-    axes.set_axis_off()
-    points = np.concatenate([data.points for data, _ in parts])
-    box = np.array([points.min(axis=0), points.max(axis=0)])
-    for i in range(3):
-        _draw_coordinate(axes, box, view, i)
+    images = rendered(pictures)
+    for axes, (parts, view), image in zip(panels, pictures, images, strict=True):
+        low, high = seen(parts, view)
+        axes.imshow(image, extent=(low[0], high[0], low[1], high[1]))
+        axes.spines[:].set_visible(False)
+        axes.set_axis_off()
+        points = np.concatenate([data.points for data, _ in parts])
+        box = np.array([points.min(axis=0), points.max(axis=0)])
+        for i in range(3):
+            _draw_coordinate(axes, box, view, i)
 
 
 def _draw_coordinate(axes: Any, box: np.ndarray, view: np.ndarray, i: int) -> None:

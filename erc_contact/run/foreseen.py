@@ -6,7 +6,7 @@ Symbols: eps relative error, d dimension, k degree.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import log
+from math import log, sqrt
 
 from erc_contact.base.percent import percent
 from erc_contact.error.constitutive import ConstitutiveError
@@ -49,8 +49,38 @@ def foreseen_cells(steps: Sequence[Step], accuracy: float, order: float) -> floa
     return float(last.cells * fall ** min(max(power, smooth), 2 * smooth))
 
 
+def foreseen_by_sizes(
+    steps: Sequence[Step], error: ConstitutiveError, accuracy: float
+) -> float | None:
+    """Foresee the number of cells of a run that meshes again by sizes; collective.
+
+    The cells of the optimal mesh are a second prediction, which integrates what the
+    last mesh has found, and needs no row before it. It tends to be too small, because
+    no mesh has just the sizes that are asked for, and the power of the last two meshes
+    too large, because part of the cells of the one before are at wrong places. So their
+    geometric mean is told where both are known.
+
+    Args:
+        steps: The rows of the run.
+        error: The error of the last of them.
+        accuracy: The relative error.
+
+    Returns:
+        The number of cells; None where the meshes are too coarse to tell.
+    """
+    if len(steps) < 2 or error.total > PREDICTIVE_ERROR:
+        return None
+    optimal = size_map(error, accuracy).predicted_cells
+    by_power = foreseen_cells(steps, accuracy, error.degree / error.domain.dim)
+    return optimal if by_power is None else sqrt(optimal * by_power)
+
+
 def too_many_cells(
-    steps: Sequence[Step], error: ConstitutiveError, accuracy: float, max_cells: int
+    steps: Sequence[Step],
+    error: ConstitutiveError,
+    accuracy: float,
+    max_cells: int,
+    by_sizes: bool,
 ) -> str:
     """Say in words that an accuracy takes more cells than allowed, or nothing.
 
@@ -62,17 +92,21 @@ def too_many_cells(
         error: The error of the last of them.
         accuracy: The relative error that is asked for.
         max_cells: Greatest number of cells that is allowed.
+        by_sizes: Whether the run meshes again by sizes.
     """
     # The first mesh is mostly too coarse to know.
     if len(steps) < 2 or error.total > PREDICTIVE_ERROR:
         return ""
     order = error.degree / error.domain.dim
-    cells = foreseen_cells(steps, accuracy, order)
-    if cells is not None:
-        number = f"{percent(accuracy)} takes about {cells:.2g} cells"
-        return number if cells > max_cells else ""
     # Most runs need no look at the sizes of the optimal mesh, which takes time.
     equal = steps[-1].cells * (error.total / accuracy) ** (1 / order)
+    cells = foreseen_cells(steps, accuracy, order)
+    if by_sizes and max(equal, cells or 0.0) > max_cells / 2:
+        cells = foreseen_by_sizes(steps, error, accuracy)
+    ending = f", it seems; max_cells = {max_cells} will end the run."
+    if cells is not None:
+        number = f"{percent(accuracy)} takes about {cells:.2g} cells"
+        return number + ending if cells > max_cells else ""
     if equal < max_cells or size_map(error, accuracy).predicted_cells < DOUBT * max_cells:
         return ""
-    return f"{percent(accuracy)} takes more cells than are allowed"
+    return f"{percent(accuracy)} takes more cells than are allowed" + ending

@@ -17,6 +17,7 @@ from erc_contact.base.progress import stage
 from erc_contact.base.runtime.interrupts import Interrupts
 from erc_contact.error.constitutive import ConstitutiveError, constitutive_error
 from erc_contact.error.goals import Aim
+from erc_contact.error.optimal import SizeMap
 from erc_contact.mesh.domain import Domain
 from erc_contact.newton.doubts import DoubtsOfRun
 from erc_contact.newton.ladder import NODAL
@@ -83,9 +84,8 @@ class Loop:
                 while not self._ends(error):
                     domain, seconds = self._next(error, interrupts)
                     if domain.cells > self.plan.max_cells:
-                        limit = f"max_cells = {self.plan.max_cells}"
-                        too_many = f"the next mesh has {domain.cells} cells, more than {limit}"
-                        self.outcome = f"Stopped{self.above}: {too_many}."
+                        cells = f"{domain.cells} cells, more than max_cells = {self.plan.max_cells}"
+                        self.outcome = f"Stopped{self.above}: the next mesh has {cells}."
                         break
                     error = self._level(domain, error, seconds, interrupts)
             except (Exception, KeyboardInterrupt) as failure:
@@ -235,10 +235,10 @@ class Loop:
         elif len(self.steps) >= plan.max_steps:
             self.outcome = f"Stopped after max_steps = {plan.max_steps} meshes{self.above}."
         elif self.aim is None and not self.warned:
-            words = too_many_cells(self.steps, error, plan.accuracy, plan.max_cells)
+            by_sizes = isinstance(plan.strategy, SizeMap)
+            words = too_many_cells(self.steps, error, plan.accuracy, plan.max_cells, by_sizes)
             self.warned = bool(words)
             if words:
-                words += f", it seems; max_cells = {plan.max_cells} will end the run."
                 log_of(self.comm).warning(words)
         return bool(self.outcome)
 
