@@ -61,7 +61,7 @@ from erc_contact.error.works import (
     strain_work,
 )
 from erc_contact.mesh.quadrature import facet_pieces, integrate, polynomials
-from erc_contact.model.foundation import ContactData
+from erc_contact.model.contact_data import ContactData
 from erc_contact.model.model import Model
 from erc_contact.model.trace import split
 

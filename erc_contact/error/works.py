@@ -22,6 +22,7 @@ from erc_contact.admissible.traction import ContactTraction
 from erc_contact.base.runtime import compiled
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.error.bulk import data_vary
+from erc_contact.error.foundations import foundation_energies
 from erc_contact.mesh.quadrature import (
     Integral,
     Integrand,
@@ -31,8 +32,9 @@ from erc_contact.mesh.quadrature import (
     polynomials,
 )
 from erc_contact.mesh.simplex import bernstein, coefficients
+from erc_contact.model.contact_data import ContactData
 from erc_contact.model.expressions import Everywhere
-from erc_contact.model.foundation import ContactData, pressures
+from erc_contact.model.foundation import pressures
 from erc_contact.model.model import Model
 from erc_contact.model.symbolic import varies_in_cells
 from erc_contact.model.trace import split
@@ -172,6 +174,15 @@ def friction_work(
     if traction.contact.friction is None:
         return BoundedNumber(0.0)
     return BoundedNumber.summed(model.comm, friction_works(model, traction, u, floor))
+
+
+def foundation_energy(
+    model: Model, traction: ContactTraction, u: fem.Function, floor: float
+) -> BoundedNumber:
+    """Add up :func:`foundation_energies`, 0 on a rigid foundation; collective."""
+    if traction.contact.stiffness is None:
+        return BoundedNumber(0.0)
+    return BoundedNumber.summed(model.comm, foundation_energies(model, traction, u, floor))
 
 
 def friction_works(

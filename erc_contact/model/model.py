@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -22,6 +21,7 @@ from erc_contact.model.foundation import BoundContact
 from erc_contact.model.last_step import LastStep
 from erc_contact.model.loads import bind_loads, sum_of
 from erc_contact.model.motions import free_motions
+from erc_contact.model.nodal import at_nodes
 from erc_contact.model.space import Space
 from erc_contact.model.springs import bind_springs
 from erc_contact.model.strains import bind_strains
@@ -261,40 +261,4 @@ class Model(Space):
         parameters, and the Bernstein coefficients of the gap and of the displacement of
         the last step.
         """
-        gap = contact.gap
-        friction = contact.friction
-        trace = contact.trace
-        if trace.before is not None:
-            before = trace.before.copy()
-            self.to_coefficients(before.x.array.reshape(-1, self.d), [contact])
-            trace = replace(trace, before=before)
-        # The projection holds between Bernstein coefficients, so the gap is given by
-        # its own; the parameters of the law are values at the nodes.
-        if contact.gap_varies:
-            gap = self._nodal(contact, self.gap_at_nodes(contact), coefficients=True)
-        if friction is not None:
-            parameters = dict(friction.parameters)
-            for name, value in friction.parameters.items():
-                if varies_in_cells(value):
-                    values = evaluate(value, self.mesh, self.facet_points, contact.facets)
-                    parameters[name] = self._nodal(contact, values)
-            friction = replace(friction, parameters=parameters)
-        return replace(contact, gap=gap, friction=friction, trace=trace)
-
-    def _nodal(
-        self, contact: BoundContact, values: np.ndarray, *, coefficients: bool = False
-    ) -> Ufl:
-        """Make a scalar, UFL, from its values at the nodes of a contact.
-
-        Args:
-            contact: The contact.
-            values: The values, shape (f, m).
-            coefficients: Whether the nodal values of the scalar become the Bernstein
-                coefficients of these values, instead of the values.
-        """
-        function = self.function()
-        nodal = function.x.array.reshape(-1, self.d)
-        nodal[contact.trace.here.nodes, 0] = values
-        if coefficients:
-            self.to_coefficients(nodal, [contact])
-        return function[0]
+        return at_nodes(self, contact, self.gap_at_nodes(contact))
