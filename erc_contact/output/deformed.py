@@ -191,7 +191,7 @@ def _greatest_magnification(
     """
     largest = float(np.linalg.norm(body["u"], axis=1).max())
     magnified = max(largest, greatest_gap(contacts))
-    factor = greatest_factor(_foundations(contacts), magnified, size)
+    factor = greatest_factor(_rigid(_foundations(contacts)), magnified, size)
     pairs = pairs_of(contacts)
     if pairs:
         share = greatest_share(body, pairs)
@@ -203,6 +203,11 @@ def _foundations(contacts: Sequence[Surface]) -> list[Foundation]:
     """Fit the foundations of contacts that have one; on rank 0."""
     alone = [contact for contact in contacts if contact.partners is None]
     return [foundation_of(contact) for contact in alone if not is_symmetry(contact)]
+
+
+def _rigid(foundations: Sequence[Foundation]) -> list[Foundation]:
+    """Return the foundations that do not give way: the others are truly entered."""
+    return [each for each in foundations if each.surface.traction.contact.stiffness is None]
 
 
 def _shifted(contact: Surface, shift: np.ndarray) -> Surface:
@@ -283,7 +288,10 @@ def _title(
         title += f"\nbodies pulled apart by {pull:g} [length]"
     if factor != 1.0 and any(foundation.moves for foundation in foundations):
         title += ", foundation moved with it"
-    entry = max((foundation.entry(factor) for foundation in foundations), default=0.0)
+    rigid = _rigid(foundations)
+    if len(rigid) < len(foundations):
+        title += "\nthe foundation is drawn without giving way"
+    entry = max((foundation.entry(factor) for foundation in rigid), default=0.0)
     if entry > 1.1 * UNSEEN * size:  # more than rounding of the magnification makes of it
         title += f"\nand so the contact looks open or entered by up to {entry:.2g} [length]"
     return title
