@@ -24,6 +24,8 @@ friction or a given one.
 
 ``sprung``: the same with springs on the sides.
 
+``foundations``: the same on compliant foundations.
+
 ``tightening``: see ``attack_tightening.py``; ``plane``, ``space``: the certificates of
 ``attack_certificates.py``; ``plates``: see ``attack_plates.py``, on several ranks, too.
 
@@ -44,7 +46,8 @@ import erc_contact as ec
 import numpy as np  # isort: skip - after erc_contact, which loads MPI first
 from attack_certificates import certificates  # isort: skip
 from attack_certificates import summary as summary_of_certificates  # isort: skip
-from attack_families import random_sliding_block, random_sliding_box, random_strains  # isort: skip
+from attack_families import random_foundation, random_sliding_block  # isort: skip
+from attack_families import random_sliding_box, random_springs, random_strains  # isort: skip
 from attack_plates import plates  # isort: skip
 from attack_tables import quantile_table  # isort: skip
 from attack_tightening import summary as summary_of_tightening, tightening as tightened  # isort: skip
@@ -253,11 +256,7 @@ def sprung(seed: int = 0, count: int = 50) -> None:
     for number in range(count):
         rng = np.random.default_rng([seed, number])
         scene, domain, degree = given_friction(rng)
-        springs = []
-        for part in ("left", "right")[: int(rng.integers(1, 3))]:
-            normal, tangential = (float(10**power) for power in rng.uniform(-2.0, 2.0, 2))
-            springs.append(ec.Spring(part, normal=normal, tangential=tangential))
-        sprung_scene = replace(scene, springs=springs)
+        sprung_scene = replace(scene, springs=random_springs(rng))
         cases.append((sprung_scene, domain, degree, None))
     compared(cases)
 
@@ -282,6 +281,17 @@ def rigid(seed: int = 0, count: int = 50) -> None:
         if scene.contacts[0].law is None:
             face = replace(face, rotation=None, moment=arm * force)
         cases.append((replace(scene, supports=[face]), domain, degree, None))
+    compared(cases)
+
+
+def foundations(seed: int = 0, count: int = 50) -> None:
+    """Print the same of blocks on compliant foundations, without energies in these."""
+    cases: list[Case] = []
+    for number in range(count):
+        rng = np.random.default_rng([seed, number])
+        scene, domain, degree = given_friction(rng)
+        contact = replace(scene.contacts[0], **random_foundation(rng))
+        cases.append((replace(scene, contacts=[contact]), domain, degree, None))
     compared(cases)
 
 
@@ -316,6 +326,7 @@ TASKS: dict[str, Callable[..., None]] = {
         heated,
         sprung,
         rigid,
+        foundations,
         tightening,
         plane,
         space,

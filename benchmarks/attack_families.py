@@ -148,6 +148,33 @@ def random_strains(rng: np.random.Generator) -> list[ec.GivenStrain]:
     return choices[int(rng.integers(3))]
 
 
+def random_springs(rng: np.random.Generator) -> list[ec.Spring]:
+    """Make springs on one or both sides, 0.01 to 100 times as stiff as the block."""
+    springs = []
+    for part in ("left", "right")[: int(rng.integers(1, 3))]:
+        normal, tangential = (float(10**power) for power in rng.uniform(-2.0, 2.0, 2))
+        springs.append(ec.Spring(part, normal=normal, tangential=tangential))
+    return springs
+
+
+def random_foundation(rng: np.random.Generator) -> dict[str, Any]:
+    """Make a foundation 0.01 to 1000 times as stiff as the block, and a gap above it.
+
+    Returns the arguments of a contact; both are constant or vary.
+    """
+    k = float(10 ** rng.uniform(-2.0, 3.0))
+    more = float(rng.uniform(0.2, 5.0))
+    height, middle = (float(value) for value in rng.uniform(0.0, 1.0, 2))
+    stiffness: list[Any] = [
+        k,
+        lambda x: k * (1.0 + more * x[0]),
+        ec.table([0.0, middle, 1.0], [k, more * k, k]),
+    ]
+    gaps: list[Any] = [0.0, lambda x: 0.04 * height * (x[0] - middle) ** 2]
+    foundation = ec.Foundation(stiffness[int(rng.integers(3))])
+    return {"foundation": foundation, "gap": gaps[int(rng.integers(2))]}
+
+
 # -- blocks with Coulomb friction, in the plane and in space
 # ---------------------------------------------------------
 

@@ -46,7 +46,7 @@ from erc_contact.run.history import History
 from erc_contact.run.saved import read_history
 from erc_contact.run.step import Step
 from erc_contact.run.time_row import TimeStep
-from erc_contact.scene.contact import Contact, Symmetry
+from erc_contact.scene.contact import Contact, Foundation, Symmetry
 from erc_contact.scene.goal import MeanDisplacement, Resultant
 from erc_contact.scene.law import Coulomb, Law, Tresca
 from erc_contact.scene.load import BodyForce, Load, Traction
@@ -75,6 +75,7 @@ __all__ = [
     "Elastic",
     "ErcContactError",
     "Evolution",
+    "Foundation",
     "GivenStrain",
     "History",
     "InputError",

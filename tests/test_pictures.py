@@ -26,7 +26,7 @@ from erc_contact import output
 from erc_contact.output.along import through_means
 from erc_contact.output.contact_plots import PRESSURE, contact_curves
 from erc_contact.output.gathered import whole_contact
-from erc_contact.results.stresses import vertex_stress
+from erc_contact.results.stresses import cell_stresses, linear_mises, vertex_stress
 
 COMM = MPI.COMM_WORLD
 
@@ -151,13 +151,31 @@ def test_stress_of_degree_2_is_linear_in_elements(d):
     )
     error = error_of(scene, domain, degree=2)
     assert error.relative < 1e-8
-    stress, model = vertex_stress(error.admissible), error.solution.model
+    model = error.solution.model
     x = model.V.tabulate_dof_coordinates()[
         error.admissible.cell_geometry.vertices[: domain.owned_cells]
     ]
     expected = np.zeros((*x.shape[:2], 3, 3))
     expected[..., 0, 0] = -bend * x[..., 1]
-    assert stress == pytest.approx(expected, abs=1e-9)
+    for kind in ("admissible", "best", "elastic"):
+        assert vertex_stress(error.admissible, kind) == pytest.approx(expected, abs=1e-9)
+    with pytest.raises(ec.InputError, match="'best'"):
+        vertex_stress(error.admissible, "exact")
+
+
+def test_best_stress_is_drawn_where_it_is_asked_for(error):
+    """Its picture has other colours, its name, and those of its file."""
+    of_sigma = output.draw_deformed(error)
+    best = output.draw_deformed(error, stress="best")
+    if COMM.rank == 0:
+        labels = [axes.figure.axes[-1].get_xlabel() for axes in (of_sigma, best)]
+        assert "(best)" not in labels[0]
+        assert "(best)" in labels[1]
+    pair = error.admissible
+    both = linear_mises(pair), linear_mises(pair, "best")
+    assert not np.allclose(*both)
+    if error.degree == 1:
+        assert both[1][:, 0] == pytest.approx(cell_stresses(pair)["von_mises_best"])
 
 
 @pytest.mark.serial

@@ -1,5 +1,7 @@
 """Tables: numbers as numpy's, the same scene as by a formula, kinks that are not missed."""
 
+import math
+
 import numpy as np
 import pytest
 import ufl
@@ -137,6 +139,49 @@ def test_a_grid_in_space():
         )
         errors.append(error_of(scene, body(3, cells=2), 1).relative)
     assert errors[0] == pytest.approx(errors[1], rel=1e-4)
+
+
+class OfPressure:
+    """A friction bound that was measured for some pressures."""
+
+    parameters = ()
+
+    def __init__(self, bound):
+        self.bound = bound
+
+    def friction_bound(self, pressure):
+        return self.bound(pressure)
+
+
+def rubbed(law):
+    contact = ec.Contact("bottom", friction=law)
+    return ec.Scene(ec.Elastic(1.0, 0.3), ec.Displacement("top", (0.2, -0.01)), contacts=contact)
+
+
+def test_a_friction_law_may_be_a_table_of_the_pressure():
+    measured = ec.table([0.0, 0.01, 0.04], [0.0, 0.004, 0.007])
+    error = error_of(rubbed(OfPressure(measured)), body(2), 1)
+    # All slides: the shear of the solver is the bound of its pressure.
+    profile = error.profile("bottom")
+    assert np.ptp(profile["pressure"]) > 0.01
+    limit = np.interp(profile["pressure"], measured.x, measured.values)
+    assert abs(profile["shear"]) == pytest.approx(limit, rel=1e-2)
+    assert error.contact_error < 0.05 * error.absolute
+
+
+@pytest.mark.parametrize(
+    ("bound", "said"),
+    [
+        (lambda p: np.interp(p, [0.0, 1.0], [0.0, 0.3]), "ec.table.* instead of np.interp"),
+        (lambda p: 0.1 * math.sqrt(p), "instead of np.sin or math.sin"),
+        (ec.table(np.linspace(0.0, 1.0, 60), np.sqrt(np.linspace(0.0, 1.0, 60))), "at most 50"),
+        (ec.table([0.0, 0.1, 0.2], [0.0, 0.01, 0.1]), "not concave"),
+    ],
+)
+def test_laws_that_cannot_be_worked_with_are_refused(bound, said):
+    """Numpy's functions would take the number of a constant for the pressure."""
+    with pytest.raises(ec.InputError, match=said):
+        ec.solve(rubbed(OfPressure(bound)), body(2))
 
 
 def test_other_numbers_are_another_scene():

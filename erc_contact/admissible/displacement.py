@@ -5,9 +5,12 @@ point, not only at nodes: if the Bernstein coefficients of a normal displacement
 below those of a bound, the displacement is below the bound
 (:mod:`erc_contact.admissible.limits`). Between two bodies this is said of the jump.
 
-Symbols: n normal of the foundation, r^ admissible contact traction, g gap, u^
-displacement, s tangential displacement at the end of the last step of a history (zero
-without), m number of coefficients of a facet, which belong to its nodes.
+A compliant foundation may be entered. There the normal displacement is set to where it
+lowers the error most.
+
+Symbols: n normal of the foundation, k its stiffness, r^ admissible contact traction, g
+gap, u^ displacement, s tangential displacement at the end of the last step of a history
+(zero without), m number of coefficients of a facet, which belong to its nodes.
 """
 
 from __future__ import annotations
@@ -17,6 +20,7 @@ from dolfinx import fem
 
 from erc_contact.admissible.limits import Limits, limits_of
 from erc_contact.admissible.traction import ContactTraction
+from erc_contact.model.expressions import evaluate
 from erc_contact.model.model import Model
 from erc_contact.model.space import OnFacets
 from erc_contact.model.trace import split
@@ -87,6 +91,7 @@ def _set_status(
     # The contact part of e^2 is a sum of these forces times displacements.
     weight = 2 * traction.area[:, None] / traction.nodes.shape[1]
     closing = limit.summed(-weight * traction.normal_component)
+    springs = _foundation_stiffness(model, traction, limit)
     friction = limit.summed(weight * traction.friction_bound)
     tangential = weight[..., None] * traction.tangential_part
     by_component = [limit.summed(tangential[..., i]) for i in range(model.d)]
@@ -96,8 +101,13 @@ def _set_status(
     for group in limit.groups:
         n = limit.normal[group]
         open_by = limit.bound[group] - limit.normal_displacement(values, group)
-        closes = closing[group] * open_by > stiffness[group] * open_by**2
-        _move_normal(values, free, limit, group[closes | traction.contact.bilateral])
+        if springs is None:
+            closes = closing[group] * open_by > stiffness[group] * open_by**2
+            closed = group[closes | traction.contact.bilateral]
+            _move_normal(values, free, limit, closed, limit.bound[closed])
+        else:
+            entry = _best_entry(-open_by, closing[group], stiffness[group], springs[group])
+            _move_normal(values, free, limit, group, limit.bound[group] + entry)
         _, slip, size = split(limit.jump(values, group) - before[group], n)
         gain = friction[group] * size + (shear[group] * slip).sum(axis=1)
         sticks = gain > stiffness[group] * size**2
@@ -120,24 +130,50 @@ def _limit_normal(
     for _ in range(CORNER_PASSES):
         worst = 0.0
         for traction, limit in zip(tractions, limits, strict=True):
+            if traction.contact.stiffness is not None:
+                continue  # a compliant foundation limits nothing
             for group in limit.groups:
                 excess = limit.normal_displacement(values, group) - limit.bound[group]
                 violated = abs(excess) > 0 if traction.contact.bilateral else excess > 0
                 worst = max(worst, float(abs(excess[violated]).max(initial=0.0)))
-                _move_normal(values, free, limit, group[violated])
+                beyond = group[violated]
+                _move_normal(values, free, limit, beyond, limit.bound[beyond])
         if not has_corners or worst <= SETTLED_EXCESS * abs(values).max(initial=0.0):
             break
 
 
-def _move_normal(values: np.ndarray, free: np.ndarray, limit: Limits, group: np.ndarray) -> None:
-    """Set ``w_n`` to the bound at the limits of a group, in place.
+def _best_entry(
+    entry: np.ndarray, closing: np.ndarray, stiffness: np.ndarray, springs: np.ndarray
+) -> np.ndarray:
+    """Return by how far nodes should enter a compliant foundation [length].
+
+    A change of the entry d at a node raises the bulk part of e^2 by about S times its
+    square, and the contact part of e^2 is ``K <d>_+^2 - P d`` and a constant. The least
+    sum is at ``d + P/(2 S)`` if that is open, else S/(S + K) times that. So a rigid
+    foundation is not entered, and a soft one where u enters it.
+
+    Args:
+        entry: d of u [length], below zero where it is open.
+        closing: P, twice the force of the pressure at the node [force].
+        stiffness: S [force/length].
+        springs: K [force/length].
+    """
+    pressed = entry + closing / (2 * stiffness)
+    share = np.where(pressed > 0, stiffness / (stiffness + springs), 1.0)
+    return share * pressed
+
+
+def _move_normal(
+    values: np.ndarray, free: np.ndarray, limit: Limits, group: np.ndarray, w_n: np.ndarray
+) -> None:
+    """Set the normal displacement to w_n at the limits of a group, in place.
 
     Only components change that no support fixes.
     """
     n = limit.normal[group]
     direction = limit.mobile(free, group) * n
     reach = (direction * n).sum(axis=1)
-    missing = limit.bound[group] - limit.normal_displacement(values, group)
+    missing = w_n - limit.normal_displacement(values, group)
     # Where supports fix all of the normal component, nothing can move.
     length = np.divide(missing, reach, out=np.zeros_like(reach), where=reach > 1e-12)
     limit.move(values, free, group, length[:, None] * direction)
@@ -152,6 +188,21 @@ def _slip_before(traction: ContactTraction, limit: Limits) -> np.ndarray:
     before = np.zeros(limit.normal.shape)
     before[limit.of_facet] = of_facets
     return before
+
+
+def _foundation_stiffness(
+    model: Model, traction: ContactTraction, limit: Limits
+) -> np.ndarray | None:
+    """Return the share of each limit in k of the foundation [force/length].
+
+    None on a rigid foundation, else shape (c,); collective.
+    """
+    contact = traction.contact
+    if contact.stiffness is None:
+        return None
+    at_nodes = evaluate(contact.stiffness, model.mesh, model.facet_points, contact.facets)
+    share = traction.area[:, None] / traction.nodes.shape[1]
+    return limit.summed(share * at_nodes)
 
 
 def _nodal_stiffness(model: Model, traction: ContactTraction) -> np.ndarray:

@@ -51,7 +51,8 @@ those of the body with flat facets.
 
 Symbols: V continuous P_k displacements, J(v) = a(v, v)/2 - f(v) - F(v) + int b |v_t -
 s| with the given friction bound b; s is the tangential displacement at the end of the
-last step of a history, which is zero without history.
+last step of a history, which is zero without history. The energies of springs and of
+compliant foundations are part of J.
 
 Source: Prager, Synge, Quart. Appl. Math. 5 (1947), for (a) without contact; Coorevits,
 Hild, Hjiaj, (16), for e.
@@ -70,6 +71,7 @@ from erc_contact.error.numbers import Bounds
 from erc_contact.error.runs import Run, error_of
 from erc_contact.error.works import (
     elastic_work,
+    foundation_energy,
     friction_work,
     load_work,
     strain_energy,
@@ -169,6 +171,7 @@ def potential_energy(error: ConstitutiveError | Run) -> Bounds:
     J = stored - load_work(model, u)
     for traction in pair.tractions:
         J += friction_work(model, traction, u, 2 * ROUND_OFF * stored.value)
+        J += foundation_energy(model, traction, u, 2 * ROUND_OFF * stored.value)
     facets = error.geometry_error**2 / 2
     high = J.value + J.bound
     low = J.value - J.bound - error.absolute**2 / 2 - facets

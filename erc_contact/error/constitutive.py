@@ -18,8 +18,9 @@ bounds the errors of u^ and of sigma^ with constant 1:
 
 If the bound depends on the pressure, as Coulomb's does, the third term is a product of
 two errors and has no sign. Then e is a bound up to a term of higher order, not a
-guarantee. On a bilateral contact ``w_n = g``, as on a support. With given strains eps_0
-the strain in (16) and (17) is ``eps(u^) - eps_0``.
+guarantee. On a bilateral contact ``w_n = g``, as on a support. Compliant foundations
+have another last product (:mod:`.foundations`). With given strains eps_0 the strain in
+(16) and (17) is ``eps(u^) - eps_0``.
 
 Where moduli, gap or friction bound vary inside cells, the integrals are adapted to
 them, and e contains what they leave unknown. The part of the data that the mesh cannot
@@ -44,6 +45,7 @@ from erc_contact.base.html import table
 from erc_contact.base.percent import percent
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.error.bulk import add_springs, bulk_squares, geometry_squares
+from erc_contact.error.foundations import add_foundations
 from erc_contact.error.oscillation import UNKNOWN_SHARE, Oscillations
 from erc_contact.error.rigid import RIGID_NOISE, is_free, round_off
 from erc_contact.error.squares import contact_and_oscillations, raise_if_no_number
@@ -269,6 +271,7 @@ def constitutive_error(admissible: Admissible) -> ConstitutiveError:
     cells_2, both_2, moduli_2 = bulk_squares(admissible)
     geometry_cells_2 = geometry_squares(admissible, both_2)
     add_springs(admissible, cells_2, both_2)
+    add_foundations(admissible, both_2)
     local = np.array([cells_2.sum(), both_2.sum(), geometry_cells_2.sum()])
     bulk_2, scale_2, geometry_2 = comm.allreduce(local, MPI.SUM)
     contact_2, oscillations_2 = contact_and_oscillations(
@@ -282,9 +285,6 @@ def constitutive_error(admissible: Admissible) -> ConstitutiveError:
         geometry_cells_2[:] = 0.0
         bulk_2 = contact_2 = scale_2 = geometry_2 = 0.0
     scale = float(np.sqrt(scale_2))
-    indicators = np.sqrt(cells_2) / (scale or 1.0)
-    total_indicators = np.sqrt(cells_2 + geometry_cells_2) / (scale or 1.0)
-    oscillations = [float(np.sqrt(square)) for square in oscillations_2]
     seconds = comm.allreduce(perf_counter() - began, MPI.MAX)
     return ConstitutiveError(
         admissible=admissible,
@@ -293,8 +293,8 @@ def constitutive_error(admissible: Admissible) -> ConstitutiveError:
         bulk_error=float(np.sqrt(bulk_2)),
         contact_error=float(np.sqrt(contact_2)),
         geometry_error=float(np.sqrt(geometry_2)),
-        oscillations=Oscillations(*oscillations),
-        indicators=indicators,
-        total_indicators=total_indicators,
+        oscillations=Oscillations(*np.sqrt(oscillations_2).tolist()),
+        indicators=np.sqrt(cells_2) / (scale or 1.0),
+        total_indicators=np.sqrt(cells_2 + geometry_cells_2) / (scale or 1.0),
         seconds=seconds,
     )

@@ -2,7 +2,8 @@
 
 Symbols: r^ and w admissible traction and displacement on the contact, n normal, g gap,
 b friction bound, s tangential displacement at the end of the last step of a history,
-which is zero without history.
+which is zero without history. On a compliant foundation the normal part is the error in
+its law (:mod:`erc_contact.error.foundations`).
 
 Source: Coorevits, Hild, Hjiaj, equation (16); the gap g, the general bound and s are
 ours.
@@ -18,8 +19,9 @@ from erc_contact.admissible.traction import ContactTraction
 from erc_contact.error.oscillation import DATA_ROUND_OFF, OSCILLATION_SHARE, UNKNOWN_SHARE
 from erc_contact.error.slip_rules import rule_between_zeros, same_rule, slip_may_vanish
 from erc_contact.mesh.quadrature import Integral, facet_pieces, integrate, polynomials
+from erc_contact.model.contact_data import ContactData
 from erc_contact.model.expressions import evaluate
-from erc_contact.model.foundation import BoundContact, ContactData, pressures
+from erc_contact.model.foundation import BoundContact, pressures
 from erc_contact.model.friction import CONCAVE
 from erc_contact.model.kinks import kinks_on_facets
 from erc_contact.model.model import Model
@@ -41,6 +43,7 @@ def contact_density(
     s: np.ndarray | float,
     gap: np.ndarray | float,
     bound: np.ndarray,
+    stiffness: np.ndarray | None = None,
 ) -> np.ndarray:
     """Evaluate twice the contact term at points [force/length^(d-2)].
 
@@ -55,14 +58,21 @@ def contact_density(
             or 0 without history.
         gap: The gap there [length], shape (n, q), or a number.
         bound: The friction bound there [force/area], shape (n, q).
+        stiffness: k of a compliant foundation there [force/length^3], shape (n, q);
+            None for a rigid one.
 
     Returns:
         The term, shape (n, q).
     """
     r_n, r_t, _ = split(r, n)
     w_n, w_t, slip = split(w - s, n)
-    # A gap that is closed everywhere, with a traction of any sign, does no work.
-    density = np.zeros(r_n.shape) if contact.bilateral else r_n * (w_n - gap)
+    if contact.bilateral:
+        # A gap that is closed everywhere, with a traction of any sign, does no work.
+        density = np.zeros(r_n.shape)
+    elif stiffness is None:
+        density = r_n * (w_n - gap)
+    else:
+        density = law_error(w_n - gap, np.maximum(-r_n, 0.0), stiffness)
     if contact.friction is not None:
         density += bound * slip + (r_t * w_t).sum(axis=-1)
     # A difference of two works that are equal up to round-off is no error. Otherwise e
@@ -70,6 +80,22 @@ def contact_density(
     size = np.linalg.norm(w, axis=-1) + np.linalg.norm(np.broadcast_to(s, w.shape), axis=-1)
     resolution = 16 * np.finfo(float).eps * np.linalg.norm(r, axis=-1) * (size + abs(gap))
     return 2 * np.where(abs(density) <= resolution, 0.0, density)
+
+
+def law_error(entry: np.ndarray, pressure: np.ndarray, stiffness: np.ndarray) -> np.ndarray:
+    """Evaluate the error in the law of a compliant foundation [force/length^(d-2)].
+
+    It is the left side of (F) in :mod:`erc_contact.error.foundations`, written without
+    cancellation.
+
+    Args:
+        entry: ``w_n - g``, how far the body enters the foundation [length].
+        pressure: p >= 0 [force/area].
+        stiffness: k [force/length^3].
+    """
+    touching = (stiffness * entry - pressure) ** 2 / (2 * stiffness)
+    lifted = pressure**2 / (2 * stiffness) - pressure * entry
+    return np.where(entry > 0, touching, lifted)
 
 
 def contact_parts(model: Model, hat: fem.Function, traction: ContactTraction) -> np.ndarray:
@@ -88,9 +114,10 @@ def contact_squares(
 
     The integrals are exact where the integrand is a polynomial or, in the plane, one on
     each side of the points where the slip is zero. Else they are adapted: where the
-    data of the contact vary, the friction bound is nonlinear in the pressure, or, in
-    space, the slip may vanish. Adapted integrals may leave ``floor`` or the share
-    UNKNOWN_SHARE of their values unknown, and contain what they leave unknown.
+    data of the contact vary, the friction bound is nonlinear in the pressure, the
+    foundation is compliant, or, in space, the slip may vanish. Adapted integrals may
+    leave ``floor`` or the share UNKNOWN_SHARE of their values unknown, and contain what
+    they leave unknown.
 
     Args:
         model: The scene on a mesh.
@@ -108,7 +135,8 @@ def contact_squares(
     area = trace.here.owned_areas
     of_w = trace.coefficients(trace.of(hat.x.array))
     of_s = trace.coefficients(trace.slip_before)
-    if contact.varies or (friction is not None and friction.dependence == CONCAVE):
+    concave = friction is not None and friction.dependence == CONCAVE
+    if contact.varies or concave or contact.stiffness is not None:
         return _adapted_squares(model, traction, of_w, of_s, area, floor)
     if friction is None:
         points, weights = same_rule(model.d, 2 * model.degree)
@@ -200,10 +228,13 @@ def _adapted_squares(
         gap = data.gap(facet, x)
         normal = data.normal(facet, x)
         bound = data.bound(facet, x, np.maximum(-r_n, 0.0))
-        density = contact_density(contact, n, r, w, s, gap, bound)
+        stiffness = data.stiffness(facet, x)
+        density = contact_density(contact, n, r, w, s, gap, bound, stiffness)
 
         opening = (w * normal).sum(axis=-1) - gap
         beyond = abs(opening) if contact.bilateral else np.maximum(opening, 0.0)
+        if stiffness is not None:
+            beyond = np.zeros(opening.shape)  # the foundation gives way
         beyond = np.where(beyond <= least_gap, 0.0, beyond)
         turned = np.linalg.norm(r, axis=-1) * np.linalg.norm(normal - n, axis=-1)
         turned = np.where(turned <= least_force, 0.0, turned)
@@ -246,7 +277,8 @@ def _with_unknown(contact: BoundContact, total: Integral) -> tuple[np.ndarray, f
     friction_unknown = 0.0
     if not total.resolved[0]:
         # A varying gap is the likely reason, otherwise the friction bound.
-        if contact.gap is not None and varies_in_cells(contact.gap):
+        of_normal = [value for value in (contact.gap, contact.stiffness) if value is not None]
+        if any(varies_in_cells(value) for value in of_normal):
             gap_unknown = float(parts_unknown.sum())
         else:
             friction_unknown = float(parts_unknown.sum())

@@ -51,6 +51,12 @@ def question_of(error: ConstitutiveError, goal: Goal) -> Question:
     """Return what a goal moves; collective."""
     pair = error.admissible
     model = pair.model
+    soft = [contact.name for contact in model.contacts if contact.stiffness is not None]
+    if soft:
+        raise InputError(
+            f"{goal!r}: no interval with a compliant foundation ({listed(soft)}); take"
+            " ec.resultant for a force of a contact."
+        )
     a = np.asarray(goal.direction, dtype=float)
     if a.shape != (model.d,) or not np.isfinite(a).all() or not a.any():
         raise InputError(f"{goal!r}: give {model.d} finite numbers, not all zero.")

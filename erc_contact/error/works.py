@@ -7,7 +7,6 @@ data vary inside cells. Elsewhere they are adapted to the data
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,6 +22,8 @@ from erc_contact.admissible.traction import ContactTraction
 from erc_contact.base.runtime import compiled
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.error.bulk import data_vary
+from erc_contact.error.contact_integral import contact_integral
+from erc_contact.error.foundations import foundation_energies
 from erc_contact.mesh.quadrature import (
     Integral,
     Integrand,
@@ -32,8 +33,9 @@ from erc_contact.mesh.quadrature import (
     polynomials,
 )
 from erc_contact.mesh.simplex import bernstein, coefficients
+from erc_contact.model.contact_data import ContactData
 from erc_contact.model.expressions import Everywhere
-from erc_contact.model.foundation import BoundContact, ContactData, pressures
+from erc_contact.model.foundation import pressures
 from erc_contact.model.model import Model
 from erc_contact.model.symbolic import varies_in_cells
 from erc_contact.model.trace import split
@@ -175,6 +177,15 @@ def friction_work(
     return BoundedNumber.summed(model.comm, friction_works(model, traction, u, floor))
 
 
+def foundation_energy(
+    model: Model, traction: ContactTraction, u: fem.Function, floor: float
+) -> BoundedNumber:
+    """Add up :func:`foundation_energies`, 0 on a rigid foundation; collective."""
+    if traction.contact.stiffness is None:
+        return BoundedNumber(0.0)
+    return BoundedNumber.summed(model.comm, foundation_energies(model, traction, u, floor))
+
+
 def friction_works(
     model: Model, traction: ContactTraction, u: fem.Function, floor: float
 ) -> Integral:
@@ -193,41 +204,6 @@ def friction_works(
         return data.bound(facet, x, pressure) * slip
 
     return contact_integral(model, contact, u, density, floor)
-
-
-type ContactDensity = Callable[[np.ndarray, np.ndarray, np.ndarray, np.ndarray], np.ndarray]
-"""Gets facets (f,), shape functions (f, q, m), w^, points (f, q, d); returns (f, q)."""
-
-
-def contact_integral(
-    model: Model,
-    contact: BoundContact,
-    u: fem.Function,
-    density: ContactDensity,
-    floor: float = 0.0,
-) -> Integral:
-    """Integrate a density of w^ since the last step over each facet of a contact.
-
-    It is 0 for ghosts; collective.
-
-    Args:
-        model: The scene on a mesh.
-        contact: The contact.
-        u: u^.
-        density: The density.
-        floor: What the integrals may leave unknown.
-    """
-    trace = contact.trace
-    of_w = trace.coefficients(trace.since(u.x.array))
-
-    def values(facet: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
-        shape = polynomials(model.degree, places)
-        w = np.matmul(shape, of_w[facet])
-        return density(facet, shape, w, x)[..., None]
-
-    pieces = facet_pieces(model.d - 1)
-    area = trace.here.owned_areas
-    return integrate(model.comm, values, trace.here.corners, area, pieces, floor=floor)
 
 
 def load_work(model: Model, v: fem.Function) -> BoundedNumber:

@@ -58,6 +58,10 @@ def bind_contact(
             raise InputError(f"{what}: the gap is not finite everywhere; look at it.")
     normal, direction, given_normal = _normal(space, contact, facets, surface, sign)
     friction = _friction(space, contact, facets)
+    stiffness = None
+    if contact.foundation is not None:
+        k = contact.foundation.stiffness
+        stiffness = number(space, k, f"{what}: stiffness of the foundation")
     trace = Trace(here, direction, None, there)
     _check_ends(space, contact, trace)
     # Friction alone remembers where the contact was.
@@ -77,6 +81,7 @@ def bind_contact(
         gap=gap,
         gap_varies=callable(contact.gap),
         bilateral=contact.bilateral,
+        stiffness=stiffness,
         lost=lost,
     )
 

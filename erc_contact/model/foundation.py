@@ -8,11 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 import ufl
 from dolfinx import fem
-from dolfinx import mesh as dmesh
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.model.expressions import Everywhere
 from erc_contact.model.friction import Friction
 from erc_contact.model.symbolic import has_arguments, varies_in_cells
 from erc_contact.model.trace import Trace
@@ -48,6 +46,8 @@ class BoundContact:
         gap: Gap [length], UFL; None where it is zero.
         gap_varies: Whether the gap is a callable.
         bilateral: Whether the contact cannot open.
+        stiffness: k of a compliant foundation [force/length^3], UFL; None for a rigid
+            one.
         lost: What this mesh does not carry of it, ``int_F |s - I s|^2`` of its
             tangential part s on each facet [length^(d+1)], shape (f,); None where it
             carries all.
@@ -70,6 +70,7 @@ class BoundContact:
     gap: Ufl | None
     gap_varies: bool
     bilateral: bool
+    stiffness: Ufl | None = None
     lost: np.ndarray | None = None
     variable: tuple[fem.Function, fem.Function] | None = None
     test_jump: fem.Constant | None = None
@@ -108,8 +109,8 @@ class BoundContact:
 
     @property
     def data(self) -> list[Ufl]:
-        """Return the data that may vary: gap, normal, parameters of the law, UFL."""
-        data = [self.gap, self.given_normal]
+        """Return what may vary: gap, normal, foundation, parameters of the law, UFL."""
+        data = [self.gap, self.given_normal, self.stiffness]
         if self.friction is not None:
             data += self.friction.parameters.values()
         return [value for value in data if value is not None]
@@ -192,14 +193,32 @@ class BoundContact:
         """
         return self.jump(u)
 
-    def project(self, z: Ufl) -> Ufl:
+    def project(self, z: Ufl, gamma: Ufl | None = None) -> Ufl:
         """Return the traction that the law allows [force/area], UFL.
+
+        On a compliant foundation the trial pressure ``-r_n + gamma (w_n - g)`` is that
+        of springs k and gamma, of which k gives way, too: the pressure p of the law
+        ``p = k (w_n - g)`` is the share ``k/(k + gamma)`` of it. So the share tends to
+        1 on a stiff foundation and to 0 on a soft one.
 
         Args:
             z: Trial traction [force/area], UFL.
+            gamma: Factor of the displacement in it [force/volume], UFL; a compliant
+                foundation needs it.
+
+        Raises:
+            InputError: If the foundation is compliant and gamma is missing.
         """
         bound = None if self.friction is None else self.friction.bound
-        return project(z, self.normal, bound, bilateral=self.bilateral)
+        share = None
+        if self.stiffness is not None:
+            if gamma is None:
+                raise InputError(
+                    f"Contact({self.name!r}) has a compliant foundation: a method calls"
+                    " contact.project(z, gamma) there, with the factor gamma of -jump(u) in z."
+                )
+            share = self.stiffness / (self.stiffness + gamma)
+        return project(z, self.normal, bound, bilateral=self.bilateral, share=share)
 
     def status(self, r: Ufl) -> Ufl:
         """Return the status open (0), slip (1) or stick (2) of a traction, UFL.
@@ -228,53 +247,3 @@ class BoundContact:
         if self.friction is None:
             return np.zeros(pressure.shape)
         return self.friction.numbers(pressure, values)
-
-
-class ContactData:
-    """Evaluate gap, normal and friction bound of a contact at any points of its facets.
-
-    Construction is collective. The methods get ``facet``, the number in the contact of
-    each of n facets, and ``x``, q points of each [length], shape (n, q, d).
-    """
-
-    def __init__(self, contact: BoundContact, mesh: dmesh.Mesh) -> None:
-        self.contact = contact
-        self._gap = None
-        if contact.gap is not None:
-            self._gap = Everywhere(contact.gap, mesh)
-        self._normal = None
-        if contact.given_normal is not None:
-            self._normal = Everywhere(contact.given_normal, mesh)
-        self._parameters = {}
-        if contact.friction is not None:
-            for name, value in contact.friction.parameters.items():
-                self._parameters[name] = Everywhere(value, mesh)
-
-    def gap(self, facet: np.ndarray, x: np.ndarray) -> np.ndarray:
-        """Evaluate the gap at the points [length], shape (n, q)."""
-        if self._gap is None:
-            return np.zeros(x.shape[:2])
-        return self._gap(x, self.contact.facets[facet])
-
-    def normal(self, facet: np.ndarray, x: np.ndarray) -> np.ndarray:
-        """Evaluate the unit normal of the foundation at the points.
-
-        Returns:
-            Shape (n, q, d), or (n, 1, d) where the normal does not vary.
-        """
-        if self._normal is None:
-            return self.contact.direction[facet][:, None, :]
-        normal = self._normal(x, self.contact.facets[facet])
-        return normal / np.linalg.norm(normal, axis=-1, keepdims=True)
-
-    def bound(self, facet: np.ndarray, x: np.ndarray, pressure: np.ndarray) -> np.ndarray:
-        """Evaluate the friction bound at the points [force/area], shape (n, q).
-
-        Args:
-            facet: Numbers of the facets, shape (n,).
-            x: Points [length], shape (n, q, d).
-            pressure: Pressures there [force/area], shape (n, q).
-        """
-        facets = self.contact.facets[facet]
-        parameters = {name: value(x, facets) for name, value in self._parameters.items()}
-        return self.contact.friction_bound(pressure, parameters)

@@ -13,12 +13,12 @@ from mpi4py import MPI
 from ufl.classes import Division, Product, Sum, Variable, Zero
 from ufl.corealg.traversal import unique_pre_traversal
 
-from erc_contact.base.runtime import compiled
 from erc_contact.base.runtime.patches import method_caches_off
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.expressions import OfNumbers
 from erc_contact.model.stand_ins import stand_in
 from erc_contact.model.symbolic import constant_value, varies, varies_in_cells
+from erc_contact.model.tables import written_out
 from erc_contact.model.users import call_of_user, scalar
 from erc_contact.scene.law import Law
 
@@ -61,7 +61,7 @@ class Friction:
 
     def bound(self, pressure: Ufl) -> Ufl:
         """Return the friction bound b(p) [force/area], UFL."""
-        bound = self.law.friction_bound(pressure, **self.parameters)
+        bound = written_out(ufl.as_ufl(self.law.friction_bound(pressure, **self.parameters)))
         return bound if self.share is None else self.share * bound
 
     def numbers(self, pressure: np.ndarray, values: Mapping[str, np.ndarray]) -> np.ndarray:
@@ -91,7 +91,7 @@ def _pointwise(
     size = int(np.prod(shape))
     symbol = stand_in((), 0)
     symbols = {name: stand_in((), i) for i, name in enumerate(named, start=1)}
-    expression = ufl.as_ufl(function(symbol, **symbols))
+    expression = written_out(ufl.as_ufl(function(symbol, **symbols)))
     if not varies(expression):
         return np.broadcast_to(constant_value(expression), shape)
     numbers = {symbol: np.broadcast_to(first, shape).reshape(size, 1)}
@@ -124,7 +124,7 @@ def bind_friction(mesh: dmesh.Mesh, what: str, law: Law, parameters: dict[str, U
     """
 
     def bound(pressure: Ufl) -> Ufl:
-        return scalar(what, law.friction_bound(pressure, **parameters))
+        return written_out(scalar(what, law.friction_bound(pressure, **parameters)))
 
     # The arrays that the error estimate passes have two axes, facets and points.
     pressure = np.ones((1, 1))
@@ -153,7 +153,8 @@ def _dependence(mesh: dmesh.Mesh, bound: Callable[[Ufl], Ufl]) -> str:
     and quotients alone join the pressure to the bound. All else counts as CONCAVE, of
     which nothing is claimed that needs more.
     """
-    pressure = ufl.variable(compiled.constant(mesh, 1.0))
+    # Not a Constant: a law of functions of numpy would take its number, and be wrong.
+    pressure = ufl.variable(ufl.SpatialCoordinate(mesh)[0])
     expression = ufl.as_ufl(bound(pressure))
     nodes = unique_pre_traversal(expression)
     dependent = [node for node in nodes if _contains(node, pressure)]

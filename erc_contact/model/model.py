@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -23,7 +22,7 @@ from erc_contact.model.last_step import LastStep
 from erc_contact.model.loads import bind_loads, sum_of
 from erc_contact.model.motions import free_motions
 from erc_contact.model.neighbours import check_neighbours
-from erc_contact.model.nodal_scalar import nodal_scalar
+from erc_contact.model.nodal import at_nodes
 from erc_contact.model.rigid_faces import face_forces
 from erc_contact.model.space import Space
 from erc_contact.model.springs import bind_springs
@@ -274,22 +273,4 @@ class Model(Space):
         parameters, and the Bernstein coefficients of the gap and of the displacement of
         the last step.
         """
-        gap = contact.gap
-        friction = contact.friction
-        trace = contact.trace
-        if trace.before is not None:
-            before = trace.before.copy()
-            self.to_coefficients(before.x.array.reshape(-1, self.d), [contact])
-            trace = replace(trace, before=before)
-        # The projection holds between Bernstein coefficients, so the gap is given by
-        # its own; the parameters of the law are values at the nodes.
-        if contact.gap_varies:
-            gap = nodal_scalar(self, contact, self.gap_at_nodes(contact), coefficients=True)
-        if friction is not None:
-            parameters = dict(friction.parameters)
-            for name, value in friction.parameters.items():
-                if varies_in_cells(value):
-                    values = evaluate(value, self.mesh, self.facet_points, contact.facets)
-                    parameters[name] = nodal_scalar(self, contact, values)
-            friction = replace(friction, parameters=parameters)
-        return replace(contact, gap=gap, friction=friction, trace=trace)
+        return at_nodes(self, contact, self.gap_at_nodes(contact))

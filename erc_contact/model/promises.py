@@ -154,6 +154,15 @@ def _check_data(model: Model, contact: BoundContact) -> None:
         low = model.comm.allreduce(local, MPI.MIN)
         if low < 0.0:
             raise InputError(f"{what}: {name} is {low:g} somewhere; it must be >= 0 and finite.")
+    if contact.stiffness is not None:
+        stiffness = Everywhere(contact.stiffness, model.mesh)(x, contact.facets)
+        local = float(np.where(stiffness < np.inf, stiffness, -np.inf).min(initial=np.inf))
+        low = model.comm.allreduce(local, MPI.MIN)
+        if not low > 0.0:
+            raise InputError(
+                f"{what}: the stiffness of the foundation is {low:g} somewhere; it must be > 0"
+                " and finite [force/length^3]."
+            )
     if contact.gap is not None:
         gap = Everywhere(contact.gap, model.mesh)(x, contact.facets)
         finite = bool(np.isfinite(gap).all())
@@ -210,6 +219,8 @@ def _check_supports_in_gap(model: Model) -> None:
     """Check that supports do not push a contact into what it touches; collective."""
     values = model.prescribed.x.array
     for contact in model.contacts:
+        if contact.stiffness is not None:
+            continue  # the foundation gives way
         trace = contact.trace
         gap = model.gap_at_nodes(contact)
         n = contact.direction[:, None, :]

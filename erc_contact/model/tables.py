@@ -4,7 +4,8 @@ A table is evaluated by numpy wherever numbers are needed: by the reconstruction
 error and by pictures. In the forms of the solver it is a Function of degree 2 in each
 cell. The error bounds any state of the solver, so it does not matter that this Function
 rounds off kinks. Only of moduli the solver and the reconstruction must know the same:
-there the Function has the values of the table at the points of quadrature.
+there the Function has the values of the table at the points of quadrature. A table of
+the pressure, in the formula of a friction law, is written out piece by piece.
 """
 
 from __future__ import annotations
@@ -30,6 +31,12 @@ Polynomials of this degree can have any values at the points of :data:`SHARED_RU
 """
 SHARED_RULE = 4
 """Degree of the quadrature that solver and reconstruction share for moduli."""
+
+MOST_HINGES = 50
+"""Greatest number of points of a table that is written out.
+
+FFCx takes 0.15 s for each, once.
+"""
 
 Evaluate = Callable[[Ufl, dmesh.Mesh, np.ndarray, np.ndarray], np.ndarray]
 """A function that evaluates UFL at reference points of cells, as shape (n, q, *s)."""
@@ -58,6 +65,48 @@ def on_mesh(
             _fill(function, mesh, evaluate, of_material=of_material)
             replaced[node] = function
     return ufl.replace(expression, replaced)
+
+
+def written_out(expression: Ufl) -> Ufl:
+    """Replace the tables in a UFL expression by sums of their pieces.
+
+    It is for tables of what varies with the solution, as the pressure in a friction
+    law, which no Function on the mesh can stand for.
+
+    Raises:
+        InputError: If a table has two coordinates, or too many points.
+    """
+    if not has_tables(expression):
+        return expression
+    replaced: dict[Ufl, Ufl] = {}
+    for node in unique_post_traversal(expression):
+        if isinstance(node, TableValue):
+            coordinates = [ufl.replace(entry, replaced) for entry in node.coordinates]
+            replaced[node] = _sum_of_hinges(coordinates, node.data)
+    return ufl.replace(expression, replaced)
+
+
+def _sum_of_hinges(coordinates: list[Ufl], data: TableData) -> Ufl:
+    """Write a table as its first value and a hinge at each point, UFL."""
+    points = data.source.kinks[0]
+    if len(coordinates) > 1 or len(points) > MOST_HINGES or data.slope is not None:
+        raise InputError(
+            f"A table in the formula of a law has one coordinate and at most {MOST_HINGES} points;"
+            " take fewer points, or make a table of the position a parameter of the law."
+        )
+    place = coordinates[0]
+    values = data.source.interpolated(points[:, None])
+    # Beyond its ends a table keeps the value at the end.
+    slopes = np.concatenate([[0.0], np.diff(values) / np.diff(points), [0.0]])
+    terms: list[Ufl] = [ufl.as_ufl(float(values[0]))]
+    for point, turn in zip(points.tolist(), np.diff(slopes).tolist(), strict=True):
+        if turn != 0.0:
+            terms.append(turn * ufl.max_value(place - point, 0.0))
+    # Sums of neighbours: a sum term by term would nest too deeply for UFL.
+    while len(terms) > 1:
+        halves = [sum(terms[i : i + 2]) for i in range(0, len(terms), 2)]
+        terms = halves
+    return terms[0]
 
 
 def _function(coordinates: Ufl, data: TableData, mesh: dmesh.Mesh) -> TableFunction:

@@ -42,8 +42,9 @@ class Method(Protocol):
     ``at_nodes(contact)``, the contact with its data at the nodes, for a multiplier; of
     a contact ``ds``, ``normal`` (of the foundation), ``gap`` [length], None where it is
     zero, ``jump(u)``, the displacement that the law is about, in a history since the
-    last step, ``jump(v)``, its variation for a test function v, and ``project(z)``, the
-    traction that the law allows for a trial traction z. Write a parameter as
+    last step, ``jump(v)``, its variation for a test function v, and ``project(z,
+    gamma)``, the traction that the law allows for a trial traction z with ``-gamma
+    jump(u)`` in it; a compliant foundation alone needs gamma. Write a parameter as
     ``fem.Constant(model.mesh, value)``: a plain number is compiled into the forms. A
     script that imports ``dolfinx`` begins with ``from mpi4py import MPI``.
 
@@ -180,7 +181,8 @@ class Nitsche:
         It is ``r(u) = P(sigma(u)n - gamma (u - s - g n))``.
         """
         stress = ufl.dot(model.stress(u), model.n)
-        return contact.project(stress - self._gamma(model) * _beyond(contact, u))
+        gamma = self._gamma(model)
+        return contact.project(stress - gamma * _beyond(contact, u), gamma)
 
     projected = traction
 
@@ -261,7 +263,7 @@ class AugmentedLagrangian:
         gamma_0 = compiled.constant(model.mesh, float(self.gamma))
         gamma = model.stiffness_per_area(gamma_0, model.cell_modulus)
         nodal = model.at_nodes(contact)
-        return nodal.project(multiplier - gamma * _beyond(nodal, u))
+        return nodal.project(multiplier - gamma * _beyond(nodal, u), gamma)
 
 
 OURS = Nitsche, AugmentedLagrangian

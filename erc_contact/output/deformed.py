@@ -17,10 +17,9 @@ from typing import Any
 
 import numpy as np
 
-from erc_contact.admissible.pair import Admissible
 from erc_contact.base.checks import positive
 from erc_contact.error.constitutive import ConstitutiveError
-from erc_contact.model.stress import tells_out_of_plane, von_mises
+from erc_contact.model.stress import tells_out_of_plane
 from erc_contact.output.apart import greatest_gap, greatest_share, pairs_of, shifts
 from erc_contact.output.bodies import Skin, outline, skin_of
 from erc_contact.output.drawing import draw_figure, only_in_2d, weighted_level
@@ -49,7 +48,7 @@ from erc_contact.output.gathered import (
 )
 from erc_contact.output.maps import Scale, draw_map
 from erc_contact.output.views import Part, upward, views_of
-from erc_contact.results.stresses import mean_stress, vertex_stress
+from erc_contact.results.stresses import linear_mises
 
 COLOURED_SHARE = 0.998
 """Share of the volume whose stress is below the top of the colour scale [-].
@@ -64,23 +63,25 @@ def draw_deformed(
     factor: float | None = None,
     *,
     pull: float | None = None,
+    stress: str = "admissible",
     ax: Any = None,
 ) -> Any:
     """Draw the deformed body on its foundation, or several bodies; collective.
 
-    The colours are those of the von Mises stress of sigma^. Points of the body are
-    drawn at X + factor u^. The foundation is drawn as it is, and not magnified: what is
-    flat is flat. It is moved with the body, so that what is closed looks closed as
-    nearly as a rigid motion can make it (:mod:`erc_contact.output.foundations`). It is
-    left out where it would be far from the body. Orange lines show what is closed, in
-    3D its border, and black ones the outline of the body before the deformation.
+    The colours are those of the von Mises stress of sigma^, or of another stress.
+    Points of the body are drawn at X + factor u^. The foundation is drawn as it is, and
+    not magnified: what is flat is flat. It is moved with the body, so that what is
+    closed looks closed as nearly as a rigid motion can make it
+    (:mod:`erc_contact.output.foundations`). It is left out where it would be far from
+    the body. Orange lines show what is closed, in 3D its border, and black ones the
+    outline of the body before the deformation.
 
     Two bodies are drawn as far from each other as they are, times the factor: what is
     closed touches. A gap between them that is data is drawn on the side that the
     contact is named after: the body moves as a rigid one, or has a recess.
 
-    The von Mises stress is that of the mean of sigma^ in each element; for degree 2 it
-    is linear there (:func:`erc_contact.results.stresses.vertex_stress`). If the
+    The von Mises stress is that of the mean of the stress in each element; for degree 2
+    it is linear there (:func:`erc_contact.results.stresses.vertex_stress`). If the
     material does not tell the stress out of plane (``out_of_plane``), it is that of the
     part in plane.
 
@@ -97,13 +98,16 @@ def draw_deformed(
             entered.
         pull: Distance by which bodies that face each other are pulled apart in the
             picture, to show what is between them [length]; None pulls nothing apart.
+        stress: "admissible" for sigma^, "best" for the mean of sigma^ and C eps(u^),
+            whose error is known best, "elastic" for C eps(u^).
         ax: Axes of matplotlib to draw on, in 2D; by default those of a new figure.
 
     Returns:
         The axes on rank 0, None on the other ranks; in 3D an array of two.
 
     Raises:
-        InputError: If the distance is not > 0, or axes are given in 3D.
+        InputError: If the distance is not > 0, the stress is another one, or axes are
+            given in 3D.
     """
     admissible = error.admissible
     model = error.model
@@ -116,7 +120,7 @@ def draw_deformed(
     body = gathered(model.comm, **body_nodes(model), **nodal_fields(admissible))
     cells = gathered(
         model.comm,
-        stress=_shown_stress(admissible),
+        stress=linear_mises(admissible, stress),
         volume=admissible.cell_geometry.volume[:owned],
         vertices=model.global_numbers(admissible.cell_geometry.vertices[:owned]),
     )
@@ -124,7 +128,8 @@ def draw_deformed(
     up = upward(admissible)
     only_round_off = error.scale == 0 or error.solution.at_rest
     part = "" if tells_out_of_plane(model) else " of the plane part"
-    label = f"von Mises stress{part} [force/area]"
+    kind = "" if stress == "admissible" else f" ({stress})"
+    label = f"von Mises stress{kind}{part} [force/area]"
 
     def draw(ax: Any) -> Any:
         only_in_2d("draw_deformed", ax, d)
@@ -142,17 +147,17 @@ def draw_deformed(
         skin = skin_of(body["points"], body["cells"], d)
         x = skin.points + times * body["u"]
         scale = _stress_scale(cells, label)
-        stress = _stress_on_skin(skin, cells)
+        colours = _stress_on_skin(skin, cells)
         # Round-off would else fill the whole range of colours.
         if only_round_off:
-            stress = 0 * stress
+            colours = 0 * colours
         closed = _closed_lines(contacts, x)
         lines = outline(body, d) + closed
         grounds = _grounds(foundations, times, size, float(np.ptp(x, axis=0).max()))
         title = _title(contacts, foundations, times, size, pull)
         if closed:
             title += colours_in_words(contacts)
-        return draw_map(ax, skin, x, stress, scale, views_of(d, up), lines, grounds, title)
+        return draw_map(ax, skin, x, colours, scale, views_of(d, up), lines, grounds, title)
 
     return draw_figure(model.comm, path, ax, draw)
 
@@ -184,7 +189,7 @@ def _greatest_magnification(
     """
     largest = float(np.linalg.norm(body["u"], axis=1).max())
     magnified = max(largest, greatest_gap(contacts))
-    factor = greatest_factor(_foundations(contacts), magnified, size)
+    factor = greatest_factor(_rigid(_foundations(contacts)), magnified, size)
     pairs = pairs_of(contacts)
     if pairs:
         share = greatest_share(body, pairs)
@@ -196,6 +201,11 @@ def _foundations(contacts: Sequence[Surface]) -> list[Foundation]:
     """Fit the foundations of contacts that have one; on rank 0."""
     alone = [contact for contact in contacts if contact.partners is None]
     return [foundation_of(contact) for contact in alone if not is_symmetry(contact)]
+
+
+def _rigid(foundations: Sequence[Foundation]) -> list[Foundation]:
+    """Return the foundations that do not give way: the others are truly entered."""
+    return [each for each in foundations if each.surface.traction.contact.stiffness is None]
 
 
 def _shifted(contact: Surface, shift: np.ndarray) -> Surface:
@@ -276,19 +286,10 @@ def _title(
         title += f"\nbodies pulled apart by {pull:g} [length]"
     if factor != 1.0 and any(foundation.moves for foundation in foundations):
         title += ", foundation moved with it"
-    entry = max((foundation.entry(factor) for foundation in foundations), default=0.0)
+    rigid = _rigid(foundations)
+    if len(rigid) < len(foundations):
+        title += "\nthe foundation is drawn without giving way"
+    entry = max((foundation.entry(factor) for foundation in rigid), default=0.0)
     if entry > 1.1 * UNSEEN * size:  # more than rounding of the magnification makes of it
         title += f"\nand so the contact looks open or entered by up to {entry:.2g} [length]"
     return title
-
-
-def _shown_stress(admissible: Admissible) -> np.ndarray:
-    """Compute the von Mises stress of sigma^ in each owned cell [force/area].
-
-    For degree 2 it is that at the vertices; shape (owned, 1 or d+1).
-    """
-    if admissible.model.degree == 1:
-        return von_mises(mean_stress(admissible))[:, None]
-    stress = vertex_stress(admissible)
-    at_vertices = [von_mises(stress[:, vertex]) for vertex in range(stress.shape[1])]
-    return np.stack(at_vertices, axis=1)

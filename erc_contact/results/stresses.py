@@ -11,11 +11,18 @@ from erc_contact.admissible.macro import macro_points
 from erc_contact.admissible.pair import Admissible, pair_of
 from erc_contact.admissible.reference import tensors
 from erc_contact.base.exceptions import InputError
-from erc_contact.mesh.simplex import from_means, mass
+from erc_contact.mesh.simplex import barycentric, from_means, mass
 from erc_contact.model.stress import stress_in_space, tells_out_of_plane, von_mises
 
 STRESSES = ("admissible", "best", "elastic")
 """Stresses of a pair: sigma^, ``(sigma^ + C eps(u^))/2``, and ``C eps(u^)``."""
+
+
+def check_stress(stress: str) -> None:
+    """Check the name of a stress of a pair."""
+    if stress not in STRESSES:
+        allowed = ", ".join(map(repr, STRESSES))
+        raise InputError(f"The stress is {stress!r}; allowed are {allowed}.")
 
 
 def mean_stress(result: Any, stress: str = "admissible") -> np.ndarray:
@@ -35,9 +42,7 @@ def mean_stress(result: Any, stress: str = "admissible") -> np.ndarray:
     Raises:
         InputError: If the stress is another one.
     """
-    if stress not in STRESSES:
-        allowed = ", ".join(map(repr, STRESSES))
-        raise InputError(f"The stress is {stress!r}; allowed are {allowed}.")
+    check_stress(stress)
     admissible = pair_of(result)
     model = admissible.model
     means = []
@@ -71,16 +76,41 @@ def _elastic_means(admissible: Admissible) -> np.ndarray:
     return (repeated / repeated.sum()) @ at_points
 
 
-def vertex_stress(admissible: Admissible) -> np.ndarray:
-    """Project sigma^ on linear stresses in each owned cell [force/area]; collective.
+def vertex_stress(admissible: Admissible, stress: str = "admissible") -> np.ndarray:
+    """Project a stress on linear ones in each owned cell [force/area]; collective.
 
     The projection is that in the mean square, and the result are its values at the
     vertices. Cells do not share these values. The vertices are in the order of
     ``cell_geometry.vertices``.
 
+    Args:
+        admissible: The pair.
+        stress: As in :func:`mean_stress`.
+
     Returns:
         Shape (owned, d+1, 3, 3). In 2D the stress out of plane is as in
         :func:`mean_stress`.
+
+    Raises:
+        InputError: If the stress is another one.
+    """
+    check_stress(stress)
+    model = admissible.model
+    d = model.d
+    moments = []
+    if stress != "elastic":
+        moments.append(_admissible_moments(admissible))
+    if stress != "admissible":
+        moments.append(_elastic_moments(admissible))
+    linear = tensors(from_means(d, 1, np.mean(moments, axis=0)), d)
+    at_vertices = [stress_in_space(model, linear[:, vertex]) for vertex in range(d + 1)]
+    return np.stack(at_vertices, axis=1)
+
+
+def _admissible_moments(admissible: Admissible) -> np.ndarray:
+    """Compute the means of sigma^ times the hat functions of the vertices of a cell.
+
+    They are in Mandel components, shape (owned, d+1, s).
     """
     model = admissible.model
     d = model.d
@@ -89,9 +119,38 @@ def vertex_stress(admissible: Admissible) -> np.ndarray:
     for sub in range(d + 1):
         hats[sub, :, sub] = 1 / (d + 1)
     weights = np.matmul(hats, mass(d, 1, model.degree)) / (d + 1)
-    means = np.einsum("svm,nsmc->nvc", weights, admissible.stress)
-    linear = tensors(from_means(d, 1, means), d)
-    at_vertices = [stress_in_space(model, linear[:, vertex]) for vertex in range(d + 1)]
+    return np.einsum("svm,nsmc->nvc", weights, admissible.stress)
+
+
+def _elastic_moments(admissible: Admissible) -> np.ndarray:
+    """Compute the means of C eps(u^) times the hat functions of a cell's vertices.
+
+    They are in Mandel components, shape (owned, d+1, s).
+    """
+    model = admissible.model
+    d = model.d
+    owned = model.domain.owned_cells
+    at_points = elastic_stress(model, admissible.cell_geometry, admissible.displacement, owned)
+    _, points, weights = macro_points(d, model.degree)
+    weighted = barycentric(points) * weights[:, None]
+    if at_points.shape[1] == 1:
+        weighted = weighted.sum(axis=0, keepdims=True)
+    return np.einsum("qv,nqc->nvc", weighted, at_points)
+
+
+def linear_mises(admissible: Admissible, stress: str = "admissible") -> np.ndarray:
+    """Compute the von Mises stress in each owned cell for pictures [force/area].
+
+    For degree 2 it is that at the vertices; shape (owned, 1 or d+1). Collective.
+
+    Args:
+        admissible: The pair.
+        stress: As in :func:`mean_stress`.
+    """
+    if admissible.model.degree == 1:
+        return von_mises(mean_stress(admissible, stress))[:, None]
+    values = vertex_stress(admissible, stress)
+    at_vertices = [von_mises(values[:, vertex]) for vertex in range(values.shape[1])]
     return np.stack(at_vertices, axis=1)
 
 

@@ -21,8 +21,7 @@ from erc_contact.error.optimal import SizeMap
 from erc_contact.mesh.domain import Domain
 from erc_contact.newton.doubts import DoubtsOfRun
 from erc_contact.newton.ladder import NODAL
-from erc_contact.newton.methods import DEFAULT
-from erc_contact.newton.solve import solved
+from erc_contact.newton.solve import DEFAULT, solved
 from erc_contact.run.checkpoint import Checkpoint
 from erc_contact.run.endings import AT_REST, NO_TRUE_SHAPE, ending, other_methods
 from erc_contact.run.foreseen import too_many_cells
@@ -285,8 +284,8 @@ class Loop:
             self.outcome += other_methods(self.steps)
         if not best.domain.knows_shape:
             self.outcome += NO_TRUE_SHAPE
-        is_exact = self.aim.reached if self.aim else best.total <= self.plan.accuracy
-        reached = is_exact or best.solution.at_rest
+        is_met = self.aim.reached if self.aim else best.total <= self.plan.accuracy
+        reached = is_met or best.solution.at_rest
         self._log(self.outcome, logging.INFO if reached else logging.WARNING)
         self.doubts.end()
         return History(

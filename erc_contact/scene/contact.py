@@ -13,8 +13,42 @@ from erc_contact.scene.material import Value
 
 
 @dataclass(frozen=True)
+class Foundation:
+    """Declare a compliant foundation under a contact (Winkler's).
+
+    Where the pressure is p it gives way by p/k: the body may move by ``g + p/k`` along
+    the normal. It is a mat, a soil or a thin soft layer on a stiff ground. Its surface
+    does not move along itself.
+
+    Args:
+        stiffness: k, pressure over settlement [force/length^3], number or callable of x
+            (e.g. a table); that of a thin layer is its modulus over its thickness.
+
+    Raises:
+        InputError: If the stiffness is no finite number > 0 nor a callable.
+
+    Example:
+        >>> ec.Contact("bottom", foundation=ec.Foundation(50.0)).foundation
+        Foundation(stiffness=50.0)
+    """
+
+    stiffness: Value
+
+    def __post_init__(self) -> None:
+        """Check the stiffness."""
+        value: Any = self.stiffness
+        check_value("Foundation: stiffness", value, unit=" > 0 [force/length^3]")
+        is_number = not callable(value)
+        if is_number and (isinstance(value, bool) or not value > 0):
+            raise InputError(
+                f"Foundation: stiffness is {value!r}; give a number > 0 [force/length^3], or a"
+                " callable of x. A rigid foundation has none: leave foundation out."
+            )
+
+
+@dataclass(frozen=True)
 class Contact:
-    """Declare a contact of a boundary part with a rigid foundation or another body.
+    """Declare a contact of a boundary part with a foundation or another body.
 
     It may have friction, and it is unilateral unless said otherwise. Between two bodies
     all that is said of u is said of the jump: the displacement of the part less that of
@@ -36,16 +70,17 @@ class Contact:
         bilateral: Whether the contact cannot open: ``u_n = g``. Needs a friction bound
             without pressure.
         against: Name of the boundary part of another body that the part faces, see
-            :meth:`Domain.split`; None for a rigid foundation.
+            :meth:`Domain.split`; None for a foundation.
+        foundation: A compliant foundation, :class:`Foundation`; None for a rigid one.
 
     Raises:
         InputError: If friction is negative, the normal is zero, a bilateral contact has
-            Coulomb friction, or a part is against itself.
+            Coulomb friction or a compliant foundation, or a part is against itself.
 
     Example:
         >>> ec.Contact("bottom", friction=0.3, gap=lambda x: 0.01 * x[0] ** 2)
         Contact(facets='bottom', friction=0.3, gap=<function ...>, normal=None,
-                bilateral=False, against=None)
+                bilateral=False, against=None, foundation=None)
     """
 
     facets: str
@@ -54,6 +89,7 @@ class Contact:
     normal: Sequence[float] | Callable[[Any], Any] | str | None = None
     bilateral: bool = False
     against: str | None = None
+    foundation: Foundation | None = None
 
     def __post_init__(self) -> None:
         """Check the arguments, and make a normal in numbers a unit vector."""
@@ -67,6 +103,7 @@ class Contact:
                     " for a rigid foundation."
                 )
         self._check_friction(what)
+        self._check_foundation(what)
         check_value(f"{what}: gap", self.gap, unit=" [length]")
         if self.bilateral and isinstance(self.law, Coulomb):
             raise InputError(
@@ -93,6 +130,26 @@ class Contact:
             f"{what}: friction is {law!r}; give a number, a callable of x, or an object with"
             " parameters (a tuple of names) and friction_bound, e.g. Tresca(0.1)."
         )
+
+    def _check_foundation(self, what: str) -> None:
+        """Check that a compliant foundation is one, under a body that may lift off."""
+        if self.foundation is None:
+            return
+        if not isinstance(self.foundation, Foundation):
+            raise InputError(
+                f"{what}: foundation is {self.foundation!r}; give Foundation(stiffness), or None"
+                " for a rigid one."
+            )
+        if self.against is not None:
+            raise InputError(
+                f"{what} is against another body and has a compliant foundation; give one of the"
+                " two. A soft layer between bodies is a body of its own."
+            )
+        if self.bilateral:
+            raise InputError(
+                f"{what} is bilateral and has a compliant foundation: such a part never lifts"
+                f" off. Give Spring({self.facets!r}, normal=k) instead."
+            )
 
     def _check_normal_by_name(self, what: str) -> None:
         """Check that a normal in words is that of a gap."""
@@ -148,6 +205,7 @@ class Symmetry(Contact):
     )
     bilateral: bool = field(default=True, init=False, repr=False)
     against: str | None = field(default=None, init=False, repr=False)
+    foundation: Foundation | None = field(default=None, init=False, repr=False)
 
 
 def _unit_normal(what: str, normal: Any) -> tuple[float, ...]:

@@ -75,7 +75,10 @@ def _contact(contact: Any) -> str:
         friction = _object(law)
     kind = "bilateral contact" if contact.bilateral else "contact"
     normal = "" if contact.normal is None else f", normal {_code(contact.normal)}"
-    return f"{kind}, {friction}, gap {_code(contact.gap)}{normal}"
+    bed = ""
+    if contact.foundation is not None:
+        bed = f", foundation of stiffness {_code(contact.foundation.stiffness)}"
+    return f"{kind}, {friction}, gap {_code(contact.gap)}{normal}{bed}"
 
 
 def _code(value: Any) -> str:
