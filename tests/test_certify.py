@@ -174,6 +174,7 @@ def pressed_ball(d):
     return ec.Scene(ec.Elastic(1.0, 0.3), down, contacts=contact), body
 
 
+@pytest.mark.on_ranks("2-2")
 @pytest.mark.parametrize(("d", "degree"), [(2, 1), (2, 2), (3, 2)])
 def test_a_solution_of_nitsche_has_the_error_that_it_has(d, degree):
     scene, body = pressed_ball(d)
@@ -185,6 +186,7 @@ def test_a_solution_of_nitsche_has_the_error_that_it_has(d, degree):
     assert np.linalg.norm(parts) == pytest.approx(certificate.error.absolute, rel=1e-8)
 
 
+@pytest.mark.on_ranks("2-2", "3-1")
 @pytest.mark.parametrize(("d", "degree"), [(2, 1), (2, 2), (3, 1)])
 def test_a_traction_from_elsewhere(d, degree):
     scene, body = pressed_ball(d)

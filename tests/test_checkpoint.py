@@ -131,6 +131,7 @@ def run(problem, meshes, folder=None, comm=COMM, **more):
     return ec.adapt(scene, domain, 0.01, max_steps=meshes, checkpoint=folder, **settings, **more)
 
 
+@pytest.mark.on_ranks("of_space", "of_joined")
 @pytest.mark.parametrize("problem", RUNS)
 def test_the_same_call_goes_on(problem, shared_tmp_path):
     undisturbed = run(problem, 3)
@@ -403,6 +404,7 @@ def test_every_third_mesh_and_the_last_one(shared_tmp_path):
     assert len(again.meshes) == 4
 
 
+@pytest.mark.on_ranks("folder removed")
 @pytest.mark.parametrize("fault", ["full disk", "folder removed"])
 def test_a_run_that_cannot_be_kept_returns_its_result(fault, shared_tmp_path, caplog):
     folder, before = shared_tmp_path / "kept", resource.getrlimit(resource.RLIMIT_FSIZE)

@@ -131,6 +131,7 @@ def triangle(
     return scene, domain
 
 
+@pytest.mark.on_ranks("0.3-1.888")
 @pytest.mark.parametrize(("nu", "M"), [(0.2, 1.634), (0.3, 1.888)])
 def test_uniqueness_ends_below_many_solutions(nu, M):
     scene, domain = triangle(nu, 0.5, 0.05)
@@ -268,6 +269,7 @@ REFINED = {
 }
 
 
+@pytest.mark.on_ranks("coarse")
 @pytest.mark.parametrize("name", REFINED)
 def test_the_change_of_q_holds_on_the_refined_mesh(name):
     """For the same field t; and what was claimed is not withdrawn."""

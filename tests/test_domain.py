@@ -555,6 +555,7 @@ def nodes_of_all(domain):
     return np.unique(np.concatenate(domain.mesh.comm.allgather(domain.mesh.geometry.x)), axis=0)
 
 
+@pytest.mark.on_ranks("2-0.001", "3-1000.0")
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 1e3])
 @pytest.mark.parametrize("dim", [2, 3])
 def test_refined_coordinates_are_exact(dim, scale):
@@ -588,6 +589,7 @@ def assert_sides_exact(domain):
         assert set(domain.mesh.geometry.x[nodes.ravel(), axis]) <= {at}, name
 
 
+@pytest.mark.on_ranks("2-1.0-remeshed", "2-0.001-size", "3-1.0-cells", "3-1000.0-remeshed")
 @pytest.mark.parametrize("kind", ["cells", "size", "remeshed"])
 @pytest.mark.parametrize(("dim", "scale"), [(2, 1.0), (2, 1e-3), (3, 1.0), (3, 1e3)])
 def test_sides_of_bricks_are_exact(dim, scale, kind):

@@ -186,6 +186,7 @@ def sliding_block(slide, method, degree=1):
     return ec.constitutive_error(ec.equilibrate(ec.solve(scene, domain, method, degree=degree)))
 
 
+@pytest.mark.on_ranks("augmented-2")
 @pytest.mark.parametrize("degree", mostly_serial([1, 2], [2]))
 @pytest.mark.parametrize(
     "method", [ec.Nitsche(), ec.AugmentedLagrangian()], ids=["nitsche", "augmented"]
@@ -301,6 +302,7 @@ LAWS = {
 }
 
 
+@pytest.mark.on_ranks("mu(x)-2-2")
 @pytest.mark.parametrize(
     ("name", "dim", "degree"),
     [("mu(x)", 2, 2), ("limit", 3, 1), ("given", 2, 1)],

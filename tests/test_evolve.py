@@ -65,6 +65,7 @@ def whole():
     return cycle()
 
 
+@pytest.mark.on_ranks("strategy0")
 @pytest.mark.parametrize("strategy", [ec.Mark(), ec.SizeMap()])
 def test_a_curved_body_from_rest(strategy):
     """At rest every error is 100% on every mesh: there is nothing to refine for."""
@@ -90,6 +91,7 @@ def test_a_curved_body_from_rest(strategy):
     assert "at rest" in rest.outcome
 
 
+@pytest.mark.serial
 def test_steps_are_those_by_hand(whole):
     """Without refinement; the accuracy of these steps is that of the first mesh."""
     coarse = cycle(accuracy=0.9)
@@ -111,6 +113,7 @@ def test_steps_are_those_by_hand(whole):
     assert whole.outcome in str(whole)
 
 
+@pytest.mark.serial
 def test_energy(whole):
     """What the balance leaves on fixed meshes is below the square of the error of the pairs; see the formulas."""
     for times in (np.linspace(0.0, 2.0, 9), np.linspace(0.0, 2.0, 17)):
@@ -127,6 +130,7 @@ def test_energy(whole):
     assert abs(refined).max() <= 2 * (whole.column("scale") * whole.column("eps")).max() ** 2
 
 
+@pytest.mark.on_ranks("2")
 @pytest.mark.parametrize("d", [2, 3])
 def test_dissipation_of_a_body_that_slides(d):
     """Between two states in which all of it slides the body only moves.
@@ -214,6 +218,7 @@ def test_dissipation_where_a_contact_opens():
     assert np.all(taken - work <= most + 1e-15)
 
 
+@pytest.mark.on_ranks("2")
 @pytest.mark.parametrize("d", [2, 3])
 def test_energy_of_loads(d):
     """Loads instead of supports, and a weight that changes in time."""
@@ -388,6 +393,7 @@ def test_steps_as_short_as_the_accuracy_of_the_energy_asks():
             assert unknown <= max(share * (row.dissipated - before.dissipated), of_mesh)
 
 
+@pytest.mark.serial
 def test_what_is_written(whole, shared_tmp_path):
     whole.save(shared_tmp_path)
     forces = whole.error.reactions()

@@ -123,6 +123,7 @@ def test_energy_holds_that_of_a_fine_mesh(case):
     assert widths[1] < 0.1 * abs(true.high)
 
 
+@pytest.mark.on_ranks("given friction-1", "cube, given friction-2")
 @pytest.mark.parametrize(
     ("case", "degree"),
     [

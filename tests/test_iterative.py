@@ -198,6 +198,7 @@ def test_cycles_at_degree_2():
     assert max(cycles) <= 15
 
 
+@pytest.mark.serial
 def test_units_do_not_change_the_error():
     scene, domain = SCENES["cube on a sphere"]()
     found = []
@@ -215,6 +216,7 @@ def test_units_do_not_change_the_error():
     assert found == pytest.approx([found[1]] * 3, rel=SAME)
 
 
+@pytest.mark.on_ranks("foundation-1", "two bodies-1")
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("name", ["foundation", "two bodies"])
 def test_units_of_length_and_stress(name, degree):
@@ -301,6 +303,7 @@ def test_rebalance_falls_back_where_multigrid_is_slow(monkeypatch):
     assert eps(solution) == pytest.approx(expected, rel=SAME)
 
 
+@pytest.mark.serial
 def test_adaptive_run_makes_the_same_meshes():
     scene, domain = SCENES["cube on a sphere"]()
     runs = [

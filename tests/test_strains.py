@@ -95,6 +95,7 @@ def test_held_bar(degree):
         assert error.solution.maximum("von Mises").value == pytest.approx(pressed, rel=1e-9)
 
 
+@pytest.mark.on_ranks("method0", "method2")
 @pytest.mark.parametrize("method", [ec.AugmentedLagrangian(), ec.Nitsche(), ec.Nitsche(theta=1)])
 def test_heat_presses_and_cold_opens(method):
     hot = measured(walled(ec.ThermalStrain(HEAT, 40.0)), plate(), method=method)

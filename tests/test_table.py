@@ -91,6 +91,7 @@ def scene_of(d, of, method=None):
     )
 
 
+@pytest.mark.on_ranks("2-2")
 @pytest.mark.parametrize(("d", "degree"), [(2, 1), (2, 2), (3, 1)])
 def test_a_table_of_a_line_is_the_line(d, degree):
     exact = error_of(scene_of(d, "formula"), body(d), degree)

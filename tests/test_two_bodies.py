@@ -119,6 +119,7 @@ def distance(solution: ec.Solution, exact) -> float:
     return COMM.allreduce(max(differences), MPI.MAX) / COMM.allreduce(max(sizes), MPI.MAX)
 
 
+@pytest.mark.on_ranks("2-2-slip", "3-1-stick")
 @pytest.mark.parametrize(
     ("d", "degree", "name"),
     [*product((2, 3), (1, 2), ("slip", "stick")), (2, 1, "smooth")],
@@ -229,6 +230,7 @@ def error(request):
     return certified(SCENES[name](d), small_bricks(d), degree=degree)
 
 
+@pytest.mark.on_ranks("2D-1-interference", "2D-1-chain", "2D-2-corner", "3D-1-gap", "2D-1-half both")
 def test_action_is_reaction(error):
     """The forces of both sides are opposite, with their moments, of u and of sigma^.
 
@@ -277,6 +279,7 @@ def traction_in(pair: Admissible, cells: np.ndarray, x: np.ndarray) -> np.ndarra
     return -np.einsum("ns,si->ni", mandel, mandel_basis(d)[:, :, -1])
 
 
+@pytest.mark.on_ranks("2D-1-interference", "2D-1-chain", "2D-2-corner", "3D-1-gap", "2D-1-half both")
 def test_pair_keeps_the_conditions(error):
     """The jump of u^ does not enter the gap, r^ is in the cone, and sigma^ n is opposite.
 
