@@ -461,7 +461,7 @@ t.run(t.{problem}, 40, "kept", callback=tell)
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize(("problem", "ranks"), [(of_flat_body, 1), (of_pair, 1), (of_pair, 2)])
+@pytest.mark.parametrize(("problem", "ranks"), [(of_flat_body, 1), (of_pair, 2)])
 def test_killed_runs_go_on(problem, ranks, tmp_path):
     """Kill a run at some moment.
 

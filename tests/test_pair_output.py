@@ -89,8 +89,16 @@ def apart(pair, x):
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize("gap", GAPS)
-@pytest.mark.parametrize(("d", "degree"), [(2, 1), (2, 2), (3, 1)])
+@pytest.mark.parametrize(
+    ("gap", "d", "degree"),
+    [
+        *((gap, 2, 1) for gap in GAPS),
+        ("parabola", 2, 2),
+        ("none", 3, 1),
+        ("interference", 3, 1),
+        ("parabola", 3, 1),
+    ],
+)
 def test_distances_are_drawn_as_they_are(gap, d, degree, drawn):
     down = -0.06 - 0.05 * (gap == "constant")
     error = error_of(pressed(d, down=down, gap=GAPS[gap]), d, degree)
