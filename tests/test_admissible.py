@@ -290,6 +290,7 @@ def test_contact_holds_on_all_meshes(E):
     assert history.steps[-1].cells > 600
 
 
+@pytest.mark.on_ranks("2-2")
 @pytest.mark.parametrize(("d", "degree"), [(2, 1), (2, 2), (3, 1)])
 def test_elements_balance_where_the_body_slides_far(d, degree):
     """The displacement is 1e8 times the elastic one.

@@ -100,6 +100,7 @@ def test_proportional_loading_ends_in_the_static_solution(d, degree, solver):
     assert eps[0] == pytest.approx(eps[1], rel=1e-8)
 
 
+@pytest.mark.on_ranks("method0")
 @pytest.mark.parametrize("method", [AUGMENTED, NITSCHE])
 def test_sliding_forward_and_back(method):
     """All slides: the friction is mu times the pressure, against the motion since the last step."""

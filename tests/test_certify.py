@@ -42,6 +42,7 @@ def disturbed(u, share):
     return other
 
 
+@pytest.mark.on_ranks("2")
 @pytest.mark.parametrize("degree", [1, 2])
 def test_a_solution_has_the_error_that_it_has(degree):
     solution = solved(degree)

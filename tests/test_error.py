@@ -117,6 +117,7 @@ def test_energy_beyond_double_precision_is_an_error(push):
         measure(scene, ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(2, 2)))
 
 
+@pytest.mark.on_ranks("2")
 @pytest.mark.parametrize("seed", mostly_serial([2, 3, 6, 7], [2, 3]))
 def test_parts(seed):
     scene, domain = random_scene(seed)

@@ -240,6 +240,7 @@ def test_energy_of_loads(d):
     assert again.steps[-1].work == pytest.approx(row.work, rel=0.1)
 
 
+@pytest.mark.serial
 def test_nothing_is_compiled_after_the_first_steps():
     seen = []
     times = [0.0, *np.linspace(1.0, 1.5, 7)]
@@ -310,6 +311,7 @@ def test_a_damaged_step_is_made_again(shared_tmp_path):
         )
 
 
+@pytest.mark.serial
 def test_a_folder_goes_on(whole, shared_tmp_path, monkeypatch):
     """The same call after an end in the middle.
 

@@ -169,6 +169,7 @@ def test_no_error_of_petsc_is_swallowed(capfd):
     assert "PETSC ERROR" not in capfd.readouterr().err
 
 
+@pytest.mark.on_ranks("GRECO")
 @pytest.mark.parametrize("case", ["cube, given friction", "GRECO"])
 def test_multigrid_gives_the_same_bounds(case):
     """In GRECO the loads alone dictate the resultant, because phi is a rigid motion.

@@ -117,6 +117,7 @@ CASES = [
 ON_RANKS = [case for case in CASES if case[0] in ("held by two contacts", "cube on a sphere")]
 
 
+@pytest.mark.on_ranks("held by two contacts AL", "cube on a sphere Nitsche")
 @pytest.mark.parametrize("case", mostly_serial(CASES, ON_RANKS), ids=" ".join)
 def test_same_as_the_direct_solver(case):
     name, method = case
@@ -131,6 +132,7 @@ ON_A_SPHERE = [("cube on a sphere", "Nitsche"), ("cube on a sphere", "AL")]
 DEGREE_2 = [("block", "AL"), ("a support at nodes of the contact", "Nitsche"), *ON_A_SPHERE]
 
 
+@pytest.mark.on_ranks("cube on a sphere AL")
 @pytest.mark.parametrize("case", mostly_serial(DEGREE_2, ON_A_SPHERE), ids=" ".join)
 def test_same_as_the_direct_solver_for_degree_2(case):
     name, method = case

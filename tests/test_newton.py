@@ -172,6 +172,7 @@ def triangle(friction: float) -> tuple[ec.Scene, ec.Domain]:
     return scene, domain.refined()
 
 
+@pytest.mark.on_ranks("AugmentedLagrangian(gamma=1.0)")
 @pytest.mark.parametrize("method", [ec.Nitsche(), ec.AugmentedLagrangian()], ids=str)
 def test_continuum_of_solutions_is_reported(method, caplog):
     many = ec.solve(*triangle(2.0), method)

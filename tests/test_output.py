@@ -568,6 +568,7 @@ def test_area_under_the_pressure_of_any_contact(shape):
     assert axes.get_xlabel().startswith(expected)
 
 
+@pytest.mark.on_ranks("2")
 @pytest.mark.parametrize("d", [2, 3])
 def test_curved_edges_are_drawn(d, shared_tmp_path, seen):
     """Pure bending is quadratic.

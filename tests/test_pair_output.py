@@ -234,6 +234,7 @@ def test_profile_has_both_sides(d, degree):
         assert alone.profile("bottom").dtype.names[-1] == "weight"
 
 
+@pytest.mark.on_ranks("2")
 @pytest.mark.parametrize("d", [2, 3])
 def test_files_hold_both_bodies_and_the_jump(d, shared_tmp_path):
     error = error_of(pressed(d, gap=GAPS["parabola"]), d)

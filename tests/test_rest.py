@@ -109,6 +109,7 @@ def test_released_curved_body_makes_no_meshes():
     assert not history.column("eps")[[0, 2]].any()
 
 
+@pytest.mark.on_ranks("2")
 @pytest.mark.parametrize("d", [2, 3])
 def test_what_is_no_rest(d):
     zero = (0.0,) * (d - 1)

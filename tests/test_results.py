@@ -371,6 +371,7 @@ def test_the_place_of_equal_maxima_does_not_depend_on_the_ranks():
         assert np.allclose(together.place, alone.place, rtol=0, atol=1e-12)
 
 
+@pytest.mark.serial
 def test_histories_where_a_result_is_asked_for():
     """All that takes an error or a pair takes a run, too: its best result.
 

@@ -22,6 +22,7 @@ def test_tells_versions_and_passes(capsys):
         assert not told
 
 
+@pytest.mark.serial
 def test_a_property_that_fails_is_told(capsys, monkeypatch):
     monkeypatch.setattr(command, "UNBALANCED_FORCE", 0.0)
     assert command.main() == 1

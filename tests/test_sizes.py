@@ -138,7 +138,7 @@ def test_nothing_loaded_coarsens():
     assert np.all(sizes.rates == 1.0)
 
 
-@pytest.mark.parametrize("name", mostly_serial(SCENES, ["block", "dome"]))
+@pytest.mark.parametrize("name", mostly_serial(SCENES, ["block"]))
 def test_predictions(name):
     make, mesh, accuracy = SCENES[name]
     scene, rows, tighten = (

@@ -213,6 +213,7 @@ def test_all_vertices_of_an_overhang_have_two_nodes(d):
         domain = domain.refined()
 
 
+@pytest.mark.on_ranks("2")
 @pytest.mark.parametrize("d", [2, 3])
 def test_an_interface_can_end_inside(d, measures):
     """Half of it is split: its rim has one node, which both bodies share."""
@@ -238,6 +239,7 @@ def test_an_interface_can_end_inside(d, measures):
     )
 
 
+@pytest.mark.on_ranks("2")
 @pytest.mark.parametrize("d", [2, 3])
 def test_a_part_keeps_the_facets_that_are_not_split(d):
     """It runs along the interface and on into a body."""

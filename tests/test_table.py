@@ -152,6 +152,7 @@ def test_other_numbers_are_another_scene():
     assert changed == ["contacts[0].gap"]
 
 
+@pytest.mark.serial
 def test_a_run_with_kinks_refines_and_says_its_numbers():
     scene = ec.Scene(
         ec.Elastic(1.0, 0.3),
