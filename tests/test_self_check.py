@@ -6,6 +6,7 @@ It tells what is installed, and its check passes here and can fail.
 from importlib import metadata
 
 import dolfinx
+import pytest
 from mpi4py import MPI
 
 from erc_contact import __main__ as command
