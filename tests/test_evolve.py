@@ -446,6 +446,7 @@ def test_what_is_written(whole, shared_tmp_path):
         assert reader.GetOutput().GetCellData().GetArray("eps_E").GetRange()[1] <= step.eps
 
 
+@pytest.mark.serial
 def test_a_loop_is_drawn_where_something_slides_with_friction(whole):
     """Without friction it would be one of round-off."""
     profiles = whole.profile("bottom")
