@@ -3,7 +3,9 @@
 Under mpiexec every rank runs every test. Rank 0 reports; the other ranks are silent
 unless a test fails there, and then say so on stderr and end with an exit code of their
 own, so that mpiexec fails. A test that ends on one rank and not on another aborts the
-run. Tests marked ``serial`` are left out; on one rank those marked ``ranks`` are. The
+run. Tests marked ``serial`` are left out; on one rank those marked ``ranks`` are. Of a
+test marked ``on_ranks`` only the named cases run, one for each way in which ranks
+work together; the others differ in what no rank sees. The
 demos, marked ``gallery``, run only if asked for, by ``-m gallery``.
 
 Under pytest-xdist each worker is a process of one rank. Workers share the cache of
@@ -105,9 +107,37 @@ def pytest_collection_modifyitems(config, items):
     left_out = ["serial" if COMM.size > 1 else "ranks"]
     if "gallery" not in config.option.markexpr:
         left_out.append("gallery")
-    out = [item for item in items if any(item.get_closest_marker(mark) for mark in left_out)]
+    out = {item for item in items if any(item.get_closest_marker(mark) for mark in left_out)}
+    if COMM.size > 1:
+        out.update(cases_left_out(items))
+    whole_files = not any("::" in argument for argument in config.args)
+    if whole_files:
+        raise_if_unknown(items)
+    config.hook.pytest_deselected(items=[item for item in items if item in out])
     items[:] = [item for item in items if item not in out]
-    config.hook.pytest_deselected(items=out)
+
+
+def cases_left_out(items):
+    """Return the cases that a mark ``on_ranks`` does not name."""
+    for item in items:
+        mark = item.get_closest_marker("on_ranks")
+        if mark is not None and item.callspec.id not in mark.args:
+            yield item
+
+
+def raise_if_unknown(items):
+    """Raise if a mark ``on_ranks`` names a case that its test does not have."""
+    unknown = set()
+    names = set()
+    for item in items:
+        mark = item.get_closest_marker("on_ranks")
+        if mark is not None:
+            function = item.nodeid.split("[")[0]
+            names.add((function, item.callspec.id))
+            unknown.update((function, case) for case in mark.args)
+    unknown -= names
+    if unknown:
+        raise pytest.UsageError(f"no such cases: {sorted(unknown)}")
 
 
 @pytest.fixture

@@ -54,7 +54,7 @@ BALANCE = 1e-10
 CONE = 1e-12
 
 
-@pytest.fixture(scope="module", params=mostly_serial(PAIRS, [(2, 1), (3, 1), (2, 2), (3, 2)]))
+@pytest.fixture(scope="module", params=mostly_serial(PAIRS, [(3, 1), (2, 2)]))
 def pair(request: pytest.FixtureRequest) -> Admissible:
     seed, degree = request.param
     method = ec.AugmentedLagrangian() if request.param in AUGMENTED else None
@@ -290,6 +290,7 @@ def test_contact_holds_on_all_meshes(E):
     assert history.steps[-1].cells > 600
 
 
+@pytest.mark.on_ranks("2-2")
 @pytest.mark.parametrize(("d", "degree"), [(2, 1), (2, 2), (3, 1)])
 def test_elements_balance_where_the_body_slides_far(d, degree):
     """The displacement is 1e8 times the elastic one.

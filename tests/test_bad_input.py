@@ -438,6 +438,7 @@ def test_body_in_space_that_nothing_holds(cube):
     refused_scene(cube, *words, error=ec.NotHeldError, **entries)
 
 
+@pytest.mark.on_ranks("pulled off with friction", "pushed sideways more than friction holds")
 @pytest.mark.parametrize(
     ("supports", "friction", "force"),
     [

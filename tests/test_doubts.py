@@ -66,6 +66,7 @@ def test_doubts_are_told(of, warnings):
     assert len(warnings(of=of)) == 1
 
 
+@pytest.mark.on_ranks("friction is 30")
 @pytest.mark.parametrize("of", ["friction is 30", "Nothing touches"])
 def test_a_run_tells_a_doubt_once(of, warnings):
     floor = ec.Contact("bottom", friction=30.0, gap=0.5 if "touches" in of else 0.0)

@@ -117,6 +117,7 @@ def test_energy_beyond_double_precision_is_an_error(push):
         measure(scene, ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(2, 2)))
 
 
+@pytest.mark.on_ranks("2")
 @pytest.mark.parametrize("seed", mostly_serial([2, 3, 6, 7], [2, 3]))
 def test_parts(seed):
     scene, domain = random_scene(seed)
@@ -186,6 +187,7 @@ def sliding_block(slide, method, degree=1):
     return ec.constitutive_error(ec.equilibrate(ec.solve(scene, domain, method, degree=degree)))
 
 
+@pytest.mark.on_ranks("augmented-2")
 @pytest.mark.parametrize("degree", mostly_serial([1, 2], [2]))
 @pytest.mark.parametrize(
     "method", [ec.Nitsche(), ec.AugmentedLagrangian()], ids=["nitsche", "augmented"]
@@ -301,6 +303,7 @@ LAWS = {
 }
 
 
+@pytest.mark.on_ranks("mu(x)-2-2")
 @pytest.mark.parametrize(
     ("name", "dim", "degree"),
     [("mu(x)", 2, 2), ("limit", 3, 1), ("given", 2, 1)],

@@ -41,6 +41,7 @@ def difference(error, u):
     ) * one
 
 
+@pytest.mark.on_ranks("2-2", "3-1")
 @pytest.mark.parametrize(("d", "degree"), [(2, 1), (2, 2), (3, 1), (3, 2)])
 def test_the_error_is_one_form_of_the_user(d, degree):
     error = pushed(d, degree, cells=2 if d == 3 else 4)
@@ -78,6 +79,7 @@ def test_two_facets_of_a_cell_have_no_function():
         pair.traction_function("bottom")
 
 
+@pytest.mark.on_ranks("1")
 @pytest.mark.parametrize("degree", [1, 2])
 def test_the_best_stress_is_as_near_as_it_says(degree):
     error = pushed(2, degree)

@@ -52,8 +52,8 @@ def goals(d: int) -> list:
 @pytest.mark.parametrize(
     ("d", "degree", "friction", "cells"),
     [
-        (2, 1, 0.0, (4, 16)),
-        pytest.param(2, 2, ec.Tresca(0.002), (2, 8), marks=pytest.mark.serial),
+        (2, 1, 0.0, (4, 12)),
+        pytest.param(2, 2, ec.Tresca(0.002), (2, 6), marks=pytest.mark.serial),
         pytest.param(3, 1, 0.0, (2, 4), marks=pytest.mark.serial),
     ],
 )

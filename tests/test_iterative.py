@@ -117,6 +117,7 @@ CASES = [
 ON_RANKS = [case for case in CASES if case[0] in ("held by two contacts", "cube on a sphere")]
 
 
+@pytest.mark.on_ranks("held by two contacts AL", "cube on a sphere Nitsche")
 @pytest.mark.parametrize("case", mostly_serial(CASES, ON_RANKS), ids=" ".join)
 def test_same_as_the_direct_solver(case):
     name, method = case
@@ -131,6 +132,7 @@ ON_A_SPHERE = [("cube on a sphere", "Nitsche"), ("cube on a sphere", "AL")]
 DEGREE_2 = [("block", "AL"), ("a support at nodes of the contact", "Nitsche"), *ON_A_SPHERE]
 
 
+@pytest.mark.on_ranks("cube on a sphere AL")
 @pytest.mark.parametrize("case", mostly_serial(DEGREE_2, ON_A_SPHERE), ids=" ".join)
 def test_same_as_the_direct_solver_for_degree_2(case):
     name, method = case
@@ -198,6 +200,7 @@ def test_cycles_at_degree_2():
     assert max(cycles) <= 15
 
 
+@pytest.mark.serial
 def test_units_do_not_change_the_error():
     scene, domain = SCENES["cube on a sphere"]()
     found = []
@@ -215,6 +218,7 @@ def test_units_do_not_change_the_error():
     assert found == pytest.approx([found[1]] * 3, rel=SAME)
 
 
+@pytest.mark.on_ranks("foundation-1", "two bodies-1")
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("name", ["foundation", "two bodies"])
 def test_units_of_length_and_stress(name, degree):
@@ -301,6 +305,7 @@ def test_rebalance_falls_back_where_multigrid_is_slow(monkeypatch):
     assert eps(solution) == pytest.approx(expected, rel=SAME)
 
 
+@pytest.mark.serial
 def test_adaptive_run_makes_the_same_meshes():
     scene, domain = SCENES["cube on a sphere"]()
     runs = [

@@ -65,6 +65,7 @@ PATCHES = [
 ]
 
 
+@pytest.mark.on_ranks("slip-1.3-2-1", "stick-1.0-3-1")
 @pytest.mark.parametrize(("name", "half", "d", "degree"), PATCHES)
 def test_patch(name, half, d, degree):
     """Constant stresses are exact, also where the lower body is loaded beside the contact."""
@@ -159,6 +160,7 @@ def joined(name, comm=COMM):
     return both, both.joined("upper bottom", "lower top")
 
 
+@pytest.mark.on_ranks("within", "overhang 3D", "across")
 @pytest.mark.parametrize("name", CASES)
 def test_sides_face_each_other(name, measures):
     both, domain = joined(name)
@@ -366,6 +368,7 @@ def pin_in_hole(d, radius, hole, size=0.3):
         return ec.from_gmsh(model, COMM)
 
 
+@pytest.mark.on_ranks("2")
 @pytest.mark.parametrize("d", [2, 3])
 def test_pin_of_another_radius_in_a_hole(d):
     """Clearance and interference: all facets face each other; Lame's pressure."""
@@ -443,6 +446,7 @@ APART = {
 }
 
 
+@pytest.mark.on_ranks("overhang 3D", "tower")
 @pytest.mark.parametrize("name", APART)
 def test_bodies_are_meshed_again_and_joined(name, measures):
     """Also from the shape that a checkpoint keeps; names, tags, pairs and measures stay."""

@@ -97,6 +97,7 @@ def distance(solution: ec.Solution, exact: dict) -> float:
 # ---------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.on_ranks("2-2-ba ac cb", "3-1-ca ba cb")
 @pytest.mark.parametrize(
     ("d", "degree", "order"),
     [(2, 1, "ab ac bc"), (2, 2, "ba ac cb"), (2, 1, "ab bc ca"), (3, 1, "ca ba cb")],
@@ -130,6 +131,7 @@ def pushed(friction: float, **options: object) -> ec.Scene:
     return ec.Scene(material(3), supports, loads, contacts("ab ac bc", law), **options)
 
 
+@pytest.mark.serial
 def test_error_falls_and_solvers_agree():
     """Half the size of cells takes nearly half of e; pushing a takes b along."""
     scene = pushed(0.4)

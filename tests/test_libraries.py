@@ -146,6 +146,7 @@ def test_private_names_exist(block):
             )
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize(("name", "module"), list(UNPROMISED.items()))
 def test_names_exist_that_nobody_promises(name, module):
     try:
@@ -154,6 +155,7 @@ def test_names_exist_that_nobody_promises(name, module):
         raise AssertionError(f"{name} is gone: look at erc_contact/{module}") from failure
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("name", mumps._ARGUMENTS)
 def test_functions_of_petsc_exist(name):
     assert hasattr(mumps._LIBRARY, name), (

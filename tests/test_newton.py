@@ -63,6 +63,7 @@ def whole_residual(solution: ec.Solution) -> float:
     return sizes[0] / sizes[1]
 
 
+@pytest.mark.on_ranks("2-Nitsche(theta=-1, gamma=10.0)", "3-AugmentedLagrangian(gamma=1.0)")
 @pytest.mark.parametrize("method", METHODS, ids=str)
 @pytest.mark.parametrize("seed", mostly_serial([1, 2, 3], [2, 3]))
 def test_whole_body_is_in_equilibrium(method, seed):
@@ -171,6 +172,7 @@ def triangle(friction: float) -> tuple[ec.Scene, ec.Domain]:
     return scene, domain.refined()
 
 
+@pytest.mark.on_ranks("AugmentedLagrangian(gamma=1.0)")
 @pytest.mark.parametrize("method", [ec.Nitsche(), ec.AugmentedLagrangian()], ids=str)
 def test_continuum_of_solutions_is_reported(method, caplog):
     many = ec.solve(*triangle(2.0), method)
@@ -376,6 +378,7 @@ def test_normal_from_the_gap():
     assert results[1:] == pytest.approx([results[0]] * 2, rel=1e-10)
 
 
+@pytest.mark.on_ranks("2")
 @pytest.mark.parametrize("d", [2, 3])
 def test_foundation_with_turning_normals(d):
     """A cylinder or sphere of radius 2 by its distance: normals point to its middle.

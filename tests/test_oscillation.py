@@ -326,7 +326,7 @@ def test_rank_independence(degree):
     )
     results = []
     for comm in (MPI.COMM_SELF, MPI.COMM_WORLD):
-        error = error_of(scene, square(5, comm), degree)
+        error = error_of(scene, square(3, comm), degree)
         b, force = ec.potential_energy(error), ec.resultant(error, "bottom", (0.0, 1.0))
         parts = vars(error.oscillations).values()
         results.append([error.relative, *parts, b.low, b.high, force.low, force.high])

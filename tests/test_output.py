@@ -402,6 +402,7 @@ def test_small_errors_are_told():
     assert number(accuracy) == pytest.approx(2.5e-6, rel=1e-12)
 
 
+@pytest.mark.on_ranks("3")
 @pytest.mark.parametrize("d", [2, 3])
 def test_degree_2_is_written_at_all_nodes(d, shared_tmp_path):
     from dolfinx import fem
@@ -492,6 +493,7 @@ def test_file_that_cannot_be_written(error, shared_tmp_path):
         output.write_fields(error, shared_tmp_path)
 
 
+@pytest.mark.on_ranks("1-half disc", "2-block")
 @pytest.mark.parametrize("body", ["block", "half disc"])
 @pytest.mark.parametrize("degree", [1, 2])
 def test_area_under_the_pressure_is_the_force(degree, body, shared_tmp_path, seen):
@@ -566,6 +568,7 @@ def test_area_under_the_pressure_of_any_contact(shape):
     assert axes.get_xlabel().startswith(expected)
 
 
+@pytest.mark.on_ranks("2")
 @pytest.mark.parametrize("d", [2, 3])
 def test_curved_edges_are_drawn(d, shared_tmp_path, seen):
     """Pure bending is quadratic.
@@ -617,6 +620,7 @@ def ground_and_nodes(error, seen):
 GAPS = {"none": 0.0, "constant": 0.02, "linear": lambda x: 0.01 * x[0]}
 
 
+@pytest.mark.on_ranks("linear")
 @pytest.mark.parametrize("gap", GAPS)
 def test_flat_foundation_is_met_where_the_contact_is_closed(gap, shared_tmp_path, seen):
     """Its gap is not magnified.
@@ -722,6 +726,7 @@ def test_magnification_of_a_body_that_nothing_presses(kind, shared_tmp_path, see
         assert len(np.unique(rgb, axis=0)) == 1
 
 
+@pytest.mark.on_ranks("0")
 @pytest.mark.parametrize("axis", [0, 1, 2])
 def test_contact_in_space_is_seen(axis, shared_tmp_path, seen):
     """One view looks at the contact, one at the other side; all have labelled axes."""
@@ -897,6 +902,7 @@ def test_slope_takes_three_meshes_and_a_factor_of_four(dofs, shared_tmp_path, se
         assert ("slope -1/2" in words) == tells
 
 
+@pytest.mark.on_ranks("3-meshes")
 @pytest.mark.parametrize("what", ["deformed", "error", "meshes"])
 def test_words_in_space_are_legible_on_a_page(what, error, shared_tmp_path, seen):
     """On a page of 6.5 inches no word is smaller than 6 points."""

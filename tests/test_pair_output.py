@@ -89,8 +89,16 @@ def apart(pair, x):
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize("gap", GAPS)
-@pytest.mark.parametrize(("d", "degree"), [(2, 1), (2, 2), (3, 1)])
+@pytest.mark.parametrize(
+    ("gap", "d", "degree"),
+    [
+        *((gap, 2, 1) for gap in GAPS),
+        ("parabola", 2, 2),
+        ("none", 3, 1),
+        ("interference", 3, 1),
+        ("parabola", 3, 1),
+    ],
+)
 def test_distances_are_drawn_as_they_are(gap, d, degree, drawn):
     down = -0.06 - 0.05 * (gap == "constant")
     error = error_of(pressed(d, down=down, gap=GAPS[gap]), d, degree)
@@ -119,6 +127,7 @@ def test_distances_are_drawn_as_they_are(gap, d, degree, drawn):
             assert np.linalg.det(sides[..., :2]).min() > 0
 
 
+@pytest.mark.on_ranks("2")
 @pytest.mark.parametrize("d", [2, 3])
 def test_a_side_at_rest_is_drawn_at_rest(d, drawn):
     """An interference moves no body off the support that holds it: it is drawn inside the body."""
@@ -134,6 +143,7 @@ def test_a_side_at_rest_is_drawn_at_rest(d, drawn):
         assert np.ptp(x[:, d - 1]) == pytest.approx(height, abs=1e-9)
 
 
+@pytest.mark.on_ranks("2")
 @pytest.mark.parametrize("d", [2, 3])
 def test_foundation_goes_with_its_body(d, drawn):
     """The block makes room for the gap, downward, and its foundation with it."""
@@ -193,6 +203,7 @@ def test_bodies_behind_move_along(drawn):
         assert heights.max() == pytest.approx(1.5 + 2.0 * (0.03 + 0.02))
 
 
+@pytest.mark.on_ranks("2-2", "3-1")
 @pytest.mark.parametrize(("d", "degree"), [(2, 1), (2, 2), (3, 1)])
 def test_profile_has_both_sides(d, degree):
     error = error_of(pressed(d, gap=GAPS["parabola"]), d, degree)
@@ -223,6 +234,7 @@ def test_profile_has_both_sides(d, degree):
         assert alone.profile("bottom").dtype.names[-1] == "weight"
 
 
+@pytest.mark.on_ranks("2")
 @pytest.mark.parametrize("d", [2, 3])
 def test_files_hold_both_bodies_and_the_jump(d, shared_tmp_path):
     error = error_of(pressed(d, gap=GAPS["parabola"]), d)

@@ -104,6 +104,7 @@ def test_vectors_hold_no_image(error, shared_tmp_path):
         assert text.startswith(b"%PDF")
 
 
+@pytest.mark.on_ranks("1")
 def test_axes_are_drawn_on_and_returned(error):
     given = dict.fromkeys(("one", "two", "few", "contact"))
     if COMM.rank == 0:

@@ -54,6 +54,7 @@ def around(domain, point, low, slope):
     return low + slope * np.linalg.norm(x - point, axis=1)
 
 
+@pytest.mark.on_ranks("box", "block.geo")
 @pytest.mark.parametrize("brick", BRICKS)
 def test_names_and_measures_survive_ten_remeshings(brick, measures):
     make, sides, volume = BRICKS[brick]
@@ -106,6 +107,7 @@ CURVED = {
 }
 
 
+@pytest.mark.on_ranks("half_disc.geo")
 @pytest.mark.parametrize("name", CURVED)
 def test_curved_boundaries_are_sampled_anew(name, measures):
     """The area of the mesh tends to that of the true shape like h^2, whether it is made anew or refined."""
@@ -141,6 +143,7 @@ def test_ball_in_space(shared_tmp_path, measures):
     assert np.all(np.abs(np.log2(np.array(errors[:-1]) / errors[1:]) - 2) < 0.35), errors
 
 
+@pytest.mark.on_ranks("2-0.05")
 @pytest.mark.parametrize(("dim", "tolerance"), [(2, 0.05), (3, 0.15)])
 def test_number_of_cells_is_that_of_the_sizes(dim, tolerance):
     domain = ec.rectangle(*RECTANGLE, size=0.5) if dim == 2 else ec.box(*BOX, size=0.5)

@@ -34,6 +34,7 @@ def unloaded(d, gap=0.0, *, supported=False, load=0.0):
     )
 
 
+@pytest.mark.on_ranks("2-varying-method0-direct", "3-closed-method0-direct")
 @pytest.mark.parametrize("solver", mostly_serial(["direct", "iterative"], ["direct"]))
 @pytest.mark.parametrize(
     "method", mostly_serial([ec.Nitsche(), ec.AugmentedLagrangian()], [ec.Nitsche()])
@@ -57,6 +58,7 @@ def test_rest_is_exact_and_told_once(d, gap, method, solver, caplog):
     assert not caplog.records  # no warning
 
 
+@pytest.mark.on_ranks("1")
 @pytest.mark.parametrize("degree", [1, 2])
 def test_a_history_from_rest_and_back(degree, caplog):
     """Pressed, sheared, released, pressed again, held by contact alone."""
@@ -107,6 +109,7 @@ def test_released_curved_body_makes_no_meshes():
     assert not history.column("eps")[[0, 2]].any()
 
 
+@pytest.mark.on_ranks("2")
 @pytest.mark.parametrize("d", [2, 3])
 def test_what_is_no_rest(d):
     zero = (0.0,) * (d - 1)

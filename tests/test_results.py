@@ -27,6 +27,7 @@ def error_of(scene, domain, degree=1, method=None):
     return ec.constitutive_error(ec.equilibrate(ec.solve(scene, domain, method, degree=degree)))
 
 
+@pytest.mark.on_ranks("case0")
 @pytest.mark.parametrize("case", mostly_serial([(2, 1), (2, 2), (3, 1), (3, 2)], [(2, 1), (3, 2)]))
 def test_forces_balance(case):
     seed, degree = case
@@ -171,6 +172,7 @@ def test_profile_in_space():
     )
 
 
+@pytest.mark.on_ranks("2-2", "3-1")
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("d", [2, 3])
 def test_weights_of_a_profile_integrate(d, degree):
@@ -207,6 +209,7 @@ def test_order_along_curves():
         assert start[mixed][order].tolist() == [int(v) for v in expected]
 
 
+@pytest.mark.on_ranks("2-2", "1-3")
 @pytest.mark.parametrize("dim", [2, 3])
 @pytest.mark.parametrize("degree", [1, 2])
 def test_values_at_points(dim, degree):
@@ -368,6 +371,7 @@ def test_the_place_of_equal_maxima_does_not_depend_on_the_ranks():
         assert np.allclose(together.place, alone.place, rtol=0, atol=1e-12)
 
 
+@pytest.mark.serial
 def test_histories_where_a_result_is_asked_for():
     """All that takes an error or a pair takes a run, too: its best result.
 
@@ -444,6 +448,7 @@ def test_save_into_nowhere(kind, shared_tmp_path):
         assert "Pictures" not in (shared_tmp_path / "saved" / "report.html").read_text()
 
 
+@pytest.mark.serial
 def test_a_maximum_at_a_sharp_edge_grows():
     """At the ends of a clamped top the stress is infinite.
 

@@ -6,6 +6,7 @@ It tells what is installed, and its check passes here and can fail.
 from importlib import metadata
 
 import dolfinx
+import pytest
 from mpi4py import MPI
 
 from erc_contact import __main__ as command
@@ -22,6 +23,7 @@ def test_tells_versions_and_passes(capsys):
         assert not told
 
 
+@pytest.mark.serial
 def test_a_property_that_fails_is_told(capsys, monkeypatch):
     monkeypatch.setattr(command, "UNBALANCED_FORCE", 0.0)
     assert command.main() == 1

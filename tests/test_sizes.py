@@ -138,7 +138,7 @@ def test_nothing_loaded_coarsens():
     assert np.all(sizes.rates == 1.0)
 
 
-@pytest.mark.parametrize("name", mostly_serial(SCENES, ["block", "dome"]))
+@pytest.mark.parametrize("name", mostly_serial(SCENES, ["block"]))
 def test_predictions(name):
     make, mesh, accuracy = SCENES[name]
     scene, rows, tighten = (
@@ -159,6 +159,7 @@ def test_predictions(name):
     assert rows[1][1] < (1.3 if three else 1.08)
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("tighten", mostly_serial([0, 10], [10]))
 def test_loop_ends_at_the_accuracy_in_few_meshes(tighten):
     history = ec.adapt(common_block(), block(4), 0.03, strategy=ec.SizeMap(), tighten=tighten)

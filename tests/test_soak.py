@@ -84,6 +84,7 @@ def few_communicators():
     free(reserve)
 
 
+@pytest.mark.on_ranks("False-iterative", "True-direct")
 @pytest.mark.parametrize("solver", ["direct", "iterative"])
 @pytest.mark.parametrize("used", [False, True])
 def test_solutions_that_are_dropped_are_freed_on_all_ranks(solver, used):
@@ -105,6 +106,7 @@ def test_solutions_that_are_dropped_are_freed_on_all_ranks(solver, used):
     assert np.ptp(left[1:]) <= 1, left  # the last mesh waits for the next solve
 
 
+@pytest.mark.on_ranks("method0")
 @pytest.mark.parametrize("method", [ec.Nitsche(), ec.AugmentedLagrangian()])
 def test_steps_of_a_history_share_communicators(method):
     """All steps are kept; those on one mesh need no communicator of their own."""

@@ -373,6 +373,7 @@ def test_material_of_the_user():
 NORMALS = {"left": (-1.0, 0.0), "right": (1.0, 0.0), "bottom": (0.0, -1.0), "top": (0.0, 1.0)}
 
 
+@pytest.mark.on_ranks("cells1-bottom top-2", "cells3-left right bottom top-1")
 @pytest.mark.parametrize(
     ("cells", "sides", "degree"),
     [

@@ -140,6 +140,7 @@ def assert_paired(domain, here="punch", there="block"):
     return COMM.allreduce(len(domain.owned_facets(here)), MPI.SUM)
 
 
+@pytest.mark.on_ranks("layers 3D", "overhang 2D")
 @bodies
 def test_each_facet_faces_another_one(name, measures):
     make, on, corner = BODIES[name]
@@ -197,6 +198,7 @@ def copies(domain):
     return owned, np.array([keys[tuple(place)] for place in owned])
 
 
+@pytest.mark.on_ranks("2")
 @pytest.mark.parametrize("d", [2, 3])
 def test_all_vertices_of_an_overhang_have_two_nodes(d):
     """Also those on its rim: both bodies go on beyond it."""
@@ -211,6 +213,7 @@ def test_all_vertices_of_an_overhang_have_two_nodes(d):
         domain = domain.refined()
 
 
+@pytest.mark.on_ranks("2")
 @pytest.mark.parametrize("d", [2, 3])
 def test_an_interface_can_end_inside(d, measures):
     """Half of it is split: its rim has one node, which both bodies share."""
@@ -236,6 +239,7 @@ def test_an_interface_can_end_inside(d, measures):
     )
 
 
+@pytest.mark.on_ranks("2")
 @pytest.mark.parametrize("d", [2, 3])
 def test_a_part_keeps_the_facets_that_are_not_split(d):
     """It runs along the interface and on into a body."""

@@ -100,6 +100,7 @@ def check(case: str, degree: int) -> None:
         assert abs(elastic.schur @ u_L - force_L).max() < 1e-12 * forces.max()
 
 
+@pytest.mark.on_ranks("random 1-1", "random 3-2", "one square-1", "two bodies-2", "no contact-1")
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("case", CASES)
 def test_it_solves_the_equations_of_the_whole_body(case, degree):

@@ -32,6 +32,7 @@ def half(d, degree, symmetry, turned=0.0):
     return ec.constitutive_error(ec.equilibrate(ec.solve(scene, body, degree=degree)))
 
 
+@pytest.mark.on_ranks("2-2", "3-1")
 @pytest.mark.parametrize(("d", "degree"), [(2, 1), (2, 2), (3, 1)])
 def test_it_is_a_roller(d, degree):
     plane = half(d, degree, symmetry=True)

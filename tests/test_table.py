@@ -93,10 +93,12 @@ def scene_of(d, of, method=None):
     )
 
 
+@pytest.mark.on_ranks("2-2")
 @pytest.mark.parametrize(("d", "degree"), [(2, 1), (2, 2), (3, 1)])
 def test_a_table_of_a_line_is_the_line(d, degree):
     exact = error_of(scene_of(d, "formula"), body(d), degree)
-    for of in ("few", "many"):
+    # The number of points changes the formula of the table, which knows no d and no degree.
+    for of in ("few", "many") if (d, degree) == (2, 1) else ("few",):
         error = error_of(scene_of(d, of), body(d), degree)
         assert error.relative == pytest.approx(exact.relative, rel=2e-5)
         u = error.admissible.displacement.x.array - exact.admissible.displacement.x.array
@@ -195,6 +197,7 @@ def test_other_numbers_are_another_scene():
     assert changed == ["contacts[0].gap"]
 
 
+@pytest.mark.serial
 def test_a_run_with_kinks_refines_and_says_its_numbers():
     scene = ec.Scene(
         ec.Elastic(1.0, 0.3),

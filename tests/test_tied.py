@@ -30,6 +30,7 @@ def scene(d, ties=TIE):
     return ec.Scene(MATERIAL, [top], [side], [contact], ties=ties)
 
 
+@pytest.mark.on_ranks("2-2", "1-3")
 @pytest.mark.parametrize("d", [2, 3])
 @pytest.mark.parametrize("degree", [1, 2])
 def test_error_is_that_of_one_body(d, degree):

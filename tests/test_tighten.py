@@ -87,6 +87,7 @@ def imbalance(
     return total, dyad - dyad.transpose(0, 2, 1)
 
 
+@pytest.mark.on_ranks("2-2", "3-1")
 @scenes
 def test_every_step_lowers_the_error(name, degree):
     e = [ec.constitutive_error(pair).absolute for pair in pairs(name, degree)]
@@ -95,6 +96,7 @@ def test_every_step_lowers_the_error(name, degree):
     assert e[2] < {1: 0.5, 2: 0.75}[degree] * e[0]  # of degree 2 the loose one is nearer
 
 
+@pytest.mark.on_ranks("2-2", "3-1")
 @scenes
 def test_elements_stay_in_equilibrium(name, degree):
     for pair in pairs(name, degree):
@@ -103,6 +105,7 @@ def test_elements_stay_in_equilibrium(name, degree):
         assert worst(pair, moment) < BALANCE * worst(pair, pair.facet_moments)
 
 
+@pytest.mark.on_ranks("2-2", "3-1")
 @scenes
 def test_tractions_stay_opposite(name, degree):
     for pair in pairs(name, degree):
@@ -124,6 +127,7 @@ def test_tractions_stay_opposite(name, degree):
         assert worst(pair, sides[first] + sides[second]) < BALANCE * worst(pair, sides)
 
 
+@pytest.mark.on_ranks("2-2", "3-1")
 @scenes
 def test_given_tractions_stay(name, degree):
     loose, *tight = pairs(name, degree)
@@ -219,6 +223,7 @@ def quadratic(d: int, n: int) -> tuple[ec.Scene, ec.Domain, np.ndarray]:
     return scene, make((0.0,) * d, (1.0,) * d, cells=(n,) * d), A
 
 
+@pytest.mark.on_ranks("2-6")
 @pytest.mark.parametrize(("d", "n"), [(2, 6), (3, 3)])
 def test_error_is_the_sum_of_both_errors(d, n):
     """Prager and Synge, all data exact.
