@@ -86,6 +86,29 @@ def test_face_in_a_stiff_holder():
     assert ec.solve(turned, plate(4), degree=2).motion("top").rotation[0] < 0 < motion.rotation[0]
 
 
+@pytest.mark.serial
+def test_strip_under_a_plate():
+    """Between planes of symmetry, in any unit."""
+    rotations = []
+    for length in (1.0, 1e-9, 1e9):
+        domain = ec.rectangle((0.0, 0.0), (2.0 * length, length), cells=(6, 3))
+        force = -8.0 * length
+        face = ec.Rigid("top", (0.0, None), force=(None, force), moment=0.0)
+        sides = [ec.Symmetry("left"), ec.Symmetry("right")]
+        error = measured(pressed(face, *sides, friction=0.0), domain)
+        assert error.relative < 1e-12
+        motion = error.solution.motion("top")
+        strain = force / (2.0 * length) * (1 + NU) * (1 - 2 * NU) / (1 - NU) / E
+        assert motion.displacement[1] == pytest.approx(strain * length, rel=1e-10)
+        assert abs(motion.rotation[0]) < 1e-12 * abs(strain)
+        # A force at the right of the middle turns it clockwise.
+        eccentric = replace(face, moment=0.2 * length * force)
+        solution = ec.solve(pressed(eccentric, *sides, friction=0.0), domain)
+        rotations.append(solution.motion("top").rotation[0])
+    assert rotations[0] < 0
+    assert rotations == pytest.approx(3 * [rotations[0]], rel=1e-9)
+
+
 # Boundary parts, freedoms and cells: all free, some given, one cell high, a body of two parts.
 FACES = {
     "free": (free_face(), (6, 3), 1),

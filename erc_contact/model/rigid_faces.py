@@ -76,8 +76,7 @@ class RigidFace:
         Returns:
             Translations of the point ``about`` and rotations, shape (freedoms, ...).
         """
-        matrix = self._products()
-        return np.asarray(np.linalg.lstsq(matrix, self.work(nodal), rcond=None)[0])
+        return self._amounts(self.work(nodal))
 
     def follow(self, prescribed: fem.Function, u: np.ndarray) -> None:
         """Give the face the free motion of a displacement u, in place; collective.
@@ -96,8 +95,7 @@ class RigidFace:
 
         Shape (owned nodes, d). Only their work on the shapes matters.
         """
-        amounts = np.linalg.lstsq(self._products(), self.resultants, rcond=None)[0]
-        return np.asarray(self.shapes[self.owned] @ amounts)
+        return np.asarray(self.shapes[self.owned] @ self._amounts(self.resultants))
 
     def body(self, bodies: np.ndarray) -> int:
         """Return the number of the body that the face is on; collective.
@@ -118,10 +116,17 @@ class RigidFace:
         number: int = numbers.pop()
         return number
 
-    def _products(self) -> np.ndarray:
-        """Return ``sum R_i . R_j`` over all nodes; collective."""
-        owned = self.shapes[self.owned]
-        return np.asarray(self.comm.allreduce(np.einsum("ndi,ndj->ij", owned, owned), MPI.SUM))
+    def _amounts(self, works: np.ndarray) -> np.ndarray:
+        """Return a with ``sum_j (R_i . R_j) a_j = works_i`` over all nodes; collective.
+
+        Args:
+            works: Works on the shapes, shape (freedoms, ...).
+        """
+        # In units far from 1, rotations would else be round-off beside translations.
+        sizes = self.sizes.reshape(-1, *[1] * (works.ndim - 1))
+        owned = self.shapes[self.owned] / self.sizes
+        products = self.comm.allreduce(np.einsum("ndi,ndj->ij", owned, owned), MPI.SUM)
+        return np.asarray(np.linalg.lstsq(products, works / sizes, rcond=None)[0] / sizes)
 
 
 def bind_rigid(space: Space, rigid: Rigid) -> RigidFace:

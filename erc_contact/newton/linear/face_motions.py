@@ -51,7 +51,7 @@ class FaceMotions:
     Attributes:
         shapes: W_j of all free motions of all loose faces, Functions of V.
         unknowns: The same as unknowns x.
-        stiffness: S [force/length, force, force length], shape (J, J).
+        stiffness: S [force/length], shape (J, J).
     """
 
     def __init__(self, elastic: Elastic, solve: LinearSolve) -> None:
@@ -74,7 +74,9 @@ class FaceMotions:
         for face in model.loose_faces:
             for number in np.flatnonzero(face.free):
                 motion = model.function()
-                motion.x.array.reshape(-1, model.d)[face.nodes] = face.shapes[:, :, number]
+                # Of size 1 on the body, so that S has entries of one size in any unit.
+                shape = face.shapes[:, :, number] / face.sizes[number]
+                motion.x.array.reshape(-1, model.d)[face.nodes] = shape
                 # A rank may see a node without the facet: its owner sees all.
                 motion.x.scatter_forward()
                 right = fp.create_vector(model.V)
