@@ -6,6 +6,8 @@ are supports of unknowns, whatever they fix; the error falls with the mesh; what
 one contact for each node is told.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from bricks import joint
@@ -153,6 +155,32 @@ def test_error_falls_and_solvers_agree():
     assert forces["ba"].force[0] > 0
     certificate = ec.certify(scene, errors[2].domain, errors[2].solution.u)
     assert certificate.error.relative == pytest.approx(errors[2].relative, rel=1e-3)
+
+
+@pytest.mark.serial
+def test_histories_of_proportional_loads_are_one_step():
+    """Without gaps the solution grows with the loads, whatever the steps.
+
+    Of Nitsche's method it does so up to what sticking points move.
+    """
+    whole = pushed(0.4)
+
+    def scene_at(t):
+        top = ec.Displacement("top", (None, -0.03 * t))
+        supports = [support for support in whole.supports if support.facets != "top"]
+        loads = [
+            ec.Traction("left", (SIDE * t, 0.0)),
+            ec.Traction("top of a", (0.0, -PRESSURE * t)),
+        ]
+        return replace(whole, supports=[*supports, top], loads=loads)
+
+    evolution = ec.evolve(scene_at, joint(2), [0.25, 1.0], accuracy=1.0)
+    at_once = ec.solve(whole, joint(2))
+    assert evolution.solution.method == at_once.method
+    size = np.linalg.norm(at_once.force("ac").force)
+    for name in ("ab", "ac", "bc"):
+        force = evolution.solution.force(name).force
+        assert force == pytest.approx(at_once.force(name).force, abs=3e-3 * size)
 
 
 # -- unknowns

@@ -15,11 +15,11 @@ from erc_contact.base.exceptions import NotConverged
 from erc_contact.base.logs import log_of
 from erc_contact.base.runtime.interrupts import check_interrupts
 from erc_contact.model.model import Model
+from erc_contact.newton.default_methods import method_beside_faces
 from erc_contact.newton.jump_sums import raise_at_joints
 from erc_contact.newton.ladder import Attempt, attempts
 from erc_contact.newton.linear.multigrid import TRY_DIRECT
 from erc_contact.newton.linear.solver import ElasticSolver
-from erc_contact.newton.loose_faces import method_beside_faces
 from erc_contact.newton.methods import Method
 from erc_contact.newton.snes import DiscreteSolution, Outcome
 from erc_contact.newton.solution import SINGULAR, Solution
