@@ -65,11 +65,13 @@ def drawn(monkeypatch):
     """What rank 0 would draw: skin, positions of its nodes, lines and foundations."""
     record = []
 
-    def draw_map(ax, skin, x, values, scale, views, lines=(), grounds=()):
+    def draw_map(ax, skin, x, values, scale, views, lines=(), grounds=(), title=""):
         from matplotlib.figure import Figure
 
         record.append((skin, x, lines, grounds))
-        return Figure().subplots(1, len(views))
+        axes = Figure().subplots(1, len(views))
+        np.ravel(axes)[0].set_title(title)
+        return axes
 
     monkeypatch.setattr(deformed, "draw_map", draw_map)
     return record
