@@ -49,7 +49,7 @@ def flat_punch() -> Result:
         )
     }
     domain = drawn(bricks, parts, 5.0, points=[(1.0, 0.0)])
-    meshes = Meshes(scene, domain, 1e-3, probes)
+    meshes = Meshes(scene, domain, 4e-4, probes)
     energy = meshes.energy("strain energy", "force", 2.0)
     force = meshes.goal(ec.Resultant("foot", UP), "force/length", "force P", 2.0)
     peak = says(meshes.probe("p(0) pi/P", "-"), Other("half-plane", 1.0))
@@ -71,7 +71,7 @@ def rounded_punch() -> Result:
     )
     probes = {"half-width": lambda error: hertz_line(error.profile("bottom"))[0]}
     block = ec.rectangle((0.0, 0.0), (10.0, 10.0), cells=(8, 8))
-    meshes = Meshes(scene, block, 5e-4, probes)
+    meshes = Meshes(scene, block, 2e-4, probes)
     energy = meshes.energy("strain energy", "force", 2.0)
     force = meshes.goal(ec.Resultant("bottom", UP), "force/length", "force P", 2.0)
     hertz = float(np.sqrt(4 * force.value * 10 * (1 - 0.3**2) / np.pi))
@@ -95,7 +95,7 @@ def half_disc() -> Result:
         "greatest pressure": lambda error: hertz_line(error.profile("arc"))[1],
     }
     disc = ec.read_mesh(MESHES / "half_disc.geo")
-    meshes = Meshes(scene, disc, 0.003, probes)
+    meshes = Meshes(scene, disc, 0.001, probes)
     force = meshes.goal(ec.Resultant("top", (0.0, -1.0)), "force/length", "force P")
     hertz = float(np.sqrt(4 * force.value * (1 - 0.3**2) / np.pi))
     width, peak = (
@@ -158,7 +158,7 @@ def press_fit() -> Result:
         return float(np.average(profile["pressure"], weights=profile["weight"]))
 
     probes = {"mean pressure": mean}
-    meshes = Meshes(scene, quarter_of_fit(), 2e-3, probes)
+    meshes = Meshes(scene, quarter_of_fit(), 1e-3, probes)
     energy = exactly(meshes.energy("strain energy", "N", 4.0), np.pi * 40 * pressure * 0.04)
     force = meshes.goal(ec.Resultant("shaft y=0", UP), "N/mm", "force across the shaft's half")
     found = says(meshes.probe("mean pressure", "MPa"), Other("Lame", pressure))
@@ -185,7 +185,7 @@ def bimetal_strip() -> Result:
         contacts=[ec.Contact("tip", gap=0.25)],
         strains=[ec.ThermalStrain({"brass": 19e-6, "steel": 12e-6}, 150.0)],
     )
-    meshes = Meshes(scene, drawn(bricks, parts, 1.0), 1e-3)
+    meshes = Meshes(scene, drawn(bricks, parts, 1.0), 4e-4)
     force = meshes.goal(ec.Resultant("tip", UP), "N", "force of the stop")
     m, n, h = 1.0 / 1.5, 0.5, 2.5
     both = 3 * (1 + m) ** 2 + (1 + m * n) * (m**2 + 1 / (m * n))
@@ -208,7 +208,7 @@ def tilted_plate() -> Result:
     scene = ec.Scene(ec.Elastic(1.0, 0.3), [plate], contacts=[ec.Contact("bottom")])
     probes = {"rotation": lambda error: error.solution.motion("top").rotation[0]}
     block = ec.rectangle((0.0, 0.0), (2.0, 1.0), cells=(4, 2))
-    meshes = Meshes(scene, block, 1e-3, probes)
+    meshes = Meshes(scene, block, 2e-4, probes)
     moved = meshes.goal(ec.MeanDisplacement("top", UP), "length", "motion of the middle")
     work = meshes.energy("work of the loads", "force", -2.0)
     return meshes.result(work, moved, meshes.probe("rotation", "rad"))
