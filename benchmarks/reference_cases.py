@@ -200,10 +200,10 @@ def greco() -> Result:
     meshes = Meshes(scene, square, 2e-4, probes)
     numbers = []
     for index, name in enumerate(places):
-        found = meshes.probe(name, "0.01 mm")
+        number = meshes.probe(name, "0.01 mm")
         for (source, values), rounding in zip(tables.items(), roundings, strict=True):
-            says(found, Other(source, values[index], rounding=rounding))
-        numbers.append(found)
+            says(number, Other(source, values[index], rounding=rounding))
+        numbers.append(number)
     friction = meshes.probe("friction force", "N/mm")
     numbers.append(says(friction, Other("extrapolated", -1405.4, rounding=0.05)))
     pressed = meshes.force("bottom", UP, "N/mm", "normal force")

@@ -92,8 +92,8 @@ def transforms(b: float, xi: np.ndarray) -> np.ndarray:
     orders = 2 * np.arange(TERMS)[:, None] + 1
     terms = 2 * b * np.pi / (count + 1) * np.sin(angle) * np.sin(orders * angle)
     parts = []
-    for some in np.array_split(xi, 1 + len(xi) // 1000):
-        parts.append(terms @ np.cos(b * np.cos(angle)[:, None] * some))
+    for chunk in np.array_split(xi, 1 + len(xi) // 1000):
+        parts.append(terms @ np.cos(b * np.cos(angle)[:, None] * chunk))
     return np.concatenate(parts, axis=1)
 
 
@@ -123,10 +123,10 @@ def receding(layer: Layer, bed: Layer | None, loaded: float) -> Receding:
         rest = (odd + even) / 2 - 1 + ratio * (below - 1)
         # The first term balances the load; all others have no resultant.
         first = 4 * loaded / (np.pi * b)
-        known = (load(xi) * (odd - even) / 2 - first * hats[0] * rest) @ waves
-        known -= first * (1 + ratio) * slopes[0]
+        right_side = (load(xi) * (odd - even) / 2 - first * hats[0] * rest) @ waves
+        right_side -= first * (1 + ratio) * slopes[0]
         matrix = (hats[1:] * rest) @ waves + (1 + ratio) * slopes[1:]
-        solved = np.linalg.solve(np.vstack([matrix, np.sin(places)]).T, known)
+        solved = np.linalg.solve(np.vstack([matrix, np.sin(places)]).T, right_side)
         return np.concatenate([[first], solved[:-1]]), solved[-1]
 
     last, b = 2.0 * loaded, 2.0 * loaded * SECOND_GUESS

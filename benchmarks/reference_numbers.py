@@ -28,12 +28,14 @@ class Other:
         value: The number.
         exact: Whether it is a closed form, or a converged one, of the same problem.
         rounding: Half a unit of its last digit.
+        approximate: Whether it is of a simpler problem: a half-plane, a beam.
     """
 
     source: str
     value: float
     exact: bool = False
     rounding: float = 0.0
+    approximate: bool = False
 
 
 @dataclass(frozen=True)
@@ -63,7 +65,7 @@ class Number:
 
 @dataclass
 class Result:
-    """Hold what a case has found.
+    """Hold the outcome of a case.
 
     Attributes:
         cells: Number of cells of the finest mesh.
@@ -80,16 +82,22 @@ class Result:
     seconds: float = 0.0
 
 
-def number(
+def intersection(
     quantity: str, unit: str, bounds: list[ec.Bounds], how: str, factor: float = 1.0
 ) -> Number:
-    """Return a number whose intervals all hold, times a factor."""
+    """Return a number, times a factor, from proved intervals or the last estimate.
+
+    Raises:
+        ValueError: If proved intervals do not meet.
+    """
     proved = [each for each in bounds if each.guaranteed]
-    trusted = proved or bounds
-    ends = [
-        factor * max(each.low for each in trusted),
-        factor * min(each.high for each in trusted),
-    ]
+    trusted = proved or bounds[-1:]
+    largest_low = max(each.low for each in trusted)
+    least_high = min(each.high for each in trusted)
+    # Intervals of no width may miss each other by round-off.
+    if largest_low > least_high + ROUND_OFF * abs(least_high):
+        raise ValueError(f"{quantity}: proved intervals do not meet, {bounds}.")
+    ends = (factor * largest_low, factor * least_high)
     low, high = min(ends), max(ends)
     kind = "proved" if proved else "estimate"
     return Number(quantity, unit, (low + high) / 2, low, high, kind, how)
@@ -110,25 +118,25 @@ class Meshes:
         self.energies: list[ec.Bounds] = []
         self.read: dict[str, list[float]] = {name: [] for name in probes or {}}
 
-        def look(error: ec.ConstitutiveError, step: ec.Step) -> None:
+        def record(error: ec.ConstitutiveError, step: ec.Step) -> None:
             self.energies.append(ec.potential_energy(error))
             for name, probe in (probes or {}).items():
                 self.read[name].append(float(probe(error)))
 
         options = {"degree": 2, **options}
-        history = ec.adapt(scene, domain, accuracy, callback=look, **options)
+        history = ec.adapt(scene, domain, accuracy, callback=record, **options)
         self.error = history.error
 
     def energy(self, quantity: str, unit: str, factor: float = 1.0) -> Number:
-        """Return the potential energy times a factor: that of all meshes."""
-        return number(quantity, unit, self.energies, "energies", factor)
+        """Return the potential energy times a factor, from all meshes if proved."""
+        return intersection(quantity, unit, self.energies, "energies", factor)
 
     def force(self, part: str, direction: tuple[float, ...], unit: str, name: str) -> Number:
         """Return the force of the foundation or other body along a direction."""
         bounds = ec.resultant(self.error, part, direction)
         if bounds.weighted:
             raise ValueError(f"The resultant of {part} is weighted.")
-        return number(name, unit, [bounds], "one lifting")
+        return intersection(name, unit, [bounds], "one lifting")
 
     def goal(self, goal: Any, unit: str, name: str, factor: float = 1.0) -> Number:
         """Return a goal from three pairs, of a contact also from one lifting.
@@ -140,38 +148,38 @@ class Meshes:
             lifted = ec.resultant(self.error, goal.part, goal.direction)
             if not lifted.weighted:
                 bounds.append(lifted)
-        return number(name, unit, bounds, "three pairs", factor)
+        return intersection(name, unit, bounds, "three pairs", factor)
 
     def probe(self, name: str, unit: str, factor: float = 1.0) -> Number:
-        """Return a number without a bound: that of the last mesh, and their spread."""
+        """Return what a probe read on the last mesh, and the spread of the last."""
         values = [factor * value for value in self.read[name][-LAST_MESHES:]]
         spread = max(values) - min(values)
         last = values[-1]
         return Number(name, unit, last, last - spread, last + spread, "estimate", "last meshes")
 
     def result(self, *numbers: Number) -> Result:
-        """Return what the case has found."""
+        """Return the outcome of the case."""
         model = self.error.model
         return Result(
             self.error.domain.cells, model.d * model.node_count, self.error.total, [*numbers]
         )
 
 
-def says(found: Number, *others: Other) -> Number:
+def says(number: Number, *others: Other) -> Number:
     """Add to a number what others say of it."""
-    found.others.extend(others)
-    return found
+    number.others.extend(others)
+    return number
 
 
-def exactly(found: Number, value: float, source: str = "closed form") -> Number:
+def exactly(number: Number, value: float, source: str = "closed form") -> Number:
     """Add to a number its closed form."""
-    return says(found, Other(source, float(value), exact=True))
+    return says(number, Other(source, float(value), exact=True))
 
 
-def is_inside(found: Number, other: Other) -> bool:
+def is_inside(number: Number, other: Other) -> bool:
     """Tell whether a figure lies in an interval, up to its rounding and round-off."""
-    slack = other.rounding + ROUND_OFF * max(abs(found.value), abs(other.value))
-    return found.low - slack <= other.value <= found.high + slack
+    slack = other.rounding + ROUND_OFF * max(abs(number.value), abs(other.value))
+    return number.low - slack <= other.value <= number.high + slack
 
 
 def opening_ends(contact: str, reach: float = 1.3) -> Probe:

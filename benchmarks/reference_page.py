@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from reference_numbers import Number, Other, Result, is_inside
 
 MOST_DIGITS = 10
-"""Most digits of a number on the page."""
+"""Largest number of digits of a number on the page."""
 READ = ("last meshes", "two runs")
 """Ways whose interval is a spread of values and bounds nothing."""
 
@@ -30,14 +30,16 @@ OMP_NUM_THREADS=1 python benchmarks/reference_values.py
 - **estimate**: an interval that is not proved, because of Coulomb friction or curved sides; or
   the number of the finest mesh, to either side the spread of the last three meshes of the run
   ("last meshes"), which bounds nothing.
-- **The way**: "energies" is the intersection of the intervals of all meshes of the run, "three
-  pairs" is {{py:func}}`erc_contact.interval` on the last one, "one lifting"
-  {{py:func}}`erc_contact.resultant` ([bounds on single
-  numbers](number.md#bounds-on-single-numbers)).
+- **The way**: "energies" is the intersection of the intervals of all meshes of the run, where
+  they are proved, "one lifting" is {{py:func}}`erc_contact.resultant` on the last mesh, "three
+  pairs" {{py:func}}`erc_contact.interval`, of a contact both together ([bounds on single
+  numbers](number.md#bounds-on-single-numbers)). With Coulomb friction three pairs are not used.
 - **Others** are closed forms, published figures and other codes: "inside" or "outside" the
-  interval, up to the rounding of the figure; of a spread, by how much the figure differs.
+  interval, up to the rounding of the figure. In brackets is the relative difference of a figure
+  from the value, where there is no interval, or where the figure is of a simpler problem.
 - **Seconds** are processor seconds on one core without those of compilers; all cases together
-  take {minutes:.0f} minutes.
+  take {minutes:.0f} minutes. eps is the relative error of the finest mesh, with that of flat
+  facets.
 
 Closed forms of the same problem that lie inside their interval: {inside} of {exact}.
 {outside}
@@ -60,10 +62,10 @@ SOURCES = """\
 """
 
 
-def decimals(found: Number) -> int:
+def decimals(number: Number) -> int:
     """Return the decimals that show two digits of the width of an interval."""
-    width = found.high - found.low
-    size = max(abs(found.low), abs(found.high)) or 1.0
+    width = number.high - number.low
+    size = max(abs(number.low), abs(number.high)) or 1.0
     finest = MOST_DIGITS - 1 - math.floor(math.log10(size))
     if width <= 0:
         return finest
@@ -75,26 +77,26 @@ def rounded(value: float, places: int, outwards: int = 0) -> str:
     # What is a whole number but for round-off stays it.
     scaled = round(value * 10.0**places, 3)
     ways: dict[int, Callable[[float], int]] = {-1: math.floor, 0: round, 1: math.ceil}
-    number = ways[outwards](scaled) / 10.0**places
+    near = ways[outwards](scaled) / 10.0**places
     if 0 < abs(value) < 1e-3:
         power = math.floor(math.log10(abs(value)))
-        return f"{number:.{max(places + power, 0)}e}"
-    return f"{number:.{max(places, 0)}f}"
+        return f"{near:.{max(places + power, 0)}e}"
+    return f"{near:.{max(places, 0)}f}"
 
 
-def opinion(found: Number, other: Other) -> str:
+def opinion(number: Number, other: Other) -> str:
     """Return in words what somebody else says, and whether it lies in the interval."""
-    digits = 8
+    digits = 9
     if other.rounding:
         # A figure is printed with the digits that it has.
         digits = max(1, math.ceil(math.log10(abs(other.value) / other.rounding)))
     figure = f"{other.source}: {other.value:.{digits}g}"
-    apart = f"{other.value / found.value - 1:+.2g} of it"
-    if found.how in READ:
+    apart = f"{other.value / number.value - 1:+.2g}"
+    if number.how in READ or other.approximate:
         return f"{figure} ({apart})"
-    if is_inside(found, other):
+    if is_inside(number, other):
         return f"{figure}, inside"
-    if found.kind == "proved":
+    if number.kind == "proved":
         return f"{figure}, **outside the proved interval** ({apart})"
     return f"{figure}, outside ({apart})"
 
@@ -102,17 +104,17 @@ def opinion(found: Number, other: Other) -> str:
 def section(name: str, described: tuple[str, str], result: Result) -> str:
     """Return the section of a case with its title and geometry."""
     title, geometry = described
-    mesh = f"{result.cells} cells, {result.unknowns} unknowns, eps {result.eps:.2g}"
+    mesh = f"{result.cells} cells, {result.unknowns} unknowns, eps {100 * result.eps:.2g}%"
     lines = [f"## {title}", "", geometry, "", f"`{name}`: {mesh}, {result.seconds:.0f} s.", ""]
     lines += ["| number | value | low | high | kind, way | others |", "|---|---|---|---|---|---|"]
-    for found in result.numbers:
-        places = decimals(found)
-        low = rounded(found.low, places, -1)
-        high = rounded(found.high, places, 1)
-        quantity = found.quantity if found.unit == "-" else f"{found.quantity} [{found.unit}]"
-        said = "; ".join(opinion(found, other) for other in found.others) or "-"
-        kind = f"{found.kind}, {found.how}"
-        columns = [quantity, rounded(found.value, places), low, high, kind, said]
+    for number in result.numbers:
+        places = decimals(number)
+        low = rounded(number.low, places, -1)
+        high = rounded(number.high, places, 1)
+        quantity = number.quantity if number.unit == "-" else f"{number.quantity} [{number.unit}]"
+        said = "; ".join(opinion(number, other) for other in number.others) or "-"
+        kind = f"{number.kind}, {number.how}"
+        columns = [quantity, rounded(number.value, places), low, high, kind, said]
         lines.append(f"| {' | '.join(columns)} |")
     return "\n".join(lines) + "\n"
 
@@ -125,17 +127,17 @@ def verdict(
     inside = 0
     outside = []
     for name, result in results.items():
-        for found in result.numbers:
-            for other in found.others:
-                holds = is_inside(found, other)
+        for number in result.numbers:
+            for other in number.others:
+                holds = is_inside(number, other)
                 exact += other.exact
                 inside += other.exact and holds
-                if holds or found.kind != "proved":
+                if holds or other.approximate or number.kind != "proved":
                     continue
-                apart = other.value / found.value - 1
+                apart = other.value / number.value - 1
                 outside.append(
-                    f"- {described[name][0]}\n  The {found.quantity} by {other.source},"
-                    f" {other.value:.9g}, differs by {apart:+.1g} of it."
+                    f"- {described[name][0]}: the {number.quantity} by {other.source},\n"
+                    f"  {other.value:.9g}, differs by {apart:+.1g}."
                 )
     return exact, inside, outside
 
@@ -143,15 +145,15 @@ def verdict(
 def page(results: Mapping[str, Result], described: Mapping[str, tuple[str, str]]) -> str:
     """Return the page of all cases."""
     exact, inside, outside = verdict(results, described)
-    told = ""
+    listing = ""
     if outside:
-        told = "\nFigures that lie outside a proved interval:\n\n" + "\n".join(outside)
+        listing = "\nFigures that lie outside a proved interval:\n\n" + "\n".join(outside)
     introduction = INTRODUCTION.format(
         count=len(results),
         minutes=sum(result.seconds for result in results.values()) / 60,
         inside=inside,
         exact=exact,
-        outside=told,
+        outside=listing,
     )
     sections = [section(name, described[name], result) for name, result in results.items()]
     return "\n".join([introduction.rstrip() + "\n", *sections, SOURCES])

@@ -33,13 +33,13 @@ def test_form_and_closed_forms():
         assert case["cells"] > 0
         assert case["unknowns"] > 0
         assert case["seconds"] > 0
-        for found in numbers(case):
-            what = f"{case['case']}: {found.quantity}"
-            assert found.kind in ("proved", "estimate"), what
-            assert found.low <= found.value <= found.high, what
-            for other in found.others:
+        for number in numbers(case):
+            what = f"{case['case']}: {number.quantity}"
+            assert number.kind in ("proved", "estimate"), what
+            assert number.low <= number.value <= number.high, what
+            for other in number.others:
                 exact += other.exact
-                assert is_inside(found, other) or not other.exact, f"{what}, {other}"
+                assert is_inside(number, other) or not other.exact, f"{what}, {other}"
     assert exact >= 10
 
 
@@ -49,8 +49,8 @@ def test_page_is_of_the_table():
     for case in TABLE:
         assert (case["title"], case["geometry"]) == script.described(case["case"])
         assert f"## {case['title']}\n\n{case['geometry']}\n" in page
-        for found in numbers(case):
-            assert f"| {found.quantity}" in page
+        for number in numbers(case):
+            assert f"| {number.quantity}" in page
 
 
 def test_cheapest_case_again():
