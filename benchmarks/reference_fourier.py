@@ -1,4 +1,4 @@
-"""Solve a receding layer by Fourier integrals, with the pressure as the unknown.
+"""Solve contacts of infinite layers by Fourier integrals of the unknown pressure.
 
 A layer of thickness h lies without friction on a rigid base, or on a second layer that
 is bonded to one. A pressure q = 1 acts on its top where |x| < a. In terms of the
@@ -48,12 +48,13 @@ class Layer:
 
 
 @dataclass(frozen=True)
-class Receding:
-    """Hold half-width, pressure in the middle under a load of 1, and strain energy."""
+class Pressed:
+    """Hold half-width, pressure in the middle, strain energy and force of a contact."""
 
     half_width: float
     peak: float
     energy: float
+    force: float
 
 
 def points_of(edges: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
@@ -97,7 +98,7 @@ def transforms(b: float, xi: np.ndarray) -> np.ndarray:
     return np.concatenate(parts, axis=1)
 
 
-def receding(layer: Layer, bed: Layer | None, loaded: float) -> Receding:
+def receding(layer: Layer, bed: Layer | None, loaded: float) -> Pressed:
     """Solve the layer under a pressure of 1 on |x| < loaded."""
     ratio = bed.compliance / layer.compliance if bed else 0.0
     edges = np.concatenate([[0], np.geomspace(1e-4, 1, 30), np.linspace(1.2, 8, 40)])
@@ -148,4 +149,48 @@ def receding(layer: Layer, bed: Layer | None, loaded: float) -> Receding:
     tail = 1 / end**2 + np.sin(2 * loaded * end) / (loaded * end**3)
     energy = layer.compliance / (2 * np.pi) * (float(np.sum(weights * squares / xi)) + tail)
     signs = (-1.0) ** np.arange(TERMS)
-    return Receding(float(b), float(terms @ signs), energy)
+    return Pressed(float(b), float(terms @ signs), energy, 2 * loaded)
+
+
+def approached(upper: Layer, lower: Layer, down: float, radius: float) -> Pressed:
+    """Solve two layers, bonded outside, with the gap ``x^2/2 radius``.
+
+    The upper one comes down by a distance. The pressure p moves both sides apart by
+    ``p (K L + K' L')``, which is down - gap in the contact.
+    """
+    both = upper.compliance + lower.compliance
+    edges = np.concatenate([[0], np.geomspace(1e-4, 1, 30), np.arange(1.5, 400.1, 0.5)])
+    xi, weights = points_of(edges, 14)
+    response = upper.compliance * bonded_layer(xi, upper)
+    response += lower.compliance * bonded_layer(xi, lower)
+    low = xi < 40.0
+    places = np.cos((np.arange(TERMS) + 0.5) * np.pi / (2 * TERMS))
+    slopes = np.pi * np.cos((2 * np.arange(TERMS)[:, None] + 1) * np.arccos(places))
+
+    def pressure(b: float) -> tuple[np.ndarray, float]:
+        """Return the terms of the pressure, and a residual, zero at the true b."""
+        hats = transforms(b, xi)
+        waves = np.sin(b * xi[low, None] * places) * weights[low, None]
+        matrix = (hats[:, low] * (response[low] - both)) @ waves + both * slopes
+        solved = np.linalg.solve(matrix.T, np.pi * b * places / radius)
+        moved = float(np.sum(weights * (solved @ hats) * response / xi)) / np.pi
+        return solved, moved - down
+
+    last = np.sqrt(radius * down)
+    b = last * SECOND_GUESS
+    last_residual = pressure(last)[1]
+    for _ in range(30):
+        terms, residual = pressure(b)
+        if abs(b - last) < STEP * b:
+            break
+        step = residual * (b - last) / (residual - last_residual)
+        last, last_residual, b = b, residual, b - step
+
+    # The work of the pressure on the motion of both sides, by Chebyshev's rule.
+    angle = np.arange(1, 200) * np.pi / 200
+    x = b * np.cos(angle)
+    odd = 2 * np.arange(TERMS)[:, None] + 1
+    density = b * np.pi / 200 * np.sin(angle) * (terms @ np.sin(odd * angle))
+    energy = float(density @ (down - x**2 / (2 * radius))) / 2
+    peak = float(terms @ (-1.0) ** np.arange(TERMS))
+    return Pressed(float(b), peak, energy, float(density.sum()))
