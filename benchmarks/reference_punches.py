@@ -1,4 +1,4 @@
-"""Reference cases of punches, curved bodies, heat, histories and space.
+"""Reference cases of punches, curved bodies, histories and space.
 
 The first line of each docstring is the title of the case on the page, the rest its
 geometry.
@@ -165,38 +165,6 @@ def press_fit() -> Result:
     force = meshes.goal(ec.Resultant("shaft y=0", UP), "N/mm", "force across the shaft's half")
     number = says(meshes.probe("mean pressure", "MPa"), Other("Lame", pressure))
     return meshes.result(energy, exactly(force, 40 * pressure, "Lame"), number)
-
-
-def bimetal_strip() -> Result:
-    """Heat a strip of two metals until its tip presses on a stop.
-
-    Steel (0, 40) x (0, 1.5) mm, E = 200 000 MPa, heat 12e-6; brass on it, 1 high,
-    100 000 and 19e-6; nu = 0.3, plane stress, 1 mm thick, clamped at x = 0. Heated by
-    150, the last 4 mm of the lower side meet a flat frictionless stop at the distance
-    0.25. The beam is Timoshenko's of 1925, with the force at the end of the tip.
-    """
-    bricks = [
-        ("brass", 0.0, 1.5, 40.0, 1.0),
-        ("steel", 0.0, 0.0, 36.0, 1.5),
-        ("steel", 36.0, 0.0, 4.0, 1.5),
-    ]
-    parts = {"clamp": (0, 0, 0, 2.5), "tip": (36, 0, 40, 0)}
-    scene = ec.Scene(
-        ec.Elastic({"brass": 100e3, "steel": 200e3}, 0.3, hypothesis="plane stress"),
-        [ec.Displacement("clamp", (0.0, 0.0))],
-        contacts=[ec.Contact("tip", gap=0.25)],
-        strains=[ec.ThermalStrain({"brass": 19e-6, "steel": 12e-6}, 150.0)],
-    )
-    meshes = Meshes(scene, drawn(bricks, parts, 1.0), 4e-4)
-    force = meshes.goal(ec.Resultant("tip", UP), "N", "force of the stop")
-    m, n, h = 1.0 / 1.5, 0.5, 2.5
-    both = 3 * (1 + m) ** 2 + (1 + m * n) * (m**2 + 1 / (m * n))
-    curvature = 6 * 7e-6 * 150 * (1 + m) ** 2 / (h * both)
-    axis = (200e3 * 1.5 * 0.75 + 100e3 * 2.0) / (200e3 * 1.5 + 100e3)
-    bending = 200e3 * (1.5**3 / 12 + 1.5 * (0.75 - axis) ** 2)
-    bending += 100e3 * (1 / 12 + (2.0 - axis) ** 2)
-    beam = 3 * bending / 40**3 * (curvature * 40**2 / 2 - 0.25)
-    return meshes.result(says(force, Other("beam", float(beam), approximate=True)))
 
 
 def tilted_plate() -> Result:

@@ -54,7 +54,7 @@ CASES: dict[str, Callable[[], Result]] = {
         punches.flat_punch,
         punches.tilted_plate,
         punches.press_fit,
-        punches.bimetal_strip,
+        bodies.bimetal_strip,
         punches.block_in_space,
         punches.cattaneo_mindlin,
     )
