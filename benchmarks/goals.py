@@ -1,7 +1,8 @@
 """Measure intervals for single numbers: do they hold, how wide, how fast they fall.
 
 ``plane``: random blocks (size, cells, Poisson's ratio, loads that open or press,
-degree; without friction, with given friction or Coulomb's), ``space``: the same in 3D.
+degree; without friction, with given friction or Coulomb's), ``space``: the same in 3D,
+``coulomb``: forces with Coulomb friction against those of elements on a fine mesh.
 The goals are the force on the top, that on the contact below, and the mean displacement
 of the right side. An interval is called false where it lies apart from that of a mesh
 refined three times (in space once) with elements of degree 2. "half width" is over the
@@ -19,6 +20,7 @@ from typing import Any
 import erc_contact as ec
 
 import numpy as np  # isort: skip - after erc_contact, which loads MPI first
+from attack import pushed_block  # isort: skip
 from attack_families import Sample, scene_generator  # isort: skip
 from attack_tables import quantile_table  # isort: skip
 from tasks import run  # isort: skip
@@ -126,7 +128,33 @@ def space(seed: int = 0, count: int = 8) -> None:
     compare(seed, count, 3)
 
 
-TASKS: dict[str, Callable[..., None]] = {task.__name__: task for task in (plane, space)}
+def coulomb(seed: int = 0, count: int = 24) -> None:
+    """Compare forces with Coulomb friction to those of a mesh refined three times.
+
+    These forces know no interval, so that an interval that is wrong is seen.
+    """
+    off: list[float] = []
+    narrower: list[float] = []
+    for number in range(count):
+        rng = np.random.default_rng([seed, number])
+        scene, domain, degree = pushed_block(rng)
+        pushed = scene(float(rng.uniform(0.0, 1.0)))
+        domain = domain.refined()
+        solution = ec.solve(pushed, domain, degree=degree)
+        error = ec.constitutive_error(ec.equilibrate(solution))
+        fine = domain.refined().refined().refined()
+        exact = ec.solve(pushed, fine, degree=2).force("bottom").force
+        for direction in ((1.0, 0.0), (0.0, 1.0)):
+            bounds = ec.interval(error, ec.Resultant("bottom", direction))
+            first = ec.resultant(error, "bottom", direction)
+            width = bounds.high - bounds.low
+            off.append(2 * abs(bounds.value - exact @ np.array(direction)) / width)
+            narrower.append((first.high - first.low) / width)
+    columns = {"distance over half width": off, "narrower": narrower}
+    print(quantile_table(columns, QUANTILES, "{:.3f}"), flush=True)
+
+
+TASKS: dict[str, Callable[..., None]] = {task.__name__: task for task in (plane, space, coulomb)}
 
 
 if __name__ == "__main__":

@@ -111,8 +111,25 @@ def test_bodies_springs_and_coulomb():
     on_springs = opening(2, springs=ec.Spring("right", normal=0.5))
     one, other = (ec.interval(certified(on_springs, block(2, n)), goals(2)[0]) for n in (4, 16))
     assert one.low <= other.low <= other.high <= one.high
-    estimate = ec.interval(certified(opening(2, 0.3), block(2, 4)), goals(2)[0])
-    assert not estimate.guaranteed
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("friction", [0.1, 0.3])
+def test_estimates_with_coulomb_friction(friction):
+    """The forces of elements on a fine mesh lie in them, which do not know them."""
+
+    def tall(cells):
+        return ec.rectangle((0.0, 0.0), (2.0, 7.0), cells=(cells, 3 * cells))
+
+    pressed = ec.Displacement("top", (0.1, -0.05))
+    scene = ec.Scene(ec.Elastic(1.0, 0.3), pressed, (), ec.Contact("bottom", friction=friction))
+    exact = ec.solve(scene, tall(32), degree=2).force("bottom").force
+    error = certified(scene, tall(4), degree=2)
+    for direction, force in zip(np.eye(2), exact, strict=True):
+        estimate = ec.interval(error, ec.Resultant("bottom", direction))
+        assert not estimate.guaranteed
+        assert estimate.low < force < estimate.high
+        assert estimate.high - estimate.low < 0.05 * exact[1]
 
 
 @pytest.mark.serial

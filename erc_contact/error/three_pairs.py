@@ -38,6 +38,10 @@ Any t is allowed, and the intervals of several t may be intersected. While the c
 set stays as it is, d does not depend on t. Then ``t = 2 M/d`` is best, and the width d
 M is of second order. A t that changes the set makes d larger.
 
+A friction bound that depends on the pressure is given the values that it has for the
+pair (:mod:`erc_contact.error.given_bounds`): the interval is that of the problem with
+this given friction, and an estimate for the scene itself.
+
 Source: ours, from the theorem of :mod:`erc_contact.error.constitutive`.
 """
 

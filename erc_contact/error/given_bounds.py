@@ -1,0 +1,57 @@
+"""Give the friction bounds of a pair to a scene.
+
+The interval of three pairs is of a problem whose friction bound does not change with
+the pressure (:mod:`erc_contact.error.three_pairs`). A scene with Coulomb friction is
+solved there with the bound ``b(p^)`` of its pair: the pair is admissible for that
+problem, too, with the same e.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import ufl
+
+from erc_contact.admissible.pair import Admissible
+from erc_contact.admissible.traction import ContactTraction
+from erc_contact.base.ufl_types import Ufl
+from erc_contact.model.friction import depends_on_pressure
+from erc_contact.scene.law import Tresca
+from erc_contact.scene.scene import Scene
+
+
+def with_given_bounds(pair: Admissible, scene: Scene) -> Scene:
+    """Return a scene whose friction bounds are those of a pair; collective.
+
+    Args:
+        pair: A pair on the mesh on which the scene will be solved.
+        scene: A scene with the same contacts.
+
+    Raises:
+        InputError: If two facets of a contact with such a bound have a common cell.
+    """
+    contacts: list[Any] = []
+    for contact, traction in zip(scene.contacts, pair.tractions, strict=True):
+        friction = traction.contact.friction
+        if friction is None or not depends_on_pressure(friction):
+            contacts.append(contact)
+            continue
+        bound = _bound(pair, traction)
+        contacts.append(replace(contact, friction=Tresca(partial(_at_any, bound))))
+    return replace(scene, contacts=contacts)
+
+
+def _bound(pair: Admissible, traction: ContactTraction) -> Ufl:
+    """Return the friction bound of r^ on its contact [force/area], UFL; collective."""
+    contact = traction.contact
+    assert contact.friction is not None
+    r = pair.traction_function(contact.name)
+    pressure = ufl.max_value(-ufl.dot(r, contact.normal), 0.0)
+    return contact.friction.bound(pressure)
+
+
+def _at_any(bound: Ufl, _: Any) -> Ufl:
+    """Return a bound as a callable of the position."""
+    return bound
