@@ -32,7 +32,9 @@ def test_code_of_pages_runs(shared_tmp_path, monkeypatch):
     """
     assert sum(bool(code(page)) for page in PAGES) >= 10
     run_as_user(Path(__file__), shared_tmp_path, monkeypatch)
-    assert (shared_tmp_path / "results" / "first" / "error.png").is_file()
+    first = shared_tmp_path / "results" / "first"
+    for name in ("report.html", "error_map.png", "deformed.png", "contact_bottom.png"):
+        assert (first / name).is_file()
 
 
 def test_figures_have_scripts():
