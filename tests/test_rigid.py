@@ -255,6 +255,17 @@ def test_fretting_in_a_rigid_holder():
     assert abs(evolution.solution.motion("top").rotation[0]) < 1e-14
 
 
+@pytest.mark.serial
+def test_a_run_goes_on_from_its_folder(tmp_path):
+    scene = pressed(ec.Rigid("top", (0.001, None), force=(None, -8.0), moment=0.5))
+    whole = ec.adapt(scene, plate(2), 0.06)
+    ec.adapt(scene, plate(2), 0.06, max_steps=2, checkpoint=tmp_path)
+    again = ec.adapt(scene, plate(2), 0.06, checkpoint=tmp_path)
+    assert len(whole.steps) > 2
+    assert [step.cells for step in again.steps] == [step.cells for step in whole.steps]
+    assert again.best.relative == pytest.approx(whole.best.relative, rel=1e-8)
+
+
 @pytest.mark.ranks
 def test_ranks_agree():
     numbers = []
