@@ -133,6 +133,25 @@ def test_estimates_with_coulomb_friction(friction):
 
 
 @pytest.mark.serial
+def test_order_of_names_changes_no_estimate():
+    """Forms integrate over the softer side, which the scene may name second."""
+    upper = ec.rectangle((0.0, 1.0), (2.0, 2.0), cells=(6, 3))
+    lower = ec.rectangle((0.0, 0.0), (2.0, 1.0), cells=(8, 4))
+    bodies = ec.assembly({"upper": upper, "lower": lower}).joined("upper bottom", "lower top")
+    supports = [
+        ec.Displacement("upper top", (0.01, -0.02)),
+        ec.Displacement("lower bottom", (0.0, 0.0)),
+    ]
+    bounds = []
+    for first, second in (("upper bottom", "lower top"), ("lower top", "upper bottom")):
+        contact = ec.Contact(first, against=second, friction=0.3)
+        scene = ec.Scene(ec.Elastic({"upper": 1.0, "lower": 3.0}, 0.3), supports, (), contact)
+        interval = ec.interval(certified(scene, bodies), ec.Resultant("upper top", (1.0, 0.0)))
+        bounds.append([interval.low, interval.high])
+    assert bounds[1] == pytest.approx(bounds[0], rel=1e-6)
+
+
+@pytest.mark.serial
 def test_runs_that_aim_at_a_number(tmp_path):
     """A force that is a hundredth of the pressure, to 1%, where e alone tells nothing of it.
 

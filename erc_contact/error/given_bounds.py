@@ -47,7 +47,8 @@ def _bound(pair: Admissible, traction: ContactTraction) -> Ufl:
     """Return the friction bound of r^ on its contact [force/area], UFL; collective."""
     contact = traction.contact
     assert contact.friction is not None
-    r = pair.traction_function(contact.name)
+    # Forms integrate over this side, which the scene may name second.
+    r = pair.traction_function(contact.side_names[0])
     pressure = ufl.max_value(-ufl.dot(r, contact.normal), 0.0)
     return contact.friction.bound(pressure)
 
