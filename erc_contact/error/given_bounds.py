@@ -18,29 +18,27 @@ from erc_contact.admissible.pair import Admissible
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.friction import depends_on_pressure
+from erc_contact.scene.contact import Contact
 from erc_contact.scene.law import Tresca
-from erc_contact.scene.scene import Scene
 
 
-def with_given_bounds(pair: Admissible, scene: Scene) -> Scene:
-    """Return a scene whose friction bounds are those of a pair; collective.
+def contacts_with_given_bounds(pair: Admissible) -> list[Contact]:
+    """Return the contacts of a scene with the friction bounds of its pair; collective.
 
-    Args:
-        pair: A pair on the mesh on which the scene will be solved.
-        scene: A scene with the same contacts.
+    They are for solves on the mesh of the pair.
 
     Raises:
         InputError: If two facets of a contact with such a bound have a common cell.
     """
-    contacts: list[Any] = []
-    for contact, traction in zip(scene.contacts, pair.tractions, strict=True):
+    contacts: list[Contact] = []
+    for contact, traction in zip(pair.model.scene.contacts, pair.tractions, strict=True):
         friction = traction.contact.friction
         if friction is None or not depends_on_pressure(friction):
             contacts.append(contact)
             continue
         bound = _bound(pair, traction)
         contacts.append(replace(contact, friction=Tresca(partial(_at_any, bound))))
-    return replace(scene, contacts=contacts)
+    return contacts
 
 
 def _bound(pair: Admissible, traction: ContactTraction) -> Ufl:

@@ -21,7 +21,6 @@ from erc_contact.base.exceptions import InputError, NotConverged, NotHeldError
 from erc_contact.base.percent import percent
 from erc_contact.error.bulk import data_vary
 from erc_contact.error.constitutive import ConstitutiveError
-from erc_contact.error.given_bounds import with_given_bounds
 from erc_contact.error.numbers import Bounds
 from erc_contact.error.questions import Question, question_of
 from erc_contact.error.three_pairs import Ends, ends_of
@@ -129,8 +128,8 @@ def _tried(error: ConstitutiveError, question: Question, pair_of: PairOf, most: 
 def _ends(error: ConstitutiveError, question: Question, pair_of: PairOf, t: float) -> Ends | None:
     """Return the interval for a t, None if its scenes are not solved; collective."""
     try:
-        plus = pair_of(with_given_bounds(error.admissible, question.moved(t)))
-        minus = pair_of(with_given_bounds(error.admissible, question.moved(-t)))
+        plus = pair_of(question.moved(t))
+        minus = pair_of(question.moved(-t))
     except (NotConverged, NotHeldError):
         return None
     psi = question.psi(error.admissible.displacement)

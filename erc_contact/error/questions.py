@@ -16,6 +16,7 @@ from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.error.constitutive import ROUND_OFF, ConstitutiveError
+from erc_contact.error.given_bounds import contacts_with_given_bounds
 from erc_contact.error.works import BoundedNumber, elastic_work, load_work
 from erc_contact.mesh.simplex import coefficients
 from erc_contact.mesh.tags import listed
@@ -33,7 +34,7 @@ class Question:
     """Hold what a goal moves, and how its number follows from Q.
 
     Attributes:
-        moved: Makes the scene moved by t.
+        moved: Makes the scene moved by t, with the friction bounds of the pair.
         psi: ``psi(u)`` of a displacement.
         sign: Factor of Q in the number [-].
         constant: What is added to it.
@@ -66,19 +67,19 @@ def question_of(error: ConstitutiveError, goal: Goal) -> Question:
     norm = float(np.sqrt(max(energy, 0.0))) or 1.0
     e = max(error.absolute, ROUND_OFF * norm)
     size = float(np.linalg.norm(a))
+    scene = replace(model.scene, contacts=contacts_with_given_bounds(pair))
     if isinstance(goal, MeanDisplacement):
-        return _mean_displacement(model, goal, a, e * norm / (length * size))
-    return _resultant(model, goal, a, e / norm * length / size)
+        return _mean_displacement(model, scene, goal, a, e * norm / (length * size))
+    return _resultant(model, scene, goal, a, e / norm * length / size)
 
 
 def _mean_displacement(
-    model: Model, goal: MeanDisplacement, a: np.ndarray, step: float
+    model: Model, scene: Scene, goal: MeanDisplacement, a: np.ndarray, step: float
 ) -> Question:
     """Return the question of a mean displacement: a load on the part moves by t."""
-    scene = model.scene
     for face in model.loose_faces:
         if face.name == goal.part:
-            return _motion(model, goal, face, a, step)
+            return _motion(model, scene, goal, face, a, step)
     facets = model.domain.facets(goal.part)
     owned = model.owned(facets)
     areas = np.where(owned, model.facet_areas(facets), 0.0)
@@ -106,10 +107,14 @@ def _mean_displacement(
 
 
 def _motion(
-    model: Model, goal: MeanDisplacement, face: RigidFace, a: np.ndarray, step: float
+    model: Model,
+    scene: Scene,
+    goal: MeanDisplacement,
+    face: RigidFace,
+    a: np.ndarray,
+    step: float,
 ) -> Question:
     """Return the question of the motion of a rigid face: its force grows by t."""
-    scene = model.scene
     d = model.d
     if a[~face.free[:d]].any():
         raise InputError(
@@ -139,12 +144,11 @@ def _mean_weights(model: Model) -> np.ndarray:
     return np.asarray(matrix.mean(axis=0))
 
 
-def _resultant(model: Model, goal: Resultant, a: np.ndarray, step: float) -> Question:
+def _resultant(model: Model, scene: Scene, goal: Resultant, a: np.ndarray, step: float) -> Question:
     """Return the question of a force: supports move by t.
 
     The force of the only contact is that of all supports and loads, by equilibrium.
     """
-    scene = model.scene
     parts = [support.facets for support in scene.supports]
     contacts = [contact.facets for contact in scene.contacts]
     sign = -1.0
