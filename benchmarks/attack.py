@@ -235,15 +235,23 @@ def given_friction(rng: np.random.Generator) -> tuple[ec.Scene, ec.Domain, int]:
     return replace(pushed_scene, contacts=[contact]), domain, degree
 
 
-def heated(seed: int = 0, count: int = 100) -> None:
-    """Print the quantiles of e over the true errors of heated and swollen blocks."""
+type Change = Callable[[np.random.Generator, ec.Scene], ec.Scene]
+"""Makes another scene of a block with given friction."""
+
+
+def compared_blocks(seed: int, count: int, change: Change) -> None:
+    """Print the quantiles of e over the true errors of changed blocks."""
     cases: list[Case] = []
     for number in range(count):
         rng = np.random.default_rng([seed, number])
         scene, domain, degree = given_friction(rng)
-        strained = replace(scene, strains=random_strains(rng))
-        cases.append((strained, domain, degree, None))
+        cases.append((change(rng, scene), domain, degree, None))
     compared(cases)
+
+
+def heated(seed: int = 0, count: int = 100) -> None:
+    """Print the quantiles of e over the true errors of heated and swollen blocks."""
+    compared_blocks(seed, count, lambda rng, scene: replace(scene, strains=random_strains(rng)))
 
 
 def sprung(seed: int = 0, count: int = 50) -> None:
@@ -252,13 +260,7 @@ def sprung(seed: int = 0, count: int = 50) -> None:
     They are from 0.01 to 100 times as stiff as a block of size one. The true errors
     are without the energy in the springs, so e over them is somewhat greater.
     """
-    cases: list[Case] = []
-    for number in range(count):
-        rng = np.random.default_rng([seed, number])
-        scene, domain, degree = given_friction(rng)
-        sprung_scene = replace(scene, springs=random_springs(rng))
-        cases.append((sprung_scene, domain, degree, None))
-    compared(cases)
+    compared_blocks(seed, count, lambda rng, scene: replace(scene, springs=random_springs(rng)))
 
 
 def rigid(seed: int = 0, count: int = 50) -> None:
@@ -268,10 +270,8 @@ def rigid(seed: int = 0, count: int = 50) -> None:
     The resultant is inside the middle third of the base, so that even a base of one
     facet has a traction that balances it.
     """
-    cases: list[Case] = []
-    for number in range(count):
-        rng = np.random.default_rng([seed, number])
-        scene, domain, degree = given_friction(rng)
+
+    def under_a_face(rng: np.random.Generator, scene: ec.Scene) -> ec.Scene:
         # The block's support prescribes two numbers.
         push, sink = (float(value) for value in scene.supports[0].value)  # type: ignore[arg-type]
         force = -float(rng.uniform(0.2, 2.0)) * abs(sink)
@@ -280,19 +280,19 @@ def rigid(seed: int = 0, count: int = 50) -> None:
         face = ec.Rigid("top", (push, None), rotation=turn, force=(None, force))
         if scene.contacts[0].law is None:
             face = replace(face, rotation=None, moment=arm * force)
-        cases.append((replace(scene, supports=[face]), domain, degree, None))
-    compared(cases)
+        return replace(scene, supports=[face])
+
+    compared_blocks(seed, count, under_a_face)
 
 
 def foundations(seed: int = 0, count: int = 50) -> None:
     """Print the same of blocks on compliant foundations, without energies in these."""
-    cases: list[Case] = []
-    for number in range(count):
-        rng = np.random.default_rng([seed, number])
-        scene, domain, degree = given_friction(rng)
+
+    def bedded(rng: np.random.Generator, scene: ec.Scene) -> ec.Scene:
         contact = replace(scene.contacts[0], **random_foundation(rng))
-        cases.append((replace(scene, contacts=[contact]), domain, degree, None))
-    compared(cases)
+        return replace(scene, contacts=[contact])
+
+    compared_blocks(seed, count, bedded)
 
 
 def tightening(seed: int = 0, count: int = 60) -> None:

@@ -54,17 +54,13 @@ def on_mesh(
         of_material: Whether the values at the points of quadrature matter, else those
             on the boundary of the cells do.
     """
-    if not has_tables(expression):
-        return expression
-    replaced: dict[Ufl, Ufl] = {}
-    # An inner table, as in a table of a table, comes before the outer one.
-    for node in unique_post_traversal(expression):
-        if isinstance(node, TableValue):
-            coordinates = [ufl.replace(entry, replaced) for entry in node.coordinates]
-            function = _function(ufl.as_vector(coordinates), node.data, mesh)
-            _fill(function, mesh, evaluate, of_material=of_material)
-            replaced[node] = function
-    return ufl.replace(expression, replaced)
+
+    def on_cells(coordinates: list[Ufl], data: TableData) -> Ufl:
+        function = _function(ufl.as_vector(coordinates), data, mesh)
+        _fill(function, mesh, evaluate, of_material=of_material)
+        return function
+
+    return _without_tables(expression, on_cells)
 
 
 def written_out(expression: Ufl) -> Ufl:
@@ -76,13 +72,19 @@ def written_out(expression: Ufl) -> Ufl:
     Raises:
         InputError: If a table has two coordinates, or too many points.
     """
+    return _without_tables(expression, _sum_of_hinges)
+
+
+def _without_tables(expression: Ufl, instead: Callable[[list[Ufl], TableData], Ufl]) -> Ufl:
+    """Replace each table by what is made of its coordinates and its data, UFL."""
     if not has_tables(expression):
         return expression
     replaced: dict[Ufl, Ufl] = {}
+    # An inner table, as in a table of a table, comes before the outer one.
     for node in unique_post_traversal(expression):
         if isinstance(node, TableValue):
             coordinates = [ufl.replace(entry, replaced) for entry in node.coordinates]
-            replaced[node] = _sum_of_hinges(coordinates, node.data)
+            replaced[node] = instead(coordinates, node.data)
     return ufl.replace(expression, replaced)
 
 

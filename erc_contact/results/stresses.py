@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -42,16 +43,36 @@ def mean_stress(result: Any, stress: str = "admissible") -> np.ndarray:
     Raises:
         InputError: If the stress is another one.
     """
-    check_stress(stress)
     admissible = pair_of(result)
     model = admissible.model
-    means = []
-    if stress != "elastic":
-        means.append(_admissible_means(admissible))
-    if stress != "admissible":
-        means.append(_elastic_means(admissible))
-    mean = np.mean(means, axis=0)
+    mean = _of_stress(stress, admissible, _admissible_means, _elastic_means)
     return stress_in_space(model, tensors(mean, model.d))
+
+
+def _of_stress(
+    stress: str,
+    admissible: Admissible,
+    of_admissible: Callable[[Admissible], np.ndarray],
+    of_elastic: Callable[[Admissible], np.ndarray],
+) -> np.ndarray:
+    """Return what is linear in a stress, for the stress of a name.
+
+    Args:
+        stress: The name, as in :func:`mean_stress`.
+        admissible: The pair.
+        of_admissible: Computes it of sigma^.
+        of_elastic: Computes it of C eps(u^).
+
+    Raises:
+        InputError: If the stress is another one.
+    """
+    check_stress(stress)
+    parts = []
+    if stress != "elastic":
+        parts.append(of_admissible(admissible))
+    if stress != "admissible":
+        parts.append(of_elastic(admissible))
+    return np.asarray(np.mean(parts, axis=0))
 
 
 def _admissible_means(admissible: Admissible) -> np.ndarray:
@@ -94,15 +115,10 @@ def vertex_stress(admissible: Admissible, stress: str = "admissible") -> np.ndar
     Raises:
         InputError: If the stress is another one.
     """
-    check_stress(stress)
     model = admissible.model
     d = model.d
-    moments = []
-    if stress != "elastic":
-        moments.append(_admissible_moments(admissible))
-    if stress != "admissible":
-        moments.append(_elastic_moments(admissible))
-    linear = tensors(from_means(d, 1, np.mean(moments, axis=0)), d)
+    moments = _of_stress(stress, admissible, _admissible_moments, _elastic_moments)
+    linear = tensors(from_means(d, 1, moments), d)
     at_vertices = [stress_in_space(model, linear[:, vertex]) for vertex in range(d + 1)]
     return np.stack(at_vertices, axis=1)
 
