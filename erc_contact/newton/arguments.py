@@ -10,7 +10,6 @@ from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError
 from erc_contact.mesh.domain import Domain
 from erc_contact.newton.solution import Solution
-from erc_contact.scene.rigid import Rigid
 from erc_contact.scene.scene import Scene
 
 METHOD = ("multiplier", "in_layer", "equations", "traction", "projected")
@@ -41,7 +40,6 @@ def check_arguments(
         raise InputError(f"degree is {degree!r}; allowed are the whole numbers 1 and 2.")
     if solver not in SOLVERS:
         raise InputError(f"solver is {solver!r}; allowed are {', '.join(map(repr, SOLVERS))}.")
-    _check_solver(scene, solver)
     if method is not None:
         _check_method(method)
     if start is not None and not isinstance(start, Solution):
@@ -72,19 +70,3 @@ def _check_method(method: Any) -> None:
             f"method is {checks.description(method)}, which {wrong}. "
             f"A method has {', '.join(METHOD)}."
         )
-
-
-def _check_solver(scene: Scene, solver: str) -> None:
-    """Check that a scene with loose rigid faces is not asked of multigrid.
-
-    Raises:
-        InputError: If it is.
-    """
-    if solver != "iterative":
-        return
-    for support in scene.supports:
-        if isinstance(support, Rigid) and None in support.motions:
-            raise InputError(
-                f'Rigid({support.facets!r}) has free motions, which solver="iterative" does not'
-                ' know; take "auto" or "direct", or give all its motions.'
-            )

@@ -165,7 +165,7 @@ class FullSpace:
         self.function(None, x, force)
 
         def weakly_glued(y: PETSc.Vec, result: PETSc.Vec) -> None:
-            self.elastic.matrix.mult(y, result)
+            self.elastic.times(y, result)
             glue_force.pointwiseMult(weak, y)
             result.axpy(1.0, glue_force)
 
@@ -248,6 +248,7 @@ class FullSpace:
         self._set(x)
         u = self.elastic.displacement(x)
         u.x.array[:] *= self.length
+        self.elastic.follow(u)
         return u, self.forms.nodal_multipliers()
 
     def _set(self, x: PETSc.Vec) -> None:
@@ -259,7 +260,7 @@ class FullSpace:
         u = self.elastic.displacement(x)
         u.x.array[:] *= self.length
         self.forms.set_displacement(u)
-        self.elastic.matrix.mult(x, residual)
+        self.elastic.times(x, residual)
         residual.scale(self.length)
         residual.axpy(-1.0, self.loads)
         if self._reactions is not None:

@@ -25,8 +25,8 @@ from erc_contact.model.model import Model
 from erc_contact.model.promises import bind
 from erc_contact.newton.arguments import check_arguments
 from erc_contact.newton.given_tractions import given_multipliers
+from erc_contact.newton.linear.loose_multigrid import multigrid_of
 from erc_contact.newton.linear.loose_stiffness import stiffness_of
-from erc_contact.newton.linear.multigrid import Multigrid
 from erc_contact.newton.methods import AugmentedLagrangian, Nitsche
 from erc_contact.newton.nodal_values import AnyField, nodal_values
 from erc_contact.newton.reactions import Reactions
@@ -83,7 +83,7 @@ def solution_of(
     given = together(comm, given_multipliers, model, traction or {})
     if given and model.coordinates.has_joints:
         raise InputError("certify: where three bodies meet at a point, no traction can be given.")
-    elastic = Multigrid(model) if large(model) else stiffness_of(model)
+    elastic = multigrid_of(model) if large(model) else stiffness_of(model)
     multipliers = list(_multipliers(model, elastic, displacement))
     for number, contact in enumerate(model.contacts):
         if contact.name in given:

@@ -16,7 +16,8 @@ from erc_contact.model.model import Model
 from erc_contact.newton import first_guess
 from erc_contact.newton.full import FullSpace
 from erc_contact.newton.ladder import Attempt
-from erc_contact.newton.linear.multigrid import EXACT, Multigrid
+from erc_contact.newton.linear.loose_multigrid import multigrid_of
+from erc_contact.newton.linear.multigrid import EXACT
 from erc_contact.newton.methods import Method
 from erc_contact.newton.snes import DiscreteSolution, Outcome, attempt
 
@@ -40,7 +41,7 @@ class Iterative:
 
     def __init__(self, model: Model, *, hurried: bool = False) -> None:
         self.model = model
-        self.elastic = Multigrid(model, hurried=hurried)
+        self.elastic = multigrid_of(model, hurried=hurried)
         self._forces = self.elastic.load_vector()
         self._loads = self.elastic.right_side(self._forces.copy(), supports=True)
         if self.elastic.contact_size:
@@ -75,8 +76,7 @@ class Iterative:
             )
         problem = self._problems[step.method]
         x = problem.vector()
-        unknowns = self.model.coordinates.to_x(state)
-        x.array[:] = unknowns.x.array[: self.elastic.owned] / problem.length
+        x.array[:] = self.elastic.start(state) / problem.length
         steps = 0
         for friction_share, gap_share in step.shares:
             problem.set_shares(friction_share, gap_share)

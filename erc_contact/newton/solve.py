@@ -248,8 +248,6 @@ def large(model: Model) -> bool:
     million degrees of freedom. In space the factor grows like n^(4/3) and the matrix of
     the contact like n^(4/3) or, on meshes that are fine there, n^2.
     """
-    if model.loose_faces:
-        return False  # only the direct solver moves them
     nodes = model.V.dofmap.index_map.size_global
     facets = 0
     for contact in model.contacts:

@@ -161,7 +161,7 @@ class Tangent:
 
     def mult(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
         """Set y to the scaled tangent times x."""
-        self.elastic.matrix.mult(x, y)
+        self.elastic.times(x, y)
         if self._reactions is None:
             assert self._change is not None
             self._change.multAdd(x, y, y)

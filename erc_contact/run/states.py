@@ -28,8 +28,8 @@ from erc_contact.mesh.tables import CellRows, described, geometry_of, glued_mesh
 from erc_contact.model.model import Model
 from erc_contact.model.promises import bind
 from erc_contact.newton.after import last_step
+from erc_contact.newton.linear.loose_multigrid import multigrid_of
 from erc_contact.newton.linear.loose_stiffness import stiffness_of
-from erc_contact.newton.linear.multigrid import Multigrid
 from erc_contact.newton.methods import Method
 from erc_contact.newton.solution import Solution
 from erc_contact.output.files import gathered, vtk_cells
@@ -233,7 +233,7 @@ class Restored:
             if repr(candidate) == about["method"]:
                 method = candidate
                 break
-        stiffness = Multigrid(model) if about["iterative"] else stiffness_of(model)
+        stiffness = multigrid_of(model) if about["iterative"] else stiffness_of(model)
         numbers = {attribute: about["solution"][name] for name, attribute in STATE.items()}
         return Solution(model, method, u, tuple(multipliers), stiffness=stiffness, **numbers)
 

@@ -13,6 +13,7 @@ from dolfinx import fem
 from petsc4py import PETSc
 
 from erc_contact.model.model import Model
+from erc_contact.newton.linear.eliminated_faces import EliminatedFaces
 from erc_contact.newton.linear.face_motions import FaceMotions
 from erc_contact.newton.linear.stiffness import Stiffness
 
@@ -23,34 +24,38 @@ class LooseStiffness(Stiffness):
     def glued(self, b: fem.Function, *, supports: bool = True) -> fem.Function:
         """Solve ``(K + D) w = b``, see :meth:`Stiffness.glued`."""
         w = super().glued(b, supports=supports)
-        self._faces.move(w, self._faces.pushes(b, supports=supports))
+        self._motions.move(w, b)
         return w
 
     @cached_property
-    def _faces(self) -> FaceMotions:
+    def _faces(self) -> EliminatedFaces:
+        """Return the equations of the faces."""
+        return EliminatedFaces(self)
+
+    @cached_property
+    def _motions(self) -> FaceMotions:
         """Return the motions of the faces; they outlive the factor."""
-        return FaceMotions(self, self._solver().solve)
+        return FaceMotions(self, self._faces, self._solver().solve)
 
     def _moved_by(self, forces: fem.Function) -> fem.Function:
         """Return the glued displacement of forces on unknowns."""
         u = super()._moved_by(forces)
-        self._faces.move(u, self._faces.pushes_on_unknowns(forces))
+        self._motions.move(u, None)
         return u
 
     def _under(self, b: fem.Function, solver: PETSc.KSP) -> fem.Function:
         """Return the displacement under nodal forces b by a solver [length]."""
         u = super()._under(b, solver)
-        faces = FaceMotions(self, solver.solve)
-        faces.move(u, faces.pushes(b, supports=False))
+        FaceMotions(self, self._faces, solver.solve).move(u, b)
         return u
 
     def _condense(self) -> None:
         """Factorise with the Schur complement on L of the body with loose faces."""
         # MUMPS has the Schur complement only until the factor has solved for once.
         super()._condense()
-        at_layer = [self.gather_x(unknown) for unknown in self._faces.unknowns]
+        at_layer = [self.gather_x(unknown) for unknown in self._motions.unknowns]
         if self.schur is not None:
-            self.schur = self._faces.softened(self.schur, np.column_stack(at_layer))
+            self.schur = self._motions.softened(self.schur, np.column_stack(at_layer))
 
 
 def stiffness_of(model: Model) -> Stiffness:

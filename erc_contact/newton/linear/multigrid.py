@@ -162,7 +162,7 @@ class Multigrid(Elastic):
         u = self.matrix.createVecRight()
         b = self.matrix.createVecRight()
         u.array[:] = y.x.array[: self.owned]
-        self.matrix.mult(u, b)
+        self.times(u, b)
         b.scale(-1.0)
         b.array[at_contact] = 0.0
         b.array[fixed] = 0.0
@@ -170,12 +170,12 @@ class Multigrid(Elastic):
         diagonal = float(self.glue.x.array.max(initial=0.0))
         first, _ = inside.getOwnershipRange()
         inside.zeroRowsColumns((first + at_contact).astype(PETSc.IntType), diag=diagonal)
-        between = self.model.coordinates.to_x(self._solved(inside, b, tolerance))
+        between = self.model.coordinates.to_x(self._solved(inside, b, tolerance, held=at_contact))
         inside.destroy()
         u.array[:] += between.x.array[: self.owned]
 
         forces = self.matrix.createVecRight()
-        self.matrix.mult(u, forces)
+        self.times(u, forces)
         forces.array[fixed] = 0.0
         nodal_forces = self.unknowns(forces)
         u.destroy()
@@ -185,6 +185,20 @@ class Multigrid(Elastic):
     def traces(self, numbers: np.ndarray) -> IterativeTraces:
         """Return the body as a surface sees it, see :class:`.solver.ElasticSolver`."""
         return IterativeTraces(self.model, numbers, self)
+
+    def times(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
+        """Set y to the forces K x [force]."""
+        self.matrix.mult(x, y)
+
+    def start(self, u: fem.Function) -> np.ndarray:
+        """Return the unknowns of a displacement from which iterations start.
+
+        Those of this rank [length], shape (owned,).
+        """
+        return self.model.coordinates.to_x(u).x.array[: self.owned]
+
+    def follow(self, u: fem.Function) -> None:
+        """Let loose faces follow a displacement under the loads [length], in place."""
 
     def renew(self, change: PETSc.Mat) -> None:
         """Set the hierarchy to that of K plus a change C [force/length]."""
@@ -225,6 +239,7 @@ class Multigrid(Elastic):
         tolerance: float,
         near: fem.Function | None = None,
         *,
+        held: np.ndarray | None = None,
         direct: bool = True,
         hurried: bool = False,
     ) -> fem.Function:
@@ -235,6 +250,7 @@ class Multigrid(Elastic):
             b: Right side [force].
             tolerance: Residual over the right side [-].
             near: A displacement that may be near [length].
+            held: Unknowns of this rank that do not move in this problem.
             direct: Whether a factor may take over where multigrid fails.
             hurried: Whether it gives up early where multigrid is slow.
 
@@ -253,18 +269,14 @@ class Multigrid(Elastic):
             # The squares in norms overflow earlier than the numbers do.
             b.scale(1 / size)
             if near is not None:
-                unknowns = self.model.coordinates.to_x(near)
-                x.array[:] = unknowns.x.array[: self.owned] / size
-            own = self.hierarchy.matrix
-            pc = self.hierarchy.pc
-            left = conjugate_gradients(matrix, pc, own, b, x, tolerance, hurried=hurried)
+                x.array[:] = self.start(near) / size
+            left = self._iterate(matrix, b, x, tolerance, held, hurried=hurried)
             if left > ENOUGH * tolerance and direct:
                 log_of(self.model.comm).info(
                     "Multigrid left %.0e of the loads: a direct solver takes over.", left
                 )
                 self.hierarchy.factorise()
-                pc = self.hierarchy.pc
-                left = conjugate_gradients(matrix, pc, own, b, x, tolerance)
+                left = self._iterate(matrix, b, x, tolerance, held)
             if not left <= ENOUGH * tolerance:
                 failed = f"Conjugate gradients with multigrid left {left:.0e} of the loads."
                 if not np.isfinite(left):
@@ -275,6 +287,29 @@ class Multigrid(Elastic):
         x.destroy()
         b.destroy()
         return u
+
+    def _iterate(
+        self,
+        matrix: PETSc.Mat,
+        b: PETSc.Vec,
+        x: PETSc.Vec,
+        tolerance: float,
+        held: np.ndarray | None,
+        *,
+        hurried: bool = False,
+    ) -> float:
+        """Return what :func:`.krylov.conjugate_gradients` leave of b [-].
+
+        Args:
+            matrix: The matrix, which knows the unknowns that are held.
+            b: Right side.
+            x: The first guess, which becomes the solution, in place.
+            tolerance: Residual over b at which it stops [-].
+            held: Unknowns of this rank that do not move in this problem.
+            hurried: Whether it gives up early where multigrid is slow.
+        """
+        own = self.hierarchy.matrix
+        return conjugate_gradients(matrix, self.hierarchy.pc, own, b, x, tolerance, hurried=hurried)
 
     def _weak_share(self) -> float:
         """Return the share of D that holds a loose body, ``h/(10 L)``, else zero [-].
@@ -287,9 +322,11 @@ class Multigrid(Elastic):
 
     def _motions(self) -> PETSc.NullSpace:
         """Return the rigid motions that no support holds."""
+        fixed = np.flatnonzero(self.fixed)
         vectors = []
         for motion in self.model.free_motions:
             x = self.matrix.createVecRight()
             x.array[:] = self.model.coordinates.to_x(motion).x.array[: self.owned]
+            x.array[fixed] = 0.0
             vectors.append(x)
         return PETSc.NullSpace().create(vectors=orthonormal(vectors), comm=self.matrix.comm)

@@ -1,0 +1,157 @@
+"""The elastic equations of a model with loose rigid faces, solved with multigrid.
+
+The motions of the faces are eliminated (:mod:`.eliminated_faces`): the matrix is ``A -
+C Q^-1 C^T`` with A that of the faces at rest, K or K with something at the contact. It
+is applied, not assembled. Its inverse is ``A^-1 + W S^-1 W^T`` (:mod:`.face_motions`),
+so that a cycle for A, and few vectors W that are about right, precondition it as well
+as the cycle does A alone. W and S are made once, for the first matrix.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+from dolfinx import fem
+from petsc4py import PETSc
+
+from erc_contact.base.exceptions import NotConverged
+from erc_contact.model.model import Model
+from erc_contact.newton.linear.eliminated_faces import EliminatedFaces
+from erc_contact.newton.linear.face_motions import FaceMotions
+from erc_contact.newton.linear.krylov import conjugate_gradients
+from erc_contact.newton.linear.multigrid import ROUGH, TRY_DIRECT, Multigrid
+from erc_contact.newton.linear.shells import preconditioner, shell
+
+LIFTING = 1e-2
+"""Tolerance of W, which only preconditions [-]."""
+ENOUGH = 10.0
+"""W is good enough if it leaves so many tolerances [-]."""
+
+
+class LooseMultigrid(Multigrid):
+    """Solve the elastic equations of a model with loose rigid faces with multigrid."""
+
+    def right_side(self, b: fem.Function, *, supports: bool) -> PETSc.Vec:
+        """Return the right side of the equations without the motions of faces."""
+        reduced = b.copy()
+        self._faces.reduce(reduced, supports=supports)
+        return super().right_side(reduced, supports=supports)
+
+    def glued(
+        self, b: fem.Function, *, supports: bool = True, tolerance: float = ROUGH
+    ) -> fem.Function:
+        """Solve ``(K + D) w = b``, see :meth:`Multigrid.glued`."""
+        w = super().glued(b, supports=supports, tolerance=tolerance)
+        self._faces.follow(w, b)
+        return w
+
+    def solve(
+        self, b: fem.Function, *, supports: bool = True, tolerance: float | None = None
+    ) -> fem.Function:
+        """Solve ``K u = b``, see :meth:`Multigrid.solve`."""
+        u = super().solve(b, supports=supports, tolerance=tolerance)
+        self._faces.follow(u, b)
+        return u
+
+    def solve_with_springs(
+        self, springs: PETSc.Mat, b: fem.Function, near: fem.Function
+    ) -> fem.Function:
+        """Solve ``(K + C) u = b``, see :meth:`Multigrid.solve_with_springs`."""
+        u = super().solve_with_springs(springs, b, near)
+        self._faces.follow(u, b)
+        return u
+
+    def times(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
+        """Set y to the forces by which x is in equilibrium with the faces [force]."""
+        super().times(x, y)
+        y.array[:] -= self._faces.followed(x.array_r)
+
+    def start(self, u: fem.Function) -> np.ndarray:
+        """Return the unknowns of a displacement; faces are at rest in them."""
+        unknowns = super().start(u).copy()
+        fixed = self.fixed
+        unknowns[fixed] = self.model.coordinates.prescribed.x.array[: self.owned][fixed]
+        return unknowns
+
+    def follow(self, u: fem.Function) -> None:
+        """Let the faces follow a displacement under the loads [length], in place."""
+        self._faces.follow(u, self.load_vector())
+
+    def cycle(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
+        """Set y to about the inverse times x."""
+        super().cycle(x, y)
+        y.array[:] += self._motions_of_faces.moved(x.array_r)
+
+    def _iterate(
+        self,
+        matrix: PETSc.Mat,
+        b: PETSc.Vec,
+        x: PETSc.Vec,
+        tolerance: float,
+        held: np.ndarray | None,
+        *,
+        hurried: bool = False,
+    ) -> float:
+        """Return what conjugate gradients leave, see :meth:`Multigrid._iterate`."""
+        hierarchy = self.hierarchy
+        motions = self._motions_of_faces
+        scale = hierarchy.scale if matrix is hierarchy.matrix else 1.0
+
+        def times(v: PETSc.Vec, force: PETSc.Vec) -> None:
+            matrix.mult(v, force)
+            followed = scale * self._faces.followed(v.array_r)
+            if held is not None:
+                followed[held] = 0.0
+            force.array[:] -= followed
+
+        def precondition(force: PETSc.Vec, v: PETSc.Vec) -> None:
+            hierarchy.pc.apply(force, v)
+            v.array[:] += motions.moved(force.array_r) / hierarchy.scale
+
+        operator = shell(times, b)
+        if self.model.free_motions and matrix is self.matrix:
+            operator.setNullSpace(matrix.getNullSpace())
+        pc = preconditioner(precondition, operator)
+        left = conjugate_gradients(operator, pc, operator, b, x, tolerance, hurried=hurried)
+        pc.destroy()
+        operator.destroy()
+        return left
+
+    @cached_property
+    def _faces(self) -> EliminatedFaces:
+        """Return the equations of the faces."""
+        return EliminatedFaces(self)
+
+    @cached_property
+    def _motions_of_faces(self) -> FaceMotions:
+        """Return W and S for the matrix of the hierarchy, which is the first one.
+
+        Raises:
+            NotConverged: If multigrid is slow.
+        """
+        matrix = self.hierarchy.matrix
+        iterate = super()._iterate
+
+        def solve(force: PETSc.Vec, x: PETSc.Vec) -> None:
+            force.scale(self.hierarchy.scale)
+            left = iterate(matrix, force, x, LIFTING, None, hurried=self._hurried)
+            if not left <= ENOUGH * LIFTING:
+                raise NotConverged(
+                    f"Conjugate gradients with multigrid left {left:.0e} of the forces under the"
+                    f" motion of a rigid face. {TRY_DIRECT}",
+                    (),
+                )
+
+        return FaceMotions(self, self._faces, solve)
+
+
+def multigrid_of(model: Model, *, hurried: bool = False) -> Multigrid:
+    """Return the multigrid solver of a model, with or without loose rigid faces.
+
+    Args:
+        model: The scene on a mesh.
+        hurried: See :class:`Multigrid`.
+    """
+    kind = LooseMultigrid if model.loose_faces else Multigrid
+    return kind(model, hurried=hurried)
