@@ -12,6 +12,8 @@ import numpy as np  # isort: skip - after erc_contact, which loads MPI first
 from reference_drawing import drawn  # isort: skip
 from reference_fourier import Layer, approached, receding  # isort: skip
 from reference_numbers import (  # isort: skip
+    FOURIER,
+    UP,
     Meshes,
     Other,
     Result,
@@ -20,9 +22,6 @@ from reference_numbers import (  # isort: skip
     pressure_at,
     says,
 )
-
-UP = (0.0, 1.0)
-FOURIER = "Fourier integrals"
 
 
 def hertz_line(profile: np.ndarray) -> tuple[float, float]:

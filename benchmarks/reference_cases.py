@@ -12,6 +12,8 @@ import numpy as np  # isort: skip - after erc_contact, which loads MPI first
 from reference_drawing import drawn  # isort: skip
 from reference_fourier import Layer, receding  # isort: skip
 from reference_numbers import (  # isort: skip
+    FOURIER,
+    UP,
     Meshes,
     Other,
     Probe,
@@ -22,8 +24,6 @@ from reference_numbers import (  # isort: skip
     says,
 )
 
-UP = (0.0, 1.0)
-FOURIER = "Fourier integrals"
 E, NU = 200.0, 0.3
 PLANE = E / (1 - NU**2)
 """Modulus of a strip with free sides in plane strain [force/area]."""

@@ -21,6 +21,7 @@ Source: L. M. Keer, J. Dundurs, K. C. Tsai, J. Appl. Mech. 39 (1972).
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -98,6 +99,28 @@ def transforms(b: float, xi: np.ndarray) -> np.ndarray:
     return np.concatenate(parts, axis=1)
 
 
+def half_width(
+    pressure: Callable[[float], tuple[np.ndarray, float]], guess: float
+) -> tuple[float, np.ndarray]:
+    """Return the half-width b and the terms of its pressure, by the secant method.
+
+    Args:
+        pressure: Returns the terms for a b, and a residual, zero at the true one.
+        guess: A first b.
+    """
+    last = guess
+    b = guess * SECOND_GUESS
+    _, last_residual = pressure(last)
+    for _ in range(30):
+        terms, residual = pressure(b)
+        if abs(b - last) < STEP * b:
+            break
+        step = residual * (b - last) / (residual - last_residual)
+        last, last_residual = b, residual
+        b -= step
+    return b, terms
+
+
 def receding(layer: Layer, bed: Layer | None, loaded: float) -> Pressed:
     """Solve the layer under a pressure of 1 on |x| < loaded."""
     ratio = bed.compliance / layer.compliance if bed else 0.0
@@ -130,14 +153,7 @@ def receding(layer: Layer, bed: Layer | None, loaded: float) -> Pressed:
         solved = np.linalg.solve(np.vstack([matrix, np.sin(places)]).T, right_side)
         return np.concatenate([[first], solved[:-1]]), solved[-1]
 
-    last, b = 2.0 * loaded, 2.0 * loaded * SECOND_GUESS
-    last_residual = pressure(last)[1]
-    for _ in range(30):
-        terms, residual = pressure(b)
-        if abs(b - last) < STEP * b:
-            break
-        step = residual * (b - last) / (residual - last_residual)
-        last, last_residual, b = b, residual, b - step
+    b, terms = half_width(pressure, 2.0 * loaded)
 
     # p and q decay like powers, so the energy needs far more waves than the slopes.
     end = 160.0
@@ -176,15 +192,7 @@ def approached(upper: Layer, lower: Layer, down: float, radius: float) -> Presse
         moved = float(np.sum(weights * (solved @ hats) * response / xi)) / np.pi
         return solved, moved - down
 
-    last = np.sqrt(radius * down)
-    b = last * SECOND_GUESS
-    last_residual = pressure(last)[1]
-    for _ in range(30):
-        terms, residual = pressure(b)
-        if abs(b - last) < STEP * b:
-            break
-        step = residual * (b - last) / (residual - last_residual)
-        last, last_residual, b = b, residual, b - step
+    b, terms = half_width(pressure, np.sqrt(radius * down))
 
     # The work of the pressure on the motion of both sides, by Chebyshev's rule.
     angle = np.arange(1, 200) * np.pi / 200

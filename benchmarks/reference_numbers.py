@@ -13,6 +13,10 @@ import numpy as np  # isort: skip - after erc_contact, which loads MPI first
 Probe = Callable[[ec.ConstitutiveError], float]
 """Type of what reads a number without a bound from the fields of a mesh."""
 
+UP = (0.0, 1.0)
+"""Direction of a force in the plane [-]."""
+FOURIER = "Fourier integrals"
+"""Source of numbers of :mod:`reference_fourier`, in words."""
 LAST_MESHES = 3
 """Number of meshes whose spread is the estimate of a number without a bound."""
 ROUND_OFF = 1e-9

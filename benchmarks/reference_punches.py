@@ -15,6 +15,7 @@ import numpy as np  # isort: skip - after erc_contact, which loads MPI first
 from reference_bodies import hertz_line  # isort: skip
 from reference_drawing import add_part, drawn  # isort: skip
 from reference_numbers import (  # isort: skip
+    UP,
     Meshes,
     Number,
     Other,
@@ -25,7 +26,6 @@ from reference_numbers import (  # isort: skip
 )
 
 MESHES = Path(__file__).resolve().parents[1] / "meshes"
-UP = (0.0, 1.0)
 
 
 def flat_punch() -> Result:

@@ -59,6 +59,20 @@ def test_bar_pulled_and_bent():
     assert ec.work_of_loads(error).value == pytest.approx(work, rel=1e-12)
 
 
+def test_eccentric_force_on_a_smooth_foundation():
+    """Inside the middle third nothing opens: pressure and tilt are those of a bent bar."""
+    force, arm = -8.0, 0.25
+    face = ec.Rigid("top", (0.0, None), force=(None, force), moment=arm * force)
+    error = measured(pressed(face, friction=0.0, nu=0.0), plate(), degree=2)
+    assert error.relative < 1e-10
+    motion = error.solution.motion("top")
+    second_moment = 2.0**3 / 12
+    assert motion.displacement[1] == pytest.approx(force / 2.0 / E, rel=1e-9)
+    assert motion.rotation[0] == pytest.approx(arm * force / second_moment / E, rel=1e-9)
+    # The pressure is below the force.
+    assert error.force("bottom").moment == pytest.approx((1.0 + arm) * -force, rel=1e-9)
+
+
 @pytest.mark.serial
 def test_face_in_a_stiff_holder():
     """The loads on the holder have the resultants of the face."""
