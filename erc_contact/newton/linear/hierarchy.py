@@ -29,7 +29,7 @@ from petsc4py import PETSc
 
 from erc_contact.base.sparse import add_diagonal
 from erc_contact.model.model import Model
-from erc_contact.newton.linear.amg import AMG_PREFIX, rigid_motions, with_defaults
+from erc_contact.newton.linear.amg import AMG_PREFIX, orthonormal, rigid_motions, with_defaults
 from erc_contact.newton.linear.galerkin import SAME, SUBSET, CoarseMatrices, levels_of
 from erc_contact.newton.linear.mumps import factorised
 from erc_contact.newton.linear.p_coarsening import TwoLevels
@@ -248,3 +248,29 @@ class Hierarchy:
         first, _ = self._stiffness.getOwnershipRange()
         owned = np.flatnonzero(near.x.array[: len(self._glue)]) + first
         return PETSc.IS().createGeneral(owned.astype(PETSc.IntType), comm=self._stiffness.comm)
+
+
+def weak_share(model: Model) -> float:
+    """Return the share of D that holds a loose body, ``h/(10 L)``, else zero [-].
+
+    It does so about as softly as the body's own stiffness.
+    """
+    if not model.free_motions:
+        return 0.0
+    return 0.1 * model.domain.cells ** (-1 / model.d)
+
+
+def free_motions(model: Model, matrix: PETSc.Mat) -> PETSc.NullSpace:
+    """Return the rigid motions that no support holds, for the unknowns of a matrix.
+
+    Loose rigid faces, which move with the body, are at rest in its unknowns.
+    """
+    coordinates = model.coordinates
+    vectors = []
+    for motion in model.free_motions:
+        vector = matrix.createVecRight()
+        owned = vector.getLocalSize()
+        vector.array[:] = coordinates.to_x(motion).x.array[:owned]
+        vector.array[coordinates.fixed.ravel()[:owned]] = 0.0
+        vectors.append(vector)
+    return PETSc.NullSpace().create(vectors=orthonormal(vectors), comm=matrix.comm)

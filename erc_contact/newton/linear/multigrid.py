@@ -20,9 +20,8 @@ from erc_contact.base.exceptions import InputError, NotConverged
 from erc_contact.base.logs import log_of
 from erc_contact.base.runtime.garbage import free_dropped
 from erc_contact.model.model import Model
-from erc_contact.newton.linear.amg import orthonormal
 from erc_contact.newton.linear.elastic import Elastic
-from erc_contact.newton.linear.hierarchy import Hierarchy
+from erc_contact.newton.linear.hierarchy import Hierarchy, free_motions, weak_share
 from erc_contact.newton.linear.krylov import conjugate_gradients
 from erc_contact.newton.linear.traces import IterativeTraces
 
@@ -81,7 +80,7 @@ class Multigrid(Elastic):
                 self.model,
                 self.matrix,
                 self.glue.x.array[: self.owned],
-                self._weak_share(),
+                weak_share(self.model),
                 support_stiffness=self.support_stiffness,
                 has_contact=self.contact_size > 0,
             )
@@ -124,10 +123,10 @@ class Multigrid(Elastic):
                 zero.
             tolerance: Residual over the right side [-].
         """
-        self.hierarchy.set_share(self._weak_share())
+        self.hierarchy.set_share(weak_share(self.model))
         right = self.right_side(b, supports=supports)
         if self.model.free_motions:
-            motions = self._motions()
+            motions = free_motions(self.model, self.matrix)
             self.matrix.setNullSpace(motions)
             motions.remove(right)  # its part in the motions is round-off
         default = EXACT if supports else ROUGH
@@ -229,7 +228,7 @@ class Multigrid(Elastic):
     def weak_glue(self) -> PETSc.Vec:
         """Return the glue that holds a loose body, else zero [force/length]."""
         weak = self.matrix.createVecRight()
-        weak.array[:] = self._weak_share() * self.glue.x.array[: self.owned]
+        weak.array[:] = weak_share(self.model) * self.glue.x.array[: self.owned]
         return weak
 
     def _solved(
@@ -261,8 +260,7 @@ class Multigrid(Elastic):
         size = b.norm(PETSc.NormType.NORM_INFINITY)
         if not np.isfinite(size):
             raise InputError(
-                "The loads are no numbers of double precision. Choose units in which they are "
-                "nearer to 1."
+                "The loads overflow double precision. Choose units in which they are nearer to 1."
             )
         x = b.duplicate()
         if size > 0:
@@ -272,9 +270,8 @@ class Multigrid(Elastic):
                 x.array[:] = self.start(near) / size
             left = self._iterate(matrix, b, x, tolerance, held, hurried=hurried)
             if left > ENOUGH * tolerance and direct:
-                log_of(self.model.comm).info(
-                    "Multigrid left %.0e of the loads: a direct solver takes over.", left
-                )
+                log = log_of(self.model.comm)
+                log.info("Multigrid left %.0e of the loads: a direct solver takes over.", left)
                 self.hierarchy.factorise()
                 left = self._iterate(matrix, b, x, tolerance, held)
             if not left <= ENOUGH * tolerance:
@@ -298,35 +295,6 @@ class Multigrid(Elastic):
         *,
         hurried: bool = False,
     ) -> float:
-        """Return what :func:`.krylov.conjugate_gradients` leave of b [-].
-
-        Args:
-            matrix: The matrix, which knows the unknowns that are held.
-            b: Right side.
-            x: The first guess, which becomes the solution, in place.
-            tolerance: Residual over b at which it stops [-].
-            held: Unknowns of this rank that do not move in this problem.
-            hurried: Whether it gives up early where multigrid is slow.
-        """
+        """Return what conjugate gradients leave of b [-], see :meth:`_solved`."""
         own = self.hierarchy.matrix
         return conjugate_gradients(matrix, self.hierarchy.pc, own, b, x, tolerance, hurried=hurried)
-
-    def _weak_share(self) -> float:
-        """Return the share of D that holds a loose body, ``h/(10 L)``, else zero [-].
-
-        It does so about as softly as the body's own stiffness.
-        """
-        if not self.model.free_motions:
-            return 0.0
-        return 0.1 * self.model.domain.cells ** (-1 / self.model.d)
-
-    def _motions(self) -> PETSc.NullSpace:
-        """Return the rigid motions that no support holds."""
-        fixed = np.flatnonzero(self.fixed)
-        vectors = []
-        for motion in self.model.free_motions:
-            x = self.matrix.createVecRight()
-            x.array[:] = self.model.coordinates.to_x(motion).x.array[: self.owned]
-            x.array[fixed] = 0.0
-            vectors.append(x)
-        return PETSc.NullSpace().create(vectors=orthonormal(vectors), comm=self.matrix.comm)
