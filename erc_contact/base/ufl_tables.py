@@ -7,7 +7,7 @@ Function in its place, which knows the table that it stands for.
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 from dolfinx import fem
@@ -46,8 +46,12 @@ class TableData(ConstantValue):
     ufl_free_indices = ()
     ufl_index_dimensions = ()
 
+    any_made: ClassVar[bool] = False
+    """Whether there was a table in this process; most programs have none."""
+
     def __init__(self, source: Source, digest: str, slope: int | None = None) -> None:
         super().__init__()
+        TableData.any_made = True
         self.source = source
         self.slope = slope
         self.digest = digest
@@ -136,5 +140,7 @@ class TableFunction(fem.Function):
 
 def has_tables(expression: Any) -> bool:
     """Tell whether a UFL expression contains tables that are on no mesh yet."""
+    if not TableData.any_made:
+        return False
     terminals = traverse_unique_terminals(expression)
     return any(isinstance(terminal, TableData) for terminal in terminals)
