@@ -59,7 +59,8 @@ class Evolution(RunResult):
     dissipation and their balance), ``deformed.png``, ``body.vtkhdf`` with all times,
     which opens in ParaView as it is, ``loop_<name>.png`` (force against displacement)
     of each contact that slides with friction, and, in 2D, ``zones_<name>.png`` (open,
-    slip and stick along the contact in time) of each that is ever closed.
+    slip and stick along the contact in time) of each that is ever closed. By default
+    only those pictures are drawn for which there is time.
 
     Attributes:
         steps: The rows.

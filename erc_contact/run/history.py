@@ -46,11 +46,11 @@ class History(RunResult):
     ``body.vtkhdf``, ``meshes.vtkhdf`` (all meshes with eps_E), and for each contact its
     profile ``contact_<name>.csv`` and ``contact_<name>.vtkhdf``. Pictures are few,
     because they take longer than a small run, and drawn where they show something:
-    ``error_map.png`` of an error, ``deformed.png`` of a body that moves,
-    ``contact_<name>.png`` of a contact that is closed somewhere, and ``error.png``
-    (error against run time and degrees of freedom) of meshes that tell a slope. Others
-    are those of :mod:`erc_contact.output`, for instance
-    ``draw_meshes(history.meshes, path)``.
+    ``deformed.png`` of a body that moves, ``contact_<name>.png`` of a contact that is
+    closed somewhere, ``error_map.png`` of an error, and ``error.png`` (error against
+    run time and degrees of freedom) of meshes that tell a slope. By default only those
+    are drawn, in this order, for which there is time. Others are those of
+    :mod:`erc_contact.output`, for instance ``draw_meshes(history.meshes, path)``.
 
     Attributes:
         steps: The rows.
