@@ -19,7 +19,7 @@ IMPORT_SECONDS = 1.0
 """Time that saving may take after a run of no time [s]."""
 RUN_SHARE = 0.2
 """Share of the time of the run that saving may take beyond that [-]."""
-PICTURE_SECONDS = {2: 0.25, 3: 0.5}
+PICTURE_SECONDS = {2: 0.3, 3: 0.6}
 """Time of a picture of a small mesh, by dimension [s]."""
 CELL_SECONDS = 8e-6
 """Time that each cell adds to a picture of the body [s]."""
