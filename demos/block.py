@@ -63,7 +63,7 @@ history = ec.adapt(scene, block, accuracy=0.01)
 # on the contact are written to a folder, and files for ParaView with them. The bottom
 # opens at the left, slips, sticks in the middle, and slips again at the right.
 
-history.save("results/block")
+history.save("results/block", pictures=True)
 
 # %%
 # What must hold: the accuracy is reached, the certified traction obeys contact and

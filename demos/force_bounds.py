@@ -57,7 +57,7 @@ def bounded(error, step):
 
 
 history = ec.adapt(scene, block, accuracy=0.01, degree=2, callback=bounded)
-history.save(FOLDER)
+history.save(FOLDER, pictures=True)
 
 # %%
 # With Coulomb's friction the same numbers are estimates, and say so. And a much better

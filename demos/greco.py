@@ -57,7 +57,7 @@ scene = ec.Scene(
     contacts=ec.Contact("bottom", friction=1.0),
 )
 history = ec.adapt(scene, square, accuracy=0.001, degree=2, strategy=ec.SizeMap())
-history.save(FOLDER)
+history.save(FOLDER, pictures=True)
 
 # %%
 # The displacement along the foundation, at the points of the table. All ranks get the

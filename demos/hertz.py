@@ -52,7 +52,7 @@ scene = ec.Scene(
     contacts=ec.Contact("arc", gap=lambda x: x[1], normal=(0.0, -1.0)),
 )
 history = ec.adapt(scene, half_disc, accuracy=0.02, degree=2, strategy=ec.SizeMap())
-history.save(FOLDER)
+history.save(FOLDER, pictures=True)
 
 # %%
 # The closed form for the force that was found, and what the certified traction has

@@ -102,7 +102,7 @@ ec.log_to_console()
 domain = layers()
 history = pressed(domain, ec.Contact("foot", against="seat", gap=gap))
 swapped = pressed(domain, ec.Contact("seat", against="foot", gap=gap))
-history.save(FOLDER)
+history.save(FOLDER, pictures=True)
 
 # %%
 # The five numbers. Pressures are those of parabolas through the points near the place.

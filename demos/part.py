@@ -73,7 +73,7 @@ scene = ec.Scene(
     contacts=ec.Contact("foot", friction=MU),
 )
 history = ec.adapt(scene, bracket, accuracy=0.15, degree=2)
-history.save(FOLDER)
+history.save(FOLDER, pictures=True)
 
 # %%
 # The facets of the mesh are flat, so its seat and its eye are a little smaller than

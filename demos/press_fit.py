@@ -97,7 +97,7 @@ pressed = ec.Contact("rim", against="bore", gap=-DELTA)
 quarter = fit(10.0, quarter=True)
 scene = ec.Scene(steel, rollers, contacts=pressed)
 history = ec.adapt(scene, quarter, accuracy=0.01, strategy=ec.SizeMap())
-history.save(FOLDER)
+history.save(FOLDER, pictures=True)
 
 # %%
 # Pressure, displacements and hoop stress against Lame. Values on a circle are means of

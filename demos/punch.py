@@ -83,7 +83,7 @@ scene = ec.Scene(
     contacts=ec.Contact("foot", friction=0.4, gap=lambda x: x[1], normal=(0.0, -1.0)),
 )
 history = ec.adapt(scene, pad, accuracy=0.02, degree=2, strategy=ec.SizeMap())
-history.save(FOLDER)
+history.save(FOLDER, pictures=True)
 
 # %%
 # The centre of pressure is the moment of the foundation's force about the origin, over

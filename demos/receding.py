@@ -122,7 +122,7 @@ ec.log_to_console()
 both = layers()
 light, heavy = pressed(both, 1.0), pressed(both, 7.0)
 rigid = pressed(layers(bed=False), 1.0, bed=False)
-light.save(FOLDER)
+light.save(FOLDER, pictures=True)
 
 runs = {"load 1": (light, 1.0), "load 7": (heavy, 7.0), "rigid base": (rigid, 1.0)}
 profiles = {name: run.profile("foot") for name, (run, _) in runs.items()}

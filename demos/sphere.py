@@ -46,7 +46,7 @@ scene = ec.Scene(
     contacts=ec.Contact("bottom", MU, gap=lambda x: (x[0] ** 2 + x[1] ** 2) / (2 * R)),
 )
 history = ec.adapt(scene, block, accuracy=0.1, degree=2, strategy=ec.SizeMap())
-history.save(FOLDER)
+history.save(FOLDER, pictures=True)
 
 # %%
 # The closed form for the forces that were found.

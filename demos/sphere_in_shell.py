@@ -94,7 +94,7 @@ pressed = ec.Contact("skin", against="hollow", gap=-DELTA)
 scene = ec.Scene(ec.Elastic(E, NU), rollers, contacts=pressed)
 domain = octant(15.0)
 history = ec.adapt(scene, domain, accuracy=0.08, degree=2, strategy=ec.SizeMap())
-history.save(FOLDER)
+history.save(FOLDER, pictures=True)
 
 # %%
 # Means over the joint, and means of displacement and stress over spheres, by points in

@@ -101,7 +101,7 @@ ec.log_to_console()
 domain = strip()
 temperatures = np.array([50.0, 150.0, 250.0, 350.0])
 evolution = ec.evolve(heated, domain, temperatures, accuracy=0.03, degree=2)
-evolution.save(FOLDER)
+evolution.save(FOLDER, pictures=True)
 
 # %%
 # The closed form. The curvature of the free strip is that between two sections away

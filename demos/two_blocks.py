@@ -51,7 +51,7 @@ scene = ec.Scene(
     contacts=[ec.Contact("upper bottom", against="lower top", friction=MU)],
 )
 history = ec.adapt(scene, domain, accuracy=0.01, degree=2)
-history.save("results/two_blocks")
+history.save("results/two_blocks", pictures=True)
 
 # %%
 # Each side has its force, and they are opposite. The profile is that of the pair: its

@@ -399,7 +399,7 @@ def test_steps_as_short_as_the_accuracy_of_the_energy_asks():
 
 @pytest.mark.serial
 def test_what_is_written(whole, shared_tmp_path):
-    whole.save(shared_tmp_path)
+    whole.save(shared_tmp_path, pictures=True)
     forces = whole.error.reactions()
     if COMM.rank > 0:
         return
@@ -464,7 +464,7 @@ def test_a_weight_alone_is_written(shared_tmp_path):
             ec.Elastic(1.0, 0.3), [], [ec.BodyForce((0.002 * t, -0.02))], [ec.Contact("bottom", MU)]
         )
 
-    ec.evolve(weighted, box(), [0.0, 1.0], 0.9).save(shared_tmp_path)
+    ec.evolve(weighted, box(), [0.0, 1.0], 0.9).save(shared_tmp_path, pictures=True)
     assert (shared_tmp_path / "report.html").is_file()
 
 

@@ -33,6 +33,7 @@ from erc_contact.admissible.traction import ContactTraction
 from erc_contact.base.percent import percent
 from erc_contact.output import contact_plots, flat, gathered
 from erc_contact.output.drawing import new_figure
+from erc_contact.output.gallery import Gallery
 
 COMM = MPI.COMM_WORLD
 PLOTTING = {"pyvista", "vtkmodules", "matplotlib"}
@@ -869,7 +870,9 @@ def test_one_mesh_is_a_history(shared_tmp_path, seen):
 def test_open_contact_has_no_picture(shared_tmp_path):
     contacts = [ec.Contact("bottom", gap=0.0), ec.Contact("right", gap=1.0)]
     scene = ec.Scene(ec.Elastic(1.0, 0.3), ec.Displacement("top", (0.0, -0.05)), contacts=contacts)
-    ec.adapt(scene, ec.rectangle((0.0, 0.0), (2.0, 1.0), cells=(4, 2)), 0.9).save(shared_tmp_path)
+    ec.adapt(scene, ec.rectangle((0.0, 0.0), (2.0, 1.0), cells=(4, 2)), 0.9).save(
+        shared_tmp_path, pictures=True
+    )
     if COMM.rank == 0:
         names = {path.name for path in shared_tmp_path.iterdir()}
         pictures = {"error_map.png", "deformed.png", "contact_bottom.png"}
@@ -894,7 +897,9 @@ def test_slope_takes_three_meshes_and_a_factor_of_four(dofs, shared_tmp_path, se
     assert history.slope("dofs") == pytest.approx(-0.5 if tells else np.nan, nan_ok=True)
     assert history.slope("dofs", last=2) == pytest.approx(-0.5)
     # a run is saved with a curve of its error where it tells a slope
-    assert bool(history._draw_run(shared_tmp_path)) == tells
+    gallery = Gallery(history.best.domain, shared_tmp_path, 0.0, every=True)
+    history._draw_run(gallery)
+    assert bool(gallery.drawn) == tells
     output.plot_history({"run": history}, shared_tmp_path / "error.png")
     if COMM.rank == 0:
         words = texts(seen.figures[-1])

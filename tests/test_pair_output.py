@@ -277,7 +277,7 @@ def test_contact_plots_name_both_sides():
 def test_report_says_what_is_internal(shared_tmp_path):
     scene = pressed(2)
     history = ec.adapt(scene, layers(2).split(SIDES), accuracy=0.9, tighten=0)
-    history.save(shared_tmp_path)
+    history.save(shared_tmp_path, pictures=True)
     forces = history.reactions()
     assert forces["punch"].force == pytest.approx(-forces["block"].force, abs=1e-12)
     assert ("punch against block", "contact, Coulomb friction 0.3, gap 0.0") in in_words(scene)

@@ -29,6 +29,7 @@ import erc_contact as ec
 from erc_contact import output, results
 from erc_contact.base.code import code_of, definitions
 from erc_contact.base.percent import percent
+from erc_contact.output import gallery
 from erc_contact.output.verdict import of_maxima, verdict
 from erc_contact.run.history import COLUMNS
 
@@ -49,7 +50,7 @@ def history():
 def folder(history):
     """The folder of the history."""
     path = Path(COMM.bcast(tempfile.mkdtemp(prefix="erc_contact_") if COMM.rank == 0 else None))
-    history.save(path / "run")
+    history.save(path / "run", pictures=True)
     yield path / "run"
     COMM.barrier()
     if COMM.rank == 0:
@@ -126,6 +127,30 @@ def test_report_needs_nothing_else(history, folder):
         "strategy=ec.Mark(fraction=0.3)",
     ):
         assert code in page.words
+
+
+def test_pictures_without_time_are_named(history, folder, monkeypatch):
+    """Each picture takes 1.5 s of the clock: a run of 10 s has time for two of them."""
+    monkeypatch.setattr(gallery, "LIBRARY_SECONDS", dict.fromkeys(gallery.LIBRARY_SECONDS, 0.0))
+    clock = iter(np.arange(0.0, 100.0, 0.5))
+    # the ranks' clocks differ, and all ranks do what that of rank 0 tells
+    slower = 1 + COMM.rank
+    monkeypatch.setattr(gallery, "perf_counter", lambda: slower * next(clock))
+    last = replace(history.steps[-1], seconds=10.0)
+    long_run = replace(history, steps=(*history.steps[:-1], last))
+    other = folder.parent / "other"
+    old = other / "error_map.png"
+    if COMM.rank == 0:
+        other.mkdir()
+        old.write_bytes(b"of an older run")
+    COMM.barrier()
+    long_run.save(other)
+    if COMM.rank > 0:
+        return
+    assert {path.name for path in other.glob("*.png")} == {"deformed.png", "contact_bottom.png"}
+    page = page_alone(other / "report.html", 2)
+    assert "Not drawn are error_map.png: saving takes at most 3.0 s" in page.words
+    assert 'erc_contact.output.draw_error(history.best, "error_map.png")' in page.words
 
 
 def test_history_is_saved(history, folder):

@@ -65,7 +65,7 @@ def pressed(gap, aside):
 
 
 history, force, closed = pressed(Waves(a=0.05, m=1.0), aside=0.003)
-history.save("results/gap")
+history.save("results/gap", pictures=True)
 
 # %%
 # What must hold: closed about the crests, open in the valleys, held aside. And on a

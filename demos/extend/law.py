@@ -56,7 +56,7 @@ def dragged(friction):
 
 
 limited, coulomb = dragged(Limited(mu=0.3, s=0.006)), dragged(0.3)
-limited.save("results/law")
+limited.save("results/law", pictures=True)
 
 # %%
 # What must hold: the shear is at its bound, which is the limit where the pressure is

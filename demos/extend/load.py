@@ -70,7 +70,7 @@ wall, weight = (
     ec.BodyForce((0.0, -2.4)),
 )
 dam = solved(wall, [Water("left", 1.0, 1.5), weight], ec.Contact("bottom", 0.7))
-dam.save("results/load")
+dam.save("results/load", pictures=True)
 assert dam.reached
 assert np.allclose(
     [*dam.force("left").force, *dam.force("left").moment],

@@ -98,7 +98,7 @@ left, right = (
     pressed(angle, 0.5, ec.Displacement("top", (0.0, -0.01)))
     for angle in (np.pi / 3, 2 * np.pi / 3)
 )
-left.save("results/material")
+left.save("results/material", pictures=True)
 
 # %%
 # What must hold. Upright fibres and free sides: the modulus is :math:`C_{yy} -

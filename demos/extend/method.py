@@ -76,7 +76,7 @@ nitsche, soft, stiff = (
     ec.constitutive_error(ec.equilibrate(solution)).relative for solution in solutions
 )
 history = ec.adapt(scene, block, accuracy=0.05, method=Penalty(1000.0))
-history.save("results/method")
+history.save("results/method", pictures=True)
 
 # %%
 # What must hold: the soft method penetrates and its error says so; the stiff one is as

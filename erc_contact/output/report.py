@@ -22,6 +22,7 @@ from erc_contact.base.versions import machine, versions
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.model.forces import Force
 from erc_contact.output.files import on_root
+from erc_contact.output.gallery import Gallery
 from erc_contact.scene.words import in_words
 
 PAGE_STYLE = """
@@ -93,7 +94,7 @@ def write_report(
     path: str | Path,
     title: str,
     tables: Mapping[str, str],
-    pictures: Mapping[str, str],
+    gallery: Gallery | None,
     *,
     claims: Sequence[tuple[str, str]] = (),
     forces: Mapping[str, Force] | None = None,
@@ -110,7 +111,7 @@ def write_report(
         path: The file, in the folder of the pictures.
         title: Its heading.
         tables: Tables of its rows in HTML, by their headings.
-        pictures: Names of the picture files in the folder, and what they show.
+        gallery: The pictures in the folder, or None.
         claims: What the error proves and what not, see
             :func:`erc_contact.output.verdict.verdict`.
         forces: Forces on the body by their cause, see
@@ -132,9 +133,8 @@ def write_report(
             sections["Scene"] = _wide(table(words, ("part", "what holds there")))
         for heading, rows in tables.items():
             sections[heading] = _wide(rows, "numbers")
-        if pictures:
-            figures = [_figure(file.parent / name, words) for name, words in pictures.items()]
-            sections["Pictures"] = "".join(figures)
+        if gallery is not None and (gallery.drawn or gallery.missing):
+            sections["Pictures"] = _pictures(gallery)
         if forces:
             sections["Forces on the body"] = _forces(forces, _facing(run.error))
         if code:
@@ -169,6 +169,21 @@ def _paragraph(text: str) -> str:
 def _wide(text: str, kind: str = "") -> str:
     """Return HTML that scrolls by itself where the screen is narrow."""
     return f'<div class="wide {kind}">{text}</div>'
+
+
+def _pictures(gallery: Gallery) -> str:
+    """Return the pictures, and the code of those for which there was no time."""
+    figures = [_figure(gallery.folder / name, words) for name, words in gallery.drawn.items()]
+    text = "".join(figures)
+    if gallery.missing:
+        text += _paragraph(
+            f"Not drawn are {', '.join(gallery.missing)}: saving takes at most "
+            f"{gallery.allowed:.1f} s, a second and a fifth of the run. "
+            "save(folder, pictures=True) draws all, and each of these lines draws one:"
+        )
+        lines = "\n".join(gallery.missing.values())
+        text += f"<pre>{escape(lines)}</pre>"
+    return text
 
 
 def _figure(file: Path, words: str) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ from erc_contact.output.as_code import evolution_as_code
 from erc_contact.output.deformed import draw_deformed
 from erc_contact.output.evolutions import animate, plot_energies, plot_loop, plot_zones
 from erc_contact.output.files import on_root
+from erc_contact.output.gallery import Gallery
 from erc_contact.output.report import write_record, write_report
 from erc_contact.output.series import write_series
 from erc_contact.output.verdict import verdict
@@ -57,7 +59,8 @@ class Evolution(RunResult):
     dissipation and their balance), ``deformed.png``, ``body.vtkhdf`` with all times,
     which opens in ParaView as it is, ``loop_<name>.png`` (force against displacement)
     of each contact that slides with friction, and, in 2D, ``zones_<name>.png`` (open,
-    slip and stick along the contact in time) of each that is ever closed.
+    slip and stick along the contact in time) of each that is ever closed. By default
+    only those pictures are drawn for which there is time.
 
     Attributes:
         steps: The rows.
@@ -200,39 +203,35 @@ class Evolution(RunResult):
                 row += [getattr(step, name) for name in (*ENERGIES, *SECONDS)]
                 writer.writerow(row)
 
-    def _draw(self, folder: Path) -> dict[str, str]:
+    def _draw(self, gallery: Gallery) -> None:
         """Draw the pictures that show something; collective.
 
         The force of a contact that never slides with friction makes no loop, only
         round-off or a line.
-
-        Returns:
-            Names of the pictures, and what they show.
         """
-        comm = self.error.domain.mesh.comm
-        at(comm, "energies")
-        plot_energies(self, folder / "energies.png")
-        drawn = {"energies.png": "Energies, and what their balance leaves."}
+        words = "Energies, and what their balance leaves."
+        code = 'erc_contact.output.evolutions.plot_energies(evolution, "energies.png")'
+        gallery.add("energies.png", words, code, partial(plot_energies, self))
         for contact in self.error.model.contacts:
             name = contact.name
             title = contact.title
             profiles = self.profile(name)
-            at(comm, f"contact {name}")
             if any(_slides(profile) for profile in profiles):
-                plot_loop(self, name, folder / f"loop_{name}.png")
                 words = f"Shear of the contact {title}, over the displacement."
-                drawn[f"loop_{name}.png"] = words
+                file = f"loop_{name}.png"
+                code = f'erc_contact.output.evolutions.plot_loop(evolution, "{name}", "{file}")'
+                gallery.add(file, words, code, partial(plot_loop, self, name))
             is_ever_closed = any(np.any(profile["status"] != OPEN) for profile in profiles)
             if self.error.domain.dim == 2 and is_ever_closed:
-                plot_zones(self, name, folder / f"zones_{name}.png")
                 words = f"Open, slip and stick along the contact {title} in time."
-                drawn[f"zones_{name}.png"] = words
-        at(comm, "deformed body")
-        draw_deformed(self.error, folder / "deformed.png")
-        drawn["deformed.png"] = "The deformed body at the end."
-        return drawn
+                file = f"zones_{name}.png"
+                code = f'erc_contact.output.evolutions.plot_zones(evolution, "{name}", "{file}")'
+                gallery.add(file, words, code, partial(plot_zones, self, name))
+        words = "The deformed body at the end."
+        code = 'erc_contact.output.draw_deformed(evolution.error, "deformed.png")'
+        gallery.add("deformed.png", words, code, partial(draw_deformed, self.error), is_body=True)
 
-    def _save(self, folder: Path, *, pictures: bool) -> None:
+    def _save(self, folder: Path, gallery: Gallery | None) -> None:
         """Write the files to a folder that exists; collective."""
         comm = self.error.domain.mesh.comm
         forces = self.error.reactions()
@@ -240,7 +239,8 @@ class Evolution(RunResult):
         write_record(self, folder / "evolution.json", forces)
         at(comm, "fields at all times")
         write_series(self, folder / "body.vtkhdf")
-        drawn = self._draw(folder) if pictures else {}
+        if gallery is not None:
+            self._draw(gallery)
         length = f"to t = {self.steps[-1].time:g} in {len(self.steps)} steps"
         arguments = {"accuracy": self.accuracy, **self.settings}
         write_report(
@@ -248,7 +248,7 @@ class Evolution(RunResult):
             folder / "report.html",
             f"Loading history {length}, each asked for {percent(self.accuracy)}",
             {"Steps": table(map(shown, self.steps), SHOWN)},
-            drawn,
+            gallery,
             claims=verdict(self.error),
             forces=forces,
             code=evolution_as_code(self.scene_at, self.domain, arguments),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,7 @@ from erc_contact.output.curves import SPAN, plot_history
 from erc_contact.output.deformed import draw_deformed
 from erc_contact.output.files import on_root
 from erc_contact.output.foundations import STILL_SHARE
+from erc_contact.output.gallery import Gallery
 from erc_contact.output.paraview import write_fields
 from erc_contact.output.pictures import draw_error
 from erc_contact.output.report import write_record, write_report
@@ -44,11 +46,11 @@ class History(RunResult):
     ``body.vtkhdf``, ``meshes.vtkhdf`` (all meshes with eps_E), and for each contact its
     profile ``contact_<name>.csv`` and ``contact_<name>.vtkhdf``. Pictures are few,
     because they take longer than a small run, and drawn where they show something:
-    ``error_map.png`` of an error, ``deformed.png`` of a body that moves,
-    ``contact_<name>.png`` of a contact that is closed somewhere, and ``error.png``
-    (error against run time and degrees of freedom) of meshes that tell a slope. Others
-    are those of :mod:`erc_contact.output`, for instance
-    ``draw_meshes(history.meshes, path)``.
+    ``deformed.png`` of a body that moves, ``contact_<name>.png`` of a contact that is
+    closed somewhere, ``error_map.png`` of an error, and ``error.png`` (error against
+    run time and degrees of freedom) of meshes that tell a slope. By default only those
+    are drawn, in this order, for which there is time. Others are those of
+    :mod:`erc_contact.output`, for instance ``draw_meshes(history.meshes, path)``.
 
     Attributes:
         steps: The rows.
@@ -195,7 +197,7 @@ class History(RunResult):
         """Write rows, best error, forces, settings and versions as JSON; collective."""
         write_record(self, path, self.reactions())
 
-    def _save(self, folder: Path, *, pictures: bool) -> None:
+    def _save(self, folder: Path, gallery: Gallery | None) -> None:
         """Write the files to a folder that exists; collective."""
         comm = self.best.domain.mesh.comm
         model = self.best.model
@@ -206,14 +208,15 @@ class History(RunResult):
             _write_profile(comm, self.profile(name), folder / f"contact_{name}.csv")
         at(comm, "fields")
         write_fields(self.best, folder)
-        drawn = self._draw(folder) if pictures else {}
+        if gallery is not None:
+            self._draw(gallery)
         arguments = {"accuracy": self.accuracy, **self.settings}
         code = run_as_code(self.solution.scene, self.meshes[0][0], arguments)
         # pressure and shear exist on a contact alone
         quantities = PEAKS if model.contacts else ["von Mises"]
         maxima = {name: self.maximum(name) for name in quantities}
         claims = [*verdict(self.best), *of_maxima(maxima)]
-        self._write_report(folder, drawn, claims=claims, forces=forces, code=code)
+        self._write_report(folder, gallery, claims=claims, forces=forces, code=code)
 
     def _save_table(self, folder: Path, forces: Mapping[str, Force]) -> None:
         """Write what needs no scene and no drawing; collective."""
@@ -222,54 +225,45 @@ class History(RunResult):
         write_record(self, folder / "history.json", forces)
         write_meshes(self.meshes, folder / "meshes.vtkhdf")
 
-    def _draw_run(self, folder: Path) -> dict[str, str]:
-        """Draw what needs no scene; collective.
-
-        Returns:
-            Names of the pictures, and what they show.
-        """
-        # Few points, or points near each other, are no curve: the table says it all.
-        if np.isnan(self.slope("dofs")):
-            return {}
-        at(self.best.domain.mesh.comm, "error against time")
-        plot_history({"adaptive": self}, folder / "error.png")
-        return {"error.png": "Error against run time and against unknowns."}
-
-    def _draw(self, folder: Path) -> dict[str, str]:
+    def _draw(self, gallery: Gallery) -> None:
         """Draw all pictures of a run that show something; collective.
 
         An exact solution has no map of its error, and a body that does not move is not
         drawn deformed.
-
-        Returns:
-            Names of the pictures, and what they show.
         """
-        comm = self.best.domain.mesh.comm
-        drawn = self._draw_run(folder)
-        if self.best.absolute > 0:
-            at(comm, "error on the best mesh")
-            draw_error(self.best, folder / "error_map.png")
-            drawn["error_map.png"] = "Share of each element in eps."
-        if self.maximum("displacement").value > STILL_SHARE * self.best.domain.extent:
-            at(comm, "deformed body")
-            draw_deformed(self.best, folder / "deformed.png")
-            drawn["deformed.png"] = "The deformed body."
-        model = self.best.model
-        for joint in (*model.contacts, *model.ties):
+        best = self.best
+        if self.maximum("displacement").value > STILL_SHARE * best.domain.extent:
+            words = "The deformed body."
+            code = 'erc_contact.output.draw_deformed(history.best, "deformed.png")'
+            gallery.add("deformed.png", words, code, partial(draw_deformed, best), is_body=True)
+        for joint in (*best.model.contacts, *best.model.ties):
             name = joint.name
-            kind = "tied joint" if joint in model.ties else "contact"
+            kind = "tied joint" if joint in best.model.ties else "contact"
             if np.any(self.profile(name)["status"] != OPEN):
-                at(comm, f"contact {name}")
-                plot_contact(self.best.admissible, name, folder / f"contact_{name}.png")
                 words = f"Traction on the {kind} {joint.title}, of the admissible stress."
-                drawn[f"contact_{name}.png"] = words
-        return drawn
+                file = f"contact_{name}.png"
+                code = f'erc_contact.output.plot_contact(history, "{name}", "{file}")'
+                gallery.add(file, words, code, partial(plot_contact, best.admissible, name))
+        if best.absolute > 0:
+            words = "Share of each element in eps."
+            code = 'erc_contact.output.draw_error(history.best, "error_map.png")'
+            gallery.add("error_map.png", words, code, partial(draw_error, best), is_body=True)
+        self._draw_run(gallery)
 
-    def _write_report(self, folder: Path, pictures: Mapping[str, str], **more: Any) -> None:
+    def _draw_run(self, gallery: Gallery) -> None:
+        """Draw what needs no scene; collective."""
+        # Few points, or points near each other, are no curve: the table says it all.
+        if np.isnan(self.slope("dofs")):
+            return
+        words = "Error against run time and against unknowns."
+        code = 'erc_contact.output.plot_history({"adaptive": history}, "error.png")'
+        gallery.add("error.png", words, code, partial(plot_history, {"adaptive": self}))
+
+    def _write_report(self, folder: Path, gallery: Gallery | None, **more: Any) -> None:
         """Write ``report.html``; collective."""
         title = f"Relative error {percent(self.best.total)}, asked for {percent(self.accuracy)}"
         tables = {"Meshes": self._table()}
-        write_report(self, folder / "report.html", title, tables, pictures, **more)
+        write_report(self, folder / "report.html", title, tables, gallery, **more)
 
 
 def _write_profile(comm: MPI.Comm, profile: np.ndarray, path: Path) -> None:

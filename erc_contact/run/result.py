@@ -7,10 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from erc_contact.base.logs import log_of
 from erc_contact.base.progress import stage
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.newton.solution import Solution
 from erc_contact.output.files import made_folder
+from erc_contact.output.gallery import Gallery
 
 
 class RunResult:
@@ -36,24 +38,38 @@ class RunResult:
         """Return one column of the rows as an array, e.g. "seconds" or "eps"."""
         return np.array([getattr(step, name) for step in self.steps])
 
-    def save(self, folder: str | Path, *, pictures: bool = True) -> None:
+    def save(self, folder: str | Path, *, pictures: bool | None = None) -> None:
         """Write table, report, figures, pictures and ParaView files; collective.
 
-        The description of the class names the files.
+        The description of the class names the files. Pictures take most of the time. By
+        default those are drawn, the most telling ones first, with which saving takes at
+        most a second and a fifth of the time of the run; the report names the others,
+        and the lines of code that draw them.
 
         Args:
             folder: The folder, made if it is missing.
-            pictures: Whether figures and pictures are drawn, which takes most of the
+            pictures: True draws all pictures, False none, None those for which there is
                 time.
 
         Raises:
             InputError: If the folder cannot be written; nothing is drawn then.
         """
-        comm = self.error.domain.mesh.comm
+        domain = self.error.domain
+        comm = domain.mesh.comm
         folder = made_folder(comm, folder)
+        seconds = self.steps[-1].seconds
+        gallery = Gallery(domain, folder, seconds, every=pictures is True)
         with stage(comm, "saving"):
-            self._save(folder, pictures=pictures)
+            self._save(folder, None if pictures is False else gallery)
+        if gallery.missing:
+            log_of(comm).info(
+                "Pictures for which there was no time: %s. save(folder, pictures=True) draws all.",
+                ", ".join(gallery.missing),
+            )
 
-    def _save(self, folder: Path, *, pictures: bool) -> None:
-        """Write the files to a folder that exists; collective."""
+    def _save(self, folder: Path, gallery: Gallery | None) -> None:
+        """Write the files to a folder that exists; collective.
+
+        Without a gallery no picture is drawn.
+        """
         raise NotImplementedError

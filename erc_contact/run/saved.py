@@ -15,6 +15,7 @@ from erc_contact.base.percent import percent
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.mesh.domain import Domain
 from erc_contact.output.files import on_root
+from erc_contact.output.gallery import Gallery
 from erc_contact.run.checkpoint import Checkpoint
 from erc_contact.run.history import History
 
@@ -62,10 +63,12 @@ class SavedHistory(History):
 
     file: Path
 
-    def _save(self, folder: Path, *, pictures: bool) -> None:
+    def _save(self, folder: Path, gallery: Gallery | None) -> None:
         """Write table, meshes and fields, which need no scene; collective."""
         self._save_table(folder, {})
-        self._write_report(folder, self._draw_run(folder) if pictures else {})
+        if gallery is not None:
+            self._draw_run(gallery)
+        self._write_report(folder, gallery)
 
         def copy() -> None:
             shutil.copyfile(self.file, folder / "body.vtkhdf")
