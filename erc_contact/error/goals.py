@@ -22,7 +22,8 @@ from erc_contact.base.percent import percent
 from erc_contact.error.bulk import data_vary
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.numbers import Bounds
-from erc_contact.error.questions import Question, question_of
+from erc_contact.error.question import Question
+from erc_contact.error.questions import question_of
 from erc_contact.error.three_pairs import Ends, ends_of
 from erc_contact.scene.goal import Goal
 from erc_contact.scene.scene import Scene

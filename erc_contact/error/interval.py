@@ -22,10 +22,11 @@ def interval(error: ConstitutiveError | Run, goal: Goal) -> Bounds:
 
     Args:
         error: The error of an admissible pair, or a history, whose error is taken.
-        goal: :class:`erc_contact.Resultant` or :class:`erc_contact.MeanDisplacement`.
+        goal: :class:`erc_contact.Resultant`, :class:`erc_contact.Moment`,
+            :class:`erc_contact.MeanDisplacement` or :class:`erc_contact.Rotation`.
 
     Returns:
-        The interval, around its middle [force], [length].
+        The interval, around its middle [force], [force length], [length] or [rad].
 
     Raises:
         InputError: If the scene has no such part, it cannot move alone, or the scene is

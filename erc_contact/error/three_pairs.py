@@ -58,13 +58,9 @@ from erc_contact.admissible.traction import ContactTraction
 from erc_contact.error.bulk import add_springs, bulk_squares
 from erc_contact.error.constitutive import ROUND_OFF, ConstitutiveError
 from erc_contact.error.contact_integral import contact_integral
-from erc_contact.error.works import (
-    BoundedNumber,
-    elastic_work,
-    friction_work,
-    load_work,
-    strain_work,
-)
+from erc_contact.error.load_work import load_work
+from erc_contact.error.numbers import BoundedNumber
+from erc_contact.error.works import elastic_work, friction_work, strain_work
 from erc_contact.model.contact_data import ContactData
 from erc_contact.model.model import Model
 from erc_contact.model.trace import split

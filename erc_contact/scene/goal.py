@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from erc_contact.scene.checks import check_name, check_vector
 
@@ -58,5 +58,74 @@ class MeanDisplacement(_PartInDirection):
     """
 
 
-type Goal = Resultant | MeanDisplacement
+@dataclass(frozen=True)
+class _PartAboutAxis:
+    """Hold a boundary part and an axis in space, and check both."""
+
+    part: str
+    axis: Sequence[float] | None = field(default=None, kw_only=True)
+
+    def __post_init__(self) -> None:
+        """Check the arguments."""
+        kind = type(self).__name__
+        check_name(kind, self.part)
+        for name in ("axis", "about"):
+            value = getattr(self, name, None)
+            if value is not None:
+                check_vector(f"{kind}({self.part!r}): {name}", value)
+                # The class is frozen: only here an attribute may change.
+                object.__setattr__(self, name, tuple(value))
+
+
+@dataclass(frozen=True)
+class Moment(_PartAboutAxis):
+    """Ask for the moment on a support or on a contact.
+
+    It is ``int (x - c) x (sigma n)`` over the part, along the axis: the moment of all
+    that acts on the part from outside, as :func:`erc_contact.results.force` has it.
+
+    Args:
+        part: Name of the boundary part, with a support or in contact.
+        about: The point c [length], d numbers. By default it is the centroid of the
+            part.
+        axis: In space, three numbers, of any length: the moment is taken about it,
+            times its length. In the plane it is counterclockwise, and none is given.
+
+    Raises:
+        InputError: If the point or the axis is no such sequence.
+
+    Source: the derivative of the energy by a small rotation of the supports.
+
+    Example:
+        >>> ec.Moment("top", about=(0.0, 0.0))
+        Moment(part='top', axis=None, about=(0.0, 0.0))
+    """
+
+    about: Sequence[float] | None = None
+
+
+@dataclass(frozen=True)
+class Rotation(_PartAboutAxis):
+    """Ask for the small rotation of a rigid face whose moment is given [rad].
+
+    Args:
+        part: Name of the boundary part, see :class:`erc_contact.Rigid`.
+        axis: In space, three numbers, of any length: the rotation is taken about it,
+            times its length. In the plane it is counterclockwise, and none is given.
+
+    Raises:
+        InputError: If the axis is no such sequence.
+
+    Source: the derivative of the energy by the moment of the face.
+
+    Example:
+        >>> ec.Rotation("top")
+        Rotation(part='top', axis=None)
+    """
+
+
+GOALS = (Resultant, Moment, MeanDisplacement, Rotation)
+"""The kinds of goals."""
+
+type Goal = Resultant | MeanDisplacement | Moment | Rotation
 """A number of the solution."""

@@ -1,0 +1,54 @@
+"""A question: what a goal moves in a scene, and how its number follows from the energy.
+
+A goal is the derivative of the energy by data of the scene, a load or the place of
+supports (:mod:`erc_contact.error.three_pairs`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from dolfinx import fem
+
+from erc_contact.error.numbers import BoundedNumber
+from erc_contact.model.model import Model
+from erc_contact.scene.scene import Scene
+
+
+@dataclass(frozen=True, eq=False)
+class Asked:
+    """Hold the scene that is asked for a number, with the sizes of its solution.
+
+    Attributes:
+        model: The scene on a mesh.
+        scene: The scene, with the friction bounds of its pair.
+        e: Its error [sqrt(force length)].
+        norm: Energy norm of its displacement [sqrt(force length)].
+        length: Its largest displacement [length].
+    """
+
+    model: Model
+    scene: Scene
+    e: float
+    norm: float
+    length: float
+
+
+@dataclass(frozen=True, eq=False)
+class Question:
+    """Hold what a goal moves, and how its number follows from Q.
+
+    Attributes:
+        moved: Makes the scene moved by t, with the friction bounds of the pair.
+        psi: ``psi(u)`` of a displacement.
+        sign: Factor of Q in the number [-].
+        constant: What is added to it.
+        step: A first t.
+    """
+
+    moved: Callable[[float], Scene]
+    psi: Callable[[fem.Function], float]
+    sign: float
+    constant: BoundedNumber
+    step: float
