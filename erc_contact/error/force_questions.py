@@ -13,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from erc_contact.base.exceptions import InputError
+from erc_contact.error.contact_questions import contact_question
 from erc_contact.error.load_work import load_work
 from erc_contact.error.numbers import BoundedNumber
 from erc_contact.error.question import Asked, Question
@@ -41,37 +42,50 @@ def moment(asked: Asked, goal: Moment, axis: np.ndarray) -> Question:
 def _work_of_part(asked: Asked, goal: Resultant | Moment, motion: VirtualMotion) -> Question:
     """Return the question of ``int sigma n . W`` on a support or a contact; collective.
 
-    The force of the only contact is that of all supports and loads, by equilibrium.
+    Raises:
+        InputError: If the part is neither, or its number cannot be told.
     """
-    model = asked.model
     scene = asked.scene
     parts = [support.facets for support in scene.supports]
-    contacts = [contact.facets for contact in scene.contacts]
-    virtual = motion.nodal(model)
+    contacts: list[str] = []
+    for contact in scene.contacts:
+        contacts += contact.sides
     if goal.part in parts:
-        parts = [goal.part]
-        sign = -1.0
-        constant = load_work(model, virtual, goal.part) + _given_work(asked, goal, motion)
-    elif contacts == [goal.part] and not scene.springs and scene.contacts[0].against is None:
-        # int r.W = -(forces of all supports).W - loads.W
-        sign = 1.0
-        constant = -1.0 * load_work(model, virtual)
-    else:
+        return _support_question(asked, goal, motion)
+    if goal.part not in contacts:
         raise InputError(
-            f"{goal!r}: give a part with a support, or the only contact with a foundation of a "
-            f"scene without springs. This scene has the supports {listed(parts)} and the contacts "
-            f"{listed(contacts)}."
+            f"{goal!r}: give a part with a support or in contact. This scene has the supports"
+            f" {listed(parts)} and the contacts {listed(contacts)}."
         )
+    question = contact_question(asked, goal.part, motion)
+    if question is None:
+        raise InputError(
+            f"{goal!r}: other contacts with friction, or springs, share the force of the bodies"
+            " on either side of this contact, so that supports and loads do not tell it. A contact"
+            " without friction needs no such condition."
+        )
+    return question
+
+
+def _support_question(asked: Asked, goal: Resultant | Moment, motion: VirtualMotion) -> Question:
+    """Return the question of ``int sigma n . W`` on a support; collective."""
+    model = asked.model
+    scene = asked.scene
+    of_loads = load_work(model, motion.nodal(model), goal.part)
+    constant = of_loads + _given_work(asked, goal, motion)
+
+    moving = []
+    for support in scene.supports:
+        moving.append(support.facets == goal.part and motion.moves(model, support))
 
     def moved(t: float) -> Scene:
         supports = []
-        for support in scene.supports:
-            is_moved = support.facets in parts
+        for support, is_moved in zip(scene.supports, moving, strict=True):
             supports.append(motion.move(model, support, t) if is_moved else support)
         return replace(scene, supports=supports)
 
-    step = asked.e / asked.norm * asked.length / motion.size(model)
-    return Question(moved, lambda u: 0.0, sign, constant, step)
+    step = asked.step_of(motion.size(model))
+    return Question(moved if any(moving) else None, lambda u: 0.0, -1.0, constant, step)
 
 
 def _given_work(asked: Asked, goal: Resultant | Moment, motion: VirtualMotion) -> BoundedNumber:

@@ -20,8 +20,8 @@ from erc_contact.admissible.pair import Admissible
 from erc_contact.base.exceptions import InputError, NotConverged, NotHeldError
 from erc_contact.base.percent import percent
 from erc_contact.error.bulk import data_vary
-from erc_contact.error.constitutive import ConstitutiveError
-from erc_contact.error.numbers import Bounds
+from erc_contact.error.constitutive import ROUND_OFF, ConstitutiveError
+from erc_contact.error.numbers import BoundedNumber, Bounds
 from erc_contact.error.question import Question
 from erc_contact.error.questions import question_of
 from erc_contact.error.three_pairs import Ends, ends_of
@@ -80,6 +80,8 @@ def goal_error(
     if any(contact.trace.before is not None for contact in model.contacts):
         raise InputError("interval: a step of a history has none; solve its scene alone.")
     question = question_of(error, goal)
+    if question.moved is None:
+        return _told_by_loads(error, question.constant)
     tried = _tried(error, question, pair_of, LARGEST_COUNT if search else ROUGH_COUNT)
     if not tried:
         raise NotConverged("interval: the moved scenes were not solved; refine the mesh.", ())
@@ -95,6 +97,15 @@ def goal_error(
     squares = (error.scale * error.indicators) ** 2
     shares = squares / (2 * best.t) + best.t * best.d_squares / 4
     return GoalError(Bounds((low + high) / 2, low, high, proved), shares)
+
+
+def _told_by_loads(error: ConstitutiveError, number: BoundedNumber) -> GoalError:
+    """Return the interval of a number that equilibrium with the loads dictates."""
+    low = number.value - number.bound
+    high = number.value + number.bound
+    is_straight = error.geometry_error <= ROUND_OFF * error.scale
+    bounds = Bounds(number.value, low, high, number.resolved and is_straight)
+    return GoalError(bounds, (error.scale * error.indicators) ** 2)
 
 
 def _tried(error: ConstitutiveError, question: Question, pair_of: PairOf, most: int) -> list[Ends]:
@@ -128,11 +139,17 @@ def _tried(error: ConstitutiveError, question: Question, pair_of: PairOf, most: 
 
 def _ends(error: ConstitutiveError, question: Question, pair_of: PairOf, t: float) -> Ends | None:
     """Return the interval for a t, None if its scenes are not solved; collective."""
+    assert question.moved is not None
     try:
         plus = pair_of(question.moved(t))
         minus = pair_of(question.moved(-t))
     except (NotConverged, NotHeldError):
         return None
+    except InputError as conflict:
+        raise InputError(
+            "interval: what the number is of cannot move alone, because a support or a contact"
+            f" holds a node of it. The moved scene says: {conflict}"
+        ) from conflict
     psi = question.psi(error.admissible.displacement)
     return ends_of(error, psi, plus, minus, t)
 

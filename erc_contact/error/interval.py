@@ -29,8 +29,8 @@ def interval(error: ConstitutiveError | Run, goal: Goal) -> Bounds:
         The interval, around its middle [force], [force length], [length] or [rad].
 
     Raises:
-        InputError: If the scene has no such part, it cannot move alone, or the scene is
-            a step of a history.
+        InputError: If the scene has no such part, it cannot move alone, other contacts
+            with friction share its force, or the scene is a step of a history.
 
     Example:
         >>> bounds = ec.interval(error, ec.Resultant("top", (0.0, 1.0)))

@@ -34,20 +34,25 @@ class Asked:
     norm: float
     length: float
 
+    def step_of(self, size: float) -> float:
+        """Return a first t of a motion of supports of this size [-]."""
+        return self.e / self.norm * self.length / size
+
 
 @dataclass(frozen=True, eq=False)
 class Question:
     """Hold what a goal moves, and how its number follows from Q.
 
     Attributes:
-        moved: Makes the scene moved by t, with the friction bounds of the pair.
+        moved: Makes the scene moved by t, with the friction bounds of the pair; None if
+            loads alone dictate the number, which is then the constant.
         psi: ``psi(u)`` of a displacement.
         sign: Factor of Q in the number [-].
         constant: What is added to it.
         step: A first t.
     """
 
-    moved: Callable[[float], Scene]
+    moved: Callable[[float], Scene] | None
     psi: Callable[[fem.Function], float]
     sign: float
     constant: BoundedNumber

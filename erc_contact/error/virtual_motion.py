@@ -69,23 +69,27 @@ class VirtualMotion:
         """Return its translation at a point and its rotation, shape (freedoms,)."""
         return np.concatenate([self.at(centre), self.rotation])
 
-    def component(self, i: int, t: float) -> Shift:
-        """Return component i of t times the motion, as a support may have it."""
-        row = t * self.spin[i]
-        constant = float(t * self.translation[i])
+    def component(self, direction: np.ndarray, t: float) -> Shift:
+        """Return t W along a unit vector, as a component of a support may be."""
+        row = t * (direction @ self.spin)
+        constant = float(t * (direction @ self.translation))
         if not row.any():
             return constant
         return partial(_affine, constant, row.tolist(), self.centre.tolist())
+
+    def moves(self, model: Model, support: Displacement | Rigid) -> bool:
+        """Tell whether a support has components that move; collective."""
+        return self.move(model, support, 1.0) != support
 
     def move(self, model: Model, support: Displacement | Rigid, t: float) -> Displacement | Rigid:
         """Return a support moved by t W, in the components that it has; collective."""
         if isinstance(support, Displacement):
             values = []
-            for i, value in enumerate(support.value):
-                values.append(_sum(value, self.component(i, t)))
+            for unit, value in zip(np.eye(model.d), support.value, strict=True):
+                values.append(shifted(value, self.component(unit, t)))
             return Displacement(support.facets, tuple(values))
         shifts = t * self.freedoms(bind_rigid(model, support).about)
-        motions = tuple(map(_sum, support.motions, shifts.tolist()))
+        motions = tuple(map(shifted, support.motions, shifts.tolist()))
         displacement = motions[: model.d]
         rotation = motions[model.d :]
         return replace(support, displacement=displacement, rotation=rotation)
@@ -99,8 +103,8 @@ def _affine(constant: float, row: list[float], centre: list[float], x: Ufl) -> U
     return value
 
 
-def _sum(value: Any, shift: Shift) -> Any:
-    """Return a component of a support moved by a shift; None where it is free."""
+def shifted(value: Any, shift: Shift) -> Any:
+    """Return a component of a support, or a gap, and a shift; None where it is free."""
     if value is None or (not callable(shift) and shift == 0):
         return value
     if callable(value) or callable(shift):

@@ -27,8 +27,12 @@ class _PartInDirection:
 class Resultant(_PartInDirection):
     """Ask for the force on a support or on a contact in one direction.
 
+    It is that of all that acts on the part from outside, as
+    :func:`erc_contact.results.force` has it.
+
     Args:
-        part: Name of the boundary part, with a support or in contact.
+        part: Name of the boundary part, with a support or in contact; of a contact
+            between two bodies either side.
         direction: d numbers, of any length: the force is taken along it, times its
             length.
 
@@ -85,7 +89,7 @@ class Moment(_PartAboutAxis):
     that acts on the part from outside, as :func:`erc_contact.results.force` has it.
 
     Args:
-        part: Name of the boundary part, with a support or in contact.
+        part: Name of the boundary part, as of :class:`Resultant`.
         about: The point c [length], d numbers. By default it is the centroid of the
             part.
         axis: In space, three numbers, of any length: the moment is taken about it,
