@@ -12,7 +12,8 @@ from test_moments import moment_about
 from test_two_bodies import certified
 
 import erc_contact as ec
-from erc_contact.error import contact_questions
+from erc_contact.error import contact_questions, goals
+from erc_contact.error.three_pairs import Ends
 
 pytestmark = pytest.mark.serial
 MATERIAL = ec.Elastic({"upper": 1.0, "lower": 3.0}, 0.3)
@@ -70,10 +71,10 @@ def test_sides_have_opposite_intervals():
 @pytest.mark.parametrize("part", ["upper bottom", "lower top"])
 def test_gap_tells_what_supports_tell(part, monkeypatch):
     coarse, _ = errors(0.0)
-    goals = [ec.Resultant(part, (0.0, 1.0)), ec.Moment(part, about=ABOUT)]
-    by_supports = [ec.interval(coarse, goal) for goal in goals]
+    asked = [ec.Resultant(part, (0.0, 1.0)), ec.Moment(part, about=ABOUT)]
+    by_supports = [ec.interval(coarse, goal) for goal in asked]
     monkeypatch.setattr(contact_questions, "_of_set", lambda *arguments: None)
-    for goal, bounds in zip(goals, by_supports, strict=True):
+    for goal, bounds in zip(asked, by_supports, strict=True):
         by_gap = ec.interval(coarse, goal)
         assert by_gap.low == pytest.approx(bounds.low, rel=1e-6)
         assert by_gap.high == pytest.approx(bounds.high, rel=1e-6)
@@ -108,3 +109,28 @@ def test_corner_and_symmetry():
     force = ec.interval(error, ec.Resultant("bottom", (0.0, 1.0)))
     top = ec.interval(error, ec.Resultant("top", (0.0, 1.0)))
     assert force.low == pytest.approx(-top.high, rel=1e-6)
+
+
+def test_intersection_with_that_of_one_lifting(monkeypatch):
+    """A force is also in the interval of ``resultant``; proved and estimate do not mix."""
+    block = ec.rectangle((0.0, 0.0), (2.0, 1.0), cells=(4, 2))
+    pressed = ec.Displacement("top", (0.0, -0.01))
+    scene = ec.Scene(ec.Elastic(1.0, 0.3), pressed, [], ec.Contact("bottom"))
+    error = certified(scene, block)
+    goal = ec.Resultant("bottom", (0.0, 1.0))
+    first = ec.resultant(error, "bottom", (0.0, 1.0))
+    useless = Ends(-10.0, first.value, 1.0, 1.0, 0 * error.indicators)
+    monkeypatch.setattr(goals, "_tried", lambda *arguments: [useless])
+    both = ec.interval(error, goal)
+    assert both.guaranteed
+    assert (both.low, both.high) == pytest.approx((first.low, first.value), rel=1e-9)
+
+    proved = ec.Bounds(1.0, 0.0, 2.0, guaranteed=True)
+    estimate = ec.Bounds(2.5, 1.0, 4.0, guaranteed=False)
+    assert proved.narrowed(estimate) == estimate.narrowed(proved) == proved
+    narrow = ec.Bounds(1.5, 1.0, 2.0, guaranteed=False)
+    assert proved.narrowed(narrow) == narrow
+    overlap = narrow.narrowed(ec.Bounds(2.25, 1.5, 3.0, guaranteed=False))
+    assert (overlap.low, overlap.high, overlap.guaranteed) == (1.5, 2.0, False)
+    apart = ec.Bounds(5.0, 4.5, 5.5, guaranteed=True)
+    assert proved.narrowed(apart) == apart

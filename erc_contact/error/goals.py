@@ -19,13 +19,14 @@ import numpy as np
 from erc_contact.admissible.pair import Admissible
 from erc_contact.base.exceptions import InputError, NotConverged, NotHeldError
 from erc_contact.base.percent import percent
+from erc_contact.error.bounds import resultant
 from erc_contact.error.bulk import data_vary
-from erc_contact.error.constitutive import ROUND_OFF, ConstitutiveError
-from erc_contact.error.numbers import BoundedNumber, Bounds
+from erc_contact.error.constitutive import ConstitutiveError
+from erc_contact.error.numbers import ROUND_OFF, BoundedNumber, Bounds
 from erc_contact.error.question import Question
 from erc_contact.error.questions import question_of
 from erc_contact.error.three_pairs import Ends, ends_of
-from erc_contact.scene.goal import Goal
+from erc_contact.scene.goal import Goal, Resultant
 from erc_contact.scene.scene import Scene
 
 PairOf = Callable[[Scene], Admissible]
@@ -96,7 +97,24 @@ def goal_error(
     best = min(tried, key=lambda one: one.width)
     squares = (error.scale * error.indicators) ** 2
     shares = squares / (2 * best.t) + best.t * best.d_squares / 4
-    return GoalError(Bounds((low + high) / 2, low, high, proved), shares)
+    bounds = Bounds((low + high) / 2, low, high, proved)
+    if search and isinstance(goal, Resultant):
+        bounds = _with_lifting(error, goal, bounds)
+    return GoalError(bounds, shares)
+
+
+def _with_lifting(error: ConstitutiveError, goal: Resultant, bounds: Bounds) -> Bounds:
+    """Return an interval narrowed by that of one lifting, on a contact; collective.
+
+    Far from the solution, and with Coulomb friction, that one may be the narrower.
+    """
+    contacts: list[str] = []
+    for contact in error.solution.scene.contacts:
+        contacts += contact.sides
+    if goal.part not in contacts:
+        return bounds
+    lifted = resultant(error, goal.part, goal.direction)
+    return bounds if lifted.weighted else bounds.narrowed(lifted)
 
 
 def _told_by_loads(error: ConstitutiveError, number: BoundedNumber) -> GoalError:

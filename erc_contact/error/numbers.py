@@ -9,6 +9,9 @@ from mpi4py import MPI
 
 from erc_contact.mesh.quadrature import Integral
 
+ROUND_OFF = 1e-12
+"""Numbers below this, relative to their scale, count as zero [-]."""
+
 
 @dataclass(frozen=True)
 class Bounds:
@@ -37,6 +40,15 @@ class Bounds:
     high: float
     guaranteed: bool
     weighted: bool = False
+
+    def narrowed(self, other: Bounds) -> Bounds:
+        """Return what both intervals hold; the narrower one if one alone is proved."""
+        low = max(self.low, other.low)
+        high = min(self.high, other.high)
+        if self.guaranteed != other.guaranteed or low > high:
+            return min(self, other, key=lambda bounds: bounds.high - bounds.low)
+        weighted = self.weighted or other.weighted
+        return Bounds((low + high) / 2, low, high, self.guaranteed, weighted)
 
     @property
     def relative(self) -> float:

@@ -12,10 +12,11 @@ import numpy as np
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.error.constitutive import ROUND_OFF, ConstitutiveError
+from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.force_questions import moment, resultant
 from erc_contact.error.given_bounds import contacts_with_given_bounds
 from erc_contact.error.motion_questions import mean_displacement, rotation
+from erc_contact.error.numbers import ROUND_OFF
 from erc_contact.error.question import Asked, Question
 from erc_contact.error.works import elastic_work
 from erc_contact.mesh.tags import listed

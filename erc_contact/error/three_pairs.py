@@ -56,10 +56,10 @@ from mpi4py import MPI
 from erc_contact.admissible.pair import Admissible
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.error.bulk import add_springs, bulk_squares
-from erc_contact.error.constitutive import ROUND_OFF, ConstitutiveError
+from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.contact_integral import contact_integral
 from erc_contact.error.load_work import load_work
-from erc_contact.error.numbers import BoundedNumber
+from erc_contact.error.numbers import ROUND_OFF, BoundedNumber
 from erc_contact.error.works import elastic_work, friction_work, strain_work
 from erc_contact.model.contact_data import ContactData
 from erc_contact.model.model import Model
