@@ -187,6 +187,19 @@ def test_run_to_a_displacement():
     assert aimed.bounds.low <= fine.low <= fine.high <= aimed.bounds.high
 
 
+def test_run_to_an_energy():
+    """It ends where the interval is narrow, long before eps is; a fine mesh agrees."""
+    aimed = ec.adapt(opening(2), block(2, 2), 0.02, goal=ec.Energy())
+    assert aimed.reached
+    assert aimed.bounds.guaranteed
+    assert aimed.bounds.relative <= 0.02 < aimed.error.relative
+    assert len(aimed.steps) > 1
+    own = ec.potential_energy(aimed.error)
+    assert (aimed.bounds.low, aimed.bounds.high) == (own.low, own.high)
+    fine = ec.interval(certified(opening(2), block(2, 16), degree=2), ec.Energy())
+    assert aimed.bounds.low < fine.low < fine.value < fine.high < aimed.bounds.high
+
+
 def test_what_has_no_interval():
     error = certified(opening(2), block(2, 4))
     refused(lambda: ec.interval(error, ec.Resultant("right", (0.0, 1.0))), "'right'", "bottom")

@@ -19,14 +19,14 @@ import numpy as np
 from erc_contact.admissible.pair import Admissible
 from erc_contact.base.exceptions import InputError, NotConverged, NotHeldError
 from erc_contact.base.percent import percent
-from erc_contact.error.bounds import resultant
+from erc_contact.error.bounds import potential_energy, resultant
 from erc_contact.error.bulk import data_vary
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.numbers import ROUND_OFF, BoundedNumber, Bounds
 from erc_contact.error.question import Question
 from erc_contact.error.questions import question_of
 from erc_contact.error.three_pairs import Ends, ends_of
-from erc_contact.scene.goal import Goal, Resultant
+from erc_contact.scene.goal import Energy, Goal, Resultant
 from erc_contact.scene.scene import Scene
 
 PairOf = Callable[[Scene], Admissible]
@@ -77,6 +77,8 @@ def goal_error(
         InputError: As :func:`interval`.
         NotConverged: If the moved scenes are not solved.
     """
+    if isinstance(goal, Energy):
+        return _energy(error)
     model = error.model
     if any(contact.trace.before is not None for contact in model.contacts):
         raise InputError("interval: a step of a history has none; solve its scene alone.")
@@ -115,6 +117,17 @@ def _with_lifting(error: ConstitutiveError, goal: Resultant, bounds: Bounds) -> 
         return bounds
     lifted = resultant(error, goal.part, goal.direction)
     return bounds if lifted.weighted else bounds.narrowed(lifted)
+
+
+def _energy(error: ConstitutiveError) -> GoalError:
+    """Return the interval of the potential energy; collective.
+
+    Its width is ``e^2/2``, of which each cell has its part.
+    """
+    bounds = potential_energy(error)
+    middle = (bounds.low + bounds.high) / 2
+    shares = (error.scale * error.total_indicators) ** 2
+    return GoalError(replace(bounds, value=middle), shares)
 
 
 def _told_by_loads(error: ConstitutiveError, number: BoundedNumber) -> GoalError:

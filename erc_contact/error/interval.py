@@ -18,12 +18,14 @@ def interval(error: ConstitutiveError | Run, goal: Goal) -> Bounds:
     For each of some values of t, two to six, the scene is solved twice more on the
     same mesh, from the known solution. The interval is of order 1.5 in e, and of order
     2 where the contact set is settled; that of :func:`erc_contact.resultant` is of
-    order 1.
+    order 1. The force of a contact is in both: what they share is returned, if both are
+    proved or both are estimates.
 
     Args:
         error: The error of an admissible pair, or a history, whose error is taken.
         goal: :class:`erc_contact.Resultant`, :class:`erc_contact.Moment`,
-            :class:`erc_contact.MeanDisplacement` or :class:`erc_contact.Rotation`.
+            :class:`erc_contact.MeanDisplacement`, :class:`erc_contact.Rotation`, or
+            :class:`erc_contact.Energy`, which needs no further solve.
 
     Returns:
         The interval, around its middle [force], [force length], [length] or [rad].

@@ -20,10 +20,10 @@ from erc_contact.error.numbers import ROUND_OFF
 from erc_contact.error.question import Asked, Question
 from erc_contact.error.works import elastic_work
 from erc_contact.mesh.tags import listed
-from erc_contact.scene.goal import Goal, MeanDisplacement, Moment, Resultant, Rotation
+from erc_contact.scene.goal import GoalOfPart, MeanDisplacement, Moment, Resultant, Rotation
 
 
-def question_of(error: ConstitutiveError, goal: Goal) -> Question:
+def question_of(error: ConstitutiveError, goal: GoalOfPart) -> Question:
     """Return what a goal moves; collective."""
     model = error.model
     soft = [contact.name for contact in model.contacts if contact.stiffness is not None]
@@ -58,7 +58,7 @@ def _asked(error: ConstitutiveError) -> Asked:
     return Asked(model, scene, e, norm, length)
 
 
-def _checked_vector(goal: Goal, d: int) -> np.ndarray:
+def _checked_vector(goal: GoalOfPart, d: int) -> np.ndarray:
     """Return the direction of a goal, or its axis: one number in the plane."""
     if isinstance(goal, Resultant | MeanDisplacement):
         return _checked(goal, goal.direction, d)
@@ -73,7 +73,7 @@ def _checked_vector(goal: Goal, d: int) -> np.ndarray:
     return np.ones(1)
 
 
-def _checked(goal: Goal, vector: Sequence[float], d: int) -> np.ndarray:
+def _checked(goal: GoalOfPart, vector: Sequence[float], d: int) -> np.ndarray:
     """Return a vector of a goal, of d finite numbers."""
     a = np.asarray(vector, dtype=float)
     if a.shape != (d,) or not np.isfinite(a).all() or not a.any():

@@ -128,8 +128,26 @@ class Rotation(_PartAboutAxis):
     """
 
 
-GOALS = (Resultant, Moment, MeanDisplacement, Rotation)
+@dataclass(frozen=True)
+class Energy:
+    """Ask for the potential energy [force length].
+
+    See :func:`erc_contact.potential_energy`. Where the work of the loads has bounds, it
+    is known as well as the energy, see :func:`erc_contact.work_of_loads`.
+
+    Source: the energy of u^ is above the least one by at most ``e^2/2``.
+
+    Example:
+        >>> ec.adapt(scene, block, accuracy=0.1, goal=ec.Energy()).reached
+        True
+    """
+
+
+GOALS = (Resultant, Moment, MeanDisplacement, Rotation, Energy)
 """The kinds of goals."""
 
-type Goal = Resultant | MeanDisplacement | Moment | Rotation
+type GoalOfPart = Resultant | Moment | MeanDisplacement | Rotation
+"""A number of a boundary part."""
+
+type Goal = GoalOfPart | Energy
 """A number of the solution."""
