@@ -13,6 +13,8 @@ from typing import Any
 import erc_contact as ec
 
 import numpy as np  # isort: skip - after erc_contact, which loads MPI first
+import ufl  # isort: skip
+from dolfinx import fem  # isort: skip
 from attack_families import Sample  # isort: skip
 
 Reading = Callable[[ec.ConstitutiveError], float]
@@ -60,6 +62,36 @@ def rotation(part: str, axis: np.ndarray | None) -> Wanted:
 
     goal = ec.Rotation(part, axis=None if axis is None else tuple(axis))
     return Wanted(f"rotation of {part}", goal, read)
+
+
+def weighted(part: str, weights: np.ndarray) -> Wanted:
+    """Return an integral over a part, whose weight is linear, from the displacement.
+
+    Args:
+        part: Name of the part.
+        weights: Factors of the components and of them times the last coordinate.
+    """
+    d = weights.shape[1]
+
+    def weight(x: Any) -> Any:
+        return ufl.as_vector([weights[0, i] + weights[1, i] * x[d - 1] for i in range(d)])
+
+    def read(error: ec.ConstitutiveError) -> float:
+        model = error.model
+        ds = model.ds(model.domain.tag(part))
+        density = ufl.inner(error.solution.u, weight(model.x)) * ds
+        return float(fem.assemble_scalar(fem.form(density)))
+
+    return Wanted("weighted mean", ec.Functional(ec.Traction(part, weight)), read)
+
+
+def mean_of_body(force: np.ndarray) -> Wanted:
+    """Return an integral over the body, from the displacement."""
+
+    def read(error: ec.ConstitutiveError) -> float:
+        return error.integrate(lambda u, sigma: ufl.inner(u, ufl.as_vector(force.tolist())))
+
+    return Wanted("integral over body", ec.Functional(ec.BodyForce(tuple(force))), read)
 
 
 def random_axis(rng: np.random.Generator, d: int) -> np.ndarray | None:
@@ -131,6 +163,13 @@ def turned(rng: np.random.Generator, d: int) -> tuple[str, Sample, list[Wanted]]
     scene = ec.Scene(material, [press], loads, [ec.Contact("bottom", friction=friction)])
     degree = int(rng.integers(1, 3))
     return law, Sample(f"{kind}, {law}, {cells}, degree {degree}", scene, domain, degree), wanted
+
+
+def weighed(rng: np.random.Generator, d: int) -> tuple[str, Sample, list[Wanted]]:
+    """Make a block under a press, see :func:`turned`, with numbers linear in u."""
+    law, sample, _ = turned(rng, d)
+    wanted = [weighted("right", rng.standard_normal((2, d))), mean_of_body(rng.standard_normal(d))]
+    return law, sample, wanted
 
 
 def stacked(rng: np.random.Generator, d: int) -> tuple[str, Sample, list[Wanted]]:

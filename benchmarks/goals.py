@@ -4,13 +4,13 @@
 degree; without friction, with given friction or Coulomb's), ``space``: the same in 3D,
 ``coulomb``: forces with Coulomb friction against those of elements on a fine mesh.
 The goals are the force on the top, that on the contact below, and the mean displacement
-of the right side. ``moments`` and ``contacts``, and both ``_in_space``: moments and
-rotations under a press that turns, forces between two bodies and on two contacts
-(:mod:`goal_families`); the number is read off the stress and the displacement of a fine
-mesh. An interval is called false where it lies apart from that of a mesh
-refined three times (in space once) with elements of degree 2. "half width" is over the
-number, "narrower" the width of ``resultant`` over that of ``interval``, and "order" the
-exponent of the width in e on a mesh refined once.
+of the right side. ``moments``, ``contacts`` and ``functionals``, and each of them
+``_in_space``: moments and rotations under a press that turns, forces between two bodies
+and on two contacts, integrals with weights (:mod:`goal_families`); the number is read
+off the stress and the displacement of a fine mesh. An interval is called false where it
+lies apart from that of a mesh refined three times (in space once) with elements of
+degree 2. "half width" is over the number, "narrower" the width of ``resultant`` over
+that of ``interval``, and "order" the exponent of the width in e on a mesh refined once.
 
     OMP_NUM_THREADS=1 python benchmarks/goals.py [name|all] [seed] [count]
 """
@@ -26,7 +26,7 @@ import numpy as np  # isort: skip - after erc_contact, which loads MPI first
 from attack import pushed_block  # isort: skip
 from attack_families import Sample, scene_generator  # isort: skip
 from attack_tables import quantile_table  # isort: skip
-from goal_families import Wanted, stacked, turned  # isort: skip
+from goal_families import Wanted, stacked, turned, weighed  # isort: skip
 from tasks import run  # isort: skip
 
 QUANTILES = (0.0, 0.05, 0.5, 0.95, 1.0)
@@ -225,8 +225,19 @@ def contacts_in_space(seed: int = 0, count: int = 6) -> None:
     against_fields(stacked, seed, count, 3)
 
 
-ALL = (plane, space, coulomb, moments, moments_in_space, contacts, contacts_in_space)
-TASKS: dict[str, Callable[..., None]] = {task.__name__: task for task in ALL}
+def functionals(seed: int = 0, count: int = 40) -> None:
+    """Print the table of numbers that are linear in u, in the plane."""
+    against_fields(weighed, seed, count, 2)
+
+
+def functionals_in_space(seed: int = 0, count: int = 6) -> None:
+    """Print the table of numbers that are linear in u, in space."""
+    against_fields(weighed, seed, count, 3)
+
+
+IN_PLANE = (plane, coulomb, moments, contacts, functionals)
+IN_SPACE = (space, moments_in_space, contacts_in_space, functionals_in_space)
+TASKS: dict[str, Callable[..., None]] = {task.__name__: task for task in IN_PLANE + IN_SPACE}
 
 
 if __name__ == "__main__":

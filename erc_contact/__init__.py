@@ -47,7 +47,7 @@ from erc_contact.run.saved import read_history
 from erc_contact.run.step import Step
 from erc_contact.run.time_row import TimeStep
 from erc_contact.scene.contact import Contact, Foundation, Symmetry
-from erc_contact.scene.goal import Energy, MeanDisplacement, Moment, Resultant, Rotation
+from erc_contact.scene.goal import Energy, Functional, MeanDisplacement, Moment, Resultant, Rotation
 from erc_contact.scene.law import Coulomb, Law, Tresca
 from erc_contact.scene.load import BodyForce, Load, Traction
 from erc_contact.scene.material import Elastic, Material
@@ -77,6 +77,7 @@ __all__ = [
     "ErcContactError",
     "Evolution",
     "Foundation",
+    "Functional",
     "GivenStrain",
     "History",
     "InputError",

@@ -9,6 +9,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+import ufl
 from mpi4py import MPI
 from test_bad_input import refused
 from test_two_bodies import certified, pressed, small_bricks
@@ -17,6 +18,8 @@ import erc_contact as ec
 
 COMM = MPI.COMM_WORLD
 DEPTH = 0.01
+RIGHT = ec.Traction("right", (-0.02, 0.0))
+PRESSED = ec.Traction("right", pressure=2.0)
 
 
 @cache
@@ -77,15 +80,33 @@ def test_coarse_and_fine_intervals(d, degree, friction, cells):
 
 def test_numbers_that_are_known():
     """A column under its own number: force and displacement of a homogeneous state."""
-    load = ec.Traction("right", (-0.02, 0.0))
     held = [ec.Displacement("left", (0.0, None))]
-    scene = ec.Scene(ec.Elastic(1.0, 0.0), held, load, ec.Contact("bottom"))
+    scene = ec.Scene(ec.Elastic(1.0, 0.0), held, RIGHT, ec.Contact("bottom"))
     error = certified(scene, block(2, 2))
     shortening = ec.interval(error, ec.MeanDisplacement("right", (1.0, 0.0)))
     force = ec.interval(error, ec.Resultant("left", (2.0, 0.0)))
     for bounds, exact in ((shortening, -0.04), (force, 0.04)):
         assert bounds.low - 1e-12 <= exact <= bounds.high + 1e-12
         assert bounds.high - bounds.low < 1e-9
+
+
+def test_functionals_of_a_homogeneous_state():
+    """``u_x = -0.02 x``: integrals with weights over a side and over the body."""
+    held = [ec.Displacement("left", (0.0, None))]
+    scene = ec.Scene(ec.Elastic(1.0, 0.0), held, RIGHT, ec.Contact("bottom"))
+    error = certified(scene, block(2, 2))
+    by_height = ec.Traction("right", (lambda x: 3.0 * x[1], 0.0))
+    loads = {-0.06: by_height, -0.04: ec.BodyForce((1.0, 0.0)), 0.08: PRESSED}
+    for exact, load in loads.items():
+        bounds = ec.interval(error, ec.Functional(load))
+        assert bounds.guaranteed
+        assert bounds.low - 1e-12 <= exact <= bounds.high + 1e-12
+        assert bounds.high - bounds.low < 1e-8
+    # No polynomial: the mesh does not carry it.
+    curved = ec.Traction("right", (lambda x: ufl.exp(x[1]), 0.0))
+    assert not ec.interval(error, ec.Functional(curved)).guaranteed
+    refused(lambda: ec.interval(error, ec.Functional(ec.Traction("bottom", (0, 1)))), "'bottom'")
+    refused(lambda: ec.Functional("right"), "'right'", "Traction")
 
 
 @pytest.mark.serial

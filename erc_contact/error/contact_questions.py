@@ -23,7 +23,7 @@ from ufl.domain import extract_unique_domain
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.error.load_work import load_work
 from erc_contact.error.numbers import BoundedNumber
-from erc_contact.error.question import Asked, Question
+from erc_contact.error.question import Asked, Question, no_load
 from erc_contact.error.virtual_motion import Shift, VirtualMotion, shifted
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.motions import bodies_of_nodes
@@ -87,7 +87,7 @@ def contact_question(asked: Asked, part: str, motion: VirtualMotion) -> Question
     is_here = contact.side_names[0] == part
     if _can_move(contact) and not _works(asked, motion, _normal_parts(asked, contact, motion)):
         # Without friction there is no force along the contact.
-        return Question(None, lambda u: 0.0, 1.0, BoundedNumber(0.0), 1.0)
+        return Question(None, no_load, 1.0, BoundedNumber(0.0), 1.0)
     # A moment of the opposite force is the opposite one if the sides have one place.
     apart = _working_jump(contact, motion.nodal(model).x.array)
     is_opposite = contact.against is not None and not _works(asked, motion, apart)
@@ -167,7 +167,7 @@ def _of_set(
     constant = -sign * load_work(model, virtual)
     step = asked.step_of(motion.size(model))
     is_told_by_loads = not any(supports) and not any(factors)
-    return Question(None if is_told_by_loads else moved, lambda u: 0.0, sign, constant, step)
+    return Question(None if is_told_by_loads else moved, no_load, sign, constant, step)
 
 
 def _of_gap(asked: Asked, contact: BoundContact, motion: VirtualMotion, sign: float) -> Question:
@@ -188,7 +188,7 @@ def _of_gap(asked: Asked, contact: BoundContact, motion: VirtualMotion, sign: fl
         return replace(scene, contacts=contacts)
 
     step = asked.step_of(motion.size(asked.model))
-    return Question(moved, lambda u: 0.0, sign, BoundedNumber(0.0), step)
+    return Question(moved, no_load, sign, BoundedNumber(0.0), step)
 
 
 def _can_move(contact: BoundContact) -> bool:

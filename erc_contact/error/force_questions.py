@@ -16,7 +16,7 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.error.contact_questions import contact_question
 from erc_contact.error.load_work import load_work
 from erc_contact.error.numbers import BoundedNumber
-from erc_contact.error.question import Asked, Question
+from erc_contact.error.question import Asked, Question, no_load
 from erc_contact.error.virtual_motion import VirtualMotion
 from erc_contact.mesh.tags import listed
 from erc_contact.model.rigid_faces import RigidFace, bind_rigid, centroid
@@ -85,7 +85,7 @@ def _support_question(asked: Asked, goal: Resultant | Moment, motion: VirtualMot
         return replace(scene, supports=supports)
 
     step = asked.step_of(motion.size(model))
-    return Question(moved if any(moving) else None, lambda u: 0.0, -1.0, constant, step)
+    return Question(moved if any(moving) else None, no_load, -1.0, constant, step)
 
 
 def _given_work(asked: Asked, goal: Resultant | Moment, motion: VirtualMotion) -> BoundedNumber:

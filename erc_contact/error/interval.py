@@ -24,8 +24,9 @@ def interval(error: ConstitutiveError | Run, goal: Goal) -> Bounds:
     Args:
         error: The error of an admissible pair, or a history, whose error is taken.
         goal: :class:`erc_contact.Resultant`, :class:`erc_contact.Moment`,
-            :class:`erc_contact.MeanDisplacement`, :class:`erc_contact.Rotation`, or
-            :class:`erc_contact.Energy`, which needs no further solve.
+            :class:`erc_contact.MeanDisplacement`, :class:`erc_contact.Rotation`,
+            :class:`erc_contact.Functional`, or :class:`erc_contact.Energy`, which needs
+            no further solve.
 
     Returns:
         The interval, around its middle [force], [force length], [length] or [rad].

@@ -7,6 +7,7 @@ are adapted to them (:mod:`erc_contact.mesh.quadrature`).
 from __future__ import annotations
 
 import numpy as np
+import ufl
 from dolfinx import fem
 from mpi4py import MPI
 
@@ -21,10 +22,12 @@ from erc_contact.mesh.quadrature import (
     integrate,
     polynomials,
 )
-from erc_contact.mesh.simplex import coefficients
-from erc_contact.model.expressions import Everywhere
+from erc_contact.mesh.simplex import coefficients, lattice
+from erc_contact.model.expressions import Everywhere, evaluate
+from erc_contact.model.loads import bind_loads
 from erc_contact.model.model import Model
 from erc_contact.model.symbolic import varies_in_cells
+from erc_contact.scene.load import Load
 
 
 def load_work(model: Model, v: fem.Function, part: str | None = None) -> BoundedNumber:
@@ -47,12 +50,47 @@ def load_work(model: Model, v: fem.Function, part: str | None = None) -> Bounded
     if part is not None:
         return total
     if model.body_force is not None and varies_in_cells(model.body_force):
-        total += _body_work(model, v)
+        total += _body_work(model, model.body_force, v)
     if model.face_forces is not None:
         # The resultants of loose rigid faces work on their motions.
         local = float(model.face_forces.x.array @ v.x.array)
         total += BoundedNumber(float(model.comm.allreduce(local, MPI.SUM)))
     return total
+
+
+def work_of_load(model: Model, load: Load, v: fem.Function) -> BoundedNumber:
+    """Compute the work of a load that the scene need not have; collective.
+
+    Raises:
+        InputError: If the load cannot be put on the mesh.
+    """
+    on_surface, in_body = bind_loads(model, [load])
+    if in_body is not None:
+        if varies_in_cells(in_body):
+            return _body_work(model, in_body, v)
+        return BoundedNumber(assembled(model, ufl.inner(in_body, v) * model.dx))
+    bound = on_surface[0]
+    if bound.varies:
+        return _surface_work(model, bound.facets, bound.density, v)
+    return BoundedNumber(assembled(model, ufl.inner(bound.density, v) * bound.ds))
+
+
+def load_size(model: Model, load: Load) -> tuple[float, bool]:
+    """Estimate ``int |psi|`` of a load, and tell whether it varies; collective."""
+    on_surface, in_body = bind_loads(model, [load])
+    if in_body is not None:
+        density = in_body
+        entities = model.owned_cells
+        sizes = cell_geometry(model).volume[: len(entities)]
+        points = lattice(model.d, model.degree)
+    else:
+        density = on_surface[0].density
+        entities = model.domain.owned_facets(on_surface[0].facets)
+        sizes = model.facet_areas(entities)
+        points = model.facet_points
+    values = evaluate(density, model.mesh, points, entities)
+    local = float(sizes @ np.linalg.norm(values, axis=2).mean(axis=1))
+    return float(model.comm.allreduce(local, MPI.SUM)), varies_in_cells(density)
 
 
 def _surface_work(model: Model, part: str, density: Ufl, v: fem.Function) -> BoundedNumber:
@@ -69,14 +107,14 @@ def _surface_work(model: Model, part: str, density: Ufl, v: fem.Function) -> Bou
     return BoundedNumber.summed(model.comm, integral)
 
 
-def _body_work(model: Model, v: fem.Function) -> BoundedNumber:
+def _body_work(model: Model, force: Ufl, v: fem.Function) -> BoundedNumber:
     """Compute the work of a varying body force [force length]; collective."""
     d, k = model.d, model.degree
     nodal = v.x.array.reshape(-1, d)
     owned = model.domain.owned_cells
     cells = cell_geometry(model)
     in_cells = np.matmul(coefficients(d, k), nodal[cells.nodes])
-    work = _products(Everywhere(model.body_force, model.mesh), model.owned_cells, in_cells, k)
+    work = _products(Everywhere(force, model.mesh), model.owned_cells, in_cells, k)
     corners = sorted_corners(model, cells)[:owned]
     volume = cells.volume[:owned]
     integral = integrate(model.comm, work, corners, volume, cell_pieces(d))

@@ -6,7 +6,7 @@ See :mod:`erc_contact.error.question`.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -14,14 +14,17 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
+from erc_contact.base.ufl_types import Ufl
+from erc_contact.error.load_work import load_size, work_of_load
 from erc_contact.error.numbers import BoundedNumber
 from erc_contact.error.question import Asked, Question
 from erc_contact.mesh.simplex import coefficients
 from erc_contact.mesh.tags import listed
 from erc_contact.model.model import Model
 from erc_contact.model.rigid_faces import RigidFace
-from erc_contact.scene.goal import MeanDisplacement, Rotation
-from erc_contact.scene.load import Traction
+from erc_contact.model.users import vector
+from erc_contact.scene.goal import Functional, MeanDisplacement, Rotation
+from erc_contact.scene.load import Load, Traction
 from erc_contact.scene.rigid import Rigid
 from erc_contact.scene.scene import Scene
 
@@ -51,10 +54,11 @@ def mean_displacement(asked: Asked, goal: MeanDisplacement, a: np.ndarray) -> Qu
         load = Traction(goal.part, tuple(float(value) for value in t * density))
         return replace(scene, loads=(*scene.loads, load))
 
-    def psi(u: fem.Function) -> float:
+    def psi(u: fem.Function) -> BoundedNumber:
         values = u.x.array.reshape(-1, model.d)[model.facet_nodes(facets)]
         means = np.einsum("m,fmi->fi", _mean_weights(model), values)
-        return float(model.comm.allreduce(float(areas @ (means @ density)), MPI.SUM))
+        local = float(areas @ (means @ density))
+        return BoundedNumber(float(model.comm.allreduce(local, MPI.SUM)))
 
     size = float(np.linalg.norm(a))
     step = asked.e * asked.norm / (asked.length * size)
@@ -110,13 +114,62 @@ def _motion(asked: Asked, face: RigidFace, amounts: np.ndarray) -> Question:
                 supports[place] = replace(support, force=grown[:d], moment=grown[d:])
         return replace(scene, supports=supports)
 
-    def psi(u: fem.Function) -> float:
-        return float(amounts @ face.motion(u.x.array.reshape(-1, d)))
+    def psi(u: fem.Function) -> BoundedNumber:
+        return BoundedNumber(float(amounts @ face.motion(u.x.array.reshape(-1, d))))
 
     # A rotation by an angle moves the face by the angle times its size.
     size = float(np.linalg.norm(amounts / face.sizes))
     step = asked.e * asked.norm / (asked.length * size)
     return Question(moved, psi, 1.0, BoundedNumber(0.0), step)
+
+
+@dataclass(frozen=True)
+class _Scaled:
+    """Represent a load times a factor; it has the parameters of the load."""
+
+    load: Load
+    factor: float
+
+    @property
+    def facets(self) -> str | None:
+        """Return the name of the boundary part, None for the body."""
+        return self.load.facets
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Return the names of the parameters of the load."""
+        return self.load.parameters
+
+    def density(self, x: Ufl, n: Ufl, *values: Ufl, **parameters: Ufl) -> Ufl:
+        """Return the density of the load times the factor."""
+        return self.factor * vector(self.load.density(x, n, *values, **parameters))
+
+    def __getattr__(self, name: str) -> Any:
+        """Return a parameter of the load."""
+        if name.startswith("__"):
+            # Copies ask for such names before they have the load.
+            raise AttributeError(name)
+        return getattr(self.load, name)
+
+
+def functional(asked: Asked, goal: Functional) -> Question:
+    """Return the question of the work of a load: t times it is added to the scene."""
+    model = asked.model
+    scene = asked.scene
+    size, varies = load_size(model, goal.load)
+    if size == 0:
+        raise InputError(f"{goal!r}: the load is zero everywhere; give another one.")
+
+    def moved(t: float) -> Scene:
+        return replace(scene, loads=(*scene.loads, _Scaled(goal.load, t)))
+
+    def psi(u: fem.Function) -> BoundedNumber:
+        return work_of_load(model, goal.load, u)
+
+    # A load on a support or in contact has no place in a scene, which says so.
+    replace(scene, loads=(*scene.loads, goal.load))
+    step = asked.e * asked.norm / (asked.length * size)
+    return Question(moved, psi, 1.0, BoundedNumber(0.0), step, varies)
 
 
 def _grown(resultants: Sequence[float | None], growth: np.ndarray) -> tuple[Any, ...]:

@@ -39,6 +39,11 @@ class Asked:
         return self.e / self.norm * self.length / size
 
 
+def no_load(_: fem.Function) -> BoundedNumber:
+    """Return ``psi(u)`` of a question that moves no load, which is zero."""
+    return BoundedNumber(0.0)
+
+
 @dataclass(frozen=True, eq=False)
 class Question:
     """Hold what a goal moves, and how its number follows from Q.
@@ -50,10 +55,12 @@ class Question:
         sign: Factor of Q in the number [-].
         constant: What is added to it.
         step: A first t.
+        varies: Whether the moved load varies in space: a mesh may not carry it.
     """
 
     moved: Callable[[float], Scene] | None
-    psi: Callable[[fem.Function], float]
+    psi: Callable[[fem.Function], BoundedNumber]
     sign: float
     constant: BoundedNumber
     step: float
+    varies: bool = False

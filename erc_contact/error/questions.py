@@ -15,15 +15,22 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.force_questions import moment, resultant
 from erc_contact.error.given_bounds import contacts_with_given_bounds
-from erc_contact.error.motion_questions import mean_displacement, rotation
+from erc_contact.error.motion_questions import functional, mean_displacement, rotation
 from erc_contact.error.numbers import ROUND_OFF
 from erc_contact.error.question import Asked, Question
 from erc_contact.error.works import elastic_work
 from erc_contact.mesh.tags import listed
-from erc_contact.scene.goal import GoalOfPart, MeanDisplacement, Moment, Resultant, Rotation
+from erc_contact.scene.goal import (
+    Functional,
+    GoalOfPart,
+    MeanDisplacement,
+    Moment,
+    Resultant,
+    Rotation,
+)
 
 
-def question_of(error: ConstitutiveError, goal: GoalOfPart) -> Question:
+def question_of(error: ConstitutiveError, goal: GoalOfPart | Functional) -> Question:
     """Return what a goal moves; collective."""
     model = error.model
     soft = [contact.name for contact in model.contacts if contact.stiffness is not None]
@@ -32,6 +39,8 @@ def question_of(error: ConstitutiveError, goal: GoalOfPart) -> Question:
             f"{goal!r}: no interval with a compliant foundation ({listed(soft)}); take"
             " ec.resultant for a force of a contact."
         )
+    if isinstance(goal, Functional):
+        return functional(_asked(error), goal)
     vector = _checked_vector(goal, model.d)
     asked = _asked(error)
     match goal:

@@ -76,6 +76,7 @@ class Ends:
         t: The t that it is of.
         better_t: The t that would be best if d were the same for all t, ``2 M/d``.
         d_squares: ``d^2`` on each owned cell, the mean of both ends, shape (owned,).
+        resolved: Whether its integrals are resolved, and the mesh carries moved loads.
     """
 
     low: float
@@ -83,6 +84,7 @@ class Ends:
     t: float
     better_t: float
     d_squares: np.ndarray
+    resolved: bool = True
 
     @property
     def width(self) -> float:
@@ -91,7 +93,7 @@ class Ends:
 
 
 def ends_of(
-    error: ConstitutiveError, psi: float, plus: Admissible, minus: Admissible, t: float
+    error: ConstitutiveError, psi: BoundedNumber, plus: Admissible, minus: Admissible, t: float
 ) -> Ends:
     """Compute the interval of Q from three pairs; collective.
 
@@ -118,12 +120,13 @@ def ends_of(
     d_squares = np.maximum(0.5 * (lower[1] + upper[1]), 0.0)
     d = max(sizes)
     better_t = 2 * M / d if d > 0 else np.inf
-    return Ends(ends[0], ends[1], t, better_t, d_squares)
+    resolved = lower[0].resolved and upper[0].resolved
+    return Ends(ends[0], ends[1], t, better_t, d_squares, resolved)
 
 
 def _end(
     error: ConstitutiveError,
-    psi: float,
+    psi: BoundedNumber,
     displacements: tuple[Admissible, Admissible, Admissible],
     stresses: tuple[Admissible, Admissible],
     t: float,
@@ -154,7 +157,7 @@ def _end(
     of_rank = float((squares[1] - squares[2]).sum()) / (4 * h)
     product = model.comm.allreduce(of_rank, MPI.SUM)
 
-    V = BoundedNumber(psi + product / 2) + load_work(model, phi)
+    V = psi + BoundedNumber(product / 2) + load_work(model, phi)
     V = V - elastic_work(pair, u, phi) + strain_work(pair, phi)
     contacts = zip(pair.tractions, more.tractions, less.tractions, strict=True)
     for traction, of_more, of_less in contacts:

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+from erc_contact.base.exceptions import InputError
 from erc_contact.scene.checks import check_name, check_vector
+from erc_contact.scene.load import LOAD_MEMBERS, Load
 
 
 @dataclass(frozen=True)
@@ -129,6 +131,42 @@ class Rotation(_PartAboutAxis):
 
 
 @dataclass(frozen=True)
+class Functional:
+    """Ask for a number that is linear in the displacement, ``int psi . u``.
+
+    It is the work of a load psi that the scene need not have: a mean with a weight, the
+    opening between two parts, a coefficient of a mode.
+
+    Args:
+        load: psi, as a :class:`erc_contact.Traction` on a boundary part, a
+            :class:`erc_contact.BodyForce`, or a load of the user's own. A traction is
+            on a part where the scene may have one: in components that supports leave
+            free, and not in contact.
+
+    Raises:
+        InputError: If it is no load.
+
+    Source: the derivative of the energy by the load. The interval is proved if the mesh
+    carries psi: on facets polynomials of the degree k of u, in cells of degree k - 1.
+
+    Example:
+        >>> ec.Functional(ec.Traction("right", (0.0, lambda x: x[1])))
+        Functional(load=Traction(facets='right', value=(0.0, <function ...>), ...))
+    """
+
+    load: Load
+
+    def __post_init__(self) -> None:
+        """Check the load."""
+        missing = [name for name in LOAD_MEMBERS if not hasattr(self.load, name)]
+        if missing or isinstance(self.load, type):
+            raise InputError(
+                f"Functional: load is {self.load!r}; give a Traction, a BodyForce, or an object"
+                f" with {', '.join(LOAD_MEMBERS)}."
+            )
+
+
+@dataclass(frozen=True)
 class Energy:
     """Ask for the potential energy [force length].
 
@@ -143,11 +181,11 @@ class Energy:
     """
 
 
-GOALS = (Resultant, Moment, MeanDisplacement, Rotation, Energy)
+GOALS = (Resultant, Moment, MeanDisplacement, Rotation, Functional, Energy)
 """The kinds of goals."""
 
 type GoalOfPart = Resultant | Moment | MeanDisplacement | Rotation
 """A number of a boundary part."""
 
-type Goal = GoalOfPart | Energy
+type Goal = GoalOfPart | Functional | Energy
 """A number of the solution."""
