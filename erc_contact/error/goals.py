@@ -133,10 +133,11 @@ def _energy(error: ConstitutiveError) -> GoalError:
 
 def _told_by_loads(error: ConstitutiveError, number: BoundedNumber) -> GoalError:
     """Return the interval of a number that equilibrium with the loads dictates."""
-    low = number.value - number.bound
-    high = number.value + number.bound
+    value = number.value + 0.0  # no -0.0
+    low = value - number.bound
+    high = value + number.bound
     is_straight = error.geometry_error <= ROUND_OFF * error.scale
-    bounds = Bounds(number.value, low, high, number.resolved and is_straight)
+    bounds = Bounds(value, low, high, number.resolved and is_straight)
     return GoalError(bounds, (error.scale * error.indicators) ** 2)
 
 

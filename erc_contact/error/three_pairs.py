@@ -34,6 +34,11 @@ With given friction b, A and B also contain what friction does, and V the differ
 ``int b (|w^_t| - |w+_t|)/t``, at the upper end ``int b (|w-_t| - |w^_t|)/t``. If the
 friction bound depends on the pressure, the interval is an estimate.
 
+The gap of a frictionless contact may move, too, by ``t n . a``, with a vector field a.
+The derivative then has the work of r on a beside that of the supports, and phi - a
+takes the place of phi in the work of r: as u+ may be beyond g by ``t n . a``, its bound
+is the same. V stays as it is.
+
 Any t is allowed, and the intervals of several t may be intersected. While the contact
 set stays as it is, d does not depend on t. Then ``t = 2 M/d`` is best, and the width d
 M is of second order. A t that changes the set makes d larger.
