@@ -6,6 +6,7 @@ moving the gap tells the same as moving all beyond the contact.
 
 from functools import cache
 
+import numpy as np
 import pytest
 from test_bad_input import refused
 from test_moments import moment_about
@@ -124,6 +125,14 @@ def test_intersection_with_that_of_one_lifting(monkeypatch):
     both = ec.interval(error, goal)
     assert both.guaranteed
     assert (both.low, both.high) == pytest.approx((first.low, first.value), rel=1e-9)
+
+    monkeypatch.undo()
+    numbers = iter([np.nan, 1.0, 1.0, 1.0, 1.0, 1.0])
+    monkeypatch.setattr(
+        goals, "ends_of", lambda *pairs: Ends(-next(numbers), first.value, 1.0, 1.0, 0.0)
+    )
+    # A scene that was moved so far that it overflows tells nothing.
+    assert ec.interval(error, goal).low == pytest.approx(first.low, rel=1e-9)
 
     proved = ec.Bounds(1.0, 0.0, 2.0, guaranteed=True)
     estimate = ec.Bounds(2.5, 1.0, 4.0, guaranteed=False)
