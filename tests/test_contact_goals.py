@@ -80,7 +80,7 @@ def test_gap_tells_what_supports_tell(part, monkeypatch):
         assert by_gap.low == pytest.approx(bounds.low, rel=1e-6)
         assert by_gap.high == pytest.approx(bounds.high, rel=1e-6)
     along = ec.interval(coarse, ec.Resultant(part, (1.0, 0.0)))
-    assert along.low == along.high == 0.0
+    assert along.low == along.high == along.relative == 0.0
 
 
 def test_corner_and_symmetry():

@@ -52,7 +52,12 @@ class Bounds:
 
     @property
     def relative(self) -> float:
-        """Return half the width over the middle [-]; infinite for a middle of zero."""
+        """Return half the width over the middle [-].
+
+        It is infinite for a middle of zero, but 0 for a number that is known.
+        """
+        if self.low == self.high:
+            return 0.0
         middle = abs(self.low + self.high) / 2
         return (self.high - self.low) / 2 / middle if middle > 0 else np.inf
 

@@ -79,7 +79,10 @@ class VirtualMotion:
 
     def moves(self, model: Model, support: Displacement | Rigid) -> bool:
         """Tell whether a support has components that move; collective."""
-        return self.move(model, support, 1.0) != support
+        moved = self.move(model, support, 1.0)
+        if isinstance(support, Rigid) and isinstance(moved, Rigid):
+            return moved.motions != support.motions
+        return moved != support
 
     def move(self, model: Model, support: Displacement | Rigid, t: float) -> Displacement | Rigid:
         """Return a support moved by t W, in the components that it has; collective."""
