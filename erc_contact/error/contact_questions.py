@@ -17,6 +17,7 @@ from functools import partial
 
 import numpy as np
 import ufl
+from dolfinx import fem
 from mpi4py import MPI
 from ufl.domain import extract_unique_domain
 
@@ -235,7 +236,7 @@ def _with_gap(entry: Contact, contact: BoundContact, motion: VirtualMotion, t: f
 
 def _normal_part(contact: BoundContact, motion: VirtualMotion, t: float) -> Shift:
     """Return ``t n . W``, a number where it is the same everywhere."""
-    if contact.against is None:
+    if isinstance(contact.normal, fem.Constant):
         return motion.component(np.asarray(contact.normal.value), t)
     return partial(_along_facets, motion, t)
 
