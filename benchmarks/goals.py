@@ -4,10 +4,13 @@
 degree; without friction, with given friction or Coulomb's), ``space``: the same in 3D,
 ``coulomb``: forces with Coulomb friction against those of elements on a fine mesh.
 The goals are the force on the top, that on the contact below, and the mean displacement
-of the right side. An interval is called false where it lies apart from that of a mesh
-refined three times (in space once) with elements of degree 2. "half width" is over the
-number, "narrower" the width of ``resultant`` over that of ``interval``, and "order" the
-exponent of the width in e on a mesh refined once.
+of the right side. ``moments``, ``contacts`` and ``functionals``, and each of them
+``_in_space``: moments and rotations under a press that turns, forces between two bodies
+and on two contacts, integrals with weights (:mod:`goal_families`); the number is read
+off the stress and the displacement of a fine mesh. An interval is called false where it
+lies apart from that of a mesh refined three times (in space once) with elements of
+degree 2. "half width" is over the number, "narrower" the width of ``resultant`` over
+that of ``interval``, and "order" the exponent of the width in e on a mesh refined once.
 
     OMP_NUM_THREADS=1 python benchmarks/goals.py [name|all] [seed] [count]
 """
@@ -23,6 +26,7 @@ import numpy as np  # isort: skip - after erc_contact, which loads MPI first
 from attack import pushed_block  # isort: skip
 from attack_families import Sample, scene_generator  # isort: skip
 from attack_tables import quantile_table  # isort: skip
+from goal_families import Wanted, stacked, turned, weighed  # isort: skip
 from tasks import run  # isort: skip
 
 QUANTILES = (0.0, 0.05, 0.5, 0.95, 1.0)
@@ -154,7 +158,86 @@ def coulomb(seed: int = 0, count: int = 24) -> None:
     print(quantile_table(columns, QUANTILES, "{:.3f}"), flush=True)
 
 
-TASKS: dict[str, Callable[..., None]] = {task.__name__: task for task in (plane, space, coulomb)}
+Family = Callable[[np.random.Generator, int], tuple[str, Sample, list[Wanted]]]
+"""Type of what makes a random scene with goals."""
+
+
+def against_fields(family: Family, seed: int, count: int, d: int) -> None:
+    """Print how far numbers of a fine mesh are from the middle of their intervals.
+
+    These numbers know no interval. They are called outside by more than they change
+    from the last mesh but one.
+    """
+    columns: dict[str, list[float]] = {}
+    outside: list[str] = []
+    measured_count = 0
+    proved_count = 0
+    for number in range(count):
+        law, sample, wanted = family(scene_generator(seed, number), d)
+        try:
+            coarse = measured(sample.scene, sample.domain, sample.degree)
+            finer = sample.domain
+            for _ in range(LEVELS[d] - 1):
+                finer = finer.refined()
+            fine = measured(sample.scene, finer, 2)
+            best = measured(sample.scene, finer.refined(), 2)
+            for each in wanted:
+                bounds = ec.interval(coarse, each.goal)
+                exact = each.read(best)
+                slack = abs(exact - each.read(fine)) + 1e-9 * abs(exact)
+                half = (bounds.high - bounds.low) / 2
+                distance = abs(exact - bounds.value)
+                measured_count += 1
+                proved_count += bounds.guaranteed
+                if distance > half + slack:
+                    kind = "proved" if bounds.guaranteed else "estimate"
+                    line = f"scene {number} ({sample.name}), {each.name}, {kind}"
+                    outside.append(f"{line}: {bounds}, {exact}, slack {slack}")
+                label = f"{each.name}, {law}"
+                columns.setdefault(f"half width, {label}", []).append(half / abs(exact))
+                if half > 10 * slack:
+                    columns.setdefault(f"distance, {label}", []).append(distance / half)
+        except ec.ErcContactError as reason:
+            words = str(reason)[:200]
+            print(f"scene {number} ({sample.name}): {type(reason).__name__} {words}", flush=True)
+    print(quantile_table(dict(sorted(columns.items())), QUANTILES, "{:.3f}"))
+    print(f"{measured_count} intervals, {proved_count} proved, {len(outside)} outside")
+    print(*outside, sep="\n", flush=True)
+
+
+def moments(seed: int = 0, count: int = 40) -> None:
+    """Print the table of moments and rotations in the plane."""
+    against_fields(turned, seed, count, 2)
+
+
+def moments_in_space(seed: int = 0, count: int = 6) -> None:
+    """Print the table of moments and rotations in space."""
+    against_fields(turned, seed, count, 3)
+
+
+def contacts(seed: int = 0, count: int = 40) -> None:
+    """Print the table of forces and moments between bodies in the plane."""
+    against_fields(stacked, seed, count, 2)
+
+
+def contacts_in_space(seed: int = 0, count: int = 6) -> None:
+    """Print the table of forces and moments between bodies in space."""
+    against_fields(stacked, seed, count, 3)
+
+
+def functionals(seed: int = 0, count: int = 40) -> None:
+    """Print the table of numbers that are linear in u, in the plane."""
+    against_fields(weighed, seed, count, 2)
+
+
+def functionals_in_space(seed: int = 0, count: int = 6) -> None:
+    """Print the table of numbers that are linear in u, in space."""
+    against_fields(weighed, seed, count, 3)
+
+
+IN_PLANE = (plane, coulomb, moments, contacts, functionals)
+IN_SPACE = (space, moments_in_space, contacts_in_space, functionals_in_space)
+TASKS: dict[str, Callable[..., None]] = {task.__name__: task for task in IN_PLANE + IN_SPACE}
 
 
 if __name__ == "__main__":

@@ -47,7 +47,7 @@ from erc_contact.run.saved import read_history
 from erc_contact.run.step import Step
 from erc_contact.run.time_row import TimeStep
 from erc_contact.scene.contact import Contact, Foundation, Symmetry
-from erc_contact.scene.goal import MeanDisplacement, Resultant
+from erc_contact.scene.goal import Energy, Functional, MeanDisplacement, Moment, Resultant, Rotation
 from erc_contact.scene.law import Coulomb, Law, Tresca
 from erc_contact.scene.load import BodyForce, Load, Traction
 from erc_contact.scene.material import Elastic, Material
@@ -73,9 +73,11 @@ __all__ = [
     "Domain",
     "Eigenstrain",
     "Elastic",
+    "Energy",
     "ErcContactError",
     "Evolution",
     "Foundation",
+    "Functional",
     "GivenStrain",
     "History",
     "InputError",
@@ -85,12 +87,14 @@ __all__ = [
     "Material",
     "MeanDisplacement",
     "Method",
+    "Moment",
     "Nitsche",
     "NotConverged",
     "NotHeldError",
     "Oscillations",
     "Resultant",
     "Rigid",
+    "Rotation",
     "Scene",
     "SizeMap",
     "Sizes",

@@ -9,6 +9,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+import ufl
 from mpi4py import MPI
 from test_bad_input import refused
 from test_two_bodies import certified, pressed, small_bricks
@@ -17,6 +18,8 @@ import erc_contact as ec
 
 COMM = MPI.COMM_WORLD
 DEPTH = 0.01
+RIGHT = ec.Traction("right", (-0.02, 0.0))
+PRESSED = ec.Traction("right", pressure=2.0)
 
 
 @cache
@@ -77,15 +80,33 @@ def test_coarse_and_fine_intervals(d, degree, friction, cells):
 
 def test_numbers_that_are_known():
     """A column under its own number: force and displacement of a homogeneous state."""
-    load = ec.Traction("right", (-0.02, 0.0))
     held = [ec.Displacement("left", (0.0, None))]
-    scene = ec.Scene(ec.Elastic(1.0, 0.0), held, load, ec.Contact("bottom"))
+    scene = ec.Scene(ec.Elastic(1.0, 0.0), held, RIGHT, ec.Contact("bottom"))
     error = certified(scene, block(2, 2))
     shortening = ec.interval(error, ec.MeanDisplacement("right", (1.0, 0.0)))
     force = ec.interval(error, ec.Resultant("left", (2.0, 0.0)))
     for bounds, exact in ((shortening, -0.04), (force, 0.04)):
         assert bounds.low - 1e-12 <= exact <= bounds.high + 1e-12
         assert bounds.high - bounds.low < 1e-9
+
+
+def test_functionals_of_a_homogeneous_state():
+    """``u_x = -0.02 x``: integrals with weights over a side and over the body."""
+    held = [ec.Displacement("left", (0.0, None))]
+    scene = ec.Scene(ec.Elastic(1.0, 0.0), held, RIGHT, ec.Contact("bottom"))
+    error = certified(scene, block(2, 2))
+    by_height = ec.Traction("right", (lambda x: 3.0 * x[1], 0.0))
+    loads = {-0.06: by_height, -0.04: ec.BodyForce((1.0, 0.0)), 0.08: PRESSED}
+    for exact, load in loads.items():
+        bounds = ec.interval(error, ec.Functional(load))
+        assert bounds.guaranteed
+        assert bounds.low - 1e-12 <= exact <= bounds.high + 1e-12
+        assert bounds.high - bounds.low < 1e-8
+    # No polynomial: the mesh does not carry it.
+    curved = ec.Traction("right", (lambda x: ufl.exp(x[1]), 0.0))
+    assert not ec.interval(error, ec.Functional(curved)).guaranteed
+    refused(lambda: ec.interval(error, ec.Functional(ec.Traction("bottom", (0, 1)))), "'bottom'")
+    refused(lambda: ec.Functional("right"), "'right'", "Traction")
 
 
 @pytest.mark.serial
@@ -185,6 +206,19 @@ def test_run_to_a_displacement():
     assert aimed.bounds.guaranteed
     fine = ec.interval(certified(opening(2), block(2, 16), degree=2), goals(2)[2])
     assert aimed.bounds.low <= fine.low <= fine.high <= aimed.bounds.high
+
+
+def test_run_to_an_energy():
+    """It ends where the interval is narrow, long before eps is; a fine mesh agrees."""
+    aimed = ec.adapt(opening(2), block(2, 2), 0.02, goal=ec.Energy())
+    assert aimed.reached
+    assert aimed.bounds.guaranteed
+    assert aimed.bounds.relative <= 0.02 < aimed.error.relative
+    assert len(aimed.steps) > 1
+    own = ec.potential_energy(aimed.error)
+    assert (aimed.bounds.low, aimed.bounds.high) == (own.low, own.high)
+    fine = ec.interval(certified(opening(2), block(2, 16), degree=2), ec.Energy())
+    assert aimed.bounds.low < fine.low < fine.value < fine.high < aimed.bounds.high
 
 
 def test_what_has_no_interval():

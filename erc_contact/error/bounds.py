@@ -65,15 +65,15 @@ from collections.abc import Sequence
 import numpy as np
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.error.constitutive import ROUND_OFF, ConstitutiveError
+from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.lifting import lifting
-from erc_contact.error.numbers import Bounds
+from erc_contact.error.load_work import load_work
+from erc_contact.error.numbers import ROUND_OFF, Bounds
 from erc_contact.error.runs import Run, error_of
 from erc_contact.error.works import (
     elastic_work,
     foundation_energy,
     friction_work,
-    load_work,
     strain_energy,
     strain_work,
     stress_work,

@@ -27,7 +27,8 @@ from erc_contact.admissible.pair import Admissible, equilibrate
 from erc_contact.admissible.springs import spring_squares
 from erc_contact.admissible.tighten.iteration import TIGHTEN
 from erc_contact.base.percent import percent
-from erc_contact.error.constitutive import ROUND_OFF, ConstitutiveError, constitutive_error
+from erc_contact.error.constitutive import ConstitutiveError, constitutive_error
+from erc_contact.error.numbers import ROUND_OFF
 from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.simplex import bernstein
 from erc_contact.model.trace import split

@@ -46,6 +46,7 @@ from erc_contact.base.percent import percent
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.error.bulk import add_springs, bulk_squares, geometry_squares
 from erc_contact.error.foundations import add_foundations
+from erc_contact.error.numbers import ROUND_OFF
 from erc_contact.error.oscillation import UNKNOWN_SHARE, Oscillations
 from erc_contact.error.rigid import RIGID_NOISE, is_free, round_off
 from erc_contact.error.squares import contact_and_oscillations, raise_if_no_number
@@ -60,9 +61,6 @@ from erc_contact.results.forces import force, reactions
 from erc_contact.results.points import Values, at
 from erc_contact.results.profile import profile
 from erc_contact.results.stresses import mean_stress
-
-ROUND_OFF = 1e-12
-"""Numbers below this, relative to their scale, count as zero [-]."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,12 +19,14 @@ import numpy as np
 from erc_contact.admissible.pair import Admissible
 from erc_contact.base.exceptions import InputError, NotConverged, NotHeldError
 from erc_contact.base.percent import percent
+from erc_contact.error.bounds import potential_energy, resultant
 from erc_contact.error.bulk import data_vary
-from erc_contact.error.constitutive import ConstitutiveError
-from erc_contact.error.numbers import Bounds
-from erc_contact.error.questions import Question, question_of
+from erc_contact.error.constitutive import ConstitutiveError, constitutive_error
+from erc_contact.error.numbers import ROUND_OFF, BoundedNumber, Bounds
+from erc_contact.error.question import Question
+from erc_contact.error.questions import question_of
 from erc_contact.error.three_pairs import Ends, ends_of
-from erc_contact.scene.goal import Goal
+from erc_contact.scene.goal import Energy, Goal, Resultant
 from erc_contact.scene.scene import Scene
 
 PairOf = Callable[[Scene], Admissible]
@@ -75,10 +77,14 @@ def goal_error(
         InputError: As :func:`interval`.
         NotConverged: If the moved scenes are not solved.
     """
+    if isinstance(goal, Energy):
+        return _energy(error)
     model = error.model
     if any(contact.trace.before is not None for contact in model.contacts):
         raise InputError("interval: a step of a history has none; solve its scene alone.")
     question = question_of(error, goal)
+    if question.moved is None:
+        return _told_by_loads(error, question.constant)
     tried = _tried(error, question, pair_of, LARGEST_COUNT if search else ROUGH_COUNT)
     if not tried:
         raise NotConverged("interval: the moved scenes were not solved; refine the mesh.", ())
@@ -89,11 +95,50 @@ def goal_error(
     )
     low = min(ends) + question.constant.value - question.constant.bound
     high = max(ends) + question.constant.value + question.constant.bound
-    proved = error.guaranteed and question.constant.resolved and not data_vary(model)
+    resolved = question.constant.resolved and all(one.resolved for one in tried)
+    proved = error.guaranteed and resolved and not data_vary(model)
     best = min(tried, key=lambda one: one.width)
     squares = (error.scale * error.indicators) ** 2
     shares = squares / (2 * best.t) + best.t * best.d_squares / 4
-    return GoalError(Bounds((low + high) / 2, low, high, proved), shares)
+    bounds = Bounds((low + high) / 2, low, high, proved)
+    if search and isinstance(goal, Resultant):
+        bounds = _with_lifting(error, goal, bounds)
+    return GoalError(bounds, shares)
+
+
+def _with_lifting(error: ConstitutiveError, goal: Resultant, bounds: Bounds) -> Bounds:
+    """Return an interval narrowed by that of one lifting, on a contact; collective.
+
+    Far from the solution, and with Coulomb friction, that one may be the narrower.
+    """
+    contacts: list[str] = []
+    for contact in error.solution.scene.contacts:
+        contacts += contact.sides
+    if goal.part not in contacts:
+        return bounds
+    lifted = resultant(error, goal.part, goal.direction)
+    return bounds if lifted.weighted else bounds.narrowed(lifted)
+
+
+def _energy(error: ConstitutiveError) -> GoalError:
+    """Return the interval of the potential energy; collective.
+
+    Its width is ``e^2/2``, of which each cell has its part.
+    """
+    bounds = potential_energy(error)
+    middle = (bounds.low + bounds.high) / 2
+    shares = (error.scale * error.total_indicators) ** 2
+    return GoalError(replace(bounds, value=middle), shares)
+
+
+def _told_by_loads(error: ConstitutiveError, number: BoundedNumber) -> GoalError:
+    """Return the interval of a number that equilibrium with the loads dictates."""
+    value = number.value + 0.0  # no -0.0
+    low = value - number.bound
+    high = value + number.bound
+    is_straight = error.geometry_error <= ROUND_OFF * error.scale
+    bounds = Bounds(value, low, high, number.resolved and is_straight)
+    return GoalError(bounds, (error.scale * error.indicators) ** 2)
 
 
 def _tried(error: ConstitutiveError, question: Question, pair_of: PairOf, most: int) -> list[Ends]:
@@ -127,13 +172,27 @@ def _tried(error: ConstitutiveError, question: Question, pair_of: PairOf, most: 
 
 def _ends(error: ConstitutiveError, question: Question, pair_of: PairOf, t: float) -> Ends | None:
     """Return the interval for a t, None if its scenes are not solved; collective."""
+    assert question.moved is not None
     try:
         plus = pair_of(question.moved(t))
         minus = pair_of(question.moved(-t))
     except (NotConverged, NotHeldError):
         return None
+    except InputError as conflict:
+        raise InputError(
+            "interval: what the number is of cannot move alone, because a support or a contact"
+            f" holds a node of it. The moved scene says: {conflict}"
+        ) from conflict
     psi = question.psi(error.admissible.displacement)
-    return ends_of(error, psi, plus, minus, t)
+    ends = ends_of(error, psi, plus, minus, t)
+    if not np.isfinite(ends.width):
+        # A body that the load pulls off may have a displacement without end.
+        return None
+    if not question.varies:
+        return ends
+    # Of loads that the mesh carries this is exactly zero, however small t is.
+    carried = constitutive_error(plus).oscillations.loads == 0.0
+    return replace(ends, resolved=ends.resolved and carried)
 
 
 # -- runs

@@ -18,18 +18,22 @@ def interval(error: ConstitutiveError | Run, goal: Goal) -> Bounds:
     For each of some values of t, two to six, the scene is solved twice more on the
     same mesh, from the known solution. The interval is of order 1.5 in e, and of order
     2 where the contact set is settled; that of :func:`erc_contact.resultant` is of
-    order 1.
+    order 1. The force of a contact is in both: what they share is returned, if both are
+    proved or both are estimates.
 
     Args:
         error: The error of an admissible pair, or a history, whose error is taken.
-        goal: :class:`erc_contact.Resultant` or :class:`erc_contact.MeanDisplacement`.
+        goal: :class:`erc_contact.Resultant`, :class:`erc_contact.Moment`,
+            :class:`erc_contact.MeanDisplacement`, :class:`erc_contact.Rotation`,
+            :class:`erc_contact.Functional`, or :class:`erc_contact.Energy`, which needs
+            no further solve.
 
     Returns:
-        The interval, around its middle [force], [length].
+        The interval, around its middle [force], [force length], [length] or [rad].
 
     Raises:
-        InputError: If the scene has no such part, it cannot move alone, or the scene is
-            a step of a history.
+        InputError: If the scene has no such part, it cannot move alone, other contacts
+            with friction share its force, or the scene is a step of a history.
 
     Example:
         >>> bounds = ec.interval(error, ec.Resultant("top", (0.0, 1.0)))

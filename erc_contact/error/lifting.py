@@ -19,7 +19,7 @@ from petsc4py import PETSc
 from erc_contact.base.exceptions import InputError, raise_together
 from erc_contact.base.runtime import compiled
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.error.constitutive import ROUND_OFF
+from erc_contact.error.numbers import ROUND_OFF
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.loads import sum_of
 from erc_contact.model.model import Model

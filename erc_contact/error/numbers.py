@@ -1,10 +1,16 @@
-"""Intervals of numbers of the exact solution."""
+"""Intervals of numbers of the exact solution, and integrals with bounds."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
+from mpi4py import MPI
+
+from erc_contact.mesh.quadrature import Integral
+
+ROUND_OFF = 1e-12
+"""Numbers below this, relative to their scale, count as zero [-]."""
 
 
 @dataclass(frozen=True)
@@ -35,8 +41,55 @@ class Bounds:
     guaranteed: bool
     weighted: bool = False
 
+    def narrowed(self, other: Bounds) -> Bounds:
+        """Return what both intervals hold; the narrower one if one alone is proved."""
+        low = max(self.low, other.low)
+        high = min(self.high, other.high)
+        if self.guaranteed != other.guaranteed or low > high:
+            return min(self, other, key=lambda bounds: bounds.high - bounds.low)
+        weighted = self.weighted or other.weighted
+        return Bounds((low + high) / 2, low, high, self.guaranteed, weighted)
+
     @property
     def relative(self) -> float:
-        """Return half the width over the middle [-]; infinite for a middle of zero."""
+        """Return half the width over the middle [-].
+
+        It is infinite for a middle of zero, but 0 for a number that is known.
+        """
+        if self.low == self.high:
+            return 0.0
         middle = abs(self.low + self.high) / 2
         return (self.high - self.low) / 2 / middle if middle > 0 else np.inf
+
+
+@dataclass(frozen=True)
+class BoundedNumber:
+    """Hold a number with a bound of its error: an integral over all ranks.
+
+    Attributes:
+        value: Its value.
+        bound: Bound or estimate of its error, see
+            :class:`erc_contact.mesh.quadrature.Integral`.
+        resolved: Whether ``bound`` is within the tolerance.
+    """
+
+    value: float
+    bound: float = 0.0
+    resolved: bool = True
+
+    @classmethod
+    def summed(cls, comm: MPI.Comm, integral: Integral) -> BoundedNumber:
+        """Add up all integrals of all ranks; collective."""
+        local = np.array([integral.value.sum(), integral.rest.sum()])
+        value, bound = comm.allreduce(local, MPI.SUM)
+        return cls(float(value), float(bound), bool(integral.resolved.all()))
+
+    def __add__(self, other: BoundedNumber) -> BoundedNumber:
+        resolved = self.resolved and other.resolved
+        return BoundedNumber(self.value + other.value, self.bound + other.bound, resolved)
+
+    def __sub__(self, other: BoundedNumber) -> BoundedNumber:
+        return self + -1.0 * other
+
+    def __rmul__(self, factor: float) -> BoundedNumber:
+        return BoundedNumber(factor * self.value, abs(factor) * self.bound, self.resolved)

@@ -34,6 +34,11 @@ With given friction b, A and B also contain what friction does, and V the differ
 ``int b (|w^_t| - |w+_t|)/t``, at the upper end ``int b (|w-_t| - |w^_t|)/t``. If the
 friction bound depends on the pressure, the interval is an estimate.
 
+The gap of a frictionless contact may move, too, by ``t n . a``, with a vector field a.
+The derivative then has the work of r on a beside that of the supports, and phi - a
+takes the place of phi in the work of r: as u+ may be beyond g by ``t n . a``, its bound
+is the same. V stays as it is.
+
 Any t is allowed, and the intervals of several t may be intersected. While the contact
 set stays as it is, d does not depend on t. Then ``t = 2 M/d`` is best, and the width d
 M is of second order. A t that changes the set makes d larger.
@@ -56,15 +61,11 @@ from mpi4py import MPI
 from erc_contact.admissible.pair import Admissible
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.error.bulk import add_springs, bulk_squares
-from erc_contact.error.constitutive import ROUND_OFF, ConstitutiveError
+from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.contact_integral import contact_integral
-from erc_contact.error.works import (
-    BoundedNumber,
-    elastic_work,
-    friction_work,
-    load_work,
-    strain_work,
-)
+from erc_contact.error.load_work import load_work
+from erc_contact.error.numbers import ROUND_OFF, BoundedNumber
+from erc_contact.error.works import elastic_work, friction_work, strain_work
 from erc_contact.model.contact_data import ContactData
 from erc_contact.model.model import Model
 from erc_contact.model.trace import split
@@ -80,6 +81,7 @@ class Ends:
         t: The t that it is of.
         better_t: The t that would be best if d were the same for all t, ``2 M/d``.
         d_squares: ``d^2`` on each owned cell, the mean of both ends, shape (owned,).
+        resolved: Whether its integrals are resolved, and the mesh carries moved loads.
     """
 
     low: float
@@ -87,6 +89,7 @@ class Ends:
     t: float
     better_t: float
     d_squares: np.ndarray
+    resolved: bool = True
 
     @property
     def width(self) -> float:
@@ -95,7 +98,7 @@ class Ends:
 
 
 def ends_of(
-    error: ConstitutiveError, psi: float, plus: Admissible, minus: Admissible, t: float
+    error: ConstitutiveError, psi: BoundedNumber, plus: Admissible, minus: Admissible, t: float
 ) -> Ends:
     """Compute the interval of Q from three pairs; collective.
 
@@ -122,12 +125,13 @@ def ends_of(
     d_squares = np.maximum(0.5 * (lower[1] + upper[1]), 0.0)
     d = max(sizes)
     better_t = 2 * M / d if d > 0 else np.inf
-    return Ends(ends[0], ends[1], t, better_t, d_squares)
+    resolved = lower[0].resolved and upper[0].resolved
+    return Ends(ends[0], ends[1], t, better_t, d_squares, resolved)
 
 
 def _end(
     error: ConstitutiveError,
-    psi: float,
+    psi: BoundedNumber,
     displacements: tuple[Admissible, Admissible, Admissible],
     stresses: tuple[Admissible, Admissible],
     t: float,
@@ -158,7 +162,7 @@ def _end(
     of_rank = float((squares[1] - squares[2]).sum()) / (4 * h)
     product = model.comm.allreduce(of_rank, MPI.SUM)
 
-    V = BoundedNumber(psi + product / 2) + load_work(model, phi)
+    V = psi + BoundedNumber(product / 2) + load_work(model, phi)
     V = V - elastic_work(pair, u, phi) + strain_work(pair, phi)
     contacts = zip(pair.tractions, more.tractions, less.tractions, strict=True)
     for traction, of_more, of_less in contacts:

@@ -1,4 +1,4 @@
-"""Work of stresses, loads and friction on displacements.
+"""Work of stresses and of friction on displacements.
 
 It is known up to what the integrals leave unknown. The integrals are exact where no
 data vary inside cells. Elsewhere they are adapted to the data
@@ -7,71 +7,33 @@ data vary inside cells. Elsewhere they are adapted to the data
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
 
-from erc_contact.admissible.cells import cell_geometry, sorted_corners
+from erc_contact.admissible.cells import sorted_corners
 from erc_contact.admissible.elastic import act, strains
 from erc_contact.admissible.macro import macro_points
 from erc_contact.admissible.pair import Admissible
 from erc_contact.admissible.springs import spring_work
 from erc_contact.admissible.traction import ContactTraction
-from erc_contact.base.runtime import compiled
-from erc_contact.base.ufl_types import Ufl
 from erc_contact.error.bulk import data_vary
 from erc_contact.error.contact_integral import contact_integral
 from erc_contact.error.foundations import foundation_energies
+from erc_contact.error.load_work import assembled
+from erc_contact.error.numbers import BoundedNumber
 from erc_contact.mesh.quadrature import (
     Integral,
     Integrand,
     cell_pieces,
-    facet_pieces,
     integrate,
     polynomials,
 )
-from erc_contact.mesh.simplex import bernstein, coefficients
+from erc_contact.mesh.simplex import bernstein
 from erc_contact.model.contact_data import ContactData
-from erc_contact.model.expressions import Everywhere
 from erc_contact.model.foundation import pressures
 from erc_contact.model.model import Model
-from erc_contact.model.symbolic import varies_in_cells
 from erc_contact.model.trace import split
-
-
-@dataclass(frozen=True)
-class BoundedNumber:
-    """Hold a number with a bound of its error: an integral over all ranks.
-
-    Attributes:
-        value: Its value.
-        bound: Bound or estimate of its error, see
-            :class:`erc_contact.mesh.quadrature.Integral`.
-        resolved: Whether ``bound`` is within the tolerance.
-    """
-
-    value: float
-    bound: float = 0.0
-    resolved: bool = True
-
-    @classmethod
-    def summed(cls, comm: MPI.Comm, integral: Integral) -> BoundedNumber:
-        """Add up all integrals of all ranks; collective."""
-        local = np.array([integral.value.sum(), integral.rest.sum()])
-        value, bound = comm.allreduce(local, MPI.SUM)
-        return cls(float(value), float(bound), bool(integral.resolved.all()))
-
-    def __add__(self, other: BoundedNumber) -> BoundedNumber:
-        resolved = self.resolved and other.resolved
-        return BoundedNumber(self.value + other.value, self.bound + other.bound, resolved)
-
-    def __sub__(self, other: BoundedNumber) -> BoundedNumber:
-        return self + -1.0 * other
-
-    def __rmul__(self, factor: float) -> BoundedNumber:
-        return BoundedNumber(factor * self.value, abs(factor) * self.bound, self.resolved)
 
 
 def elastic_work(pair: Admissible, v: fem.Function, w: fem.Function) -> BoundedNumber:
@@ -204,67 +166,3 @@ def friction_works(
         return data.bound(facet, x, pressure) * slip
 
     return contact_integral(model, contact, u, density, floor)
-
-
-def load_work(model: Model, v: fem.Function) -> BoundedNumber:
-    """Compute ``f(v) + F(v)`` [force length]; collective."""
-    constant_loads = model.loads(v, varying=False)
-    # Loads that do not vary in space are exact in a form, the others are adapted.
-    total = BoundedNumber(0.0)
-    if constant_loads is not None:
-        total = BoundedNumber(assembled(model, constant_loads))
-    for load in model.surface_loads:
-        if load.varies:
-            total += _surface_work(model, load.facets, load.density, v)
-    if model.body_force is not None and varies_in_cells(model.body_force):
-        total += _body_work(model, v)
-    if model.face_forces is not None:
-        # The resultants of loose rigid faces work on their motions.
-        local = float(model.face_forces.x.array @ v.x.array)
-        total += BoundedNumber(float(model.comm.allreduce(local, MPI.SUM)))
-    return total
-
-
-def _surface_work(model: Model, part: str, density: Ufl, v: fem.Function) -> BoundedNumber:
-    """Compute the work of a varying traction [force length]; collective."""
-    d, k = model.d, model.degree
-    nodal = v.x.array.reshape(-1, d)
-    facets = model.domain.facets(part)
-    # Every facet counts on one rank.
-    area = np.where(model.owned(facets), model.facet_areas(facets), 0.0)
-    on_facets = np.matmul(coefficients(d - 1, k), nodal[model.facet_nodes(facets)])
-    work = _products(Everywhere(density, model.mesh), facets, on_facets, k)
-    corners = model.facet_corners(facets)
-    integral = integrate(model.comm, work, corners, area, facet_pieces(d - 1))
-    return BoundedNumber.summed(model.comm, integral)
-
-
-def _body_work(model: Model, v: fem.Function) -> BoundedNumber:
-    """Compute the work of a varying body force [force length]; collective."""
-    d, k = model.d, model.degree
-    nodal = v.x.array.reshape(-1, d)
-    owned = model.domain.owned_cells
-    cells = cell_geometry(model)
-    in_cells = np.matmul(coefficients(d, k), nodal[cells.nodes])
-    work = _products(Everywhere(model.body_force, model.mesh), model.owned_cells, in_cells, k)
-    corners = sorted_corners(model, cells)[:owned]
-    volume = cells.volume[:owned]
-    integral = integrate(model.comm, work, corners, volume, cell_pieces(d))
-    return BoundedNumber.summed(model.comm, integral)
-
-
-def _products(load: Everywhere, entities: np.ndarray, of_v: np.ndarray, degree: int) -> Integrand:
-    """Return the work of each component of a load on a polynomial.
-
-    Its coefficients have the shape (entities, N, d).
-    """
-
-    def components(entity: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
-        return load(x, entities[entity]) * np.matmul(polynomials(degree, places), of_v[entity])
-
-    return components
-
-
-def assembled(model: Model, form: Ufl) -> float:
-    """Return the value of a UFL form without arguments, all ranks; collective."""
-    return float(model.comm.allreduce(fem.assemble_scalar(compiled.form(form)), MPI.SUM))

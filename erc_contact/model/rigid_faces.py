@@ -134,7 +134,7 @@ def bind_rigid(space: Space, rigid: Rigid) -> RigidFace:
     d = space.d
     facets = space.domain.facets(rigid.facets)
     nodes = np.unique(space.facet_nodes(facets))
-    about = _centroid(space, facets) if rigid.about is None else np.array(rigid.about, dtype=float)
+    about = centroid(space, facets) if rigid.about is None else np.array(rigid.about, dtype=float)
     if len(about) != d:
         raise InputError(
             f"Rigid({rigid.facets!r}): about has {len(about)} numbers, but the mesh is {d}D."
@@ -171,7 +171,7 @@ def face_forces(space: Space, faces: Sequence[RigidFace]) -> fem.Function | None
     return forces
 
 
-def _centroid(space: Space, facets: np.ndarray) -> np.ndarray:
+def centroid(space: Space, facets: np.ndarray) -> np.ndarray:
     """Return the centroid of a boundary part [length]; collective."""
     mine = facets[space.owned(facets)]
     areas = space.facet_areas(mine)

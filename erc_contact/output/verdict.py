@@ -10,7 +10,8 @@ from collections.abc import Mapping
 from dataclasses import asdict
 
 from erc_contact.base.percent import percent
-from erc_contact.error.constitutive import ROUND_OFF, ConstitutiveError
+from erc_contact.error.constitutive import ConstitutiveError
+from erc_contact.error.numbers import ROUND_OFF
 from erc_contact.model.maximum import Maximum
 
 BOUND = "bound"

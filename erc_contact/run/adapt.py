@@ -57,11 +57,10 @@ def adapt(
         strategy: How the next mesh is made; ``Mark()`` by default, which needs no
             geometry but the mesh.
         degree: Degree of the displacement, 1 or 2.
-        goal: A number that the run aims at, a :class:`erc_contact.Resultant` or a
-            :class:`erc_contact.MeanDisplacement`: the accuracy is then half its
-            interval over its value, as :func:`erc_contact.interval` tells it, and cells
-            are marked by their share in it. ``history.bounds`` has the interval. Each
-            mesh is solved five times, the last ones more often.
+        goal: A number that the run aims at, one of those of
+            :func:`erc_contact.interval`: the accuracy is then half its interval over
+            its value, and cells are marked by their share in it. ``history.bounds`` has
+            the interval. Each mesh is solved five times, the last ones more often.
         stop: "converged" ends Newton at round-off; "certified" as soon as the rest is
             at most a tenth of the error of the mesh: it is part of e, which bounds the
             error of any state.

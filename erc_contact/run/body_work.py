@@ -12,7 +12,7 @@ from mpi4py import MPI
 from erc_contact.admissible.elastic import given_strains
 from erc_contact.admissible.macro import macro_points
 from erc_contact.admissible.pair import Admissible
-from erc_contact.error.works import assembled
+from erc_contact.error.load_work import assembled
 from erc_contact.model.model import Model
 
 

@@ -39,7 +39,8 @@ from mpi4py import MPI
 from erc_contact.admissible.cells import tractions_of
 from erc_contact.admissible.pair import Admissible
 from erc_contact.admissible.traction import ContactTraction
-from erc_contact.error.constitutive import ROUND_OFF, ConstitutiveError
+from erc_contact.error.constitutive import ConstitutiveError
+from erc_contact.error.numbers import ROUND_OFF
 from erc_contact.error.works import friction_work, strain_energy
 from erc_contact.mesh.simplex import barycentric, bernstein, lagrange, projection, rule
 from erc_contact.model.contacts import bind_contact

@@ -20,7 +20,7 @@ from erc_contact.newton.arguments import check_arguments
 from erc_contact.newton.methods import Method
 from erc_contact.newton.solution import Solution
 from erc_contact.run.step import Step
-from erc_contact.scene.goal import Goal, MeanDisplacement, Resultant
+from erc_contact.scene.goal import GOALS, Goal
 from erc_contact.scene.scene import Scene
 
 DECISIVE = ("method", "strategy", "degree", "stop", "tighten", "goal")
@@ -87,9 +87,10 @@ def checked_plan(
         )
     check_callback(callback)
     goal = arguments.get("goal")
-    if goal is not None and not isinstance(goal, Resultant | MeanDisplacement):
+    if goal is not None and not isinstance(goal, GOALS):
         raise InputError(
-            f"goal is {goal!r}; give a Resultant(part, direction) or a MeanDisplacement, or None."
+            f"goal is {goal!r}; give a Resultant(part, direction), or another of"
+            f" {', '.join(kind.__name__ for kind in GOALS)}, or None."
         )
     return Plan(scene=scene, strategy=strategy, callback=callback, **arguments)
 

@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from erc_contact.base import checks
-from erc_contact.error.works import assembled
+from erc_contact.error.load_work import assembled
 from erc_contact.newton.solution import Solution
 from erc_contact.newton.solve import solve
 from erc_contact.run.plan import Plan

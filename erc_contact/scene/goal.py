@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
+from erc_contact.base.exceptions import InputError
 from erc_contact.scene.checks import check_name, check_vector
+from erc_contact.scene.load import LOAD_MEMBERS, Load
 
 
 @dataclass(frozen=True)
@@ -27,8 +29,12 @@ class _PartInDirection:
 class Resultant(_PartInDirection):
     """Ask for the force on a support or on a contact in one direction.
 
+    It is that of all that acts on the part from outside, as
+    :func:`erc_contact.results.force` has it.
+
     Args:
-        part: Name of the boundary part, with a support or in contact.
+        part: Name of the boundary part, with a support or in contact; of a contact
+            between two bodies either side.
         direction: d numbers, of any length: the force is taken along it, times its
             length.
 
@@ -58,5 +64,128 @@ class MeanDisplacement(_PartInDirection):
     """
 
 
-type Goal = Resultant | MeanDisplacement
+@dataclass(frozen=True)
+class _PartAboutAxis:
+    """Hold a boundary part and an axis in space, and check both."""
+
+    part: str
+    axis: Sequence[float] | None = field(default=None, kw_only=True)
+
+    def __post_init__(self) -> None:
+        """Check the arguments."""
+        kind = type(self).__name__
+        check_name(kind, self.part)
+        for name in ("axis", "about"):
+            value = getattr(self, name, None)
+            if value is not None:
+                check_vector(f"{kind}({self.part!r}): {name}", value)
+                # The class is frozen: only here an attribute may change.
+                object.__setattr__(self, name, tuple(value))
+
+
+@dataclass(frozen=True)
+class Moment(_PartAboutAxis):
+    """Ask for the moment on a support or on a contact.
+
+    It is ``int (x - c) x (sigma n)`` over the part, along the axis: the moment of all
+    that acts on the part from outside, as :func:`erc_contact.results.force` has it.
+
+    Args:
+        part: Name of the boundary part, as of :class:`Resultant`.
+        about: The point c [length], d numbers. By default it is the centroid of the
+            part.
+        axis: In space, three numbers, of any length: the moment is taken about it,
+            times its length. In the plane it is counterclockwise, and none is given.
+
+    Raises:
+        InputError: If the point or the axis is no such sequence.
+
+    Source: the derivative of the energy by a small rotation of the supports.
+
+    Example:
+        >>> ec.Moment("top", about=(0.0, 0.0))
+        Moment(part='top', axis=None, about=(0.0, 0.0))
+    """
+
+    about: Sequence[float] | None = None
+
+
+@dataclass(frozen=True)
+class Rotation(_PartAboutAxis):
+    """Ask for the small rotation of a rigid face whose moment is given [rad].
+
+    Args:
+        part: Name of the boundary part, see :class:`erc_contact.Rigid`.
+        axis: In space, three numbers, of any length: the rotation is taken about it,
+            times its length. In the plane it is counterclockwise, and none is given.
+
+    Raises:
+        InputError: If the axis is no such sequence.
+
+    Source: the derivative of the energy by the moment of the face.
+
+    Example:
+        >>> ec.Rotation("top")
+        Rotation(part='top', axis=None)
+    """
+
+
+@dataclass(frozen=True)
+class Functional:
+    """Ask for a number that is linear in the displacement, ``int psi . u``.
+
+    It is the work of a load psi that the scene need not have: a mean with a weight, the
+    opening between two parts, a coefficient of a mode.
+
+    Args:
+        load: psi, as a :class:`erc_contact.Traction` on a boundary part, a
+            :class:`erc_contact.BodyForce`, or a load of the user's own. A traction is
+            on a part where the scene may have one: in components that supports leave
+            free, and not in contact.
+
+    Raises:
+        InputError: If it is no load.
+
+    Source: the derivative of the energy by the load. The interval is proved if the mesh
+    carries psi: on facets polynomials of the degree k of u, in cells of degree k - 1.
+
+    Example:
+        >>> ec.Functional(ec.Traction("right", (0.0, lambda x: x[1])))
+        Functional(load=Traction(facets='right', value=(0.0, <function ...>), ...))
+    """
+
+    load: Load
+
+    def __post_init__(self) -> None:
+        """Check the load."""
+        missing = [name for name in LOAD_MEMBERS if not hasattr(self.load, name)]
+        if missing or isinstance(self.load, type):
+            raise InputError(
+                f"Functional: load is {self.load!r}; give a Traction, a BodyForce, or an object"
+                f" with {', '.join(LOAD_MEMBERS)}."
+            )
+
+
+@dataclass(frozen=True)
+class Energy:
+    """Ask for the potential energy [force length].
+
+    See :func:`erc_contact.potential_energy`. Where the work of the loads has bounds, it
+    is known as well as the energy, see :func:`erc_contact.work_of_loads`.
+
+    Source: the energy of u^ is above the least one by at most ``e^2/2``.
+
+    Example:
+        >>> ec.adapt(scene, block, accuracy=0.1, goal=ec.Energy()).reached
+        True
+    """
+
+
+GOALS = (Resultant, Moment, MeanDisplacement, Rotation, Functional, Energy)
+"""The kinds of goals."""
+
+type GoalOfPart = Resultant | Moment | MeanDisplacement | Rotation
+"""A number of a boundary part."""
+
+type Goal = GoalOfPart | Functional | Energy
 """A number of the solution."""

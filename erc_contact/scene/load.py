@@ -15,6 +15,9 @@ from erc_contact.base.ufl_types import Ufl
 from erc_contact.scene.checks import Vector, check_name, check_value, check_vector
 from erc_contact.scene.material import Value
 
+LOAD_MEMBERS = ("facets", "parameters", "density")
+"""Names of the members of a load."""
+
 
 class Load(Protocol):
     """Describe a load.

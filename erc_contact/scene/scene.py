@@ -16,7 +16,7 @@ from typing import Any
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.html import table
 from erc_contact.scene.contact import Contact, Symmetry
-from erc_contact.scene.load import Load
+from erc_contact.scene.load import LOAD_MEMBERS, Load
 from erc_contact.scene.material import Material
 from erc_contact.scene.rigid import Rigid
 from erc_contact.scene.spring import Spring
@@ -27,8 +27,6 @@ from erc_contact.scene.words import in_words
 
 MATERIAL_MEMBERS = ("parameters", "check", "stress", "compliance", "modulus")
 """Names of the members of a material."""
-LOAD_MEMBERS = ("facets", "parameters", "density")
-"""Names of the members of a load."""
 STRAIN_MEMBERS = ("region", "parameters", "strain")
 """Names of the members of a given strain."""
 CAUSES = TRACTIONS, BODY_FORCE, BALANCE = "tractions", "body force", "balance"

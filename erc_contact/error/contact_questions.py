@@ -1,0 +1,252 @@
+"""Questions of forces and moments on contacts: all that is beyond them moves by t.
+
+See :mod:`erc_contact.error.question`. Let W be the rigid motion of the number ``int r .
+W``, and take a set of bodies that a contact alone joins to other bodies, or to its
+foundation. By equilibrium the number is minus the work on W of loads, supports and
+other contacts of the set. So the set moves by t W: its supports, and the foundations
+and bodies beyond its other contacts. A frictionless contact does so by its gap, which
+grows by ``t n . W``. With friction, W must not make it slide. Of a frictionless contact
+the foundation alone may move, in the other sense: ``int r . W`` is then the derivative
+of the energy by the gap.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+import ufl
+from dolfinx import fem
+from mpi4py import MPI
+from ufl.domain import extract_unique_domain
+
+from erc_contact.base.ufl_types import Ufl
+from erc_contact.error.load_work import load_work
+from erc_contact.error.numbers import BoundedNumber
+from erc_contact.error.question import Asked, Question, no_load
+from erc_contact.error.virtual_motion import Shift, VirtualMotion, shifted
+from erc_contact.model.foundation import BoundContact
+from erc_contact.model.motions import bodies_of_nodes
+from erc_contact.scene.contact import Contact
+from erc_contact.scene.scene import Scene
+
+NO_WORK = 1e-9
+"""Jump of a motion on a contact that counts as none, over the motion [-]."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Bodies:
+    """Find which bodies nodes are on; construction and members are collective.
+
+    Attributes:
+        asked: The scene.
+        body: The body of each node of this rank, shape (nodes,).
+    """
+
+    asked: Asked
+    body: np.ndarray
+
+    def at(self, nodes: np.ndarray) -> frozenset[int]:
+        """Return the bodies of nodes of all ranks."""
+        here = set(self.body[nodes.ravel()].tolist())
+        return frozenset().union(*self.asked.model.comm.allgather(here))
+
+    def of_contact(self, contact: BoundContact) -> tuple[frozenset[int], frozenset[int]]:
+        """Return the bodies on this side of a contact, and on the other one."""
+        trace = contact.trace
+        here = self.at(trace.here.nodes)
+        if trace.there is None:
+            return here, frozenset()
+        return here, self.at(trace.partners)
+
+    def joined(self, start: frozenset[int], without: BoundContact) -> frozenset[int]:
+        """Return bodies with all that contacts join them to, but for one contact."""
+        pairs = []
+        for contact in self.asked.model.contacts:
+            if contact is not without:
+                here, there = self.of_contact(contact)
+                pairs.append(here | there)
+        bodies = start
+        for _ in pairs:
+            for pair in pairs:
+                if pair & bodies:
+                    bodies = bodies | pair
+        return bodies
+
+
+def contact_question(asked: Asked, part: str, motion: VirtualMotion) -> Question | None:
+    """Return the question of ``int r . W`` on a side of a contact; collective.
+
+    None if nothing can be moved that tells it.
+    """
+    model = asked.model
+    contact = model.contact(part)
+    body, _ = bodies_of_nodes(model)
+    bodies = _Bodies(asked, body)
+    here, there = bodies.of_contact(contact)
+    is_here = contact.side_names[0] == part
+    if _can_move(contact) and not _works(asked, motion, _normal_parts(asked, contact, motion)):
+        # Without friction there is no force along the contact.
+        return Question(None, no_load, 1.0, BoundedNumber(0.0), 1.0)
+    # A moment of the opposite force is the opposite one if the sides have one place.
+    apart = _working_jump(contact, motion.nodal(model).x.array)
+    is_opposite = contact.against is not None and not _works(asked, motion, apart)
+    sides = [(here, there, is_here), (there, here, not is_here)]
+    sides.sort(key=lambda side: not side[2])
+    for side, opposite, is_of_part in sides:
+        if not is_of_part and not is_opposite:
+            continue
+        sign = 1.0 if is_of_part else -1.0
+        for moving in (bodies.joined(side, contact), side):
+            if not moving & opposite:
+                question = _of_set(bodies, contact, motion, moving, sign)
+                if question is not None:
+                    return question
+    if not _can_move(contact) or not (is_here or is_opposite):
+        return None
+    return _of_gap(asked, contact, motion, -1.0 if is_here else 1.0)
+
+
+def _of_set(
+    bodies: _Bodies,
+    contact: BoundContact,
+    motion: VirtualMotion,
+    moving: frozenset[int],
+    sign: float,
+) -> Question | None:
+    """Return the question by the motion of a set of bodies; collective.
+
+    None if something on it cannot move.
+
+    Args:
+        bodies: The bodies of the scene.
+        contact: The contact.
+        motion: W.
+        moving: The set of bodies.
+        sign: 1 if the part is on the set, -1 if it is on the other side.
+    """
+    asked = bodies.asked
+    model = asked.model
+    scene = asked.scene
+    virtual = motion.nodal(model)
+    outside = ~np.isin(bodies.body, list(moving))
+    virtual.x.array.reshape(-1, model.d)[outside] = 0.0
+    supports = []
+    for support in scene.supports:
+        held = bodies.at(model.facet_nodes(model.domain.facets(support.facets)))
+        if held & moving and not held <= moving:
+            return None
+        supports.append(bool(held & moving) and motion.moves(model, support))
+    for spring in model.springs:
+        stiffest = max(spring.normal, spring.tangential)
+        if _works(asked, motion, spring.pull(virtual.x.array) / stiffest):
+            return None
+    factors = []
+    for other in model.contacts:
+        jump = _working_jump(other, virtual.x.array)
+        if other is contact or not _works(asked, motion, jump):
+            factors.append(0.0)
+            continue
+        here, there = bodies.of_contact(other)
+        moves_here = here <= moving and not there & moving
+        moves_there = there <= moving and not here & moving
+        if not (moves_here or moves_there) or not _can_move(other):
+            return None
+        factors.append(1.0 if moves_here else -1.0)
+
+    def moved(t: float) -> Scene:
+        new_supports = []
+        for support, is_moved in zip(scene.supports, supports, strict=True):
+            new_supports.append(motion.move(model, support, t) if is_moved else support)
+        new_contacts = []
+        for entry, other, factor in zip(scene.contacts, model.contacts, factors, strict=True):
+            new_contacts.append(_with_gap(entry, other, motion, factor * t))
+        return replace(scene, supports=new_supports, contacts=new_contacts)
+
+    # int r.W = -(forces of supports and other contacts).W - loads.W
+    constant = -sign * load_work(model, virtual)
+    step = asked.step_of(motion.size(model))
+    is_told_by_loads = not any(supports) and not any(factors)
+    return Question(None if is_told_by_loads else moved, no_load, sign, constant, step)
+
+
+def _of_gap(asked: Asked, contact: BoundContact, motion: VirtualMotion, sign: float) -> Question:
+    """Return the question by the gap of a frictionless contact; collective.
+
+    Args:
+        asked: The scene.
+        contact: The contact.
+        motion: W.
+        sign: Factor of Q in the number, -1 of this side.
+    """
+    scene = asked.scene
+
+    def moved(t: float) -> Scene:
+        contacts = []
+        for entry, other in zip(scene.contacts, asked.model.contacts, strict=True):
+            contacts.append(_with_gap(entry, other, motion, t if other is contact else 0.0))
+        return replace(scene, contacts=contacts)
+
+    step = asked.step_of(motion.size(asked.model))
+    return Question(moved, no_load, sign, BoundedNumber(0.0), step)
+
+
+def _can_move(contact: BoundContact) -> bool:
+    """Tell whether its gap moves a contact: without friction, normal to facets."""
+    return contact.friction is None and contact.given_normal is None
+
+
+def _working_jump(contact: BoundContact, values: np.ndarray) -> np.ndarray:
+    """Return the part of the jump of a motion on which tractions can work."""
+    jump = contact.trace.of(values)
+    if contact.friction is not None:
+        return jump
+    return np.asarray(np.einsum("fmi,fi->fm", jump, contact.direction))
+
+
+def _normal_parts(asked: Asked, contact: BoundContact, motion: VirtualMotion) -> np.ndarray:
+    """Return ``n . W`` at the nodes of the facets of a contact, shape (f, m)."""
+    model = asked.model
+    values = motion.nodal(model).x.array.reshape(-1, model.d)
+    return np.asarray(np.einsum("fmi,fi->fm", values[contact.trace.here.nodes], contact.direction))
+
+
+def _works(asked: Asked, motion: VirtualMotion, jump: np.ndarray) -> bool:
+    """Tell whether a part of a motion is more than round-off; collective."""
+    model = asked.model
+    largest = model.comm.allreduce(float(abs(jump).max(initial=0.0)), MPI.MAX)
+    return bool(largest > NO_WORK * motion.size(model))
+
+
+def _with_gap(entry: Contact, contact: BoundContact, motion: VirtualMotion, t: float) -> Contact:
+    """Return a contact whose gap has grown by ``t n . W``; collective."""
+    if t == 0:
+        return entry
+    # A plane of symmetry has no gap that could be given.
+    return Contact(
+        entry.facets,
+        friction=entry.friction,
+        gap=shifted(entry.gap, _normal_part(contact, motion, t)),
+        normal=entry.normal,
+        bilateral=entry.bilateral,
+        against=entry.against,
+    )
+
+
+def _normal_part(contact: BoundContact, motion: VirtualMotion, t: float) -> Shift:
+    """Return ``t n . W``, a number where it is the same everywhere."""
+    if isinstance(contact.normal, fem.Constant):
+        return motion.component(np.asarray(contact.normal.value), t)
+    return partial(_along_facets, motion, t)
+
+
+def _along_facets(motion: VirtualMotion, t: float, x: Ufl) -> Ufl:
+    """Return ``t n . W`` with the outward normal of each facet, UFL."""
+    n = ufl.FacetNormal(extract_unique_domain(x))
+    value: Ufl = 0.0
+    for i, unit in enumerate(np.eye(len(motion.translation))):
+        component = motion.component(unit, t)
+        of_place = component(x) if callable(component) else component
+        value = value + n[i] * of_place
+    return value

@@ -1,0 +1,138 @@
+"""Work of the loads on displacements.
+
+It is known up to what the integrals leave unknown: those of loads that vary in space
+are adapted to them (:mod:`erc_contact.mesh.quadrature`).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import ufl
+from dolfinx import fem
+from mpi4py import MPI
+
+from erc_contact.admissible.cells import cell_geometry, sorted_corners
+from erc_contact.base.runtime import compiled
+from erc_contact.base.ufl_types import Ufl
+from erc_contact.error.numbers import BoundedNumber
+from erc_contact.mesh.quadrature import (
+    Integrand,
+    cell_pieces,
+    facet_pieces,
+    integrate,
+    polynomials,
+)
+from erc_contact.mesh.simplex import coefficients, lattice
+from erc_contact.model.expressions import Everywhere, evaluate
+from erc_contact.model.loads import bind_loads
+from erc_contact.model.model import Model
+from erc_contact.model.symbolic import varies_in_cells
+from erc_contact.scene.load import Load
+
+
+def load_work(model: Model, v: fem.Function, part: str | None = None) -> BoundedNumber:
+    """Compute ``f(v) + F(v)`` [force length]; collective.
+
+    Args:
+        model: The scene on a mesh.
+        v: A displacement [length].
+        part: Name of the boundary part whose loads are meant; None for all loads.
+    """
+    on = None if part is None else [part]
+    constant_loads = model.loads(v, varying=False, on=on)
+    # Loads that do not vary in space are exact in a form, the others are adapted.
+    total = BoundedNumber(0.0)
+    if constant_loads is not None:
+        total = BoundedNumber(assembled(model, constant_loads))
+    for load in model.surface_loads:
+        if load.varies and part in (None, load.facets):
+            total += _surface_work(model, load.facets, load.density, v)
+    if part is not None:
+        return total
+    if model.body_force is not None and varies_in_cells(model.body_force):
+        total += _body_work(model, model.body_force, v)
+    if model.face_forces is not None:
+        # The resultants of loose rigid faces work on their motions.
+        local = float(model.face_forces.x.array @ v.x.array)
+        total += BoundedNumber(float(model.comm.allreduce(local, MPI.SUM)))
+    return total
+
+
+def work_of_load(model: Model, load: Load, v: fem.Function) -> BoundedNumber:
+    """Compute the work of a load that the scene need not have; collective.
+
+    Raises:
+        InputError: If the load cannot be put on the mesh.
+    """
+    on_surface, in_body = bind_loads(model, [load])
+    if in_body is not None:
+        if varies_in_cells(in_body):
+            return _body_work(model, in_body, v)
+        return BoundedNumber(assembled(model, ufl.inner(in_body, v) * model.dx))
+    bound = on_surface[0]
+    if bound.varies:
+        return _surface_work(model, bound.facets, bound.density, v)
+    return BoundedNumber(assembled(model, ufl.inner(bound.density, v) * bound.ds))
+
+
+def load_size(model: Model, load: Load) -> tuple[float, bool]:
+    """Estimate ``int |psi|`` of a load, and tell whether it varies; collective."""
+    on_surface, in_body = bind_loads(model, [load])
+    if in_body is not None:
+        density = in_body
+        entities = model.owned_cells
+        sizes = cell_geometry(model).volume[: len(entities)]
+        points = lattice(model.d, model.degree)
+    else:
+        density = on_surface[0].density
+        entities = model.domain.owned_facets(on_surface[0].facets)
+        sizes = model.facet_areas(entities)
+        points = model.facet_points
+    values = evaluate(density, model.mesh, points, entities)
+    local = float(sizes @ np.linalg.norm(values, axis=2).mean(axis=1))
+    return float(model.comm.allreduce(local, MPI.SUM)), varies_in_cells(density)
+
+
+def _surface_work(model: Model, part: str, density: Ufl, v: fem.Function) -> BoundedNumber:
+    """Compute the work of a varying traction [force length]; collective."""
+    d, k = model.d, model.degree
+    nodal = v.x.array.reshape(-1, d)
+    facets = model.domain.facets(part)
+    # Every facet counts on one rank.
+    area = np.where(model.owned(facets), model.facet_areas(facets), 0.0)
+    on_facets = np.matmul(coefficients(d - 1, k), nodal[model.facet_nodes(facets)])
+    work = _products(Everywhere(density, model.mesh), facets, on_facets, k)
+    corners = model.facet_corners(facets)
+    integral = integrate(model.comm, work, corners, area, facet_pieces(d - 1))
+    return BoundedNumber.summed(model.comm, integral)
+
+
+def _body_work(model: Model, force: Ufl, v: fem.Function) -> BoundedNumber:
+    """Compute the work of a varying body force [force length]; collective."""
+    d, k = model.d, model.degree
+    nodal = v.x.array.reshape(-1, d)
+    owned = model.domain.owned_cells
+    cells = cell_geometry(model)
+    in_cells = np.matmul(coefficients(d, k), nodal[cells.nodes])
+    work = _products(Everywhere(force, model.mesh), model.owned_cells, in_cells, k)
+    corners = sorted_corners(model, cells)[:owned]
+    volume = cells.volume[:owned]
+    integral = integrate(model.comm, work, corners, volume, cell_pieces(d))
+    return BoundedNumber.summed(model.comm, integral)
+
+
+def _products(load: Everywhere, entities: np.ndarray, of_v: np.ndarray, degree: int) -> Integrand:
+    """Return the work of each component of a load on a polynomial.
+
+    Its coefficients have the shape (entities, N, d).
+    """
+
+    def components(entity: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
+        return load(x, entities[entity]) * np.matmul(polynomials(degree, places), of_v[entity])
+
+    return components
+
+
+def assembled(model: Model, form: Ufl) -> float:
+    """Return the value of a UFL form without arguments, all ranks; collective."""
+    return float(model.comm.allreduce(fem.assemble_scalar(compiled.form(form)), MPI.SUM))

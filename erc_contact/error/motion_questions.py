@@ -1,0 +1,186 @@
+"""Questions of motions: a load or a resultant moves by t, the number is its work.
+
+See :mod:`erc_contact.error.question`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from dolfinx import fem
+from mpi4py import MPI
+
+from erc_contact.base.exceptions import InputError
+from erc_contact.base.ufl_types import Ufl
+from erc_contact.error.load_work import load_size, work_of_load
+from erc_contact.error.numbers import BoundedNumber
+from erc_contact.error.question import Asked, Question
+from erc_contact.mesh.simplex import coefficients
+from erc_contact.mesh.tags import listed
+from erc_contact.model.model import Model
+from erc_contact.model.rigid_faces import RigidFace
+from erc_contact.model.users import vector
+from erc_contact.scene.goal import Functional, MeanDisplacement, Rotation
+from erc_contact.scene.load import Load, Traction
+from erc_contact.scene.rigid import Rigid
+from erc_contact.scene.scene import Scene
+
+
+def mean_displacement(asked: Asked, goal: MeanDisplacement, a: np.ndarray) -> Question:
+    """Return the question of a mean displacement: a load on the part moves by t."""
+    model = asked.model
+    scene = asked.scene
+    for face in model.loose_faces:
+        if face.name == goal.part:
+            return _translation(asked, goal, face, a)
+    facets = model.domain.facets(goal.part)
+    owned = model.owned(facets)
+    areas = np.where(owned, model.facet_areas(facets), 0.0)
+    area = model.comm.allreduce(float(areas.sum()), MPI.SUM)
+    taken = [support.facets for support in scene.supports]
+    for contact in scene.contacts:
+        taken += contact.sides
+    if goal.part in taken and goal.part not in [load.facets for load in scene.loads]:
+        raise InputError(
+            f"{goal!r}: the part has a support or a contact; ask for the Resultant there, or for "
+            "the mean displacement of a free or loaded part."
+        )
+    density = a / area
+
+    def moved(t: float) -> Scene:
+        load = Traction(goal.part, tuple(float(value) for value in t * density))
+        return replace(scene, loads=(*scene.loads, load))
+
+    def psi(u: fem.Function) -> BoundedNumber:
+        values = u.x.array.reshape(-1, model.d)[model.facet_nodes(facets)]
+        means = np.einsum("m,fmi->fi", _mean_weights(model), values)
+        local = float(areas @ (means @ density))
+        return BoundedNumber(float(model.comm.allreduce(local, MPI.SUM)))
+
+    size = float(np.linalg.norm(a))
+    step = asked.e * asked.norm / (asked.length * size)
+    return Question(moved, psi, 1.0, BoundedNumber(0.0), step)
+
+
+def _translation(asked: Asked, goal: MeanDisplacement, face: RigidFace, a: np.ndarray) -> Question:
+    """Return the question of a translation of a rigid face: its force grows by t."""
+    d = len(a)
+    if a[~face.free[:d]].any():
+        raise InputError(
+            f"{goal!r}: this displacement of the rigid face is given; ask for the other"
+            " components, or for the Resultant of the part."
+        )
+    return _motion(asked, face, np.concatenate([a, np.zeros(len(face.free) - d)]))
+
+
+def rotation(asked: Asked, goal: Rotation, axis: np.ndarray) -> Question:
+    """Return the question of the rotation of a rigid face: its moment grows by t."""
+    model = asked.model
+    d = model.d
+    faces = [face for face in model.loose_faces if face.name == goal.part]
+    if not faces:
+        loose = listed([face.name for face in model.loose_faces])
+        raise InputError(
+            f"{goal!r}: no rigid face with free motions is called {goal.part!r}. This scene has"
+            f" {loose}."
+        )
+    face = faces[0]
+    if axis[~face.free[d:]].any():
+        raise InputError(
+            f"{goal!r}: this rotation of the rigid face is given; ask for the Moment of the part."
+        )
+    return _motion(asked, face, np.concatenate([np.zeros(d), axis]))
+
+
+def _motion(asked: Asked, face: RigidFace, amounts: np.ndarray) -> Question:
+    """Return the question of a sum of motions of a rigid face: resultants grow by t.
+
+    Args:
+        asked: The scene.
+        face: The face.
+        amounts: Factors of its motions in the sum, shape (freedoms,).
+    """
+    scene = asked.scene
+    d = asked.model.d
+
+    def moved(t: float) -> Scene:
+        supports = list(scene.supports)
+        for place, support in enumerate(supports):
+            if isinstance(support, Rigid) and support.facets == face.name:
+                grown = _grown(support.resultants, t * amounts)
+                supports[place] = replace(support, force=grown[:d], moment=grown[d:])
+        return replace(scene, supports=supports)
+
+    def psi(u: fem.Function) -> BoundedNumber:
+        return BoundedNumber(float(amounts @ face.motion(u.x.array.reshape(-1, d))))
+
+    # A rotation by an angle moves the face by the angle times its size.
+    size = float(np.linalg.norm(amounts / face.sizes))
+    step = asked.e * asked.norm / (asked.length * size)
+    return Question(moved, psi, 1.0, BoundedNumber(0.0), step)
+
+
+@dataclass(frozen=True)
+class _Scaled:
+    """Represent a load times a factor; it has the parameters of the load."""
+
+    load: Load
+    factor: float
+
+    @property
+    def facets(self) -> str | None:
+        """Return the name of the boundary part, None for the body."""
+        return self.load.facets
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Return the names of the parameters of the load."""
+        return self.load.parameters
+
+    def density(self, x: Ufl, n: Ufl, *values: Ufl, **parameters: Ufl) -> Ufl:
+        """Return the density of the load times the factor."""
+        return self.factor * vector(self.load.density(x, n, *values, **parameters))
+
+    def __getattr__(self, name: str) -> Any:
+        """Return a parameter of the load."""
+        if name.startswith("__"):
+            # Copies ask for such names before they have the load.
+            raise AttributeError(name)
+        return getattr(self.load, name)
+
+
+def functional(asked: Asked, goal: Functional) -> Question:
+    """Return the question of the work of a load: t times it is added to the scene."""
+    model = asked.model
+    scene = asked.scene
+    size, varies = load_size(model, goal.load)
+    if size == 0:
+        raise InputError(f"{goal!r}: the load is zero everywhere; give another one.")
+
+    def moved(t: float) -> Scene:
+        return replace(scene, loads=(*scene.loads, _Scaled(goal.load, t)))
+
+    def psi(u: fem.Function) -> BoundedNumber:
+        return work_of_load(model, goal.load, u)
+
+    # A load on a support or in contact has no place in a scene, which says so.
+    replace(scene, loads=(*scene.loads, goal.load))
+    step = asked.e * asked.norm / (asked.length * size)
+    return Question(moved, psi, 1.0, BoundedNumber(0.0), step, varies)
+
+
+def _grown(resultants: Sequence[float | None], growth: np.ndarray) -> tuple[Any, ...]:
+    """Return resultants of a rigid face that have grown; None where none is given."""
+    grown: list[float | None] = []
+    for resultant, more in zip(resultants, growth.tolist(), strict=True):
+        grown.append(None if resultant is None else resultant + more)
+    return tuple(grown)
+
+
+def _mean_weights(model: Model) -> np.ndarray:
+    """Return the weights of nodal values in the mean over a facet, shape (m,)."""
+    matrix = coefficients(model.d - 1, model.degree)
+    return np.asarray(matrix.mean(axis=0))

@@ -1,0 +1,66 @@
+"""A question: what a goal moves in a scene, and how its number follows from the energy.
+
+A goal is the derivative of the energy by data of the scene, a load or the place of
+supports (:mod:`erc_contact.error.three_pairs`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from dolfinx import fem
+
+from erc_contact.error.numbers import BoundedNumber
+from erc_contact.model.model import Model
+from erc_contact.scene.scene import Scene
+
+
+@dataclass(frozen=True, eq=False)
+class Asked:
+    """Hold the scene that is asked for a number, with the sizes of its solution.
+
+    Attributes:
+        model: The scene on a mesh.
+        scene: The scene, with the friction bounds of its pair.
+        e: Its error [sqrt(force length)].
+        norm: Energy norm of its displacement [sqrt(force length)].
+        length: Its largest displacement [length].
+    """
+
+    model: Model
+    scene: Scene
+    e: float
+    norm: float
+    length: float
+
+    def step_of(self, size: float) -> float:
+        """Return a first t of a motion of supports of this size [-]."""
+        return self.e / self.norm * self.length / size
+
+
+def no_load(_: fem.Function) -> BoundedNumber:
+    """Return ``psi(u)`` of a question that moves no load, which is zero."""
+    return BoundedNumber(0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Question:
+    """Hold what a goal moves, and how its number follows from Q.
+
+    Attributes:
+        moved: Makes the scene moved by t, with the friction bounds of the pair; None if
+            loads alone dictate the number, which is then the constant.
+        psi: ``psi(u)`` of a displacement.
+        sign: Factor of Q in the number [-].
+        constant: What is added to it.
+        step: A first t.
+        varies: Whether the moved load varies in space: a mesh may not carry it.
+    """
+
+    moved: Callable[[float], Scene] | None
+    psi: Callable[[fem.Function], BoundedNumber]
+    sign: float
+    constant: BoundedNumber
+    step: float
+    varies: bool = False
