@@ -29,7 +29,8 @@ from erc_contact.model.trace import dofs_of
 from erc_contact.newton.forms import ContactForms
 from erc_contact.newton.jump_sums import Sums
 from erc_contact.newton.linear.stiffness import Stiffness
-from erc_contact.newton.reactions import Entries, MultiplierMap
+from erc_contact.newton.reactions import MultiplierMap
+from erc_contact.newton.shared_forces import Entries
 
 
 class FieldMap:
@@ -72,7 +73,7 @@ class FieldMap:
         self._map: MultiplierMap | None = None
         if forms.multipliers:
             self._map = MultiplierMap(self._model)
-            dofs = dofs_of(self._map.numbers, self._model.d)
+            dofs = dofs_of(self._map.numbers, self._model.d)[self._map.free.ravel()]
             self.in_equilibrium = np.flatnonzero(~np.isin(stiffness.numbers[:unknowns], dofs))
         self._w_A = stiffness.gather(w)[:unknowns]
         z_L = stiffness.gather_x(self._read_unknowns(w))
@@ -207,21 +208,16 @@ class FieldMap:
         dofs = dofs_of(np.unique(contact.trace.here.nodes), model.d)
         column = np.full(len(place), -1)
         column[dofs] = place[dofs]
-        if not model.coordinates.has_joints:
+        if not self._forms.jump_sums.any:
             return column
-        # J, with its diagonal, at the degrees of freedom where it is not the identity.
-        sums = self._forms.jump_sums.of(contact)
-        dofs = np.unique(sums.rows)
+        all_sums, rows = self._sums_of_jump(contact)
         numbers = model.global_dofs(dofs)
-        of_rank = [model.global_dofs(sums.rows), sums.columns, sums.values]
-        entries = np.concatenate(model.comm.allgather(np.column_stack(of_rank)))
-        entries = np.unique(entries, axis=0)
-        rows = np.unique(entries[:, 0])
-        all_sums = Sums(
-            np.concatenate([np.searchsorted(rows, entries[:, 0]), np.arange(len(rows))]),
-            np.concatenate([entries[:, 1], rows]),
-            np.concatenate([entries[:, 2], np.ones(len(rows))]),
-        )
+        if self._map is not None:
+            # Where supports fix all summands the jump does not change.
+            shared = self._map.numbers[self._map.is_shared]
+            column[dofs[np.isin(numbers // model.d, shared)]] = -1
+        is_sum = np.isin(numbers, rows)
+        dofs, numbers = dofs[is_sum], numbers[is_sum]
         values = np.column_stack([numbers, field.x.array[dofs]])
         of_all = np.concatenate(model.comm.allgather(values))
         _, first = np.unique(of_all[:, 0], return_index=True)
@@ -230,6 +226,30 @@ class FieldMap:
         column[dofs] = self.size + np.searchsorted(rows, numbers)
         self.size += len(rows)
         return column
+
+    def _sums_of_jump(self, contact: BoundContact) -> tuple[Sums, np.ndarray]:
+        """Return what a jump is a sum of where it is no unknown; collective.
+
+        Returns:
+            The sums, by places in the second array, and global degrees of freedom.
+        """
+        model = self._model
+        if self._map is not None:
+            entries = self._map.jumps[model.contacts.index(contact)]
+            rows = np.unique(entries.rows)
+            return Sums(np.searchsorted(rows, entries.rows), entries.columns, entries.values), rows
+        # J, with its diagonal, at the degrees of freedom where it is not the identity.
+        sums = self._forms.jump_sums.of(contact)
+        of_rank = [model.global_dofs(sums.rows), sums.columns, sums.values]
+        table = np.concatenate(model.comm.allgather(np.column_stack(of_rank)))
+        table = np.unique(table, axis=0)
+        rows = np.unique(table[:, 0])
+        all_sums = Sums(
+            np.concatenate([np.searchsorted(rows, table[:, 0]), np.arange(len(rows))]),
+            np.concatenate([table[:, 1], rows]),
+            np.concatenate([table[:, 2], np.ones(len(rows))]),
+        )
+        return all_sums, rows
 
     def _add_sums(self, sums: Sums, rows: np.ndarray, values: np.ndarray) -> None:
         """Add fields at degrees of freedom that are no unknowns to Z, on rank 0.

@@ -82,7 +82,7 @@ class ContactForms:
         self.method = method
         self.share = compiled.constant(model.mesh, 1.0)
         self.gap_share = compiled.constant(model.mesh, 1.0)
-        self.jump_sums = JumpSums(model)
+        self.jump_sums = JumpSums(model, with_foundations=method.multiplier)
         self.test_jumps = []
         for _ in range(self.jump_sums.count):
             self.test_jumps.append(compiled.constant(model.mesh, 1.0))
@@ -228,8 +228,13 @@ class ContactForms:
         """Return the equations of the method on each contact, in UFL."""
         v = ufl.TestFunction(self.model.V)
         parts = []
-        for contact, multiplier in self._with_multipliers():
-            parts.append(self._equations(contact, multiplier, v))
+        colours = self.jump_sums.colours
+        for (contact, multiplier), colour in zip(self._with_multipliers(), colours, strict=True):
+            equations = self._equations(contact, multiplier, v)
+            if self.method.multiplier and self.jump_sums.any:
+                # The equations of a multiplier test no jump: they are told apart here.
+                equations = self.test_jumps[colour] * equations
+            parts.append(equations)
         return parts
 
     def _status(self) -> list[Ufl]:

@@ -4,7 +4,8 @@ The force is the reaction, what the elastic equations leave at the nodes of the 
 The multiplier of a node belongs to the first contact that has the node. There ``a
 lambda`` is the force less the multipliers of later contacts. At the nodes of earlier
 contacts, and for components that a support fixes, it is the mean of its neighbours in
-the contact: its own would be redundant.
+the contact: its own would be redundant. Where a jump is a sum of unknowns, the contacts
+share the forces (:mod:`erc_contact.newton.shared_forces`).
 
 For degree 2, the equations of a multiplier use Bernstein coefficients of u and lambda
 instead of nodal values. With the coefficients ``c = C u``, the forces on them are
@@ -31,25 +32,11 @@ from erc_contact.mesh.simplex import at_nodes, coefficients
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.model import Model
 from erc_contact.model.trace import dofs_of
-from erc_contact.newton.jump_sums import raise_at_joints
+from erc_contact.newton.jump_sums import JumpSums
+from erc_contact.newton.shared_forces import Entries, SharedNodes, among, shared_nodes, shares
 
 NO_ENTRY = 1e-14
 """Entry of a matrix of Bernstein coefficients that is round-off [-]."""
-
-
-@dataclass(frozen=True, eq=False)
-class Entries:
-    """Hold the entries of a sparse matrix, which add up where they coincide.
-
-    Attributes:
-        rows: Global degrees of freedom, shape (n,).
-        columns: Global degrees of freedom, shape (n,).
-        values: Shape (n,).
-    """
-
-    rows: np.ndarray
-    columns: np.ndarray
-    values: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +83,9 @@ class MultiplierMap:
     Attributes:
         contacts: Nodes and facets of each contact.
         numbers: Global numbers of the nodes of all contacts, ascending, shape (N,).
-        free: Components that no support fixes, shape (N, d).
+        free: Components that have an equation: no support fixes them, and they do work
+            on a contact, shape (N, d).
+        is_shared: Nodes whose forces contacts share, shape (N,).
         area: Area of the nodes in the contact that their multiplier belongs to
             [length^(d-1)], shape (N,).
         multipliers: For each contact the matrix from nodal forces at A [force] to the
@@ -104,13 +93,19 @@ class MultiplierMap:
         coefficients: C at A; None for degree 1.
         on_foundations: C of the displacements of contacts with foundations alone, where
             there are others beside; else None.
+        jumps: For each contact the matrix from the unknowns to those Bernstein
+            coefficients of its jump that are sums of several; empty where none is.
     """
 
     def __init__(self, model: Model) -> None:
-        raise_at_joints(model)
         self._d = model.d
+        self._degree = model.degree
         self.contacts = [contact_nodes(model, contact) for contact in model.contacts]
-        self.numbers = np.unique(np.concatenate([c.numbers for c in self.contacts]))
+        shared = shared_nodes(model, JumpSums(model, with_foundations=True))
+        of_contacts = [c.numbers for c in self.contacts]
+        if shared is not None:
+            of_contacts.append(shared.numbers)
+        self.numbers = np.unique(np.concatenate(of_contacts))
         self._places = [np.searchsorted(self.numbers, c.numbers) for c in self.contacts]
         self.free = np.zeros((len(self.numbers), model.d), dtype=bool)
         self.area = np.ones(len(self.numbers))
@@ -118,6 +113,11 @@ class MultiplierMap:
         for contact, places in zip(self.contacts[::-1], self._places[::-1], strict=True):
             self.free[places] = contact.free
             self.area[places] = contact.area
+        self.is_shared = np.zeros(len(self.numbers), dtype=bool)
+        if shared is not None:
+            places = np.searchsorted(self.numbers, shared.numbers)
+            self.is_shared[places] = True
+            self.free[places] = shared.has_equation
 
         self.coefficients: Entries | None = None
         self.on_foundations: Entries | None = None
@@ -133,17 +133,28 @@ class MultiplierMap:
                     if bound.against is None:
                         on_foundations.append(of_contact)
                 if on_foundations:
-                    change = self._change_of_basis(to_coefficients, on_foundations)
+                    change = self._change_of_basis(
+                        to_coefficients, on_foundations, everywhere=True
+                    )
                     self.on_foundations = self._entries(change)
                     change.destroy()
             forces.destroy()
             to_forces = at_nodes(model.d - 1, model.degree).T
             forces = self._change_of_basis(to_forces, self.contacts)
-        self.multipliers = self._from_forces(forces)
+        matrices = self._from_forces(forces)
         forces.destroy()
+        self.jumps: list[Entries] = []
+        if shared is not None:
+            self._share(shared, matrices)
+            self.jumps = [self._sums(k, shared.jumps[k]) for k in range(len(matrices))]
+        self.multipliers = [self._entries(matrix) for matrix in matrices]
+        for matrix in matrices:
+            matrix.destroy()
 
-    def _from_forces(self, forces: PETSc.Mat) -> list[Entries]:
+    def _from_forces(self, forces: PETSc.Mat) -> list[PETSc.Mat]:
         """Return the matrices from nodal forces to the multipliers of all contacts.
+
+        At shared nodes the multipliers are means of neighbours.
 
         Args:
             forces: The matrix from nodal forces to those on Bernstein coefficients; it
@@ -151,13 +162,13 @@ class MultiplierMap:
         """
         maps = []
         for k in reversed(range(len(self.contacts))):
-            earlier = np.zeros(len(self.numbers), dtype=bool)
+            earlier = self.is_shared.copy()
             for places in self._places[:k]:
                 earlier[places] = True
             active = self.contacts[k].free & ~earlier[self._places[k]][:, None]
             completion = self._completion(k, active)
             of_contact = completion.matMult(forces)
-            maps.append(self._entries(of_contact))
+            maps.append(of_contact)
 
             # What a node of an earlier contact has here, that one need not bear.
             passive_area = np.zeros(self.free.shape)
@@ -170,8 +181,85 @@ class MultiplierMap:
                 bearing.destroy()
                 borne.destroy()
             completion.destroy()
-            of_contact.destroy()
         return maps[::-1]
+
+    def _share(self, shared: SharedNodes, matrices: list[PETSc.Mat]) -> None:
+        """Add to multipliers what the forces of shared nodes leave, in place.
+
+        Args:
+            shared: These nodes.
+            matrices: Those from nodal forces to the multipliers of all contacts.
+        """
+        dofs = dofs_of(self.numbers, self._d)
+        areas = []
+        for contact, places in zip(self.contacts, self._places, strict=True):
+            area = np.zeros(self.free.shape)
+            area[places] = contact.area[:, None]
+            areas.append(area.ravel())
+
+        # What means of neighbours leave of the forces.
+        is_shared = self.free & self.is_shared[:, None]
+        rest = diagonal(is_shared.ravel().astype(float))
+        for k, matrix in enumerate(matrices):
+            force = _scaled(areas[k], matrix)
+            if self._degree > 1:
+                of_facet = coefficients(self._d - 1, self._degree).T
+                force = self._in_other_basis(k, of_facet, force)
+            jump = among(dofs, shared.jumps[k])
+            borne = jump.transposeMatMult(force)
+            rest.axpy(-1.0, borne)
+            for done in (force, jump, borne):
+                done.destroy()
+
+        area_of_entry = []
+        for area, jumps in zip(areas, shared.jumps, strict=True):
+            area_of_entry.append(area[np.searchsorted(dofs, jumps.rows)])
+        for k, share in enumerate(shares(shared.jumps, area_of_entry)):
+            to_contact = among(dofs, share)
+            force = to_contact.matMult(rest)
+            if self._degree > 1:
+                of_facet = at_nodes(self._d - 1, self._degree).T
+                force = self._in_other_basis(k, of_facet, force)
+            inverse = np.divide(1.0, areas[k], out=np.zeros_like(areas[k]), where=areas[k] > 0)
+            added = _scaled(inverse, force)
+            matrices[k].axpy(1.0, added)
+            for done in (to_contact, force, added):
+                done.destroy()
+        rest.destroy()
+
+    def _in_other_basis(self, k: int, of_facet: np.ndarray, matrix: PETSc.Mat) -> PETSc.Mat:
+        """Return a matrix with its rows in another basis of a contact; destroy it."""
+        change = self._change_of_basis(of_facet, [self.contacts[k]], everywhere=True)
+        result = change.matMult(matrix)
+        change.destroy()
+        matrix.destroy()
+        return result
+
+    def _sums(self, k: int, jumps: Entries) -> Entries:
+        """Return the coefficients of a jump that are sums, from the unknowns.
+
+        Args:
+            k: Place of the contact.
+            jumps: The rows of its jump at shared nodes.
+        """
+        contact = self.contacts[k]
+        is_sum = self.is_shared[self._places[k]]
+        if self._degree == 1:
+            return jumps
+        # A coefficient of a facet is that of values at several of its nodes.
+        of_facets = np.zeros(len(is_sum), dtype=bool)
+        of_facets[contact.facets[is_sum[contact.facets].any(axis=1)]] = True
+        dofs = dofs_of(self.numbers, self._d)
+        others = dofs_of(contact.numbers[~is_sum], self._d)
+        rows = np.concatenate([jumps.rows, others])
+        columns = np.concatenate([jumps.columns, others])
+        values = np.concatenate([jumps.values, np.ones(len(others))])
+        of_facet = coefficients(self._d - 1, self._degree)
+        matrix = self._in_other_basis(k, of_facet, among(dofs, Entries(rows, columns, values)))
+        entries = self._entries(matrix)
+        matrix.destroy()
+        used = np.isin(entries.rows // self._d, contact.numbers[of_facets])
+        return Entries(entries.rows[used], entries.columns[used], entries.values[used])
 
     def _completion(self, k: int, active: np.ndarray) -> PETSc.Mat:
         """Return the matrix from forces to the multiplier of one contact alone.
@@ -199,12 +287,15 @@ class MultiplierMap:
         columns = np.concatenate([own_dof, places[j] * self._d + pair_component])
         return sparse(self.free.size, self.free.size, rows, columns, [own_value, mean_value])
 
-    def _change_of_basis(self, of_facet: np.ndarray, contacts: list[ContactNodes]) -> PETSc.Mat:
+    def _change_of_basis(
+        self, of_facet: np.ndarray, contacts: list[ContactNodes], *, everywhere: bool = False
+    ) -> PETSc.Mat:
         """Return a change of basis of polynomials on facets as a matrix for A.
 
         Args:
             of_facet: The change on a facet, (m, m), the same from all facets of a node.
             contacts: The contacts with these facets.
+            everywhere: Whether components count that are not free.
         """
         p, q = np.nonzero(abs(of_facet) > NO_ENTRY)
         size = len(self.numbers)
@@ -218,7 +309,7 @@ class MultiplierMap:
         unique, first = np.unique(np.concatenate(keys), return_index=True)
         value = np.concatenate(values)[first]
         i, j = np.divmod(unique, size)
-        pair, component = np.nonzero(self.free[i] & self.free[j])
+        pair, component = np.nonzero((self.free[i] & self.free[j]) | everywhere)
         rows = i[pair] * self._d + component
         columns = j[pair] * self._d + component
         return sparse(self.free.size, self.free.size, rows, columns, [value[pair]])
@@ -279,6 +370,16 @@ def _distributed(like: PETSc.Mat, entries: Entries) -> PETSc.Mat:
     matrix = sparse_like(like, entries.rows[owned], entries.columns[owned])
     matrix.setValuesCOO(entries.values[owned])
     return matrix
+
+
+def _scaled(factors: np.ndarray, matrix: PETSc.Mat) -> PETSc.Mat:
+    """Return a matrix with its rows times factors, a new one."""
+    result = matrix.copy()
+    scale = result.createVecLeft()
+    scale.array[:] = factors
+    result.diagonalScale(L=scale)
+    scale.destroy()
+    return result
 
 
 def _neighbours(facets: np.ndarray, first: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

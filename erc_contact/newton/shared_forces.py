@@ -1,0 +1,207 @@
+"""Split the forces of unknowns that several contacts act on among these contacts.
+
+Where three bodies meet at a point, or two of them on a foundation, the jump of a
+contact is a sum of unknowns, ``w_c = M_c x``. With the nodal forces g_c of all contacts
+on their jumps the reaction of the unknowns is
+
+    r = sum_c M_c^T g_c.
+
+Three bodies have two jumps and may have three contacts, so that the reaction does not
+tell all g_c. A force g0_c is known besides: that of a multiplier that is the mean of its
+neighbours in the contact. Of all forces that fit the reaction the nearest to these are
+taken, in the sense of ``sum_c |g_c - g0_c|^2 / a_c`` with the areas a_c of the node:
+
+    g_c = g0_c + Q_c (r - sum_b M_b^T g0_b),    Q_c = a_c M_c (sum_b M_b^T a_b M_b)^-1.
+
+A constant stress has so its own tractions. Where the reaction tells all forces, as in a
+chain of bodies, they do not depend on g0. The order of the contacts does not matter.
+
+The unknowns have the equations ``sum_c M_c^T e_c = 0``: the reaction of an unknown is
+what the tractions of all laws together leave there. The displacement of a joint has no
+such equation without a foundation, and keeps its equilibrium.
+
+Symbols: M_c the identity but for rows of shared nodes, e_c the equations of a
+multiplier, :mod:`erc_contact.newton.reactions`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from petsc4py import PETSc
+
+from erc_contact.base.sparse import sparse
+from erc_contact.model.joints import components
+from erc_contact.model.model import Model
+from erc_contact.model.over_ranks import marked_by_any
+from erc_contact.model.trace import dofs_of
+from erc_contact.newton.jump_sums import JumpSums
+
+
+@dataclass(frozen=True, eq=False)
+class Entries:
+    """Hold the entries of a sparse matrix, which add up where they coincide.
+
+    Attributes:
+        rows: Global degrees of freedom, shape (n,).
+        columns: Global degrees of freedom, shape (n,).
+        values: Shape (n,).
+    """
+
+    rows: np.ndarray
+    columns: np.ndarray
+    values: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class SharedNodes:
+    """Hold the nodes whose forces are shared, the same on all ranks.
+
+    Attributes:
+        numbers: Global numbers of the nodes, ascending, shape (n,).
+        jumps: For each contact the rows of M_c at these nodes, of free unknowns.
+        has_equation: Which of their unknowns do work on a contact, shape (n, d).
+    """
+
+    numbers: np.ndarray
+    jumps: list[Entries]
+    has_equation: np.ndarray
+
+
+def shared_nodes(model: Model, sums: JumpSums) -> SharedNodes | None:
+    """Find the nodes whose forces contacts share; collective.
+
+    Args:
+        model: The scene on a mesh.
+        sums: The jumps that are sums of unknowns, with those of foundations.
+
+    Returns:
+        The nodes; None where there are none on any rank.
+    """
+    if not sums.any:
+        return None
+    comm, d = model.comm, model.d
+    is_shared = np.zeros(model.node_count, dtype=bool)
+    index_map = model.V.dofmap.index_map
+    for contact in model.contacts:
+        of_contact = sums.of(contact)
+        is_shared[of_contact.rows // d] = True
+        columns = index_map.global_to_local(of_contact.columns // d)
+        is_shared[columns[columns >= 0]] = True
+    (is_shared,) = marked_by_any(model, is_shared)
+
+    nodes = np.flatnonzero(is_shared)
+    of_rank = np.column_stack([model.global_numbers(nodes), ~model.coordinates.fixed[nodes]])
+    table = np.unique(np.concatenate(comm.allgather(of_rank)), axis=0)
+    numbers = table[:, 0]
+    free = table[:, 1:] > 0
+    free_dofs = dofs_of(numbers, d)[free.ravel()]
+    jumps = []
+    for contact in model.contacts:
+        here = np.unique(contact.trace.here.nodes)
+        own = model.global_dofs(dofs_of(here[is_shared[here]], d))
+        own = np.unique(np.concatenate(comm.allgather(own)))
+        of_contact = sums.of(contact)
+        rows = model.global_dofs(of_contact.rows)
+        entries = np.column_stack([rows, of_contact.columns, of_contact.values])
+        entries = np.unique(np.concatenate(comm.allgather(entries)), axis=0)
+        jumps.append(_added_up(own, entries, free_dofs))
+    columns = np.concatenate([of_contact.columns for of_contact in jumps])
+    has_equation = np.isin(dofs_of(numbers, d), columns).reshape(-1, d)
+    return SharedNodes(numbers, jumps, has_equation)
+
+
+def _added_up(own: np.ndarray, entries: np.ndarray, free_dofs: np.ndarray) -> Entries:
+    """Return the entries of ``I + D`` at free unknowns.
+
+    Args:
+        own: Rows of the identity, shape (n,).
+        entries: Rows, columns and values of D, shape (m, 3).
+        free_dofs: The unknowns that no support fixes.
+    """
+    places = np.concatenate([np.column_stack([own, own]), entries[:, :2].astype(own.dtype)])
+    values = np.concatenate([np.ones(len(own)), entries[:, 2]])
+    unique, which = np.unique(places, axis=0, return_inverse=True)
+    total = np.bincount(which.ravel(), values, len(unique))
+    used = (total != 0) & np.isin(unique[:, 1], free_dofs)
+    rows, columns = unique[used].T
+    return Entries(rows, columns, total[used])
+
+
+def shares(jumps: list[Entries], areas: list[np.ndarray]) -> list[Entries]:
+    """Return Q_c of each contact.
+
+    Unknowns that no contact has in common are told apart, so that the inverse is that
+    of small blocks.
+
+    Args:
+        jumps: The rows of M_c of each contact.
+        areas: Area of the node of each entry of these [length^(d-1)].
+    """
+    lengths = [len(entries.rows) for entries in jumps]
+    contact = np.repeat(np.arange(len(jumps)), lengths)
+    all_rows = np.concatenate([entries.rows for entries in jumps])
+    of_jumps = np.column_stack([contact, all_rows])
+    jump_of, row = np.unique(of_jumps, axis=0, return_inverse=True)
+    row = row.ravel()
+    unknown, column = np.unique(
+        np.concatenate([entries.columns for entries in jumps]), return_inverse=True
+    )
+    value = np.concatenate([entries.values for entries in jumps])
+    area = np.ones(len(jump_of))
+    area[row] = np.concatenate(areas)
+
+    # Rows and columns are joined by entries; each connected part is a block.
+    edges = np.column_stack([row, len(jump_of) + column])
+    part = components(len(jump_of) + len(unknown), edges)
+    _, block = np.unique(part, return_inverse=True)
+    block_of_row, row_place = block[: len(jump_of)], _numbers_in(block[: len(jump_of)])
+    block_of_column = block[len(jump_of) :]
+    column_place = _numbers_in(block_of_column)
+    shape = (block.max() + 1, row_place.max() + 1, column_place.max() + 1)
+    m = np.zeros(shape)
+    m[block_of_row[row], row_place[row], column_place[column]] = value
+    weighted = m.copy()
+    weighted[block_of_row, row_place] *= area[:, None]
+    gram = np.matmul(m.transpose(0, 2, 1), weighted)
+    # Blocks have different sizes: the rest of a block is the identity.
+    filled = np.zeros((shape[0], shape[2]), dtype=bool)
+    filled[block_of_column, column_place] = True
+    empty_block, empty_place = np.nonzero(~filled)
+    gram[empty_block, empty_place, empty_place] = 1.0
+    q = np.matmul(weighted, np.linalg.inv(gram))
+
+    number_of = np.full((shape[0], shape[2]), -1)
+    number_of[block_of_column, column_place] = np.arange(len(unknown))
+    of_row = q[block_of_row, row_place]
+    columns_of_row = number_of[block_of_row]
+    used_row, used_place = np.nonzero((of_row != 0) & (columns_of_row >= 0))
+    result = []
+    for k in range(len(jumps)):
+        here = jump_of[used_row, 0] == k
+        rows = jump_of[used_row[here], 1]
+        columns = unknown[columns_of_row[used_row[here], used_place[here]]]
+        result.append(Entries(rows, columns, of_row[used_row[here], used_place[here]]))
+    return result
+
+
+def _numbers_in(group: np.ndarray) -> np.ndarray:
+    """Return the number of each member among those of its group, shape (n,)."""
+    order = np.argsort(group, kind="stable")
+    ascending = group[order]
+    numbers = np.empty(len(group), dtype=np.int64)
+    numbers[order] = np.arange(len(group)) - np.searchsorted(ascending, ascending)
+    return numbers
+
+
+def among(dofs: np.ndarray, entries: Entries) -> PETSc.Mat:
+    """Make a square matrix of this rank from entries between some degrees of freedom.
+
+    Args:
+        dofs: The degrees of freedom, ascending.
+        entries: Its entries.
+    """
+    rows = np.searchsorted(dofs, entries.rows)
+    columns = np.searchsorted(dofs, entries.columns)
+    return sparse(len(dofs), len(dofs), rows, columns, [entries.values])
