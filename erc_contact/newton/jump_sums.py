@@ -90,6 +90,21 @@ class JumpSums:
         columns = np.concatenate([part.columns for part in parts])
         return Sums(rows, columns, np.concatenate([part.values for part in parts]))
 
+    def of_foundations(self) -> Sums:
+        """Return D of u on all foundations, each entry once."""
+        parts = []
+        for contact in self._model.contacts:
+            if contact.trace.there is None:
+                parts.append(self.of(contact))
+        if not parts:
+            return _no_sums()
+        rows = np.concatenate([part.rows for part in parts])
+        columns = np.concatenate([part.columns for part in parts])
+        values = np.concatenate([part.values for part in parts])
+        # Foundations with a common node read the same displacement there.
+        _, first = np.unique(np.column_stack([rows, columns]), axis=0, return_index=True)
+        return Sums(rows[first], columns[first], values[first])
+
     def matrix(self, sums: Sums, identity: float) -> PETSc.Mat:
         """Return D and a multiple of the identity as a matrix of all ranks; collective.
 

@@ -144,9 +144,14 @@ class MultiplierMap:
         matrices = self._from_forces(forces)
         forces.destroy()
         self.jumps: list[Entries] = []
+        self.shares_of_area: list[Entries] = []
+        self.shared: SharedNodes | None = None
         if shared is not None:
+            self.shared = shared
             self._share(shared, matrices)
             self.jumps = [self._sums(k, shared.jumps[k]) for k in range(len(matrices))]
+            if self.coefficients is not None:
+                self._replace_coefficients(self.coefficients)
         self.multipliers = [self._entries(matrix) for matrix in matrices]
         for matrix in matrices:
             matrix.destroy()
@@ -221,6 +226,8 @@ class MultiplierMap:
                 of_facet = at_nodes(self._d - 1, self._degree).T
                 force = self._in_other_basis(k, of_facet, force)
             inverse = np.divide(1.0, areas[k], out=np.zeros_like(areas[k]), where=areas[k] > 0)
+            of_area = inverse[np.searchsorted(dofs, share.rows)]
+            self.shares_of_area.append(Entries(share.rows, share.columns, of_area * share.values))
             added = _scaled(inverse, force)
             matrices[k].axpy(1.0, added)
             for done in (to_contact, force, added):
@@ -287,6 +294,32 @@ class MultiplierMap:
         columns = np.concatenate([own_dof, places[j] * self._d + pair_component])
         return sparse(self.free.size, self.free.size, rows, columns, [own_value, mean_value])
 
+    def _replace_coefficients(self, coefficients: Entries) -> None:
+        """Replace the rows of C that depend on jumps at shared nodes, but for those."""
+        d = self._d
+        rows, columns, values = [], [], []
+        done = self.numbers[self.is_shared]
+        free = dofs_of(self.numbers, d)[self.free.ravel()]
+        for jumps in self.jumps:
+            used = ~np.isin(jumps.rows // d, done)
+            used &= np.isin(jumps.rows, free) & np.isin(jumps.columns, free)
+            rows.append(jumps.rows[used])
+            columns.append(jumps.columns[used])
+            values.append(jumps.values[used])
+            done = np.union1d(done, jumps.rows // d)
+        # An unknown that is on side 1 of no contact has no coefficient beside its value.
+        alone = np.setdiff1d(free, coefficients.rows)
+        rows.append(alone)
+        columns.append(alone)
+        values.append(np.ones(len(alone)))
+        replaced = np.concatenate(rows)
+        kept = ~np.isin(coefficients.rows, replaced)
+        self.coefficients = Entries(
+            np.concatenate([coefficients.rows[kept], replaced]),
+            np.concatenate([coefficients.columns[kept], *columns]),
+            np.concatenate([coefficients.values[kept], *values]),
+        )
+
     def _change_of_basis(
         self, of_facet: np.ndarray, contacts: list[ContactNodes], *, everywhere: bool = False
     ) -> PETSc.Mat:
@@ -351,6 +384,8 @@ class Reactions:
         self.area = np.ones(high - low)
         self.area[nodes] = multiplier_map.area[owned]
         self.matrices = [_distributed(like, entries) for entries in multiplier_map.multipliers]
+        self.shared = multiplier_map.shared
+        self.shares = multiplier_map.shares_of_area
         self.coefficients: PETSc.Mat | None = None
         if multiplier_map.coefficients is not None:
             self.coefficients = _distributed(like, multiplier_map.coefficients)
