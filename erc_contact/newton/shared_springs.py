@@ -95,11 +95,11 @@ class SharedSprings:
                 (nodes, d, d).
             glue: D of these nodes [force/length], shape (nodes, d).
         """
-        at_owned = [of_term.reshape(len(self.nodes), -1) for of_term in blocks]
+        d = self._d
+        at_owned = [of_term.reshape(len(self.nodes), d * d) for of_term in blocks]
         of_rank = np.column_stack([self._owned, glue, *at_owned])
         table = np.concatenate(self._comm.allgather(of_rank))
         table = table[np.argsort(table[:, 0])]
-        d = self._d
         stiffness = np.zeros(self._shape)
         places = self._slot[:, None] * d + np.arange(d)
         stiffness[self._group[:, None], places] = table[:, 1 : 1 + d]
