@@ -47,12 +47,15 @@ class ContactNodes:
         numbers: Global numbers of the nodes, ascending, shape (n,).
         facets: Nodes of each facet as places in `numbers`, shape (f, m).
         area: Areas of the nodes [length^(d-1)], shape (n,).
+        stiffness: Stiffness of the bodies over these areas, that of two bodies as of
+            springs in a row [force/length], shape (n,).
         free: Components that no support fixes, shape (n, d).
     """
 
     numbers: np.ndarray
     facets: np.ndarray
     area: np.ndarray
+    stiffness: np.ndarray
     free: np.ndarray
 
 
@@ -62,14 +65,18 @@ def contact_nodes(model: Model, contact: BoundContact) -> ContactNodes:
     nodes = side.nodes[side.owned]
     m = nodes.shape[1]
     shares = np.repeat(side.areas[side.owned][:, None] / m, m, axis=1)
+    springs = shares * contact.trace.stiffness[side.owned][:, None]
     free = ~model.coordinates.fixed[nodes]
-    parts = model.comm.allgather((model.global_numbers(nodes), shares, free))
-    all_numbers, all_shares, all_free = (np.concatenate(part) for part in zip(*parts, strict=True))
+    parts = model.comm.allgather((model.global_numbers(nodes), shares, springs, free))
+    all_numbers, all_shares, all_springs, all_free = (
+        np.concatenate(part) for part in zip(*parts, strict=True)
+    )
     numbers, place = np.unique(all_numbers.ravel(), return_inverse=True)
     area = np.bincount(place, all_shares.ravel())
+    stiffness = np.bincount(place, all_springs.ravel())
     free = np.zeros((len(numbers), model.d), dtype=bool)
     free[place] = all_free.reshape(-1, model.d)
-    return ContactNodes(numbers, place.reshape(-1, m), area, free)
+    return ContactNodes(numbers, place.reshape(-1, m), area, stiffness, free)
 
 
 class MultiplierMap:
@@ -216,10 +223,11 @@ class MultiplierMap:
             for done in (force, jump, borne):
                 done.destroy()
 
-        area_of_entry = []
-        for area, jumps in zip(areas, shared.jumps, strict=True):
-            area_of_entry.append(area[np.searchsorted(dofs, jumps.rows)])
-        for k, share in enumerate(shares(shared.jumps, area_of_entry)):
+        springs = []
+        for contact, jumps in zip(self.contacts, shared.jumps, strict=True):
+            place = np.searchsorted(contact.numbers, jumps.rows // self._d)
+            springs.append(contact.stiffness[place])
+        for k, share in enumerate(shares(shared.jumps, springs)):
             to_contact = among(dofs, share)
             force = to_contact.matMult(rest)
             if self._degree > 1:

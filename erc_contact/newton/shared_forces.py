@@ -9,9 +9,10 @@ on their jumps the reaction of the unknowns is
 Three bodies have two jumps and may have three contacts, so that the reaction does not
 tell all g_c. A force g0_c is known besides: that of a multiplier that is the mean of its
 neighbours in the contact. Of all forces that fit the reaction the nearest to these are
-taken, in the sense of ``sum_c |g_c - g0_c|^2 / a_c`` with the areas a_c of the node:
+taken, in the sense of ``sum_c |g_c - g0_c|^2 / k_c`` with the stiffness k_c of the bodies at the
+contact, so that a soft body gets no force that stiff ones leave:
 
-    g_c = g0_c + Q_c (r - sum_b M_b^T g0_b),    Q_c = a_c M_c (sum_b M_b^T a_b M_b)^-1.
+    g_c = g0_c + Q_c (r - sum_b M_b^T g0_b),    Q_c = k_c M_c (sum_b M_b^T k_b M_b)^-1.
 
 A constant stress has so its own tractions. Where the reaction tells all forces, as in a
 chain of bodies, they do not depend on g0. The order of the contacts does not matter.
@@ -129,7 +130,7 @@ def _added_up(own: np.ndarray, entries: np.ndarray, free_dofs: np.ndarray) -> En
     return Entries(rows, columns, total[used])
 
 
-def shares(jumps: list[Entries], areas: list[np.ndarray]) -> list[Entries]:
+def shares(jumps: list[Entries], springs: list[np.ndarray]) -> list[Entries]:
     """Return Q_c of each contact.
 
     Unknowns that no contact has in common are told apart, so that the inverse is that
@@ -137,7 +138,7 @@ def shares(jumps: list[Entries], areas: list[np.ndarray]) -> list[Entries]:
 
     Args:
         jumps: The rows of M_c of each contact.
-        areas: Area of the node of each entry of these [length^(d-1)].
+        springs: Stiffness k_c at the node of each entry of these [force/length].
     """
     lengths = [len(entries.rows) for entries in jumps]
     contact = np.repeat(np.arange(len(jumps)), lengths)
@@ -149,8 +150,8 @@ def shares(jumps: list[Entries], areas: list[np.ndarray]) -> list[Entries]:
         np.concatenate([entries.columns for entries in jumps]), return_inverse=True
     )
     value = np.concatenate([entries.values for entries in jumps])
-    area = np.ones(len(jump_of))
-    area[row] = np.concatenate(areas)
+    spring = np.ones(len(jump_of))
+    spring[row] = np.concatenate(springs)
 
     # Rows and columns are joined by entries; each connected part is a block.
     edges = np.column_stack([row, len(jump_of) + column])
@@ -163,7 +164,7 @@ def shares(jumps: list[Entries], areas: list[np.ndarray]) -> list[Entries]:
     m = np.zeros(shape)
     m[block_of_row[row], row_place[row], column_place[column]] = value
     weighted = m.copy()
-    weighted[block_of_row, row_place] *= area[:, None]
+    weighted[block_of_row, row_place] *= spring[:, None]
     gram = np.matmul(m.transpose(0, 2, 1), weighted)
     # Blocks have different sizes: the rest of a block is the identity.
     filled = np.zeros((shape[0], shape[2]), dtype=bool)
