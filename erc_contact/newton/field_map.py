@@ -9,7 +9,7 @@ First in z are the unknowns L. At contacts between bodies they are jumps
 (:mod:`erc_contact.model.coordinates`); u at their nodes, a sum of two unknowns, follows
 them. Then come the multipliers. For degree 2, the equations of a multiplier use
 Bernstein coefficients of u, jumps and lambda instead of nodal values; z contains this
-change (:mod:`erc_contact.newton.reactions`).
+change (:mod:`erc_contact.newton.multiplier_map`).
 
 The dense matrix Z is on rank 0. Symbols: A, L, K and s as in
 :mod:`erc_contact.newton.condensed`; C from nodal values to Bernstein coefficients; T
@@ -26,11 +26,12 @@ from erc_contact.base.exceptions import together
 from erc_contact.base.sparse import sparse, times
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.trace import dofs_of
+from erc_contact.newton.contact_nodes import Entries
+from erc_contact.newton.field_sums import sums_of_displacements, sums_of_jump
 from erc_contact.newton.forms import ContactForms
 from erc_contact.newton.jump_sums import Sums
 from erc_contact.newton.linear.stiffness import Stiffness
-from erc_contact.newton.reactions import MultiplierMap
-from erc_contact.newton.shared_forces import Entries
+from erc_contact.newton.multiplier_map import MultiplierMap
 
 
 class FieldMap:
@@ -157,42 +158,14 @@ class FieldMap:
         values = self._forms.u.x.array[added]
         rows, first = np.unique(np.concatenate(comm.allgather(numbers)), return_index=True)
         all_values = np.concatenate(comm.allgather(values))[first]
-        together(comm, self._add_sums, self._sums(rows), rows, all_values)
+        together(
+            comm, self._add_sums, sums_of_displacements(model, self._map, rows), rows, all_values
+        )
 
         column = np.where((read & ~model.fixed).ravel(), place, -1)
         column[added] = self.size + np.searchsorted(rows, numbers)
         self.size += len(rows)
         return column
-
-    def _sums(self, dofs: np.ndarray) -> Sums:
-        """Return what the displacements that the forms read are sums of; collective.
-
-        Args:
-            dofs: Their global degrees of freedom, ascending, shape (n,).
-
-        Returns:
-            The sums, by places in `dofs`.
-        """
-        model = self._model
-        row, column, factor = np.arange(len(dofs)), dofs, np.ones(len(dofs))
-        if self._map is not None and self._map.on_foundations is not None:
-            change = self._map.on_foundations
-            used = np.isin(change.rows, dofs)
-            row = np.searchsorted(dofs, change.rows[used])
-            column, factor = change.columns[used], change.values[used]
-        # T of all ranks, by the rows that are not those of the identity.
-        entries = model.coordinates.entries
-        of_rank = [model.global_dofs(entries.rows), entries.columns, entries.own, entries.other]
-        table = np.concatenate(model.comm.allgather(np.column_stack(of_rank)))
-        _, first = np.unique(table[:, 0], return_index=True)
-        table = table[first]
-        place = np.minimum(np.searchsorted(table[:, 0], column), len(table) - 1)
-        in_table = table[place, 0] == column
-        own = np.where(in_table, table[place, 2], 1.0)
-        other = np.where(in_table, table[place, 3], 0.0)
-        partner = np.where(in_table, table[place, 1], column)
-        columns = np.concatenate([column, partner])
-        return Sums(np.tile(row, 2), columns, np.concatenate([factor * own, factor * other]))
 
     def _column_of_jump(
         self, field: fem.Function, contact: BoundContact, place: np.ndarray
@@ -210,11 +183,11 @@ class FieldMap:
         column[dofs] = place[dofs]
         if not self._forms.jump_sums.any:
             return column
-        all_sums, rows = self._sums_of_jump(contact)
+        all_sums, rows = sums_of_jump(self._forms, self._map, contact)
         numbers = model.global_dofs(dofs)
-        if self._map is not None:
+        if self._map is not None and self._map.shared is not None:
             # Where supports fix all summands the jump does not change.
-            shared = self._map.numbers[self._map.is_shared]
+            shared = self._map.shared.at.numbers
             column[dofs[np.isin(numbers // model.d, shared)]] = -1
         is_sum = np.isin(numbers, rows)
         dofs, numbers = dofs[is_sum], numbers[is_sum]
@@ -226,30 +199,6 @@ class FieldMap:
         column[dofs] = self.size + np.searchsorted(rows, numbers)
         self.size += len(rows)
         return column
-
-    def _sums_of_jump(self, contact: BoundContact) -> tuple[Sums, np.ndarray]:
-        """Return what a jump is a sum of where it is no unknown; collective.
-
-        Returns:
-            The sums, by places in the second array, and global degrees of freedom.
-        """
-        model = self._model
-        if self._map is not None:
-            entries = self._map.jumps[model.contacts.index(contact)]
-            rows = np.unique(entries.rows)
-            return Sums(np.searchsorted(rows, entries.rows), entries.columns, entries.values), rows
-        # J, with its diagonal, at the degrees of freedom where it is not the identity.
-        sums = self._forms.jump_sums.of(contact)
-        of_rank = [model.global_dofs(sums.rows), sums.columns, sums.values]
-        table = np.concatenate(model.comm.allgather(np.column_stack(of_rank)))
-        table = np.unique(table, axis=0)
-        rows = np.unique(table[:, 0])
-        all_sums = Sums(
-            np.concatenate([np.searchsorted(rows, table[:, 0]), np.arange(len(rows))]),
-            np.concatenate([table[:, 1], rows]),
-            np.concatenate([table[:, 2], np.ones(len(rows))]),
-        )
-        return all_sums, rows
 
     def _add_sums(self, sums: Sums, rows: np.ndarray, values: np.ndarray) -> None:
         """Add fields at degrees of freedom that are no unknowns to Z, on rank 0.

@@ -7,10 +7,11 @@ on their jumps the reaction of the unknowns is
     r = sum_c M_c^T g_c.
 
 Three bodies have two jumps and may have three contacts, so that the reaction does not
-tell all g_c. A force g0_c is known besides: that of a multiplier that is the mean of its
-neighbours in the contact. Of all forces that fit the reaction the nearest to these are
-taken, in the sense of ``sum_c |g_c - g0_c|^2 / k_c`` with the stiffness k_c of the bodies at the
-contact, so that a soft body gets no force that stiff ones leave:
+tell all g_c. There is an estimate g0_c besides: the force of a multiplier that is the
+mean of its neighbours in the contact. Of all forces that fit the reaction the nearest
+to these are taken, in the sense of ``sum_c |g_c - g0_c|^2 / k_c`` with the stiffness
+k_c of the bodies at the contact, so that a soft body gets no force that stiff ones
+leave:
 
     g_c = g0_c + Q_c (r - sum_b M_b^T g0_b),    Q_c = k_c M_c (sum_b M_b^T k_b M_b)^-1.
 
@@ -22,7 +23,7 @@ what the tractions of all laws together leave there. The displacement of a joint
 such equation without a foundation, and keeps its equilibrium.
 
 Symbols: M_c the identity but for rows of shared nodes, e_c the equations of a
-multiplier, :mod:`erc_contact.newton.reactions`.
+multiplier, :mod:`erc_contact.newton.multiplier_map`.
 """
 
 from __future__ import annotations
@@ -30,29 +31,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from petsc4py import PETSc
 
-from erc_contact.base.sparse import sparse
 from erc_contact.model.joints import components
 from erc_contact.model.model import Model
 from erc_contact.model.over_ranks import marked_by_any
 from erc_contact.model.trace import dofs_of
+from erc_contact.newton.contact_nodes import Entries
 from erc_contact.newton.jump_sums import JumpSums
-
-
-@dataclass(frozen=True, eq=False)
-class Entries:
-    """Hold the entries of a sparse matrix, which add up where they coincide.
-
-    Attributes:
-        rows: Global degrees of freedom, shape (n,).
-        columns: Global degrees of freedom, shape (n,).
-        values: Shape (n,).
-    """
-
-    rows: np.ndarray
-    columns: np.ndarray
-    values: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,15 +179,3 @@ def _numbers_in(group: np.ndarray) -> np.ndarray:
     numbers = np.empty(len(group), dtype=np.int64)
     numbers[order] = np.arange(len(group)) - np.searchsorted(ascending, ascending)
     return numbers
-
-
-def among(dofs: np.ndarray, entries: Entries) -> PETSc.Mat:
-    """Make a square matrix of this rank from entries between some degrees of freedom.
-
-    Args:
-        dofs: The degrees of freedom, ascending.
-        entries: Its entries.
-    """
-    rows = np.searchsorted(dofs, entries.rows)
-    columns = np.searchsorted(dofs, entries.columns)
-    return sparse(len(dofs), len(dofs), rows, columns, [entries.values])

@@ -4,8 +4,8 @@ A group of nodes has the linearised equations
 
     P x + R r = f,    P = sum_c M_c^T e_u M_c,    R = sum_c M_c^T e_lambda Q_c / a_c,
 
-with the symbols of :mod:`erc_contact.newton.shared_forces`, those of the neighbours left
-out. Solved for the reaction r they are springs, as at other nodes
+with the symbols of :mod:`erc_contact.newton.shared_forces`. What the multipliers of
+neighbours do is left out. Solved for the reaction r they are springs, as at other nodes
 (:mod:`erc_contact.newton.springs`):
 
     G = H P,    H = (R + P D^-1)^-1.
@@ -19,7 +19,8 @@ import numpy as np
 from mpi4py import MPI
 
 from erc_contact.model.joints import components
-from erc_contact.newton.shared_forces import Entries, SharedNodes
+from erc_contact.newton.contact_nodes import Entries
+from erc_contact.newton.shared_multipliers import SharedMultipliers
 
 
 class SharedSprings:
@@ -27,8 +28,7 @@ class SharedSprings:
 
     Args:
         comm: The ranks.
-        shared: The nodes.
-        shares: The entries of ``Q_c / a_c`` of each contact.
+        shared: What contacts share at these nodes.
         terms: For each derivative of the equations the numbers of its contacts; all of
             them have the same jumps at common nodes.
         by_forces: Which derivatives are those by multipliers.
@@ -43,8 +43,7 @@ class SharedSprings:
     def __init__(
         self,
         comm: MPI.Comm,
-        shared: SharedNodes,
-        shares: list[Entries],
+        shared: SharedMultipliers,
         terms: list[list[int]],
         by_forces: list[bool],
         low: int,
@@ -53,10 +52,11 @@ class SharedSprings:
         self._comm = comm
         self._terms = terms
         self._by_forces = by_forces
-        d = shared.has_equation.shape[1]
+        at = shared.at
+        d = at.has_equation.shape[1]
         self._d = d
-        numbers = shared.numbers
-        edges = np.concatenate([self._edges(numbers, entries) for entries in shared.jumps])
+        numbers = at.numbers
+        edges = np.concatenate([self._edges(numbers, entries) for entries in at.jumps])
         _, group = np.unique(components(len(numbers), edges), return_inverse=True)
         order = np.argsort(group, kind="stable")
         number = np.arange(len(group)) - np.searchsorted(group[order], group[order])
@@ -64,17 +64,17 @@ class SharedSprings:
         slot[order] = number
         self._shape = (group.max() + 1, (slot.max() + 1) * d)
         self._group, self._slot = group, slot
-        jumps = [self._dense(numbers, entries) for entries in shared.jumps]
+        jumps = [self._dense(numbers, entries) for entries in at.jumps]
         self._jumps = []
         for first, *others in terms:
             of_term = jumps[first]
             for k in others:
                 of_term = np.where(of_term == 0, jumps[k], of_term)
             self._jumps.append(of_term)
-        self._shares = [self._dense(numbers, entries) for entries in shares]
+        self._shares = [self._dense(numbers, entries) for entries in shared.shares]
         self._no_equation = np.ones(self._shape, dtype=bool)
         places = slot[:, None] * d + np.arange(d)
-        self._no_equation[group[:, None], places] = ~shared.has_equation
+        self._no_equation[group[:, None], places] = ~at.has_equation
 
         owned = (numbers * d >= low) & (numbers * d < high)
         self._owned = np.flatnonzero(owned)

@@ -37,7 +37,11 @@ class Springs:
     """
 
     def __init__(
-        self, model: Model, stiffness: PETSc.Mat, glue: np.ndarray, reactions: Reactions,
+        self,
+        model: Model,
+        stiffness: PETSc.Mat,
+        glue: np.ndarray,
+        reactions: Reactions,
         contacts: list[list[int]],
     ) -> None:
         d = model.d
@@ -49,7 +53,7 @@ class Springs:
             count = len(model.contacts)
             by_forces = [False] * (len(contacts) - count) + [True] * count
             self._shared = SharedSprings(
-                model.comm, reactions.shared, reactions.shares, contacts, by_forces, low, high
+                model.comm, reactions.shared, contacts, by_forces, low, high
             )
             of_node[self._shared.nodes] = False
             self._shared_glue = glue.reshape(-1, d)[self._shared.nodes]
@@ -98,7 +102,7 @@ class Springs:
         springs = np.matmul(self._h, by_u)
         _set_rows_and_columns_to_zero(springs, fixed)
         values = springs.ravel()
-        if self._shared is not None:
+        if self._shared is not None and self._of_shared is not None:
             at_shared = [of_term[self._shared.nodes] for of_term in blocks]
             of_shared, h = self._shared.update(at_shared, self._shared_glue)
             values = np.concatenate([values, of_shared])
