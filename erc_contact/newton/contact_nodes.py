@@ -1,4 +1,4 @@
-"""The nodes of all contacts with their areas, the same on all ranks."""
+"""The nodes of all contacts with their areas, and matrices between them."""
 
 from __future__ import annotations
 
@@ -9,8 +9,6 @@ import numpy as np
 from petsc4py import PETSc
 
 from erc_contact.base.sparse import sparse
-from erc_contact.model.foundation import BoundContact
-from erc_contact.model.model import Model
 from erc_contact.model.trace import dofs_of
 
 NO_ENTRY = 1e-14
@@ -52,31 +50,12 @@ class ContactNodes:
     free: np.ndarray
 
 
-def contact_nodes(model: Model, contact: BoundContact) -> ContactNodes:
-    """Gather the nodes and facets of a contact; collective."""
-    side = contact.trace.here
-    nodes = side.nodes[side.owned]
-    m = nodes.shape[1]
-    shares = np.repeat(side.areas[side.owned][:, None] / m, m, axis=1)
-    springs = shares * contact.trace.stiffness[side.owned][:, None]
-    free = ~model.coordinates.fixed[nodes]
-    parts = model.comm.allgather((model.global_numbers(nodes), shares, springs, free))
-    all_numbers, all_shares, all_springs, all_free = (
-        np.concatenate(part) for part in zip(*parts, strict=True)
-    )
-    numbers, place = np.unique(all_numbers.ravel(), return_inverse=True)
-    area = np.bincount(place, all_shares.ravel())
-    stiffness = np.bincount(place, all_springs.ravel())
-    free = np.zeros((len(numbers), model.d), dtype=bool)
-    free[place] = all_free.reshape(-1, model.d)
-    return ContactNodes(numbers, place.reshape(-1, m), area, stiffness, free)
-
-
 class NodesOfAll:
     """Number the nodes of all contacts; matrices between them are of this rank.
 
     Args:
-        model: The scene on a mesh.
+        d: The dimension.
+        degree: Degree of the displacement.
         contacts: The nodes and facets of each contact.
         more: Global numbers of nodes that count besides.
 
@@ -91,12 +70,12 @@ class NodesOfAll:
             (N,).
     """
 
-    def __init__(self, model: Model, contacts: list[ContactNodes], more: np.ndarray) -> None:
-        self.d = model.d
-        self.degree = model.degree
+    def __init__(self, d: int, degree: int, contacts: list[ContactNodes], more: np.ndarray) -> None:
+        self.d = d
+        self.degree = degree
         self.contacts = contacts
         self.numbers = np.unique(np.concatenate([*(c.numbers for c in contacts), more]))
-        self.dofs = dofs_of(self.numbers, model.d)
+        self.dofs = dofs_of(self.numbers, d)
         self.places = [np.searchsorted(self.numbers, c.numbers) for c in contacts]
         self.areas = []
         for contact, places in zip(contacts, self.places, strict=True):

@@ -9,7 +9,7 @@ First in z are the unknowns L. At contacts between bodies they are jumps
 (:mod:`erc_contact.model.coordinates`); u at their nodes, a sum of two unknowns, follows
 them. Then come the multipliers. For degree 2, the equations of a multiplier use
 Bernstein coefficients of u, jumps and lambda instead of nodal values; z contains this
-change (:mod:`erc_contact.newton.multiplier_map`).
+change (:mod:`erc_contact.newton.reactions`).
 
 The dense matrix Z is on rank 0. Symbols: A, L, K and s as in
 :mod:`erc_contact.newton.condensed`; C from nodal values to Bernstein coefficients; T
@@ -31,7 +31,7 @@ from erc_contact.newton.field_sums import sums_of_displacements, sums_of_jump
 from erc_contact.newton.forms import ContactForms
 from erc_contact.newton.jump_sums import Sums
 from erc_contact.newton.linear.stiffness import Stiffness
-from erc_contact.newton.multiplier_map import MultiplierMap
+from erc_contact.newton.reactions import MultiplierMap
 
 
 class FieldMap:
@@ -158,9 +158,7 @@ class FieldMap:
         values = self._forms.u.x.array[added]
         rows, first = np.unique(np.concatenate(comm.allgather(numbers)), return_index=True)
         all_values = np.concatenate(comm.allgather(values))[first]
-        together(
-            comm, self._add_sums, sums_of_displacements(model, self._map, rows), rows, all_values
-        )
+        together(comm, self._add_sums, self._sums_of_u(rows), rows, all_values)
 
         column = np.where((read & ~model.fixed).ravel(), place, -1)
         column[added] = self.size + np.searchsorted(rows, numbers)
@@ -183,7 +181,7 @@ class FieldMap:
         column[dofs] = place[dofs]
         if not self._forms.jump_sums.any:
             return column
-        all_sums, rows = sums_of_jump(self._forms, self._map, contact)
+        all_sums, rows = self._sums_of_jump(contact)
         numbers = model.global_dofs(dofs)
         if self._map is not None and self._map.shared is not None:
             # Where supports fix all summands the jump does not change.
@@ -199,6 +197,22 @@ class FieldMap:
         column[dofs] = self.size + np.searchsorted(rows, numbers)
         self.size += len(rows)
         return column
+
+    def _sums_of_u(self, dofs: np.ndarray) -> Sums:
+        """Return what the displacements on foundations are sums of; collective."""
+        change = None if self._map is None else self._map.on_foundations
+        return sums_of_displacements(self._model, change, dofs)
+
+    def _sums_of_jump(self, contact: BoundContact) -> tuple[Sums, np.ndarray]:
+        """Return what a jump is a sum of, see :func:`.sums_of_jump`; collective.
+
+        With a multiplier it is that of its Bernstein coefficients.
+        """
+        if self._map is None or self._map.shared is None:
+            return sums_of_jump(self._model, self._forms.jump_sums.of(contact))
+        entries = self._map.shared.jumps[self._model.contacts.index(contact)]
+        rows = np.unique(entries.rows)
+        return Sums(np.searchsorted(rows, entries.rows), entries.columns, entries.values), rows
 
     def _add_sums(self, sums: Sums, rows: np.ndarray, values: np.ndarray) -> None:
         """Add fields at degrees of freedom that are no unknowns to Z, on rank 0.

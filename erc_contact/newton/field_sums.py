@@ -4,29 +4,24 @@ from __future__ import annotations
 
 import numpy as np
 
-from erc_contact.model.foundation import BoundContact
 from erc_contact.model.model import Model
-from erc_contact.newton.forms import ContactForms
+from erc_contact.newton.contact_nodes import Entries
 from erc_contact.newton.jump_sums import Sums
-from erc_contact.newton.multiplier_map import MultiplierMap
 
 
-def sums_of_displacements(
-    model: Model, multiplier_map: MultiplierMap | None, dofs: np.ndarray
-) -> Sums:
+def sums_of_displacements(model: Model, change: Entries | None, dofs: np.ndarray) -> Sums:
     """Return what the displacements that the forms read are sums of; collective.
 
     Args:
         model: The scene on a mesh.
-        multiplier_map: That of a method with multiplier; None without.
+        change: The change to Bernstein coefficients on foundations; None without.
         dofs: Their global degrees of freedom, ascending, shape (n,).
 
     Returns:
         The sums, by places in `dofs`.
     """
     row, column, factor = np.arange(len(dofs)), dofs, np.ones(len(dofs))
-    if multiplier_map is not None and multiplier_map.on_foundations is not None:
-        change = multiplier_map.on_foundations
+    if change is not None:
         used = np.isin(change.rows, dofs)
         row = np.searchsorted(dofs, change.rows[used])
         column, factor = change.columns[used], change.values[used]
@@ -45,28 +40,17 @@ def sums_of_displacements(
     return Sums(np.tile(row, 2), columns, np.concatenate([factor * own, factor * other]))
 
 
-def sums_of_jump(
-    forms: ContactForms, multiplier_map: MultiplierMap | None, contact: BoundContact
-) -> tuple[Sums, np.ndarray]:
+def sums_of_jump(model: Model, sums: Sums) -> tuple[Sums, np.ndarray]:
     """Return what a jump is a sum of where it is no unknown; collective.
 
-    With a multiplier it is that of its Bernstein coefficients.
-
     Args:
-        forms: The equations of the method.
-        multiplier_map: That of a method with multiplier; None without.
-        contact: A contact between bodies.
+        model: The scene on a mesh.
+        sums: D of its contact.
 
     Returns:
         The sums, by places in the second array, and global degrees of freedom.
     """
-    model = forms.model
-    if multiplier_map is not None and multiplier_map.shared is not None:
-        entries = multiplier_map.shared.jumps[model.contacts.index(contact)]
-        rows = np.unique(entries.rows)
-        return Sums(np.searchsorted(rows, entries.rows), entries.columns, entries.values), rows
     # J, with its diagonal, at the degrees of freedom where it is not the identity.
-    sums = forms.jump_sums.of(contact)
     of_rank = [model.global_dofs(sums.rows), sums.columns, sums.values]
     table = np.concatenate(model.comm.allgather(np.column_stack(of_rank)))
     table = np.unique(table, axis=0)

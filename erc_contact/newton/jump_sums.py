@@ -27,8 +27,10 @@ from petsc4py import PETSc
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.model import Model
 from erc_contact.model.node_pairs import pairs_of
-from erc_contact.model.over_ranks import matrix_of_ranks
+from erc_contact.model.over_ranks import marked_by_any, matrix_of_ranks
 from erc_contact.model.trace import dofs_of
+from erc_contact.newton.contact_nodes import Entries
+from erc_contact.newton.shared_forces import SharedNodes
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,6 +123,66 @@ class JumpSums:
         columns = np.concatenate([dofs, sums.columns[owned]])
         values = np.concatenate([np.full(size, identity), sums.values[owned]])
         return matrix_of_ranks(model, rows, columns, values)
+
+
+def shared_nodes(model: Model, sums: JumpSums) -> SharedNodes | None:
+    """Find the nodes whose forces contacts share; collective.
+
+    Args:
+        model: The scene on a mesh.
+        sums: The jumps that are sums of unknowns, with those of foundations.
+
+    Returns:
+        The nodes; None where there are none on any rank.
+    """
+    if not sums.any:
+        return None
+    comm, d = model.comm, model.d
+    is_shared = np.zeros(model.node_count, dtype=bool)
+    index_map = model.V.dofmap.index_map
+    for contact in model.contacts:
+        of_contact = sums.of(contact)
+        is_shared[of_contact.rows // d] = True
+        columns = index_map.global_to_local(of_contact.columns // d)
+        is_shared[columns[columns >= 0]] = True
+    (is_shared,) = marked_by_any(model, is_shared)
+
+    nodes = np.flatnonzero(is_shared)
+    of_rank = np.column_stack([model.global_numbers(nodes), ~model.coordinates.fixed[nodes]])
+    table = np.unique(np.concatenate(comm.allgather(of_rank)), axis=0)
+    numbers = table[:, 0]
+    free = table[:, 1:] > 0
+    free_dofs = dofs_of(numbers, d)[free.ravel()]
+    jumps = []
+    for contact in model.contacts:
+        here = np.unique(contact.trace.here.nodes)
+        own = model.global_dofs(dofs_of(here[is_shared[here]], d))
+        own = np.unique(np.concatenate(comm.allgather(own)))
+        of_contact = sums.of(contact)
+        rows = model.global_dofs(of_contact.rows)
+        entries = np.column_stack([rows, of_contact.columns, of_contact.values])
+        entries = np.unique(np.concatenate(comm.allgather(entries)), axis=0)
+        jumps.append(_with_identity(own, entries, free_dofs))
+    columns = np.concatenate([of_contact.columns for of_contact in jumps])
+    has_equation = np.isin(dofs_of(numbers, d), columns).reshape(-1, d)
+    return SharedNodes(numbers, jumps, has_equation)
+
+
+def _with_identity(own: np.ndarray, entries: np.ndarray, free_dofs: np.ndarray) -> Entries:
+    """Return the entries of ``I + D`` at free unknowns.
+
+    Args:
+        own: Rows of the identity, shape (n,).
+        entries: Rows, columns and values of D, shape (m, 3).
+        free_dofs: The unknowns that no support fixes.
+    """
+    places = np.concatenate([np.column_stack([own, own]), entries[:, :2].astype(own.dtype)])
+    values = np.concatenate([np.ones(len(own)), entries[:, 2]])
+    unique, which = np.unique(places, axis=0, return_inverse=True)
+    total = np.bincount(which.ravel(), values, len(unique))
+    used = (total != 0) & np.isin(unique[:, 1], free_dofs)
+    rows, columns = unique[used].T
+    return Entries(rows, columns, total[used])
 
 
 def _sums(model: Model, contact: BoundContact) -> Sums:

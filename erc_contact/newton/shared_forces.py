@@ -23,7 +23,7 @@ what the tractions of all laws together leave there. The displacement of a joint
 such equation without a foundation, and keeps its equilibrium.
 
 Symbols: M_c the identity but for rows of shared nodes, e_c the equations of a
-multiplier, :mod:`erc_contact.newton.multiplier_map`.
+multiplier, :mod:`erc_contact.newton.reactions`.
 """
 
 from __future__ import annotations
@@ -33,11 +33,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from erc_contact.model.joints import components
-from erc_contact.model.model import Model
-from erc_contact.model.over_ranks import marked_by_any
-from erc_contact.model.trace import dofs_of
 from erc_contact.newton.contact_nodes import Entries
-from erc_contact.newton.jump_sums import JumpSums
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,66 +49,6 @@ class SharedNodes:
     numbers: np.ndarray
     jumps: list[Entries]
     has_equation: np.ndarray
-
-
-def shared_nodes(model: Model, sums: JumpSums) -> SharedNodes | None:
-    """Find the nodes whose forces contacts share; collective.
-
-    Args:
-        model: The scene on a mesh.
-        sums: The jumps that are sums of unknowns, with those of foundations.
-
-    Returns:
-        The nodes; None where there are none on any rank.
-    """
-    if not sums.any:
-        return None
-    comm, d = model.comm, model.d
-    is_shared = np.zeros(model.node_count, dtype=bool)
-    index_map = model.V.dofmap.index_map
-    for contact in model.contacts:
-        of_contact = sums.of(contact)
-        is_shared[of_contact.rows // d] = True
-        columns = index_map.global_to_local(of_contact.columns // d)
-        is_shared[columns[columns >= 0]] = True
-    (is_shared,) = marked_by_any(model, is_shared)
-
-    nodes = np.flatnonzero(is_shared)
-    of_rank = np.column_stack([model.global_numbers(nodes), ~model.coordinates.fixed[nodes]])
-    table = np.unique(np.concatenate(comm.allgather(of_rank)), axis=0)
-    numbers = table[:, 0]
-    free = table[:, 1:] > 0
-    free_dofs = dofs_of(numbers, d)[free.ravel()]
-    jumps = []
-    for contact in model.contacts:
-        here = np.unique(contact.trace.here.nodes)
-        own = model.global_dofs(dofs_of(here[is_shared[here]], d))
-        own = np.unique(np.concatenate(comm.allgather(own)))
-        of_contact = sums.of(contact)
-        rows = model.global_dofs(of_contact.rows)
-        entries = np.column_stack([rows, of_contact.columns, of_contact.values])
-        entries = np.unique(np.concatenate(comm.allgather(entries)), axis=0)
-        jumps.append(_added_up(own, entries, free_dofs))
-    columns = np.concatenate([of_contact.columns for of_contact in jumps])
-    has_equation = np.isin(dofs_of(numbers, d), columns).reshape(-1, d)
-    return SharedNodes(numbers, jumps, has_equation)
-
-
-def _added_up(own: np.ndarray, entries: np.ndarray, free_dofs: np.ndarray) -> Entries:
-    """Return the entries of ``I + D`` at free unknowns.
-
-    Args:
-        own: Rows of the identity, shape (n,).
-        entries: Rows, columns and values of D, shape (m, 3).
-        free_dofs: The unknowns that no support fixes.
-    """
-    places = np.concatenate([np.column_stack([own, own]), entries[:, :2].astype(own.dtype)])
-    values = np.concatenate([np.ones(len(own)), entries[:, 2]])
-    unique, which = np.unique(places, axis=0, return_inverse=True)
-    total = np.bincount(which.ravel(), values, len(unique))
-    used = (total != 0) & np.isin(unique[:, 1], free_dofs)
-    rows, columns = unique[used].T
-    return Entries(rows, columns, total[used])
 
 
 def shares(jumps: list[Entries], springs: list[np.ndarray]) -> list[Entries]:
