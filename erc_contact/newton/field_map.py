@@ -32,6 +32,7 @@ from erc_contact.newton.forms import ContactForms
 from erc_contact.newton.jump_sums import Sums
 from erc_contact.newton.linear.stiffness import Stiffness
 from erc_contact.newton.reactions import MultiplierMap
+from erc_contact.newton.shared_multipliers import SharedMultipliers
 
 
 class FieldMap:
@@ -52,6 +53,7 @@ class FieldMap:
         columns: For each field that the forms are derived by, the place in z of each
             degree of freedom of this rank, -1 where it has none.
         rows: Place in A of each degree of freedom of this rank, -1 where it has none.
+        shared: What contacts share at nodes of several bodies; None without.
         in_equilibrium: Rows of A with the equilibrium, as an index; with a multiplier
             its equations stand in place of that of its nodes.
     """
@@ -72,8 +74,10 @@ class FieldMap:
         self.size = len(stiffness.numbers)
         self.in_equilibrium: slice | np.ndarray = slice(None)
         self._map: MultiplierMap | None = None
+        self.shared: SharedMultipliers | None = None
         if forms.multipliers:
             self._map = MultiplierMap(self._model)
+            self.shared = self._map.shared
             dofs = dofs_of(self._map.numbers, self._model.d)[self._map.free.ravel()]
             self.in_equilibrium = np.flatnonzero(~np.isin(stiffness.numbers[:unknowns], dofs))
         self._w_A = stiffness.gather(w)[:unknowns]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -207,11 +208,18 @@ class ContactForms:
             values.append(expression.eval(self.model.mesh, facets).ravel().astype(np.int8))
         return np.concatenate(values)
 
-    def nodal_multipliers(self) -> tuple[fem.Function, ...]:
-        """Return the multipliers as new Functions of nodal values [force/area]."""
+    def nodal_multipliers(
+        self, coefficients: Sequence[fem.Function] | None = None
+    ) -> tuple[fem.Function, ...]:
+        """Return multipliers as new Functions of nodal values [force/area].
+
+        Args:
+            coefficients: Their Bernstein coefficients; None for those of the forms.
+        """
         model = self.model
         nodal = []
-        for contact, multiplier in zip(model.contacts, self.multipliers, strict=False):
+        multipliers = self.multipliers if coefficients is None else coefficients
+        for contact, multiplier in zip(model.contacts, multipliers, strict=False):
             values = multiplier.copy()
             model.to_coefficients(values.x.array.reshape(-1, model.d), [contact], back=True)
             nodal.append(values)

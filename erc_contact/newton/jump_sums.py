@@ -250,6 +250,10 @@ def _colours(model: Model, sums: dict[str, Sums], with_foundations: bool) -> lis
     is_sum = model.coordinates.is_joint.copy()
     for of_contact in sums.values():
         is_sum[of_contact.rows // model.d] = True
+        if with_foundations:
+            # All nodes whose forces contacts share, see below.
+            columns = model.V.dofmap.index_map.global_to_local(of_contact.columns // model.d)
+            is_sum[columns[columns >= 0]] = True
     nodes_of = []
     for contact in contacts:
         nodes = np.unique(contact.trace.here.nodes)

@@ -29,6 +29,7 @@ class SharedMultipliers:
 
     Attributes:
         at: The shared nodes.
+        areas: Areas of these nodes in each contact, zero elsewhere [length^(d-1)].
         shares: ``Q_c / a_c`` of each contact.
         jumps: For each contact the matrix from the unknowns to those Bernstein
             coefficients of its jump that are sums of several.
@@ -37,6 +38,8 @@ class SharedMultipliers:
     def __init__(self, nodes: NodesOfAll, shared: SharedNodes, matrices: list[PETSc.Mat]) -> None:
         self._nodes = nodes
         self.at = shared
+        place = np.searchsorted(nodes.numbers, shared.numbers)
+        self.areas = [area[place] for area in nodes.areas]
         self.shares: list[Entries] = []
         rest = self._rest(matrices)
         springs = []
