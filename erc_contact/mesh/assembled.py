@@ -15,6 +15,7 @@ import numpy as np
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
+from erc_contact.base.exceptions import InputError
 from erc_contact.mesh.bodies import Bodies
 from erc_contact.mesh.joining import joint
 from erc_contact.mesh.plain import PlainMesh
@@ -129,7 +130,15 @@ class Assembled:
         tags: dict[str, Any] = {"facet_tags": facet_tags, "cell_tags": cell_tags}
         result = replace(like, mesh=mesh, names=self.names, **tags, **blank)
         for here, there, on, tied, apart in self.joints:
-            glued = joint(result, here, there, on, tied=tied, apart=apart)
+            try:
+                glued = joint(result, here, there, on, tied=tied, apart=apart)
+            except InputError as reason:
+                # The user asked for sizes, and must know why bodies are joined again.
+                raise InputError(
+                    f"remeshed: each body has another mesh now, and {here!r} and {there!r} cannot "
+                    f"be joined again ({reason}) Keep these meshes and refine them: "
+                    "domain.refined(cells), or strategy=ec.Mark()."
+                ) from reason
             mesh, facet_tags, cell_tags = spread(comm, glued.plain)
             tags = {"facet_tags": facet_tags, "cell_tags": cell_tags}
             result = replace(like, mesh=mesh, names=glued.names, **tags, **blank)

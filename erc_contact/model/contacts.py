@@ -96,9 +96,11 @@ def _check_ends(space: Space, contact: Contact, trace: Trace) -> None:
     common = bool(np.any(trace.here.nodes == trace.partners))
     if space.comm.allreduce(common, MPI.LOR):
         raise InputError(
-            f"Contact({contact.facets!r}) ends inside a body, at a node that both of its sides "
-            "have: where only a part of the facets between two regions is split, or the others "
-            "are tied. Split all of them, with a contact or a tied joint on the whole."
+            f"Contact({contact.facets!r}, against={contact.against!r}) ends inside a body: both "
+            "sides have one node there, because the other facets between the two regions are not "
+            "split, or are tied. A contact may end at the surface of a body or at another contact: "
+            "split the other facets, too, and give a Contact for each part (bilateral=True for one "
+            "that does not open), or one Tied for all."
         )
 
 

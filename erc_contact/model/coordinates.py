@@ -69,7 +69,6 @@ class Coordinates:
         is_paired: Which nodes of this rank are at a contact between bodies, shape
             (nodes,).
         is_joint: Which of them are at points of several pairs, shape (nodes,).
-        has_joints: Whether there are such nodes on any rank.
         fixed: Which components of x supports prescribe, shape (nodes, d).
         prescribed: Their values, zero elsewhere [length], a Function.
     """
@@ -88,7 +87,6 @@ class Coordinates:
         pairs = no_pairs(space) if self.is_identity else node_pairs(space, traces, fixed)
         self.is_paired = pairs.partner[:, 0] != NO_PARTNER
         self.is_joint = pairs.is_joint
-        self.has_joints = pairs.joints is not None
         self._pairs = pairs
         if self.is_identity:
             return

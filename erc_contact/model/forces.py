@@ -22,10 +22,11 @@ from mpi4py import MPI
 
 from erc_contact.base.runtime import compiled
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.mesh.simplex import in_space, lagrange, rule
+from erc_contact.mesh.simplex import coefficients, in_space, lagrange, rule
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.model import Model
+from erc_contact.model.over_ranks import marked_by_any
 from erc_contact.model.ties import Claim, tie_forces
 from erc_contact.scene.scene import BALANCE, BODY_FORCE, TRACTIONS
 
@@ -107,14 +108,20 @@ def _sum(forces: list[Force]) -> Force:
 
 
 def nodal_reactions(
-    model: Model, u: fem.Function, traction: Callable[[BoundContact], Ufl], *, in_layer: bool
+    model: Model,
+    u: fem.Function,
+    traction: Callable[[BoundContact], Ufl],
+    *,
+    in_layer: bool,
+    at_nodes: bool,
 ) -> dict[str, np.ndarray]:
     """Compute the nodal forces of supports, springs, contacts and ties; collective.
 
     A contact first gets the integrals of its traction against the basis functions of
     its nodes. The rest of the residual goes to the supports that fix the component at
     the node. If there is none, it goes to the contacts of the node. Several of them get
-    equal shares.
+    equal shares. Between bodies such shares would not be opposite on both sides: where
+    a method has its traction at the nodes, it tells the force of each contact there.
 
     Args:
         model: The scene on a mesh.
@@ -122,6 +129,7 @@ def nodal_reactions(
         traction: The traction of the method on a contact [force/area], UFL, shape (d,).
         in_layer: Whether the equations of the method act on all nodes of the cells at
             the contact.
+        at_nodes: Whether the traction is a multiplier at the nodes.
 
     Returns:
         Forces by the names of the parts [force], shape (nodes, d). At ghost nodes they
@@ -134,18 +142,23 @@ def nodal_reactions(
         return _assembled(model, model.stiffness(u, v)) - loads
 
     residual = residual_of(v)
+    several = _with_several_forces(model) if at_nodes else None
     forces = {}
     claims = {}
     for contact in model.contacts:
         trace = contact.trace
-        at_nodes = _of_traction(model, contact, traction(contact))
-        residual -= trace.back(at_nodes)
+        of_facets = _of_traction(model, contact, traction(contact))
+        if several is not None:
+            is_known = several[trace.here.nodes]
+            of_multiplier = _of_multiplier(model, contact, traction(contact))
+            of_facets = np.where(is_known[..., None], of_multiplier, of_facets)
+        residual -= trace.back(of_facets)
         this, other = contact.side_names
-        forces[this] = trace.back_here(at_nodes)
+        forces[this] = trace.back_here(of_facets)
         nodes = model.nodes[contact.facets[:, 0]] if in_layer else trace.here.nodes
         claims[this] = _claim(model, nodes)
         if other is not None:
-            forces[other] = trace.back_there(at_nodes)
+            forces[other] = trace.back_there(of_facets)
             claims[other] = _claim(model, trace.partners)
     for support, (facets, components) in zip(model.scene.supports, model.fixed_facets, strict=True):
         claim = claims.setdefault(support.facets, np.zeros(residual.shape, dtype=bool))
@@ -242,3 +255,38 @@ def _of_traction(model: Model, contact: BoundContact, traction: Ufl) -> np.ndarr
     values = evaluate(traction, model.mesh, points, contact.facets)
     areas = contact.trace.here.areas[:, None, None]
     return np.einsum("qm,fqi->fmi", weighted, values) * areas
+
+
+def _of_multiplier(model: Model, contact: BoundContact, traction: Ufl) -> np.ndarray:
+    """Return the forces that a multiplier has at the nodes of each facet; collective.
+
+    They are those on the Bernstein coefficients, in shares of the area, at the nodes.
+
+    Returns:
+        Forces at the nodes of the facets [force], shape (f, m, d).
+    """
+    trace = contact.trace
+    values = evaluate(traction, model.mesh, model.facet_points, contact.facets)
+    m = values.shape[1]
+    shares = trace.here.areas[:, None, None] / m
+    to_coefficients = coefficients(model.d - 1, model.degree)
+    return np.einsum("cn,fci->fni", to_coefficients, shares * trace.coefficients(values))
+
+
+def _with_several_forces(model: Model) -> np.ndarray | None:
+    """Mark nodes between bodies that several contacts act on, (nodes,); collective.
+
+    None where there are none on any rank.
+    """
+    coordinates = model.coordinates
+    if coordinates.is_identity:
+        return None
+    on_foundation = np.zeros(model.node_count, dtype=bool)
+    for contact in model.contacts:
+        if contact.trace.there is None:
+            on_foundation[contact.trace.here.nodes] = True
+    several = on_foundation & coordinates.is_paired
+    partners = coordinates.partner_here[several]
+    several[partners[partners >= 0]] = True
+    (several,) = marked_by_any(model, several | coordinates.is_joint)
+    return several if model.comm.allreduce(bool(several.any()), MPI.LOR) else None

@@ -84,7 +84,7 @@ def find_joints(comm: MPI.Comm, pairs: np.ndarray, fixed: np.ndarray, first: int
     all_pairs = np.unique(np.concatenate(comm.allgather(pairs)), axis=0)
     numbers, places = np.unique(all_pairs, return_inverse=True)
     places = places.reshape(-1, 2)
-    group = _components(len(numbers), places)
+    group = components(len(numbers), places)
 
     pairs_of_group = np.bincount(group[places[:, 0]], minlength=len(numbers))
     in_joint = pairs_of_group[group] > 1
@@ -96,7 +96,7 @@ def find_joints(comm: MPI.Comm, pairs: np.ndarray, fixed: np.ndarray, first: int
     return _ordered(numbers, group, is_first[in_joint], fixed_of_joints)
 
 
-def _components(count: int, edges: np.ndarray) -> np.ndarray:
+def components(count: int, edges: np.ndarray) -> np.ndarray:
     """Return the connected component of each node, its least node, shape (count,).
 
     Args:

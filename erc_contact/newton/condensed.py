@@ -37,6 +37,7 @@ from erc_contact.newton.linear.stiffness import Stiffness
 from erc_contact.newton.methods import Method
 from erc_contact.newton.passes import passes
 from erc_contact.newton.pressing import contact_normals
+from erc_contact.newton.shared_laws import set_to_laws
 
 
 class Condensed:
@@ -167,6 +168,12 @@ class Condensed:
             z = self._fields_at(u_A)
         z = from_first(comm, z)
         multipliers = []
+        if self._fields.shared is not None:
+            self.assembly.set_fields(z)
+            self._last_u_A = None
+            multipliers = [multiplier.copy() for multiplier in self.multipliers]
+            set_to_laws(self.forms, self._fields.shared, multipliers)
+            return self.forms.nodal_multipliers(multipliers)
         readers = self.assembly.readers[len(self.forms.displacements) :]
         for contact, (dofs, places) in zip(model.contacts, readers, strict=False):
             multiplier = model.function()

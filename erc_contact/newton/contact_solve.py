@@ -16,7 +16,6 @@ from erc_contact.base.logs import log_of
 from erc_contact.base.runtime.interrupts import check_interrupts
 from erc_contact.model.model import Model
 from erc_contact.newton.default_methods import method_beside_faces
-from erc_contact.newton.jump_sums import raise_at_joints
 from erc_contact.newton.ladder import Attempt, attempts
 from erc_contact.newton.linear.multigrid import TRY_DIRECT
 from erc_contact.newton.linear.solver import ElasticSolver
@@ -93,22 +92,15 @@ class ContactSolve:
         slow = 0
         friction = any(contact.friction is not None for contact in self.model.contacts)
         gap = any(contact.gap is not None for contact in self.model.contacts)
-        # Where more than two bodies meet there is no multiplier, and no start from one.
-        with_multiplier = not self.model.coordinates.has_joints
-        if self.method.multiplier:
-            raise_at_joints(self.model)
         for attempt in attempts(
             self.method,
             states,
             friction=friction,
             gap=gap,
             fallback=self.fallback,
-            nodal_first=self.solver.nodal_first and with_multiplier,
-            with_multiplier=with_multiplier,
+            nodal_first=self.solver.nodal_first,
         ):
             if attempt.start not in states:
-                continue
-            if attempt.method.multiplier and not with_multiplier:
                 continue
             check_interrupts(self.model.comm)
             outcome, state, solution = self.solver.attempt(

@@ -48,12 +48,3 @@ def method_beside_faces(model: Model, method: Method | None) -> Method:
             " method=ec.AugmentedLagrangian()."
         )
     return method
-
-
-def method_of_steps(model: Model) -> Method:
-    """Return the contact method of loading histories by default.
-
-    The augmented Lagrangian keeps a sticking point exactly where it is. Where three
-    bodies meet at a point it cannot be had, and Nitsche's method takes its place.
-    """
-    return DEFAULT if model.coordinates.has_joints else NODAL

@@ -26,10 +26,13 @@ from erc_contact.base.exceptions import together
 from erc_contact.base.sparse import sparse, times
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.trace import dofs_of
+from erc_contact.newton.contact_nodes import Entries
+from erc_contact.newton.field_sums import sums_of_displacements, sums_of_jump
 from erc_contact.newton.forms import ContactForms
 from erc_contact.newton.jump_sums import Sums
 from erc_contact.newton.linear.stiffness import Stiffness
-from erc_contact.newton.reactions import Entries, MultiplierMap
+from erc_contact.newton.reactions import MultiplierMap
+from erc_contact.newton.shared_multipliers import SharedMultipliers
 
 
 class FieldMap:
@@ -50,6 +53,7 @@ class FieldMap:
         columns: For each field that the forms are derived by, the place in z of each
             degree of freedom of this rank, -1 where it has none.
         rows: Place in A of each degree of freedom of this rank, -1 where it has none.
+        shared: What contacts share at nodes of several bodies; None without.
         in_equilibrium: Rows of A with the equilibrium, as an index; with a multiplier
             its equations stand in place of that of its nodes.
     """
@@ -70,9 +74,11 @@ class FieldMap:
         self.size = len(stiffness.numbers)
         self.in_equilibrium: slice | np.ndarray = slice(None)
         self._map: MultiplierMap | None = None
+        self.shared: SharedMultipliers | None = None
         if forms.multipliers:
             self._map = MultiplierMap(self._model)
-            dofs = dofs_of(self._map.numbers, self._model.d)
+            self.shared = self._map.shared
+            dofs = dofs_of(self._map.numbers, self._model.d)[self._map.free.ravel()]
             self.in_equilibrium = np.flatnonzero(~np.isin(stiffness.numbers[:unknowns], dofs))
         self._w_A = stiffness.gather(w)[:unknowns]
         z_L = stiffness.gather_x(self._read_unknowns(w))
@@ -156,42 +162,12 @@ class FieldMap:
         values = self._forms.u.x.array[added]
         rows, first = np.unique(np.concatenate(comm.allgather(numbers)), return_index=True)
         all_values = np.concatenate(comm.allgather(values))[first]
-        together(comm, self._add_sums, self._sums(rows), rows, all_values)
+        together(comm, self._add_sums, self._sums_of_u(rows), rows, all_values)
 
         column = np.where((read & ~model.fixed).ravel(), place, -1)
         column[added] = self.size + np.searchsorted(rows, numbers)
         self.size += len(rows)
         return column
-
-    def _sums(self, dofs: np.ndarray) -> Sums:
-        """Return what the displacements that the forms read are sums of; collective.
-
-        Args:
-            dofs: Their global degrees of freedom, ascending, shape (n,).
-
-        Returns:
-            The sums, by places in `dofs`.
-        """
-        model = self._model
-        row, column, factor = np.arange(len(dofs)), dofs, np.ones(len(dofs))
-        if self._map is not None and self._map.on_foundations is not None:
-            change = self._map.on_foundations
-            used = np.isin(change.rows, dofs)
-            row = np.searchsorted(dofs, change.rows[used])
-            column, factor = change.columns[used], change.values[used]
-        # T of all ranks, by the rows that are not those of the identity.
-        entries = model.coordinates.entries
-        of_rank = [model.global_dofs(entries.rows), entries.columns, entries.own, entries.other]
-        table = np.concatenate(model.comm.allgather(np.column_stack(of_rank)))
-        _, first = np.unique(table[:, 0], return_index=True)
-        table = table[first]
-        place = np.minimum(np.searchsorted(table[:, 0], column), len(table) - 1)
-        in_table = table[place, 0] == column
-        own = np.where(in_table, table[place, 2], 1.0)
-        other = np.where(in_table, table[place, 3], 0.0)
-        partner = np.where(in_table, table[place, 1], column)
-        columns = np.concatenate([column, partner])
-        return Sums(np.tile(row, 2), columns, np.concatenate([factor * own, factor * other]))
 
     def _column_of_jump(
         self, field: fem.Function, contact: BoundContact, place: np.ndarray
@@ -207,21 +183,16 @@ class FieldMap:
         dofs = dofs_of(np.unique(contact.trace.here.nodes), model.d)
         column = np.full(len(place), -1)
         column[dofs] = place[dofs]
-        if not model.coordinates.has_joints:
+        if not self._forms.jump_sums.any:
             return column
-        # J, with its diagonal, at the degrees of freedom where it is not the identity.
-        sums = self._forms.jump_sums.of(contact)
-        dofs = np.unique(sums.rows)
+        all_sums, rows = self._sums_of_jump(contact)
         numbers = model.global_dofs(dofs)
-        of_rank = [model.global_dofs(sums.rows), sums.columns, sums.values]
-        entries = np.concatenate(model.comm.allgather(np.column_stack(of_rank)))
-        entries = np.unique(entries, axis=0)
-        rows = np.unique(entries[:, 0])
-        all_sums = Sums(
-            np.concatenate([np.searchsorted(rows, entries[:, 0]), np.arange(len(rows))]),
-            np.concatenate([entries[:, 1], rows]),
-            np.concatenate([entries[:, 2], np.ones(len(rows))]),
-        )
+        if self._map is not None and self._map.shared is not None:
+            # Where supports fix all summands the jump does not change.
+            shared = self._map.shared.at.numbers
+            column[dofs[np.isin(numbers // model.d, shared)]] = -1
+        is_sum = np.isin(numbers, rows)
+        dofs, numbers = dofs[is_sum], numbers[is_sum]
         values = np.column_stack([numbers, field.x.array[dofs]])
         of_all = np.concatenate(model.comm.allgather(values))
         _, first = np.unique(of_all[:, 0], return_index=True)
@@ -230,6 +201,22 @@ class FieldMap:
         column[dofs] = self.size + np.searchsorted(rows, numbers)
         self.size += len(rows)
         return column
+
+    def _sums_of_u(self, dofs: np.ndarray) -> Sums:
+        """Return what the displacements on foundations are sums of; collective."""
+        change = None if self._map is None else self._map.on_foundations
+        return sums_of_displacements(self._model, change, dofs)
+
+    def _sums_of_jump(self, contact: BoundContact) -> tuple[Sums, np.ndarray]:
+        """Return what a jump is a sum of, see :func:`.sums_of_jump`; collective.
+
+        With a multiplier it is that of its Bernstein coefficients.
+        """
+        if self._map is None or self._map.shared is None:
+            return sums_of_jump(self._model, self._forms.jump_sums.of(contact))
+        entries = self._map.shared.jumps[self._model.contacts.index(contact)]
+        rows = np.unique(entries.rows)
+        return Sums(np.searchsorted(rows, entries.rows), entries.columns, entries.values), rows
 
     def _add_sums(self, sums: Sums, rows: np.ndarray, values: np.ndarray) -> None:
         """Add fields at degrees of freedom that are no unknowns to Z, on rank 0.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -82,7 +83,7 @@ class ContactForms:
         self.method = method
         self.share = compiled.constant(model.mesh, 1.0)
         self.gap_share = compiled.constant(model.mesh, 1.0)
-        self.jump_sums = JumpSums(model)
+        self.jump_sums = JumpSums(model, with_foundations=method.multiplier)
         self.test_jumps = []
         for _ in range(self.jump_sums.count):
             self.test_jumps.append(compiled.constant(model.mesh, 1.0))
@@ -207,11 +208,18 @@ class ContactForms:
             values.append(expression.eval(self.model.mesh, facets).ravel().astype(np.int8))
         return np.concatenate(values)
 
-    def nodal_multipliers(self) -> tuple[fem.Function, ...]:
-        """Return the multipliers as new Functions of nodal values [force/area]."""
+    def nodal_multipliers(
+        self, coefficients: Sequence[fem.Function] | None = None
+    ) -> tuple[fem.Function, ...]:
+        """Return multipliers as new Functions of nodal values [force/area].
+
+        Args:
+            coefficients: Their Bernstein coefficients; None for those of the forms.
+        """
         model = self.model
         nodal = []
-        for contact, multiplier in zip(model.contacts, self.multipliers, strict=False):
+        multipliers = self.multipliers if coefficients is None else coefficients
+        for contact, multiplier in zip(model.contacts, multipliers, strict=False):
             values = multiplier.copy()
             model.to_coefficients(values.x.array.reshape(-1, model.d), [contact], back=True)
             nodal.append(values)
@@ -228,8 +236,13 @@ class ContactForms:
         """Return the equations of the method on each contact, in UFL."""
         v = ufl.TestFunction(self.model.V)
         parts = []
-        for contact, multiplier in self._with_multipliers():
-            parts.append(self._equations(contact, multiplier, v))
+        colours = self.jump_sums.colours
+        for (contact, multiplier), colour in zip(self._with_multipliers(), colours, strict=True):
+            equations = self._equations(contact, multiplier, v)
+            if self.method.multiplier and self.jump_sums.any:
+                # The equations of a multiplier test no jump: they are told apart here.
+                equations = self.test_jumps[colour] * equations
+            parts.append(equations)
         return parts
 
     def _status(self) -> list[Ufl]:

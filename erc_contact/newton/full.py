@@ -29,6 +29,7 @@ from erc_contact.newton.linear.multigrid import Multigrid
 from erc_contact.newton.methods import Method
 from erc_contact.newton.pressing import PRESSING, contact_normals
 from erc_contact.newton.reactions import Reactions
+from erc_contact.newton.shared_laws import set_to_laws
 from erc_contact.newton.tangent import Tangent
 
 SOLVED = 1e-10
@@ -249,7 +250,11 @@ class FullSpace:
         u = self.elastic.displacement(x)
         u.x.array[:] *= self.length
         self.elastic.follow(u)
-        return u, self.forms.nodal_multipliers()
+        if self._reactions is None or self._reactions.shared is None:
+            return u, self.forms.nodal_multipliers()
+        multipliers = [multiplier.copy() for multiplier in self.forms.multipliers]
+        set_to_laws(self.forms, self._reactions.shared, multipliers)
+        return u, self.forms.nodal_multipliers(multipliers)
 
     def _set(self, x: PETSc.Vec) -> None:
         """Set the fields of the forms to x, and with them ``K u - b`` [force]."""

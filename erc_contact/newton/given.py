@@ -4,8 +4,7 @@ Its contact tractions are those of its reactions: what the elastic equations of 
 package leave at the nodes of the contacts, as for the augmented Lagrangian
 (:mod:`erc_contact.newton.reactions`). Where the displacement solves a contact problem
 on the mesh by elements of the same degree, these are the tractions of that problem,
-whatever contact method it had. Where three bodies meet at a point the tractions are
-those of Nitsche's method.
+whatever contact method it had.
 """
 
 from __future__ import annotations
@@ -81,8 +80,6 @@ def solution_of(
     displacement.x.scatter_forward()
 
     given = together(comm, given_multipliers, model, traction or {})
-    if given and model.coordinates.has_joints:
-        raise InputError("certify: where three bodies meet at a point, no traction can be given.")
     elastic = multigrid_of(model) if large(model) else stiffness_of(model)
     multipliers = list(_multipliers(model, elastic, displacement))
     for number, contact in enumerate(model.contacts):
@@ -90,7 +87,7 @@ def solution_of(
             multipliers[number] = given[contact.name]
     solution = Solution(
         model=model,
-        method=Nitsche() if model.coordinates.has_joints else AugmentedLagrangian(),
+        method=AugmentedLagrangian(),
         u=displacement,
         multipliers=tuple(multipliers),
         newton_steps=0,
@@ -139,8 +136,7 @@ def _values(model: Model, u: AnyField) -> np.ndarray:
 
 def _multipliers(model: Model, elastic: Any, u: fem.Function) -> tuple[fem.Function, ...]:
     """Return the multipliers of the reactions of a displacement [force/area]."""
-    # Where three bodies meet, reactions do not tell tractions: take those of Nitsche.
-    if not model.contacts or model.coordinates.has_joints:
+    if not model.contacts:
         return ()
     matrix = elastic.stiffness()
     loads = elastic.right_side(elastic.load_vector(), supports=True)

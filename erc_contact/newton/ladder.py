@@ -88,7 +88,6 @@ def attempts(
     gap: bool,
     fallback: bool,
     nodal_first: bool,
-    with_multiplier: bool,
 ) -> Iterator[Attempt]:
     """Generate the attempts, cheapest first.
 
@@ -107,8 +106,6 @@ def attempts(
         nodal_first: Whether another method starts from the solution of the augmented
             Lagrangian where no solution on another mesh is known. This takes less steps
             at the end, and more in all: it pays where steps cost little.
-        with_multiplier: Whether the augmented Lagrangian can be solved; if not, the
-            caller skips its attempts.
     """
     nodal = method if method.multiplier else NODAL
     is_nodal = nodal == method
@@ -127,7 +124,7 @@ def attempts(
             yield Attempt(other, "glued", final=False)
             yield Attempt(method, "nodal")
     if isinstance(method, Nitsche):
-        start = "nodal" if with_multiplier else first
+        start = "nodal"
         for factor in STIFFER:
             stiffer = replace(method, gamma=factor * method.gamma)
             yield Attempt(stiffer, start, final=False)

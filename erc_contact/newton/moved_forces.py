@@ -35,7 +35,7 @@ def moved_forces(forms: ContactForms) -> list[tuple[tuple[float, ...], PETSc.Mat
     if forms.test_alike:
         alike = model.coordinates.other_unknowns.copy()
         moved.append((forms.no_jumps, alike))
-    if not model.coordinates.has_joints:
+    if not forms.jump_sums.any:
         return moved
     for colour in range(forms.jump_sums.count):
         sums = forms.jump_sums.of_colour(colour)

@@ -26,7 +26,7 @@ def passes(forms: ContactForms, rows: np.ndarray) -> list[Pass]:
     result = [Pass(forms.all_jumps, rows, np.ones(len(rows)))]
     if forms.test_alike:
         result.append(_without_jump(forms, rows))
-    if not model.coordinates.has_joints:
+    if not forms.jump_sums.any:
         return result
     of_colours = []
     for colour in range(forms.jump_sums.count):

@@ -4,24 +4,22 @@ The force is the reaction, what the elastic equations leave at the nodes of the 
 The multiplier of a node belongs to the first contact that has the node. There ``a
 lambda`` is the force less the multipliers of later contacts. At the nodes of earlier
 contacts, and for components that a support fixes, it is the mean of its neighbours in
-the contact: its own would be redundant.
+the contact: its own would be redundant. Where a jump is a sum of unknowns, the contacts
+share the forces (:mod:`erc_contact.newton.shared_multipliers`).
 
 For degree 2, the equations of a multiplier use Bernstein coefficients of u and lambda
 instead of nodal values. With the coefficients ``c = C u``, the forces on them are
 ``C^-T`` times the forces at the nodes.
 
 All this is a sparse matrix for each contact. The full problem applies it on each rank
-to its own nodes (:class:`Reactions`). The condensed problem multiplies it by the
-stiffness of the contact on rank 0 (:mod:`erc_contact.newton.condensed`).
+to its own nodes (:class:`Reactions`). The condensed problem multiplies it by
+the stiffness of the contact on rank 0 (:mod:`erc_contact.newton.condensed`).
 
 Symbols: A free degrees of freedom of the contact nodes, a area of a node, d dimension,
 m nodes of a facet.
 """
 
 from __future__ import annotations
-
-from dataclasses import dataclass
-from itertools import permutations
 
 import numpy as np
 from petsc4py import PETSc
@@ -30,43 +28,9 @@ from erc_contact.base.sparse import diagonal, sparse, sparse_like
 from erc_contact.mesh.simplex import at_nodes, coefficients
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.model import Model
-from erc_contact.model.trace import dofs_of
-from erc_contact.newton.jump_sums import raise_at_joints
-
-NO_ENTRY = 1e-14
-"""Entry of a matrix of Bernstein coefficients that is round-off [-]."""
-
-
-@dataclass(frozen=True, eq=False)
-class Entries:
-    """Hold the entries of a sparse matrix, which add up where they coincide.
-
-    Attributes:
-        rows: Global degrees of freedom, shape (n,).
-        columns: Global degrees of freedom, shape (n,).
-        values: Shape (n,).
-    """
-
-    rows: np.ndarray
-    columns: np.ndarray
-    values: np.ndarray
-
-
-@dataclass(frozen=True, eq=False)
-class ContactNodes:
-    """Hold the nodes and facets of a contact of all ranks, the same on all ranks.
-
-    Attributes:
-        numbers: Global numbers of the nodes, ascending, shape (n,).
-        facets: Nodes of each facet as places in `numbers`, shape (f, m).
-        area: Areas of the nodes [length^(d-1)], shape (n,).
-        free: Components that no support fixes, shape (n, d).
-    """
-
-    numbers: np.ndarray
-    facets: np.ndarray
-    area: np.ndarray
-    free: np.ndarray
+from erc_contact.newton.contact_nodes import ContactNodes, Entries, NodesOfAll, neighbours
+from erc_contact.newton.jump_sums import JumpSums, shared_nodes
+from erc_contact.newton.shared_multipliers import SharedMultipliers
 
 
 def contact_nodes(model: Model, contact: BoundContact) -> ContactNodes:
@@ -75,14 +39,18 @@ def contact_nodes(model: Model, contact: BoundContact) -> ContactNodes:
     nodes = side.nodes[side.owned]
     m = nodes.shape[1]
     shares = np.repeat(side.areas[side.owned][:, None] / m, m, axis=1)
+    springs = shares * contact.trace.stiffness[side.owned][:, None]
     free = ~model.coordinates.fixed[nodes]
-    parts = model.comm.allgather((model.global_numbers(nodes), shares, free))
-    all_numbers, all_shares, all_free = (np.concatenate(part) for part in zip(*parts, strict=True))
+    parts = model.comm.allgather((model.global_numbers(nodes), shares, springs, free))
+    all_numbers, all_shares, all_springs, all_free = (
+        np.concatenate(part) for part in zip(*parts, strict=True)
+    )
     numbers, place = np.unique(all_numbers.ravel(), return_inverse=True)
     area = np.bincount(place, all_shares.ravel())
+    stiffness = np.bincount(place, all_springs.ravel())
     free = np.zeros((len(numbers), model.d), dtype=bool)
     free[place] = all_free.reshape(-1, model.d)
-    return ContactNodes(numbers, place.reshape(-1, m), area, free)
+    return ContactNodes(numbers, place.reshape(-1, m), area, stiffness, free)
 
 
 class MultiplierMap:
@@ -96,7 +64,8 @@ class MultiplierMap:
     Attributes:
         contacts: Nodes and facets of each contact.
         numbers: Global numbers of the nodes of all contacts, ascending, shape (N,).
-        free: Components that no support fixes, shape (N, d).
+        free: Components that have an equation: no support fixes them, and they do work
+            on a contact, shape (N, d).
         area: Area of the nodes in the contact that their multiplier belongs to
             [length^(d-1)], shape (N,).
         multipliers: For each contact the matrix from nodal forces at A [force] to the
@@ -104,28 +73,33 @@ class MultiplierMap:
         coefficients: C at A; None for degree 1.
         on_foundations: C of the displacements of contacts with foundations alone, where
             there are others beside; else None.
+        shared: What contacts share at nodes of several bodies; None without.
     """
 
     def __init__(self, model: Model) -> None:
-        raise_at_joints(model)
-        self._d = model.d
         self.contacts = [contact_nodes(model, contact) for contact in model.contacts]
-        self.numbers = np.unique(np.concatenate([c.numbers for c in self.contacts]))
-        self._places = [np.searchsorted(self.numbers, c.numbers) for c in self.contacts]
+        shared = shared_nodes(model, JumpSums(model, with_foundations=True))
+        more = np.zeros(0, dtype=np.int64) if shared is None else shared.numbers
+        nodes = NodesOfAll(model.d, model.degree, self.contacts, more)
+        self._nodes = nodes
+        self.numbers = nodes.numbers
         self.free = np.zeros((len(self.numbers), model.d), dtype=bool)
         self.area = np.ones(len(self.numbers))
         # From the last contact to the first, so that the first one has the last word.
-        for contact, places in zip(self.contacts[::-1], self._places[::-1], strict=True):
+        for contact, places in zip(self.contacts[::-1], nodes.places[::-1], strict=True):
             self.free[places] = contact.free
             self.area[places] = contact.area
+        self._is_shared = np.isin(self.numbers, more)
+        if shared is not None:
+            self.free[self._is_shared] = shared.has_equation
 
         self.coefficients: Entries | None = None
         self.on_foundations: Entries | None = None
         forces = diagonal(self.free.ravel().astype(float))
         if model.degree > 1:
             to_coefficients = coefficients(model.d - 1, model.degree)
-            change = self._change_of_basis(to_coefficients, self.contacts)
-            self.coefficients = self._entries(change)
+            change = nodes.change_of_basis(to_coefficients, self.contacts, self.free)
+            self.coefficients = nodes.entries(change)
             change.destroy()
             if not model.coordinates.is_identity:
                 on_foundations = []
@@ -133,17 +107,27 @@ class MultiplierMap:
                     if bound.against is None:
                         on_foundations.append(of_contact)
                 if on_foundations:
-                    change = self._change_of_basis(to_coefficients, on_foundations)
-                    self.on_foundations = self._entries(change)
+                    change = nodes.change_of_basis(to_coefficients, on_foundations)
+                    self.on_foundations = nodes.entries(change)
                     change.destroy()
             forces.destroy()
             to_forces = at_nodes(model.d - 1, model.degree).T
-            forces = self._change_of_basis(to_forces, self.contacts)
-        self.multipliers = self._from_forces(forces)
+            forces = nodes.change_of_basis(to_forces, self.contacts, self.free)
+        matrices = self._from_forces(forces)
         forces.destroy()
+        self.shared: SharedMultipliers | None = None
+        if shared is not None:
+            self.shared = SharedMultipliers(nodes, shared, matrices)
+            if self.coefficients is not None:
+                self.coefficients = self.shared.replaced(self.coefficients)
+        self.multipliers = [nodes.entries(matrix) for matrix in matrices]
+        for matrix in matrices:
+            matrix.destroy()
 
-    def _from_forces(self, forces: PETSc.Mat) -> list[Entries]:
+    def _from_forces(self, forces: PETSc.Mat) -> list[PETSc.Mat]:
         """Return the matrices from nodal forces to the multipliers of all contacts.
+
+        At shared nodes the multipliers are means of neighbours.
 
         Args:
             forces: The matrix from nodal forces to those on Bernstein coefficients; it
@@ -151,18 +135,18 @@ class MultiplierMap:
         """
         maps = []
         for k in reversed(range(len(self.contacts))):
-            earlier = np.zeros(len(self.numbers), dtype=bool)
-            for places in self._places[:k]:
+            earlier = self._is_shared.copy()
+            for places in self._nodes.places[:k]:
                 earlier[places] = True
-            active = self.contacts[k].free & ~earlier[self._places[k]][:, None]
+            active = self.contacts[k].free & ~earlier[self._nodes.places[k]][:, None]
             completion = self._completion(k, active)
             of_contact = completion.matMult(forces)
-            maps.append(self._entries(of_contact))
+            maps.append(of_contact)
 
             # What a node of an earlier contact has here, that one need not bear.
             passive_area = np.zeros(self.free.shape)
             area = self.contacts[k].area[:, None]
-            passive_area[self._places[k]] = np.where(active, 0.0, area)
+            passive_area[self._nodes.places[k]] = np.where(active, 0.0, area)
             if passive_area.any():
                 bearing = diagonal(passive_area.ravel())
                 borne = bearing.matMult(of_contact)
@@ -170,7 +154,6 @@ class MultiplierMap:
                 bearing.destroy()
                 borne.destroy()
             completion.destroy()
-            of_contact.destroy()
         return maps[::-1]
 
     def _completion(self, k: int, active: np.ndarray) -> PETSc.Mat:
@@ -183,10 +166,11 @@ class MultiplierMap:
             k: Place of the contact.
             active: Components with a multiplier of their own, shape (n, d).
         """
+        d = self._nodes.d
         contact = self.contacts[k]
-        places = self._places[k]
+        places = self._nodes.places[k]
         node, component = np.nonzero(active)
-        i, j = _neighbours(contact.facets, ~active.all(axis=1))
+        i, j = neighbours(contact.facets, ~active.all(axis=1))
         pair, pair_component = np.nonzero(~active[i] & active[j])
         i, j = i[pair], j[pair]
         count = np.zeros(active.shape)
@@ -194,41 +178,10 @@ class MultiplierMap:
 
         own_value = 1.0 / contact.area[node]
         mean_value = 1.0 / (count[i, pair_component] * contact.area[j])
-        own_dof = places[node] * self._d + component
-        rows = np.concatenate([own_dof, places[i] * self._d + pair_component])
-        columns = np.concatenate([own_dof, places[j] * self._d + pair_component])
+        own_dof = places[node] * d + component
+        rows = np.concatenate([own_dof, places[i] * d + pair_component])
+        columns = np.concatenate([own_dof, places[j] * d + pair_component])
         return sparse(self.free.size, self.free.size, rows, columns, [own_value, mean_value])
-
-    def _change_of_basis(self, of_facet: np.ndarray, contacts: list[ContactNodes]) -> PETSc.Mat:
-        """Return a change of basis of polynomials on facets as a matrix for A.
-
-        Args:
-            of_facet: The change on a facet, (m, m), the same from all facets of a node.
-            contacts: The contacts with these facets.
-        """
-        p, q = np.nonzero(abs(of_facet) > NO_ENTRY)
-        size = len(self.numbers)
-        keys = []
-        values = []
-        for contact in contacts:
-            nodes = np.searchsorted(self.numbers, contact.numbers)[contact.facets]
-            keys.append((nodes[:, p] * size + nodes[:, q]).ravel())
-            values.append(np.tile(of_facet[p, q], len(nodes)))
-        # Facets that share two nodes give the same entry, which counts once.
-        unique, first = np.unique(np.concatenate(keys), return_index=True)
-        value = np.concatenate(values)[first]
-        i, j = np.divmod(unique, size)
-        pair, component = np.nonzero(self.free[i] & self.free[j])
-        rows = i[pair] * self._d + component
-        columns = j[pair] * self._d + component
-        return sparse(self.free.size, self.free.size, rows, columns, [value[pair]])
-
-    def _entries(self, matrix: PETSc.Mat) -> Entries:
-        """Return the entries of a matrix between the nodes of all contacts."""
-        begin, columns, values = matrix.getValuesCSR()
-        rows = np.repeat(np.arange(len(begin) - 1), np.diff(begin))
-        dofs = dofs_of(self.numbers, self._d)
-        return Entries(dofs[rows], dofs[columns], values)
 
 
 class Reactions:
@@ -248,6 +201,7 @@ class Reactions:
         matrices: For each contact the matrix from nodal forces [force] to the Bernstein
             coefficients of the multiplier [force/area].
         coefficients: C at A; None for degree 1.
+        shared: What contacts share at nodes of several bodies; None without.
     """
 
     def __init__(self, model: Model, like: PETSc.Mat) -> None:
@@ -260,6 +214,7 @@ class Reactions:
         self.area = np.ones(high - low)
         self.area[nodes] = multiplier_map.area[owned]
         self.matrices = [_distributed(like, entries) for entries in multiplier_map.multipliers]
+        self.shared = multiplier_map.shared
         self.coefficients: PETSc.Mat | None = None
         if multiplier_map.coefficients is not None:
             self.coefficients = _distributed(like, multiplier_map.coefficients)
@@ -279,18 +234,3 @@ def _distributed(like: PETSc.Mat, entries: Entries) -> PETSc.Mat:
     matrix = sparse_like(like, entries.rows[owned], entries.columns[owned])
     matrix.setValuesCOO(entries.values[owned])
     return matrix
-
-
-def _neighbours(facets: np.ndarray, first: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return pairs of different nodes that have a facet in common, each once.
-
-    Args:
-        facets: Nodes of the facets, shape (f, m).
-        first: Which nodes may be the first of a pair, shape (n,).
-    """
-    # A pair as one number: to sort numbers is faster than to sort rows of a table.
-    keys = []
-    for p, q in permutations(range(facets.shape[1]), 2):
-        begins = first[facets[:, p]]
-        keys.append(facets[begins, p] * len(first) + facets[begins, q])
-    return np.divmod(np.unique(np.concatenate(keys)), len(first))

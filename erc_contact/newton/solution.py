@@ -287,7 +287,9 @@ class Solution:
 
     def _nodal_reactions(self) -> dict[str, np.ndarray]:
         """Return the nodal forces of each cause [force]; collective."""
-        return nodal_reactions(self.model, self.u, self.traction, in_layer=self.method.in_layer)
+        method = self.method
+        options = {"in_layer": method.in_layer, "at_nodes": method.multiplier}
+        return nodal_reactions(self.model, self.u, self.traction, **options)
 
     def _von_mises(self) -> np.ndarray:
         """Return the von Mises stress in the middle of owned cells [force/area]."""

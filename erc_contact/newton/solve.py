@@ -32,10 +32,10 @@ from erc_contact.model.promises import bind
 from erc_contact.newton.after import check_after, last_step
 from erc_contact.newton.arguments import check_arguments
 from erc_contact.newton.contact_solve import ContactSolve
-from erc_contact.newton.default_methods import method_of_steps
 from erc_contact.newton.direct import Direct
 from erc_contact.newton.doubts import doubts, tell
 from erc_contact.newton.iterative import Iterative
+from erc_contact.newton.ladder import NODAL
 from erc_contact.newton.linear.solver import ElasticSolver
 from erc_contact.newton.methods import DEFAULT, Method
 from erc_contact.newton.rest import displacement_at_rest
@@ -151,7 +151,7 @@ def solved(
     before = None if after is None else last_step(after)
     model = bind(scene, domain, int(degree), before)
     if after is not None:
-        method = method or method_of_steps(model)
+        method = method or NODAL
         start = start or after
 
     iterative = solver == "iterative" or (solver == "auto" and large(model))

@@ -19,6 +19,7 @@ from petsc4py import PETSc
 from erc_contact.base.sparse import sparse_like
 from erc_contact.model.model import Model
 from erc_contact.newton.reactions import Reactions
+from erc_contact.newton.shared_springs import SharedSprings
 
 
 class Springs:
@@ -29,17 +30,35 @@ class Springs:
         stiffness: K [force/length].
         glue: D at the degrees of freedom of this rank [force/length].
         reactions: The map from reactions to multipliers.
+        contacts: For each derivative of the equations the numbers of its contacts.
 
     Attributes:
         matrix: G [force/length].
     """
 
     def __init__(
-        self, model: Model, stiffness: PETSc.Mat, glue: np.ndarray, reactions: Reactions
+        self,
+        model: Model,
+        stiffness: PETSc.Mat,
+        glue: np.ndarray,
+        reactions: Reactions,
+        contacts: list[list[int]],
     ) -> None:
         d = model.d
         self._d = d
-        self._nodes = np.flatnonzero(reactions.free.any(axis=1))
+        low, high = stiffness.getOwnershipRange()
+        self._shared: SharedSprings | None = None
+        of_node = reactions.free.any(axis=1)
+        if reactions.shared is not None:
+            count = len(model.contacts)
+            by_forces = [False] * (len(contacts) - count) + [True] * count
+            self._shared = SharedSprings(
+                model.comm, reactions.shared, contacts, by_forces, low, high
+            )
+            of_node[self._shared.nodes] = False
+            self._shared_glue = glue.reshape(-1, d)[self._shared.nodes]
+        self._nodes = np.flatnonzero(of_node)
+        self._in_equations = reactions.free
         self._free = reactions.free[self._nodes]
         self._area = reactions.area[self._nodes]
         nodal_glue = glue.reshape(-1, d)[self._nodes]
@@ -53,6 +72,11 @@ class Springs:
         blocks = (len(dofs), d, d)
         rows = np.broadcast_to(dofs[:, :, None], blocks).ravel()
         cols = np.broadcast_to(dofs[:, None, :], blocks).ravel()
+        self._of_shared: PETSc.Mat | None = None
+        if self._shared is not None:
+            self._of_shared = sparse_like(stiffness, self._shared.rows, self._shared.columns)
+            rows = np.concatenate([rows, self._shared.rows])
+            cols = np.concatenate([cols, self._shared.columns])
         self._nodal = sparse_like(stiffness, rows, cols)
         self.matrix = self._nodal
 
@@ -63,8 +87,11 @@ class Springs:
             by_displacements: Those by u and by jumps between bodies.
             by_forces: Those by the multipliers.
         """
-        by_u = sum(self._blocks(tangent) for tangent in by_displacements)
-        by_multipliers = sum(self._blocks(tangent) for tangent in by_forces)
+        nodes = self._nodes
+        blocks = [self._blocks(tangent) for tangent in (*by_displacements, *by_forces)]
+        count = len(by_displacements)
+        by_u = sum(of_term[nodes] for of_term in blocks[:count])
+        by_multipliers = sum(of_term[nodes] for of_term in blocks[count:])
         inverse = by_multipliers / self._area[:, None, None] + by_u / self._glue[:, None, None]
         # A component that a support fixes has no spring: H is the identity there.
         fixed = ~self._free
@@ -74,7 +101,13 @@ class Springs:
         self._h = np.linalg.inv(inverse)
         springs = np.matmul(self._h, by_u)
         _set_rows_and_columns_to_zero(springs, fixed)
-        self._nodal.setValuesCOO(springs.ravel())
+        values = springs.ravel()
+        if self._shared is not None and self._of_shared is not None:
+            at_shared = [of_term[self._shared.nodes] for of_term in blocks]
+            of_shared, h = self._shared.update(at_shared, self._shared_glue)
+            values = np.concatenate([values, of_shared])
+            self._of_shared.setValuesCOO(h)
+        self._nodal.setValuesCOO(values)
         if self._coefficients is not None:
             reused = None if self.matrix is self._nodal else self.matrix
             self.matrix = self._nodal.ptap(self._coefficients, result=reused)
@@ -86,36 +119,44 @@ class Springs:
             x: Residual of the equations, at the degrees of freedom of this rank.
         """
         force = x.reshape(-1, self._d).copy()
-        at_nodes = force[self._nodes]
-        residual = np.where(self._free, at_nodes, 0.0)
-        spring = np.matmul(self._h, residual[..., None])[..., 0]
+        residual = np.where(self._in_equations, force, 0.0)
+        at_nodes = residual[self._nodes]
+        spring = np.matmul(self._h, at_nodes[..., None])[..., 0]
+        if self._coefficients is None and self._of_shared is None:
+            force[self._nodes] = np.where(self._free, spring, force[self._nodes])
+            return force.ravel()
+
+        on_coefficients, at_contact = self._work
+        on_coefficients.set(0.0)
+        on_coefficients.array.reshape(-1, self._d)[self._nodes] = spring
+        if self._of_shared is not None:
+            at_contact.array[:] = residual.ravel()
+            self._of_shared.multAdd(at_contact, on_coefficients, on_coefficients)
+        springs = on_coefficients
         if self._coefficients is not None:
-            on_coefficients, at_contact = self._work
-            on_coefficients.set(0.0)
-            on_coefficients.array.reshape(-1, self._d)[self._nodes] = spring
             self._coefficients.multTranspose(on_coefficients, at_contact)
-            spring = at_contact.array_r.reshape(-1, self._d)[self._nodes]
-        force[self._nodes] = np.where(self._free, spring, at_nodes)
-        return force.ravel()
+            springs = at_contact
+        return np.where(self._in_equations.ravel(), springs.array_r, force.ravel())
 
     def free(self) -> None:
         """Free PETSc's objects."""
         if self.matrix is not self._nodal:
             self.matrix.destroy()
         self._nodal.destroy()
+        if self._of_shared is not None:
+            self._of_shared.destroy()
         for vector in self._work:
             vector.destroy()
 
     def _blocks(self, tangent: PETSc.Mat) -> np.ndarray:
-        """Return the block of each node in a matrix, shape (nodes, d, d)."""
+        """Return the block of each node of this rank in a matrix, (nodes, d, d)."""
         d = self._d
         begin, column, value = tangent.getValuesCSR()
         row = np.repeat(np.arange(len(begin) - 1), np.diff(begin))
         column = column - self._first_dof
         in_block = row // d == column // d
         place = row[in_block] * d + column[in_block] % d
-        blocks = np.bincount(place, value[in_block], (len(begin) - 1) * d).reshape(-1, d, d)
-        return blocks[self._nodes]
+        return np.bincount(place, value[in_block], (len(begin) - 1) * d).reshape(-1, d, d)
 
 
 def _set_rows_and_columns_to_zero(blocks: np.ndarray, components: np.ndarray) -> None:

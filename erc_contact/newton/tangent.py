@@ -68,7 +68,11 @@ class Tangent:
         self._springs: Springs | None = None
         self._is_identity = self.model.coordinates.is_identity
         self.moved = moved_forces(forms)
-        self._of_fields = self._maps_of_fields()
+        self._of_fields = {} if reactions is not None else self._maps_of_fields()
+        self._moved_of_terms: list[PETSc.Mat] = []
+        """For each term what its equations leave to other unknowns; () without."""
+        if reactions is not None and forms.jump_sums.any:
+            self._moved_of_terms = self._moves_of_terms()
         self._fixed: np.ndarray | None = None
         """Rows and columns that are zero, or None."""
 
@@ -80,7 +84,8 @@ class Tangent:
         if reactions is not None:
             # The rows of the multiplier's equations stay: they are not equilibrium.
             glue = elastic.glue.x.array
-            self._springs = Springs(self.model, elastic.matrix, glue, reactions)
+            contacts = self._contacts_of_terms()
+            self._springs = Springs(self.model, elastic.matrix, glue, reactions, contacts)
         self._terms = [fp.create_matrix(form) for form in forms.tangents]
         for term in self._terms:
             term.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
@@ -155,9 +160,37 @@ class Tangent:
             maps[self.forms.u] = model.coordinates.matrix
         for jump, contact in self.forms.jumps.items():
             maps[jump] = None
-            if model.coordinates.has_joints:
+            if self.forms.jump_sums.any:
                 maps[jump] = self.forms.jump_sums.matrix(self.forms.jump_sums.of(contact), 1.0)
         return maps
+
+    def _contacts_of_terms(self) -> list[list[int]]:
+        """Return the numbers of the contacts of each term; u has all foundations."""
+        contacts = self.model.contacts
+        foundations = [k for k, contact in enumerate(contacts) if contact.trace.there is None]
+        numbers = []
+        for field in self.forms.displacements:
+            if field in self.forms.jumps:
+                numbers.append([contacts.index(self.forms.jumps[field])])
+            else:
+                numbers.append(foundations)
+        return [*numbers, *([k] for k in range(len(contacts)))]
+
+    def _moves_of_terms(self) -> list[PETSc.Mat]:
+        """Return ``D^T`` of the contact that each term belongs to, with a multiplier.
+
+        That of u belongs to all foundations.
+        """
+        forms = self.forms
+        sums = forms.jump_sums
+        parts = []
+        for field in forms.displacements:
+            on_foundations = field not in forms.jumps
+            part = sums.of_foundations() if on_foundations else sums.of(forms.jumps[field])
+            parts.append(part)
+        for contact in self.model.contacts:
+            parts.append(sums.of(contact))
+        return [sums.matrix(part, 0.0).transpose() for part in parts]
 
     def mult(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
         """Set y to the scaled tangent times x."""
@@ -230,6 +263,8 @@ class Tangent:
             self._springs.free()
         for _, matrix in self.moved:
             matrix.destroy()
+        for matrix in self._moved_of_terms:
+            matrix.destroy()
 
     def _mult_equations(self, reactions: Reactions, x: PETSc.Vec, y: PETSc.Vec) -> None:
         """Replace the rows of A in ``y = K x`` by those of the equations."""
@@ -240,14 +275,26 @@ class Tangent:
         field, product = self._work
         total = np.zeros(owned)
         count = len(forms.displacements)
-        for values, term in zip(of_fields, self._terms[:count], strict=True):
+        for number, values in enumerate(of_fields):
             field.array[:] = values[:owned]
-            term.mult(field, product)
-            total += product.array_r
+            total += self._product(number, field, product)
         # The multipliers are linear in the reactions K x.
-        for term, matrix in zip(self._terms[count:], reactions.matrices, strict=True):
+        for number, matrix in enumerate(reactions.matrices, count):
             matrix.mult(y, field)
-            term.mult(field, product)
-            total += product.array_r
+            total += self._product(number, field, product)
         rows = reactions.free.ravel()
         y.array[rows] = total[rows]
+
+    def _product(self, number: int, field: PETSc.Vec, product: PETSc.Vec) -> np.ndarray:
+        """Return a term times a field, as equations of the unknowns.
+
+        Args:
+            number: Number of the term.
+            field: The field; it is overwritten.
+            product: Work space.
+        """
+        self._terms[number].mult(field, product)
+        if not self._moved_of_terms:
+            return product.array_r
+        self._moved_of_terms[number].mult(product, field)
+        return product.array_r + field.array_r

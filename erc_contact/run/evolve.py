@@ -7,7 +7,6 @@ the last one (backward Euler), so what a body does depends on the way its loads 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 from erc_contact.admissible.kernels import kernels_ahead
@@ -17,8 +16,6 @@ from erc_contact.base.exceptions import InputError, together
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.strategy import Strategy
 from erc_contact.mesh.domain import Domain
-from erc_contact.model.promises import bind
-from erc_contact.newton.default_methods import method_of_steps
 from erc_contact.newton.ladder import NODAL
 from erc_contact.newton.methods import Method
 from erc_contact.run.checkpoint import Checkpoint
@@ -69,8 +66,7 @@ def evolve(
         accuracy: Prescribed relative error eps (17) of each step, given its history, >
             0.
         method: Contact method; by default the augmented Lagrangian, which keeps a
-            sticking point exactly where it is, but Nitsche's where three bodies meet at
-            a point.
+            sticking point exactly where it is.
         strategy: How the next mesh is made, as in :func:`adapt`.
         degree: Degree of the displacement, 1 or 2.
         stop: "converged" or "certified", as in :func:`adapt`.
@@ -139,8 +135,6 @@ def evolve(
         max_cells=max_cells,
         max_steps=max_steps,
     )
-    if method is None:
-        plan = replace(plan, method=_default_method(plan.scene, domain, plan.degree))
     # The C compiler works on another core while the forms are compiled here.
     kernels_ahead()
     store = None
@@ -157,12 +151,3 @@ def evolve(
         # the lock on the folder ends with the run, however the run ends
         if store is not None:
             store.close()
-
-
-def _default_method(scene: Scene, domain: Domain, degree: int) -> Method:
-    """Return the contact method of all steps of a history by default; collective."""
-    between_bodies = [contact for contact in scene.contacts if contact.against is not None]
-    # Only these can meet at a point of three bodies.
-    if len(between_bodies) < 2:
-        return NODAL
-    return method_of_steps(bind(scene, domain, degree))
