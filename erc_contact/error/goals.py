@@ -23,7 +23,7 @@ from erc_contact.error.bounds import potential_energy, resultant
 from erc_contact.error.bulk import data_vary
 from erc_contact.error.constitutive import ConstitutiveError, constitutive_error
 from erc_contact.error.numbers import ROUND_OFF, BoundedNumber, Bounds
-from erc_contact.error.question import Question
+from erc_contact.error.question import LEAST_ERROR, Question
 from erc_contact.error.questions import question_of
 from erc_contact.error.three_pairs import Ends, ends_of
 from erc_contact.scene.goal import Energy, Goal, Resultant
@@ -147,6 +147,7 @@ def _tried(error: ConstitutiveError, question: Question, pair_of: PairOf, most: 
     best: Ends | None = None
     bad_t: float | None = None
     t = question.step
+    least_t = t * min(1.0, LEAST_ERROR / max(error.relative, LEAST_ERROR))
     for _ in range(most):
         ends = _ends(error, question, pair_of, t)
         if ends is not None:
@@ -165,6 +166,7 @@ def _tried(error: ConstitutiveError, question: Question, pair_of: PairOf, most: 
             t = float(np.clip(best.better_t, best.t / FACTOR, best.t * FACTOR))
         else:
             t = float(np.sqrt(best.t * bad_t))
+        t = max(t, least_t)
         if best is not None and 1 / NEAR < t / best.t < NEAR:
             break
     return tried

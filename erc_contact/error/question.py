@@ -15,6 +15,13 @@ from erc_contact.error.numbers import BoundedNumber
 from erc_contact.model.model import Model
 from erc_contact.scene.scene import Scene
 
+LEAST_ERROR = 1e-6
+"""Relative error that t is chosen for at least [-].
+
+The number is a difference over t. A smaller t would be no better where the error is
+smaller, and show its round-off.
+"""
+
 
 @dataclass(frozen=True, eq=False)
 class Asked:
@@ -23,7 +30,7 @@ class Asked:
     Attributes:
         model: The scene on a mesh.
         scene: The scene, with the friction bounds of its pair.
-        e: Its error [sqrt(force length)].
+        e: Its error, or the least one that t is for [sqrt(force length)].
         norm: Energy norm of its displacement [sqrt(force length)].
         length: Its largest displacement [length].
     """

@@ -16,8 +16,7 @@ from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.force_questions import moment, resultant
 from erc_contact.error.given_bounds import contacts_with_given_bounds
 from erc_contact.error.motion_questions import functional, mean_displacement, rotation
-from erc_contact.error.numbers import ROUND_OFF
-from erc_contact.error.question import Asked, Question
+from erc_contact.error.question import LEAST_ERROR, Asked, Question
 from erc_contact.error.works import elastic_work
 from erc_contact.mesh.tags import listed
 from erc_contact.scene.goal import (
@@ -62,7 +61,7 @@ def _asked(error: ConstitutiveError) -> Asked:
     length = model.comm.allreduce(largest, MPI.MAX) or 1.0
     energy = elastic_work(pair, pair.displacement, pair.displacement).value
     norm = float(np.sqrt(max(energy, 0.0))) or 1.0
-    e = max(error.absolute, ROUND_OFF * norm)
+    e = max(error.absolute, LEAST_ERROR * norm)
     scene = replace(model.scene, contacts=contacts_with_given_bounds(pair))
     return Asked(model, scene, e, norm, length)
 
