@@ -209,7 +209,7 @@ class AugmentedLagrangian:
     that a support fixes at a contact node, and a node that an earlier contact has
     already, take the multiplier from their neighbours: their own would be redundant.
     Where three bodies meet, or two of them on a foundation, the contacts share the
-    forces of the node (:mod:`erc_contact.newton.shared_forces`).
+    forces of the node.
 
     Args:
         gamma: Dimensionless augmentation parameter gamma_0 > 0; it changes the way of
