@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+from erc_contact.base.code import code_of
 from erc_contact.base.exceptions import InputError
 from erc_contact.scene.checks import check_name, check_vector
 from erc_contact.scene.load import LOAD_MEMBERS, Load
@@ -130,7 +131,7 @@ class Rotation(_PartAboutAxis):
     """
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Functional:
     """Ask for a number that is linear in the displacement, ``int psi . u``.
 
@@ -150,8 +151,8 @@ class Functional:
     carries psi: on facets polynomials of the degree k of u, in cells of degree k - 1.
 
     Example:
-        >>> ec.Functional(ec.Traction("right", (0.0, lambda x: x[1])))
-        Functional(load=Traction(facets='right', value=(0.0, <function ...>), ...))
+        >>> ec.Functional(ec.Traction("right", (0.0, 1.0)))
+        Functional(load=ec.Traction(facets='right', value=(0.0, 1.0)))
     """
 
     load: Load
@@ -164,6 +165,10 @@ class Functional:
                 f"Functional: load is {self.load!r}; give a Traction, a BodyForce, or an object"
                 f" with {', '.join(LOAD_MEMBERS)}."
             )
+
+    def __repr__(self) -> str:
+        """Return it as code: a lambda by its source, not by its address."""
+        return f"Functional(load={code_of(self.load)})"
 
 
 @dataclass(frozen=True)
