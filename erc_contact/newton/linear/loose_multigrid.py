@@ -68,7 +68,7 @@ class LooseMultigrid(Multigrid):
         y.array[:] -= self._faces.followed(x.array_r)
 
     def start(self, u: fem.Function) -> np.ndarray:
-        """Return the unknowns of a displacement; faces are at rest in them."""
+        """Return the unknowns of a displacement; faces have their given motions."""
         unknowns = super().start(u).copy()
         fixed = self.fixed
         unknowns[fixed] = self.model.coordinates.prescribed.x.array[: self.owned][fixed]

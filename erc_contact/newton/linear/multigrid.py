@@ -190,10 +190,7 @@ class Multigrid(Elastic):
         self.matrix.mult(x, y)
 
     def start(self, u: fem.Function) -> np.ndarray:
-        """Return the unknowns of a displacement from which iterations start.
-
-        Those of this rank [length], shape (owned,).
-        """
+        """Return the unknowns of this rank [length] from which Newton starts."""
         return self.model.coordinates.to_x(u).x.array[: self.owned]
 
     def follow(self, u: fem.Function) -> None:
@@ -267,7 +264,8 @@ class Multigrid(Elastic):
             # The squares in norms overflow earlier than the numbers do.
             b.scale(1 / size)
             if near is not None:
-                x.array[:] = self.start(near) / size
+                unknowns = self.model.coordinates.to_x(near)
+                x.array[:] = unknowns.x.array[: self.owned] / size
             left = self._iterate(matrix, b, x, tolerance, held, hurried=hurried)
             if left > ENOUGH * tolerance and direct:
                 log = log_of(self.model.comm)
