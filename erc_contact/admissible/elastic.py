@@ -39,6 +39,30 @@ def strains(cells: CellGeometry, u: fem.Function) -> np.ndarray:
     return strain
 
 
+def elastic_coefficients(
+    model: Model, cells: CellGeometry, u: fem.Function, count: int
+) -> np.ndarray:
+    """Compute ``C (eps(u) - eps_0)`` in Mandel components [force/area].
+
+    The shape is (count, b, s). These are Bernstein coefficients of degree k-1; where
+    the moduli or the given strains vary inside cells, values at the points of the
+    sub-simplices.
+    """
+    d, k = cells.d, cells.degree
+    stiffness = macro_moduli(model, cells, count)
+    strain = strains(cells, u)[:count]
+    _, points, _ = macro_points(d, k)
+    given = None
+    if model.strains is not None:
+        given = given_strains(model, cells, points, count)
+    data_vary = stiffness.shape[1] > 1 or (given is not None and given.shape[1] > 1)
+    if k > 1 and data_vary:
+        strain = np.matmul(bernstein(d, k - 1, points), strain)
+    if given is not None:
+        strain = strain - given
+    return act(stiffness, strain)
+
+
 def elastic_stress(model: Model, cells: CellGeometry, u: fem.Function, count: int) -> np.ndarray:
     """Compute ``C (eps(u) - eps_0)`` at the points of the sub-simplices [force/area].
 
@@ -46,14 +70,11 @@ def elastic_stress(model: Model, cells: CellGeometry, u: fem.Function, count: in
     of (d+1) q where it is constant in each cell.
     """
     d, k = cells.d, cells.degree
-    stiffness = macro_moduli(model, cells, count)
-    strain = strains(cells, u)[:count]
+    values = elastic_coefficients(model, cells, u, count)
     _, points, _ = macro_points(d, k)
-    if k > 1:
-        strain = np.matmul(bernstein(d, k - 1, points), strain)
-    if model.strains is not None:
-        strain = strain - given_strains(model, cells, points, count)
-    return act(stiffness, strain)
+    if values.shape[1] in (1, len(points)):
+        return values
+    return np.matmul(bernstein(d, k - 1, points), values)
 
 
 def given_strains(model: Model, cells: CellGeometry, points: np.ndarray, count: int) -> np.ndarray:

@@ -30,7 +30,7 @@ from erc_contact.admissible.cells import (
 )
 from erc_contact.admissible.contact import admissible_tractions
 from erc_contact.admissible.displacement import admissible_displacement
-from erc_contact.admissible.elastic import elastic_stress, macro_moduli
+from erc_contact.admissible.elastic import elastic_coefficients, macro_moduli
 from erc_contact.admissible.facets import equilibrated_moments
 from erc_contact.admissible.fields import (
     FIELD_DEGREE,
@@ -197,7 +197,7 @@ def equilibrate(solution: Solution, tighten: int = TIGHTEN) -> Admissible:
     has_bubbles = model.degree > 1
     iterations = 0
     if tighten > 0 or has_bubbles:
-        elastic = elastic_stress(model, cells, hat, owned)
+        elastic = elastic_coefficients(model, cells, hat, owned)
         compliance = macro_moduli(model, cells, len(cells.nodes), inverse=True)
     if tighten > 0:
         free = cells.has_second[:, None] | fixed

@@ -1,93 +1,30 @@
 /* The complementary energy of macro-elements as a quadratic form of facet moments, see tighten/complementary.py. */
 #include "kernels.h"
-#include "lanes.h"
+#include "bubbles.h"
 
-enum { INPUTS = 72, VALUES = 336, MOMENTS = 6, BUBBLES = 18 };
+enum { INPUTS = 72, MOMENTS = 6, FORCES = 12 };
+
+/* Cells side by side: geometry, material, tractions and stresses. */
+typedef struct {
+  lanes corner[3][3], inverse[3][3], determinant, volume, sign[4];
+  lanes metric[21 * POINTS], input[INPUTS], coefficient[INPUTS], stress[VALUES], dual[VALUES], added[VALUES];
+  lanes push[3][3], amount[BUBBLES];
+} group;
 
 /* y += A x for a sparse matrix A, or a full one, of these rows and columns. */
-INLINE void sparse(int rows, int columns, const int *start, const int *column, const double *value, const lanes *x,
-                   lanes *y)
+INLINE void sparse(int rows, int columns, const int *start, const int *column, const double *value,
+                   const lanes *const *x, lanes *const *y)
 {
   if (start[rows] == rows * columns)
-    matrix_times(rows, columns, value, x, y);
+    groups_times(GROUPS, rows, columns, value, x, y);
   else
     for (int i = 0; i < rows; ++i)
-      for (int k = start[i]; k < start[i + 1]; ++k)
-        y[i] += value[k] * x[column[k]];
-}
-
-/* Product of a metric, entries a <= b one after the other, and a vector (s,). */
-INLINE void metric_times(const int s, const lanes *metric, const lanes *x, lanes *y)
-{
-  for (int a = 0; a < s; ++a)
-    y[a] = x[a] * 0.0;
-  for (int a = 0; a < s; ++a)
-    for (int b = a; b < s; ++b, ++metric) {
-      y[a] += *metric * x[b];
-      if (b > a)
-        y[b] += *metric * x[a];
-    }
-}
-
-/* Solve A x = b for symmetric positive definite (N, N) matrices, lower triangles row by row; A is lost. */
-INLINE void solve_definite(int N, lanes *A, lanes *x)
-{
-  for (int i = 0; i < N; ++i) {
-    lanes *row = A + i * (i + 1) / 2;
-    for (int j = 0; j <= i; ++j) {
-      const lanes *other = A + j * (j + 1) / 2;
-      lanes sum = row[j];
-      for (int k = 0; k < j; ++k)
-        sum -= row[k] * other[k];
-      row[j] = j < i ? sum * other[j] : 1.0 / root(sum);
-    }
-    lanes sum = x[i];
-    for (int j = 0; j < i; ++j)
-      sum -= row[j] * x[j];
-    x[i] = sum * row[i];
-  }
-  for (int i = N - 1; i >= 0; --i) {
-    const lanes *row = A + i * (i + 1) / 2;
-    x[i] *= row[i];
-    for (int j = 0; j < i; ++j)
-      x[j] -= row[j] * x[i];
-  }
-}
-
-/* Energy matrix of the bubbles: from the one metric of a cell, or from those at its Q points. */
-INLINE void bubble_energy(const int s, int Q, int varies, int count, const double *bubbles, const double *products,
-                          const lanes *metric, lanes *A)
-{
-  const int t = s * (s + 1) / 2;
-  memset(A, 0, count * (count + 1) / 2 * sizeof(lanes));
-  if (!varies)
-    matrix_times(count * (count + 1) / 2, t, products, metric, A);
-  for (int q = 0; q < Q && varies; ++q)
-    for (int x = 0; x < count; ++x) {
-      lanes bubble[6], dual[6];
-      for (int a = 0; a < s; ++a)
-        bubble[a] = bubbles[(q * s + a) * count + x] * ONE;
-      metric_times(s, metric + q * t, bubble, dual);
-      for (int y = 0; y <= x; ++y)
-        for (int a = 0; a < s; ++a)
-          A[x * (x + 1) / 2 + y] += bubbles[(q * s + a) * count + y] * dual[a];
-    }
-}
-
-/* Strains of stresses (Q, s), weighted. */
-INLINE void duals(const int s, int Q, int varies, const lanes *metric, const int *weight_start,
-                  const int *weight_column, const double *weight, const lanes *stress, lanes *dual)
-{
-  lanes strain[VALUES];
-  for (int q = 0; q < Q; ++q)
-    metric_times(s, metric + (varies ? q * s * (s + 1) / 2 : 0), stress + q * s, strain + q * s);
-  for (int q = 0; q < Q; ++q)
-    for (int a = 0; a < s; ++a) {
-      lanes sum = {0};
-      for (int k = weight_start[q]; k < weight_start[q + 1]; ++k)
-        sum += weight[k] * strain[weight_column[k] * s + a];
-      dual[q * s + a] = sum;
-    }
+      for (int g = 0; g < GROUPS; ++g) {
+        lanes sum = {0};
+        for (int k = start[i]; k < start[i + 1]; ++k)
+          sum += value[k] * x[g][column[k]];
+        y[g][i] += sum;
+      }
 }
 
 /* Coefficients of the reference tractions of a cell from their moments, less those of a constant stress. */
@@ -143,92 +80,165 @@ INLINE void moments_back(const int d, int m, const lanes *sign, lanes (*inverse)
   }
 }
 
-/* Take from the strains those of the bubbles of least energy. */
-INLINE void relieve(const int s, int Q, int varies, int count, const double *bubbles, const double *products,
-                    const lanes *metric, const int *weight_start, const int *weight_column, const double *weight,
-                    lanes *dual)
+/* The mean of the elastic stress as a tensor, and what is beside it, pulled back to the reference simplex, as stresses. */
+INLINE void offsets(const int d, int b, const double *of_mean, const int *start, const int *column,
+                    const double *value, int Q, const lanes (*elastic)[6], group *it)
 {
-  lanes A[BUBBLES * (BUBBLES + 1) / 2], amount[BUBBLES], added[VALUES], strain[VALUES];
-  bubble_energy(s, Q, varies, count, bubbles, products, metric, A);
-  memset(amount, 0, sizeof(amount));
-  for (int i = 0; i < Q * s; ++i)
-    for (int b = 0; b < count; ++b)
-      amount[b] += bubbles[i * count + b] * dual[i];
-  solve_definite(count, A, amount);
-  memset(added, 0, sizeof(added));
-  matrix_times(Q * s, count, bubbles, amount, added);
-  duals(s, Q, varies, metric, weight_start, weight_column, weight, added, strain);
-  for (int i = 0; i < Q * s; ++i)
-    dual[i] -= strain[i];
+  static const int first[2][6] = {{0, 1, 0}, {0, 1, 2, 0, 0, 1}}, second[2][6] = {{0, 1, 1}, {0, 1, 2, 1, 2, 2}};
+  const int s = d * (d + 1) / 2;
+  lanes mean[6] = {{0}}, back[3][3], R[6][6], deviation[VALUES];
+  for (int c = 0; c < b; ++c)
+    for (int a = 0; a < s; ++a)
+      mean[a] += of_mean[c] * elastic[c][a];
+  for (int a = 0; a < s; ++a) {
+    const int i = first[d - 2][a], j = second[d - 2][a];
+    it->push[i][j] = it->push[j][i] = (a < d ? 1.0 : M_SQRT1_2) * mean[a];
+  }
+  if (b == 1)
+    return;
+  for (int i = 0; i < d; ++i)
+    for (int r = 0; r < d; ++r)
+      back[i][r] = it->inverse[r][i];
+  images(d, back, R);
+  const lanes size = absolute(it->determinant);
+  for (int c = 0; c < b; ++c)
+    for (int r = 0; r < s; ++r) {
+      lanes sum = {0};
+      for (int a = 0; a < s; ++a)
+        sum += (mean[a] - elastic[c][a]) * R[a][r];
+      deviation[c * s + r] = size * sum;
+    }
+  for (int q = 0; q < Q; ++q)
+    for (int k = start[q]; k < start[q + 1]; ++k)
+      for (int a = 0; a < s; ++a)
+        it->stress[q * s + a] += value[k] * deviation[column[k] * s + a];
 }
 
-INLINE double energy(const int d, int m, long long begin, long long end, const double *edges,
-                     const int *facets, const long long *side, const double *compliance, int varies, int points,
+INLINE double energy(const int d, int m, long long cells, const double *edges, const int *facets,
+                     const long long *side, const double *compliance, int varies, int points,
                      const double *facet_map, int Q, const int *start, const int *column, const double *value,
                      const int *back_start, const int *back_column, const double *back_value,
                      const int *weight_start, const int *weight_column, const double *weight, int count,
-                     const double *bubbles, const double *products, const double *x, const double *mean,
-                     const double *offset, double *y)
+                     const double *bubbles, const double *transposed, const double *products, const double *x,
+                     int b, const double *elastic, const double *of_mean, const int *elastic_start,
+                     const int *elastic_column, const double *elastic_value, int forces, const double *force,
+                     const double *body, double *y)
 {
   const int s = d * (d + 1) / 2, t = s * (s + 1) / 2, inputs = (d + 1) * m * d;
   double result = 0.0;
-  for (long long first = begin; first < end; first += LANES) {
-    const int here = end - first < LANES ? (int)(end - first) : LANES;
-    lanes corner[3][3], inverse[3][3], metric[VALUES / 6 * 21], sign[4], input[INPUTS], coefficient[INPUTS];
-    lanes stress[VALUES], dual[VALUES], push[3][3], C[36];
-    for (int l = 0; l < LANES; ++l) {
-      const long long cell = first + (l < here ? l : 0);
-      for (int i = 0; i < d * d; ++i)
-        corner[i / d][i % d][l] = edges[cell * d * d + i];
-      for (int f = 0; f <= d; ++f) {
-        const long long place = cell * (d + 1) + f;
-        sign[f][l] = side[facets[place]] == place ? 1.0 : -1.0;
-        for (int i = 0; i < m * d; ++i)
-          input[f * m * d + i][l] = x[(long long)facets[place] * m * d + i];
-      }
-      for (int i = 0; i < d * d && mean; ++i)
-        push[i / d][i % d][l] = mean[(cell - begin) * d * d + i];
-      for (int i = 0; i < Q * s; ++i)
-        stress[i][l] = offset ? offset[(cell - begin) * Q * s + i] : 0.0;
-    }
-    const lanes determinant = inverted(d, corner, inverse), volume = absolute(determinant) / (d == 2 ? 2.0 : 6.0);
-    for (int q = 0; q < points; ++q) {
-      for (int k = 0; k < s * s; ++k) {
-        C[k] = compliance[q * s * s + k] * ONE;
-        for (int l = 0; l < LANES && varies; ++l)
-          C[k][l] = compliance[((first + (l < here ? l : 0)) * points + q) * s * s + k];
-      }
-      reference_metric(d, corner, determinant, C, metric + q * t);
-    }
-    reference_coefficients(d, m, sign, inverse, volume, facet_map, mean != NULL, push, input, coefficient);
-    sparse(Q * s, inputs, start, column, value, coefficient, stress);
-    duals(s, Q, points > 1, metric, weight_start, weight_column, weight, stress, dual);
-    if (count)
-      relieve(s, Q, points > 1, count, bubbles, products, metric, weight_start, weight_column, weight, dual);
-    const lanes square = dot(Q * s, stress, dual);
-    for (int l = 0; l < here; ++l)
-      result += square[l];
-    memset(coefficient, 0, sizeof(coefficient));
-    sparse(inputs, Q * s, back_start, back_column, back_value, dual, coefficient);
-    moments_back(d, m, sign, inverse, facet_map, coefficient, input);
-    for (int l = 0; l < here; ++l)
-      for (int f = 0; f <= d; ++f)
-        for (int i = 0; i < m * d; ++i)
-          y[(long long)facets[(first + l) * (d + 1) + f] * m * d + i] += input[f * m * d + i][l];
+  group *work = aligned_alloc(sizeof(lanes), GROUPS * sizeof(group));
+  if (!work)
+    return -1.0;
+  const lanes *metric[GROUPS], *inputs_of[GROUPS], *stress[GROUPS], *dual[GROUPS], *amount[GROUPS];
+  lanes *to_stress[GROUPS], *to_input[GROUPS], *to_amount[GROUPS], *added[GROUPS];
+  for (int g = 0; g < GROUPS; ++g) {
+    metric[g] = work[g].metric;
+    inputs_of[g] = to_input[g] = work[g].coefficient;
+    stress[g] = to_stress[g] = work[g].stress;
+    amount[g] = to_amount[g] = work[g].amount;
+    dual[g] = work[g].dual;
+    added[g] = work[g].added;
   }
+  for (long long first = 0; first < cells; first += GROUPS * LANES) {
+    for (int g = 0; g < GROUPS; ++g) {
+      group *it = work + g;
+      lanes C[36], given[POINTS][6], inside[FORCES] = {{0}};
+      memset(it->stress, 0, Q * s * sizeof(lanes));
+      for (int l = 0; l < LANES; ++l) {
+        /* Lanes beyond the last cell repeat the first one. */
+        const long long own = first + g * LANES + l, cell = own < cells ? own : first;
+        for (int i = 0; i < d * d; ++i)
+          it->corner[i / d][i % d][l] = edges[cell * d * d + i];
+        for (int f = 0; f <= d; ++f) {
+          const long long place = cell * (d + 1) + f;
+          it->sign[f][l] = side[facets[place]] == place ? 1.0 : -1.0;
+          for (int i = 0; i < m * d; ++i)
+            it->input[f * m * d + i][l] = x[(long long)facets[place] * m * d + i];
+        }
+        for (int i = 0; i < b * s && elastic; ++i)
+          given[i / s][i % s][l] = elastic[cell * b * s + i];
+        for (int i = 0; i < forces && force; ++i)
+          inside[i][l] = force[cell * forces + i];
+      }
+      it->determinant = inverted(d, it->corner, it->inverse);
+      it->volume = absolute(it->determinant) / (d == 2 ? 2.0 : 6.0);
+      for (int q = 0; q < points; ++q) {
+        for (int k = 0; k < s * s; ++k) {
+          C[k] = compliance[q * s * s + k] * ONE;
+          for (int l = 0; l < LANES && varies; ++l) {
+            const long long own = first + g * LANES + l, cell = own < cells ? own : first;
+            C[k][l] = compliance[(cell * points + q) * s * s + k];
+          }
+        }
+        reference_metric(d, it->corner, it->determinant, C, it->metric + q * t);
+      }
+      if (elastic)
+        offsets(d, b, of_mean, elastic_start, elastic_column, elastic_value, Q, (const lanes(*)[6])given, it);
+      if (force) {
+        lanes reference[FORCES];
+        for (int i = 0; i < forces; ++i)
+          reference[i] = dot(d, it->inverse[i % d], inside + i / d * d);
+        matrix_times(Q * s, forces, body, reference, it->stress);
+      }
+      reference_coefficients(d, m, it->sign, it->inverse, it->volume, facet_map, elastic != NULL, it->push, it->input,
+                             it->coefficient);
+    }
+    sparse(Q * s, inputs, start, column, value, inputs_of, to_stress);
+    for (int g = 0; g < GROUPS; ++g)
+      duals(s, Q, points > 1, metric[g], weight_start, weight_column, weight, stress[g], work[g].dual);
+    if (count) {
+      amounts(GROUPS, s, Q, points > 1, count, bubbles, transposed, products, metric, dual, to_amount);
+      for (int g = 0; g < GROUPS; ++g)
+        memset(added[g], 0, Q * s * sizeof(lanes));
+      groups_times(GROUPS, Q * s, count, bubbles, amount, added);
+    }
+    for (int g = 0; g < GROUPS; ++g) {
+      group *it = work + g;
+      if (count) {
+        /* The strains of the bubbles of least energy are taken away. */
+        lanes strain[VALUES];
+        duals(s, Q, points > 1, metric[g], weight_start, weight_column, weight, it->added, strain);
+        for (int i = 0; i < Q * s; ++i)
+          it->dual[i] -= strain[i];
+      }
+      lanes square[6] = {{0}};
+      for (int q = 0; q < Q; ++q)
+        for (int a = 0; a < s; ++a)
+          square[a] += it->stress[q * s + a] * it->dual[q * s + a];
+      for (int a = 1; a < s; ++a)
+        square[0] += square[a];
+      for (int l = 0; l < LANES && first + g * LANES + l < cells; ++l)
+        result += square[0][l];
+      memset(it->coefficient, 0, inputs * sizeof(lanes));
+    }
+    sparse(inputs, Q * s, back_start, back_column, back_value, dual, to_input);
+    for (int g = 0; g < GROUPS; ++g) {
+      group *it = work + g;
+      moments_back(d, m, it->sign, it->inverse, facet_map, it->coefficient, it->input);
+      for (int l = 0; l < LANES && first + g * LANES + l < cells; ++l)
+        for (int f = 0; f <= d; ++f) {
+          double *to = y + (long long)facets[(first + g * LANES + l) * (d + 1) + f] * m * d;
+          for (int i = 0; i < m * d; ++i)
+            to[i] += it->input[f * m * d + i][l];
+        }
+    }
+  }
+  free(work);
   return result;
 }
 
-double macro_energy(int d, int m, long long begin, long long end, const double *edges, const int *facets,
-                    const long long *side, const double *compliance, int varies, int points,
-                    const double *facet_map, int Q, const int *start, const int *column, const double *value,
-                    const int *back_start, const int *back_column, const double *back_value,
-                    const int *weight_start, const int *weight_column, const double *weight, int count,
-                    const double *bubbles, const double *products, const double *x, const double *mean,
-                    const double *offset, double *y)
+double macro_energy(int d, int m, long long cells, const double *edges, const int *facets, const long long *side,
+                    const double *compliance, int varies, int points, const double *facet_map, int Q,
+                    const int *start, const int *column, const double *value, const int *back_start,
+                    const int *back_column, const double *back_value, const int *weight_start,
+                    const int *weight_column, const double *weight, int count, const double *bubbles,
+                    const double *transposed, const double *products, const double *x, int b,
+                    const double *elastic, const double *of_mean, const int *elastic_start,
+                    const int *elastic_column, const double *elastic_value, int forces, const double *force,
+                    const double *body, double *y)
 {
-#define ENERGY(d) energy(d, m, begin, end, edges, facets, side, compliance, varies, points, facet_map, Q, start, \
-    column, value, back_start, back_column, back_value, weight_start, weight_column, weight, count, bubbles, \
-    products, x, mean, offset, y)
+#define ENERGY(d) energy(d, m, cells, edges, facets, side, compliance, varies, points, facet_map, Q, start, column, \
+    value, back_start, back_column, back_value, weight_start, weight_column, weight, count, bubbles, transposed, \
+    products, x, b, elastic, of_mean, elastic_start, elastic_column, elastic_value, forces, force, body, y)
   return d == 2 ? ENERGY(2) : ENERGY(3);
 }

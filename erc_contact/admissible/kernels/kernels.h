@@ -19,14 +19,25 @@ int apply_patches(int d, int m, long long patches, const int *ring, const int *s
                   const long long *side, const int *factor, const float *unit, const double *scale, const double *r,
                   double *z);
 
-/* tighten/complementary.py: returns the energy of the cells from begin to end, and adds half its derivative to y. */
-double macro_energy(int d, int m, long long begin, long long end, const double *edges, const int *facets,
-                    const long long *side, const double *compliance, int varies, int points,
-                    const double *facet_map, int Q, const int *start, const int *column, const double *value,
-                    const int *back_start, const int *back_column, const double *back_value,
+/* tighten/complementary.py: returns the energy of the cells, and adds half its derivative to y. A sparse matrix is three
+   arrays: start, column, value. */
+double macro_energy(int d, int m, long long cells, const double *edges, const int *facets, const long long *side,
+                    const double *compliance, int varies, int points, const double *facet_map, int Q,
+                    const int *start, const int *column, const double *value, const int *back_start,
+                    const int *back_column, const double *back_value, const int *weight_start,
+                    const int *weight_column, const double *weight, int count, const double *bubbles,
+                    const double *transposed, const double *products, const double *x, int b,
+                    const double *elastic, const double *of_mean, const int *elastic_start,
+                    const int *elastic_column, const double *elastic_value, int forces, const double *force,
+                    const double *body, double *y);
+
+/* tighten/complementary.py: adds to sigma (cells, nodes, s) the bubbles that bring it nearest to an elastic stress. */
+void relax_stresses(int d, int nodes, long long cells, const double *edges, const double *compliance, int varies,
+                    int points, int Q, const int *row_start, const int *row_column, const double *row_value,
                     const int *weight_start, const int *weight_column, const double *weight, int count,
-                    const double *bubbles, const double *products, const double *x, const double *mean,
-                    const double *offset, double *y);
+                    const double *nodal_bubbles, const double *bubbles, const double *transposed,
+                    const double *products, int b, const double *elastic, const int *elastic_start,
+                    const int *elastic_column, const double *elastic_value, double *sigma);
 
 /* facets.py: replaces the right sides lambda (cells, N, d) of the patches of all nodes by their solutions. */
 int patch_jumps(int d, int N, int m, long long cells, long long nodes, long long F, const int *node,

@@ -44,20 +44,37 @@ INLINE lanes dot(const int d, const lanes *a, const lanes *b)
   return sum;
 }
 
+/* Groups of lanes that one pass over a table serves: more of them, or of rows, and the registers do not suffice. */
+enum { GROUPS = 2, ROWS = 6 };
+
+/* y += A x for count rows of a matrix and all groups; that many sums at once hide how long each of them takes. */
+INLINE void rows_times(const int groups, const int count, int columns, const double *A, const lanes *const *x,
+                       lanes *const *y, int first)
+{
+  lanes sum[ROWS][GROUPS] = {{{0}}};
+  for (int k = 0; k < columns; ++k)
+    for (int i = 0; i < count; ++i)
+      for (int g = 0; g < groups; ++g)
+        sum[i][g] += A[i * columns + k] * x[g][k];
+  for (int i = 0; i < count; ++i)
+    for (int g = 0; g < groups; ++g)
+      y[g][first + i] += sum[i][g];
+}
+
 /* y += A x for a matrix (rows, columns) that is the same in all lanes; the number of rows is a multiple of 3. */
+INLINE void groups_times(const int groups, int rows, int columns, const double *A, const lanes *const *x,
+                         lanes *const *y)
+{
+  int i = 0;
+  for (; i + ROWS <= rows; i += ROWS)
+    rows_times(groups, ROWS, columns, A + i * columns, x, y, i);
+  if (i < rows)
+    rows_times(groups, ROWS / 2, columns, A + i * columns, x, y, i);
+}
+
 INLINE void matrix_times(int rows, int columns, const double *A, const lanes *x, lanes *y)
 {
-  for (int i = 0; i < rows; i += 3, A += 3 * columns) {
-    lanes a = {0}, b = {0}, c = {0};
-    for (int k = 0; k < columns; ++k) {
-      a += A[k] * x[k];
-      b += A[columns + k] * x[k];
-      c += A[2 * columns + k] * x[k];
-    }
-    y[i] += a;
-    y[i + 1] += b;
-    y[i + 2] += c;
-  }
+  groups_times(1, rows, columns, A, &x, &y);
 }
 
 /* Normal to d - 1 vectors, in the sense in which they follow each other; as long as their parallelotope is large. */

@@ -59,7 +59,7 @@ def tightened(
         force: Body force times volume of each cell [force], shape (n, N_(k-1), d), or
             None.
         free: Components of facets whose traction is not given, shape (F, d).
-        elastic: ``C eps(u^)`` of the owned cells [force/area], shape (owned, Q or 1,
+        elastic: ``C eps(u^)`` of the owned cells [force/area], shape (owned, b,
             s).
         compliance: C^-1 [area/force], shape (n or 1, Q or 1, s, s).
         iterations: Limit of the iterations.

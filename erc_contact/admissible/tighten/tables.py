@@ -62,10 +62,11 @@ class MacroTable:
         body: From the coefficients of the body force to stresses, shape (Q, s, N_(k-1),
             d).
         bubbles: Stresses without tractions and divergence, shape (Q s, number).
+        transposed: The same, shape (number, Q s).
         products: Their energies for each entry a <= b of a metric, shape (number
             (number + 1)/2, s (s + 1)/2).
-        from_points: From values at the points of :func:`macro_points` to values at the
-            nodes.
+        nodal: From values at the nodes of the sub-simplices, (d+1, N_k) in one.
+        from_points: From values at the points of :func:`macro_points`.
     """
 
     count: int
@@ -75,7 +76,9 @@ class MacroTable:
     weights: Sparse
     body: np.ndarray
     bubbles: np.ndarray
+    transposed: np.ndarray
     products: np.ndarray
+    nodal: Sparse
     from_points: np.ndarray
 
 
@@ -126,6 +129,9 @@ def macro_table(d: int, k: int, at_points: bool) -> MacroTable:
         bubble = np.tensordot(values, bubble, axes=1)
         weights = np.eye(len(values))
         from_points = np.diag(np.sqrt(point_weights))
+        nodal = values
+    else:
+        nodal = np.linalg.pinv(spread)
     matrix = stress.reshape(len(stress) * s, -1)
     products = np.einsum("qax,qr,rby->xyab", bubble, weights, bubble, optimize=True)
     products = upper_entries(products)
@@ -135,11 +141,42 @@ def macro_table(d: int, k: int, at_points: bool) -> MacroTable:
         Sparse.from_matrix(matrix),
         Sparse.from_matrix(matrix.T),
         Sparse.from_matrix(weights),
-        body,
+        np.ascontiguousarray(body),
         np.ascontiguousarray(bubble.reshape(len(matrix), -1)),
+        np.ascontiguousarray(bubble.reshape(len(matrix), -1).T),
         np.ascontiguousarray(products[np.tril_indices(bubble.shape[2])]),
+        Sparse.from_matrix(nodal),
         from_points,
     )
+
+
+class ElasticTable(NamedTuple):
+    """Hold the maps from what an elastic stress is given by, b values in a cell.
+
+    Attributes:
+        mean: To its mean, shape (b,).
+        rows: To the stresses of a :class:`MacroTable`, (Q, b).
+    """
+
+    mean: np.ndarray
+    rows: Sparse
+
+
+@cache
+def elastic_table(d: int, k: int, at_points: bool, b: int) -> ElasticTable:
+    """Compute the table for elastic stresses that are given by b values in a cell.
+
+    These are one if it is constant there, coefficients of degree k - 1, or values at
+    the points of :func:`macro_points`. The other arguments are those of
+    :func:`macro_table`.
+    """
+    _, points, weights = macro_points(d, k)
+    from_points = macro_table(d, k, at_points).from_points
+    if b == len(points):
+        return ElasticTable(weights, Sparse.from_matrix(from_points))
+    of_degree = 0 if b == 1 else k - 1
+    shape = bernstein(d, of_degree, points)
+    return ElasticTable(weights @ shape, Sparse.from_matrix(from_points @ shape))
 
 
 def upper_entries(products: np.ndarray) -> np.ndarray:

@@ -1,0 +1,97 @@
+/* Stresses of macro-elements without tractions and divergence, the bubbles, see tighten/complementary.py. */
+#ifndef BUBBLES_H
+#define BUBBLES_H
+
+#include "lanes.h"
+
+enum { POINTS = 56, VALUES = 6 * POINTS, BUBBLES = 18 };
+
+/* Product of a metric, entries a <= b one after the other, and a vector (s,). */
+INLINE void metric_times(const int s, const lanes *metric, const lanes *x, lanes *y)
+{
+  for (int a = 0; a < s; ++a)
+    y[a] = x[a] * 0.0;
+  for (int a = 0; a < s; ++a)
+    for (int b = a; b < s; ++b, ++metric) {
+      y[a] += *metric * x[b];
+      if (b > a)
+        y[b] += *metric * x[a];
+    }
+}
+
+/* Solve A x = b for symmetric positive definite (N, N) matrices, lower triangles row by row; A is lost. */
+INLINE void solve_definite(int N, lanes *A, lanes *x)
+{
+  for (int i = 0; i < N; ++i) {
+    lanes *row = A + i * (i + 1) / 2;
+    for (int j = 0; j <= i; ++j) {
+      const lanes *other = A + j * (j + 1) / 2;
+      lanes sum = row[j];
+      for (int k = 0; k < j; ++k)
+        sum -= row[k] * other[k];
+      row[j] = j < i ? sum * other[j] : 1.0 / root(sum);
+    }
+    lanes sum = x[i];
+    for (int j = 0; j < i; ++j)
+      sum -= row[j] * x[j];
+    x[i] = sum * row[i];
+  }
+  for (int i = N - 1; i >= 0; --i) {
+    const lanes *row = A + i * (i + 1) / 2;
+    x[i] *= row[i];
+    for (int j = 0; j < i; ++j)
+      x[j] -= row[j] * x[i];
+  }
+}
+
+/* Energy matrix of the bubbles: from the one metric of a cell, or from those at its Q points. */
+INLINE void bubble_energy(const int s, int Q, int varies, int count, const double *bubbles, const double *products,
+                          const lanes *metric, lanes *A)
+{
+  const int t = s * (s + 1) / 2;
+  memset(A, 0, count * (count + 1) / 2 * sizeof(lanes));
+  if (!varies)
+    matrix_times(count * (count + 1) / 2, t, products, metric, A);
+  for (int q = 0; q < Q && varies; ++q)
+    for (int x = 0; x < count; ++x) {
+      lanes bubble[6], dual[6];
+      for (int a = 0; a < s; ++a)
+        bubble[a] = bubbles[(q * s + a) * count + x] * ONE;
+      metric_times(s, metric + q * t, bubble, dual);
+      for (int y = 0; y <= x; ++y)
+        for (int a = 0; a < s; ++a)
+          A[x * (x + 1) / 2 + y] += bubbles[(q * s + a) * count + y] * dual[a];
+    }
+}
+
+/* Strains of stresses (Q, s), weighted. */
+INLINE void duals(const int s, int Q, int varies, const lanes *metric, const int *weight_start,
+                  const int *weight_column, const double *weight, const lanes *stress, lanes *dual)
+{
+  lanes strain[VALUES];
+  for (int q = 0; q < Q; ++q)
+    metric_times(s, metric + (varies ? q * s * (s + 1) / 2 : 0), stress + q * s, strain + q * s);
+  for (int q = 0; q < Q; ++q) {
+    lanes sum[6] = {{0}};
+    for (int k = weight_start[q]; k < weight_start[q + 1]; ++k)
+      for (int a = 0; a < s; ++a)
+        sum[a] += weight[k] * strain[weight_column[k] * s + a];
+    memcpy(dual + q * s, sum, s * sizeof(lanes));
+  }
+}
+
+/* Amounts of the bubbles that do the work dual.bubbles, from their energies in the metric. */
+INLINE void amounts(const int groups, const int s, int Q, int varies, int count, const double *bubbles,
+                    const double *transposed, const double *products, const lanes *const *metric,
+                    const lanes *const *dual, lanes *const *amount)
+{
+  for (int g = 0; g < groups; ++g)
+    memset(amount[g], 0, count * sizeof(lanes));
+  groups_times(groups, count, Q * s, transposed, dual, amount);
+  for (int g = 0; g < groups; ++g) {
+    lanes A[BUBBLES * (BUBBLES + 1) / 2];
+    bubble_energy(s, Q, varies, count, bubbles, products, metric[g], A);
+    solve_definite(count, A, amount[g]);
+  }
+}
+#endif
