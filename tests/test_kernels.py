@@ -3,6 +3,7 @@
 - patches: the sum of small inverses, in any units;
 - energy: that of the macro-element stresses with the bubbles of least energy, with
   moduli that vary inside cells, too;
+- blocks: the inverses of the energies of the quadratic moments of each facet;
 - stresses of macro-elements: the matrix of the reference simplex between Piola's
   transforms;
 - graph Laplacians: the solutions of least norm of the patches of all nodes;
@@ -11,6 +12,7 @@
 
 from dataclasses import replace
 from itertools import combinations, product
+from math import factorial
 
 import numpy as np
 import pytest
@@ -20,20 +22,37 @@ import erc_contact as ec
 from erc_contact.admissible.cells import CellGeometry, cell_geometry, force_coefficients, signed
 from erc_contact.admissible.elastic import act, elastic_stress, macro_moduli
 from erc_contact.admissible.facets import _patch_jumps
-from erc_contact.admissible.macro import _elevation, macro_points, macro_stress, piola
+from erc_contact.admissible.macro import _elevation, macro_points, macro_stress
 from erc_contact.admissible.reference import mandel, reference_map
+from erc_contact.admissible.tighten.blocks import Blocks
 from erc_contact.admissible.tighten.complementary import ComplementaryEnergy, relaxed
 from erc_contact.admissible.tighten.patches import Patches
 from erc_contact.admissible.tighten.tables import hierarchical
 from erc_contact.error.bulk import bulk_squares
 from erc_contact.mesh.simplex import local_facet_nodes, nodes
 from erc_contact.model.model import Model
+from erc_contact.scene.material import mandel_basis
 
 pytestmark = pytest.mark.serial
 dimensions, degrees = (
     pytest.mark.parametrize("d", [2, 3]),
     pytest.mark.parametrize("degree", [1, 2]),
 )
+
+
+def piola(cells: CellGeometry, chunk: slice) -> np.ndarray:
+    """Return the images ``J b J^T / |det J|`` of the basis tensors b in some cells.
+
+    Returns:
+        One image a row, in Mandel components, shape (n, s, s).
+    """
+    d = cells.d
+    basis = mandel_basis(d)
+    J = cells.J[chunk]
+    determinant = cells.volume[chunk] * factorial(d)
+    products = (J[:, :, :, None, None] * J[:, None, None]) / determinant[:, None, None, None, None]
+    symmetric = np.einsum("aij,bkl->ikjlba", basis, basis).reshape(d**4, -1)
+    return (products.reshape(-1, d**4) @ symmetric).reshape(-1, len(basis), len(basis))
 
 
 def small(d: int, degree: int) -> tuple[Model, np.ndarray]:
@@ -141,6 +160,39 @@ def test_energy_against_numpy(d, degree, at_points):
     found, half = ComplementaryEnergy(cells, len(cells.nodes), compliance)(x)
     assert found == pytest.approx(square, rel=1e-11)
     assert np.vdot(x, half) == pytest.approx(square, rel=1e-11)
+
+
+@dimensions
+def test_blocks_against_numpy(d):
+    model, free = small(d, 2)
+    cells = cell_geometry(model)
+    compliance = macro_moduli(model, cells, len(cells.nodes), inverse=True)
+    m, count, mine = len(model.facet_points), len(cells.nodes), np.full(len(free), True)
+    mine[3] = False
+    near, _, weights = macro_points(d, 2)
+    nothing = np.zeros((count, d + 1, d, d))
+    stresses = []
+    for a, i in product(range(d, m), range(d)):
+        x = np.zeros((len(free), m, d))
+        x[:, a, i] = 1.0
+        x = signed(cells, np.matmul(np.linalg.inv(hierarchical(d, 2)), x))
+        for f in range(d + 1):
+            forces = np.zeros_like(x)
+            forces[:, f] = force_coefficients(x[:, f], 2)
+            stresses.append(np.matmul(near, macro_stress(cells, count, nothing, forces, None)))
+    values = np.reshape(stresses, (-1, d + 1, count, len(weights), d * (d + 1) // 2))
+    size = len(values)
+    strains = np.einsum("xfcqs,cst->xfcqt", values, compliance[:, 0])
+    energy = np.einsum("xfcqs,yfcqs,q,c->cfxy", values, strains, weights, cells.volume)
+    matrices = np.zeros((len(free), size, size))
+    np.add.at(matrices, cells.facets, energy)
+    keep = np.tile(free, size // d) & mine[:, None]
+    expected = np.zeros_like(matrices)
+    for f, (matrix, kept) in enumerate(zip(matrices, keep, strict=True)):
+        places = np.ix_([f], kept, kept)
+        expected[places] = d * np.linalg.inv(matrix[np.ix_(kept, kept)])
+    found = Blocks(cells, compliance, free, mine).inverse
+    assert abs(found - expected).max() < 1e-11 * abs(expected).max()
 
 
 @dimensions

@@ -17,9 +17,7 @@ barycentre.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from functools import cache
-from math import factorial
 
 import numpy as np
 
@@ -35,15 +33,6 @@ from erc_contact.mesh.simplex import (
     nodes,
     rule,
 )
-from erc_contact.scene.material import mandel_basis
-
-CELL_CHUNK = 1024
-"""Number of cells that numpy works on at once: their arrays stay in the cache."""
-
-
-def chunks(count: int) -> Iterator[slice]:
-    """Return slices of ``range(count)`` of :data:`CELL_CHUNK` cells."""
-    return (slice(i, min(i + CELL_CHUNK, count)) for i in range(0, count, CELL_CHUNK))
 
 
 @cache
@@ -119,39 +108,6 @@ def macro_values(stress: np.ndarray, k: int, cell: np.ndarray, places: np.ndarra
     local = places - least[..., None]
     local[pieces, :, sub] = places.shape[2] * least
     return np.matmul(polynomials(k, local), stress[cell, sub])
-
-
-def piola(cells: CellGeometry, chunk: slice) -> np.ndarray:
-    """Return the images ``J b J^T / |det J|`` of the basis tensors b in some cells.
-
-    Returns:
-        One image a row, in Mandel components, shape (n, s, s).
-    """
-    d = cells.d
-    basis = mandel_basis(d)
-    J = cells.J[chunk]
-    determinant = cells.volume[chunk] * factorial(d)
-    products = (J[:, :, :, None, None] * J[:, None, None]) / determinant[:, None, None, None, None]
-    symmetric = np.einsum("aij,bkl->ikjlba", basis, basis).reshape(d**4, -1)
-    return (products.reshape(-1, d**4) @ symmetric).reshape(-1, len(basis), len(basis))
-
-
-def reference_metric(cells: CellGeometry, chunk: slice, compliance: np.ndarray) -> np.ndarray:
-    """Return the compliance for reference stresses in some cells.
-
-    It is ``|T| P C^-1 P^T`` with P the Piola transform.
-
-    Args:
-        cells: Geometry.
-        chunk: Cells.
-        compliance: C^-1 [area/force], shape (n or 1, Q or 1, s, s).
-
-    Returns:
-        Shape (c, Q or 1, s, s).
-    """
-    P = piola(cells, chunk)[:, None] * np.sqrt(cells.volume[chunk])[:, None, None, None]
-    local = compliance[chunk] if len(compliance) > 1 else compliance
-    return np.matmul(np.matmul(P, local), P.transpose(0, 1, 3, 2))
 
 
 @cache

@@ -39,6 +39,11 @@ void relax_stresses(int d, int nodes, long long cells, const double *edges, cons
                     const double *products, int b, const double *elastic, const int *elastic_start,
                     const int *elastic_column, const double *elastic_value, double *sigma);
 
+/* tighten/blocks.py: adds to matrices (F, j d, j d) the energies of the quadratic moments, and inverts them. */
+void facet_blocks(int d, int j, long long cells, const double *edges, const int *facets, const double *compliance,
+                  int varies, const double *table, long long F, const _Bool *free, const _Bool *mine,
+                  double *matrices);
+
 /* facets.py: replaces the right sides lambda (cells, N, d) of the patches of all nodes by their solutions. */
 int patch_jumps(int d, int N, int m, long long cells, long long nodes, long long F, const int *node,
                 const int *facets, const long long *side, const int *on_facet, const double *weight,

@@ -11,11 +11,13 @@ moments a component.
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 
 from erc_contact.admissible.cells import CellGeometry
-from erc_contact.admissible.macro import chunks, reference_metric
-from erc_contact.admissible.tighten.tables import stress_map
+from erc_contact.admissible.kernels import kernels
+from erc_contact.admissible.tighten.tables import stress_map, upper_entries
 
 
 class Blocks:
@@ -35,17 +37,17 @@ class Blocks:
     def __init__(
         self, cells: CellGeometry, compliance: np.ndarray, free: np.ndarray, mine: np.ndarray
     ) -> None:
-        matrices = _facet_matrices(cells, compliance, len(free))
-        size = matrices.shape[1]
-        j = size // cells.d
-        # Components without energy have no equation.
-        keep = np.tile(free, j) & mine[:, None]
-        keep &= np.einsum("nii->ni", matrices) > 0
-        both = keep[:, :, None] & keep[:, None, :]
-        inverse = np.linalg.inv(np.where(both, matrices, np.eye(size)))
+        table, j = _facet_table(cells.d, cells.degree)
+        size = j * cells.d
+        # A preconditioner needs the mean of the moduli of a cell only.
+        mean = np.ascontiguousarray(compliance.mean(axis=1))
+        sizes = (cells.d, j, len(cells.nodes))
+        material = (mean, len(compliance) > 1)
         # The patches add up d corrections of each facet, as many as it has centres. The
         # blocks get the same weight.
-        self.inverse = np.where(both, cells.d * inverse, 0.0)
+        self.inverse = np.zeros((len(free), size, size))
+        of_facets = (len(free), free, mine, self.inverse)
+        kernels()("facet_blocks", *sizes, cells.edges, cells.facets, *material, table, *of_facets)
 
     def __call__(self, r: np.ndarray) -> np.ndarray:
         """Correct for the residual of the quadratic moments [length], (F, j, d)."""
@@ -53,35 +55,17 @@ class Blocks:
         return np.matmul(self.inverse, columns).reshape(r.shape)
 
 
-def _facet_matrices(cells: CellGeometry, compliance: np.ndarray, count: int) -> np.ndarray:
-    """Assemble the energies of the quadratic moments of every facet.
-
-    Args:
-        cells: Geometry, n cells.
-        compliance: C^-1 [area/force], shape (n or 1, Q or 1, s, s).
-        count: Number of facets.
+@cache
+def _facet_table(d: int, k: int) -> tuple[np.ndarray, int]:
+    """Compute the energies of the quadratic moments of each facet of a cell.
 
     Returns:
-        Matrices, shape (count, j d, j d).
+        For each facet, and each two of its moments, a lower triangle row by row, the
+        factors of the entries a <= b of the metric, shape (d+1, entries, s (s + 1)/2);
+        and j.
     """
-    d = cells.d
-    quadratic = stress_map(d, cells.degree)[:, :, :, d:]  # (s, Q, d+1, j, d)
-    s = len(quadratic)
-    j = quadratic.shape[3]
-    products = []
-    for f in range(d + 1):
-        unit = quadratic[:, :, f].reshape(s, -1, j * d)
-        products.append(np.einsum("aQx,bQy->abxy", unit, unit).reshape(s * s, -1))
-    mean = compliance.mean(axis=1, keepdims=True)
-    matrices = np.zeros((count, j * d, j * d))
-    for chunk in chunks(len(cells.nodes)):
-        metric = reference_metric(cells, chunk, mean).reshape(-1, s * s)
-        inverse = cells.inverse[chunk]
-        for f in range(d + 1):
-            # The Jacobian maps both moments: the columns first, then the rows.
-            local = (metric @ products[f]).reshape(-1, j * d * j, d)
-            local = np.matmul(local, inverse).reshape(-1, j, d, j * d).transpose(0, 1, 3, 2)
-            local = np.matmul(local.reshape(len(local), -1, d), inverse)
-            local = local.reshape(-1, j, j * d, d).transpose(0, 1, 3, 2)
-            np.add.at(matrices, cells.facets[chunk, f], local.reshape(-1, j * d, j * d))
-    return matrices
+    quadratic = stress_map(d, k)[:, :, :, d:]  # (s, Q, d+1, j, d)
+    unit = quadratic.reshape(*quadratic.shape[:3], -1)
+    products = upper_entries(np.einsum("aqfx,bqfy->fxyab", unit, unit, optimize=True))
+    row, column = np.tril_indices(unit.shape[3])
+    return np.ascontiguousarray(products[:, row, column]), quadratic.shape[3]

@@ -189,7 +189,7 @@ def upper_entries(products: np.ndarray) -> np.ndarray:
         Shape (..., s (s + 1)/2).
     """
     a, b = np.triu_indices(products.shape[-1])
-    both = products + products.transpose(0, 1, 3, 2)
+    both = products + products.swapaxes(-1, -2)
     return both[..., a, b] / np.where(a == b, 2, 1)
 
 
