@@ -16,6 +16,7 @@ import shutil
 import subprocess
 import sysconfig
 import tempfile
+from collections.abc import Callable
 from contextlib import suppress
 from fcntl import LOCK_EX, flock
 from functools import cache
@@ -67,10 +68,23 @@ class Library:
             ValueError: If an array is not contiguous.
             MemoryError: If the function finds too little memory.
         """
-        result = getattr(self._functions, name)(*(self._passed(a) for a in arguments))
-        if result == -1:
-            raise MemoryError(f"{name} finds too little memory.")
-        return result
+        return self.bound(name, *arguments)()
+
+    def bound(self, name: str, *first: Any) -> Callable[..., Any]:
+        """Return a function with its first arguments; it is called with the others.
+
+        So arguments that stay are converted once.
+        """
+        function = getattr(self._functions, name)
+        passed = [self._passed(argument) for argument in first]
+
+        def call(*others: Any) -> Any:
+            result = function(*passed, *(self._passed(argument) for argument in others))
+            if result == -1:
+                raise MemoryError(f"{name} finds too little memory.")
+            return result
+
+        return call
 
     def _passed(self, argument: Any) -> Any:
         """Return an argument as cffi wants it."""

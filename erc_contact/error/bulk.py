@@ -9,13 +9,14 @@ import numpy as np
 from mpi4py import MPI
 
 from erc_contact.admissible.cells import sorted_corners
-from erc_contact.admissible.elastic import act, elastic_stress, macro_moduli, strains
+from erc_contact.admissible.elastic import act, elastic_coefficients, macro_moduli, strains
 from erc_contact.admissible.kernels import kernels
 from erc_contact.admissible.macro import macro_points, macro_values
 from erc_contact.admissible.pair import Admissible
 from erc_contact.admissible.springs import spring_squares
 from erc_contact.error.oscillation import DATA_ROUND_OFF, UNKNOWN_SHARE
 from erc_contact.mesh.quadrature import cell_pieces, integrate, polynomials
+from erc_contact.mesh.simplex import bernstein
 from erc_contact.mesh.surface import pairs, swept
 from erc_contact.model.model import Model
 
@@ -35,13 +36,14 @@ def bulk_squares(admissible: Admissible) -> tuple[np.ndarray, np.ndarray, float]
     model = admissible.model
     cells = admissible.cell_geometry
     owned = model.domain.owned_cells
-    shape, _, weights = macro_points(model.d, model.degree)
+    shape, points, weights = macro_points(model.d, model.degree)
     compliance = macro_moduli(model, cells, owned, inverse=True)
-    elastic = elastic_stress(model, cells, admissible.displacement, owned)
+    elastic = elastic_coefficients(model, cells, admissible.displacement, owned)
     stress = admissible.stress
     sizes = (owned, elastic.shape[2], *stress.shape[1:3], len(shape))
     rule = (shape, weights, cells.volume)
-    stresses = (stress, elastic.shape[1], np.ascontiguousarray(elastic))
+    of_elastic = np.ascontiguousarray(bernstein(model.d, model.degree - 1, points))
+    stresses = (stress, elastic.shape[1], of_elastic, np.ascontiguousarray(elastic))
     material = (len(compliance) > 1, compliance.shape[1], np.ascontiguousarray(compliance))
     difference, both = np.empty((2, owned))
     kernels()("stress_squares", *sizes, *rule, *stresses, *material, difference, both)

@@ -7,7 +7,7 @@ try several starts and line searches, the cheapest first
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Protocol
+from typing import Any, Protocol
 
 from dolfinx import fem
 
@@ -36,10 +36,8 @@ class Solver(Protocol):
         model: The scene on a mesh.
         elastic: Its elastic equations.
         guess: The displacement with the contact glued [length].
-        nodal_first: Whether the augmented Lagrangian pays as a first attempt.
     """
 
-    nodal_first: ClassVar[bool]
     model: Model
     guess: fem.Function
 
@@ -98,7 +96,6 @@ class ContactSolve:
             friction=friction,
             gap=gap,
             fallback=self.fallback,
-            nodal_first=self.solver.nodal_first,
         ):
             if attempt.start not in states:
                 continue

@@ -6,7 +6,6 @@ It works in parallel on any number of ranks.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import ClassVar
 
 import numpy as np
 from dolfinx import fem
@@ -36,8 +35,6 @@ class Iterative:
         guess: The displacement with the contact glued, where a gap is closed [length];
             without contact the solution.
     """
-
-    nodal_first: ClassVar[bool] = False
 
     def __init__(self, model: Model, *, hurried: bool = False) -> None:
         self.model = model

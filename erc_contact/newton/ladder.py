@@ -87,7 +87,6 @@ def attempts(
     friction: bool,
     gap: bool,
     fallback: bool,
-    nodal_first: bool,
 ) -> Iterator[Attempt]:
     """Generate the attempts, cheapest first.
 
@@ -103,24 +102,22 @@ def attempts(
         friction: Whether the scene has friction.
         gap: Whether it has a gap.
         fallback: Whether a solution of the augmented Lagrangian is accepted instead.
-        nodal_first: Whether another method starts from the solution of the augmented
-            Lagrangian where no solution on another mesh is known. This takes less steps
-            at the end, and more in all: it pays where steps cost little.
     """
     nodal = method if method.multiplier else NODAL
     is_nodal = nodal == method
     first = "warm" if "warm" in known else "glued"
-    if not is_nodal and (first == "warm" or not nodal_first):
+    if not is_nodal:
         yield Attempt(method, first)
     yield Attempt(nodal, first, final=is_nodal)
     if not is_nodal:
         yield Attempt(method, "nodal")
-    if not is_nodal or first == "warm":
+    if first == "warm":
         yield Attempt(method, "glued")
 
     # Another parameter of the augmented Lagrangian goes another way to its solution.
+    tried = {method, nodal} if first == "glued" else {method}
     for other in (NODAL, *OTHERS):
-        if "nodal" not in known and other != method:
+        if "nodal" not in known and other not in tried:
             yield Attempt(other, "glued", final=False)
             yield Attempt(method, "nodal")
     if isinstance(method, Nitsche):

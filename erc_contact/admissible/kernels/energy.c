@@ -119,10 +119,10 @@ INLINE double energy(const int d, int m, long long cells, const double *edges, c
                      const double *facet_map, int Q, const int *start, const int *column, const double *value,
                      const int *back_start, const int *back_column, const double *back_value,
                      const int *weight_start, const int *weight_column, const double *weight, int count,
-                     const double *bubbles, const double *transposed, const double *products, const double *x,
-                     int b, const double *elastic, const double *of_mean, const int *elastic_start,
+                     const double *bubbles, const double *transposed, const double *products, int b,
+                     const double *elastic, const double *of_mean, const int *elastic_start,
                      const int *elastic_column, const double *elastic_value, int forces, const double *force,
-                     const double *body, double *y)
+                     const double *body, const double *x, double *y)
 {
   const int s = d * (d + 1) / 2, t = s * (s + 1) / 2, inputs = (d + 1) * m * d;
   double result = 0.0;
@@ -232,13 +232,13 @@ double macro_energy(int d, int m, long long cells, const double *edges, const in
                     const int *start, const int *column, const double *value, const int *back_start,
                     const int *back_column, const double *back_value, const int *weight_start,
                     const int *weight_column, const double *weight, int count, const double *bubbles,
-                    const double *transposed, const double *products, const double *x, int b,
-                    const double *elastic, const double *of_mean, const int *elastic_start,
-                    const int *elastic_column, const double *elastic_value, int forces, const double *force,
-                    const double *body, double *y)
+                    const double *transposed, const double *products, int b, const double *elastic,
+                    const double *of_mean, const int *elastic_start, const int *elastic_column,
+                    const double *elastic_value, int forces, const double *force, const double *body,
+                    const double *x, double *y)
 {
 #define ENERGY(d) energy(d, m, cells, edges, facets, side, compliance, varies, points, facet_map, Q, start, column, \
     value, back_start, back_column, back_value, weight_start, weight_column, weight, count, bubbles, transposed, \
-    products, x, b, elastic, of_mean, elastic_start, elastic_column, elastic_value, forces, force, body, y)
+    products, b, elastic, of_mean, elastic_start, elastic_column, elastic_value, forces, force, body, x, y)
   return d == 2 ? ENERGY(2) : ENERGY(3);
 }

@@ -26,10 +26,10 @@ double macro_energy(int d, int m, long long cells, const double *edges, const in
                     const int *start, const int *column, const double *value, const int *back_start,
                     const int *back_column, const double *back_value, const int *weight_start,
                     const int *weight_column, const double *weight, int count, const double *bubbles,
-                    const double *transposed, const double *products, const double *x, int b,
-                    const double *elastic, const double *of_mean, const int *elastic_start,
-                    const int *elastic_column, const double *elastic_value, int forces, const double *force,
-                    const double *body, double *y);
+                    const double *transposed, const double *products, int b, const double *elastic,
+                    const double *of_mean, const int *elastic_start, const int *elastic_column,
+                    const double *elastic_value, int forces, const double *force, const double *body,
+                    const double *x, double *y);
 
 /* tighten/complementary.py: adds to sigma (cells, nodes, s) the bubbles that bring it nearest to an elastic stress. */
 void relax_stresses(int d, int nodes, long long cells, const double *edges, const double *compliance, int varies,
@@ -58,7 +58,9 @@ void macro_stresses(int d, int N, int m, int b, long long cells, const double *e
                     const double *forces, const double *force, const double *map, const double *of_facets,
                     const double *of_subs, double *sigma);
 
-/* error/bulk.py: |stress - elastic|^2 and |stress + elastic|^2 of each cell, at q points of each sub-simplex. */
+/* error/bulk.py: |stress - elastic|^2 and |stress + elastic|^2 of each cell, at q points of each sub-simplex. The elastic
+   stress is given there, or by b coefficients times of_elastic (subs q, b). */
 void stress_squares(long long cells, int s, int subs, int N, int q, const double *shape, const double *weight,
-                    const double *volume, const double *stress, int elastic_points, const double *elastic,
-                    int varies, int points, const double *compliance, double *difference, double *both);
+                    const double *volume, const double *stress, int b, const double *of_elastic,
+                    const double *elastic, int varies, int points, const double *compliance, double *difference,
+                    double *both);

@@ -105,15 +105,20 @@ void macro_stresses(int d, int N, int m, int b, long long cells, const double *e
 }
 
 INLINE void squared(const int s, long long cells, int subs, int N, int q, const double *shape, const double *weight,
-                    const double *volume, const double *stress, int elastic_points, const double *elastic, int varies,
-                    int points, const double *compliance, double *difference, double *both)
+                    const double *volume, const double *stress, int b, const double *of_elastic, const double *elastic,
+                    int varies, int points, const double *compliance, double *difference, double *both)
 {
   for (long long n = 0; n < cells; ++n) {
     double square[2] = {0};
     for (int at = 0; at < subs * q; ++at) {
       const double *C = compliance + ((varies ? n * points : 0) + (points > 1 ? at : 0)) * s * s;
-      const double *given = elastic + (n * elastic_points + (elastic_points > 1 ? at : 0)) * s;
-      double tau[2][6], dual[2][6] = {{0}}, value[6] = {0};
+      double tau[2][6], dual[2][6] = {{0}}, value[6] = {0}, given[6] = {0};
+      if (b == subs * q)
+        memcpy(given, elastic + (n * b + at) * s, s * sizeof(double));
+      else
+        for (int c = 0; c < b; ++c)
+          for (int a = 0; a < s; ++a)
+            given[a] += of_elastic[at * b + c] * elastic[(n * b + c) * s + a];
       for (int v = 0; v < N; ++v)
         for (int a = 0; a < s; ++a)
           value[a] += shape[at % q * N + v] * stress[((n * subs + at / q) * N + v) * s + a];
@@ -135,11 +140,12 @@ INLINE void squared(const int s, long long cells, int subs, int N, int q, const 
 }
 
 void stress_squares(long long cells, int s, int subs, int N, int q, const double *shape, const double *weight,
-                    const double *volume, const double *stress, int elastic_points, const double *elastic,
-                    int varies, int points, const double *compliance, double *difference, double *both)
+                    const double *volume, const double *stress, int b, const double *of_elastic,
+                    const double *elastic, int varies, int points, const double *compliance, double *difference,
+                    double *both)
 {
-#define SQUARED(s) squared(s, cells, subs, N, q, shape, weight, volume, stress, elastic_points, elastic, varies, \
-    points, compliance, difference, both)
+#define SQUARED(s) squared(s, cells, subs, N, q, shape, weight, volume, stress, b, of_elastic, elastic, \
+    varies, points, compliance, difference, both)
   if (s == 3)
     SQUARED(3);
   else

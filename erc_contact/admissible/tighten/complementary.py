@@ -15,6 +15,8 @@ facets, m moments of a facet and component, c cells of a chunk.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from erc_contact.admissible.cells import CellGeometry
@@ -32,7 +34,7 @@ def relaxed(
     Args:
         cells: Geometry.
         sigma: Stress of the owned cells, of degree k in the sub-simplices, shape
-            (owned, d+1, N_k, s).
+            (owned, d+1, N_k, s). The result takes its place.
         elastic: ``C eps(u^)`` of the owned cells [force/area], shape (owned, b, s), see
             :func:`elastic_coefficients`.
         compliance: C^-1 [area/force], shape (n or 1, Q or 1, s, s).
@@ -46,14 +48,13 @@ def relaxed(
     nodal_bubbles = macro_table(d, k, False).bubbles
     nodes = sigma.shape[1] * sigma.shape[2]
     b = elastic.shape[1]
-    result = sigma.copy()
     sizes = (d, nodes, len(sigma))
     material = (np.ascontiguousarray(compliance), len(compliance) > 1, compliance.shape[1])
     bubbles = (nodal_bubbles.shape[1], nodal_bubbles, table.bubbles, table.transposed)
     tables = (table.count, *table.nodal, *table.weights, *bubbles, table.products)
     given = (b, np.ascontiguousarray(elastic), *elastic_table(d, k, at_points, b).rows)
-    kernels()("relax_stresses", *sizes, cells.edges, *material, *tables, *given, result)
-    return result
+    kernels()("relax_stresses", *sizes, cells.edges, *material, *tables, *given, sigma)
+    return sigma
 
 
 class ComplementaryEnergy:
@@ -70,13 +71,15 @@ class ComplementaryEnergy:
         self.owned = owned
         self.compliance = np.ascontiguousarray(compliance)
         self.table = macro_table(cells.d, cells.degree, compliance.shape[1] > 1)
+        self._of_moments = self._bound(None, None)
 
     def __call__(self, x: np.ndarray) -> tuple[float, np.ndarray]:
         """Compute the energy of moments x of the owned cells, and half its derivative.
 
         Moments and derivative have the shape (F, m, d).
         """
-        return self._energy(x, None, None)
+        half = np.zeros_like(x)
+        return self._of_moments(x, half), half
 
     def start(
         self, moment: np.ndarray, force: np.ndarray | None, elastic: np.ndarray
@@ -94,12 +97,14 @@ class ComplementaryEnergy:
             elastic: ``C eps(u^)`` of the owned cells, shape (owned, b, s), see
                 :func:`elastic_coefficients`.
         """
-        return self._energy(moment, force, np.ascontiguousarray(elastic))
+        half = np.zeros_like(moment)
+        energy = self._bound(force, np.ascontiguousarray(elastic))
+        return energy(moment, half), half
 
-    def _energy(
-        self, x: np.ndarray, force: np.ndarray | None, elastic: np.ndarray | None
-    ) -> tuple[float, np.ndarray]:
-        """Compute the energy of moments, and half its derivative.
+    def _bound(
+        self, force: np.ndarray | None, elastic: np.ndarray | None
+    ) -> Callable[[np.ndarray, np.ndarray], float]:
+        """Return what computes the energy of moments, and adds half its derivative.
 
         In each cell the reference stress is ``A J^-1 (x - mean n) + offset``, with A
         the table's matrix, and the energy ``min_b |stress + bubbles b|^2`` in the
@@ -107,36 +112,27 @@ class ComplementaryEnergy:
         force and C eps(u^), beside its mean, have there.
 
         Args:
-            x: Hierarchical moments on the first sides of the facets, shape (F, m, d).
             force: Coefficients of the body force times volume, or None.
             elastic: A stress that is subtracted, shape (owned, b, s), or None.
+
+        Returns:
+            A function of the hierarchical moments x on the first sides of the facets,
+            and of what half the derivative is added to, both of shape (F, m, d).
         """
         cells = self.cells
         table = self.table
         compliance = self.compliance
         at_points = compliance.shape[1] > 1
-        sizes = (cells.d, x.shape[1], self.owned)
+        sizes = (cells.d, len(table.to_coefficients), self.owned)
         geometry = (cells.edges, cells.facets, cells.side)
         material = (compliance, len(compliance) > 1, compliance.shape[1])
         to_stress = (table.to_coefficients, table.count, *table.stress, *table.back)
         bubbles = (table.bubbles.shape[1], table.bubbles, table.transposed, table.products)
+        to_energy = (*table.weights, *bubbles)
         b = 1 if elastic is None else elastic.shape[1]
         mean, rows = elastic_table(cells.d, cells.degree, at_points, b)
         of_elastic = (b, elastic, mean, *rows)
         forces = 0 if force is None else force.shape[1] * cells.d
         of_force = (forces, force, table.body)
-        half = np.zeros_like(x)
-        energy = kernels()(
-            "macro_energy",
-            *sizes,
-            *geometry,
-            *material,
-            *to_stress,
-            *table.weights,
-            *bubbles,
-            x,
-            *of_elastic,
-            *of_force,
-            half,
-        )
-        return energy, half
+        first = (*sizes, *geometry, *material, *to_stress, *to_energy, *of_elastic, *of_force)
+        return kernels().bound("macro_energy", *first)

@@ -37,6 +37,7 @@ from erc_contact.admissible.cells import CellGeometry
 from erc_contact.admissible.kernels import kernels
 from erc_contact.admissible.tighten.rings import rings
 from erc_contact.admissible.tighten.tables import stress_map, upper_entries
+from erc_contact.mesh.simplex import nodes
 from erc_contact.model.space import Space
 
 
@@ -65,7 +66,6 @@ class Patches:
         self, space: Space, cells: CellGeometry, compliance: np.ndarray, free: np.ndarray
     ) -> None:
         d = cells.d
-        self.cells = cells
         self.ring, self.size = rings(space, cells)
         sizes, counts = np.unique(self.size, return_counts=True)
         unknowns = (d - 1) * d + 1 + d * (d - 1) // 2 * sizes
@@ -92,6 +92,9 @@ class Patches:
             _facet_pair(d),
             *factors,
         )
+        m = len(nodes(d - 1, cells.degree))
+        of_rings = (d, m, len(self.size), self.ring, self.size)
+        self._apply = kernels().bound("apply_patches", *of_rings, cells.edges, cells.side, *factors)
 
     def __call__(self, r: np.ndarray) -> np.ndarray:
         """Sum the corrections of all patches for the residual r [length].
@@ -100,10 +103,7 @@ class Patches:
         0 in the result. Residual and result have the shape (F, m, d).
         """
         z = np.zeros_like(r)
-        patches = (self.cells.d, r.shape[1], len(self.size), self.ring, self.size)
-        geometry = (self.cells.edges, self.cells.side)
-        factors = (self.factor, self.unit, self.scale)
-        kernels()("apply_patches", *patches, *geometry, *factors, r, z)
+        self._apply(r, z)
         return z
 
 
