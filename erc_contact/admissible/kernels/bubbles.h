@@ -87,7 +87,10 @@ INLINE void amounts(const int groups, const int s, int Q, int varies, int count,
 {
   for (int g = 0; g < groups; ++g)
     memset(amount[g], 0, count * sizeof(lanes));
-  groups_times(groups, count, Q * s, transposed, dual, amount);
+  if (groups == 1)
+    matrix_times(count, Q * s, transposed, dual[0], amount[0]);
+  else
+    matrix_times_groups(count, Q * s, transposed, dual, amount);
   for (int g = 0; g < groups; ++g) {
     lanes A[BUBBLES * (BUBBLES + 1) / 2];
     bubble_energy(s, Q, varies, count, bubbles, products, metric[g], A);

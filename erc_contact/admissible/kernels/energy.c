@@ -16,7 +16,7 @@ INLINE void sparse(int rows, int columns, const int *start, const int *column, c
                    const lanes *const *x, lanes *const *y)
 {
   if (start[rows] == rows * columns)
-    groups_times(GROUPS, rows, columns, value, x, y);
+    matrix_times_groups(rows, columns, value, x, y);
   else
     for (int i = 0; i < rows; ++i)
       for (int g = 0; g < GROUPS; ++g) {
@@ -190,7 +190,7 @@ INLINE double energy(const int d, int m, long long cells, const double *edges, c
       amounts(GROUPS, s, Q, points > 1, count, bubbles, transposed, products, metric, dual, to_amount);
       for (int g = 0; g < GROUPS; ++g)
         memset(added[g], 0, Q * s * sizeof(lanes));
-      groups_times(GROUPS, Q * s, count, bubbles, amount, added);
+      matrix_times_groups(Q * s, count, bubbles, amount, added);
     }
     for (int g = 0; g < GROUPS; ++g) {
       group *it = work + g;

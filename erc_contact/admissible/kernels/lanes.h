@@ -19,6 +19,7 @@ typedef float units __attribute__((vector_size(4 * LANES), aligned(4), may_alias
 
 #define ONE (1.0 - (lanes){0})
 #define INLINE static inline __attribute__((always_inline))
+#define ONCE static __attribute__((noinline, unused))
 
 #define WIDE(x) __builtin_convertvector(x, lanes)
 
@@ -62,8 +63,8 @@ INLINE void rows_times(const int groups, const int count, int columns, const dou
 }
 
 /* y += A x for a matrix (rows, columns) that is the same in all lanes; the number of rows is a multiple of 3. */
-INLINE void groups_times(const int groups, int rows, int columns, const double *A, const lanes *const *x,
-                         lanes *const *y)
+INLINE void all_rows_times(const int groups, int rows, int columns, const double *A, const lanes *const *x,
+                           lanes *const *y)
 {
   int i = 0;
   for (; i + ROWS <= rows; i += ROWS)
@@ -72,9 +73,15 @@ INLINE void groups_times(const int groups, int rows, int columns, const double *
     rows_times(groups, ROWS / 2, columns, A + i * columns, x, y, i);
 }
 
-INLINE void matrix_times(int rows, int columns, const double *A, const lanes *x, lanes *y)
+/* The same for one group and for all, each compiled once in a file. */
+ONCE void matrix_times(int rows, int columns, const double *A, const lanes *x, lanes *y)
 {
-  groups_times(1, rows, columns, A, &x, &y);
+  all_rows_times(1, rows, columns, A, &x, &y);
+}
+
+ONCE void matrix_times_groups(int rows, int columns, const double *A, const lanes *const *x, lanes *const *y)
+{
+  all_rows_times(GROUPS, rows, columns, A, x, y);
 }
 
 /* Normal to d - 1 vectors, in the sense in which they follow each other; as long as their parallelotope is large. */
