@@ -28,7 +28,7 @@ TIMES = (0.0, 1.0, 1.5, 2.5, 3.5, 4.5)
 HORIZONTAL_LOADS = (0.0, 0.0, 300.0, -300.0, 300.0, -300.0)
 CYCLE = (1.5, 3.5)
 LENGTHS = (0.25, 0.125, 0.0625)
-ACCURACIES = (0.1, 0.03)
+ACCURACIES = (0.1, 0.02)
 HEADER = (
     "| steps | of them in the cycle | dissipated | -contact_work | loop area | in_time | cells "
     "| seconds |"
