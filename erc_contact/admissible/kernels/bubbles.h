@@ -26,9 +26,7 @@ INLINE void solve_definite(int N, lanes *A, lanes *x)
     lanes *row = A + i * (i + 1) / 2;
     for (int j = 0; j <= i; ++j) {
       const lanes *other = A + j * (j + 1) / 2;
-      lanes sum = row[j];
-      for (int k = 0; k < j; ++k)
-        sum -= row[k] * other[k];
+      const lanes sum = row[j] - product(j, row, other);
       row[j] = j < i ? sum * other[j] : 1.0 / root(sum);
     }
     lanes sum = x[i];

@@ -102,9 +102,7 @@ INLINE void factorise(int N, const lanes *keep, lanes *A)
     const lanes whole = row[i];
     for (int j = 0; j <= i; ++j) {
       const lanes *other = A + j * (j + 1) / 2;
-      lanes sum = row[j];
-      for (int k = 0; k < j; ++k)
-        sum -= row[k] * other[k];
+      const lanes sum = row[j] - product(j, row, other);
       row[j] = j < i ? sum * other[j] : sum;
     }
     for (int l = 0; l < LANES; ++l)

@@ -45,6 +45,20 @@ INLINE lanes dot(const int d, const lanes *a, const lanes *b)
   return sum;
 }
 
+/* Scalar product of long vectors; two sums at once hide how long each of them takes. */
+INLINE lanes product(int count, const lanes *a, const lanes *b)
+{
+  lanes sum = {0}, odd = {0};
+  int k = 0;
+  for (; k + 1 < count; k += 2) {
+    sum += a[k] * b[k];
+    odd += a[k + 1] * b[k + 1];
+  }
+  if (k < count)
+    sum += a[k] * b[k];
+  return sum + odd;
+}
+
 /* Groups of lanes that one pass over a table serves: more of them, or of rows, and the registers do not suffice. */
 enum { GROUPS = 2, ROWS = 6 };
 
