@@ -144,7 +144,7 @@ def test_constant_stress_is_exact(name):
     wanted = x @ GRADIENT.T
     assert abs(solution.u.x.array.reshape(-1, 3) - wanted).max() < 1e-9 * abs(wanted).max()
     error = ec.constitutive_error(ec.equilibrate(solution))
-    assert error.relative < 1e-7  # the root of round-off
+    assert error.relative < 1e-9
     force, opposite = (error.force(side) for side in SIDES)
     assert abs(force.force + opposite.force).max() < 1e-12 * abs(force.force).max()
     assert abs(force.moment + opposite.moment).max() < 1e-12 * abs(force.force).max()
