@@ -22,12 +22,12 @@ from erc_contact.mesh.loops import area_vectors, band, least_angle, loops, outer
 from erc_contact.mesh.outlines import cut_edges
 from erc_contact.mesh.plain import PlainMesh, row_numbers
 from erc_contact.mesh.side_contact import (
-    HEIGHTS,
     NO_FIT,
     SAME,
     FacetSide,
     Outlines,
     SideContact,
+    allowance,
     outlines_on,
     side_contact,
 )
@@ -168,7 +168,7 @@ def _places(
     none = SAME * min(kept.shortest, taken.shortest)
     # Points beside the other side are nearest to its outline.
     on_kept = distance < to_outline[points] - none
-    allowed = apart + none + HEIGHTS * (taken.heights[points] + kept.facet_heights[facet])
+    allowed = apart + allowance(taken, points, kept, facet)
     far = on_kept & (distance > allowed)
     if far.any():
         raise InputError(

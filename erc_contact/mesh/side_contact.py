@@ -16,8 +16,10 @@ from erc_contact.mesh.loops import area_vectors, closed, loops, outer_edges
 
 CORNER = 0.7
 """Angle at which a side has a corner, which is no curvature [rad]."""
-HEIGHTS = 1.5
+HEIGHTS = 2.0
 """Allowed distance of curved sides, by the heights of their facets [-]."""
+NEAR = 0.3
+"""Greatest distance that facets explain, by the longer edge [-]."""
 SAME = 1e-3
 """Distance that counts as none, by the shortest edge [-]."""
 FACING = 0.5
@@ -72,11 +74,16 @@ class FacetSide:
         """Return the length of the shortest edge [length]."""
         return float(self._lengths.min())
 
+    @property
+    def facet_edges(self) -> np.ndarray:
+        """Return the mean edges of the triangles [length], shape (k,)."""
+        return self._lengths.mean(axis=1)
+
     @cached_property
     def edge_lengths(self) -> np.ndarray:
         """Return the greatest mean edge of the triangles at all points, shape (n,)."""
         result = np.zeros(len(self.x))
-        np.maximum.at(result, self.triangles, self._lengths.mean(axis=1)[:, None])
+        np.maximum.at(result, self.triangles, self.facet_edges[:, None])
         return result
 
     @cached_property
@@ -121,16 +128,31 @@ class SideContact:
     message: str
 
 
+def allowance(
+    side: FacetSide, points: np.ndarray, other: FacetSide, facet: np.ndarray
+) -> np.ndarray:
+    """Return the distance of two sides that their flat facets explain [length].
+
+    Args:
+        side: The side of some points.
+        points: These points, shape (n,).
+        other: The other side.
+        facet: The triangle of the other side that is closest to each point, shape (n,).
+    """
+    none = SAME * min(side.shortest, other.shortest)
+    heights = HEIGHTS * (side.heights[points] + other.facet_heights[facet])
+    edges = np.maximum(side.edge_lengths[points], other.facet_edges[facet])
+    return none + np.minimum(heights, NEAR * edges)
+
+
 def side_contact(kept: FacetSide, taken: FacetSide, apart: float) -> SideContact:
     """Find how a side lies on another one."""
     x = kept.x
     corners = x[taken.triangles]
     points = np.unique(kept.triangles)
     facet, distance = on_triangles(x[points], corners)
-    none = SAME * min(kept.shortest, taken.shortest)
-    heights = kept.heights[points] + taken.facet_heights[facet]
     allowed = np.zeros(len(x))
-    allowed[points] = apart + none + HEIGHTS * heights
+    allowed[points] = apart + allowance(kept, points, taken, facet)
     excess = distance - allowed[points]
     worst = np.argmax(excess)
     place = ", ".join(f"{coordinate:.4g}" for coordinate in x[points[worst]])
