@@ -55,7 +55,8 @@ from tasks import run, tell  # isort: skip
 from true_errors import reference, true_errors  # isort: skip
 
 from erc_contact.admissible.traction import ContactTraction
-from erc_contact.error.contact import contact_density, contact_parts
+from erc_contact.error.contact import contact_parts
+from erc_contact.error.contact_term import contact_density
 from erc_contact.mesh.quadrature import polynomials
 from erc_contact.mesh.simplex import coefficients
 from erc_contact.model.foundation import pressures

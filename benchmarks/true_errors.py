@@ -217,6 +217,18 @@ def bound_at(pair: Admissible, which: int, cell: np.ndarray, x: np.ndarray) -> n
 
     The points x (f, q, d) lie in coarse cells; the result has the shape (f, q).
     """
+    return _on_contact(pair, which, cell, x, pair.tractions[which].friction_bound)
+
+
+def normal_traction_at(pair: Admissible, which: int, cell: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """Evaluate r^_n at points of the contact in the same way [force/area]."""
+    return _on_contact(pair, which, cell, x, pair.tractions[which].normal_component)
+
+
+def _on_contact(
+    pair: Admissible, which: int, cell: np.ndarray, x: np.ndarray, coefficients: np.ndarray
+) -> np.ndarray:
+    """Evaluate polynomials on the facets of a contact, given by coefficients (n, m)."""
     traction, model = pair.tractions[which], pair.solution.model
     facet = np.zeros(model.domain.cells, dtype=int)
     facet[traction.contact.facets[:, 0]] = np.arange(len(traction.nodes))
@@ -228,7 +240,7 @@ def bound_at(pair: Admissible, which: int, cell: np.ndarray, x: np.ndarray) -> n
     shape = bernstein(model.d - 1, model.degree, local.reshape(-1, model.d - 1)).reshape(
         *local.shape[:2], -1
     )
-    return np.einsum("fqm,fm->fq", shape, traction.friction_bound[facet[cell]])
+    return np.einsum("fqm,fm->fq", shape, coefficients[facet[cell]])
 
 
 def _third_term(pair: Admissible, exact: Reference, hat: fem.Function) -> float:

@@ -20,7 +20,7 @@ from reference import true_errors
 from scenes import mostly_serial
 
 import erc_contact as ec
-from erc_contact.error.contact import law_error
+from erc_contact.error.contact_term import law_error
 
 E, NU = 1000.0, 0.3
 METHODS = [None, ec.Nitsche(theta=1), ec.Nitsche(theta=-1), ec.AugmentedLagrangian()]

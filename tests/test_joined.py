@@ -375,8 +375,6 @@ def test_pin_of_another_radius_in_a_hole(d):
     for hole in (0.52, 0.49):
         gap = hole - 0.5
         model = pin_in_hole(d, 0.5, hole, 0.2)
-        if d == 3:
-            refused(lambda model=model: model.joined("pin side", "ring side"), "not plane")
         domain = model.joined("pin side", "ring side", apart=1.01 * abs(gap))
         assert assert_paired(domain, "pin side", "ring side") > 8
         assert not [name for name in domain.names if name.endswith("outside")]
@@ -479,6 +477,12 @@ def test_bodies_are_meshed_again_and_joined(name, measures):
         assert 0.25 * np.pi - area[1] < 0.5 * (0.25 * np.pi - area[0])
 
 
+def test_bodies_that_cannot_be_joined_again():
+    """An interference larger than the new cells: the message names both parts."""
+    domain = discs(0.53, 0.5, (0.2, 0.2)).joined("pin rim", "ring bore", apart=0.031)
+    refused(lambda: domain.remeshed(0.03), "remeshed", "'pin rim'", "'ring bore'")
+
+
 # -- input
 # ---------------------------------------------------------------------------------------------------
 
@@ -550,7 +554,7 @@ WRONG = {
     ),
     "curved in space": (
         lambda: pair(cube(-0.5, 0.5), ball(0.5, 0.4)).joined(*BOTTOM_TOP),
-        ("not plane", "fragment"),
+        ("'upper bottom'", "'lower top'"),
     ),
     "no body": (lambda: ec.assembly({}), ("names and domains",)),
     "no names": (lambda: ec.assembly([square()]), ("names and domains",)),

@@ -121,6 +121,14 @@ def test_slip_at_all_contacts(d, degree, order):
                 assert ec.constitutive_error(ec.equilibrate(solution)).relative < 1e-9
 
 
+@pytest.mark.serial
+def test_round_off_of_jumps_is_no_error():
+    """It is that of the displacements, and e^2 is of first order in a jump: e was 6e-9."""
+    scene, _ = slipping(3, "ca ba cb")
+    solution = ec.solve(scene, joint(3), ec.AugmentedLagrangian(), degree=2)
+    assert ec.constitutive_error(ec.equilibrate(solution)).relative < 1e-9
+
+
 @pytest.mark.parametrize("method", METHODS)
 def test_four_bodies_and_orders_that_mix(method):
     """A pressure without friction is exact, whichever bodies the contacts name first."""

@@ -16,6 +16,7 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from erc_contact.admissible.traction import ContactTraction
+from erc_contact.error.contact_term import cancelled, contact_density
 from erc_contact.error.oscillation import DATA_ROUND_OFF, OSCILLATION_SHARE, UNKNOWN_SHARE
 from erc_contact.error.slip_rules import rule_between_zeros, same_rule, slip_may_vanish
 from erc_contact.mesh.quadrature import Integral, facet_pieces, integrate, polynomials
@@ -33,69 +34,6 @@ CONTACT_DEGREE = 21
 
 Its length is then smooth, but no polynomial.
 """
-
-
-def contact_density(
-    contact: BoundContact,
-    n: np.ndarray,
-    r: np.ndarray,
-    w: np.ndarray,
-    s: np.ndarray | float,
-    gap: np.ndarray | float,
-    bound: np.ndarray,
-    stiffness: np.ndarray | None = None,
-) -> np.ndarray:
-    """Evaluate twice the contact term at points [force/length^(d-2)].
-
-    It is ``2 (b(p^) |w_t - s| + r^_t.(w_t - s) + r^_n (w_n - g))``.
-
-    Args:
-        contact: The contact.
-        n: Normal of the foundation, shape (n, 1, d).
-        r: r^ at the points [force/area], shape (n, q, d).
-        w: u^ there [length], shape (n, q, d).
-        s: The tangential displacement of the last step there [length], shape (n, q, d),
-            or 0 without history.
-        gap: The gap there [length], shape (n, q), or a number.
-        bound: The friction bound there [force/area], shape (n, q).
-        stiffness: k of a compliant foundation there [force/length^3], shape (n, q);
-            None for a rigid one.
-
-    Returns:
-        The term, shape (n, q).
-    """
-    r_n, r_t, _ = split(r, n)
-    w_n, w_t, slip = split(w - s, n)
-    if contact.bilateral:
-        # A gap that is closed everywhere, with a traction of any sign, does no work.
-        density = np.zeros(r_n.shape)
-    elif stiffness is None:
-        density = r_n * (w_n - gap)
-    else:
-        density = law_error(w_n - gap, np.maximum(-r_n, 0.0), stiffness)
-    if contact.friction is not None:
-        density += bound * slip + (r_t * w_t).sum(axis=-1)
-    # A difference of two works that are equal up to round-off is no error. Otherwise e
-    # would stop at 1e-8 of the norm.
-    size = np.linalg.norm(w, axis=-1) + np.linalg.norm(np.broadcast_to(s, w.shape), axis=-1)
-    resolution = 16 * np.finfo(float).eps * np.linalg.norm(r, axis=-1) * (size + abs(gap))
-    return 2 * np.where(abs(density) <= resolution, 0.0, density)
-
-
-def law_error(entry: np.ndarray, pressure: np.ndarray, stiffness: np.ndarray) -> np.ndarray:
-    """Evaluate the error in the law of a compliant foundation [force/length^(d-2)].
-
-    It is the left side of (F) in :mod:`erc_contact.error.foundations`, written without
-    cancellation.
-
-    Args:
-        entry: ``w_n - g``, how far the body enters the foundation [length].
-        pressure: p >= 0 [force/area].
-        stiffness: k [force/length^3].
-    """
-    touching = (stiffness * entry - pressure) ** 2 / (2 * stiffness)
-    lifted = pressure**2 / (2 * stiffness) - pressure * entry
-    return np.where(entry > 0, touching, lifted)
 
 
 def contact_parts(model: Model, hat: fem.Function, traction: ContactTraction) -> np.ndarray:
@@ -135,23 +73,24 @@ def contact_squares(
     area = trace.here.owned_areas
     of_w = trace.coefficients(trace.of(hat.x.array))
     of_s = trace.coefficients(trace.slip_before)
+    both = cancelled(trace, hat.x.array)
     concave = friction is not None and friction.dependence == CONCAVE
     if contact.varies or concave or contact.stiffness is not None:
-        return _adapted_squares(model, traction, of_w, of_s, area, floor)
+        return _adapted_squares(model, traction, of_w, of_s, area, floor, both)
     if friction is None:
         points, weights = same_rule(model.d, 2 * model.degree)
     elif model.d == 2:
         points, weights = rule_between_zeros(contact, of_w - of_s)
     else:
         points, weights = same_rule(model.d, CONTACT_DEGREE)
-    parts = area * _means(model, traction, of_w, of_s, points, weights)
+    parts = area * _means(model, traction, of_w, of_s, points, weights, both)
     if friction is None or model.d == 2:
         return parts, 0.0, 0.0
     # In space the length of a slip that may vanish has a kink at a point that is no
     # corner of a piece.
     kinked = slip_may_vanish(contact, of_w - of_s)
     adapted, gaps, bounds = _adapted_squares(
-        model, traction, of_w, of_s, np.where(kinked, area, 0.0), floor
+        model, traction, of_w, of_s, np.where(kinked, area, 0.0), floor, both
     )
     return np.where(kinked, adapted, parts), gaps, bounds
 
@@ -163,6 +102,7 @@ def _means(
     of_s: np.ndarray,
     points: np.ndarray,
     weights: np.ndarray,
+    both: np.ndarray,
 ) -> np.ndarray:
     """Compute twice the mean of the contact term on each facet [force/length^(d-2)].
 
@@ -176,6 +116,7 @@ def _means(
         points: Points of each facet in barycentric coordinates, shape (f, q, d) or (1,
             q, d).
         weights: Their weights, of sum 1, shape (f, q) or (1, q).
+        both: What cancels between two bodies [length], shape (f, 1).
 
     Returns:
         The means, shape (f,).
@@ -190,7 +131,7 @@ def _means(
     gap = 0.0 if contact.gap is None else evaluate(contact.gap, model.mesh, middle, contact.facets)
     parameters = model.friction_parameters(contact, middle)
     bound = contact.friction_bound(pressures(r, n), parameters)
-    density = contact_density(contact, n, r, w, s, gap, bound)
+    density = contact_density(contact, n, r, w, s, gap, bound, both=both)
     return (density * weights).sum(axis=1)
 
 
@@ -201,6 +142,7 @@ def _adapted_squares(
     of_s: np.ndarray,
     area: np.ndarray,
     floor: float,
+    both: np.ndarray,
 ) -> tuple[np.ndarray, float, float]:
     """Compute the numbers of :func:`contact_squares` by adapted integrals; collective.
 
@@ -211,6 +153,7 @@ def _adapted_squares(
         of_s: Coefficients of s [length], shape (f, m, d).
         area: Areas of the facets, 0 for those that are left out, shape (f,).
         floor: What the integrals may leave unknown [force length].
+        both: What cancels between two bodies [length], shape (f, 1).
     """
     contact = traction.contact
     data = ContactData(contact, model.mesh)
@@ -229,7 +172,8 @@ def _adapted_squares(
         normal = data.normal(facet, x)
         bound = data.bound(facet, x, np.maximum(-r_n, 0.0))
         stiffness = data.stiffness(facet, x)
-        density = contact_density(contact, n, r, w, s, gap, bound, stiffness)
+        shared = both[facet]
+        density = contact_density(contact, n, r, w, s, gap, bound, stiffness, shared)
 
         opening = (w * normal).sum(axis=-1) - gap
         beyond = abs(opening) if contact.bilateral else np.maximum(opening, 0.0)

@@ -8,9 +8,9 @@ inequality is an equality,
     psi(w_n) + psi*(p) - p w_n  >=  0,                                             (F)
 
 and the left side is the error in the law: the normal part of the contact in e^2/2
-(:func:`erc_contact.error.contact.law_error`). For large k the foundation tends to a
-rigid one: psi to the condition ``w_n <= g``, psi* to ``g p``, and the left side to ``p
-(g - w_n)``.
+(:func:`erc_contact.error.contact_term.law_error`). For large k the foundation tends to
+a rigid one: psi to the condition ``w_n <= g``, psi* to ``g p``, and the left side to
+``p (g - w_n)``.
 
 Symbols: p pressure, w_n normal displacement, g gap, k stiffness of the foundation.
 """

@@ -139,7 +139,8 @@ class Domain(Bodies):
         a pair, as :meth:`split` makes it, which keeps the names of both parts. What
         remains of a part is called "... outside". If vertices do not match, those of
         ``there`` move to close ones of ``here``, and cells are cut (in 2D), or the
-        regions behind the parts, which must be plane, are meshed again (in 3D).
+        regions behind the parts are meshed again (in 3D). There the body of ``there``
+        takes the facets of ``here``, or, if that reaches beyond, the other way round.
 
         If the true shape of the bodies is known, ``remeshed`` meshes each of them and
         joins them again. Facets of curved bodies are flat, and refinement keeps them.
@@ -149,8 +150,8 @@ class Domain(Bodies):
             there: Name of the part of another body that lies against it.
             tied: Leave the bodies glued there. The joint is a part inside, then.
             apart: Greatest distance of the parts [length]: they are drawn with a
-                clearance or an interference. ``there`` moves onto ``here``, so give the
-                distance by ``gap=`` of the contact.
+                clearance or an interference. One of them moves onto the other, so give
+                the distance by ``gap=`` of the contact.
 
         Returns:
             The domain with the pair. Its other parts can be joined or split, too.

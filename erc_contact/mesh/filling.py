@@ -170,13 +170,17 @@ def _renumbered(
     return x[new], number[simplices]
 
 
-def filled(x: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def filled(
+    x: np.ndarray, triangles: np.ndarray, *, optimize: bool = False
+) -> tuple[np.ndarray, np.ndarray]:
     """Fill a closed surface with tetrahedra that keep its triangles.
 
     Args:
         x: Points [length], shape (n, 3).
         triangles: Points of the triangles, shape (m, 3). Those around a hollow are not
             connected with the others.
+        optimize: Whether Netgen's optimizer improves the tetrahedra, which a surface
+            that is not Delaunay's needs.
 
     Returns:
         Points [length], the given ones first, and tetrahedra.
@@ -207,6 +211,8 @@ def filled(x: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray
         gmsh.model.geo.addVolume(loops)
         gmsh.model.geo.synchronize()
         gmsh.model.mesh.generate(3)
+        if optimize:
+            gmsh.model.mesh.optimize("Netgen")
 
     subject = "joined: a body behind the contact, meshed anew,"
     with session(MPI.COMM_SELF, build, subject) as model:

@@ -1,8 +1,9 @@
 """Glue two bodies that were meshed apart where parts of their boundaries meet.
 
 The work is done on rank 0, on plain arrays. If the sides match, their points become
-one. If not, they get common facets: see :mod:`erc_contact.mesh.aligning` for the plane
-and :mod:`erc_contact.mesh.resided` for space.
+one. If not, they get common facets: see :mod:`erc_contact.mesh.aligning` for the plane,
+and for space :mod:`erc_contact.mesh.resided` if they are plane and
+:mod:`erc_contact.mesh.draped` if they are curved.
 """
 
 from __future__ import annotations
@@ -17,10 +18,11 @@ from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError, raise_together
 from erc_contact.mesh.aligning import aligned
 from erc_contact.mesh.bodies import Bodies
+from erc_contact.mesh.draped import draped
 from erc_contact.mesh.matching import matched
 from erc_contact.mesh.named import NamedMesh
 from erc_contact.mesh.plain import PlainMesh, row_numbers
-from erc_contact.mesh.resided import resided
+from erc_contact.mesh.resided import plane_sides, resided
 from erc_contact.mesh.seams import Interface, Regions
 from erc_contact.mesh.tags import NO_TAG, listed
 from erc_contact.mesh.transfer import gathered_mesh
@@ -126,7 +128,8 @@ def joint(
             about = (_plain_tags(regions[0]), _plain_tags(regions[1]), np.isin(tags, plain.tags))
         except InputError as reason:
             # One of gmsh's session is known to all ranks of another communicator.
-            error = InputError(str(reason))
+            names_told = f"joined: {here!r} and {there!r}:"
+            error = InputError(str(reason).replace("joined:", names_told, 1))
         except Exception as reason:  # every rank must learn of it
             error = reason
     raise_together(comm, error)
@@ -159,8 +162,9 @@ def met(
     if plain.dim == 2:
         whole = aligned(plain, *tags, apart)
     else:
-        # Sides that match may be curved, and their cells stay.
-        whole = matched(plain, *tags, apart) or resided(plain, *tags, apart)
+        with_facets = resided if plane_sides(plain, *tags) else draped
+        # Sides that match keep their cells, plane or curved.
+        whole = matched(plain, *tags, apart) or with_facets(plain, *tags, apart)
     first = whole.sides(tags[0])
     second = whole.sides(tags[1])
     numbers1, numbers2 = row_numbers(whole.points_of(first), whole.points_of(second))

@@ -101,25 +101,14 @@ def _common_plane(plain: PlainMesh, here: int, there: int, apart: float) -> tupl
         InputError: If they do not lie in one plane with opposite normals.
     """
     points = []
-    normals = []
+    mean = []
     shortest = np.inf
     for tag in (here, there):
-        sides = plain.sides(tag)
-        corners = plain.x[plain.points_of(sides)]
+        corners = plain.x[plain.points_of(plain.sides(tag))]
         edges = corners - np.roll(corners, 1, axis=1)
         shortest = min(shortest, np.linalg.norm(edges, axis=2).min())
-        normal = np.cross(edges[:, 1], edges[:, 2])
-        apex = plain.x[plain.cells[tuple(sides.T)]]
-        outward = np.sign(np.einsum("ij,ij->i", corners[:, 0] - apex, normal))
-        normals.append(normal * outward[:, None])
         points.append(corners.reshape(-1, 3))
-    mean = [normal.sum(axis=0) / np.linalg.norm(normal, axis=1).sum() for normal in normals]
-    if min(map(np.linalg.norm, mean)) < OPPOSITE:
-        raise InputError(
-            "joined: the facets of the parts do not match, and a part is not plane. In space only "
-            "plane sides get common facets; mesh curved sides with the same ones (in gmsh: "
-            "fragment, or setPeriodic), and give parts in several planes one by one."
-        )
+        mean.append(_mean_normal(plain, tag))
     if mean[0] @ mean[1] > -OPPOSITE:
         raise InputError(
             "joined: the parts do not face each other; the cosine between their outward normals "
@@ -143,6 +132,22 @@ def _common_plane(plain: PlainMesh, here: int, there: int, apart: float) -> tupl
     first /= np.linalg.norm(first)
     axes = np.column_stack([first, np.cross(normal, first)])
     return _Plane(origin, axes), shortest
+
+
+def plane_sides(plain: PlainMesh, here: int, there: int) -> bool:
+    """Check whether two sides in space are plane."""
+    means = [_mean_normal(plain, tag) for tag in (here, there)]
+    return bool(min(map(np.linalg.norm, means)) > OPPOSITE)
+
+
+def _mean_normal(plain: PlainMesh, tag: int) -> np.ndarray:
+    """Return the mean outward normal of a side, shorter than 1 if it is curved."""
+    sides = plain.sides(tag)
+    corners = plain.x[plain.points_of(sides)]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    apex = plain.x[plain.cells[tuple(sides.T)]]
+    outward = np.sign(np.einsum("ij,ij->i", corners[:, 0] - apex, normals))
+    return (normals * outward[:, None]).sum(axis=0) / np.linalg.norm(normals, axis=1).sum()
 
 
 def _keep_areas(

@@ -213,7 +213,7 @@ class AugmentedLagrangian:
 
     Args:
         gamma: Dimensionless augmentation parameter gamma_0 > 0; it changes the way of
-            Newton, not the solution.
+            Newton, not the solution, but for nodes where contacts share forces.
 
     Raises:
         InputError: If gamma is not positive.

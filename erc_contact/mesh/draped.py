@@ -1,0 +1,275 @@
+"""Give two curved sides in space the same facets, and mesh one of the bodies anew.
+
+One side keeps its facets, the other one takes them. Where the outlines run together,
+the points of the second one move to those of the first one. Where an outline lies
+amid the other side, a band of triangles leads from it to the triangles that remain.
+gmsh then fills the region behind with the triangles of its surface fixed.
+
+Symbols: "kept" is the side whose facets stay, "taken" the one that gets them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from erc_contact.base.exceptions import InputError
+from erc_contact.mesh.behind import Region, regions_behind, surface, with_cells
+from erc_contact.mesh.closest import on_edges, on_triangles
+from erc_contact.mesh.filling import filled
+from erc_contact.mesh.loops import area_vectors, band, least_angle, loops, outer_edges
+from erc_contact.mesh.outlines import cut_edges
+from erc_contact.mesh.plain import PlainMesh, row_numbers
+from erc_contact.mesh.side_contact import (
+    NO_FIT,
+    SAME,
+    FacetSide,
+    Outlines,
+    SideContact,
+    allowance,
+    outlines_on,
+    side_contact,
+)
+from erc_contact.mesh.simplex import measures
+
+BESIDE = (0.6, 0.8, 0.4, 1.0)
+"""Least distance of points that remain beside a new outline, by their edges [-].
+
+The one is taken whose band has the greatest least angle.
+"""
+LEAST_ANGLE = 2.0
+"""Least angle of new triangles of the surface [degrees]."""
+CRUSHED = 0.2
+"""Least share of its measure that a triangle or cell keeps when points move [-]."""
+
+
+def draped(plain: PlainMesh, here: int, there: int, apart: float = 0.0) -> PlainMesh:
+    """Return a mesh in space whose two sides have common facets.
+
+    Args:
+        plain: The mesh.
+        here: Tag of side 1.
+        there: Tag of side 2.
+        apart: Greatest distance of both sides [length].
+
+    Raises:
+        InputError: If neither side lies on the other one, or the region behind cannot
+            be meshed anew.
+    """
+    regions = regions_behind(plain, here, there)
+    first, second = (_side(plain, region) for region in regions)
+    # The second side takes the facets of the first one, if that lies within it.
+    contacts = [side_contact(first, second, apart), side_contact(second, first, apart)]
+    if contacts[0].beyond > 0 and contacts[1].beyond > 0:
+        raise InputError(min(contacts, key=lambda contact: contact.beyond).message)
+    reasons = []
+    for contact, region in zip(contacts, regions[::-1], strict=True):
+        if contact.beyond <= 0:
+            try:
+                return _taken(plain, contact, region, apart)
+            except InputError as reason:
+                reasons.append(reason)
+    raise reasons[0]
+
+
+def _side(plain: PlainMesh, region: Region) -> FacetSide:
+    """Return the triangles of the side of a region, oriented."""
+    sides = plain.sides(region.side_tag)
+    triangles = plain.points_of(sides)
+    corners = plain.x[triangles]
+    apex = plain.x[plain.cells[tuple(sides.T)]]
+    outward = np.einsum("ij,ij->i", area_vectors(corners), corners[:, 0] - apex) > 0
+    turned = triangles[:, [0, 2, 1]]
+    return FacetSide(plain.x, np.where(outward[:, None], triangles, turned), region.outline)
+
+
+def _taken(plain: PlainMesh, contact: SideContact, behind: Region, apart: float) -> PlainMesh:
+    """Give a side the facets of another one, and mesh the region behind it anew."""
+    x = plain.x
+    taken = contact.taken
+    outlines = outlines_on(x, contact)
+    number = outlines.number
+    removed, bands = _best_bands(x, contact, outlines, apart)
+    rest = number[taken.triangles[~removed]]
+    side = np.concatenate([contact.kept.triangles, bands, rest])
+    whole = replace(plain, cells=number[plain.cells])
+    region = _moved(plain, behind, number)
+    shell = surface(whole, region, number, outlines.inserted, side)
+    _check_closed(shell[0])
+    new_x, cells = filled(x, shell[0], optimize=True)
+    moved = contact.allowed.max() * measures(x[taken.triangles]).sum()
+    whole = with_cells(whole, region, new_x, cells, shell, moved)
+    keep = np.ones(len(whole.cells), dtype=bool)
+    keep[region.cells] = False
+    return PlainMesh(whole.x, whole.cells[keep], whole.regions[keep], whole.tags[keep])
+
+
+def _best_bands(
+    x: np.ndarray, contact: SideContact, outlines: Outlines, apart: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the triangles to remove, and those between outlines and what remains.
+
+    Returns:
+        Whether each triangle of the side that is taken is removed, and the bands.
+
+    Raises:
+        InputError: If the triangles between are splinters.
+    """
+    amid, to_outline = _places(x, contact, outlines, apart)
+    taken = contact.taken
+    reasons = []
+    best = LEAST_ANGLE
+    result = None
+    for share in BESIDE:
+        chosen = amid | (to_outline < share * taken.edge_lengths)
+        removed = chosen[taken.triangles].any(axis=1)
+        removed[contact.closest] = True
+        try:
+            bands = _bands(x, taken, outlines, removed)
+        except InputError as reason:
+            reasons.append(reason)
+            continue
+        angle = least_angle(x[bands])
+        if angle > best:
+            best = angle
+            result = removed, bands
+    if result is not None:
+        return result
+    if not reasons:
+        reasons.append(
+            InputError(
+                "joined: the facets of one curved part do not fit around the outline of the other "
+                f"one, with least angles below {LEAST_ANGLE} degrees. Mesh the parts with similar "
+                "facets there."
+            )
+        )
+    raise reasons[0]
+
+
+def _places(
+    x: np.ndarray, contact: SideContact, outlines: Outlines, apart: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Find which points of a side lie on the other one, and how far from its outline.
+
+    Returns:
+        Whether each point does, and its distance from the outline amid its side, shape
+        (n,) each. That of other points is infinite.
+
+    Raises:
+        InputError: If a point that faces the other side is too far away.
+    """
+    kept = contact.kept
+    taken = contact.taken
+    points = np.unique(taken.triangles)
+    facet, distance = on_triangles(x[points], x[kept.triangles])
+    to_outline = np.full(len(x), np.inf)
+    _, _, to_outline[points] = on_edges(x[points], x[outlines.inner])
+    none = SAME * min(kept.shortest, taken.shortest)
+    # Points beside the other side are nearest to its outline.
+    on_kept = distance < to_outline[points] - none
+    allowed = apart + allowance(taken, points, kept, facet)
+    far = on_kept & (distance > allowed)
+    if far.any():
+        raise InputError(
+            f"joined: the parts are {distance[far].max():.3g} apart where they face each other, "
+            "and a part is curved. Name the parts where the bodies touch, and give a clearance or "
+            "an interference by apart=, and by gap= of the contact."
+        )
+    amid = np.zeros(len(x), dtype=bool)
+    amid[points] = on_kept
+    return amid, to_outline
+
+
+def _bands(x: np.ndarray, taken: FacetSide, outlines: Outlines, removed: np.ndarray) -> np.ndarray:
+    """Return triangles between the outlines and the triangles that remain.
+
+    Raises:
+        InputError: If the triangles that are removed have other outlines, or a triangle
+            between is turned over.
+    """
+    holes = _holes(x, taken, outlines, removed)
+    if len(holes) != len(outlines.loops):
+        raise InputError(
+            "joined: the outlines of the curved parts cross each other. Let one part lie within "
+            "the other one, or let both end at the same place."
+        )
+    bands = [np.empty((0, 3), dtype=np.int64)]
+    for loop in outlines.loops:
+        distances = [np.linalg.norm(x[hole] - x[loop[0]], axis=1).min() for hole in holes]
+        hole = holes.pop(int(np.argmin(distances)))
+        # The side that is kept is on the left of its loop, as seen from its own body.
+        bands.append(band(x, loop, hole[::-1]))
+    triangles = np.concatenate(bands)
+    corners = np.sort(triangles, axis=1)
+    # Where both outlines run together, there is nothing between them.
+    triangles = triangles[np.all(corners[:, 1:] != corners[:, :-1], axis=1)]
+    normals = taken.point_normals[triangles].sum(axis=1)
+    upright = np.einsum("ij,ij->i", area_vectors(x[triangles]), normals)
+    if np.any(upright <= 0):
+        raise InputError(NO_FIT)
+    return triangles
+
+
+def _holes(
+    x: np.ndarray, taken: FacetSide, outlines: Outlines, removed: np.ndarray
+) -> list[np.ndarray]:
+    """Return the loops around the triangles that are removed, with merged points."""
+    edges = outer_edges(taken.triangles[removed])
+    on_outline, of_outline = row_numbers(edges, taken.outline)
+    row = np.full(max(on_outline.max(initial=0), of_outline.max(initial=0)) + 1, -1)
+    row[on_outline] = np.arange(len(edges))
+    inserted = outlines.inserted.copy()
+    inserted[:, 0] = row[of_outline[inserted[:, 0]]]
+    if np.any(inserted[:, 0] < 0):
+        raise InputError(NO_FIT)
+    edges = outlines.number[edges]
+    different = edges[:, 0] != edges[:, 1]
+    inserted[:, 0] = (np.cumsum(different) - 1)[inserted[:, 0]]
+    return loops(x, cut_edges(x, edges[different], inserted))
+
+
+def _moved(plain: PlainMesh, region: Region, number: np.ndarray) -> Region:
+    """Return a region without the triangles that vanish where points become one.
+
+    Raises:
+        InputError: If triangles or cells beside would be crushed.
+    """
+    x = plain.x
+    before = area_vectors(x[region.triangles])
+    after = area_vectors(x[number[region.triangles]])
+    share = np.einsum("ij,ij->i", before, after) / np.einsum("ij,ij->i", before, before)
+    corners = np.sort(number[region.triangles], axis=1)
+    vanishes = np.any(corners[:, 1:] == corners[:, :-1], axis=1)
+    others = np.ones(len(plain.cells), dtype=bool)
+    others[region.cells] = False
+    cells = plain.cells[others]
+    edges = x[cells[:, 1:]] - x[cells[:, :1]]
+    moved = x[number[cells[:, 1:]]] - x[number[cells[:, :1]]]
+    shares = np.linalg.det(moved) / np.linalg.det(edges)
+    crushed = np.any(share[~vanishes] < CRUSHED) or np.any(region.inner & vanishes)
+    if crushed or np.any(shares < CRUSHED):
+        raise InputError(
+            "joined: the outline of a curved part cannot move to that of the other one, the "
+            "facets beside it are too flat. Mesh the parts with similar facets along their "
+            "outlines."
+        )
+    stays = ~vanishes
+    return replace(
+        region,
+        triangles=region.triangles[stays],
+        tags=region.tags[stays],
+        inner=region.inner[stays],
+    )
+
+
+def _check_closed(triangles: np.ndarray) -> None:
+    """Check that a surface is closed.
+
+    Raises:
+        InputError: If an edge does not have two triangles.
+    """
+    edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
+    counts = np.bincount(row_numbers(edges)[0])
+    if np.any(counts != 2):
+        raise InputError(NO_FIT)
