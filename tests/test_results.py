@@ -94,6 +94,28 @@ def test_force_of_a_solution_is_the_integral_of_its_profile():
     )
 
 
+@pytest.mark.parametrize("d", [2, 3])
+@pytest.mark.parametrize("degree", [1, 2])
+def test_profile_on_a_curved_gap_has_the_force_of_its_method(d, degree):
+    """Tractions of Nitsche's method at single points are far from their means there."""
+    n = 8 if d == 2 else 4
+    middle = (0.5,) * (d - 1)
+    domain = (
+        ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(n, n // 2))
+        if d == 2
+        else ec.box((0.0,) * 3, (1.0,) * 3, cells=(n, n, n // 2))
+    )
+    gap = ec.Contact(
+        "bottom",
+        friction=0.2,
+        gap=lambda x: 0.05 * sum((x[i] - middle[i]) ** 2 for i in range(d - 1)),
+    )
+    moved = ec.Displacement("top", (*(0.001,) * (d - 1), -0.02))
+    solution = ec.solve(ec.Scene(ec.Elastic(1.0, 0.3), moved, contacts=gap), domain, degree=degree)
+    profile, force = solution.profile("bottom"), solution.force("bottom").force
+    assert profile["weight"] @ profile["pressure"] == pytest.approx(force[-1], rel=1e-9)
+
+
 def test_solution_and_error_agree():
     """The multiplier of degree 1 is allowed and is r^, u does not penetrate and is u^; forces meet on fine meshes."""
     gaps = []

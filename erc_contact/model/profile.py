@@ -14,8 +14,9 @@ import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
 
+from erc_contact.base.ufl_types import Ufl
 from erc_contact.mesh.graphs import order_along_curves
-from erc_contact.mesh.simplex import barycentric, bernstein, lagrange, lattice
+from erc_contact.mesh.simplex import barycentric, bernstein, lagrange, lattice, projection, rule
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.model import Model
@@ -60,6 +61,20 @@ def profile_weights(model: Model) -> np.ndarray:
     # All Bernstein polynomials have the same integral.
     means = np.full(shape.shape[1], 1 / shape.shape[1])
     return trapezoids + np.linalg.lstsq(shape.T, means - shape.T @ trapezoids)[0]
+
+
+def profile_traction(model: Model, contact: BoundContact, traction: Ufl) -> np.ndarray:
+    """Return the traction of a method at the profile points [force/area], (f, q, d).
+
+    It is projected on polynomials of the degree of u on each facet, which have the same
+    force: on a gap that curves within a facet that of Nitsche's method is far from its
+    mean at single points. So it may pull a little on the facet where a contact ends.
+    """
+    samples, weights = rule(model.d - 1, model.contact_degree)
+    project = projection(model.d - 1, model.degree, samples, weights)
+    shape = bernstein(model.d - 1, model.degree, profile_points(model))
+    sampled = evaluate(traction, model.mesh, samples, contact.facets)
+    return np.matmul(shape @ project, sampled)
 
 
 def facet_status(

@@ -15,7 +15,6 @@ from erc_contact.base.html import table
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.simplex import in_space
-from erc_contact.model.expressions import evaluate
 from erc_contact.model.forces import Force, body_force, by_cause, nodal_reactions, part_force
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.maximum import Maximum, greatest
@@ -27,6 +26,7 @@ from erc_contact.model.profile import (
     greatest_pressure,
     profile_points,
     profile_table,
+    profile_traction,
 )
 from erc_contact.model.rigid_faces import Motion, motion_of
 from erc_contact.model.stress import stress_in_space, von_mises
@@ -207,7 +207,8 @@ class Solution:
     def profile(self, contact: str) -> np.ndarray:
         """Return gap, slip and tractions of the method along a contact; collective.
 
-        The columns are those of :func:`erc_contact.model.profile.profile_table`.
+        The columns are those of :func:`erc_contact.model.profile.profile_table`, the
+        tractions those of :func:`erc_contact.model.profile.profile_traction`.
 
         Raises:
             InputError: If no contact has this name.
@@ -215,7 +216,7 @@ class Solution:
         model = self.model
         where = model.contact(contact)
         points = profile_points(model)
-        r = evaluate(self.traction(where), model.mesh, points, where.facets)
+        r = profile_traction(model, where, self.traction(where))
         r_n, _, shear = split(r, where.direction[:, None, :])
         pressure = -r_n
         parameters = model.friction_parameters(where, points)
