@@ -97,28 +97,90 @@ class Ends:
         return self.high - self.low
 
 
-def ends_of(
-    error: ConstitutiveError, psi: BoundedNumber, plus: Admissible, minus: Admissible, t: float
-) -> Ends:
-    """Compute the interval of Q from three pairs; collective.
+@dataclass(frozen=True, eq=False)
+class Unmoved:
+    """Hold what the intervals of all t need of the scene that is not moved.
+
+    Attributes:
+        error: The error of its pair.
+        psi: ``psi(u^)``.
+        frictions: Work of friction on u^ on each contact [force length].
+        M: M, see above [sqrt(force length)].
+    """
+
+    error: ConstitutiveError
+    psi: BoundedNumber
+    frictions: list[BoundedNumber]
+    M: float
+
+    @property
+    def floor(self) -> float:
+        """Return what integrals may leave unknown [force length]."""
+        return ROUND_OFF * self.error.scale**2
+
+
+def unmoved(error: ConstitutiveError, psi: BoundedNumber) -> Unmoved:
+    """Compute what the intervals of all t share; collective.
 
     Args:
         error: The error of the pair of the scene.
         psi: ``psi(u^)``.
+    """
+    square = error.absolute**2 + error.geometry_error**2
+    M = float(np.sqrt(max(square / 2 - error.bulk_error**2 / 4, 0.0)))
+    base = Unmoved(error, psi, [], M)
+    pair = error.admissible
+    for traction in pair.tractions:
+        work = friction_work(pair.model, traction, pair.displacement, base.floor)
+        base.frictions.append(work)
+    return base
+
+
+def ends_of(base: Unmoved, plus: Admissible, minus: Admissible, t: float) -> Ends:
+    """Compute the interval of Q from three pairs; collective.
+
+    Args:
+        base: The scene, not moved.
         plus: The pair of the scene moved by t.
         minus: That of the scene moved by -t.
         t: t.
     """
-    pair = error.admissible
-    square = error.absolute**2 + error.geometry_error**2
-    M = float(np.sqrt(max(square / 2 - error.bulk_error**2 / 4, 0.0)))
-    lower = _end(error, psi, (plus, pair, plus), (pair, minus), t)
-    upper = _end(error, psi, (pair, minus, minus), (plus, pair), t)
+    pair = base.error.admissible
+    lower = _end(base, (plus, pair, plus), (pair, minus), t)
+    upper = _end(base, (pair, minus, minus), (plus, pair), t)
+    return _ends(base, lower, upper, t)
+
+
+def rough_ends(base: Unmoved, plus: Admissible, t: float) -> Ends:
+    """Estimate the interval of Q from the scene moved to one side; collective.
+
+    With ``phi = (u+ - u^)/t`` and ``tau = (sigma+ - sigma^)/t`` both ends have the same
+    V. It tells d, and about how wide the interval is, but nothing is proved.
+
+    Args:
+        base: The scene, not moved.
+        plus: The pair of the scene moved by t.
+        t: t.
+    """
+    pair = base.error.admissible
+    end = _end(base, (plus, pair, plus), (plus, pair), t)
+    return _ends(base, end, end, t)
+
+
+def _ends(
+    base: Unmoved,
+    lower: tuple[BoundedNumber, np.ndarray],
+    upper: tuple[BoundedNumber, np.ndarray],
+    t: float,
+) -> Ends:
+    """Compute the interval from V and ``d^2`` of both ends; collective."""
+    comm = base.error.model.comm
+    M = base.M
     ends = []
     sizes = []
     for sign, (V, d_squares) in ((-1.0, lower), (1.0, upper)):
         local = float(d_squares.sum())
-        d = float(np.sqrt(max(pair.model.comm.allreduce(local, MPI.SUM), 0.0)))
+        d = float(np.sqrt(max(comm.allreduce(local, MPI.SUM), 0.0)))
         sizes.append(d)
         m = min(M, d * t / 2)
         ends.append(V.value + sign * (V.bound + d * m + (M**2 - m**2) / t))
@@ -130,8 +192,7 @@ def ends_of(
 
 
 def _end(
-    error: ConstitutiveError,
-    psi: BoundedNumber,
+    base: Unmoved,
     displacements: tuple[Admissible, Admissible, Admissible],
     stresses: tuple[Admissible, Admissible],
     t: float,
@@ -139,13 +200,13 @@ def _end(
     """Compute V of one end of the interval, and ``d^2`` of the owned cells; collective.
 
     Args:
-        error: The error of the pair of the scene.
-        psi: ``psi(u^)``.
+        base: The scene, not moved.
         displacements: Pairs whose u^ have the difference ``t phi``, and the moved one
             of them.
         stresses: Pairs whose sigma^ have the difference ``t tau``.
         t: t.
     """
+    error = base.error
     pair = error.admissible
     model = pair.model
     first, second, moved = displacements
@@ -162,15 +223,14 @@ def _end(
     of_rank = float((squares[1] - squares[2]).sum()) / (4 * h)
     product = model.comm.allreduce(of_rank, MPI.SUM)
 
-    V = psi + BoundedNumber(product / 2) + load_work(model, phi)
+    V = base.psi + BoundedNumber(product / 2) + load_work(model, phi)
     V = V - elastic_work(pair, u, phi) + strain_work(pair, phi)
-    contacts = zip(pair.tractions, more.tractions, less.tractions, strict=True)
-    for traction, of_more, of_less in contacts:
+    tractions = zip(pair.tractions, more.tractions, less.tractions, strict=True)
+    contacts = zip(tractions, base.frictions, strict=True)
+    for (traction, of_more, of_less), slid in contacts:
         tau = (of_more.values - of_less.values) / t
         V += _contact_work(model, traction, tau, u)
-        floor = ROUND_OFF * error.scale**2
-        slid = friction_work(model, traction, u, floor)
-        slides = friction_work(model, traction, moved.displacement, floor)
+        slides = friction_work(model, traction, moved.displacement, base.floor)
         sign = 1.0 if moved is first else -1.0
         V += (sign / t) * (slid - slides)
     return V, d_squares

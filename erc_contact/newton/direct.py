@@ -17,6 +17,7 @@ from erc_contact.newton.condensed import Condensed
 from erc_contact.newton.dense import Dense
 from erc_contact.newton.ladder import Attempt
 from erc_contact.newton.linear.loose_stiffness import stiffness_of
+from erc_contact.newton.linear.stiffness import Stiffness
 from erc_contact.newton.methods import Method
 from erc_contact.newton.snes import DiscreteSolution, Outcome
 
@@ -28,6 +29,7 @@ class Direct:
 
     Args:
         model: The scene on a mesh.
+        elastic: Its elastic equations if there are any yet.
 
     Attributes:
         elastic: Its elastic equations.
@@ -36,9 +38,9 @@ class Direct:
 
     nodal_first: ClassVar[bool] = True
 
-    def __init__(self, model: Model) -> None:
+    def __init__(self, model: Model, elastic: Stiffness | None = None) -> None:
         self.model = model
-        self.elastic = stiffness_of(model)
+        self.elastic = stiffness_of(model) if elastic is None else elastic
         self.guess = self.elastic.glued(self.elastic.load_vector())
         self._problems: dict[Method, Condensed] = {}
 

@@ -17,7 +17,7 @@ from erc_contact.newton import first_guess
 from erc_contact.newton.full import FullSpace
 from erc_contact.newton.ladder import Attempt
 from erc_contact.newton.linear.loose_multigrid import multigrid_of
-from erc_contact.newton.linear.multigrid import EXACT
+from erc_contact.newton.linear.multigrid import EXACT, Multigrid
 from erc_contact.newton.methods import Method
 from erc_contact.newton.snes import DiscreteSolution, Outcome, attempt
 
@@ -29,6 +29,7 @@ class Iterative:
 
     Args:
         model: The scene on a mesh.
+        elastic: Its elastic equations if there are any yet.
         hurried: Whether the first guess gives up early where multigrid is slow.
 
     Attributes:
@@ -39,9 +40,11 @@ class Iterative:
 
     nodal_first: ClassVar[bool] = False
 
-    def __init__(self, model: Model, *, hurried: bool = False) -> None:
+    def __init__(
+        self, model: Model, elastic: Multigrid | None = None, *, hurried: bool = False
+    ) -> None:
         self.model = model
-        self.elastic = multigrid_of(model, hurried=hurried)
+        self.elastic = multigrid_of(model, hurried=hurried) if elastic is None else elastic
         self._forces = self.elastic.load_vector()
         self._loads = self.elastic.right_side(self._forces.copy(), supports=True)
         if self.elastic.contact_size:

@@ -162,7 +162,7 @@ def solved(
     name = "multigrid" if iterative else "the direct solver"
     try:
         with stage(model.comm, f"solving with {name}"):
-            solution = _solution(kind, model, method, start, tolerance)
+            solution = solution_of(kind, model, method, start, tolerance)
     except NotConverged as failure:
         if solver != "auto" or not iterative:
             raise
@@ -170,7 +170,7 @@ def solved(
             "%d cells: the direct solver takes over from multigrid. %s", domain.cells, failure
         )
         with stage(model.comm, "solving with the direct solver"):
-            solution = _solution(Direct, model, method, start, tolerance)
+            solution = solution_of(Direct, model, method, start, tolerance)
 
     seconds = model.comm.allreduce(perf_counter() - began, MPI.MAX)
     log_of(model.comm).debug(
@@ -183,7 +183,7 @@ def solved(
     return replace(solution, seconds=seconds)
 
 
-def _solution(
+def solution_of(
     kind: Callable[[Model], Direct | Iterative],
     model: Model,
     method: Method | None,

@@ -18,6 +18,7 @@ from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError, raise_together
 from erc_contact.base.logs import log_of
+from erc_contact.error.aim import Aim, State
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.mesh.domain import Domain
 from erc_contact.newton.methods import Method
@@ -39,12 +40,14 @@ class Kept:
         meshes: Domain and eps_E of the levels that are kept.
         best: The error of least ``total`` among them.
         last: The error of the last one.
+        carried: What the aim of the run carried to that one.
     """
 
     steps: list[Any]
     meshes: list[tuple[Domain, np.ndarray]]
     best: ConstitutiveError
     last: ConstitutiveError
+    carried: State
 
 
 class Checkpoint:
@@ -131,9 +134,18 @@ class Checkpoint:
             # to measure costs an admissible pair, and of the others nothing is needed
             if number in (least, last_number):
                 errors[number] = level.error(scene, methods, tighten)
-        return Kept(steps, meshes, errors[least], errors[last_number])
+        return Kept(
+            steps, meshes, errors[least], errors[last_number], dict(last.about.get("carried", {}))
+        )
 
-    def add(self, error: ConstitutiveError, steps: Sequence[Any], *, last: bool = False) -> None:
+    def add(
+        self,
+        error: ConstitutiveError,
+        steps: Sequence[Any],
+        aim: Aim | None = None,
+        *,
+        last: bool = False,
+    ) -> None:
         """Write the level that was measured last, if its turn has come.
 
         What cannot be written is a warning.
@@ -141,6 +153,7 @@ class Checkpoint:
         Args:
             error: The error of the level.
             steps: The rows of the run so far.
+            aim: The aim of the run, which has carried something to this level.
             last: Whether the run ends with it, so that it is written in any case.
         """
         number = len(steps)
@@ -152,8 +165,9 @@ class Checkpoint:
         try:
             level = level_of(error, steps)
             if self.comm.rank == 0:
-                about = level.about | {"fingerprint": self.fingerprint, "accuracy": self.accuracy}
-                self.folder.write(number, replace(level, about=about))
+                about = {"fingerprint": self.fingerprint, "accuracy": self.accuracy}
+                about["carried"] = {} if aim is None else aim.before
+                self.folder.write(number, replace(level, about=level.about | about))
         except (InputError, OSError, MemoryError) as reason:
             log_of(self.comm).warning(
                 "The mesh of %d cells is not kept: %s. The run goes on; "

@@ -8,15 +8,15 @@ from time import perf_counter
 import numpy as np
 from mpi4py import MPI
 
-from erc_contact.admissible.pair import Admissible, equilibrate
+from erc_contact.admissible.pair import equilibrate
 from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError, together
 from erc_contact.base.logs import log_of
 from erc_contact.base.percent import percent
 from erc_contact.base.progress import stage
 from erc_contact.base.runtime.interrupts import Interrupts
+from erc_contact.error.aim import Aim
 from erc_contact.error.constitutive import ConstitutiveError, constitutive_error
-from erc_contact.error.goals import Aim
 from erc_contact.error.optimal import SizeMap
 from erc_contact.mesh.domain import Domain
 from erc_contact.newton.doubts import DoubtsOfRun
@@ -29,7 +29,6 @@ from erc_contact.run.history import History
 from erc_contact.run.new_step import new_step
 from erc_contact.run.plan import SETTINGS, Plan
 from erc_contact.run.step import CURVED, HEADER, Step, line
-from erc_contact.scene.scene import Scene
 
 NEWTON_SHARE = 0.1
 """Share of e that Newton may leave when it stops certified [-]; it adds 0.5% to e.
@@ -71,7 +70,9 @@ class Loop:
         self.last: ConstitutiveError | None = None
         self.best: ConstitutiveError | None = None
         self.outcome = ""
-        self.aim = None if plan.goal is None else Aim(plan.goal, plan.accuracy)
+        self.aim: Aim | None = None
+        if plan.goal is not None:
+            self.aim = Aim(plan.goal, plan.accuracy, plan.solver, plan.tighten)
         self.warned = False
 
     def go(self, domain: Domain) -> History:
@@ -83,14 +84,13 @@ class Loop:
                 while not self._ends(error):
                     domain, seconds = self._next(error, interrupts)
                     if domain.cells > self.plan.max_cells:
-                        cells = f"{domain.cells} cells, more than max_cells = {self.plan.max_cells}"
-                        self.outcome = f"Stopped{self.above}: the next mesh has {cells}."
+                        self._stop_at_cells(error, domain)
                         break
                     error = self._level(domain, error, seconds, interrupts)
             except (Exception, KeyboardInterrupt) as failure:
                 self._end(failure, interrupts)
             if self.store is not None and self.last is not None:
-                self.store.add(self.last, self.steps, last=True)
+                self.store.add(self.last, self.steps, self.aim, last=True)
         return self._history(fallback=self.plan.method is None)
 
     @property
@@ -121,6 +121,8 @@ class Loop:
         for step in self.steps:
             self._log_row(step, error.domain)
         self.doubts.see(error.solution)
+        if self.aim is not None:
+            self.aim.carry(kept.carried)
         self._aim(error)
         log_of(self.comm).info("Read from %s; the run goes on from here.", store.folder.path)
         return error
@@ -143,7 +145,7 @@ class Loop:
         # the mesh is kept before the callback, which may end the run
         if self.store is not None:
             with stage(self.comm, "keeping the mesh"):
-                self.store.add(error, self.steps)
+                self.store.add(error, self.steps, self.aim)
         if plan.callback is not None:
             together(self.comm, plan.callback, error, step)
         interrupts.check()
@@ -153,23 +155,8 @@ class Loop:
         """Measure the interval of the goal, if the run has one; collective."""
         if self.aim is None or error.solution.at_rest:
             return
-        plan = self.plan
-
-        def pair_of(scene: Scene) -> Admissible:
-            moved = solved(
-                scene,
-                error.domain,
-                error.solution.method,
-                degree=plan.degree,
-                after=None,
-                start=error.solution,
-                tolerance=None,
-                solver=plan.solver,
-            )
-            return equilibrate(moved, tighten=plan.tighten)
-
         with stage(self.comm, "interval of the goal"):
-            self.aim.measure(error, pair_of)
+            self.aim.measure(error)
         self._log(self.aim.words)
 
     def _measured(
@@ -225,13 +212,16 @@ class Loop:
         plan = self.plan
         best = self.best
         assert best is not None
+        is_last = len(self.steps) >= plan.max_steps
+        if is_last and self.aim is not None:
+            self.aim.finish(error)
         if error.solution.at_rest:
             self.outcome = AT_REST
         elif self.aim is not None and self.aim.reached:
             self.outcome = f"Reached: {self.aim.words}."
         elif self.aim is None and best.total <= plan.accuracy:
             self.outcome = f"Reached: {percent(best.total)} <= {percent(plan.accuracy)}."
-        elif len(self.steps) >= plan.max_steps:
+        elif is_last:
             self.outcome = f"Stopped after max_steps = {plan.max_steps} meshes{self.above}."
         elif self.aim is None and not self.warned:
             by_sizes = isinstance(plan.strategy, SizeMap)
@@ -240,6 +230,16 @@ class Loop:
             if words:
                 log_of(self.comm).warning(words)
         return bool(self.outcome)
+
+    def _stop_at_cells(self, error: ConstitutiveError, domain: Domain) -> None:
+        """Say that the next mesh has too many cells; collective."""
+        if self.aim is not None:
+            self.aim.finish(error)
+            if self.aim.reached:
+                self.outcome = f"Reached: {self.aim.words}."
+                return
+        cells = f"{domain.cells} cells, more than max_cells = {self.plan.max_cells}"
+        self.outcome = f"Stopped{self.above}: the next mesh has {cells}."
 
     def _next(self, error: ConstitutiveError, interrupts: Interrupts) -> tuple[Domain, float]:
         """Make the next mesh; collective.

@@ -1,0 +1,201 @@
+"""Aim a run at a number: an interval where it may end, else an estimate to mark by.
+
+On a mesh where the interval cannot be narrow enough yet, the scene is moved to one side
+only, which tells how wide it would be and the shares of the cells. Where it may be
+narrow enough, the scene is moved to the other side, too. t follows from that of the
+last mesh. So most meshes take one or two further solves.
+"""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import replace
+
+import numpy as np
+
+from erc_contact.base.exceptions import NotConverged
+from erc_contact.base.percent import percent
+from erc_contact.error.constitutive import ConstitutiveError
+from erc_contact.error.goals import goal_error, question_or_number, with_lifting
+from erc_contact.error.moved_pairs import moved_pairs
+from erc_contact.error.numbers import Bounds
+from erc_contact.error.three_pairs import Ends
+from erc_contact.error.trials import FACTOR, NEAR, GoalError, Trials
+from erc_contact.scene.goal import Goal
+
+FIRST_COUNT = 2
+"""Number of values of t that are tried at most until a moved scene is solved."""
+COUNT = 3
+"""Number of values of t that are tried at most on a mesh where the run may end."""
+MARGIN = 1.1
+"""Half width that is estimated over that asked for, where the run may end [-]."""
+
+State = dict[str, float]
+"""Type of what an aim carries from mesh to mesh, plain numbers."""
+
+
+class Aim:
+    """Hold what a run knows of its goal; members are collective.
+
+    Args:
+        goal: The number.
+        accuracy: Half of the interval that is asked for, over the number [-].
+        solver: As in :func:`erc_contact.newton.solve.solve`.
+        tighten: Greatest number of iterations that tighten a stress.
+
+    Attributes:
+        before: What was carried to the last mesh. A run that goes on from its folder
+            measures that mesh again with it, and then makes the same meshes.
+    """
+
+    def __init__(self, goal: Goal, accuracy: float, solver: str, tighten: int) -> None:
+        self._goal = goal
+        self._accuracy = accuracy
+        self._solver = solver
+        self._tighten = tighten
+        self._last: GoalError | None = None
+        self._is_rough = False
+        self._carried: State = {}
+        self.before: State = {}
+
+    @property
+    def bounds(self) -> Bounds | None:
+        """Return the interval on the last mesh; None where there is none."""
+        return None if self._last is None else self._last.bounds
+
+    def carry(self, state: State) -> None:
+        """Take what an earlier process carried to the mesh that comes."""
+        self._carried = dict(state)
+
+    def measure(self, error: ConstitutiveError) -> None:
+        """Measure the interval on a mesh, or estimate it."""
+        self.before = dict(self._carried)
+        self._last = None
+        self._is_rough = False
+        question = question_or_number(error, self._goal)
+        if isinstance(question, GoalError):
+            self._last = self._with_proved(question)
+            return
+        with moved_pairs(error, self._solver, self._tighten) as pair_of:
+            self._measure(Trials(error, question, pair_of))
+
+    def _measure(self, trials: Trials) -> None:
+        """Try values of t on a mesh; collective."""
+        t = max(self._first_t(trials), trials.least_t)
+        rough = None
+        for _ in range(FIRST_COUNT):
+            rough = trials.rough(t)
+            if rough is not None:
+                break
+            t = max(t / FACTOR, trials.least_t)
+        if rough is None:
+            # The scene moved has no solution on this mesh; the next one is finer.
+            return
+        if self._promises(trials, rough, trials.estimate(rough)):
+            self._try(trials, rough)
+        best = trials.best
+        self._keep(trials, best or rough)
+        if best is None:
+            self._is_rough = True
+            self._last = GoalError(trials.estimate(rough), trials.shares(rough))
+            return
+        bounds = trials.bounds()
+        if bounds.relative > self._accuracy:
+            bounds = with_lifting(trials.error, self._goal, bounds)
+        self._last = self._with_proved(GoalError(bounds, trials.shares(best)))
+
+    def finish(self, error: ConstitutiveError) -> None:
+        """Measure the interval on the last mesh of a run that has an estimate there."""
+        if error.solution.at_rest or (self._last is not None and not self._is_rough):
+            return
+        self._is_rough = False
+        # An estimate is no interval.
+        self._last = None
+        with moved_pairs(error, self._solver, self._tighten) as pair_of, suppress(NotConverged):
+            self._last = self._with_proved(goal_error(error, self._goal, pair_of))
+
+    def marked(self, error: ConstitutiveError) -> ConstitutiveError:
+        """Return an error whose cells count by their share in the interval."""
+        if self._last is None:
+            return error
+        return replace(error, total_indicators=np.sqrt(self._last.shares))
+
+    @property
+    def reached(self) -> bool:
+        """Tell whether the interval is as narrow as asked for."""
+        if self.bounds is None or self._is_rough:
+            return False
+        return self.bounds.relative <= self._accuracy
+
+    @property
+    def words(self) -> str:
+        """Say how far the number is known."""
+        if self.bounds is None:
+            return f"{self._goal!r} has no interval yet"
+        half = percent(self.bounds.relative)
+        if self._is_rough:
+            return f"{self._goal!r} is about {self.bounds.value:.6g}, no interval yet (+-{half})"
+        kind = "proved" if self.bounds.guaranteed else "an estimate"
+        return f"{self._goal!r} = {self.bounds.value:.6g} to {half}, {kind}"
+
+    def _first_t(self, trials: Trials) -> float:
+        """Return the t with which a mesh begins.
+
+        ``t = 2 M/d`` is best. M falls like e, and d like the root of it at least.
+        """
+        M = self._carried.get("M", 0.0)
+        if M > 0 and trials.base.M > 0:
+            return self._carried["t"] * float(np.sqrt(trials.base.M / M))
+        return trials.question.step
+
+    def _keep(self, trials: Trials, ends: Ends) -> None:
+        """Carry the best t of a mesh to the next one."""
+        self._carried |= {"t": trials.next_t(ends), "M": trials.base.M}
+
+    def _promises(self, trials: Trials, ends: Ends, bounds: Bounds) -> bool:
+        """Tell whether an interval would be narrow enough for the best t."""
+        asked = MARGIN * self._accuracy * abs(bounds.value)
+        M = trials.base.M
+        if M == 0.0:
+            return True
+        # With t = 2 M/d half of the width is d M more than what V leaves.
+        t = ends.t
+        d = 2 * M / ends.better_t
+        m = min(M, d * t / 2)
+        now = d * m + (M**2 - m**2) / t
+        half = (bounds.high - bounds.low) / 2
+        return half - now + min(now, d * M) <= asked
+
+    def _try(self, trials: Trials, rough: Ends) -> None:
+        """Measure intervals until one is narrow enough, or none can be expected to."""
+        t = rough.t
+        ends = rough
+        for _ in range(COUNT):
+            better_t = trials.next_t(ends)
+            is_best = 1 / NEAR < better_t / t < NEAR
+            is_narrow = trials.estimate(rough).relative <= self._accuracy
+            if trials.tried:
+                if is_best or not self._promises(trials, ends, trials.bounds()):
+                    return
+                t = better_t
+            elif not (is_best or is_narrow):
+                t = better_t
+            measured = trials.attempt(t)
+            if measured is None or trials.bounds().relative <= self._accuracy:
+                return
+            ends = measured
+
+    def _with_proved(self, last: GoalError) -> GoalError:
+        """Return an interval narrowed by the proved ones of the meshes before.
+
+        All are of the number of one body, so that their intersection holds.
+        """
+        bounds = last.bounds
+        if not bounds.guaranteed:
+            return last
+        if "low" in self._carried:
+            low = self._carried["low"]
+            high = self._carried["high"]
+            bounds = bounds.narrowed(Bounds((low + high) / 2, low, high, guaranteed=True))
+        self._carried |= {"low": bounds.low, "high": bounds.high}
+        return replace(last, bounds=bounds)

@@ -1,0 +1,159 @@
+"""Try values of t for the interval of a number, and hold what each of them gives.
+
+For any t the interval holds (:mod:`erc_contact.error.three_pairs`), and so does the
+intersection of those of several t.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from erc_contact.admissible.pair import Admissible
+from erc_contact.base.exceptions import InputError, NotConverged, NotHeldError
+from erc_contact.error.bulk import data_vary
+from erc_contact.error.constitutive import ConstitutiveError, constitutive_error
+from erc_contact.error.numbers import Bounds
+from erc_contact.error.question import LEAST_ERROR, Question
+from erc_contact.error.three_pairs import Ends, Unmoved, ends_of, rough_ends, unmoved
+from erc_contact.scene.scene import Scene
+
+PairOf = Callable[[Scene], Admissible]
+"""Type of what solves a scene moved a little, and makes an admissible pair."""
+
+FACTOR = 10.0
+"""Largest ratio of one t to the next that is tried [-]."""
+NEAR = 1.5
+"""Ratio of two t below which they are as good as each other [-]."""
+
+
+@dataclass(frozen=True, eq=False)
+class GoalError:
+    """Hold the interval of a goal, and what each cell contributes to its width.
+
+    Attributes:
+        bounds: The interval.
+        shares: Estimated share of each owned cell in the width, shape (owned,).
+    """
+
+    bounds: Bounds
+    shares: np.ndarray
+
+
+class Trials:
+    """Try values of t for a question; construction and members are collective.
+
+    Args:
+        error: The error of the pair of the scene.
+        question: What moves. Loads alone do not dictate its number.
+        pair_of: Solves a scene moved a little, and makes an admissible pair.
+
+    Attributes:
+        tried: What the values of t gave, in the order in which they were tried.
+    """
+
+    def __init__(self, error: ConstitutiveError, question: Question, pair_of: PairOf) -> None:
+        self.error = error
+        self.question = question
+        self.tried: list[Ends] = []
+        self._pair_of = pair_of
+        self._plus: tuple[float, Admissible] | None = None
+        self._base: Unmoved | None = None
+        least = min(1.0, LEAST_ERROR / max(error.relative, LEAST_ERROR))
+        self.least_t = question.step * least
+
+    @property
+    def base(self) -> Unmoved:
+        """Return what all values of t share."""
+        if self._base is None:
+            psi = self.question.psi(self.error.admissible.displacement)
+            self._base = unmoved(self.error, psi)
+        return self._base
+
+    @property
+    def best(self) -> Ends | None:
+        """Return the narrowest of the intervals, None if there is none."""
+        return min(self.tried, key=lambda ends: ends.width, default=None)
+
+    def rough(self, t: float) -> Ends | None:
+        """Estimate the interval for a t from a scene moved to one side.
+
+        None if that is not solved.
+        """
+        try:
+            plus = self._moved(t)
+        except (NotConverged, NotHeldError):
+            return None
+        self._plus = t, plus
+        ends = rough_ends(self.base, plus, t)
+        return ends if np.isfinite(ends.width) else None
+
+    def attempt(self, t: float) -> Ends | None:
+        """Compute the interval for a t; None if the moved scenes are not solved."""
+        try:
+            if self._plus is not None and self._plus[0] == t:
+                plus = self._plus[1]
+            else:
+                plus = self._moved(t)
+            minus = self._moved(-t)
+        except (NotConverged, NotHeldError):
+            return None
+        ends = ends_of(self.base, plus, minus, t)
+        if not np.isfinite(ends.width):
+            # A body that the load pulls off may have a displacement without end.
+            return None
+        if self.question.varies:
+            # Of loads that the mesh carries this is exactly zero, however small t is.
+            carried = constitutive_error(plus).oscillations.loads == 0.0
+            ends = replace(ends, resolved=ends.resolved and carried)
+        self.tried.append(ends)
+        return ends
+
+    def _moved(self, t: float) -> Admissible:
+        """Return the pair of the scene moved by t."""
+        assert self.question.moved is not None
+        try:
+            return self._pair_of(self.question.moved(t))
+        except InputError as conflict:
+            raise InputError(
+                "interval: what the number is of cannot move alone, because a support or a contact"
+                f" holds a node of it. The moved scene says: {conflict}"
+            ) from conflict
+
+    def next_t(self, ends: Ends) -> float:
+        """Return the t that should be better than that of an interval."""
+        t = float(np.clip(ends.better_t, ends.t / FACTOR, ends.t * FACTOR))
+        return max(t, self.least_t)
+
+    def bounds(self) -> Bounds:
+        """Return what the intervals of all t share, around its middle."""
+        # Each interval holds, so their intersection does.
+        low = max(ends.low for ends in self.tried)
+        high = min(ends.high for ends in self.tried)
+        resolved = self.question.constant.resolved and all(ends.resolved for ends in self.tried)
+        error = self.error
+        return self._of_number(
+            low, high, error.guaranteed and resolved and not data_vary(error.model)
+        )
+
+    def estimate(self, rough: Ends) -> Bounds:
+        """Return a rough interval as one of the number."""
+        return self._of_number(rough.low, rough.high, False)
+
+    def _of_number(self, low: float, high: float, proved: bool) -> Bounds:
+        """Return the interval of the number that one of Q gives."""
+        constant = self.question.constant
+        ends = sorted((self.question.sign * low, self.question.sign * high))
+        least = ends[0] + constant.value - constant.bound
+        most = ends[1] + constant.value + constant.bound
+        return Bounds((least + most) / 2, least, most, proved)
+
+    def shares(self, ends: Ends) -> np.ndarray:
+        """Return the share of each owned cell in the width of an interval.
+
+        The width is about ``M^2/t + t d^2/4``. Both squares are sums over cells.
+        """
+        squares = (self.error.scale * self.error.indicators) ** 2
+        return squares / (2 * ends.t) + ends.t * ends.d_squares / 4
