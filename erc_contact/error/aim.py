@@ -1,9 +1,9 @@
 """Aim a run at a number: an interval where it may end, else an estimate to mark by.
 
-On a mesh where the interval cannot be narrow enough yet, the scene is moved to one side
-only, which tells how wide it would be and the shares of the cells. Where it may be
-narrow enough, the scene is moved to the other side, too. t follows from that of the
-last mesh. So most meshes take one or two further solves.
+On most meshes the interval cannot be narrow enough yet. There the scene is moved to one
+side only: this tells the shares of the cells, and about how wide the interval would be.
+Where it may be narrow enough, and on the first mesh, the scene is moved to the other
+side, too. t follows from that of the last mesh. So most meshes take one further solve.
 """
 
 from __future__ import annotations
@@ -23,12 +23,17 @@ from erc_contact.error.three_pairs import Ends
 from erc_contact.error.trials import FACTOR, NEAR, GoalError, Trials
 from erc_contact.scene.goal import Goal
 
+FIRST = 3.0
+"""First t of a run over that of a question [-]: about what is best, as measured."""
 FIRST_COUNT = 2
 """Number of values of t that are tried at most until a moved scene is solved."""
-COUNT = 3
-"""Number of values of t that are tried at most on a mesh where the run may end."""
-MARGIN = 1.1
-"""Half width that is estimated over that asked for, where the run may end [-]."""
+ORDER = 2.0
+"""Order of the width in e that is hoped for from one interval to the next [-].
+
+It is 2 at best. Hope costs a solve; its opposite would cost a mesh more than needed.
+"""
+MARGIN = 1.2
+"""Half width that is hoped for, over that asked for, where the run may end [-]."""
 
 State = dict[str, float]
 """Type of what an aim carries from mesh to mesh, plain numbers."""
@@ -80,29 +85,53 @@ class Aim:
             self._measure(Trials(error, question, pair_of))
 
     def _measure(self, trials: Trials) -> None:
-        """Try values of t on a mesh; collective."""
+        """Measure the interval on a mesh, or estimate it, and carry t; collective."""
         t = max(self._first_t(trials), trials.least_t)
-        rough = None
+        if self._may_end(trials.base.M):
+            self._try(trials, t)
+        best = trials.best
+        if best is not None:
+            self._measured(trials, best)
+            return
         for _ in range(FIRST_COUNT):
             rough = trials.rough(t)
             if rough is not None:
-                break
+                self._carried |= {"t": t, "M": trials.base.M}
+                self._is_rough = True
+                self._last = GoalError(trials.estimate(rough), trials.shares(rough))
+                return
+            # The scene moved has no solution; nor may it have any on this mesh.
             t = max(t / FACTOR, trials.least_t)
-        if rough is None:
-            # The scene moved has no solution on this mesh; the next one is finer.
-            return
-        if self._promises(trials, rough, trials.estimate(rough)):
-            self._try(trials, rough)
-        best = trials.best
-        self._keep(trials, best or rough)
-        if best is None:
-            self._is_rough = True
-            self._last = GoalError(trials.estimate(rough), trials.shares(rough))
-            return
+
+    def _measured(self, trials: Trials, best: Ends) -> None:
+        """Take the interval of a mesh, and carry what others need; collective."""
+        M = trials.base.M
         bounds = trials.bounds()
+        self._carried |= {"t": trials.next_t(best), "M": M}
+        self._carried |= {"half": trials.best_half(best), "M of half": M, "value": bounds.value}
         if bounds.relative > self._accuracy:
             bounds = with_lifting(trials.error, self._goal, bounds)
         self._last = self._with_proved(GoalError(bounds, trials.shares(best)))
+
+    def _may_end(self, M: float) -> bool:
+        """Tell whether the interval may be as narrow as asked for."""
+        carried = self._carried
+        if "half" not in carried or carried["M of half"] == 0.0:
+            return True
+        half = carried["half"] * (M / carried["M of half"]) ** ORDER
+        return half <= MARGIN * self._accuracy * abs(carried["value"])
+
+    def _try(self, trials: Trials, t: float) -> None:
+        """Measure the interval for a t, and for a better one if that may be enough."""
+        ends = trials.attempt(t)
+        if ends is None:
+            return
+        bounds = trials.bounds()
+        t = trials.next_t(ends)
+        if bounds.relative <= self._accuracy or 1 / NEAR < t / ends.t < NEAR:
+            return
+        if trials.best_half(ends) <= self._accuracy * abs(bounds.value):
+            trials.attempt(t)
 
     def finish(self, error: ConstitutiveError) -> None:
         """Measure the interval on the last mesh of a run that has an estimate there."""
@@ -141,49 +170,13 @@ class Aim:
     def _first_t(self, trials: Trials) -> float:
         """Return the t with which a mesh begins.
 
-        ``t = 2 M/d`` is best. M falls like e, and d like the root of it at least.
+        ``t = 2 M/d`` is best. M falls like e, and d like the root of it, as measured,
+        or not at all.
         """
         M = self._carried.get("M", 0.0)
         if M > 0 and trials.base.M > 0:
             return self._carried["t"] * float(np.sqrt(trials.base.M / M))
-        return trials.question.step
-
-    def _keep(self, trials: Trials, ends: Ends) -> None:
-        """Carry the best t of a mesh to the next one."""
-        self._carried |= {"t": trials.next_t(ends), "M": trials.base.M}
-
-    def _promises(self, trials: Trials, ends: Ends, bounds: Bounds) -> bool:
-        """Tell whether an interval would be narrow enough for the best t."""
-        asked = MARGIN * self._accuracy * abs(bounds.value)
-        M = trials.base.M
-        if M == 0.0:
-            return True
-        # With t = 2 M/d half of the width is d M more than what V leaves.
-        t = ends.t
-        d = 2 * M / ends.better_t
-        m = min(M, d * t / 2)
-        now = d * m + (M**2 - m**2) / t
-        half = (bounds.high - bounds.low) / 2
-        return half - now + min(now, d * M) <= asked
-
-    def _try(self, trials: Trials, rough: Ends) -> None:
-        """Measure intervals until one is narrow enough, or none can be expected to."""
-        t = rough.t
-        ends = rough
-        for _ in range(COUNT):
-            better_t = trials.next_t(ends)
-            is_best = 1 / NEAR < better_t / t < NEAR
-            is_narrow = trials.estimate(rough).relative <= self._accuracy
-            if trials.tried:
-                if is_best or not self._promises(trials, ends, trials.bounds()):
-                    return
-                t = better_t
-            elif not (is_best or is_narrow):
-                t = better_t
-            measured = trials.attempt(t)
-            if measured is None or trials.bounds().relative <= self._accuracy:
-                return
-            ends = measured
+        return FIRST * trials.question.step
 
     def _with_proved(self, last: GoalError) -> GoalError:
         """Return an interval narrowed by the proved ones of the meshes before.

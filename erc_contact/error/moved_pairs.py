@@ -9,7 +9,7 @@ from erc_contact.admissible.pair import Admissible, equilibrated
 from erc_contact.base.logs import muted
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.trials import PairOf
-from erc_contact.newton.nearby import solved_nearby
+from erc_contact.newton.nearby import Nearby
 from erc_contact.scene.scene import Scene
 
 
@@ -26,10 +26,10 @@ def moved_pairs(error: ConstitutiveError, solver: str, tighten: int) -> Iterator
         tighten: Greatest number of iterations that tighten a stress.
     """
     solution = error.solution
+    nearby = Nearby(solution, solver)
 
     def pair_of(scene: Scene) -> Admissible:
-        moved = solved_nearby(scene, solution, solver)
-        return equilibrated(moved, tighten, error.admissible)
+        return equilibrated(nearby.solve(scene), tighten, error.admissible)
 
     with solution.stiffness.in_memory(), muted("interval, moved scene"):
         yield pair_of

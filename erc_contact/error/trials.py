@@ -142,6 +142,15 @@ class Trials:
         """Return a rough interval as one of the number."""
         return self._of_number(rough.low, rough.high, False)
 
+    def best_half(self, ends: Ends) -> float:
+        """Return half of the width for the best t, if d is the same there."""
+        M = self.base.M
+        t = ends.t
+        d = 2 * M / ends.better_t if M > 0 else 0.0
+        m = min(M, d * t / 2)
+        # With t = 2 M/d it is d M and what the computed parts leave.
+        return ends.width / 2 - (d * m + (M**2 - m**2) / t) + d * M
+
     def _of_number(self, low: float, high: float, proved: bool) -> Bounds:
         """Return the interval of the number that one of Q gives."""
         constant = self.question.constant

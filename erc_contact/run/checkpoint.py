@@ -165,7 +165,7 @@ class Checkpoint:
         try:
             level = level_of(error, steps)
             if self.comm.rank == 0:
-                about = {"fingerprint": self.fingerprint, "accuracy": self.accuracy}
+                about: dict[str, Any] = {"fingerprint": self.fingerprint, "accuracy": self.accuracy}
                 about["carried"] = {} if aim is None else aim.before
                 self.folder.write(number, replace(level, about=level.about | about))
         except (InputError, OSError, MemoryError) as reason:
