@@ -26,6 +26,7 @@ import numpy as np  # isort: skip - after erc_contact, which loads MPI first
 from attack import pushed_block  # isort: skip
 from attack_families import Sample, scene_generator  # isort: skip
 from attack_tables import quantile_table  # isort: skip
+from goal_runs import cost as cost_of_runs  # isort: skip
 from goal_families import Wanted, stacked, turned, weighed  # isort: skip
 from tasks import run  # isort: skip
 
@@ -235,9 +236,20 @@ def functionals_in_space(seed: int = 0, count: int = 6) -> None:
     against_fields(weighed, seed, count, 3)
 
 
+def cost(seed: int = 0, count: int = 40) -> None:
+    """Print what runs in the plane cost."""
+    cost_of_runs(random_block, goals, seed, count, 2)
+
+
+def cost_in_space(seed: int = 0, count: int = 12) -> None:
+    """Print what runs in space cost."""
+    cost_of_runs(random_block, goals, seed, count, 3)
+
+
 IN_PLANE = (plane, coulomb, moments, contacts, functionals)
 IN_SPACE = (space, moments_in_space, contacts_in_space, functionals_in_space)
-TASKS: dict[str, Callable[..., None]] = {task.__name__: task for task in IN_PLANE + IN_SPACE}
+RUNS = (cost, cost_in_space)
+TASKS: dict[str, Callable[..., None]] = {task.__name__: task for task in IN_PLANE + IN_SPACE + RUNS}
 
 
 if __name__ == "__main__":

@@ -34,6 +34,11 @@ It is 2 at best. Hope costs a solve; its opposite would cost a mesh more than ne
 """
 MARGIN = 1.2
 """Half width that is hoped for, over that asked for, where the run may end [-]."""
+CLOSE = 1.3
+"""Half width over that asked for from which another t may be enough [-]."""
+
+MUCH = 0.7
+"""Width for another t over that of an interval that is worth its solves [-]."""
 
 State = dict[str, float]
 """Type of what an aim carries from mesh to mesh, plain numbers."""
@@ -66,14 +71,18 @@ class Aim:
     @property
     def bounds(self) -> Bounds | None:
         """Return the interval on the last mesh; None where there is none."""
-        return None if self._last is None else self._last.bounds
+        return None if self._last is None or self._is_rough else self._last.bounds
 
-    def carry(self, state: State) -> None:
-        """Take what an earlier process carried to the mesh that comes."""
-        self._carried = dict(state)
+    def measure(self, error: ConstitutiveError, carried: State | None = None) -> None:
+        """Measure the interval on a mesh, or estimate it.
 
-    def measure(self, error: ConstitutiveError) -> None:
-        """Measure the interval on a mesh, or estimate it."""
+        Args:
+            error: The error on the mesh.
+            carried: What an earlier process carried to this mesh; None for what this
+                one did.
+        """
+        if carried is not None:
+            self._carried = dict(carried)
         self.before = dict(self._carried)
         self._last = None
         self._is_rough = False
@@ -122,16 +131,22 @@ class Aim:
         return half <= MARGIN * self._accuracy * abs(carried["value"])
 
     def _try(self, trials: Trials, t: float) -> None:
-        """Measure the interval for a t, and for a better one if that may be enough."""
+        """Measure the interval for a t, and for another one if that may be enough."""
         ends = trials.attempt(t)
         if ends is None:
             return
         bounds = trials.bounds()
-        t = trials.next_t(ends)
-        if bounds.relative <= self._accuracy or 1 / NEAR < t / ends.t < NEAR:
-            return
-        if trials.best_half(ends) <= self._accuracy * abs(bounds.value):
-            trials.attempt(t)
+        asked = self._accuracy * abs(bounds.value)
+        half = (bounds.high - bounds.low) / 2
+        hoped = trials.best_half(ends)
+        is_reached = half <= asked
+        is_enough = hoped <= asked or half <= CLOSE * asked
+        # An interval that is narrow enough may still be far wider than it need be.
+        if hoped < MUCH * half if is_reached else is_enough:
+            better_t = trials.next_t(ends)
+            is_best = 1 / NEAR < better_t / t < NEAR
+            # Below the best t one end is often higher, though the width is not less.
+            trials.attempt(t / NEAR if is_best else better_t)
 
     def finish(self, error: ConstitutiveError) -> None:
         """Measure the interval on the last mesh of a run that has an estimate there."""
@@ -152,20 +167,18 @@ class Aim:
     @property
     def reached(self) -> bool:
         """Tell whether the interval is as narrow as asked for."""
-        if self.bounds is None or self._is_rough:
-            return False
-        return self.bounds.relative <= self._accuracy
+        return self.bounds is not None and self.bounds.relative <= self._accuracy
 
     @property
     def words(self) -> str:
         """Say how far the number is known."""
-        if self.bounds is None:
+        if self._last is None:
             return f"{self._goal!r} has no interval yet"
-        half = percent(self.bounds.relative)
+        bounds = self._last.bounds
         if self._is_rough:
-            return f"{self._goal!r} is about {self.bounds.value:.6g}, no interval yet (+-{half})"
-        kind = "proved" if self.bounds.guaranteed else "an estimate"
-        return f"{self._goal!r} = {self.bounds.value:.6g} to {half}, {kind}"
+            return f"{self._goal!r} is about {bounds.value:.6g}, no interval yet"
+        kind = "proved" if bounds.guaranteed else "an estimate"
+        return f"{self._goal!r} = {bounds.value:.6g} to {percent(bounds.relative)}, {kind}"
 
     def _first_t(self, trials: Trials) -> float:
         """Return the t with which a mesh begins.

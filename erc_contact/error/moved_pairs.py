@@ -9,7 +9,7 @@ from erc_contact.admissible.pair import Admissible, equilibrated
 from erc_contact.base.logs import muted
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.trials import PairOf
-from erc_contact.newton.nearby import Nearby
+from erc_contact.newton.solve import Nearby
 from erc_contact.scene.scene import Scene
 
 
@@ -25,11 +25,10 @@ def moved_pairs(error: ConstitutiveError, solver: str, tighten: int) -> Iterator
         solver: As in :func:`erc_contact.newton.solve.solve`.
         tighten: Greatest number of iterations that tighten a stress.
     """
-    solution = error.solution
-    nearby = Nearby(solution, solver)
+    nearby = Nearby(error.solution, solver)
 
     def pair_of(scene: Scene) -> Admissible:
         return equilibrated(nearby.solve(scene), tighten, error.admissible)
 
-    with solution.stiffness.in_memory(), muted("interval, moved scene"):
+    with error.solution.stiffness.in_memory(), muted("interval, moved scene"):
         yield pair_of

@@ -11,6 +11,7 @@ from pathlib import Path
 from erc_contact.admissible.kernels import kernels_ahead
 from erc_contact.admissible.tighten.iteration import TIGHTEN
 from erc_contact.base import checks
+from erc_contact.error.aim import Aim
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.strategy import Strategy
 from erc_contact.mesh.domain import Domain
@@ -126,7 +127,10 @@ def adapt(
         identity = fingerprint(scene, domain, plan.arguments(DECISIVE))
         store = Checkpoint(comm, checkpoint, identity, plan.accuracy, every)
     try:
-        return Loop(plan, comm, store).go(domain)
+        aim = None
+        if plan.goal is not None:
+            aim = Aim(plan.goal, plan.accuracy, plan.solver, plan.tighten)
+        return Loop(plan, comm, store, aim=aim).go(domain)
     finally:
         # the lock on the folder ends with the run, however the run ends
         if store is not None:

@@ -18,7 +18,6 @@ from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError, raise_together
 from erc_contact.base.logs import log_of
-from erc_contact.error.aim import Aim, State
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.mesh.domain import Domain
 from erc_contact.newton.methods import Method
@@ -27,6 +26,8 @@ from erc_contact.run.levels import Damaged, Folder, Level
 from erc_contact.run.states import Restored, level_of
 from erc_contact.scene.scene import Scene
 
+State = dict[str, float]
+"""Type of what the aim of a run carries from mesh to mesh."""
 DIFFERENCES = 3
 """Greatest number of differences between two runs that a message names."""
 
@@ -142,7 +143,7 @@ class Checkpoint:
         self,
         error: ConstitutiveError,
         steps: Sequence[Any],
-        aim: Aim | None = None,
+        carried: State | None = None,
         *,
         last: bool = False,
     ) -> None:
@@ -153,7 +154,7 @@ class Checkpoint:
         Args:
             error: The error of the level.
             steps: The rows of the run so far.
-            aim: The aim of the run, which has carried something to this level.
+            carried: What the aim of the run has carried to this level.
             last: Whether the run ends with it, so that it is written in any case.
         """
         number = len(steps)
@@ -166,7 +167,7 @@ class Checkpoint:
             level = level_of(error, steps)
             if self.comm.rank == 0:
                 about: dict[str, Any] = {"fingerprint": self.fingerprint, "accuracy": self.accuracy}
-                about["carried"] = {} if aim is None else aim.before
+                about["carried"] = carried or {}
                 self.folder.write(number, replace(level, about=level.about | about))
         except (InputError, OSError, MemoryError) as reason:
             log_of(self.comm).warning(

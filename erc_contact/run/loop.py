@@ -15,13 +15,14 @@ from erc_contact.base.logs import log_of
 from erc_contact.base.percent import percent
 from erc_contact.base.progress import stage
 from erc_contact.base.runtime.interrupts import Interrupts
-from erc_contact.error.aim import Aim
 from erc_contact.error.constitutive import ConstitutiveError, constitutive_error
 from erc_contact.error.optimal import SizeMap
 from erc_contact.mesh.domain import Domain
 from erc_contact.newton.doubts import DoubtsOfRun
 from erc_contact.newton.ladder import NODAL
-from erc_contact.newton.solve import DEFAULT, solved
+from erc_contact.newton.methods import DEFAULT
+from erc_contact.newton.solve import solved
+from erc_contact.run.aiming import Aiming
 from erc_contact.run.checkpoint import Checkpoint
 from erc_contact.run.endings import AT_REST, NO_TRUE_SHAPE, ending, other_methods
 from erc_contact.run.foreseen import too_many_cells
@@ -45,10 +46,12 @@ class Loop:
         plan: What is asked for.
         comm: Communicator of the run.
         store: Where the run is kept, or None.
+        aim: What follows its goal, or None without.
         quiet: Whether its rows are for debugging only, as in a step of a loading
             history.
 
     Attributes:
+        carried: What the aim carried to the last mesh.
         last: The error that was measured last in this process.
         best: The error of least ``total``.
         doubts: What is doubtful in its solutions; steps of a history leave it to that.
@@ -57,7 +60,13 @@ class Loop:
     """
 
     def __init__(
-        self, plan: Plan, comm: MPI.Comm, store: Checkpoint | None, *, quiet: bool = False
+        self,
+        plan: Plan,
+        comm: MPI.Comm,
+        store: Checkpoint | None,
+        *,
+        aim: Aiming | None = None,
+        quiet: bool = False,
     ) -> None:
         self.plan = plan
         self.comm = comm
@@ -70,9 +79,8 @@ class Loop:
         self.last: ConstitutiveError | None = None
         self.best: ConstitutiveError | None = None
         self.outcome = ""
-        self.aim: Aim | None = None
-        if plan.goal is not None:
-            self.aim = Aim(plan.goal, plan.accuracy, plan.solver, plan.tighten)
+        self.aim = aim
+        self.carried: dict[str, float] = {}
         self.warned = False
 
     def go(self, domain: Domain) -> History:
@@ -90,7 +98,7 @@ class Loop:
             except (Exception, KeyboardInterrupt) as failure:
                 self._end(failure, interrupts)
             if self.store is not None and self.last is not None:
-                self.store.add(self.last, self.steps, self.aim, last=True)
+                self.store.add(self.last, self.steps, self.carried, last=True)
         return self._history(fallback=self.plan.method is None)
 
     @property
@@ -119,11 +127,9 @@ class Loop:
         self.best = kept.best
         self.began -= self.steps[-1].seconds
         for step in self.steps:
-            self._log_row(step, error.domain)
+            self._log(line(step, curved=error.domain.curved_facets is not None))
         self.doubts.see(error.solution)
-        if self.aim is not None:
-            self.aim.carry(kept.carried)
-        self._aim(error)
+        self._aim(error, kept.carried)
         log_of(self.comm).info("Read from %s; the run goes on from here.", store.folder.path)
         return error
 
@@ -145,18 +151,19 @@ class Loop:
         # the mesh is kept before the callback, which may end the run
         if self.store is not None:
             with stage(self.comm, "keeping the mesh"):
-                self.store.add(error, self.steps, self.aim)
+                self.store.add(error, self.steps, self.carried)
         if plan.callback is not None:
             together(self.comm, plan.callback, error, step)
         interrupts.check()
         return error
 
-    def _aim(self, error: ConstitutiveError) -> None:
+    def _aim(self, error: ConstitutiveError, carried: dict[str, float] | None = None) -> None:
         """Measure the interval of the goal, if the run has one; collective."""
         if self.aim is None or error.solution.at_rest:
             return
         with stage(self.comm, "interval of the goal"):
-            self.aim.measure(error)
+            self.aim.measure(error, carried)
+        self.carried = self.aim.before
         self._log(self.aim.words)
 
     def _measured(
@@ -196,12 +203,8 @@ class Loop:
         self.meshes.append((error.domain, error.indicators))
         if self.best is None or error.total < self.best.total:
             self.best = error
-        self._log_row(step, error.domain)
+        self._log(line(step, curved=error.domain.curved_facets is not None))
         return step
-
-    def _log_row(self, step: Step, domain: Domain) -> None:
-        """Log the row of a mesh."""
-        self._log(line(step, curved=domain.curved_facets is not None))
 
     def _log(self, text: str, level: int = logging.INFO) -> None:
         """Log a text, for debugging alone if the run is quiet."""
@@ -209,8 +212,7 @@ class Loop:
 
     def _ends(self, error: ConstitutiveError) -> bool:
         """Decide whether the run ends with this error; then the outcome says why."""
-        plan = self.plan
-        best = self.best
+        plan, best = self.plan, self.best
         assert best is not None
         is_last = len(self.steps) >= plan.max_steps
         if is_last and self.aim is not None:
@@ -271,9 +273,7 @@ class Loop:
         if not self.outcome:
             self.outcome = f"Stopped{self.above}: {type(failure).__name__}: {failure}"
             failure.history = self._history(fallback=False)  # type: ignore[attr-defined]
-            failure.add_note(
-                "The history of the run so far is the attribute `history` of this exception."
-            )
+            failure.add_note("The attribute `history` of this exception has the run so far.")
             raise failure
 
     def _history(self, *, fallback: bool) -> History:
