@@ -26,7 +26,8 @@ import numpy as np  # isort: skip - after erc_contact, which loads MPI first
 from attack import pushed_block  # isort: skip
 from attack_families import Sample, scene_generator  # isort: skip
 from attack_tables import quantile_table  # isort: skip
-from goal_runs import cost as cost_of_runs  # isort: skip
+from goal_orders import orders as orders_of_blocks  # isort: skip
+from goal_runs import cost as cost_of_runs, runs  # isort: skip
 from goal_families import Wanted, stacked, turned, weighed  # isort: skip
 from tasks import run  # isort: skip
 
@@ -246,9 +247,19 @@ def cost_in_space(seed: int = 0, count: int = 12) -> None:
     cost_of_runs(random_block, goals, seed, count, 3)
 
 
+def orders(seed: int = 0, count: int = 8) -> None:
+    """Print the orders of widths in the plane."""
+    orders_of_blocks(seed, count, 2)
+
+
+def orders_in_space(seed: int = 0, count: int = 3) -> None:
+    """Print the orders of widths in space."""
+    orders_of_blocks(seed, count, 3)
+
+
 IN_PLANE = (plane, coulomb, moments, contacts, functionals)
 IN_SPACE = (space, moments_in_space, contacts_in_space, functionals_in_space)
-RUNS = (cost, cost_in_space)
+RUNS = (cost, cost_in_space, runs, orders, orders_in_space)
 TASKS: dict[str, Callable[..., None]] = {task.__name__: task for task in IN_PLANE + IN_SPACE + RUNS}
 
 

@@ -120,7 +120,7 @@ def test_intersection_with_that_of_one_lifting(monkeypatch):
     error = certified(scene, block)
     goal = ec.Resultant("bottom", (0.0, 1.0))
     first = ec.resultant(error, "bottom", (0.0, 1.0))
-    useless = Ends(-10.0, first.value, 1.0, 1.0, 0 * error.indicators)
+    useless = Ends(-10.0, first.value, 1.0, 1.0, 0.0, 0 * error.indicators)
     monkeypatch.setattr(goals, "search", lambda trials, t: trials.tried.append(useless))
     both = ec.interval(error, goal)
     assert both.guaranteed
@@ -129,7 +129,7 @@ def test_intersection_with_that_of_one_lifting(monkeypatch):
     monkeypatch.undo()
     numbers = iter([np.nan, 1.0, 1.0, 1.0, 1.0, 1.0])
     monkeypatch.setattr(
-        trials, "ends_of", lambda *pairs: Ends(-next(numbers), first.value, 1.0, 1.0, 0.0)
+        trials, "ends_of", lambda *pairs: Ends(-next(numbers), first.value, 1.0, 1.0, 0.0, 0.0)
     )
     # A scene that was moved so far that it overflows tells nothing.
     assert ec.interval(error, goal).low == pytest.approx(first.low, rel=1e-9)

@@ -27,6 +27,8 @@ FIRST = 3.0
 """First t of a run over that of a question [-]: about what is best, as measured."""
 FIRST_COUNT = 2
 """Number of values of t that are tried at most until a moved scene is solved."""
+COUNT = 3
+"""Number of values of t that are tried at most where the run may end."""
 ORDER = 2.0
 """Order of the width in e that is hoped for from one interval to the next [-].
 
@@ -37,6 +39,10 @@ MARGIN = 1.2
 CLOSE = 1.3
 """Half width over that asked for from which another t may be enough [-]."""
 
+SETTLED = 0.1
+"""Part of a width that changes of the contact set make where they count little [-]."""
+SUDDEN = 0.8
+"""The same where t is far too large [-]."""
 MUCH = 0.7
 """Width for another t over that of an interval that is worth its solves [-]."""
 
@@ -98,26 +104,35 @@ class Aim:
         t = max(self._first_t(trials), trials.least_t)
         if self._may_end(trials.base.M):
             self._try(trials, t)
+        rough = None if trials.tried else self._estimate(trials, t)
+        if rough is not None and self._may_end_by(trials, rough):
+            self._try(trials, rough.t)
         best = trials.best
         if best is not None:
             self._measured(trials, best)
-            return
+        elif rough is not None:
+            self._carried |= {"t": rough.t, "M": trials.base.M}
+            self._is_rough = True
+            self._last = GoalError(trials.estimate(rough), trials.shares(rough))
+
+    def _estimate(self, trials: Trials, t: float) -> Ends | None:
+        """Estimate the interval for a t, or for a smaller one; collective."""
         for _ in range(FIRST_COUNT):
             rough = trials.rough(t)
             if rough is not None:
-                self._carried |= {"t": t, "M": trials.base.M}
-                self._is_rough = True
-                self._last = GoalError(trials.estimate(rough), trials.shares(rough))
-                return
-            # The scene moved has no solution; nor may it have any on this mesh.
+                return rough
             t = max(t / FACTOR, trials.least_t)
+        # The scene moved has no solution on this mesh; the next one is finer.
+        return None
 
     def _measured(self, trials: Trials, best: Ends) -> None:
         """Take the interval of a mesh, and carry what others need; collective."""
         M = trials.base.M
         bounds = trials.bounds()
-        self._carried |= {"t": trials.next_t(best), "M": M}
-        self._carried |= {"half": trials.best_half(best), "M of half": M, "value": bounds.value}
+        t = self._below_sudden(trials.safe_t(best))
+        half = min(trials.half_at(best, t), best.width / 2)
+        self._carried |= {"t": t, "M": M, "half": half, "M of half": M, "value": trials.value()}
+        self._carried["spread"] = max(best.spread, 0.0) / best.width
         if bounds.relative > self._accuracy:
             bounds = with_lifting(trials.error, self._goal, bounds)
         self._last = self._with_proved(GoalError(bounds, trials.shares(best)))
@@ -130,23 +145,40 @@ class Aim:
         half = carried["half"] * (M / carried["M of half"]) ** ORDER
         return half <= MARGIN * self._accuracy * abs(carried["value"])
 
+    def _may_end_by(self, trials: Trials, rough: Ends) -> bool:
+        """Tell whether an estimate promises an interval as narrow as asked for.
+
+        It does not see what the motion changes in the contact set. So it counts only if
+        the last interval saw little of that, and t may still grow.
+        """
+        if self._carried.get("spread", 1.0) > SETTLED:
+            return False
+        half = trials.half_at(rough, self._below_sudden(trials.safe_t(rough)))
+        return half <= self._accuracy * abs(trials.estimate(rough).value)
+
     def _try(self, trials: Trials, t: float) -> None:
-        """Measure the interval for a t, and for another one if that may be enough."""
-        ends = trials.attempt(t)
-        if ends is None:
-            return
-        bounds = trials.bounds()
-        asked = self._accuracy * abs(bounds.value)
-        half = (bounds.high - bounds.low) / 2
-        hoped = trials.best_half(ends)
-        is_reached = half <= asked
-        is_enough = hoped <= asked or half <= CLOSE * asked
-        # An interval that is narrow enough may still be far wider than it need be.
-        if hoped < MUCH * half if is_reached else is_enough:
-            better_t = trials.next_t(ends)
-            is_best = 1 / NEAR < better_t / t < NEAR
+        """Measure intervals, for other t as long as they may be enough; collective."""
+        for _ in range(COUNT):
+            ends = trials.attempt(t)
+            if ends is None:
+                return
+            self._see(ends)
+            if ends.spread > SUDDEN * ends.width:
+                t = self._below_sudden(trials.safe_t(ends))
+                continue
+            bounds = trials.bounds()
+            half = (bounds.high - bounds.low) / 2
+            asked = self._accuracy * abs(bounds.value)
+            better_t = self._below_sudden(trials.safe_t(ends))
+            hoped = trials.half_at(ends, better_t)
+            is_reached = half <= asked
+            is_enough = hoped <= asked or half <= CLOSE * asked
+            # An interval that is narrow enough may still be far wider than it need be.
+            if not (hoped < MUCH * half if is_reached else is_enough):
+                return
             # Below the best t one end is often higher, though the width is not less.
-            trials.attempt(t / NEAR if is_best else better_t)
+            is_best = 1 / NEAR < better_t / t < NEAR
+            t = t / NEAR if is_best else better_t
 
     def finish(self, error: ConstitutiveError) -> None:
         """Measure the interval on the last mesh of a run that has an estimate there."""
@@ -188,8 +220,31 @@ class Aim:
         """
         M = self._carried.get("M", 0.0)
         if M > 0 and trials.base.M > 0:
-            return self._carried["t"] * float(np.sqrt(trials.base.M / M))
+            return self._below_sudden(self._carried["t"] * float(np.sqrt(trials.base.M / M)))
         return FIRST * trials.question.step
+
+    def _see(self, ends: Ends) -> None:
+        """Carry the least t that changed the contact set much, and one that did not."""
+        sudden = self._carried.get("sudden t", np.inf)
+        gentle = self._carried.get("gentle t", 0.0)
+        if ends.spread > SUDDEN * ends.width:
+            sudden = min(sudden, ends.t)
+        else:
+            gentle = max(gentle, ends.t)
+        if sudden < np.inf:
+            self._carried["sudden t"] = sudden
+        self._carried["gentle t"] = min(gentle, sudden / NEAR)
+
+    def _below_sudden(self, t: float) -> float:
+        """Return a t, or one below it that should not change the contact set much.
+
+        What does so all at once depends on the scene, and little on the mesh.
+        """
+        if "sudden t" not in self._carried:
+            return t
+        sudden = self._carried["sudden t"]
+        gentle = max(self._carried["gentle t"], sudden / FACTOR)
+        return min(t, float(np.sqrt(gentle * sudden)))
 
     def _with_proved(self, last: GoalError) -> GoalError:
         """Return an interval narrowed by the proved ones of the meshes before.

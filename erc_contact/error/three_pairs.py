@@ -80,6 +80,7 @@ class Ends:
         high: Its upper end.
         t: The t that it is of.
         better_t: The t that would be best if d were the same for all t, ``2 M/d``.
+        spread: V of the upper end less that of the lower one.
         d_squares: ``d^2`` on each owned cell, the mean of both ends, shape (owned,).
         resolved: Whether its integrals are resolved, and the mesh carries moved loads.
     """
@@ -88,6 +89,7 @@ class Ends:
     high: float
     t: float
     better_t: float
+    spread: float
     d_squares: np.ndarray
     resolved: bool = True
 
@@ -188,7 +190,8 @@ def _ends(
     d = max(sizes)
     better_t = 2 * M / d if d > 0 else np.inf
     resolved = lower[0].resolved and upper[0].resolved
-    return Ends(ends[0], ends[1], t, better_t, d_squares, resolved)
+    spread = upper[0].value - lower[0].value
+    return Ends(ends[0], ends[1], t, better_t, spread, d_squares, resolved)
 
 
 def _end(

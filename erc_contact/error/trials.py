@@ -25,8 +25,12 @@ PairOf = Callable[[Scene], Admissible]
 
 FACTOR = 10.0
 """Largest ratio of one t to the next that is tried [-]."""
+GROWTH = 3.0
+"""The same where a larger t is not tried at once [-]."""
 NEAR = 1.5
 """Ratio of two t below which they are as good as each other [-]."""
+WIDE = 0.05
+"""Half width over the number from which its middle tells little of it [-]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,8 +91,20 @@ class Trials:
         except (NotConverged, NotHeldError):
             return None
         self._plus = t, plus
+        return self._rough()
+
+    def _rough(self) -> Ends | None:
+        """Estimate the interval from the last scene moved to one side."""
+        assert self._plus is not None
+        t, plus = self._plus
         ends = rough_ends(self.base, plus, t)
         return ends if np.isfinite(ends.width) else None
+
+    def value(self) -> float:
+        """Return about the number."""
+        bounds = self.bounds()
+        rough = self._rough() if bounds.relative > WIDE else None
+        return bounds.value if rough is None else self.estimate(rough).value
 
     def attempt(self, t: float) -> Ends | None:
         """Compute the interval for a t; None if the moved scenes are not solved."""
@@ -97,6 +113,7 @@ class Trials:
                 plus = self._plus[1]
             else:
                 plus = self._moved(t)
+                self._plus = t, plus
             minus = self._moved(-t)
         except (NotConverged, NotHeldError):
             return None
@@ -142,14 +159,27 @@ class Trials:
         """Return a rough interval as one of the number."""
         return self._of_number(rough.low, rough.high, False)
 
-    def best_half(self, ends: Ends) -> float:
-        """Return half of the width for the best t, if d is the same there."""
+    def safe_t(self, ends: Ends) -> float:
+        """Return a t that should be better, and is not much more than what was tried.
+
+        A motion that changes the contact set moves both V apart, about in proportion to
+        t. Such a change may begin all at once, as that of the direction of slip does.
+        """
+        t = min(ends.better_t, GROWTH * ends.t)
+        if ends.spread > 0:
+            t = min(t, ends.t * float(np.sqrt(2 * self._loss(ends, ends.t) / ends.spread)))
+        return max(t, ends.t / FACTOR, self.least_t)
+
+    def half_at(self, ends: Ends, t: float) -> float:
+        """Return half of the width that another t should give."""
+        return max(ends.spread, 0.0) / 2 * t / ends.t + self._loss(ends, t)
+
+    def _loss(self, ends: Ends, t: float) -> float:
+        """Return how far the ends are beyond V for a t, if d is the same there."""
         M = self.base.M
-        t = ends.t
         d = 2 * M / ends.better_t if M > 0 else 0.0
         m = min(M, d * t / 2)
-        # With t = 2 M/d it is d M and what the computed parts leave.
-        return ends.width / 2 - (d * m + (M**2 - m**2) / t) + d * M
+        return d * m + (M**2 - m**2) / t
 
     def _of_number(self, low: float, high: float, proved: bool) -> Bounds:
         """Return the interval of the number that one of Q gives."""
