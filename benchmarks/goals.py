@@ -28,7 +28,7 @@ from attack_families import Sample, scene_generator  # isort: skip
 from attack_tables import quantile_table  # isort: skip
 from goal_orders import orders as orders_of_blocks  # isort: skip
 from goal_runs import cost as cost_of_runs, runs  # isort: skip
-from goal_families import Wanted, stacked, turned, weighed  # isort: skip
+from goal_families import Wanted, rotating, stacked, turned, weighed  # isort: skip
 from tasks import run  # isort: skip
 
 QUANTILES = (0.0, 0.05, 0.5, 0.95, 1.0)
@@ -217,6 +217,11 @@ def moments_in_space(seed: int = 0, count: int = 6) -> None:
     against_fields(turned, seed, count, 3)
 
 
+def rotations(seed: int = 0, count: int = 100) -> None:
+    """Print the table of rotations of rigid faces in the plane."""
+    against_fields(rotating, seed, count, 2)
+
+
 def contacts(seed: int = 0, count: int = 40) -> None:
     """Print the table of forces and moments between bodies in the plane."""
     against_fields(stacked, seed, count, 2)
@@ -257,7 +262,7 @@ def orders_in_space(seed: int = 0, count: int = 3) -> None:
     orders_of_blocks(seed, count, 3)
 
 
-IN_PLANE = (plane, coulomb, moments, contacts, functionals)
+IN_PLANE = (plane, coulomb, moments, rotations, contacts, functionals)
 IN_SPACE = (space, moments_in_space, contacts_in_space, functionals_in_space)
 RUNS = (cost, cost_in_space, runs, orders, orders_in_space)
 TASKS: dict[str, Callable[..., None]] = {task.__name__: task for task in IN_PLANE + IN_SPACE + RUNS}

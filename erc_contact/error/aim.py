@@ -158,7 +158,7 @@ class Aim:
 
     def _try(self, trials: Trials, t: float) -> None:
         """Measure intervals, for other t as long as they may be enough; collective."""
-        for _ in range(COUNT):
+        for count in range(COUNT):
             ends = trials.attempt(t)
             if ends is None:
                 return
@@ -172,7 +172,7 @@ class Aim:
             better_t = self._below_sudden(trials.safe_t(ends))
             hoped = trials.half_at(ends, better_t)
             is_reached = half <= asked
-            is_enough = hoped <= asked or half <= CLOSE * asked
+            is_enough = hoped <= asked or (count == 0 and half <= CLOSE * asked)
             # An interval that is narrow enough may still be far wider than it need be.
             if not (hoped < MUCH * half if is_reached else is_enough):
                 return

@@ -133,6 +133,9 @@ class Trials:
         assert self.question.moved is not None
         try:
             return self._pair_of(self.question.moved(t))
+        except NotHeldError:
+            # A smaller motion, or a finer mesh, may leave it held.
+            raise
         except InputError as conflict:
             raise InputError(
                 "interval: what the number is of cannot move alone, because a support or a contact"

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import logging
+from contextlib import suppress
 from time import perf_counter
 
 import numpy as np
 from mpi4py import MPI
 
 from erc_contact.admissible.pair import equilibrate
-from erc_contact.base import checks
-from erc_contact.base.exceptions import InputError, together
+from erc_contact.base.exceptions import InputError, NotConverged, together
 from erc_contact.base.logs import log_of
 from erc_contact.base.percent import percent
 from erc_contact.base.progress import stage
@@ -27,6 +27,7 @@ from erc_contact.run.checkpoint import Checkpoint
 from erc_contact.run.endings import AT_REST, NO_TRUE_SHAPE, ending, other_methods
 from erc_contact.run.foreseen import too_many_cells
 from erc_contact.run.history import History
+from erc_contact.run.new_mesh import new_mesh
 from erc_contact.run.new_step import new_step
 from erc_contact.run.plan import SETTINGS, Plan
 from erc_contact.run.step import CURVED, HEADER, Step, line
@@ -51,6 +52,7 @@ class Loop:
             history.
 
     Attributes:
+        aimed: The error on the mesh for which the aim was asked last.
         carried: What the aim carried to the last mesh.
         last: The error that was measured last in this process.
         best: The error of least ``total``.
@@ -80,6 +82,7 @@ class Loop:
         self.best: ConstitutiveError | None = None
         self.outcome = ""
         self.aim = aim
+        self.aimed: ConstitutiveError | None = None
         self.carried: dict[str, float] = {}
         self.warned = False
 
@@ -92,7 +95,10 @@ class Loop:
                 while not self._ends(error):
                     domain, seconds = self._next(error, interrupts)
                     if domain.cells > self.plan.max_cells:
-                        self._stop_at_cells(error, domain)
+                        most = self.plan.max_cells
+                        words = f"{domain.cells} cells, more than max_cells = {most}"
+                        if not self._knows_goal():
+                            self.outcome = f"Stopped{self.above}: the next mesh has {words}."
                         break
                     error = self._level(domain, error, seconds, interrupts)
             except (Exception, KeyboardInterrupt) as failure:
@@ -161,6 +167,7 @@ class Loop:
         """Measure the interval of the goal, if the run has one; collective."""
         if self.aim is None or error.solution.at_rest:
             return
+        self.aimed = error
         with stage(self.comm, "interval of the goal"):
             self.aim.measure(error, carried)
         self.carried = self.aim.before
@@ -215,8 +222,8 @@ class Loop:
         plan, best = self.plan, self.best
         assert best is not None
         is_last = len(self.steps) >= plan.max_steps
-        if is_last and self.aim is not None:
-            self.aim.finish(error)
+        if is_last:
+            self._knows_goal()
         if error.solution.at_rest:
             self.outcome = AT_REST
         elif self.aim is not None and self.aim.reached:
@@ -233,34 +240,21 @@ class Loop:
                 log_of(self.comm).warning(words)
         return bool(self.outcome)
 
-    def _stop_at_cells(self, error: ConstitutiveError, domain: Domain) -> None:
-        """Say that the next mesh has too many cells; collective."""
-        if self.aim is not None:
-            self.aim.finish(error)
-            if self.aim.reached:
-                self.outcome = f"Reached: {self.aim.words}."
-                return
-        cells = f"{domain.cells} cells, more than max_cells = {self.plan.max_cells}"
-        self.outcome = f"Stopped{self.above}: the next mesh has {cells}."
+    def _knows_goal(self) -> bool:
+        """Measure the goal where the run ends; say so if it is reached; collective."""
+        if self.aim is None or self.aimed is None:
+            return False
+        with suppress(InputError):
+            self.aim.finish(self.aimed)
+        if self.aim.reached:
+            self.outcome = f"Reached: {self.aim.words}."
+        return self.aim.reached
 
     def _next(self, error: ConstitutiveError, interrupts: Interrupts) -> tuple[Domain, float]:
-        """Make the next mesh; collective.
-
-        Returns:
-            The mesh, and the wall time of making it [s].
-        """
-        plan = self.plan
-        started = perf_counter()
+        """Make the next mesh, and tell the wall time of making it [s]; collective."""
+        seen = error if self.aim is None else self.aim.marked(error)
         with stage(self.comm, f"making mesh {len(self.steps) + 1}"):
-            seen = error if self.aim is None else self.aim.marked(error)
-            domain = together(self.comm, plan.strategy.next, seen, plan.accuracy, plan.max_cells)
-        interrupts.check()
-        seconds = self.comm.allreduce(perf_counter() - started, MPI.MAX)
-        if not isinstance(domain, Domain):
-            raise InputError(
-                f"The strategy gave {checks.description(domain)}; its next() must return a Domain."
-            )
-        return domain, seconds
+            return new_mesh(self.plan, seen, interrupts)
 
     def _end(self, failure: BaseException, interrupts: Interrupts) -> None:
         """End the run with what it has, or raise.
@@ -269,6 +263,8 @@ class Loop:
         """
         if self.best is None:
             raise failure
+        if isinstance(failure, (InputError, NotConverged)) and self._knows_goal():
+            return
         self.outcome = ending(failure, interrupts, self.above)
         if not self.outcome:
             self.outcome = f"Stopped{self.above}: {type(failure).__name__}: {failure}"
