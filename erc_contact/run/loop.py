@@ -254,7 +254,8 @@ class Loop:
         """Make the next mesh, and tell the wall time of making it [s]; collective."""
         seen = error if self.aim is None else self.aim.marked(error)
         with stage(self.comm, f"making mesh {len(self.steps) + 1}"):
-            return new_mesh(self.plan, seen, interrupts)
+            plan = self.plan
+            return new_mesh(plan.strategy, seen, plan.accuracy, plan.max_cells, interrupts)
 
     def _end(self, failure: BaseException, interrupts: Interrupts) -> None:
         """End the run with what it has, or raise.

@@ -10,16 +10,24 @@ from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError, together
 from erc_contact.base.runtime.interrupts import Interrupts
 from erc_contact.error.constitutive import ConstitutiveError
+from erc_contact.error.strategy import Strategy
 from erc_contact.mesh.domain import Domain
-from erc_contact.run.plan import Plan
 
 
-def new_mesh(plan: Plan, error: ConstitutiveError, interrupts: Interrupts) -> tuple[Domain, float]:
+def new_mesh(
+    strategy: Strategy,
+    error: ConstitutiveError,
+    accuracy: float,
+    max_cells: int,
+    interrupts: Interrupts,
+) -> tuple[Domain, float]:
     """Make the next mesh, and tell the wall time of making it [s]; collective.
 
     Args:
-        plan: What the run is asked for.
+        strategy: What makes it.
         error: The error, as the strategy sees it.
+        accuracy: What the run is asked for [-].
+        max_cells: Greatest number of cells.
         interrupts: The signals of the run.
 
     Raises:
@@ -27,7 +35,7 @@ def new_mesh(plan: Plan, error: ConstitutiveError, interrupts: Interrupts) -> tu
     """
     comm = error.model.comm
     started = perf_counter()
-    domain = together(comm, plan.strategy.next, error, plan.accuracy, plan.max_cells)
+    domain = together(comm, strategy.next, error, accuracy, max_cells)
     interrupts.check()
     seconds = comm.allreduce(perf_counter() - started, MPI.MAX)
     if not isinstance(domain, Domain):
