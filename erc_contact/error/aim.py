@@ -187,8 +187,9 @@ class Aim:
         self._is_rough = False
         # An estimate is no interval.
         self._last = None
+        t = self._carried.get("t")
         with moved_pairs(error, self._solver, self._tighten) as pair_of, suppress(NotConverged):
-            self._last = self._with_proved(goal_error(error, self._goal, pair_of))
+            self._last = self._with_proved(goal_error(error, self._goal, pair_of, t))
 
     def marked(self, error: ConstitutiveError) -> ConstitutiveError:
         """Return an error whose cells count by their share in the interval."""

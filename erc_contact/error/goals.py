@@ -28,13 +28,16 @@ NARROWER = 0.9
 """Width over that of the best t so far from which no other t is tried [-]."""
 
 
-def goal_error(error: ConstitutiveError, goal: Goal, pair_of: PairOf) -> GoalError:
+def goal_error(
+    error: ConstitutiveError, goal: Goal, pair_of: PairOf, t: float | None = None
+) -> GoalError:
     """Measure the interval of a goal, for t that make it narrow; collective.
 
     Args:
         error: The error of an admissible pair.
         goal: The goal.
         pair_of: Solves a scene moved a little, and makes an admissible pair.
+        t: The first t that is tried; None for that of the question.
 
     Raises:
         InputError: As :func:`interval`.
@@ -44,7 +47,7 @@ def goal_error(error: ConstitutiveError, goal: Goal, pair_of: PairOf) -> GoalErr
     if isinstance(question, GoalError):
         return question
     trials = Trials(error, question, pair_of)
-    search(trials, question.step)
+    search(trials, question.step if t is None else t)
     best = trials.best
     if best is None:
         raise NotConverged("interval: the moved scenes were not solved; refine the mesh.", ())

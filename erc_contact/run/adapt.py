@@ -61,7 +61,7 @@ def adapt(
         goal: A number that the run aims at, one of those of
             :func:`erc_contact.interval`: the accuracy is then half its interval over
             its value, and cells are marked by their share in it. ``history.bounds`` has
-            the interval. Each mesh is solved five times, the last ones more often.
+            the interval. Most meshes are solved twice, the last ones more often.
         stop: "converged" ends Newton at round-off; "certified" as soon as the rest is
             at most a tenth of the error of the mesh: it is part of e, which bounds the
             error of any state.
