@@ -70,6 +70,9 @@ from erc_contact.model.contact_data import ContactData
 from erc_contact.model.model import Model
 from erc_contact.model.trace import split
 
+UNKNOWN = 1e-4
+"""What integrals may leave unknown, over the square of M [-]."""
+
 
 @dataclass(frozen=True, eq=False)
 class Ends:
@@ -117,8 +120,11 @@ class Unmoved:
 
     @property
     def floor(self) -> float:
-        """Return what integrals may leave unknown [force length]."""
-        return ROUND_OFF * self.error.scale**2
+        """Return what integrals may leave unknown [force length].
+
+        It widens the interval, by little beside ``M^2/t``.
+        """
+        return max(ROUND_OFF * self.error.scale**2, UNKNOWN * self.M**2)
 
 
 def unmoved(error: ConstitutiveError, psi: BoundedNumber) -> Unmoved:
@@ -232,7 +238,7 @@ def _end(
     contacts = zip(tractions, base.frictions, strict=True)
     for (traction, of_more, of_less), slid in contacts:
         tau = (of_more.values - of_less.values) / t
-        V += _contact_work(model, traction, tau, u)
+        V += _contact_work(model, traction, tau, u, base.floor / t)
         slides = friction_work(model, traction, moved.displacement, base.floor)
         sign = 1.0 if moved is first else -1.0
         V += (sign / t) * (slid - slides)
@@ -265,7 +271,7 @@ def _bulk(
 
 
 def _contact_work(
-    model: Model, traction: ContactTraction, tau: np.ndarray, u: fem.Function
+    model: Model, traction: ContactTraction, tau: np.ndarray, u: fem.Function, floor: float
 ) -> BoundedNumber:
     """Compute ``int tau n.(w^ - g n)`` on a contact [force length]; collective.
 
@@ -274,6 +280,7 @@ def _contact_work(
         traction: r^ on the contact.
         tau: Coefficients of the traction tau n [force/area], shape (f, m, d).
         u: u^.
+        floor: What the integrals may leave unknown.
     """
     contact = traction.contact
     data = ContactData(contact, model.mesh)
@@ -286,5 +293,5 @@ def _contact_work(
         opening = 0.0 if contact.bilateral else w_n - data.gap(facet, x)
         return tau_n * opening + (tau_t * w_t).sum(axis=-1)
 
-    integral = contact_integral(model, contact, u, density)
+    integral = contact_integral(model, contact, u, density, floor)
     return BoundedNumber.summed(model.comm, integral)
