@@ -178,7 +178,7 @@ def by_eps(
             raise Known
 
     began = process_time()
-    options: dict[str, Any] = {"degree": degree, "max_cells": 40_000, "max_steps": 40}
+    options: dict[str, Any] = {"degree": degree, "max_cells": 100_000, "max_steps": 40}
     try:
         ec.adapt(scene, domain, 1e-6, callback=look, **options)
         is_known = False

@@ -50,7 +50,11 @@ def goal_error(
     search(trials, question.step if t is None else t)
     best = trials.best
     if best is None:
-        raise NotConverged("interval: the moved scenes were not solved; refine the mesh.", ())
+        raise NotConverged(
+            "interval: no scene that is moved a little was solved, though the scene itself was;"
+            f" refine the mesh. The last one: {trials.failure}",
+            (),
+        )
     bounds = with_lifting(error, goal, trials.bounds())
     return GoalError(bounds, trials.shares(best))
 

@@ -56,12 +56,14 @@ class Trials:
 
     Attributes:
         tried: What the values of t gave, in the order in which they were tried.
+        failure: Why the last scene that was not solved was not.
     """
 
     def __init__(self, error: ConstitutiveError, question: Question, pair_of: PairOf) -> None:
         self.error = error
         self.question = question
         self.tried: list[Ends] = []
+        self.failure = ""
         self._pair_of = pair_of
         self._plus: tuple[float, Admissible] | None = None
         self._base: Unmoved | None = None
@@ -115,7 +117,8 @@ class Trials:
                 plus = self._moved(t)
                 self._plus = t, plus
             minus = self._moved(-t)
-        except (NotConverged, NotHeldError):
+        except (NotConverged, NotHeldError) as failure:
+            self.failure = str(failure)
             return None
         ends = ends_of(self.base, plus, minus, t)
         if not np.isfinite(ends.width):
