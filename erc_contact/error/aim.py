@@ -132,7 +132,8 @@ class Aim:
         t = self._below_sudden(trials.safe_t(best))
         half = min(trials.half_at(best, t), best.width / 2)
         self._carried |= {"t": t, "M": M, "half": half, "M of half": M, "value": trials.value()}
-        self._carried["spread"] = max(best.spread, 0.0) / best.width
+        # An interval without any width has no spread.
+        self._carried["spread"] = max(best.spread, 0.0) / max(best.width, 1e-300)
         if bounds.relative > self._accuracy:
             bounds = with_lifting(trials.error, self._goal, bounds)
         self._last = self._with_proved(GoalError(bounds, trials.shares(best)))
