@@ -129,7 +129,7 @@ class Aim:
         """Take the interval of a mesh, and carry what others need; collective."""
         M = trials.base.M
         bounds = trials.bounds()
-        t = self._below_sudden(trials.safe_t(best))
+        t = self._below_sudden(trials.better_t(best))
         half = min(trials.half_at(best, t), best.width / 2)
         self._carried |= {"t": t, "M": M, "half": half, "M of half": M, "value": trials.value()}
         # An interval without any width has no spread.
@@ -154,7 +154,7 @@ class Aim:
         """
         if self._carried.get("spread", 1.0) > SETTLED:
             return False
-        half = trials.half_at(rough, self._below_sudden(trials.safe_t(rough)))
+        half = trials.half_at(rough, self._below_sudden(trials.better_t(rough)))
         return half <= self._accuracy * abs(trials.estimate(rough).value)
 
     def _try(self, trials: Trials, t: float) -> None:
@@ -165,12 +165,12 @@ class Aim:
                 return
             self._see(ends)
             if ends.spread > SUDDEN * ends.width:
-                t = self._below_sudden(trials.safe_t(ends))
+                t = self._below_sudden(trials.better_t(ends))
                 continue
             bounds = trials.bounds()
             half = (bounds.high - bounds.low) / 2
             asked = self._accuracy * abs(bounds.value)
-            better_t = self._below_sudden(trials.safe_t(ends))
+            better_t = self._below_sudden(trials.better_t(ends))
             hoped = trials.half_at(ends, better_t)
             is_reached = half <= asked
             is_enough = hoped <= asked or (count == 0 and half <= CLOSE * asked)

@@ -19,7 +19,7 @@ from erc_contact.error.numbers import ROUND_OFF, BoundedNumber, Bounds
 from erc_contact.error.question import Question
 from erc_contact.error.questions import question_of
 from erc_contact.error.three_pairs import Ends
-from erc_contact.error.trials import FACTOR, NEAR, GoalError, PairOf, Trials
+from erc_contact.error.trials import FACTOR, GROWTH, NEAR, GoalError, PairOf, Trials
 from erc_contact.scene.goal import Energy, Goal, Resultant
 
 LARGEST_COUNT = 6
@@ -123,20 +123,26 @@ def search(trials: Trials, t: float) -> None:
     bad_t: float | None = None
     for _ in range(LARGEST_COUNT):
         ends = trials.attempt(t)
+        other_t = None
         if best is None or (ends is not None and ends.width < best.width):
-            is_settled = bool(best and ends and ends.width > NARROWER * best.width)
+            last = best
             best = ends
-            if is_settled:
-                break
+            if last is not None and best is not None and best.width > NARROWER * last.width:
+                if 1 / GROWTH < best.t / last.t < GROWTH:
+                    break
+                # Between two t that are far apart there may be a far better one.
+                other_t = float(np.sqrt(best.t * last.t))
         else:
             # The motion has changed the contact set.
             bad_t = t
         if best is None:
             t /= FACTOR
-        elif bad_t is None:
-            t = trials.next_t(best)
-        else:
+        elif other_t is not None:
+            t = other_t
+        elif bad_t is not None:
             t = float(np.sqrt(best.t * bad_t))
+        else:
+            t = trials.better_t(best, FACTOR)
         t = max(t, trials.least_t)
         if best is not None and 1 / NEAR < t / best.t < NEAR:
             break

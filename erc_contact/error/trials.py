@@ -145,11 +145,6 @@ class Trials:
                 f" holds a node of it. The moved scene says: {conflict}"
             ) from conflict
 
-    def next_t(self, ends: Ends) -> float:
-        """Return the t that should be better than that of an interval."""
-        t = float(np.clip(ends.better_t, ends.t / FACTOR, ends.t * FACTOR))
-        return max(t, self.least_t)
-
     def bounds(self) -> Bounds:
         """Return what the intervals of all t share, around its middle."""
         # Each interval holds, so their intersection does.
@@ -165,13 +160,13 @@ class Trials:
         """Return a rough interval as one of the number."""
         return self._of_number(rough.low, rough.high, False)
 
-    def safe_t(self, ends: Ends) -> float:
-        """Return a t that should be better, and is not much more than what was tried.
+    def better_t(self, ends: Ends, growth: float = GROWTH) -> float:
+        """Return a t that should be better, at most so many times the one tried.
 
         A motion that changes the contact set moves both V apart, about in proportion to
         t. Such a change may begin all at once, as that of the direction of slip does.
         """
-        t = min(ends.better_t, GROWTH * ends.t)
+        t = min(ends.better_t, growth * ends.t)
         if ends.spread > 0:
             t = min(t, ends.t * float(np.sqrt(2 * self._loss(ends, ends.t) / ends.spread)))
         return max(t, ends.t / FACTOR, self.least_t)
