@@ -165,6 +165,14 @@ def turned(rng: np.random.Generator, d: int) -> tuple[str, Sample, list[Wanted]]
     return law, Sample(f"{kind}, {law}, {cells}, degree {degree}", scene, domain, degree), wanted
 
 
+def rotating(rng: np.random.Generator, d: int) -> tuple[str, Sample, list[Wanted]]:
+    """Make a block under a rigid face that turns, see :func:`turned`."""
+    while True:
+        law, sample, wanted = turned(rng, d)
+        if wanted[0].name.startswith("rotation"):
+            return law, sample, wanted[:1]
+
+
 def weighed(rng: np.random.Generator, d: int) -> tuple[str, Sample, list[Wanted]]:
     """Make a block under a press, see :func:`turned`, with numbers linear in u."""
     law, sample, _ = turned(rng, d)

@@ -26,7 +26,9 @@ import numpy as np  # isort: skip - after erc_contact, which loads MPI first
 from attack import pushed_block  # isort: skip
 from attack_families import Sample, scene_generator  # isort: skip
 from attack_tables import quantile_table  # isort: skip
-from goal_families import Wanted, stacked, turned, weighed  # isort: skip
+from goal_orders import orders as orders_of_blocks  # isort: skip
+from goal_runs import cost as cost_of_runs, runs  # isort: skip
+from goal_families import Wanted, rotating, stacked, turned, weighed  # isort: skip
 from tasks import run  # isort: skip
 
 QUANTILES = (0.0, 0.05, 0.5, 0.95, 1.0)
@@ -215,6 +217,11 @@ def moments_in_space(seed: int = 0, count: int = 6) -> None:
     against_fields(turned, seed, count, 3)
 
 
+def rotations(seed: int = 0, count: int = 100) -> None:
+    """Print the table of rotations of rigid faces in the plane."""
+    against_fields(rotating, seed, count, 2)
+
+
 def contacts(seed: int = 0, count: int = 40) -> None:
     """Print the table of forces and moments between bodies in the plane."""
     against_fields(stacked, seed, count, 2)
@@ -235,9 +242,30 @@ def functionals_in_space(seed: int = 0, count: int = 6) -> None:
     against_fields(weighed, seed, count, 3)
 
 
-IN_PLANE = (plane, coulomb, moments, contacts, functionals)
+def cost(seed: int = 0, count: int = 40) -> None:
+    """Print what runs in the plane cost."""
+    cost_of_runs(random_block, goals, seed, count, 2)
+
+
+def cost_in_space(seed: int = 0, count: int = 12) -> None:
+    """Print what runs in space cost."""
+    cost_of_runs(random_block, goals, seed, count, 3)
+
+
+def orders(seed: int = 0, count: int = 8) -> None:
+    """Print the orders of widths in the plane."""
+    orders_of_blocks(seed, count, 2)
+
+
+def orders_in_space(seed: int = 0, count: int = 3) -> None:
+    """Print the orders of widths in space."""
+    orders_of_blocks(seed, count, 3)
+
+
+IN_PLANE = (plane, coulomb, moments, rotations, contacts, functionals)
 IN_SPACE = (space, moments_in_space, contacts_in_space, functionals_in_space)
-TASKS: dict[str, Callable[..., None]] = {task.__name__: task for task in IN_PLANE + IN_SPACE}
+RUNS = (cost, cost_in_space, runs, orders, orders_in_space)
+TASKS: dict[str, Callable[..., None]] = {task.__name__: task for task in IN_PLANE + IN_SPACE + RUNS}
 
 
 if __name__ == "__main__":

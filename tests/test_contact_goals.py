@@ -13,7 +13,7 @@ from test_moments import moment_about
 from test_two_bodies import certified
 
 import erc_contact as ec
-from erc_contact.error import contact_questions, goals
+from erc_contact.error import contact_questions, goals, trials
 from erc_contact.error.three_pairs import Ends
 
 pytestmark = pytest.mark.serial
@@ -120,8 +120,8 @@ def test_intersection_with_that_of_one_lifting(monkeypatch):
     error = certified(scene, block)
     goal = ec.Resultant("bottom", (0.0, 1.0))
     first = ec.resultant(error, "bottom", (0.0, 1.0))
-    useless = Ends(-10.0, first.value, 1.0, 1.0, 0 * error.indicators)
-    monkeypatch.setattr(goals, "_tried", lambda *arguments: [useless])
+    useless = Ends(-10.0, first.value, 1.0, 1.0, 0.0, 0 * error.indicators)
+    monkeypatch.setattr(goals, "search", lambda trials, t: trials.tried.append(useless))
     both = ec.interval(error, goal)
     assert both.guaranteed
     assert (both.low, both.high) == pytest.approx((first.low, first.value), rel=1e-9)
@@ -129,7 +129,7 @@ def test_intersection_with_that_of_one_lifting(monkeypatch):
     monkeypatch.undo()
     numbers = iter([np.nan, 1.0, 1.0, 1.0, 1.0, 1.0])
     monkeypatch.setattr(
-        goals, "ends_of", lambda *pairs: Ends(-next(numbers), first.value, 1.0, 1.0, 0.0)
+        trials, "ends_of", lambda *pairs: Ends(-next(numbers), first.value, 1.0, 1.0, 0.0, 0.0)
     )
     # A scene that was moved so far that it overflows tells nothing.
     assert ec.interval(error, goal).low == pytest.approx(first.low, rel=1e-9)

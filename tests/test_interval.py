@@ -5,6 +5,7 @@ of a coarse and of a fine mesh overlap, in 2D and 3D, without friction, with a g
 between two bodies and under springs; the order in e; what has no interval is told.
 """
 
+import logging
 from functools import cache
 
 import numpy as np
@@ -15,6 +16,11 @@ from test_bad_input import refused
 from test_two_bodies import certified, pressed, small_bricks
 
 import erc_contact as ec
+from erc_contact.base.logs import log_of
+from erc_contact.error.aim import Aim
+from erc_contact.error.trials import GoalError
+from erc_contact.newton.linear.stiffness import Stiffness
+from erc_contact.newton.solve import Nearby
 
 COMM = MPI.COMM_WORLD
 DEPTH = 0.01
@@ -206,6 +212,58 @@ def test_run_to_a_displacement():
     assert aimed.bounds.guaranteed
     fine = ec.interval(certified(opening(2), block(2, 16), degree=2), goals(2)[2])
     assert aimed.bounds.low <= fine.low <= fine.high <= aimed.bounds.high
+
+
+@pytest.mark.serial
+def test_what_runs_cost(monkeypatch, caplog):
+    """Far meshes take one further solve, no mesh a second factor; the solves are silent.
+
+    A run that ends for want of meshes still measures its interval.
+    """
+    moved: list[int] = []
+    factors: list[int] = []
+    solve, condense = Nearby.solve, Stiffness._condense
+
+    def seen_solve(nearby, scene):
+        moved.append(nearby._near.domain.cells)
+        log_of(COMM).warning("of a moved scene")
+        return solve(nearby, scene)
+
+    def seen_condense(stiffness):
+        factors.append(stiffness.model.domain.cells)
+        condense(stiffness)
+
+    monkeypatch.setattr(Nearby, "solve", seen_solve)
+    monkeypatch.setattr(Stiffness, "_condense", seen_condense)
+    with caplog.at_level(logging.INFO, "erc_contact"):
+        aimed = ec.adapt(opening(2), block(2, 2), 0.02, goal=goals(2)[2])
+    cells = [step.cells for step in aimed.steps]
+    assert aimed.reached
+    assert factors == cells
+    assert moved.count(cells[2]) == 1
+    assert len(moved) <= 2 * len(cells)
+    assert "of a moved scene" not in caplog.text
+    log_of(COMM).warning("of the user")
+    assert "of the user" in caplog.text
+    stopped = ec.adapt(opening(2), block(2, 2), 0.02, goal=goals(2)[2], max_steps=3)
+    assert moved[-1] == cells[2]
+    assert not stopped.reached
+    assert stopped.bounds.guaranteed
+    assert stopped.bounds.low <= aimed.bounds.low <= aimed.bounds.high <= stopped.bounds.high
+
+
+def test_intervals_of_several_meshes():
+    """Proved ones are intersected; an estimate stays what it is."""
+    aim = Aim(goals(2)[0], 0.01, "auto", 50)
+
+    def after(low, high, guaranteed):
+        bounds = ec.Bounds((low + high) / 2, low, high, guaranteed)
+        return aim._with_proved(GoalError(bounds, np.zeros(0))).bounds
+
+    assert after(0.0, 4.0, True).high == 4.0
+    assert after(1.5, 3.0, False).high == 3.0
+    narrow = after(1.0, 5.0, True)
+    assert (narrow.low, narrow.value, narrow.high) == (1.0, 2.5, 4.0)
 
 
 def test_run_to_an_energy():

@@ -34,6 +34,7 @@ from erc_contact.model.model import Model
 from erc_contact.newton import first_guess as start
 from erc_contact.newton.condensed import Condensed
 from erc_contact.newton.dense import Dense
+from erc_contact.newton.forms import ContactForms
 from erc_contact.newton.linear.stiffness import Stiffness
 
 COMM = MPI.COMM_WORLD
@@ -197,7 +198,7 @@ def attempt(scene, domain, method, line_search, accuracy=None):
     model = Model(scene, domain)
     stiffness = Stiffness(model)
     w = stiffness.glued(stiffness.load_vector())
-    problem = Condensed(model, method, stiffness, w)
+    problem = Condensed(model, ContactForms(model, method), stiffness, w)
     glued = start.glued(stiffness, w)
     return problem.run(
         lambda: Dense(problem, accuracy).solve(problem.from_contact(glued), line_search)[1]

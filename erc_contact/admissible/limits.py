@@ -116,9 +116,9 @@ def limits_of(model: Model, traction: ContactTraction) -> Limits:
     contact these equal the gap at the nodes.
     """
     contact = traction.contact
-    gaps = contact.trace.coefficients(model.gap_at_nodes(contact))
-    if contact.gap is not None and varies_in_cells(contact.gap) and not contact.bilateral:
-        gaps = gaps - _excess(model, traction, gaps)[:, None]
+    if contact not in model.gap_limits:
+        model.gap_limits[contact] = _gap_limits(model, traction)
+    gaps = model.gap_limits[contact]
 
     # One limit for each pair of a node and a normal, and the least gap of its facets.
     normals = np.broadcast_to(contact.direction[:, None, :], traction.values.shape)
@@ -154,6 +154,18 @@ def _share_of_node(trace: Trace, node_count: int) -> np.ndarray:
         np.maximum.at(of_side, trace.here.nodes, side.stiffness[:, None])
     total = stiffness.sum(axis=0)
     return np.divide(stiffness[1], total, out=np.ones(node_count), where=total > 0)
+
+
+def _gap_limits(model: Model, traction: ContactTraction) -> np.ndarray:
+    """Return coefficients of polynomials below the gap [length]; collective.
+
+    Their shape is (f, m).
+    """
+    contact = traction.contact
+    gaps = contact.trace.coefficients(model.gap_at_nodes(contact))
+    if contact.gap is not None and varies_in_cells(contact.gap) and not contact.bilateral:
+        gaps = gaps - _excess(model, traction, gaps)[:, None]
+    return gaps
 
 
 def _excess(model: Model, traction: ContactTraction, gaps: np.ndarray) -> np.ndarray:

@@ -20,6 +20,7 @@ import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
 
+from erc_contact.admissible.boundary import load_moments, supported
 from erc_contact.admissible.cells import (
     CellGeometry,
     add_moments,
@@ -38,14 +39,13 @@ from erc_contact.admissible.fields import (
     sub_dx,
     traction_function,
 )
-from erc_contact.admissible.loads import cell_forces, traction_moments
+from erc_contact.admissible.loads import cell_forces
 from erc_contact.admissible.macro import macro_stress
 from erc_contact.admissible.rebalance import load_forces, rebalanced_stress, work_on_motions
 from erc_contact.admissible.springs import (
     chosen_tractions,
     spring_moments,
     spring_tractions,
-    stiff_components,
 )
 from erc_contact.admissible.tighten.complementary import relaxed
 from erc_contact.admissible.tighten.iteration import TIGHTEN, tightened
@@ -81,6 +81,7 @@ class Admissible:
         cell_forces: Body force times volume of each cell, projected on degree k-1
             [force], shape (n, N_(k-1), d), or None without body force.
         tightening: Number of iterations that tightened sigma^.
+        correction: What they have added to ``facet_moments`` [force]; None without any.
         seconds: Wall time, the largest over the ranks [s].
 
     Example:
@@ -98,6 +99,7 @@ class Admissible:
     facet_moments: np.ndarray
     cell_forces: np.ndarray | None
     tightening: int
+    correction: np.ndarray | None
     seconds: float
 
     def __repr__(self) -> str:
@@ -186,6 +188,19 @@ def equilibrate(solution: Solution, tighten: int = TIGHTEN) -> Admissible:
         >>> ec.equilibrate(solution)
         <Admissible pair of degree 1 on 16 cells, 1 contacts, tightened 4 times>
     """
+    return equilibrated(solution, tighten, None)
+
+
+def equilibrated(solution: Solution, tighten: int, near: Admissible | None) -> Admissible:
+    """Reconstruct an admissible pair, as :func:`equilibrate` does; collective.
+
+    Args:
+        solution: Any state of the contact solver.
+        tighten: Greatest number of iterations that tighten sigma^.
+        near: The pair of a scene on the same mesh that is nearly this one, with the
+            same supports. Tightening starts from what it has added there. It ends after
+            few iterations, and the difference of both stresses is as tight as they are.
+    """
     began = perf_counter()
     model = solution.model
     owned = model.domain.owned_cells
@@ -196,21 +211,26 @@ def equilibrate(solution: Solution, tighten: int = TIGHTEN) -> Admissible:
     # From degree 2 on, the tractions leave the bubbles of sigma^ to be chosen.
     has_bubbles = model.degree > 1
     iterations = 0
+    correction = None
     if tighten > 0 or has_bubbles:
         elastic = elastic_coefficients(model, cells, hat, owned)
         compliance = macro_moduli(model, cells, len(cells.nodes), inverse=True)
     if tighten > 0:
         free = cells.has_second[:, None] | fixed
+        untightened = moment.copy()
+        if near is not None and near.correction is not None:
+            moment += near.correction
         moment, iterations = tightened(
             model, cells, moment, force, free, elastic, compliance, tighten
         )
+        correction = moment - untightened
     forces = force_coefficients(signed(cells, moment)[:owned], model.degree)
     sigma = macro_stress(cells, owned, stress, forces, force)
     if has_bubbles:
         sigma = relaxed(cells, sigma, elastic, compliance)
     of_springs = []
     if model.springs:
-        of_springs = chosen_tractions(model, _load_moments(model, cells), moment)
+        of_springs = chosen_tractions(model, load_moments(model, cells), moment)
     seconds = model.comm.allreduce(perf_counter() - began, MPI.MAX)
     return Admissible(
         solution,
@@ -223,6 +243,7 @@ def equilibrate(solution: Solution, tighten: int = TIGHTEN) -> Admissible:
         moment,
         force,
         iterations,
+        correction,
         seconds,
     )
 
@@ -239,8 +260,8 @@ def _before_tightening(
         d).
     """
     model = solution.model
-    fixed = _supported(model, cells)
-    boundary = _load_moments(model, cells)
+    fixed = supported(model, cells)
+    boundary = load_moments(model, cells)
     # A support takes up the load on its components.
     boundary[np.broadcast_to(fixed[:, None, :], boundary.shape)] = 0.0
     loads, size = work_on_motions(model, load_forces(model, cells, boundary, force))
@@ -268,29 +289,3 @@ def _before_tightening(
     complete[model.nodes[: model.domain.owned_cells]] = True
     moment = equilibrated_moments(cells, stress, force, boundary, fixed, complete)
     return hat, tractions, stress, moment, fixed
-
-
-def _load_moments(model: Model, cells: CellGeometry) -> np.ndarray:
-    """Compute the moments of the loads on facets, projected on degree k; collective.
-
-    Returns:
-        Moments [force], shape (facets, m, d).
-    """
-    result = np.zeros((cells.side.shape[1], len(model.facet_points), cells.d))
-    for load in model.surface_loads:
-        facets = model.domain.facets(load.facets)
-        add_moments(model, result, facets, traction_moments(model, facets, load.density))
-    return result
-
-
-def _supported(model: Model, cells: CellGeometry) -> np.ndarray:
-    """Tell which components of a facet may have any traction, shape (facets, d).
-
-    A support, or a stiff spring, holds them.
-    """
-    fixed = np.zeros((cells.side.shape[1], cells.d), dtype=bool)
-    for facets, components in model.fixed_facets:
-        fixed[model.facet_numbers(facets)] |= components
-    for spring in model.springs:
-        fixed[model.facet_numbers(spring.side.facets)] |= stiff_components(model, spring)
-    return fixed

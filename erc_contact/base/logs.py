@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import logging
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 from mpi4py import MPI
 
@@ -18,6 +20,28 @@ _SILENT.disabled = True
 def log_of(comm: MPI.Comm) -> logging.Logger:
     """Return the package's logger on rank 0, one that says nothing on other ranks."""
     return logging.getLogger("erc_contact") if comm.rank == 0 else _SILENT
+
+
+@contextmanager
+def muted(about: str) -> Iterator[None]:
+    """Log what happens inside the `with` for debugging alone, with what it is about.
+
+    So scenes that are not the user's say nothing that sounds as if they were.
+
+    Args:
+        about: What the messages inside are about, in a word or two.
+    """
+
+    def only_debugging(record: logging.LogRecord) -> bool:
+        record.msg = f"{about}: {record.msg}"
+        return record.levelno <= logging.DEBUG
+
+    log = logging.getLogger("erc_contact")
+    log.addFilter(only_debugging)
+    try:
+        yield
+    finally:
+        log.removeFilter(only_debugging)
 
 
 def log_to_console(level: int = logging.INFO, comm: MPI.Comm = MPI.COMM_WORLD) -> None:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from erc_contact.admissible.pair import Admissible, equilibrate
+from erc_contact.admissible.tighten.iteration import TIGHTEN
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.goals import goal_error
+from erc_contact.error.moved_pairs import moved_pairs
 from erc_contact.error.numbers import Bounds
 from erc_contact.error.runs import Run, error_of
-from erc_contact.newton.solve import solved
 from erc_contact.scene.goal import Goal
-from erc_contact.scene.scene import Scene
 
 
 def interval(error: ConstitutiveError | Run, goal: Goal) -> Bounds:
@@ -41,19 +40,5 @@ def interval(error: ConstitutiveError | Run, goal: Goal) -> Bounds:
         True
     """
     error = error_of(error)
-    solution = error.solution
-
-    def pair_of(scene: Scene) -> Admissible:
-        moved = solved(
-            scene,
-            solution.domain,
-            solution.method,
-            degree=solution.model.degree,
-            after=None,
-            start=solution,
-            tolerance=None,
-            solver="auto",
-        )
-        return equilibrate(moved)
-
-    return goal_error(error, goal, pair_of).bounds
+    with moved_pairs(error, "auto", TIGHTEN) as pair_of:
+        return goal_error(error, goal, pair_of).bounds

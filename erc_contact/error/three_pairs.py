@@ -70,6 +70,9 @@ from erc_contact.model.contact_data import ContactData
 from erc_contact.model.model import Model
 from erc_contact.model.trace import split
 
+UNKNOWN = 1e-4
+"""What integrals may leave unknown, over the square of M [-]."""
+
 
 @dataclass(frozen=True, eq=False)
 class Ends:
@@ -80,6 +83,7 @@ class Ends:
         high: Its upper end.
         t: The t that it is of.
         better_t: The t that would be best if d were the same for all t, ``2 M/d``.
+        spread: V of the upper end less that of the lower one.
         d_squares: ``d^2`` on each owned cell, the mean of both ends, shape (owned,).
         resolved: Whether its integrals are resolved, and the mesh carries moved loads.
     """
@@ -88,6 +92,7 @@ class Ends:
     high: float
     t: float
     better_t: float
+    spread: float
     d_squares: np.ndarray
     resolved: bool = True
 
@@ -97,28 +102,93 @@ class Ends:
         return self.high - self.low
 
 
-def ends_of(
-    error: ConstitutiveError, psi: BoundedNumber, plus: Admissible, minus: Admissible, t: float
-) -> Ends:
-    """Compute the interval of Q from three pairs; collective.
+@dataclass(frozen=True, eq=False)
+class Unmoved:
+    """Hold what the intervals of all t need of the scene that is not moved.
+
+    Attributes:
+        error: The error of its pair.
+        psi: ``psi(u^)``.
+        frictions: Work of friction on u^ on each contact [force length].
+        M: M, see above [sqrt(force length)].
+    """
+
+    error: ConstitutiveError
+    psi: BoundedNumber
+    frictions: list[BoundedNumber]
+    M: float
+
+    @property
+    def floor(self) -> float:
+        """Return what integrals may leave unknown [force length].
+
+        It widens the interval, by little beside ``M^2/t``.
+        """
+        return max(ROUND_OFF * self.error.scale**2, UNKNOWN * self.M**2)
+
+
+def unmoved(error: ConstitutiveError, psi: BoundedNumber) -> Unmoved:
+    """Compute what the intervals of all t share; collective.
 
     Args:
         error: The error of the pair of the scene.
         psi: ``psi(u^)``.
+    """
+    square = error.absolute**2 + error.geometry_error**2
+    M = float(np.sqrt(max(square / 2 - error.bulk_error**2 / 4, 0.0)))
+    base = Unmoved(error, psi, [], M)
+    pair = error.admissible
+    for traction in pair.tractions:
+        work = friction_work(pair.model, traction, pair.displacement, base.floor)
+        base.frictions.append(work)
+    return base
+
+
+def ends_of(base: Unmoved, plus: Admissible, minus: Admissible, t: float) -> Ends:
+    """Compute the interval of Q from three pairs; collective.
+
+    Args:
+        base: The scene, not moved.
         plus: The pair of the scene moved by t.
         minus: That of the scene moved by -t.
         t: t.
     """
-    pair = error.admissible
-    square = error.absolute**2 + error.geometry_error**2
-    M = float(np.sqrt(max(square / 2 - error.bulk_error**2 / 4, 0.0)))
-    lower = _end(error, psi, (plus, pair, plus), (pair, minus), t)
-    upper = _end(error, psi, (pair, minus, minus), (plus, pair), t)
+    pair = base.error.admissible
+    lower = _end(base, (plus, pair, plus), (pair, minus), t)
+    upper = _end(base, (pair, minus, minus), (plus, pair), t)
+    return _ends(base, lower, upper, t)
+
+
+def rough_ends(base: Unmoved, plus: Admissible, t: float) -> Ends:
+    """Estimate the interval of Q from the scene moved to one side; collective.
+
+    With ``phi = (u+ - u^)/t`` and ``tau = (sigma+ - sigma^)/t`` both ends have the same
+    V. It tells d, and about how wide the interval is, but nothing is proved.
+
+    Args:
+        base: The scene, not moved.
+        plus: The pair of the scene moved by t.
+        t: t.
+    """
+    pair = base.error.admissible
+    end = _end(base, (plus, pair, plus), (plus, pair), t)
+    return _ends(base, end, end, t)
+
+
+def _ends(
+    base: Unmoved,
+    lower: tuple[BoundedNumber, np.ndarray],
+    upper: tuple[BoundedNumber, np.ndarray],
+    t: float,
+) -> Ends:
+    """Compute the interval from V and ``d^2`` of both ends; collective."""
+    comm = base.error.model.comm
+    M = base.M
     ends = []
     sizes = []
     for sign, (V, d_squares) in ((-1.0, lower), (1.0, upper)):
         local = float(d_squares.sum())
-        d = float(np.sqrt(max(pair.model.comm.allreduce(local, MPI.SUM), 0.0)))
+        d = float(np.sqrt(max(comm.allreduce(local, MPI.SUM), 0.0)))
         sizes.append(d)
         m = min(M, d * t / 2)
         ends.append(V.value + sign * (V.bound + d * m + (M**2 - m**2) / t))
@@ -126,12 +196,12 @@ def ends_of(
     d = max(sizes)
     better_t = 2 * M / d if d > 0 else np.inf
     resolved = lower[0].resolved and upper[0].resolved
-    return Ends(ends[0], ends[1], t, better_t, d_squares, resolved)
+    spread = upper[0].value - lower[0].value
+    return Ends(ends[0], ends[1], t, better_t, spread, d_squares, resolved)
 
 
 def _end(
-    error: ConstitutiveError,
-    psi: BoundedNumber,
+    base: Unmoved,
     displacements: tuple[Admissible, Admissible, Admissible],
     stresses: tuple[Admissible, Admissible],
     t: float,
@@ -139,13 +209,13 @@ def _end(
     """Compute V of one end of the interval, and ``d^2`` of the owned cells; collective.
 
     Args:
-        error: The error of the pair of the scene.
-        psi: ``psi(u^)``.
+        base: The scene, not moved.
         displacements: Pairs whose u^ have the difference ``t phi``, and the moved one
             of them.
         stresses: Pairs whose sigma^ have the difference ``t tau``.
         t: t.
     """
+    error = base.error
     pair = error.admissible
     model = pair.model
     first, second, moved = displacements
@@ -162,15 +232,14 @@ def _end(
     of_rank = float((squares[1] - squares[2]).sum()) / (4 * h)
     product = model.comm.allreduce(of_rank, MPI.SUM)
 
-    V = psi + BoundedNumber(product / 2) + load_work(model, phi)
+    V = base.psi + BoundedNumber(product / 2) + load_work(model, phi)
     V = V - elastic_work(pair, u, phi) + strain_work(pair, phi)
-    contacts = zip(pair.tractions, more.tractions, less.tractions, strict=True)
-    for traction, of_more, of_less in contacts:
+    tractions = zip(pair.tractions, more.tractions, less.tractions, strict=True)
+    contacts = zip(tractions, base.frictions, strict=True)
+    for (traction, of_more, of_less), slid in contacts:
         tau = (of_more.values - of_less.values) / t
-        V += _contact_work(model, traction, tau, u)
-        floor = ROUND_OFF * error.scale**2
-        slid = friction_work(model, traction, u, floor)
-        slides = friction_work(model, traction, moved.displacement, floor)
+        V += _contact_work(model, traction, tau, u, base.floor / t)
+        slides = friction_work(model, traction, moved.displacement, base.floor)
         sign = 1.0 if moved is first else -1.0
         V += (sign / t) * (slid - slides)
     return V, d_squares
@@ -202,7 +271,7 @@ def _bulk(
 
 
 def _contact_work(
-    model: Model, traction: ContactTraction, tau: np.ndarray, u: fem.Function
+    model: Model, traction: ContactTraction, tau: np.ndarray, u: fem.Function, floor: float
 ) -> BoundedNumber:
     """Compute ``int tau n.(w^ - g n)`` on a contact [force length]; collective.
 
@@ -211,6 +280,7 @@ def _contact_work(
         traction: r^ on the contact.
         tau: Coefficients of the traction tau n [force/area], shape (f, m, d).
         u: u^.
+        floor: What the integrals may leave unknown.
     """
     contact = traction.contact
     data = ContactData(contact, model.mesh)
@@ -223,5 +293,5 @@ def _contact_work(
         opening = 0.0 if contact.bilateral else w_n - data.gap(facet, x)
         return tau_n * opening + (tau_t * w_t).sum(axis=-1)
 
-    integral = contact_integral(model, contact, u, density)
+    integral = contact_integral(model, contact, u, density, floor)
     return BoundedNumber.summed(model.comm, integral)

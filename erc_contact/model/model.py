@@ -69,6 +69,8 @@ class Model(Space):
         coordinates: The solver's unknowns: jumps at contacts between bodies.
         free_motions: Rigid motions that no support holds, Functions of V, see
             :func:`free_motions`.
+        gap_limits: Limits of the normal displacement that were found [length], shape
+            (f, m), contact -> coefficients.
 
     Raises:
         InputError: If a name is unknown, a value or the degree is out of range, or
@@ -101,6 +103,7 @@ class Model(Space):
         self.contacts = []
         for contact in scene.contacts:
             self.contacts.append(bind_contact(self, contact, self.modulus, last))
+        self.gap_limits: dict[BoundContact, np.ndarray] = {}
         self.ties = [bind_tie(self, tie, self.modulus) for tie in scene.ties]
         traces = [contact.trace for contact in self.contacts]
         self.coordinates = Coordinates(self, traces, self.fixed, self.prescribed)

@@ -28,6 +28,7 @@ from erc_contact.model.foundation import BoundContact
 from erc_contact.model.last_step import LastStep
 from erc_contact.model.law_check import check_law
 from erc_contact.model.model import Model
+from erc_contact.model.nearby import nearby_model
 from erc_contact.scene.material import Elastic
 from erc_contact.scene.scene import Scene
 
@@ -59,6 +60,21 @@ def bind(scene: Scene, domain: Domain, degree: int = 1, last: LastStep | None = 
         _check_normal(model, contact)
         if contact.friction is not None:
             check_law(model, contact)
+    _check_supports_in_gap(model)
+    return model
+
+
+def bind_nearby(scene: Scene, near: Model) -> Model:
+    """Put a scene on a mesh that is moved a little, and check what is new; collective.
+
+    See :func:`erc_contact.model.nearby.nearby_model`.
+    """
+    model = nearby_model(scene, near)
+    for contact, contact_before in zip(model.contacts, near.contacts, strict=True):
+        if contact is not contact_before:
+            _check_data(model, contact)
+            if contact.friction is not None:
+                check_law(model, contact)
     _check_supports_in_gap(model)
     return model
 

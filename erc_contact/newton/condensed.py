@@ -34,7 +34,6 @@ from erc_contact.newton.assembly import Assembly
 from erc_contact.newton.field_map import FieldMap
 from erc_contact.newton.forms import ContactForms
 from erc_contact.newton.linear.stiffness import Stiffness
-from erc_contact.newton.methods import Method
 from erc_contact.newton.passes import passes
 from erc_contact.newton.pressing import contact_normals
 from erc_contact.newton.shared_laws import set_to_laws
@@ -47,7 +46,7 @@ class Condensed:
 
     Args:
         model: The scene on a mesh.
-        method: The contact method.
+        forms: The equations of a method.
         stiffness: The condensed elastic stiffness.
         w: Its glued displacement under the loads [length].
 
@@ -71,13 +70,15 @@ class Condensed:
             on rank 0 [force].
     """
 
-    def __init__(self, model: Model, method: Method, stiffness: Stiffness, w: fem.Function) -> None:
+    def __init__(
+        self, model: Model, forms: ContactForms, stiffness: Stiffness, w: fem.Function
+    ) -> None:
         self.model = model
         self.stiffness = stiffness
-        self.forms = ContactForms(model, method)
+        self.forms = forms
         self.u = self.forms.u
         self.multipliers = self.forms.multipliers
-        self.size = len(stiffness.numbers) if method.in_layer else stiffness.contact_size
+        self.size = len(stiffness.numbers) if forms.method.in_layer else stiffness.contact_size
         self.forms.set_displacement(w)
         self._last_u_A: np.ndarray | None = None
 

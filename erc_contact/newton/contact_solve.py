@@ -55,6 +55,9 @@ class Solver(Protocol):
     ) -> tuple[Outcome, Any, DiscreteSolution | None]:
         """Make one attempt from a state; return its outcome, last state and result."""
 
+    def destroy(self) -> None:
+        """Free what no solution needs."""
+
 
 class ContactSolve:
     """Make the attempts of the ladder until one converges; collective.

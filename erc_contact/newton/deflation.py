@@ -28,6 +28,7 @@ from dolfinx import fem
 from erc_contact.model.model import Model
 from erc_contact.newton.condensed import Condensed
 from erc_contact.newton.dense import Dense
+from erc_contact.newton.forms import ContactForms
 from erc_contact.newton.linear.stiffness import Stiffness
 from erc_contact.newton.methods import Method
 from erc_contact.newton.snes import DiscreteSolution
@@ -69,7 +70,7 @@ def other_states(
         The solutions; none does not mean that there is none.
     """
     guess = stiffness.glued(stiffness.load_vector())
-    problem = Condensed(stiffness.model, method, stiffness, guess)
+    problem = Condensed(stiffness.model, ContactForms(stiffness.model, method), stiffness, guess)
     first = stiffness.gather(u)[: problem.size]
     directions = []
     for field in _unit_slips(stiffness.model):

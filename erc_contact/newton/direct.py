@@ -15,8 +15,10 @@ from erc_contact.model.model import Model
 from erc_contact.newton import first_guess
 from erc_contact.newton.condensed import Condensed
 from erc_contact.newton.dense import Dense
+from erc_contact.newton.forms import ContactForms
 from erc_contact.newton.ladder import Attempt
 from erc_contact.newton.linear.loose_stiffness import stiffness_of
+from erc_contact.newton.linear.stiffness import Stiffness
 from erc_contact.newton.methods import Method
 from erc_contact.newton.snes import DiscreteSolution, Outcome
 
@@ -28,16 +30,24 @@ class Direct:
 
     Args:
         model: The scene on a mesh.
+        elastic: Its elastic equations if there are any yet.
+        forms: Equations of methods at its contacts that there are; others are added.
 
     Attributes:
         elastic: Its elastic equations.
         guess: The displacement with the contact glued [length].
     """
 
-    def __init__(self, model: Model) -> None:
+    def __init__(
+        self,
+        model: Model,
+        elastic: Stiffness | None = None,
+        forms: dict[Method, ContactForms] | None = None,
+    ) -> None:
         self.model = model
-        self.elastic = stiffness_of(model)
+        self.elastic = stiffness_of(model) if elastic is None else elastic
         self.guess = self.elastic.glued(self.elastic.load_vector())
+        self._forms = {} if forms is None else forms
         self._problems: dict[Method, Condensed] = {}
 
     def glued(self) -> np.ndarray | None:
@@ -59,11 +69,13 @@ class Direct:
             How it ended, its last state, and its solution if it is a final attempt
             that converged.
         """
-        if attempt.method not in self._problems:
-            self._problems[attempt.method] = Condensed(
-                self.model, attempt.method, self.elastic, self.guess
-            )
-        problem = self._problems[attempt.method]
+        method = attempt.method
+        if method not in self._forms:
+            self._forms[method] = ContactForms(self.model, method)
+        if method not in self._problems:
+            forms = self._forms[method]
+            self._problems[method] = Condensed(self.model, forms, self.elastic, self.guess)
+        problem = self._problems[method]
 
         def work() -> tuple[Outcome, Any, Any]:
             dense = Dense(problem, tolerance)

@@ -26,7 +26,6 @@ from erc_contact.model.model import Model
 from erc_contact.newton.forms import ContactForms
 from erc_contact.newton.linear.krylov import fgmres
 from erc_contact.newton.linear.multigrid import Multigrid
-from erc_contact.newton.methods import Method
 from erc_contact.newton.pressing import PRESSING, contact_normals
 from erc_contact.newton.reactions import Reactions
 from erc_contact.newton.shared_laws import set_to_laws
@@ -53,7 +52,7 @@ class FullSpace:
 
     Args:
         model: The scene on a mesh.
-        method: The contact method.
+        forms: The equations of a method.
         elastic: Its elastic equations.
         loads: Their right side b, with the lifted supports [force].
         length: Size of the displacements, which scales the unknowns [length].
@@ -63,7 +62,7 @@ class FullSpace:
     def __init__(
         self,
         model: Model,
-        method: Method,
+        forms: ContactForms,
         elastic: Multigrid,
         loads: PETSc.Vec,
         length: float,
@@ -74,13 +73,13 @@ class FullSpace:
         self.loads = loads
         self.length = length
         self.force = force
-        self.forms = ContactForms(model, method)
+        self.forms = forms
         self._equations = model.function()
         self._fixed = elastic.fixed
         self._reactions: Reactions | None = None
         self._rows = ~self._fixed
         """Degrees of freedom of this rank whose row has contact terms."""
-        if method.multiplier:
+        if forms.method.multiplier:
             self._reactions = Reactions(model, elastic.matrix)
             self._rows = self._reactions.free.ravel()
         self._tangent = Tangent(self.forms, elastic, self._reactions, length, force)

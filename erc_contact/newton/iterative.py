@@ -13,10 +13,11 @@ from mpi4py import MPI
 
 from erc_contact.model.model import Model
 from erc_contact.newton import first_guess
+from erc_contact.newton.forms import ContactForms
 from erc_contact.newton.full import FullSpace
 from erc_contact.newton.ladder import Attempt
 from erc_contact.newton.linear.loose_multigrid import multigrid_of
-from erc_contact.newton.linear.multigrid import EXACT
+from erc_contact.newton.linear.multigrid import EXACT, Multigrid
 from erc_contact.newton.methods import Method
 from erc_contact.newton.snes import DiscreteSolution, Outcome, attempt
 
@@ -28,6 +29,8 @@ class Iterative:
 
     Args:
         model: The scene on a mesh.
+        elastic: Its elastic equations if there are any yet.
+        forms: Equations of methods at its contacts that there are; others are added.
         hurried: Whether the first guess gives up early where multigrid is slow.
 
     Attributes:
@@ -36,15 +39,23 @@ class Iterative:
             without contact the solution.
     """
 
-    def __init__(self, model: Model, *, hurried: bool = False) -> None:
+    def __init__(
+        self,
+        model: Model,
+        elastic: Multigrid | None = None,
+        forms: dict[Method, ContactForms] | None = None,
+        *,
+        hurried: bool = False,
+    ) -> None:
         self.model = model
-        self.elastic = multigrid_of(model, hurried=hurried)
+        self.elastic = multigrid_of(model, hurried=hurried) if elastic is None else elastic
         self._forces = self.elastic.load_vector()
         self._loads = self.elastic.right_side(self._forces.copy(), supports=True)
         if self.elastic.contact_size:
             self.guess = self._sprung(first_guess.across_gap(model))
         else:
             self.guess = self.elastic.glued(self._forces.copy(), tolerance=EXACT)
+        self._forms = {} if forms is None else forms
         self._problems: dict[Method, FullSpace] = {}
 
     def glued(self) -> fem.Function:
@@ -67,11 +78,15 @@ class Iterative:
             How it ended, its last state, and its solution if it is a final attempt
             that converged.
         """
-        if step.method not in self._problems:
-            self._problems[step.method] = FullSpace(
-                self.model, step.method, self.elastic, self._loads, self._length, self._force
+        method = step.method
+        if method not in self._forms:
+            self._forms[method] = ContactForms(self.model, method)
+        if method not in self._problems:
+            forms = self._forms[method]
+            self._problems[method] = FullSpace(
+                self.model, forms, self.elastic, self._loads, self._length, self._force
             )
-        problem = self._problems[step.method]
+        problem = self._problems[method]
         x = problem.vector()
         x.array[:] = self.elastic.start(state) / problem.length
         steps = 0

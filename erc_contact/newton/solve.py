@@ -4,6 +4,9 @@ Whether Newton's method converges depends on where it starts. One elastic factor
 serves all attempts (:mod:`erc_contact.newton.linear.stiffness`), so it costs little to
 try several starts and line searches, the cheapest first.
 
+Scenes that are moved a little from one that is solved (:class:`Nearby`) share its mesh,
+its factor or hierarchy, and the equations of contacts that are the same.
+
 Nitsche's method starts from a solution on another mesh, which takes it as many steps as
 both methods together, or from the solution of the augmented Lagrangian. The two are the
 nearer the larger gamma is, and this takes fewer steps (GRECO, 256 x 256 squares: 11 and
@@ -18,27 +21,24 @@ from functools import partial
 from time import perf_counter
 
 import numpy as np
-from dolfinx import fem
 from mpi4py import MPI
 
 from erc_contact.base import checks
-from erc_contact.base.exceptions import InputError, NotConverged, raise_together
+from erc_contact.base.exceptions import NotConverged, raise_together
 from erc_contact.base.logs import log_of
 from erc_contact.base.progress import stage
-from erc_contact.base.runtime.garbage import free_dropped, track_communicator
 from erc_contact.mesh.domain import Domain
 from erc_contact.model.model import Model
-from erc_contact.model.promises import bind
+from erc_contact.model.promises import bind, bind_nearby
 from erc_contact.newton.after import check_after, last_step
 from erc_contact.newton.arguments import check_arguments
-from erc_contact.newton.contact_solve import ContactSolve
 from erc_contact.newton.direct import Direct
 from erc_contact.newton.doubts import doubts, tell
+from erc_contact.newton.forms import ContactForms
 from erc_contact.newton.iterative import Iterative
 from erc_contact.newton.ladder import NODAL
-from erc_contact.newton.linear.solver import ElasticSolver
-from erc_contact.newton.methods import DEFAULT, Method
-from erc_contact.newton.rest import displacement_at_rest
+from erc_contact.newton.methods import Method
+from erc_contact.newton.model_solve import solution_of
 from erc_contact.newton.solution import Solution
 from erc_contact.scene.scene import Scene
 
@@ -47,8 +47,6 @@ MULTIGRID_FROM = {2: (2_000_000, 8_000), 3: (5_000, 1_000)}
 
 Those of the body, and about those of the contact.
 """
-ENERGY_RANGE = 1e-290, 1e290
-"""Energies that double precision can work with, in any unit."""
 
 
 def solve(
@@ -162,7 +160,7 @@ def solved(
     name = "multigrid" if iterative else "the direct solver"
     try:
         with stage(model.comm, f"solving with {name}"):
-            solution = _solution(kind, model, method, start, tolerance)
+            solution = solution_of(kind, model, method, start, tolerance)
     except NotConverged as failure:
         if solver != "auto" or not iterative:
             raise
@@ -170,7 +168,7 @@ def solved(
             "%d cells: the direct solver takes over from multigrid. %s", domain.cells, failure
         )
         with stage(model.comm, "solving with the direct solver"):
-            solution = _solution(Direct, model, method, start, tolerance)
+            solution = solution_of(Direct, model, method, start, tolerance)
 
     seconds = model.comm.allreduce(perf_counter() - began, MPI.MAX)
     log_of(model.comm).debug(
@@ -181,64 +179,6 @@ def solved(
         seconds,
     )
     return replace(solution, seconds=seconds)
-
-
-def _solution(
-    kind: Callable[[Model], Direct | Iterative],
-    model: Model,
-    method: Method | None,
-    start: Solution | None,
-    tolerance: float | None,
-) -> Solution:
-    """Solve a model with one kind of solver."""
-    solver = kind(model)
-    try:
-        loads = solver.elastic.load_vector()
-        rest = displacement_at_rest(model, loads)
-        if rest is not None:
-            return _at_rest(rest, model, method or DEFAULT, solver.elastic)
-        _check_size(model, loads, solver.guess)
-        if solver.elastic.contact_size:
-            return ContactSolve(solver, method, tolerance).solve(start)
-        reason = "linear solve"
-        return _linear(model, method or DEFAULT, solver.guess, (), reason, solver.elastic)
-    finally:
-        solver.destroy()
-        track_communicator(model.domain, model.comm)
-        free_dropped(model.comm)
-
-
-def _at_rest(rest: fem.Function, model: Model, method: Method, elastic: ElasticSolver) -> Solution:
-    """Make the exact solution of a body at rest, without contact forces."""
-    multipliers = []
-    if method.multiplier:
-        for _ in model.contacts:
-            multipliers.append(model.function())
-    reason = "at rest: nothing loads or moves the body"
-    return _linear(model, method, rest, tuple(multipliers), reason, elastic)
-
-
-def _linear(
-    model: Model,
-    method: Method,
-    u: fem.Function,
-    multipliers: tuple[fem.Function, ...],
-    reason: str,
-    elastic: ElasticSolver,
-) -> Solution:
-    """Make a solution for which Newton's method was not needed."""
-    return Solution(
-        model=model,
-        method=method,
-        u=u,
-        multipliers=multipliers,
-        newton_steps=0,
-        reason=reason,
-        distance=0.0,
-        least_singular_value=1.0,
-        stiffness=elastic,
-        seconds=0.0,
-    )
 
 
 def large(model: Model) -> bool:
@@ -260,32 +200,62 @@ def large(model: Model) -> bool:
     return body > most_of_body or contact_size > most_of_contact
 
 
-def _check_size(model: Model, b: fem.Function, w: fem.Function) -> None:
-    """Check that energies neither overflow nor underflow double precision; collective.
+class Nearby:
+    """Solve scenes moved from that of a solution; construction and members: collective.
 
     Args:
-        model: The scene on a mesh.
-        b: Nodal forces of the loads [force].
-        w: The displacement with the contact glued [length].
-
-    Raises:
-        InputError: If forces, displacements or their products do so.
+        near: The solution. Its elastic solver should be in memory while these are
+            solved.
+        solver: As in :func:`erc_contact.newton.solve.solve`.
     """
-    local_force = float(abs(b.x.array).max(initial=0.0))
-    local_length = float(abs(w.x.array).max(initial=0.0))
-    local_nan = float(np.isnan(w.x.array).any())
-    local = [local_force, local_length, local_nan]
-    force, length, nan = np.max(model.comm.allgather(local), axis=0)
-    stiffest = model.stiffest() * model.domain.extent ** (model.d - 2)
-    with np.errstate(over="ignore", under="ignore"):
-        energies = np.array([force * length, stiffest * length * length])
-    # Without loads, or without any displacement, a product is zero and no underflow.
-    meaningful = np.array([force > 0, length > 0 or force > 0])
-    energies = energies[meaningful]
-    least, most = ENERGY_RANGE
-    if nan or np.any((energies < least) | (energies > most)):
-        raise InputError(
-            f"The loads (nodal forces up to {force:.1e}) move the body by {length:.1e}: "
-            "the energy is no number of double precision. Choose units in which moduli, "
-            "lengths and loads are nearer to 1."
+
+    def __init__(self, near: Solution, solver: str) -> None:
+        self._near = near
+        self._solver = solver
+        self._model = near.model
+        self._forms: dict[Method, ContactForms] = {}
+
+    def solve(self, scene: Scene) -> Solution:
+        """Solve a scene of the same bodies, contacts and springs.
+
+        Raises:
+            InputError: As :func:`erc_contact.newton.solve.solve`.
+            NotConverged: If no attempt converged.
+        """
+        near = self._near
+        model = bind_nearby(scene, self._model)
+        if model.contacts != self._model.contacts:
+            self._forms = {}
+        self._model = model
+        kind = self._kind(model)
+        if kind is not None:
+            try:
+                return solution_of(kind, model, near.method, near, None)
+            except NotConverged:
+                # The direct solver takes over from multigrid where it may.
+                if self._solver != "auto" or not near.stiffness.iterative:
+                    raise
+        return solved(
+            scene,
+            near.domain,
+            near.method,
+            degree=model.degree,
+            after=None,
+            start=near,
+            tolerance=None,
+            solver=self._solver,
         )
+
+    def _kind(self, model: Model) -> Callable[[Model], Direct | Iterative] | None:
+        """Return what solves a model with the factor or hierarchy that there is.
+
+        None if it does not fit.
+        """
+        near = self._near.model
+        same_nodes = np.array_equal(model.fixed, near.fixed)
+        same_unknowns = np.array_equal(model.coordinates.fixed, near.coordinates.fixed)
+        if not model.comm.allreduce(same_nodes and same_unknowns, MPI.LAND):
+            return None
+        elastic = self._near.stiffness
+        kind: type[Direct | Iterative] = Iterative if elastic.iterative else Direct
+        return partial(kind, elastic=elastic.of_model(model), forms=self._forms)

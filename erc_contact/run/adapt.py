@@ -11,6 +11,7 @@ from pathlib import Path
 from erc_contact.admissible.kernels import kernels_ahead
 from erc_contact.admissible.tighten.iteration import TIGHTEN
 from erc_contact.base import checks
+from erc_contact.error.aim import Aim
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.strategy import Strategy
 from erc_contact.mesh.domain import Domain
@@ -60,7 +61,7 @@ def adapt(
         goal: A number that the run aims at, one of those of
             :func:`erc_contact.interval`: the accuracy is then half its interval over
             its value, and cells are marked by their share in it. ``history.bounds`` has
-            the interval. Each mesh is solved five times, the last ones more often.
+            the interval. Most meshes are solved twice, the last ones more often.
         stop: "converged" ends Newton at round-off; "certified" as soon as the rest is
             at most a tenth of the error of the mesh: it is part of e, which bounds the
             error of any state.
@@ -126,7 +127,10 @@ def adapt(
         identity = fingerprint(scene, domain, plan.arguments(DECISIVE))
         store = Checkpoint(comm, checkpoint, identity, plan.accuracy, every)
     try:
-        return Loop(plan, comm, store).go(domain)
+        aim = None
+        if plan.goal is not None:
+            aim = Aim(plan.goal, plan.accuracy, plan.solver, plan.tighten)
+        return Loop(plan, comm, store, aim=aim).go(domain)
     finally:
         # the lock on the folder ends with the run, however the run ends
         if store is not None:

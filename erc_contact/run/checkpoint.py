@@ -26,6 +26,8 @@ from erc_contact.run.levels import Damaged, Folder, Level
 from erc_contact.run.states import Restored, level_of
 from erc_contact.scene.scene import Scene
 
+State = dict[str, float]
+"""Type of what the aim of a run carries from mesh to mesh."""
 DIFFERENCES = 3
 """Greatest number of differences between two runs that a message names."""
 
@@ -39,12 +41,14 @@ class Kept:
         meshes: Domain and eps_E of the levels that are kept.
         best: The error of least ``total`` among them.
         last: The error of the last one.
+        carried: What the aim of the run carried to that one.
     """
 
     steps: list[Any]
     meshes: list[tuple[Domain, np.ndarray]]
     best: ConstitutiveError
     last: ConstitutiveError
+    carried: State
 
 
 class Checkpoint:
@@ -131,9 +135,18 @@ class Checkpoint:
             # to measure costs an admissible pair, and of the others nothing is needed
             if number in (least, last_number):
                 errors[number] = level.error(scene, methods, tighten)
-        return Kept(steps, meshes, errors[least], errors[last_number])
+        return Kept(
+            steps, meshes, errors[least], errors[last_number], dict(last.about.get("carried", {}))
+        )
 
-    def add(self, error: ConstitutiveError, steps: Sequence[Any], *, last: bool = False) -> None:
+    def add(
+        self,
+        error: ConstitutiveError,
+        steps: Sequence[Any],
+        carried: State | None = None,
+        *,
+        last: bool = False,
+    ) -> None:
         """Write the level that was measured last, if its turn has come.
 
         What cannot be written is a warning.
@@ -141,6 +154,7 @@ class Checkpoint:
         Args:
             error: The error of the level.
             steps: The rows of the run so far.
+            carried: What the aim of the run has carried to this level.
             last: Whether the run ends with it, so that it is written in any case.
         """
         number = len(steps)
@@ -152,8 +166,9 @@ class Checkpoint:
         try:
             level = level_of(error, steps)
             if self.comm.rank == 0:
-                about = level.about | {"fingerprint": self.fingerprint, "accuracy": self.accuracy}
-                self.folder.write(number, replace(level, about=about))
+                about: dict[str, Any] = {"fingerprint": self.fingerprint, "accuracy": self.accuracy}
+                about["carried"] = carried or {}
+                self.folder.write(number, replace(level, about=level.about | about))
         except (InputError, OSError, MemoryError) as reason:
             log_of(self.comm).warning(
                 "The mesh of %d cells is not kept: %s. The run goes on; "

@@ -3,33 +3,34 @@
 from __future__ import annotations
 
 import logging
+from contextlib import suppress
 from time import perf_counter
 
 import numpy as np
 from mpi4py import MPI
 
-from erc_contact.admissible.pair import Admissible, equilibrate
-from erc_contact.base import checks
-from erc_contact.base.exceptions import InputError, together
+from erc_contact.admissible.pair import equilibrate
+from erc_contact.base.exceptions import InputError, NotConverged, together
 from erc_contact.base.logs import log_of
 from erc_contact.base.percent import percent
 from erc_contact.base.progress import stage
 from erc_contact.base.runtime.interrupts import Interrupts
 from erc_contact.error.constitutive import ConstitutiveError, constitutive_error
-from erc_contact.error.goals import Aim
 from erc_contact.error.optimal import SizeMap
 from erc_contact.mesh.domain import Domain
 from erc_contact.newton.doubts import DoubtsOfRun
 from erc_contact.newton.ladder import NODAL
-from erc_contact.newton.solve import DEFAULT, solved
+from erc_contact.newton.methods import DEFAULT
+from erc_contact.newton.solve import solved
+from erc_contact.run.aiming import Aiming
 from erc_contact.run.checkpoint import Checkpoint
 from erc_contact.run.endings import AT_REST, NO_TRUE_SHAPE, ending, other_methods
 from erc_contact.run.foreseen import too_many_cells
 from erc_contact.run.history import History
+from erc_contact.run.new_mesh import new_mesh
 from erc_contact.run.new_step import new_step
 from erc_contact.run.plan import SETTINGS, Plan
 from erc_contact.run.step import CURVED, HEADER, Step, line
-from erc_contact.scene.scene import Scene
 
 NEWTON_SHARE = 0.1
 """Share of e that Newton may leave when it stops certified [-]; it adds 0.5% to e.
@@ -46,10 +47,13 @@ class Loop:
         plan: What is asked for.
         comm: Communicator of the run.
         store: Where the run is kept, or None.
+        aim: What follows its goal, or None without.
         quiet: Whether its rows are for debugging only, as in a step of a loading
             history.
 
     Attributes:
+        aimed: The error on the mesh for which the aim was asked last.
+        carried: What the aim carried to the last mesh.
         last: The error that was measured last in this process.
         best: The error of least ``total``.
         doubts: What is doubtful in its solutions; steps of a history leave it to that.
@@ -58,7 +62,13 @@ class Loop:
     """
 
     def __init__(
-        self, plan: Plan, comm: MPI.Comm, store: Checkpoint | None, *, quiet: bool = False
+        self,
+        plan: Plan,
+        comm: MPI.Comm,
+        store: Checkpoint | None,
+        *,
+        aim: Aiming | None = None,
+        quiet: bool = False,
     ) -> None:
         self.plan = plan
         self.comm = comm
@@ -71,7 +81,9 @@ class Loop:
         self.last: ConstitutiveError | None = None
         self.best: ConstitutiveError | None = None
         self.outcome = ""
-        self.aim = None if plan.goal is None else Aim(plan.goal, plan.accuracy)
+        self.aim = aim
+        self.aimed: ConstitutiveError | None = None
+        self.carried: dict[str, float] = {}
         self.warned = False
 
     def go(self, domain: Domain) -> History:
@@ -83,14 +95,16 @@ class Loop:
                 while not self._ends(error):
                     domain, seconds = self._next(error, interrupts)
                     if domain.cells > self.plan.max_cells:
-                        cells = f"{domain.cells} cells, more than max_cells = {self.plan.max_cells}"
-                        self.outcome = f"Stopped{self.above}: the next mesh has {cells}."
+                        most = self.plan.max_cells
+                        words = f"{domain.cells} cells, more than max_cells = {most}"
+                        if not self._knows_goal():
+                            self.outcome = f"Stopped{self.above}: the next mesh has {words}."
                         break
                     error = self._level(domain, error, seconds, interrupts)
             except (Exception, KeyboardInterrupt) as failure:
                 self._end(failure, interrupts)
             if self.store is not None and self.last is not None:
-                self.store.add(self.last, self.steps, last=True)
+                self.store.add(self.last, self.steps, self.carried, last=True)
         return self._history(fallback=self.plan.method is None)
 
     @property
@@ -119,9 +133,9 @@ class Loop:
         self.best = kept.best
         self.began -= self.steps[-1].seconds
         for step in self.steps:
-            self._log_row(step, error.domain)
+            self._log(line(step, curved=error.domain.curved_facets is not None))
         self.doubts.see(error.solution)
-        self._aim(error)
+        self._aim(error, kept.carried)
         log_of(self.comm).info("Read from %s; the run goes on from here.", store.folder.path)
         return error
 
@@ -143,33 +157,20 @@ class Loop:
         # the mesh is kept before the callback, which may end the run
         if self.store is not None:
             with stage(self.comm, "keeping the mesh"):
-                self.store.add(error, self.steps)
+                self.store.add(error, self.steps, self.carried)
         if plan.callback is not None:
             together(self.comm, plan.callback, error, step)
         interrupts.check()
         return error
 
-    def _aim(self, error: ConstitutiveError) -> None:
+    def _aim(self, error: ConstitutiveError, carried: dict[str, float] | None = None) -> None:
         """Measure the interval of the goal, if the run has one; collective."""
         if self.aim is None or error.solution.at_rest:
             return
-        plan = self.plan
-
-        def pair_of(scene: Scene) -> Admissible:
-            moved = solved(
-                scene,
-                error.domain,
-                error.solution.method,
-                degree=plan.degree,
-                after=None,
-                start=error.solution,
-                tolerance=None,
-                solver=plan.solver,
-            )
-            return equilibrate(moved, tighten=plan.tighten)
-
+        self.aimed = error
         with stage(self.comm, "interval of the goal"):
-            self.aim.measure(error, pair_of)
+            self.aim.measure(error, carried)
+        self.carried = self.aim.before
         self._log(self.aim.words)
 
     def _measured(
@@ -209,12 +210,8 @@ class Loop:
         self.meshes.append((error.domain, error.indicators))
         if self.best is None or error.total < self.best.total:
             self.best = error
-        self._log_row(step, error.domain)
+        self._log(line(step, curved=error.domain.curved_facets is not None))
         return step
-
-    def _log_row(self, step: Step, domain: Domain) -> None:
-        """Log the row of a mesh."""
-        self._log(line(step, curved=domain.curved_facets is not None))
 
     def _log(self, text: str, level: int = logging.INFO) -> None:
         """Log a text, for debugging alone if the run is quiet."""
@@ -222,16 +219,18 @@ class Loop:
 
     def _ends(self, error: ConstitutiveError) -> bool:
         """Decide whether the run ends with this error; then the outcome says why."""
-        plan = self.plan
-        best = self.best
+        plan, best = self.plan, self.best
         assert best is not None
+        is_last = len(self.steps) >= plan.max_steps
+        if is_last:
+            self._knows_goal()
         if error.solution.at_rest:
             self.outcome = AT_REST
         elif self.aim is not None and self.aim.reached:
             self.outcome = f"Reached: {self.aim.words}."
         elif self.aim is None and best.total <= plan.accuracy:
             self.outcome = f"Reached: {percent(best.total)} <= {percent(plan.accuracy)}."
-        elif len(self.steps) >= plan.max_steps:
+        elif is_last:
             self.outcome = f"Stopped after max_steps = {plan.max_steps} meshes{self.above}."
         elif self.aim is None and not self.warned:
             by_sizes = isinstance(plan.strategy, SizeMap)
@@ -241,24 +240,22 @@ class Loop:
                 log_of(self.comm).warning(words)
         return bool(self.outcome)
 
-    def _next(self, error: ConstitutiveError, interrupts: Interrupts) -> tuple[Domain, float]:
-        """Make the next mesh; collective.
+    def _knows_goal(self) -> bool:
+        """Measure the goal where the run ends; say so if it is reached; collective."""
+        if self.aim is None or self.aimed is None:
+            return False
+        with suppress(InputError):
+            self.aim.finish(self.aimed)
+        if self.aim.reached:
+            self.outcome = f"Reached: {self.aim.words}."
+        return self.aim.reached
 
-        Returns:
-            The mesh, and the wall time of making it [s].
-        """
-        plan = self.plan
-        started = perf_counter()
+    def _next(self, error: ConstitutiveError, interrupts: Interrupts) -> tuple[Domain, float]:
+        """Make the next mesh, and tell the wall time of making it [s]; collective."""
+        seen = error if self.aim is None else self.aim.marked(error)
         with stage(self.comm, f"making mesh {len(self.steps) + 1}"):
-            seen = error if self.aim is None else self.aim.marked(error)
-            domain = together(self.comm, plan.strategy.next, seen, plan.accuracy, plan.max_cells)
-        interrupts.check()
-        seconds = self.comm.allreduce(perf_counter() - started, MPI.MAX)
-        if not isinstance(domain, Domain):
-            raise InputError(
-                f"The strategy gave {checks.description(domain)}; its next() must return a Domain."
-            )
-        return domain, seconds
+            plan = self.plan
+            return new_mesh(plan.strategy, seen, plan.accuracy, plan.max_cells, interrupts)
 
     def _end(self, failure: BaseException, interrupts: Interrupts) -> None:
         """End the run with what it has, or raise.
@@ -267,13 +264,13 @@ class Loop:
         """
         if self.best is None:
             raise failure
+        if isinstance(failure, (InputError, NotConverged)) and self._knows_goal():
+            return
         self.outcome = ending(failure, interrupts, self.above)
         if not self.outcome:
             self.outcome = f"Stopped{self.above}: {type(failure).__name__}: {failure}"
             failure.history = self._history(fallback=False)  # type: ignore[attr-defined]
-            failure.add_note(
-                "The history of the run so far is the attribute `history` of this exception."
-            )
+            failure.add_note("The attribute `history` of this exception has the run so far.")
             raise failure
 
     def _history(self, *, fallback: bool) -> History:

@@ -13,8 +13,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from copy import copy
 from functools import cached_property
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 import ufl
@@ -73,6 +74,30 @@ class Elastic:
 
     def free(self) -> None:
         """Free the factor or hierarchy; a later solve makes it again."""
+
+    def make(self) -> None:
+        """Make the factor or hierarchy, if there is none; collective."""
+
+    def of_model(self, model: Model) -> Self:
+        """Return the equations of a model with other loads and values; collective.
+
+        They solve with the factor or hierarchy of these ones, which stays theirs: it
+        must be in memory as long as those of the model solve.
+
+        Args:
+            model: A model on the same mesh, of the same bodies, contacts and springs.
+                The same components are fixed.
+        """
+        self.make()
+        others = copy(self)
+        others.model = model
+        for name in list(vars(self)):
+            # Loads, values of supports and motions of faces are those of the model.
+            if isinstance(getattr(type(self), name, None), cached_property):
+                del others.__dict__[name]
+        # Not being the outermost owner, they never free what belongs to these ones.
+        others._owners = 1
+        return others
 
     def load_vector(self) -> fem.Function:
         """Return the nodal forces of loads and given strains [force].

@@ -1,7 +1,6 @@
 """The elastic equations solved iteratively, by conjugate gradients with multigrid.
 
-It works on any number of ranks. The multigrid hierarchy is that of
-:mod:`erc_contact.newton.linear.hierarchy`.
+It works on any number of ranks, see :mod:`erc_contact.newton.linear.hierarchy`.
 
 Symbols: K and D as in :mod:`erc_contact.newton.linear.elastic`; C a matrix that is zero
 away from the contact.
@@ -150,8 +149,7 @@ class Multigrid(Elastic):
         Args:
             y: Displacement of the contact nodes that this rank owns [length], zero
                 where supports fix it.
-            tolerance: Of the displacement between them [-]; the energy has twice the
-                digits.
+            tolerance: Of the displacement between them [-].
         """
         self.hierarchy.set_share(1.0)
         at_contact = np.flatnonzero(self.glue.x.array[: self.owned] > 0).astype(np.int32)
@@ -211,6 +209,10 @@ class Multigrid(Elastic):
     def factorised(self) -> bool:
         """Tell whether a hierarchy is in memory."""
         return self._hierarchy is not None
+
+    def make(self) -> None:
+        """Make the hierarchy, if there is none; collective."""
+        self.hierarchy.set_share(1.0)
 
     def free(self) -> None:
         """Free K and the hierarchy; a later solve makes them again."""

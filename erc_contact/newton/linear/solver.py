@@ -14,11 +14,13 @@ the nodes of all contacts.
 from __future__ import annotations
 
 from contextlib import AbstractContextManager
-from typing import ClassVar, Protocol
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 from dolfinx import fem
 from petsc4py import PETSc
+
+from erc_contact.model.model import Model
 
 
 class Traces(Protocol):
@@ -58,9 +60,11 @@ class ElasticSolver(Protocol):
     Attributes:
         iterative: Whether it solves by iterations, to a tolerance.
         factorised: Whether a factor or a hierarchy is in memory.
+        contact_size: Number of unknowns at contact nodes; 0 without contact.
     """
 
     iterative: ClassVar[bool]
+    contact_size: int
 
     @property
     def factorised(self) -> bool: ...  # noqa: D102
@@ -101,6 +105,12 @@ class ElasticSolver(Protocol):
         Args:
             numbers: Global numbers of nodes of contacts, the same on all ranks, shape
                 (M,).
+        """
+
+    def of_model(self, model: Model) -> Any:
+        """Return the equations of a model with other loads and values; collective.
+
+        They share the factor or hierarchy, see :meth:`.elastic.Elastic.of_model`.
         """
 
     def in_memory(self) -> AbstractContextManager[None]:

@@ -174,10 +174,10 @@ class Stiffness(Elastic):
             S_A, shape (A, A), and the derivative, shape (L, A).
         """
         full = np.asarray(self.schur)
+        a = self.contact_size
         if count == len(full):
             return full, np.eye(count)
         if self._reduced is None:
-            a = self.contact_size
             lift = np.vstack([np.eye(a), -np.linalg.solve(full[a:, a:], full[a:, :a])])
             schur = full[:a, :a] + full[:a, a:] @ lift[a:]
             self._reduced = 0.5 * (schur + schur.T), lift
@@ -218,12 +218,14 @@ class Stiffness(Elastic):
 
     def free(self) -> None:
         """Free the factor; a later solve makes it again."""
-        if self._factor is not None:
-            self._factor.destroy()
-            self._factor = None
-        if self._matrix is not None:
-            self._matrix.destroy()
-            self._matrix = None
+        for made in (self._factor, self._matrix):
+            if made is not None:
+                made.destroy()
+        self._factor = self._matrix = None
+
+    def make(self) -> None:
+        """Make the factor, if there is none; collective."""
+        self._solver()
 
     def definite(self, count: int) -> np.ndarray:
         """Return the stiffness of u_A [force/length], definite on free rigid motions.
@@ -238,11 +240,7 @@ class Stiffness(Elastic):
         return matrix
 
     def unglued(self, count: int) -> np.ndarray:
-        """Return ``S_A - D_A``, the stiffness of u_A [force/length], on rank 0.
-
-        Args:
-            count: Size of A, the first ones of L.
-        """
+        """Return ``S_A - D_A``, the stiffness of u_A [force/length], on rank 0."""
         matrix = self.reduced(count)[0].copy()
         matrix.flat[:: count + 1] -= self.glued_by[:count]
         return matrix
@@ -289,12 +287,13 @@ class Stiffness(Elastic):
         # MUMPS makes no Schur complement on all rows: something must be left to
         # eliminate. On coarse meshes L is the whole body; a tree of one rank then
         # factorises densely.
-        layer_is_body = self.contact_size > 0 and len(self.numbers) == self.free_components()
+        has_contact = self.contact_size > 0
+        layer_is_body = has_contact and len(self.numbers) == self.free_components()
         if self.model.comm.size > 1 or layer_is_body:
             self._factor = Substructures(self.model, self.form, self.glue, self.local)
         else:
             self._matrix = self._assemble()
             # A later factor need not make the Schur complement again.
-            first = self.contact_size > 0 and self.schur is None
+            first = has_contact and self.schur is None
             self._factor = factorised(self._matrix, self.numbers if first else None)
         return self._factor

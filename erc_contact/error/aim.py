@@ -1,0 +1,264 @@
+"""Aim a run at a number: an interval where it may end, else an estimate to mark by.
+
+On most meshes the interval cannot be narrow enough yet. There the scene is moved to one
+side only: this tells the shares of the cells, and about how wide the interval would be.
+Where it may be narrow enough, and on the first mesh, the scene is moved to the other
+side, too. t follows from that of the last mesh. So most meshes take one further solve.
+"""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import replace
+
+import numpy as np
+
+from erc_contact.base.exceptions import NotConverged
+from erc_contact.base.percent import percent
+from erc_contact.error.constitutive import ConstitutiveError
+from erc_contact.error.goals import goal_error, question_or_number, with_lifting
+from erc_contact.error.moved_pairs import moved_pairs
+from erc_contact.error.numbers import Bounds
+from erc_contact.error.three_pairs import Ends
+from erc_contact.error.trials import FACTOR, NEAR, GoalError, Trials
+from erc_contact.scene.goal import Goal
+
+FIRST = 3.0
+"""First t of a run over that of a question [-]: about what is best, as measured."""
+FIRST_COUNT = 2
+"""Number of values of t that are tried at most until a moved scene is solved."""
+COUNT = 3
+"""Number of values of t that are tried at most where the run may end."""
+ORDER = 2.0
+"""Order of the width in e that is hoped for from one interval to the next [-].
+
+It is 2 at best. Hope costs a solve; its opposite would cost a mesh more than needed.
+"""
+MARGIN = 1.2
+"""Half width that is hoped for, over that asked for, where the run may end [-]."""
+CLOSE = 1.3
+"""Half width over that asked for from which another t may be enough [-]."""
+
+SETTLED = 0.1
+"""Part of a width that changes of the contact set make where they count little [-]."""
+SUDDEN = 0.8
+"""The same where t is far too large [-]."""
+MUCH = 0.7
+"""Width for another t over that of an interval that is worth its solves [-]."""
+
+State = dict[str, float]
+"""Type of what an aim carries from mesh to mesh, plain numbers."""
+
+
+class Aim:
+    """Hold what a run knows of its goal; members are collective.
+
+    Args:
+        goal: The number.
+        accuracy: Half of the interval that is asked for, over the number [-].
+        solver: As in :func:`erc_contact.newton.solve.solve`.
+        tighten: Greatest number of iterations that tighten a stress.
+
+    Attributes:
+        before: What was carried to the last mesh. A run that goes on from its folder
+            measures that mesh again with it, and then makes the same meshes.
+    """
+
+    def __init__(self, goal: Goal, accuracy: float, solver: str, tighten: int) -> None:
+        self._goal = goal
+        self._accuracy = accuracy
+        self._solver = solver
+        self._tighten = tighten
+        self._last: GoalError | None = None
+        self._is_rough = False
+        self._carried: State = {}
+        self.before: State = {}
+
+    @property
+    def bounds(self) -> Bounds | None:
+        """Return the interval on the last mesh; None where there is none."""
+        return None if self._last is None or self._is_rough else self._last.bounds
+
+    def measure(self, error: ConstitutiveError, carried: State | None = None) -> None:
+        """Measure the interval on a mesh, or estimate it.
+
+        Args:
+            error: The error on the mesh.
+            carried: What an earlier process carried to this mesh; None for what this
+                one did.
+        """
+        if carried is not None:
+            self._carried = dict(carried)
+        self.before = dict(self._carried)
+        self._last = None
+        self._is_rough = False
+        question = question_or_number(error, self._goal)
+        if isinstance(question, GoalError):
+            self._last = self._with_proved(question)
+            return
+        with moved_pairs(error, self._solver, self._tighten) as pair_of:
+            self._measure(Trials(error, question, pair_of))
+
+    def _measure(self, trials: Trials) -> None:
+        """Measure the interval on a mesh, or estimate it, and carry t; collective."""
+        t = max(self._first_t(trials), trials.least_t)
+        if self._may_end(trials.base.M):
+            self._try(trials, t)
+        rough = None if trials.tried else self._estimate(trials, t)
+        if rough is not None and self._may_end_by(trials, rough):
+            self._try(trials, rough.t)
+        best = trials.best
+        if best is not None:
+            self._measured(trials, best)
+        elif rough is not None:
+            self._carried |= {"t": rough.t, "M": trials.base.M}
+            self._is_rough = True
+            self._last = GoalError(trials.estimate(rough), trials.shares(rough))
+
+    def _estimate(self, trials: Trials, t: float) -> Ends | None:
+        """Estimate the interval for a t, or for a smaller one; collective."""
+        for _ in range(FIRST_COUNT):
+            rough = trials.rough(t)
+            if rough is not None:
+                return rough
+            t = max(t / FACTOR, trials.least_t)
+        # The scene moved has no solution on this mesh; the next one is finer.
+        return None
+
+    def _measured(self, trials: Trials, best: Ends) -> None:
+        """Take the interval of a mesh, and carry what others need; collective."""
+        M = trials.base.M
+        bounds = trials.bounds()
+        t = self._below_sudden(trials.better_t(best))
+        half = min(trials.half_at(best, t), best.width / 2)
+        self._carried |= {"t": t, "M": M, "half": half, "M of half": M, "value": trials.value()}
+        # An interval without any width has no spread.
+        self._carried["spread"] = max(best.spread, 0.0) / max(best.width, 1e-300)
+        if bounds.relative > self._accuracy:
+            bounds = with_lifting(trials.error, self._goal, bounds)
+        self._last = self._with_proved(GoalError(bounds, trials.shares(best)))
+
+    def _may_end(self, M: float) -> bool:
+        """Tell whether the interval may be as narrow as asked for."""
+        carried = self._carried
+        if "half" not in carried or carried["M of half"] == 0.0:
+            return True
+        half = carried["half"] * (M / carried["M of half"]) ** ORDER
+        return half <= MARGIN * self._accuracy * abs(carried["value"])
+
+    def _may_end_by(self, trials: Trials, rough: Ends) -> bool:
+        """Tell whether an estimate promises an interval as narrow as asked for.
+
+        It does not see what the motion changes in the contact set. So it counts only if
+        the last interval saw little of that, and t may still grow.
+        """
+        if self._carried.get("spread", 1.0) > SETTLED:
+            return False
+        half = trials.half_at(rough, self._below_sudden(trials.better_t(rough)))
+        return half <= self._accuracy * abs(trials.estimate(rough).value)
+
+    def _try(self, trials: Trials, t: float) -> None:
+        """Measure intervals, for other t as long as they may be enough; collective."""
+        for count in range(COUNT):
+            ends = trials.attempt(t)
+            if ends is None:
+                return
+            self._see(ends)
+            if ends.spread > SUDDEN * ends.width:
+                t = self._below_sudden(trials.better_t(ends))
+                continue
+            bounds = trials.bounds()
+            half = (bounds.high - bounds.low) / 2
+            asked = self._accuracy * abs(bounds.value)
+            better_t = self._below_sudden(trials.better_t(ends))
+            hoped = trials.half_at(ends, better_t)
+            is_reached = half <= asked
+            is_enough = hoped <= asked or (count == 0 and half <= CLOSE * asked)
+            # An interval that is narrow enough may still be far wider than it need be.
+            if not (hoped < MUCH * half if is_reached else is_enough):
+                return
+            # Below the best t one end is often higher, though the width is not less.
+            is_best = 1 / NEAR < better_t / t < NEAR
+            t = t / NEAR if is_best else better_t
+
+    def finish(self, error: ConstitutiveError) -> None:
+        """Measure the interval on the last mesh of a run that has an estimate there."""
+        if error.solution.at_rest or (self._last is not None and not self._is_rough):
+            return
+        self._is_rough = False
+        # An estimate is no interval.
+        self._last = None
+        t = self._carried.get("t")
+        with moved_pairs(error, self._solver, self._tighten) as pair_of, suppress(NotConverged):
+            self._last = self._with_proved(goal_error(error, self._goal, pair_of, t))
+
+    def marked(self, error: ConstitutiveError) -> ConstitutiveError:
+        """Return an error whose cells count by their share in the interval."""
+        if self._last is None:
+            return error
+        return replace(error, total_indicators=np.sqrt(self._last.shares))
+
+    @property
+    def reached(self) -> bool:
+        """Tell whether the interval is as narrow as asked for."""
+        return self.bounds is not None and self.bounds.relative <= self._accuracy
+
+    @property
+    def words(self) -> str:
+        """Say how far the number is known."""
+        if self._last is None:
+            return f"{self._goal!r} has no interval yet"
+        bounds = self._last.bounds
+        if self._is_rough:
+            return f"{self._goal!r} is about {bounds.value:.6g}, no interval yet"
+        kind = "proved" if bounds.guaranteed else "an estimate"
+        return f"{self._goal!r} = {bounds.value:.6g} to {percent(bounds.relative)}, {kind}"
+
+    def _first_t(self, trials: Trials) -> float:
+        """Return the t with which a mesh begins.
+
+        ``t = 2 M/d`` is best. M falls like e, and d like the root of it, as measured,
+        or not at all.
+        """
+        M = self._carried.get("M", 0.0)
+        if M > 0 and trials.base.M > 0:
+            return self._below_sudden(self._carried["t"] * float(np.sqrt(trials.base.M / M)))
+        return FIRST * trials.question.step
+
+    def _see(self, ends: Ends) -> None:
+        """Carry the least t that changed the contact set much, and one that did not."""
+        sudden = self._carried.get("sudden t", np.inf)
+        gentle = self._carried.get("gentle t", 0.0)
+        if ends.spread > SUDDEN * ends.width:
+            sudden = min(sudden, ends.t)
+        else:
+            gentle = max(gentle, ends.t)
+        if sudden < np.inf:
+            self._carried["sudden t"] = sudden
+        self._carried["gentle t"] = min(gentle, sudden / NEAR)
+
+    def _below_sudden(self, t: float) -> float:
+        """Return a t, or one below it that should not change the contact set much.
+
+        What does so all at once depends on the scene, and little on the mesh.
+        """
+        if "sudden t" not in self._carried:
+            return t
+        sudden = self._carried["sudden t"]
+        gentle = max(self._carried["gentle t"], sudden / FACTOR)
+        return min(t, float(np.sqrt(gentle * sudden)))
+
+    def _with_proved(self, last: GoalError) -> GoalError:
+        """Return an interval narrowed by the proved ones of the meshes before.
+
+        All are of the number of one body, so that their intersection holds.
+        """
+        bounds = last.bounds
+        if not bounds.guaranteed:
+            return last
+        if "low" in self._carried:
+            low = self._carried["low"]
+            high = self._carried["high"]
+            bounds = bounds.narrowed(Bounds((low + high) / 2, low, high, guaranteed=True))
+        self._carried |= {"low": bounds.low, "high": bounds.high}
+        return replace(last, bounds=bounds)
