@@ -7,7 +7,7 @@ try several starts and line searches, the cheapest first
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol
 
 from dolfinx import fem
 
@@ -22,9 +22,16 @@ from erc_contact.newton.linear.solver import ElasticSolver
 from erc_contact.newton.methods import Method
 from erc_contact.newton.snes import DiscreteSolution, Outcome
 from erc_contact.newton.solution import SINGULAR, Solution
+from erc_contact.scene.law import Coulomb
 
 SLOW_ATTEMPTS = 5
 """Number of attempts without convergence of the linear solver that ends multigrid."""
+STRONG_FRICTION = 1.0
+"""Coefficient of friction above which there may be many solutions [-].
+
+The augmented Lagrangian then finds one that is exact where the exact ones are in the
+finite element space; Nitsche's method alone may find one beside them.
+"""
 
 
 class Solver(Protocol):
@@ -36,8 +43,11 @@ class Solver(Protocol):
         model: The scene on a mesh.
         elastic: Its elastic equations.
         guess: The displacement with the contact glued [length].
+        nodal_first: Whether the augmented Lagrangian is the first attempt under strong
+            friction. It costs little where steps do.
     """
 
+    nodal_first: ClassVar[bool]
     model: Model
     guess: fem.Function
 
@@ -99,6 +109,7 @@ class ContactSolve:
             friction=friction,
             gap=gap,
             fallback=self.fallback,
+            nodal_first=self.solver.nodal_first and _has_strong_friction(self.model),
         ):
             if attempt.start not in states:
                 continue
@@ -183,3 +194,14 @@ class ContactSolve:
             stiffness=self.solver.elastic,
             seconds=0.0,
         )
+
+
+def _has_strong_friction(model: Model) -> bool:
+    """Tell whether a coefficient of friction is above one; collective."""
+    for contact in model.contacts:
+        if contact.friction is not None and isinstance(contact.friction.law, Coulomb):
+            parameters = model.friction_parameters(contact, model.facet_points)
+            _, most = model.extremes(parameters["friction"])
+            if most > STRONG_FRICTION:
+                return True
+    return False

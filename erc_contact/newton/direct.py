@@ -6,7 +6,7 @@ Newton's method solves the problem condensed on the contact.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from dolfinx import fem
@@ -37,6 +37,8 @@ class Direct:
         elastic: Its elastic equations.
         guess: The displacement with the contact glued [length].
     """
+
+    nodal_first: ClassVar[bool] = True
 
     def __init__(
         self,

@@ -6,6 +6,7 @@ It works in parallel on any number of ranks.
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import ClassVar
 
 import numpy as np
 from dolfinx import fem
@@ -38,6 +39,8 @@ class Iterative:
         guess: The displacement with the contact glued, where a gap is closed [length];
             without contact the solution.
     """
+
+    nodal_first: ClassVar[bool] = False
 
     def __init__(
         self,

@@ -87,6 +87,7 @@ def attempts(
     friction: bool,
     gap: bool,
     fallback: bool,
+    nodal_first: bool,
 ) -> Iterator[Attempt]:
     """Generate the attempts, cheapest first.
 
@@ -102,16 +103,19 @@ def attempts(
         friction: Whether the scene has friction.
         gap: Whether it has a gap.
         fallback: Whether a solution of the augmented Lagrangian is accepted instead.
+        nodal_first: Whether another method starts from the solution of the augmented
+            Lagrangian where no solution on another mesh is known.
     """
     nodal = method if method.multiplier else NODAL
     is_nodal = nodal == method
     first = "warm" if "warm" in known else "glued"
-    if not is_nodal:
+    method_first = not is_nodal and (first == "warm" or not nodal_first)
+    if method_first:
         yield Attempt(method, first)
     yield Attempt(nodal, first, final=is_nodal)
     if not is_nodal:
         yield Attempt(method, "nodal")
-    if first == "warm":
+    if first == "warm" or not (is_nodal or method_first):
         yield Attempt(method, "glued")
 
     # Another parameter of the augmented Lagrangian goes another way to its solution.
