@@ -207,8 +207,8 @@ class Solution:
     def profile(self, contact: str) -> np.ndarray:
         """Return gap, slip and tractions of the method along a contact; collective.
 
-        The columns are those of :func:`erc_contact.model.profile.profile_table`, the
-        tractions those of :func:`erc_contact.model.profile.profile_traction`.
+        The columns are those of :func:`erc_contact.model.profile.profile_table`. The
+        tractions are projected on polynomials on each facet, which have its force.
 
         Raises:
             InputError: If no contact has this name.
