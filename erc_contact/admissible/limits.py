@@ -20,6 +20,7 @@ from erc_contact.admissible.traction import ContactTraction
 from erc_contact.mesh.peaks import upper_bounds
 from erc_contact.mesh.quadrature import facet_pieces, polynomials
 from erc_contact.model.expressions import Everywhere
+from erc_contact.model.foundation import BoundContact
 from erc_contact.model.kinks import kinks_on_facets
 from erc_contact.model.model import Model
 from erc_contact.model.symbolic import varies_in_cells
@@ -117,7 +118,7 @@ def limits_of(model: Model, traction: ContactTraction) -> Limits:
     """
     contact = traction.contact
     if contact not in model.gap_limits:
-        model.gap_limits[contact] = _gap_limits(model, traction)
+        model.gap_limits[contact] = _gap_limits(model, contact)
     gaps = model.gap_limits[contact]
 
     # One limit for each pair of a node and a normal, and the least gap of its facets.
@@ -156,31 +157,30 @@ def _share_of_node(trace: Trace, node_count: int) -> np.ndarray:
     return np.divide(stiffness[1], total, out=np.ones(node_count), where=total > 0)
 
 
-def _gap_limits(model: Model, traction: ContactTraction) -> np.ndarray:
+def _gap_limits(model: Model, contact: BoundContact) -> np.ndarray:
     """Return coefficients of polynomials below the gap [length]; collective.
 
     Their shape is (f, m).
     """
-    contact = traction.contact
     gaps = contact.trace.coefficients(model.gap_at_nodes(contact))
     if contact.gap is not None and varies_in_cells(contact.gap) and not contact.bilateral:
-        gaps = gaps - _excess(model, traction, gaps)[:, None]
+        gaps = gaps - _excess(model, contact, gaps)[:, None]
     return gaps
 
 
-def _excess(model: Model, traction: ContactTraction, gaps: np.ndarray) -> np.ndarray:
+def _excess(model: Model, contact: BoundContact, gaps: np.ndarray) -> np.ndarray:
     """Bound the excess of polynomials over the gap on each facet [length]; collective.
 
     Args:
         model: The scene on a mesh.
-        traction: r^ on the contact.
+        contact: The contact.
         gaps: Coefficients of the polynomials [length], shape (f, m).
 
     Returns:
         The bounds, shape (f,).
     """
-    facets = traction.contact.facets
-    gap = Everywhere(traction.contact.gap, model.mesh)
+    facets = contact.facets
+    gap = Everywhere(contact.gap, model.mesh)
     size = np.zeros(len(facets))
 
     def above(facet: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
@@ -192,7 +192,7 @@ def _excess(model: Model, traction: ContactTraction, gaps: np.ndarray) -> np.nda
 
     # A polynomial gap is met to round-off, which is no excess.
     round_off = POLYNOMIAL * abs(gaps).max(axis=1, initial=0.0)
-    corners = traction.contact.trace.here.corners
-    kinks = kinks_on_facets(model, [traction.contact.gap], facets)
+    corners = contact.trace.here.corners
+    kinks = kinks_on_facets(model, [contact.gap], facets)
     highest = upper_bounds(above, corners, facet_pieces(model.d - 1), round_off, kinks)
     return np.where(size > round_off, highest, 0.0)

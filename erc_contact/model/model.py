@@ -32,6 +32,7 @@ from erc_contact.model.symbolic import has_arguments, varies_in_cells
 from erc_contact.model.ties import bind_tie
 from erc_contact.model.users import try_material
 from erc_contact.model.values import DATA_DEGREE, moduli
+from erc_contact.scene.law import Coulomb
 from erc_contact.scene.material import Elastic, strain
 from erc_contact.scene.scene import Scene
 
@@ -91,6 +92,20 @@ class Model(Space):
             try_material(self.V, scene.material, self.parameters)
         self.strains = bind_strains(self, scene.strains, scene.material, self.parameters)
         self.springs = bind_springs(self, scene.springs, self.modulus)
+        self.bind_supports_and_loads(scene)
+        self.contacts = []
+        for contact in scene.contacts:
+            self.contacts.append(bind_contact(self, contact, self.modulus, last))
+        self.gap_limits: dict[BoundContact, np.ndarray] = {}
+        self.ties = [bind_tie(self, tie, self.modulus) for tie in scene.ties]
+        self.bind_coordinates()
+        check_neighbours(self, self.loose_faces, self.held, self.contacts)
+        self.free_motions = free_motions(
+            self, self.held, self.springs, self.contacts, self.loose_faces
+        )
+
+    def bind_supports_and_loads(self, scene: Scene) -> None:
+        """Put the supports and loads of a scene on the mesh; collective."""
         supports = bind_supports(self, scene.supports)
         self.fixed = supports.fixed
         self.prescribed = supports.prescribed
@@ -100,17 +115,11 @@ class Model(Space):
         self.loose_faces = supports.loose_faces
         self.face_forces = face_forces(self, self.loose_faces)
         self.surface_loads, self.body_force = bind_loads(self, scene.loads)
-        self.contacts = []
-        for contact in scene.contacts:
-            self.contacts.append(bind_contact(self, contact, self.modulus, last))
-        self.gap_limits: dict[BoundContact, np.ndarray] = {}
-        self.ties = [bind_tie(self, tie, self.modulus) for tie in scene.ties]
+
+    def bind_coordinates(self) -> None:
+        """Set the solver's unknowns, given contacts and supports; collective."""
         traces = [contact.trace for contact in self.contacts]
         self.coordinates = Coordinates(self, traces, self.fixed, self.prescribed)
-        check_neighbours(self, self.loose_faces, self.held, self.contacts)
-        self.free_motions = free_motions(
-            self, self.held, self.springs, self.contacts, self.loose_faces
-        )
 
     # -- forms
 
@@ -261,6 +270,17 @@ class Model(Space):
         for name, value in contact.friction.parameters.items():
             values[name] = evaluate(value, self.mesh, points, contact.facets)
         return values
+
+    def greatest_coefficient(self, contact: BoundContact) -> float:
+        """Return the greatest coefficient of Coulomb friction [-]; collective.
+
+        It is zero without friction, and with another law.
+        """
+        if contact.friction is None or not isinstance(contact.friction.law, Coulomb):
+            return 0.0
+        parameters = self.friction_parameters(contact, self.facet_points)
+        _, most = self.extremes(parameters["friction"])
+        return most
 
     def gap_at_nodes(self, contact: BoundContact) -> np.ndarray:
         """Evaluate the gap at the nodes of a contact [length], shape (f, m)."""

@@ -22,7 +22,6 @@ from erc_contact.newton.linear.solver import ElasticSolver
 from erc_contact.newton.methods import Method
 from erc_contact.newton.snes import DiscreteSolution, Outcome
 from erc_contact.newton.solution import SINGULAR, Solution
-from erc_contact.scene.law import Coulomb
 
 SLOW_ATTEMPTS = 5
 """Number of attempts without convergence of the linear solver that ends multigrid."""
@@ -101,6 +100,10 @@ class ContactSolve:
         if start is not None and start.model.contacts:
             states["warm"] = self.solver.warm(start.model, start.u)
         slow = 0
+        # A start from another mesh makes the way to the solution short in any case.
+        nodal_first = (
+            self.solver.nodal_first and "warm" not in states and _has_strong_friction(self.model)
+        )
         friction = any(contact.friction is not None for contact in self.model.contacts)
         gap = any(contact.gap is not None for contact in self.model.contacts)
         for attempt in attempts(
@@ -109,7 +112,7 @@ class ContactSolve:
             friction=friction,
             gap=gap,
             fallback=self.fallback,
-            nodal_first=self.solver.nodal_first and _has_strong_friction(self.model),
+            nodal_first=nodal_first,
         ):
             if attempt.start not in states:
                 continue
@@ -198,10 +201,5 @@ class ContactSolve:
 
 def _has_strong_friction(model: Model) -> bool:
     """Tell whether a coefficient of friction is above one; collective."""
-    for contact in model.contacts:
-        if contact.friction is not None and isinstance(contact.friction.law, Coulomb):
-            parameters = model.friction_parameters(contact, model.facet_points)
-            _, most = model.extremes(parameters["friction"])
-            if most > STRONG_FRICTION:
-                return True
-    return False
+    coefficients = [model.greatest_coefficient(contact) for contact in model.contacts]
+    return max(coefficients, default=0.0) > STRONG_FRICTION

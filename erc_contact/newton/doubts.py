@@ -19,7 +19,6 @@ from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.model import Model
 from erc_contact.newton.solution import Solution
-from erc_contact.scene.law import Coulomb
 
 ROTATION = 0.1
 """Rotation up to which the theory is good [rad]; half its square, 0.5%, is lost."""
@@ -151,15 +150,13 @@ def _rotated(solution: Solution) -> tuple[float, float]:
 def _of_contact(model: Model, contact: BoundContact, solution: Solution, moved: float) -> Doubts:
     """Find an unlikely friction, and a contact without touch; collective."""
     found: Doubts = {}
-    if contact.friction is not None and isinstance(contact.friction.law, Coulomb):
-        parameters = model.friction_parameters(contact, model.facet_points)
-        _, most = model.extremes(parameters["friction"])
-        if most > FRICTION:
-            found["friction", contact.name] = (
-                f"Contact({contact.name!r}): friction is {most:g}; Coulomb's coefficient is "
-                f"mostly below 1, and above {FRICTION:g} it is rather meant in percent (30% is "
-                "0.3) or in degrees (30 are 0.577)."
-            )
+    most = model.greatest_coefficient(contact)
+    if most > FRICTION:
+        found["friction", contact.name] = (
+            f"Contact({contact.name!r}): friction is {most:g}; Coulomb's coefficient is "
+            f"mostly below 1, and above {FRICTION:g} it is rather meant in percent (30% is "
+            "0.3) or in degrees (30 are 0.577)."
+        )
     w = contact.trace.of(solution.u.x.array)
     approach = (w * contact.direction[:, None, :]).sum(axis=-1)
     distances = model.gap_at_nodes(contact) - approach

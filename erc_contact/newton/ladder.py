@@ -104,12 +104,12 @@ def attempts(
         gap: Whether it has a gap.
         fallback: Whether a solution of the augmented Lagrangian is accepted instead.
         nodal_first: Whether another method starts from the solution of the augmented
-            Lagrangian where no solution on another mesh is known.
+            Lagrangian.
     """
     nodal = method if method.multiplier else NODAL
     is_nodal = nodal == method
     first = "warm" if "warm" in known else "glued"
-    method_first = not is_nodal and (first == "warm" or not nodal_first)
+    method_first = not (is_nodal or nodal_first)
     if method_first:
         yield Attempt(method, first)
     yield Attempt(nodal, first, final=is_nodal)

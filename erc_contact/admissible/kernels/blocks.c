@@ -11,16 +11,12 @@ INLINE void assemble(const int d, const int j, long long cells, const double *ed
   const int s = d * (d + 1) / 2, N = j * d, entries = N * (N + 1) / 2;
   for (long long first = 0; first < cells; first += LANES) {
     const int here = cells - first < LANES ? (int)(cells - first) : LANES;
-    lanes x[3][3], inverse[3][3], C[36], metric[21], energy[4 * ENTRIES] = {{0}};
-    for (int l = 0; l < LANES; ++l) {
-      const long long cell = first + (l < here ? l : 0);
+    lanes x[3][3], inverse[3][3], metric[21], energy[4 * ENTRIES] = {{0}};
+    for (int l = 0; l < LANES; ++l)
       for (int i = 0; i < d * d; ++i)
-        x[i / d][i % d][l] = edges[cell * d * d + i];
-      for (int k = 0; k < s * s; ++k)
-        C[k][l] = compliance[(varies ? cell * s * s : 0) + k];
-    }
+        x[i / d][i % d][l] = edges[cell_of(first, l, cells) * d * d + i];
     const lanes determinant = inverted(d, x, inverse);
-    reference_metric(d, x, determinant, C, metric);
+    metrics(d, first, 0, cells, x, determinant, compliance, varies, 1, metric);
     matrix_times((d + 1) * entries, s * (s + 1) / 2, table, metric, energy);
     for (int f = 0; f <= d; ++f) {
       /* The Jacobian maps both moments: the columns first, then the rows. */

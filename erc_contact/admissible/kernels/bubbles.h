@@ -6,6 +6,41 @@
 
 enum { POINTS = 56, VALUES = 6 * POINTS, BUBBLES = 18 };
 
+/* Stresses |det J| J^-1 sigma J^-T of the reference simplex, in place, from some sigma in Mandel components. */
+INLINE void pull_back(const int d, lanes (*inverse)[3], lanes determinant, int count, lanes *stress)
+{
+  const int s = d * (d + 1) / 2;
+  const lanes size = absolute(determinant);
+  lanes columns[3][3], R[6][6], sigma[6];
+  for (int i = 0; i < d; ++i)
+    for (int r = 0; r < d; ++r)
+      columns[i][r] = inverse[r][i];
+  images(d, columns, R);
+  for (int q = 0; q < count; ++q) {
+    memcpy(sigma, stress + q * s, s * sizeof(lanes));
+    for (int r = 0; r < s; ++r) {
+      lanes sum = {0};
+      for (int a = 0; a < s; ++a)
+        sum += sigma[a] * R[a][r];
+      stress[q * s + r] = size * sum;
+    }
+  }
+}
+
+/* y += A x for a sparse matrix A of these rows and vectors of s components. */
+INLINE void spread(const int s, int rows, const int *start, const int *column, const double *value, const lanes *x,
+                   lanes *y)
+{
+  for (int q = 0; q < rows; ++q) {
+    lanes sum[6] = {{0}};
+    for (int k = start[q]; k < start[q + 1]; ++k)
+      for (int a = 0; a < s; ++a)
+        sum[a] += value[k] * x[column[k] * s + a];
+    for (int a = 0; a < s; ++a)
+      y[q * s + a] += sum[a];
+  }
+}
+
 /* Product of a metric, entries a <= b one after the other, and a vector (s,). */
 INLINE void metric_times(const int s, const lanes *metric, const lanes *x, lanes *y)
 {
@@ -69,13 +104,8 @@ INLINE void duals(const int s, int Q, int varies, const lanes *metric, const int
   lanes strain[VALUES];
   for (int q = 0; q < Q; ++q)
     metric_times(s, metric + (varies ? q * s * (s + 1) / 2 : 0), stress + q * s, strain + q * s);
-  for (int q = 0; q < Q; ++q) {
-    lanes sum[6] = {{0}};
-    for (int k = weight_start[q]; k < weight_start[q + 1]; ++k)
-      for (int a = 0; a < s; ++a)
-        sum[a] += weight[k] * strain[weight_column[k] * s + a];
-    memcpy(dual + q * s, sum, s * sizeof(lanes));
-  }
+  memset(dual, 0, Q * s * sizeof(lanes));
+  spread(s, Q, weight_start, weight_column, weight, strain, dual);
 }
 
 /* Amounts of the bubbles that do the work dual.bubbles, from their energies in the metric. */

@@ -86,7 +86,7 @@ INLINE void offsets(const int d, int b, const double *of_mean, const int *start,
 {
   static const int first[2][6] = {{0, 1, 0}, {0, 1, 2, 0, 0, 1}}, second[2][6] = {{0, 1, 1}, {0, 1, 2, 1, 2, 2}};
   const int s = d * (d + 1) / 2;
-  lanes mean[6] = {{0}}, back[3][3], R[6][6], deviation[VALUES];
+  lanes mean[6] = {{0}}, deviation[VALUES];
   for (int c = 0; c < b; ++c)
     for (int a = 0; a < s; ++a)
       mean[a] += of_mean[c] * elastic[c][a];
@@ -96,22 +96,11 @@ INLINE void offsets(const int d, int b, const double *of_mean, const int *start,
   }
   if (b == 1)
     return;
-  for (int i = 0; i < d; ++i)
-    for (int r = 0; r < d; ++r)
-      back[i][r] = it->inverse[r][i];
-  images(d, back, R);
-  const lanes size = absolute(it->determinant);
   for (int c = 0; c < b; ++c)
-    for (int r = 0; r < s; ++r) {
-      lanes sum = {0};
-      for (int a = 0; a < s; ++a)
-        sum += (mean[a] - elastic[c][a]) * R[a][r];
-      deviation[c * s + r] = size * sum;
-    }
-  for (int q = 0; q < Q; ++q)
-    for (int k = start[q]; k < start[q + 1]; ++k)
-      for (int a = 0; a < s; ++a)
-        it->stress[q * s + a] += value[k] * deviation[column[k] * s + a];
+    for (int a = 0; a < s; ++a)
+      deviation[c * s + a] = mean[a] - elastic[c][a];
+  pull_back(d, it->inverse, it->determinant, b, deviation);
+  spread(s, Q, start, column, value, deviation, it->stress);
 }
 
 INLINE double energy(const int d, int m, long long cells, const double *edges, const int *facets,
@@ -124,7 +113,7 @@ INLINE double energy(const int d, int m, long long cells, const double *edges, c
                      const int *elastic_column, const double *elastic_value, int forces, const double *force,
                      const double *body, const double *x, double *y)
 {
-  const int s = d * (d + 1) / 2, t = s * (s + 1) / 2, inputs = (d + 1) * m * d;
+  const int s = d * (d + 1) / 2, inputs = (d + 1) * m * d;
   double result = 0.0;
   group *work = aligned_alloc(sizeof(lanes), GROUPS * sizeof(group));
   if (!work)
@@ -142,11 +131,10 @@ INLINE double energy(const int d, int m, long long cells, const double *edges, c
   for (long long first = 0; first < cells; first += GROUPS * LANES) {
     for (int g = 0; g < GROUPS; ++g) {
       group *it = work + g;
-      lanes C[36], given[POINTS][6], inside[FORCES] = {{0}};
+      lanes given[POINTS][6], inside[FORCES] = {{0}};
       memset(it->stress, 0, Q * s * sizeof(lanes));
       for (int l = 0; l < LANES; ++l) {
-        /* Lanes beyond the last cell repeat the first one. */
-        const long long own = first + g * LANES + l, cell = own < cells ? own : first;
+        const long long cell = cell_of(first, g * LANES + l, cells);
         for (int i = 0; i < d * d; ++i)
           it->corner[i / d][i % d][l] = edges[cell * d * d + i];
         for (int f = 0; f <= d; ++f) {
@@ -162,16 +150,7 @@ INLINE double energy(const int d, int m, long long cells, const double *edges, c
       }
       it->determinant = inverted(d, it->corner, it->inverse);
       it->volume = absolute(it->determinant) / (d == 2 ? 2.0 : 6.0);
-      for (int q = 0; q < points; ++q) {
-        for (int k = 0; k < s * s; ++k) {
-          C[k] = compliance[q * s * s + k] * ONE;
-          for (int l = 0; l < LANES && varies; ++l) {
-            const long long own = first + g * LANES + l, cell = own < cells ? own : first;
-            C[k][l] = compliance[(cell * points + q) * s * s + k];
-          }
-        }
-        reference_metric(d, it->corner, it->determinant, C, it->metric + q * t);
-      }
+      metrics(d, first, g * LANES, cells, it->corner, it->determinant, compliance, varies, points, it->metric);
       if (elastic)
         offsets(d, b, of_mean, elastic_start, elastic_column, elastic_value, Q, (const lanes(*)[6])given, it);
       if (force) {

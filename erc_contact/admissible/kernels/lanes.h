@@ -157,4 +157,26 @@ INLINE void reference_metric(const int d, lanes (*x)[3], lanes determinant, cons
       *metric++ = dot(s, row, P[b]);
   }
 }
+
+/* The cell of a lane; lanes beyond the last cell repeat the first one. */
+INLINE long long cell_of(long long first, int lane, long long cells)
+{
+  return first + lane < cells ? first + lane : first;
+}
+
+/* Compliances for reference stresses of the cells of LANES lanes from this one on, at their points. */
+INLINE void metrics(const int d, long long first, int lane, long long cells, lanes (*corner)[3], lanes determinant,
+                    const double *compliance, int varies, int points, lanes *metric)
+{
+  const int s = d * (d + 1) / 2, t = s * (s + 1) / 2;
+  lanes C[36];
+  for (int q = 0; q < points; ++q) {
+    for (int k = 0; k < s * s; ++k) {
+      C[k] = compliance[q * s * s + k] * ONE;
+      for (int l = 0; l < LANES && varies; ++l)
+        C[k][l] = compliance[(cell_of(first, lane + l, cells) * points + q) * s * s + k];
+    }
+    reference_metric(d, corner, determinant, C, metric + q * t);
+  }
+}
 #endif
