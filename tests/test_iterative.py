@@ -200,6 +200,39 @@ def test_cycles_at_degree_2():
     assert max(cycles) <= 15
 
 
+@pytest.mark.parametrize("scene", ["foundation", "two bodies"])
+def test_blocks_multiply_as_entries_do(scene):
+    """At degree 2 K is multiplied in blocks, and what contacts change beside it."""
+    domain, contact = cube(), ec.Contact("bottom", friction=0.3)
+    fixed = ["top"]
+    if scene == "two bodies":
+        domain, contact = bricks(3, (2, 2, 1)), ec.Contact(NAMES[0], against=NAMES[1], friction=0.3)
+        fixed = ["upper outer", "lower outer"]
+    supports = [ec.Displacement(part, (0.0, 0.0, -0.05)) for part in fixed]
+    model = bind(ec.Scene(ec.Elastic(1.0, 0.3), supports, contacts=[contact]), domain, 2)
+    elastic = multigrid.Multigrid(model)
+    hierarchy = elastic.hierarchy
+    for share in (0.0, 1.0, 0.5):
+        hierarchy.set_share(share)
+        entries = elastic.matrix.copy()
+        glue = share * elastic.glue.x.array[: elastic.owned]
+        diagonal = entries.getDiagonal()
+        diagonal.array[:] += glue
+        x, expected = entries.createVecs()
+        x.array[:] = np.cos(np.arange(*x.getOwnershipRange()) ** 2)
+        entries.mult(x, expected)
+        expected.array[:] += glue * x.array_r
+        product = expected.duplicate()
+        elastic.times(x, product)
+        product.array[:] += glue * x.array_r
+        for factor, found in ((1.0, product), (hierarchy.scale, hierarchy.matrix * x)):
+            found.axpy(-factor, expected)
+            assert found.norm() < 1e-13 * factor * expected.norm()
+        found = hierarchy.matrix.getDiagonal()
+        found.axpy(-hierarchy.scale, diagonal)
+        assert found.norm() < 1e-14 * hierarchy.scale * diagonal.norm()
+
+
 @pytest.mark.serial
 def test_units_do_not_change_the_error():
     scene, domain = SCENES["cube on a sphere"]()

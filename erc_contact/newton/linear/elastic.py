@@ -24,7 +24,7 @@ from dolfinx.fem import petsc as fp
 from petsc4py import PETSc
 
 from erc_contact.base.runtime import compiled
-from erc_contact.base.sparse import add_diagonal, assembled
+from erc_contact.base.sparse import add_diagonal, as_entries, assembled
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.model import Model
 
@@ -123,15 +123,26 @@ class Elastic:
         Where supports fix a component its row and column have the diagonal entry alone.
         """
         model = self.model
+        blocks = self.stiffness_of_bodies()
+        of_bodies = as_entries(blocks)
+        blocks.destroy()
         if model.coordinates.is_identity:
-            return assembled(self.form, model.bcs, self.support_stiffness)
-        of_bodies = assembled(self.form, [], 0.0)
+            return of_bodies
         matrix = of_bodies.ptap(model.coordinates.matrix)
         of_bodies.destroy()
         first, _ = matrix.getOwnershipRange()
         fixed = first + np.flatnonzero(self.fixed)
         matrix.zeroRowsColumns(fixed.astype(PETSc.IntType), diag=self.support_stiffness)
         return matrix
+
+    def stiffness_of_bodies(self) -> PETSc.Mat:
+        """Assemble the stiffness of displacements in blocks [force/length].
+
+        It is K where they are the unknowns, else it has no supports.
+        """
+        if self.model.coordinates.is_identity:
+            return assembled(self.form, self.model.bcs, self.support_stiffness)
+        return assembled(self.form, [], 0.0)
 
     @property
     def fixed(self) -> np.ndarray:

@@ -10,8 +10,7 @@ from __future__ import annotations
 
 from petsc4py import PETSc
 
-SAME = PETSc.Mat.Structure.SAME_NONZERO_PATTERN
-SUBSET = PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN
+from erc_contact.newton.linear.changed import SAME, SUBSET
 
 
 class CoarseMatrices:

@@ -30,7 +30,8 @@ from petsc4py import PETSc
 from erc_contact.base.sparse import add_diagonal
 from erc_contact.model.model import Model
 from erc_contact.newton.linear.amg import AMG_PREFIX, orthonormal, rigid_motions, with_defaults
-from erc_contact.newton.linear.galerkin import SAME, SUBSET, CoarseMatrices, levels_of
+from erc_contact.newton.linear.changed import ChangedBlocks, ChangedEntries
+from erc_contact.newton.linear.galerkin import CoarseMatrices, levels_of
 from erc_contact.newton.linear.mumps import factorised
 from erc_contact.newton.linear.p_coarsening import TwoLevels
 from erc_contact.newton.linear.shells import preconditioner
@@ -45,6 +46,7 @@ class Hierarchy:
     Args:
         model: The scene on a mesh.
         stiffness: K [force/length].
+        operator: K as it is multiplied [force/length].
         glue: D at the degrees of freedom of this rank [force/length].
         share: Share of D in the first matrix [-].
         support_stiffness: Diagonal of K where supports fix a component [force/length].
@@ -62,6 +64,7 @@ class Hierarchy:
         self,
         model: Model,
         stiffness: PETSc.Mat,
+        operator: PETSc.Mat,
         glue: np.ndarray,
         share: float,
         *,
@@ -80,23 +83,23 @@ class Hierarchy:
         self._share: float | None = share
         """Share of the glue in the matrix; None after :meth:`renew` with a tangent."""
 
-        self.matrix = stiffness.copy()
-        self._bodies = self.matrix
         self._stiffness_of_bodies = stiffness
         if not model.coordinates.is_identity:
             self._stiffness_of_bodies = self._of_bodies(stiffness, support_stiffness)
-            self._bodies = self._stiffness_of_bodies.copy()
+        self._sum = self._changed(stiffness, operator)
+        self._sum_of_bodies = self._sum
+        if not model.coordinates.is_identity:
+            self._sum_of_bodies = self._changed(self._stiffness_of_bodies, None)
+        self.matrix = self._sum.matrix
+        self._bodies = self._sum_of_bodies.matrix
         first = self._part_of_glue(share)
         first_of_bodies = self._change_of_bodies(first)
         if share:
-            add_diagonal(self.matrix, share * glue)
-            if self._bodies is not self.matrix:
-                self._bodies.axpy(1.0, first_of_bodies, SUBSET)
-        self._scale_matrices()
+            self._change(first, first_of_bodies)
         self.matrix.setOption(PETSc.Mat.Option.SPD, True)
         self._bodies.setOption(PETSc.Mat.Option.SPD, True)
         self._two_levels: TwoLevels | None = None
-        self._multigrid, algebraic = self._preconditioners()
+        self._multigrid, algebraic = self._preconditioners(first_of_bodies)
         levels: list[tuple[PETSc.Mat, PETSc.Mat]] = []
         # PETSc must not set these up anew: the coarse matrices follow C here.
         if has_contact and self._two_levels is not None:
@@ -119,11 +122,34 @@ class Hierarchy:
         if self._bodies is not self.matrix:
             self.pc = preconditioner(self._apply_to_unknowns, self.matrix)
 
-    def _preconditioners(self) -> tuple[PETSc.PC, PETSc.PC]:
-        """Set up the cycle, and algebraic multigrid, the lower part or all of it."""
+    def _changed(
+        self, stiffness: PETSc.Mat, operator: PETSc.Mat | None
+    ) -> ChangedBlocks | ChangedEntries:
+        """Return a matrix to which changes can be added, as the cycle needs it."""
         if self._model.degree > 1:
-            diagonal = self.scale * self._support_stiffness
-            self._two_levels = TwoLevels(self._model, self._bodies, diagonal)
+            return ChangedBlocks(stiffness, self.scale, self._model.d, operator)
+        return ChangedEntries(stiffness, self.scale)
+
+    def _change(self, change: PETSc.Mat, of_bodies: PETSc.Mat) -> None:
+        """Set C of the matrices for the unknowns and for displacements."""
+        self._sum.change(change)
+        if self._sum_of_bodies is not self._sum:
+            self._sum_of_bodies.change(of_bodies)
+
+    def _preconditioners(self, change: PETSc.Mat) -> tuple[PETSc.PC, PETSc.PC]:
+        """Set up the cycle, and algebraic multigrid, the lower part or all of it.
+
+        Args:
+            change: The first C, for displacements [force/length].
+        """
+        if self._model.degree > 1:
+            self._two_levels = TwoLevels(
+                self._model,
+                self._bodies,
+                (self._stiffness_of_bodies, change),
+                self.scale,
+                self._support_stiffness,
+            )
             return self._two_levels.pc, self._two_levels.algebraic
         self._bodies.setNearNullSpace(rigid_motions(self._model.V, self._bodies))
         multigrid = PETSc.PC().create(self.matrix.comm)
@@ -145,14 +171,10 @@ class Hierarchy:
         """Set the matrix to K plus a change C at the contact [force/length]."""
         self._share = None
         self.matrix.setOption(PETSc.Mat.Option.SPD, False)
-        self._stiffness.copy(self.matrix, SAME)
-        self.matrix.axpy(1.0, change, SUBSET)
-        of_bodies = self._change_of_bodies(change)
         if self._bodies is not self.matrix:
             self._bodies.setOption(PETSc.Mat.Option.SPD, False)
-            self._stiffness_of_bodies.copy(self._bodies, SAME)
-            self._bodies.axpy(1.0, of_bodies, SUBSET)
-        self._scale_matrices()
+        of_bodies = self._change_of_bodies(change)
+        self._change(change, of_bodies)
         if self._coarse is None:
             self._multigrid.setUp()
         else:
@@ -160,15 +182,11 @@ class Hierarchy:
         if of_bodies is not change:
             of_bodies.destroy()
 
-    def _scale_matrices(self) -> None:
-        """Multiply the matrices by the scale, in place."""
-        self.matrix.scale(self.scale)
-        if self._bodies is not self.matrix:
-            self._bodies.scale(self.scale)
-
     def factorise(self) -> None:
         """Replace the hierarchy by a factor of its matrix."""
-        self._exact = factorised(self.matrix)
+        entries = self._sum.entries()
+        self._exact = factorised(entries)
+        entries.destroy()
         if self._coarse is not None:
             self._coarse.free()
             self._coarse = None
@@ -184,9 +202,9 @@ class Hierarchy:
         self._multigrid.destroy()
         if self._two_levels is not None:
             self._two_levels.free()
-        self.matrix.destroy()
+        self._sum.free()
         if not self._model.coordinates.is_identity:
-            self._bodies.destroy()
+            self._sum_of_bodies.free()
             self._stiffness_of_bodies.destroy()
         if self._exact is not None:
             self._exact.destroy()

@@ -110,7 +110,7 @@ class LooseMultigrid(Multigrid):
             v.array[:] += motions.moved(force.array_r) / hierarchy.scale
 
         operator = shell(times, b)
-        if self.model.free_motions and matrix is self.matrix:
+        if self.model.free_motions and matrix is self.operator:
             operator.setNullSpace(matrix.getNullSpace())
         pc = preconditioner(precondition, operator)
         left = conjugate_gradients(operator, pc, operator, b, x, tolerance, hurried=hurried)

@@ -19,7 +19,7 @@ from erc_contact.base.exceptions import InputError, NotConverged
 from erc_contact.base.logs import log_of
 from erc_contact.base.runtime.garbage import free_dropped
 from erc_contact.model.model import Model
-from erc_contact.newton.linear.elastic import Elastic
+from erc_contact.newton.linear.changed import AssembledElastic
 from erc_contact.newton.linear.hierarchy import Hierarchy, free_motions, weak_share
 from erc_contact.newton.linear.krylov import conjugate_gradients
 from erc_contact.newton.linear.traces import IterativeTraces
@@ -39,7 +39,7 @@ ENOUGH = 1e3
 """A residual of so many tolerances is enough; what is left is balanced again [-]."""
 
 
-class Multigrid(Elastic):
+class Multigrid(AssembledElastic):
     """Solve the elastic equations of a model with multigrid.
 
     Args:
@@ -61,15 +61,7 @@ class Multigrid(Elastic):
         glued = int(np.count_nonzero(self.glue.x.array[: self.owned]))
         self.contact_size = int(model.comm.allreduce(glued, MPI.SUM))
         self._hurried = hurried
-        self._matrix: PETSc.Mat | None = None
         self._hierarchy: Hierarchy | None = None
-
-    @property
-    def matrix(self) -> PETSc.Mat:
-        """Return K, see :meth:`Elastic.stiffness`; the first call assembles it."""
-        if self._matrix is None:
-            self._matrix = self.stiffness()
-        return self._matrix
 
     @property
     def hierarchy(self) -> Hierarchy:
@@ -78,6 +70,7 @@ class Multigrid(Elastic):
             self._hierarchy = Hierarchy(
                 self.model,
                 self.matrix,
+                self.operator,
                 self.glue.x.array[: self.owned],
                 weak_share(self.model),
                 support_stiffness=self.support_stiffness,
@@ -126,10 +119,10 @@ class Multigrid(Elastic):
         right = self.right_side(b, supports=supports)
         if self.model.free_motions:
             motions = free_motions(self.model, self.matrix)
-            self.matrix.setNullSpace(motions)
+            self.operator.setNullSpace(motions)
             motions.remove(right)  # its part in the motions is round-off
         default = EXACT if supports else ROUGH
-        return self._solved(self.matrix, right, tolerance or default)
+        return self._solved(self.operator, right, tolerance or default)
 
     def solve_with_springs(
         self, springs: PETSc.Mat, b: fem.Function, near: fem.Function
@@ -185,7 +178,7 @@ class Multigrid(Elastic):
 
     def times(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
         """Set y to the forces K x [force]."""
-        self.matrix.mult(x, y)
+        self.operator.mult(x, y)
 
     def start(self, u: fem.Function) -> np.ndarray:
         """Return the unknowns of this rank [length] from which Newton starts."""
@@ -219,9 +212,7 @@ class Multigrid(Elastic):
         if self._hierarchy is not None:
             self._hierarchy.free()
             self._hierarchy = None
-        if self._matrix is not None:
-            self._matrix.destroy()
-            self._matrix = None
+        self.free_stiffness()
         free_dropped(self.model.comm)
 
     def weak_glue(self) -> PETSc.Vec:

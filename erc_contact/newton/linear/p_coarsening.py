@@ -13,6 +13,8 @@ changes.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from dolfinx import fem
 from dolfinx.fem import petsc as fp
@@ -20,6 +22,7 @@ from petsc4py import PETSc
 
 from erc_contact.model.model import Model
 from erc_contact.newton.linear.amg import AMG_PREFIX, rigid_motions, with_defaults, with_options
+from erc_contact.newton.linear.changed import SUBSET
 
 FINE_PREFIX = "erc_contact_degree_2_"
 """Prefix of PETSc options, as in ``-erc_contact_degree_2_mg_levels_ksp_max_it 3``."""
@@ -43,9 +46,12 @@ class TwoLevels:
 
     Args:
         model: The scene on a mesh.
-        matrix: The fine matrix, that of displacements [any].
-        diagonal: Its diagonal where supports fix a component, that of the coarse one,
-            too [any].
+        matrix: The fine matrix, that of displacements, which is multiplied only [-].
+        terms: The terms of which it is the sum, the first one with most entries
+            [force/length].
+        scale: Factor of their sum in the fine matrix [length/force].
+        diagonal: Diagonal of the sum where supports fix a component, that of the coarse
+            one, too [force/length].
 
     Attributes:
         interpolation: P; its rows and columns are zero where supports fix a component.
@@ -54,15 +60,23 @@ class TwoLevels:
         algebraic: That of the coarse matrix, algebraic multigrid.
     """
 
-    def __init__(self, model: Model, matrix: PETSc.Mat, diagonal: float) -> None:
+    def __init__(
+        self,
+        model: Model,
+        matrix: PETSc.Mat,
+        terms: Sequence[PETSc.Mat],
+        scale: float,
+        diagonal: float,
+    ) -> None:
         vertices = model.domain.function("Lagrange", 1, (model.d,)).function_space
         fixed = _fixed_at_vertices(model, vertices)
         self.interpolation = _interpolation(model, vertices, fixed)
-        self.coarse = matrix.ptap(self.interpolation)
+        self.coarse = _coarse_sum(terms, self.interpolation)
         on_diagonal = self.coarse.createVecRight()
         on_diagonal.array[fixed] = diagonal
         self.coarse.setDiagonal(on_diagonal, addv=PETSc.InsertMode.ADD)
         on_diagonal.destroy()
+        self.coarse.scale(scale)
         self.coarse.setNearNullSpace(rigid_motions(vertices, self.coarse))
         self.coarse.setOption(PETSc.Mat.Option.SPD, True)
 
@@ -101,6 +115,17 @@ class TwoLevels:
         """Free PETSc's objects, which it would keep on several ranks."""
         for petsc_object in (self.pc, self.algebraic, self.interpolation, self.coarse):
             petsc_object.destroy()
+
+
+def _coarse_sum(terms: Sequence[PETSc.Mat], interpolation: PETSc.Mat) -> PETSc.Mat:
+    """Return ``P^T A P`` for the sum A of terms."""
+    stiffness, *changes = terms
+    total = stiffness.ptap(interpolation)
+    for change in changes:
+        coarse = change.ptap(interpolation)
+        total.axpy(1.0, coarse, SUBSET)
+        coarse.destroy()
+    return total
 
 
 def _fixed_at_vertices(model: Model, vertices: fem.FunctionSpace) -> np.ndarray:
