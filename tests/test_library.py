@@ -33,32 +33,32 @@ def test_compiled_once(folders, monkeypatch):
     """A second process finds it; another source is compiled anew."""
     sources, cache = folders
     x = np.arange(5.0)
-    assert Library(sources)("total", len(x), x) == x.sum()
+    assert Library(sources, 2)("total", len(x), x) == x.sum()
     compiled = list(cache.glob("*.so"))
     assert len(compiled) == 1
     with monkeypatch.context() as without:
         without.setattr(module, "_compile", lambda *_: pytest.fail("compiled again"))
-        assert Library(sources)("total", len(x), x) == x.sum()
+        assert Library(sources, 2)("total", len(x), x) == x.sum()
     (sources / "total.c").write_text(SOURCE.replace("n - 1]", "n - 1] * 2"))
-    assert Library(sources)("total", len(x), x) == 2 * x.sum()
+    assert Library(sources, 2)("total", len(x), x) == 2 * x.sum()
 
 
 def test_no_folder_to_write_to(folders):
     sources, cache = folders
     cache.parent.touch()  # a file where the folder should be
-    assert Library(sources)("total", 2, np.ones(2)) == 2.0
+    assert Library(sources, 2)("total", 2, np.ones(2)) == 2.0
 
 
 def test_compiler_fails(folders):
     sources, cache = folders
     (sources / "total.c").write_text("not C")
     with pytest.raises(ErcContactError, match=r"(?s)The C compiler .* failed.*CC"):
-        Library(sources)
+        Library(sources, 2)
     assert not list(cache.glob("*.so"))
 
 
 def test_wrong_arrays_are_refused(folders):
-    total = Library(folders[0])
+    total = Library(folders[0], 2)
     with pytest.raises(TypeError):
         total("total", 2, np.ones(2, dtype=np.float32))
     with pytest.raises(ValueError, match="contiguous"):
@@ -68,9 +68,9 @@ def test_wrong_arrays_are_refused(folders):
 def test_compiled_ahead(folders, monkeypatch):
     """Who calls a function waits for the thread that compiles it."""
     sources, cache = folders
-    module.compile_ahead(sources)
+    module.compile_ahead(sources, 2)
     with monkeypatch.context() as without:
         without.setattr(module, "Thread", lambda **_: pytest.fail("compiled again"))
-        assert Library(sources)("total", 2, np.ones(2)) == 2.0
-        module.compile_ahead(sources)
+        assert Library(sources, 2)("total", 2, np.ones(2)) == 2.0
+        module.compile_ahead(sources, 2)
     assert len(list(cache.glob("*.so"))) == 1

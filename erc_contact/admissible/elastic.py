@@ -33,9 +33,9 @@ def strains(cells: CellGeometry, u: fem.Function) -> np.ndarray:
     slopes = np.ascontiguousarray(gradients(d, k) @ coefficients(d, k))
     strain = np.empty((n, len(slopes), d * (d + 1) // 2))
     nodes = np.ascontiguousarray(cells.nodes)
-    sizes = (d, nodes.shape[1], len(slopes), n)
+    sizes = (nodes.shape[1], len(slopes), n)
     geometry = (nodes, cells.area, cells.volume)
-    kernels()("cell_strains", *sizes, *geometry, slopes, u.x.array, strain)
+    kernels(d)("cell_strains", *sizes, *geometry, slopes, u.x.array, strain)
     return strain
 
 

@@ -157,7 +157,7 @@ def _patch_jumps(
     nodes = np.ascontiguousarray(cells.nodes)
     on_facet = np.ascontiguousarray(local_facet_nodes(d, cells.degree), dtype=np.int32)
     on_support = fixed & ~inner[:, None]
-    sizes = (d, nodes.shape[1], on_facet.shape[1], len(nodes), len(complete), len(weight))
+    sizes = (nodes.shape[1], on_facet.shape[1], len(nodes), len(complete), len(weight))
     mesh = (nodes, cells.facets, cells.side, on_facet)
     # The kernel lists the cells of each patch in these arrays, and writes lambda where
     # the residual was.
@@ -165,7 +165,7 @@ def _patch_jumps(
     member, place = np.empty((2, *nodes.shape), dtype=np.int32)
     multiplier = residual
     work = (start, member, place, multiplier)
-    kernels()("patch_jumps", *sizes, *mesh, weight, on_support, complete, *work)
+    kernels(d)("patch_jumps", *sizes, *mesh, weight, on_support, complete, *work)
 
     used = np.flatnonzero(cells.side[0] >= 0)
     a, b = _graph_edges(cells, used)

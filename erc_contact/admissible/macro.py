@@ -80,10 +80,10 @@ def macro_stress(
     matrix = np.ascontiguousarray(reference_map(d, k))
     of_subs, of_facets = _elevation(d, k)
     tables = (matrix, np.ascontiguousarray(of_facets), np.ascontiguousarray(of_subs))
-    sizes = (d, matrix.shape[1], forces.shape[2], stress.shape[1], count)
+    sizes = (matrix.shape[1], forces.shape[2], stress.shape[1], count)
     fields = (np.ascontiguousarray(stress), np.ascontiguousarray(forces), force)
     sigma = np.empty((count, *matrix.shape[:3]))
-    kernels()("macro_stresses", *sizes, cells.edges, *fields, *tables, sigma)
+    kernels(d)("macro_stresses", *sizes, cells.edges, *fields, *tables, sigma)
     return sigma
 
 

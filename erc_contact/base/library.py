@@ -2,8 +2,9 @@
 
 A library is a folder with C sources, its header ``kernels.h``, which Python reads, too,
 and other headers. It is compiled for the processor of this machine by the C compiler
-that DOLFINx's forms need anyway. Where the folder of compiled forms cannot be written
-to, each process compiles its own.
+that DOLFINx's forms need anyway, and for one dimension: who works in the plane does not
+compile for space. Where the folder of compiled forms cannot be written to, each process
+compiles its own.
 """
 
 from __future__ import annotations
@@ -50,15 +51,16 @@ class Library:
 
     Args:
         folder: Where its sources are.
+        dimension: Their ``DIMENSION``.
 
     Raises:
         ErcContactError: If the C compiler fails.
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, dimension: int) -> None:
         self._ffi = cffi.FFI()
         self._ffi.cdef((folder / "kernels.h").read_text())
-        self._functions = self._ffi.dlopen(str(_compiled(folder)))
+        self._functions = self._ffi.dlopen(str(_compiled(folder, dimension)))
 
     def __call__(self, name: str, *arguments: Any) -> Any:
         """Call a function with numbers and contiguous arrays; None is a null pointer.
@@ -96,57 +98,58 @@ class Library:
 
 
 @cache
-def library(folder: Path) -> Library:
+def library(folder: Path, dimension: int) -> Library:
     """Return the library of a folder, loaded once in a process."""
-    return Library(folder)
+    return Library(folder, dimension)
 
 
-def compile_ahead(folder: Path) -> None:
+def compile_ahead(folder: Path, dimension: int) -> None:
     """Compile the library of a folder beside what follows, if it is not there.
 
     :func:`library` waits for it.
     """
-    path = _path(folder)
+    path = _path(folder, dimension)
     with suppress(OSError):
         path.parent.mkdir(parents=True, exist_ok=True)
     if not path.exists() and os.access(path.parent, os.W_OK):
-        Thread(target=_compile_quietly, args=[folder]).start()
+        Thread(target=_compile_quietly, args=[folder, dimension]).start()
 
 
-def _compile_quietly(folder: Path) -> None:
+def _compile_quietly(folder: Path, dimension: int) -> None:
     """Compile a library if it is not there; who needs it will tell what fails."""
     with suppress(ErcContactError, OSError):
-        _compiled(folder)
+        _compiled(folder, dimension)
 
 
-def _path(folder: Path) -> Path:
+def _path(folder: Path, dimension: int) -> Path:
     """Return where the compiled library is, or will be."""
     texts = [path.read_text() for path in sorted(folder.glob("*.[ch]"))]
-    ingredients = [*texts, *_compiler(), *COMPILER_FLAGS, _processor()]
+    ingredients = [*texts, *_command(dimension), _processor()]
     key = sha256("\0".join(ingredients).encode()).hexdigest()[:20]
-    name = f"liberc_contact_{key}.so"
+    name = f"liberc_contact_{dimension}d_{key}.so"
     return Path(get_options()["cache_dir"]).expanduser() / name
 
 
-def _compiled(folder: Path) -> Path:
+def _compiled(folder: Path, dimension: int) -> Path:
     """Return the path of the compiled library; compile it if it is not there."""
-    path = _path(folder)
+    path = _path(folder, dimension)
     if path.exists():
         return path
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         lock = path.with_name(f"{path.name}.lock").open("w")
     except OSError:
-        return _compile(folder, Path(tempfile.mkdtemp(prefix="erc_contact_")) / path.name)
+        of_process = Path(tempfile.mkdtemp(prefix="erc_contact_"))
+        return _compile(folder, dimension, of_process / path.name)
     with lock:
         # Other ranks and processes wait here, and then find it.
         flock(lock, LOCK_EX)
         if not path.exists():
-            _compile(folder, path)
+            _compile(folder, dimension, path)
         return path
 
 
-def _compile(folder: Path, path: Path) -> Path:
+def _compile(folder: Path, dimension: int, path: Path) -> Path:
     """Compile all sources at the same time, and link them.
 
     The library appears at its path when it is complete.
@@ -160,7 +163,7 @@ def _compile(folder: Path, path: Path) -> Path:
         objects = []
         for source in sorted(folder.glob("*.c")):
             compiled = f"{temporary}/{source.stem}.o"
-            command = [*compiler, *COMPILER_FLAGS, "-c", str(source), "-o", compiled]
+            command = [*_command(dimension), "-c", str(source), "-o", compiled]
             runs.append(subprocess.Popen(command, stderr=subprocess.PIPE, text=True))
             objects.append(compiled)
         messages = "".join(run.communicate()[1] for run in runs)
@@ -174,6 +177,11 @@ def _compile(folder: Path, path: Path) -> Path:
             )
         linked.replace(path)
     return path
+
+
+def _command(dimension: int) -> list[str]:
+    """Return how a source is compiled."""
+    return [*_compiler(), *COMPILER_FLAGS, f"-DDIMENSION={dimension}"]
 
 
 def _compiler() -> list[str]:

@@ -40,13 +40,13 @@ def bulk_squares(admissible: Admissible) -> tuple[np.ndarray, np.ndarray, float]
     compliance = macro_moduli(model, cells, owned, inverse=True)
     elastic = elastic_coefficients(model, cells, admissible.displacement, owned)
     stress = admissible.stress
-    sizes = (owned, elastic.shape[2], *stress.shape[1:3], len(shape))
+    sizes = (owned, *stress.shape[1:3], len(shape))
     rule = (shape, weights, cells.volume)
     of_elastic = np.ascontiguousarray(bernstein(model.d, model.degree - 1, points))
     stresses = (stress, elastic.shape[1], of_elastic, np.ascontiguousarray(elastic))
     material = (len(compliance) > 1, compliance.shape[1], np.ascontiguousarray(compliance))
     difference, both = np.empty((2, owned))
-    kernels()("stress_squares", *sizes, *rule, *stresses, *material, difference, both)
+    kernels(model.d)("stress_squares", *sizes, *rule, *stresses, *material, difference, both)
     if not data_vary(model):
         return difference, both, 0.0
     return _adapted_squares(admissible, float(both.sum()))

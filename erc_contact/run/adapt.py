@@ -119,7 +119,7 @@ def adapt(
         max_steps=max_steps,
     )
     # The C compiler works on another core while the forms are compiled here.
-    kernels_ahead()
+    kernels_ahead(domain.dim)
     comm = domain.mesh.comm
     store = None
     if checkpoint is not None:

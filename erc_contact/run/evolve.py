@@ -136,7 +136,7 @@ def evolve(
         max_steps=max_steps,
     )
     # The C compiler works on another core while the forms are compiled here.
-    kernels_ahead()
+    kernels_ahead(domain.dim)
     store = None
     if checkpoint is not None:
         check_folder(checkpoint, domain)

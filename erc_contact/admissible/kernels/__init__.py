@@ -8,11 +8,11 @@ FOLDER = Path(__file__).parent
 """Where their sources are."""
 
 
-def kernels() -> Library:
-    """Return the kernels, which are compiled at the first call on a machine."""
-    return library(FOLDER)
+def kernels(d: int) -> Library:
+    """Return the kernels of a dimension, compiled at the first call on a machine."""
+    return library(FOLDER, d)
 
 
-def kernels_ahead() -> None:
+def kernels_ahead(d: int) -> None:
     """Compile the kernels beside what follows, at the first call on a machine."""
-    compile_ahead(FOLDER)
+    compile_ahead(FOLDER, d)

@@ -126,10 +126,9 @@ INLINE int applied(const int d, int moments, long long patches, const int *ring,
   return 0;
 }
 
-int apply_patches(int d, int m, long long patches, const int *ring, const int *size, const double *edges,
+int apply_patches(int m, long long patches, const int *ring, const int *size, const double *edges,
                   const long long *side, const int *factor, const float *unit, const double *scale, const double *r,
                   double *z)
 {
-  return d == 2 ? applied(2, m, patches, ring, size, edges, side, factor, unit, scale, r, z)
-                : applied(3, m, patches, ring, size, edges, side, factor, unit, scale, r, z);
+  return applied(DIMENSION, m, patches, ring, size, edges, side, factor, unit, scale, r, z);
 }

@@ -95,12 +95,10 @@ INLINE void blocks(const int d, const int j, long long cells, const double *edge
   }
 }
 
-void facet_blocks(int d, int j, long long cells, const double *edges, const int *facets, const double *compliance,
+void facet_blocks(long long cells, const double *edges, const int *facets, const double *compliance,
                   int varies, const double *table, long long F, const _Bool *free, const _Bool *mine,
                   double *matrices)
 {
-  if (d == 2)
-    blocks(2, 1, cells, edges, facets, compliance, varies, table, F, free, mine, matrices);
-  else
-    blocks(3, 3, cells, edges, facets, compliance, varies, table, F, free, mine, matrices);
+  const int count = DIMENSION == 2 ? 1 : 3;
+  blocks(DIMENSION, count, cells, edges, facets, compliance, varies, table, F, free, mine, matrices);
 }

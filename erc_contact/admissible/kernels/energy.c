@@ -206,7 +206,7 @@ INLINE double energy(const int d, int m, long long cells, const double *edges, c
   return result;
 }
 
-double macro_energy(int d, int m, long long cells, const double *edges, const int *facets, const long long *side,
+double macro_energy(int m, long long cells, const double *edges, const int *facets, const long long *side,
                     const double *compliance, int varies, int points, const double *facet_map, int Q,
                     const int *start, const int *column, const double *value, const int *back_start,
                     const int *back_column, const double *back_value, const int *weight_start,
@@ -216,8 +216,7 @@ double macro_energy(int d, int m, long long cells, const double *edges, const in
                     const double *elastic_value, int forces, const double *force, const double *body,
                     const double *x, double *y)
 {
-#define ENERGY(d) energy(d, m, cells, edges, facets, side, compliance, varies, points, facet_map, Q, start, column, \
-    value, back_start, back_column, back_value, weight_start, weight_column, weight, count, bubbles, transposed, \
-    products, b, elastic, of_mean, elastic_start, elastic_column, elastic_value, forces, force, body, x, y)
-  return d == 2 ? ENERGY(2) : ENERGY(3);
+  return energy(DIMENSION, m, cells, edges, facets, side, compliance, varies, points, facet_map, Q, start, column, value,
+                back_start, back_column, back_value, weight_start, weight_column, weight, count, bubbles, transposed,
+                products, b, elastic, of_mean, elastic_start, elastic_column, elastic_value, forces, force, body, x, y);
 }

@@ -212,11 +212,10 @@ INLINE int factored(const int d, long long patches, const int *ring, const int *
   return 0;
 }
 
-int factor_patches(int d, long long patches, const int *ring, const int *size, const double *edges,
+int factor_patches(long long patches, const int *ring, const int *size, const double *edges,
                    const int *facets, const long long *side, long long F, const _Bool *unknown,
                    const double *compliance, int varies, const double *table, int *factor, float *unit, double *scale)
 {
-#define FACTORED(d) factored(d, patches, ring, size, edges, facets, side, F, unknown, compliance, varies, table, \
-    factor, unit, scale)
-  return d == 2 ? FACTORED(2) : FACTORED(3);
+  return factored(DIMENSION, patches, ring, size, edges, facets, side, F, unknown, compliance, varies, table, factor, unit,
+                  scale);
 }

@@ -90,10 +90,11 @@ static void assemble(int d, int N, int m, long long F, int size, const int *here
   }
 }
 
-int patch_jumps(int d, int N, int m, long long cells, long long nodes, long long F, const int *node,
+int patch_jumps(int N, int m, long long cells, long long nodes, long long F, const int *node,
                 const int *facets, const long long *side, const int *on_facet, const double *weight,
                 const _Bool *fixed, const _Bool *complete, int *start, int *member, int *place, double *lambda)
 {
+  const int d = DIMENSION;
   const int largest = members(cells * N, node, nodes, complete, start, member, place);
   double *A = malloc((2 * (size_t)largest * largest + 2 * (size_t)largest * d) * sizeof(double));
   if (!A)

@@ -51,18 +51,14 @@ INLINE void relax(const int d, int nodes, long long cells, const double *edges, 
   }
 }
 
-void relax_stresses(int d, int nodes, long long cells, const double *edges, const double *compliance, int varies,
+void relax_stresses(int nodes, long long cells, const double *edges, const double *compliance, int varies,
                     int points, int Q, const int *row_start, const int *row_column, const double *row_value,
                     const int *weight_start, const int *weight_column, const double *weight, int count,
                     const double *nodal_bubbles, const double *bubbles, const double *transposed,
                     const double *products, int b, const double *elastic, const int *elastic_start,
                     const int *elastic_column, const double *elastic_value, double *sigma)
 {
-#define RELAX(d) relax(d, nodes, cells, edges, compliance, varies, points, Q, row_start, row_column, row_value, \
-    weight_start, weight_column, weight, count, nodal_bubbles, bubbles, transposed, products, b, elastic, \
-    elastic_start, elastic_column, elastic_value, sigma)
-  if (d == 2)
-    RELAX(2);
-  else
-    RELAX(3);
+  relax(DIMENSION, nodes, cells, edges, compliance, varies, points, Q, row_start, row_column, row_value, weight_start,
+        weight_column, weight, count, nodal_bubbles, bubbles, transposed, products, b, elastic, elastic_start,
+        elastic_column, elastic_value, sigma);
 }

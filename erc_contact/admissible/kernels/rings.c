@@ -61,11 +61,10 @@ INLINE long long rings(const int d, long long pairs, const double *edges, const 
   return found;
 }
 
-long long find_rings(int d, long long pairs, const double *edges, const int *facets, const long long *side,
+long long find_rings(long long pairs, const double *edges, const int *facets, const long long *side,
                      _Bool *mine, int *ring, int *size)
 {
-  return d == 2 ? rings(2, pairs, edges, facets, side, mine, ring, size)
-                : rings(3, pairs, edges, facets, side, mine, ring, size);
+  return rings(DIMENSION, pairs, edges, facets, side, mine, ring, size);
 }
 
 int lane_count(void) { return LANES; }

@@ -27,13 +27,10 @@ INLINE void strains(const int d, int N, int b, long long cells, const int *node,
     }
 }
 
-void cell_strains(int d, int N, int b, long long cells, const int *node, const double *area, const double *volume,
+void cell_strains(int N, int b, long long cells, const int *node, const double *area, const double *volume,
                   const double *slopes, const double *u, double *strain)
 {
-  if (d == 2)
-    strains(2, N, b, cells, node, area, volume, slopes, u, strain);
-  else
-    strains(3, N, b, cells, node, area, volume, slopes, u, strain);
+  strains(DIMENSION, N, b, cells, node, area, volume, slopes, u, strain);
 }
 
 /* Tensors from Mandel components and back. */
@@ -94,14 +91,11 @@ INLINE void macro(const int d, int N, int m, int b, long long cells, const doubl
   }
 }
 
-void macro_stresses(int d, int N, int m, int b, long long cells, const double *edges, const double *stress,
+void macro_stresses(int N, int m, int b, long long cells, const double *edges, const double *stress,
                     const double *forces, const double *force, const double *map, const double *of_facets,
                     const double *of_subs, double *sigma)
 {
-  if (d == 2)
-    macro(2, N, m, b, cells, edges, stress, forces, force, map, of_facets, of_subs, sigma);
-  else
-    macro(3, N, m, b, cells, edges, stress, forces, force, map, of_facets, of_subs, sigma);
+  macro(DIMENSION, N, m, b, cells, edges, stress, forces, force, map, of_facets, of_subs, sigma);
 }
 
 INLINE void squared(const int s, long long cells, int subs, int N, int q, const double *shape, const double *weight,
@@ -139,15 +133,12 @@ INLINE void squared(const int s, long long cells, int subs, int N, int q, const 
   }
 }
 
-void stress_squares(long long cells, int s, int subs, int N, int q, const double *shape, const double *weight,
+void stress_squares(long long cells, int subs, int N, int q, const double *shape, const double *weight,
                     const double *volume, const double *stress, int b, const double *of_elastic,
                     const double *elastic, int varies, int points, const double *compliance, double *difference,
                     double *both)
 {
-#define SQUARED(s) squared(s, cells, subs, N, q, shape, weight, volume, stress, b, of_elastic, elastic, \
-    varies, points, compliance, difference, both)
-  if (s == 3)
-    SQUARED(3);
-  else
-    SQUARED(6);
+  const int s = DIMENSION * (DIMENSION + 1) / 2;
+  squared(s, cells, subs, N, q, shape, weight, volume, stress, b, of_elastic, elastic, varies, points, compliance,
+          difference, both);
 }

@@ -41,13 +41,13 @@ class Blocks:
         size = j * cells.d
         # A preconditioner needs the mean of the moduli of a cell only.
         mean = np.ascontiguousarray(compliance.mean(axis=1))
-        sizes = (cells.d, j, len(cells.nodes))
+        of_cells = (len(cells.nodes), cells.edges, cells.facets)
         material = (mean, len(compliance) > 1)
         # The patches add up d corrections of each facet, as many as it has centres. The
         # blocks get the same weight.
         self.inverse = np.zeros((len(free), size, size))
         of_facets = (len(free), free, mine, self.inverse)
-        kernels()("facet_blocks", *sizes, cells.edges, cells.facets, *material, table, *of_facets)
+        kernels(cells.d)("facet_blocks", *of_cells, *material, table, *of_facets)
 
     def __call__(self, r: np.ndarray) -> np.ndarray:
         """Correct for the residual of the quadratic moments [length], (F, j, d)."""

@@ -48,12 +48,12 @@ def relaxed(
     nodal_bubbles = macro_table(d, k, False).bubbles
     nodes = sigma.shape[1] * sigma.shape[2]
     b = elastic.shape[1]
-    sizes = (d, nodes, len(sigma))
+    sizes = (nodes, len(sigma))
     material = (np.ascontiguousarray(compliance), len(compliance) > 1, compliance.shape[1])
     bubbles = (nodal_bubbles.shape[1], nodal_bubbles, table.bubbles, table.transposed)
     tables = (table.count, *table.nodal, *table.weights, *bubbles, table.products)
     given = (b, np.ascontiguousarray(elastic), *elastic_table(d, k, at_points, b).rows)
-    kernels()("relax_stresses", *sizes, cells.edges, *material, *tables, *given, sigma)
+    kernels(d)("relax_stresses", *sizes, cells.edges, *material, *tables, *given, sigma)
     return sigma
 
 
@@ -123,7 +123,7 @@ class ComplementaryEnergy:
         table = self.table
         compliance = self.compliance
         at_points = compliance.shape[1] > 1
-        sizes = (cells.d, len(table.to_coefficients), self.owned)
+        sizes = (len(table.to_coefficients), self.owned)
         geometry = (cells.edges, cells.facets, cells.side)
         material = (compliance, len(compliance) > 1, compliance.shape[1])
         to_stress = (table.to_coefficients, table.count, *table.stress, *table.back)
@@ -135,4 +135,4 @@ class ComplementaryEnergy:
         forces = 0 if force is None else force.shape[1] * cells.d
         of_force = (forces, force, table.body)
         first = (*sizes, *geometry, *material, *to_stress, *to_energy, *of_elastic, *of_force)
-        return kernels().bound("macro_energy", *first)
+        return kernels(cells.d).bound("macro_energy", *first)

@@ -71,18 +71,18 @@ class Patches:
         unknowns = (d - 1) * d + 1 + d * (d - 1) // 2 * sizes
         entries = unknowns * (unknowns + 1) // 2
         # The processor factorises as many patches of one size at once as it has lanes.
-        lanes = kernels()("lane_count")
+        lanes = kernels(d)("lane_count")
         batches = -(-counts // lanes)
         self.factor = np.empty(lanes * int(batches @ entries), dtype=np.int32)
         self.unit = np.empty(lanes * int(batches @ unknowns), dtype=np.float32)
         self.scale = np.empty(lanes * int(batches.sum()))
-        patches = (d, len(self.size), self.ring, self.size)
+        patches = (len(self.size), self.ring, self.size)
         geometry = (cells.edges, cells.facets, cells.side)
         # A preconditioner needs the mean of the moduli of a cell only.
         mean = np.ascontiguousarray(compliance.mean(axis=1))
         material = (mean, len(compliance) > 1)
         factors = (self.factor, self.unit, self.scale)
-        kernels()(
+        kernels(d)(
             "factor_patches",
             *patches,
             *geometry,
@@ -93,8 +93,10 @@ class Patches:
             *factors,
         )
         m = len(nodes(d - 1, cells.degree))
-        of_rings = (d, m, len(self.size), self.ring, self.size)
-        self._apply = kernels().bound("apply_patches", *of_rings, cells.edges, cells.side, *factors)
+        of_rings = (m, len(self.size), self.ring, self.size)
+        self._apply = kernels(d).bound(
+            "apply_patches", *of_rings, cells.edges, cells.side, *factors
+        )
 
     def __call__(self, r: np.ndarray) -> np.ndarray:
         """Sum the corrections of all patches for the residual r [length].

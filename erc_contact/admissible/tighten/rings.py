@@ -41,8 +41,8 @@ def rings(space: Space, cells: CellGeometry) -> tuple[np.ndarray, np.ndarray]:
         mine[:, j] = (nodes[facets, centre[first]] < owned) & has_cell
     steps = int(mine.sum())
     ring, size = np.empty((2, steps), dtype=np.int32)
-    count = kernels()(
-        "find_rings", d, mine.size, cells.edges, cells.facets, cells.side, mine, ring, size
+    count = kernels(d)(
+        "find_rings", mine.size, cells.edges, cells.facets, cells.side, mine, ring, size
     )
     # Sort the rings by size: a step moves by the difference of the starts of its ring.
     size = size[:count]
