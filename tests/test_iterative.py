@@ -306,7 +306,7 @@ def test_many_solutions_are_reported(method):
 def test_auto_falls_back_where_multigrid_fails(monkeypatch):
     scene, domain = SCENES["cube"]()
     expected = eps(ec.solve(scene, domain, solver="direct"))
-    monkeypatch.setattr(solving, "MULTIGRID_FROM", {3: (0, 0)})
+    monkeypatch.setattr(solving, "MULTIGRID_FROM", {(3, 1): (0, 0), (3, 2): (0, 0)})
     assert ec.solve(scene, domain).stiffness.iterative
     monkeypatch.setattr(krylov, "FGMRES_LIMIT", 1)
     with pytest.raises(ec.NotConverged, match="multigrid"):
@@ -321,7 +321,7 @@ def test_auto_gives_multigrid_up_early_where_it_is_slow(nu, iterative, monkeypat
     """The first guess tells; no cycle of Newton's method is spent."""
     scene, domain = SCENES["cube"]()
     scene = replace(scene, material=ec.Elastic(1.0, nu))
-    monkeypatch.setattr(solving, "MULTIGRID_FROM", {3: (0, 0)})
+    monkeypatch.setattr(solving, "MULTIGRID_FROM", {(3, 1): (0, 0), (3, 2): (0, 0)})
     used = []
     cycle = multigrid.Multigrid.cycle
     monkeypatch.setattr(multigrid.Multigrid, "cycle", lambda *vectors: used.append(cycle(*vectors)))

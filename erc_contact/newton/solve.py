@@ -42,10 +42,15 @@ from erc_contact.newton.model_solve import solution_of
 from erc_contact.newton.solution import Solution
 from erc_contact.scene.scene import Scene
 
-MULTIGRID_FROM = {2: (2_000_000, 8_000), 3: (5_000, 1_000)}
-"""Degrees of freedom, by dimension, beyond which multigrid is faster than a factor.
+MULTIGRID_FROM = {
+    (2, 1): (2_000_000, 8_000),
+    (2, 2): (2_000_000, 8_000),
+    (3, 1): (5_000, 1_000),
+    (3, 2): (2_500, 1_000),
+}
+"""Degrees of freedom beyond which multigrid is faster than a factor.
 
-Those of the body, and about those of the contact.
+By dimension and degree; those of the body, and about those of the contact.
 """
 
 
@@ -196,7 +201,7 @@ def large(model: Model) -> bool:
     body = nodes * model.d
     # A facet has about k^(d-1) nodes that it does not share.
     contact_size = facets * model.degree ** (model.d - 1) * model.d
-    most_of_body, most_of_contact = MULTIGRID_FROM[model.d]
+    most_of_body, most_of_contact = MULTIGRID_FROM[model.d, model.degree]
     return body > most_of_body or contact_size > most_of_contact
 
 
