@@ -94,3 +94,21 @@ def test_measures():
     corners = np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 3.0, 0.0], [1.0, 1.0, -4.0]])
     for p, expected in ((1, 2.0), (2, 3.0), (3, 4.0)):
         assert np.allclose(simplex.measures(np.stack([corners[: p + 1]] * 2)), expected, rtol=1e-14)
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_outward_normals(d):
+    """Orthogonal to the facet, away from the cell, of length 1; the divergence theorem adds them up."""
+    rng = np.random.default_rng(d)
+    corners = rng.normal(size=(50, d + 1, d))
+    total = np.zeros((50, d))
+    for facet, vertices in enumerate(simplex.facet_vertices(d)):
+        normals = simplex.outward_normals(corners, np.full(50, facet))
+        of_facet = corners[:, vertices]
+        edges = of_facet[:, 1:] - of_facet[:, :1]
+        assert abs(np.linalg.norm(normals, axis=1) - 1).max() < 1e-14
+        assert abs(np.einsum("nej,nj->ne", edges, normals)).max() < 1e-12
+        inside = corners[:, facet] - of_facet[:, 0]
+        assert (np.einsum("nj,nj->n", inside, normals) < 0).all()
+        total += simplex.measures(of_facet)[:, None] * normals
+    assert abs(total).max() < 1e-12

@@ -18,6 +18,7 @@ import subprocess
 import sysconfig
 import tempfile
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from fcntl import LOCK_EX, flock
 from functools import cache
@@ -150,23 +151,28 @@ def _compiled(folder: Path, dimension: int) -> Path:
 
 
 def _compile(folder: Path, dimension: int, path: Path) -> Path:
-    """Compile all sources at the same time, and link them.
+    """Compile all sources beside each other, and link them.
 
-    The library appears at its path when it is complete.
+    The library appears at its path when it is complete. One core is left to those who
+    do not wait for it.
 
     Raises:
         ErcContactError: If the C compiler fails.
     """
     compiler = _compiler()
     with tempfile.TemporaryDirectory(dir=path.parent) as temporary:
-        runs = []
-        objects = []
-        for source in sorted(folder.glob("*.c")):
+
+        def run(source: Path) -> subprocess.CompletedProcess[str]:
             compiled = f"{temporary}/{source.stem}.o"
             command = [*_command(dimension), "-c", str(source), "-o", compiled]
-            runs.append(subprocess.Popen(command, stderr=subprocess.PIPE, text=True))
-            objects.append(compiled)
-        messages = "".join(run.communicate()[1] for run in runs)
+            return subprocess.run(command, stderr=subprocess.PIPE, text=True, check=False)
+
+        # The longest ones come first, so that none of them begins when all others end.
+        sources = sorted(folder.glob("*.c"), key=lambda source: -source.stat().st_size)
+        with ThreadPoolExecutor(max(1, len(os.sched_getaffinity(0)) - 1)) as pool:
+            runs = list(pool.map(run, sources))
+        messages = "".join(run.stderr for run in runs)
+        objects = [f"{temporary}/{source.stem}.o" for source in sources]
         linked = Path(temporary) / path.name
         link = [*compiler, "-shared", *objects, "-lm", "-o", str(linked)]
         failed = any(run.returncode for run in runs)

@@ -209,6 +209,28 @@ def measures(corners: np.ndarray) -> np.ndarray:
     return np.sqrt(abs(np.linalg.det(gram))) / factorial(p)
 
 
+def outward_normals(corners: np.ndarray, facets: np.ndarray) -> np.ndarray:
+    """Compute the unit normals of facets that point out of their cells, shape (n, d).
+
+    Args:
+        corners: Corners of the cells [length], shape (n, d+1, d).
+        facets: The local facet of each cell, shape (n,).
+    """
+    d = corners.shape[2]
+    of_facets = np.take_along_axis(corners, facet_vertices(d)[facets][..., None], axis=1)
+    first = of_facets[:, 0]
+    edges = of_facets[:, 1:] - first[:, None]
+    # Products of coordinates, so that a facet along an axis has a normal along an axis.
+    if d == 2:
+        normals = np.column_stack([edges[:, 0, 1], -edges[:, 0, 0]])
+    else:
+        normals = np.cross(edges[:, 0], edges[:, 1])
+    opposite = corners[np.arange(len(corners)), facets]
+    outward = ((first - opposite) * normals).sum(axis=1)
+    normals *= np.sign(outward)[:, None]
+    return normals / np.linalg.norm(normals, axis=1)[:, None]
+
+
 @cache
 def gradients(d: int, k: int) -> np.ndarray:
     """Tabulate the derivatives ``d/d lambda_j`` of Bernstein polynomials of degree k.

@@ -180,8 +180,7 @@ def _normal(
     """
     if contact.normal is None and contact.against is not None:
         # The facets of two bodies face each other: each has its own normal.
-        direction = evaluate(space.n, space.mesh, _middle(space), facets)[:, 0]
-        return space.n, direction, None
+        return space.n, space.outward_normals(facets), None
     if contact.normal is None:
         direction = _flat_normal(space, contact, facets)
     elif isinstance(contact.normal, tuple):
@@ -192,18 +191,13 @@ def _normal(
     return compiled.constant(space.mesh, direction), on_facets, None
 
 
-def _middle(space: Space) -> np.ndarray:
-    """Return the middle of the reference facet, shape (1, d-1)."""
-    return np.full((1, space.d - 1), 1.0 / space.d)
-
-
 def _flat_normal(space: Space, contact: Contact, facets: np.ndarray) -> np.ndarray:
     """Return the outward normal of a flat boundary part, shape (d,); collective.
 
     Raises:
         InputError: If the part is not flat.
     """
-    normals = evaluate(space.n, space.mesh, _middle(space), facets)[:, 0]
+    normals = space.outward_normals(facets)
     # All ranks compare their facets with the first one of the first rank that has any.
     first_of_rank = normals[0] if len(normals) else None
     firsts = [n for n in space.comm.allgather(first_of_rank) if n is not None]
@@ -238,7 +232,8 @@ def _varying_normal(
         expression = components(space, contact.normal, f"{what}: normal", surface)
     if sign < 0:
         expression = -expression
-    at_middles = evaluate(expression, space.mesh, _middle(space), facets)[:, 0]
+    middle = np.full((1, space.d - 1), 1.0 / space.d)
+    at_middles = evaluate(expression, space.mesh, middle, facets)[:, 0]
     length = np.linalg.norm(at_middles, axis=1)
     error = None
     if not (np.isfinite(length).all() and np.all(length > 0)):

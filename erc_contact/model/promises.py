@@ -191,8 +191,7 @@ def _check_normal(model: Model, contact: BoundContact) -> None:
     other = "the foundation" if contact.against is None else repr(contact.against)
     facets = contact.facets
     comm = model.comm
-    middle = np.full((1, model.d - 1), 1 / model.d)
-    outward = evaluate(model.n, model.mesh, middle, facets)[:, 0]
+    outward = model.outward_normals(facets)
     cosine = (outward * contact.direction).sum(axis=1)
     area = contact.trace.here.owned_areas
     total, whole = comm.allreduce(np.array([area @ cosine, area.sum()]), MPI.SUM)

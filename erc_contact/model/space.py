@@ -29,6 +29,7 @@ from erc_contact.mesh.simplex import (
     node_between,
     node_vertices,
     nodes,
+    outward_normals,
 )
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.trace import Side
@@ -233,6 +234,10 @@ class Space:
     def cell_corners(self) -> np.ndarray:
         """Return vertices of cells in DOLFINx's order [length], (cells, d+1, d)."""
         return self.mesh.geometry.x[self.mesh.geometry.dofmaps[0], : self.d]
+
+    def outward_normals(self, facets: np.ndarray) -> np.ndarray:
+        """Compute the outward unit normals of facets (cell, local facet), (n, d)."""
+        return outward_normals(self.cell_corners()[facets[:, 0]], facets[:, 1])
 
     def at_middles(self, expression: Ufl, cells: np.ndarray) -> np.ndarray:
         """Evaluate a UFL expression at the middle of cells, shape (n, *s)."""

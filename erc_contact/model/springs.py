@@ -16,7 +16,6 @@ import ufl
 from erc_contact.base.runtime import compiled
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.mesh.simplex import coefficients
-from erc_contact.model.expressions import evaluate
 from erc_contact.model.space import Space
 from erc_contact.model.trace import Side, split
 from erc_contact.scene.spring import Spring
@@ -114,8 +113,7 @@ def bind_springs(space: Space, springs: Sequence[Spring], modulus: Ufl) -> list[
     for spring in springs:
         facets = space.domain.facets(spring.facets)
         side = space.side(facets, modulus)
-        middle = np.full((1, space.d - 1), 1 / space.d)
-        direction = evaluate(space.n, space.mesh, middle, facets)[:, 0]
+        direction = space.outward_normals(facets)
         bound.append(
             BoundSpring(spring.facets, side, direction, spring.normal, spring.tangential, space)
         )

@@ -13,7 +13,6 @@ import ufl
 from dolfinx import fem
 
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.space import Space
 from erc_contact.model.trace import Trace
@@ -34,8 +33,7 @@ def bind_tie(space: Space, tie: Tied, modulus: Ufl) -> BoundContact:
         modulus: The modulus of the material [force/area], UFL.
     """
     facets, facing = space.domain.facing(*tie.sides)
-    middle = np.full((1, space.d - 1), 1.0 / space.d)
-    direction = evaluate(space.n, space.mesh, middle, facets)[:, 0]
+    direction = space.outward_normals(facets)
     here = space.side(facets, modulus)
     there = space.side(facing, modulus)
     return BoundContact(

@@ -25,6 +25,7 @@ from petsc4py import PETSc
 
 from erc_contact.base.runtime import compiled
 from erc_contact.base.sparse import add_diagonal, as_entries, assembled
+from erc_contact.mesh.simplex import measures
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.model import Model
 
@@ -217,31 +218,31 @@ class Elastic:
 
 
 def _glue(model: Model) -> fem.Function:
-    """Assemble D of x [force/length]."""
+    """Sum up D of x [force/length]."""
     coordinates = model.coordinates
     between = [contact for contact in model.contacts if contact.trace.there is not None]
     on_foundations = [contact for contact in model.contacts if contact.trace.there is None]
-    glue = _assembled_glue(model, on_foundations)
+    glue = _summed_glue(model, on_foundations)
     if between:
         # A foundation resists both the jump and the displacement of the other side.
         coordinates.add_to_partners(glue)
-        glue.x.array[:] += _assembled_glue(model, between).x.array
+        glue.x.array[:] += _summed_glue(model, between).x.array
     glue.x.array[coordinates.fixed.ravel()] = 0.0
     return glue
 
 
-def _assembled_glue(model: Model, contacts: Sequence[BoundContact]) -> fem.Function:
-    """Assemble the glue of some contacts at the nodes of this side [force/length]."""
+def _summed_glue(model: Model, contacts: Sequence[BoundContact]) -> fem.Function:
+    """Sum the glue of some contacts at the nodes of this side [force/length]."""
     glue = model.function()
-    if not contacts:
-        return glue
-    ones = ufl.as_vector([1.0] * model.d)
-    v = ufl.TestFunction(model.V)
-    gamma = model.stiffness_per_area(compiled.constant(model.mesh, GLUE_FACTOR), model.cell_modulus)
-    terms = []
+    of_nodes = glue.x.array.reshape(-1, model.d)
     for contact in contacts:
-        terms.append(gamma * ufl.inner(ones, v) * contact.ds(metadata=model.nodal_rule))
-    fem.assemble_vector(glue.x.array, compiled.form(sum(terms[1:], start=terms[0])))
+        side = contact.trace.here
+        cells = model.cell_corners()[side.facets[:, 0]]
+        height = model.d * measures(cells) / side.areas
+        per_area = GLUE_FACTOR * model.degree**2 * side.modulus / height
+        # The nodes of a facet have equal shares of it.
+        share = per_area * side.owned_areas / side.nodes.shape[1]
+        np.add.at(of_nodes, side.nodes, share[:, None, None])
     glue.x.scatter_reverse(la.InsertMode.add)
     glue.x.scatter_forward()
     return glue
