@@ -397,7 +397,7 @@ def test_order_of_the_bodies(friction, degree, method):
 
 @cache
 def order_domain() -> ec.Domain:
-    return bricks(2, (16, 8))
+    return bricks(2, (8, 4))
 
 
 @pytest.mark.serial
