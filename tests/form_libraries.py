@@ -81,7 +81,8 @@ def compiled(
     **__: Any,
 ) -> str:
     """Do what FFCx's ``_compile_objects`` does; return the C code."""
-    (_, code), _ = ffcx.compiler.compile_ufl_objects(sources, options=options, namespace=library)
+    texts, _ = ffcx.compiler.compile_ufl_objects(sources, options=options, namespace=library)
+    code = texts[1]  # the first one is the header
     source = Path(folder) / f"{library}.c"
     source.write_text(code)
     made = source.with_suffix(".part")
