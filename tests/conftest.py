@@ -11,20 +11,17 @@ demos, marked ``gallery``, run only if asked for, by ``-m gallery``.
 Under pytest-xdist each worker is a process of one rank. Workers share the cache of
 compiled forms: one may wait for a form that another compiles.
 
-In the first run some hundred forms are compiled. setuptools, which calls the C
-compiler, looks for plug-ins of all installed packages six times for each of them, a
-sixth of the time; here it does so once. UFL makes millions of small objects; Python
-looks for cycles among them less often here, which takes a twentieth less. What else is
-done for the C compiler stands in ``compiler.py``.
+In the first run some hundred forms are compiled. How the C compiler is called for them
+stands in ``form_libraries.py``, and for scripts in ``compiler.py``. UFL makes millions
+of small objects; Python looks for cycles among them less often here, which takes a
+twentieth less.
 """
 
 import gc
-import importlib.metadata
 import os
 import shutil
 import sys
 import tempfile
-from functools import cache
 from pathlib import Path
 from time import monotonic, sleep
 
@@ -34,8 +31,9 @@ import bytecode  # noqa: F401, I001 - before all that takes long to import
 import erc_contact as ec  # it orders MPI before the compiled modules, so it comes first
 
 import numpy as np
+import form_libraries
 import pytest
-from compiler import compiler_options, repair
+from compiler import repair
 from dolfinx import jit
 from mpi4py import MPI
 
@@ -43,15 +41,11 @@ from erc_contact.output import views
 
 COMM = MPI.COMM_WORLD
 gc.set_threshold(100_000, 20, 50)
-jit.DOLFINX_DEFAULT_JIT_OPTIONS["cffi_extra_compile_args"] = (
-    compiler_options(),
-    "options of the C compiler",
-)
 jit.DOLFINX_DEFAULT_JIT_OPTIONS["timeout"] = (
     30,
     "seconds that one process waits for a form that another compiles",
 )
-importlib.metadata.entry_points = cache(importlib.metadata.entry_points)
+form_libraries.install()
 repair()
 
 
@@ -115,6 +109,12 @@ def pytest_collection_modifyitems(config, items):
         raise_if_unknown(items)
     config.hook.pytest_deselected(items=[item for item in items if item in out])
     items[:] = [item for item in items if item not in out]
+
+
+def pytest_collection_finish(session):
+    """Let Python look no more for cycles among modules and tests, which all stay."""
+    gc.collect()
+    gc.freeze()
 
 
 def cases_left_out(items):

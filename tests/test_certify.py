@@ -75,7 +75,7 @@ def test_a_disturbance_is_the_fault_of_the_displacement():
 @cache
 def nearly_exact():
     """Return the solution on a mesh whose nodes are also those of the coarse ones."""
-    return ec.solve(SCENE, block(40), degree=2)
+    return ec.solve(SCENE, block(24), degree=2)
 
 
 @pytest.mark.serial

@@ -66,7 +66,7 @@ def whole_residual(solution: ec.Solution) -> float:
 
 @pytest.mark.on_ranks("2-Nitsche(theta=-1, gamma=10.0)", "3-AugmentedLagrangian(gamma=1.0)")
 @pytest.mark.parametrize("method", METHODS, ids=str)
-@pytest.mark.parametrize("seed", mostly_serial([1, 2, 3], [2, 3]))
+@pytest.mark.parametrize("seed", mostly_serial([0, 2, 3], [2, 3]))
 def test_whole_body_is_in_equilibrium(method, seed):
     assert whole_residual(ec.solve(*random_scene(seed), method)) < 1e-9
 

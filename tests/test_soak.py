@@ -27,6 +27,15 @@ def live():
     )
 
 
+@pytest.fixture(scope="module", autouse=True)
+def what_earlier_tests_left():
+    """Keep it out of all collections: they are many here, and it takes 0.2 s in each."""
+    gc.collect()
+    gc.freeze()
+    yield
+    gc.unfreeze()
+
+
 @pytest.mark.serial
 def test_runs_leave_nothing_behind():
     scene = ec.Scene(

@@ -31,13 +31,14 @@ def scene(d, ties=TIE):
 
 
 @pytest.mark.on_ranks("2-2", "1-3")
-@pytest.mark.parametrize("d", [2, 3])
-@pytest.mark.parametrize("degree", [1, 2])
-def test_error_is_that_of_one_body(d, degree):
+@pytest.mark.parametrize(("degree", "d"), [(1, 2), (2, 2), (1, 3)])
+def test_error_is_that_of_one_body(degree, d):
     """And the force is that on either body, by u and by sigma^."""
+    method = ec.Nitsche() if degree == 2 else ec.AugmentedLagrangian()
     for solver in ("direct", "iterative")[: 3 - degree]:
-        whole = certified(scene(d, ()), glued(d, CELLS[d]), degree=degree, solver=solver)
-        error = certified(scene(d), bricks(d, CELLS[d]), degree=degree, solver=solver)
+        options = {"method": method, "degree": degree, "solver": solver}
+        whole = certified(scene(d, ()), glued(d, CELLS[d]), **options)
+        error = certified(scene(d), bricks(d, CELLS[d]), **options)
         assert error.absolute == pytest.approx(whole.absolute, rel=1e-9)
         assert error.relative == pytest.approx(whole.relative, rel=1e-9)
         for result in (error, error.solution):

@@ -127,8 +127,8 @@ def distance(solution: ec.Solution, exact) -> float:
 def test_patch(d, degree, name):
     """Every method and solver finds the exact solution, and it has no error."""
     scene, exact = patch(name, d)
-    # The variants of Nitsche's method differ by terms that know no ranks and no dimension.
-    methods = METHODS if COMM.size == 1 and d == 2 else METHODS[::3]
+    # The variants of Nitsche's method differ by terms that know no ranks, d and degree.
+    methods = METHODS if COMM.size == 1 and d == degree + 1 == 2 else METHODS[::3]
     for method, solver in product(methods, ("direct", "iterative")):
         solution = ec.solve(scene, small_bricks(d), method, degree=degree, solver=solver)
         case = f"{method}, {solver}"
@@ -397,7 +397,7 @@ def test_order_of_the_bodies(friction, degree, method):
 
 @cache
 def order_domain() -> ec.Domain:
-    return bricks(2, (16, 8))
+    return bricks(2, (8, 4))
 
 
 @pytest.mark.serial
