@@ -257,6 +257,23 @@ def test_action_is_reaction(error):
             assert abs(sum(part.moment for part in of_body)).max() < 1e-9 * size
 
 
+@pytest.mark.on_ranks("2-half upper", "3-half lower")
+@pytest.mark.parametrize("name", ["half upper", "half lower", "half both"])
+@pytest.mark.parametrize("d", [2, 3])
+def test_action_is_reaction_of_multipliers(d, name):
+    """Also at the rim, where a support holds one body alone."""
+    solution = ec.solve(SCENES[name](d), small_bricks(d), ec.AugmentedLagrangian())
+    upper, lower = solution.force(UPPER), solution.force(LOWER)
+    size = abs(upper.force).max()
+    assert abs(upper.force + lower.force).max() < 1e-12 * size
+    assert abs(upper.moment + lower.moment).max() < 1e-12 * size
+    # The forces of each body's supports and contact balance.
+    forces = solution.reactions()
+    for body in ("upper", "lower"):
+        of_body = [force for part, force in forces.items() if part.startswith(body)]
+        assert abs(sum(part.force for part in of_body)).max() < 1e-9 * size
+
+
 def corners_of(domain: ec.Domain, facets: np.ndarray) -> np.ndarray:
     """Positions of the corners of pairs (cell, local facet), shape (f, d, d)."""
     d = domain.dim

@@ -274,9 +274,10 @@ def _of_multiplier(model: Model, contact: BoundContact, traction: Ufl) -> np.nda
 
 
 def _with_several_forces(model: Model) -> np.ndarray | None:
-    """Mark nodes between bodies that several contacts act on, (nodes,); collective.
+    """Mark nodes between bodies that more than one contact acts on; collective.
 
-    None where there are none on any rank.
+    That is several contacts, or a support, which may hold one of the bodies alone.
+    Shape (nodes,); None where there are none on any rank.
     """
     coordinates = model.coordinates
     if coordinates.is_identity:
@@ -285,8 +286,11 @@ def _with_several_forces(model: Model) -> np.ndarray | None:
     for contact in model.contacts:
         if contact.trace.there is None:
             on_foundation[contact.trace.here.nodes] = True
-    several = on_foundation & coordinates.is_paired
-    partners = coordinates.partner_here[several]
+    is_held = model.fixed.any(axis=1)
+    all_partners = coordinates.partner_here
+    partner_is_held = np.where(all_partners >= 0, is_held[all_partners], False)
+    several = (on_foundation | is_held | partner_is_held) & coordinates.is_paired
+    partners = all_partners[several]
     several[partners[partners >= 0]] = True
     (several,) = marked_by_any(model, several | coordinates.is_joint)
     return several if model.comm.allreduce(bool(several.any()), MPI.LOR) else None
