@@ -167,8 +167,12 @@ class Trials:
         return float(min(several, key=lambda t: self.half_at(ends, t)))
 
     def half_at(self, ends: Ends, t: float) -> float:
-        """Return half of the width that another t should give."""
-        spread = max(ends.spread, 0.0) * (t / ends.t) ** POWER
+        """Return half of the width that another t should give.
+
+        A part of what moves V apart at small t is of the mesh, and does not grow so.
+        """
+        growth = t / ends.t
+        spread = max(ends.spread, 0.0) * (growth if growth > 1 else growth**POWER)
         return spread / 2 + self._loss(ends, t)
 
     def _loss(self, ends: Ends, t: float) -> float:
