@@ -2,8 +2,9 @@
 
 On most meshes the interval cannot be narrow enough yet. There the scene is moved to one
 side only: this tells the shares of the cells, and about how wide the interval would be.
-Where it may be narrow enough, and on the first mesh, the scene is moved to the other
-side, too. t follows from that of the last mesh. So most meshes take one further solve.
+It does not tell what the motion changes in the contact set; that is carried from the
+last interval. Where an estimate promises what is asked for, the scene is moved to the
+other side, too. t follows from that of the last mesh.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ FIRST = 3.0
 FIRST_COUNT = 2
 """Number of values of t that are tried at most until a moved scene is solved."""
 COUNT = 3
-"""Number of values of t that are tried at most where the run may end."""
+"""Number of values of t that are tried at most where the run ends or may end."""
 MARGIN = 1.0
 """Half width that an estimate promises, over that asked for, to measure it [-]."""
 CLOSE = 1.3
@@ -171,7 +172,7 @@ class Aim:
         self._last = None
         t = self._carried.get("t")
         with moved_pairs(error, self._solver, self._tighten) as pair_of, suppress(NotConverged):
-            self._last = self._with_proved(goal_error(error, self._goal, pair_of, t))
+            self._last = self._with_proved(goal_error(error, self._goal, pair_of, t, COUNT))
 
     def marked(self, error: ConstitutiveError) -> ConstitutiveError:
         """Return an error whose cells count by their share in the interval."""
