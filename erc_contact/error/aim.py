@@ -2,9 +2,8 @@
 
 On most meshes the interval cannot be narrow enough yet. There the scene is moved to one
 side only: this tells the shares of the cells, and about how wide the interval would be.
-It does not tell what the motion changes in the contact set; that is carried from the
-last interval. Where an estimate promises what is asked for, the scene is moved to the
-other side, too. t follows from that of the last mesh.
+Where it promises what is asked for, the scene is moved to the other side, too. t
+follows from that of the last mesh.
 """
 
 from __future__ import annotations
@@ -21,21 +20,19 @@ from erc_contact.error.goals import goal_error, question_or_number, with_lifting
 from erc_contact.error.moved_pairs import moved_pairs
 from erc_contact.error.numbers import Bounds
 from erc_contact.error.three_pairs import Ends
-from erc_contact.error.trials import FACTOR, NEAR, POWER, GoalError, Trials
+from erc_contact.error.trials import FACTOR, NEAR, GoalError, Trials
 from erc_contact.scene.goal import Goal
 
 FIRST = 3.0
 """First t of a run over that of a question [-]: about what is best, as measured."""
 FIRST_COUNT = 2
-"""Number of values of t that are tried at most until a moved scene is solved."""
+"""Number of values of t for which the interval is estimated at most."""
 COUNT = 3
 """Number of values of t that are tried at most where the run ends or may end."""
-MARGIN = 1.0
-"""Half width that an estimate promises, over that asked for, to measure it [-]."""
 CLOSE = 1.3
 """Half width over that asked for from which another t may be enough [-]."""
 
-SUDDEN = 0.8
+SUDDEN = 0.5
 """Part of a width that changes of the contact set make where t is far too large [-]."""
 
 State = dict[str, float]
@@ -93,50 +90,37 @@ class Aim:
 
     def _measure(self, trials: Trials) -> None:
         """Estimate the interval on a mesh, and measure it if promising; collective."""
-        rough = self._estimate(trials, max(self._first_t(trials), trials.least_t))
+        t = max(self._first_t(trials), trials.least_t)
+        rough: Ends | None = None
+        for _ in range(FIRST_COUNT):
+            last = trials.rough(t)
+            if last is None:
+                # The scene moved may have no solution on this mesh.
+                t = max(t / FACTOR, trials.least_t)
+                continue
+            self._see_sudden(last)
+            if rough is None or last.width < rough.width:
+                rough = last
+            asked = self._accuracy * abs(trials.estimate(last).value)
+            better_t = self._better_t(trials, last)
+            if last.width / 2 <= asked:
+                self._try(trials, t)
+            if trials.tried or trials.half_at(last, better_t) > asked:
+                break
+            t = better_t
         if rough is None:
             return
-        self._carried |= {"t": self._better_t(trials, rough), "M": trials.base.M}
-        t = self._promising_t(trials, rough)
-        if t is not None:
-            self._try(trials, t)
         best = trials.best
         if best is not None:
             self._measured(trials, best)
         else:
+            self._carried |= {"t": self._better_t(trials, rough), "M": trials.base.M}
             self._is_rough = True
             self._last = GoalError(trials.estimate(rough), trials.shares(rough))
 
-    def _estimate(self, trials: Trials, t: float) -> Ends | None:
-        """Estimate the interval for a t, or for a smaller one; collective.
-
-        The estimate does not see what the motion changes in the contact set. That is
-        taken from the last interval.
-        """
-        for _ in range(FIRST_COUNT):
-            rough = trials.rough(t)
-            if rough is not None:
-                return replace(rough, spread=self._carried.get("drift", 0.0) * rough.t**POWER)
-            t = max(t / FACTOR, trials.least_t)
-        # The scene moved has no solution on this mesh; the next one is finer.
-        return None
-
-    def _promising_t(self, trials: Trials, rough: Ends) -> float | None:
-        """Return a t for which an estimate promises an interval as asked for.
-
-        It is that of the estimate, whose scene is solved, if that may do.
-        """
-        asked = MARGIN * self._accuracy * abs(trials.estimate(rough).value)
-        for t in (rough.t, self._better_t(trials, rough)):
-            if trials.half_at(rough, t) <= asked:
-                return t
-        return None
-
     def _measured(self, trials: Trials, best: Ends) -> None:
         """Take the interval of a mesh, and carry what others need; collective."""
-        self._carried["t"] = self._better_t(trials, best)
-        if not _is_sudden(best):
-            self._carried["drift"] = max(best.spread, 0.0) / best.t**POWER
+        self._carried |= {"t": self._better_t(trials, best), "M": trials.base.M}
         bounds = trials.bounds()
         if bounds.relative > self._accuracy:
             bounds = with_lifting(trials.error, self._goal, bounds)
@@ -213,15 +197,19 @@ class Aim:
 
     def _see(self, ends: Ends) -> None:
         """Carry the least t that changed the contact set much, and one that did not."""
-        sudden = self._carried.get("sudden t", np.inf)
+        self._see_sudden(ends)
         gentle = self._carried.get("gentle t", 0.0)
-        if _is_sudden(ends):
-            sudden = min(sudden, ends.t)
-        else:
+        if not _is_sudden(ends):
             gentle = max(gentle, ends.t)
-        if sudden < np.inf:
-            self._carried["sudden t"] = sudden
-        self._carried["gentle t"] = min(gentle, sudden / NEAR)
+        self._carried["gentle t"] = min(gentle, self._carried.get("sudden t", np.inf) / NEAR)
+
+    def _see_sudden(self, ends: Ends) -> None:
+        """Carry the least t that changed the contact set much.
+
+        An estimate sees it on one side only, so that it knows no t that did not.
+        """
+        if _is_sudden(ends):
+            self._carried["sudden t"] = min(self._carried.get("sudden t", np.inf), ends.t)
 
     def _below_sudden(self, t: float) -> float:
         """Return a t, or one below it that should not change the contact set much.
@@ -231,7 +219,7 @@ class Aim:
         if "sudden t" not in self._carried:
             return t
         sudden = self._carried["sudden t"]
-        gentle = max(self._carried["gentle t"], sudden / FACTOR)
+        gentle = max(self._carried.get("gentle t", 0.0), sudden / FACTOR)
         return min(t, float(np.sqrt(gentle * sudden)))
 
     def _with_proved(self, last: GoalError) -> GoalError:

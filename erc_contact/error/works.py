@@ -31,7 +31,7 @@ from erc_contact.mesh.quadrature import (
 )
 from erc_contact.mesh.simplex import bernstein, mass
 from erc_contact.model.contact_data import ContactData
-from erc_contact.model.foundation import pressures
+from erc_contact.model.foundation import BoundContact, pressures
 from erc_contact.model.model import Model
 from erc_contact.model.trace import split
 
@@ -171,3 +171,29 @@ def friction_works(
         return data.bound(facet, x, pressure) * slip
 
     return contact_integral(model, contact, u, density, floor)
+
+
+def contact_work(
+    model: Model, contact: BoundContact, tau: np.ndarray, u: fem.Function, floor: float
+) -> BoundedNumber:
+    """Compute ``int tau n.(w - g n)`` on a contact [force length]; collective.
+
+    Args:
+        model: The scene on a mesh.
+        contact: The contact.
+        tau: Coefficients of the traction tau n [force/area], shape (f, m, d).
+        u: u, whose jump is w.
+        floor: What the integrals may leave unknown.
+    """
+    data = ContactData(contact, model.mesh)
+
+    def density(facet: np.ndarray, shape: np.ndarray, w: np.ndarray, x: np.ndarray) -> np.ndarray:
+        n = contact.direction[facet][:, None, :]
+        tau_n, tau_t, _ = split(np.matmul(shape, tau[facet]), n)
+        w_n, w_t, _ = split(w, n)
+        # A gap that is closed everywhere does no work, whatever the traction.
+        opening = 0.0 if contact.bilateral else w_n - data.gap(facet, x)
+        return tau_n * opening + (tau_t * w_t).sum(axis=-1)
+
+    integral = contact_integral(model, contact, u, density, floor)
+    return BoundedNumber.summed(model.comm, integral)
