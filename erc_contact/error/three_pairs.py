@@ -1,4 +1,4 @@
-"""Certified intervals of order 1.5 for single numbers, from three admissible pairs.
+"""Certified intervals of higher order for single numbers, from three admissible pairs.
 
 Let the data of a scene move by t: loads by ``t psi``, supports by ``t U'``. The energy
 J of its solution then has the derivative
@@ -41,7 +41,11 @@ is the same. V stays as it is.
 
 Any t is allowed, and the intervals of several t may be intersected. While the contact
 set stays as it is, d does not depend on t. Then ``t = 2 M/d`` is best, and the width d
-M is of second order. A t that changes the set makes d larger.
+M is of second order if d falls like M. A t that changes the set makes d larger, and
+moves both V apart. If the edge of a contact moves by about t, the pressure there is
+like the root of the distance, and the gap like its third power: V is apart by about
+``t^2``, and ``d^2`` is larger by about t. Against ``M^2/t`` the best t is then like
+``M^(2/3)``, and the width like ``M^(4/3)``: that is the order in the limit.
 
 A friction bound that depends on the pressure is given the values that it has for the
 pair (:mod:`erc_contact.error.given_bounds`): the interval is that of the problem with
