@@ -28,7 +28,9 @@ FIRST = 3.0
 FIRST_COUNT = 2
 """Number of values of t for which the interval is estimated at most."""
 COUNT = 3
-"""Number of values of t that are tried at most where the run ends or may end."""
+"""Number of values of t that are tried at most where the run may end."""
+LAST_COUNT = 2
+"""The same on the last mesh of a run that ends for another reason."""
 CLOSE = 1.3
 """Half width over that asked for from which another t may be enough [-]."""
 
@@ -156,7 +158,7 @@ class Aim:
         self._last = None
         t = self._carried.get("t")
         with moved_pairs(error, self._solver, self._tighten) as pair_of, suppress(NotConverged):
-            self._last = self._with_proved(goal_error(error, self._goal, pair_of, t, COUNT))
+            self._last = self._with_proved(goal_error(error, self._goal, pair_of, t, LAST_COUNT))
 
     def marked(self, error: ConstitutiveError) -> ConstitutiveError:
         """Return an error whose cells count by their share in the interval."""
