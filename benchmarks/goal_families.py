@@ -85,6 +85,26 @@ def weighted(part: str, weights: np.ndarray) -> Wanted:
     return Wanted("weighted mean", ec.Functional(ec.Traction(part, weight)), read)
 
 
+def mean(part: str, direction: np.ndarray) -> Wanted:
+    """Return a mean displacement, from the displacement."""
+
+    def read(error: ec.ConstitutiveError) -> float:
+        model = error.model
+        ds = model.ds(model.domain.tag(part))
+        along = ufl.inner(error.solution.u, ufl.as_vector(direction.tolist()))
+        one = fem.Constant(model.domain.mesh, 1.0)
+        area = fem.assemble_scalar(fem.form(one * ds))
+        return float(fem.assemble_scalar(fem.form(along * ds)) / area)
+
+    return Wanted("mean displacement", ec.MeanDisplacement(part, tuple(direction)), read)
+
+
+def energy(error: ec.ConstitutiveError) -> float:
+    """Return about the potential energy."""
+    bounds = ec.potential_energy(error)
+    return (bounds.low + bounds.high) / 2
+
+
 def mean_of_body(force: np.ndarray) -> Wanted:
     """Return an integral over the body, from the displacement."""
 
@@ -114,6 +134,56 @@ def block(low: tuple[float, ...], high: tuple[float, ...], cells: tuple[int, ...
     if len(low) == 2:
         return ec.rectangle(low, high, cells=cells)
     return ec.box(low, high, cells=cells)
+
+
+def random_block(rng: np.random.Generator, d: int) -> tuple[str, Sample]:
+    """Make a block on a foundation, pressed from above and pulled at the right side.
+
+    Returns its kind of friction, and the scene.
+    """
+    columns, rows = (int(number) for number in rng.integers(2, 7 if d == 2 else 4, 2))
+    width = float(np.exp(rng.uniform(-0.5, 1.0)))
+    nu = float(rng.uniform(-0.3, 0.45))
+    depth = float(rng.uniform(0.005, 0.02))
+    law = str(rng.choice(["none", "given", "Coulomb"]))
+    friction: Any = {
+        "none": 0.0,
+        "given": ec.Tresca(float(rng.uniform(0.05, 0.5)) * depth),
+        "Coulomb": float(rng.uniform(0.05, 0.6)),
+    }[law]
+    along = depth * float(rng.uniform(-1.0, 1.0))
+    pull = depth * float(rng.uniform(-1.0, 1.5))
+    degree = int(rng.integers(1, 3))
+    if d == 2:
+        block = ec.rectangle((0.0, 0.0), (width, 1.0), cells=(columns, rows))
+    else:
+        block = ec.box((0.0, 0.0, 0.0), (width, 1.0, 1.0), cells=(columns, columns, rows))
+    middle = (0.0,) * (d - 2)
+    supports = [ec.Displacement("top", (along, *middle, -depth))]
+    loads = [ec.Traction("right", (0.0, *middle, pull))]
+    gap: Any = 0.0
+    if rng.random() < 0.5:
+        curvature = depth * float(rng.uniform(0.2, 1.0))
+        gap = lambda x: curvature * (x[0] - width / 2) ** 2  # noqa: E731
+    contact = ec.Contact("bottom", friction=friction, gap=gap)
+    scene = ec.Scene(ec.Elastic(1.0, nu), supports, loads, [contact])
+    name = f"{columns} x {rows}, width {width:.2f}, nu {nu:.2f}, {law}, degree {degree}"
+    return law, Sample(name, scene, block, degree)
+
+
+def pressed(rng: np.random.Generator, d: int) -> tuple[str, Sample, list[Wanted]]:
+    """Make a block of :func:`random_block`.
+
+    Returns its kind of friction, the scene, and its goals.
+    """
+    law, sample = random_block(rng, d)
+    up = np.eye(d)[-1]
+    wanted = [resultant("top", up, "on support"), resultant("bottom", up, "on contact")]
+    wanted.append(mean("right", up))
+    if law != "Coulomb":
+        # There the energy is that of the friction bound of each mesh, another number.
+        wanted.append(Wanted("energy", ec.Energy(), energy))
+    return law, sample, wanted
 
 
 def turned(rng: np.random.Generator, d: int) -> tuple[str, Sample, list[Wanted]]:

@@ -4,7 +4,8 @@ Blocks are pressed on a foundation by a support, or by a rigid face that may tur
 the contact is "free", a part of it opens, and its edge moves with the load. Where it is
 "settled", all of it is closed, and it slides all over or has no friction. The order is
 the slope of the logarithm of the width over that of e, on meshes refined one after the
-other: three in the plane, two in space.
+other: four in the plane, in space three of degree 1 and two of degree 2. "last" is that
+of the last two meshes. Orders are medians over the scenes.
 """
 
 from __future__ import annotations
@@ -18,8 +19,8 @@ import numpy as np  # isort: skip - after erc_contact, which loads MPI first
 from attack_families import scene_generator  # isort: skip
 from goal_families import block  # isort: skip
 
-MESHES = {2: 3, 3: 2}
-"""Number of meshes by dimension."""
+MESHES = {(2, 1): 4, (2, 2): 4, (3, 1): 3, (3, 2): 2}
+"""Number of meshes by dimension and degree."""
 LAWS = ("none", "given", "Coulomb")
 NARROW = 1e-9
 """Width over the number below which it is round-off [-]: it has no order."""
@@ -86,13 +87,16 @@ def goals_of(d: int, *, rigid: bool) -> dict[str, Any]:
 
 def orders_of(
     scene: ec.Scene, domain: ec.Domain, degree: int, goals: dict[str, Any]
-) -> dict[str, float]:
-    """Return the order of each goal whose interval is more than round-off."""
+) -> dict[str, tuple[float, float]]:
+    """Return the orders of each goal whose interval is more than round-off.
+
+    The first is that of all meshes, the second that of the last two.
+    """
     sizes = []
     widths: dict[str, list[float]] = {name: [] for name in goals}
     is_narrow = dict.fromkeys(goals, False)
     mesh = domain
-    for number in range(MESHES[domain.dim]):
+    for number in range(MESHES[domain.dim, degree]):
         if number > 0:
             mesh = mesh.refined()
         error = ec.constitutive_error(ec.equilibrate(ec.solve(scene, mesh, degree=degree)))
@@ -105,7 +109,9 @@ def orders_of(
     orders = {}
     for name, values in widths.items():
         if not is_narrow[name]:
-            orders[name] = float(np.polyfit(np.log(sizes), np.log(values), 1)[0])
+            logs = np.log(sizes), np.log(values)
+            slopes = [np.polyfit(logs[0][i:], logs[1][i:], 1)[0] for i in (0, -2)]
+            orders[name] = float(slopes[0]), float(slopes[1])
     return orders
 
 
@@ -119,7 +125,7 @@ def orders(seed: int, count: int, d: int) -> None:
         count: Number of scenes of each kind of friction and contact.
         d: Dimension.
     """
-    table: dict[tuple[str, str], dict[str, list[float]]] = {}
+    table: dict[tuple[str, str], dict[str, list[tuple[float, float]]]] = {}
     for kind, law in product(("free", "settled"), LAWS):
         for number, rigid in product(range(count), (False, True)):
             rng = scene_generator(seed, number)
@@ -139,9 +145,10 @@ def orders(seed: int, count: int, d: int) -> None:
         print(f"| {kind}, {name} | {' | '.join(entries)} |", flush=True)
 
 
-def _entry(values: list[float]) -> str:
-    """Write the median of orders, their range, and their number."""
-    if not values:
+def _entry(orders: list[tuple[float, float]]) -> str:
+    """Write the median of orders, their range and number, and the last ones' median."""
+    if not orders:
         return "none"
-    median = float(np.median(values))
-    return f"{median:.2f} ({min(values):.2f} to {max(values):.2f}, {len(values)})"
+    values, last = np.array(orders).T
+    spread = f"{values.min():.2f} to {values.max():.2f}, {len(values)}"
+    return f"{np.median(values):.2f} ({spread}; last {np.median(last):.2f})"

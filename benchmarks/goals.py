@@ -1,16 +1,20 @@
 """Measure intervals for single numbers: do they hold, how wide, how fast they fall.
 
 ``plane``: random blocks (size, cells, Poisson's ratio, loads that open or press,
-degree; without friction, with given friction or Coulomb's), ``space``: the same in 3D,
-``coulomb``: forces with Coulomb friction against those of elements on a fine mesh.
+degree; without friction, with given friction or Coulomb's), ``space``: the same in 3D.
 The goals are the force on the top, that on the contact below, and the mean displacement
-of the right side. ``moments``, ``contacts`` and ``functionals``, and each of them
-``_in_space``: moments and rotations under a press that turns, forces between two bodies
-and on two contacts, integrals with weights (:mod:`goal_families`); the number is read
-off the stress and the displacement of a fine mesh. An interval is called false where it
-lies apart from that of a mesh refined three times (in space once) with elements of
-degree 2. "half width" is over the number, "narrower" the width of ``resultant`` over
-that of ``interval``, and "order" the exponent of the width in e on a mesh refined once.
+of the right side. An interval is called false where it lies apart from that of a mesh
+refined three times (in space once) with elements of degree 2. "half width" is over the
+number, "narrower" the width of ``resultant`` over that of ``interval``, and "order" the
+exponent of the width in e on a mesh refined once.
+
+``forces``, ``moments``, ``rotations``, ``contacts`` and ``functionals``, and each of
+them ``_in_space``, count the intervals of each kind of number
+(:mod:`goal_families`): forces, mean displacements and energies of these blocks; moments
+and rotations under a press that turns; forces between two bodies and on two contacts;
+integrals with weights. The number is read off the stress and the displacement of a mesh
+refined as often. ``aimed``: the same of runs that aim at forces, mean displacements and
+energies. ``coulomb``: forces with Coulomb friction against those of a fine mesh.
 
     OMP_NUM_THREADS=1 python benchmarks/goals.py [name|all] [seed] [count]
 """
@@ -28,47 +32,15 @@ from attack_families import Sample, scene_generator  # isort: skip
 from attack_tables import quantile_table  # isort: skip
 from goal_orders import orders as orders_of_blocks  # isort: skip
 from goal_runs import cost as cost_of_runs, runs  # isort: skip
-from goal_families import Wanted, rotating, stacked, turned, weighed  # isort: skip
+from goal_families import Wanted, pressed, random_block, rotating, stacked, turned, weighed  # isort: skip
+from goal_tallies import Tally, kinds_table  # isort: skip
 from tasks import run  # isort: skip
 
 QUANTILES = (0.0, 0.05, 0.5, 0.95, 1.0)
 LEVELS = {2: 3, 3: 1}
 """Refinements of the reference, by dimension."""
-
-
-def random_block(rng: np.random.Generator, d: int) -> tuple[str, Sample]:
-    """Make a block on a foundation, pressed from above and pulled at the right side.
-
-    Returns its kind of friction, and the scene.
-    """
-    columns, rows = (int(number) for number in rng.integers(2, 7 if d == 2 else 4, 2))
-    width = float(np.exp(rng.uniform(-0.5, 1.0)))
-    nu = float(rng.uniform(-0.3, 0.45))
-    depth = float(rng.uniform(0.005, 0.02))
-    law = str(rng.choice(["none", "given", "Coulomb"]))
-    friction: Any = {
-        "none": 0.0,
-        "given": ec.Tresca(float(rng.uniform(0.05, 0.5)) * depth),
-        "Coulomb": float(rng.uniform(0.05, 0.6)),
-    }[law]
-    along = depth * float(rng.uniform(-1.0, 1.0))
-    pull = depth * float(rng.uniform(-1.0, 1.5))
-    degree = int(rng.integers(1, 3))
-    if d == 2:
-        block = ec.rectangle((0.0, 0.0), (width, 1.0), cells=(columns, rows))
-    else:
-        block = ec.box((0.0, 0.0, 0.0), (width, 1.0, 1.0), cells=(columns, columns, rows))
-    middle = (0.0,) * (d - 2)
-    supports = [ec.Displacement("top", (along, *middle, -depth))]
-    loads = [ec.Traction("right", (0.0, *middle, pull))]
-    gap: Any = 0.0
-    if rng.random() < 0.5:
-        curvature = depth * float(rng.uniform(0.2, 1.0))
-        gap = lambda x: curvature * (x[0] - width / 2) ** 2  # noqa: E731
-    contact = ec.Contact("bottom", friction=friction, gap=gap)
-    scene = ec.Scene(ec.Elastic(1.0, nu), supports, loads, [contact])
-    name = f"{columns} x {rows}, width {width:.2f}, nu {nu:.2f}, {law}, degree {degree}"
-    return law, Sample(name, scene, block, degree)
+AIMED = 0.03
+"""Half width over the number that runs are asked for [-]."""
 
 
 def goals(d: int) -> dict[str, Any]:
@@ -162,49 +134,95 @@ def coulomb(seed: int = 0, count: int = 24) -> None:
 
 Family = Callable[[np.random.Generator, int], tuple[str, Sample, list[Wanted]]]
 """Type of what makes a random scene with goals."""
+BoundsOf = Callable[[Sample, Any], ec.Bounds | None]
+"""Type of what makes an interval in a scene."""
 
 
-def against_fields(family: Family, seed: int, count: int, d: int) -> None:
+def references(sample: Sample, d: int) -> tuple[ec.ConstitutiveError, ec.ConstitutiveError]:
+    """Return the errors on the last two of the meshes that a scene is held against."""
+    finer = sample.domain
+    for _ in range(LEVELS[d] - 1):
+        finer = finer.refined()
+    fine = measured(sample.scene, finer, 2)
+    return fine, measured(sample.scene, finer.refined(), 2)
+
+
+def of_mesh(sample: Sample, goal: Any) -> ec.Bounds | None:
+    """Return the interval on the mesh of a scene."""
+    return ec.interval(measured(sample.scene, sample.domain, sample.degree), goal)
+
+
+def of_run(sample: Sample, goal: Any) -> ec.Bounds | None:
+    """Return the interval of a run that aims at it."""
+    options: dict[str, Any] = {"degree": sample.degree, "max_cells": 400}
+    return ec.adapt(sample.scene, sample.domain, AIMED, goal=goal, **options).bounds
+
+
+def against_fields(
+    family: Family, seed: int, count: int, d: int, bounds_of: BoundsOf = of_mesh
+) -> None:
     """Print how far numbers of a fine mesh are from the middle of their intervals.
 
     These numbers know no interval. They are called outside by more than they change
     from the last mesh but one.
     """
+    tallies: dict[str, Tally] = {}
     columns: dict[str, list[float]] = {}
     outside: list[str] = []
-    measured_count = 0
-    proved_count = 0
     for number in range(count):
         law, sample, wanted = family(scene_generator(seed, number), d)
+        left = [each.name for each in wanted]
         try:
-            coarse = measured(sample.scene, sample.domain, sample.degree)
-            finer = sample.domain
-            for _ in range(LEVELS[d] - 1):
-                finer = finer.refined()
-            fine = measured(sample.scene, finer, 2)
-            best = measured(sample.scene, finer.refined(), 2)
+            fine, best = references(sample, d)
             for each in wanted:
-                bounds = ec.interval(coarse, each.goal)
+                bounds = bounds_of(sample, each.goal)
+                if bounds is None:
+                    continue
                 exact = each.read(best)
                 slack = abs(exact - each.read(fine)) + 1e-9 * abs(exact)
                 half = (bounds.high - bounds.low) / 2
                 distance = abs(exact - bounds.value)
-                measured_count += 1
-                proved_count += bounds.guaranteed
+                left.remove(each.name)
+                tally = tallies.setdefault(each.name, Tally())
+                tally.count += 1
+                tally.proved += bounds.guaranteed
                 if distance > half + slack:
+                    tally.outside += 1
                     kind = "proved" if bounds.guaranteed else "estimate"
                     line = f"scene {number} ({sample.name}), {each.name}, {kind}"
                     outside.append(f"{line}: {bounds}, {exact}, slack {slack}")
-                label = f"{each.name}, {law}"
-                columns.setdefault(f"half width, {label}", []).append(half / abs(exact))
+                columns.setdefault(f"{each.name}, {law}", []).append(half / abs(exact))
                 if half > 10 * slack:
-                    columns.setdefault(f"distance, {label}", []).append(distance / half)
+                    tally.distances.append(distance / half)
         except ec.ErcContactError as reason:
             words = str(reason)[:200]
             print(f"scene {number} ({sample.name}): {type(reason).__name__} {words}", flush=True)
+        for name in left:
+            tallies.setdefault(name, Tally()).without += 1
+    print("half width over the number")
     print(quantile_table(dict(sorted(columns.items())), QUANTILES, "{:.3f}"))
-    print(f"{measured_count} intervals, {proved_count} proved, {len(outside)} outside")
+    print(kinds_table(tallies))
     print(*outside, sep="\n", flush=True)
+
+
+def forces(seed: int = 0, count: int = 110) -> None:
+    """Print the table of forces, mean displacements and energies in the plane."""
+    against_fields(pressed, seed, count, 2)
+
+
+def forces_in_space(seed: int = 0, count: int = 12) -> None:
+    """Print the table of forces, mean displacements and energies in space."""
+    against_fields(pressed, seed, count, 3)
+
+
+def aimed(seed: int = 0, count: int = 100) -> None:
+    """Print the table of runs that aim at their numbers, in the plane."""
+    against_fields(pressed, seed, count, 2, of_run)
+
+
+def rotations_in_space(seed: int = 0, count: int = 12) -> None:
+    """Print the table of rotations of rigid faces in space."""
+    against_fields(rotating, seed, count, 3)
 
 
 def moments(seed: int = 0, count: int = 40) -> None:
@@ -257,13 +275,20 @@ def orders(seed: int = 0, count: int = 8) -> None:
     orders_of_blocks(seed, count, 2)
 
 
-def orders_in_space(seed: int = 0, count: int = 3) -> None:
+def orders_in_space(seed: int = 0, count: int = 6) -> None:
     """Print the orders of widths in space."""
     orders_of_blocks(seed, count, 3)
 
 
-IN_PLANE = (plane, coulomb, moments, rotations, contacts, functionals)
-IN_SPACE = (space, moments_in_space, contacts_in_space, functionals_in_space)
+IN_PLANE = (plane, coulomb, forces, moments, rotations, contacts, functionals, aimed)
+IN_SPACE = (
+    space,
+    forces_in_space,
+    moments_in_space,
+    rotations_in_space,
+    contacts_in_space,
+    functionals_in_space,
+)
 RUNS = (cost, cost_in_space, runs, orders, orders_in_space)
 TASKS: dict[str, Callable[..., None]] = {task.__name__: task for task in IN_PLANE + IN_SPACE + RUNS}
 

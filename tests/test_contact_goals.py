@@ -13,7 +13,10 @@ from test_moments import moment_about
 
 import erc_contact as ec
 from erc_contact.error import contact_questions, goals, trials
+from erc_contact.error.moved_pairs import moved_pairs
+from erc_contact.error.questions import question_of
 from erc_contact.error.three_pairs import Ends
+from erc_contact.error.trials import Trials
 
 pytestmark = pytest.mark.serial
 MATERIAL = ec.Elastic({"upper": 1.0, "lower": 3.0}, 0.3)
@@ -125,7 +128,7 @@ def test_intersection_with_that_of_one_lifting(monkeypatch):
     goal = ec.Resultant("bottom", (0.0, 1.0))
     first = ec.resultant(error, "bottom", (0.0, 1.0))
     useless = Ends(-10.0, first.value, 1.0, 1.0, 0.0, 0 * error.indicators)
-    monkeypatch.setattr(goals, "search", lambda trials, t: trials.tried.append(useless))
+    monkeypatch.setattr(goals, "search", lambda trials, t, count: trials.tried.append(useless))
     both = ec.interval(error, goal)
     assert both.guaranteed
     assert (both.low, both.high) == pytest.approx((first.low, first.value), rel=1e-9)
@@ -147,3 +150,25 @@ def test_intersection_with_that_of_one_lifting(monkeypatch):
     assert (overlap.low, overlap.high, overlap.guaranteed) == (1.5, 2.0, False)
     apart = ec.Bounds(5.0, 4.5, 5.5, guaranteed=True)
     assert proved.narrowed(apart) == apart
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("friction", [0.0, ec.Tresca(0.001)])
+def test_estimate_from_one_side(friction):
+    """It is near the interval, whether the motion changes the contact set or not."""
+    block = ec.rectangle((0.0, 0.0), (2.0, 1.0), cells=(16, 8))
+    pressed = ec.Displacement("top", (0.0, -0.01))
+    lift = ec.Traction("right", (0.0, 0.02))
+    contact = ec.Contact("bottom", friction=friction)
+    scene = ec.Scene(ec.Elastic(1.0, 0.3), pressed, lift, contact)
+    error = certified(scene, block)
+    question = question_of(error, ec.Resultant("top", (0.0, 1.0)))
+    with moved_pairs(error, "auto", 50) as pair_of:
+        tried = Trials(error, question, pair_of)
+        for factor, shares in ((1.0, (-0.1, 0.1)), (10.0, (0.5, 0.8))):
+            t = factor * question.step
+            rough = tried.rough(t)
+            ends = tried.attempt(t)
+            assert shares[0] < ends.spread / ends.width < shares[1]
+            assert 0.5 < rough.width / ends.width < 1.1
+            assert ends.low < (rough.low + rough.high) / 2 < ends.high

@@ -19,6 +19,7 @@ import erc_contact as ec
 from erc_contact.base.logs import log_of
 from erc_contact.error.aim import Aim
 from erc_contact.error.trials import GoalError
+from erc_contact.newton.forms import ContactForms
 from erc_contact.newton.linear.stiffness import Stiffness
 from erc_contact.newton.solve import Nearby
 
@@ -216,12 +217,16 @@ def test_run_to_a_displacement():
 
 @pytest.mark.serial
 def test_what_runs_cost(monkeypatch, caplog):
-    """Far meshes take one further solve, no mesh a second factor; the solves are silent.
+    """Far meshes take one further solve, none a second factor or second forms.
+
+    The further solves are silent.
 
     A run that ends for want of meshes still measures its interval.
     """
     moved: list[int] = []
     factors: list[int] = []
+    forms: list[int] = []
+    init = ContactForms.__init__
     solve, condense = Nearby.solve, Stiffness._condense
 
     def seen_solve(nearby, scene):
@@ -233,6 +238,11 @@ def test_what_runs_cost(monkeypatch, caplog):
         factors.append(stiffness.model.domain.cells)
         condense(stiffness)
 
+    def seen_forms(of_contacts, model, method):
+        forms.append(model.domain.cells)
+        init(of_contacts, model, method)
+
+    monkeypatch.setattr(ContactForms, "__init__", seen_forms)
     monkeypatch.setattr(Nearby, "solve", seen_solve)
     monkeypatch.setattr(Stiffness, "_condense", seen_condense)
     with caplog.at_level(logging.INFO, "erc_contact"):
@@ -240,8 +250,9 @@ def test_what_runs_cost(monkeypatch, caplog):
     cells = [step.cells for step in aimed.steps]
     assert aimed.reached
     assert factors == cells
-    assert moved.count(cells[2]) == 1
-    assert len(moved) <= 2 * len(cells)
+    assert forms == cells
+    assert moved.count(cells[0]) == moved.count(cells[2]) == 1
+    assert len(moved) < 2 * len(cells)
     assert "of a moved scene" not in caplog.text
     log_of(COMM).warning("of the user")
     assert "of the user" in caplog.text

@@ -2,8 +2,8 @@
 
 On most meshes the interval cannot be narrow enough yet. There the scene is moved to one
 side only: this tells the shares of the cells, and about how wide the interval would be.
-Where it may be narrow enough, and on the first mesh, the scene is moved to the other
-side, too. t follows from that of the last mesh. So most meshes take one further solve.
+Where it promises what is asked for, the scene is moved to the other side, too. t
+follows from that of the last mesh.
 """
 
 from __future__ import annotations
@@ -26,25 +26,16 @@ from erc_contact.scene.goal import Goal
 FIRST = 3.0
 """First t of a run over that of a question [-]: about what is best, as measured."""
 FIRST_COUNT = 2
-"""Number of values of t that are tried at most until a moved scene is solved."""
+"""Number of values of t for which the interval is estimated at most."""
 COUNT = 3
 """Number of values of t that are tried at most where the run may end."""
-ORDER = 2.0
-"""Order of the width in e that is hoped for from one interval to the next [-].
-
-It is 2 at best. Hope costs a solve; its opposite would cost a mesh more than needed.
-"""
-MARGIN = 1.2
-"""Half width that is hoped for, over that asked for, where the run may end [-]."""
+LAST_COUNT = 2
+"""The same on the last mesh of a run that ends for another reason."""
 CLOSE = 1.3
 """Half width over that asked for from which another t may be enough [-]."""
 
-SETTLED = 0.1
-"""Part of a width that changes of the contact set make where they count little [-]."""
-SUDDEN = 0.8
-"""The same where t is far too large [-]."""
-MUCH = 0.7
-"""Width for another t over that of an interval that is worth its solves [-]."""
+SUDDEN = 0.5
+"""Part of a width that changes of the contact set make where t is far too large [-]."""
 
 State = dict[str, float]
 """Type of what an aim carries from mesh to mesh, plain numbers."""
@@ -100,62 +91,42 @@ class Aim:
             self._measure(Trials(error, question, pair_of))
 
     def _measure(self, trials: Trials) -> None:
-        """Measure the interval on a mesh, or estimate it, and carry t; collective."""
+        """Estimate the interval on a mesh, and measure it if promising; collective."""
         t = max(self._first_t(trials), trials.least_t)
-        if self._may_end(trials.base.M):
-            self._try(trials, t)
-        rough = None if trials.tried else self._estimate(trials, t)
-        if rough is not None and self._may_end_by(trials, rough):
-            self._try(trials, rough.t)
+        rough: Ends | None = None
+        for _ in range(FIRST_COUNT):
+            last = trials.rough(t)
+            if last is None:
+                # The scene moved may have no solution on this mesh.
+                t = max(t / FACTOR, trials.least_t)
+                continue
+            self._see_sudden(last)
+            if rough is None or last.width < rough.width:
+                rough = last
+            asked = self._accuracy * abs(trials.estimate(last).value)
+            better_t = self._better_t(trials, last)
+            if last.width / 2 <= asked:
+                self._try(trials, t)
+            if trials.tried or trials.half_at(last, better_t) > asked:
+                break
+            t = better_t
+        if rough is None:
+            return
         best = trials.best
         if best is not None:
             self._measured(trials, best)
-        elif rough is not None:
-            self._carried |= {"t": rough.t, "M": trials.base.M}
+        else:
+            self._carried |= {"t": self._better_t(trials, rough), "M": trials.base.M}
             self._is_rough = True
             self._last = GoalError(trials.estimate(rough), trials.shares(rough))
 
-    def _estimate(self, trials: Trials, t: float) -> Ends | None:
-        """Estimate the interval for a t, or for a smaller one; collective."""
-        for _ in range(FIRST_COUNT):
-            rough = trials.rough(t)
-            if rough is not None:
-                return rough
-            t = max(t / FACTOR, trials.least_t)
-        # The scene moved has no solution on this mesh; the next one is finer.
-        return None
-
     def _measured(self, trials: Trials, best: Ends) -> None:
         """Take the interval of a mesh, and carry what others need; collective."""
-        M = trials.base.M
+        self._carried |= {"t": self._better_t(trials, best), "M": trials.base.M}
         bounds = trials.bounds()
-        t = self._below_sudden(trials.better_t(best))
-        half = min(trials.half_at(best, t), best.width / 2)
-        self._carried |= {"t": t, "M": M, "half": half, "M of half": M, "value": trials.value()}
-        # An interval without any width has no spread.
-        self._carried["spread"] = max(best.spread, 0.0) / max(best.width, 1e-300)
         if bounds.relative > self._accuracy:
             bounds = with_lifting(trials.error, self._goal, bounds)
         self._last = self._with_proved(GoalError(bounds, trials.shares(best)))
-
-    def _may_end(self, M: float) -> bool:
-        """Tell whether the interval may be as narrow as asked for."""
-        carried = self._carried
-        if "half" not in carried or carried["M of half"] == 0.0:
-            return True
-        half = carried["half"] * (M / carried["M of half"]) ** ORDER
-        return half <= MARGIN * self._accuracy * abs(carried["value"])
-
-    def _may_end_by(self, trials: Trials, rough: Ends) -> bool:
-        """Tell whether an estimate promises an interval as narrow as asked for.
-
-        It does not see what the motion changes in the contact set. So it counts only if
-        the last interval saw little of that, and t may still grow.
-        """
-        if self._carried.get("spread", 1.0) > SETTLED:
-            return False
-        half = trials.half_at(rough, self._below_sudden(trials.better_t(rough)))
-        return half <= self._accuracy * abs(trials.estimate(rough).value)
 
     def _try(self, trials: Trials, t: float) -> None:
         """Measure intervals, for other t as long as they may be enough; collective."""
@@ -164,18 +135,15 @@ class Aim:
             if ends is None:
                 return
             self._see(ends)
-            if ends.spread > SUDDEN * ends.width:
-                t = self._below_sudden(trials.better_t(ends))
-                continue
             bounds = trials.bounds()
             half = (bounds.high - bounds.low) / 2
             asked = self._accuracy * abs(bounds.value)
-            better_t = self._below_sudden(trials.better_t(ends))
-            hoped = trials.half_at(ends, better_t)
-            is_reached = half <= asked
-            is_enough = hoped <= asked or (count == 0 and half <= CLOSE * asked)
-            # An interval that is narrow enough may still be far wider than it need be.
-            if not (hoped < MUCH * half if is_reached else is_enough):
+            better_t = self._better_t(trials, ends)
+            # What changes all at once may not change at all for a smaller t.
+            seen = replace(ends, spread=0.0) if _is_sudden(ends) else ends
+            is_hopeful = trials.half_at(seen, better_t) <= asked
+            is_close = count == 0 and half <= CLOSE * asked
+            if half <= asked or not (is_hopeful or is_close):
                 return
             # Below the best t one end is often higher, though the width is not less.
             is_best = 1 / NEAR < better_t / t < NEAR
@@ -190,7 +158,7 @@ class Aim:
         self._last = None
         t = self._carried.get("t")
         with moved_pairs(error, self._solver, self._tighten) as pair_of, suppress(NotConverged):
-            self._last = self._with_proved(goal_error(error, self._goal, pair_of, t))
+            self._last = self._with_proved(goal_error(error, self._goal, pair_of, t, LAST_COUNT))
 
     def marked(self, error: ConstitutiveError) -> ConstitutiveError:
         """Return an error whose cells count by their share in the interval."""
@@ -225,17 +193,25 @@ class Aim:
             return self._below_sudden(self._carried["t"] * float(np.sqrt(trials.base.M / M)))
         return FIRST * trials.question.step
 
+    def _better_t(self, trials: Trials, ends: Ends) -> float:
+        """Return a t that should be better than that of an interval or estimate."""
+        return self._below_sudden(trials.better_t(ends))
+
     def _see(self, ends: Ends) -> None:
         """Carry the least t that changed the contact set much, and one that did not."""
-        sudden = self._carried.get("sudden t", np.inf)
+        self._see_sudden(ends)
         gentle = self._carried.get("gentle t", 0.0)
-        if ends.spread > SUDDEN * ends.width:
-            sudden = min(sudden, ends.t)
-        else:
+        if not _is_sudden(ends):
             gentle = max(gentle, ends.t)
-        if sudden < np.inf:
-            self._carried["sudden t"] = sudden
-        self._carried["gentle t"] = min(gentle, sudden / NEAR)
+        self._carried["gentle t"] = min(gentle, self._carried.get("sudden t", np.inf) / NEAR)
+
+    def _see_sudden(self, ends: Ends) -> None:
+        """Carry the least t that changed the contact set much.
+
+        An estimate sees it on one side only, so that it knows no t that did not.
+        """
+        if _is_sudden(ends):
+            self._carried["sudden t"] = min(self._carried.get("sudden t", np.inf), ends.t)
 
     def _below_sudden(self, t: float) -> float:
         """Return a t, or one below it that should not change the contact set much.
@@ -245,7 +221,7 @@ class Aim:
         if "sudden t" not in self._carried:
             return t
         sudden = self._carried["sudden t"]
-        gentle = max(self._carried["gentle t"], sudden / FACTOR)
+        gentle = max(self._carried.get("gentle t", 0.0), sudden / FACTOR)
         return min(t, float(np.sqrt(gentle * sudden)))
 
     def _with_proved(self, last: GoalError) -> GoalError:
@@ -262,3 +238,8 @@ class Aim:
             bounds = bounds.narrowed(Bounds((low + high) / 2, low, high, guaranteed=True))
         self._carried |= {"low": bounds.low, "high": bounds.high}
         return replace(last, bounds=bounds)
+
+
+def _is_sudden(ends: Ends) -> bool:
+    """Tell whether a t changed the contact set so much that it is far too large."""
+    return ends.spread > SUDDEN * ends.width

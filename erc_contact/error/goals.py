@@ -29,7 +29,11 @@ NARROWER = 0.9
 
 
 def goal_error(
-    error: ConstitutiveError, goal: Goal, pair_of: PairOf, t: float | None = None
+    error: ConstitutiveError,
+    goal: Goal,
+    pair_of: PairOf,
+    t: float | None = None,
+    count: int = LARGEST_COUNT,
 ) -> GoalError:
     """Measure the interval of a goal, for t that make it narrow; collective.
 
@@ -38,6 +42,7 @@ def goal_error(
         goal: The goal.
         pair_of: Solves a scene moved a little, and makes an admissible pair.
         t: The first t that is tried; None for that of the question.
+        count: Number of values of t that are tried at most.
 
     Raises:
         InputError: As :func:`interval`.
@@ -47,7 +52,7 @@ def goal_error(
     if isinstance(question, GoalError):
         return question
     trials = Trials(error, question, pair_of)
-    search(trials, question.step if t is None else t)
+    search(trials, question.step if t is None else t, count)
     best = trials.best
     if best is None:
         raise NotConverged(
@@ -112,16 +117,17 @@ def _told_by_loads(error: ConstitutiveError, number: BoundedNumber) -> GoalError
     return GoalError(bounds, (error.scale * error.indicators) ** 2)
 
 
-def search(trials: Trials, t: float) -> None:
+def search(trials: Trials, t: float, count: int) -> None:
     """Try values of t until the interval is hardly narrower; collective.
 
     Args:
         trials: Where the intervals are kept.
         t: The first t.
+        count: Number of values of t that are tried at most.
     """
     best: Ends | None = None
     bad_t: float | None = None
-    for _ in range(LARGEST_COUNT):
+    for _ in range(count):
         ends = trials.attempt(t)
         other_t = None
         if best is None or (ends is not None and ends.width < best.width):

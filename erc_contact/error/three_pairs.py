@@ -1,4 +1,4 @@
-"""Certified intervals of order 1.5 for single numbers, from three admissible pairs.
+"""Certified intervals of higher order for single numbers, from three admissible pairs.
 
 Let the data of a scene move by t: loads by ``t psi``, supports by ``t U'``. The energy
 J of its solution then has the derivative
@@ -41,7 +41,11 @@ is the same. V stays as it is.
 
 Any t is allowed, and the intervals of several t may be intersected. While the contact
 set stays as it is, d does not depend on t. Then ``t = 2 M/d`` is best, and the width d
-M is of second order. A t that changes the set makes d larger.
+M is of second order if d falls like M. A t that changes the set makes d larger, and
+moves both V apart. If the edge of a contact moves by about t, the pressure there is
+like the root of the distance, and the gap like its third power: V is apart by about
+``t^2``, and ``d^2`` is larger by about t. Against ``M^2/t`` the best t is then like
+``M^(2/3)``, and the width like ``M^(4/3)``: that is the order in the limit.
 
 A friction bound that depends on the pressure is given the values that it has for the
 pair (:mod:`erc_contact.error.given_bounds`): the interval is that of the problem with
@@ -59,16 +63,11 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from erc_contact.admissible.pair import Admissible
-from erc_contact.admissible.traction import ContactTraction
 from erc_contact.error.bulk import add_springs, bulk_squares
 from erc_contact.error.constitutive import ConstitutiveError
-from erc_contact.error.contact_integral import contact_integral
 from erc_contact.error.load_work import load_work
 from erc_contact.error.numbers import ROUND_OFF, BoundedNumber
-from erc_contact.error.works import elastic_work, friction_work, strain_work
-from erc_contact.model.contact_data import ContactData
-from erc_contact.model.model import Model
-from erc_contact.model.trace import split
+from erc_contact.error.works import contact_work, elastic_work, friction_work, strain_work
 
 UNKNOWN = 1e-4
 """What integrals may leave unknown, over the square of M [-]."""
@@ -163,7 +162,8 @@ def rough_ends(base: Unmoved, plus: Admissible, t: float) -> Ends:
     """Estimate the interval of Q from the scene moved to one side; collective.
 
     With ``phi = (u+ - u^)/t`` and ``tau = (sigma+ - sigma^)/t`` both ends have the same
-    V. It tells d, and about how wide the interval is, but nothing is proved.
+    V, between those of the interval. It tells d, and about how wide the interval is,
+    but nothing is proved.
 
     Args:
         base: The scene, not moved.
@@ -171,8 +171,30 @@ def rough_ends(base: Unmoved, plus: Admissible, t: float) -> Ends:
         t: t.
     """
     pair = base.error.admissible
-    end = _end(base, (plus, pair, plus), (plus, pair), t)
-    return _ends(base, end, end, t)
+    V, d_squares = _end(base, (plus, pair, plus), (plus, pair), t)
+    apart = BoundedNumber(_spread(base, plus, t) / 2)
+    return _ends(base, (V - apart, d_squares), (V + apart, d_squares), t)
+
+
+def _spread(base: Unmoved, plus: Admissible, t: float) -> float:
+    """Estimate how far a motion moves V of both ends apart; collective.
+
+    What the tractions of one scene do at the contact of the other is zero if the
+    contact set stays as it is. With the other moved scene it moves V apart. That scene
+    is taken to do nothing: it does as much at most, where a part opens one way and
+    closes the other way.
+    """
+    pair = base.error.admissible
+    model = pair.model
+    total = -(base.error.contact_error**2)
+    contacts = zip(pair.tractions, plus.tractions, base.frictions, strict=True)
+    for here, there, slid in contacts:
+        u = plus.displacement
+        work = contact_work(model, there.contact, here.values, u, base.floor)
+        work += friction_work(model, here, u, base.floor)
+        work += contact_work(model, here.contact, there.values, pair.displacement, base.floor)
+        total += (work + slid).value
+    return max(total, 0.0) / t
 
 
 def _ends(
@@ -238,7 +260,7 @@ def _end(
     contacts = zip(tractions, base.frictions, strict=True)
     for (traction, of_more, of_less), slid in contacts:
         tau = (of_more.values - of_less.values) / t
-        V += _contact_work(model, traction, tau, u, base.floor / t)
+        V += contact_work(model, traction.contact, tau, u, base.floor / t)
         slides = friction_work(model, traction, moved.displacement, base.floor)
         sign = 1.0 if moved is first else -1.0
         V += (sign / t) * (slid - slides)
@@ -268,30 +290,3 @@ def _bulk(
     difference, both, _ = bulk_squares(moved)
     add_springs(moved, difference, both)
     return difference
-
-
-def _contact_work(
-    model: Model, traction: ContactTraction, tau: np.ndarray, u: fem.Function, floor: float
-) -> BoundedNumber:
-    """Compute ``int tau n.(w^ - g n)`` on a contact [force length]; collective.
-
-    Args:
-        model: The scene on a mesh.
-        traction: r^ on the contact.
-        tau: Coefficients of the traction tau n [force/area], shape (f, m, d).
-        u: u^.
-        floor: What the integrals may leave unknown.
-    """
-    contact = traction.contact
-    data = ContactData(contact, model.mesh)
-
-    def density(facet: np.ndarray, shape: np.ndarray, w: np.ndarray, x: np.ndarray) -> np.ndarray:
-        n = contact.direction[facet][:, None, :]
-        tau_n, tau_t, _ = split(np.matmul(shape, tau[facet]), n)
-        w_n, w_t, _ = split(w, n)
-        # A gap that is closed everywhere does no work, whatever the traction.
-        opening = 0.0 if contact.bilateral else w_n - data.gap(facet, x)
-        return tau_n * opening + (tau_t * w_t).sum(axis=-1)
-
-    integral = contact_integral(model, contact, u, density, floor)
-    return BoundedNumber.summed(model.comm, integral)

@@ -27,10 +27,16 @@ FACTOR = 10.0
 """Largest ratio of one t to the next that is tried [-]."""
 GROWTH = 3.0
 """The same where a larger t is not tried at once [-]."""
+POWER = 2
+"""Power of t with which a motion that changes the contact set moves both V apart.
+
+Where it moves the edge of a contact by t, the pressure is like the root of the distance
+to the edge, and the gap like its third power.
+"""
+COUNT_OF_T = 60
+"""Number of values of t among which the better one is chosen."""
 NEAR = 1.5
 """Ratio of two t below which they are as good as each other [-]."""
-WIDE = 0.05
-"""Half width over the number from which its middle tells little of it [-]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,20 +99,8 @@ class Trials:
         except (NotConverged, NotHeldError):
             return None
         self._plus = t, plus
-        return self._rough()
-
-    def _rough(self) -> Ends | None:
-        """Estimate the interval from the last scene moved to one side."""
-        assert self._plus is not None
-        t, plus = self._plus
         ends = rough_ends(self.base, plus, t)
         return ends if np.isfinite(ends.width) else None
-
-    def value(self) -> float:
-        """Return about the number."""
-        bounds = self.bounds()
-        rough = self._rough() if bounds.relative > WIDE else None
-        return bounds.value if rough is None else self.estimate(rough).value
 
     def attempt(self, t: float) -> Ends | None:
         """Compute the interval for a t; None if the moved scenes are not solved."""
@@ -163,17 +157,23 @@ class Trials:
     def better_t(self, ends: Ends, growth: float = GROWTH) -> float:
         """Return a t that should be better, at most so many times the one tried.
 
-        A motion that changes the contact set moves both V apart, about in proportion to
-        t. Such a change may begin all at once, as that of the direction of slip does.
+        It is the best one by :meth:`half_at`.
         """
-        t = min(ends.better_t, growth * ends.t)
-        if ends.spread > 0:
-            t = min(t, ends.t * float(np.sqrt(2 * self._loss(ends, ends.t) / ends.spread)))
-        return max(t, ends.t / FACTOR, self.least_t)
+        most = min(ends.better_t, growth * ends.t)
+        least = max(ends.t / FACTOR, self.least_t)
+        if most <= least:
+            return least
+        several = np.geomspace(least, most, COUNT_OF_T)
+        return float(min(several, key=lambda t: self.half_at(ends, t)))
 
     def half_at(self, ends: Ends, t: float) -> float:
-        """Return half of the width that another t should give."""
-        return max(ends.spread, 0.0) / 2 * t / ends.t + self._loss(ends, t)
+        """Return half of the width that another t should give.
+
+        A part of what moves V apart at small t is of the mesh, and does not grow so.
+        """
+        growth = t / ends.t
+        spread = max(ends.spread, 0.0) * (growth if growth > 1 else growth**POWER)
+        return spread / 2 + self._loss(ends, t)
 
     def _loss(self, ends: Ends, t: float) -> float:
         """Return how far the ends are beyond V for a t, if d is the same there."""

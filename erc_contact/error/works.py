@@ -12,7 +12,7 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from erc_contact.admissible.cells import sorted_corners
-from erc_contact.admissible.elastic import act, strains
+from erc_contact.admissible.elastic import act, macro_moduli, strains
 from erc_contact.admissible.macro import macro_points
 from erc_contact.admissible.pair import Admissible
 from erc_contact.admissible.springs import spring_work
@@ -29,9 +29,9 @@ from erc_contact.mesh.quadrature import (
     integrate,
     polynomials,
 )
-from erc_contact.mesh.simplex import bernstein
+from erc_contact.mesh.simplex import bernstein, mass
 from erc_contact.model.contact_data import ContactData
-from erc_contact.model.foundation import pressures
+from erc_contact.model.foundation import BoundContact, pressures
 from erc_contact.model.model import Model
 from erc_contact.model.trace import split
 
@@ -40,21 +40,26 @@ def elastic_work(pair: Admissible, v: fem.Function, w: fem.Function) -> BoundedN
     """Compute ``a(v, w)``, with the springs [force length]; collective."""
     model = pair.model
     cells = pair.cell_geometry
-    if not model.elasticity.varies_in_cells:
-        return BoundedNumber(assembled(model, model.stiffness(v, w)))
-    of_cells = model.owned_cells
+    of_springs = BoundedNumber(0.0)
+    for spring in model.springs:
+        of_springs += BoundedNumber(assembled(model, spring.work(v, w)))
     strain_v = strains(cells, v)
     strain_w = strains(cells, w)
+    if not model.elasticity.varies_in_cells:
+        owned = model.domain.owned_cells
+        stress = act(macro_moduli(model, cells, owned), strain_v[:owned])
+        means = mass(model.d, model.degree - 1, model.degree - 1)
+        of_cells = np.einsum("nas,ab,nbs->n", stress, means, strain_w[:owned], optimize=True)
+        local = float(cells.volume[:owned] @ of_cells)
+        return BoundedNumber(model.comm.allreduce(local, MPI.SUM)) + of_springs
+    numbers = model.owned_cells
 
     def density(entity: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
         shape = polynomials(model.degree - 1, places)
-        stress = act(model.elasticity(x, of_cells[entity]), np.matmul(shape, strain_v[entity]))
+        stress = act(model.elasticity(x, numbers[entity]), np.matmul(shape, strain_v[entity]))
         return (stress * np.matmul(shape, strain_w[entity])).sum(axis=-1, keepdims=True)
 
-    total = _over_cells(pair, density)
-    for spring in model.springs:
-        total += BoundedNumber(assembled(model, spring.work(v, w)))
-    return total
+    return _over_cells(pair, density) + of_springs
 
 
 def strain_work(pair: Admissible, v: fem.Function) -> BoundedNumber:
@@ -166,3 +171,29 @@ def friction_works(
         return data.bound(facet, x, pressure) * slip
 
     return contact_integral(model, contact, u, density, floor)
+
+
+def contact_work(
+    model: Model, contact: BoundContact, tau: np.ndarray, u: fem.Function, floor: float
+) -> BoundedNumber:
+    """Compute ``int tau n.(w - g n)`` on a contact [force length]; collective.
+
+    Args:
+        model: The scene on a mesh.
+        contact: The contact.
+        tau: Coefficients of the traction tau n [force/area], shape (f, m, d).
+        u: u, whose jump is w.
+        floor: What the integrals may leave unknown.
+    """
+    data = ContactData(contact, model.mesh)
+
+    def density(facet: np.ndarray, shape: np.ndarray, w: np.ndarray, x: np.ndarray) -> np.ndarray:
+        n = contact.direction[facet][:, None, :]
+        tau_n, tau_t, _ = split(np.matmul(shape, tau[facet]), n)
+        w_n, w_t, _ = split(w, n)
+        # A gap that is closed everywhere does no work, whatever the traction.
+        opening = 0.0 if contact.bilateral else w_n - data.gap(facet, x)
+        return tau_n * opening + (tau_t * w_t).sum(axis=-1)
+
+    integral = contact_integral(model, contact, u, density, floor)
+    return BoundedNumber.summed(model.comm, integral)

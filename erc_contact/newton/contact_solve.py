@@ -16,6 +16,7 @@ from erc_contact.base.logs import log_of
 from erc_contact.base.runtime.interrupts import check_interrupts
 from erc_contact.model.model import Model
 from erc_contact.newton.default_methods import method_beside_faces
+from erc_contact.newton.forms import ContactForms
 from erc_contact.newton.ladder import Attempt, attempts
 from erc_contact.newton.linear.multigrid import TRY_DIRECT
 from erc_contact.newton.linear.solver import ElasticSolver
@@ -44,11 +45,13 @@ class Solver(Protocol):
         guess: The displacement with the contact glued [length].
         nodal_first: Whether the augmented Lagrangian is the first attempt under strong
             friction. It costs little where steps do.
+        forms: Equations of the methods that were tried.
     """
 
     nodal_first: ClassVar[bool]
     model: Model
     guess: fem.Function
+    forms: dict[Method, ContactForms]
 
     @property
     def elastic(self) -> ElasticSolver: ...  # noqa: D102
@@ -196,6 +199,7 @@ class ContactSolve:
             least_singular_value=solution.least_singular_value,
             stiffness=self.solver.elastic,
             seconds=0.0,
+            forms=self.solver.forms,
         )
 
 

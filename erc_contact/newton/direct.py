@@ -36,6 +36,7 @@ class Direct:
     Attributes:
         elastic: Its elastic equations.
         guess: The displacement with the contact glued [length].
+        forms: Equations of the methods that were tried.
     """
 
     nodal_first: ClassVar[bool] = True
@@ -49,7 +50,7 @@ class Direct:
         self.model = model
         self.elastic = stiffness_of(model) if elastic is None else elastic
         self.guess = self.elastic.glued(self.elastic.load_vector())
-        self._forms = {} if forms is None else forms
+        self.forms = {} if forms is None else forms
         self._problems: dict[Method, Condensed] = {}
 
     def glued(self) -> np.ndarray | None:
@@ -72,10 +73,10 @@ class Direct:
             that converged.
         """
         method = attempt.method
-        if method not in self._forms:
-            self._forms[method] = ContactForms(self.model, method)
+        if method not in self.forms:
+            self.forms[method] = ContactForms(self.model, method)
         if method not in self._problems:
-            forms = self._forms[method]
+            forms = self.forms[method]
             self._problems[method] = Condensed(self.model, forms, self.elastic, self.guess)
         problem = self._problems[method]
 

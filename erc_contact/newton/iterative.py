@@ -38,6 +38,7 @@ class Iterative:
         elastic: Its elastic equations.
         guess: The displacement with the contact glued, where a gap is closed [length];
             without contact the solution.
+        forms: Equations of the methods that were tried.
     """
 
     nodal_first: ClassVar[bool] = False
@@ -58,7 +59,7 @@ class Iterative:
             self.guess = self._sprung(first_guess.across_gap(model))
         else:
             self.guess = self.elastic.glued(self._forces.copy(), tolerance=EXACT)
-        self._forms = {} if forms is None else forms
+        self.forms = {} if forms is None else forms
         self._problems: dict[Method, FullSpace] = {}
 
     def glued(self) -> fem.Function:
@@ -82,10 +83,10 @@ class Iterative:
             that converged.
         """
         method = step.method
-        if method not in self._forms:
-            self._forms[method] = ContactForms(self.model, method)
+        if method not in self.forms:
+            self.forms[method] = ContactForms(self.model, method)
         if method not in self._problems:
-            forms = self._forms[method]
+            forms = self.forms[method]
             self._problems[method] = FullSpace(
                 self.model, forms, self.elastic, self._loads, self._length, self._force
             )

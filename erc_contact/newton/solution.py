@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -76,6 +76,7 @@ class Solution:
         stiffness: The elastic solver; ``newton.linear.solver`` tells
             when its factor is made and freed. See :attr:`factorised`.
         seconds: Wall time, the largest over the ranks [s].
+        forms: Equations of the methods that were tried, for solves of scenes near by.
 
     Example:
         >>> solution.force("bottom").force.round(1)
@@ -94,6 +95,7 @@ class Solution:
     least_singular_value: float
     stiffness: ElasticSolver
     seconds: float
+    forms: dict[Method, Any] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         """Return one line; nothing is computed, so one rank alone may call it."""

@@ -34,7 +34,6 @@ from erc_contact.newton.after import check_after, last_step
 from erc_contact.newton.arguments import check_arguments
 from erc_contact.newton.direct import Direct
 from erc_contact.newton.doubts import doubts, tell
-from erc_contact.newton.forms import ContactForms
 from erc_contact.newton.iterative import Iterative
 from erc_contact.newton.ladder import NODAL
 from erc_contact.newton.methods import Method
@@ -218,7 +217,8 @@ class Nearby:
         self._near = near
         self._solver = solver
         self._model = near.model
-        self._forms: dict[Method, ContactForms] = {}
+        # The scene itself was solved with the forms of its contacts.
+        self._forms = near.forms
 
     def solve(self, scene: Scene) -> Solution:
         """Solve a scene of the same bodies, contacts and springs.
