@@ -1,4 +1,4 @@
-"""The stiffness K, and matrices K + C with a C that is zero away from the contact.
+"""Matrices K + C with a change C that is zero away from the contact.
 
 Algebraic multigrid and its smoothers see single entries: :class:`ChangedEntries` is a
 copy of K to which C is added. The elements of degree 2 above it only multiply:
@@ -12,57 +12,10 @@ from __future__ import annotations
 
 from petsc4py import PETSc
 
-from erc_contact.base.sparse import as_blocks, as_entries
-from erc_contact.model.model import Model
-from erc_contact.newton.linear.elastic import Elastic
+from erc_contact.base.sparse import as_blocks
 
 SAME = PETSc.Mat.Structure.SAME_NONZERO_PATTERN
 SUBSET = PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN
-
-
-class AssembledElastic(Elastic):
-    """Represent elastic equations that keep K, once they have assembled it.
-
-    Args:
-        model: The scene on a mesh.
-    """
-
-    def __init__(self, model: Model) -> None:
-        super().__init__(model)
-        self._matrix: PETSc.Mat | None = None
-        self._operator: PETSc.Mat | None = None
-
-    @property
-    def matrix(self) -> PETSc.Mat:
-        """Return K, see :meth:`Elastic.stiffness`; the first call assembles it."""
-        if self._matrix is None:
-            self._assemble()
-        return self._matrix
-
-    @property
-    def operator(self) -> PETSc.Mat:
-        """Return K as it is multiplied, at degree 2 in dense blocks of nodes."""
-        if self._operator is None:
-            self._assemble()
-        return self._operator
-
-    def free_stiffness(self) -> None:
-        """Free K; it is assembled again when it is asked for."""
-        for matrix in (self._matrix, self._operator):
-            if matrix is not None:
-                matrix.destroy()
-        self._matrix = self._operator = None
-
-    def _assemble(self) -> None:
-        """Assemble K in both forms."""
-        if self.model.degree == 1:
-            self._matrix = self._operator = self.stiffness()
-        elif self.model.coordinates.is_identity:
-            self._operator = self.stiffness_of_bodies()
-            self._matrix = as_entries(self._operator)
-        else:
-            self._matrix = self.stiffness()
-            self._operator = as_blocks(self._matrix, self.model.d)
 
 
 class ChangedEntries:

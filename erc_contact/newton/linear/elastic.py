@@ -24,7 +24,7 @@ from dolfinx.fem import petsc as fp
 from petsc4py import PETSc
 
 from erc_contact.base.runtime import compiled
-from erc_contact.base.sparse import add_diagonal, as_entries, assembled
+from erc_contact.base.sparse import add_diagonal, as_blocks, as_entries, assembled
 from erc_contact.mesh.simplex import measures
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.model import Model
@@ -215,6 +215,51 @@ class Elastic:
     def add_glue(self, matrix: PETSc.Mat) -> None:
         """Add D to the diagonal of a matrix, in place."""
         add_diagonal(matrix, self.glue.x.array[: self.owned])
+
+
+class AssembledElastic(Elastic):
+    """Represent elastic equations that keep K, once they have assembled it.
+
+    Args:
+        model: The scene on a mesh.
+    """
+
+    def __init__(self, model: Model) -> None:
+        super().__init__(model)
+        self._matrix: PETSc.Mat | None = None
+        self._operator: PETSc.Mat | None = None
+
+    @property
+    def matrix(self) -> PETSc.Mat:
+        """Return K, see :meth:`Elastic.stiffness`; the first call assembles it."""
+        if self._matrix is None:
+            self._assemble()
+        return self._matrix
+
+    @property
+    def operator(self) -> PETSc.Mat:
+        """Return K as it is multiplied, at degree 2 in dense blocks of nodes."""
+        if self._operator is None:
+            self._assemble()
+        return self._operator
+
+    def free_stiffness(self) -> None:
+        """Free K; it is assembled again when it is asked for."""
+        for matrix in (self._matrix, self._operator):
+            if matrix is not None:
+                matrix.destroy()
+        self._matrix = self._operator = None
+
+    def _assemble(self) -> None:
+        """Assemble K in both forms."""
+        if self.model.degree == 1:
+            self._matrix = self._operator = self.stiffness()
+        elif self.model.coordinates.is_identity:
+            self._operator = self.stiffness_of_bodies()
+            self._matrix = as_entries(self._operator)
+        else:
+            self._matrix = self.stiffness()
+            self._operator = as_blocks(self._matrix, self.model.d)
 
 
 def _glue(model: Model) -> fem.Function:

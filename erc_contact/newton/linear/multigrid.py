@@ -19,7 +19,7 @@ from erc_contact.base.exceptions import InputError, NotConverged
 from erc_contact.base.logs import log_of
 from erc_contact.base.runtime.garbage import free_dropped
 from erc_contact.model.model import Model
-from erc_contact.newton.linear.changed import AssembledElastic
+from erc_contact.newton.linear.elastic import AssembledElastic
 from erc_contact.newton.linear.hierarchy import Hierarchy, free_motions, weak_share
 from erc_contact.newton.linear.krylov import conjugate_gradients
 from erc_contact.newton.linear.traces import IterativeTraces
