@@ -12,9 +12,8 @@ Under pytest-xdist each worker is a process of one rank. Workers share the cache
 compiled forms: one may wait for a form that another compiles.
 
 In the first run some hundred forms are compiled. How the C compiler is called for them
-stands in ``form_libraries.py``, and for scripts in ``compiler.py``. UFL makes millions
-of small objects; Python looks for cycles among them less often here, which takes a
-twentieth less.
+stands in ``form_libraries.py``. UFL makes millions of small objects; Python looks for
+cycles among them less often here, which takes a twentieth less.
 """
 
 import gc
@@ -33,7 +32,6 @@ import erc_contact as ec  # it orders MPI before the compiled modules, so it com
 import numpy as np
 import form_libraries
 import pytest
-from compiler import repair
 from dolfinx import jit
 from mpi4py import MPI
 
@@ -46,7 +44,7 @@ jit.DOLFINX_DEFAULT_JIT_OPTIONS["timeout"] = (
     "seconds that one process waits for a form that another compiles",
 )
 form_libraries.install()
-repair()
+form_libraries.repair()
 
 
 PATIENCE = 60.0

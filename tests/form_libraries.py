@@ -1,72 +1,38 @@
-"""Compiled forms as plain C libraries, without a Python module around each.
+"""Forms that tests give to DOLFINx themselves are plain C libraries, as those of the package are.
 
-FFCx has cffi write a Python module of its code. Of what the C compiler then reads, two
-thirds are cffi's own, the same in each module; setuptools, which calls it, and cffi's
-reader of declarations take as long again. Here FFCx's code is compiled as it is, with
-the linker in one call, and cffi opens the library, as ``erc_contact.base.library``
-does. DOLFINx gets the same structs and functions at the same place, an address.
-
-Scripts that tests start as processes of their own go the usual way.
+They then compile as fast. Scripts that tests start as processes of their own leave
+DOLFINx and FFCx as they are.
 """
 
 from __future__ import annotations
 
-import ctypes
-import os
-import shlex
-import subprocess
-import sysconfig
+import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
+from functools import cache, singledispatchmethod
 from pathlib import Path
-from time import monotonic, sleep
 from typing import Any
 
-import cffi
+import basix.ufl
 import ffcx.compiler
 from dolfinx import jit as dolfinx_jit
-from ffcx.codegeneration import get_include_path, jit
+from ffcx.codegeneration import jit
 
-SHARED = ["-std=c17", "-O0", "-g0", "-w", "-fPIC", "-shared", "-nostartfiles", "-nodefaultlibs"]
+from erc_contact.base.runtime.form_library import FormLibrary, form_library
+
+OPTIONS = ["-O0", "-g0", "-w"]
 """On small meshes forms run nearly as fast as with -O2, and they compile faster.
 
-To look for what deserves a warning takes a seventh of the time of the compiler. The
-options are in the names of libraries: no module of cffi has the same.
+To look for what deserves a warning takes a seventh of the time of the compiler.
 """
-STRUCTS = cffi.FFI()
-"""FFCx's structs, read once."""
-STRUCTS.cdef(
-    jit.UFC_HEADER_DECL.format("float64")
-    + jit.UFC_INTEGRAL_DECL
-    + jit.UFC_FORM_DECL
-    + jit.UFC_EXPRESSION_DECL
-)
-
-
-@dataclass(frozen=True, eq=False)
-class FormLibrary:
-    """What is asked of a module of cffi: how it casts, and that it stays loaded."""
-
-    functions: ctypes.CDLL
-    ffi: cffi.FFI = STRUCTS
-
-    def object(self, name: str) -> Any:
-        """Return the struct of a form or an expression, by its name in C."""
-        kind = name.split("_", maxsplit=1)[0]
-        address = ctypes.addressof(ctypes.c_byte.in_dll(self.functions, name))
-        return self.ffi.cast(f"ufcx_{kind} *", address)[0]
 
 
 def install() -> None:
-    """Let FFCx compile and load forms so, in this process.
-
-    Files with other options, of the user or for scripts, count no more.
-    """
-    dolfinx_jit._load_options = lambda: ({}, {})
-    dolfinx_jit.DOLFINX_DEFAULT_JIT_OPTIONS["cffi_extra_compile_args"] = (SHARED, "options of C")
+    """Let FFCx compile and load forms so, in this process."""
+    dolfinx_jit._load_options = lambda: ({}, {})  # options of the user count no more
+    dolfinx_jit.DOLFINX_DEFAULT_JIT_OPTIONS["cffi_extra_compile_args"] = (OPTIONS, "options of C")
+    jit.get_cached_module = lambda *_: (None, None)
     jit._compile_objects = compiled
     jit._load_objects = loaded
-    jit.get_cached_module = found
 
 
 def compiled(
@@ -79,45 +45,48 @@ def compiled(
     flags: Sequence[str],
     *_: Any,
     **__: Any,
-) -> str:
-    """Do what FFCx's ``_compile_objects`` does; return the C code."""
-    texts, _ = ffcx.compiler.compile_ufl_objects(sources, options=options, namespace=library)
-    code = texts[1]  # the first one is the header
-    source = Path(folder) / f"{library}.c"
-    source.write_text(code)
-    made = source.with_suffix(".part")
-    compiler = os.environ.get("CC") or sysconfig.get_config_var("CC") or "cc"
-    command = [*shlex.split(compiler), *flags, f"-I{get_include_path()}", str(source)]
-    subprocess.run([*command, "-lm", "-o", str(made)], check=True, capture_output=True)
-    made.replace(_ready(source))  # at once, for processes that wait for it
-    return code
+) -> None:
+    """Do what FFCx's ``_compile_objects`` does."""
+
+    def code() -> str:
+        (_, body), _ = ffcx.compiler.compile_ufl_objects(
+            sources, options=options, namespace=library
+        )
+        return body
+
+    form_library(_path(folder, library), flags, code)
 
 
 def loaded(folder: Path, library: str, names: Sequence[str]) -> tuple[list[Any], FormLibrary]:
     """Do what FFCx's ``_load_objects`` does."""
-    opened = FormLibrary(ctypes.CDLL(str(_ready(Path(folder) / f"{library}.c"))))
-    return [opened.object(name) for name in names], opened
+    opened = form_library(_path(folder, library), (), str)
+    return opened.objects(names), opened
 
 
-def found(library: str, names: Sequence[str], folder: Path, timeout: float) -> Any:
-    """Do what FFCx's ``get_cached_module`` does.
-
-    Who asks first gets nothing, and has to compile it.
-    """
-    source = Path(folder) / f"{library}.c"
-    source.parent.mkdir(parents=True, exist_ok=True)
-    try:
-        source.touch(exist_ok=False)
-    except FileExistsError:
-        end = monotonic() + timeout
-        while not _ready(source).exists():
-            if monotonic() > end:
-                raise TimeoutError(f"nobody has compiled {source} in {timeout:g} s") from None
-            sleep(0.01)
-        return loaded(folder, library, names)
-    return None, None
+def _path(folder: Path, library: str) -> Path:
+    """Return the path of a library."""
+    return Path(folder) / f"{library}.so"
 
 
-def _ready(source: Path) -> Path:
-    """Return the path of the library that a source becomes."""
-    return source.with_suffix(".so")
+def repair() -> None:
+    """Let UFL and Python make once what they make for each call."""
+    import ufl
+
+    cell = cache(ufl.Cell)
+    basix.ufl._ElementBase.cell = property(lambda element: cell(element._cellname))
+    if sys.version_info < (3, 13):  # later ones keep their wrappers
+        singledispatchmethod.__get__ = _bound
+
+
+def _bound(self: singledispatchmethod, obj: object, cls: type | None = None) -> object:
+    """Bind a method that goes by the type of its argument, without a wrapper."""
+    dispatch = self.dispatcher.dispatch
+    if obj is None:
+        return usual_get(self, obj, cls)
+    return lambda first, *args, **kwargs: dispatch(first.__class__).__get__(obj, cls)(
+        first, *args, **kwargs
+    )
+
+
+usual_get = singledispatchmethod.__get__
+"""How Python binds such methods."""

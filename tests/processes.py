@@ -18,7 +18,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import pytest
-from compiler import compiler_options
+from form_libraries import OPTIONS
 from mpi4py import MPI
 
 ROOT = Path(__file__).parent.parent
@@ -62,7 +62,7 @@ def launched(path: Path, ranks: int, folder: Path) -> Iterator[subprocess.Popen]
     DOLFINx finds the options of the C compiler in the folder.
     """
     (folder / "dolfinx_jit_options.json").write_text(
-        json.dumps({"cffi_extra_compile_args": compiler_options()})
+        json.dumps({"cffi_extra_compile_args": OPTIONS})
     )
     launch = [] if ranks == 1 else [str(Path(sys.executable).parent / "mpiexec"), "-n", str(ranks)]
     with subprocess.Popen(

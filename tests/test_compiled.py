@@ -1,5 +1,6 @@
 """A form that is known is not compiled again, and the folder of compiled forms is not read again for it."""
 
+import ctypes
 import os
 
 import numpy as np
@@ -12,6 +13,7 @@ from scenes import block
 import erc_contact as ec
 from erc_contact.base.runtime import compiled
 from erc_contact.base.runtime.compiled import FIRST_NUMBER, _key
+from erc_contact.base.runtime.form_library import form_library
 
 
 def area(domain: ec.Domain) -> fem.Form:
@@ -156,3 +158,22 @@ def test_forms_and_expressions_in_one_module():
     assert (
         form.module is compiled._known[_key((value, points), {"scalar_type": np.float64}, None)][1]
     )
+
+
+SUM = "double total(double a, double b) { return a + b; }\n"
+
+
+@pytest.mark.serial
+def test_libraries_of_forms(tmp_path):
+    """Compiled once; also where no folder can be written to; a compiler that fails says why."""
+    path = tmp_path / "forms" / "libtotal.so"
+    for code in (lambda: SUM, lambda: pytest.fail("compiled again")):
+        total = form_library(path, ["-O0"], code).functions.total
+        total.restype = ctypes.c_double
+        assert total(ctypes.c_double(1.0), ctypes.c_double(2.0)) == 3.0
+    (tmp_path / "file").touch()
+    assert form_library(tmp_path / "file" / "libtotal.so", [], lambda: SUM).functions.total
+    broken = tmp_path / "libbroken.so"
+    with pytest.raises(RuntimeError, match=r"(?s)C compiler failed.*CC"):
+        form_library(broken, [], lambda: "not C")
+    assert not broken.exists()

@@ -34,11 +34,9 @@ PRIVATE = {
         "_ufl_typecode_",
         "_ufl_is_terminal_",
     },
-    "base/runtime/one_module.py": {
-        "_compile_objects",
+    "base/runtime/form_library.py": {
         "_compilation_signature",
         "_compute_option_signature",
-        "_load_objects",
     },
     "base/runtime/parts.py": {"_cache"},
     "base/runtime/patches.py": {"_method_cache"},
@@ -49,12 +47,11 @@ PRIVATE = {
 """Private attributes of objects of other libraries, by the module that uses them."""
 UNPROMISED = {
     "dolfinx.jit.ffcx_jit": "base/runtime/compiled.py",
-    "dolfinx.jit.mpi_jit_decorator": "base/runtime/one_module.py",
-    "dolfinx.jit.get_options": "base/runtime/one_module.py",
-    "ffcx.codegeneration.jit.get_cached_module": "base/runtime/one_module.py",
-    "ffcx.codegeneration.jit._compile_objects": "base/runtime/one_module.py",
-    "ffcx.codegeneration.jit._load_objects": "base/runtime/one_module.py",
-    "ffcx.naming.compute_signature": "base/runtime/one_module.py",
+    "dolfinx.jit.mpi_jit_decorator": "base/runtime/form_library.py",
+    "dolfinx.jit.get_options": "base/runtime/form_library.py",
+    "ffcx.compiler.compile_ufl_objects": "base/runtime/form_library.py",
+    "ffcx.codegeneration.jit.UFC_FORM_DECL": "base/runtime/form_library.py",
+    "ffcx.naming.compute_signature": "base/runtime/form_library.py",
     "ufl.algorithms.apply_derivatives.GenericDerivativeRuleset": "base/ufl_tables.py",
     "ufl.corealg.dag_traverser.DAGTraverser": "base/runtime/patches.py",
     "dolfinx.cpp.mesh.entities_to_geometry": "mesh/partition.py",

@@ -13,9 +13,7 @@ import os
 import platform
 import re
 import shlex
-import shutil
 import subprocess
-import sysconfig
 import tempfile
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -32,6 +30,7 @@ import numpy as np
 from dolfinx.jit import get_options
 
 from erc_contact.base.exceptions import ErcContactError
+from erc_contact.base.runtime.form_library import compiler
 
 COMPILER_FLAGS = ("-std=gnu11", "-O3", "-march=native", "-fno-math-errno", "-Wno-psabi", "-fPIC")
 """Options of the compiler; none of them changes the order of operations."""
@@ -151,15 +150,13 @@ def _compiled(folder: Path, dimension: int) -> Path:
 
 
 def _compile(folder: Path, dimension: int, path: Path) -> Path:
-    """Compile all sources beside each other, and link them.
+    """Compile all sources, one on each core, and link them.
 
-    The library appears at its path when it is complete. One core is left to those who
-    do not wait for it.
+    The library appears at its path when it is complete.
 
     Raises:
         ErcContactError: If the C compiler fails.
     """
-    compiler = _compiler()
     with tempfile.TemporaryDirectory(dir=path.parent) as temporary:
 
         def run(source: Path) -> subprocess.CompletedProcess[str]:
@@ -169,16 +166,16 @@ def _compile(folder: Path, dimension: int, path: Path) -> Path:
 
         # The longest ones come first, so that none of them begins when all others end.
         sources = sorted(folder.glob("*.c"), key=lambda source: -source.stat().st_size)
-        with ThreadPoolExecutor(max(1, len(os.sched_getaffinity(0)) - 1)) as pool:
+        with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
             runs = list(pool.map(run, sources))
         messages = "".join(run.stderr for run in runs)
         objects = [f"{temporary}/{source.stem}.o" for source in sources]
         linked = Path(temporary) / path.name
-        link = [*compiler, "-shared", *objects, "-lm", "-o", str(linked)]
+        link = [*compiler(), "-shared", *objects, "-lm", "-o", str(linked)]
         failed = any(run.returncode for run in runs)
         if failed or subprocess.run(link, check=False).returncode:
             raise ErcContactError(
-                f"The C compiler {shlex.join(compiler)} failed:\n{messages}\nDOLFINx needs one, "
+                f"The C compiler {shlex.join(compiler())} failed:\n{messages}\nDOLFINx needs one, "
                 "too; set the environment variable CC to a compiler that works, GCC or Clang."
             )
         linked.replace(path)
@@ -187,13 +184,7 @@ def _compile(folder: Path, dimension: int, path: Path) -> Path:
 
 def _command(dimension: int) -> list[str]:
     """Return how a source is compiled."""
-    return [*_compiler(), *COMPILER_FLAGS, f"-DDIMENSION={dimension}"]
-
-
-def _compiler() -> list[str]:
-    """Return the C compiler: that of the environment, that of Python, or cc."""
-    command = shlex.split(os.environ.get("CC") or sysconfig.get_config_var("CC") or "cc")
-    return command if shutil.which(command[0]) else ["cc"]
+    return [*compiler(), *COMPILER_FLAGS, f"-DDIMENSION={dimension}"]
 
 
 def _processor() -> str:

@@ -12,7 +12,8 @@ on which the number of Constants made so far passes a power of ten. Here the num
 the package's own Constants have ten digits.
 
 Half of the time that a form takes to be compiled is that of calling the compiler. Forms
-and expressions that are needed together are therefore compiled together.
+and expressions that are needed together are therefore compiled together, as a plain C
+library (:mod:`erc_contact.base.runtime.form_library`).
 
 The numbers of boundary parts are in the code of a form. Here the parts of a form have
 the numbers 1, 2, ... (:mod:`erc_contact.base.runtime.parts`). So a load on the right
@@ -26,9 +27,8 @@ these.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
-from functools import partial
 from itertools import count
 from operator import methodcaller
 from typing import Any
@@ -41,7 +41,7 @@ from dolfinx import jit as dolfinx_jit
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
-from erc_contact.base.runtime.one_module import one_module
+from erc_contact.base.runtime.form_library import compiled_objects
 from erc_contact.base.runtime.parts import renumbered
 from erc_contact.base.runtime.patches import method_caches_off, refused, replaced
 from erc_contact.base.ufl_types import Ufl
@@ -89,21 +89,17 @@ def _remembering() -> Iterator[None]:
         if refused():
             yield
             return
-        with replaced(dolfinx_jit, "ffcx_jit", partial(_remembered, dolfinx_jit.ffcx_jit)):
+        with replaced(dolfinx_jit, "ffcx_jit", _remembered):
             yield
 
 
 def _remembered(
-    compile_one: Callable[..., Any],
-    comm: MPI.Comm,
-    source: Any,
-    form_compiler_options: Any = None,
-    jit_options: Any = None,
+    comm: MPI.Comm, source: Any, form_compiler_options: Any = None, jit_options: Any = None
 ) -> tuple[Any, Any, Any]:
     """Do what ``dolfinx.jit.ffcx_jit`` does, once for each key; collective."""
     key = _key(source, form_compiler_options, jit_options)
     if not _all_known(comm, [key]):
-        compiled, module, *_ = compile_one(comm, source, form_compiler_options, jit_options)
+        (compiled,), module = compiled_objects(comm, [source], form_compiler_options)
         _known[key] = compiled, module, (None, None)
     return _known[key]
 
@@ -131,7 +127,7 @@ def compile_together(
     if _all_known(comm, list(by_key)):
         return
     with method_caches_off():
-        objects, module = one_module(comm, list(by_key.values()), options)
+        objects, module = compiled_objects(comm, list(by_key.values()), options)
     for key, compiled_object in zip(by_key, objects, strict=True):
         _known[key] = compiled_object, module, (None, None)
 

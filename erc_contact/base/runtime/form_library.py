@@ -1,0 +1,163 @@
+"""Compile forms and expressions together, as plain C libraries.
+
+FFCx generates code for both at once, but its two doors to the C compiler take forms
+only, or expressions only. And it has cffi write a Python module of its code. Two thirds
+of what the C compiler then reads are cffi's own, the same in each module; setuptools,
+which calls it, and cffi's reader of declarations take as long again. Here FFCx's code
+is compiled as it is, with the linker in one call, and opened. DOLFINx gets the same
+structs and functions.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import shlex
+import shutil
+import subprocess
+import sysconfig
+import tempfile
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from fcntl import LOCK_EX, flock
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import cffi
+import ffcx
+import ffcx.compiler
+import ufl
+from dolfinx import jit as dolfinx_jit
+from ffcx import naming
+from ffcx.codegeneration import get_include_path, jit
+
+FLAGS = ("-std=c17", "-fPIC", "-shared")
+"""Options of the compiler beside those that DOLFINx is set to."""
+
+
+@dataclass(frozen=True, eq=False)
+class FormLibrary:
+    """Represent a library as DOLFINx asks a module of cffi: it casts, and stays open.
+
+    Attributes:
+        functions: The library.
+        ffi: Knows FFCx's structs.
+    """
+
+    functions: ctypes.CDLL
+    ffi: cffi.FFI
+
+    def objects(self, names: Sequence[str]) -> list[Any]:
+        """Return the structs of forms and expressions by their names in C."""
+        structs = []
+        for name in names:
+            kind = name.split("_", maxsplit=1)[0]
+            address = ctypes.addressof(ctypes.c_byte.in_dll(self.functions, name))
+            structs.append(self.ffi.cast(f"ufcx_{kind} *", address)[0])
+        return structs
+
+
+@dolfinx_jit.mpi_jit_decorator
+def compiled_objects(sources: list[Any], options: dict[str, Any]) -> tuple[list[Any], FormLibrary]:
+    """Return FFCx's objects for forms and expressions, and their library; collective.
+
+    The decorator adds the communicator as first argument of a call. Rank 0 compiles,
+    and the others load what it has made.
+
+    Args:
+        sources: Forms, and pairs of an expression and its reference points.
+        options: Options of FFCx.
+
+    Raises:
+        RuntimeError: If the C compiler fails.
+    """
+    ffcx_options = ffcx.get_options(options)
+    settings = dolfinx_jit.get_options()
+    flags = list(settings["cffi_extra_compile_args"])
+    flags += [f"-l{library}" for library in settings["cffi_libraries"] or ()]
+    # The name knows all that decides on the code, and so do those of the objects.
+    tag = jit._compute_option_signature(ffcx_options) + jit._compilation_signature(flags, False)
+    library_name = "liberc_contact_forms_" + naming.compute_signature(sources, tag)
+    # Contacts that are alike have the same expression, which C may define once only.
+    different: dict[str, Any] = {}
+    order = []
+    for number, source in enumerate(sources):
+        if isinstance(source, ufl.Form):
+            name = naming.form_name(source, number, library_name)
+        else:
+            name = naming.expression_name(source, library_name)
+        different[name] = source
+        order.append(name)
+
+    def code() -> str:
+        (_, body), _ = ffcx.compiler.compile_ufl_objects(
+            list(different.values()), namespace=library_name, options=ffcx_options
+        )
+        return str(body)
+
+    path = Path(settings["cache_dir"]) / f"{library_name}.so"
+    library = form_library(path, flags, code)
+    return library.objects(order), library
+
+
+def form_library(path: Path, flags: Sequence[str], code: Callable[[], str]) -> FormLibrary:
+    """Open a library; compile it if it is not there.
+
+    Args:
+        path: Where it is, or will be. Where this folder cannot be written to, each
+            process compiles its own.
+        flags: Options of the compiler.
+        code: Returns the C code.
+
+    Raises:
+        RuntimeError: If the C compiler fails.
+    """
+    if not path.exists():
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            lock = path.with_suffix(".lock").open("w")
+        except OSError:
+            path = Path(tempfile.mkdtemp(prefix="erc_contact_")) / path.name
+            lock = path.with_suffix(".lock").open("w")
+        with lock:
+            # Other processes wait here, and then find it.
+            flock(lock, LOCK_EX)
+            if not path.exists():
+                _compile(code(), path, flags)
+    return FormLibrary(ctypes.CDLL(str(path)), _structs())
+
+
+def _compile(code: str, path: Path, flags: Sequence[str]) -> None:
+    """Compile C code; the library appears at its path when it is complete."""
+    source = path.with_suffix(".c")
+    source.write_text(code)
+    made = path.with_suffix(f".{os.getpid()}")
+    command = [*compiler(), *FLAGS, f"-I{get_include_path()}", str(source), *flags, "-lm"]
+    run = subprocess.run([*command, "-o", str(made)], capture_output=True, text=True, check=False)
+    if run.returncode:
+        raise RuntimeError(
+            f"The C compiler failed on {source}:\n{run.stderr}\nLook at its options in "
+            "DOLFINx's cffi_extra_compile_args, or set the environment variable CC to a compiler "
+            "that works, GCC or Clang."
+        )
+    made.replace(path)
+
+
+def compiler() -> list[str]:
+    """Return the C compiler: that of the environment, that of Python, or cc."""
+    command = shlex.split(os.environ.get("CC") or sysconfig.get_config_var("CC") or "cc")
+    return command if shutil.which(command[0]) else ["cc"]
+
+
+@cache
+def _structs() -> cffi.FFI:
+    """Read FFCx's structs."""
+    ffi = cffi.FFI()
+    ffi.cdef(
+        jit.UFC_HEADER_DECL.format("float64")
+        + jit.UFC_INTEGRAL_DECL
+        + jit.UFC_FORM_DECL
+        + jit.UFC_EXPRESSION_DECL
+    )
+    return ffi
