@@ -16,14 +16,9 @@ import basix.ufl
 import ffcx.compiler
 from dolfinx import jit as dolfinx_jit
 from ffcx.codegeneration import jit
+from processes import OPTIONS
 
 from erc_contact.base.runtime.form_library import FormLibrary, form_library
-
-OPTIONS = ["-O0", "-g0", "-w"]
-"""On small meshes forms run nearly as fast as with -O2, and they compile faster.
-
-To look for what deserves a warning takes a seventh of the time of the compiler.
-"""
 
 
 def install() -> None:
