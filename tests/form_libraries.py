@@ -59,8 +59,8 @@ def loaded(folder: Path, library: str, names: Sequence[str]) -> tuple[list[Any],
 
 
 def _path(folder: Path, library: str) -> Path:
-    """Return the path of a library."""
-    return Path(folder) / f"{library}.so"
+    """Return the path of a library: not that of a module of cffi, which scripts make."""
+    return Path(folder) / f"tests_{library}.so"
 
 
 def repair() -> None:
