@@ -117,7 +117,8 @@ def compile_ahead(folder: Path, dimension: int) -> None:
 
 def _compile_quietly(folder: Path, dimension: int) -> None:
     """Compile a library if it is not there; who needs it will tell what fails."""
-    with suppress(ErcContactError, OSError):
+    # At the end of a process no pool begins: a RuntimeError.
+    with suppress(ErcContactError, OSError, RuntimeError):
         _compiled(folder, dimension)
 
 
