@@ -59,6 +59,7 @@ from erc_contact.error.contact import contact_parts
 from erc_contact.error.contact_term import contact_density
 from erc_contact.mesh.quadrature import polynomials
 from erc_contact.mesh.simplex import coefficients
+from erc_contact.model.contact_values import friction_parameters
 from erc_contact.model.foundation import pressures
 
 QUANTILES = (0.0, 0.05, 0.5, 0.95, 1.0)
@@ -162,7 +163,7 @@ def composite_contact_part(pair: ec.Admissible, traction: ContactTraction) -> fl
     w = shape @ (coefficients(1, model.degree) @ nodal)
     r = shape @ traction.values
     normal = contact.direction[:, None, :]
-    parameters = model.friction_parameters(contact, np.array([[0.5]]))
+    parameters = friction_parameters(model, contact, np.array([[0.5]]))
     bound = contact.friction_bound(pressures(r, normal), parameters)
     density = contact_density(contact, normal, r, w, 0.0, 0.0, bound)
     means = density @ np.tile(0.5 * weights / PANELS, PANELS)

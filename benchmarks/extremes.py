@@ -39,6 +39,7 @@ import erc_contact as ec
 from dolfinx import fem  # isort: skip - after erc_contact, which loads MPI first
 from true_errors import reference, true_errors  # isort: skip
 from erc_contact.admissible.elastic import cell_stress
+from erc_contact.model.contact_values import friction_parameters
 
 from erc_contact.admissible.cells import cell_geometry  # isort: skip
 from erc_contact.model.trace import split  # isort: skip
@@ -130,7 +131,7 @@ def violations(solution: ec.Solution) -> tuple[float, float, float, float]:
         r_n, r_t, shear = split(r, n)
         w_n, w_t, slip = split(w, n)
         beyond = w_n - gap
-        parameters = model.friction_parameters(contact, points)
+        parameters = friction_parameters(model, contact, points)
         bound = contact.friction_bound(np.maximum(-r_n, 0.0) * peak, parameters) / peak
         penetration = max(penetration, beyond.max())
         cone = max(cone, r_n.max(), (shear - bound).max())

@@ -62,7 +62,7 @@ def cycle(scene: ec.Scene, dim: int, folder: Path, *, pictures: bool) -> None:
     make, size = (ec.rectangle, 0.3) if dim == 2 else (ec.box, 0.6)
     domain = make((0.0,) * dim, (1.0,) * dim, size=size)
     with tempfile.TemporaryDirectory() as kept:
-        path = domain.mesh.comm.bcast(kept)
+        path = domain.comm.bcast(kept)
         history = ec.adapt(scene, domain, accuracy=1e-6, max_steps=2, checkpoint=path)
         domain.mesh.comm.barrier()
     if pictures:

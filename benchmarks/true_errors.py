@@ -35,6 +35,7 @@ from erc_contact.admissible.pair import Admissible
 from erc_contact.mesh.seams import Seams
 from erc_contact.mesh.simplex import bernstein, rule
 from erc_contact.mesh.tags import tag_table, tags_of
+from erc_contact.model.contact_values import friction_parameters
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.friction import CONSTANT
 from erc_contact.model.model import Model
@@ -253,7 +254,7 @@ def _third_term(pair: Admissible, exact: Reference, hat: fem.Function) -> float:
         n, facets = contact.direction[:, None, :], contact.facets
         r = evaluate(exact.solution.traction(contact), model.mesh, points, facets)
         x = evaluate(model.x, model.mesh, points, facets)
-        parameters = model.friction_parameters(contact, points)
+        parameters = friction_parameters(model, contact, points)
         bound = contact.friction_bound(np.maximum(-(r * n).sum(axis=-1), 0.0), parameters)
         bound = bound - bound_at(pair, which, exact.parent[facets[:, 0]], x)
         slips = []

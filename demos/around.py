@@ -46,7 +46,7 @@ def scene_at(t):
 ec.log_to_console()
 box = ec.box((0.0, 0.0, 0.0), (1.0, 1.0, 0.5), cells=(3, 3, 2))
 evolution = ec.evolve(scene_at, box, ANGLES, accuracy=0.3)
-root = evolution.error.domain.mesh.comm.rank == 0
+root = evolution.error.domain.comm.rank == 0
 
 # %%
 # The direction of each step, the friction along it, and the energy that friction takes.

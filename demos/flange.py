@@ -131,7 +131,7 @@ for name, error in (
     output.plot_contact(error.admissible, "foot", FOLDER / f"joint_{name}.png")
 output.draw_deformed(evolution.error, FOLDER / "deformed.png")
 
-if domain.mesh.comm.rank == 0:
+if domain.comm.rank == 0:
     for row in zip(pull, of_bolt, of_joint, opened, strict=True):
         print("pull {:.0f} N: bolt {:.0f} N, joint {:.0f} N, {:.0%} open".format(*row))
     print("the bolt takes of the added pull", np.round(share, 3))

@@ -72,7 +72,7 @@ exact = *fine.force("bottom").force, ec.potential_energy(fine.error).value
 # The intervals against the error of the mesh.
 
 names = "friction", "pressure", "potential energy"
-if block.mesh.comm.rank == 0:
+if block.comm.rank == 0:
     figure, axes = plt.subplots(1, 3, figsize=(10.5, 3.8), layout="constrained")
     for axis, name, of_meshes, number in zip(
         axes, names, zip(*bounds, strict=True), exact, strict=True

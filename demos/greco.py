@@ -74,7 +74,7 @@ opened, slips, sticks = (
 # %%
 # Table and picture.
 
-if square.mesh.comm.rank == 0:
+if square.comm.rank == 0:
     print("    x [mm]  published  code_aster   converged        here   [0.01 mm]")
     for row in zip(X, PUBLISHED, ASTER, CONVERGED, moved, strict=True):
         print("{:10.2f}{:11.2f}{:12.4f}{:12.4f}{:12.4f}".format(*row))

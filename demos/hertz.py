@@ -66,7 +66,7 @@ x, p = contact["x"], contact["pressure"]
 half_width = 2 * np.sqrt(np.trapezoid(p * x**2, x) / np.trapezoid(p, x))
 peak = history.maximum("pressure").value
 
-if half_disc.mesh.comm.rank == 0:
+if half_disc.comm.rank == 0:
     cells = history.steps[-1].cells
     print(f"half-width {half_width:.5f} for {a:.5f}, {cells} elements")
     print(f"peak {peak:.5f} for {p0:.5f}")

@@ -66,7 +66,7 @@ def halves(evolution):
 ec.log_to_console()
 small, large = cycles(0.03), cycles(0.15)
 large.save(FOLDER, pictures=True)
-root = small.error.domain.mesh.comm.rank == 0
+root = small.error.domain.comm.rank == 0
 runs = {"small": (small, 0.03), "large": (large, 0.15)}
 if root:
     figure, axes = plt.subplots(1, 2, figsize=(9.0, 3.8), layout="constrained")

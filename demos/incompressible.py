@@ -65,7 +65,7 @@ errors = {
 stiffness = {case: [ratio for _, _, ratio in rows] for case, rows in found.items()}
 last = found[0.4999, 2][-1][1]
 draw_deformed(last, FOLDER / "deformed.png")
-if last.domain.mesh.comm.rank == 0:
+if last.domain.comm.rank == 0:
     figure, (left, right) = plt.subplots(1, 2, figsize=(9.0, 4.6), layout="constrained")
     for (nu, k), rows in found.items():
         look = {

@@ -63,7 +63,7 @@ for friction in (0.9, 1.9, 2.0):
     found[friction] = np.array(
         [one.at(CORNERS).displacement for one in (error, *others)]
     )
-    if triangle.mesh.comm.rank == 0:
+    if triangle.comm.rank == 0:
         verdict = "one of many" if solution.singular else "the only one near"
         errors = ", ".join(f"{other.relative:.1e}" for other in others) or "none"
         print(f"friction {friction}: eps = {error.relative:.1e}, {verdict}")
@@ -78,7 +78,7 @@ for friction in (0.9, 1.9, 2.0):
 # family was found.
 
 alpha = {friction: np.sort(moved[:, 1, 0] - 0.1) for friction, moved in found.items()}
-if triangle.mesh.comm.rank == 0:
+if triangle.comm.rank == 0:
     print({friction: values.round(4).tolist() for friction, values in alpha.items()})
     FOLDER.mkdir(parents=True, exist_ok=True)
     figure, axes = plt.subplots(

@@ -58,7 +58,7 @@ forces = [c.error.force("bottom").force[1] for c in certificates]
 # out of the foundation it is not in equilibrium with its contact forces. That of the
 # stiff one is mostly what the mesh costs, for any code.
 
-if block.mesh.comm.rank == 0:
+if block.comm.rank == 0:
     for stiffness, certificate, value in zip(
         STIFFNESSES, certificates, forces, strict=True
     ):

@@ -103,7 +103,7 @@ lines = [
         "the same with tightened stresses (coarser than the first mesh)", rows_of(tight)
     ),
 ]
-comm = block.mesh.comm
+comm = block.comm
 if comm.rank == 0:
     print("\n".join(lines))
     folder.mkdir(parents=True, exist_ok=True)

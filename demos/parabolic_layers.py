@@ -145,7 +145,7 @@ reduced = 1 / ((1 - 0.3**2) / 200e3 + (1 - 0.45**2) / 1e3)
 b_hertz = np.sqrt(4 * FORCE * R / (np.pi * reduced))
 p_hertz = 2 * FORCE / (np.pi * b_hertz)
 
-if domain.mesh.comm.rank == 0:
+if domain.comm.rank == 0:
     names = ("half-width", "force", "p(0)", "p(b/2)", "energy")
     for name, value, wanted in zip(names, found, exact, strict=True):
         print(f"{name} {value:.6g} for {wanted:.6g}: {value / wanted - 1:+.3%}")

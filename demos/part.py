@@ -92,7 +92,7 @@ centre = np.array([-moment[1], moment[0]]) / N
 statics = (B * 40.0 + H * 40.0 - V * 5.0) / (B - V)
 pressed = contact["pressure"] > 0.05 * contact["pressure"].max()
 least, most = contact["x"][pressed].min(), contact["x"][pressed].max()
-if bracket.mesh.comm.rank == 0:
+if bracket.comm.rank == 0:
     print(f"bolt {B:.0f} N, pull {H:.0f} and {V:.0f} N")
     print(f"foundation {N:.0f} N, friction {Q:.0f} N of {MU * N:.0f} N")
     print(f"centre of pressure {centre.round(2)} mm, x by statics {statics:.2f}")

@@ -171,7 +171,7 @@ for (theta, pressure), angle in zip(means, exact, strict=True):
 # The part near the pin. Gap and displacement are magnified alike, the small one, too.
 axes = output.draw_deformed(runs[1].error, factor=100)
 
-if domain.mesh.comm.rank == 0:
+if domain.comm.rank == 0:
     FOLDER.mkdir(parents=True, exist_ok=True)
     axes.set(xlim=(-35, 35), ylim=(-5, 35))
     axes.figure.savefig(FOLDER / "deformed.png", dpi=150)

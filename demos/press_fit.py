@@ -176,7 +176,7 @@ evolution = ec.evolve(
 torque = evolution.reactions()["core"].moment[:, 0]
 statuses = [profile["status"] for profile in evolution.profile("rim")]
 
-if quarter.mesh.comm.rank == 0:
+if quarter.comm.rank == 0:
     for name, value, wanted in zip(names, found, exact, strict=True):
         print(f"{name} {value:.6g} for {wanted:.6g}: {value / wanted - 1:+.3%}")
     for t, T in zip(times, torque, strict=True):

@@ -93,7 +93,7 @@ foot, contact = history.force("foot"), history.profile("foot")
 x, p, q = contact["x"], contact["pressure"], contact["shear"]
 centre = foot.moment[0] / foot.force[1]
 left, right = x[p > 0].min(), x[p > 0].max()
-if pad.mesh.comm.rank == 0:
+if pad.comm.rank == 0:
     print(f"force {foot.force} N/mm, centre {centre:.4f} mm")
     print(f"contact {left:.2f} to {right:.2f} mm, peak {p.max():.1f} MPa")
     figure, axes = plt.subplots(figsize=(6.4, 4.0), layout="constrained")

@@ -139,7 +139,7 @@ bounds = ec.work_of_loads(light)
 # The pressure against that on a rigid base. The softer bed gives way, so the pressure
 # spreads: its peak is lower, and the contact is wider.
 
-if both.mesh.comm.rank == 0:
+if both.comm.rank == 0:
     for name, values in found.items():
         print(
             name, "b {:.4f}, p(0) {:.5f}, p(b/2) {:.5f}, energy {:.8f}".format(*values)

@@ -63,7 +63,7 @@ def run(options):
 
 def fastest(runs):
     """The fastest of equal runs; the same on all ranks."""
-    seconds = block.mesh.comm.bcast([one.steps[-1].seconds for one in runs])
+    seconds = block.comm.bcast([one.steps[-1].seconds for one in runs])
     return runs[seconds.index(min(seconds))]
 
 
@@ -78,7 +78,7 @@ plot_history(histories, FOLDER / "run_time.png")
 
 cells = {name: history.steps[-1].cells for name, history in histories.items()}
 seconds = {name: history.steps[-1].seconds for name, history in histories.items()}
-if block.mesh.comm.rank == 0:
+if block.comm.rank == 0:
     for name, history in histories.items():
         last = history.steps[-1]
         size = f"{last.cells:8d} elements{last.dofs:8d} unknowns"
@@ -95,4 +95,4 @@ assert uniform > 1.5 * marked
 assert marked > 1.1 * sized
 assert sized > 2 * max(quadratic, best)
 worst, *_, quickest = seconds.values()
-assert block.mesh.comm.bcast(worst > quickest)
+assert block.comm.bcast(worst > quickest)

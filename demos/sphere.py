@@ -73,7 +73,7 @@ share = q[inner] / contact["friction_bound"][inner]
 of_edge, of_middle = (
     share[near].mean() for near in (r[inner] > 0.85 * a, r[inner] < 0.5 * a)
 )
-if block.mesh.comm.rank == 0:
+if block.comm.rank == 0:
     print(f"P = {P:.5f}, Q/(mu P) = {Q / (MU * P):.3f}")
     print(f"radius {radius:.4f} for a = {a:.4f}")
     print(f"pressure in the middle {middle:.4f} for p0 = {p0:.4f}")

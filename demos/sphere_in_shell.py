@@ -137,7 +137,7 @@ radii = np.array([10, 20, 30, 36, 45, 50, 55, 60, 65, 70, 75])
 computed = np.array([on_sphere(r) for r in radii])
 closed_form = np.array([lame(r) for r in radii])
 
-if domain.mesh.comm.rank == 0:
+if domain.comm.rank == 0:
     rows = (
         ("pressure", pressure, p),
         ("force", of_hollow.mean(), np.pi * R**2 / 4 * p),

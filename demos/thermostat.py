@@ -134,7 +134,7 @@ def beam(T, a):
 
 exact_force = beam(temperatures, np.where(force > 0, place, LENGTH))
 
-if domain.mesh.comm.rank == 0:
+if domain.comm.rank == 0:
     print(f"curvature {curvature:.6g} for {exact_curvature:.6g}")
     for T, P, exact in zip(temperatures, force, exact_force, strict=True):
         print(f"{T:.0f} degrees: force {P:.3f} for {exact:.3f}")

@@ -70,7 +70,7 @@ shares = {
         ("stick", ec.results.STICK),
     )
 }
-if domain.mesh.comm.rank == 0:
+if domain.comm.rank == 0:
     print(
         f"force on the upper block {of_upper.force}, on the lower one {of_lower.force}"
     )

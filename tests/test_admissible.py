@@ -42,6 +42,7 @@ from erc_contact.mesh.simplex import (
     mass,
     nodes,
 )
+from erc_contact.model.contact_values import friction_parameters
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.trace import split
 from erc_contact.scene.material import mandel_basis
@@ -195,7 +196,7 @@ def test_traction_in_the_cone(pair):
         r = np.einsum("qm,fmi->fqi", shape, t.values)
         r_n, _, r_t = split(r, t.contact.direction[:, None, :])
         bound = t.contact.friction_bound(
-            np.maximum(-r_n, 0.0), model.friction_parameters(t.contact, points)
+            np.maximum(-r_n, 0.0), friction_parameters(model, t.contact, points)
         )
         scale = worst(pair, r)
         assert worst(pair, np.maximum(r_n, 0.0)) <= CONE * scale

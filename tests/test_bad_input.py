@@ -1535,3 +1535,40 @@ def test_class_of_the_user_that_cannot_be_worked_with(which, block):
         **entries,
     }
     refused(lambda: ec.solve(ec.Scene(**entries), block, method), *words)
+
+
+DROPPED = """
+import erc_contact as ec
+
+block = ec.Elastic(1.0, 0.3)
+load = ec.Traction("top", (0.0, -0.1))
+scene = ec.Scene(block, [ec.Displacement("bottom", (0.0, 0.0))], load)
+
+
+def domain():
+    return ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(2, 2))
+
+
+calls = [
+    lambda: ec.solve(scene, domain(), degre=2),
+    lambda: ec.equilibrate(ec.solve(scene, domain(), solver="iterative"), tigthen=1),
+    lambda: ec.adapt(scene, domain(), acuracy=0.1),
+    lambda: domain().split({"a": "b"}, off="c"),
+]
+for call in 2 * calls:
+    try:
+        call()
+    except TypeError as error:
+        print("refused", error, flush=True)
+"""
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_a_misspelled_argument_beside_a_new_mesh(ranks, tmp_path):
+    """Python drops the mesh while it raises the error; MPI frees its communicator then."""
+    with started(DROPPED, ranks, tmp_path) as process:
+        text = output(process, 60)
+    assert text.count("refused") == 8 * ranks
+    for word in ("degre", "tigthen", "acuracy", "off"):
+        assert text.count(f"unexpected keyword argument '{word}'") == 2 * ranks

@@ -7,15 +7,18 @@ Convex sets, motions and loads at random, no mesh.
   and opening draw the tractions;
 - of those that balance, the nearest ones are found: none that are known to balance lie
   nearer;
-- loads that nothing balances leave an imbalance of the order of the forces.
+- loads that nothing balances leave an imbalance of the order of the forces;
+- what springs take up is weighed against the distance: soft ones get what is left of
+  the balance, stiff ones all of it.
 """
 
 import numpy as np
 import pytest
 from mpi4py import MPI
 
-from erc_contact.admissible.balance import Part, balanced
+from erc_contact.admissible.balance import balanced
 from erc_contact.admissible.cones import Cones
+from erc_contact.admissible.nearest import Part
 
 pytestmark = pytest.mark.serial
 
@@ -73,13 +76,18 @@ def problem(seed: int, d: int, inside: float, few: float) -> tuple[Part, np.ndar
     return Part(cones, start, pull, weight, motions), loads, known
 
 
+def rigid(loads: np.ndarray) -> np.ndarray:
+    """Return D without springs."""
+    return np.zeros((len(loads), len(loads)))
+
+
 @pytest.mark.parametrize("d", [2, 3])
 @pytest.mark.parametrize("inside", [1.0, 1e-2, 1e-4])
 @pytest.mark.parametrize("few", [1.0, 0.2])
 def test_loads_that_can_be_balanced_are(d, inside, few):
     for seed in range(6):
         part, loads, _ = problem(seed, d, inside, few)
-        (r,), rest, forces = balanced(MPI.COMM_SELF, [part], loads)
+        (r,), rest, forces = balanced(MPI.COMM_SELF, [part], loads, rigid(loads))
         balance = np.einsum("f,fmi,fmik->k", part.weight[:, 0], r, part.motions) + loads
         assert np.linalg.norm(balance) <= 1e-10 * forces, seed
         assert np.linalg.norm(balance - rest) <= 1e-12 * forces
@@ -92,7 +100,7 @@ def test_nearest_of_those_that_balance(d):
         part, loads, known = problem(seed, d, 0.1, 1.0)
         near = 10 * abs(known).max() / max(abs(part.shift).max(), 1e-300)
         part = Part(part.cones, part.start, min(near, 1.0) * part.shift, part.weight, part.motions)
-        (r,), _, _ = balanced(MPI.COMM_SELF, [part], loads)
+        (r,), _, _ = balanced(MPI.COMM_SELF, [part], loads, rigid(loads))
 
         def distance(t: np.ndarray, part: Part = part) -> float:
             return float((part.weight * ((t - part.start - part.shift) ** 2).sum(axis=-1)).sum())
@@ -111,5 +119,30 @@ def test_loads_that_nothing_balances(d):
         part = Part(part.cones, part.start, part.shift, part.weight, away[..., None])
         load = np.array([abs(part.start).max() + 1.0])
         for pulls in (load, -load):
-            _, rest, forces = balanced(MPI.COMM_SELF, [part], pulls)
+            _, rest, forces = balanced(MPI.COMM_SELF, [part], pulls, rigid(pulls))
             assert (np.linalg.norm(rest) > 0.1 * forces) == (pulls[0] < 0)
+
+
+@pytest.mark.parametrize("d", [2, 3])
+@pytest.mark.parametrize("stiffness", [1e-3, 1.0, 1e3])
+def test_springs_take_up_an_imbalance(d, stiffness):
+    for seed in range(8):
+        part, loads, known = problem(seed, d, 0.1, 1.0)
+        scale = abs(known).max()
+        near = min(10 * scale / max(abs(part.shift).max(), 1e-300), 1.0)
+        part = Part(part.cones, part.start, near * part.shift, part.weight, part.motions)
+        loads = loads + scale * np.random.default_rng(seed).standard_normal(loads.shape)
+        roots = np.random.default_rng([seed, d]).standard_normal((len(loads), len(loads)))
+        give = stiffness * (roots @ roots.T + 0.1 * np.eye(len(loads)))
+        (r,), rest, forces = balanced(MPI.COMM_SELF, [part], loads, give)
+        assert np.linalg.norm(rest) <= 1e-10 * forces
+
+        def total(t: np.ndarray, part=part, loads=loads, give=give) -> float:
+            distance = (part.weight * ((t - part.start - part.shift) ** 2).sum(axis=-1)).sum()
+            left = np.einsum("f,fmi,fmik->k", part.weight[:, 0], t, part.motions) + loads
+            return float(distance + left @ np.linalg.solve(give, left))
+
+        # The sum of both is convex, and least at r among all allowed tractions.
+        for other in (known, part.start, part.cones.nearest(2.0 * r), 0.0 * r):
+            for share in (1e-3, 1e-1, 1.0):
+                assert total(r) <= total(r + share * (other - r)) * (1 + 1e-9)

@@ -13,6 +13,7 @@ import pytest
 import erc_contact as ec
 from erc_contact.error.contact import contact_parts
 from erc_contact.mesh.simplex import bernstein, rule
+from erc_contact.model.contact_values import friction_parameters
 from erc_contact.model.trace import split
 
 pytestmark = pytest.mark.serial
@@ -49,7 +50,7 @@ def works(pair, points):
     r = shape @ traction.values
     normal = traction.contact.direction[:, None, :]
     _, slip, length = split(w, normal)
-    parameters = model.friction_parameters(traction.contact, points)
+    parameters = friction_parameters(model, traction.contact, points)
     bound = traction.contact.friction_bound(-(r * normal).sum(axis=-1), parameters)
     return 2 * bound * length, 2 * (r * w).sum(axis=-1), slip
 

@@ -19,6 +19,7 @@ import erc_contact as ec
 from erc_contact.admissible.cells import cell_geometry
 from erc_contact.admissible.elastic import cell_stress
 from erc_contact.mesh.simplex import rule
+from erc_contact.model.contact_values import friction_parameters
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.trace import split
 
@@ -51,7 +52,7 @@ def check(error: ec.ConstitutiveError) -> None:
     assert np.isfinite([error.relative, inside, abs(solution.u.x.array).max()]).all()
     for contact, r in zip(model.contacts, tractions, strict=True):
         r_n, _, shear = split(r / scale, contact.direction[:, None, :])
-        parameters = model.friction_parameters(contact, points)
+        parameters = friction_parameters(model, contact, points)
         bound = contact.friction_bound(np.maximum(-r_n, 0.0) * scale, parameters) / scale
         assert max(r_n.max(), (shear - bound).max()) < 1e-12
 

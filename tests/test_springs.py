@@ -4,7 +4,7 @@
   round-off;
 - a body that springs alone hold is in balance; a motion that they do not hold is told;
 - soft springs tend to a free boundary and stiff ones to a support, with its error;
-- e bounds true errors, energies and forces of a fine mesh lie in the intervals of a
+- e bounds true errors with both methods, energies and forces of a fine mesh lie in the intervals of a
   coarse one, beside a contact;
 - in a history the energies balance, those of the springs among them;
 - both solvers, ranks, very stiff springs; what is wrong is refused in words.
@@ -112,16 +112,18 @@ def sprung_by(k):
 @pytest.mark.serial
 @pytest.mark.parametrize("k", [20.0, 2e4])
 @pytest.mark.parametrize("degree", [1, 2])
-def test_e_bounds_true_errors(degree, k):
+@pytest.mark.parametrize("method", [ec.Nitsche(), ec.AugmentedLagrangian()])
+def test_e_bounds_true_errors(degree, k, method):
     scene, reference, finest = sprung_by(k)
     energy = ec.potential_energy(finest).value
     force = finest.force("bottom").force[1]
     for n in (2, 4):
-        error = measured(scene, plate(n), degree=degree)
+        error = measured(scene, plate(n), degree=degree, method=method)
         true = true_errors(error.admissible, reference)
         assert true.both <= 1.02 * error.absolute
-        # e contains the error of the springs, too, which these true errors do not.
-        assert error.absolute < 2.2 * true.both
+        # e contains the error of the springs, too, which these true errors do not. A
+        # traction with another moment than the contact forces would cost them more.
+        assert error.absolute < 1.9 * true.both
         bounds = ec.potential_energy(error)
         assert bounds.low <= energy <= bounds.high
         pressure = ec.resultant(error, "bottom", (0.0, 1.0))

@@ -35,7 +35,7 @@ class Maximum:
     def next(self, error, accuracy, max_cells):
         """The next domain."""
         largest = max(
-            error.domain.mesh.comm.allgather(error.total_indicators.max(initial=0.0))
+            error.domain.comm.allgather(error.total_indicators.max(initial=0.0))
         )
         marked = error.total_indicators >= self.share * largest * (1 - TIE)
         return error.domain.refined(marked.nonzero()[0])

@@ -18,9 +18,10 @@ import numpy as np
 
 from erc_contact.admissible.cones import Cones, clip
 from erc_contact.mesh.simplex import at_nodes, coefficients
+from erc_contact.model.contact_values import friction_parameters
 from erc_contact.model.foundation import BoundContact, pressures
 from erc_contact.model.friction import PROPORTIONAL
-from erc_contact.model.model import Model
+from erc_contact.model.space import Space
 from erc_contact.model.trace import split
 
 LIMITER_STEPS = 20
@@ -39,7 +40,7 @@ class Allowed:
     """Hold the law that limits the tractions at the nodes of a contact.
 
     Attributes:
-        model: The scene on a mesh.
+        space: The mesh.
         contact: The contact.
         factor: Factor of the friction bound on each facet [-], shape (f,).
         sharp: Whether the bound of a node uses the parameters at this node. Otherwise
@@ -47,7 +48,7 @@ class Allowed:
             concave, this is below the bound between the nodes, too.
     """
 
-    model: Model
+    space: Space
     contact: BoundContact
     factor: np.ndarray
     sharp: bool = True
@@ -60,8 +61,8 @@ class Allowed:
     @cached_property
     def parameters(self) -> dict[str, np.ndarray]:
         """Return the law's parameters at the nodes, or at the samples of each facet."""
-        points = self.model.facet_points if self.sharp else self.model.facet_samples
-        return self.model.friction_parameters(self.contact, points)
+        points = self.space.facet_points if self.sharp else self.space.facet_samples
+        return friction_parameters(self.space, self.contact, points)
 
     def bound(self, pressure: np.ndarray) -> np.ndarray:
         """Return the friction bound, interpolated at the nodes [force/area].
@@ -73,12 +74,12 @@ class Allowed:
             Those of the bound, shape (f, m).
         """
         if self.sharp:
-            d, k = self.model.d, self.model.degree
+            d, k = self.space.d, self.space.degree
             nodal = pressure @ at_nodes(d - 1, k).T
             bound = self.contact.friction_bound(nodal, self.parameters)
             return self.factor[:, None] * np.maximum(bound @ coefficients(d - 1, k).T, 0.0)
         # The pressure of each node in turn, with the parameters of all samples.
-        shape = len(pressure), len(self.model.facet_samples)
+        shape = len(pressure), len(self.space.facet_samples)
         least = []
         for nodal in pressure.T:
             spread = np.broadcast_to(nodal[:, None], shape)

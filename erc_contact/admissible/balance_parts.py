@@ -1,15 +1,20 @@
-"""Parts of the balance: weights, free motions, facets with a level pressure.
+"""Parts of the balance: other forces, weights, motions, facets with a level pressure.
 
-Symbols: f facets, m number of coefficients of a facet, d dimension, K free motions.
+Symbols: f facets, m number of coefficients of a facet, d dimension, K motions.
 """
 
 from __future__ import annotations
 
-import numpy as np
+from dataclasses import dataclass
 
-from erc_contact.admissible.balance import Part
+import numpy as np
+from dolfinx import fem
+from mpi4py import MPI
+
 from erc_contact.admissible.cells import moments
 from erc_contact.admissible.cones import Cones
+from erc_contact.admissible.nearest import Part
+from erc_contact.admissible.shift import MOBILITY
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.base.exceptions import NotHeldError
 from erc_contact.model.model import Model
@@ -21,8 +26,29 @@ ACCEPTED_IMBALANCE = 1e-8
 """
 
 
-def weights_and_motions(model: Model, traction: ContactTraction) -> tuple[np.ndarray, np.ndarray]:
-    """Compute the weights of the nodes of a contact, and the free motions there.
+@dataclass(frozen=True, eq=False)
+class OtherForces:
+    """Hold the forces that contact tractions have to balance.
+
+    Attributes:
+        motions: Rigid motions, Functions of V.
+        works: Work of the forces on them [force], shape (K,).
+        stiffness: M, the stiffness of springs on them [force/length], shape (K, K).
+        free: Combinations of the motions that no spring holds, shape (K, free).
+        size: Sum of the sizes of the forces [force].
+    """
+
+    motions: list[fem.Function]
+    works: np.ndarray
+    stiffness: np.ndarray
+    free: np.ndarray
+    size: float
+
+
+def weights_and_motions(
+    model: Model, traction: ContactTraction, motions: list[fem.Function]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Compute the weights of the nodes of a contact, and motions there.
 
     Returns:
         ``|F|/m`` of the facets that this rank owns, else 0, shape (f, 1), and the
@@ -33,11 +59,27 @@ def weights_and_motions(model: Model, traction: ContactTraction) -> tuple[np.nda
     share = traction.area / traction.nodes.shape[1]
     # A motion is linear: its values at the nodes are also its coefficients.
     by_motion = [
-        moments(traction.area, trace.of(motion.x.array), model.degree)
-        for motion in model.free_motions
+        moments(traction.area, trace.of(motion.x.array), model.degree) for motion in motions
     ]
     weight = np.where(trace.here.owned, share, 0.0)[:, None]
     return weight, np.stack(by_motion, axis=-1) / share[:, None, None, None]
+
+
+def spring_give(model: Model, tractions: list[ContactTraction], others: OtherForces) -> np.ndarray:
+    """Compute D of :mod:`erc_contact.admissible.nearest` [area]; collective.
+
+    The distance has the weight ``h/(kappa E)`` of :class:`Shift`, its mean here.
+
+    Returns:
+        Shape (K, K).
+    """
+    local = np.zeros(2)
+    for traction in tractions:
+        here = traction.contact.trace.here
+        areas = np.where(here.owned, traction.area, 0.0)
+        local += (areas.sum(), areas @ traction.contact.trace.stiffness)
+    area, force = model.comm.allreduce(local, MPI.SUM)
+    return others.stiffness * (area / (MOBILITY * force))
 
 
 def ray_part(rays: np.ndarray, start: np.ndarray, weight: np.ndarray, motions: np.ndarray) -> Part:

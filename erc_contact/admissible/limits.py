@@ -19,6 +19,7 @@ import numpy as np
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.mesh.peaks import upper_bounds
 from erc_contact.mesh.quadrature import facet_pieces, polynomials
+from erc_contact.model.contact_values import gap_at_nodes
 from erc_contact.model.expressions import Everywhere
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.kinks import kinks_on_facets
@@ -162,7 +163,7 @@ def _gap_limits(model: Model, contact: BoundContact) -> np.ndarray:
 
     Their shape is (f, m).
     """
-    gaps = contact.trace.coefficients(model.gap_at_nodes(contact))
+    gaps = contact.trace.coefficients(gap_at_nodes(model, contact))
     if contact.gap is not None and varies_in_cells(contact.gap) and not contact.bilateral:
         gaps = gaps - _excess(model, contact, gaps)[:, None]
     return gaps

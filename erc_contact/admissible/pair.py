@@ -41,7 +41,7 @@ from erc_contact.admissible.fields import (
 )
 from erc_contact.admissible.loads import cell_forces
 from erc_contact.admissible.macro import macro_stress
-from erc_contact.admissible.rebalance import load_forces, rebalanced_stress, work_on_motions
+from erc_contact.admissible.rebalance import load_forces, other_forces, rebalanced_stress
 from erc_contact.admissible.springs import (
     chosen_tractions,
     spring_moments,
@@ -261,11 +261,11 @@ def _before_tightening(
     """
     model = solution.model
     fixed = supported(model, cells)
-    boundary = load_moments(model, cells)
+    loads = load_moments(model, cells)
+    others = other_forces(model, cells, loads, fixed, force, solution.u)
+    tractions = admissible_tractions(model, solution, others)
     # A support takes up the load on its components.
-    boundary[np.broadcast_to(fixed[:, None, :], boundary.shape)] = 0.0
-    loads, size = work_on_motions(model, load_forces(model, cells, boundary, force))
-    tractions = admissible_tractions(model, solution, loads, size)
+    boundary = np.where(fixed[:, None, :], 0.0, loads)
     # The gap allows u at rest, also where facets do not carry the gap.
     if not tractions or solution.at_rest:
         hat = solution.u

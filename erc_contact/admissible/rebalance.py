@@ -13,11 +13,18 @@ import numpy as np
 from dolfinx import fem, la
 from mpi4py import MPI
 
+from erc_contact.admissible.balance_parts import OtherForces
 from erc_contact.admissible.cells import CellGeometry, facet_forces
 from erc_contact.admissible.elastic import cell_stress
 from erc_contact.admissible.facets import divergence
-from erc_contact.admissible.springs import spring_moments, spring_tractions
+from erc_contact.admissible.springs import (
+    motions_off_springs,
+    spring_moments,
+    spring_stiffness,
+    spring_tractions,
+)
 from erc_contact.mesh.simplex import coefficients, local_facet_nodes, mass
+from erc_contact.model.held_motions import unsupported_motions
 from erc_contact.model.model import Model
 from erc_contact.newton.linear.solver import ElasticSolver
 
@@ -74,17 +81,44 @@ def load_forces(
     return b
 
 
-def work_on_motions(model: Model, b: fem.Function) -> tuple[np.ndarray, float]:
-    """Compute the work of nodal forces on the free motions [force]; collective.
+def other_forces(
+    model: Model,
+    cells: CellGeometry,
+    loads: np.ndarray,
+    fixed: np.ndarray,
+    force: np.ndarray | None,
+    u: fem.Function,
+) -> OtherForces:
+    """Compute what contact tractions have to balance on rigid motions; collective.
 
-    Returns:
-        The work on each motion, shape (motions,), and the sum of the sizes of the
-        forces.
+    These are the loads, and on motions that springs alone hold their pull at u, too. It
+    is in balance with the method's own contact forces. If r^ has another resultant or
+    moment, the springs have to take up the difference. It is small, but costs soft
+    springs much.
+
+    Args:
+        model: The scene on a mesh.
+        cells: Geometry, n cells.
+        loads: Moments of the loads [force], shape (facets, m, d).
+        fixed: Which components of a facet supports and stiff springs take up, shape
+            (facets, d).
+        force: Body force times volume of each cell [force], shape (n, N_(k-1), d), or
+            None.
+        u: Displacement of the contact solve [length].
     """
-    works = [b.x.array @ motion.x.array for motion in model.free_motions]
+    motions = model.free_motions
+    boundary = np.where(fixed[:, None, :], 0.0, loads)
+    if model.springs and model.contacts:
+        motions = unsupported_motions(model, model.held, model.loose_faces)
+        # On motions that no support holds, loads on supports do no work.
+        boundary = loads + spring_moments(model, spring_tractions(model, u))
+    b = load_forces(model, cells, boundary, force)
+    works = [b.x.array @ motion.x.array for motion in motions]
     local = np.array([*works, abs(b.x.array).sum()])
     total = model.comm.allreduce(local, MPI.SUM)
-    return total[:-1], float(total[-1])
+    stiffness = spring_stiffness(model, motions)
+    free = motions_off_springs(model, motions)
+    return OtherForces(motions, total[:-1], stiffness, free, float(total[-1]))
 
 
 def rebalanced_stress(

@@ -15,8 +15,9 @@ from mpi4py import MPI
 
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.mesh.simplex import bernstein
+from erc_contact.model.contact_values import friction_parameters
 from erc_contact.model.foundation import BoundContact
-from erc_contact.model.model import Model
+from erc_contact.model.space import Space
 
 MARGIN = 0.2
 """Share of the sampled deviation that is added for those between samples [-]."""
@@ -24,22 +25,22 @@ ROUND_OFF_SHARE = 1e-14
 """Excess over the bound that is round-off, over the greatest friction [-]."""
 
 
-def friction_at_samples(model: Model, traction: ContactTraction) -> tuple[np.ndarray, np.ndarray]:
+def friction_at_samples(space: Space, traction: ContactTraction) -> tuple[np.ndarray, np.ndarray]:
     """Sample the friction bound and the length of r^_t [force/area]; collective.
 
     Returns:
         The bound and the length, shape (f, q) each.
     """
-    points = model.facet_samples
-    shape = bernstein(model.d - 1, model.degree, points)
-    parameters = model.friction_parameters(traction.contact, points)
+    points = space.facet_samples
+    shape = bernstein(space.d - 1, space.degree, points)
+    parameters = friction_parameters(space, traction.contact, points)
     pressure = np.maximum(-traction.normal_component @ shape.T, 0.0)
     bound = traction.contact.friction_bound(pressure, parameters)
     tangential = np.einsum("qm,fmi->fqi", shape, traction.tangential_part)
     return bound, np.linalg.norm(tangential, axis=-1)
 
 
-def lowering(model: Model, traction: ContactTraction) -> np.ndarray:
+def lowering(space: Space, traction: ContactTraction) -> np.ndarray:
     """Compute the factor of friction that makes r^ allowed [-]; collective.
 
     Allowed means at all points of a facet. It is 1 where r^ is allowed at all samples.
@@ -49,9 +50,9 @@ def lowering(model: Model, traction: ContactTraction) -> np.ndarray:
     """
     if not traction.contact.sampled:
         return np.ones(len(traction.nodes))
-    bound, used = friction_at_samples(model, traction)
+    bound, used = friction_at_samples(space, traction)
     # The ratio of two numbers that are round-off means nothing.
-    peak = model.comm.allreduce(float(used.max(initial=0.0)), MPI.MAX)
+    peak = space.comm.allreduce(float(used.max(initial=0.0)), MPI.MAX)
     excess = used > bound + ROUND_OFF_SHARE * peak
     ratio = np.divide(bound, used, out=np.ones_like(used), where=excess).min(axis=1)
     lowered = np.maximum(ratio - MARGIN * (1 - ratio), 0.0)

@@ -13,8 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from erc_contact.mesh.simplex import averages, lagrange, rule
+from erc_contact.model.contact_values import gap_at_nodes
 from erc_contact.model.foundation import BoundContact
-from erc_contact.model.model import Model
+from erc_contact.model.space import Space
 from erc_contact.model.trace import split
 
 MOBILITY = 0.1
@@ -90,25 +91,25 @@ class Shift:
         return kappa[..., None] * (self.opening[..., None] * self.n - self.slip)
 
 
-def shift_by_slip(model: Model, contact: BoundContact, u: np.ndarray) -> Shift:
+def shift_by_slip(space: Space, contact: BoundContact, u: np.ndarray) -> Shift:
     """Compute the shift of the traction of a contact; collective.
 
     Args:
-        model: The scene on a mesh.
+        space: The mesh.
         contact: The contact.
         u: Displacements at the nodes of its facets, tangentially since the last step
             [length], shape (f, m, d).
     """
-    d, k = model.d, model.degree
+    d, k = space.d, space.degree
     n = contact.direction[:, None, :]
-    points, weights = rule(d - 1, model.contact_degree)
+    points, weights = rule(d - 1, space.contact_degree)
     average = averages(d - 1, k, points, weights)
     shape = lagrange(d - 1, k, points)
     w_n, w_t, length = split(np.matmul(shape, u), n)
     # A bilateral contact cannot open.
     opening = np.zeros_like(w_n)
     if not contact.bilateral:
-        opening = np.maximum(model.gap_at_nodes(contact) @ shape.T - w_n, 0.0)
+        opening = np.maximum(gap_at_nodes(space, contact) @ shape.T - w_n, 0.0)
     stiffness = contact.trace.stiffness[:, None]
     slip = stiffness[..., None] * np.matmul(average, w_t)
     mean_path = stiffness * length @ average.T

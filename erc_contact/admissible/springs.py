@@ -15,10 +15,12 @@ from __future__ import annotations
 
 import numpy as np
 from dolfinx import fem
+from mpi4py import MPI
 
 from erc_contact.admissible.cells import add_moments, moments, tractions_of
 from erc_contact.mesh.simplex import bernstein, coefficients, rule
 from erc_contact.model.model import Model
+from erc_contact.model.motions import kernel
 from erc_contact.model.springs import BoundSpring
 
 AXIS = 1e-9
@@ -86,6 +88,43 @@ def spring_moments(model: Model, tractions: list[np.ndarray]) -> np.ndarray:
         moment = moments(spring.side.areas, t, model.degree)
         add_moments(model, total, spring.side.facets, moment)
     return total
+
+
+def spring_stiffness(model: Model, motions: list[fem.Function]) -> np.ndarray:
+    """Compute ``int K m_k . m_l`` for K rigid motions [force/length]; collective.
+
+    Returns:
+        Shape (K, K), zero without springs.
+    """
+    total = np.zeros((len(motions), len(motions)))
+    if not motions or not model.springs:
+        return total
+    for spring in model.springs:
+        side = spring.side
+        owned = side.owned
+        pulls = [moments(side.areas, spring.pull(m.x.array), model.degree) for m in motions]
+        # A motion is linear: its values at the nodes of a facet are its coefficients.
+        values = [m.x.array.reshape(-1, model.d)[side.nodes] for m in motions]
+        by_facets = np.stack(pulls)[:, owned]
+        of_motions = np.stack(values)[:, owned]
+        total += np.einsum("kfmi,lfmi->kl", by_facets, of_motions)
+    return model.comm.allreduce(total, MPI.SUM)
+
+
+def motions_off_springs(model: Model, motions: list[fem.Function]) -> np.ndarray:
+    """Find the combinations of K rigid motions that springs do not resist; collective.
+
+    Returns:
+        Shape (K, combinations).
+    """
+    total = np.zeros((len(motions), len(motions)))
+    if not motions or not model.springs:
+        return np.eye(len(motions))
+    at_nodes = np.stack([m.x.array.reshape(-1, model.d) for m in motions], axis=-1)
+    for spring in model.springs:
+        _, resisted = spring.resisted(at_nodes)
+        total += np.einsum("ndk,ndl->kl", resisted, resisted)
+    return kernel(model.comm.allreduce(total, MPI.SUM))
 
 
 def spring_squares(

@@ -31,6 +31,7 @@ from erc_contact.error.constitutive import ConstitutiveError, constitutive_error
 from erc_contact.error.numbers import ROUND_OFF
 from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.simplex import bernstein
+from erc_contact.model.contact_values import gap_at_nodes
 from erc_contact.model.trace import split
 from erc_contact.newton.given import by_nitsche, solution_of
 from erc_contact.newton.nodal_values import AnyField
@@ -161,7 +162,7 @@ def certify(
         if contact.stiffness is not None:
             continue  # a compliant foundation may be entered
         w_n, _, _ = split(contact.trace.of(solution.u.x.array), contact.direction[:, None, :])
-        beyond = w_n - model.gap_at_nodes(contact)
+        beyond = w_n - gap_at_nodes(model, contact)
         penetration = max(penetration, float(beyond.max(initial=0.0)))
     moved = float(abs(solution.u.x.array).max(initial=0.0))
     penetration, size = np.max(model.comm.allgather([penetration, moved]), axis=0)

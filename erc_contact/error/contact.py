@@ -21,6 +21,7 @@ from erc_contact.error.oscillation import DATA_ROUND_OFF, OSCILLATION_SHARE, UNK
 from erc_contact.error.slip_rules import rule_between_zeros, same_rule, slip_may_vanish
 from erc_contact.mesh.quadrature import Integral, facet_pieces, integrate, polynomials
 from erc_contact.model.contact_data import ContactData
+from erc_contact.model.contact_values import friction_parameters
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import BoundContact, pressures
 from erc_contact.model.friction import CONCAVE
@@ -129,7 +130,7 @@ def _means(
     s = np.matmul(shape, of_s)
     n = contact.direction[:, None, :]
     gap = 0.0 if contact.gap is None else evaluate(contact.gap, model.mesh, middle, contact.facets)
-    parameters = model.friction_parameters(contact, middle)
+    parameters = friction_parameters(model, contact, middle)
     bound = contact.friction_bound(pressures(r, n), parameters)
     density = contact_density(contact, n, r, w, s, gap, bound, both=both)
     return (density * weights).sum(axis=1)

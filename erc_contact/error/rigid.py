@@ -14,6 +14,7 @@ from erc_contact.admissible.elastic import moduli
 from erc_contact.admissible.pair import Admissible
 from erc_contact.error.contact import contact_parts
 from erc_contact.mesh.simplex import nodes
+from erc_contact.model.contact_values import gap_at_nodes
 from erc_contact.model.model import Model
 from erc_contact.model.motions import rigid_motions
 
@@ -87,7 +88,7 @@ def moves_rigidly(admissible: Admissible, floor_2: float) -> bool:
     for traction in admissible.tractions:
         contact = traction.contact
         beyond = np.einsum("fmi,fi->fm", contact.trace.of(rigid), contact.direction)
-        beyond -= model.gap_at_nodes(contact)
+        beyond -= gap_at_nodes(model, contact)
         if contact.bilateral:
             beyond = abs(beyond)
         violation = max(violation, beyond.max(initial=0.0))

@@ -131,7 +131,7 @@ def size_map(error: ConstitutiveError | Run, accuracy: float) -> Sizes:
     """
     error = error_of(error)
     accuracy = checks.accuracy("size_map: accuracy", accuracy)
-    raise_together(error.domain.mesh.comm, None)
+    raise_together(error.domain.comm, None)
     mesh = NodalMesh(error.domain)
     d = mesh.domain.dim
     square = error.total_indicators**2

@@ -50,7 +50,7 @@ class Strategy(Protocol):
             error: The error of the last mesh, above the accuracy.
                 ``error.total_indicators`` has the errors of the cells that this rank
                 owns: a rank may have none. Greatest values and sums are to be reduced
-                over all ranks, by ``error.domain.mesh.comm``.
+                over all ranks, by ``error.domain.comm``.
             accuracy: Prescribed relative error of the run.
             max_cells: Greatest number of cells of a mesh that will be solved. A domain
                 with more cells ends the run.
@@ -112,7 +112,7 @@ def refined(domain: Domain, marked: np.ndarray, max_cells: int) -> Domain:
     Raises:
         InputError: If more than ``max_cells`` cells would come.
     """
-    count = domain.mesh.comm.allreduce(len(marked), MPI.SUM)
+    count = domain.comm.allreduce(len(marked), MPI.SUM)
     least = domain.cells + (2**domain.dim - 1) * count
     if least > max_cells:
         raise InputError(
@@ -140,7 +140,7 @@ def mark(error: ConstitutiveError | Run, fraction: float = 0.5) -> np.ndarray:
         array([ 0,  5, 10, 15], dtype=int32)
     """
     error = error_of(error)
-    comm = error.domain.mesh.comm
+    comm = error.domain.comm
     fraction = checks.fraction("mark: fraction", fraction)
     raise_together(comm, None)
     return largest(comm, error.total_indicators, fraction)

@@ -16,6 +16,7 @@ import numpy as np
 
 from erc_contact.admissible.pair import Admissible
 from erc_contact.mesh.simplex import bernstein, lagrange, measures, node_between, nodes, rule
+from erc_contact.model.contact_values import friction_parameters
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.friction import PROPORTIONAL
 from erc_contact.model.last_step import interpolate
@@ -279,7 +280,7 @@ def pair_on_surface(pair: Admissible) -> PairOnSurface:
 def _friction(model: Model, contact: BoundContact) -> np.ndarray:
     """Return the coefficient mu at nodes of facets [-], shape (f, m); collective."""
     ones = np.ones((len(contact.facets), len(model.facet_points)))
-    parameters = model.friction_parameters(contact, model.facet_points)
+    parameters = friction_parameters(model, contact, model.facet_points)
     return np.array(contact.friction_bound(ones, parameters))
 
 

@@ -122,7 +122,7 @@ class Assembled:
             sizes: The sizes.
             labels: Not used: the names are those that the bodies had.
         """
-        comm = like.mesh.comm
+        comm = like.comm
         plains = [member.meshed(like, sizes) for member in self.members]
         mesh, facet_tags, cell_tags = beside_each_other(comm, plains)
         blank: dict[str, Any] = {"curved_facets": None, "glued": None, "seams": None}

@@ -80,7 +80,7 @@ def assembly(bodies: Mapping[str, Domain]) -> Domain:
 def _communicator(bodies: Any) -> MPI.Comm:
     """Return the communicator of the first domain, or that of all ranks."""
     first = next(iter(bodies.values()), None) if isinstance(bodies, Mapping) else None
-    return first.mesh.comm if isinstance(first, Domain) else MPI.COMM_WORLD
+    return first.comm if isinstance(first, Domain) else MPI.COMM_WORLD
 
 
 def _check(bodies: Any) -> None:
@@ -108,7 +108,7 @@ def _check(bodies: Any) -> None:
                 f"assembly: {name!r} is in {domain.dim}D, the first body in {first.dim}D; all "
                 "must have the same dimension."
             )
-        if MPI.Comm.Compare(domain.mesh.comm, first.mesh.comm) > MPI.CONGRUENT:
+        if MPI.Comm.Compare(domain.comm, first.comm) > MPI.CONGRUENT:
             raise InputError(
                 f"assembly: {name!r} has another communicator than the first body; make all with "
                 "the same comm=."
@@ -142,7 +142,7 @@ def _region_tags(glued: Domain, plain: PlainMesh, first: int) -> dict[str, tuple
         return {REST: (NO_TAG, first)}
     result = {name: (tag, first + i) for i, (name, tag) in enumerate(glued.regions.items())}
     named = np.isin(plain.regions, list(glued.regions.values()))
-    if glued.mesh.comm.bcast(bool(named.all())):
+    if glued.comm.bcast(bool(named.all())):
         return result
     return {REST: (NO_TAG, first + len(result)), **result}
 

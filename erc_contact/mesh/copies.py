@@ -20,6 +20,7 @@ import numpy as np
 from dolfinx import mesh as dmesh
 
 from erc_contact.base.ranks import exchange, fetched
+from erc_contact.base.runtime.communicators import lasting
 from erc_contact.mesh.graphs import components, destinations
 from erc_contact.mesh.sides import facets_of_cells, inner_facets
 from erc_contact.mesh.simplex import facet_vertices
@@ -38,7 +39,7 @@ def numbered(mesh: dmesh.Mesh, is_cut: np.ndarray) -> tuple[np.ndarray, np.ndarr
         Numbers of the corners of the owned cells in the order of all ranks' nodes,
         shape (cells, d+1), and the nodes that this rank numbers [length], (n, d).
     """
-    comm = mesh.comm
+    comm = lasting(mesh.comm)
     d = mesh.topology.dim
     nodes = mesh.geometry.dofmaps[0]
     index_map = mesh.topology.index_map(d)
@@ -102,7 +103,7 @@ def _facet_nodes(mesh: dmesh.Mesh, facets: np.ndarray, cells: np.ndarray) -> np.
 
 def same_ranks(mesh: dmesh.Mesh) -> Callable[..., Any]:
     """Return a partitioner that repeats the owners and ghosts of a mesh; collective."""
-    comm = mesh.comm
+    comm = lasting(mesh.comm)
     index_map = mesh.topology.index_map(mesh.topology.dim)
     owned = index_map.size_local
     # Each owner learns which ranks have its cells as ghosts.

@@ -82,7 +82,7 @@ class Domain(Bodies):
         self.mesh.topology.create_connectivity(tdim - 1, tdim)
         self.mesh.topology.create_connectivity(tdim, tdim - 1)
         parts.check_tags(self.mesh, self.facet_tags, self.names, self.cell_tags, self.regions)
-        if self.mesh.comm.size > 1:
+        if self.comm.size > 1:
             self._complete()
         self._inside.update(parts.parts_inside(self.mesh, self.facet_tags, self.names))
 
@@ -90,7 +90,7 @@ class Domain(Bodies):
         """Give every rank complete vertex patches with all their tags; collective."""
         mesh = self.mesh
         tag_names = ("facet_tags", "cell_tags", "curved_facets")
-        tag_sets = [shared(mesh, getattr(self, name)) for name in tag_names]
+        tag_sets = [shared(self.comm, mesh, getattr(self, name)) for name in tag_names]
         if self.seams is None and not partition.patches_complete(mesh):
             mesh, tag_sets = partition.redistributed(mesh, *tag_sets)
         # A frozen dataclass sets its own members by this detour.
@@ -123,7 +123,7 @@ class Domain(Bodies):
             <Domain in 2D: 16 cells, ..., pairs punch/base of 4 facets>
         """
         glued = self if self.glued is None else self.glued
-        comm = self.mesh.comm
+        comm = self.comm
         together(comm, parts.check_sides, sides, on, self.names, glued.names, self.regions)
         tag = joining.last_tag(self) + 1
         here, there = sides
@@ -167,7 +167,7 @@ class Domain(Bodies):
             (('block bottom', 'base top'),)
         """
         glued = self if self.glued is None else self.glued
-        comm = self.mesh.comm
+        comm = self.comm
         together(comm, joining.check_parts, here, there, glued, self.pairs, apart)
         on = joining.last_tag(self) + 1
         found = joining.joint(glued, here, there, on, tied=tied, apart=apart)
@@ -245,10 +245,10 @@ class Domain(Bodies):
         Raises:
             InputError: If ``marked`` are not numbers of cells of this rank.
         """
-        cells = together(self.mesh.comm, checks.cells_to_refine, marked, self.owned_cells)
+        cells = together(self.comm, checks.cells_to_refine, marked, self.owned_cells)
         if self.glued is not None and self.seams is not None:
             return self.glued.refined(self.seams.cells[cells]).cut(self.seams.interfaces)
-        refinement = refine(self.mesh, cells, partition.partitioner(self.mesh.comm))
+        refinement = refine(self.mesh, cells, partition.partitioner(self.comm))
         fine = refinement.mesh
         facet_tags = refinement.inherited(self.facet_tags)
         cell_tags = refinement.inherited(self.cell_tags)
@@ -277,7 +277,7 @@ class Domain(Bodies):
             InputError: If the geometry is not known, a size is not > 0 and finite, or
                 gmsh fails.
         """
-        h = together(self.mesh.comm, parts.checked_sizes, sizes)
+        h = together(self.comm, parts.checked_sizes, sizes)
         if self.geometry is None:
             raise InputError(
                 "The true geometry of this domain is not known, only its mesh; refine it by "
@@ -285,6 +285,6 @@ class Domain(Bodies):
                 "read_mesh of a .geo file."
             )
         if self.glued is not None and self.seams is not None:
-            at_glued = together(self.mesh.comm, self.seams.least, h)
+            at_glued = together(self.comm, self.seams.least, h)
             return self.glued.remeshed(at_glued).cut(self.seams.interfaces)
         return self.geometry.meshed(self, h)

@@ -6,6 +6,7 @@ import numpy as np
 from dolfinx import mesh as dmesh
 
 from erc_contact.base.ranks import fetched
+from erc_contact.base.runtime.communicators import lasting
 from erc_contact.mesh.sides import facets_of_cells
 from erc_contact.mesh.tags import tags_of
 
@@ -34,7 +35,7 @@ class GivenCells:
 
     def of_cells(self, table: np.ndarray) -> np.ndarray:
         """Return the rows (cells, k) of the cells on this rank, with ghosts."""
-        return fetched(self.mesh.comm, table, self.source)
+        return fetched(lasting(self.mesh.comm), table, self.source)
 
     def of_sides(self, table: np.ndarray) -> np.ndarray:
         """Return the same for a table of sides or corners, shape (cells, d+1)."""

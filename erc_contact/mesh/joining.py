@@ -94,7 +94,7 @@ def last_tag(bodies: Bodies) -> int:
     if bodies.seams is not None:
         # Those of tied joints are on no facet.
         used += [tag for interface in bodies.seams.interfaces for tag in interface.tags]
-    return bodies.mesh.comm.allreduce(int(max(used)), MPI.MAX)
+    return bodies.comm.allreduce(int(max(used)), MPI.MAX)
 
 
 def joint(
@@ -114,7 +114,7 @@ def joint(
         InputError: If the parts do not lie against each other, or are in one region and
             not tied.
     """
-    comm = glued.mesh.comm
+    comm = glued.comm
     plain = gathered_mesh(glued)
     tags = (glued.names[here], glued.names[there])
     error: Exception | None = None

@@ -12,6 +12,7 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
+from erc_contact.base.runtime.communicators import lasting
 from erc_contact.mesh.sides import boundary_sides
 from erc_contact.mesh.tags import listed
 
@@ -39,6 +40,11 @@ class NamedMesh:
     )
 
     @property
+    def comm(self) -> MPI.Comm:
+        """Return the communicator of its ranks, which outlives the mesh; collective."""
+        return lasting(self.mesh.comm)
+
+    @property
     def dim(self) -> int:
         """Return the dimension of space, 2 or 3."""
         return self.mesh.topology.dim
@@ -64,8 +70,8 @@ class NamedMesh:
         x = self.mesh.geometry.x[:, : self.dim]
         low = np.full(self.dim, np.inf)
         high = np.full(self.dim, -np.inf)
-        self.mesh.comm.Allreduce(x.min(axis=0, initial=np.inf), low, MPI.MIN)
-        self.mesh.comm.Allreduce(x.max(axis=0, initial=-np.inf), high, MPI.MAX)
+        self.comm.Allreduce(x.min(axis=0, initial=np.inf), low, MPI.MIN)
+        self.comm.Allreduce(x.max(axis=0, initial=-np.inf), high, MPI.MAX)
         return high - low
 
     @property

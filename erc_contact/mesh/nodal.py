@@ -7,6 +7,7 @@ from dolfinx import la
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
+from erc_contact.base.runtime.communicators import lasting
 from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.simplex import measures
 from erc_contact.mesh.size_field import FILL
@@ -29,7 +30,7 @@ class NodalMesh:
         dim = domain.dim
         x = mesh.geometry.x[:, :dim]
         self.domain = domain
-        self.comm = mesh.comm
+        self.comm = lasting(mesh.comm)
         self._vector = la.vector(mesh.geometry.index_map(), dtype=np.float64)
         self.nodes = mesh.geometry.dofmaps[0][: domain.owned_cells]
         self.volume = measures(x[self.nodes])

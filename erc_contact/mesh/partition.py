@@ -22,6 +22,7 @@ from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError, raise_together
 from erc_contact.base.ranks import exchange
+from erc_contact.base.runtime.communicators import lasting
 from erc_contact.mesh.graphs import destinations
 from erc_contact.mesh.sides import boundary_sides
 from erc_contact.mesh.simplex import facet_vertices
@@ -147,7 +148,7 @@ def patches_complete(mesh: dmesh.Mesh) -> bool:
     local = np.bincount(vertices.ravel(), minlength=len(total.array))
     touched = np.unique(owned)
     complete = bool(np.all(local[touched] == total.array[touched]))
-    return bool(mesh.comm.allreduce(complete, MPI.LAND))
+    return bool(lasting(mesh.comm).allreduce(complete, MPI.LAND))
 
 
 def redistributed(
@@ -168,7 +169,7 @@ def redistributed(
     owned = mesh.topology.index_map(tdim).size_local
     local_cells = mesh.geometry.dofmaps[0][:owned]
     cells = nodes.local_to_global(local_cells.ravel()).reshape(owned, tdim + 1)
-    new = distributed(mesh.comm, cells, x)
+    new = distributed(lasting(mesh.comm), cells, x)
     new_tags = []
     for tags in tag_sets:
         new_tags.append(None if tags is None else _moved(tags, mesh, new))
@@ -211,7 +212,7 @@ def check_mesh(mesh: dmesh.Mesh) -> None:
             f"The mesh has curved cells of degree {degree}; only straight-sided cells (degree 1) "
             "are allowed. In gmsh: Mesh.ElementOrder = 1."
         )
-    raise_together(mesh.comm, error)
+    raise_together(lasting(mesh.comm), error)
 
 
 def check_shape(mesh: dmesh.Mesh) -> None:
@@ -227,7 +228,7 @@ def check_shape(mesh: dmesh.Mesh) -> None:
         InputError: If a coordinate is not finite, or a cell is turned over.
     """
     tdim = mesh.topology.dim
-    comm = mesh.comm
+    comm = lasting(mesh.comm)
     x = mesh.geometry.x[:, :tdim]
     finite = bool((abs(x) < HUGE).all())
     if not comm.allreduce(finite, MPI.LAND):

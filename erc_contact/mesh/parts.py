@@ -12,6 +12,7 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError, raise_together
+from erc_contact.base.runtime.communicators import lasting
 from erc_contact.mesh.tags import listed
 
 
@@ -59,7 +60,7 @@ def check_tags(
         )
     elif regions and (cell_tags is None or cell_tags.dim != tdim):
         error = InputError(f"The regions {listed(regions)} need cell tags of dimension {tdim}.")
-    raise_together(mesh.comm, error)
+    raise_together(lasting(mesh.comm), error)
 
 
 def parts_inside(
@@ -78,7 +79,7 @@ def parts_inside(
         # A ghost facet is counted by the rank that owns it.
         facets = facets[facets < owned]
         local_counts = np.array([len(facets), np.isin(facets, exterior).sum()])
-        count, exterior_count = mesh.comm.allreduce(local_counts, MPI.SUM)
+        count, exterior_count = lasting(mesh.comm).allreduce(local_counts, MPI.SUM)
         if not count:
             raise InputError(
                 f"Boundary part {name!r} (tag {tag}) has no facet; remove it or tag its facets."
@@ -143,7 +144,7 @@ def with_facets(
 ) -> dict[str, int]:
     """Return the names of the parts that have facets, with their tags; collective."""
     here = np.array([len(facet_tags.find(tag)) for tag in names.values()])
-    counts = mesh.comm.allreduce(here, MPI.SUM)
+    counts = lasting(mesh.comm).allreduce(here, MPI.SUM)
     return {name: tag for (name, tag), count in zip(names.items(), counts, strict=True) if count}
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from dolfinx import mesh as dmesh
 
 from erc_contact.base.ranks import fetched
+from erc_contact.base.runtime.communicators import lasting
 from erc_contact.mesh.tags import NO_TAG, tag_table, tags_of
 
 EDGE_SHEAR = np.eye(3) + 1e-5 * np.array(
@@ -61,7 +62,7 @@ class Refinement:
             rows: Rows of the children made here, shape (children, m).
             cells: Cells of the new mesh on this rank.
         """
-        return fetched(self.mesh.comm, rows, self.mesh.topology.original_cell_index[cells])
+        return fetched(lasting(self.mesh.comm), rows, self.mesh.topology.original_cell_index[cells])
 
 
 def refine(mesh: dmesh.Mesh, cells: np.ndarray, partitioner: Any) -> Refinement:

@@ -46,7 +46,7 @@ def count(domain: Domain, sizes: np.ndarray) -> float:
         domain: The mesh that carries the sizes.
         sizes: h at the nodes ``domain.mesh.geometry.x`` [length], shape (n,).
     """
-    return at_corners(domain, sizes).count(domain.mesh.comm)
+    return at_corners(domain, sizes).count(domain.comm)
 
 
 def meshed(

@@ -105,7 +105,7 @@ class Brick:
 
     def meshed_by(self, like: Domain, sizes: SizeField, labels: Labels) -> Domain:
         """Mesh the shape with sizes in the cells of a mesh; collective."""
-        return self.exact(meshed(self, self.build, like.mesh.comm, sizes, labels))
+        return self.exact(meshed(self, self.build, like.comm, sizes, labels))
 
     def with_joint(self, glued: Domain, joint: tuple[str, str, int, bool, float]) -> Assembled:
         """Return the shape of its bodies with a joint between two of them."""
@@ -164,7 +164,7 @@ class Drawing:
 
     def meshed_by(self, like: Domain, sizes: SizeField, labels: Labels) -> Domain:
         """Mesh the shape with sizes in the cells of a mesh; collective."""
-        return meshed(self, self.build, like.mesh.comm, sizes, labels)
+        return meshed(self, self.build, like.comm, sizes, labels)
 
     def with_joint(self, glued: Domain, joint: tuple[str, str, int, bool, float]) -> Assembled:
         """Return the shape of its bodies with a joint between two of them."""

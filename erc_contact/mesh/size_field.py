@@ -13,6 +13,7 @@ import numpy as np
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError, together
+from erc_contact.base.runtime.communicators import lasting
 from erc_contact.mesh.bodies import Bodies
 from erc_contact.mesh.simplex import barycentric, measures, rule
 from erc_contact.mesh.tags import NO_TAG, tag_table
@@ -102,7 +103,7 @@ def size_field(domain: Bodies, sizes: np.ndarray) -> SizeField:
         InputError: If a size is not > 0 and finite, or the sizes have another shape.
     """
     mesh = domain.mesh
-    h = together(mesh.comm, _checked, sizes, len(mesh.geometry.x))
+    h = together(lasting(mesh.comm), _checked, sizes, len(mesh.geometry.x))
     return at_corners(domain, np.exp(SIZE_STEP * np.round(np.log(h) / SIZE_STEP)))
 
 

@@ -21,6 +21,7 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
+from erc_contact.base.runtime.communicators import lasting
 from erc_contact.mesh.given import GivenCells
 from erc_contact.mesh.seams import Interface, Seams
 from erc_contact.mesh.sides import facets_of_cells, inner_facets
@@ -62,7 +63,7 @@ def claimed(
             between &= tags[facets] == interface.on
         between &= result[facets] < 0
         result[facets[between]] = number
-        if not mesh.comm.allreduce(bool(between.any()), MPI.LOR):
+        if not lasting(mesh.comm).allreduce(bool(between.any()), MPI.LOR):
             place = "" if interface.on is None else " of the part on="
             raise InputError(
                 f"split: the regions of {interface.names[0]!r} and {interface.names[1]!r} share no "
@@ -165,7 +166,7 @@ class Carried:
         # A pair is counted by the rank that owns the cell of its first side.
         firsts = [facing[interface.names][0] for interface in interfaces]
         owned = np.array([(sides[:, 0] < cell_map.size_local).sum() for sides in firsts])
-        counts = tuple(map(int, self.glued.comm.allreduce(owned, MPI.SUM)))
+        counts = tuple(map(int, lasting(self.glued.comm).allreduce(owned, MPI.SUM)))
         return Seams(tuple(interfaces), facing, cells, self._nodes(), counts)
 
     def _nodes(self) -> np.ndarray:

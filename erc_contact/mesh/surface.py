@@ -20,6 +20,7 @@ from dolfinx import fem, la
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
+from erc_contact.base.runtime.communicators import lasting
 from erc_contact.mesh.simplex import facet_vertices, lagrange, rule
 
 Nearest = Callable[[MPI.Comm, np.ndarray, np.ndarray], np.ndarray]
@@ -116,7 +117,7 @@ def snap(mesh: dmesh.Mesh, marks: dmesh.MeshTags, nearest: Nearest) -> None:
         after = np.linalg.det(moved[cells[:, 1:]] - moved[cells[:, :1]])
         crushed = np.unique(cells[after / before < LEAST_VOLUME])
         back = crushed[move[crushed].any(axis=1)]
-        if not mesh.comm.allreduce(len(back), MPI.SUM):
+        if not lasting(mesh.comm).allreduce(len(back), MPI.SUM):
             break
         # A vertex that one rank holds back stays on all of them.
         stays = la.vector(geometry.index_map(), 1)
@@ -192,7 +193,7 @@ def _moves(
     two_marks[several, 1] = node_marks[first[several] + 1, 1]
     keep = count < d
     chosen = chosen[keep]
-    move = nearest(mesh.comm, x[chosen], two_marks[keep]) - x[chosen]
-    size = mesh.comm.allreduce(float(abs(x).max(initial=0.0)), MPI.MAX)
+    move = nearest(lasting(mesh.comm), x[chosen], two_marks[keep]) - x[chosen]
+    size = lasting(mesh.comm).allreduce(float(abs(x).max(initial=0.0)), MPI.MAX)
     move[abs(move).max(axis=1, initial=0.0) <= OFFSET_ROUND_OFF * size] = 0.0
     return chosen, move

@@ -40,13 +40,13 @@ def tags_of(mesh: dmesh.Mesh, dim: int, entities: np.ndarray, values: np.ndarray
     return dmesh.meshtags(mesh, dim, numbers.astype(np.int32), tags)
 
 
-def shared(mesh: dmesh.Mesh, tags: dmesh.MeshTags | None) -> dmesh.MeshTags | None:
+def shared(comm: MPI.Comm, mesh: dmesh.Mesh, tags: dmesh.MeshTags | None) -> dmesh.MeshTags | None:
     """Share tags between all ranks that have the cell or facet; collective.
 
     Any of the ranks may have the tag. DOLFINx locates facets on the rank that owns
     them. The others have them, too, as ghosts.
     """
-    if tags is None or mesh.comm.size == 1:
+    if tags is None or comm.size == 1:
         return tags
     table = tag_table(tags)
     index_map = tags.topology.index_map(tags.dim)
@@ -63,6 +63,6 @@ def shared(mesh: dmesh.Mesh, tags: dmesh.MeshTags | None) -> dmesh.MeshTags | No
     rows[:owned, 0] = np.where(table[:owned] != NO_TAG, table[:owned] + 1, ghost_tags)
     vector.scatter_forward()
     shared_table = rows[:, 0].astype(np.int32) - 1
-    if not mesh.comm.allreduce(not np.array_equal(shared_table, table), MPI.LOR):
+    if not comm.allreduce(not np.array_equal(shared_table, table), MPI.LOR):
         return tags
     return tags_of(mesh, tags.dim, np.arange(len(shared_table)), shared_table)

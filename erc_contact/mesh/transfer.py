@@ -19,7 +19,7 @@ def gathered_mesh(mesh: NamedMesh) -> PlainMesh:
 
     The order of points and cells does not depend on the number of ranks.
     """
-    comm = mesh.mesh.comm
+    comm = mesh.comm
     geometry = mesh.mesh.geometry
     d = mesh.dim
     count = mesh.owned_cells

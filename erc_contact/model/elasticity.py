@@ -8,6 +8,7 @@ from functools import lru_cache
 import numpy as np
 from dolfinx import mesh as dmesh
 
+from erc_contact.base.runtime.communicators import lasting
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.expressions import Everywhere, OfNumbers
 from erc_contact.model.stand_ins import stand_in
@@ -61,7 +62,7 @@ class ElasticMatrix:
         self._numbers = {name: stand_in((), i) for i, name in enumerate(parameters)}
         # numpy is four times as slow as compiled code in its hundreds of operations.
         matrix = _matrix(material, d, inverse, self._numbers)
-        self._matrix = OfNumbers(matrix, mesh.comm, is_matrix=True)
+        self._matrix = OfNumbers(matrix, lasting(mesh.comm), is_matrix=True)
 
     def __call__(self, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
         """Evaluate the matrix at points.

@@ -15,6 +15,7 @@ from mpi4py import MPI
 from ufl.corealg.traversal import traverse_unique_terminals
 
 from erc_contact.base.runtime import compiled
+from erc_contact.base.runtime.communicators import lasting
 from erc_contact.base.ufl_tables import TableFunction, has_tables
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.array_code import array_code
@@ -60,7 +61,7 @@ def evaluate(
         if is_data(expression):
             x = evaluate(ufl.SpatialCoordinate(mesh), mesh, points, entities)
             return Everywhere(expression, mesh)(x, entities)
-    return compiled.expression(expression, points, mesh.comm).eval(mesh, entities)
+    return compiled.expression(expression, points, lasting(mesh.comm)).eval(mesh, entities)
 
 
 def at_cells(
@@ -92,7 +93,7 @@ class Everywhere:
         self.plain = None if varies(expression) else constant_value(expression)
         if self.plain is not None:
             return
-        self.values = OfNumbers(expression, mesh.comm)
+        self.values = OfNumbers(expression, lasting(mesh.comm))
         self._of_tables = {}
         for terminal in self.values.numbers:
             if isinstance(terminal, TableFunction):
@@ -244,7 +245,7 @@ def _geometric(
 ) -> fem.Expression:
     """Compile a geometric quantity at reference points of any mesh; collective."""
     cell = _cell(mesh.ufl_domain().ufl_coordinate_element())
-    return _compiled(quantity(cell), points, mesh.comm)
+    return _compiled(quantity(cell), points, lasting(mesh.comm))
 
 
 _cache_of_expressions: dict[Any, fem.Expression] = {}

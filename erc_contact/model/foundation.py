@@ -239,7 +239,7 @@ class BoundContact:
 
         Args:
             pressure: p >= 0 at the points [force/area], shape (f, q).
-            values: The law's parameters there, from :meth:`Model.friction_parameters`.
+            values: The law's parameters there, from ``friction_parameters``.
 
         Returns:
             The bound, shape (f, q); zero without friction.

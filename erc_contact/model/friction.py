@@ -13,6 +13,7 @@ from mpi4py import MPI
 from ufl.classes import Division, Product, Sum, Variable, Zero
 from ufl.corealg.traversal import unique_pre_traversal
 
+from erc_contact.base.runtime.communicators import lasting
 from erc_contact.base.runtime.patches import method_caches_off
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.expressions import OfNumbers
@@ -129,9 +130,9 @@ def bind_friction(mesh: dmesh.Mesh, what: str, law: Law, parameters: dict[str, U
     # The arrays that the error estimate passes have two axes, facets and points.
     pressure = np.ones((1, 1))
     values = {name: np.ones((1, 1)) for name in parameters}
-    dependence = call_of_user(mesh.comm, what, _dependence, mesh, bound)
+    dependence = call_of_user(lasting(mesh.comm), what, _dependence, mesh, bound)
     friction = Friction(law, parameters, dependence, _takes_arrays(law, pressure, values))
-    call_of_user(mesh.comm, what, friction.numbers, pressure, values)
+    call_of_user(lasting(mesh.comm), what, friction.numbers, pressure, values)
     return friction
 
 

@@ -28,7 +28,7 @@ def check_no_functions(scene: Scene, domain: Bodies) -> None:
     """
     x = ufl.SpatialCoordinate(domain.mesh)
     named = [name for name, value in _callables(scene) if _has_function(value, x)]
-    names = [name for of_rank in domain.mesh.comm.allgather(named) for name in of_rank]
+    names = [name for of_rank in domain.comm.allgather(named) for name in of_rank]
     if names:
         raise InputError(
             f"{names[0]} returns a Function, which lives on one mesh, and a run makes further"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from erc_contact.base.exceptions import InputError
+from erc_contact.model.contact_values import friction_parameters
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.model import Model
 
@@ -88,7 +89,7 @@ def _sampled_bound(model: Model, contact: BoundContact, pressure: np.ndarray) ->
     """
     points = model.facet_samples
     parameters = {}
-    for name, values in model.friction_parameters(contact, points).items():
+    for name, values in friction_parameters(model, contact, points).items():
         parameters[name] = values.ravel()
     count = len(contact.facets) * len(points)
     places = list(np.linspace(0, max(count - 1, 0), min(count, LAW_SAMPLES)).astype(int))

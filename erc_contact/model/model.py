@@ -12,15 +12,15 @@ from dolfinx import fem
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.mesh.domain import Domain
+from erc_contact.model.contact_values import friction_parameters, gap_at_nodes
 from erc_contact.model.contacts import bind_contact
 from erc_contact.model.coordinates import Coordinates
 from erc_contact.model.dimension import check_dimension
 from erc_contact.model.elasticity import ElasticMatrix
-from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import BoundContact
+from erc_contact.model.held_motions import free_motions
 from erc_contact.model.last_step import LastStep
 from erc_contact.model.loads import bind_loads, sum_of
-from erc_contact.model.motions import free_motions
 from erc_contact.model.neighbours import check_neighbours
 from erc_contact.model.nodal import at_nodes
 from erc_contact.model.rigid_faces import face_forces
@@ -255,22 +255,6 @@ class Model(Space):
             raise InputError(f"No contact is called {name!r}; this scene has {names}.")
         return contacts[name]
 
-    def friction_parameters(
-        self, contact: BoundContact, points: np.ndarray
-    ) -> dict[str, np.ndarray]:
-        """Evaluate the parameters of a contact's friction law, each of shape (f, q).
-
-        Args:
-            contact: The contact.
-            points: Reference points of its facets, shape (q, d-1).
-        """
-        if contact.friction is None:
-            return {}
-        values = {}
-        for name, value in contact.friction.parameters.items():
-            values[name] = evaluate(value, self.mesh, points, contact.facets)
-        return values
-
     def greatest_coefficient(self, contact: BoundContact) -> float:
         """Return the greatest coefficient of Coulomb friction [-]; collective.
 
@@ -278,15 +262,9 @@ class Model(Space):
         """
         if contact.friction is None or not isinstance(contact.friction.law, Coulomb):
             return 0.0
-        parameters = self.friction_parameters(contact, self.facet_points)
+        parameters = friction_parameters(self, contact, self.facet_points)
         _, most = self.extremes(parameters["friction"])
         return most
-
-    def gap_at_nodes(self, contact: BoundContact) -> np.ndarray:
-        """Evaluate the gap at the nodes of a contact [length], shape (f, m)."""
-        if contact.gap is None:
-            return np.zeros((len(contact.facets), len(self.facet_points)))
-        return evaluate(contact.gap, self.mesh, self.facet_points, contact.facets)
 
     def at_nodes(self, contact: BoundContact) -> BoundContact:
         """Return a contact with its data as Functions; collective.
@@ -296,4 +274,4 @@ class Model(Space):
         parameters, and the Bernstein coefficients of the gap and of the displacement of
         the last step.
         """
-        return at_nodes(self, contact, self.gap_at_nodes(contact))
+        return at_nodes(self, contact, gap_at_nodes(self, contact))

@@ -57,7 +57,7 @@ def matrix_of_ranks(
     """
     index_map = space.V.dofmap.index_map
     size = (index_map.size_local * space.d, index_map.size_global * space.d)
-    matrix = PETSc.Mat().create(comm=space.comm)
+    matrix = PETSc.Mat().create(comm=space.mesh.comm)
     matrix.setSizes((size, size), bsize=space.d)
     matrix.setType("aij")
     matrix.setPreallocationCOO(rows.astype(PETSc.IntType), columns.astype(PETSc.IntType))

@@ -23,6 +23,7 @@ from mpi4py import MPI
 from erc_contact.base.exceptions import InputError
 from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.simplex import barycentric, rule
+from erc_contact.model.contact_values import gap_at_nodes
 from erc_contact.model.expressions import Everywhere, evaluate
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.last_step import LastStep
@@ -237,7 +238,7 @@ def _check_supports_in_gap(model: Model) -> None:
         if contact.stiffness is not None:
             continue  # the foundation gives way
         trace = contact.trace
-        gap = model.gap_at_nodes(contact)
+        gap = gap_at_nodes(model, contact)
         n = contact.direction[:, None, :]
         # The normal displacement is prescribed where supports fix all its components.
         prescribed = (trace.fixed(model.fixed) | (abs(n) < 1e-12)).all(axis=-1)

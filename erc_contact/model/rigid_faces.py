@@ -153,7 +153,7 @@ def bind_rigid(space: Space, rigid: Rigid) -> RigidFace:
         free=free,
         resultants=np.array([resultant or 0.0 for resultant in rigid.resultants]),
         sizes=sizes,
-        comm=space.comm,
+        comm=space.mesh.comm,
     )
 
 

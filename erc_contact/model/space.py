@@ -74,7 +74,7 @@ class Space:
         self.degree = degree
         self.mesh = domain.mesh
         self.d = domain.dim
-        self.comm = self.mesh.comm
+        self.comm = domain.comm
         check_shape(self.mesh)
         self.x = ufl.SpatialCoordinate(self.mesh)
         self.n = ufl.FacetNormal(self.mesh)

@@ -21,6 +21,7 @@ from ufl.corealg.traversal import unique_post_traversal
 
 from erc_contact.base.checks import description
 from erc_contact.base.exceptions import ErcContactError, InputError, together
+from erc_contact.base.runtime.communicators import lasting
 from erc_contact.base.runtime.patches import method_caches_off
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.scene.material import Material, mandel_matrix, strain
@@ -137,7 +138,7 @@ def try_material(V: fem.FunctionSpace, material: Material, parameters: Mapping[s
     Raises:
         InputError: If one fails.
     """
-    comm = V.mesh.comm
+    comm = lasting(V.mesh.comm)
     what = f"The material {type(material).__name__}"
     u = ufl.TrialFunction(V)
     v = ufl.TestFunction(V)

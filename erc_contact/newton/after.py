@@ -38,7 +38,7 @@ def check_after(scene: Scene, domain: Domain, after: object) -> None:
         raise InputError(
             f"after is a solution in {after.domain.dim}D, and the domain is in {domain.dim}D."
         )
-    comms = MPI.Comm.Compare(after.domain.mesh.comm, domain.mesh.comm)
+    comms = MPI.Comm.Compare(after.domain.comm, domain.comm)
     if comms not in (MPI.IDENT, MPI.CONGRUENT):
         raise InputError(
             "after is a solution of other ranks than the domain; give one of the same communicator."

@@ -15,6 +15,7 @@ from mpi4py import MPI
 from erc_contact.base.logs import log_of
 from erc_contact.base.percent import percent
 from erc_contact.mesh.simplex import rule
+from erc_contact.model.contact_values import gap_at_nodes
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.model import Model
@@ -159,7 +160,7 @@ def _of_contact(model: Model, contact: BoundContact, solution: Solution, moved: 
         )
     w = contact.trace.of(solution.u.x.array)
     approach = (w * contact.direction[:, None, :]).sum(axis=-1)
-    distances = model.gap_at_nodes(contact) - approach
+    distances = gap_at_nodes(model, contact) - approach
     distance, _ = model.extremes(distances)
     apart = not contact.bilateral and distance > APART * moved
     if apart and not _pressed(contact, solution, moved + distances.max(axis=1, initial=0.0)):

@@ -14,6 +14,7 @@ import numpy as np
 from dolfinx import fem
 
 from erc_contact.base.exceptions import together
+from erc_contact.model.contact_values import gap_at_nodes
 from erc_contact.model.last_step import gathered_facets, interpolate
 from erc_contact.model.model import Model
 from erc_contact.newton.linear.stiffness import Stiffness
@@ -27,7 +28,7 @@ def across_gap(model: Model) -> fem.Function:
     across = model.function()
     for contact in model.contacts:
         if contact.gap is not None or contact.trace.before is not None:
-            gap = model.gap_at_nodes(contact)[..., None] * contact.direction[:, None, :]
+            gap = gap_at_nodes(model, contact)[..., None] * contact.direction[:, None, :]
             contact.trace.assign(across.x.array, gap + contact.trace.slip_before)
     across.x.scatter_forward()
     return across

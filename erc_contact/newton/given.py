@@ -60,7 +60,7 @@ def solution_of(
         InputError: If u does not fit the mesh, or is not finite.
     """
     began = perf_counter()
-    comm = domain.mesh.comm
+    comm = domain.comm
     degree = together(comm, _degree, scene, domain, u, degree)
     model = bind(scene, domain, degree)
     displacement = model.function()

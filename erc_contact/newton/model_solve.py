@@ -41,7 +41,7 @@ def solution_of(
         return _linear(model, method or DEFAULT, solver.guess, (), reason, solver.elastic)
     finally:
         solver.destroy()
-        track_communicator(model.domain, model.comm)
+        track_communicator(model.domain, model.mesh.comm)
         free_dropped(model.comm)
 
 

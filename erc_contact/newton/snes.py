@@ -15,6 +15,7 @@ from dolfinx import fem
 from petsc4py import PETSc
 
 from erc_contact.base.progress import at
+from erc_contact.base.runtime.communicators import lasting
 from erc_contact.base.runtime.interrupts import check_interrupts, interrupted
 from erc_contact.newton.linear.mumps import LIBRARY, ZERO_PIVOT
 
@@ -137,7 +138,7 @@ def attempt(
         code = snes.getConvergedReason()
         norm = snes.getFunctionNorm()
         reason = test.reason or REASONS.get(code, str(code))
-        check_interrupts(x.comm.tompi4py())
+        check_interrupts(lasting(x.comm.tompi4py()))
     except PETSc.Error as failure:
         if failure.ierr not in (ZERO_PIVOT, LIBRARY):
             raise
@@ -184,7 +185,7 @@ class _StoppingTest:
             return reasons.DIVERGED_FUNCTION_NANORINF
         x = snes.getSolution()
         _, atol, *_ = snes.getTolerances()
-        comm = x.comm.tompi4py()
+        comm = lasting(x.comm.tompi4py())
         at(comm, f"Newton step {step}")
         if interrupted(comm):
             # The exception comes when SNES has ended: it may lose one raised here.

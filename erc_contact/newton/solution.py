@@ -15,6 +15,7 @@ from erc_contact.base.html import table
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.simplex import in_space
+from erc_contact.model.contact_values import friction_parameters
 from erc_contact.model.forces import Force, body_force, by_cause, nodal_reactions, part_force
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.maximum import Maximum, greatest
@@ -166,7 +167,7 @@ class Solution:
             return False
         moved = float(abs(self.u.x.array - rest.x.array).max(initial=0.0))
         return bool(
-            self.domain.mesh.comm.allreduce(moved, MPI.MAX) <= REST_ROUND_OFF * self.domain.extent
+            self.domain.comm.allreduce(moved, MPI.MAX) <= REST_ROUND_OFF * self.domain.extent
         )
 
     def force(self, part: str) -> Force:
@@ -221,7 +222,7 @@ class Solution:
         r = profile_traction(model, where, self.traction(where))
         r_n, _, shear = split(r, where.direction[:, None, :])
         pressure = -r_n
-        parameters = model.friction_parameters(where, points)
+        parameters = friction_parameters(model, where, points)
         bound = where.friction_bound(np.maximum(pressure, 0.0), parameters)
         if where in model.ties:
             bound = np.full_like(pressure, np.inf)

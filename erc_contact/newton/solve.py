@@ -148,7 +148,7 @@ def solved(
         check_after(scene, domain, after)
     if tolerance is not None:
         tolerance = checks.positive("tolerance", tolerance, "an energy norm > 0, or None")
-    raise_together(domain.mesh.comm, None)
+    raise_together(domain.comm, None)
 
     before = None if after is None else last_step(after)
     model = bind(scene, domain, int(degree), before)

@@ -106,7 +106,7 @@ def plot_history(
             place(axes, np.tile(PANEL_SIZE, (2, 1)))
         return axes
 
-    return draw_figure(domain.mesh.comm, path, ax, draw)
+    return draw_figure(domain.comm, path, ax, draw)
 
 
 def _two_axes(ax: Any) -> np.ndarray:

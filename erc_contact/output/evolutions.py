@@ -57,7 +57,7 @@ def plot_energies(
     Returns:
         The axes on rank 0, None on the other ranks.
     """
-    comm = history.errors[0].domain.mesh.comm
+    comm = history.errors[0].domain.comm
 
     def draw(ax: Any) -> np.ndarray:
         time = history.column("time")
@@ -168,7 +168,7 @@ def plot_zones(
         raise InputError(
             "plot_zones: the picture of zones along a contact and in time is for bodies in 2D."
         )
-    comm = history.errors[0].domain.mesh.comm
+    comm = history.errors[0].domain.comm
     profiles = [error.profile(contact) for error in history.errors]
 
     def draw(ax: Any) -> Any:
@@ -209,7 +209,7 @@ def animate(history: LoadingHistory, path: str | Path, seconds: float = 0.15) ->
         path: The file.
         seconds: Time for which each frame is shown [s].
     """
-    comm = history.errors[0].domain.mesh.comm
+    comm = history.errors[0].domain.comm
     places = np.unique(np.linspace(0, len(history.errors) - 1, FRAMES).round().astype(int))
     shown = [history.errors[i] for i in places]
     factor = rounded(min(magnification(error) for error in shown))

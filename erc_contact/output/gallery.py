@@ -54,7 +54,7 @@ class Gallery:
         self.allowed = float("inf") if every else IMPORT_SECONDS + RUN_SHARE * run_seconds
         self.drawn: dict[str, str] = {}
         self.missing: dict[str, str] = {}
-        self._comm = domain.mesh.comm
+        self._comm = domain.comm
         self._dim = domain.dim
         self._cells = domain.cells
         self._began = perf_counter()

@@ -17,6 +17,7 @@ from erc_contact.admissible.pair import Admissible
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.simplex import in_space, node_between, node_vertices
+from erc_contact.model.contact_values import gap_at_nodes
 from erc_contact.model.model import Model
 from erc_contact.model.trace import split
 from erc_contact.output.files import degree_of, gathered
@@ -88,7 +89,7 @@ def whole_contact(admissible: Admissible, traction: ContactTraction) -> Surface 
     model = admissible.model
     contact = traction.contact
     own = contact.trace.here.owned
-    gap = model.gap_at_nodes(contact)
+    gap = gap_at_nodes(model, contact)
     displacement = contact.trace.since(admissible.displacement.x.array)
     w_n, slip, _ = split(displacement, contact.direction[:, None])
     nodes = traction.nodes

@@ -47,7 +47,7 @@ def draw_meshes(
         raise InputError(
             "draw_meshes: no mesh is given; give pairs (domain, eps_E), as in history.meshes."
         )
-    comm, dim = meshes[0][0].mesh.comm, meshes[0][0].dim
+    comm, dim = meshes[0][0].comm, meshes[0][0].dim
     greatest = MOST_MESHES[dim] if ax is None else np.size(ax)
     # Only rank 0 has the user's axes.
     chosen = _chosen(meshes, comm.bcast(greatest))

@@ -66,7 +66,7 @@ def draw_cells(
         The axes on rank 0, None on the other ranks.
     """
     domain = admissible.domain
-    comm = domain.mesh.comm
+    comm = domain.comm
     up = upward(admissible)
     body = gathered(comm, **body_mesh(domain))
     cells = gathered(comm, values=values)

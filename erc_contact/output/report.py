@@ -120,7 +120,7 @@ def write_report(
         note: What else has to be said of it, below the heading.
     """
     file = Path(path)
-    comm = run.error.domain.mesh.comm
+    comm = run.error.domain.comm
 
     def write() -> None:
         introduction = [without_paths(run.outcome), note]
@@ -258,7 +258,7 @@ def write_record(run: Run, path: str | Path, forces: Mapping[str, Force]) -> Non
     def write() -> None:
         Path(path).write_text(json.dumps(_record(run, forces), indent=1, allow_nan=False))
 
-    on_root(run.error.domain.mesh.comm, path, write)
+    on_root(run.error.domain.comm, path, write)
 
 
 def _record(run: Run, forces: Mapping[str, Force]) -> dict[str, Any]:
@@ -279,7 +279,7 @@ def _record(run: Run, forces: Mapping[str, Force]) -> dict[str, Any]:
         "steps": [asdict(step) for step in run.steps],
         "settings": {name: code_of(value) for name, value in run.settings.items()},
         "versions": versions(),
-        "machine": {**machine(), "ranks": run.error.domain.mesh.comm.size},
+        "machine": {**machine(), "ranks": run.error.domain.comm.size},
     }
     return _plain(record)
 

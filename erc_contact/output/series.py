@@ -55,7 +55,7 @@ def write_series(history: LoadingHistory, path: str | Path) -> None:
     Raises:
         OSError: If the file cannot be written.
     """
-    comm = history.errors[0].domain.mesh.comm
+    comm = history.errors[0].domain.comm
     meshes: list[dict[str, np.ndarray]] = []
     mesh_numbers = []
     points = []
@@ -95,7 +95,7 @@ def write_meshes(meshes: Sequence[tuple[Domain, np.ndarray]], path: str | Path) 
         OSError: If the file cannot be written.
     """
     first = meshes[0][0]
-    comm = first.mesh.comm
+    comm = first.comm
     bodies = [gathered(comm, **body_mesh(domain)) for domain, _ in meshes]
     cells = [gathered(comm, eps_E=eps) for _, eps in meshes]
     points: list[dict[str, np.ndarray]] = [{} for _ in meshes]

@@ -120,7 +120,7 @@ def adapt(
     )
     # The C compiler works on another core while the forms are compiled here.
     kernels_ahead(domain.dim)
-    comm = domain.mesh.comm
+    comm = domain.comm
     store = None
     if checkpoint is not None:
         check_folder(checkpoint, domain)

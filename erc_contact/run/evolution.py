@@ -184,7 +184,7 @@ class Evolution(RunResult):
 
     def to_csv(self, path: str | Path) -> None:
         """Write the rows as CSV; every rank may call, rank 0 writes."""
-        if self.error.domain.mesh.comm.rank != 0:
+        if self.error.domain.comm.rank != 0:
             return
         first = self.steps[0]
         names: list[str] = []
@@ -233,7 +233,7 @@ class Evolution(RunResult):
 
     def _save(self, folder: Path, gallery: Gallery | None) -> None:
         """Write the files to a folder that exists; collective."""
-        comm = self.error.domain.mesh.comm
+        comm = self.error.domain.comm
         forces = self.error.reactions()
         on_root(comm, folder / "evolution.csv", lambda: self.to_csv(folder / "evolution.csv"))
         write_record(self, folder / "evolution.json", forces)

@@ -121,7 +121,7 @@ def evolve(
             "give a Domain: rectangle(...), read_mesh(...)."
         )
     check_callback(callback)
-    comm = domain.mesh.comm
+    comm = domain.comm
     plan = checked_plan(
         together(comm, scene_at, ends[0]),
         domain,

@@ -28,6 +28,7 @@ from ufl.domain import extract_domains, extract_unique_domain
 
 from erc_contact.base.code import literal
 from erc_contact.base.exceptions import together
+from erc_contact.base.runtime.communicators import lasting
 from erc_contact.base.runtime.compiled import constants_with_ten_digits
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.base.versions import versions
@@ -94,7 +95,7 @@ def fingerprint_of_history(
     numbers: Mapping[str, Any],
 ) -> Fingerprint:
     """Describe a loading history: its first time, and later changes; collective."""
-    comm = domain.mesh.comm
+    comm = domain.comm
     prints = [fingerprint(together(comm, scene_at, t), domain, numbers) for t in times]
     first = prints[0]
     history = dict(first)
@@ -119,7 +120,7 @@ def differences(this: Fingerprint, kept: Fingerprint) -> list[str]:
 def _of_mesh(domain: Domain) -> Fingerprint:
     """Describe the first mesh: vertices, sizes of parts, true shape; collective."""
     mesh = domain.mesh
-    comm = mesh.comm
+    comm = lasting(mesh.comm)
     vertices = mesh.geometry.x[: mesh.geometry.index_map().size_local]
     rounded = np.round(vertices / domain.extent, DIGITS) + 0.0  # no -0.0
     parts = comm.gather(rounded)

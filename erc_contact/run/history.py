@@ -187,7 +187,7 @@ class History(RunResult):
 
     def to_csv(self, path: str | Path) -> None:
         """Write the rows as CSV; every rank may call, rank 0 writes."""
-        if self.best.domain.mesh.comm.rank == 0:
+        if self.best.domain.comm.rank == 0:
             with Path(path).open("w", newline="") as file:
                 writer = csv.DictWriter(file, COLUMNS)
                 writer.writeheader()
@@ -199,7 +199,7 @@ class History(RunResult):
 
     def _save(self, folder: Path, gallery: Gallery | None) -> None:
         """Write the files to a folder that exists; collective."""
-        comm = self.best.domain.mesh.comm
+        comm = self.best.domain.comm
         model = self.best.model
         forces = self.reactions()
         self._save_table(folder, forces)
@@ -220,7 +220,7 @@ class History(RunResult):
 
     def _save_table(self, folder: Path, forces: Mapping[str, Force]) -> None:
         """Write what needs no scene and no drawing; collective."""
-        comm = self.best.domain.mesh.comm
+        comm = self.best.domain.comm
         on_root(comm, folder / "history.csv", lambda: self.to_csv(folder / "history.csv"))
         write_record(self, folder / "history.json", forces)
         write_meshes(self.meshes, folder / "meshes.vtkhdf")

@@ -76,7 +76,7 @@ def checked_plan(
         # a finite element function is defined on one mesh alone
         check_no_functions(scene, domain)
     if accuracy > 1:
-        log_of(domain.mesh.comm).warning(
+        log_of(domain.comm).warning(
             f"accuracy is {accuracy:g}, a relative error of {percent(accuracy)}: any mesh reaches "
             f"it. For {accuracy:g}% write {accuracy / 100:g}."
         )

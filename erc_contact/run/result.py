@@ -55,7 +55,7 @@ class RunResult:
             InputError: If the folder cannot be written; nothing is drawn then.
         """
         domain = self.error.domain
-        comm = domain.mesh.comm
+        comm = domain.comm
         folder = made_folder(comm, folder)
         seconds = self.steps[-1].seconds
         gallery = Gallery(domain, folder, seconds, every=pictures is True)

@@ -73,7 +73,7 @@ class SavedHistory(History):
         def copy() -> None:
             shutil.copyfile(self.file, folder / "body.vtkhdf")
 
-        on_root(self.best.domain.mesh.comm, folder / "body.vtkhdf", copy)
+        on_root(self.best.domain.comm, folder / "body.vtkhdf", copy)
 
 
 def read_history(folder: str | Path, comm: MPI.Comm = MPI.COMM_WORLD) -> History:

@@ -80,7 +80,7 @@ class Walk:
     def go(self, domain: Domain) -> Evolution:
         """Walk from the first time, or from what is kept, to the last; collective."""
         self.domain = domain
-        self.comm = domain.mesh.comm
+        self.comm = domain.comm
         self.log = log_of(self.comm)
         self.doubts = DoubtsOfRun(self.comm)
         self.began = self.comm.bcast(perf_counter() if self.comm.rank == 0 else None)

@@ -41,6 +41,7 @@ from dolfinx import jit as dolfinx_jit
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
+from erc_contact.base.runtime.communicators import lasting
 from erc_contact.base.runtime.form_library import compiled_objects
 from erc_contact.base.runtime.parts import renumbered
 from erc_contact.base.runtime.patches import method_caches_off, refused, replaced
@@ -98,8 +99,9 @@ def _remembered(
 ) -> tuple[Any, Any, Any]:
     """Do what ``dolfinx.jit.ffcx_jit`` does, once for each key; collective."""
     key = _key(source, form_compiler_options, jit_options)
-    if not _all_known(comm, [key]):
-        (compiled,), module = compiled_objects(comm, [source], form_compiler_options)
+    ranks = lasting(comm)
+    if not _all_known(ranks, [key]):
+        (compiled,), module = compiled_objects(ranks, [source], form_compiler_options)
         _known[key] = compiled, module, (None, None)
     return _known[key]
 

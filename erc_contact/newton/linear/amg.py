@@ -8,6 +8,7 @@ from dolfinx import fem
 from mpi4py import MPI
 from petsc4py import PETSc
 
+from erc_contact.base.runtime.communicators import lasting
 from erc_contact.model.rigid_shapes import translations_and_rotations
 
 AMG_PREFIX = "erc_contact_elastic_"
@@ -64,7 +65,7 @@ def rigid_motions(space: fem.FunctionSpace, matrix: PETSc.Mat) -> PETSc.NullSpac
     index_map = space.dofmap.index_map
     x = space.tabulate_dof_coordinates()[: index_map.size_local, : space.dofmap.bs]
     # Rotations are about the middle: far from the origin they would be translations.
-    middle = space.mesh.comm.allreduce(x.sum(axis=0), MPI.SUM) / index_map.size_global
+    middle = lasting(space.mesh.comm).allreduce(x.sum(axis=0), MPI.SUM) / index_map.size_global
     motions = translations_and_rotations(x - middle)
     vectors = []
     for k in range(motions.shape[2]):
