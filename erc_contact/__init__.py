@@ -19,7 +19,8 @@ with sigterm_blocked():  # the threads that MPI starts block it, too
         import dolfinx_solver  # noqa: F401
     from mpi4py import MPI  # noqa: F401
 
-from erc_contact.admissible.pair import Admissible, equilibrate
+from erc_contact.admissible.equilibrate import equilibrate
+from erc_contact.admissible.pair import Admissible
 from erc_contact.base.exceptions import ErcContactError, InputError, NotConverged, NotHeldError
 from erc_contact.base.logs import log_to_console
 from erc_contact.error.bounds import potential_energy, resultant, work_of_loads

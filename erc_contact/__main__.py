@@ -12,7 +12,7 @@ from time import perf_counter
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from erc_contact.admissible.pair import equilibrate
+from erc_contact.admissible.equilibrate import equilibrate
 from erc_contact.base.versions import versions
 from erc_contact.error.constitutive import constitutive_error
 from erc_contact.mesh.sources import rectangle

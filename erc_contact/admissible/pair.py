@@ -13,42 +13,20 @@ Source: Coorevits, Hild, Hjiaj, equations (9), (10); Ladeveze, Leguillon (1983).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from time import perf_counter
 from typing import Any
 
 import numpy as np
 from dolfinx import fem
-from mpi4py import MPI
 
-from erc_contact.admissible.boundary import load_moments, supported
 from erc_contact.admissible.cells import (
     CellGeometry,
-    add_moments,
-    cell_geometry,
-    force_coefficients,
-    moments,
-    signed,
 )
-from erc_contact.admissible.contact import admissible_tractions
-from erc_contact.admissible.displacement import admissible_displacement
-from erc_contact.admissible.elastic import elastic_coefficients, macro_moduli
-from erc_contact.admissible.facets import equilibrated_moments
 from erc_contact.admissible.fields import (
     FIELD_DEGREE,
     stress_function,
     sub_dx,
     traction_function,
 )
-from erc_contact.admissible.loads import cell_forces
-from erc_contact.admissible.macro import macro_stress
-from erc_contact.admissible.rebalance import load_forces, other_forces, rebalanced_stress
-from erc_contact.admissible.springs import (
-    chosen_tractions,
-    spring_moments,
-    spring_tractions,
-)
-from erc_contact.admissible.tighten.complementary import relaxed
-from erc_contact.admissible.tighten.iteration import TIGHTEN, tightened
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError
@@ -165,127 +143,3 @@ def pair_of(result: Any) -> Admissible:
             "or what equilibrate() returns."
         )
     return pair
-
-
-def equilibrate(solution: Solution, tighten: int = TIGHTEN) -> Admissible:
-    """Reconstruct an admissible pair from a solution; collective.
-
-    Args:
-        solution: Any state of the contact solver; the bound does not depend on its
-            quality.
-        tighten: Greatest number of iterations that tighten sigma^, 0 for none. They end
-            when as many again, at the present pace, would lower e by less than 8%; 4 to
-            8 are usual, 10 to 30 near incompressibility.
-
-    Returns:
-        The admissible pair.
-
-    Raises:
-        NotHeldError: If no contact traction that the law allows balances the loads on a
-            free rigid motion.
-
-    Example:
-        >>> ec.equilibrate(solution)
-        <Admissible pair of degree 1 on 16 cells, 1 contacts, tightened 4 times>
-    """
-    return equilibrated(solution, tighten, None)
-
-
-def equilibrated(solution: Solution, tighten: int, near: Admissible | None) -> Admissible:
-    """Reconstruct an admissible pair, as :func:`equilibrate` does; collective.
-
-    Args:
-        solution: Any state of the contact solver.
-        tighten: Greatest number of iterations that tighten sigma^.
-        near: The pair of a scene on the same mesh that is nearly this one, with the
-            same supports. Tightening starts from what it has added there. It ends after
-            few iterations, and the difference of both stresses is as tight as they are.
-    """
-    began = perf_counter()
-    model = solution.model
-    owned = model.domain.owned_cells
-    cells = cell_geometry(model)
-    force = cell_forces(model, cells)
-    hat, tractions, stress, moment, fixed = _before_tightening(solution, cells, force)
-
-    # From degree 2 on, the tractions leave the bubbles of sigma^ to be chosen.
-    has_bubbles = model.degree > 1
-    iterations = 0
-    correction = None
-    if tighten > 0 or has_bubbles:
-        elastic = elastic_coefficients(model, cells, hat, owned)
-        compliance = macro_moduli(model, cells, len(cells.nodes), inverse=True)
-    if tighten > 0:
-        free = cells.has_second[:, None] | fixed
-        untightened = moment.copy()
-        if near is not None and near.correction is not None:
-            moment += near.correction
-        moment, iterations = tightened(
-            model, cells, moment, force, free, elastic, compliance, tighten
-        )
-        correction = moment - untightened
-    forces = force_coefficients(signed(cells, moment)[:owned], model.degree)
-    sigma = macro_stress(cells, owned, stress, forces, force)
-    if has_bubbles:
-        sigma = relaxed(cells, sigma, elastic, compliance)
-    of_springs = []
-    if model.springs:
-        of_springs = chosen_tractions(model, load_moments(model, cells), moment)
-    seconds = model.comm.allreduce(perf_counter() - began, MPI.MAX)
-    return Admissible(
-        solution,
-        hat,
-        tractions,
-        of_springs,
-        cells,
-        stress,
-        sigma,
-        moment,
-        force,
-        iterations,
-        correction,
-        seconds,
-    )
-
-
-def _before_tightening(
-    solution: Solution, cells: CellGeometry, force: np.ndarray | None
-) -> tuple[fem.Function, list[ContactTraction], np.ndarray, np.ndarray, np.ndarray]:
-    """Reconstruct the pair before sigma^ is tightened, as facet tractions; collective.
-
-    Returns:
-        u^; r^ on each contact; the rebalanced stress [force/area], shape (n, N_(k-1),
-        d, d); moments of facet tractions that balance every cell [force], shape
-        (facets, m, d); which components of a facet have any traction, shape (facets,
-        d).
-    """
-    model = solution.model
-    fixed = supported(model, cells)
-    loads = load_moments(model, cells)
-    others = other_forces(model, cells, loads, fixed, force, solution.u)
-    tractions = admissible_tractions(model, solution, others)
-    # A support takes up the load on its components.
-    boundary = np.where(fixed[:, None, :], 0.0, loads)
-    # The gap allows u at rest, also where facets do not carry the gap.
-    if not tractions or solution.at_rest:
-        hat = solution.u
-    else:
-        hat = admissible_displacement(model, solution.u, tractions)
-    for traction in tractions:
-        of_contact = moments(traction.area, traction.values, model.degree)
-        trace = traction.contact.trace
-        add_moments(model, boundary, trace.here.facets, of_contact)
-        if trace.there is not None:
-            # Action and reaction: on the other body acts the opposite traction.
-            add_moments(model, boundary, trace.there.facets, -trace.on_there(of_contact))
-    b = load_forces(model, cells, boundary, force)
-    stress, u = rebalanced_stress(model, solution.stiffness, cells, solution.u, b)
-    if model.springs:
-        # They pull at the displacement that is in equilibrium with their pull.
-        pulled = spring_moments(model, spring_tractions(model, u))
-        boundary += np.where(fixed[:, None, :], 0.0, pulled)
-    # A rank has all cells around the nodes of its own cells, but not around others.
-    complete = np.zeros(len(model.fixed), dtype=bool)
-    complete[model.nodes[: model.domain.owned_cells]] = True
-    moment = equilibrated_moments(cells, stress, force, boundary, fixed, complete)
-    return hat, tractions, stress, moment, fixed

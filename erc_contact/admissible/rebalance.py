@@ -9,6 +9,8 @@ polynomial of degree k-1 in a cell.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from dolfinx import fem, la
 from mpi4py import MPI
@@ -121,9 +123,27 @@ def other_forces(
     return OtherForces(motions, total[:-1], stiffness, free, float(total[-1]))
 
 
+@dataclass(frozen=True, eq=False)
+class Rebalanced:
+    """Hold the stress in equilibrium with admissible tractions, and what it took.
+
+    Attributes:
+        stress: Coefficients [force/area], shape (n, N_(k-1), d, d).
+        displacement: The displacement whose stress it is [length]; springs pull there.
+        missing: Nodal forces that the contact solve leaves, not summed over ranks
+            [force]; None where it leaves round-off.
+        change: The displacement by them [length], likewise.
+    """
+
+    stress: np.ndarray
+    displacement: fem.Function
+    missing: fem.Function | None
+    change: fem.Function | None
+
+
 def rebalanced_stress(
     model: Model, elastic: ElasticSolver, cells: CellGeometry, u: fem.Function, b: fem.Function
-) -> tuple[np.ndarray, fem.Function]:
+) -> Rebalanced:
     """Compute the stress in exact discrete equilibrium with nodal forces b; collective.
 
     The stress of the contact solve is not: b has the admissible tractions. An elastic
@@ -135,19 +155,17 @@ def rebalanced_stress(
 
     Args:
         model: The scene on a mesh.
-        elastic: The elastic solver of the contact solve; its factor ends here.
+        elastic: The elastic solver of the contact solve.
         cells: Geometry, n cells.
         u: Displacement of the contact solve [length].
         b: Nodal forces, not yet summed over ranks [force].
-
-    Returns:
-        Coefficients [force/area], shape (n, N_(k-1), d, d), and the displacement whose
-        stress it is [length], at which springs pull.
     """
     stress = cell_stress(model, cells, u)
     balanced = u
     if model.springs:
         balanced = u.copy()
+    missing = None
+    first = None
     with elastic.in_memory():
         for _ in range(BALANCE_SOLVES):
             forces = b
@@ -160,10 +178,12 @@ def rebalanced_stress(
                 break
             tolerance = max(SOLVE_SHARE * FORCE_ROUND_OFF / size, np.finfo(float).eps)
             change = elastic.solve(residual, supports=False, tolerance=tolerance)
+            if missing is None:
+                missing, first = residual, change
             stress += cell_stress(model, cells, change, change=True)
             if model.springs:
                 balanced.x.array[:] += change.x.array
-    return _stress_of_owners(model, cells, stress), balanced
+    return Rebalanced(_stress_of_owners(model, cells, stress), balanced, missing, first)
 
 
 def _stress_of_owners(model: Model, cells: CellGeometry, stress: np.ndarray) -> np.ndarray:

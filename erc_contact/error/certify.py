@@ -22,8 +22,9 @@ import numpy as np
 from mpi4py import MPI
 
 from erc_contact.admissible.elastic import act, elastic_stress, macro_moduli
+from erc_contact.admissible.equilibrate import equilibrate, equilibrated
 from erc_contact.admissible.macro import macro_points
-from erc_contact.admissible.pair import Admissible, equilibrate
+from erc_contact.admissible.pair import Admissible
 from erc_contact.admissible.springs import spring_squares
 from erc_contact.admissible.tighten.iteration import TIGHTEN
 from erc_contact.base.percent import percent
@@ -166,7 +167,8 @@ def certify(
         penetration = max(penetration, float(beyond.max(initial=0.0)))
     moved = float(abs(solution.u.x.array).max(initial=0.0))
     penetration, size = np.max(model.comm.allgather([penetration, moved]), axis=0)
-    error = constitutive_error(equilibrate(solution, tighten))
+    pair = equilibrated(solution, tighten, None, is_own=traction is None)
+    error = constitutive_error(pair)
     # On curved contacts that are partly closed, reactions of coarse meshes give an e
     # that is up to 1.5 times as large. Each is a bound.
     other = by_nitsche(solution) if traction is None else None

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from erc_contact.admissible.pair import Admissible, equilibrated
+from erc_contact.admissible.equilibrate import equilibrated
+from erc_contact.admissible.pair import Admissible
 from erc_contact.base.logs import muted
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.trials import PairOf

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from erc_contact.admissible.pair import equilibrate
+from erc_contact.admissible.equilibrate import equilibrate
 from erc_contact.base.checks import whole
 from erc_contact.base.exceptions import raise_together, together
 from erc_contact.error.constitutive import ConstitutiveError, constitutive_error

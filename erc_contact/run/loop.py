@@ -9,7 +9,7 @@ from time import perf_counter
 import numpy as np
 from mpi4py import MPI
 
-from erc_contact.admissible.pair import equilibrate
+from erc_contact.admissible.equilibrate import equilibrate
 from erc_contact.base.exceptions import InputError, NotConverged, together
 from erc_contact.base.logs import log_of
 from erc_contact.base.percent import percent

@@ -19,7 +19,7 @@ import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
 
-from erc_contact.admissible.pair import equilibrate
+from erc_contact.admissible.equilibrate import equilibrate
 from erc_contact.base.exceptions import InputError
 from erc_contact.error.constitutive import ConstitutiveError, constitutive_error
 from erc_contact.mesh.domain import Domain

@@ -48,7 +48,7 @@ def tightened(
     elastic: np.ndarray,
     compliance: np.ndarray,
     iterations: int,
-) -> tuple[np.ndarray, int]:
+) -> tuple[np.ndarray, int, float]:
     """Tighten the moments of facet tractions that are in equilibrium; collective.
 
     Args:
@@ -65,7 +65,8 @@ def tightened(
         iterations: Limit of the iterations.
 
     Returns:
-        The moments, and the number of iterations.
+        The moments, the number of iterations, and the square of the bulk part of the
+        error with them [force length].
     """
     comm, d, m = space.comm, cells.d, moment.shape[1]
     shared = _SharedMoments(space, cells)
@@ -88,8 +89,10 @@ def tightened(
     np.negative(r, out=r)
     # Linear moments are their own hierarchical ones.
     x = moment if m == d else np.zeros_like(r)
-    done = _minimise(shared, energy, precondition, x, r, square, iterations)
-    return x if m == d else moment + np.matmul(np.linalg.inv(to_hierarchical), x), done
+    done, square = _minimise(shared, energy, precondition, x, r, square, iterations)
+    if m > d:
+        x = moment + np.matmul(np.linalg.inv(to_hierarchical), x)
+    return x, done, square
 
 
 def _minimise(
@@ -100,7 +103,7 @@ def _minimise(
     r: np.ndarray,
     square: float,
     iterations: int,
-) -> int:
+) -> tuple[int, float]:
     """Minimise the complementary energy by conjugate gradients; collective.
 
     Args:
@@ -113,7 +116,7 @@ def _minimise(
         iterations: Limit of the iterations.
 
     Returns:
-        The number of iterations.
+        The number of iterations, and the square at their end.
     """
     comm = shared.comm
     p, rz, done = np.zeros_like(r), 1.0, 0
@@ -141,7 +144,7 @@ def _minimise(
         done += 1
         if done * gain < REMAINDER * square:
             break
-    return done
+    return done, square
 
 
 class _SharedMoments:
