@@ -96,7 +96,7 @@ def _of_nodes(space: Space, contact: BoundContact, values: np.ndarray) -> np.nda
         return result
     jumps = np.zeros(space.node_count, dtype=bool)
     jumps[nodes[differs]] = True
-    areas = np.broadcast_to(space.facet_areas(contact.facets)[:, None], nodes.shape)
+    areas = np.broadcast_to(contact.trace.here.areas[:, None], nodes.shape)
     area = np.bincount(nodes.ravel(), areas.ravel(), space.node_count)
     weighted = np.bincount(nodes.ravel(), (areas * values).ravel(), space.node_count)
     result[jumps] = weighted[jumps] / area[jumps]
