@@ -8,6 +8,7 @@ from dolfinx.mesh import meshtags
 from mpi4py import MPI
 
 import erc_contact as ec
+from erc_contact.model.expressions import evaluate
 
 COMM = MPI.COMM_WORLD
 
@@ -117,3 +118,39 @@ def test_means_by_cells(d, degree):
     assert len(set(peaks)) == 3
     with pytest.raises(ec.InputError, match="allowed are"):
         error.maximum("von Mises", stress="worst")
+
+
+@pytest.mark.parametrize(("d", "degree"), [(2, 1), (2, 2), (3, 1)])
+def test_data_at_nodes(d, degree):
+    """Where data jump, the rule at nodes keeps their integral; else each value stays."""
+    if d == 2:
+        # Facets of two lengths meet at a node.
+        body = ec.rectangle((0.0, 0.0), (1.0, 0.5), cells=(4, 2))
+        body = body.refined(np.arange(body.owned_cells // 2))
+    else:
+        body = ec.box((0.0, 0.0, 0.0), (1.0, 0.5, 0.5), cells=(4, 2, 2))
+    of_cells = fem.Function(fem.functionspace(body.mesh, ("DG", 0)))
+    of_cells.interpolate(lambda x: 1.5 + np.sin(1e4 * x[0] + 3e3 * x[1]))
+    jumping = fem.Function(fem.functionspace(body.mesh, ("DG", 1)))
+    jumping.interpolate(of_cells)
+
+    def data(value):
+        contact = ec.Contact("bottom", friction=ec.Tresca(value))
+        scene = ec.Scene(ec.Elastic(1.0, 0.3), ec.Displacement("top", (0.0,) * d), (), contact)
+        model = ec.solve(scene, body, degree=degree).model
+        (given,) = model.contacts
+        (nodal,) = model.at_nodes(given).friction.parameters.values()
+        return model, given, nodal
+
+    model, contact, nodal = data(lambda x: jumping)
+    ds = contact.ds(metadata=model.nodal_rule)
+    assert assembled(nodal * ds) == pytest.approx(assembled(jumping * ds), rel=1e-13)
+    assert assembled(abs(nodal - jumping) * ds) > 0.01 * assembled(nodal * ds)
+
+    model, contact, nodal = data(lambda x: 0.1 + x[0] ** 2)
+    parts = (model.mesh, model.facet_points, contact.facets)
+    (value,) = contact.friction.parameters.values()
+    at_nodes = evaluate(value, *parts)
+    last = np.zeros(model.node_count)
+    last[contact.trace.here.nodes] = at_nodes
+    assert np.array_equal(evaluate(nodal, *parts), last[contact.trace.here.nodes])

@@ -2,7 +2,8 @@
 
 Cells, eps to 1e-8 and Newton steps, through 2 to 5 refinements.
 
-With friction that varies on the contact, eps to 1e-10.
+With friction that varies on the contact, eps to 1e-10; also where data jump between
+facets, and in the interval, whose friction bounds do.
 
 Every rank solves the scene alone on its own communicator; all together solve it once
 more.
@@ -10,6 +11,7 @@ more.
 
 import numpy as np
 import pytest
+from dolfinx import fem
 from mpi4py import MPI
 from scenes import block, random_scene
 
@@ -129,3 +131,51 @@ def test_friction_that_vanishes_at_an_edge(degree):
         pair = ec.equilibrate(ec.solve(scene, domain, degree=degree), tighten=2)
         eps.append(ec.constitutive_error(pair).relative)
     assert eps[0] == pytest.approx(eps[1], rel=1e-10)
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("d", [2, 3])
+def test_data_that_jump_between_facets(d, degree):
+    """A node has the values of several facets, of which none is the last on all ranks."""
+    low, high = (0.0,) * d, (2.0, *(1.0,) * (d - 1))
+    push = ec.Displacement("top", (0.02, *(0.0,) * (d - 2), -0.02))
+    eps, forces = [], []
+    for comm in (MPI.COMM_SELF, MPI.COMM_WORLD):
+        make = ec.rectangle if d == 2 else ec.box
+        domain = make(low, high, cells=(6, *(3,) * (d - 1)), comm=comm)
+
+        def jumping(x, domain=domain):
+            of_cells = fem.Function(fem.functionspace(domain.mesh, ("DG", 0)))
+            of_cells.interpolate(lambda x: 1.5 + np.sin(1e4 * x[0] + 3e3 * x[1]))
+            function = fem.Function(fem.functionspace(domain.mesh, ("DG", 1)))
+            function.interpolate(of_cells)
+            return function
+
+        contact = ec.Contact(
+            "bottom",
+            friction=lambda x, jumping=jumping: 0.2 * jumping(x),
+            foundation=ec.Foundation(jumping),
+        )
+        error = certified(ec.Scene(ec.Elastic(1.0, 0.3), push, contacts=contact), domain, degree)
+        eps.append(error.relative)
+        forces.append(error.force("bottom").force)
+    assert eps[0] == pytest.approx(eps[1], rel=1e-8)
+    assert forces[0] == pytest.approx(forces[1], rel=1e-7)
+
+
+def test_interval_with_coulomb_friction():
+    """Its problem has a friction bound that jumps between facets."""
+    plate = ec.Rigid("top", (0.004, None), force=(None, -0.02), moment=0.001)
+    pull = ec.Traction("right", (0.001, 0.0))
+    scene = ec.Scene(ec.Elastic(1.0, 0.3), plate, pull, ec.Contact("bottom", friction=0.3))
+    bounds = []
+    for comm in (MPI.COMM_SELF, MPI.COMM_WORLD):
+        domain = ec.rectangle((0.0, 0.0), (2.0, 1.0), cells=(3, 3), comm=comm)
+        interval = ec.interval(certified(scene, domain), ec.Resultant("top", (1.0, 0.0)))
+        bounds.append([interval.low, interval.high])
+    assert bounds[0] == pytest.approx(bounds[1], rel=1e-7)
+
+
+def certified(scene, domain, degree=1):
+    solution = ec.solve(scene, domain, ec.AugmentedLagrangian(), degree=degree)
+    return ec.constitutive_error(ec.equilibrate(solution))

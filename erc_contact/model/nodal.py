@@ -12,6 +12,9 @@ from erc_contact.model.foundation import BoundContact
 from erc_contact.model.space import Space
 from erc_contact.model.symbolic import varies_in_cells
 
+CONTINUOUS = 1e-9
+"""Difference of two facets at a node that counts as none, over the greatest value."""
+
 
 def at_nodes(space: Space, contact: BoundContact, gaps: np.ndarray) -> BoundContact:
     """Return a contact with its data as Functions; collective.
@@ -67,7 +70,34 @@ def _nodal(
     """
     function = space.function()
     nodal = function.x.array.reshape(-1, space.d)
-    nodal[contact.trace.here.nodes, 0] = values
+    nodal[:, 0] = _of_nodes(space, contact, values)
     if coefficients:
         space.to_coefficients(nodal, [contact])
     return function[0]
+
+
+def _of_nodes(space: Space, contact: BoundContact, values: np.ndarray) -> np.ndarray:
+    """Return one value at each node from those of its facets, shape (nodes,).
+
+    Where facets differ, as of data that jump between them, it is the mean weighted with
+    their areas. So the sum of weights times values in the rule at the nodes is kept. A
+    rank has all facets at the nodes of its own cells, so it needs no communication.
+
+    Args:
+        space: The mesh.
+        contact: The contact.
+        values: The values, shape (f, m).
+    """
+    nodes = contact.trace.here.nodes
+    result = np.zeros(space.node_count)
+    result[nodes] = values
+    differs = abs(result[nodes] - values) > CONTINUOUS * abs(values).max(initial=0.0)
+    if not differs.any():
+        return result
+    jumps = np.zeros(space.node_count, dtype=bool)
+    jumps[nodes[differs]] = True
+    areas = np.broadcast_to(contact.trace.here.areas[:, None], nodes.shape)
+    area = np.bincount(nodes.ravel(), areas.ravel(), space.node_count)
+    weighted = np.bincount(nodes.ravel(), (areas * values).ravel(), space.node_count)
+    result[jumps] = weighted[jumps] / area[jumps]
+    return result
