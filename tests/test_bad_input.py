@@ -522,6 +522,10 @@ def test_conditions_that_do_not_conflict(block):
     sideways = ec.Traction("bottom", (0.01, 0.0))
     held = ec.Scene(STEEL, [SLIDES, ec.Displacement("left", (0.0, None))], [sideways, sideways])
     assert ec.solve(held, block).newton_steps == 0
+    # A vector that was turned has round-off where it should have a zero.
+    turned = dataclasses.replace(held, loads=[ec.Traction("bottom", (0.02, 1e-18))])
+    force = ec.solve(held, block).force("left").force
+    assert ec.solve(turned, block).force("left").force == pytest.approx(force, rel=1e-12)
     assert ec.Scene(STEEL, [SLIDES, SINKS]).supports == (SLIDES, SINKS)
 
 

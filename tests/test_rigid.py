@@ -351,7 +351,7 @@ BAD = {
     ),
     "load": (
         lambda: pressed(free_face(), loads=ec.Traction("top", (0.0, 1.0))),
-        "a Traction and a Displacement of all",
+        "a Traction and a Rigid; give the Rigid its resultant",
     ),
     "rough corner": (
         lambda: shares_nodes(0.3, ec.Rigid("right", force=(1.0, -1.0), moment=0.0)),

@@ -171,6 +171,10 @@ BAD = {
     "twice": (lambda: sprung(ec.Spring("left", 1.0), ec.Spring("left", 2.0)), "2 springs"),
     "contact": (lambda: sprung(ec.Spring("bottom", 1.0)), "in a Contact and in a Spring"),
     "support": (lambda: held(ec.Spring("bottom", 1.0)), "a Spring and a Displacement"),
+    "face": (
+        lambda: held(ec.Spring("left", 1.0), supports=[ec.Rigid("left", (0.0, 0.0), 0.0)]),
+        "a Spring and a Rigid",
+    ),
     "part": (lambda: ec.solve(held(ec.Spring("wall", 1.0)), plate()), "'wall'"),
     "no spring": (lambda: replace(held(), springs=3.0), "springs is 3.0"),
 }

@@ -218,7 +218,7 @@ BAD = {
     ),
     "shape": (
         lambda: ec.solve(walled(ec.Eigenstrain(((0.0,) * 3,) * 3)), plate()),
-        "needs a scalar or the shape",
+        "needs a scalar or the shape .* 2 rows of 2 components, which acts in plane",
     ),
     "math": (
         lambda: ec.solve(walled(ec.ThermalStrain(1.0, lambda x: np.sin(x[0]))), plate()),
@@ -236,6 +236,26 @@ def test_bad_strains_are_refused_in_words(case):
     attempt, words = BAD[case]
     with pytest.raises(ec.InputError, match=words):
         attempt()
+
+
+def turned(tensor, angle):
+    c, s = np.cos(angle), np.sin(angle)
+    turn = np.array([[-c, -s], [-s, c]])
+    return turn @ tensor @ turn.T
+
+
+def test_a_turned_strain_is_symmetric():
+    """Up to the round-off of its components; the symmetric part counts."""
+    strain = turned(np.array([[0.004, 0.001], [0.001, -0.003]]), 0.5236)
+    assert strain[0, 1] != strain[1, 0]
+    symmetric = 0.5 * (strain + strain.T)
+    force = []
+    for tensor in (strain, symmetric):
+        error = measured(walled(ec.Eigenstrain(tensor)), plate())
+        force.append(error.force("top").force)
+    assert force[0] == pytest.approx(force[1], rel=1e-12)
+    with pytest.raises(ec.InputError, match="half the shear angle"):
+        ec.Eigenstrain(strain + np.array([[0.0, 1e-9], [0.0, 0.0]]))
 
 
 class Rubber:

@@ -27,7 +27,7 @@ from erc_contact.model.expressions import Everywhere, evaluate
 from erc_contact.model.space import Space
 from erc_contact.model.symbolic import varies_in_cells
 from erc_contact.model.user_data import without_plain_numbers
-from erc_contact.model.users import IN_UFL, call_of_user
+from erc_contact.model.users import call_of_user
 from erc_contact.model.values import DATA_DEGREE, by_region, number, parameter
 from erc_contact.scene.material import Material, mandel_basis
 from erc_contact.scene.strain import GivenStrain
@@ -129,9 +129,11 @@ def _expression(space: Space, strain: GivenStrain) -> Ufl:
     returned = call_of_user(space.comm, what, call)
     expression = without_plain_numbers(returned, space.mesh, of_material=True)
     if expression.ufl_shape not in ((), (space.d, space.d)):
+        in_plane = ", which acts in plane" if space.d == 2 else ""
         raise InputError(
             f"{what} has shape {expression.ufl_shape}; the mesh needs a scalar or the shape"
-            f" {(space.d, space.d)}. {IN_UFL}"
+            f" {(space.d, space.d)}: a number is a strain in all directions of space, a tensor has"
+            f" {space.d} rows of {space.d} components{in_plane}."
         )
     return expression
 

@@ -5,7 +5,7 @@ Callables are checked on the mesh.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from math import isfinite
 from numbers import Real
 from typing import Any
@@ -15,6 +15,12 @@ import ufl
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.scene.material import Value
+
+ROUND_OFF = 1e-12
+"""Part of the greatest component that counts as none [-].
+
+A vector or tensor that a user has turned has such a part where it should have a zero.
+"""
 
 Vector = Sequence[Value] | Callable[[Any], Any]
 """d values, or a callable of x that returns a vector (UFL or a sequence)."""
@@ -76,6 +82,12 @@ def check_vector(what: str, value: Any, *, free: bool = False) -> None:
     for component in value:
         if not (free and component is None):
             check_value(f"{what}: a component", component)
+
+
+def round_off(components: Iterable[Any]) -> float:
+    """Return what is round-off beside components, of which callables do not count."""
+    numbers = [abs(float(value)) for value in components if isinstance(value, Real)]
+    return ROUND_OFF * max(numbers, default=0.0)
 
 
 def _check_no_ufl(what: str, value: Any) -> None:

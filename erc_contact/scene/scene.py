@@ -15,6 +15,7 @@ from typing import Any
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.html import table
+from erc_contact.scene.checks import round_off
 from erc_contact.scene.contact import Contact, Symmetry
 from erc_contact.scene.load import LOAD_MEMBERS, Load
 from erc_contact.scene.material import Material
@@ -183,14 +184,14 @@ class Scene:
     def _check_springs(self) -> None:
         """Check that each spring is alone on its boundary part, but for loads."""
         springs = Counter(spring.facets for spring in self.springs)
-        supported = {support.facets for support in self.supports}
+        supported = {support.facets: type(support).__name__ for support in self.supports}
         for facets, times in springs.items():
             if times > 1:
                 raise InputError(f"{facets!r} has {times} springs; give one with their sum.")
             if facets in supported:
                 raise InputError(
-                    f"{facets!r} has a Spring and a Displacement; keep one of them. A stiff spring"
-                    " holds a component nearly as a support does."
+                    f"{facets!r} has a Spring and a {supported[facets]}; keep one of them. A stiff"
+                    " spring holds a component nearly as a support does."
                 )
 
     def _check_load_on_support(self, load: Load, fixed: list[tuple[str, int]]) -> None:
@@ -205,15 +206,18 @@ class Scene:
         components = {i for support in supports for i in range(len(support.value))}
         free = components - {i for facets, i in fixed if facets == load.facets}
         if supports and not free:
+            support, remedy = "Displacement of all components", "free a component (None)"
+            if isinstance(supports[0], Rigid):
+                support, remedy = "Rigid", "give the Rigid its resultant (force, moment)"
             raise InputError(
-                f"{load.facets!r} has a {type(load).__name__} and a Displacement of all"
-                " components; free a component (None) or remove one of the two."
+                f"{load.facets!r} has a {type(load).__name__} and a {support}; {remedy} or remove"
+                " one of the two."
             )
         value = getattr(load, "value", None)
         if not isinstance(value, tuple):
             return
         for i, component in enumerate(value):
-            acts = callable(component) or component != 0
+            acts = callable(component) or abs(component) > round_off(value)
             if acts and (load.facets, i) in fixed:
                 raise InputError(
                     f"{load.facets!r} has a {type(load).__name__} and a Displacement in component"

@@ -18,7 +18,7 @@ import numpy as np
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.scene.checks import check_region, check_value
+from erc_contact.scene.checks import check_region, check_value, round_off
 from erc_contact.scene.material import Value
 
 Tensor = Value | Sequence[Sequence[Value]] | Callable[[Any], Any]
@@ -113,7 +113,7 @@ class Eigenstrain:
 
     Raises:
         InputError: If the value is none of these, or a tensor of numbers is not
-            symmetric.
+            symmetric up to round-off.
 
     Example:
         >>> ec.Eigenstrain(((0.001, 0.0), (0.0, -0.001)))
@@ -144,12 +144,15 @@ class Eigenstrain:
         for row in rows:
             for entry in row:
                 check_value("Eigenstrain: a component", entry)
+        tolerance = round_off(entry for row in rows for entry in row)
         for i in range(d):
             for j in range(i):
-                pair = (rows[i][j], rows[j][i])
-                if not any(callable(entry) for entry in pair) and pair[0] != pair[1]:
+                below, above = rows[i][j], rows[j][i]
+                if callable(below) or callable(above):
+                    continue
+                if abs(below - above) > tolerance:
                     raise InputError(
-                        f"Eigenstrain has the components {pair[1]:g} and {pair[0]:g} at ({j}, {i})"
+                        f"Eigenstrain has the components {above:g} and {below:g} at ({j}, {i})"
                         f" and ({i}, {j}); a strain is symmetric, give half the shear angle twice."
                     )
         object.__setattr__(self, "value", tuple(rows))
