@@ -169,6 +169,35 @@ def test_dissipation_is_of_second_order_in_time():
     assert last.split()[8] == f"{history.steps[-1].in_time:.1e}"
 
 
+@pytest.mark.on_ranks("augmented")
+@pytest.mark.parametrize(
+    "method", [ec.AugmentedLagrangian(), ec.Nitsche()], ids=["augmented", "Nitsche"]
+)
+def test_work_and_dissipation_have_one_slip(method):
+    """On one mesh the work of friction is never more than what it dissipates.
+
+    u^ of the last step slips at nodes where its solution sticks, and the reverse.
+    """
+
+    def scene_at(t):
+        force = (None, -0.02 * (1 + t * (2 - t)))
+        plate = ec.Rigid("top", (0.01 * np.sin(3 * t), None), force=force, moment=0.0)
+        return ec.Scene(ec.Elastic(1.0, 0.3), plate, contacts=ec.Contact("bottom", friction=MU))
+
+    block = ec.rectangle((0.0, 0.0), (2.0, 1.0), cells=(4, 2))
+    history = ec.evolve(scene_at, block, np.linspace(0.0, 0.5, 9)[1:], 0.9, method=method)
+    apart = 0.0
+    for last, error in pairwise(error.admissible for error in history.errors):
+        (before,), (now,) = last.tractions, error.tractions
+        slip = before.contact.trace.of(last.displacement.x.array) - now.contact.trace.slip_before
+        apart = max(apart, float(abs(slip[..., 0]).max(initial=0.0)))
+    assert COMM.allreduce(apart, MPI.MAX) > 1e-4
+    in_time = np.diff(history.column("in_time"))
+    assert in_time.min() >= -1e-12 * history.column("dissipated")[-1]
+    parts = np.array([error.contact_error for error in history.errors[1:]]) ** 2 / 2
+    assert np.all(in_time < 2 * parts)
+
+
 def test_dissipation_on_another_mesh():
     """The bound at the begin of a step is that of the law and the traction then, wherever they were computed."""
     first = ec.solve(lifted(0.5), box(), ec.AugmentedLagrangian())

@@ -17,12 +17,23 @@ step, with the mean of the friction bounds at both ends of the step,
 
 It is never below zero, and of second order in the length of the step. The bound at the
 end alone is of first order: it is too small where a part opens while it slides. Minus
-the work of friction, the tangential part of the work above, is of second order, too. It
-is smaller, because a traction is never above its bound nor always against the slip; on
-a facet with an open and a sticking node it may be below zero. Their difference
-estimates what the length of the step costs where a point begins to slide, or turns. It
-has the friction part of e^2/2 in it. It does not see how loads vary within a step in
-which all slides.
+the work of friction on the same slip,
+
+    ``-int (t_n + t_(n-1))/2 . (u^_t - s)``,
+
+is of second order, too. It is not larger, because a traction is never above its bound
+nor always against the slip; on a facet with an open and a sticking node it may be below
+zero. So their difference is not below zero either, but for what a new mesh makes of the
+traction at the begin. It estimates what the length of the step costs where a point
+begins to slide, or turns. It has the friction part of e^2/2 in it. It does not see how
+loads vary within a step in which all slides.
+
+The slip counts from s, that of the last solution. u^ of the last step may differ from
+it, where its traction made a node stick or slip that does not in the solution. Work on
+this difference is no slip of the step: it is in the work of the contacts alone.
+
+Moduli and springs that change between two steps do a work that is in none of these,
+``int eps_n : (C_n - C_(n-1)) eps_(n-1)/2`` and alike for springs.
 
 Symbols: r^ and u^ admissible traction and displacement, b friction bound, s tangential
 displacement of the last step, d dimension, f facets, m coefficients of a facet, q
@@ -58,7 +69,8 @@ class Energies:
     Attributes:
         work: Work of loads and supports on the body in the step.
         contact: Work of the contacts on the body in the step.
-        friction: The part of the work of the contacts that friction does.
+        friction: Work that friction does on the slip of the step, in that of the
+            contacts up to what u^ leaves of it.
         dissipated: Energy that friction takes in the step.
         stored: Strain energy at its end.
     """
@@ -80,41 +92,62 @@ def energies(error: ConstitutiveError, last: ConstitutiveError | None) -> Energi
     """
     pair = error.admissible
     before = None if last is None else last.admissible
-    normals = _normals(error.model)
     work = work_in_body(pair, before)
     contact_work = 0.0
-    friction_work = 0.0
+    sides = {side for contact in pair.model.scene.contacts for side in contact.sides}
     parts = _working(pair)
     if before is not None:
         parts |= _working(before)
     for part in sorted(parts):  # the same order on all ranks
-        total, tangential = _works(pair, before, part, normals.get(part))
-        if part not in normals:
-            work += total
+        of_part = _work(pair, before, part)
+        if part in sides:
+            contact_work += of_part
         else:
-            contact_work += total
-            friction_work += tangential
+            work += of_part
     work += work_of_strains(pair, before)
     stored = strain_energy(pair, pair.displacement).value
     floor = ROUND_OFF * stored
+    work_of_friction = 0.0
     dissipated = 0.0
     for traction in pair.tractions:
-        dissipated += _dissipated(pair, before, traction, floor)
-    return Energies(work, contact_work, friction_work, dissipated, stored)
+        if traction.contact.friction is not None:
+            begin = _traction_at_begin(pair.model, before, traction)
+            work_of_friction += _work_on_slip(pair, begin, traction)
+            dissipated += _dissipated(pair, begin, traction, floor)
+    return Energies(work, contact_work, work_of_friction, dissipated, stored)
+
+
+def _work_on_slip(pair: Admissible, begin: ContactTraction, end: ContactTraction) -> float:
+    """Compute ``int (t_n + t_(n-1))/2 . (u^_t - s)`` [force length]; collective.
+
+    Args:
+        pair: The admissible pair at the end of the step.
+        begin: The contact traction at its begin.
+        end: That at its end.
+    """
+    model = pair.model
+    trace = end.contact.trace
+    points, weights = rule(model.d - 1, 2 * model.degree)
+    slip = trace.since(pair.displacement.x.array)
+    slip = np.matmul(lagrange(model.d - 1, model.degree, points), slip)
+    t = np.matmul(bernstein(model.d - 1, model.degree, points), 0.5 * (begin.values + end.values))
+    _, t_t, _ = split(t, trace.direction[:, None, :])
+    own = trace.here.owned
+    local = float(end.area[own] @ ((t_t * slip)[own].sum(axis=-1) @ weights))
+    return float(model.comm.allreduce(local, MPI.SUM))
 
 
 def _dissipated(
-    pair: Admissible, before: Admissible | None, traction: ContactTraction, floor: float
+    pair: Admissible, begin: ContactTraction, end: ContactTraction, floor: float
 ) -> float:
-    """Compute what friction takes on a contact in a step [force length]; collective."""
-    if traction.contact.friction is None:
-        return 0.0
-    model = pair.model
-    u = pair.displacement
-    begin = _traction_at_begin(model, before, traction)
+    """Compute what friction takes on a contact in a step [force length]; collective.
+
+    The arguments are those of :func:`_work_on_slip`, and what integrals may leave
+    unknown.
+    """
     # both friction bounds act on the slip of this step
-    at_begin = friction_work(model, begin, u, floor)
-    at_end = friction_work(model, traction, u, floor)
+    at_begin = friction_work(pair.model, begin, pair.displacement, floor)
+    at_end = friction_work(pair.model, end, pair.displacement, floor)
     return 0.5 * (at_begin.value + at_end.value)
 
 
@@ -146,24 +179,6 @@ def _traction_at_begin(
     return replace(traction, contact=replace(contact, friction=friction), values=values)
 
 
-def _normals(model: Model) -> dict[str, np.ndarray]:
-    """Return the normals at the owned facets of each contact part, shape (f, d)."""
-    normals = {}
-    for contact in model.contacts:
-        trace = contact.trace
-        this, other = contact.side_names
-        sides = {this: trace.here}
-        if other is not None and trace.there is not None:
-            sides[other] = trace.there
-        for part, side in sides.items():
-            facets = model.domain.owned_facets(part)
-            number = model.facet_numbers(side.facets)
-            of_facets = np.zeros((model.facet_count, model.d))
-            of_facets[number] = contact.direction
-            normals[part] = of_facets[model.facet_numbers(facets)]
-    return normals
-
-
 def _working(pair: Admissible) -> set[str]:
     """Return the names of the boundary parts whose tractions may do work."""
     scene = pair.model.scene
@@ -174,9 +189,7 @@ def _working(pair: Admissible) -> set[str]:
     return parts
 
 
-def _works(
-    pair: Admissible, before: Admissible | None, part: str, n: np.ndarray | None
-) -> tuple[float, float]:
+def _work(pair: Admissible, before: Admissible | None, part: str) -> float:
     """Compute the work of the tractions on a boundary part [force length]; collective.
 
     On a mesh that refines the last one the integral is exact, on another one it is not.
@@ -185,11 +198,6 @@ def _works(
         pair: The admissible pair at the end of the step.
         before: That at its begin, or None.
         part: Name of the part.
-        n: Normals of its owned facets where it is a contact, shape (f, d), or None.
-
-    Returns:
-        The work, and the part of it that the tangential tractions of a contact do; 0
-        without contact.
     """
     model = pair.model
     points, weights = rule(model.d - 1, 2 * model.degree)
@@ -207,13 +215,8 @@ def _works(
         t = 0.5 * (t + old_t)
         u = u - old_u
     areas = model.facet_areas(facets)
-    total = float(areas @ ((t * u).sum(axis=-1) @ weights))
-    tangential = 0.0
-    if n is not None:
-        _, t_t, _ = split(t, n[:, None, :])
-        tangential = float(areas @ ((t_t * u).sum(axis=-1) @ weights))
-    total, tangential = model.comm.allreduce(np.array([total, tangential]), MPI.SUM)
-    return float(total), float(tangential)
+    local = float(areas @ ((t * u).sum(axis=-1) @ weights))
+    return float(model.comm.allreduce(local, MPI.SUM))
 
 
 def _fields(pair: Admissible, part: str, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -60,7 +60,8 @@ class TimeStep:
         moment: Moment about the origin on each of them by its name [force length].
         work: Work of loads and supports [force length].
         contact_work: Work of the contacts on the body [force length].
-        friction_work: The part of it that friction does.
+        friction_work: Work of friction on the slip of the steps; in contact_work up to
+            the errors of the steps.
         dissipated: What friction took [force length], of second order in the length of
             the steps; see :mod:`erc_contact.run.energy`.
         stored: Strain energy of u^ [force length].
@@ -101,7 +102,8 @@ class TimeStep:
         """Compute ``work + contact_work - stored`` [force length].
 
         It is zero for the exact solution of all steps. Both fields of the pair are in
-        it, so it is of the order of their errors.
+        it, so it is of the order of their errors. The work of moduli and springs that
+        change in time is in it, too.
         """
         return self.work + self.contact_work - self.stored
 
@@ -111,7 +113,8 @@ class TimeStep:
 
         It is ``dissipated + friction_work``. Both are of second order in the length of
         the steps, and differ where a point begins to slide, or turns. The friction part
-        of e^2/2 of the steps is in it, too. See :mod:`erc_contact.run.energy`.
+        of e^2/2 of the steps is in it, too. Below zero is at most what new meshes lose
+        of the tractions of the last step. See :mod:`erc_contact.run.energy`.
         """
         return self.dissipated + self.friction_work
 
