@@ -253,6 +253,30 @@ def test_histories_of_proportional_loads_are_one_step():
 # ---------------------------------------------------------------------------------------------------
 
 
+def test_order_of_contacts_changes_nothing():
+    """Those of a common node are set one after the other, whatever the order of the scene."""
+    left = ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(2, 2))
+    right = ec.rectangle((1.0, 0.0), (2.0, 1.0), cells=(3, 2))
+    above = ec.rectangle((0.4, 1.0), (1.6, 2.0), cells=(3, 2))
+    bodies = ec.assembly({"left": left, "right": right, "above": above})
+    bodies = bodies.joined("left right", "right left").joined("above bottom", "left top")
+    bodies = bodies.joined("above bottom outside", "right top")
+    contacts = [ec.Contact(one, against=other, friction=0.8) for one, other in bodies.pairs]
+    contacts += [ec.Contact("left bottom"), ec.Contact("right bottom")]
+    scene = ec.Scene(
+        ec.Elastic({"left": 1.0, "right": 1.0, "above": 3.0}, 0.3),
+        ec.Displacement("above top", (0.004, -0.02)),
+        ec.BodyForce((0.0, -0.003)),
+        contacts,
+        springs=[ec.Spring("left left", normal=0.3), ec.Spring("right right", normal=0.3)],
+    )
+    eps = []
+    for ordered in (contacts, contacts[::-1], [*contacts[1:], contacts[0]]):
+        solution = ec.solve(replace(scene, contacts=ordered), bodies, ec.Nitsche())
+        eps.append(ec.constitutive_error(ec.equilibrate(solution)).relative)
+    assert eps[1:] == pytest.approx([eps[0]] * 2, rel=1e-10)
+
+
 @pytest.mark.parametrize("count", [3, 4])
 def test_supports_are_supports_of_unknowns(count):
     """Whichever nodes of a joint are fixed, as many unknowns are, and they tell u there."""

@@ -57,6 +57,9 @@ def admissible_displacement(
     hat.name = "displacement"
     hat.x.array[:] = u.x.array
     values = hat.x.array.reshape(-1, model.d)
+    # Contacts with common nodes are set one after the other: by their names, so that
+    # their order in the scene changes nothing.
+    tractions = sorted(tractions, key=lambda traction: traction.contact.side_names[0])
     contacts = [traction.contact for traction in tractions]
     # Limits of Bernstein coefficients hold between the nodes, too.
     sides: list[OnFacets] = list(contacts)
