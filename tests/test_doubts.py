@@ -109,6 +109,46 @@ def test_percent_for_an_accuracy_is_told(run, warnings):
     )
 
 
+def two_bodies(d):
+    """One above the other."""
+    if d == 2:
+        upper = ec.rectangle((0.3, 1.0), (1.3, 2.0), cells=(3, 3))
+        lower = ec.rectangle((0.0, 0.0), (2.0, 1.0), cells=(4, 2))
+    else:
+        upper = ec.box((0.0, 0.0, 1.0), (1.0, 1.0, 2.0), cells=(2, 2, 2))
+        lower = ec.box((0.0, 0.0, 0.0), (1.0, 1.0, 1.0), cells=(2, 2, 2))
+    return ec.assembly({"A": upper, "B": lower}).joined("A bottom", "B top")
+
+
+def on_each_other(d, down, **entries):
+    moved = ec.Displacement("A top", (*(0.0,) * (d - 1), -down))
+    held = ec.Displacement("B bottom", (0.0,) * d)
+    return ec.Scene(STEEL, [moved, held], **entries)
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_bodies_without_a_contact(d, warnings):
+    """It is told that they go through each other, and of a foundation between them."""
+    bodies = two_bodies(d)
+    ec.solve(on_each_other(d, 0.02), bodies)
+    entered = "go into each other by 0.02: no Contact is between them"
+    assert len(warnings(of=entered)) == 1
+    contact = ec.Contact("B top")
+    ec.solve(on_each_other(d, -0.02, contacts=contact), bodies, ec.AugmentedLagrangian())
+    assert len(warnings(of="Contact('B top') has no against=")) == 1
+    if COMM.rank == 0:
+        assert len(warnings(of="Give Contact('A bottom', against='B top')")) == 2
+
+
+def test_bodies_with_a_contact_or_apart(caplog):
+    caplog.set_level(logging.WARNING, logger="erc_contact")
+    bodies = two_bodies(2)
+    ec.solve(on_each_other(2, -0.02), bodies)
+    ec.solve(on_each_other(2, 0.02, contacts=ec.Contact("B top", against="A bottom")), bodies)
+    ec.solve(on_each_other(2, 0.02, ties=ec.Tied("A bottom", "B top")), bodies)
+    assert not caplog.records
+
+
 def test_what_is_usual_is_not_doubtful(caplog):
     caplog.set_level(logging.WARNING, logger="erc_contact")
     block = ec.rectangle((0.0, 0.0), (2.0, 7.0), size=1.0)

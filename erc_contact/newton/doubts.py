@@ -19,6 +19,7 @@ from erc_contact.model.contact_values import gap_at_nodes
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.model import Model
+from erc_contact.model.trace import Trace
 from erc_contact.newton.solution import Solution
 
 ROTATION = 0.1
@@ -77,7 +78,7 @@ def doubts(solution: Solution) -> Doubts:
         )
     for contact in model.contacts:
         found |= _of_contact(model, contact, solution, moved)
-    return found
+    return found | _of_pairs(model, solution, moved)
 
 
 def tell(comm: MPI.Comm, found: Doubts) -> None:
@@ -168,6 +169,43 @@ def _of_contact(model: Model, contact: BoundContact, solution: Solution, moved: 
             f"Nothing touches the contact {contact.name!r}: its gap is {distance:.3g} or more "
             "everywhere. Look at the sign and the size of the gap, and at the loads."
         )
+    return found
+
+
+def _of_pairs(model: Model, solution: Solution, moved: float) -> Doubts:
+    """Find parts that face each other and have no contact between them; collective.
+
+    They are free, as the faces of a crack are, so it is doubtful only if the bodies go
+    into each other, or if a rigid foundation is in the place of one of them.
+    """
+    found: Doubts = {}
+    contacts = model.scene.contacts
+    between = {frozenset(contact.sides) for contact in contacts}
+    rigid = [contact for contact in contacts if contact.against is None and not contact.bilateral]
+    on_foundation = {contact.facets for contact in rigid}
+    interfaces = () if model.domain.seams is None else model.domain.seams.interfaces
+    for interface in interfaces:
+        here, there = interface.names
+        if interface.tied or frozenset(interface.names) in between:
+            continue
+        remedy = f"Give Contact({here!r}, against={there!r})"
+        alone = on_foundation.intersection(interface.names)
+        if alone:
+            names = " and ".join(f"Contact({name!r})" for name in sorted(alone))
+            found["foundation", here] = (
+                f"{names} has no against=, so a rigid foundation is there, though {here!r} and "
+                f"{there!r} lie against each other. {remedy} for a contact of both bodies."
+            )
+            continue
+        sides = [model.side(facets, model.modulus) for facets in model.domain.facing(here, there)]
+        n = model.outward_normals(sides[0].facets)
+        jump = Trace(sides[0], n, None, sides[1]).of(solution.u.x.array)
+        _, entry = model.extremes((jump * n[:, None, :]).sum(axis=-1))
+        if entry > APART * moved:
+            found["pair", here] = (
+                f"{here!r} and {there!r} go into each other by {entry:.3g}: no Contact is between "
+                f"them. {remedy}, or Tied({here!r}, {there!r}) to glue them."
+            )
     return found
 
 
