@@ -545,6 +545,17 @@ def test_supports_that_contradict_at_a_common_node(value, block):
     refused_scene(block, "'bottom'", "common node", "component 0", "None", supports=supports)
 
 
+def test_support_that_jumps_between_facets(block):
+    """A step from cell to cell has no value at their common node."""
+    step = fem.Function(fem.functionspace(block.mesh, ("DG", 0)))
+    step.interpolate(lambda x: np.where(x[0] < 0.5, -0.01, -0.02))
+    scene = ec.Scene(STEEL, ec.Displacement("top", (0.0, lambda x: step)))
+    refused(lambda: ec.solve(scene, block), "'top'", "jumps between facets", "component 1")
+    ramp = fem.Function(fem.functionspace(block.mesh, ("DG", 1)))
+    ramp.interpolate(lambda x: -0.01 - 0.01 * x[0])
+    ec.solve(ec.Scene(STEEL, ec.Displacement("top", (0.0, lambda x: ramp))), block)
+
+
 def test_supports_that_agree_at_a_common_node(block):
     supports = [
         ec.Displacement("left", (0.0, lambda x: 0.1 * x[1])),

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from dolfinx import fem
+from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError, raise_together
 from erc_contact.model.expressions import evaluate
@@ -75,6 +76,11 @@ def bind_supports(space: Space, supports: Sequence[Displacement | Rigid]) -> Sup
             elif callable(value):
                 expression = number(space, value, what)
                 at_nodes = evaluate(expression, space.mesh, space.facet_points, facets)
+                if _jumps(space, nodes, at_nodes):
+                    error = InputError(
+                        f"{what} jumps between facets in component {i}, which no displacement of"
+                        " a body does; give one that is continuous, e.g. a Lagrange Function."
+                    )
             else:
                 at_nodes = np.full(nodes.shape, float(value))
             tolerance = EQUAL_VALUES * float(abs(at_nodes).max(initial=1e-300))
@@ -116,3 +122,19 @@ def _of_owners(space: Space, marks: np.ndarray) -> np.ndarray:
     of_ranks.x.array[:] = marks.ravel()
     of_ranks.x.scatter_forward()
     return of_ranks.x.array.reshape(-1, space.d) > 0.5
+
+
+def _jumps(space: Space, nodes: np.ndarray, at_nodes: np.ndarray) -> bool:
+    """Tell whether facets of this rank have other values at a common node; collective.
+
+    Args:
+        space: The mesh.
+        nodes: Nodes of the facets, shape (f, m).
+        at_nodes: The values of each facet there, shape (f, m).
+    """
+    greatest = space.comm.allreduce(float(abs(at_nodes).max(initial=0.0)), MPI.MAX)
+    if not np.isfinite(at_nodes).all():
+        return False  # refused for that
+    of_node = np.zeros(space.node_count)
+    of_node[nodes] = at_nodes
+    return bool((abs(of_node[nodes] - at_nodes) > EQUAL_VALUES * greatest).any())
