@@ -26,7 +26,7 @@ from erc_contact.model.rigid_shapes import translations_and_rotations
 SOFT_SHARE = 0.15
 """Share of the bulk part of e^2 from which resultants are kept [-].
 
-Below it they could lower e by 8% at most.
+Below it the energies say that they lower e by 8% at most.
 """
 
 
