@@ -13,7 +13,7 @@ from erc_contact.model.space import Space
 from erc_contact.model.symbolic import varies_in_cells
 
 
-def at_nodes(space: Space, contact: BoundContact, gaps: np.ndarray) -> BoundContact:
+def at_nodes(space: Space, contact: BoundContact, gap: Ufl | None) -> BoundContact:
     """Return a contact with its data as Functions; collective.
 
     See :meth:`erc_contact.model.model.Model.at_nodes`.
@@ -21,9 +21,8 @@ def at_nodes(space: Space, contact: BoundContact, gaps: np.ndarray) -> BoundCont
     Args:
         space: The mesh.
         contact: The contact.
-        gaps: Its gap at the nodes [length], shape (f, m).
+        gap: Its gap by Bernstein coefficients [length], UFL, or None.
     """
-    gap = contact.gap
     stiffness = contact.stiffness
     friction = contact.friction
     trace = contact.trace
@@ -33,8 +32,6 @@ def at_nodes(space: Space, contact: BoundContact, gaps: np.ndarray) -> BoundCont
         trace = replace(trace, before=before)
     # The projection holds between Bernstein coefficients, so the gap is given by its
     # own; stiffness and parameters of the law are values at the nodes.
-    if contact.gap_varies:
-        gap = _nodal(space, contact, gaps, coefficients=True)
     if stiffness is not None:
         stiffness = _values(space, contact, stiffness)
     if friction is not None:
@@ -53,21 +50,8 @@ def _values(space: Space, contact: BoundContact, value: Ufl) -> Ufl:
     return _nodal(space, contact, values)
 
 
-def _nodal(
-    space: Space, contact: BoundContact, values: np.ndarray, *, coefficients: bool = False
-) -> Ufl:
-    """Make a scalar, UFL, from its values at the nodes of a contact.
-
-    Args:
-        space: The mesh.
-        contact: The contact.
-        values: The values, shape (f, m).
-        coefficients: Whether the nodal values of the scalar become the Bernstein
-            coefficients of these values, instead of the values.
-    """
+def _nodal(space: Space, contact: BoundContact, values: np.ndarray) -> Ufl:
+    """Make a scalar, UFL, from its values at the nodes of a contact, shape (f, m)."""
     function = space.function()
-    nodal = function.x.array.reshape(-1, space.d)
-    nodal[contact.trace.here.nodes, 0] = values
-    if coefficients:
-        space.to_coefficients(nodal, [contact])
+    function.x.array.reshape(-1, space.d)[contact.trace.here.nodes, 0] = values
     return function[0]
