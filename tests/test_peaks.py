@@ -44,10 +44,18 @@ def test_peak_that_is_steeper_on_one_side(power):
     assert greatest <= 1e-2
 
 
-def test_jump_costs_a_share_of_its_height():
-    least, greatest = on_segments(lambda s: np.where(s > 0, 0.0, -1.0))
+@pytest.mark.parametrize("slope", [0.0, 0.1, -0.5])
+def test_jump_costs_no_share_of_its_height(slope):
+    least, greatest = on_segments(lambda s: np.where(s > 0, -1.0, -abs(slope * s)))
     assert least >= 0.0
-    assert greatest <= 0.1 + 1e-12
+    assert greatest <= 1e-3 * max(1.0, abs(slope))
+
+
+@pytest.mark.parametrize("power", [0.3, 0.5, 1.0])
+def test_cusp_beside_a_jump_is_not_missed(power):
+    least, greatest = on_segments(lambda s: np.where(s > 0, -10.0, -(abs(s) ** power)))
+    assert least >= 0.0
+    assert greatest <= 1e-2
 
 
 @pytest.mark.parametrize(("power", "most"), [(0.5, 0.3), (1.0, 1e-2), (2.0, 1e-3)])

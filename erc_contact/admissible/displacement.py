@@ -18,6 +18,7 @@ from __future__ import annotations
 import numpy as np
 from dolfinx import fem
 
+from erc_contact.admissible.below import gap_limits
 from erc_contact.admissible.limits import Limits, limits_of
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.model.expressions import evaluate
@@ -65,7 +66,8 @@ def admissible_displacement(
     sides: list[OnFacets] = list(contacts)
     sides += [contact.trace.there for contact in contacts if contact.trace.there is not None]
     model.to_coefficients(values, sides)
-    limits = [limits_of(model, traction) for traction in tractions]
+    gaps = [gap_limits(model, contact, values) for contact in contacts]
+    limits = [limits_of(model, *pair) for pair in zip(tractions, gaps, strict=True)]
     free = ~model.fixed
     for traction, limit in zip(tractions, limits, strict=True):
         _set_status(model, values, free, traction, limit)

@@ -1,9 +1,7 @@
 """Limits of the normal displacement at the nodes of a contact.
 
-If the gap varies along a facet, the limits are lowered until they are below the gap on
-the whole facet, also at its kinks, cusps and jumps (:mod:`erc_contact.mesh.peaks`). An
-asperity is found if it changes the gap at one of the first samples, 72 on a facet in 2D
-and 352 in 3D.
+They are Bernstein coefficients of polynomials that are not above the gap anywhere on
+their facets (:mod:`erc_contact.admissible.below`).
 
 Symbols: n normal of the contact, w its displacement (between two bodies the jump), g
 gap, r^ admissible contact traction, m number of coefficients of a facet, which belong
@@ -17,18 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from erc_contact.admissible.traction import ContactTraction
-from erc_contact.mesh.peaks import upper_bounds
-from erc_contact.mesh.quadrature import facet_pieces, polynomials
-from erc_contact.model.contact_values import gap_at_nodes
-from erc_contact.model.expressions import Everywhere
-from erc_contact.model.foundation import BoundContact
-from erc_contact.model.kinks import kinks_on_facets
 from erc_contact.model.model import Model
-from erc_contact.model.symbolic import varies_in_cells
 from erc_contact.model.trace import Trace
-
-POLYNOMIAL = 1e-14
-"""Excess of a polynomial over the gap that is round-off, over its values [-]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,16 +99,16 @@ class Limits:
         return np.bincount(self.of_facet.ravel(), of_facets.ravel(), len(self.nodes))
 
 
-def limits_of(model: Model, traction: ContactTraction) -> Limits:
+def limits_of(model: Model, traction: ContactTraction, gaps: np.ndarray) -> Limits:
     """Find the limits of a contact; collective.
 
-    Their bounds are Bernstein coefficients of polynomials below the gap. In a bilateral
-    contact these equal the gap at the nodes.
+    Args:
+        model: The scene on a mesh.
+        traction: r^ on the contact.
+        gaps: Coefficients of the gap, or of polynomials below it [length], shape (f,
+            m).
     """
     contact = traction.contact
-    if contact not in model.gap_limits:
-        model.gap_limits[contact] = _gap_limits(model, contact)
-    gaps = model.gap_limits[contact]
 
     # One limit for each pair of a node and a normal, and the least gap of its facets.
     normals = np.broadcast_to(contact.direction[:, None, :], traction.values.shape)
@@ -156,44 +144,3 @@ def _share_of_node(trace: Trace, node_count: int) -> np.ndarray:
         np.maximum.at(of_side, trace.here.nodes, side.stiffness[:, None])
     total = stiffness.sum(axis=0)
     return np.divide(stiffness[1], total, out=np.ones(node_count), where=total > 0)
-
-
-def _gap_limits(model: Model, contact: BoundContact) -> np.ndarray:
-    """Return coefficients of polynomials below the gap [length]; collective.
-
-    Their shape is (f, m).
-    """
-    gaps = contact.trace.coefficients(gap_at_nodes(model, contact))
-    if contact.gap is not None and varies_in_cells(contact.gap) and not contact.bilateral:
-        gaps = gaps - _excess(model, contact, gaps)[:, None]
-    return gaps
-
-
-def _excess(model: Model, contact: BoundContact, gaps: np.ndarray) -> np.ndarray:
-    """Bound the excess of polynomials over the gap on each facet [length]; collective.
-
-    Args:
-        model: The scene on a mesh.
-        contact: The contact.
-        gaps: Coefficients of the polynomials [length], shape (f, m).
-
-    Returns:
-        The bounds, shape (f,).
-    """
-    facets = contact.facets
-    gap = Everywhere(contact.gap, model.mesh)
-    size = np.zeros(len(facets))
-
-    def above(facet: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
-        shape = polynomials(model.degree, places)
-        polynomial = np.matmul(shape, gaps[facet][..., None])[..., 0]
-        excess = polynomial - gap(x, facets[facet])
-        np.maximum.at(size, facet, abs(excess).max(axis=1))
-        return excess
-
-    # A polynomial gap is met to round-off, which is no excess.
-    round_off = POLYNOMIAL * abs(gaps).max(axis=1, initial=0.0)
-    corners = contact.trace.here.corners
-    kinks = kinks_on_facets(model, [contact.gap], facets)
-    highest = upper_bounds(above, corners, facet_pieces(model.d - 1), round_off, kinks)
-    return np.where(size > round_off, highest, 0.0)

@@ -11,11 +11,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from mpi4py import MPI
 
-from erc_contact.mesh.simplex import averages, lagrange, rule
+from erc_contact.mesh.simplex import averages, barycentric, lagrange, rule
 from erc_contact.model.contact_values import gap_at_nodes
+from erc_contact.model.expressions import Everywhere
 from erc_contact.model.foundation import BoundContact
+from erc_contact.model.jumps import jumps
 from erc_contact.model.space import Space
+from erc_contact.model.symbolic import varies_in_cells
 from erc_contact.model.trace import split
 
 MOBILITY = 0.1
@@ -27,6 +31,12 @@ ROUND_OFF_MOBILITY = 1e-12
 """kappa where no balance is needed [-].
 
 It is the accuracy of the traction of a method, over ``E/h |w|``.
+"""
+FAR_OPEN = 2.0
+"""Mean opening over ``h/E |r|`` beyond which a facet with a jump is far open [-].
+
+Its shift is the opening over this number, which is more than the traction. 1 to 3 give
+the same e within 30%.
 """
 FAR_SLIP = 1e3
 """Slip over ``h/E |r|`` beyond which this kappa grows with the slip [-]."""
@@ -115,3 +125,45 @@ def shift_by_slip(space: Space, contact: BoundContact, u: np.ndarray) -> Shift:
     mean_path = stiffness * length @ average.T
     mean_opening = stiffness * opening @ average.T
     return Shift(slip, mean_path, mean_opening, n)
+
+
+def shift_of_far_open(
+    space: Space, contact: BoundContact, shift: Shift, u: np.ndarray, r: np.ndarray
+) -> np.ndarray:
+    """Compute a shift by opening on facets that are far open; collective.
+
+    A gap that jumps leaves a facet open beside one that is closed. The pressure at
+    their common node would act through the opening.
+
+    Args:
+        space: The mesh.
+        contact: The contact.
+        shift: Its shift, with the gap of the nodes.
+        u: As in :func:`shift_by_slip`.
+        r: Tractions [force/area], shape (f, m, d).
+
+    Returns:
+        The shift, shape (f, m, d).
+    """
+    result = np.zeros_like(r)
+    if contact.gap is None or contact.bilateral or not varies_in_cells(contact.gap):
+        return result
+    pressure = -(r * shift.n).sum(axis=2)
+    limit = FAR_OPEN * np.linalg.norm(r, axis=2).max(axis=1, initial=0.0)
+    pressed = pressure.max(axis=1, initial=0.0) > 0
+    far = np.flatnonzero(pressed & (shift.opening.mean(axis=1) > limit))
+    if not space.comm.allreduce(len(far) > 0, MPI.LOR):
+        return result
+    far = far[jumps(space, contact, gap_at_nodes(space, contact), far)]
+    # There the gap is not that of the nodes.
+    points, weights = rule(space.d - 1, space.contact_degree)
+    shape = lagrange(space.d - 1, space.degree, points)
+    x = np.matmul(barycentric(points), contact.trace.here.corners[far])
+    gap = Everywhere(contact.gap, space.mesh)(x, contact.facets[far])
+    w_n = np.matmul(shape, u[far]) @ contact.direction[far][..., None]
+    opening = np.maximum(gap - w_n[..., 0], 0.0)
+    average = averages(space.d - 1, space.degree, points, weights)
+    opening = contact.trace.stiffness[far, None] * opening @ average.T
+    opening[opening.mean(axis=1) <= limit[far]] = 0.0
+    result[far] = opening[..., None] / FAR_OPEN * shift.n[far]
+    return result

@@ -13,7 +13,7 @@ import numpy as np
 
 from erc_contact.admissible.allowed import Allowed
 from erc_contact.admissible.sampled import friction_at_samples, with_friction
-from erc_contact.admissible.shift import Shift, shift_by_slip
+from erc_contact.admissible.shift import Shift, shift_by_slip, shift_of_far_open
 from erc_contact.admissible.traction import ContactTraction, is_curved
 from erc_contact.mesh.simplex import averages, projection, rule
 from erc_contact.model.expressions import evaluate
@@ -143,8 +143,10 @@ def trial_of(space: Space, contact: BoundContact, solution: Any) -> Trial:
     shift = shift_by_slip(space, contact, since_last_step)
     sampled = evaluate(solution.traction(contact), space.mesh, points, contact.facets)
     values = np.matmul(project, sampled)
+    opens = shift_of_far_open(space, contact, shift, since_last_step, values)
+    values = values + opens
     traction = ContactTraction(contact, nodes, area, values, np.zeros(nodes.shape))
     allowed = Allowed(space, contact, np.ones(len(nodes)))
     level = np.zeros(len(nodes), dtype=bool)
-    mean = np.matmul(average, sampled)
+    mean = np.matmul(average, sampled) + opens
     return Trial(traction, mean, shift, allowed, level, is_curved(space.comm, contact))

@@ -39,6 +39,14 @@ JUMP_SHARE = 0.02
 If each value of a piece is within this share of the range from one of the two, nothing
 hides between the samples.
 """
+JUMP_RISE = SMOOTH_RISE / JUMP_SHARE
+"""Rise of the pieces that are left at a jump, as a multiple of that distance [-]."""
+INHERITED_AT_JUMP = 0.85
+"""Share of that rise of a piece that its halves have at least [-].
+
+It is the decrease of a cusp with power 0.25. A half may have a single sample on the
+higher side of the jump, and no distance.
+"""
 SMOOTH_TOLERANCE = 1e-3
 """Excess of a bound in smooth pieces, as a share of the range on the simplex [-]."""
 ROUGH_TOLERANCE = 1e-5
@@ -47,6 +55,8 @@ INHERITED_SHARE = 0.5
 """Share of the rise of a piece that is not smooth that its halves have at least [-]."""
 PEAK_ROUNDS = 60
 """Greatest number of bisections of a piece."""
+JUMP_ROUNDS = 40
+"""The same at a jump, so that round-off does not move its samples onto each other."""
 MOST_PIECES = 1000
 """Number of pieces of a simplex that may be bisected in one round.
 
@@ -113,12 +123,16 @@ def _of_chunk(
     lowest = np.full(count, np.inf)
     bound = np.full(count, -np.inf)
     inherited = np.zeros(len(simplex))
+    inherited_at_jump = np.zeros(len(simplex))
 
     def values_at(simplex: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
         return f(numbers[simplex], places, x)
 
     for turn in range(PEAK_ROUNDS + 1):
-        greatest, least, roughness = _on_pieces(values_at, vertices, simplex, corners, inherited)
+        found = _on_pieces(values_at, vertices, simplex, corners, inherited)
+        greatest, least, roughness, at_jump = found
+        at_jump = np.maximum(JUMP_RISE * at_jump, inherited_at_jump)
+        is_jump = np.isfinite(at_jump)
         share_of_range = SMOOTH_RISE * (greatest - least)
         smooth = roughness <= share_of_range
         peak = greatest + share_of_range + roughness
@@ -130,10 +144,16 @@ def _of_chunk(
         # A piece that cannot hold the peak, by more than the tolerance, is finished.
         goes_on = peak > highest[simplex] + tolerance
         too_many = np.bincount(simplex[goes_on], minlength=count) > MOST_PIECES
-        goes_on &= ~too_many[simplex] & (turn < PEAK_ROUNDS)
+        rounds = np.where(is_jump, JUMP_ROUNDS, PEAK_ROUNDS)
+        goes_on &= ~too_many[simplex] & (turn < rounds)
+        # The sides of a jump hide nothing where each of them is level. It is bisected
+        # all the same, to find what is next to it.
+        peak = np.minimum(peak, greatest + at_jump)
         np.maximum.at(bound, simplex[~goes_on], peak[~goes_on])
         if not goes_on.any():
             break
+        inherits = np.where(is_jump, INHERITED_AT_JUMP * at_jump, 0.0)
+        inherited_at_jump = np.repeat(inherits[goes_on], 2)
         simplex = simplex[goes_on]
         corners = bisected(corners[goes_on], vertices[simplex])
         simplex = np.repeat(simplex, 2)
@@ -147,12 +167,13 @@ def _on_pieces(
     simplex: np.ndarray,
     corners: np.ndarray,
     inherited: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Sample the function on each piece.
 
     Returns:
-        The greatest and the least sample of each piece, and the rise between the
-        samples where the function is not smooth, shape (n,) each.
+        The greatest and the least sample of each piece, the rise between the samples
+        where the function is not smooth, and the greatest distance of a sample from the
+        greatest or the least one, infinite where there is no jump, shape (n,) each.
     """
     points, residual = piece_samples(vertices.shape[1] - 1)
     places = np.matmul(points, corners)
@@ -162,8 +183,10 @@ def _on_pieces(
     span = greatest - least
     below = greatest[:, None] - values
     distance = np.minimum(below, span[:, None] - below)
-    jumps = (distance <= JUMP_SHARE * span[:, None]).all(axis=1)
+    at_jump = distance.max(axis=1)
+    jumps = at_jump <= JUMP_SHARE * span
     roughness = CUSP_RISE * abs(values @ residual.T).max(axis=1)
     # A cusp that happens to look smooth in a piece did not in the piece around it.
     roughness = np.maximum(roughness, inherited)
-    return greatest, least, np.where(jumps, 0.0, roughness)
+    at_jump = np.where(jumps, at_jump, np.inf)
+    return greatest, least, np.where(jumps, 0.0, roughness), at_jump

@@ -19,6 +19,7 @@ from erc_contact.model.dimension import check_dimension
 from erc_contact.model.elasticity import ElasticMatrix
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.held_motions import free_motions
+from erc_contact.model.jumps import gap_by_coefficients
 from erc_contact.model.last_step import LastStep
 from erc_contact.model.loads import bind_loads, sum_of
 from erc_contact.model.neighbours import check_neighbours
@@ -70,8 +71,8 @@ class Model(Space):
         coordinates: The solver's unknowns: jumps at contacts between bodies.
         free_motions: Rigid motions that no support holds, Functions of V, see
             :func:`free_motions`.
-        gap_limits: Limits of the normal displacement that were found [length], shape
-            (f, m), contact -> coefficients.
+        gap_limits: Polynomials below the gap that were found [length], shape (f, c, m),
+            contact -> coefficients.
 
     Raises:
         InputError: If a name is unknown, a value or the degree is out of range, or
@@ -274,4 +275,5 @@ class Model(Space):
         parameters, and the Bernstein coefficients of the gap and of the displacement of
         the last step.
         """
-        return at_nodes(self, contact, gap_at_nodes(self, contact))
+        gaps = gap_at_nodes(self, contact)
+        return at_nodes(self, contact, gap_by_coefficients(self, contact, gaps))

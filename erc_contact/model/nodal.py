@@ -9,14 +9,12 @@ import numpy as np
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import BoundContact
+from erc_contact.model.of_nodes import values_of_nodes
 from erc_contact.model.space import Space
 from erc_contact.model.symbolic import varies_in_cells
 
-CONTINUOUS = 1e-9
-"""Difference of two facets at a node that counts as none, over the greatest value."""
 
-
-def at_nodes(space: Space, contact: BoundContact, gaps: np.ndarray) -> BoundContact:
+def at_nodes(space: Space, contact: BoundContact, gap: Ufl | None) -> BoundContact:
     """Return a contact with its data as Functions; collective.
 
     See :meth:`erc_contact.model.model.Model.at_nodes`.
@@ -24,9 +22,8 @@ def at_nodes(space: Space, contact: BoundContact, gaps: np.ndarray) -> BoundCont
     Args:
         space: The mesh.
         contact: The contact.
-        gaps: Its gap at the nodes [length], shape (f, m).
+        gap: Its gap by Bernstein coefficients [length], UFL, or None.
     """
-    gap = contact.gap
     stiffness = contact.stiffness
     friction = contact.friction
     trace = contact.trace
@@ -36,8 +33,6 @@ def at_nodes(space: Space, contact: BoundContact, gaps: np.ndarray) -> BoundCont
         trace = replace(trace, before=before)
     # The projection holds between Bernstein coefficients, so the gap is given by its
     # own; stiffness and parameters of the law are values at the nodes.
-    if contact.gap_varies:
-        gap = _nodal(space, contact, gaps, coefficients=True)
     if stiffness is not None:
         stiffness = _values(space, contact, stiffness)
     if friction is not None:
@@ -56,48 +51,8 @@ def _values(space: Space, contact: BoundContact, value: Ufl) -> Ufl:
     return _nodal(space, contact, values)
 
 
-def _nodal(
-    space: Space, contact: BoundContact, values: np.ndarray, *, coefficients: bool = False
-) -> Ufl:
-    """Make a scalar, UFL, from its values at the nodes of a contact.
-
-    Args:
-        space: The mesh.
-        contact: The contact.
-        values: The values, shape (f, m).
-        coefficients: Whether the nodal values of the scalar become the Bernstein
-            coefficients of these values, instead of the values.
-    """
+def _nodal(space: Space, contact: BoundContact, values: np.ndarray) -> Ufl:
+    """Make a scalar, UFL, from its values at the nodes of a contact, shape (f, m)."""
     function = space.function()
-    nodal = function.x.array.reshape(-1, space.d)
-    nodal[:, 0] = _of_nodes(space, contact, values)
-    if coefficients:
-        space.to_coefficients(nodal, [contact])
+    function.x.array.reshape(-1, space.d)[:, 0] = values_of_nodes(contact.trace.here, values)
     return function[0]
-
-
-def _of_nodes(space: Space, contact: BoundContact, values: np.ndarray) -> np.ndarray:
-    """Return one value at each node from those of its facets, shape (nodes,).
-
-    Where facets differ, as of data that jump between them, it is the mean weighted with
-    their areas. So the sum of weights times values in the rule at the nodes is kept. A
-    rank has all facets at the nodes of its own cells, so it needs no communication.
-
-    Args:
-        space: The mesh.
-        contact: The contact.
-        values: The values, shape (f, m).
-    """
-    nodes = contact.trace.here.nodes
-    result = np.zeros(space.node_count)
-    result[nodes] = values
-    differs = abs(result[nodes] - values) > CONTINUOUS * abs(values).max(initial=0.0)
-    if not differs.any():
-        return result
-    jumps = np.zeros(space.node_count, dtype=bool)
-    jumps[nodes[differs]] = True
-    areas = np.broadcast_to(contact.trace.here.areas[:, None], nodes.shape)
-    area = np.bincount(nodes.ravel(), areas.ravel(), space.node_count)
-    weighted = np.bincount(nodes.ravel(), (areas * values).ravel(), space.node_count)
-    result[jumps] = weighted[jumps] / area[jumps]
-    return result
