@@ -138,6 +138,23 @@ def test_usual_scenes_are_left_alone(method, makings):
     assert makings == [False, False]
 
 
+@pytest.mark.serial
+def test_resultants_that_cannot_be_kept_lose_nothing(monkeypatch):
+    solution = ec.solve(*padded(4, 1e-4))
+    kept = ec.constitutive_error(ec.equilibrate(solution))
+    original = stage._made
+
+    def failing(*arguments):
+        others = arguments[5]
+        if others.motions:
+            raise ec.NotHeldError("no traction")
+        return original(*arguments)
+
+    monkeypatch.setattr(stage, "_made", failing)
+    first = ec.constitutive_error(ec.equilibrate(solution))
+    assert first.absolute > 1.5 * kept.absolute
+
+
 def test_ranks_agree():
     shared, alone = (
         measured(*padded(4, 1e-4, comm)).absolute for comm in (MPI.COMM_WORLD, MPI.COMM_SELF)
