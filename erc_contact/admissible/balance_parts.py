@@ -75,9 +75,9 @@ def spring_give(model: Model, tractions: list[ContactTraction], others: OtherFor
     """
     local = np.zeros(2)
     for traction in tractions:
-        here = traction.contact.trace.here
-        areas = np.where(here.owned, traction.area, 0.0)
-        local += (areas.sum(), areas @ traction.contact.trace.stiffness)
+        trace = traction.contact.trace
+        areas = trace.here.owned_areas
+        local += (areas.sum(), areas @ trace.stiffness)
     area, force = model.comm.allreduce(local, MPI.SUM)
     return others.stiffness * (area / (MOBILITY * force))
 

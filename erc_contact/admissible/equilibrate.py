@@ -6,7 +6,7 @@ Source: Coorevits, Hild, Hjiaj, equations (9), (10); Ladeveze, Leguillon (1983).
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from time import perf_counter
 
 import numpy as np
@@ -93,38 +93,47 @@ def equilibrated(
     force = cell_forces(model, cells)
     loads = load_moments(model, cells)
     fixed = supported(model, cells)
+    data = _Data(solution, cells, force, loads, fixed)
     others = other_forces(model, cells, loads, fixed, force, solution.u)
-    pair, balanced, bulk = _made(solution, cells, force, loads, fixed, others, tighten, near)
+    pair, balanced, bulk = _made(data, others, tighten, near)
     kept = None
     if is_own and bulk is not None:
         kept = with_soft_contacts(model, others, pair.tractions, balanced, bulk)
     if bulk is not None and kept is not None:
         # Beside the resultants the law may leave too little for the free motions.
         with suppress(NotHeldError):
-            again, _, less = _made(solution, cells, force, loads, fixed, kept, tighten, near)
+            again, _, less = _made(data, kept, tighten, near)
             pair = again if less is not None and less < bulk else pair
     seconds = model.comm.allreduce(perf_counter() - began, MPI.MAX)
     return replace(pair, seconds=seconds)
 
 
+@dataclass(frozen=True, eq=False)
+class _Data:
+    """Hold what each pair of a solution is made from.
+
+    Attributes:
+        solution: The state.
+        cells: Geometry, n cells.
+        force: Body force times volume of each cell [force], or None.
+        loads: Moments of the loads on all facets [force], shape (facets, m, d).
+        fixed: Which components of a facet have any traction, shape (facets, d).
+    """
+
+    solution: Solution
+    cells: CellGeometry
+    force: np.ndarray | None
+    loads: np.ndarray
+    fixed: np.ndarray
+
+
 def _made(
-    solution: Solution,
-    cells: CellGeometry,
-    force: np.ndarray | None,
-    loads: np.ndarray,
-    fixed: np.ndarray,
-    others: OtherForces,
-    tighten: int,
-    near: Admissible | None,
+    data: _Data, others: OtherForces, tighten: int, near: Admissible | None
 ) -> tuple[Admissible, Rebalanced, float | None]:
     """Reconstruct a pair whose contact tractions balance given forces; collective.
 
     Args:
-        solution: The state.
-        cells: Geometry, n cells.
-        force: Body force times volume of each cell, or None.
-        loads: Moments of the loads on all facets [force], shape (facets, m, d).
-        fixed: Which components of a facet have any traction, shape (facets, d).
+        data: The solution with its loads.
         others: What contact tractions balance.
         tighten: Greatest number of iterations that tighten sigma^.
         near: See :func:`equilibrated`.
@@ -133,11 +142,10 @@ def _made(
         The pair, the rebalanced stress, and the bulk part of e^2 before bubbles are
         chosen [force length]; None where nothing was tightened.
     """
-    model = solution.model
+    cells, force = data.cells, data.force
+    model = data.solution.model
     owned = model.domain.owned_cells
-    hat, tractions, balanced, moment = _before_tightening(
-        solution, cells, force, loads, fixed, others
-    )
+    hat, tractions, balanced, moment = _before_tightening(data, others)
 
     # From degree 2 on, the tractions leave the bubbles of sigma^ to be chosen.
     has_bubbles = model.degree > 1
@@ -148,7 +156,7 @@ def _made(
         elastic = elastic_coefficients(model, cells, hat, owned)
         compliance = macro_moduli(model, cells, len(cells.nodes), inverse=True)
     if tighten > 0:
-        free = cells.has_second[:, None] | fixed
+        free = cells.has_second[:, None] | data.fixed
         untightened = moment.copy()
         if near is not None and near.correction is not None:
             moment += near.correction
@@ -162,9 +170,9 @@ def _made(
         sigma = relaxed(cells, sigma, elastic, compliance)
     of_springs = []
     if model.springs:
-        of_springs = chosen_tractions(model, loads, moment)
+        of_springs = chosen_tractions(model, data.loads, moment)
     pair = Admissible(
-        solution,
+        data.solution,
         hat,
         tractions,
         of_springs,
@@ -181,12 +189,7 @@ def _made(
 
 
 def _before_tightening(
-    solution: Solution,
-    cells: CellGeometry,
-    force: np.ndarray | None,
-    loads: np.ndarray,
-    fixed: np.ndarray,
-    others: OtherForces,
+    data: _Data, others: OtherForces
 ) -> tuple[fem.Function, list[ContactTraction], Rebalanced, np.ndarray]:
     """Reconstruct the pair before sigma^ is tightened, as facet tractions; collective.
 
@@ -196,10 +199,11 @@ def _before_tightening(
         u^; r^ on each contact; the rebalanced stress; moments of facet tractions that
         balance every cell [force], shape (facets, m, d).
     """
+    solution, cells, force, fixed = data.solution, data.cells, data.force, data.fixed
     model = solution.model
     tractions = admissible_tractions(model, solution, others)
     # A support takes up the load on its components.
-    boundary = np.where(fixed[:, None, :], 0.0, loads)
+    boundary = np.where(fixed[:, None, :], 0.0, data.loads)
     # The gap allows u at rest, also where facets do not carry the gap.
     if not tractions or solution.at_rest:
         hat = solution.u

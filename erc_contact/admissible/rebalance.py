@@ -109,11 +109,16 @@ def other_forces(
         u: Displacement of the contact solve [length].
     """
     motions = model.free_motions
-    boundary = np.where(fixed[:, None, :], 0.0, loads)
-    if model.springs and model.contacts:
+    with_springs = bool(model.springs and model.contacts)
+    if with_springs:
         motions = unsupported_motions(model, model.held, model.loose_faces)
+    if not motions:
+        return OtherForces([], np.zeros(0), np.zeros((0, 0)), np.zeros((0, 0)), 0.0)
+    if with_springs:
         # On motions that no support holds, loads on supports do no work.
         boundary = loads + spring_moments(model, spring_tractions(model, u))
+    else:
+        boundary = np.where(fixed[:, None, :], 0.0, loads)
     b = load_forces(model, cells, boundary, force)
     works = [b.x.array @ motion.x.array for motion in motions]
     local = np.array([*works, abs(b.x.array).sum()])

@@ -21,6 +21,7 @@ from erc_contact.admissible.balance_parts import OtherForces, weights_and_motion
 from erc_contact.admissible.rebalance import Rebalanced
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.model.model import Model
+from erc_contact.model.motions import block_diagonal
 from erc_contact.model.rigid_shapes import translations_and_rotations
 
 SOFT_SHARE = 0.15
@@ -79,22 +80,10 @@ def with_soft_contacts(
     return OtherForces(
         [*others.motions, *motions],
         np.concatenate([others.works, works]),
-        _block_diagonal(blocks),
+        block_diagonal(blocks),
         free,
         others.size,
     )
-
-
-def _block_diagonal(blocks: list[np.ndarray]) -> np.ndarray:
-    """Return the matrix with square blocks on its diagonal."""
-    count = sum(len(block) for block in blocks)
-    matrix = np.zeros((count, count))
-    first = 0
-    for block in blocks:
-        last = first + len(block)
-        matrix[first:last, first:last] = block
-        first = last
-    return matrix
 
 
 def _motions_of(model: Model, traction: ContactTraction) -> list[fem.Function]:

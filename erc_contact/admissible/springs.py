@@ -91,13 +91,13 @@ def spring_moments(model: Model, tractions: list[np.ndarray]) -> np.ndarray:
 
 
 def spring_stiffness(model: Model, motions: list[fem.Function]) -> np.ndarray:
-    """Compute ``int K m_k . m_l`` for K rigid motions [force/length]; collective.
+    """Compute ``int K m_k . m_l`` for K > 0 motions [force/length]; collective.
 
     Returns:
         Shape (K, K), zero without springs.
     """
     total = np.zeros((len(motions), len(motions)))
-    if not motions or not model.springs:
+    if not model.springs:
         return total
     for spring in model.springs:
         side = spring.side
@@ -112,14 +112,14 @@ def spring_stiffness(model: Model, motions: list[fem.Function]) -> np.ndarray:
 
 
 def motions_off_springs(model: Model, motions: list[fem.Function]) -> np.ndarray:
-    """Find the combinations of K rigid motions that springs do not resist; collective.
+    """Find combinations of K > 0 motions that springs do not resist; collective.
 
     Returns:
         Shape (K, combinations).
     """
-    total = np.zeros((len(motions), len(motions)))
-    if not motions or not model.springs:
+    if not model.springs:
         return np.eye(len(motions))
+    total = np.zeros((len(motions), len(motions)))
     at_nodes = np.stack([m.x.array.reshape(-1, model.d) for m in motions], axis=-1)
     for spring in model.springs:
         _, resisted = spring.resisted(at_nodes)

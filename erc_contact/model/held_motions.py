@@ -15,6 +15,7 @@ from mpi4py import MPI
 from erc_contact.base.exceptions import NotHeldError
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.motions import (
+    block_diagonal,
     bodies_of_nodes,
     body_motions,
     kernel,
@@ -57,7 +58,7 @@ def free_motions(
     for spring in springs:
         nodes, resisted = spring.resisted(motions)
         held = held + summed(space, body[nodes], count, resisted)
-    by_all = _block_diagonal(held)
+    by_all = block_diagonal(held)
     for contact in contacts:
         by_all = by_all + _by_contact(space, body, count, motions, contact)
     _check_all_held(space, body, count, by_all, names)
@@ -69,16 +70,7 @@ def unsupported_motions(
 ) -> list[fem.Function]:
     """Find the rigid motions that no support holds, but springs may; collective.
 
-    Each is of one body. The motions of a body are orthonormal combinations of its
-    translations and of its rotations over its size.
-
-    Args:
-        space: The mesh.
-        fixed: Which components supports hold at a value at each node, shape (nodes, d).
-        faces: The loose rigid faces, which resist their given motions.
-
-    Returns:
-        Functions of V.
+    The motions and the arguments are those of :func:`free_motions`.
     """
     body, count = bodies_of_nodes(space)
     motions, _ = body_motions(space, body, count)
@@ -156,14 +148,6 @@ def _by_contact(
             for j, other in enumerate(group):
                 total[one, :, other] += blocks[i, :, j]
     return space.comm.allreduce(total.reshape(count * m, count * m), MPI.SUM)
-
-
-def _block_diagonal(blocks: np.ndarray) -> np.ndarray:
-    """Return a matrix of blocks (n, m, m) on its diagonal, shape (n m, n m)."""
-    n, m, _ = blocks.shape
-    matrix = np.zeros((n, m, n, m))
-    matrix[range(n), :, range(n)] = blocks
-    return matrix.reshape(n * m, n * m)
 
 
 def _check_all_held(

@@ -6,6 +6,7 @@ motions.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from itertools import combinations
 
 import numpy as np
@@ -138,3 +139,16 @@ def body_motions(space: Space, body: np.ndarray, count: int) -> tuple[np.ndarray
     names = [f"translation in {axes[i]}" for i in range(d)]
     names += [f"rotation in the plane {axes[i]}{axes[j]}" for i, j in combinations(range(d), 2)]
     return motions, names
+
+
+def block_diagonal(blocks: Iterable[np.ndarray]) -> np.ndarray:
+    """Return the matrix with square blocks on its diagonal."""
+    blocks = list(blocks)
+    count = sum(len(block) for block in blocks)
+    matrix = np.zeros((count, count))
+    first = 0
+    for block in blocks:
+        last = first + len(block)
+        matrix[first:last, first:last] = block
+        first = last
+    return matrix
