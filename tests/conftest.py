@@ -19,6 +19,7 @@ cycles among them less often here, which takes a twentieth less.
 import gc
 import os
 import shutil
+import signal
 import sys
 import tempfile
 from pathlib import Path
@@ -45,6 +46,10 @@ jit.DOLFINX_DEFAULT_JIT_OPTIONS["timeout"] = (
 )
 form_libraries.install()
 form_libraries.repair()
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    # A shell starts a process in the background so, and all that the process starts.
+    # Runs that tests interrupt would go on for ever.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 PATIENCE = 60.0

@@ -120,6 +120,17 @@ def test_forms_integrate_over_the_same_parts(brick):
         weights[name].value = 0.0
 
 
+def test_meshes_of_gmsh_need_no_forms_of_their_own():
+    """Forms know the coordinate element, in Python and by a number in DOLFINx."""
+    regular = ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(2, 2)).mesh
+    irregular = ec.rectangle((0.0, 0.0), (1.0, 1.0), size=0.5).mesh
+    elements = [mesh.ufl_domain().ufl_coordinate_element() for mesh in (regular, irregular)]
+    numbers = [mesh.geometry.cmaps[0].hash() for mesh in (regular, irregular)]
+    assert elements[0] == elements[1]
+    assert numbers[0] == numbers[1]
+
+
+
 def test_size_is_the_size_of_cells():
     coarse, fine = ec.rectangle(*RECTANGLE, size=1.0), ec.rectangle(*RECTANGLE, size=0.25)
     assert fine.cells / coarse.cells == pytest.approx(16, rel=0.5)

@@ -7,13 +7,48 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from dolfinx import graph
+import ufl
+from dolfinx import cpp, fem, graph
 from dolfinx import mesh as dmesh
+from dolfinx.io import gmsh as dgmsh
 from dolfinx.io.utils import distribute_entity_data
 from mpi4py import MPI
 
 from erc_contact.base.checks import description
 from erc_contact.base.exceptions import InputError
+from erc_contact.mesh.partition import coordinate_element, partitioner
+
+
+def distributed_model(model: Any, comm: MPI.Comm, rank: int, dim: int) -> dgmsh.MeshData:
+    """Give each rank its part of the mesh of a model; collective.
+
+    Args:
+        model: gmsh's model on ``rank``, prepared; other ranks need none.
+        comm: Communicator.
+        rank: The one that has the model.
+        dim: Dimension of the cells.
+    """
+    data = dgmsh.model_to_mesh(model, comm, rank, gdim=dim, partitioner=partitioner(comm))
+    return data._replace(mesh=_with_usual_element(data.mesh))
+
+
+def _with_usual_element(mesh: dmesh.Mesh) -> dmesh.Mesh:
+    """Return a mesh with the coordinate element that DOLFINx's own meshes have.
+
+    DOLFINx reads gmsh's meshes with equispaced nodes. At degree 1 this is the same
+    element under another name, and each form would be compiled once for either name.
+    """
+    element = coordinate_element(mesh.geometry.dim)
+    geometry = dmesh.create_geometry(
+        mesh.geometry.index_map(),
+        mesh.geometry.dofmaps[0],
+        fem.coordinate_element(element.basix_element),
+        mesh.geometry.x[:, : mesh.geometry.dim].copy(),
+        mesh.geometry.input_global_indices,
+    )
+    # The tags of facets and cells belong to the topology, which stays.
+    same = cpp.mesh.Mesh_float64(mesh.comm, mesh.topology._cpp_object, geometry._cpp_object)
+    return dmesh.Mesh(same, ufl.Mesh(element))
 
 
 def name_groups(model: Any, names: Mapping[int | tuple[int, int], str]) -> None:

@@ -128,10 +128,14 @@ def distributed(
         x: Points of this rank [length], shape (n, d).
         ranks: Partitioner that gives the cells to ranks if there are several.
     """
-    d = x.shape[1]
-    cell = "triangle" if d == 2 else "tetrahedron"
-    element = basix.ufl.element("Lagrange", cell, 1, shape=(d,))
-    return dmesh.create_mesh(comm, cells, ufl.Mesh(element), x, ranks if comm.size > 1 else None)
+    domain = ufl.Mesh(coordinate_element(x.shape[1]))
+    return dmesh.create_mesh(comm, cells, domain, x, ranks if comm.size > 1 else None)
+
+
+def coordinate_element(dim: int) -> Any:
+    """Return the coordinate element of simplices that fill space."""
+    cell = "triangle" if dim == 2 else "tetrahedron"
+    return basix.ufl.element("Lagrange", cell, 1, shape=(dim,))
 
 
 def patches_complete(mesh: dmesh.Mesh) -> bool:

@@ -10,14 +10,12 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from dolfinx.io import gmsh as dgmsh
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.mesh.domain import Domain, Geometry
-from erc_contact.mesh.gmsh_model import marked_facets, renumber
+from erc_contact.mesh.gmsh_model import distributed_model, marked_facets, renumber
 from erc_contact.mesh.gmsh_session import FIELD, session
-from erc_contact.mesh.partition import partitioner
 from erc_contact.mesh.size_field import Labels, SizeField, at_corners
 
 GMSH_EXCESS = {2: 1.06, 3: 1.08}
@@ -89,7 +87,7 @@ def meshed(
         renumber(gmsh.model, dim)
 
     with session(comm, build_mesh, "The geometry, meshed again,") as model:
-        data = dgmsh.model_to_mesh(model, comm, 0, gdim=dim, partitioner=partitioner(comm))
+        data = distributed_model(model, comm, 0, dim)
         marks = None
         if labels.curved:
             marks = marked_facets(model, comm, 0, data.mesh, tags)

@@ -13,13 +13,12 @@ from typing import Any
 
 import numpy as np
 from dolfinx import mesh as dmesh
-from dolfinx.io import gmsh as dgmsh
 from mpi4py import MPI
 
 from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError, raise_together
 from erc_contact.mesh.domain import Domain, Geometry
-from erc_contact.mesh.gmsh_model import marked_facets, name_groups, prepare
+from erc_contact.mesh.gmsh_model import distributed_model, marked_facets, name_groups, prepare
 from erc_contact.mesh.gmsh_session import as_input_error, session
 from erc_contact.mesh.mesh_files import open_mesh_file
 from erc_contact.mesh.partition import partitioner
@@ -271,6 +270,6 @@ def _from_model(model: Any, comm: MPI.Comm, rank: int, geometry: Brick | None = 
     if suffix:
         # Rank 0 alone calls gmsh, so it alone keeps the text, which may be long.
         shape = Drawing(suffix, text if comm.rank == 0 else "", curved)
-    data = dgmsh.model_to_mesh(model, comm, rank, gdim=dim, partitioner=partitioner(comm))
+    data = distributed_model(model, comm, rank, dim)
     marks = marked_facets(model, comm, rank, data.mesh, None) if curved else None
     return Domain(data.mesh, data.facet_tags, names, data.cell_tags, regions, shape, marks)
