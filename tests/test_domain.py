@@ -130,7 +130,6 @@ def test_meshes_of_gmsh_need_no_forms_of_their_own():
     assert numbers[0] == numbers[1]
 
 
-
 def test_size_is_the_size_of_cells():
     coarse, fine = ec.rectangle(*RECTANGLE, size=1.0), ec.rectangle(*RECTANGLE, size=0.25)
     assert fine.cells / coarse.cells == pytest.approx(16, rel=0.5)

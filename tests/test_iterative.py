@@ -165,7 +165,7 @@ def test_the_hierarchy_follows_the_tangent(method, monkeypatch):
     x.array[:] = np.cos(np.arange(*x.getOwnershipRange()) ** 2)
     for stretch in (1.0, -1.0):  # pressed, and open
         forms.u.x.array[:] = stretch * guess.x.array
-        tangent = assemble_matrix(forms.tangents[0], bcs=model.bcs, diag=0.0)
+        tangent = assemble_matrix(forms.tangents[0][0], bcs=model.bcs, diag=0.0)
         tangent.assemble()
         elastic.renew(tangent)
         elastic.cycle(x, followed)

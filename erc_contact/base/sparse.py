@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from dolfinx import fem
+from dolfinx import cpp, fem
 from petsc4py import PETSc
 
 
@@ -45,6 +45,20 @@ def assembled(form: fem.Form, bcs: Sequence[fem.DirichletBC], diagonal: float) -
     )
     matrix.assemble()
     return matrix
+
+
+def pattern_of(forms: Sequence[fem.Form]) -> cpp.la.SparsityPattern:
+    """Return the pattern of a matrix into which all of some forms are assembled."""
+    pattern = fem.create_sparsity_pattern(forms[0])
+    for form in forms[1:]:
+        fem.build_sparsity_pattern(pattern, form)
+    pattern.finalize()
+    return pattern
+
+
+def matrix_of(forms: Sequence[fem.Form]) -> PETSc.Mat:
+    """Return a matrix into which all of some forms are assembled; collective."""
+    return cpp.la.petsc.create_matrix(forms[0].mesh.comm, pattern_of(forms), None)
 
 
 def as_entries(blocks: PETSc.Mat) -> PETSc.Mat:

@@ -29,7 +29,7 @@ def distributed_model(model: Any, comm: MPI.Comm, rank: int, dim: int) -> dgmsh.
         dim: Dimension of the cells.
     """
     data = dgmsh.model_to_mesh(model, comm, rank, gdim=dim, partitioner=partitioner(comm))
-    return data._replace(mesh=_with_usual_element(data.mesh))
+    return dgmsh.MeshData(_with_usual_element(data.mesh), *data[1:])
 
 
 def _with_usual_element(mesh: dmesh.Mesh) -> dmesh.Mesh:

@@ -9,9 +9,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from dolfinx import fem
+from dolfinx import fem, la
 
 from erc_contact.base.ranks import gathered
+from erc_contact.base.sparse import pattern_of
 from erc_contact.newton.forms import ContactForms, Pass
 
 
@@ -44,7 +45,7 @@ class Assembly:
         self._comm = forms.model.comm
         self._size = size
         self._residual = forms.model.function()
-        self._matrices = [fem.create_matrix(form) for form in forms.tangents]
+        self._matrices = [la.matrix_csr(pattern_of(tangents)) for tangents in forms.tangents]
 
         self.readers: list[tuple[np.ndarray, np.ndarray]] = []
         for column in columns:
@@ -94,7 +95,7 @@ class Assembly:
                 tested = one_pass.tested
                 self._forms.test(tested)
                 vector[:] = 0.0
-                fem.assemble_vector(vector, self._forms.residual)
+                self._forms.assemble(vector)
             values.append(one_pass.factors * vector[one_pass.rows])
         parts = gathered(self._comm, np.concatenate(values))
         if parts is None:
@@ -110,10 +111,11 @@ class Assembly:
             is_new = one_pass.tested != tested
             tested = one_pass.tested
             self._forms.test(tested)
-            for matrix, form in zip(self._matrices, self._forms.tangents, strict=True):
+            for matrix, tangents in zip(self._matrices, self._forms.tangents, strict=True):
                 if is_new:
                     matrix.set_value(0.0)
-                    fem.assemble_matrix(matrix, form)
+                    for tangent in tangents:
+                        fem.assemble_matrix(matrix, tangent)
                 pick, factor = next(picks)
                 values.append(factor * matrix.data[pick])
         parts = gathered(self._comm, np.concatenate(values))

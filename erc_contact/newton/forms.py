@@ -69,9 +69,10 @@ class ContactForms:
         multipliers: Multiplier of each contact [force/area] that the forms read, or ()
             for a method without.
         displacements: Those of u and the jumps that are in the forms.
-        residual: The compiled form of the equations e [force].
-        tangents: The compiled derivatives of e by the displacements, and then by each
-            multiplier.
+        equations: The compiled equations e of each contact [force]. Contacts that are
+            alike share their code.
+        tangents: For each displacement, and then for each multiplier, the compiled
+            derivatives by it, of the contacts whose equations contain it.
 
     Raises:
         InputError: If the equations of the method are no form linear in the test
@@ -98,26 +99,31 @@ class ContactForms:
 
         # A method of the user's may make Constants, and may fail on one rank only.
         with compiled.constants_with_ten_digits():
-            parts = together(model.comm, self._parts)
+            equations = together(model.comm, self._parts)
             status = together(model.comm, self._status)
-        equations = sum(parts[1:], start=parts[0])
-        du = ufl.TrialFunction(model.V)
+        fields_of_contacts = [ufl.algorithms.extract_coefficients(part) for part in equations]
+        read = set().union(*fields_of_contacts)
         # Between bodies the equations of a multiplier contain the jump only.
-        in_forms = ufl.algorithms.extract_coefficients(equations)
-        self.displacements = [w for w in (self.u, *self.jumps) if w in in_forms]
-        tangents = []
-        for field in (*self.displacements, *self.multipliers):
-            tangents.append(ufl.derivative(equations, field, du))
-        points, _ = rule(model.d - 1, 2 * model.degree)
-        status_at_points = [(expression, points) for expression in status]
-        compiled.compile_together(model.comm, [equations, *tangents], status_at_points)
-        self.residual = compiled.form(equations)
-        self.tangents = [compiled.form(tangent) for tangent in tangents]
+        self.displacements = [w for w in (self.u, *self.jumps) if w in read]
 
+        fields = (*self.displacements, *self.multipliers)
+        self.equations: list[fem.Form] = []
+        self.tangents: list[list[fem.Form]] = [[] for _ in fields]
         self._status_of_facets = []
-        for contact, expression in zip(self.contacts, status, strict=True):
+        du = ufl.TrialFunction(model.V)
+        points, _ = rule(model.d - 1, 2 * model.degree)
+        for number, part in enumerate(equations):
+            places = [k for k, field in enumerate(fields) if field in fields_of_contacts[number]]
+            derivatives = [ufl.derivative(part, fields[k], du) for k in places]
+            at_points = (status[number], points)
+            # One module for each contact: contacts that are alike have the same one.
+            compiled.compile_together(model.comm, [part, *derivatives], [at_points])
+            self.equations.append(compiled.form(part))
+            for k, derivative in zip(places, derivatives, strict=True):
+                self.tangents[k].append(compiled.form(derivative))
+            contact = self.contacts[number]
             owned = contact.facets[contact.trace.here.owned]
-            compiled_status = compiled.expression(expression, points, model.comm)
+            compiled_status = compiled.expression(status[number], points, model.comm)
             self._status_of_facets.append((compiled_status, owned))
 
     def _of_solver(self, contact: BoundContact, colour: int) -> BoundContact:
@@ -164,6 +170,11 @@ class ContactForms:
             return False
         on_foundation = any(contact.trace.there is None for contact in self.contacts)
         return self.method.in_layer or on_foundation
+
+    def assemble(self, forces: np.ndarray) -> None:
+        """Add the equations of all contacts to the forces of this rank [force]."""
+        for equations in self.equations:
+            fem.assemble_vector(forces, equations)
 
     def read(self, u: fem.Function) -> list[np.ndarray]:
         """Return the values that a displacement gives to the displacements read.

@@ -125,7 +125,7 @@ class FullSpace:
         """Assemble the equations for factors of tested jumps [force]."""
         self.forms.test(tested)
         self._equations.x.array[:] = 0.0
-        fem.assemble_vector(self._equations.x.array, self.forms.residual)
+        self.forms.assemble(self._equations.x.array)
         self._equations.x.scatter_reverse(la.InsertMode.add)
 
     def prepare(self, snes: PETSc.SNES) -> None:

@@ -31,7 +31,7 @@ def set_to_laws(
     for colour in range(forms.jump_sums.count):
         forms.test(forms.jumps_of(colour))
         equations.x.array[:] = 0.0
-        fem.assemble_vector(equations.x.array, forms.residual)
+        forms.assemble(equations.x.array)
         equations.x.scatter_reverse(la.InsertMode.add)
         equations.x.scatter_forward()
         for k, contact in enumerate(model.contacts):

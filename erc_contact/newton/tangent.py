@@ -15,6 +15,7 @@ from dolfinx import fem
 from dolfinx.fem import petsc as fp
 from petsc4py import PETSc
 
+from erc_contact.base.sparse import matrix_of
 from erc_contact.newton.forms import ContactForms
 from erc_contact.newton.linear.krylov import fgmres, set_up
 from erc_contact.newton.linear.multigrid import Multigrid
@@ -86,7 +87,7 @@ class Tangent:
             glue = elastic.glue.x.array
             contacts = self._contacts_of_terms()
             self._springs = Springs(self.model, elastic.matrix, glue, reactions, contacts)
-        self._terms = [fp.create_matrix(form) for form in forms.tangents]
+        self._terms = [matrix_of(tangents) for tangents in forms.tangents]
         for term in self._terms:
             term.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
         self._change: PETSc.Mat | None = None
@@ -110,9 +111,10 @@ class Tangent:
     def _assemble_terms(self, tested: tuple[float, ...]) -> None:
         """Assemble the derivatives of the equations, for factors of tested jumps."""
         self.forms.test(tested)
-        for term, form in zip(self._terms, self.forms.tangents, strict=True):
+        for term, tangents in zip(self._terms, self.forms.tangents, strict=True):
             term.zeroEntries()
-            fp.assemble_matrix(term, form)
+            for tangent in tangents:
+                fp.assemble_matrix(term, tangent)
             term.assemble()
             if self._fixed is not None:
                 term.zeroRowsColumns(self._fixed, diag=0.0)
