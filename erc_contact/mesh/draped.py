@@ -28,6 +28,7 @@ from erc_contact.mesh.side_contact import (
     Outlines,
     SideContact,
     allowance,
+    oriented,
     outlines_on,
     side_contact,
 )
@@ -75,13 +76,8 @@ def draped(plain: PlainMesh, here: int, there: int, apart: float = 0.0) -> Plain
 
 def _side(plain: PlainMesh, region: Region) -> FacetSide:
     """Return the triangles of the side of a region, oriented."""
-    sides = plain.sides(region.side_tag)
-    triangles = plain.points_of(sides)
-    corners = plain.x[triangles]
-    apex = plain.x[plain.cells[tuple(sides.T)]]
-    outward = np.einsum("ij,ij->i", area_vectors(corners), corners[:, 0] - apex) > 0
-    turned = triangles[:, [0, 2, 1]]
-    return FacetSide(plain.x, np.where(outward[:, None], triangles, turned), region.outline)
+    triangles = oriented(plain, plain.sides(region.side_tag))
+    return FacetSide(plain.x, triangles, region.outline)
 
 
 def _taken(plain: PlainMesh, contact: SideContact, behind: Region, apart: float) -> PlainMesh:

@@ -3,13 +3,14 @@
 The work is done on rank 0, on plain arrays. If the sides match, their points become
 one. If not, they get common facets: see :mod:`erc_contact.mesh.aligning` for the plane,
 and for space :mod:`erc_contact.mesh.resided` if they are plane and
-:mod:`erc_contact.mesh.draped` if they are curved.
+:mod:`erc_contact.mesh.overlapping` if they are curved.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from mpi4py import MPI
@@ -21,6 +22,7 @@ from erc_contact.mesh.bodies import Bodies
 from erc_contact.mesh.draped import draped
 from erc_contact.mesh.matching import matched
 from erc_contact.mesh.named import NamedMesh
+from erc_contact.mesh.overlapping import taken_in_turn
 from erc_contact.mesh.plain import PlainMesh, row_numbers
 from erc_contact.mesh.resided import plane_sides, resided
 from erc_contact.mesh.seams import Interface, Regions
@@ -162,8 +164,8 @@ def met(
     if plain.dim == 2:
         whole = aligned(plain, *tags, apart)
     else:
-        with_facets = resided if plane_sides(plain, *tags) else draped
         # Sides that match keep their cells, plane or curved.
+        with_facets = resided if plane_sides(plain, *tags) else partial(taken_in_turn, draped)
         whole = matched(plain, *tags, apart) or with_facets(plain, *tags, apart)
     first = whole.sides(tags[0])
     second = whole.sides(tags[1])

@@ -58,7 +58,9 @@ def matched(plain: PlainMesh, here: int, there: int, apart: float = 0.0) -> Plai
     alone1 = facets1[~np.isin(numbers1, numbers2)]
     alone2 = facets2[~np.isin(numbers2, numbers1)]
     nothing = len(alone1) == len(facets1)
-    if nothing or _overlap(plain.x, alone1, alone2) or _overlap(plain.x, alone2, alone1):
+    if nothing or _overlap(plain.x, alone1, alone2, apart):
+        return None
+    if _overlap(plain.x, alone2, alone1, apart):
         return None
     if apart > 0:
         _check_cells(plain, number)
@@ -143,8 +145,8 @@ def in_one_place(
     return pairs1[near], pairs2[near]
 
 
-def _overlap(x: np.ndarray, facets: np.ndarray, others: np.ndarray) -> bool:
-    """Check whether points of facets lie on other facets."""
+def _overlap(x: np.ndarray, facets: np.ndarray, others: np.ndarray, apart: float) -> bool:
+    """Check whether points of facets are on others, or no further than `apart`."""
     if not len(facets) or not len(others):
         return False
     shares = SAMPLES / SAMPLES.sum(axis=1)[:, None]
@@ -158,7 +160,7 @@ def _overlap(x: np.ndarray, facets: np.ndarray, others: np.ndarray) -> bool:
         offset = points[start : start + rows, None] - origin
         coordinates = np.einsum("nfi,fij->nfj", offset, inverse)
         foot = np.einsum("nfj,fji->nfi", coordinates, edges)
-        close = np.linalg.norm(offset - foot, axis=2) < 0.1 * size
+        close = np.linalg.norm(offset - foot, axis=2) < apart + 0.1 * size
         inside = (coordinates.min(axis=2) > 0) & (coordinates.sum(axis=2) < 1)
         if np.any(close & inside):
             return True

@@ -13,6 +13,7 @@ import numpy as np
 from erc_contact.base.exceptions import InputError
 from erc_contact.mesh.closest import on_edges, on_triangles
 from erc_contact.mesh.loops import area_vectors, closed, loops, outer_edges
+from erc_contact.mesh.plain import PlainMesh
 
 CORNER = 0.7
 """Angle at which a side has a corner, which is no curvature [rad]."""
@@ -105,6 +106,16 @@ class FacetSide:
         result = np.zeros(len(self.x))
         np.maximum.at(result, self.triangles, self.facet_heights[:, None])
         return result
+
+
+def oriented(plain: PlainMesh, sides: np.ndarray) -> np.ndarray:
+    """Return sides (cell, local facet) as triangles that are oriented outwards."""
+    triangles = plain.points_of(sides)
+    corners = plain.x[triangles]
+    apex = plain.x[plain.cells[tuple(sides.T)]]
+    outward = np.einsum("ij,ij->i", area_vectors(corners), corners[:, 0] - apex) > 0
+    turned = triangles[:, [0, 2, 1]]
+    return np.where(outward[:, None], triangles, turned)
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,180 @@
+"""Give two curved sides in space common facets where each one ends amid the other.
+
+A shaft that is pushed half into a hub: its side goes on outside of the hub, and that of
+the hub goes on beyond the end of the shaft. Neither lies on the other one. So they take
+facets in turn. Side 2 takes those of side 1 that lie on it, away from its own outline;
+with them it gets the outline of side 1. What it then has within this outline lies on
+side 1, which takes it, up to the outline of side 2.
+
+Where the outlines cross at a point, facets may be left out beside it. Such sides are
+refused.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+
+from erc_contact.base.exceptions import InputError
+from erc_contact.mesh.closest import on_edges, on_triangles
+from erc_contact.mesh.loops import area_vectors, outer_edges
+from erc_contact.mesh.plain import PlainMesh, row_numbers
+from erc_contact.mesh.side_contact import FACING, FacetSide, allowance, oriented
+
+BESIDE = (0.6, 0.4, 0.2)
+"""Least distance of the facets that side 2 takes from its outline, by their edges [-].
+
+The facets between that outline and those are new. The first one is taken that works.
+"""
+MOST_LEFT_OUT = 1e-3
+"""Greatest area that may be left out where outlines cross, by the common area [-]."""
+CROSSING = 0.1
+"""Greatest area that a crossing explains, likewise; above it the sides do not fit."""
+PLACES = np.array([[3, 3, 3], [7, 1, 1], [1, 7, 1], [1, 1, 7], [2, 2, 5], [2, 5, 2], [5, 2, 2]]) / 9
+"""Barycentric coordinates of points at which facets are looked at."""
+Facets = Callable[[PlainMesh, int, int, float], PlainMesh]
+"""Gives a side the facets of another one that lies on it, or the other way round."""
+
+
+def taken_in_turn(
+    take: Facets, plain: PlainMesh, here: int, there: int, apart: float = 0.0
+) -> PlainMesh:
+    """Return a mesh in space whose two curved sides have common facets.
+
+    Args:
+        take: Takes facets, :func:`erc_contact.mesh.draped.draped`.
+        plain: The mesh.
+        here: Tag of side 1.
+        there: Tag of side 2.
+        apart: Greatest distance of both sides [length].
+
+    Raises:
+        InputError: If the sides do not lie on each other, their outlines cross, or the
+            regions behind cannot be meshed anew.
+    """
+    try:
+        return take(plain, here, there, apart)
+    except InputError as reason:
+        error = reason
+    for (first, second), beside in product(((here, there), (there, here)), BESIDE):
+        try:
+            with_outline = _taken_in_part(take, plain, (first, second), apart, beside)
+            whole = _taken_in_part(take, with_outline, (second, first), apart, 0.0)
+        except InputError:
+            continue
+        left_out = _left_out(whole, here, there, apart)
+        if left_out <= MOST_LEFT_OUT:
+            return whole
+        if left_out < CROSSING:
+            error = InputError(
+                "joined: the outlines of the curved parts cross each other, and facets beside the "
+                f"crossing, {100 * left_out:.2g}% of the common area, would be left out. Name the "
+                "parts where the bodies touch."
+            )
+    raise error
+
+
+def _taken_in_part(
+    take: Facets, plain: PlainMesh, tags: tuple[int, int], apart: float, beside: float
+) -> PlainMesh:
+    """Give a side those facets of another one that lie on it.
+
+    Args:
+        take: Takes facets.
+        plain: The mesh.
+        tags: Tags of the side whose facets stay, and of the one that takes some.
+        apart: Greatest distance of both sides [length].
+        beside: Least distance of the facets from the outline of the other side where
+            that lies amid this one, by their edges [-].
+
+    Raises:
+        InputError: If no facets lie on it, or it cannot take them.
+    """
+    kept, taken = tags
+    sides = plain.sides(kept)
+    on_other = _lie_on(_side(plain, kept), _side(plain, taken), apart, beside)
+    if not on_other.any():
+        raise InputError("joined: no facets of the parts lie on each other.")
+    part = int(plain.tags.max()) + 1
+    of_sides = plain.tags.copy()
+    of_sides[tuple(sides[on_other].T)] = part
+    whole = take(replace(plain, tags=of_sides), part, taken, apart)
+    return replace(whole, tags=np.where(whole.tags == part, kept, whole.tags))
+
+
+def _side(plain: PlainMesh, tag: int) -> FacetSide:
+    """Return the triangles of a side, oriented."""
+    triangles = oriented(plain, plain.sides(tag))
+    return FacetSide(plain.x, triangles, outer_edges(triangles))
+
+
+def _lie_on(side: FacetSide, other: FacetSide, apart: float, beside: float) -> np.ndarray:
+    """Find the triangles of a side that lie on another one, shape (k,)."""
+    x = side.x
+    points = np.unique(side.triangles)
+    facet, distance = on_triangles(x[points], x[other.triangles])
+    lies = distance <= apart + allowance(side, points, other, facet)
+    _, _, to_outline = on_edges(x[points], x[_outline_amid(other, side, apart)])
+    lies &= to_outline >= beside * side.edge_lengths[points]
+    of_points = np.zeros(len(x), dtype=bool)
+    of_points[points] = lies
+    return of_points[side.triangles].all(axis=1) & _faces(side, other)
+
+
+def _faces(side: FacetSide, other: FacetSide) -> np.ndarray:
+    """Check which triangles face the nearest ones of another side, shape (k,)."""
+    x = side.x
+    nearest, _ = on_triangles(x[side.triangles].mean(axis=1), x[other.triangles])
+    cosine = np.einsum("ij,ij->i", side.normals, other.normals[nearest])
+    return cosine < -FACING
+
+
+def _outline_amid(side: FacetSide, other: FacetSide, apart: float) -> np.ndarray:
+    """Return the edges of an outline that lie amid another side, shape (k, 2)."""
+    x = side.x
+    points = np.unique(side.outline)
+    facet, distance = on_triangles(x[points], x[other.triangles])
+    allowed = apart + allowance(side, points, other, facet)
+    _, _, to_outline = on_edges(x[points], x[other.outline])
+    amid = np.zeros(len(x), dtype=bool)
+    amid[points] = (distance <= allowed) & (to_outline > allowed)
+    return side.outline[amid[side.outline].any(axis=1)]
+
+
+def _left_out(plain: PlainMesh, here: int, there: int, apart: float) -> float:
+    """Estimate the area on which sides face each other without common facets.
+
+    Args:
+        plain: The mesh, in which sides have common facets.
+        here: Tag of side 1.
+        there: Tag of side 2.
+        apart: Greatest distance of both sides [length].
+
+    Returns:
+        The area of such parts of side 1 over that of the common facets [-].
+    """
+    first, second = (_side(plain, tag) for tag in (here, there))
+    number1, number2 = row_numbers(first.triangles, second.triangles)
+    is_common = np.isin(number1, number2)
+    rest = _part(first, ~is_common)
+    other = _part(second, ~np.isin(number2, number1))
+    areas = np.linalg.norm(area_vectors(plain.x[first.triangles]), axis=1)
+    if is_common.all() or not len(other.triangles):
+        return 0.0
+    points = np.matmul(PLACES, plain.x[rest.triangles]).reshape(-1, 3)
+    of_point = np.repeat(np.arange(len(rest.triangles)), len(PLACES))
+    facet, distance = on_triangles(points, plain.x[other.triangles])
+    cosine = np.einsum("ij,ij->i", rest.normals[of_point], other.normals[facet])
+    allowed = apart + rest.facet_heights[of_point] + other.facet_heights[facet]
+    faces = (cosine < -FACING) & (distance <= allowed)
+    left = np.bincount(of_point, faces, len(rest.triangles)) / len(PLACES)
+    return float(left @ areas[~is_common] / areas[is_common].sum())
+
+
+def _part(side: FacetSide, chosen: np.ndarray) -> FacetSide:
+    """Return some triangles of a side."""
+    triangles = side.triangles[chosen]
+    return FacetSide(side.x, triangles, outer_edges(triangles))
