@@ -81,6 +81,10 @@ class Condensed:
         self.size = len(stiffness.numbers) if forms.method.in_layer else stiffness.contact_size
         self.forms.set_displacement(w)
         self._last_u_A: np.ndarray | None = None
+        self.matrix = self.schur = np.zeros((0, 0))
+        self.loads = np.zeros(0)
+        self._unheld: tuple[np.ndarray, np.ndarray] | None = None
+        """K and s where springs hold the body, else None."""
 
         # Gathering is collective; the dense algebra is done on rank 0 alone.
         self.w = stiffness.gather(w)
@@ -152,6 +156,32 @@ class Condensed:
         """Set the shares of friction and gaps on all ranks [-]."""
         self._on_all_ranks("set_shares", friction, gap)
 
+    def hold(self, weight: float, u_A: np.ndarray) -> None:
+        """Hold the motions that no support holds where they are at u_A, on rank 0.
+
+        K and s become those with springs, until the next call.
+
+        Args:
+            weight: Weight of the springs [-]; 0 for none.
+            u_A: The displacement whose motions the springs keep [length].
+        """
+        if weight == 0.0 and self._unheld is None:
+            return
+        if self._unheld is None:
+            self._unheld = self.matrix, self.loads
+        self.matrix, self.loads = self._unheld
+        if weight > 0.0:
+            springs = weight * self.stiffness.springs(self.size)
+            self.matrix = self.matrix + springs
+            self.loads = self.loads + springs @ u_A
+        else:
+            self._unheld = None
+        if self.multipliers:
+            # Multipliers are reactions, of the springs, too.
+            self._fields.set_reactions(self.matrix, self.loads)
+            self._derivative.getDenseArray()[:] = self._fields.affine[:, :-1]
+            self._last_u_A = None
+
     def from_contact(self, u_contact: np.ndarray) -> np.ndarray:
         """Return u_A [length] from the displacement of the contact nodes, on rank 0.
 
@@ -202,8 +232,6 @@ class Condensed:
 
     def _condense(self, slip_A: np.ndarray) -> None:
         """Make the dense matrices on rank 0."""
-        self.matrix = self.schur = np.zeros((0, 0))
-        self.loads = np.zeros(0)
         if self.stiffness.schur is None:
             return
         a = self.size

@@ -114,6 +114,7 @@ class ContactSolve:
             states,
             friction=friction,
             gap=gap,
+            loose=bool(self.model.free_motions),
             fallback=self.fallback,
             nodal_first=nodal_first,
         ):

@@ -84,14 +84,16 @@ class Direct:
             dense = Dense(problem, tolerance)
             u_A = problem.from_contact(state)
             steps = 0
-            for friction_share, gap_share in attempt.shares:
-                problem.set_shares(friction_share, gap_share)
+            for shares in attempt.shares:
+                problem.set_shares(shares.friction, shares.gap)
+                problem.hold(shares.springs, u_A)
                 last, outcome = dense.solve(u_A, attempt.line_search)
                 u_A = last.displacement
                 steps += outcome.steps
                 if not outcome.converged:
                     break
             problem.set_shares(1.0, 1.0)
+            problem.hold(0.0, u_A)
             results = None
             if attempt.final and outcome.converged:
                 distance = dense.distance(last.residual)

@@ -88,8 +88,9 @@ class FieldMap:
         place[stiffness.local] = stiffness.place
         self.columns = self._columns_of_displacements(place)
         if self._map is not None:
+            self._first_multiplier = self.size
             self.columns += self._columns_of_multipliers(self._map)
-            together(self._model.comm, self._add_multipliers, self._map, matrix, loads)
+            together(self._model.comm, self.set_reactions, matrix, loads)
         self.rows = np.where(place < unknowns, place, -1)
 
     # -- displacements
@@ -257,15 +258,18 @@ class FieldMap:
             self.size += len(nodes.numbers) * d
         return columns
 
-    def _add_multipliers(
-        self, multiplier_map: MultiplierMap, matrix: np.ndarray, loads: np.ndarray
-    ) -> None:
-        """Add the multipliers to Z, on rank 0."""
-        if self._stiffness.schur is None:
+    def set_reactions(self, matrix: np.ndarray, loads: np.ndarray) -> None:
+        """Set the multipliers in Z to those of the reactions ``K u_A - s``, on rank 0.
+
+        Args:
+            matrix: K [force/length], shape (A, A).
+            loads: s [force], shape (A,).
+        """
+        if self._stiffness.schur is None or self._map is None:
             return
         reaction = np.hstack([matrix, -loads[:, None]])
-        rows = [self.affine]
-        for nodes, entries in zip(multiplier_map.contacts, multiplier_map.multipliers, strict=True):
+        rows = [self.affine[: self._first_multiplier]]
+        for nodes, entries in zip(self._map.contacts, self._map.multipliers, strict=True):
             to_multiplier = self._at_A(entries, dofs_of(nodes.numbers, self._model.d))
             rows.append(times(to_multiplier, reaction))
             to_multiplier.destroy()

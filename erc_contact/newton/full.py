@@ -29,6 +29,7 @@ from erc_contact.newton.linear.multigrid import Multigrid
 from erc_contact.newton.pressing import PRESSING, contact_normals
 from erc_contact.newton.reactions import Reactions
 from erc_contact.newton.shared_laws import set_to_laws
+from erc_contact.newton.singular_values import least_singular_value
 from erc_contact.newton.tangent import Tangent
 
 SOLVED = 1e-10
@@ -213,7 +214,7 @@ class FullSpace:
         for state in states:
             self._set(state)
             self._tangent.assemble()
-            values.append(self._tangent.least_singular_value(u))
+            values.append(least_singular_value(self._tangent, u))
         pressed.destroy()
         u.destroy()
         return min(values)
@@ -243,6 +244,13 @@ class FullSpace:
         """Set the shares of friction and gaps [-]."""
         self.forms.set_shares(friction, gap)
 
+    def hold(self, weight: float, x: PETSc.Vec) -> None:
+        """Hold free motions where they are at x, see :meth:`.tangent.Tangent.hold`."""
+        self._tangent.hold(weight, x)
+        if self._last_x is not None:
+            # The multipliers are reactions, of the springs, too.
+            self._last_x.set(np.nan)
+
     def fields(self, x: PETSc.Vec) -> tuple[fem.Function, tuple[fem.Function, ...]]:
         """Return displacement and multipliers at x, new Functions of nodal values."""
         self._set(x)
@@ -265,6 +273,8 @@ class FullSpace:
         u.x.array[:] *= self.length
         self.forms.set_displacement(u)
         self.elastic.times(x, residual)
+        if self._tangent.held is not None:
+            self._tangent.held.add_forces(x, residual)
         residual.scale(self.length)
         residual.axpy(-1.0, self.loads)
         if self._reactions is not None:

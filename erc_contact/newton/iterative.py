@@ -94,13 +94,15 @@ class Iterative:
         x = problem.vector()
         x.array[:] = self.elastic.start(state) / problem.length
         steps = 0
-        for friction_share, gap_share in step.shares:
-            problem.set_shares(friction_share, gap_share)
+        for shares in step.shares:
+            problem.set_shares(shares.friction, shares.gap)
+            problem.hold(shares.springs, x)
             outcome = attempt(problem, x, step.line_search, tolerance)
             steps += outcome.steps
             if not outcome.converged:
                 break
         problem.set_shares(1.0, 1.0)
+        problem.hold(0.0, x)
         u, multipliers = problem.fields(x)
         solution = None
         if step.final and outcome.converged:

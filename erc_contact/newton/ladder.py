@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Container, Iterator
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 from erc_contact.newton.methods import AugmentedLagrangian, Method, Nitsche
 
@@ -35,6 +36,28 @@ STIFFER = (100.0, 30.0, 10.0, 5.0, 3.0, 2.0, 1.4)
 It starts from the augmented Lagrangian, the limit of a large gamma. The solutions of
 two near gammas are near each other.
 """
+PROXIMAL_WEIGHTS = (*(10.0 ** (-k / 2) for k in range(13)), 0.0)
+"""Weights of springs on the rigid motions that no support holds [-].
+
+They hold each motion where the last problem left it, which is the proximal point method
+(Rockafellar, SIAM J. Control Optim. 14 (1976)). Where all of the contact slips nothing
+else holds a body along it, and the tangent is singular, even if the solution sticks
+somewhere. With springs it is not, and lesser springs let the body go where it must.
+"""
+
+
+class Shares(NamedTuple):
+    """Hold what one problem of a sequence has of friction, gaps and springs.
+
+    Attributes:
+        friction: Share of the friction bound [-].
+        gap: Share of the gaps [-].
+        springs: Weight of the springs on motions that no support holds [-].
+    """
+
+    friction: float = 1.0
+    gap: float = 1.0
+    springs: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -47,7 +70,9 @@ class Attempt:
         line_search: Name of PETSc's line search.
         friction_shares: Shares of the friction bound that are solved for one after the
             other [-].
-        gap_shares: The same of gaps; only one of both has several.
+        gap_shares: The same of gaps.
+        proximal_weights: Weights of the springs on motions that no support holds [-].
+            Only one of the three has several.
         final: Whether its solution is that of the scene; otherwise it is the start of
             another attempt.
     """
@@ -57,14 +82,16 @@ class Attempt:
     line_search: str = "bisection"
     friction_shares: tuple[float, ...] = (1.0,)
     gap_shares: tuple[float, ...] = (1.0,)
+    proximal_weights: tuple[float, ...] = (0.0,)
     final: bool = True
 
     @property
-    def shares(self) -> list[tuple[float, float]]:
-        """Return the shares of friction and gap of each problem of the sequence [-]."""
-        of_friction = [(share, 1.0) for share in self.friction_shares[:-1]]
-        of_gaps = [(1.0, share) for share in self.gap_shares[:-1]]
-        return [*of_friction, *of_gaps, (1.0, 1.0)]
+    def shares(self) -> list[Shares]:
+        """Return the shares of each problem of the sequence, at last the scene's."""
+        of_friction = [Shares(friction=share) for share in self.friction_shares[:-1]]
+        of_gaps = [Shares(gap=share) for share in self.gap_shares[:-1]]
+        of_springs = [Shares(springs=weight) for weight in self.proximal_weights[:-1]]
+        return [*of_friction, *of_gaps, *of_springs, Shares()]
 
     @property
     def gives(self) -> str:
@@ -77,6 +104,8 @@ class Attempt:
             steps = f", friction in {len(self.friction_shares)} steps"
         if len(self.gap_shares) > 1:
             steps = f", gaps in {len(self.gap_shares)} steps"
+        if len(self.proximal_weights) > 1:
+            steps = f", {len(self.proximal_weights)} proximal steps"
         return f"{self.start} start, {self.method}, {self.line_search}{steps}"
 
 
@@ -86,6 +115,7 @@ def attempts(
     *,
     friction: bool,
     gap: bool,
+    loose: bool,
     fallback: bool,
     nodal_first: bool,
 ) -> Iterator[Attempt]:
@@ -102,6 +132,7 @@ def attempts(
             attempts.
         friction: Whether the scene has friction.
         gap: Whether it has a gap.
+        loose: Whether supports leave a body rigid motions.
         fallback: Whether a solution of the augmented Lagrangian is accepted instead.
         nodal_first: Whether another method starts from the solution of the augmented
             Lagrangian.
@@ -117,6 +148,8 @@ def attempts(
         yield Attempt(method, "nodal")
     if first == "warm" or not (is_nodal or method_first):
         yield Attempt(method, "glued")
+    if loose:
+        yield from _proximal(method, nodal, first, known)
 
     # Another parameter of the augmented Lagrangian goes another way to its solution.
     tried = {method, nodal} if first == "glued" else {method}
@@ -125,12 +158,7 @@ def attempts(
             yield Attempt(other, "glued", final=False)
             yield Attempt(method, "nodal")
     if isinstance(method, Nitsche):
-        start = "nodal"
-        for factor in STIFFER:
-            stiffer = replace(method, gamma=factor * method.gamma)
-            yield Attempt(stiffer, start, final=False)
-            start = "stiffer"
-        yield Attempt(method, "stiffer")
+        yield from _stiffer(method)
     accepted = [method]
     if fallback and not is_nodal:
         yield Attempt(nodal, "nodal")
@@ -145,3 +173,31 @@ def attempts(
             yield Attempt(last_method, "glued", friction_shares=shares)
         for line_search in LINE_SEARCHES:
             yield Attempt(last_method, "glued", line_search)
+
+
+def _proximal(
+    method: Method, nodal: Method, first: str, known: Container[str]
+) -> Iterator[Attempt]:
+    """Generate the attempts by proximal steps, for a body that is not all held.
+
+    Args:
+        method: The method whose solution is wanted.
+        nodal: The augmented Lagrangian.
+        first: Name of the first start.
+        known: Names of the starts that are known.
+    """
+    weights = PROXIMAL_WEIGHTS
+    yield Attempt(method, first, proximal_weights=weights)
+    if nodal != method and "nodal" not in known:
+        yield Attempt(nodal, first, proximal_weights=weights, final=False)
+        yield Attempt(method, "nodal")
+
+
+def _stiffer(method: Nitsche) -> Iterator[Attempt]:
+    """Generate the attempts with larger gamma, from the augmented Lagrangian's."""
+    start = "nodal"
+    for factor in STIFFER:
+        stiffer = replace(method, gamma=factor * method.gamma)
+        yield Attempt(stiffer, start, final=False)
+        start = "stiffer"
+    yield Attempt(method, "stiffer")

@@ -28,6 +28,14 @@ NEWTON_STEPS = 100
 """Limit of Newton steps of one attempt."""
 CYCLE = 0.9
 """Fall of the residual below which a status that comes back is a cycle [-]."""
+STILL_STEPS = 20
+"""Steps with one status after which Newton's method must have come nearer.
+
+With one status the equations are linear in the plane and smooth in space. Where the
+tangent is singular, the line search cuts the steps to nothing and the status stays.
+"""
+NEARER = 0.5
+"""Fall of the residual in so many steps that counts as nearer [-]."""
 
 
 @dataclass(frozen=True)
@@ -162,7 +170,7 @@ class _StoppingTest:
     """Test the convergence of one attempt, for SNES.
 
     An attempt converges at round-off or when it is accurate enough. It diverges when
-    the contact status repeats itself.
+    the contact status repeats itself, or stands still without a solution.
 
     Attributes:
         reason: Why it ended, or "" if PETSc's reason says it.
@@ -174,6 +182,8 @@ class _StoppingTest:
         self.reason = ""
         self._before: dict[bytes, tuple[int, float]] = {}
         """Last step and least residual of each contact status."""
+        self._stay: tuple[bytes, int, float] = (b"", 0, np.inf)
+        """The last status, and the step and residual with which its stay began."""
 
     def __call__(
         self, snes: PETSc.SNES, step: int, norms: tuple[float, float, float]
@@ -197,12 +207,26 @@ class _StoppingTest:
             self.reason = "accurate enough"
             return reasons.CONVERGED_ITS
         key, _ = self.problem.status(x)
+        self.reason = self._repeats(key, step, norm) or self._stands_still(key, step, norm)
+        return reasons.DIVERGED_INNER if self.reason else reasons.ITERATING
+
+    def _repeats(self, key: bytes, step: int, norm: float) -> str:
+        """Say that the status comes back and the residual did not fall, or ""."""
         last_step, least = self._before.get(key, (step, norm))
         if last_step < step - 1 and norm > CYCLE * least:
-            self.reason = f"cycle of {step - last_step} steps"
-            return reasons.DIVERGED_INNER
+            return f"cycle of {step - last_step} steps"
         self._before[key] = (step, min(least, norm))
-        return reasons.ITERATING
+        return ""
+
+    def _stands_still(self, key: bytes, step: int, norm: float) -> str:
+        """Say that the status stayed for long and the residual did not fall, or ""."""
+        last_key, first_step, first_norm = self._stay
+        if key == last_key and step - first_step < STILL_STEPS:
+            return ""
+        self._stay = key, step, norm
+        if key == last_key and norm > NEARER * first_norm:
+            return f"no progress in {STILL_STEPS} steps"
+        return ""
 
 
 REASONS = {

@@ -17,21 +17,13 @@ from petsc4py import PETSc
 
 from erc_contact.base.sparse import matrix_of
 from erc_contact.newton.forms import ContactForms
-from erc_contact.newton.linear.krylov import fgmres, set_up
+from erc_contact.newton.linear.krylov import set_up
+from erc_contact.newton.linear.motion_springs import MotionSprings
 from erc_contact.newton.linear.multigrid import Multigrid
 from erc_contact.newton.linear.shells import shell
 from erc_contact.newton.moved_forces import moved_forces
 from erc_contact.newton.reactions import Reactions
 from erc_contact.newton.springs import Springs
-
-REGULARITY_TOLERANCE = 1e-4
-"""Tolerance of the linear solve that shows whether the tangent has an inverse [-]."""
-NO_INVERSE = 1e-9
-"""Least singular value that counts as none [-].
-
-Beside the branch of demos/many_solutions.py the value is 1e-4 to 1e-1, on it 1e-15 to
-1e-10.
-"""
 
 
 class Tangent:
@@ -50,6 +42,7 @@ class Tangent:
     Attributes:
         matrix: The tangent, as PETSc wants a matrix.
         moved: What is added to assembled forces, see :func:`.moved_forces`.
+        held: Springs on motions that no support holds; None without.
     """
 
     def __init__(
@@ -66,6 +59,7 @@ class Tangent:
         self.length = length
         self.force = force
         self._reactions = reactions
+        self.held: MotionSprings | None = None
         self._springs: Springs | None = None
         self._is_identity = self.model.coordinates.is_identity
         self.moved = moved_forces(forms)
@@ -197,12 +191,27 @@ class Tangent:
     def mult(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
         """Set y to the scaled tangent times x."""
         self.elastic.times(x, y)
+        if self.held is not None:
+            self.held.add_tangent(x, y)
         if self._reactions is None:
             assert self._change is not None
             self._change.multAdd(x, y, y)
         else:
             self._mult_equations(self._reactions, x, y)
         y.scale(self.length / self.force)
+
+    def hold(self, weight: float, x: PETSc.Vec) -> None:
+        """Hold the motions that no support holds where they are at x.
+
+        Args:
+            weight: Weight of the springs [-]; 0 for none.
+            x: The unknowns whose motions the springs keep.
+        """
+        if self.held is not None:
+            self.held.free()
+        self.held = None
+        if weight > 0.0:
+            self.held = MotionSprings(self.model, self.elastic.matrix, weight, x)
 
     def precondition(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
         """Set y to about the inverse of the scaled tangent times x."""
@@ -222,38 +231,6 @@ class Tangent:
         """Set the hierarchy to that of the tangent."""
         assert self._change is not None
         self.elastic.renew(self._change)
-
-    def least_singular_value(self, u: PETSc.Vec) -> float:
-        """Estimate the least singular value of the tangent [-]; zero if singular.
-
-        The elastic diagonal scales it. It is the ratio of a force without structure to
-        the displacement that this causes, as far as FGMRES solves for it. Without an
-        inverse FGMRES does not converge, and the displacement grows to the inverse of
-        round-off; where multigrid is only slow it does not.
-
-        Args:
-            u: A displacement that may be near [-], e.g. that of another tangent; it
-                becomes the one of this tangent.
-        """
-        diagonal = self.elastic.matrix.getDiagonal()
-        force = u.duplicate()
-        fixed = self.elastic.fixed
-        diagonal.sqrtabs()
-        # A force without structure that does not depend on the number of ranks.
-        force.array[:] = np.sin(1.0 + np.arange(*force.getOwnershipRange()) ** 2)
-        force.array[fixed] = 0.0
-        size = force.norm()
-        force.pointwiseMult(force, diagonal)
-        fgmres(self.mult, self.precondition, force, u, REGULARITY_TOLERANCE)
-        diagonal.pointwiseMult(diagonal, u)
-        diagonal.array[fixed] = 0.0
-        length = diagonal.norm()
-        diagonal.destroy()
-        force.destroy()
-        value = 1.0
-        if length > 0:
-            value = size / length * self.force / self.length
-        return float(value) if value > NO_INVERSE else 0.0
 
     def free(self) -> None:
         """Free PETSc's objects; the matrix and this object know each other."""

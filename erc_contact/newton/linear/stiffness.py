@@ -228,16 +228,16 @@ class Stiffness(Elastic):
         self._solver()
 
     def definite(self, count: int) -> np.ndarray:
-        """Return the stiffness of u_A [force/length], definite on free rigid motions.
+        """Return the stiffness of u_A, definite by :meth:`springs` [force/length]."""
+        return self.unglued(count) + self.springs(count)
 
-        See :meth:`unglued`. Springs hold the motions that no support holds.
-        """
-        matrix = self.unglued(count)
-        if self.motions:
-            kernel, _ = np.linalg.qr(np.column_stack(self.motions)[:count])
-            schur, _ = self.reduced(count)
-            matrix += np.mean(schur.diagonal()) * kernel @ kernel.T
-        return matrix
+    def springs(self, count: int) -> np.ndarray:
+        """Return springs on the free motions at A [force/length], on rank 0."""
+        if not self.motions:
+            return np.zeros((count, count))
+        kernel, _ = np.linalg.qr(np.column_stack(self.motions)[:count])
+        schur, _ = self.reduced(count)
+        return np.mean(schur.diagonal()) * np.asarray(kernel @ kernel.T)
 
     def unglued(self, count: int) -> np.ndarray:
         """Return ``S_A - D_A``, the stiffness of u_A [force/length], on rank 0."""

@@ -1,0 +1,52 @@
+"""Estimate the least singular value of the tangent for all degrees of freedom."""
+
+from __future__ import annotations
+
+import numpy as np
+from petsc4py import PETSc
+
+from erc_contact.newton.linear.krylov import fgmres
+from erc_contact.newton.tangent import Tangent
+
+REGULARITY_TOLERANCE = 1e-4
+"""Tolerance of the linear solve that shows whether the tangent has an inverse [-]."""
+NO_INVERSE = 1e-9
+"""Least singular value that counts as none [-].
+
+Beside the branch of demos/many_solutions.py the value is 1e-4 to 1e-1, on it 1e-15 to
+1e-10.
+"""
+
+
+def least_singular_value(tangent: Tangent, u: PETSc.Vec) -> float:
+    """Estimate the least singular value of a tangent [-]; zero if singular; collective.
+
+    The elastic diagonal scales it. It is the ratio of a force without structure to the
+    displacement that this causes, as far as FGMRES solves for it. Without an inverse
+    FGMRES does not converge, and the displacement grows to the inverse of round-off;
+    where multigrid is only slow it does not.
+
+    Args:
+        tangent: The tangent at a state.
+        u: A displacement that may be near [-], e.g. that of another tangent; it becomes
+            the one of this tangent.
+    """
+    diagonal = tangent.elastic.matrix.getDiagonal()
+    force = u.duplicate()
+    fixed = tangent.elastic.fixed
+    diagonal.sqrtabs()
+    # A force without structure that does not depend on the number of ranks.
+    force.array[:] = np.sin(1.0 + np.arange(*force.getOwnershipRange()) ** 2)
+    force.array[fixed] = 0.0
+    size = force.norm()
+    force.pointwiseMult(force, diagonal)
+    fgmres(tangent.mult, tangent.precondition, force, u, REGULARITY_TOLERANCE)
+    diagonal.pointwiseMult(diagonal, u)
+    diagonal.array[fixed] = 0.0
+    length = diagonal.norm()
+    diagonal.destroy()
+    force.destroy()
+    value = 1.0
+    if length > 0:
+        value = size / length * tangent.force / tangent.length
+    return float(value) if value > NO_INVERSE else 0.0

@@ -1,0 +1,148 @@
+"""A body that nothing but friction holds along its contact.
+
+Where all of the contact slips in a state of Newton's method, the tangent is singular.
+
+- both methods solve scenes that are convex or nearly so, with both solvers, from rest
+  and after a step; contact forces balance the loads;
+- springs on the free motions hold a state where it is, and leave nothing behind;
+- what slides away or tips has no solution, and is told so in few Newton steps.
+"""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from bricks import NAMES, bricks
+from mpi4py import MPI
+
+import erc_contact as ec
+from erc_contact.model.promises import bind
+from erc_contact.newton.condensed import Condensed
+from erc_contact.newton.forms import ContactForms
+from erc_contact.newton.linear.stiffness import Stiffness
+from erc_contact.newton.snes import NEWTON_STEPS
+
+METHODS = [ec.Nitsche(), ec.AugmentedLagrangian()]
+PRESS = 0.02
+"""Pressure on the block over its modulus [-]."""
+
+
+@cache
+def common_block() -> ec.Domain:
+    """Make the block of these tests; collective."""
+    return ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(4, 2))
+
+
+def pushed(share: float, friction: object, height: float = 1.0) -> ec.Scene:
+    """Press a block on its foundation, and push it by a share of the pressure."""
+    return ec.Scene(
+        ec.Elastic(1.0, 0.45),
+        loads=[ec.Traction("top", (share * PRESS, -PRESS))],
+        contacts=[ec.Contact("bottom", friction)],
+    )
+
+
+def on_body(friction: object) -> ec.Scene:
+    """Press a block on a softer one that is nearly incompressible, and push it."""
+    return ec.Scene(
+        ec.Elastic({"upper": 1.0, "lower": 0.05}, {"upper": 0.3, "lower": 0.4999}),
+        [ec.Displacement("lower outer", (0.0, 0.0))],
+        [ec.Traction("upper outer", (0.002 * PRESS, -0.05 * PRESS))],
+        [ec.Contact(NAMES[0], friction, against=NAMES[1])],
+    )
+
+
+@pytest.mark.parametrize("solver", ["direct", "iterative"])
+@pytest.mark.parametrize("method", METHODS, ids=["nitsche", "lagrangian"])
+def test_given_friction_holds_a_block(method, solver):
+    """All points slip at first; the problem is convex, so it has a solution."""
+    friction = ec.Tresca(0.05 * PRESS)
+    solution = ec.solve(pushed(0.02, friction), common_block(), method, solver=solver)
+    assert "proximal" in solution.reason
+    force = solution.force("bottom").force
+    assert force == pytest.approx([-0.02 * PRESS, PRESS], rel=1e-7)
+    error = ec.constitutive_error(ec.equilibrate(solution))
+    assert 0 < error.relative < 0.3
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("friction", [0.1, ec.Tresca(0.1 * 0.05 * PRESS)], ids=["mu", "given"])
+@pytest.mark.parametrize("degree", [1, 2])
+def test_friction_holds_a_block_on_a_soft_body(degree, friction):
+    """The lower body swells under the block, which slips to both sides."""
+    blocks = bricks(2, (5, 3), heights=(2.0, 1.0))
+    solution = ec.solve(on_body(friction), blocks, degree=degree)
+    force = solution.force(NAMES[0]).force
+    width = 2.0
+    loads = width * PRESS * np.array([0.002, -0.05])
+    assert force == pytest.approx(-loads, rel=1e-7, abs=1e-9 * abs(loads).max())
+
+
+@pytest.mark.serial
+def test_a_history_goes_on_by_proximal_steps():
+    """The push turns round: all of the contact slips back before some of it sticks."""
+    friction = ec.Tresca(0.05 * PRESS)
+    last = ec.solve(pushed(0.03, friction), common_block(), METHODS[1])
+    for share in (-0.03, 0.04):
+        last = ec.solve(pushed(share, friction), common_block(), METHODS[1], after=last)
+        force = last.force("bottom").force
+        assert force == pytest.approx([-share * PRESS, PRESS], rel=1e-7)
+
+
+@pytest.mark.parametrize("method", METHODS, ids=["nitsche", "lagrangian"])
+def test_springs_hold_a_state(method):
+    """At the state that they keep they change no force, elsewhere only motions'."""
+    domain = common_block()
+    model = bind(pushed(0.02, ec.Tresca(0.05 * PRESS)), domain, 1, None)
+    stiffness = Stiffness(model)
+    guess = stiffness.glued(stiffness.load_vector())
+    problem = Condensed(model, ContactForms(model, method), stiffness, guess)
+    at_contact = stiffness.gather(guess)[: stiffness.contact_size]
+
+    def residuals() -> tuple[np.ndarray, ...]:
+        state = problem.from_contact(at_contact)
+        moved = state + problem.length * np.cos(np.arange(problem.size))
+        free = problem.residual(moved), problem.tangent(moved)
+        at_state = problem.residual(state)
+        problem.hold(0.3, state)
+        held_at_state = problem.residual(state)
+        tangent = problem.tangent(moved)
+        slope = problem.residual(moved + 1e-7 * state) - problem.residual(moved - 1e-7 * state)
+        problem.hold(0.0, state)
+        again = problem.residual(moved), problem.tangent(moved)
+        return at_state, held_at_state, *free, *again, tangent @ state * 2e-7 - slope
+
+    at_state, held, residual, tangent, residual_after, tangent_after, of_slope = problem.run(
+        residuals
+    )
+    scale = abs(residual).max()
+    assert held == pytest.approx(at_state, abs=1e-12 * scale)
+    np.testing.assert_array_equal(residual, residual_after)
+    np.testing.assert_array_equal(tangent, tangent_after)
+    assert abs(of_slope).max() < 1e-12 * scale
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("height", [1.0, 4.0], ids=["slides", "tips"])
+def test_what_nothing_holds_is_told_in_few_steps(height):
+    """Pushed by more than friction carries, or over its edge: no attempt goes on."""
+    domain = ec.rectangle((0.0, 0.0), (1.0, height), cells=(4, 4))
+    friction = 0.1 if height == 1.0 else 0.5
+    with pytest.raises(ec.NotConverged) as failure:
+        ec.solve(pushed(0.2, friction), domain)
+    assert any("proximal" in rung for rung in failure.value.rungs)
+    stays = [rung for rung in failure.value.rungs if f" {NEWTON_STEPS} steps" in rung]
+    assert not stays
+
+
+@pytest.mark.ranks
+def test_proximal_steps_on_ranks():
+    """The solution is that of one rank, with both solvers."""
+    scene = pushed(0.02, ec.Tresca(0.05 * PRESS))
+    alone = ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(4, 2), comm=MPI.COMM_SELF)
+    wanted = ec.solve(scene, alone).profile("bottom")["slip"]
+    for solver in ("direct", "iterative"):
+        solution = ec.solve(scene, common_block(), solver=solver)
+        assert "proximal" in solution.reason
+        found = solution.profile("bottom")["slip"]
+        assert found == pytest.approx(wanted, abs=1e-7 * abs(wanted).max())
