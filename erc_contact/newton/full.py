@@ -29,7 +29,6 @@ from erc_contact.newton.linear.multigrid import Multigrid
 from erc_contact.newton.pressing import PRESSING, contact_normals
 from erc_contact.newton.reactions import Reactions
 from erc_contact.newton.shared_laws import set_to_laws
-from erc_contact.newton.singular_values import least_singular_value
 from erc_contact.newton.tangent import Tangent
 
 SOLVED = 1e-10
@@ -214,7 +213,7 @@ class FullSpace:
         for state in states:
             self._set(state)
             self._tangent.assemble()
-            values.append(least_singular_value(self._tangent, u))
+            values.append(self._tangent.least_singular_value(u))
         pressed.destroy()
         u.destroy()
         return min(values)

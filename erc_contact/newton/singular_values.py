@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 from petsc4py import PETSc
 
-from erc_contact.newton.linear.krylov import fgmres
-from erc_contact.newton.tangent import Tangent
+from erc_contact.newton.linear.krylov import Apply, fgmres
 
 REGULARITY_TOLERANCE = 1e-4
 """Tolerance of the linear solve that shows whether the tangent has an inverse [-]."""
@@ -18,7 +17,15 @@ Beside the branch of demos/many_solutions.py the value is 1e-4 to 1e-1, on it 1e
 """
 
 
-def least_singular_value(tangent: Tangent, u: PETSc.Vec) -> float:
+def least_singular_value(
+    times: Apply,
+    precondition: Apply,
+    u: PETSc.Vec,
+    *,
+    stiffness: PETSc.Mat,
+    fixed: np.ndarray,
+    scale: float,
+) -> float:
     """Estimate the least singular value of a tangent [-]; zero if singular; collective.
 
     The elastic diagonal scales it. It is the ratio of a force without structure to the
@@ -27,20 +34,23 @@ def least_singular_value(tangent: Tangent, u: PETSc.Vec) -> float:
     where multigrid is only slow it does not.
 
     Args:
-        tangent: The tangent at a state.
+        times: The scaled tangent.
+        precondition: About its inverse.
         u: A displacement that may be near [-], e.g. that of another tangent; it becomes
             the one of this tangent.
+        stiffness: The elastic stiffness K [force/length].
+        fixed: Unknowns of this rank that supports fix.
+        scale: What the tangent is divided by [force/length].
     """
-    diagonal = tangent.elastic.matrix.getDiagonal()
+    diagonal = stiffness.getDiagonal()
     force = u.duplicate()
-    fixed = tangent.elastic.fixed
     diagonal.sqrtabs()
     # A force without structure that does not depend on the number of ranks.
     force.array[:] = np.sin(1.0 + np.arange(*force.getOwnershipRange()) ** 2)
     force.array[fixed] = 0.0
     size = force.norm()
     force.pointwiseMult(force, diagonal)
-    fgmres(tangent.mult, tangent.precondition, force, u, REGULARITY_TOLERANCE)
+    fgmres(times, precondition, force, u, REGULARITY_TOLERANCE)
     diagonal.pointwiseMult(diagonal, u)
     diagonal.array[fixed] = 0.0
     length = diagonal.norm()
@@ -48,5 +58,5 @@ def least_singular_value(tangent: Tangent, u: PETSc.Vec) -> float:
     force.destroy()
     value = 1.0
     if length > 0:
-        value = size / length * tangent.force / tangent.length
+        value = size / length * scale
     return float(value) if value > NO_INVERSE else 0.0

@@ -23,6 +23,7 @@ from erc_contact.newton.linear.multigrid import Multigrid
 from erc_contact.newton.linear.shells import shell
 from erc_contact.newton.moved_forces import moved_forces
 from erc_contact.newton.reactions import Reactions
+from erc_contact.newton.singular_values import least_singular_value
 from erc_contact.newton.springs import Springs
 
 
@@ -231,6 +232,17 @@ class Tangent:
         """Set the hierarchy to that of the tangent."""
         assert self._change is not None
         self.elastic.renew(self._change)
+
+    def least_singular_value(self, u: PETSc.Vec) -> float:
+        """Estimate the least singular value [-], see :mod:`.singular_values`."""
+        return least_singular_value(
+            self.mult,
+            self.precondition,
+            u,
+            stiffness=self.elastic.matrix,
+            fixed=self.elastic.fixed,
+            scale=self.force / self.length,
+        )
 
     def free(self) -> None:
         """Free PETSc's objects; the matrix and this object know each other."""
