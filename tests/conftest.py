@@ -5,8 +5,10 @@ unless a test fails there, and then say so on stderr and end with an exit code o
 own, so that mpiexec fails. A test that ends on one rank and not on another aborts the
 run. Tests marked ``serial`` are left out; on one rank those marked ``ranks`` are. Of a
 test marked ``on_ranks`` only the named cases run, one for each way in which ranks
-work together; the others differ in what no rank sees. The
-demos, marked ``gallery``, run only if asked for, by ``-m gallery``.
+work together; the others differ in what no rank sees. Of a test marked ``pairs`` run so
+many cases that any two values of two of its parameters meet in one of them; a case
+that is asked for by its name runs always. The demos, marked ``gallery``, run only if
+asked for, by ``-m gallery``.
 
 Under pytest-xdist each worker is a process of one rank. Workers share the cache of
 compiled forms: one may wait for a form that another compiles.
@@ -22,6 +24,7 @@ import shutil
 import signal
 import sys
 import tempfile
+from itertools import combinations_with_replacement
 from pathlib import Path
 from time import monotonic, sleep
 
@@ -110,6 +113,7 @@ def pytest_collection_modifyitems(config, items):
     whole_files = not any("::" in argument for argument in config.args)
     if whole_files:
         raise_if_unknown(items)
+        out.update(cases_beyond_pairs(items))
     config.hook.pytest_deselected(items=[item for item in items if item in out])
     items[:] = [item for item in items if item not in out]
 
@@ -126,6 +130,41 @@ def cases_left_out(items):
         mark = item.get_closest_marker("on_ranks")
         if mark is not None and item.callspec.id not in mark.args:
             yield item
+
+
+def cases_beyond_pairs(items):
+    """Return the cases of tests marked ``pairs`` whose pairs of values other cases have."""
+    functions = {}
+    for item in items:
+        if item.get_closest_marker("pairs") is not None:
+            functions.setdefault(item.nodeid.split("[")[0], []).append(item)
+    for cases in functions.values():
+        yield from set(cases) - set(covering(cases))
+
+
+def covering(cases):
+    """Return cases that have all pairs of values: named ones, then those with most new pairs."""
+    pairs = {case: pairs_of(case.callspec.params) for case in cases}
+    missing = set().union(*pairs.values())
+    kept = []
+
+    def keep(case):
+        kept.append(case)
+        missing.difference_update(pairs[case])
+
+    for case in cases:
+        mark = case.get_closest_marker("on_ranks")
+        if mark is not None and case.callspec.id in mark.args:
+            keep(case)
+    while missing:
+        keep(max(cases, key=lambda case: len(pairs[case] & missing)))
+    return kept
+
+
+def pairs_of(values):
+    """Return all pairs of the values of parameters, which are known by their identity."""
+    named = [(name, id(value)) for name, value in sorted(values.items())]
+    return set(combinations_with_replacement(named, 2))
 
 
 def raise_if_unknown(items):

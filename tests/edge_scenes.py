@@ -79,9 +79,9 @@ UNSOLVABLE: dict[str, Callable[[], Pair]] = {
     "pulled off and sideways": lambda: standing((0.3, 0.5)),
     "pulled off a roller": lambda: roller_pulled_off(0.0),
     "pulled off a roller, mu 0.5": lambda: roller_pulled_off(0.5),
-    "pushed beyond the limit": lambda: standing((0.3, -1.0), friction=0.1),
-    "pushed to 102% of the limit": lambda: standing((0.51, -1.0)),
-    "pushed beyond the limit above a gap": lambda: standing((0.6, -1.0), gap=0.01),
+    "pushed beyond the limit": lambda: standing((0.3, -1.0), square(4, 4), friction=0.1),
+    "pushed to 102% of the limit": lambda: standing((0.51, -1.0), square(4, 4)),
+    "pushed beyond the limit above a gap": lambda: standing((0.6, -1.0), square(4, 4), gap=0.01),
     "slope 15 degrees, mu 0.2": lambda: standing(
         (0.0, -1.0), rotated(square(), 15.0), friction=0.2
     ),

@@ -81,6 +81,7 @@ def rigid(loads: np.ndarray) -> np.ndarray:
     return np.zeros((len(loads), len(loads)))
 
 
+@pytest.mark.pairs
 @pytest.mark.parametrize("d", [2, 3])
 @pytest.mark.parametrize("inside", [1.0, 1e-2, 1e-4])
 @pytest.mark.parametrize("few", [1.0, 0.2])

@@ -18,7 +18,7 @@ from scenes import block, common_block, prototype_block
 import erc_contact as ec
 
 pytestmark = pytest.mark.serial
-FINE = 64
+FINE = 48
 """Squares across the block of the references."""
 
 

@@ -75,7 +75,7 @@ def test_a_disturbance_is_the_fault_of_the_displacement():
 @cache
 def nearly_exact():
     """Return the solution on a mesh whose nodes are also those of the coarse ones."""
-    return ec.solve(SCENE, block(24), degree=2)
+    return ec.solve(SCENE, block(16), degree=2)
 
 
 @pytest.mark.serial
@@ -183,7 +183,7 @@ def pressed_ball(d):
 
 
 @pytest.mark.on_ranks("2-2")
-@pytest.mark.parametrize(("d", "degree"), [(2, 1), (2, 2), (3, 2)])
+@pytest.mark.parametrize(("d", "degree"), [(2, 2), (3, 1)])
 def test_a_solution_of_nitsche_has_the_error_that_it_has(d, degree):
     scene, body = pressed_ball(d)
     solution = ec.solve(scene, body, ec.Nitsche(), degree=degree)

@@ -123,7 +123,7 @@ def test_adaptive_rate_and_index():
     assert history.slope("dofs") == pytest.approx(-1.0, abs=0.1)
     coarse = ec.adapt(common_block(), block(4), 0.007, degree=2).best
     fine = coarse.admissible.solution.domain
-    for _ in range(3):
+    for _ in range(2):
         fine = fine.refined()
     true = true_errors(coarse.admissible, ec.solve(common_block(), fine, degree=2))
     index = coarse.bulk_error / true.displacement
@@ -146,7 +146,7 @@ def test_index_near_incompressibility(nu, friction):
     )
     pair = ec.equilibrate(ec.solve(scene, block(8), degree=2))
     error = ec.constitutive_error(pair)
-    true = true_errors(pair, ec.solve(scene, block(32), degree=2))
+    true = true_errors(pair, ec.solve(scene, block(24), degree=2))
     index = error.bulk_error / true.displacement
     print("eps", error.relative, "index", index, "steps", pair.tightening)
     assert 1.0 <= index <= 2.0
@@ -166,9 +166,10 @@ def test_cube():
     def cube(n):
         return ec.box((0.0, 0.0, 0.0), (1.0, 1.0, 1.0), cells=(n, n, n))
 
-    pair = ec.equilibrate(ec.solve(scene, cube(2), degree=2))
+    method = ec.AugmentedLagrangian()
+    pair = ec.equilibrate(ec.solve(scene, cube(2), method, degree=2))
     error = ec.constitutive_error(pair)
-    true = true_errors(pair, ec.solve(scene, cube(6), degree=2))
+    true = true_errors(pair, ec.solve(scene, cube(4), method, degree=2))
     print(
         "index",
         error.bulk_error / true.displacement,

@@ -198,10 +198,13 @@ def test_ranks_make_the_same_curved_mesh():
 
 
 @pytest.mark.parametrize(
-    ("one", "two", "words"),
-    [(thin_pin, socket, "apart near"), (turned_pin, quarter_hub, "outlines of the curved parts")],
+    ("one", "two", "sizes", "words"),
+    [
+        (thin_pin, socket, (0.2, 0.3), "apart near"),
+        (turned_pin, quarter_hub, (0.12, 0.2), "outlines of the curved parts"),
+    ],
 )
-def test_curved_parts_that_do_not_lie_on_each_other(one, two, words):
+def test_curved_parts_that_do_not_lie_on_each_other(one, two, sizes, words):
     """The message names the parts."""
-    both = ec.assembly({"one": body(one, 0.12), "two": body(two, 0.2)})
+    both = ec.assembly({"one": body(one, sizes[0]), "two": body(two, sizes[1])})
     refused(lambda: both.joined(*SIDES), "'one side'", "'two side'", words)

@@ -58,12 +58,12 @@ def measured(
 
 
 CASES = {
-    "block": (frictionless(prototype_block()), block(4), 3, {}),
+    "block": (frictionless(prototype_block()), block(4), 2, {}),
     "opening block": (opening(0.0), block(4), 2, {}),
     "known": (
         quadratic_contact(),
         ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(4, 4)),
-        3,
+        2,
         {"levels": 0, "degree": 2},
     ),
 }

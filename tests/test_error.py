@@ -202,6 +202,7 @@ def test_error_of_a_sliding_body_does_not_depend_on_the_slide(method, degree):
         assert np.linalg.norm(error.reactions()["balance"].force) < 1e-10 * 77000.0
 
 
+@pytest.mark.pairs
 @pytest.mark.serial
 @pytest.mark.parametrize("dim", [2, 3])
 @pytest.mark.parametrize("friction", [0.0, 0.3, 1.0])

@@ -156,14 +156,14 @@ def lifted(t):
 def test_dissipation_is_of_second_order_in_time():
     """Half as long steps have a quarter of the error."""
     taken, in_time = {}, {}
-    for count in (4, 8, 32):
+    for count in (4, 8, 24):
         history = ec.evolve(lifted, box(), np.linspace(0.0, 1.0, count + 1), 0.9)
         assert np.all(np.diff(history.column("dissipated")) >= 0)
         taken[count] = np.ptp(history.column("dissipated"))
         in_time[count] = np.diff(history.column("in_time"))
-    assert abs(taken[4] - taken[32]) < 0.06 * taken[32]
-    assert abs(taken[8] - taken[32]) < 0.3 * abs(taken[4] - taken[32])
-    assert all(unknown.min() >= -1e-12 * taken[32] for unknown in in_time.values())
+    assert abs(taken[4] - taken[24]) < 0.06 * taken[24]
+    assert abs(taken[8] - taken[24]) < 0.3 * abs(taken[4] - taken[24])
+    assert all(unknown.min() >= -1e-12 * taken[24] for unknown in in_time.values())
     header, *_, last, _ = str(history).splitlines()
     assert header.split()[8] == "in_time"
     assert last.split()[8] == f"{history.steps[-1].in_time:.1e}"

@@ -52,19 +52,20 @@ def column(k, gap, **pushed) -> ec.Scene:
     return ec.Scene(material, supports, pushed.get("loads", ()), contact)
 
 
+@pytest.mark.pairs
 @pytest.mark.parametrize("degree", mostly_serial([1, 2], [2]))
 @pytest.mark.parametrize("k", [0.1, 50.0, 1e9])
-def test_a_column_sinks_by_p_over_k(k, degree):
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("solver", ["direct", "iterative"])
+def test_a_column_sinks_by_p_over_k(solver, method, k, degree):
     p, gap = 5.0, 0.02
     scene = column(k, gap, loads=[ec.Traction("top", (0.0, -p))])
-    for method in METHODS:
-        for solver in ("direct", "iterative"):
-            error = measured(scene, plate(), degree=degree, method=method, solver=solver)
-            assert error.relative < 1e-10
-            sunk = error.at((1.0, 1.0)).displacement[0, 1]
-            assert sunk == pytest.approx(-(gap + p / k + p / E), rel=1e-9)
-            assert error.profile("bottom")["gap"] == pytest.approx(-p / k, abs=1e-9 * abs(sunk))
-            assert error.force("bottom").force == pytest.approx([0.0, 2 * p], abs=1e-9)
+    error = measured(scene, plate(), degree=degree, method=method, solver=solver)
+    assert error.relative < 1e-10
+    sunk = error.at((1.0, 1.0)).displacement[0, 1]
+    assert sunk == pytest.approx(-(gap + p / k + p / E), rel=1e-9)
+    assert error.profile("bottom")["gap"] == pytest.approx(-p / k, abs=1e-9 * abs(sunk))
+    assert error.force("bottom").force == pytest.approx([0.0, 2 * p], abs=1e-9)
     # Half of the work of the load beyond the gap is stored, in body and foundation.
     stored = p * p / (2 * k) + p * p / (2 * E)
     energy = ec.potential_energy(error)
@@ -115,7 +116,7 @@ def test_limits_of_soft_and_stiff_foundations(degree):
 def references(k) -> tuple[ec.Scene, ec.Solution, ec.ConstitutiveError]:
     """A scene with its solution, and the error, on fine meshes of degree 2."""
     scene = pressed(ec.table([0.0, 0.7, 2.0], [k, 2 * k, k]), friction=ec.Tresca(1.0))
-    return scene, ec.solve(scene, plate(48), degree=2), measured(scene, plate(24), degree=2)
+    return scene, ec.solve(scene, plate(48), degree=2), measured(scene, plate(16), degree=2)
 
 
 @pytest.mark.serial

@@ -61,9 +61,9 @@ def error_of(
 
 
 CASES = {
-    "frictionless": (opening(0.0), block, "bottom", (4, 8), 40),
-    "given friction": (opening(TRESCA), block, "bottom", (4, 8), 40),
-    "gap": (rolling(), block, "bottom", (4, 8), 40),
+    "frictionless": (opening(0.0), block, "bottom", (4, 8), 24),
+    "given friction": (opening(TRESCA), block, "bottom", (4, 8), 24),
+    "gap": (rolling(), block, "bottom", (4, 8), 24),
     "cube": (cube(0.0), cubes, "bottom", (2, 4), 12),
     "cube, given friction": (cube(ec.Tresca(0.008)), cubes, "bottom", (2, 4), 12),
 }

@@ -129,7 +129,7 @@ def test_same_as_the_direct_solver(case):
 
 
 ON_A_SPHERE = [("cube on a sphere", "Nitsche"), ("cube on a sphere", "AL")]
-DEGREE_2 = [("block", "AL"), ("a support at nodes of the contact", "Nitsche"), *ON_A_SPHERE]
+DEGREE_2 = [("block", "AL"), ("a support at nodes of the contact", "Nitsche"), ON_A_SPHERE[1]]
 
 
 @pytest.mark.on_ranks("cube on a sphere AL")
@@ -256,6 +256,7 @@ def test_units_do_not_change_the_error():
 @pytest.mark.parametrize("name", ["foundation", "two bodies"])
 def test_units_of_length_and_stress(name, degree):
     """Rows of supports and pivots have the size of the matrix, whatever the units."""
+    method = METHODS["Nitsche" if degree == 1 else "AL"]
     found = []
     for length, stress in ((1.0, 1.0), (1e9, 1e9), (1e-9, 1e-9)):
         if name == "foundation":
@@ -269,7 +270,7 @@ def test_units_of_length_and_stress(name, degree):
             push = {"upper outer": (0.01 * length, 0.0, -0.05 * length), "lower outer": (0.0,) * 3}
         supports = [ec.Displacement(part, u) for part, u in push.items()]
         scene = ec.Scene(ec.Elastic(stress, 0.3), supports, contacts=[law])
-        solution = ec.solve(scene, domain, degree=degree, solver="iterative")
+        solution = ec.solve(scene, domain, method, degree=degree, solver="iterative")
         found.append(eps(solution))
     assert found == pytest.approx([found[0]] * 3, rel=SAME)
 

@@ -65,6 +65,7 @@ PATCHES = [
 ]
 
 
+@pytest.mark.pairs
 @pytest.mark.on_ranks("slip-1.3-2-1", "stick-1.0-3-1")
 @pytest.mark.parametrize(("name", "half", "d", "degree"), PATCHES)
 def test_patch(name, half, d, degree):

@@ -13,6 +13,8 @@ It is the whole body's, whatever the method, the law, the start and the stop.
 - foundations whose normal comes from their gap.
 """
 
+from itertools import product
+
 import numpy as np
 import pytest
 import ufl
@@ -23,7 +25,6 @@ from scenes import (
     block,
     common_block,
     greco,
-    mostly_serial,
     prototype_block,
     random_scene,
     resultant,
@@ -65,9 +66,13 @@ def whole_residual(solution: ec.Solution) -> float:
 
 
 @pytest.mark.on_ranks("2-Nitsche(theta=-1, gamma=10.0)", "3-AugmentedLagrangian(gamma=1.0)")
-@pytest.mark.parametrize("method", METHODS, ids=str)
-@pytest.mark.parametrize("seed", mostly_serial([0, 2, 3], [2, 3]))
-def test_whole_body_is_in_equilibrium(method, seed):
+@pytest.mark.parametrize(
+    ("seed", "method"),
+    # The variants of Nitsche's method differ by terms that know no dimension.
+    [*product((0, 2), METHODS), (3, METHODS[0]), (3, METHODS[2])],
+    ids=str,
+)
+def test_whole_body_is_in_equilibrium(seed, method):
     assert whole_residual(ec.solve(*random_scene(seed), method)) < 1e-9
 
 
@@ -234,7 +239,7 @@ def test_certified_stop_is_as_near_as_it_says():
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize(("tighten", "accuracy", "share"), [(0, 0.03, 0.6), (10, 0.015, 0.75)])
+@pytest.mark.parametrize(("tighten", "accuracy", "share"), [(0, 0.04, 0.6), (10, 0.015, 0.75)])
 def test_adaptive_run_saves_steps(tighten, accuracy, share):
     """The tightened error is a third of the loose one.
 

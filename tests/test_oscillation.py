@@ -391,7 +391,7 @@ def test_what_is_guaranteed_is_true(seed):
     degree = 1 + seed // 4
     scene, carried = a_scene(seed, degree)
     error = error_of(scene, square(4), degree)
-    rough, true = (by_brute_force(scene, n) for n in (9, 18))
+    rough, true = (by_brute_force(scene, n) for n in (8, 16))
     bounds = ec.potential_energy(error), ec.resultant(error, "bottom", (0.0, 1.0))
     for b, t, unsure in zip(bounds, true, abs(true - rough), strict=True):
         print(f"{seed}: {t:.5g} in [{b.low:.5g}, {b.high:.5g}] {b.guaranteed} {error.oscillations}")

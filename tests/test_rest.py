@@ -34,6 +34,7 @@ def unloaded(d, gap=0.0, *, supported=False, load=0.0):
     )
 
 
+@pytest.mark.pairs
 @pytest.mark.on_ranks("2-varying-method0-direct", "3-closed-method0-direct")
 @pytest.mark.parametrize("solver", mostly_serial(["direct", "iterative"], ["direct"]))
 @pytest.mark.parametrize(

@@ -162,12 +162,14 @@ def test_predictions(name):
 @pytest.mark.serial
 @pytest.mark.parametrize("tighten", mostly_serial([0, 10], [10]))
 def test_loop_ends_at_the_accuracy_in_few_meshes(tighten):
-    history = ec.adapt(common_block(), block(4), 0.03, strategy=ec.SizeMap(), tighten=tighten)
+    accuracy = 0.03 if tighten else 0.05
+    history = ec.adapt(common_block(), block(4), accuracy, strategy=ec.SizeMap(), tighten=tighten)
     assert history.reached
-    assert history.best.relative <= 0.03
+    assert history.best.relative <= accuracy
     assert len(history.steps) <= 4
-    assert history.best.relative > 0.85 * 0.03  # not far below: that would be elements for nothing
-    marked = ec.adapt(common_block(), block(4), 0.03, tighten=tighten)
+    # Not far below: that would be elements for nothing.
+    assert history.best.relative > 0.85 * accuracy
+    marked = ec.adapt(common_block(), block(4), accuracy, tighten=tighten)
     assert len(history.steps) < len(marked.steps)
     assert history.steps[-1].cells < marked.steps[-1].cells
 

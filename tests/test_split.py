@@ -148,7 +148,7 @@ def test_each_facet_faces_another_one(name, measures):
     domain = base.split(SIDES, on=on)
     assert domain.pairs == (("punch", "block"),)
     assert base.pairs == ()
-    for _ in range(3):
+    for _ in range(3 if domain.dim == 2 else 2):
         assert assert_paired(domain) == between(domain.glued, "upper", "lower") > 0
         assert between(domain, "upper", "lower") == 0
         assert domain.cells == domain.glued.cells

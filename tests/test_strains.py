@@ -140,7 +140,7 @@ def strained():
             ec.Eigenstrain(lambda x: ((0.01 * x[1], 0.002), (0.002, 0.0))),
         ],
     )
-    return scene, ec.solve(scene, plate(36), degree=2), measured(scene, plate(20), degree=2)
+    return scene, ec.solve(scene, plate(24), degree=2), measured(scene, plate(16), degree=2)
 
 
 @pytest.mark.serial

@@ -268,8 +268,8 @@ def cube(n: int) -> ec.Domain:
 
 FRICTIONLESS = replace(prototype_block(), contacts=[ec.Contact("bottom", friction=0.0)])
 CASES = {
-    "friction": (prototype_block(), block, 8, 64, 1.30),
-    "frictionless": (FRICTIONLESS, block, 8, 64, 1.30),
+    "friction": (prototype_block(), block, 8, 48, 1.30),
+    "frictionless": (FRICTIONLESS, block, 8, 48, 1.30),
     "nearly incompressible": (
         replace(FRICTIONLESS, material=ec.Elastic(1.0, 0.49)),
         block,

@@ -119,6 +119,7 @@ def distance(solution: ec.Solution, exact) -> float:
     return COMM.allreduce(max(differences), MPI.MAX) / COMM.allreduce(max(sizes), MPI.MAX)
 
 
+@pytest.mark.pairs
 @pytest.mark.on_ranks("2-2-slip", "3-1-stick")
 @pytest.mark.parametrize(
     ("d", "degree", "name"),
@@ -389,27 +390,26 @@ def test_two_bricks_are_one(d, degree, method):
             assert reaction.moment == pytest.approx(wanted.moment, rel=1e-9, abs=1e-9)
 
 
+@pytest.mark.pairs
 @pytest.mark.serial
 @pytest.mark.parametrize("friction", [0.0, 0.3, ec.Tresca(0.5)], ids=["none", "Coulomb", "Tresca"])
+@pytest.mark.parametrize("lower", [300.0, 900.0, 1000.0])
 @pytest.mark.parametrize(("degree", "method"), [(1, METHODS[0]), (1, METHODS[3]), (2, METHODS[0])])
-def test_order_of_the_bodies(friction, degree, method):
+def test_order_of_the_bodies(friction, lower, degree, method):
     """Which body is named first changes nothing, where both are as stiff, too."""
     domain = order_domain()
-    for lower in (300.0, 900.0, 1000.0):
-        scene = pressed(2, friction=friction, gap=parabola)
-        material = ec.Elastic(E={"upper": 1000.0, "lower": lower}, nu=MATERIAL.nu)
-        other = ec.Contact(LOWER, against=UPPER, friction=friction, gap=parabola)
-        one, two = (
-            certified(
-                ec.Scene(material, scene.supports, [], [entry]), domain, method, degree=degree
-            )
-            for entry in (*scene.contacts, other)
-        )
-        assert two.relative == pytest.approx(one.relative, rel=1e-9)
-        for name in NAMES:
-            wanted = one.force(name).force
-            difference = np.linalg.norm(wanted - two.force(name).force) / np.linalg.norm(wanted)
-            assert difference < 1e-9
+    scene = pressed(2, friction=friction, gap=parabola)
+    material = ec.Elastic(E={"upper": 1000.0, "lower": lower}, nu=MATERIAL.nu)
+    other = ec.Contact(LOWER, against=UPPER, friction=friction, gap=parabola)
+    one, two = (
+        certified(ec.Scene(material, scene.supports, [], [entry]), domain, method, degree=degree)
+        for entry in (*scene.contacts, other)
+    )
+    assert two.relative == pytest.approx(one.relative, rel=1e-9)
+    for name in NAMES:
+        wanted = one.force(name).force
+        difference = np.linalg.norm(wanted - two.force(name).force) / np.linalg.norm(wanted)
+        assert difference < 1e-9
 
 
 @cache
@@ -446,6 +446,7 @@ def test_stiff_body_is_a_foundation(degree, method):
     assert 500 < differences[0] / differences[1] < 2000
 
 
+@pytest.mark.pairs
 @pytest.mark.serial
 @pytest.mark.parametrize("d", [2, 3])
 @pytest.mark.parametrize("solver", ["direct", "iterative"])
