@@ -237,7 +237,7 @@ class Stiffness(Elastic):
             return np.zeros((count, count))
         kernel, _ = np.linalg.qr(np.column_stack(self.motions)[:count])
         schur, _ = self.reduced(count)
-        return np.mean(schur.diagonal()) * np.asarray(kernel @ kernel.T)
+        return np.asarray(np.mean(schur.diagonal()) * kernel @ kernel.T)
 
     def unglued(self, count: int) -> np.ndarray:
         """Return ``S_A - D_A``, the stiffness of u_A [force/length], on rank 0."""
