@@ -1,11 +1,12 @@
 """Solve bodies that nothing but friction holds along their contact.
 
 A random block, pressed on a rigid foundation or on another body, is pushed by a share
-of what friction can carry: two to eight columns, degrees 1 and 2, nu to 0.4999, moduli
-of the two bodies in a ratio of 1e-3 to 1e3, plane gaps, interference and parabolas;
-Tresca's friction and Coulomb's of 0.1 to 2. The resultant of pressure and push goes
-through the inner 90% of the contact, so that the block does not tip. Where all of the
-contact slips in one of Newton's states, nothing holds the block there.
+of what friction can carry: 1 to 63 columns, degrees 1 and 2, nu to 0.4999, moduli of
+the two bodies in a ratio of 1e-3 to 1e3, plane gaps, interference and parabolas;
+Coulomb's friction of 0.01 to 2, and Tresca's of 0.01 to 1 times the pressure. The
+resultant of pressure and push goes through the inner 90% of the contact, so that the
+block does not tip. Where all of the contact slips in one of Newton's states, nothing
+holds the block there.
 
 ``plane``, ``space``: which share is solved by default, by the augmented Lagrangian and
 by Nitsche's method alone; Newton steps of all attempts. A scene that fails is told.
@@ -57,7 +58,7 @@ class Case:
 
 def random_case(rng: np.random.Generator, d: int) -> Case:
     """Make a block of width 2 that is pressed on its foundation and pushed."""
-    columns = int(rng.integers(1, 9)) if d == 2 else int(rng.integers(1, 4))
+    columns = int(2 ** rng.uniform(0.0, 6.0)) if d == 2 else int(rng.integers(1, 5))
     cells = (*(columns,) * (d - 1), int(rng.integers(1, 5)) if d == 2 else 1)
     degree = int(rng.integers(1, 3)) if d == 2 else 1
     height = float(np.exp(rng.uniform(-1.0, 1.0)))
@@ -67,8 +68,8 @@ def random_case(rng: np.random.Generator, d: int) -> Case:
     E_below = float(10 ** rng.uniform(-3.0, 3.0))
     press = float(rng.uniform(0.005, 0.03)) * (min(1.0, E_below) if on_body else 1.0)
 
-    limit = float(rng.uniform(0.02, 1.0))
-    coefficient = float(10 ** rng.uniform(-1.0, 0.3))
+    limit = float(10 ** rng.uniform(-2.0, 0.0))
+    coefficient = float(10 ** rng.uniform(-2.0, 0.3))
     friction = ec.Tresca(limit * press) if law == "Tresca" else ec.Coulomb(coefficient)
     carried = limit if law == "Tresca" else coefficient
     # A push at the top tips a block that is wider than the push's share of its height.

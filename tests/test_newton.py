@@ -211,6 +211,17 @@ def attempt(scene, domain, method, line_search, accuracy=None):
 
 
 @pytest.mark.serial
+def test_a_body_of_one_row_of_cells():
+    """Nearly all of its equations are those of the contact: MUMPS has little to eliminate."""
+    layer = ec.rectangle((0.0, 0.0), (1.0, 0.1), cells=(40, 1))
+    law = ec.Contact("bottom", ec.Tresca(0.01))
+    scene = ec.Scene(ec.Elastic(1.0, 0.3), loads=[ec.Traction("top", (0.0, -0.02))], contacts=law)
+    layers = [ec.solve(scene, layer, solver=solver) for solver in ("direct", "iterative")]
+    heights = [solution.u.x.array[1::2] for solution in layers]
+    assert heights[0] == pytest.approx(heights[1], abs=1e-6 * abs(heights[0]).max())
+
+
+@pytest.mark.serial
 def test_cycle_is_seen():
     outcome = attempt(common_block(), block(64), ec.Nitsche(gamma=100.0), "basic")
     assert not outcome.converged

@@ -16,7 +16,7 @@ from erc_contact.newton import first_guess
 from erc_contact.newton.condensed import Condensed
 from erc_contact.newton.dense import Dense
 from erc_contact.newton.forms import ContactForms
-from erc_contact.newton.ladder import Attempt
+from erc_contact.newton.ladder import Attempt, Shares, following
 from erc_contact.newton.linear.loose_stiffness import stiffness_of
 from erc_contact.newton.linear.stiffness import Stiffness
 from erc_contact.newton.methods import Method
@@ -84,14 +84,16 @@ class Direct:
             dense = Dense(problem, tolerance)
             u_A = problem.from_contact(state)
             steps = 0
-            for shares in attempt.shares:
+            problems = attempt.problems()
+            shares: Shares | None = next(problems)
+            while shares is not None:
                 problem.set_shares(shares.friction, shares.gap)
                 problem.hold(shares.springs, u_A)
                 last, outcome = dense.solve(u_A, attempt.line_search)
-                u_A = last.displacement
                 steps += outcome.steps
-                if not outcome.converged:
-                    break
+                if outcome.converged:
+                    u_A = last.displacement
+                shares = following(problems, is_solved=outcome.converged)
             problem.set_shares(1.0, 1.0)
             problem.hold(0.0, u_A)
             results = None

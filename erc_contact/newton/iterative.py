@@ -16,7 +16,7 @@ from erc_contact.model.model import Model
 from erc_contact.newton import first_guess
 from erc_contact.newton.forms import ContactForms
 from erc_contact.newton.full import FullSpace
-from erc_contact.newton.ladder import Attempt
+from erc_contact.newton.ladder import Attempt, Shares, following
 from erc_contact.newton.linear.loose_multigrid import multigrid_of
 from erc_contact.newton.linear.multigrid import EXACT, Multigrid
 from erc_contact.newton.methods import Method
@@ -94,13 +94,18 @@ class Iterative:
         x = problem.vector()
         x.array[:] = self.elastic.start(state) / problem.length
         steps = 0
-        for shares in step.shares:
+        problems = step.problems()
+        shares: Shares | None = next(problems)
+        while shares is not None:
             problem.set_shares(shares.friction, shares.gap)
             problem.hold(shares.springs, x)
+            before = x.copy()
             outcome = attempt(problem, x, step.line_search, tolerance)
             steps += outcome.steps
-            if not outcome.converged:
-                break
+            shares = following(problems, is_solved=outcome.converged)
+            if shares is not None and not outcome.converged:
+                before.copy(x)
+            before.destroy()
         problem.set_shares(1.0, 1.0)
         problem.hold(0.0, x)
         u, multipliers = problem.fields(x)

@@ -9,7 +9,7 @@ Lagrangian, and "stiffer" one of the same method with a larger gamma.
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterator
+from collections.abc import Container, Generator, Iterator
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -36,14 +36,20 @@ STIFFER = (100.0, 30.0, 10.0, 5.0, 3.0, 2.0, 1.4)
 It starts from the augmented Lagrangian, the limit of a large gamma. The solutions of
 two near gammas are near each other.
 """
-PROXIMAL_WEIGHTS = (*(10.0 ** (-k / 2) for k in range(13)), 0.0)
-"""Weights of springs on the rigid motions that no support holds [-].
+STIFFEST, SOFTEST = 1.0, 1e-6
+"""First and last weight of springs on the rigid motions that no support holds [-].
 
 They hold each motion where the last problem left it, which is the proximal point method
 (Rockafellar, SIAM J. Control Optim. 14 (1976)). Where all of the contact slips nothing
 else holds a body along it, and the tangent is singular, even if the solution sticks
-somewhere. With springs it is not, and lesser springs let the body go where it must.
+somewhere. With springs it is not, and softer springs let the body go where it must.
 """
+SOFTER = 10.0**-0.5
+"""Factor of the weight after a problem that was solved [-]."""
+STIFFER_AGAIN = 10.0
+"""Factor of the weight after one that was not [-]."""
+PROXIMAL_FAILURES = 5
+"""Number of problems without solution that ends an attempt by proximal steps."""
 
 
 class Shares(NamedTuple):
@@ -70,9 +76,8 @@ class Attempt:
         line_search: Name of PETSc's line search.
         friction_shares: Shares of the friction bound that are solved for one after the
             other [-].
-        gap_shares: The same of gaps.
-        proximal_weights: Weights of the springs on motions that no support holds [-].
-            Only one of the three has several.
+        gap_shares: The same of gaps; only one of both has several.
+        proximal: Whether springs hold the motions that no support holds meanwhile.
         final: Whether its solution is that of the scene; otherwise it is the start of
             another attempt.
     """
@@ -82,16 +87,24 @@ class Attempt:
     line_search: str = "bisection"
     friction_shares: tuple[float, ...] = (1.0,)
     gap_shares: tuple[float, ...] = (1.0,)
-    proximal_weights: tuple[float, ...] = (0.0,)
+    proximal: bool = False
     final: bool = True
 
-    @property
-    def shares(self) -> list[Shares]:
-        """Return the shares of each problem of the sequence, at last the scene's."""
-        of_friction = [Shares(friction=share) for share in self.friction_shares[:-1]]
-        of_gaps = [Shares(gap=share) for share in self.gap_shares[:-1]]
-        of_springs = [Shares(springs=weight) for weight in self.proximal_weights[:-1]]
-        return [*of_friction, *of_gaps, *of_springs, Shares()]
+    def problems(self) -> Generator[Shares, bool, None]:
+        """Generate the problems of the sequence; the last one is the scene's.
+
+        It is sent whether the one before was solved.
+        """
+        if self.proximal:
+            yield from _proximal_problems()
+            return
+        for share in self.friction_shares[:-1]:
+            if not (yield Shares(friction=share)):
+                return
+        for share in self.gap_shares[:-1]:
+            if not (yield Shares(gap=share)):
+                return
+        yield Shares()
 
     @property
     def gives(self) -> str:
@@ -104,8 +117,8 @@ class Attempt:
             steps = f", friction in {len(self.friction_shares)} steps"
         if len(self.gap_shares) > 1:
             steps = f", gaps in {len(self.gap_shares)} steps"
-        if len(self.proximal_weights) > 1:
-            steps = f", {len(self.proximal_weights)} proximal steps"
+        if self.proximal:
+            steps = ", proximal steps"
         return f"{self.start} start, {self.method}, {self.line_search}{steps}"
 
 
@@ -186,11 +199,31 @@ def _proximal(
         first: Name of the first start.
         known: Names of the starts that are known.
     """
-    weights = PROXIMAL_WEIGHTS
-    yield Attempt(method, first, proximal_weights=weights)
+    yield Attempt(method, first, proximal=True)
     if nodal != method and "nodal" not in known:
-        yield Attempt(nodal, first, proximal_weights=weights, final=False)
+        yield Attempt(nodal, first, proximal=True, final=False)
         yield Attempt(method, "nodal")
+
+
+def _proximal_problems() -> Generator[Shares, bool, None]:
+    """Generate problems with softer and softer springs, at last without.
+
+    After a problem without solution the springs are stiffer again, and the last state
+    comes nearer to the solution. It is sent whether the problem before was solved.
+    """
+    weight = STIFFEST
+    failures = 0
+    while failures <= PROXIMAL_FAILURES:
+        is_solved = yield Shares(springs=weight)
+        if not is_solved:
+            failures += 1
+            weight = STIFFER_AGAIN * max(weight, SOFTEST)
+        elif weight == 0.0:
+            return
+        else:
+            weight = SOFTER * weight
+            if weight < SOFTEST:
+                weight = 0.0
 
 
 def _stiffer(method: Nitsche) -> Iterator[Attempt]:
@@ -201,3 +234,11 @@ def _stiffer(method: Nitsche) -> Iterator[Attempt]:
         yield Attempt(stiffer, start, final=False)
         start = "stiffer"
     yield Attempt(method, "stiffer")
+
+
+def following(problems: Generator[Shares, bool, None], *, is_solved: bool) -> Shares | None:
+    """Return the next problem of a sequence; None at its end."""
+    try:
+        return problems.send(is_solved)
+    except StopIteration:
+        return None

@@ -16,11 +16,15 @@ from petsc4py import PETSc
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.runtime.sigterm import sigterm_blocked
 
-WORKSPACE = 80
-"""Workspace of MUMPS beyond its estimate [%].
+WORKSPACES = (80, 1000)
+"""Workspace of MUMPS beyond its estimate, and that of a second attempt [%].
 
-Its default of 20 was too small for 322 tetrahedra on three ranks.
+Its default of 20 was too small for 322 tetrahedra on three ranks. Where a Schur
+complement leaves only a few equations to eliminate, as of a body of one row of 29 cells
+on its contact, MUMPS estimates too little.
 """
+TOO_LITTLE_WORKSPACE = (-8, -9, -14)
+"""MUMPS' codes of workspaces that are too small, INFOG(1)."""
 AMD, AMF = 0, 2
 """MUMPS' numbers of the orderings by approximate minimum degree and minimum fill.
 
@@ -72,6 +76,22 @@ def factorised(matrix: PETSc.Mat, schur_on: np.ndarray | None = None) -> PETSc.K
         InputError: If the matrix cannot be factorised.
         MemoryError: If there is too little memory for it.
     """
+    for workspace in WORKSPACES:
+        ksp = _with_workspace(matrix, schur_on, workspace)
+        factor = ksp.getPC().getFactorMatrix()
+        if factor.getMumpsInfog(1) not in TOO_LITTLE_WORKSPACE:
+            break
+    reasons = PETSc.PC.FailedReason
+    failed = ksp.getPC().getFailedReason()
+    if failed == reasons.FACTOR_OUTMEMORY:
+        raise MemoryError(f"the factor of {matrix.getSize()[0]} elastic equations")
+    if failed != reasons.NOERROR:
+        raise InputError(NOT_FACTORISED)
+    return ksp
+
+
+def _with_workspace(matrix: PETSc.Mat, schur_on: np.ndarray | None, workspace: int) -> PETSc.KSP:
+    """Try to factorise as :func:`factorised` does, with a workspace [%]; collective."""
     comm = matrix.comm.tompi4py()
     ksp = PETSc.KSP().create(comm)
     ksp.setOperators(matrix)
@@ -81,7 +101,7 @@ def factorised(matrix: PETSc.Mat, schur_on: np.ndarray | None = None) -> PETSc.K
     pc.setFactorSolverType("mumps")
     pc.setFactorSetUpSolverType()
     factor = pc.getFactorMatrix()
-    factor.setMumpsIcntl(14, WORKSPACE)
+    factor.setMumpsIcntl(14, workspace)
     factor.setMumpsIcntl(7, AMF if schur_on is None else AMD)
     if schur_on is not None:
         indices = PETSc.IS().createGeneral(schur_on.astype(PETSc.IntType), comm=comm)
@@ -94,12 +114,6 @@ def factorised(matrix: PETSc.Mat, schur_on: np.ndarray | None = None) -> PETSc.K
         if blocked:
             _compress(factor, matrix)
         ksp.setUp()
-    reasons = PETSc.PC.FailedReason
-    failed = pc.getFailedReason()
-    if failed == reasons.FACTOR_OUTMEMORY:
-        raise MemoryError(f"the factor of {matrix.getSize()[0]} elastic equations")
-    if failed != reasons.NOERROR:
-        raise InputError(NOT_FACTORISED)
     return ksp
 
 
