@@ -16,6 +16,7 @@ by Nitsche's method alone; Newton steps of all attempts. A scene that fails is t
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -109,21 +110,24 @@ def random_case(rng: np.random.Generator, d: int) -> Case:
 def family(d: int, seed: int = 0, count: int = 100) -> None:
     """Solve random scenes of a dimension, and print what is solved by kind."""
     rng = np.random.default_rng(seed)
-    cases = [random_case(rng, d) for _ in range(count)]
-    tell("| scene | method | solved | Newton steps: median, 95%, most |\n|---|---|---|---|")
-    for kind in sorted({case.kind for case in cases}):
+    tried: Counter[tuple[str, str]] = Counter()
+    steps: dict[tuple[str, str], list[int]] = {}
+    for _ in range(count):
+        case = random_case(rng, d)
         for label, method in METHODS.items():
-            of_kind = [case for case in cases if case.kind == kind]
-            steps = []
-            for case in of_kind:
-                try:
-                    solution = ec.solve(case.scene, case.domain, method, degree=case.degree)
-                except ec.NotConverged:
-                    tell(f"  not solved ({label}): {case.name}")
-                else:
-                    steps.append(solution.newton_steps)
-            spread = ", ".join(f"{value:.0f}" for value in np.quantile(steps, QUANTILES))
-            tell(f"| {kind} | {label} | {len(steps)} of {len(of_kind)} | {spread} |")
+            row = case.kind, label
+            tried[row] += 1
+            try:
+                solution = ec.solve(case.scene, case.domain, method, degree=case.degree)
+            except ec.NotConverged:
+                tell(f"not solved ({label}): {case.name}")
+            else:
+                steps.setdefault(row, []).append(solution.newton_steps)
+    tell("| scene | method | solved | Newton steps: median, 95%, most |\n|---|---|---|---|")
+    for row in sorted(tried):
+        of_row = steps.get(row, [])
+        spread = ", ".join(f"{value:.0f}" for value in np.quantile(of_row or [0], QUANTILES))
+        tell(f"| {row[0]} | {row[1]} | {len(of_row)} of {tried[row]} | {spread} |")
 
 
 FAMILIES: dict[str, Callable[..., None]] = {

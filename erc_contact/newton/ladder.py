@@ -36,7 +36,7 @@ STIFFER = (100.0, 30.0, 10.0, 5.0, 3.0, 2.0, 1.4)
 It starts from the augmented Lagrangian, the limit of a large gamma. The solutions of
 two near gammas are near each other.
 """
-STIFFEST, SOFTEST = 1.0, 1e-6
+STIFFEST, SOFTEST = 1.0, 1e-9
 """First and last weight of springs on the rigid motions that no support holds [-].
 
 They hold each motion where the last problem left it, which is the proximal point method
