@@ -168,7 +168,7 @@ def _common_plane(plain: PlainMesh, here: int, there: int, apart: float) -> tupl
     if abs(distance) > flat + apart or highest > 2 * flat:
         raise InputError(
             f"joined: the parts are {abs(distance):.3g} apart, where edges have the length "
-            f"{shortest:.3g}. Move the bodies to each other, and give a distance by gap= of the "
+            f"{shortest:.3g}. Give a clearance or an interference by apart=, and by gap= of the "
             "contact."
         )
     # The first axis is that of space nearest to the plane; round-off must not turn it.
