@@ -6,6 +6,7 @@ keeps the contact conditions between nodes, too; symmetric bodies are one body; 
 body is a foundation; neither units nor the order of the bodies matter.
 """
 
+from dataclasses import replace
 from functools import cache
 from itertools import product
 
@@ -283,6 +284,14 @@ def test_either_side_of_a_history(d):
         if COMM.rank == 0:
             assert axes.get_ylabel() == f"shear on {facing} [force]"
     refused(lambda: history.force("foot"), "'foot'", UPPER, LOWER)
+
+
+def test_scenes_of_a_history_name_the_sides_alike():
+    """The slip of the last step is that of the side named first."""
+    scene = pressed(2, friction=0.3)
+    last = ec.solve(scene, small_bricks(2))
+    turned = replace(scene, contacts=[ec.Contact(LOWER, against=UPPER, friction=0.3)])
+    refused(lambda: ec.solve(turned, small_bricks(2), after=last), "another order", "alike")
 
 
 @pytest.mark.on_ranks("2-half upper", "3-half lower")
