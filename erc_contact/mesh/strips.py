@@ -16,7 +16,7 @@ import numpy as np
 from erc_contact.mesh.closest import on_edges
 from erc_contact.mesh.plain import row_numbers
 
-NARROW = 0.1
+NARROW = 0.05
 """Width of a strip below which its edges are cut, by the shorter edge [-]."""
 SPACING = 1.2
 """Length of edges along a strip, by the root of its width times the edge [-]."""
@@ -116,14 +116,15 @@ def _limits(
     spacing = _spacing(width, size)
     points = []
     at_points = []
-    pairs = ((edges1, edges2, lengths[0]), (edges2, edges1, lengths[1]))
-    for own, others, own_lengths in pairs:
+    pairs = ((edges1, edges2, *lengths), (edges2, edges1, *lengths[::-1]))
+    for own, others, own_lengths, other_lengths in pairs:
         every = np.unique(own[corners[own]])
-        _, _, distance = on_edges(y[every], y[others])
-        sizes = np.full(len(y), np.inf)
+        nearest, _, distance = on_edges(y[every], y[others])
+        at_ends = np.full(len(y), np.inf)
         for end in own.T:
-            np.minimum.at(sizes, end, own_lengths)
-        of_corners = _spacing(np.where(distance > tolerance, distance, np.inf), sizes[every])
+            np.minimum.at(at_ends, end, own_lengths)
+        sizes = np.minimum(at_ends[every], other_lengths[nearest])
+        of_corners = _spacing(np.where(distance > tolerance, distance, np.inf), sizes)
         near = np.isfinite(of_corners)
         points.append(y[every[near]])
         at_points.append(of_corners[near])
