@@ -257,6 +257,10 @@ OTHER = {
             ec.Contact("bottom", ec.Tresca(lambda x: 0.3 + 0.1 * x[0]), lambda x: 0.01 * x[0] ** 2)
         ]
     },
+    "rows": {"strains": ec.Eigenstrain(lambda x: ((0.01 * x[0], 0.0), (0.0, 0.0)))},
+    "other rows": {"strains": ec.Eigenstrain(lambda x: ((0.02 * x[0], 0.0), (0.0, 0.0)))},
+    "region": {"strains": ec.Eigenstrain({"a": lambda x: ((0.01 * x[0], 0.0), (0.0, 0.0))})},
+    "other region": {"strains": ec.Eigenstrain({"a": lambda x: ((0.02 * x[0], 0.0), (0.0, 0.0))})},
 }
 
 

@@ -117,6 +117,23 @@ def joined(name, comm=COMM, sides=SIDES, **options):
     return beside(name, comm).joined(*sides, apart=CASES[name][4], **options)
 
 
+def shaft(depth):
+    """A shaft that is pushed into the hub by some depth."""
+    return lambda occ: occ.addCylinder(0, 0, 0, 0, 0, 0.5 + depth, RADIUS)
+
+
+def test_outlines_that_nearly_run_together():
+    """A depth less than the facets is refused in words, two facets are enough."""
+    whole = body(hub, 0.25)
+    shallow = ec.assembly({"one": body(shaft(0.15), 0.25), "two": whole})
+    for sides in (SIDES, SIDES[::-1]):
+        refused(
+            lambda sides=sides: shallow.joined(*sides), "nearly run together", "0.15 apart", "half"
+        )
+    finer = {"one": body(shaft(0.15), 0.075), "two": body(hub, 0.075)}
+    assert_paired(ec.assembly(finer).joined(*SIDES), *SIDES)
+
+
 @pytest.mark.on_ranks("ball in a half socket")
 @pytest.mark.parametrize("name", CASES)
 def test_curved_sides_get_common_facets(name, measures):

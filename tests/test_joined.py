@@ -188,6 +188,86 @@ def test_sides_face_each_other(name, measures):
         domain = domain.refined(near(domain, corner, 0.4))
 
 
+STRIPS = {
+    # what side 2 has beyond the upper body on each side, and its edges
+    "around": ((0.01, 0.01, 0.01, 0.01), (3, 4)),
+    "aside": ((-0.004, 0.004, 0.012, -0.012), (3, 2)),
+    "inside": ((-0.002, -0.03, -0.006, -0.012), (2, 4)),
+    "flush and not": ((0.0, 0.004, 0.02, -0.1), (3, 3)),
+    "nearly flush": ((0.0002, -0.0001, 0.0, 0.0002), (3, 4)),
+}
+
+
+@pytest.mark.on_ranks("lower first-aside")
+@pytest.mark.parametrize("name", STRIPS)
+@pytest.mark.parametrize("order", [1, -1], ids=["upper first", "lower first"])
+def test_outlines_beside_each_other(name, order, measures):
+    """A strip between them gets short edges: no splinters, and both bodies as they were."""
+    (left, right, front, back), (fine, coarse) = STRIPS[name]
+    cubes = ((0.0, 0.0, 0.0), (1.0, 1.0, 0.5)), ((-left, -front, -0.5), (1 + right, 1 + back, 0.0))
+    cells = ((fine, fine, 2), (coarse, coarse, 2))
+    upper, lower = (ec.box(*ends, cells=n) for ends, n in zip(cubes, cells, strict=True))
+    both = ec.assembly({"upper": upper, "lower": lower})
+    sides = ("upper bottom", "lower top")[::order]
+    domain = both.joined(*sides)
+    assert least_angle(domain) > 2.5
+    assert assert_paired(domain, *sides) > 0
+    assert_closed(domain)
+    is_flush = name == "nearly flush"
+    if not is_flush:
+        for region in both.regions:
+            assert close(measures.region(domain, region), measures.region(both, region))
+    area = np.prod([1 + min(right, 0) + min(left, 0), 1 + min(back, 0) + min(front, 0)])
+    assert measures.part(domain, "upper bottom") == pytest.approx(
+        area, rel=1e-3 if is_flush else 1e-9
+    )
+    supports = [
+        ec.Displacement("upper top", (0.0, 0.0, -0.05)),
+        ec.Displacement("lower bottom", (0.0, 0.0, 0.05)),
+    ]
+    outside = {"upper bottom outside": 0.1, "lower top outside": -0.1}
+    loads = [
+        ec.Traction(part, (0.0, 0.0, p)) for part, p in outside.items() if part in domain.names
+    ]
+    scene = ec.Scene(
+        ec.Elastic(1.0, 0.0), supports, loads, [ec.Contact(sides[0], against=sides[1])]
+    )
+    error = certified(scene, domain, METHODS[3])
+    assert error.relative < (1e-3 if is_flush else 1e-9)
+
+
+def test_a_strip_beside_another_region():
+    """Its cells would have to be cut, too."""
+    bodies = {
+        "upper": ec.box((0, 0, 0), (1, 1, 0.5), cells=(3, 3, 2)),
+        "beside": ec.box((1, 0, 0), (2, 1, 0.5), cells=(3, 3, 2)),
+        "lower": ec.box((0, 0, -0.5), (1.004, 1, 0), cells=(4, 4, 2)),
+    }
+    both = ec.assembly(bodies).joined("upper right", "beside left", tied=True)
+    refused(lambda: both.joined(*BOTTOM_TOP), "beside another region", "the same facets")
+
+
+def test_outlines_that_enclose_small_angles():
+    """No edge can be so short that a strip of no width at its ends is none."""
+
+    def disc(low, high, size):
+        def build(gmsh):
+            gmsh.model.occ.addCylinder(0, 0, low, 0, 0, high - low, 1.0)
+            gmsh.model.occ.synchronize()
+            for _, side in gmsh.model.getEntities(2):
+                height = gmsh.model.occ.getCenterOfMass(2, side)[2]
+                name = {low: "bottom", high: "top"}.get(round(height, 9), "round")
+                gmsh.model.addPhysicalGroup(2, [side], name=name)
+            gmsh.option.setNumber("Mesh.MeshSizeMin", size)
+            gmsh.option.setNumber("Mesh.MeshSizeMax", size)
+
+        with session(COMM, build, "The test") as model:
+            return ec.from_gmsh(model, COMM)
+
+    both = pair(disc(0.0, 0.5, 0.4), disc(-0.5, 0.0, 0.31))
+    refused(lambda: both.joined(*BOTTOM_TOP), "nearly run together", "the same vertices")
+
+
 @pytest.mark.parametrize("name", ["matching", "matching 3D"])
 def test_matching_sides_keep_their_cells(name):
     both, domain = joined(name)

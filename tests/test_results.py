@@ -270,6 +270,26 @@ def test_values_at_points(dim, degree):
     assert abs(found.stress[:, 0, 1]).max() < 2e-3 * bent + 1e-14
 
 
+def test_values_near_a_facet_are_those_of_the_cell_there():
+    """In any unit of length; a neighbour's would go on beyond the kink of a gap."""
+    beyond = np.concatenate([-np.logspace(-12, -1, 23), [0.0], np.logspace(-12, -1, 23)])
+    points = np.column_stack([1.0 + beyond, np.full(47, 0.3), np.zeros(47)])
+    points = np.vstack([points, np.random.default_rng(2).uniform(0.0, 1.0, (20, 3))])
+    moved = []
+    for size in (1.0, 1e-6):
+        domain = ec.box((0.0,) * 3, (3.0 * size, size, size), cells=(6, 2, 1))
+        gap = ec.table([0.0, size, 3.0 * size], [0.0, 0.0, -0.006 * size])
+        top = ec.Displacement("top", (0.0, 0.0, -0.05 * size))
+        scene = ec.Scene(ec.Elastic(1.0, 0.3), [top], contacts=[ec.Contact("bottom", gap=gap)])
+        error = error_of(scene, domain)
+        moved.append(error.at(size * points).displacement / size)
+        on_contact = moved[-1][:47]
+        assert (-on_contact[:, 2] - np.minimum(-0.003 * beyond, 0.0)).max() < 1e-14
+        with pytest.raises(ec.InputError, match="outside the mesh"):
+            error.at((size, 0.3 * size, -1e-5 * size))
+    assert np.allclose(*moved, rtol=0, atol=1e-12)
+
+
 def test_errors_say_what_is_wrong():
     error = error_of(common_block(), block(4))
     with pytest.raises(ec.InputError, match=r"1 of the 2 points lie outside .* \(3\.0, 0\.0\)"):

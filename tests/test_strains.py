@@ -21,6 +21,7 @@ from reference import true_errors
 from scenes import mostly_serial
 
 import erc_contact as ec
+from erc_contact.scene.words import in_words
 
 from dolfinx import mesh as dmesh  # isort: skip - after erc_contact, which loads MPI first
 
@@ -36,6 +37,16 @@ def measured(scene, domain, **options) -> ec.ConstitutiveError:
 
 def plate(n: int = 3, comm: MPI.Comm = MPI.COMM_WORLD) -> ec.Domain:
     return ec.rectangle((0.0, 0.0), (2.0, 1.0), cells=(2 * n, n), comm=comm)
+
+
+def two_metals(whole: ec.Domain) -> ec.Domain:
+    """Steel below brass in a plate."""
+    cells = np.arange(whole.mesh.topology.index_map(2).size_local, dtype=np.int32)
+    corners = whole.mesh.geometry.x[whole.mesh.geometry.dofmaps[0][cells]]
+    tags = np.where(corners.mean(axis=1)[:, 1] > 0.5, 2, 1).astype(np.int32)
+    regions = dmesh.meshtags(whole.mesh, 2, cells, tags)
+    names = {"steel": 1, "brass": 2}
+    return ec.Domain(whole.mesh, whole.facet_tags, whole.names, regions, names)
 
 
 def walled(strain, friction=0.3, gap=0.0) -> ec.Scene:
@@ -186,14 +197,7 @@ def test_regions_and_ranks_have_the_same_numbers():
     """Steel and brass in one body; on one rank and on all."""
     errors = []
     for comm in (MPI.COMM_SELF, MPI.COMM_WORLD):
-        whole = plate(4, comm)
-        cells = np.arange(whole.mesh.topology.index_map(2).size_local, dtype=np.int32)
-        corners = whole.mesh.geometry.x[whole.mesh.geometry.dofmaps[0][cells]]
-        tags = np.where(corners.mean(axis=1)[:, 1] > 0.5, 2, 1).astype(np.int32)
-        regions = dmesh.meshtags(whole.mesh, 2, cells, tags)
-        domain = ec.Domain(
-            whole.mesh, whole.facet_tags, whole.names, regions, {"steel": 1, "brass": 2}
-        )
+        domain = two_metals(plate(4, comm))
         heat = ec.ThermalStrain({"steel": 1.2e-5, "brass": 1.9e-5}, 100.0)
         swelling = ec.Eigenstrain(1e-4, region="brass")
         scene = walled([heat, swelling], friction=0.2)
@@ -205,12 +209,56 @@ def test_regions_and_ranks_have_the_same_numbers():
     assert force[1] > 0
 
 
+def test_a_mapping_of_regions_is_a_strain_of_each():
+    """Numbers, tensors and callables; regions that it leaves out have none."""
+    tensor = ((-1e-4, 2e-5), (2e-5, 1e-4))
+    values = {"brass": 3e-4, "steel": lambda x: ((2e-4 * x[0], 0.0), (0.0, 1e-4))}
+    cases = [
+        (ec.Eigenstrain(values), [ec.Eigenstrain(values[name], name) for name in values]),
+        (ec.Eigenstrain({"brass": tensor}), [ec.Eigenstrain(tensor, "brass")]),
+        (ec.Eigenstrain({"steel": 1e-4, "brass": 1e-4}), [ec.Eigenstrain(1e-4)]),
+    ]
+    domain = two_metals(plate(4))
+    for mapping, alone in cases:
+        errors = [measured(walled(strains, 0.2), domain) for strains in (mapping, alone)]
+        forces = [error.force("top").force for error in errors]
+        assert forces[0] == pytest.approx(forces[1], rel=1e-12)
+        assert errors[0].absolute == pytest.approx(errors[1].absolute, rel=1e-9)
+        assert abs(forces[0]).max() > 1e-3
+    (row,) = [row for row in in_words(walled(cases[0][0])) if "Eigenstrain" in row[1]]
+    assert row[0] == "brass, steel"
+
+
+def test_a_mapping_that_does_not_fit_the_regions():
+    whole = two_metals(plate(4))
+    names = {**whole.regions, "iron": whole.regions["steel"]}
+    domain = ec.Domain(whole.mesh, whole.facet_tags, whole.names, whole.cell_tags, names)
+    wrong = {
+        "No cell region is called 'core'; this domain has": {"steel": 0.1, "core": 0.1},
+        "two of .*'iron', 'steel'": {"steel": 0.1, "iron": 0.1},
+        "Eigenstrain in 'steel' has shape": {"steel": ((0.0,) * 3,) * 3},
+        "Eigenstrain in 'brass' failed": {"brass": lambda x: np.sin(x[0])},
+    }
+    for words, value in wrong.items():
+        with pytest.raises(ec.InputError, match=words):
+            ec.solve(walled(ec.Eigenstrain(value)), domain)
+    u = domain.function("DG", 0)
+    for value in ({"steel": lambda x: u}, ((lambda x: u, 0.0), (0.0, 0.0))):
+        with pytest.raises(ec.InputError, match="returns a Function"):
+            ec.adapt(walled(ec.Eigenstrain(value)), domain, accuracy=0.1)
+
+
 BAD = {
     "not finite": (lambda: ec.ThermalStrain(1e-5, np.inf), "finite number"),
     "no value": (lambda: ec.ThermalStrain("hot", 3.0), "finite number"),
     "no rows": (lambda: ec.Eigenstrain((1.0, 2.0, 3.0, 4.0)), "d rows of d values"),
     "not symmetric": (lambda: ec.Eigenstrain(((0.0, 1.0), (2.0, 0.0))), "half the shear angle"),
     "region": (lambda: ec.Eigenstrain(0.1, region=3), "name of one cell region"),
+    "key": (lambda: ec.Eigenstrain({3: 0.1}), "name of one cell region"),
+    "mapping and region": (lambda: ec.Eigenstrain({"a": 0.1}, region="b"), "or one strain with"),
+    "no regions": (lambda: ec.Eigenstrain({}), "or one strain with"),
+    "entry": (lambda: ec.Eigenstrain({"a": "hot"}), "Eigenstrain in 'a' is 'hot'"),
+    "skew entry": (lambda: ec.Eigenstrain({"a": ((0, 1.0), (0, 0))}), "in 'a' has the components"),
     "no strain": (lambda: walled(3.0), "strains is 3.0"),
     "unknown region": (
         lambda: ec.solve(walled(ec.Eigenstrain(0.1, region="core")), plate()),

@@ -6,6 +6,7 @@ keeps the contact conditions between nodes, too; symmetric bodies are one body; 
 body is a foundation; neither units nor the order of the bodies matter.
 """
 
+from dataclasses import replace
 from functools import cache
 from itertools import product
 
@@ -18,6 +19,7 @@ from test_bad_input import refused
 
 import erc_contact as ec
 from erc_contact.admissible.pair import Admissible
+from erc_contact.output.evolutions import plot_loop
 from erc_contact.scene.material import mandel_basis
 
 import gmsh  # isort: skip - after erc_contact, as in all tests
@@ -256,6 +258,40 @@ def test_action_is_reaction(error):
                 of_body.append(forces["tractions"])
             assert abs(sum(part.force for part in of_body)).max() < 1e-9 * size
             assert abs(sum(part.moment for part in of_body)).max() < 1e-9 * size
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_either_side_of_a_history(d):
+    """Each accessor of a history takes either name; forces of both sides are opposite."""
+
+    def scene_at(time: float) -> ec.Scene:
+        down = ec.Displacement("upper outer", vector(d, 0.02 * time, -0.05))
+        return ec.Scene(MATERIAL, [down, fixed(d)], [], [contact(friction=0.3)])
+
+    history = ec.evolve(scene_at, small_bricks(d), [0.0, 1.0], 0.9)
+    upper, lower = history.force(UPPER), history.force(LOWER)
+    size = abs(upper).max()
+    assert upper.shape == lower.shape == (2, d)
+    assert abs(upper + lower).max() < 1e-12 * size
+    for side in NAMES:
+        of_steps = np.array([error.force(side).force for error in history.errors])
+        assert abs(history.force(side) - of_steps).max() < 1e-12 * size
+        assert abs(history.reactions()[side].force - of_steps).max() < 1e-12 * size
+    for here, there in zip(history.profile(UPPER), history.profile(LOWER), strict=True):
+        assert np.array_equal(here, there)
+    for side, facing in zip(NAMES, NAMES[::-1], strict=True):
+        axes = plot_loop(history, side)
+        if COMM.rank == 0:
+            assert axes.get_ylabel() == f"shear on {facing} [force]"
+    refused(lambda: history.force("foot"), "'foot'", UPPER, LOWER)
+
+
+def test_scenes_of_a_history_name_the_sides_alike():
+    """The slip of the last step is that of the side named first."""
+    scene = pressed(2, friction=0.3)
+    last = ec.solve(scene, small_bricks(2))
+    turned = replace(scene, contacts=[ec.Contact(LOWER, against=UPPER, friction=0.3)])
+    refused(lambda: ec.solve(turned, small_bricks(2), after=last), "another order", "alike")
 
 
 @pytest.mark.on_ranks("2-half upper", "3-half lower")

@@ -110,8 +110,8 @@ def _facing(plain: PlainMesh, curve: Curve, sides: np.ndarray, allowance: float)
         x, y = plain.x[points[worst]].mean(axis=0)
         raise InputError(
             f"joined: the parts are {apart[worst]:.3g} apart near ({x:.4g}, {y:.4g}), where "
-            f"facets have the length {shorter[worst]:.3g}. Move the bodies to each other and give "
-            "a distance by gap= of the contact; take smaller facets if the sides are curved."
+            f"facets have the length {shorter[worst]:.3g}. Give a clearance or an interference by "
+            "apart=, and by gap= of the contact; take smaller facets if the sides are curved."
         )
     return _Facing(sides[near], points[near], places[near], lengths[near])
 

@@ -6,7 +6,7 @@ outline of the contact where that gets points.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -107,6 +107,39 @@ def _region(
     others = surface[~on_side]
     inner = between[facet[tuple(others.T)]]
     return Region(cells, triangles[~on_side], tags[~on_side], inner, side, tag, outline)
+
+
+def with_surface(
+    region: Region, triangles: np.ndarray, parents: np.ndarray, outline: np.ndarray
+) -> Region:
+    """Return a region whose surface was cut; the same one if it was not.
+
+    Args:
+        region: The region.
+        triangles: The triangles of its surface, shape (m, 3).
+        parents: In which of its triangles, those of the side last, each lies, (m,).
+        outline: The edges of the outline of the side, shape (o, 2).
+
+    Raises:
+        InputError: If a triangle between two regions was cut.
+    """
+    if len(outline) == len(region.outline):
+        return region
+    others = parents < len(region.triangles)
+    inner = region.inner[parents[others]]
+    if inner.sum() > region.inner.sum():
+        raise InputError(
+            "joined: the outlines of the parts nearly run together beside another region, whose "
+            "cells would have to be cut. Mesh both sides with the same facets."
+        )
+    return replace(
+        region,
+        triangles=triangles[others],
+        tags=region.tags[parents[others]],
+        inner=inner,
+        side=triangles[~others],
+        outline=outline,
+    )
 
 
 def at_other_parts(region: Region, count: int) -> np.ndarray:

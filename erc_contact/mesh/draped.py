@@ -135,9 +135,9 @@ def _best_bands(
     if not reasons:
         reasons.append(
             InputError(
-                "joined: the facets of one curved part do not fit around the outline of the other "
-                f"one, with least angles below {LEAST_ANGLE} degrees. Mesh the parts with similar "
-                "facets there."
+                "joined: the outline of one curved part nearly runs along facets of the other one, "
+                f"with least angles below {LEAST_ANGLE} degrees between them. Mesh the parts with "
+                "similar facets there."
             )
         )
     raise reasons[0]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,8 +16,22 @@ from erc_contact.mesh.simplex import in_space
 
 MARGIN = 0.3
 """Width of the frame around the edges in a plane, by their extent [-]."""
+GROWTH = 0.7
+"""Growth of sizes with the distance from short edges [-]."""
+FAR = 4.0
+"""Distance, by the extent of the edges, within which all of them are [-]."""
+SAMPLING = 3
+"""Number of points of an edge from which distances are measured."""
 DIGITS = 12
 """Digits of scaled coordinates and sizes: round-off must not change the mesh."""
+DELAUNAY = 5
+"""gmsh's number of the algorithm of Delaunay's triangles."""
+POOR = 1e-3
+"""Inscribed over circumscribed radius, by that of a regular cell, of a splinter [-].
+
+Beside a side whose points moved a little, some cells have their corners nearly in a
+plane.
+"""
 TRIANGLE = 2
 """gmsh's number of the type of triangles."""
 TETRAHEDRON = 4
@@ -54,7 +69,11 @@ class _Unit:
 
 
 def triangulated(
-    y: np.ndarray, edges: np.ndarray, sides: list[tuple[np.ndarray, np.ndarray]]
+    y: np.ndarray,
+    edges: np.ndarray,
+    sides: list[tuple[np.ndarray, np.ndarray]],
+    *,
+    graded: bool = False,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Mesh a plane so that given edges are edges of triangles.
 
@@ -65,6 +84,7 @@ def triangulated(
         edges: Points of the edges, which meet at their ends only, shape (k, 2).
         sides: Triangles that give the sizes: corners (m, 3, 2) and the sizes there (m,
             3) [length].
+        graded: Whether triangles near short edges are small, too.
 
     Returns:
         Points [length], the given ones first, and triangles.
@@ -95,7 +115,12 @@ def triangulated(
         surface = geo.addPlaneSurface([loop])
         geo.synchronize()
         gmsh.model.mesh.embed(1, lines, 2, surface)
-        _set_sizes(gmsh, [(unit.scaled(x), unit.sizes(h)) for x, h in sides])
+        near = []
+        if graded:
+            near = _near_edges(gmsh, given, edges, lines)
+            # The frontal algorithm leaves some loops of short edges without points.
+            gmsh.option.setNumber("Mesh.Algorithm", DELAUNAY)
+        _set_sizes(gmsh, [(unit.scaled(x), unit.sizes(h)) for x, h in sides], near)
         gmsh.model.mesh.generate(2)
 
     with session(MPI.COMM_SELF, build, "joined: the plane of the contact") as model:
@@ -111,9 +136,32 @@ def _set_field(gmsh: Any, *, extend: bool) -> None:
     gmsh.option.setNumber("Mesh.MeshSizeExtendFromBoundary", int(extend))
 
 
-def _set_sizes(gmsh: Any, sides: list[tuple[np.ndarray, np.ndarray]]) -> None:
-    """Set the sizes to the least of those of several meshes of triangles."""
+def _near_edges(gmsh: Any, x: np.ndarray, edges: np.ndarray, lines: list[int]) -> list[int]:
+    """Make fields of sizes that grow from the lengths of edges."""
+    length = np.linalg.norm(x[edges[:, 1]] - x[edges[:, 0]], axis=1)
+    octave = np.floor(np.log2(length))
     fields = []
+    for one in np.unique(octave):
+        of_octave = octave == one
+        size = float(length[of_octave].mean())
+        distance = gmsh.model.mesh.field.add("Distance")
+        gmsh.model.mesh.field.setNumbers(distance, "CurvesList", np.array(lines)[of_octave])
+        gmsh.model.mesh.field.setNumber(distance, "Sampling", SAMPLING)
+        field = gmsh.model.mesh.field.add("Threshold")
+        gmsh.model.mesh.field.setNumber(field, "InField", distance)
+        gmsh.model.mesh.field.setNumber(field, "DistMin", 0.0)
+        gmsh.model.mesh.field.setNumber(field, "DistMax", FAR)
+        gmsh.model.mesh.field.setNumber(field, "SizeMin", size)
+        gmsh.model.mesh.field.setNumber(field, "SizeMax", size + GROWTH * FAR)
+        fields.append(field)
+    return fields
+
+
+def _set_sizes(
+    gmsh: Any, sides: list[tuple[np.ndarray, np.ndarray]], fields: Sequence[int] = ()
+) -> None:
+    """Set the sizes to the least of those of meshes of triangles, and of fields."""
+    fields = list(fields)
     for corners, sizes in sides:
         view = gmsh.view.add("sizes")
         coordinates = in_space(corners.reshape(-1, 2)).reshape(-1, 3, 3).transpose(0, 2, 1)
@@ -180,7 +228,7 @@ def filled(
         triangles: Points of the triangles, shape (m, 3). Those around a hollow are not
             connected with the others.
         optimize: Whether Netgen's optimizer improves the tetrahedra, which a surface
-            that is not Delaunay's needs.
+            that is not Delaunay's needs. It does so, too, where there are splinters.
 
     Returns:
         Points [length], the given ones first, and tetrahedra.
@@ -211,7 +259,9 @@ def filled(
         gmsh.model.geo.addVolume(loops)
         gmsh.model.geo.synchronize()
         gmsh.model.mesh.generate(3)
-        if optimize:
+        cells, _ = gmsh.model.mesh.getElementsByType(TETRAHEDRON)
+        poorest = gmsh.model.mesh.getElementQualities(cells, "gamma").min(initial=1.0)
+        if optimize or poorest < POOR:
             gmsh.model.mesh.optimize("Netgen")
 
     subject = "joined: a body behind the contact, meshed anew,"

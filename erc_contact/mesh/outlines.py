@@ -13,8 +13,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-SAME = 1e-3
-"""Distance that counts as none, by the shortest edge [-]."""
 STRAIGHT = 1e-3
 """Sine of the angle between two edges on one line [-]."""
 
@@ -28,16 +26,23 @@ class Alignment:
         number: The point that each point has become, shape (n,).
         inserted1: Edge of outline 1 and the point that cuts it, shape (k, 2).
         inserted2: The same for outline 2.
+        tolerance: Distance that counted as none [length].
     """
 
     y: np.ndarray
     number: np.ndarray
     inserted1: np.ndarray
     inserted2: np.ndarray
+    tolerance: float
 
 
 def common_points(
-    y: np.ndarray, edges1: np.ndarray, edges2: np.ndarray, fixed: np.ndarray, close: float
+    y: np.ndarray,
+    edges1: np.ndarray,
+    edges2: np.ndarray,
+    fixed: np.ndarray,
+    close: float,
+    tolerance: float,
 ) -> Alignment:
     """Find the common points of two outlines.
 
@@ -47,13 +52,13 @@ def common_points(
         edges2: Points of the edges of outline 2, shape (l, 2).
         fixed: Whether each point must stay, shape (n,).
         close: Distance below which points become one, by the shorter edge [-].
+        tolerance: Distance that counts as none [length].
     """
     y = y.copy()
     number = np.arange(len(y))
     lengths1 = np.linalg.norm(y[edges1[:, 1]] - y[edges1[:, 0]], axis=1)
     lengths2 = np.linalg.norm(y[edges2[:, 1]] - y[edges2[:, 0]], axis=1)
-    tolerance = SAME * min(lengths1.min(), lengths2.min())
-    direction = _directions(y, np.concatenate([edges1, edges2]), fixed)
+    direction = directions(y, np.concatenate([edges1, edges2]), fixed)
     sizes = np.full(len(y), np.inf)
     for edges, lengths in ((edges1, lengths1), (edges2, lengths2)):
         for end in edges.T:
@@ -72,6 +77,7 @@ def common_points(
         np.concatenate([number, new]),
         np.concatenate([inserted1, np.column_stack([edge1, new])]),
         np.concatenate([inserted2, np.column_stack([edge2, new])]),
+        tolerance,
     )
 
 
@@ -112,7 +118,7 @@ def inside(y: np.ndarray, points: np.ndarray, edges: np.ndarray) -> np.ndarray:
     return np.sum(crossed & right, axis=1) % 2 == 1
 
 
-def _directions(y: np.ndarray, edges: np.ndarray, fixed: np.ndarray) -> np.ndarray:
+def directions(y: np.ndarray, edges: np.ndarray, fixed: np.ndarray) -> np.ndarray:
     """Return the unit vector along which each point may move, zero if it must stay."""
     tangent = y[edges[:, 1]] - y[edges[:, 0]]
     tangent /= np.linalg.norm(tangent, axis=1)[:, None]

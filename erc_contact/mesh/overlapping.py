@@ -31,6 +31,8 @@ The facets between that outline and those are new. The first one is taken that w
 """
 MOST_LEFT_OUT = 1e-3
 """Greatest area that may be left out where outlines cross, by the common area [-]."""
+NEAR_FACETS = 1.5
+"""Distance of outlines between which facets may find no place, by their edges [-]."""
 CROSSING = 0.1
 """Greatest area that a crossing explains, likewise; above it the sides do not fit."""
 PLACES = np.array([[3, 3, 3], [7, 1, 1], [1, 7, 1], [1, 1, 7], [2, 2, 5], [2, 5, 2], [5, 2, 2]]) / 9
@@ -58,7 +60,7 @@ def taken_in_turn(
     try:
         return take(plain, here, there, apart)
     except InputError as reason:
-        error = reason
+        error = _near_outlines(plain, here, there, apart) or reason
     for (first, second), beside in product(((here, there), (there, here)), BESIDE):
         try:
             with_outline = _taken_in_part(take, plain, (first, second), apart, beside)
@@ -75,6 +77,32 @@ def taken_in_turn(
                 "parts where the bodies touch."
             )
     raise error
+
+
+def _near_outlines(plain: PlainMesh, here: int, there: int, apart: float) -> InputError | None:
+    """Say that the outlines of two sides nearly run together, or return None.
+
+    Each side then ends amid the other one, and no facets fit between both ends.
+    """
+    first, second = (_side(plain, tag) for tag in (here, there))
+    edges = _outline_amid(first, second, apart)
+    others = _outline_amid(second, first, apart)
+    if not len(edges) or not len(others):
+        return None
+    points = np.unique(edges)
+    other, _, distance = on_edges(plain.x[points], plain.x[others])
+    sizes = np.maximum(first.edge_lengths[points], second.edge_lengths[others[other, 0]])
+    # Where outlines cross, they are near each other at the crossing alone.
+    worst = np.argmax(distance / sizes)
+    if distance[worst] > NEAR_FACETS * sizes[worst]:
+        return None
+    place = ", ".join(f"{coordinate:.4g}" for coordinate in plain.x[points[worst]])
+    return InputError(
+        "joined: each of the curved parts ends amid the other one, and their outlines nearly run "
+        f"together: they are {distance[worst]:.3g} apart near ({place}), where facets have edges "
+        f"of {sizes[worst]:.3g}. Mesh both parts there with facets of half that distance, or let "
+        "the bodies end at the same place."
+    )
 
 
 def _taken_in_part(

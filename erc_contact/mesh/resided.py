@@ -16,10 +16,25 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.mesh.behind import Region, at_other_parts, regions_behind, surface, with_cells
+from erc_contact.mesh.behind import (
+    Region,
+    at_other_parts,
+    regions_behind,
+    surface,
+    with_cells,
+    with_surface,
+)
 from erc_contact.mesh.filling import filled, triangulated
-from erc_contact.mesh.outlines import Alignment, common_points, cut_edges, inside
+from erc_contact.mesh.outlines import (
+    Alignment,
+    common_points,
+    cut_edges,
+    directions,
+    inside,
+)
 from erc_contact.mesh.plain import PlainMesh
+from erc_contact.mesh.simplex import measures
+from erc_contact.mesh.strips import CutSurface, with_short_edges
 
 CLOSE = (0.4, 0.2, 0.05)
 """Distances below which points of the outlines become one, by the shorter edge [-].
@@ -32,6 +47,8 @@ OPPOSITE = 0.999
 """Least cosine between the normals of one side and minus that of the other [-]."""
 CRUSHED = 0.25
 """Least share of its area that a triangle of a surface keeps [-]."""
+SAME = 1e-3
+"""Distance in the plane that counts as none, by the shortest edge [-]."""
 DIGITS = 6
 """Digits of the normal that decide about the axes of a plane."""
 LEAST_ANGLE = 2.0
@@ -73,11 +90,14 @@ def resided(plain: PlainMesh, here: int, there: int, apart: float = 0.0) -> Plai
     x = plain.x.copy()
     x[on_plane] = plane.points(plane.coordinates(x[on_plane]))
     plain = replace(plain, x=x)
-    first, second = regions_behind(plain, here, there)
+    whole = regions_behind(plain, here, there)
+    tolerance = SAME * _shortest(plane.coordinates(x), whole)
+    x, (first, second) = _with_short_edges(x, whole, plane, tolerance)
+    plain = replace(plain, x=x)
     y = plane.coordinates(x)
     fixed = at_other_parts(first, len(x)) | at_other_parts(second, len(x))
     for close in CLOSE:
-        alignment = common_points(y, first.outline, second.outline, fixed, close)
+        alignment = common_points(y, first.outline, second.outline, fixed, close, tolerance)
         count = len(x)
         new_x = x.copy()
         moved = np.flatnonzero(np.any(alignment.y[:count] != y, axis=1))
@@ -91,7 +111,32 @@ def resided(plain: PlainMesh, here: int, there: int, apart: float = 0.0) -> Plai
         )
     still = np.linalg.norm(alignment.y[:count] - y, axis=1) <= FLAT * shortest
     moved_mesh = replace(plain, x=new_x, cells=alignment.number[plain.cells])
-    return _with_common_facets(moved_mesh, (first, second), alignment, still, plane)
+    return _with_common_facets(moved_mesh, (first, second), whole, alignment, still, plane)
+
+
+def _with_short_edges(
+    x: np.ndarray, regions: tuple[Region, Region], plane: _Plane, tolerance: float
+) -> tuple[np.ndarray, tuple[Region, Region]]:
+    """Cut the edges of both outlines where they run beside each other."""
+    y = plane.coordinates(x)
+    edges = np.concatenate([region.outline for region in regions])
+    fixed = at_other_parts(regions[0], len(x)) | at_other_parts(regions[1], len(x))
+    corners = ~directions(y, edges, fixed).any(axis=1)
+    whole = []
+    for region in regions:
+        triangles = np.concatenate([region.triangles, region.side])
+        whole.append(CutSurface.of(triangles, region.outline))
+    x, cut = with_short_edges(x, (whole[0], whole[1]), plane.coordinates, corners, tolerance)
+    result = []
+    for region, shell in zip(regions, cut, strict=True):
+        result.append(with_surface(region, shell.triangles, shell.parents, shell.outline))
+    return x, (result[0], result[1])
+
+
+def _shortest(y: np.ndarray, regions: tuple[Region, Region]) -> float:
+    """Return the length of the shortest edge of two outlines [length]."""
+    edges = np.concatenate([region.outline for region in regions])
+    return float(np.linalg.norm(y[edges[:, 1]] - y[edges[:, 0]], axis=1).min())
 
 
 def _common_plane(plain: PlainMesh, here: int, there: int, apart: float) -> tuple[_Plane, float]:
@@ -123,7 +168,7 @@ def _common_plane(plain: PlainMesh, here: int, there: int, apart: float) -> tupl
     if abs(distance) > flat + apart or highest > 2 * flat:
         raise InputError(
             f"joined: the parts are {abs(distance):.3g} apart, where edges have the length "
-            f"{shortest:.3g}. Move the bodies to each other, and give a distance by gap= of the "
+            f"{shortest:.3g}. Give a clearance or an interference by apart=, and by gap= of the "
             "contact."
         )
     # The first axis is that of space nearest to the plane; round-off must not turn it.
@@ -165,6 +210,7 @@ def _keep_areas(
 def _with_common_facets(
     plain: PlainMesh,
     regions: tuple[Region, Region],
+    whole: tuple[Region, Region],
     alignment: Alignment,
     still: np.ndarray,
     plane: _Plane,
@@ -174,22 +220,24 @@ def _with_common_facets(
     Args:
         plain: The mesh with moved and merged points.
         regions: The regions behind both sides, before points were merged.
+        whole: The same regions before their surfaces were cut along narrow strips.
         alignment: The common points of both outlines.
         still: Whether each point did not move.
         plane: The plane.
     """
     inserted = (alignment.inserted1, alignment.inserted2)
     sides = [alignment.number[region.side] for region in regions]
+    is_cut = [region is not before for region, before in zip(regions, whole, strict=True)]
     outlines = []
     sizes = []
-    for region, side, points in zip(regions, sides, inserted, strict=True):
+    for region, before, points in zip(regions, whole, inserted, strict=True):
         edges = alignment.number[region.outline]
         outlines.append(cut_edges(alignment.y, edges, points))
-        corners = alignment.y[side]
+        corners = alignment.y[alignment.number[before.side]]
         lengths = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
         sizes.append((corners, np.repeat(lengths.mean(axis=1)[:, None], 3, axis=1)))
     edges = np.unique(np.sort(np.concatenate(outlines), axis=1), axis=0)
-    y, triangles = triangulated(alignment.y, edges, sizes)
+    y, triangles = triangulated(alignment.y, edges, sizes, graded=any(is_cut))
     middles = y[triangles].mean(axis=1)
     within = [inside(y, middles, outline) for outline in outlines]
     both = within[0] & within[1]
@@ -198,26 +246,33 @@ def _with_common_facets(
     _check_angles(y, triangles[within[0] | within[1]])
     common = triangles[both]
     keeps = []
-    for own, other, region, points in zip(within, within[::-1], regions, inserted, strict=True):
-        covered = not np.any(own & ~other)
-        unmoved = bool(still[region.outline].all())
-        keeps.append(covered and unmoved and not len(points))
+    for i, region in enumerate(regions):
+        covered = not np.any(within[i] & ~within[1 - i])
+        unmoved = bool(still[region.outline].all()) and not is_cut[i]
+        keeps.append(covered and unmoved and not len(inserted[i]))
     kept = keeps.index(True) if any(keeps) else None
     if kept is not None:
         common = sides[kept]
     x = np.concatenate([plain.x, plane.points(y[len(plain.x) :])])
-    whole = replace(plain, x=x)
+    result = replace(plain, x=x)
     for i in range(2):
         if i != kept:
             own = triangles[within[i] & ~both]
             side = np.concatenate([common, own])
-            closed = surface(whole, regions[i], alignment.number, inserted[i], side)
-            x, cells = filled(whole.x, closed[0])
-            whole = with_cells(whole, regions[i], x, cells, closed)
+            closed = surface(result, regions[i], alignment.number, inserted[i], side)
+            x, cells = filled(result.x, closed[0], optimize=is_cut[i])
+            moved = 2 * alignment.tolerance * _area_beside(x, regions[i])
+            result = with_cells(result, regions[i], x, cells, closed, moved)
     refilled = [regions[i].cells for i in range(2) if i != kept]
-    keep = np.ones(len(whole.cells), dtype=bool)
+    keep = np.ones(len(result.cells), dtype=bool)
     keep[np.concatenate(refilled)] = False
-    return PlainMesh(whole.x, whole.cells[keep], whole.regions[keep], whole.tags[keep])
+    return PlainMesh(result.x, result.cells[keep], result.regions[keep], result.tags[keep])
+
+
+def _area_beside(x: np.ndarray, region: Region) -> float:
+    """Return the area of the triangles beside an outline [length^2]."""
+    beside = np.isin(region.triangles, region.outline).any(axis=1)
+    return float(measures(x[region.triangles[beside]]).sum())
 
 
 def _check_angles(y: np.ndarray, triangles: np.ndarray) -> None:

@@ -50,14 +50,19 @@ def _callables(scene: Scene) -> Iterator[tuple[str, Any]]:
         if facets:
             what += f"({facets!r})"
         for name, argument in arguments(owner).items():
-            values = argument
-            if isinstance(argument, Mapping):
-                values = list(argument.values())
-            if not isinstance(values, list | tuple):
-                values = [values]
-            for value in values:
+            for value in _entries(argument):
                 if callable(value):
                     yield f"{what}: {name}", value
+
+
+def _entries(argument: Any) -> Iterator[Any]:
+    """List the values in mappings, rows and components of an argument."""
+    values = argument.values() if isinstance(argument, Mapping) else argument
+    if not isinstance(argument, Mapping | list | tuple):
+        yield argument
+        return
+    for value in values:
+        yield from _entries(value)
 
 
 def _has_function(value: Any, x: Ufl) -> bool:

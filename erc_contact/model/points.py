@@ -14,9 +14,17 @@ from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.runtime import compiled
-from erc_contact.mesh.simplex import in_space
+from erc_contact.mesh.simplex import barycentric, in_space
 from erc_contact.model.model import Model
 from erc_contact.scene.material import mandel_basis, strain
+
+BORDER = 2e-13
+"""Distance from the border of cells that counts as none, by the coordinates [-].
+
+It is a thousand times the round-off of double precision.
+"""
+OUTSIDE = 1e-6
+"""Distance outside the body that counts as none, by the height of the cell [-]."""
 
 
 def at_points(
@@ -39,20 +47,13 @@ def at_points(
         InputError: If the points have another shape or are not finite, or one lies
             outside the mesh.
     """
-    d, comm, mesh = model.d, model.comm, model.mesh
+    d, comm = model.d, model.comm
     x = np.atleast_2d(np.asarray(points, dtype=float))
     if x.ndim != 2 or x.shape[1] != d or not np.isfinite(x).all():
         raise InputError(
             f"The points have shape {np.shape(points)}; give finite numbers of shape (n, {d})."
         )
-    in_3d = in_space(x)
-    tree = geometry.bb_tree(mesh, d, padding=1e-10 * model.domain.extent)
-    candidates = geometry.compute_collisions_points(tree, in_3d)
-    colliding = geometry.compute_colliding_cells(mesh, candidates, in_3d)
-    # Pairs of a point and an owned cell that contains it.
-    owned = colliding.array < model.domain.owned_cells
-    point = np.repeat(np.arange(len(x)), np.diff(colliding.offsets))[owned]
-    cell = colliding.array[owned]
+    point, cell = _places(model, x)
     in_cells = np.column_stack([np.ones(len(point)), values(cell, x[point])])
     local = np.zeros((len(x), in_cells.shape[1]))
     np.add.at(local, point, in_cells)
@@ -67,6 +68,44 @@ def at_points(
             " give points of the body (facets cut off a little of a curved one)."
         )
     return total / count
+
+
+def _places(model: Model, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Find the cells that hold points: one, or several at their border; collective.
+
+    DOLFINx takes a point that is 1e-6 away, whatever the unit of length, to be in a
+    cell. So barycentric coordinates decide: a cell holds a point if the least of them
+    is not below zero; a point outside the body, by round-off, is in the cell where it
+    is greatest, of all ranks.
+
+    Args:
+        model: The scene on a mesh.
+        x: Points, the same on all ranks [length], shape (n, d).
+
+    Returns:
+        Pairs of a point and an owned cell, two arrays of shape (m,). Points outside the
+        mesh are in none.
+    """
+    d, comm, mesh = model.d, model.comm, model.mesh
+    tree = geometry.bb_tree(mesh, d, padding=1e-10 * model.domain.extent)
+    candidates = geometry.compute_collisions_points(tree, in_space(x))
+    owned = candidates.array < model.domain.owned_cells
+    point = np.repeat(np.arange(len(x)), np.diff(candidates.offsets))[owned]
+    cell = candidates.array[owned]
+    corners = mesh.geometry.x[mesh.geometry.dofmaps[0][cell], :d]
+    edges = corners[:, 1:] - corners[:, :1]
+    offset = x[point] - corners[:, 0]
+    to_local = np.linalg.inv(edges)
+    local = np.einsum("ni,nij->nj", offset, to_local)
+    least = barycentric(local).min(axis=1)
+    border = BORDER * abs(corners).max(axis=(1, 2)) * np.linalg.norm(to_local, axis=(1, 2))
+    best = np.full(len(x), -np.inf)
+    np.maximum.at(best, point, least)
+    comm.Allreduce(MPI.IN_PLACE, best, MPI.MAX)
+    # It is zero on facets and inside a cell more. Points outside have it below zero.
+    level = np.minimum(best, 0.0)[point]
+    holds = (least >= level - border) & (level >= -OUTSIDE)
+    return point[holds], cell[holds]
 
 
 def elastic_stress_at(model: Model, u: fem.Function, cell: np.ndarray, x: np.ndarray) -> np.ndarray:

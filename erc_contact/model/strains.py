@@ -92,14 +92,14 @@ def bind_strains(
     tensor = ufl.zero((d, d))
     normal = ufl.as_ufl(0.0)
     for strain in strains:
-        expression = _in_region(space, strain, _expression(space, strain))
-        if expression.ufl_shape:
-            tensor += ufl.sym(expression)
-            continue
-        tensor += expression * ufl.Identity(d)
-        if d == 2:
-            normal += expression
-            tensor += expression * _out_of_plane(space, strain, material, parameters)
+        for expression in _terms(space, strain):
+            if expression.ufl_shape:
+                tensor += ufl.sym(expression)
+                continue
+            tensor += expression * ufl.Identity(d)
+            if d == 2:
+                normal += expression
+                tensor += expression * _out_of_plane(space, strain, material, parameters)
     points, _ = rule(d, DATA_DEGREE)
     values = evaluate(tensor, space.mesh, points, space.owned_cells)
     if not np.isfinite(space.extremes(values)).all():
@@ -107,12 +107,47 @@ def bind_strains(
     return Strains(tensor, normal, space.mesh)
 
 
-def _expression(space: Space, strain: GivenStrain) -> Ufl:
-    """Return a given strain, a scalar or a tensor (d, d), UFL; collective."""
+def _terms(space: Space, strain: GivenStrain) -> list[Ufl]:
+    """Return the terms of a given strain, UFL; collective.
+
+    There is one, or one for each region of a mapping: a number and a tensor differ in
+    the strain out of plane.
+
+    Raises:
+        InputError: If a region is unknown, or has two names in a mapping.
+    """
     what = type(strain).__name__
+    values = {name: parameter(strain, name) for name in strain.parameters}
+    of_regions = values.get("value")
+    if not isinstance(of_regions, Mapping):
+        return [_in_region(space, strain.region, _expression(space, strain, what, values))]
+    terms = []
+    for region, value in of_regions.items():
+        here = values | {"value": value}
+        expression = _expression(space, strain, f"{what} in {region!r}", here)
+        terms.append(_in_region(space, strain.region, _in_region(space, region, expression)))
+    tags = [space.domain.regions[region] for region in of_regions]
+    if len(set(tags)) < len(tags):
+        raise InputError(
+            f"{what}: cells are in two of {sorted(of_regions)}; name each region once."
+        )
+    return terms
+
+
+def _expression(space: Space, strain: GivenStrain, what: str, values: Mapping[str, Any]) -> Ufl:
+    """Return a given strain, a scalar or a tensor (d, d), UFL; collective.
+
+    Args:
+        space: The mesh.
+        strain: The strain.
+        what: It in words for messages.
+        values: Its parameters.
+
+    Raises:
+        InputError: If it has another shape, or a value cannot be evaluated.
+    """
     parameters = {}
-    for name in strain.parameters:
-        value = parameter(strain, name)
+    for name, value in values.items():
         what_value = what if name == "value" else f"{what}: {name}"
         if isinstance(value, Mapping):
             parameters[name] = by_region(space, what_value, value)
@@ -158,12 +193,12 @@ def _of_callable(space: Space, value: Callable[[Any], Any], what: str) -> Ufl:
     return call_of_user(space.comm, what, call)
 
 
-def _in_region(space: Space, strain: GivenStrain, expression: Ufl) -> Ufl:
-    """Return a given strain that is zero outside its region; collective."""
-    if strain.region is None:
+def _in_region(space: Space, region: str | None, expression: Ufl) -> Ufl:
+    """Return a given strain that is zero outside a region; collective."""
+    if region is None:
         return expression
     indicator = space.domain.function("DG", 0)
-    indicator.x.array[space.domain.region(strain.region)] = 1.0
+    indicator.x.array[space.domain.region(region)] = 1.0
     return indicator * expression
 
 

@@ -28,7 +28,7 @@ def check_after(scene: Scene, domain: Domain, after: object) -> None:
 
     Raises:
         InputError: If it is no solution, one in another dimension or of other ranks, or
-            one with other contacts.
+            one with other contacts, or with their sides in another order.
     """
     if not isinstance(after, Solution):
         raise InputError(
@@ -55,6 +55,12 @@ def check_after(scene: Scene, domain: Domain, after: object) -> None:
             f"The scene has {_listed(names)} in contact, and that of after "
             f"{_listed(names_before)}. All scenes of a history have the same contacts; one that "
             "must not touch yet can have a gap."
+        )
+    pairs = {tuple(contact.sides) for contact in scene.contacts}
+    if pairs != {tuple(contact.sides) for contact in after.scene.contacts}:
+        raise InputError(
+            "The scene names the two sides of a contact in another order than that of after, or "
+            "pairs other sides. All scenes of a history name them alike."
         )
 
 

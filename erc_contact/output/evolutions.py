@@ -118,7 +118,8 @@ def plot_loop(
     force = history.force(contact)
     bound = model.contact(contact)
     trace = bound.trace
-    other = bound.against or f"the foundation of {contact}"
+    facing = bound.name if contact == bound.against else bound.against
+    other = facing or f"the foundation of {contact}"
     total = model.comm.allreduce(trace.direction[trace.here.owned].sum(axis=0))
     # Around a closed contact the normals sum to zero.
     along = tangents(total / (np.linalg.norm(total) or 1.0))

@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from erc_contact.base.exceptions import InputError
 from erc_contact.base.html import table
 from erc_contact.base.percent import percent
 from erc_contact.base.progress import at
@@ -108,17 +107,20 @@ class Evolution(RunResult):
     def force(self, contact: str) -> np.ndarray:
         """Return the resultant on a contact at the end of each step [force].
 
+        Args:
+            contact: Its name, or that of a tied joint. Between two bodies either side
+                has one, and their forces are opposite.
+
         Returns:
             Forces, shape (steps, d).
 
         Raises:
             InputError: If no contact has this name.
         """
-        forces = self.steps[0].force
-        if contact not in forces:
-            names = ", ".join(sorted(forces)) or "none"
-            raise InputError(f"No contact is called {contact!r}; this history has {names}.")
-        return np.array([step.force[contact] for step in self.steps])
+        joint = self.error.model.contact(contact)
+        of_first = np.array([step.force[joint.name] for step in self.steps])
+        # The rows have the force on the side that the scene names first.
+        return of_first if contact == joint.name else -of_first
 
     def profile(self, contact: str) -> list[np.ndarray]:
         """Compute the profile of a contact at the end of each step; collective.

@@ -170,8 +170,9 @@ def _in_words(value: Any, x: Ufl) -> str | None:
         entries = [f"{key!r}: {_in_words(value[key], x)}" for key in sorted(value, key=repr)]
         return f"{{{', '.join(entries)}}}"
     if callable(value) and not isinstance(value, type):
-        # a callable that is no field of x is known by its name alone
-        return _in_ufl(lambda: value(x)) or getattr(value, "__qualname__", type(value).__qualname__)
+        # a callable may return rows of a tensor; one that is no field has only its name
+        words = _in_ufl(lambda: value(x)) or _in_ufl(lambda: _value(value, x))
+        return words or getattr(value, "__qualname__", type(value).__qualname__)
     return None
 
 
@@ -216,9 +217,10 @@ def _strain(strain: Any, x: Ufl) -> Ufl:
 
 def _value(value: Any, x: Ufl) -> Ufl:
     """Evaluate a parameter at x: a number, a vector, a tensor, or a callable of x."""
-    if callable(value):
+    # UFL is callable, too.
+    if callable(value) and not isinstance(value, ufl.core.expr.Expr):
         value = value(x)
-    if isinstance(value, tuple | list):
+    if isinstance(value, tuple | list | np.ndarray):
         return ufl.as_tensor([_value(component, x) for component in value])
     return ufl.as_ufl(value)
 

@@ -32,7 +32,8 @@ class GivenStrain(Protocol):
         region: Name of the cell region that has it, or None for the whole body.
         parameters: Names of the attributes that are values in space: numbers, callables
             of x, or mappings from the names of all regions to either. One that is
-            called "value" may also be d rows of d numbers or callables.
+            called "value" may also be d rows of d numbers or callables, and a mapping
+            may leave out regions: there is no strain.
 
     Example:
         >>> strain: ec.GivenStrain = ec.ThermalStrain(1.2e-5, 80.0)
@@ -108,19 +109,22 @@ class Eigenstrain:
     Args:
         value: A number, which is a strain in all directions of space [-]; or d rows of
             d numbers or callables, a symmetric tensor that acts in plane in 2D; or a
-            callable of x that returns either.
+            callable of x that returns either. A mapping from names of cell regions to
+            these gives each its own; regions that it leaves out have no strain.
         region: Name of the cell region that has it; None for the whole body.
 
     Raises:
-        InputError: If the value is none of these, or a tensor of numbers is not
-            symmetric up to round-off.
+        InputError: If the value is none of these, a tensor of numbers is not symmetric
+            up to round-off, or a mapping has a region beside it.
 
     Example:
         >>> ec.Eigenstrain(((0.001, 0.0), (0.0, -0.001)))
         Eigenstrain(value=((0.001, 0.0), (0.0, -0.001)), region=None)
+        >>> ec.Eigenstrain({"steel": 1e-4, "glue": -0.002})
+        Eigenstrain(value={'steel': 0.0001, 'glue': -0.002}, region=None)
     """
 
-    value: Tensor
+    value: Tensor | Mapping[str, Tensor]
     region: str | None = None
 
     parameters: ClassVar[tuple[str, ...]] = ("value",)
@@ -128,35 +132,61 @@ class Eigenstrain:
     def __post_init__(self) -> None:
         """Check the arguments."""
         check_region("Eigenstrain", self.region)
-        if callable(self.value) or not isinstance(self.value, Sequence | np.ndarray):
-            check_value("Eigenstrain", self.value)
+        if not isinstance(self.value, Mapping):
+            object.__setattr__(self, "value", _checked("Eigenstrain", self.value))
             return
-        rows = []
-        for row in self.value:
-            entries = row if isinstance(row, Sequence | np.ndarray) else (row,)
-            rows.append(tuple(entries))
-        d = len(rows)
-        if d not in (2, 3) or any(len(row) != d for row in rows):
+        if self.region is not None or not self.value:
             raise InputError(
-                f"Eigenstrain is {self.value!r}; give a number, or d rows of d values, e.g."
-                " ((0.001, 0.0), (0.0, 0.0))."
+                f"Eigenstrain is {self.value!r} with the region {self.region!r}; give a mapping"
+                ' from names of regions to their strains, {"core": 0.001}, or one strain with'
+                " region=."
             )
-        for row in rows:
-            for entry in row:
-                check_value("Eigenstrain: a component", entry)
-        tolerance = round_off(entry for row in rows for entry in row)
-        for i in range(d):
-            for j in range(i):
-                below, above = rows[i][j], rows[j][i]
-                if callable(below) or callable(above):
-                    continue
-                if abs(below - above) > tolerance:
-                    raise InputError(
-                        f"Eigenstrain has the components {above:g} and {below:g} at ({j}, {i})"
-                        f" and ({i}, {j}); a strain is symmetric, give half the shear angle twice."
-                    )
-        object.__setattr__(self, "value", tuple(rows))
+        values = {}
+        for region, value in self.value.items():
+            check_region("Eigenstrain", region)
+            values[region] = _checked(f"Eigenstrain in {region!r}", value)
+        object.__setattr__(self, "value", values)
 
     def strain(self, x: Ufl, value: Ufl) -> Ufl:
         """Return the strain [-], UFL, a scalar or of shape (d, d)."""
         return value
+
+
+def _checked(what: str, value: Any) -> Any:
+    """Return a strain that is a number, a callable or a tensor, whose rows are tuples.
+
+    Args:
+        what: The strain, in words for messages.
+        value: The value.
+
+    Raises:
+        InputError: If it is none of these, or not symmetric.
+    """
+    if callable(value) or not isinstance(value, Sequence | np.ndarray):
+        check_value(what, value)
+        return value
+    rows = []
+    for row in value:
+        entries = row if isinstance(row, Sequence | np.ndarray) else (row,)
+        rows.append(tuple(entries))
+    d = len(rows)
+    if d not in (2, 3) or any(len(row) != d for row in rows):
+        raise InputError(
+            f"{what} is {value!r}; give a number, or d rows of d values, e.g."
+            " ((0.001, 0.0), (0.0, 0.0))."
+        )
+    for row in rows:
+        for entry in row:
+            check_value(f"{what}: a component", entry)
+    tolerance = round_off(entry for row in rows for entry in row)
+    for i in range(d):
+        for j in range(i):
+            below, above = rows[i][j], rows[j][i]
+            if callable(below) or callable(above):
+                continue
+            if abs(below - above) > tolerance:
+                raise InputError(
+                    f"{what} has the components {above:g} and {below:g} at ({j}, {i})"
+                    f" and ({i}, {j}); a strain is symmetric, give half the shear angle twice."
+                )
+    return tuple(rows)

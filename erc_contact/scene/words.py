@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from erc_contact.base.code import arguments, code_of
@@ -28,13 +29,21 @@ def in_words(scene: Any) -> list[tuple[str, str]]:
     for spring in scene.springs:
         rows.append((spring.facets, _object(spring)))
     for strain in scene.strains:
-        rows.append((strain.region or "whole body", _object(strain)))
+        rows.append((_regions(strain), _object(strain)))
     for contact in scene.contacts:
         part = contact_in_words(contact.facets, contact.against)
         rows.append((part, _contact(contact)))
     for tie in scene.ties:
         rows.append((contact_in_words(tie.facets, tie.against), "tied"))
     return rows
+
+
+def _regions(strain: Any) -> str:
+    """Return the regions that have a given strain."""
+    value = getattr(strain, "value", None)
+    if strain.region is None and isinstance(value, Mapping):
+        return ", ".join(value)
+    return strain.region or "whole body"
 
 
 def _object(value: Any, *, hypothesis: bool = False) -> str:
