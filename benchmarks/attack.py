@@ -22,7 +22,7 @@ mesh that cuts the cells as sigma^ does and refines them three times.
 ``heated``: the same of blocks with random given strains, where the contact has no
 friction or a given one.
 
-``sprung``: the same with springs on the sides.
+``sprung``: the same with springs on the sides. ``turned``: see ``attack_springs.py``.
 
 ``foundations``: the same on compliant foundations.
 
@@ -49,6 +49,7 @@ from attack_certificates import summary as summary_of_certificates  # isort: ski
 from attack_families import random_foundation, random_sliding_block  # isort: skip
 from attack_families import random_sliding_box, random_springs, random_strains  # isort: skip
 from attack_plates import plates  # isort: skip
+from attack_springs import summary as summary_of_turned  # isort: skip
 from attack_tables import quantile_table  # isort: skip
 from attack_tightening import summary as summary_of_tightening, tightening as tightened  # isort: skip
 from tasks import run, tell  # isort: skip
@@ -265,6 +266,13 @@ def sprung(seed: int = 0, count: int = 50) -> None:
     compared_blocks(seed, count, lambda rng, scene: replace(scene, springs=random_springs(rng)))
 
 
+def turned(seed: int = 0, count: int = 300) -> None:
+    """Print the quantiles of eps of turned blocks on springs over eps unturned."""
+    ratios, worst = summary_of_turned(seed, count)
+    show(ratios, "{:.2f}")
+    tell(worst)
+
+
 def rigid(seed: int = 0, count: int = 50) -> None:
     """Print the same of blocks that a rigid face presses and turns.
 
@@ -327,6 +335,7 @@ TASKS: dict[str, Callable[..., None]] = {
         steps,
         heated,
         sprung,
+        turned,
         rigid,
         foundations,
         tightening,
