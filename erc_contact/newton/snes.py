@@ -28,7 +28,7 @@ NEWTON_STEPS = 100
 """Limit of Newton steps of one attempt."""
 CYCLE = 0.9
 """Fall of the residual below which a status that comes back is a cycle [-]."""
-STILL_STEPS = 20
+STILL_STEPS = 10
 """Steps with one status after which Newton's method must have come nearer.
 
 With one status the equations are linear in the plane and smooth in space. Where the
