@@ -70,8 +70,9 @@ def solve(
     at rest, and nothing is solved: u = 0 is exact, or where it is, if it has slid on a
     plane and is released. Otherwise Newton's method starts from ``start`` if given,
     else from the linear problem with the contact glued, and its line search is a
-    bisection. Further attempts use other parameters, raise friction in steps, and use
-    other line searches (:mod:`erc_contact.newton.ladder`).
+    bisection. Further attempts hold loose bodies by softer and softer springs, use
+    other parameters, raise friction in steps, and use other line searches
+    (:mod:`erc_contact.newton.ladder`).
 
     Args:
         scene: The problem.
