@@ -19,8 +19,10 @@ import erc_contact as ec
 from erc_contact.model.promises import bind
 from erc_contact.newton.condensed import Condensed
 from erc_contact.newton.forms import ContactForms
+from erc_contact.newton.linear.loose_energies import imbalance
+from erc_contact.newton.linear.multigrid import Multigrid
 from erc_contact.newton.linear.stiffness import Stiffness
-from erc_contact.newton.snes import NEWTON_STEPS
+from erc_contact.newton.snes import IMBALANCE, NEWTON_STEPS
 
 METHODS = [ec.Nitsche(), ec.AugmentedLagrangian()]
 PRESS = 0.02
@@ -133,6 +135,41 @@ def test_what_nothing_holds_is_told_in_few_steps(height):
     assert any("proximal" in rung for rung in failure.value.rungs)
     stays = [rung for rung in failure.value.rungs if f" {NEWTON_STEPS} steps" in rung]
     assert not stays
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("solver", ["direct", "iterative"])
+@pytest.mark.parametrize("cells", [(1, 2), (4, 1)])
+def test_no_body_slides_until_round_off_holds_it(cells, solver):
+    """Pushed by a third more than friction carries."""
+    domain = ec.rectangle((-1.0, 0.0), (1.0, 1.9), cells=cells)
+    with pytest.raises(ec.NotConverged):
+        ec.solve(pushed(0.04, 0.03), domain, solver=solver)
+
+
+@pytest.mark.serial
+def test_resultants_of_round_off_are_seen():
+    """K u has none on free motions, until the body is 1e13 lengths away."""
+    model = bind(pushed(0.02, 0.1), common_block(), 1, None)
+    stiffness = Stiffness(model)
+    guess = stiffness.glued(stiffness.load_vector())
+    problem = Condensed(model, ContactForms(model, METHODS[0]), stiffness, guess)
+    at_contact = stiffness.gather(guess)[: stiffness.contact_size]
+    state = problem.run(lambda: problem.from_contact(at_contact))
+    motion = stiffness.kernel(problem.size)[:, 0]
+
+    elastic = Multigrid(model)
+    unknowns = elastic.matrix.createVecRight()
+    unknowns.array[:] = elastic.start(guess)
+    loads = elastic.right_side(elastic.load_vector(), supports=True)
+    for far, is_wrong in ((0.0, False), (1e3, False), (1e14, True)):
+        moved = state + far * problem.length * motion
+        assert (problem.imbalance(moved) > IMBALANCE) == is_wrong
+        x = unknowns.copy()
+        x.array[:] += far * problem.length * model.free_motions[0].x.array
+        others = loads.copy()
+        others.scale(-1.0)
+        assert (imbalance(elastic, x, others) > IMBALANCE) == is_wrong
 
 
 @pytest.mark.ranks

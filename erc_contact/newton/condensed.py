@@ -171,7 +171,8 @@ class Condensed:
             self._unheld = self.matrix, self.loads
         self.matrix, self.loads = self._unheld
         if weight > 0.0:
-            springs = weight * self.stiffness.springs(self.size)
+            kernel = self.stiffness.kernel(self.size)
+            springs = weight * np.mean(self.schur.diagonal()) * kernel @ kernel.T
             self.matrix = self.matrix + springs
             self.loads = self.loads + springs @ u_A
         else:
@@ -181,6 +182,17 @@ class Condensed:
             self._fields.set_reactions(self.matrix, self.loads)
             self._derivative.getDenseArray()[:] = self._fields.affine[:, :-1]
             self._last_u_A = None
+
+    def imbalance(self, u_A: np.ndarray) -> float:
+        """Return the resultant of K u_A on free motions over the contact forces [-].
+
+        It is round-off, on rank 0.
+        """
+        matrix, loads = self._unheld or (self.matrix, self.loads)
+        elastic = matrix @ u_A
+        resultants = self.stiffness.kernel(self.size).T @ elastic
+        contact_forces = float(np.linalg.norm(elastic - loads))
+        return float(np.linalg.norm(resultants)) / (contact_forces or 1.0)
 
     def from_contact(self, u_contact: np.ndarray) -> np.ndarray:
         """Return u_A [length] from the displacement of the contact nodes, on rank 0.

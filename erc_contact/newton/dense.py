@@ -14,7 +14,7 @@ from petsc4py import PETSc
 from erc_contact.newton.condensed import Condensed
 from erc_contact.newton.linear.mumps import dense_factor
 from erc_contact.newton.pressing import PRESSING
-from erc_contact.newton.snes import ZERO_PIVOT, Outcome, attempt
+from erc_contact.newton.snes import IMBALANCE, ZERO_PIVOT, Outcome, attempt
 
 SOLVED_DENSE = 1e-12
 """Residual at which Newton's method stops, over the forces that cancel in it [-]."""
@@ -96,6 +96,10 @@ class Dense:
         forces = abs(problem.matrix) @ abs(self._displacement(x)) + abs(problem.loads)
         size = max(1.0, float(forces.max(initial=0.0)) / problem.force)
         return SOLVED_DENSE * min(size, MOST_FORCES)
+
+    def balances(self, x: PETSc.Vec) -> bool:
+        """Tell whether K x has no resultant on motions that no support holds."""
+        return self.problem.imbalance(self._displacement(x)) <= IMBALANCE
 
     def accurate(self, x: PETSc.Vec, tolerance: float) -> bool:
         """Tell whether the distance to the solution is below a tolerance."""

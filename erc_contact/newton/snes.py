@@ -34,6 +34,11 @@ STILL_STEPS = 10
 With one status the equations are linear in the plane and smooth in space. Where the
 tangent is singular, the line search cuts the steps to nothing and the status stays.
 """
+IMBALANCE = 1e-6
+"""Resultant of K u on a free motion, over the contact forces, that is an error [-].
+
+In exact numbers there is none.
+"""
 NEARER = 0.5
 """Fall of the residual in so many steps that counts as nearer [-]."""
 
@@ -105,6 +110,9 @@ class Equations(Protocol):
     def round_off(self, x: PETSc.Vec) -> float:
         """Return the norm of F that counts as round-off at x [-]."""
 
+    def balances(self, x: PETSc.Vec) -> bool:
+        """Tell whether K x has no resultant on motions that no support holds."""
+
     def accurate(self, x: PETSc.Vec, tolerance: float) -> bool:
         """Tell whether the distance to the solution is below a tolerance.
 
@@ -155,7 +163,7 @@ def attempt(
         reason = "singular tangent"
     _, counts = problem.status(x)
     outcome = Outcome(
-        converged=code > 0 and bool(np.isfinite(norm)),
+        converged=test.is_solved and code > 0 and bool(np.isfinite(norm)),
         reason=reason,
         steps=snes.getIterationNumber(),
         residual=norm,
@@ -174,12 +182,15 @@ class _StoppingTest:
 
     Attributes:
         reason: Why it ended, or "" if PETSc's reason says it.
+        is_solved: Whether it ended at a solution. PETSc's line searches know reasons of
+            their own.
     """
 
     def __init__(self, problem: Equations, tolerance: float | None) -> None:
         self.problem = problem
         self.tolerance = tolerance
         self.reason = ""
+        self.is_solved = False
         self._before: dict[bytes, tuple[int, float]] = {}
         """Last step and least residual of each contact status."""
         self._stay: tuple[bytes, int, float] = (b"", 0, np.inf)
@@ -200,15 +211,26 @@ class _StoppingTest:
         if interrupted(comm):
             # The exception comes when SNES has ended: it may lose one raised here.
             return reasons.DIVERGED_INNER
-        if norm <= max(atol, self.problem.round_off(x)):
-            self.reason = "converged to round-off"
-            return reasons.CONVERGED_ITS
-        if self.tolerance is not None and self.problem.accurate(x, self.tolerance):
-            self.reason = "accurate enough"
+        end = self._solved_as(x, norm, atol)
+        if end and not self.problem.balances(x):
+            # A body that nothing holds has moved so far that round-off holds it.
+            self.reason = "moved away until round-off balances the loads"
+            return reasons.DIVERGED_INNER
+        if end:
+            self.reason = end
+            self.is_solved = True
             return reasons.CONVERGED_ITS
         key, _ = self.problem.status(x)
         self.reason = self._repeats(key, step, norm) or self._stands_still(key, step, norm)
         return reasons.DIVERGED_INNER if self.reason else reasons.ITERATING
+
+    def _solved_as(self, x: PETSc.Vec, norm: float, atol: float) -> str:
+        """Say how far x solves the equations, or "" if it does not."""
+        if norm <= max(atol, self.problem.round_off(x)):
+            return "converged to round-off"
+        if self.tolerance is not None and self.problem.accurate(x, self.tolerance):
+            return "accurate enough"
+        return ""
 
     def _repeats(self, key: bytes, step: int, norm: float) -> str:
         """Say that the status comes back and the residual did not fall, or ""."""

@@ -228,16 +228,16 @@ class Stiffness(Elastic):
         self._solver()
 
     def definite(self, count: int) -> np.ndarray:
-        """Return the stiffness of u_A, definite by :meth:`springs` [force/length]."""
-        return self.unglued(count) + self.springs(count)
+        """Return the stiffness of u_A with springs on free motions [force/length]."""
+        kernel = self.kernel(count)
+        springs = np.mean(self.reduced(count)[0].diagonal()) * kernel @ kernel.T
+        return self.unglued(count) + np.asarray(springs)
 
-    def springs(self, count: int) -> np.ndarray:
-        """Return springs on the free motions at A [force/length], on rank 0."""
+    def kernel(self, count: int) -> np.ndarray:
+        """Return orthonormal motions at A that no support holds, (A, K), on rank 0."""
         if not self.motions:
-            return np.zeros((count, count))
-        kernel, _ = np.linalg.qr(np.column_stack(self.motions)[:count])
-        schur, _ = self.reduced(count)
-        return np.asarray(np.mean(schur.diagonal()) * kernel @ kernel.T)
+            return np.zeros((count, 0))
+        return np.linalg.qr(np.column_stack(self.motions)[:count])[0]
 
     def unglued(self, count: int) -> np.ndarray:
         """Return ``S_A - D_A``, the stiffness of u_A [force/length], on rank 0."""
