@@ -38,6 +38,9 @@ from erc_contact.newton.passes import passes
 from erc_contact.newton.pressing import contact_normals
 from erc_contact.newton.shared_laws import set_to_laws
 
+SMALL_FORCE = 1e-6
+"""Contact forces that count as none, over those with the contact glued [-]."""
+
 
 class Condensed:
     """Represent the condensed contact problem of a model.
@@ -186,13 +189,14 @@ class Condensed:
     def imbalance(self, u_A: np.ndarray) -> float:
         """Return the resultant of K u_A on free motions over the contact forces [-].
 
-        It is round-off, on rank 0.
+        It is round-off, on rank 0. Contacts that nothing presses have forces of
+        round-off, too, so they count as :data:`SMALL_FORCE` at least.
         """
         matrix, loads = self._unheld or (self.matrix, self.loads)
         elastic = matrix @ u_A
         resultants = self.stiffness.kernel(self.size).T @ elastic
         contact_forces = float(np.linalg.norm(elastic - loads))
-        return float(np.linalg.norm(resultants)) / (contact_forces or 1.0)
+        return float(np.linalg.norm(resultants)) / max(contact_forces, SMALL_FORCE * self.force)
 
     def from_contact(self, u_contact: np.ndarray) -> np.ndarray:
         """Return u_A [length] from the displacement of the contact nodes, on rank 0.

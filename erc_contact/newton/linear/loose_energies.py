@@ -31,7 +31,7 @@ def rough_energy(elastic: Multigrid, force: PETSc.Vec) -> float:
     return energy
 
 
-def imbalance(elastic: Multigrid, x: PETSc.Vec, other_forces: PETSc.Vec) -> float:
+def imbalance(elastic: Multigrid, x: PETSc.Vec, other_forces: PETSc.Vec, least: float) -> float:
     """Return the resultant of K x on free motions over the contact forces [-].
 
     It is round-off.
@@ -41,6 +41,7 @@ def imbalance(elastic: Multigrid, x: PETSc.Vec, other_forces: PETSc.Vec) -> floa
         x: The unknowns, in any scale.
         other_forces: What the contact forces are beside K x, in the same scale; they
             become the contact forces, in place.
+        least: Contact forces of round-off, below which they do not count less.
     """
     if not elastic.model.free_motions:
         return 0.0
@@ -50,9 +51,9 @@ def imbalance(elastic: Multigrid, x: PETSc.Vec, other_forces: PETSc.Vec) -> floa
     resultants = [motion.dot(forces) for motion in motions.getVecs()]
     other_forces.axpy(1.0, forces)
     other_forces.array[elastic.fixed] = 0.0
-    size = other_forces.norm()
+    size = max(other_forces.norm(), least)
     forces.destroy()
     for motion in motions.getVecs():
         motion.destroy()
     motions.destroy()
-    return float(np.linalg.norm(resultants)) / (size or 1.0)
+    return float(np.linalg.norm(resultants)) / size
