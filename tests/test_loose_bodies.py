@@ -5,9 +5,11 @@ Where all of the contact slips in a state of Newton's method, the tangent is sin
 - both methods solve scenes that are convex or nearly so, with both solvers, from rest
   and after a step; contact forces balance the loads;
 - springs on the free motions hold a state where it is, and leave nothing behind;
-- what slides away or tips has no solution, and is told so in few Newton steps.
+- what slides away or tips has no solution, and is told so in few Newton steps: springs
+  that pull for ever are given up.
 """
 
+import re
 from functools import cache
 
 import numpy as np
@@ -19,6 +21,7 @@ import erc_contact as ec
 from erc_contact.model.promises import bind
 from erc_contact.newton.condensed import Condensed
 from erc_contact.newton.forms import ContactForms
+from erc_contact.newton.ladder import SOFTEST, Attempt, following
 from erc_contact.newton.linear.loose_energies import imbalance
 from erc_contact.newton.linear.multigrid import Multigrid
 from erc_contact.newton.linear.stiffness import Stiffness
@@ -170,6 +173,35 @@ def test_resultants_of_round_off_are_seen():
         others = loads.copy()
         others.scale(-1.0)
         assert (imbalance(elastic, x, others, 1e-300) > IMBALANCE) == is_wrong
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("solver", ["direct", "iterative"])
+def test_springs_that_pull_for_ever_are_given_up(solver):
+    """The block slides away; springs are softened over six decades, and no more."""
+    with pytest.raises(ec.NotConverged) as failure:
+        ec.solve(pushed(0.2, 0.1), common_block(), solver=solver)
+    proximal = [rung for rung in failure.value.rungs if "proximal" in rung]
+    assert proximal
+    for rung in proximal:
+        (steps,) = re.findall(r" (\d+) steps \(", rung)
+        assert int(steps) < 100
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("fall", [1.0, 0.98], ids=["for ever", "less and less"])
+def test_the_last_of_proximal_problems_is_the_scene(fall):
+    """Springs that pull less with each problem are softened to the end."""
+    problems = Attempt(METHODS[1], "glued", proximal=True).problems()
+    weights = [next(problems).springs]
+    shares = following(problems, 1.0)
+    while shares is not None:
+        weights.append(shares.springs)
+        shares = following(problems, fall ** len(weights))
+    assert weights[-1] == 0.0
+    assert all(weight > 0.0 for weight in weights[:-1])
+    softest = 1e-6 if fall == 1.0 else SOFTEST
+    assert weights[-2] == pytest.approx(softest)
 
 
 @pytest.mark.ranks

@@ -286,6 +286,28 @@ def test_either_side_of_a_history(d):
     refused(lambda: history.force("foot"), "'foot'", UPPER, LOWER)
 
 
+@pytest.mark.serial
+@pytest.mark.parametrize("driven", ["moved", "loaded"])
+def test_a_loop_is_drawn_over_what_moves(driven):
+    """The body below is clamped, and named first: its displacement is no abscissa."""
+
+    def scene_at(time: float) -> ec.Scene:
+        supports = [fixed(2)]
+        loads = []
+        if driven == "moved":
+            supports.append(ec.Displacement("upper outer", vector(2, 0.02 * time, -0.05)))
+        else:
+            loads.append(ec.Traction("upper outer", vector(2, time, -10.0)))
+        return ec.Scene(MATERIAL, supports, loads, [contact(friction=0.3)])
+
+    history = ec.evolve(scene_at, small_bricks(2), [0.0, 1.0], 0.9)
+    axes = plot_loop(history, UPPER)
+    assert axes.get_xlabel() == "mean displacement of upper outer [length]"
+    assert np.ptp(axes.lines[0].get_xdata()) > 1e-4
+    clamped = plot_loop(history, UPPER, part="lower outer")
+    assert clamped.get_xlabel() == "mean displacement of lower outer [length]"
+
+
 def test_scenes_of_a_history_name_the_sides_alike():
     """The slip of the last step is that of the side named first."""
     scene = pressed(2, friction=0.3)

@@ -91,9 +91,11 @@ class Direct:
                 problem.hold(shares.springs, u_A)
                 last, outcome = dense.solve(u_A, attempt.line_search)
                 steps += outcome.steps
+                pull = None
                 if outcome.converged:
+                    pull = shares.springs * float(np.linalg.norm(last.displacement - u_A))
                     u_A = last.displacement
-                shares = following(problems, is_solved=outcome.converged)
+                shares = following(problems, pull)
             problem.set_shares(1.0, 1.0)
             problem.hold(0.0, u_A)
             results = None

@@ -11,6 +11,7 @@ from typing import ClassVar
 import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
+from petsc4py import PETSc
 
 from erc_contact.model.model import Model
 from erc_contact.newton import first_guess
@@ -102,7 +103,8 @@ class Iterative:
             before = x.copy()
             outcome = attempt(problem, x, step.line_search, tolerance)
             steps += outcome.steps
-            shares = following(problems, is_solved=outcome.converged)
+            pull = shares.springs * _distance(x, before) if outcome.converged else None
+            shares = following(problems, pull)
             if shares is not None and not outcome.converged:
                 before.copy(x)
             before.destroy()
@@ -144,3 +146,11 @@ class Iterative:
         self._length = comm.allreduce(local_length, MPI.MAX) or 1.0
         self._force = float(np.sqrt(comm.allreduce(np.dot(pull, pull), MPI.SUM))) or 1.0
         return u
+
+
+def _distance(x: PETSc.Vec, y: PETSc.Vec) -> float:
+    """Return the norm of the difference of two vectors; collective."""
+    difference = x - y
+    norm = float(difference.norm())
+    difference.destroy()
+    return norm

@@ -50,6 +50,16 @@ STIFFER_AGAIN = 10.0
 """Factor of the weight after one that was not [-]."""
 PROXIMAL_FAILURES = 5
 """Number of problems without solution that ends an attempt by proximal steps."""
+PULLING = 12
+"""Number of problems in turn after which springs must pull less.
+
+Where no state balances the loads, what is left of them pulls at the springs for ever.
+If the problem is convex, the pull never grows from one problem to the next, and falls
+to zero if there is a solution. So long a pull, over six decades of weights, would mean
+a solution half a million times as far away as the first of these problems moved.
+"""
+UNDIMINISHED = 0.9
+"""Share of a pull that counts as no less [-]."""
 
 
 class Shares(NamedTuple):
@@ -90,19 +100,19 @@ class Attempt:
     proximal: bool = False
     final: bool = True
 
-    def problems(self) -> Generator[Shares, bool, None]:
+    def problems(self) -> Generator[Shares, float | None, None]:
         """Generate the problems of the sequence; the last one is the scene's.
 
-        It is sent whether the one before was solved.
+        It is sent the pull of the springs, None after a problem without solution.
         """
         if self.proximal:
             yield from _proximal_problems()
             return
         for share in self.friction_shares[:-1]:
-            if not (yield Shares(friction=share)):
+            if (yield Shares(friction=share)) is None:
                 return
         for share in self.gap_shares[:-1]:
-            if not (yield Shares(gap=share)):
+            if (yield Shares(gap=share)) is None:
                 return
         yield Shares()
 
@@ -205,25 +215,41 @@ def _proximal(
         yield Attempt(method, "nodal")
 
 
-def _proximal_problems() -> Generator[Shares, bool, None]:
+def _proximal_problems() -> Generator[Shares, float | None, None]:
     """Generate problems with softer and softer springs, at last without.
 
     After a problem without solution the springs are stiffer again, and the last state
-    comes nearer to the solution. It is sent whether the problem before was solved.
+    comes nearer to the solution. Where they pull for ever, the problem without springs
+    is the last attempt. It is sent the pull of the springs, None after a problem
+    without solution.
     """
     weight = STIFFEST
     failures = 0
+    pulls: list[float] = []
     while failures <= PROXIMAL_FAILURES:
-        is_solved = yield Shares(springs=weight)
-        if not is_solved:
+        pull = yield Shares(springs=weight)
+        if pull is None:
             failures += 1
             weight = STIFFER_AGAIN * max(weight, SOFTEST)
+            pulls.clear()
         elif weight == 0.0:
             return
         else:
+            pulls.append(pull)
+            if _pulls_for_ever(pulls):
+                yield Shares()
+                return
             weight = SOFTER * weight
             if weight < SOFTEST:
                 weight = 0.0
+
+
+def _pulls_for_ever(pulls: list[float]) -> bool:
+    """Tell whether springs pull no less, from their pulls in problems in turn."""
+    if len(pulls) <= PULLING:
+        return False
+    before = pulls[-1 - PULLING]
+    return pulls[-1] > UNDIMINISHED * before
 
 
 def _stiffer(method: Nitsche) -> Iterator[Attempt]:
@@ -236,9 +262,15 @@ def _stiffer(method: Nitsche) -> Iterator[Attempt]:
     yield Attempt(method, "stiffer")
 
 
-def following(problems: Generator[Shares, bool, None], *, is_solved: bool) -> Shares | None:
-    """Return the next problem of a sequence; None at its end."""
+def following(problems: Generator[Shares, float | None, None], pull: float | None) -> Shares | None:
+    """Return the next problem of a sequence; None at its end.
+
+    Args:
+        problems: The sequence.
+        pull: Weight of the springs times what the state moved, in any unit of length;
+            None if the problem before has no solution.
+    """
     try:
-        return problems.send(is_solved)
+        return problems.send(pull)
     except StopIteration:
         return None

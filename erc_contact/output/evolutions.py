@@ -26,7 +26,6 @@ from erc_contact.output.files import on_root
 from erc_contact.output.foundations import rounded
 from erc_contact.output.placing import place
 from erc_contact.output.series import LoadingHistory
-from erc_contact.scene.scene import Scene
 
 ZONE_POINTS = 400
 """Number of points along a contact in the picture of its zones."""
@@ -36,6 +35,8 @@ PANEL_SIZE = (3.6, 3.3)
 """Width and height of the axes of energies [inches]."""
 LOOP_SIZE = (4.4, 3.6)
 """Width and height of the axes of a loop [inches]."""
+STILL = 1e-3
+"""Share of the way of the part that moves most, below which a part stands still [-]."""
 ZONES_SIZE = (5.7, 3.2)
 """Width and height of the axes of zones [inches]."""
 LINE: dict[str, Any] = {"ms": 3, "lw": 1.2}
@@ -104,7 +105,7 @@ def plot_loop(
         contact: Name of the contact.
         path: Picture file, or None.
         part: Name of the boundary part; by default the first one with a support or a
-            load, or else the contact.
+            load that moves, or else the contact.
         ax: Axes of matplotlib to draw on; by default those of a new figure.
 
     Returns:
@@ -114,7 +115,6 @@ def plot_loop(
         InputError: If no contact or no part has this name.
     """
     model = history.errors[0].model
-    where = _moved_part(history.errors[0].solution.scene, contact) if part is None else part
     force = history.force(contact)
     bound = model.contact(contact)
     trace = bound.trace
@@ -126,7 +126,8 @@ def plot_loop(
     changes = np.ptp(force @ along.T, axis=0)
     direction = along[changes.argmax()]
     shear = force @ direction
-    moved = np.array([_mean_displacement(error, where) @ direction for error in history.errors])
+    where = _moved_part(history, contact, direction) if part is None else part
+    moved = _way(history, where, direction)
 
     def draw(ax: Any) -> Any:
         axes = new_figure(*LOOP_SIZE).subplots() if ax is None else ax
@@ -239,15 +240,26 @@ def animate(history: LoadingHistory, path: str | Path, seconds: float = 0.15) ->
     on_root(comm, path, write)
 
 
-def _moved_part(scene: Scene, contact: str) -> str:
-    """Return the first part with a support or a load, or else the contact."""
-    if scene.supports:
-        return scene.supports[0].facets
-    for load in scene.loads:
-        # A body force has no facets.
-        if load.facets is not None:
-            return load.facets
-    return contact
+def _moved_part(history: LoadingHistory, contact: str, direction: np.ndarray) -> str:
+    """Return the first part with a support or load that moves, or else the contact.
+
+    Of two bodies one may be clamped, and its support named first.
+    """
+    scene = history.errors[0].solution.scene
+    # A body force has no facets.
+    loaded = [load.facets for load in scene.loads if load.facets is not None]
+    parts = [*(support.facets for support in scene.supports), *loaded]
+    # Sides of a tied joint are no parts of its mesh.
+    if contact in history.errors[0].model.domain.names or not parts:
+        parts.append(contact)
+    ways = {part: np.ptp(_way(history, part, direction)) for part in parts}
+    least = STILL * max(ways.values())
+    return next(part for part, way in ways.items() if way >= least)
+
+
+def _way(history: LoadingHistory, part: str, direction: np.ndarray) -> np.ndarray:
+    """Return the mean of u^ on a part along a direction at each time; collective."""
+    return np.array([_mean_displacement(error, part) @ direction for error in history.errors])
 
 
 def _mean_displacement(error: ConstitutiveError, part: str) -> np.ndarray:
