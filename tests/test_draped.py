@@ -130,7 +130,7 @@ def test_outlines_that_nearly_run_together():
         refused(
             lambda sides=sides: shallow.joined(*sides), "nearly run together", "0.15 apart", "half"
         )
-    finer = {"one": body(shaft(0.15), 0.075), "two": body(hub, 0.075)}
+    finer = {"one": body(shaft(0.15), 0.1), "two": body(hub, 0.1)}
     assert_paired(ec.assembly(finer).joined(*SIDES), *SIDES)
 
 
