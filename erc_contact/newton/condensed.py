@@ -174,8 +174,7 @@ class Condensed:
             self._unheld = self.matrix, self.loads
         self.matrix, self.loads = self._unheld
         if weight > 0.0:
-            kernel = self.stiffness.kernel(self.size)
-            springs = weight * np.mean(self.schur.diagonal()) * kernel @ kernel.T
+            springs = weight * self.stiffness.springs(self.size)
             self.matrix = self.matrix + springs
             self.loads = self.loads + springs @ u_A
         else:
@@ -192,6 +191,8 @@ class Condensed:
         It is round-off, on rank 0. Contacts that nothing presses have forces of
         round-off, too, so they count as :data:`SMALL_FORCE` at least.
         """
+        if not self.stiffness.motions:
+            return 0.0
         matrix, loads = self._unheld or (self.matrix, self.loads)
         elastic = matrix @ u_A
         resultants = self.stiffness.kernel(self.size).T @ elastic

@@ -150,6 +150,8 @@ class FullSpace:
 
     def balances(self, x: PETSc.Vec) -> bool:
         """Tell whether K x has no resultant on motions that no support holds."""
+        if not self.model.free_motions:
+            return True
         contact_forces = self.loads.copy()
         contact_forces.scale(-1.0 / self.length)
         # Contacts that nothing presses have forces of round-off.

@@ -37,14 +37,12 @@ def imbalance(elastic: Multigrid, x: PETSc.Vec, other_forces: PETSc.Vec, least: 
     It is round-off.
 
     Args:
-        elastic: The elastic equations.
+        elastic: The elastic equations of a model with free motions.
         x: The unknowns, in any scale.
         other_forces: What the contact forces are beside K x, in the same scale; they
             become the contact forces, in place.
         least: Contact forces of round-off, below which they do not count less.
     """
-    if not elastic.model.free_motions:
-        return 0.0
     forces = elastic.matrix.createVecRight()
     elastic.times(x, forces)
     motions = free_motions(elastic.model, elastic.matrix)

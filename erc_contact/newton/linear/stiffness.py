@@ -165,13 +165,10 @@ class Stiffness(Elastic):
         return self._solved_by(self._solver(), self.vector(forces))
 
     def reduced(self, count: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return S_A and the derivative of u_L by u_A, on rank 0.
+        """Return S_A (A, A) and the derivative of u_L by u_A (L, A), on rank 0.
 
         Args:
             count: Size of A, the first ones of L.
-
-        Returns:
-            S_A, shape (A, A), and the derivative, shape (L, A).
         """
         full = np.asarray(self.schur)
         a = self.contact_size
@@ -229,9 +226,13 @@ class Stiffness(Elastic):
 
     def definite(self, count: int) -> np.ndarray:
         """Return the stiffness of u_A with springs on free motions [force/length]."""
+        return self.unglued(count) + self.springs(count)
+
+    def springs(self, count: int) -> np.ndarray:
+        """Return springs on free motions, as stiff as the body [force/length]."""
         kernel = self.kernel(count)
-        springs = np.mean(self.reduced(count)[0].diagonal()) * kernel @ kernel.T
-        return self.unglued(count) + np.asarray(springs)
+        stiffness = np.mean(self.reduced(count)[0].diagonal())
+        return np.asarray(stiffness * kernel @ kernel.T)
 
     def kernel(self, count: int) -> np.ndarray:
         """Return orthonormal motions at A that no support holds, (A, K), on rank 0."""
